@@ -1,0 +1,8 @@
+"""Hamilton's principle as a boundary-value problem: a Lagrangian and two events in, a path out."""
+
+from actionopt.path import Mesh, Path
+from actionopt.problem import Event, Problem, State
+from actionopt.system import System
+
+__all__ = ["Event", "Mesh", "Path", "Problem", "State", "System"]
+__version__ = "0.1.0"

@@ -1,0 +1,180 @@
+"""The question: a system and the two events its path must join."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from actionopt.quadrature import Array
+from actionopt.system import System
+
+SURFACE_TOLERANCE = 1e-8  # how far, relative to the surface's own scale, an event may lie off it
+
+
+@dataclass(frozen=True, eq=False)
+class Event:
+    """A point of configuration space-time: a time and the coordinates there.
+
+    Parameters
+    ----------
+    t : float
+        Time.
+    q : sequence of n numbers or None
+        Coordinates; None leaves that coordinate free, and the natural condition p = 0 holds.
+
+    Raises
+    ------
+    ValueError
+        If the time or a coordinate is not a finite number.
+    """
+
+    t: float
+    q: tuple[float | None, ...]
+
+    def __init__(self, t: float, q: Sequence[float | None] | ArrayLike) -> None:
+        object.__setattr__(self, "t", _finite(t, "the time of an event"))
+        items = [q] if np.ndim(q) == 0 else list(q)  # type: ignore[arg-type]
+        row = tuple(
+            None if x is None else _finite(x, f"coordinate {i} of an event")
+            for i, x in enumerate(items)
+        )
+        object.__setattr__(self, "q", row)
+
+    @property
+    def pinned(self) -> tuple[int, ...]:
+        """Indices of the coordinates that are given."""
+        return tuple(i for i, x in enumerate(self.q) if x is not None)
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """A whole initial-value problem: time, coordinates (n,) and velocities (n,).
+
+    Raises ValueError if the shapes differ or a number is not finite.
+    """
+
+    t: float
+    q: Array
+    v: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "t", _finite(self.t, "the time of a state"))
+        for name in ("q", "v"):
+            row = np.array(getattr(self, name), dtype=float, ndmin=1)
+            if row.ndim != 1 or not np.all(np.isfinite(row)):
+                raise ValueError(f"expected finite {name} of shape (n,), found {row}")
+            row.setflags(write=False)
+            object.__setattr__(self, name, row)
+        if self.q.shape != self.v.shape:
+            raise ValueError(
+                f"expected q and v of one shape, found {self.q.shape} and {self.v.shape}"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A system and two events.
+
+    Parameters
+    ----------
+    system : System
+        The physics.
+    start, end : Event
+        Where the path begins and ends; `start.t < end.t`.
+    parameters : mapping, optional
+        Overrides the system's default parameters by name; nothing is derived again. After
+        construction the attribute holds every parameter.
+
+    Raises
+    ------
+    ValueError
+        If the events do not fit the system, lie off its constraint surface, or the times do
+        not increase; or a parameter is unknown.
+    """
+
+    system: System
+    start: Event
+    end: Event
+    parameters: Mapping[str, ArrayLike] | None = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        values = self.system.table.values(self.parameters)
+        object.__setattr__(self, "parameters", values)
+        object.__setattr__(self, "packed", self.system.table.pack(values))
+        names = self.system.coordinates
+        for role, event in (("start", self.start), ("end", self.end)):
+            if not isinstance(event, Event):
+                raise ValueError(f"expected an Event(t, q) as the {role}, found {event!r}")
+            if len(event.q) != len(names):
+                raise ValueError(
+                    f"expected {len(names)} coordinates ({', '.join(names)}) at the {role} "
+                    f"event, found {len(event.q)}"
+                )
+        if not self.start.t < self.end.t:
+            raise ValueError(
+                f"expected the end event after the start event, found t1 = {self.end.t} and "
+                f"t0 = {self.start.t}; exchange the events to run the motion backwards"
+            )
+        if self.system.m:
+            _check_on_surface(self, "start", self.start)
+            _check_on_surface(self, "end", self.end)
+
+    packed: Array = field(init=False, repr=False)
+
+    @property
+    def duration(self) -> float:
+        """Time between the events."""
+        return self.end.t - self.start.t
+
+    @cached_property
+    def scales(self) -> Array:
+        """Size of each coordinate as far as the events tell, shape (n,): always positive.
+
+        A coordinate that is zero or free at both events is given the size of the largest.
+        """
+        known = [[abs(x) if x is not None else 0.0 for x in e.q] for e in (self.start, self.end)]
+        size = np.max(known, axis=0)
+        largest = float(np.max(size))
+        return np.where(size > 1e-12 * largest, size, largest if largest > 0 else 1.0)
+
+
+def _check_on_surface(problem: Problem, role: str, event: Event) -> None:
+    """Raise ValueError if a constraint that the event alone decides is not satisfied there."""
+    system = problem.system
+    pinned = set(event.pinned)
+    q = np.array([[0.0 if x is None else x for x in event.q]])
+    t = np.array([[event.t]])
+    f = system.pointwise("constraint")(q, t, problem.packed)[0][0]
+    jacobian = system.pointwise("constraint_jacobian")
+    G = np.abs(jacobian(q, t, problem.packed)[0][0])
+    drift = np.abs(system.pointwise("constraint_rate")(q, t, problem.packed)[0][0])
+    sparsity = jacobian.function.sparsity_out(0)
+    rows, cols = np.array(sparsity.row(), dtype=int), np.array(sparsity.get_col(), dtype=int)
+    lengths = problem.scales
+    for i in range(system.m):
+        mine = rows == i
+        if not set(cols[mine].tolist()) <= pinned:
+            continue
+        # What f changes by when the coordinates and the time change by their own size: |f|
+        # alone has no scale.
+        scale = float(np.sum(G[mine] * lengths[cols[mine]]) + drift[i] * problem.duration)
+        if not abs(f[i]) <= SURFACE_TOLERANCE * max(scale, np.finfo(float).tiny):
+            raise ValueError(
+                f"expected the {role} event on the constraint surface, found constraint row "
+                f"{i} = {f[i]:.6g} at t = {event.t}, q = {event.q}; move the event, or "
+                "leave a coordinate free (None) for the constraint to decide"
+            )
+
+
+def _finite(value: object, what: str) -> float:
+    try:
+        number = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"expected a number for {what}, found {value!r}") from error
+    if not np.isfinite(number):
+        raise ValueError(f"expected a finite number for {what}, found {number}")
+    return number

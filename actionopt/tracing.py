@@ -1,0 +1,186 @@
+"""Turn a user's callables into CasADi expressions, and say clearly when that cannot be done."""
+
+from __future__ import annotations
+
+import difflib
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from actionopt.quadrature import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Symbols:
+    """The arguments of every traced expression: q, v, t and the parameters packed in one column."""
+
+    q: ca.SX
+    v: ca.SX
+    t: ca.SX
+    p: ca.SX
+
+
+class ParameterTable:
+    """Names, shapes and default values of a system's parameters, packed in a fixed order."""
+
+    def __init__(self, defaults: Mapping[str, ArrayLike] | None) -> None:
+        self.defaults: dict[str, Array] = {}
+        for name, value in (defaults or {}).items():
+            self.defaults[name] = _finite(name, value)
+        self.shapes = {name: value.shape for name, value in self.defaults.items()}
+
+    def values(self, overrides: Mapping[str, ArrayLike] | None = None) -> dict[str, Array]:
+        """Return all parameters by name, `overrides` in place of the defaults.
+
+        Raises
+        ------
+        ValueError
+            For an unknown name (the nearest known one is suggested), a wrong shape, NaN or
+            infinity.
+        """
+        result = dict(self.defaults)
+        for name, value in (overrides or {}).items():
+            if name not in result:
+                raise ValueError(
+                    f"unknown parameter {name!r}; the parameters are "
+                    f"{', '.join(result) or 'none'}{suggestion(name, result)}"
+                )
+            number = _finite(name, value)
+            if number.shape != self.shapes[name]:
+                raise ValueError(
+                    f"expected parameter {name!r} of shape {self.shapes[name]}, "
+                    f"found {number.shape}"
+                )
+            result[name] = number
+        return result
+
+    def pack(self, values: Mapping[str, Array]) -> Array:
+        """Return the parameters as one row (1, P), in the order of the symbols."""
+        parts = [values[name].reshape(-1, order="F") for name in self.defaults]
+        return np.concatenate(parts)[None, :] if parts else np.zeros((1, 0))
+
+    def symbols(self) -> tuple[ca.SX, dict[str, Any]]:
+        """Return the packed symbol and, by name, what the user's callables receive."""
+        columns, named = [], {}
+        for name, shape in self.shapes.items():
+            rows, cols = (*shape, 1, 1)[:2]
+            symbol = ca.SX.sym(name, rows, cols)
+            columns.append(ca.vec(symbol))
+            # A true 0-d, 1-d or 2-d array view: numpy functions then work without a warning.
+            named[name] = ca.array(symbol).reshape(shape)
+        return ca.vertcat(*columns) if columns else ca.SX(0, 1), named
+
+
+def suggestion(name: str, known: Mapping[str, Any] | Sequence[str]) -> str:
+    """Return "; did you mean 'x'?" for the known name nearest to `name`, or nothing."""
+    near = difflib.get_close_matches(name, list(known), n=1)
+    return f"; did you mean {near[0]!r}?" if near else ""
+
+
+def _finite(name: str, value: ArrayLike) -> Array:
+    try:
+        number = np.asarray(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise ValueError(
+            f"expected a number or an array of numbers for parameter {name!r}, found {value!r}"
+        ) from error
+    if number.ndim > 2:
+        raise ValueError(f"expected parameter {name!r} with at most two axes, found {number.ndim}")
+    if not np.all(np.isfinite(number)):
+        raise ValueError(f"expected a finite parameter {name!r}, found {value!r}")
+    return number
+
+
+def requested(callable_: Callable[..., Any], role: str, positional: Sequence[str]) -> list[str]:
+    """Return the keyword-only names of `callable_`; ["**"] stands for every parameter.
+
+    Raises
+    ------
+    ValueError
+        If it does not take the `positional` arguments of its role.
+    """
+    want = f"{role}({', '.join(positional)}, *, parameters by name)"
+    if not callable(callable_):
+        raise ValueError(f"expected a callable {want}, found {callable_!r}")
+    kinds = inspect.Parameter
+    parameters = list(inspect.signature(callable_).parameters.values())
+    ahead = [p for p in parameters if p.kind in (kinds.POSITIONAL_ONLY, kinds.POSITIONAL_OR_KEYWORD)]
+    starred = any(p.kind is kinds.VAR_POSITIONAL for p in parameters)
+    needed = [p for p in ahead if p.default is kinds.empty]
+    if not starred and not len(needed) <= len(positional) <= len(ahead):
+        hint = ""
+        if role == "constraint" and len(needed) >= 3:
+            hint = (
+                "; a holonomic constraint f(q, t) = 0 restricts positions, not velocities: "
+                "integrate the velocity condition to one on the coordinates if it can be integrated"
+            )
+        elif len(needed) > len(positional):
+            extra = ", ".join(p.name for p in needed[len(positional) :])
+            hint = f"; put a * before the parameters ({extra})"
+        raise ValueError(
+            f"expected {want}, found {role}({', '.join(p.name for p in ahead)}){hint}"
+        )
+    names = [p.name for p in parameters if p.kind is kinds.KEYWORD_ONLY]
+    return [*names, "**"] if any(p.kind is kinds.VAR_KEYWORD for p in parameters) else names
+
+
+def call(
+    callable_: Callable[..., Any],
+    role: str,
+    arguments: Mapping[str, Any],
+    parameters: Mapping[str, Any],
+) -> tuple[Any, set[str]]:
+    """Call a user's function on symbols; return its result and the parameters it used.
+
+    Raises
+    ------
+    ValueError
+        If a parameter it names is missing, or it uses a function CasADi cannot trace.
+    """
+    names = requested(callable_, role, list(arguments))
+    kwargs = {}
+    for name in names:
+        if name == "**":
+            kwargs.update(parameters)
+        elif name in parameters:
+            kwargs[name] = parameters[name]
+        elif inspect.signature(callable_).parameters[name].default is inspect.Parameter.empty:
+            raise ValueError(
+                f"the {role} needs the parameter {name!r}, which is missing from parameters="
+                f"{{{', '.join(map(repr, parameters))}}}{suggestion(name, parameters)}"
+            )
+    try:
+        return callable_(*arguments.values(), **kwargs), set(kwargs)
+    except Exception as error:
+        raise ValueError(
+            f"the {role} could not be traced ({type(error).__name__}: {error}); write it with "
+            "arithmetic and numpy or casadi functions of its arguments: no math module, no "
+            "branches on their values (use casadi.if_else), no np.array of them (use np.stack), "
+            "no float()"
+        ) from error
+
+
+def column(result: Any, role: str, rows: int | None = None) -> ca.SX:
+    """Return a user's result, one expression or a sequence of them, as an SX column.
+
+    Raises ValueError if it is no expression, or its length is not `rows`.
+    """
+    try:
+        if isinstance(result, (list, tuple)):
+            value = ca.vertcat(*[ca.vec(ca.SX(item)) for item in result]) if result else ca.SX(0, 1)
+        else:
+            value = ca.vec(ca.SX(result))
+    except Exception as error:
+        raise ValueError(
+            f"expected the {role} to return numbers or expressions, found {type(result).__name__}"
+        ) from error
+    value = ca.densify(value)
+    if rows is not None and value.numel() != rows:
+        what = "a scalar" if rows == 1 else f"{rows} values"
+        raise ValueError(f"expected the {role} to return {what}, found {value.numel()}")
+    return value
