@@ -2,7 +2,21 @@
 
 from actionopt.path import Mesh, Path
 from actionopt.problem import Event, Problem, State
+from actionopt.solution import Solution
+from actionopt.solve import solve
+from actionopt.status import SolveError, Status
 from actionopt.system import System
 
-__all__ = ["Event", "Mesh", "Path", "Problem", "State", "System"]
+__all__ = [
+    "Event",
+    "Mesh",
+    "Path",
+    "Problem",
+    "Solution",
+    "SolveError",
+    "State",
+    "Status",
+    "System",
+    "solve",
+]
 __version__ = "0.1.0"

@@ -207,7 +207,7 @@ class System:
 
     def _build_first(self):
         d = self.derivatives
-        return self._arguments, [ca.densify(d.Lq), ca.densify(d.Lv)]
+        return self._arguments, [ca.densify(d.Lq), ca.densify(d.Lv), self.L]
 
     def _build_second(self):
         d = self.derivatives

@@ -1,0 +1,103 @@
+"""Where a path is resolved and where not, and the mesh that would resolve it.
+
+A polynomial of degree d represents a smooth curve with Legendre coefficients that fall like
+rho^-k, where rho > 1 says how far the curve is analytic around the element (Bernstein's ellipse;
+Trefethen, *Approximation Theory and Approximation Practice*, chapter 8). The last coefficients
+tell the error that is left, and the rate tells the degree, or the shorter element, that removes
+it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from actionopt.path import Mesh, NDInt
+from actionopt.quadrature import Array
+
+LOWEST, HIGHEST = 4, 24  # degrees that refinement uses
+SPLITS = np.array([1, 2, 3, 4, 6, 8])
+COEFFICIENT_FLOOR = 2e-16
+
+
+@dataclass(frozen=True, eq=False)
+class Resolution:
+    """How well each element of a mesh represents a path.
+
+    Attributes
+    ----------
+    omitted : (N,) array
+        Size of the first Legendre coefficient left out, relative to the coordinates' sizes.
+    rate : (N,) array
+        Natural logarithm of rho, the decay per degree.
+    """
+
+    omitted: Array
+    rate: Array
+
+    @property
+    def worst(self) -> float:
+        """The largest coefficient left out."""
+        return float(np.max(self.omitted))
+
+
+def resolution(mesh: Mesh, Q: Array, sizes: Array) -> Resolution:
+    """Return how `mesh` resolves the nodal coordinates Q (K, n), in units of `sizes` (n,)."""
+    omitted, rate = np.empty(mesh.elements), np.empty(mesh.elements)
+    scaled = Q / sizes
+    for rule, which, index in mesh.groups:
+        coefficients = np.abs(rule.to_legendre @ scaled[index]).max(axis=2)  # (E, d + 1)
+        # The largest coefficient from k on: even and odd curves have every other one zero.
+        tail = np.maximum.accumulate(coefficients[:, ::-1], axis=1)[:, ::-1]
+        tail = np.maximum(tail, COEFFICIENT_FLOOR)
+        d = rule.degree
+        last, early = max(d - 1, 0), (d - 1) // 2
+        if last > early:
+            rate[which] = np.log(tail[:, early] / tail[:, last]) / (last - early)
+        else:
+            rate[which] = 0.0
+        omitted[which] = tail[:, last] * np.exp(-rate[which])
+    return Resolution(omitted, rate)
+
+
+def refined(mesh: Mesh, found: Resolution, target: float, n: int) -> Mesh:
+    """Return the cheapest mesh predicted to leave out no coefficient above `target`.
+
+    Each element may keep its place with another degree, or be split; `n` is the number of
+    coordinates, which sets the price of a degree.
+    """
+    degrees = np.array(mesh.degrees)
+    parts, degree = _cheapest(degrees, found, target, n)
+    boundaries = [mesh.boundaries[:1]]
+    new_degrees = []
+    for e in range(mesh.elements):
+        left, right = mesh.boundaries[e], mesh.boundaries[e + 1]
+        boundaries.append(np.linspace(left, right, parts[e] + 1)[1:])
+        new_degrees += [degree[e]] * parts[e]
+    return Mesh(np.concatenate(boundaries), np.array(new_degrees))
+
+
+def _cheapest(degrees: NDInt, found: Resolution, target: float, n: int) -> tuple[NDInt, NDInt]:
+    """Return for each element the number of parts and their degree."""
+    rate = np.maximum(found.rate, 0.05)[:, None]
+    # Splitting in s parts brings the nearest singularity s times as far away, in units of the
+    # part's length; for a singularity beside the element that is rho_s = s b + sqrt((s b)^2 + 1)
+    # with b = (rho - 1 / rho) / 2.
+    b = np.sinh(rate)
+    faster = np.arcsinh(SPLITS * b)
+    # |c_k| ~ amplitude exp(-rate k), known at k = d + 1.
+    amplitude = np.log(found.omitted / target)[:, None] + rate * (degrees[:, None] + 1)
+    need = np.ceil(amplitude / faster).astype(int)
+    usable = need <= HIGHEST
+    need = np.clip(need, LOWEST, HIGHEST)
+    price = SPLITS * (need * (need + 2.0) * (need + 4.0 / n + 4.0))
+    price = np.where(usable, price, np.inf)
+    # Nothing reaches the target: split and look again, farther where nothing decays at all.
+    price[~usable.any(axis=1), np.searchsorted(SPLITS, 3)] = 0.0
+    choice = np.argmin(price, axis=1)
+    each = np.arange(degrees.size)
+    degree = need[each, choice]
+    hopeless = ~usable.any(axis=1)
+    degree[hopeless] = np.maximum(np.minimum(degrees[hopeless] + 2, 12), LOWEST)
+    return SPLITS[choice], degree

@@ -1,0 +1,128 @@
+"""The answer: a path, and everything that follows from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from actionopt.path import Mesh, Path
+from actionopt.problem import Problem, State
+from actionopt.quadrature import Array
+from actionopt.status import Status
+
+if TYPE_CHECKING:
+    from actionopt.compare import Comparison
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """A stationary path between two events; call it with a time.
+
+    Attributes
+    ----------
+    problem : Problem
+        The question it answers.
+    path : Path
+        The curve q(t).
+    action : float
+        S along the path.
+    start, end : State
+        The states at the events. Their velocities come from the discrete momenta
+        p0 = -dS/dq0, p1 = +dS/dq1, which are accurate to order 2d where the polynomial's
+        derivative is only of order d.
+    momenta : tuple of (n,) arrays
+        p0 and p1; with constraints, those of the motions that the constraints allow.
+    error : float
+        Estimate of max over t of |q_h(t) - q(t)|, each coordinate in units of the largest |q|
+        it reaches along the path; the units of `tol`.
+    status : Status
+        The verdict, a sentence.
+    stats : dict
+        What was built, how often each function was evaluated, each refinement round, and how
+        the time divides.
+    """
+
+    problem: Problem
+    path: Path
+    action: float
+    start: State
+    end: State
+    momenta: tuple[Array, Array]
+    error: float
+    status: Status
+    stats: dict[str, Any]
+
+    @property
+    def success(self) -> bool:
+        """Whether the path can be used as it is."""
+        return self.status.success
+
+    @property
+    def mesh(self) -> Mesh:
+        """The mesh of the path."""
+        return self.path.mesh
+
+    def __call__(self, t: ArrayLike) -> Array:
+        """Return q(t): shape (n, K) for K times, (n,) for one time.
+
+        Raises ValueError for a time that is not between the events; so do the methods below.
+        """
+        return self.path(t)
+
+    def velocity(self, t: ArrayLike) -> Array:
+        """Return v(t), shape (n, K) or (n,)."""
+        return self.path.velocity(t)
+
+    def momentum(self, t: ArrayLike) -> Array:
+        """Return p(t) = dL/dv, shape (n, K) or (n,)."""
+        return self._pointwise("momentum", t)
+
+    def energy(self, t: ArrayLike) -> Array:
+        """Return the energy function H = v . dL/dv - L, shape (K,) or a 0-d array."""
+        return self._pointwise("energy", t)
+
+    def acceleration(self, t: ArrayLike) -> Array:
+        """Return the accelerations of the equations of motion at q(t), v(t): (n, K) or (n,)."""
+        return self._pointwise("acceleration", t)
+
+    def multipliers(self, t: ArrayLike) -> Array:
+        """Return lambda(t) of L' = L + sum lambda f, shape (m, K) or (m,).
+
+        From the index-1 form of the equations at q(t), v(t), and so as accurate as v.
+        """
+        return self._pointwise("multipliers", t)
+
+    def constraint_force(self, t: ArrayLike) -> Array:
+        """Return the generalized forces of constraint G' lambda, shape (n, K) or (n,)."""
+        return self._pointwise("constraint_force", t)
+
+    def compare(self) -> Comparison:
+        """Return the comparison with the forward integration from `start`, made once."""
+        return self._comparison
+
+    def save(self, file: str | FilePath) -> None:
+        """Write the numbers to an .npz file, whole or not at all; `actionopt.load` reads it."""
+        from actionopt.store import save
+
+        save(self, file)
+
+    @cached_property
+    def _comparison(self) -> Comparison:
+        from actionopt.compare import compare
+
+        return compare(self)
+
+    def _pointwise(self, name: str, t: ArrayLike) -> Array:
+        times = np.asarray(t, dtype=float)
+        method = getattr(self.problem.system, name)
+        parameters = self.problem.parameters
+        if times.ndim <= 1:
+            return method(self(times), self.velocity(times), times, parameters=parameters)
+        flat = times.ravel()
+        result = method(self(flat), self.velocity(flat), flat, parameters=parameters)
+        return result.reshape(*result.shape[:-1], *times.shape)

@@ -1,0 +1,403 @@
+"""From a problem to a solution: find a path on a coarse mesh, then follow it to the tolerance.
+
+Finding and following are different work. *Finding* is Ipopt's: on a coarse mesh, by the least
+principle where the action is bounded below (minimising is the robust way), else by the
+stationary one. *Following* is Newton's: each refinement round carries the path to a better mesh
+and polishes it there, always the same path. Linear equations of motion need neither: their
+discrete problem is one linear system.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from time import perf_counter
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from actionopt.newton import Followed, follow
+from actionopt.path import Mesh, Path
+from actionopt.problem import Problem, State
+from actionopt.quadrature import Array
+from actionopt.refine import Resolution, refined, resolution
+from actionopt.solution import Solution
+from actionopt.status import SolveError, Status
+from actionopt.transcription import Transcription, find
+
+Guess = Path | Solution | Callable[[Array], ArrayLike] | ArrayLike
+
+COARSE = (4, 6)  # elements and degree on which a path is first sought
+ROUNDS = 12
+SAFETY = 4.0  # between the measured error of the last round and the estimate for the next
+UNKNOWN_GAIN = 10.0  # assumed ratio of global to local error before any was measured
+
+
+def solve(
+    problem: Problem,
+    *,
+    tol: float = 1e-8,
+    guess: Guess | None = None,
+    principle: Literal["auto", "least", "stationary"] = "auto",
+    mesh: Mesh | None = None,
+    throw: bool = True,
+) -> Solution:
+    """Return the path between the events of `problem` that makes its action stationary.
+
+    Parameters
+    ----------
+    problem : Problem
+        The system and the two events.
+    tol : float
+        Bound on the maximum over time of |q_h(t) - q(t)|, each coordinate in units of the
+        largest |q| it reaches; between 1e-14 and 0.1.
+    guess : Path, Solution, callable or array, optional
+        A curve near the path wanted: a callable of (K,) times returning (n, K), or waypoints
+        (n, K) at equal times. With a guess the stationary path near it is returned; without
+        one, a least path if there is one, else a stationary one.
+    principle : {"auto", "least", "stationary"}
+        What to ask of the action.
+    mesh : Mesh, optional
+        Solve on this mesh and do not refine.
+    throw : bool
+        Raise on failure; otherwise return the best attempt with its `status`.
+
+    Raises
+    ------
+    ValueError
+        For bad input, before any solver runs.
+    SolveError
+        If no path was found or the tolerance was not met; it carries the best attempt.
+    KeyboardInterrupt
+        If interrupted, also from within Ipopt.
+
+    References
+    ----------
+    *Competitive Physics: Mechanics and Waves* (2018), sections 12.1-12.4; Marsden and West,
+    *Discrete mechanics and variational integrators*, Acta Numerica 10 (2001), sections 1.2
+    and 2.2.
+    """
+    started = perf_counter()
+    start_curve = _checked(problem, tol, guess, principle, mesh)
+    run = _Run(problem, tol, principle, mesh, start_curve)
+    status = run.go()
+    solution = run.solution(status, perf_counter() - started)
+    if throw and not solution.success:
+        raise SolveError(run.message(status), solution)
+    return solution
+
+
+@dataclass(eq=False)
+class _Run:
+    """One solve under way: the current path, and what was done so far."""
+
+    problem: Problem
+    tol: float
+    principle: str
+    given: Mesh | None
+    curve: Callable[[Mesh], Path] | None
+    tr: Transcription = field(init=False)
+    z: Array = field(init=False)
+    rung: str = ""
+    gain: float = UNKNOWN_GAIN
+    noise: float = 0.0
+    error: float = np.inf
+    iterations: Counter[str] = field(default_factory=Counter)
+    evaluations: Counter[str] = field(default_factory=Counter)
+    rounds: list[dict[str, Any]] = field(default_factory=list)
+    time: Counter[str] = field(default_factory=Counter)
+
+    # -- strategy ------------------------------------------------------------------------------
+
+    def go(self) -> Status:
+        system = self.problem.system
+        clock = perf_counter()
+        self.linear = system.structure.linear
+        for name in ("first", "second"):
+            system.pointwise(name)
+        self.time["derive"] += perf_counter() - clock
+        self.sizes = self.problem.scales
+        if self.linear:
+            self.rung = "linear"
+            self._place(self.given or self._coarse(), None)
+            if not self._follow():
+                return Status.DEGENERATE
+        elif self.curve is not None:
+            self.rung = "guess"
+            first = self.curve(self._coarse())
+            self._place(first.mesh, first)
+            if not self._follow() and not self._find("stationary"):
+                return Status.NOT_FOUND
+        else:
+            self._place(self._coarse(), None)
+            status = self._search()
+            if status is not None:
+                return status
+        return self._certify(self._settle())
+
+    def _coarse(self) -> Mesh:
+        problem = self.problem
+        return Mesh.uniform(problem.start.t, problem.end.t, *COARSE)
+
+    def _search(self) -> Status | None:
+        """Find a first path from the straight line; return a status only if there is none."""
+        if self.principle != "stationary" and not self.problem.system.structure.forced:
+            self.rung = "least"
+            if self._find("least"):
+                return None
+            if self.principle == "least":
+                return Status.UNBOUNDED if self.diverged else Status.NOT_FOUND
+        # Past a conjugate point the path is a saddle and minimising runs away from it.
+        self.rung = "stationary"
+        self.z = self.tr.pack(self.tr.straight())
+        return None if self._find("stationary") else Status.NOT_FOUND
+
+    def _settle(self) -> Status:
+        """Carry the path from mesh to mesh until the tolerance is met or cannot be."""
+        if self.given is not None:
+            return self._settle_on(self.given)
+        stalled = 0
+        while len(self.rounds) <= ROUNDS:
+            before = self.resolution()
+            if self.error <= self.tol:
+                return Status.SOLVED
+            target = self.tol / (2 * SAFETY * self.gain)
+            mesh = refined(self.tr.mesh, before, target, self.problem.system.n)
+            if not self._carry(mesh, before):
+                return Status.UNRESOLVED
+            if SAFETY * self.noise > self.tol:
+                return Status.DEGENERATE if self.noise > 1e-3 else Status.FLOOR
+            stalled = stalled + 1 if self.resolution().worst > before.worst / 2 else 0
+            if stalled == 4:
+                return Status.UNRESOLVED
+        return Status.SOLVED if self.error <= self.tol else Status.UNRESOLVED
+
+    def _settle_on(self, mesh: Mesh) -> Status:
+        """Solve on the user's mesh; two degrees more on each element tell the error."""
+        if self.tr.mesh is not mesh and not self._carry(mesh, self.resolution()):
+            return Status.UNRESOLVED
+        tr, z = self.tr, self.z
+        finer = Mesh(mesh.boundaries, np.minimum(np.array(mesh.degrees) + 2, 64))
+        path = self.path()
+        ok = self._carry(finer, self.resolution())
+        change = np.max(np.abs(self.path()(finer.nodes) - path(finer.nodes)).T / self.sizes)
+        self.tr, self.z = tr, z
+        self.error = float(change) + SAFETY * self.noise if ok else np.inf
+        return Status.ON_MESH
+
+    def _certify(self, status: Status) -> Status:
+        if self.principle == "least" and status.success:
+            from actionopt.transcription.linear import negative_eigenvalues
+
+            if negative_eigenvalues(self.tr.layout, self.tr.kkt(self.z)) > self.tr.layout.rows:
+                return Status.UNBOUNDED if self.linear else Status.NOT_LEAST
+        return status
+
+    # -- steps ---------------------------------------------------------------------------------
+
+    def _place(self, mesh: Mesh, path: Path | None) -> None:
+        """Transcribe on `mesh`, starting from `path` there, or from the straight line."""
+        clock = perf_counter()
+        self.tr = Transcription(self.problem, mesh, self.sizes)
+        self.evaluations.update(self.tr.counts)
+        self.tr.counts = self.evaluations
+        Q = self.tr.straight() if path is None else path(mesh.nodes).T
+        self.z = self.tr.pack(Q)
+        self.time["assemble"] += perf_counter() - clock
+
+    def _find(self, principle: Literal["least", "stationary"]) -> bool:
+        clock = perf_counter()
+        attempt = find(self.tr, self.z, principle)
+        self.iterations["ipopt"] += attempt.iterations
+        self.diverged = attempt.diverged
+        self.time["solve"] += perf_counter() - clock
+        if not attempt.converged:
+            return False
+        self.z = attempt.z
+        self._record(perf_counter() - clock)
+        return True
+
+    def _follow(self) -> bool:
+        clock = perf_counter()
+        result: Followed = follow(self.tr, self.z, linear=self.linear)
+        self.iterations["newton"] += result.iterations
+        self.time["solve"] += perf_counter() - clock
+        if result.converged:
+            self.z, self.noise = result.z, result.noise
+            self._record(perf_counter() - clock)
+        return result.converged
+
+    def _carry(self, mesh: Mesh, before: Resolution) -> bool:
+        """Take the path to another mesh and polish it there; False if it was lost."""
+        old = self.path()
+        lam = self._multipliers(mesh)
+        Q = self.tr.coordinates(self.z)
+        self.sizes = _sizes(Q, self.problem.scales)
+        self._place(mesh, old)
+        carried = self.tr.coordinates(self.z)
+        self.z = self.tr.pack(carried, lam)
+        if not self._follow():
+            principle = "least" if self.rung == "least" else "stationary"
+            if not self._find(principle) or not self._follow():
+                return False
+        change = np.max(np.abs(self.tr.coordinates(self.z) - carried) / self.sizes)
+        self.gain = float(np.clip(change / before.worst, 1.0, 1e8))
+        self.error = SAFETY * (self.gain * self.resolution().worst + self.noise)
+        self.rounds[-1]["estimate"] = self.error
+        return True
+
+    def _multipliers(self, mesh: Mesh) -> Array | None:
+        """Return the multipliers carried to the nodes of `mesh`, (K, m)."""
+        if not self.tr.layout.rows:
+            return None
+        lam = self.tr.unpack(self.z)[1]
+        nodes = self.tr.mesh.nodes
+        table = np.empty((mesh.nodes.size, lam.shape[1]))
+        for i, row in enumerate(lam.T):
+            known = np.isfinite(row)
+            table[:, i] = np.interp(mesh.nodes, nodes[known], row[known])
+        return table
+
+    def _record(self, seconds: float) -> None:
+        mesh = self.tr.mesh
+        self.rounds.append(
+            {
+                "elements": mesh.elements,
+                "degrees": [min(mesh.degrees), max(mesh.degrees)],
+                "unknowns": self.tr.layout.size,
+                "estimate": None,
+                "time": seconds,
+            }
+        )
+
+    # -- what there is now ------------------------------------------------------------------------
+
+    def path(self) -> Path:
+        return Path(self.tr.mesh, self.tr.coordinates(self.z).T)
+
+    def resolution(self) -> Resolution:
+        return resolution(self.tr.mesh, self.tr.coordinates(self.z), self.sizes)
+
+    def message(self, status: Status) -> str:
+        name = self.problem.system.name or "problem"
+        return f"{name}: {status.value} (tol = {self.tol:g}, error estimate {self.error:.2g})"
+
+    def solution(self, status: Status, seconds: float) -> Solution:
+        problem, tr = self.problem, self.tr
+        system = problem.system
+        clock = perf_counter()
+        path = self.path()
+        action = tr.action(self.z[: tr.layout.unknowns]) * tr.action_unit
+        momenta = tr.momenta(self.z)
+        states = []
+        for k, (t, p) in enumerate(
+            ((problem.start.t, momenta[0]), (problem.end.t, momenta[1]))
+        ):
+            q, v = path.values[:, -k], path.velocity(t)
+            try:
+                v = system.velocity(q, p, t, v, parameters=problem.parameters)
+            except (ValueError, np.linalg.LinAlgError):
+                pass  # a failed attempt may have no such velocity; the polynomial's stands
+            states.append(State(t, q, v))
+        if system.m:
+            momenta = tuple(
+                system.momentum(s.q, s.v, s.t, parameters=problem.parameters) for s in states
+            )
+        self.time["verify"] += perf_counter() - clock
+        self.time["total"] = seconds + perf_counter() - clock
+        layout = tr.layout
+        stats = {
+            "rung": self.rung,
+            "unknowns": layout.unknowns,
+            "rows": layout.rows,
+            "nonzeros": layout.kkt.nnz,
+            "iterations": dict(self.iterations),
+            "evaluations": dict(self.evaluations),
+            "rounds": self.rounds,
+            "gain": self.gain,
+            "noise": self.noise,
+            "derived": system.derived,
+            "time": {k: float(v) for k, v in self.time.items()},
+        }
+        return Solution(
+            problem, path, action, states[0], states[1], momenta, self.error, status, stats
+        )
+
+
+def _sizes(Q: Array, fallback: Array) -> Array:
+    """Return the largest |q| of each coordinate along a path, (n,), positive."""
+    size = np.max(np.abs(Q), axis=0)
+    largest = float(np.max(size))
+    return np.where(size > 1e-12 * largest, size, largest) if largest > 0 else fallback
+
+
+def _checked(
+    problem: Problem, tol: float, guess: Guess | None, principle: str, mesh: Mesh | None
+) -> Callable[[Mesh], Path] | None:
+    """Raise ValueError for bad arguments; return the guess as a function of a default mesh."""
+    if not isinstance(problem, Problem):
+        raise ValueError(f"expected a Problem(system, start, end), found {problem!r}")
+    if not 1e-14 <= tol <= 0.1:
+        raise ValueError(
+            f"expected tol between 1e-14 (round-off) and 0.1, found {tol}; it is relative to "
+            "each coordinate's own size along the path"
+        )
+    if principle not in ("auto", "least", "stationary"):
+        raise ValueError(
+            f"expected principle 'auto', 'least' or 'stationary', found {principle!r}"
+        )
+    if principle == "least" and problem.system.structure.forced:
+        raise ValueError(
+            "expected principle 'stationary' or 'auto' for a system with non-conservative "
+            "forces, found 'least': they enter as virtual work, and no functional is minimised"
+        )
+    if mesh is not None:
+        if not isinstance(mesh, Mesh):
+            raise ValueError(f"expected a Mesh(boundaries, degrees), found {mesh!r}")
+        if mesh.boundaries[0] != problem.start.t or mesh.boundaries[-1] != problem.end.t:
+            raise ValueError(
+                f"expected a mesh from {problem.start.t} to {problem.end.t}, the times of the "
+                f"events, found {mesh.boundaries[0]} to {mesh.boundaries[-1]}; "
+                "use mesh.moved(start, end)"
+            )
+    return None if guess is None else _curve(problem, guess)
+
+
+def _curve(problem: Problem, guess: Guess) -> Callable[[Mesh], Path]:
+    t0, t1, n = problem.start.t, problem.end.t, problem.system.n
+    if isinstance(guess, Solution):
+        guess = guess.path
+    if isinstance(guess, Path):
+        known = guess
+        if known.values.shape[0] != n:
+            raise ValueError(
+                f"expected a guess of {n} coordinates, found {known.values.shape[0]}"
+            )
+        return lambda mesh: Path(known.mesh.moved(t0, t1), known.values)
+    if callable(guess):
+        wanted = guess
+
+        def sampled(mesh: Mesh) -> Path:
+            path = Path.interpolate(wanted, mesh)
+            if path.values.shape[0] != n:
+                raise ValueError(
+                    f"expected the guess to return ({n}, K) for K times, found "
+                    f"{path.values.shape}"
+                )
+            return path
+
+        sampled(Mesh.uniform(t0, t1, 1, 2))
+        return sampled
+    points = np.array(guess, dtype=float, ndmin=2)
+    if points.ndim != 2 or points.shape[0] != n or points.shape[1] < 2:
+        raise ValueError(
+            f"expected waypoints of shape ({n}, K) with K >= 2, found {points.shape}"
+        )
+    if not np.all(np.isfinite(points)):
+        raise ValueError("expected finite waypoints, found NaN or infinity")
+    times = np.linspace(t0, t1, points.shape[1])
+    return lambda mesh: Path.interpolate(
+        lambda t: np.stack([np.interp(t, times, row) for row in points]), mesh
+    )

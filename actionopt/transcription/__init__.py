@@ -1,0 +1,7 @@
+"""From a continuous problem to a discrete one: numbering, the discrete action, and its solvers."""
+
+from actionopt.transcription.action import Transcription
+from actionopt.transcription.ipopt import Attempt, find
+from actionopt.transcription.linear import Factors
+
+__all__ = ["Attempt", "Factors", "Transcription", "find"]

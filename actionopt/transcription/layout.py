@@ -1,0 +1,244 @@
+"""Numbering and sparsity of the discrete problem: what depends on the mesh's shape alone.
+
+Contributions of elements are computed in a fixed order and summed into the nonzeros of a sparse
+matrix by one index array, so that assembly has no loop over elements.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import casadi as ca
+import numpy as np
+
+from actionopt.path import Mesh, NDInt
+from actionopt.problem import Problem
+from actionopt.quadrature import Array, Rule
+from actionopt.system import System
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """The elements of one degree: evaluations first ... last, E elements by d + 1 nodes."""
+
+    rule: Rule
+    elements: NDInt  # (E,)
+    nodes: NDInt  # (E, d + 1)
+    span: slice  # rows of the evaluation arrays
+    stiffness: Array  # ((d + 1)^2, d + 1): w_k D_kj D_kl
+
+
+class Layout:
+    """Numbering and sparsity of the discrete problem for one sequence of degrees.
+
+    Parameters
+    ----------
+    system : System
+    degrees : tuple of int
+        Degree of each element.
+    start, end : tuple of int
+        Indices of the coordinates pinned at either end.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        degrees: tuple[int, ...],
+        start: tuple[int, ...],
+        end: tuple[int, ...],
+    ) -> None:
+        self.system = system
+        n, m = system.n, system.m
+        shape = Mesh(np.arange(len(degrees) + 1.0), degrees)
+        self.node_count = int(shape.offsets[-1]) + 1
+        self.groups: list[Group] = []
+        first = 0
+        for rule, which, index in shape.groups:
+            wD = rule.weights[:, None] * rule.derivative
+            stiffness = np.einsum("kj,kl->jlk", wD, rule.derivative).reshape(-1, rule.degree + 1)
+            span = slice(first, first + index.size)
+            self.groups.append(Group(rule, which, index, span, stiffness))
+            first += index.size
+        self.evaluations = first
+        self.node_of = np.concatenate([g.nodes.ravel() for g in self.groups])
+
+        number = np.zeros((self.node_count, n), dtype=np.intp)
+        number[0, list(start)] = -1
+        number[-1, list(end)] = -1
+        self.free = np.flatnonzero(number.ravel() == 0)
+        self.unknowns = self.free.size
+        number.ravel()[self.free] = np.arange(self.unknowns)
+        self.number = number
+
+        self.G_rows, self.G_cols = sparsity_of(system, "constraint_jacobian") if m else _EMPTY
+        keep = np.zeros((self.node_count, m), dtype=bool)
+        for i, a in zip(self.G_rows, self.G_cols, strict=True):
+            keep[:, i] |= number[:, a] >= 0
+        self.row_nodes = np.flatnonzero(keep.any(axis=1))
+        self.row_select = np.flatnonzero(keep[self.row_nodes].ravel())
+        self.rows = self.row_select.size
+        self.row_node, self.row_constraint = np.nonzero(keep)
+        self.row_number = np.full((self.node_count, m), -1, dtype=np.intp)
+        self.row_number[keep] = np.arange(self.rows)
+        self.solvers: dict[str, Any] = {}  # compiled once for this shape, by kind
+
+    @property
+    def size(self) -> int:
+        """Unknowns and multipliers together."""
+        return self.unknowns + self.rows
+
+    @cached_property
+    def scatter(self) -> NDInt:
+        """Position in the full gradient (K n) of each evaluation's gradient, flattened."""
+        n = self.system.n
+        return (self.node_of[:, None] * n + np.arange(n)).ravel()
+
+    @cached_property
+    def hessian(self) -> Pattern:
+        """Upper triangle of the Hessian of S + sum w lam f in the unknowns."""
+        targets = [self._diagonal("second", 0), self._mixed("second", 1), self._stiff("second", 2)]
+        if self.system.m and not self.system.structure.affine_constraint:
+            rows, cols = sparsity_of(self.system, "constraint_curvature")
+            at = self.number[self.row_nodes]
+            targets.append(_pairs(at[:, rows], at[:, cols]))
+        return Pattern.symmetric(self.unknowns, targets)
+
+    @cached_property
+    def jacobian(self) -> Pattern:
+        """Constraint rows against the unknowns."""
+        at_row = self.row_number[self.row_nodes][:, self.G_rows]
+        at_col = self.number[self.row_nodes][:, self.G_cols]
+        return Pattern.build(self.rows, self.unknowns, [_pairs(at_row, at_col)])
+
+    @cached_property
+    def forcing(self) -> Pattern:
+        """Derivative of the virtual work of the non-conservative forces."""
+        targets = [self._diagonal("force_jacobian", 0), self._mixed("force_jacobian", 1)]
+        return Pattern.build(self.unknowns, self.unknowns, targets)
+
+    @cached_property
+    def kkt(self) -> Pattern:
+        """The square system [H + F, G'; G, 0], scattered from the nonzeros of its parts."""
+        H = self.hessian
+        off = H.row != H.col
+        ids = np.arange(H.nnz)
+        rows, cols, source = [H.row, H.col[off]], [H.col, H.row[off]], [ids, ids[off]]
+        first = H.nnz
+        if self.rows:
+            J = self.jacobian
+            ids = first + np.arange(J.nnz)
+            rows += [J.row + self.unknowns, J.col]
+            cols += [J.col, J.row + self.unknowns]
+            source += [ids, ids]
+            first += J.nnz
+        if self.system.structure.forced:
+            F = self.forcing
+            rows.append(F.row)
+            cols.append(F.col)
+            source.append(first + np.arange(F.nnz))
+        pattern = Pattern.build(
+            self.size, self.size, [(np.concatenate(rows), np.concatenate(cols))]
+        )
+        self.kkt_source = np.concatenate(source)
+        return pattern
+
+    def _diagonal(self, function: str, output: int):
+        rows, cols = sparsity_of(self.system, function, output)
+        at = self.number[self.node_of]
+        return _pairs(at[:, rows], at[:, cols])
+
+    def _mixed(self, function: str, output: int):
+        """Targets of w_j D_jl B_j: row at node j, column at node l, order (E, j, l, nonzero)."""
+        rows, cols = sparsity_of(self.system, function, output)
+        parts = []
+        for g in self.groups:
+            at = self.number[g.nodes]
+            parts.append(_pairs(at[:, :, None, rows], at[:, None, :, cols]))
+        return tuple(np.concatenate(side) for side in zip(*parts, strict=True))
+
+    def _stiff(self, function: str, output: int):
+        """Targets of D_kj C_k D_kl; for a diagonal entry of C the pair (j, l) only counts once."""
+        rows, cols = sparsity_of(self.system, function, output)
+        parts = []
+        for g in self.groups:
+            at = self.number[g.nodes]
+            row = at[:, :, None, rows]
+            col = at[:, None, :, cols]
+            local = np.arange(g.rule.degree + 1)
+            twice = (local[:, None] > local)[None, :, :, None] & (rows == cols)
+            parts.append(_pairs(np.where(twice, -1, row), col))
+        return tuple(np.concatenate(side) for side in zip(*parts, strict=True))
+
+
+_EMPTY = (np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp))
+
+
+def sparsity_of(system: System, function: str, output: int = 0) -> tuple[NDInt, NDInt]:
+    """Return rows and columns of the nonzeros of a compiled function's output."""
+    sparsity = system.pointwise(function).function.sparsity_out(output)
+    return np.array(sparsity.row(), dtype=np.intp), np.array(sparsity.get_col(), dtype=np.intp)
+
+
+def _pairs(rows: NDInt, cols: NDInt) -> tuple[NDInt, NDInt]:
+    rows, cols = np.broadcast_arrays(rows, cols)
+    return rows.ravel(), cols.ravel()
+
+
+@dataclass(frozen=True, eq=False)
+class Pattern:
+    """A sparse matrix in compressed columns, and where each contribution to it goes.
+
+    Contributions to pinned coordinates go to one slot past the end and are dropped.
+    """
+
+    shape: tuple[int, int]
+    row: NDInt
+    col: NDInt
+    slots: NDInt
+
+    @classmethod
+    def build(cls, rows: int, cols: int, targets) -> Pattern:
+        """Return the pattern of the contributions at `targets`, pairs of index arrays."""
+        row = np.concatenate([t[0] for t in targets])
+        col = np.concatenate([t[1] for t in targets])
+        key = np.where((row >= 0) & (col >= 0), col * max(rows, 1) + row, rows * cols)
+        unique, slots = np.unique(key, return_inverse=True)
+        nnz = unique.size - (1 if unique.size and unique[-1] == rows * cols else 0)
+        unique = unique[:nnz]
+        return cls((rows, cols), unique % max(rows, 1), unique // max(rows, 1), slots)
+
+    @classmethod
+    def symmetric(cls, size: int, targets) -> Pattern:
+        """Return the upper triangle only; each contribution is meant for both triangles."""
+        folded = [(np.minimum(r, c), np.maximum(r, c)) for r, c in targets]
+        return cls.build(size, size, folded)
+
+    @property
+    def nnz(self) -> int:
+        """Number of structural nonzeros."""
+        return self.row.size
+
+    def sum(self, contributions: Array) -> Array:
+        """Return the nonzeros (nnz,), contributions to one entry added up."""
+        return np.bincount(self.slots, contributions, self.nnz + 1)[: self.nnz]
+
+    @cached_property
+    def sparsity(self) -> ca.Sparsity:
+        """The pattern for CasADi."""
+        colind = np.searchsorted(self.col, np.arange(self.shape[1] + 1))
+        return ca.Sparsity(*self.shape, colind.tolist(), self.row.tolist())
+
+
+_layouts: WeakKeyDictionary[System, dict] = WeakKeyDictionary()
+
+
+def layout_for(problem: Problem, degrees: tuple[int, ...]) -> Layout:
+    """Return the layout shared by all problems of this system, mesh shape and kind of ends."""
+    known = _layouts.setdefault(problem.system, {})
+    key = (degrees, problem.start.pinned, problem.end.pinned)
+    if key not in known:
+        known[key] = Layout(problem.system, *key)
+    return known[key]
