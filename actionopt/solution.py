@@ -14,6 +14,7 @@ from actionopt.path import Mesh, Path
 from actionopt.problem import Problem, State
 from actionopt.quadrature import Array
 from actionopt.status import Status
+from actionopt.transcription import Transcription
 
 if TYPE_CHECKING:
     from actionopt.compare import Comparison
@@ -37,6 +38,9 @@ class Solution:
         derivative is only of order d.
     momenta : tuple of (n,) arrays
         p0 and p1; with constraints, those of the motions that the constraints allow.
+    lam : (m, K) array
+        Multipliers of the discrete problem at the K nodes of the mesh, NaN at nodes without a
+        constraint row (pinned ends); `multipliers(t)` is as accurate anywhere.
     error : float
         Estimate of max over t of |q_h(t) - q(t)|, each coordinate in units of the largest |q|
         it reaches along the path; the units of `tol`.
@@ -53,6 +57,7 @@ class Solution:
     start: State
     end: State
     momenta: tuple[Array, Array]
+    lam: Array
     error: float
     status: Status
     stats: dict[str, Any]
@@ -100,6 +105,13 @@ class Solution:
     def constraint_force(self, t: ArrayLike) -> Array:
         """Return the generalized forces of constraint G' lambda, shape (n, K) or (n,)."""
         return self._pointwise("constraint_force", t)
+
+    @cached_property
+    def discrete(self) -> tuple[Transcription, Array]:
+        """The transcription on the solution's mesh and the vector z of its unknowns there."""
+        sizes = np.max(np.abs(self.path.values), axis=1)
+        tr = Transcription(self.problem, self.mesh, np.where(sizes > 0, sizes, 1.0))
+        return tr, tr.pack(self.path.values.T, self.lam.T)
 
     def compare(self) -> Comparison:
         """Return the comparison with the forward integration from `start`, made once."""

@@ -321,9 +321,12 @@ class _Run:
             "derived": system.derived,
             "time": {k: float(v) for k, v in self.time.items()},
         }
-        return Solution(
-            problem, path, action, states[0], states[1], momenta, self.error, status, stats
+        lam = tr.unpack(self.z)[1].T
+        solution = Solution(
+            problem, path, action, states[0], states[1], momenta, lam, self.error, status, stats
         )
+        solution.__dict__["discrete"] = (tr, self.z)  # at hand already: nothing to rebuild
+        return solution
 
 
 def _sizes(Q: Array, fallback: Array) -> Array:
