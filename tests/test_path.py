@@ -1,0 +1,154 @@
+"""Meshes and the piecewise polynomials on them."""
+
+import numpy as np
+import pytest
+
+from actionopt.path import Mesh, Path
+
+EPS = np.finfo(float).eps
+MIXED = Mesh([0.0, 0.3, 1.0, 1.25, 4.0], [3, 5, 3, 1])  # two elements of one degree, apart
+
+
+def cubic(t):
+    """Two cubics and their derivatives, polynomials that degree 3 holds exactly."""
+    return np.stack([t**3 - 2 * t, 1 - t**2])
+
+
+def cubic_velocity(t):
+    return np.stack([3 * t**2 - 2, -2 * t])
+
+
+def cubic_acceleration(t):
+    return np.stack([6 * t, np.full_like(t, -2.0)])
+
+
+# -- Mesh ------------------------------------------------------------------------------------
+
+
+def test_nodes_of_mixed_degrees_increase_and_contain_the_boundaries_exactly():
+    assert MIXED.elements == 4
+    assert MIXED.offsets.tolist() == [0, 3, 8, 11, 12]
+    assert MIXED.nodes.size == 13
+    assert np.all(np.diff(MIXED.nodes) > 0)
+    assert np.array_equal(MIXED.nodes[MIXED.offsets], MIXED.boundaries)
+
+
+def test_groups_cover_every_element_once():
+    seen = np.concatenate([which for _, which, _ in MIXED.groups])
+    assert sorted(seen.tolist()) == [0, 1, 2, 3]
+    for rule, which, index in MIXED.groups:
+        assert index.shape == (which.size, rule.degree + 1)
+        assert all(MIXED.degrees[e] == rule.degree for e in which)
+
+
+def test_a_moved_mesh_keeps_its_proportions_and_meets_the_end_exactly():
+    moved = MIXED.moved(0.1, 0.7)
+    assert moved.boundaries[0] == 0.1
+    assert moved.boundaries[-1] == 0.7
+    assert np.allclose(moved.lengths / 0.6, MIXED.lengths / 4.0, rtol=1e-14)
+    assert moved.degrees == MIXED.degrees
+    assert MIXED.moved(0.0, 4.0) is MIXED
+
+
+def test_a_mesh_cannot_be_changed():
+    with pytest.raises(ValueError, match="read-only"):
+        MIXED.boundaries[0] = 1.0
+
+
+@pytest.mark.parametrize(
+    ("boundaries", "degrees", "message"),
+    [
+        ([0.0], 2, "at least two finite element boundaries"),
+        ([[0.0, 1.0]], 2, "at least two finite element boundaries"),
+        ([0.0, np.nan], 2, "at least two finite element boundaries"),
+        ([0.0, 1.0, 1.0], 2, "increase strictly"),
+        ([0.0, 1.0, 2.0], [2, 3, 4], "one for each of the 2 elements"),
+        ([0.0, 1.0], 0, "integer degrees from 1 to 64"),
+        ([0.0, 1.0], 65, "integer degrees from 1 to 64"),
+        ([0.0, 1.0], 2.5, "integer degrees from 1 to 64"),
+    ],
+)
+def test_meshes_that_are_none(boundaries, degrees, message):
+    with pytest.raises(ValueError, match=message):
+        Mesh(boundaries, degrees)
+
+
+# -- Path ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mesh", [Mesh.uniform(-1.0, 2.0, 5, 3), Mesh([0.0, 0.3, 1.0], [3, 7])])
+def test_a_cubic_and_its_derivatives_are_exact_between_the_nodes(mesh):
+    path = Path.interpolate(cubic, mesh)
+    t = np.linspace(mesh.boundaries[0], mesh.boundaries[-1], 101)
+    # Each derivative costs a factor d^2 / h of round-off.
+    slope = 2 * max(mesh.degrees) ** 2 / mesh.lengths.min()
+    assert np.max(np.abs(path(t) - cubic(t))) <= 32 * EPS
+    assert np.max(np.abs(path.velocity(t) - cubic_velocity(t))) <= 32 * EPS * slope
+    assert np.max(np.abs(path.acceleration(t) - cubic_acceleration(t))) <= 32 * EPS * slope**2
+
+
+def test_one_time_gives_one_column_and_many_give_many():
+    path = Path.interpolate(cubic, MIXED)
+    assert path(0.5).shape == (2,)
+    assert path([0.5]).shape == (2, 1)
+    assert path(np.full((3, 4), 0.5)).shape == (2, 3, 4)
+    assert path([]).shape == (2, 0)
+    assert np.array_equal(path([0.5])[:, 0], path(0.5))
+
+
+def test_a_path_passes_through_its_nodes_and_is_continuous():
+    values = np.random.default_rng(1).normal(size=(2, MIXED.nodes.size))
+    path = Path(MIXED, values)
+    ends = MIXED.offsets
+    assert np.array_equal(path(MIXED.boundaries), values[:, ends])  # no round-off at all
+    assert np.max(np.abs(path(MIXED.nodes) - values)) <= 64 * EPS
+    inner = MIXED.boundaries[1:-1]
+    jump = path(inner + 1e-12) - path(inner - 1e-12)
+    assert np.max(np.abs(jump)) <= 1e-9
+
+
+def test_given_velocities_are_used_instead_of_the_derivative():
+    mesh = Mesh.uniform(0.0, 1.0, 2, 4)
+    path = Path(mesh, np.sin(mesh.nodes), np.cos(mesh.nodes))
+    assert np.max(np.abs(path.velocity(mesh.nodes)[0] - np.cos(mesh.nodes))) <= 8 * EPS
+    assert abs(path.acceleration(0.3)[0] + np.sin(0.3)) <= 1e-4
+
+
+def test_a_finer_mesh_holds_the_same_curve():
+    path = Path.interpolate(cubic, Mesh.uniform(0.0, 1.0, 1, 3))
+    finer = path.on(Mesh.uniform(0.0, 1.0, 3, 4))
+    t = np.linspace(0, 1, 50)
+    assert np.max(np.abs(finer(t) - path(t))) <= 16 * EPS
+
+
+def test_legendre_coefficients_of_a_cubic():
+    # On [-1, 1]: t^3 - 2t = (2/5) P_3 - (7/5) P_1 and 1 - t^2 = (2/3) P_0 - (2/3) P_2.
+    path = Path.interpolate(cubic, Mesh([-1.0, 1.0], 4))
+    (coefficients,) = path.legendre()
+    exact = [[0, -7 / 5, 0, 2 / 5, 0], [2 / 3, 0, -2 / 3, 0, 0]]
+    assert np.max(np.abs(coefficients - exact)) <= 8 * EPS
+
+
+@pytest.mark.parametrize("t", [-1e-6, 4.000001, [0.5, 5.0], np.nan])
+def test_a_path_is_not_extrapolated(t):
+    path = Path.interpolate(cubic, MIXED)
+    with pytest.raises(ValueError, match="not extrapolated"):
+        path(t)
+
+
+def test_round_off_beyond_the_end_is_not_extrapolation():
+    path = Path.interpolate(cubic, MIXED)
+    assert np.array_equal(path(np.nextafter(4.0, 5.0)), path(4.0))
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        (np.zeros((2, 5)), r"expected values of shape \(n, 13\)"),
+        (np.zeros((1, 2, 13)), r"expected values of shape \(n, 13\)"),
+        (np.full((2, 13), np.inf), "expected finite values"),
+    ],
+)
+def test_values_that_do_not_fit_the_mesh(values, message):
+    with pytest.raises(ValueError, match=message):
+        Path(MIXED, values)

@@ -1,0 +1,89 @@
+"""Events, states and problems: what they hold, and what they refuse."""
+
+import numpy as np
+import pytest
+
+from actionopt.problem import Event, Problem, State
+from actionopt.system import System
+
+
+def free(q, v, t, *, m):
+    return m * (v[0] ** 2 + v[1] ** 2) / 2
+
+
+plane = System(free, ("x", "y"), parameters={"m": 2.0})
+circle = System(
+    free,
+    ("x", "y"),
+    parameters={"m": 2.0, "r": 1.0},
+    constraint=lambda q, t, *, r: q[0] ** 2 + q[1] ** 2 - r**2,
+)
+START, END = Event(0.0, [0.0, 1.0]), Event(2.0, [1.0, 0.0])
+
+
+def test_events_hold_plain_numbers_and_know_what_is_free():
+    event = Event(np.float64(1), np.array([2, 3]))
+    assert event.t == 1.0
+    assert event.q == (2.0, 3.0)
+    assert Event(0.0, [None, 1.0, None]).pinned == (1,)
+    assert Event(0.0, 0.5).q == (0.5,)
+
+
+def test_states_are_read_only_vectors():
+    state = State(0.0, [1.0, 2.0], [3.0, 4.0])
+    assert state.q.shape == state.v.shape == (2,)
+    with pytest.raises(ValueError, match="read-only"):
+        state.q[0] = 0.0
+
+
+def test_a_problem_has_every_parameter_and_derives_nothing():
+    problem = Problem(plane, START, END, parameters={"m": 5.0})
+    assert problem.parameters == {"m": 5.0}
+    assert problem.duration == 2.0
+    assert plane.parameters == {"m": 2.0}
+    assert plane.derived == ()
+
+
+def test_scales_come_from_the_events_and_are_never_zero():
+    assert Problem(plane, Event(0, [0, -3]), Event(1, [0.5, 1])).scales.tolist() == [0.5, 3.0]
+    assert Problem(plane, Event(0, [0, -3]), Event(1, [0, None])).scales.tolist() == [3.0, 3.0]
+    assert Problem(plane, Event(0, [0, 0]), Event(1, [0, 0])).scales.tolist() == [1.0, 1.0]
+
+
+def test_events_on_the_surface_pass_in_any_unit():
+    for r in (1e-10, 1.0, 1e11):
+        Problem(circle, Event(0, [0, r]), Event(1, [r * 0.6, -r * 0.8]), parameters={"r": r})
+
+
+def test_a_free_coordinate_leaves_the_constraint_to_decide():
+    Problem(circle, START, Event(1, [0.6, None]))
+
+
+@pytest.mark.parametrize("r", [1e-10, 1.0, 1e11])
+def test_events_off_the_surface_are_refused_in_any_unit(r):
+    with pytest.raises(ValueError, match=r"end event on the constraint surface.*constraint row 0"):
+        Problem(circle, Event(0, [0, r]), Event(1, [r * 0.6, -r * 0.801]), parameters={"r": r})
+
+
+@pytest.mark.parametrize(
+    ("build", "message"),
+    [
+        (lambda: Event("noon", [0]), "expected a number for the time of an event, found 'noon'"),
+        (lambda: Event(np.inf, [0]), "finite number for the time of an event"),
+        (lambda: Event(0, [0, np.nan]), "finite number for coordinate 1 of an event"),
+        (lambda: Event(0, [[0, 1]]), "number for coordinate 0 of an event"),
+        (lambda: State(0, [0, 1], [0]), "q and v of one shape"),
+        (lambda: State(0, [np.nan], [0]), r"finite q of shape \(n,\)"),
+        (lambda: Problem(plane, Event(0, [0]), END), r"2 coordinates \(x, y\) at the start"),
+        (lambda: Problem(plane, START, Event(1, [0, 0, 0])), r"2 coordinates \(x, y\) at the end"),
+        (lambda: Problem(plane, START, (1, [0, 0])), r"expected an Event\(t, q\) as the end"),
+        (lambda: Problem(plane, END, START), "end event after the start event"),
+        (lambda: Problem(plane, START, Event(0, [1, 1])), "end event after the start event"),
+        (lambda: Problem(plane, START, END, parameters={"n": 1}), "unknown parameter 'n'"),
+        (lambda: Problem(plane, START, END, parameters={"mm": 1}), "did you mean 'm'"),
+        (lambda: Problem(plane, START, END, parameters={"m": np.nan}), "finite parameter 'm'"),
+    ],
+)
+def test_bad_input_says_what_is_wrong(build, message):
+    with pytest.raises(ValueError, match=message):
+        build()
