@@ -1,0 +1,69 @@
+"""Named examples: a problem, what is known exactly about it, its source and how to draw it.
+
+One file a scene; the catalogue is the list of the files. A scene's file is imported when the
+scene is asked for, and its system is derived once: `get` with other numbers reuses it.
+
+>>> scene = get("projectile", duration=2.0)
+>>> scene.problem.duration, scene.exact(1.0).shape
+(2.0, (2,))
+"""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import pkgutil
+from typing import Any
+
+from actionopt.scenes._scene import Scene
+from actionopt.scenes._shapes import Shape
+from actionopt.tracing import suggestion
+
+__all__ = ["SCENES", "Scene", "Shape", "get", "parameters", "title"]
+
+SCENES: tuple[str, ...] = tuple(
+    sorted(m.name for m in pkgutil.iter_modules(__path__) if not m.name.startswith("_"))
+)
+
+
+def get(name: str, **parameters: Any) -> Scene:
+    """Return the scene `name`, with its own parameters where none are given.
+
+    Raises
+    ------
+    ValueError
+        If there is no such scene or it has no such parameter (the nearest name is suggested),
+        or the values do not make sense for it.
+    """
+    build = _module(name).scene
+    known = _defaults(build)
+    for key in parameters:
+        if key not in known:
+            raise ValueError(
+                f"scene {name!r} has no parameter {key!r}; its parameters are "
+                f"{', '.join(known)}{suggestion(key, known)}"
+            )
+    return build(**parameters)
+
+
+def parameters(name: str) -> dict[str, Any]:
+    """Return the parameters of the scene `name` and their defaults, deriving nothing."""
+    return _defaults(_module(name).scene)
+
+
+def title(name: str) -> str:
+    """Return the scene's title, one line, deriving nothing."""
+    return _module(name).TITLE
+
+
+def _defaults(build) -> dict[str, Any]:
+    return {key: p.default for key, p in inspect.signature(build).parameters.items()}
+
+
+def _module(name: str):
+    if name not in SCENES:
+        raise ValueError(
+            f"unknown scene {name!r}{suggestion(str(name), SCENES)}; "
+            f"the scenes are {', '.join(SCENES)}"
+        )
+    return importlib.import_module(f"{__name__}.{name}")

@@ -1,0 +1,80 @@
+"""The vocabulary of pictures: a few plane shapes as data, for any plotter to draw.
+
+`draw(q, t)` of a scene returns them back to front, the same ones in the same order at every
+time: so the k-th body's points at successive times are its trail.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from actionopt.quadrature import Array
+
+KINDS = ("body", "rod", "spring", "ground")
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A point or a polyline in the plane, x to the right and y up.
+
+    Parameters
+    ----------
+    kind : str
+        "body", a point mass; "rod", a rigid polyline; "spring", a spring between two points;
+        "ground", scenery: a surface, a wall, an axis, a centre of force.
+    points : (2, P) array
+        Its P points in the scene's unit of length; P is 1 for a body and 2 for a spring.
+
+    Raises
+    ------
+    ValueError
+        For an unknown kind or points that do not fit it.
+    """
+
+    kind: str
+    points: Array
+
+    def __post_init__(self) -> None:
+        points = np.asarray(self.points, dtype=float)
+        wanted = {"body": (2, 1), "spring": (2, 2)}.get(self.kind, (2, *points.shape[1:]))
+        if self.kind not in KINDS or points.ndim != 2 or points.shape != wanted:
+            raise ValueError(
+                f"expected a shape of kind {', '.join(KINDS)} with points of shape (2, P), one "
+                f"for a body, two for a spring; found {self.kind!r} with {points.shape}"
+            )
+        object.__setattr__(self, "points", points)
+
+
+def body(point: ArrayLike) -> Shape:
+    """Return a point mass at (x, y)."""
+    return Shape("body", np.reshape(point, (2, 1)))
+
+
+def rod(*points: ArrayLike) -> Shape:
+    """Return a rigid polyline through the points."""
+    return Shape("rod", np.transpose(points))
+
+
+def spring(a: ArrayLike, b: ArrayLike) -> Shape:
+    """Return a spring from a to b."""
+    return Shape("spring", np.transpose([a, b]))
+
+
+def ground(*points: ArrayLike) -> Shape:
+    """Return scenery: a polyline through the points, or a single point."""
+    return Shape("ground", np.transpose(points))
+
+
+def circle(radius: float, center: ArrayLike = (0.0, 0.0), points: int = 61) -> Shape:
+    """Return a circle as scenery."""
+    angle = np.linspace(0.0, 2 * np.pi, points)
+    round_ = radius * np.stack([np.cos(angle), np.sin(angle)])
+    return Shape("ground", np.reshape(center, (2, 1)) + round_)
+
+
+def project(x: float, y: float, z: float) -> Array:
+    """Return the plane point at which a space point is seen: x right, z up, y into the picture."""
+    return np.stack([x + 0.35 * y, z + 0.35 * y])

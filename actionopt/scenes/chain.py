@@ -1,0 +1,138 @@
+r"""Point masses on a string of rigid links, one end held at the origin.
+
+        -----+-----
+              \
+               o
+                \        links all of length l, masses all m
+                 o
+                 |
+                 o
+
+All links have the length l and all masses are m.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+
+import numpy as np
+
+from actionopt.problem import Event, Problem
+from actionopt.quadrature import Array
+from actionopt.scenes._scene import Scene, defaults
+from actionopt.scenes._shapes import body, ground, rod
+from actionopt.system import System
+
+TITLE = "hanging chain of point masses, every link a constraint"
+SOURCE = "Routh, Dynamics of a System of Rigid Bodies, Advanced Part (6th ed. 1905), chapter 13"
+
+
+def lagrangian(q, v, t, *, m, g):
+    """L = sum of m (x'^2 + y'^2) / 2 - m g y, over the masses."""
+    y = q[1::2]
+    return m * (v @ v) / 2 - m * g * np.sum(y)
+
+
+def constraint(q, t, *, l):
+    """Hold f = squared length of each link less l^2, the first from the origin."""
+    x, y = q[0::2], q[1::2]
+    first = x[0] ** 2 + y[0] ** 2 - l**2
+    if len(x.shape) == 0 or x.shape[0] == 1:
+        return [first]
+    return [first, np.diff(x) ** 2 + np.diff(y) ** 2 - l**2]
+
+
+@cache
+def system(links: int) -> System:
+    """Return the system of so many links, derived once for each number."""
+    return System(
+        lagrangian,
+        [f"{axis}{i}" for i in range(1, links + 1) for axis in "xy"],
+        parameters=defaults(scene, "m", "l", "g"),
+        constraint=constraint,
+        name="chain",
+    )
+
+
+def scene(
+    *,
+    links: int = 5,
+    m: float = 1.0,
+    l: float = 0.2,
+    g: float = 9.81,
+    amplitude: float = 0.4,
+    fraction: float = 0.2,
+    start: Sequence[float] | None = None,
+    end: Sequence[float] | None = None,
+) -> Scene:
+    """Swing a chain of `links` links for a `fraction` of its slowest period (`period`, s).
+
+    Coordinates are x1, y1, x2, y2, ... from the origin, y up; m in kg, l in m. `start` and
+    `end` are the links' angles from straight down (rad, one a link). By default they belong to
+    the slowest small oscillation, the last link at `amplitude` (rad) at the start and on its
+    way down. The guess turns every link evenly. Raises ValueError if `links` is not a positive
+    integer or the angles do not fit it.
+    """
+    if links != int(links) or links < 1:
+        raise ValueError(f"expected a positive number of links, found {links!r}")
+    w, shape = slowest(int(links))
+    w = w * np.sqrt(g / l)
+    T = float(fraction * 2 * np.pi / w)
+    first = amplitude * shape if start is None else _angles("start", start, links)
+    last = amplitude * np.cos(w * T) * shape if end is None else _angles("end", end, links)
+
+    def guess(t):
+        s = np.asarray(t, dtype=float) / T
+        angles = np.multiply.outer(first, 1 - s) + np.multiply.outer(last, s)
+        return positions(l, angles)
+
+    def energy(q, v, t):
+        return m * np.sum(v**2, axis=0) / 2 + m * g * np.sum(q[1::2], axis=0)
+
+    def draw(q, t):
+        points = q.reshape(-1, 2)
+        string = rod((0.0, 0.0), *points)
+        return [ground((0.0, 0.0)), string, *(body(point) for point in points)]
+
+    return Scene(
+        Problem(
+            system(int(links)),
+            Event(0.0, positions(l, first)),
+            Event(T, positions(l, last)),
+            parameters={"m": m, "l": l, "g": g},
+        ),
+        TITLE,
+        SOURCE,
+        draw=draw,
+        guess=guess,
+        facts={"period": float(2 * np.pi / w), "conserved": {"energy": energy}},
+    )
+
+
+def positions(l: float, angles: Array) -> Array:
+    """Return x1, y1, x2, y2, ... for the links' angles (N,) or (N, K): (2 N,) or (2 N, K)."""
+    steps = l * np.stack([np.sin(angles), -np.cos(angles)], axis=1)
+    return np.cumsum(steps, axis=0).reshape(-1, *np.shape(angles)[1:])
+
+
+def slowest(links: int) -> tuple[float, Array]:
+    """Return frequency / sqrt(g / l) and shape, last link 1, of the slowest small oscillation.
+
+    Masses below a joint carry it: M_ij = N - max(i, j), K = diag(N - i), i, j = 0 ... N - 1.
+    """
+    i = np.arange(links)
+    root = np.sqrt(links - i)
+    inverse = (links - np.maximum.outer(i, i)) / np.outer(root, root)  # K^-1/2 M K^-1/2
+    values, vectors = np.linalg.eigh(inverse)
+    shape = vectors[:, -1] / root
+    return float(values[-1] ** -0.5), shape / shape[-1]
+
+
+def _angles(role: str, given: Sequence[float], links: int) -> Array:
+    angles = np.asarray(given, dtype=float)
+    if angles.shape != (links,):
+        raise ValueError(
+            f"expected {links} link angles as the {role}, one a link, found shape {angles.shape}"
+        )
+    return angles

@@ -1,0 +1,91 @@
+r"""A mass on a spring in a viscous fluid: a force that no Lagrangian without time gives.
+
+|     ~ ~ ~
+|/\/\/\/\/[ m ] ~          k, drag force -b v
+|     ~ ~ ~ |--> x
+
+The drag is -b x'.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from actionopt.problem import Event, Problem
+from actionopt.scenes._scene import Scene, curve, defaults
+from actionopt.scenes.oscillator import draw, lagrangian
+from actionopt.system import System
+
+TITLE = "oscillator with viscous drag"
+SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.3, eq. (12.3), p. 627"
+
+
+def force(q, v, t, *, b):
+    """Q = -b v."""
+    return [-b * v[0]]
+
+
+@cache
+def system() -> System:
+    """Return the system, derived once."""
+    return System(
+        lagrangian,
+        ["x"],
+        parameters=defaults(scene, "m", "k", "b"),
+        force=force,
+        name="damped_oscillator",
+    )
+
+
+def scene(
+    *,
+    m: float = 1.0,
+    k: float = 1.0,
+    b: float = 0.4,
+    start: float = 1.0,
+    end: float = 0.5,
+    duration: float = 2.5,
+) -> Scene:
+    """Join `start` and `end` (m) in `duration` (s) against the drag b (kg/s), weak or strong.
+
+    Raises ValueError if the damping is critical, b^2 = 4 m k, or the ends are conjugate.
+    """
+    T, decay = duration, b / (2 * m)
+    w = np.emath.sqrt(k / m - decay**2)  # imaginary when overdamped: sines become hyperbolic
+    s = np.sin(w * T)
+    if abs(s) < 1e-12:
+        raise ValueError(
+            "expected no critical damping, b^2 = 4 m k, and a duration that is no multiple of "
+            f"pi / {w}, found b = {b} and duration = {T}; change either slightly"
+        )
+
+    def position(t):
+        swing = start * np.sin(w * (T - t)) + end * np.exp(decay * T) * np.sin(w * t)
+        return np.exp(-decay * t) * np.real(swing / s)
+
+    def velocity(t):
+        turn = -start * np.cos(w * (T - t)) + end * np.exp(decay * T) * np.cos(w * t)
+        return np.exp(-decay * t) * np.real(w * turn / s) - decay * position(t)
+
+    def decaying(q, v, t):
+        return m * v[0] ** 2 / 2 + k * q[0] ** 2 / 2 + b * q[0] * v[0] / 2
+
+    return Scene(
+        Problem(
+            system(), Event(0.0, [start]), Event(T, [end]), parameters={"m": m, "k": k, "b": b}
+        ),
+        TITLE,
+        SOURCE,
+        draw=lambda q, t: draw(q[0], reach=max(abs(start), abs(end))),
+        exact=curve(lambda t: [position(t)]),
+        facts={
+            "velocity": curve(lambda t: [velocity(t)]),
+            "acceleration": lambda q, v, t: -(k * q + b * v) / m,
+            # The energy of x exp(decay t), which is an undamped oscillator of frequency w.
+            "conserved": {
+                "undamped energy": lambda q, v, t: np.exp(2 * decay * t) * decaying(q, v, t)
+            },
+        },
+    )

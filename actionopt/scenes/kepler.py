@@ -1,0 +1,137 @@
+"""A planet on an arc of its ellipse.
+
+    .  -  .
+ .      b    o
+(        *-a-) perihelion on the x axis
+ .     Sun  .
+    '  -  '
+
+The attracting body rests at the origin, the perihelion lies on the x axis.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from actionopt.problem import Event, Problem
+from actionopt.quadrature import Array
+from actionopt.scenes._scene import Scene, curve, defaults
+from actionopt.scenes._shapes import body, ground
+from actionopt.system import System
+
+TITLE = "Kepler ellipse, an arc of it"
+SOURCE = (
+    "Competitive Physics: Mechanics and Waves (2018), section 12.3; Goldstein, Classical "
+    "Mechanics (3rd ed. 2002), sections 3.7-3.9; conjugate points: Jacobi, Vorlesungen ueber "
+    "Dynamik (1866), lecture 6"
+)
+
+
+def lagrangian(q, v, t, *, mu):
+    """L = (vx^2 + vy^2) / 2 + mu / r, for unit mass."""
+    x, y = q
+    vx, vy = v
+    return (vx**2 + vy**2) / 2 + mu / np.sqrt(x**2 + y**2)
+
+
+@cache
+def system() -> System:
+    """Return the system, derived once."""
+    return System(lagrangian, ["x", "y"], parameters=defaults(scene, "mu"), name="kepler")
+
+
+def scene(
+    *,
+    mu: float = 1.0,
+    a: float = 1.0,
+    eccentricity: float = 0.6,
+    start: float = 0.0,
+    fraction: float = 0.4,
+) -> Scene:
+    """Follow an ellipse for a `fraction` of its period, from `start` periods past perihelion.
+
+    mu = G M (m^3/s^2), semi-major axis a (m). The facts have the `period` (s). Raises
+    ValueError unless mu and a are positive and 0 <= eccentricity < 1.
+    """
+    orbit = Ellipse(mu, a, eccentricity, start)
+    T = fraction * orbit.period
+    exact, E = curve(orbit.position), orbit.anomaly(np.array([0.0, T]))
+    times = orbit.conjugate_times()
+    return Scene(
+        Problem(system(), Event(0.0, exact(0.0)), Event(T, exact(T)), parameters={"mu": mu}),
+        TITLE,
+        SOURCE,
+        draw=lambda q, t: [ground((0.0, 0.0)), body(q)],
+        exact=exact,
+        facts={
+            "velocity": curve(orbit.velocity),
+            "acceleration": lambda q, v, t: -mu * q / np.hypot(*q) ** 3,
+            # L = H + 2 mu / r, and r dE = sqrt(mu a) dt, E the eccentric anomaly.
+            "action": orbit.energy * T + 2 * np.sqrt(mu * a) * (E[1] - E[0]),
+            "energy": orbit.energy,
+            "period": orbit.period,
+            "conjugate_times": times,
+            "morse_index": int(np.sum(times < T)),
+            "conserved": {
+                "energy": lambda q, v, t: (v[0] ** 2 + v[1] ** 2) / 2 - mu / np.hypot(*q),
+                "angular momentum": lambda q, v, t: q[0] * v[1] - q[1] * v[0],
+                "Laplace vector, x": lambda q, v, t: (
+                    v[1] * (q[0] * v[1] - q[1] * v[0]) - mu * q[0] / np.hypot(*q)
+                ),
+                "Laplace vector, y": lambda q, v, t: (
+                    -v[0] * (q[0] * v[1] - q[1] * v[0]) - mu * q[1] / np.hypot(*q)
+                ),
+            },
+        },
+    )
+
+
+class Ellipse:
+    """Motion on a Kepler ellipse around the origin; time 0 is `start` periods past perihelion."""
+
+    def __init__(self, mu: float, a: float, eccentricity: float, start: float) -> None:
+        if not (mu > 0 and a > 0 and 0 <= eccentricity < 1):
+            raise ValueError(
+                "expected mu > 0, a > 0 and 0 <= eccentricity < 1 for an ellipse, found "
+                f"mu = {mu}, a = {a}, eccentricity = {eccentricity}"
+            )
+        self.mu, self.a, self.e, self.start = mu, a, eccentricity, start
+        self.b = a * np.sqrt((1 - eccentricity) * (1 + eccentricity))
+        self.mean_motion = float(np.sqrt(mu / a**3))
+        self.period = float(2 * np.pi / self.mean_motion)
+        self.energy = -mu / (2 * a)
+
+    def anomaly(self, t: Array) -> Array:
+        """Return the eccentric anomaly E: E - e sin E = mean anomaly, by Newton's method."""
+        turns = self.start + t / self.period
+        whole = np.round(turns)
+        M = 2 * np.pi * (turns - whole)
+        E = M + 0.85 * self.e * np.sign(M)  # Danby's start: converges from there for all e < 1
+        for _ in range(12):
+            E = E - (E - self.e * np.sin(E) - M) / (1 - self.e * np.cos(E))
+        return E + 2 * np.pi * whole
+
+    def position(self, t: Array) -> tuple[Array, Array]:
+        """Return x, y (m) at the times t (s)."""
+        E = self.anomaly(t)
+        return self.a * (1 - self.e - 2 * np.sin(E / 2) ** 2), self.b * np.sin(E)
+
+    def velocity(self, t: Array) -> tuple[Array, Array]:
+        """Return vx, vy (m/s)."""
+        E = self.anomaly(t)
+        rate = self.mean_motion / (1 - self.e * np.cos(E))
+        return -self.a * np.sin(E) * rate, self.b * np.cos(E) * rate
+
+    def conjugate_times(self) -> Array:
+        """Return the times conjugate to time 0 in the plane, over the first two turns.
+
+        Where the chord through the empty focus meets the ellipse again, tan(E/2) tan(E'/2) =
+        -(1 + e) / (1 - e), and at every full turn, for all ellipses of one energy return.
+        """
+        E = float(self.anomaly(np.array(0.0)))
+        half = np.arctan2(-(1 + self.e) * np.cos(E / 2), (1 - self.e) * np.sin(E / 2))
+        chord = E + (2 * half - E) % (2 * np.pi)
+        first = (chord - self.e * np.sin(chord)) / self.mean_motion - self.start * self.period
+        return np.array([first, self.period, first + self.period, 2 * self.period])

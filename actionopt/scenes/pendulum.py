@@ -1,0 +1,110 @@
+r"""A plane pendulum, by its angle.
+
+        -----+-----
+             |\
+             | \  l
+             |  \
+             |   \
+         theta    o  m         gravity g downward
+
+Gravity g points downward; theta is measured from straight down.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from actionopt.problem import Event, Problem
+from actionopt.scenes._elliptic import complete, jacobi
+from actionopt.scenes._scene import Scene, curve, defaults
+from actionopt.scenes._shapes import body, ground, rod
+from actionopt.system import System
+
+TITLE = "plane pendulum with a large swing"
+SOURCE = (
+    "Competitive Physics: Mechanics and Waves (2018), section 12.4, p. 640; "
+    "Whittaker, Analytical Dynamics (4th ed. 1937), section 44, for the elliptic functions"
+)
+
+
+def lagrangian(q, v, t, *, m, l, g):
+    """L = m (l theta')^2 / 2 + m g l cos theta."""
+    return m * (l * v[0]) ** 2 / 2 + m * g * l * np.cos(q[0])
+
+
+@cache
+def system() -> System:
+    """Return the system, derived once."""
+    return System(lagrangian, ["theta"], parameters=defaults(scene, "m", "l", "g"), name="pendulum")
+
+
+def scene(
+    *,
+    m: float = 1.0,
+    l: float = 1.0,
+    g: float = 9.81,
+    amplitude: float = 0.7916850338091145,
+    since: float = 0.12755488176729738,
+    duration: float = 1.0,
+) -> Scene:
+    """Swing with the given `amplitude` (rad), from `since` (s) after the lowest point upward.
+
+    m in kg, l in m, g in m/s^2. By default from 0.3 to -0.2 rad in one second, as far as
+    rounding lets; the facts have the `period` (s).
+    """
+    theta, rate = motion(g / l, amplitude, since)
+    T, k, w = duration, np.sin(amplitude / 2), np.sqrt(g / l)
+    integral = np.diff(jacobi(w * (since + np.array([0.0, T])), k)[3])[0]
+    exact = curve(lambda t: [theta(t)])
+    energy = -m * g * l * np.cos(amplitude)
+    # T = 2 m g l k^2 cn^2, and k^2 cn^2 = dn^2 - (1 - k^2); S is the integral of 2 T - H.
+    doubled = 4 * m * g * l * (integral / w - (1 - k**2) * T)
+    return Scene(
+        Problem(
+            system(),
+            Event(0.0, exact(0.0)),
+            Event(T, exact(T)),
+            parameters={"m": m, "l": l, "g": g},
+        ),
+        TITLE,
+        SOURCE,
+        draw=lambda q, t: draw(l, q[0]),
+        exact=exact,
+        facts={
+            "velocity": curve(lambda t: [rate(t)]),
+            "acceleration": lambda q, v, t: -(g / l) * np.sin(q),
+            "action": doubled - energy * T,
+            "energy": energy,
+            "period": 4 * complete(k) / w,
+            "conserved": {
+                "energy": lambda q, v, t: m * (l * v[0]) ** 2 / 2 - m * g * l * np.cos(q[0])
+            },
+        },
+    )
+
+
+def motion(stiffness: float, amplitude: float, since: float):
+    """Return theta(t) and theta'(t) of theta'' = -stiffness sin theta, swinging.
+
+    sin(theta / 2) = k sn(w (t + since)), theta' = 2 k w cn, with w^2 = stiffness (1/s^2) and
+    k = sin(amplitude / 2). Raises ValueError unless the amplitude lies between 0 and pi.
+    """
+    if not 0.0 < amplitude < np.pi:
+        raise ValueError(f"expected an amplitude between 0 and pi radians, found {amplitude}")
+    w, k = float(np.sqrt(stiffness)), float(np.sin(amplitude / 2))
+
+    def theta(t):
+        return 2 * np.arcsin(k * jacobi(w * (t + since), k)[0])
+
+    def rate(t):
+        return 2 * k * w * jacobi(w * (t + since), k)[1]
+
+    return theta, rate
+
+
+def draw(l: float, theta: float, pivot=(0.0, 0.0)):
+    """Draw a rod of length l that hangs at `theta` from its pivot."""
+    end = (pivot[0] + l * np.sin(theta), pivot[1] - l * np.cos(theta))
+    return [ground(pivot), rod(pivot, end), body(end)]

@@ -1,0 +1,104 @@
+r"""A block sliding down a wedge that is itself free to slide.
+
+       |\
+       | \ [m]  s: distance down the slope
+       |  \
+       | M \
+       |_____\  angle         x: the wedge's own displacement
+      ~~~~~~~~~~~~~~ no friction
+
+The wedge slides without friction on the ground, as the block does on the wedge.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+
+import numpy as np
+
+from actionopt.problem import Event, Problem
+from actionopt.scenes._scene import Scene, curve, defaults
+from actionopt.scenes._shapes import body, ground, rod
+from actionopt.system import System
+
+TITLE = "block on a movable wedge"
+SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.4, p. 636"
+
+
+def lagrangian(q, v, t, *, m, M, angle, g):
+    """L = (M + m) x'^2 / 2 + m s'^2 / 2 + m x' s' cos(angle) + m g s sin(angle)."""
+    _, s = q
+    u, w = v
+    kinetic = (M + m) * u**2 / 2 + m * w**2 / 2 + m * u * w * np.cos(angle)
+    return kinetic + m * g * s * np.sin(angle)
+
+
+@cache
+def system() -> System:
+    """Return the system, derived once."""
+    return System(
+        lagrangian,
+        ["x", "s"],
+        parameters=defaults(scene, "m", "M", "angle", "g"),
+        name="sliding_wedge",
+    )
+
+
+def scene(
+    *,
+    m: float = 1.0,
+    M: float = 2.0,
+    angle: float = 0.5,
+    g: float = 9.81,
+    start: Sequence[float] = (0.0, 0.0),
+    end: Sequence[float] = (-0.3, 1.5),
+    duration: float = 0.8,
+) -> Scene:
+    """Join two pairs (x, s) (m) in `duration` (s); masses in kg, `angle` of the slope in rad.
+
+    Both accelerations are uniform; the facts have them as `wedge_acceleration` and
+    `block_acceleration` (m/s^2).
+    """
+    T = duration
+    (x0, s0), (x1, s1) = start, end
+    sine, cosine = np.sin(angle), np.cos(angle)
+    ax = -m * g * sine * cosine / (M + m * sine**2)
+    as_ = (M + m) * g * sine / (M + m * sine**2)
+    ux, us = (x1 - x0) / T - ax * T / 2, (s1 - s0) / T - as_ * T / 2
+
+    def energy(q, v, t):
+        kinetic = (M + m) * v[0] ** 2 / 2 + m * v[1] ** 2 / 2 + m * v[0] * v[1] * cosine
+        return kinetic - m * g * q[1] * sine
+
+    def draw(q, t):
+        x, s = q
+        base = 1.25 * max(abs(s0), abs(s1)) * cosine
+        top = np.array([x, base * np.tan(angle)])
+        wedge = rod((x, 0.0), top, (x + base, 0.0), (x, 0.0))
+        return [ground((-base, 0.0), (2 * base, 0.0)), wedge, body(top + s * slope)]
+
+    slope = np.array([cosine, -sine])
+    return Scene(
+        Problem(
+            system(),
+            Event(0.0, start),
+            Event(T, end),
+            parameters={"m": m, "M": M, "angle": angle, "g": g},
+        ),
+        TITLE,
+        SOURCE,
+        draw=draw,
+        exact=curve(lambda t: (x0 + ux * t + ax * t**2 / 2, s0 + us * t + as_ * t**2 / 2)),
+        facts={
+            "velocity": curve(lambda t: (ux + ax * t, us + as_ * t)),
+            "acceleration": lambda q, v, t: np.stack([0 * v[0] + ax, 0 * v[1] + as_]),
+            "morse_index": 0,
+            "wedge_acceleration": ax,
+            "block_acceleration": as_,
+            "conserved": {
+                "horizontal momentum": lambda q, v, t: (M + m) * v[0] + m * v[1] * cosine,
+                "energy": energy,
+            },
+        },
+    )
