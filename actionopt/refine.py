@@ -89,6 +89,8 @@ def _cheapest(degrees: NDInt, found: Resolution, target: float, n: int) -> tuple
     # |c_k| ~ amplitude exp(-rate k), known at k = d + 1.
     amplitude = np.log(found.omitted / target)[:, None] + rate * (degrees[:, None] + 1)
     need = np.ceil(amplitude / faster).astype(int)
+    # A prediction downwards is extrapolated far: give back at most a third of the degree.
+    need[:, 0] = np.maximum(need[:, 0], np.ceil(degrees * (2 / 3)).astype(int))
     usable = need <= HIGHEST
     need = np.clip(need, LOWEST, HIGHEST)
     price = SPLITS * (need * (need + 2.0) * (need + 4.0 / n + 4.0))

@@ -29,7 +29,9 @@ from actionopt.transcription import Transcription, find
 
 Guess = Path | Solution | Callable[[Array], ArrayLike] | ArrayLike
 
-COARSE = (4, 6)  # elements and degree on which a path is first sought
+COARSE_ELEMENTS = (4, 8, 16, 32, 64)  # on which a path is first sought, one after the other
+COARSE_DEGREE = 6
+ROUGHLY = 2e-2  # omitted coefficients below which a coarse path is worth refining
 ROUNDS = 12
 SAFETY = 4.0  # between the measured error of the last round and the estimate for the next
 UNKNOWN_GAIN = 10.0  # assumed ratio of global to local error before any was measured
@@ -98,8 +100,11 @@ class _Run:
     principle: str
     given: Mesh | None
     curve: Callable[[Mesh], Path] | None
+    linear: bool = field(init=False)
+    sizes: Array = field(init=False)
     tr: Transcription = field(init=False)
     z: Array = field(init=False)
+    diverged: bool = False
     rung: str = ""
     gain: float = UNKNOWN_GAIN
     noise: float = 0.0
@@ -118,41 +123,69 @@ class _Run:
         for name in ("first", "second"):
             system.pointwise(name)
         self.time["derive"] += perf_counter() - clock
-        self.sizes = self.problem.scales
         if self.linear:
-            self.rung = "linear"
-            self._place(self.given or self._coarse(), None)
-            if not self._follow():
-                return Status.DEGENERATE
-        elif self.curve is not None:
-            self.rung = "guess"
-            first = self.curve(self._coarse())
-            self._place(first.mesh, first)
-            if not self._follow() and not self._find("stationary"):
-                return Status.NOT_FOUND
-        else:
-            self._place(self._coarse(), None)
-            status = self._search()
-            if status is not None:
-                return status
-        return self._certify(self._settle())
+            return self._certify(self._solve_linear())
+        if self.curve is not None:
+            return self._certify(self._near_guess())
+        status = Status.NOT_FOUND
+        if self.principle != "stationary" and not system.structure.forced:
+            status = self._try("least", "least")
+            if status.success or status is Status.FLOOR or self.principle == "least":
+                return self._certify(status)
+        # Past a conjugate point the path is a saddle, and minimising runs away from it.
+        return self._try("stationary", "stationary")
 
-    def _coarse(self) -> Mesh:
+    def _try(self, rung: str, principle: Literal["least", "stationary"]) -> Status:
+        """Seek a path by `principle`, on finer and finer meshes until one resolves it roughly.
+
+        A mesh too coarse for the motion has stationary points of its own that are no paths, or
+        holds a path where it should not be: such a path does not settle under refinement. Its
+        successor on a mesh twice as fine starts from it, a wild one from the straight line.
+        """
+        self.rung = rung
+        self.rounds.clear()
+        status, known = Status.NOT_FOUND, None
+        for elements in COARSE_ELEMENTS:
+            self.sizes = self.problem.scales
+            self.gain, self.error = UNKNOWN_GAIN, np.inf
+            self._place(self._coarse(elements), known)
+            if not self._find(principle):
+                if self.diverged:
+                    return Status.UNBOUNDED
+                known = None
+                continue
+            known = self.path()
+            if self.resolution().worst > ROUGHLY:
+                continue
+            status = self._settle()
+            if status is not Status.UNRESOLVED:
+                break
+        return status
+
+    def _near_guess(self) -> Status:
+        """Follow the guess, or ask Ipopt for the stationary path near it."""
+        self.rung = "guess"
+        assert self.curve is not None
+        status = Status.NOT_FOUND
+        for elements in COARSE_ELEMENTS[1:]:
+            curve = self.curve(self._coarse(elements))
+            self.sizes = _sizes(curve.values.T, self.problem.scales)
+            self._place(curve.mesh, curve)
+            if self._follow() or self._find("stationary"):
+                status = self._settle()
+                if status is not Status.UNRESOLVED:
+                    break
+        return status
+
+    def _coarse(self, elements: int) -> Mesh:
         problem = self.problem
-        return Mesh.uniform(problem.start.t, problem.end.t, *COARSE)
+        return Mesh.uniform(problem.start.t, problem.end.t, elements, COARSE_DEGREE)
 
-    def _search(self) -> Status | None:
-        """Find a first path from the straight line; return a status only if there is none."""
-        if self.principle != "stationary" and not self.problem.system.structure.forced:
-            self.rung = "least"
-            if self._find("least"):
-                return None
-            if self.principle == "least":
-                return Status.UNBOUNDED if self.diverged else Status.NOT_FOUND
-        # Past a conjugate point the path is a saddle and minimising runs away from it.
-        self.rung = "stationary"
-        self.z = self.tr.pack(self.tr.straight())
-        return None if self._find("stationary") else Status.NOT_FOUND
+    def _solve_linear(self) -> Status:
+        self.rung = "linear"
+        self.sizes = self.problem.scales
+        self._place(self.given or self._coarse(COARSE_ELEMENTS[0]), None)
+        return self._settle() if self._follow() else Status.DEGENERATE
 
     def _settle(self) -> Status:
         """Carry the path from mesh to mesh until the tolerance is met or cannot be."""

@@ -177,7 +177,7 @@ class _Solver:
         return (0.0,)
 
 
-def find(tr: Transcription, z: Array, principle: Principle, iterations: int = 200) -> Attempt:
+def find(tr: Transcription, z: Array, principle: Principle, iterations: int = 300) -> Attempt:
     """Ask Ipopt for a path near z by the `principle`, in at most `iterations` iterations.
 
     Raises
