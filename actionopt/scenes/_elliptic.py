@@ -17,8 +17,9 @@ def _means(k: float) -> list[tuple[float, float]]:
         raise ValueError(f"expected an elliptic modulus k between 0 and 1, found {k}")
     a, b, c = 1.0, float(np.sqrt((1.0 - k) * (1.0 + k))), float(k)
     rows = [(a, c)]
-    while c > 1e-17:  # c falls quadratically: a handful of rows
-        a, b, c = (a + b) / 2, float(np.sqrt(a * b)), (a - b) / 2
+    while c > 1e-17:
+        a, b = (a + b) / 2, float(np.sqrt(a * b))
+        c = c * c / (4 * a)  # half the difference of the last a and b, free of cancellation
         rows.append((a, c))
     return rows
 

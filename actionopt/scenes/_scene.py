@@ -7,8 +7,8 @@ These names mean the same in every scene; K times, n coordinates, m constraint r
 `velocity`         function of t: the velocity along `exact`, (n, K) or (n,)
 `action`           number: S along `exact` between the events
 `energy`           number: the energy function H along `exact`
-`conjugate_times`  row of times: the first ones conjugate to the start along `exact`, whether or
-                   not they come before the end
+`conjugate_times`  row of times: the first ones conjugate to the start along `exact`, before the
+                   end or after it, each as often as its multiplicity
 `morse_index`      integer: number of conjugate times before the end
 `conserved`        mapping from names to functions of (q, v, t) that are constant along every
                    motion, (K,); `energy` among them is T + V, and equal to H

@@ -24,8 +24,8 @@ from actionopt.system import System
 TITLE = "Kepler ellipse, an arc of it"
 SOURCE = (
     "Competitive Physics: Mechanics and Waves (2018), section 12.3; Goldstein, Classical "
-    "Mechanics (3rd ed. 2002), sections 3.7-3.9; conjugate points: Jacobi, Vorlesungen ueber "
-    "Dynamik (1866), lecture 6"
+    "Mechanics (3rd ed. 2002), sections 3.7-3.9; W. B. Gordon, Amer. J. Math. 99 (1977), "
+    "p. 961, for the action"
 )
 
 
@@ -58,7 +58,6 @@ def scene(
     orbit = Ellipse(mu, a, eccentricity, start)
     T = fraction * orbit.period
     exact, E = curve(orbit.position), orbit.anomaly(np.array([0.0, T]))
-    times = orbit.conjugate_times()
     return Scene(
         Problem(system(), Event(0.0, exact(0.0)), Event(T, exact(T)), parameters={"mu": mu}),
         TITLE,
@@ -72,8 +71,9 @@ def scene(
             "action": orbit.energy * T + 2 * np.sqrt(mu * a) * (E[1] - E[0]),
             "energy": orbit.energy,
             "period": orbit.period,
-            "conjugate_times": times,
-            "morse_index": int(np.sum(times < T)),
+            # All ellipses of one energy return together; for fixed times nothing does before.
+            "conjugate_times": np.array([orbit.period]),
+            **({"morse_index": 0} if fraction < 1 else {}),
             "conserved": {
                 "energy": lambda q, v, t: (v[0] ** 2 + v[1] ** 2) / 2 - mu / np.hypot(*q),
                 "angular momentum": lambda q, v, t: q[0] * v[1] - q[1] * v[0],
@@ -123,15 +123,3 @@ class Ellipse:
         E = self.anomaly(t)
         rate = self.mean_motion / (1 - self.e * np.cos(E))
         return -self.a * np.sin(E) * rate, self.b * np.cos(E) * rate
-
-    def conjugate_times(self) -> Array:
-        """Return the times conjugate to time 0 in the plane, over the first two turns.
-
-        Where the chord through the empty focus meets the ellipse again, tan(E/2) tan(E'/2) =
-        -(1 + e) / (1 - e), and at every full turn, for all ellipses of one energy return.
-        """
-        E = float(self.anomaly(np.array(0.0)))
-        half = np.arctan2(-(1 + self.e) * np.cos(E / 2), (1 - self.e) * np.sin(E / 2))
-        chord = E + (2 * half - E) % (2 * np.pi)
-        first = (chord - self.e * np.sin(chord)) / self.mean_motion - self.start * self.period
-        return np.array([first, self.period, first + self.period, 2 * self.period])

@@ -1,0 +1,378 @@
+"""Every scene against its own equations: exact paths are substituted back, never just stored.
+
+Each scene is taken with its defaults and with every number changed, so that no scale hides.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from actionopt import Mesh, Path, scenes
+from actionopt.scenes._elliptic import complete, jacobi
+from actionopt.scenes._scene import MEANINGS
+
+# An interpolant of degree 16 on 16 elements resolves these curves to rounding; its derivative
+# loses about d^2 N = 4e3 units of rounding, and as much again leaves room.
+DERIVATIVE_TOLERANCE = 1e-9
+FORMULA_TOLERANCE = 1e-11  # two formulas for one number, through one matrix solve
+INTEGRATION_TOLERANCE = 1e-8  # a forward integration with tolerance 1e-11
+END_TOLERANCE = 1e-14
+ROWS = [(name, changed) for name in scenes.SCENES for changed in (False, True)]
+
+
+def other_parameters(name):
+    """Change every number of a scene by a few per cent, each by another factor."""
+    result = {}
+    for i, (key, value) in enumerate(scenes.parameters(name).items()):
+        if value is None or isinstance(value, (int, str)):
+            continue
+        number = np.asarray(value, dtype=float)
+        result[key] = np.where(number == 0, 0.03, number * (1.04 + 0.02 * (i % 5)))[()]
+    return result
+
+
+@pytest.fixture(params=ROWS, ids=lambda row: f"{row[0]}-{'changed' if row[1] else 'default'}")
+def scene(request):
+    name, changed = request.param
+    return scenes.get(name, **(other_parameters(name) if changed else {}))
+
+
+@pytest.fixture
+def solved(scene):
+    if scene.exact is None:
+        pytest.skip("no closed form is known")
+    return scene
+
+
+def times(scene, count=41):
+    return np.linspace(scene.problem.start.t, scene.problem.end.t, count)
+
+
+def derivative(scene, curve):
+    """Differentiate a curve numerically at `times`."""
+    mesh = Mesh.uniform(scene.problem.start.t, scene.problem.end.t, 16, 16)
+    return Path.interpolate(curve, mesh).velocity(times(scene))
+
+
+def mismatch(a, b):
+    """Largest difference of two tables, relative to the largest entry of either, at least 1."""
+    size = max(1.0, np.max(np.abs(a), initial=0.0), np.max(np.abs(b), initial=0.0))
+    return np.max(np.abs(a - b), initial=0.0) / size
+
+
+def residual(scene, exact, velocity):
+    """Mismatch of the equations of motion along a curve and its velocity."""
+    t, problem = times(scene), scene.problem
+    acceleration = problem.system.acceleration(
+        exact(t), velocity(t), t, parameters=problem.parameters
+    )
+    return mismatch(acceleration, derivative(scene, velocity))
+
+
+def states(scene):
+    """Return q, v, t along a motion of the scene's system that is not the scene's path."""
+    problem = scene.problem
+    system, values = problem.system, problem.parameters
+    t0, t1 = problem.start.t, problem.start.t + 0.3 * problem.duration
+    q = np.array(problem.start.q)
+    if scene.exact is not None:
+        v = scene.facts["velocity"](t0)
+    else:
+        v = (np.array(problem.end.q) - q) / problem.duration
+    v = 1.1 * v + 0.1 * np.max(np.abs(v)) * np.cos(np.arange(system.n))
+    if system.m:  # onto G v = -df/dt
+        G = system.constraint_jacobian(q, t0, parameters=values)
+        h = 1e-5 * problem.duration
+        ahead, behind = (system.constraint(q, t0 + s, parameters=values) for s in (h, -h))
+        v = v - np.linalg.pinv(G) @ (G @ v + (ahead - behind) / (2 * h))
+
+    def flow(t, y):
+        q, v = np.split(y, 2)
+        return np.concatenate([v, system.acceleration(q, v, t, parameters=values)])
+
+    t = np.linspace(t0, t1, 12)
+    run = solve_ivp(flow, (t0, t1), np.concatenate([q, v]), "DOP853", t, rtol=1e-11, atol=1e-12)
+    return *np.split(run.y, 2), t
+
+
+def test_the_catalogue_is_the_list_of_files():
+    assert {"projectile", "oscillator", "pendulum", "kepler", "chain"} <= set(scenes.SCENES)
+    assert list(scenes.SCENES) == sorted(scenes.SCENES)
+    for name in scenes.SCENES:
+        scene = scenes.get(name)
+        assert scene.name == name
+        assert scene.title == scenes.title(name)
+        assert scene.source and "\n" not in scene.title + scene.source
+
+
+def test_importing_the_catalogue_loads_no_scene_and_no_matplotlib():
+    code = (
+        "import sys, actionopt.scenes as s; "
+        "loaded = [m for m in sys.modules if m.startswith(('actionopt.scenes.', 'matplotlib'))]; "
+        "print(*sorted(m for m in loaded if '._' not in m)); print(len(s.SCENES))"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    listed, count = run.stdout.split("\n")[:2]
+    assert listed == "" and int(count) == len(scenes.SCENES)
+
+
+def test_unknown_names_suggest_the_nearest():
+    with pytest.raises(ValueError, match="did you mean 'pendulum'"):
+        scenes.get("pendulem")
+    with pytest.raises(ValueError, match=r"no parameter 'amplitud'.*did you mean 'amplitude'"):
+        scenes.get("pendulum", amplitud=0.5)
+
+
+def test_other_numbers_reuse_the_derived_system():
+    first = scenes.get("kepler")
+    first.problem.system.acceleration([1.0, 0.0], [0.0, 1.0], 0.0)
+    derived = first.problem.system.derived
+    second = scenes.get("kepler", mu=2.0)
+    assert second.problem.system is first.problem.system
+    assert second.problem.system.derived == derived
+    assert second.problem.parameters["mu"] == 2.0
+    assert (
+        scenes.get("chain", links=3).problem.system is scenes.get("chain", links=3).problem.system
+    )
+
+
+def test_facts_keep_to_their_vocabulary(scene):
+    for name, fact in scene.facts.items():
+        if name not in MEANINGS:
+            assert np.isfinite(fact), name
+    if scene.exact is not None:
+        assert "velocity" in scene.facts
+
+
+def test_exact_passes_through_the_events(solved):
+    for event in (solved.problem.start, solved.problem.end):
+        q = solved.exact(event.t)
+        assert np.max(np.abs(q - event.q)) <= END_TOLERANCE * max(1.0, np.max(np.abs(q)))
+
+
+def test_exact_has_the_shapes_of_a_path(solved):
+    n = solved.problem.system.n
+    for curve in (solved.exact, solved.facts["velocity"]):
+        assert curve(times(solved)).shape == (n, 41)
+        assert curve(solved.problem.end.t).shape == (n,)
+        assert curve(list(times(solved, 3))).shape == (n, 3)
+
+
+def test_velocity_is_the_derivative_of_exact(solved):
+    velocity = solved.facts["velocity"](times(solved))
+    assert mismatch(velocity, derivative(solved, solved.exact)) < DERIVATIVE_TOLERANCE
+
+
+def test_exact_satisfies_the_equations_of_motion(solved):
+    assert residual(solved, solved.exact, solved.facts["velocity"]) < DERIVATIVE_TOLERANCE
+
+
+def test_the_check_of_the_equations_of_motion_sees_a_wrong_curve(solved):
+    span, t0 = solved.problem.duration, solved.problem.start.t
+    n = solved.problem.system.n
+
+    def bend(t):  # a curve that no scene's equations turn into another solution
+        s = (np.asarray(t) - t0) / span
+        return 1e-6 * np.multiply.outer(np.ones(n), s**3 * (1 - s))
+
+    def rate(t):
+        s = (np.asarray(t) - t0) / span
+        return 1e-6 / span * np.multiply.outer(np.ones(n), 3 * s**2 - 4 * s**3)
+
+    velocity = solved.facts["velocity"]
+    wrong = residual(solved, lambda t: solved.exact(t) + bend(t), lambda t: velocity(t) + rate(t))
+    assert wrong > 10 * DERIVATIVE_TOLERANCE
+
+
+def test_exact_stays_on_the_constraints(solved):
+    problem, t = solved.problem, times(solved)
+    f = problem.system.constraint(solved.exact(t), t, parameters=problem.parameters)
+    assert np.max(np.abs(f), initial=0.0) < FORMULA_TOLERANCE
+
+
+def test_equations_of_motion_are_the_book_s(scene):
+    if "acceleration" not in scene.facts:
+        pytest.skip("the book gives none")
+    q, v, t = states(scene)
+    derived = scene.problem.system.acceleration(q, v, t, parameters=scene.problem.parameters)
+    assert mismatch(scene.facts["acceleration"](q, v, t), derived) < FORMULA_TOLERANCE
+
+
+def test_multipliers_are_the_book_s(scene):
+    system = scene.problem.system
+    if "multipliers" not in scene.facts:
+        assert system.m == 0 or scene.exact is None
+        return
+    q, v, t = states(scene)
+    derived = system.multipliers(q, v, t, parameters=scene.problem.parameters)
+    # The states lie off the constraints by what the integration lets them drift.
+    assert mismatch(scene.facts["multipliers"](q, v, t), derived) < INTEGRATION_TOLERANCE
+    if scene.exact is not None:
+        t = times(scene)
+        q, v = scene.exact(t), scene.facts["velocity"](t)
+        derived = system.multipliers(q, v, t, parameters=scene.problem.parameters)
+        assert mismatch(scene.facts["multipliers"](q, v, t), derived) < FORMULA_TOLERANCE
+
+
+def test_conserved_quantities_are_constant_along_a_motion(scene):
+    q, v, t = states(scene)
+    for name, quantity in scene.facts.get("conserved", {}).items():
+        values = quantity(q, v, t)
+        assert values.shape == t.shape, name
+        assert mismatch(values, values[:1]) < INTEGRATION_TOLERANCE, name
+
+
+def test_energy_function(scene):
+    system, values = scene.problem.system, scene.problem.parameters
+    q, v, t = states(scene)
+    H = system.energy(q, v, t, parameters=values)
+    if not system.structure.depends_on_time and not system.structure.forced:
+        assert mismatch(H, H[:1]) < INTEGRATION_TOLERANCE
+    if "energy" in scene.facts.get("conserved", {}):
+        assert mismatch(H, scene.facts["conserved"]["energy"](q, v, t)) < FORMULA_TOLERANCE
+    if "energy" in scene.facts:
+        t = times(scene)
+        H = system.energy(scene.exact(t), scene.facts["velocity"](t), t, parameters=values)
+        assert mismatch(H, np.full_like(H, scene.facts["energy"])) < FORMULA_TOLERANCE
+
+
+def test_action_in_closed_form_is_the_integral_of_the_lagrangian(solved):
+    t = solved.problem.start.t + solved.problem.duration * np.linspace(0, 1, 51)
+    xi, w = np.polynomial.legendre.leggauss(24)
+    nodes = t[:-1, None] + np.diff(t)[:, None] / 2 * (xi + 1)
+    L = solved.problem.system.lagrangian(
+        solved.exact(nodes.ravel()),
+        solved.facts["velocity"](nodes.ravel()),
+        nodes.ravel(),
+        parameters=solved.problem.parameters,
+    )
+    S = np.sum(np.diff(t) / 2 * (L.reshape(nodes.shape) @ w))
+    assert abs(S - solved.action) < FORMULA_TOLERANCE * max(1.0, np.max(np.abs(L)))
+
+
+def test_conjugate_times_are_where_neighbouring_motions_meet(scene):
+    """det dq(t)/dv(0) vanishes there, changes sign where the multiplicity is odd, else nowhere."""
+    if "conjugate_times" not in scene.facts:
+        pytest.skip("not known in closed form")
+    problem = scene.problem
+    system, values, n = problem.system, problem.parameters, problem.system.n
+    listed, multiplicity = np.unique(scene.facts["conjugate_times"], return_counts=True)
+    listed, multiplicity = listed[:3], multiplicity[:3]
+    t0, window = problem.start.t, 1e-4 * listed[0]
+
+    def flow(t, y):
+        q, v = np.split(y.reshape(2 * n, -1), 2)
+        a = system.acceleration(q, v, t, parameters=values)
+        return np.concatenate([v, a]).ravel()
+
+    q, v = scene.exact(t0), scene.facts["velocity"](t0)
+    h = 1e-5 * max(1.0, np.max(np.abs(v)))
+    start = np.concatenate([np.repeat(q[:, None], 2 * n, 1), np.kron(np.eye(n), [h, -h])])
+    start[n:] += v[:, None]
+    coarse = t0 + np.linspace(0.02, 0.99, 200) * (listed[-1] - t0)
+    t = np.unique(np.concatenate([coarse, listed - window, listed, listed + window]))
+    run = solve_ivp(flow, (t0, t[-1]), start.ravel(), "DOP853", t, rtol=1e-10, atol=1e-11)
+    q = run.y.reshape(2, n, n, 2, t.size)[0]
+    det = np.linalg.det(np.moveaxis((q[:, :, 0] - q[:, :, 1]) / (2 * h), -1, 0))
+    assert np.all(np.abs(det[np.isin(t, listed)]) < 1e-3 * np.max(np.abs(det)))
+    away = ~np.isin(t, listed)
+    sign, t = np.sign(det[away]), t[away]
+    changes, odd = t[1:][sign[1:] != sign[:-1]], listed[multiplicity % 2 == 1]
+    assert changes.shape == odd.shape and np.all(np.abs(changes - odd) <= 1.01 * window)
+    if "morse_index" in scene.facts:
+        inside = scene.facts["conjugate_times"] < problem.end.t
+        assert scene.facts["morse_index"] == np.sum(inside)
+
+
+def test_start_is_on_the_motion(scene):
+    if "start" not in scene.facts:
+        pytest.skip("no state is stated")
+    state, problem = scene.facts["start"], scene.problem
+
+    def flow(t, y):
+        q, v = np.split(y, 2)
+        return np.concatenate([v, problem.system.acceleration(q, v, t)])
+
+    y = np.concatenate([state.q, state.v])
+    run = solve_ivp(flow, (state.t, problem.end.t), y, "DOP853", rtol=1e-12, atol=1e-13)
+    assert np.max(np.abs(state.q - problem.start.q)) <= END_TOLERANCE
+    assert mismatch(run.y[: problem.system.n, -1], np.array(problem.end.q)) < INTEGRATION_TOLERANCE
+
+
+def test_twins_follow_one_path_and_their_actions_differ_by_the_gauge(scene):
+    if "twin" not in scene.facts:
+        pytest.skip("no twin")
+    twin_name = scene.facts["twin"]
+    changed = scene.problem.start.q != scenes.get(scene.name).problem.start.q
+    twin = scenes.get(twin_name, **(other_parameters(twin_name) if changed else {}))
+    t = times(scene)
+    assert mismatch(scene.exact(t), twin.exact(t)) < FORMULA_TOLERANCE
+    ends = np.array([scene.problem.start.t, scene.problem.end.t])
+    F = scene.facts["gauge"](scene.exact(ends), ends)
+    assert abs(scene.action - twin.action - (F[1] - F[0])) < FORMULA_TOLERANCE
+
+
+def test_guess_joins_the_events_on_the_constraints(scene):
+    if scene.guess is None:
+        pytest.skip("the straight line will do")
+    problem, t = scene.problem, times(scene)
+    q = scene.guess(t)
+    assert q.shape == (problem.system.n, 41)
+    assert np.max(np.abs(q[:, [0, -1]].T - [problem.start.q, problem.end.q])) < END_TOLERANCE
+    f = problem.system.constraint(q, t, parameters=problem.parameters)
+    assert np.max(np.abs(f), initial=0.0) < FORMULA_TOLERANCE
+
+
+def test_pictures_keep_their_shapes(scene):
+    first = scene.draw(np.array(scene.problem.start.q), scene.problem.start.t)
+    last = scene.draw(np.array(scene.problem.end.q), scene.problem.end.t)
+    assert [s.kind for s in first] == [s.kind for s in last]
+    assert any(s.kind == "body" for s in first)
+    moved = False
+    for a, b in zip(first, last, strict=True):
+        assert a.points.shape == b.points.shape
+        assert np.all(np.isfinite(a.points)) and np.all(np.isfinite(b.points))
+        moved = moved or not np.array_equal(a.points, b.points)
+    assert moved
+
+
+def test_shapes_refuse_what_they_cannot_hold():
+    with pytest.raises(ValueError, match="one for a body"):
+        scenes.Shape("body", np.zeros((2, 2)))
+    with pytest.raises(ValueError, match="found 'rope'"):
+        scenes.Shape("rope", np.zeros((2, 2)))
+
+
+@pytest.mark.parametrize("k", [1e-3, 0.4, 0.99])
+def test_elliptic_functions_satisfy_their_definitions(k):
+    u = np.linspace(-3, 7, 81)
+    sn, cn, dn, integral = jacobi(u, k)
+    assert np.max(np.abs(sn**2 + cn**2 - 1)) < END_TOLERANCE
+    assert np.max(np.abs(dn**2 + k**2 * sn**2 - 1)) < END_TOLERANCE
+    path = Path.interpolate(lambda u: jacobi(u, k), Mesh.uniform(-3, 7, 16, 16))
+    slopes = np.stack([cn * dn, -sn * dn, -(k**2) * sn * cn, dn**2])
+    assert mismatch(path.velocity(u), slopes) < DERIVATIVE_TOLERANCE
+    sn, cn, _, _ = jacobi(complete(k), k)
+    assert abs(sn - 1) < END_TOLERANCE and abs(cn) < 10 * END_TOLERANCE
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters", "words"),
+    [
+        ("oscillator", {"duration": np.pi}, "conjugate"),
+        ("oscillating_wall", {"w": 2.0}, "resonance"),
+        ("damped_oscillator", {"b": 2.0}, "critical"),
+        ("pendulum", {"amplitude": 4.0}, "amplitude"),
+        ("kepler", {"eccentricity": 1.0}, "ellipse"),
+        ("chain", {"links": 0}, "links"),
+        ("chain", {"start": [0.1, 0.2]}, "one a link"),
+    ],
+)
+def test_values_that_make_no_sense_are_refused(name, parameters, words):
+    with pytest.raises(ValueError, match=words):
+        scenes.get(name, **parameters)
