@@ -1,0 +1,242 @@
+"""The command `actionopt`: list the scenes, solve one of them or a problem of the user's own."""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import inspect
+import json
+import math
+import runpy
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+from actionopt import __version__
+
+if TYPE_CHECKING:
+    from actionopt.problem import Problem
+    from actionopt.scenes import Scene
+    from actionopt.solution import Solution
+
+ABOUT = "A Lagrangian and two events in, the path of stationary action between them out."
+FILE_HELP = """\
+A file of your own is plain Python that defines `problem` (or `scene`): a Problem, a Scene, or a
+function of keyword parameters that returns one. --set overrides physical parameters of the first
+two and passes keywords to the last.
+
+  actionopt solve pendulum --set g=1.62 --plot pendulum.png
+  actionopt solve kepler --tol 1e-12 --json
+  actionopt solve my_scene.py --set "masses=[1, 2]" --save path.npz
+"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command with `arguments` (by default those of the process); return its exit code.
+
+    0 for success, 1 for a failure, whose message goes to the standard error, 2 for arguments
+    that make no sense, 130 if interrupted.
+    """
+    options = _parser().parse_args(arguments)
+    try:
+        return options.run(options)
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        return 130
+    except (ValueError, RuntimeError, OSError, ArithmeticError) as error:
+        print(f"actionopt: {error}", file=sys.stderr)
+        return 1
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="actionopt", description=ABOUT)
+    parser.add_argument("--version", action="version", version=f"actionopt {__version__}")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    command = commands.add_parser("list", help="name the scenes")
+    command.set_defaults(run=_list)
+    command = commands.add_parser(
+        "solve",
+        help="solve a scene or a file",
+        description="Solve a scene or a file, and compare the path with forward integration.",
+        epilog=FILE_HELP,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    command.set_defaults(run=_solve)
+    add = command.add_argument
+    add("scene", metavar="SCENE|FILE.py", help="name of a scene, or a Python file")
+    add("--tol", type=float, default=1e-8, help="bound on the relative error of the path (1e-8)")
+    add("--set", type=_setting, action="append", default=[], metavar="NAME=VALUE", dest="settings")
+    add("--principle", choices=("auto", "least", "stationary"), default="auto")
+    add("--plot", metavar="FILE", help="draw the path and the deviation (png, pdf, svg, ...)")
+    add("--save", metavar="FILE.npz", help="write the solution")
+    add("--json", action="store_true", help="print JSON instead of a table")
+    add("--no-compare", action="store_false", dest="compare", help="no forward integration")
+    return parser
+
+
+def _setting(text: str) -> tuple[str, Any]:
+    name, equals, value = text.partition("=")
+    try:
+        if not (equals and name.isidentifier()):
+            raise ValueError
+        return name, ast.literal_eval(value.strip())
+    except (ValueError, SyntaxError) as error:
+        raise argparse.ArgumentTypeError(
+            f"expected NAME=VALUE with a number, a list or None as the value, found {text!r}"
+        ) from error
+
+
+# -- list ------------------------------------------------------------------------------------
+
+
+def _list(options: argparse.Namespace) -> int:
+    from actionopt import scenes
+
+    rows = []
+    for name in scenes.SCENES:
+        scene = scenes.get(name)
+        system = scene.problem.system
+        rows.append((name, scene.title, _some(system.coordinates), str(system.m or "")))
+    _print_table([("scene", "what it is", "coordinates", "constraints"), *rows])
+    return 0
+
+
+def _some(names: Sequence[str], most: int = 4) -> str:
+    """Return the names, those in the middle of a long row left out."""
+    shown = names if len(names) <= most else (*names[: most - 1], "...", names[-1])
+    return ", ".join(shown)
+
+
+# -- solve -----------------------------------------------------------------------------------
+
+
+def _solve(options: argparse.Namespace) -> int:
+    from actionopt.solve import solve
+
+    problem, guess = _question(options.scene, dict(options.settings))
+    solution = solve(problem, tol=options.tol, guess=guess, principle=options.principle)
+    found = report(solution, compare=options.compare)
+    if options.save:
+        solution.save(options.save)
+    if options.plot:
+        from actionopt import plot
+
+        plot.save(solution, options.plot, compare=options.compare)
+    if options.json:
+        print(json.dumps(_plain(found), indent=2, allow_nan=False))
+    else:
+        _print_report(found)
+    return 0
+
+
+def _question(name: str, settings: dict[str, Any]) -> tuple[Problem, Any]:
+    """Return the problem of a scene or of a user's file, and a guess if it has one."""
+    from actionopt import scenes
+
+    if name.endswith(".py"):
+        found = _from_file(Path(name), settings)
+    else:
+        found = scenes.get(name, **settings)
+    return (found.problem, found.guess) if isinstance(found, scenes.Scene) else (found, None)
+
+
+def _from_file(file: Path, settings: dict[str, Any]) -> Problem | Scene:
+    from actionopt.problem import Problem
+    from actionopt.scenes import Scene
+
+    if not file.is_file():
+        raise ValueError(f"expected a Python file, found no file {str(file)!r}")
+    sys.path.insert(0, str(file.parent))  # as `python file` does, for its neighbours
+    try:
+        defined = runpy.run_path(str(file))
+        found = defined.get("problem", defined.get("scene"))
+        if inspect.isfunction(found):
+            found, settings = found(**settings), {}
+    except Exception as error:
+        raise ValueError(f"{file}: {type(error).__name__}: {error}") from error
+    finally:
+        sys.path.pop(0)
+    if not isinstance(found, (Problem, Scene)):
+        raise ValueError(
+            f"expected {file} to define `problem` or `scene`, a Problem, a Scene or a function "
+            f"that returns one, found {'neither' if found is None else repr(found)}"
+        )
+    if not settings:
+        return found
+    asked = found.problem if isinstance(found, Scene) else found
+    return Problem(
+        asked.system, asked.start, asked.end, parameters={**asked.parameters, **settings}
+    )
+
+
+def report(solution: Solution, *, compare: bool = True) -> dict[str, Any]:
+    """Return what is worth knowing of a solution as plain data; `--json` prints it.
+
+    The forward deviation and the energy drift need the forward integration, and are left out
+    if `compare` is False.
+    """
+    found: dict[str, Any] = {
+        "name": solution.problem.system.name,
+        "verdict": solution.status.value,
+        "action": solution.action,
+        "error": solution.error,
+        "mesh": {"elements": solution.mesh.elements, "degrees": solution.mesh.degrees},
+        **solution.stats,
+    }
+    if compare:
+        clock = perf_counter()
+        comparison = solution.compare()
+        names = ("position", "velocity", "energy_drift", "reference_error")
+        found["forward"] = {name: getattr(comparison, name) for name in names}
+        found["time"] = found["time"] | {"compare": perf_counter() - clock}
+    return found
+
+
+def _print_report(found: dict[str, Any]) -> None:
+    rows = [("action", f"{found['action']:.12g}"), ("error estimate", f"{found['error']:.1e}")]
+    if "forward" in found:
+        forward = found["forward"]
+        rows += [
+            (
+                "forward deviation",
+                f"{forward['position']:.1e}, the integration itself uncertain by "
+                f"{forward['reference_error']:.1e}",
+            ),
+            ("energy drift", f"{forward['energy_drift']:.1e}"),
+        ]
+    degrees = found["mesh"]["degrees"]
+    span = f"{min(degrees)} to {max(degrees)}" if min(degrees) < max(degrees) else f"{degrees[0]}"
+    iterations = (f"{count} {who}" for who, count in found["iterations"].items())
+    times = (f"{what} {_seconds(t)}" for what, t in found["time"].items() if what != "total")
+    rows += [
+        ("unknowns", f"{found['unknowns']}, and {found['rows']} constraint rows"),
+        ("mesh", f"{found['mesh']['elements']} elements of degree {span}"),
+        ("iterations", ", ".join(iterations)),
+        ("time", ", ".join(times)),
+    ]
+    print(f"{found['name'] or 'problem'}: {found['verdict']}")
+    _print_table(rows)
+
+
+def _print_table(rows: Sequence[Sequence[str]]) -> None:
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        cells = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))
+        print("  ".join(cells).rstrip())
+
+
+def _seconds(time: float) -> str:
+    return f"{time:.3g} s" if time >= 1 else f"{1e3 * time:.3g} ms"
+
+
+def _plain(value: Any) -> Any:
+    """Return `value` as JSON has it: no numpy types, null for what is not finite."""
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if hasattr(value, "tolist"):
+        return _plain(value.tolist())
+    return None if isinstance(value, float) and not math.isfinite(value) else value
