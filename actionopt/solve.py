@@ -18,8 +18,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from actionopt.continuation import release
 from actionopt.newton import Followed, follow
 from actionopt.path import Mesh, Path
+from actionopt.preflight import check, project
 from actionopt.problem import Problem, State
 from actionopt.quadrature import Array
 from actionopt.refine import Resolution, refined, resolution
@@ -104,6 +106,7 @@ class _Run:
     sizes: Array = field(init=False)
     tr: Transcription = field(init=False)
     z: Array = field(init=False)
+    checked: bool = False
     diverged: bool = False
     rung: str = ""
     gain: float = UNKNOWN_GAIN
@@ -129,14 +132,18 @@ class _Run:
             return self._certify(self._near_guess())
         status = Status.NOT_FOUND
         if self.principle != "stationary" and not system.structure.forced:
-            status = self._try("least", "least")
+            status = self._try("least")
             if status.success or status is Status.FLOOR or self.principle == "least":
                 return self._certify(status)
         # Past a conjugate point the path is a saddle, and minimising runs away from it.
-        return self._try("stationary", "stationary")
+        for rung in ("stationary", "continuation"):
+            status = self._try(rung)
+            if status not in (Status.NOT_FOUND, Status.UNRESOLVED):
+                break
+        return status
 
-    def _try(self, rung: str, principle: Literal["least", "stationary"]) -> Status:
-        """Seek a path by `principle`, on finer and finer meshes until one resolves it roughly.
+    def _try(self, rung: str) -> Status:
+        """Seek a path on finer and finer meshes until one resolves it roughly.
 
         A mesh too coarse for the motion has stationary points of its own that are no paths, or
         holds a path where it should not be: such a path does not settle under refinement. Its
@@ -149,13 +156,13 @@ class _Run:
             self.sizes = self.problem.scales
             self.gain, self.error = UNKNOWN_GAIN, np.inf
             self._place(self._coarse(elements), known)
-            if not self._find(principle):
+            if not (self._release() if rung == "continuation" else self._find(rung)):
                 if self.diverged:
                     return Status.UNBOUNDED
                 known = None
                 continue
-            known = self.path()
             if self.resolution().worst > ROUGHLY:
+                known = self.path() if rung == "least" else None
                 continue
             status = self._settle()
             if status is not Status.UNRESOLVED:
@@ -237,12 +244,17 @@ class _Run:
         self.evaluations.update(self.tr.counts)
         self.tr.counts = self.evaluations
         Q = self.tr.straight() if path is None else path(mesh.nodes).T
+        if path is None and self.problem.system.m:
+            Q = project(self.tr, Q)
+        if not self.checked:
+            check(self.tr, Q)
+            self.checked = True
         self.z = self.tr.pack(Q)
         self.time["assemble"] += perf_counter() - clock
 
-    def _find(self, principle: Literal["least", "stationary"]) -> bool:
+    def _find(self, principle: str) -> bool:
         clock = perf_counter()
-        attempt = find(self.tr, self.z, principle)
+        attempt = find(self.tr, self.z, "least" if principle == "least" else "stationary")
         self.iterations["ipopt"] += attempt.iterations
         self.diverged = attempt.diverged
         self.time["solve"] += perf_counter() - clock
@@ -251,6 +263,16 @@ class _Run:
         self.z = attempt.z
         self._record(perf_counter() - clock)
         return True
+
+    def _release(self) -> bool:
+        """Continue from the straight line by releasing the force that makes it a motion."""
+        clock = perf_counter()
+        released = release(self.tr, self.z)
+        if released is not None:
+            self.z = released[0]
+            self.iterations["continuation"] += released[1]
+        self.time["solve"] += perf_counter() - clock
+        return released is not None and self._follow()
 
     def _follow(self) -> bool:
         clock = perf_counter()

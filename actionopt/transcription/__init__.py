@@ -2,6 +2,7 @@
 
 from actionopt.transcription.action import Transcription
 from actionopt.transcription.ipopt import Attempt, find
+from actionopt.transcription.layout import sparsity_of
 from actionopt.transcription.linear import Factors
 
-__all__ = ["Attempt", "Factors", "Transcription", "find"]
+__all__ = ["Attempt", "Factors", "Transcription", "find", "sparsity_of"]

@@ -23,7 +23,9 @@ from actionopt.transcription.action import Transcription
 Principle = Literal["least", "stationary"]
 
 TOLERANCE = 1e-6  # in the scaled residual; Newton's method takes over far above this
-UNBOUNDED = 1e15  # action, in its own unit, at which minimising has run away
+RUNAWAY = 1e6  # coordinates this many times their own size: minimising has run away
+# A saddle is reached in tens of iterations or not at all; a minimum may lie in a long valley.
+ITERATIONS = {"least": 300, "stationary": 60}
 OPTIONS = {
     "print_time": 0,
     "calc_lam_p": False,
@@ -34,7 +36,7 @@ OPTIONS = {
     "ipopt.tol": TOLERANCE,
     "ipopt.nlp_scaling_method": "none",  # the transcription is scaled already
     "ipopt.mumps_permuting_scaling": 0,  # MUMPS can stall for seconds on square systems with it
-    "ipopt.diverging_iterates_tol": UNBOUNDED,
+    "ipopt.diverging_iterates_tol": RUNAWAY,
 }
 
 
@@ -54,7 +56,7 @@ class Attempt:
     @property
     def diverged(self) -> bool:
         """Whether the action ran away to minus infinity."""
-        return self.status == "Diverging_Iterates"
+        return self.status == "Diverging_Iterates" or bool(np.max(np.abs(self.z)) > RUNAWAY)
 
 
 class _Function(ca.Callback):
@@ -109,7 +111,7 @@ class _Function(ca.Callback):
 class _Solver:
     """Ipopt for one layout and one principle."""
 
-    def __init__(self, principle: Principle, tr: Transcription, iterations: int) -> None:
+    def __init__(self, principle: Principle, tr: Transcription) -> None:
         self.bound = tr
         layout = tr.layout
         size, rows = (
@@ -134,7 +136,7 @@ class _Solver:
         ]
         options = {
             **OPTIONS,
-            "ipopt.max_iter": iterations,
+            "ipopt.max_iter": ITERATIONS[principle],
             "grad_f": self.functions[1],
             "jac_g": self.functions[2],
             "hess_lag": self.functions[3],
@@ -177,8 +179,8 @@ class _Solver:
         return (0.0,)
 
 
-def find(tr: Transcription, z: Array, principle: Principle, iterations: int = 300) -> Attempt:
-    """Ask Ipopt for a path near z by the `principle`, in at most `iterations` iterations.
+def find(tr: Transcription, z: Array, principle: Principle) -> Attempt:
+    """Ask Ipopt for a path near z by the `principle`.
 
     Raises
     ------
@@ -186,10 +188,9 @@ def find(tr: Transcription, z: Array, principle: Principle, iterations: int = 30
         If the user interrupted it.
     """
     solvers = tr.layout.solvers
-    key = f"{principle} {iterations}"
-    if key not in solvers:
-        solvers[key] = _Solver(principle, tr, iterations)
-    mine = solvers[key]
+    if principle not in solvers:
+        solvers[principle] = _Solver(principle, tr)
+    mine = solvers[principle]
     mine.bound = tr
     cut = tr.layout.unknowns
     bound = 0.0 if mine.functions[0].outputs[1][1].numel() else np.zeros(0)

@@ -1,0 +1,143 @@
+"""What can be wrong with a question, found before any solver runs.
+
+The checks look at a few points of the first path: the constraint Jacobian must have full rank
+there and the mass matrix must be regular on the motions that the constraints allow.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from actionopt.problem import Problem
+from actionopt.quadrature import Array
+from actionopt.transcription import Transcription, sparsity_of
+
+SAMPLES = 3  # points looked at; a defect shows at all of them
+RANK = 1e-10  # singular values below this fraction of the largest are zero
+PROJECTIONS = 12
+
+
+def check(tr: Transcription, Q: Array) -> None:
+    """Look at the path with node coordinates Q (K, n).
+
+    Raises
+    ------
+    ValueError
+        If constraints are redundant or inconsistent (the rows are named), the mass matrix is
+        singular (the coordinate is named), or L is not finite.
+    """
+    problem = tr.problem
+    system = problem.system
+    nodes = tr.mesh.nodes
+    chosen = np.unique(np.linspace(0, nodes.size - 1, SAMPLES + 2).astype(int))[1:-1]
+    q, t = Q[chosen], nodes[chosen][:, None]
+    G = _dense(system, "constraint_jacobian", 0, (q, t, problem.packed)) if system.m else None
+    if G is not None:
+        _check_rank(problem, q, t, G * tr.lengths)
+    # Generic velocities: a mass matrix such as that of v^4 is singular at rest only.
+    rates = tr.lengths / problem.duration
+    v = rates * (1 + 0.5 * np.cos(np.arange(q.size).reshape(q.shape)))
+    M = _dense(system, "second", 2, (q, v, t, problem.packed))
+    M = (M + np.swapaxes(np.triu(M, 1), 1, 2)) * tr.lengths[:, None] * tr.lengths
+    finite = np.isfinite(M).all(axis=(1, 2))
+    if not finite.any():
+        raise ValueError(
+            "expected a Lagrangian that is finite along the first path, found NaN or infinity at "
+            f"q = {q[0].tolist()}, t = {t[0, 0]}; give a guess that avoids the singularity"
+        )
+    _check_mass(system.coordinates, M[finite], None if G is None else (G * tr.lengths)[finite])
+
+
+def project(tr: Transcription, Q: Array) -> Array:
+    """Return the node coordinates Q (K, n) moved onto the constraint surface where that works.
+
+    Gauss-Newton steps of least length in units of the coordinates' sizes; a node that does not
+    get nearer (the centre of a circle, say) stays.
+    """
+    problem, layout = tr.problem, tr.layout
+    system = problem.system
+    at = layout.row_nodes
+    t = tr.mesh.nodes[at][:, None]
+    free = (layout.number[at] >= 0) * tr.lengths  # pinned coordinates do not move
+    q = Q[at].copy()
+    miss = np.inf
+    for _ in range(PROJECTIONS):
+        f = system.pointwise("constraint")(q, t, problem.packed)[0].copy()
+        G = _dense(system, "constraint_jacobian", 0, (q, t, problem.packed)) * free[:, None, :]
+        gram = G @ np.swapaxes(G, 1, 2)
+        ridge = 1e-10 * np.trace(gram, axis1=1, axis2=2)[:, None, None] + np.finfo(float).tiny
+        step = np.linalg.solve(gram + ridge * np.eye(system.m), f[..., None])
+        move = (np.swapaxes(G, 1, 2) @ step)[..., 0]
+        # No farther at once than the coordinates' own size: the surface may be nearly flat.
+        long = np.maximum(np.max(np.abs(move), axis=1, keepdims=True), 1.0)
+        q = q - free * move / long
+        last, miss = miss, float(np.max(np.abs(move)))
+        if miss < 1e-8 or miss > 2 * last:
+            break
+    moved = Q.copy()
+    good = np.isfinite(q).all(axis=1)
+    moved[at[good]] = q[good]
+    return moved
+
+
+def _dense(system, function: str, output: int, arguments) -> Array:
+    """Return an output of a pointwise function as full matrices (K, rows, columns)."""
+    pointwise = system.pointwise(function)
+    values = pointwise(*arguments)[output]
+    rows, cols = sparsity_of(system, function, output)
+    full = np.zeros((len(values), *pointwise.function.size_out(output)))
+    full[:, rows, cols] = values
+    return full
+
+
+def _check_rank(problem: Problem, q: Array, t: Array, G: Array) -> None:
+    system = problem.system
+    if system.m > system.n:
+        raise ValueError(
+            f"expected at most {system.n} constraints on {system.n} coordinates, found {system.m}"
+        )
+    size = np.linalg.norm(G, axis=2, keepdims=True)
+    if not np.isfinite(G).all():
+        return
+    unit = G / np.where(size > 0, size, 1.0)
+    left, values, _ = np.linalg.svd(unit, full_matrices=False)
+    if not np.all(values[:, -1] < RANK * values[:, 0]):
+        return
+    null = np.abs(left[0, :, -1])
+    rows = np.flatnonzero(null > 1e-6 * null.max()).tolist()
+    f = system.pointwise("constraint")(q, t, problem.packed)[0]
+    miss = np.abs(f / np.maximum(size[..., 0], np.finfo(float).tiny))[:, rows].max()
+    if len(rows) == 1:
+        raise ValueError(
+            f"expected constraints that each restrict the coordinates, found that row {rows[0]} "
+            "does not depend on any of them there; remove it, or correct it"
+        )
+    verdict = "contradict each other" if miss > 1e-6 else "say the same thing"
+    raise ValueError(
+        f"expected independent constraints, found that rows {rows} {verdict} (their gradients are "
+        "linearly dependent along the path), so that their multipliers are not determined; "
+        f"remove one of rows {rows}"
+    )
+
+
+def _check_mass(names: tuple[str, ...], M: Array, G: Array | None) -> None:
+    for k in range(len(M)):
+        basis = np.eye(len(names))
+        if G is not None:
+            _, values, right = np.linalg.svd(G[k])
+            basis = right[np.sum(values > RANK * values[0]) :].T
+        if basis.shape[1] == 0:
+            return
+        on_motions = basis.T @ M[k] @ basis
+        _, values, right = np.linalg.svd(on_motions)
+        if values[-1] > RANK * values[0]:
+            return
+        direction = np.abs(basis @ right[-1])
+    worst = [names[i] for i in np.flatnonzero(direction > 0.1 * direction.max())]
+    raise ValueError(
+        f"expected a regular mass matrix d2L/dv2, found it singular in the direction of "
+        f"{', '.join(worst)}: L is not quadratic or convex in that velocity, so its motion is not "
+        "determined by two events. That is legitimate only in a direction that the constraints "
+        "fix; eliminate the coordinate where it is cyclic or has no inertia, give it a mass, or "
+        "use v . v / 2 in place of a length |v|"
+    )
