@@ -9,6 +9,7 @@ import json
 import math
 import runpy
 import sys
+import traceback
 from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter
@@ -98,8 +99,8 @@ def _list(options: argparse.Namespace) -> int:
     for name in scenes.SCENES:
         scene = scenes.get(name)
         system = scene.problem.system
-        rows.append((name, scene.title, _some(system.coordinates), str(system.m or "")))
-    _print_table([("scene", "what it is", "coordinates", "constraints"), *rows])
+        rows.append((name, _some(system.coordinates), str(system.m or ""), scene.title))
+    _print_table([("scene", "coordinates", "constraints", "what it is"), *rows])
     return 0
 
 
@@ -155,7 +156,7 @@ def _from_file(file: Path, settings: dict[str, Any]) -> Problem | Scene:
         if inspect.isfunction(found):
             found, settings = found(**settings), {}
     except Exception as error:
-        raise ValueError(f"{file}: {type(error).__name__}: {error}") from error
+        raise ValueError(f"{_place(file, error)}: {type(error).__name__}: {error}") from error
     finally:
         sys.path.pop(0)
     if not isinstance(found, (Problem, Scene)):
@@ -169,6 +170,15 @@ def _from_file(file: Path, settings: dict[str, Any]) -> Problem | Scene:
     return Problem(
         asked.system, asked.start, asked.end, parameters={**asked.parameters, **settings}
     )
+
+
+def _place(file: Path, error: Exception) -> str:
+    """Return the file, and the last line in it that the error came through."""
+    frames = traceback.extract_tb(error.__traceback__)
+    lines = [frame.lineno for frame in frames if frame.filename == str(file)]
+    if isinstance(error, SyntaxError):
+        lines = [error.lineno]
+    return f"{file}, line {lines[-1]}" if lines else str(file)
 
 
 def report(solution: Solution, *, compare: bool = True) -> dict[str, Any]:

@@ -20,7 +20,7 @@ RANKS = (
     ("system",),
     ("problem",),
     ("scenes", "transcription"),
-    ("newton", "refine"),
+    ("newton", "preflight", "refine"),
     ("solution",),
     ("solve",),
     ("forward", "store"),

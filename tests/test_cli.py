@@ -1,0 +1,226 @@
+"""The command line, as a user meets it."""
+
+import json
+import math
+import re
+import subprocess
+import sys
+
+import pytest
+
+import actionopt as ao
+from actionopt import scenes
+from actionopt.cli import main
+
+OWN = """
+import actionopt as ao
+
+def lagrangian(q, v, t, *, m, k):
+    return m * v[0] ** 2 / 2 - k * q[0] ** 2 / 2
+
+spring = ao.System(lagrangian, ["x"], parameters={"m": 1.0, "k": 4.0}, name="spring")
+"""
+OBJECT = OWN + "problem = ao.Problem(spring, ao.Event(0, [0]), ao.Event(1, [1]))\n"
+FUNCTION = OWN + (
+    "def problem(*, duration=1.0):\n"
+    "    return ao.Problem(spring, ao.Event(0, [0]), ao.Event(duration, [1]))\n"
+)
+SCENE = (
+    "from actionopt import scenes\ndef scene(**given):\n    return scenes.get('kepler', **given)\n"
+)
+
+
+def run(capsys, *arguments):
+    """Return exit code, standard output and standard error of the command."""
+    code = main(arguments)
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+def solved(capsys, *arguments):
+    """Return what `solve ... --json` prints, as data."""
+    code, out, err = run(capsys, "solve", *arguments, "--json")
+    assert (code, err) == (0, "")
+    return json.loads(out)
+
+
+def rows(out):
+    """Return the table as a dictionary of its first column."""
+    return {line[:17].strip(): line[17:].strip() for line in out.splitlines()[1:]}
+
+
+# -- list ------------------------------------------------------------------------------------
+
+
+def test_list_names_every_scene_in_one_line(capsys):
+    code, out, _ = run(capsys, "list")
+    lines = out.splitlines()
+    assert code == 0
+    assert [line.split()[0] for line in lines[1:]] == list(scenes.SCENES)
+    rod = next(line for line in lines if line.startswith("rod_pendulum"))
+    assert rod.split()[1:4] == ["x,", "y", "1"]
+    assert rod.endswith(scenes.get("rod_pendulum").title)
+
+
+def test_list_and_help_import_no_matplotlib():
+    code = "import sys; from actionopt.cli import main; main(['list']); print(*sys.modules)"
+    command = [sys.executable, "-c", code]
+    modules = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
+    assert "casadi" in modules
+    assert "matplotlib" not in modules
+
+
+# -- solve -----------------------------------------------------------------------------------
+
+
+def test_solve_prints_a_table_of_what_was_found(capsys):
+    code, out, err = run(capsys, "solve", "pendulum")
+    scene = scenes.get("pendulum")
+    table = rows(out)
+    assert (code, err) == (0, "")
+    assert out.startswith("pendulum: the path is stationary")
+    assert float(table["action"]) == pytest.approx(scene.action, abs=1e-8)
+    assert float(table["error estimate"]) <= 1e-8
+    assert float(table["forward deviation"].split(",")[0]) <= 1e-8
+    assert float(table["energy drift"]) <= 1e-8
+    assert "solve" in table["time"] and "compare" in table["time"]
+    assert set(table) >= {"unknowns", "mesh", "iterations"}
+
+
+def test_json_has_the_same_and_more(capsys):
+    found = solved(capsys, "pendulum")
+    assert found["name"] == "pendulum"
+    assert found["action"] == pytest.approx(scenes.get("pendulum").action, abs=1e-8)
+    assert set(found["forward"]) == {"position", "velocity", "energy_drift", "reference_error"}
+    assert found["rounds"][-1]["elements"] == found["mesh"]["elements"]
+    assert found["time"]["total"] > 0
+
+
+def test_without_comparison_nothing_is_integrated(capsys, monkeypatch):
+    monkeypatch.setattr(ao.Solution, "compare", None)
+    assert "forward" not in solved(capsys, "pendulum", "--no-compare")
+    assert "forward deviation" not in rows(run(capsys, "solve", "pendulum", "--no-compare")[1])
+
+
+def test_settings_tolerance_and_principle_are_passed_on(capsys):
+    found = solved(capsys, "oscillator", "--set", "duration=10", "--tol=1e-12", "--no-compare")
+    scene = scenes.get("oscillator", duration=10)
+    assert found["action"] == pytest.approx(scene.action, abs=1e-11)
+    code, _, err = run(
+        capsys, "solve", "oscillator", "--set", "duration=10", "--principle", "least"
+    )
+    assert code == 1
+    assert "unbounded below" in err
+
+
+def test_settings_may_be_lists(capsys):
+    found = solved(
+        capsys, "double_pendulum", "--no-compare", "--set", "end=[0.9, 0.6]", "--set=duration=.3"
+    )
+    direct = ao.solve(scenes.get("double_pendulum", end=[0.9, 0.6], duration=0.3).problem)
+    assert found["action"] == pytest.approx(direct.action, abs=1e-9)
+
+
+def test_pictures_and_solutions_are_written(capsys, tmp_path):
+    picture, file = tmp_path / "pendulum.png", tmp_path / "pendulum.npz"
+    code, _, err = run(capsys, "solve", "pendulum", "--plot", str(picture), "--save", str(file))
+    assert (code, err) == (0, "")
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert file.stat().st_size > 0
+
+
+# -- a file of one's own ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "setting", "name"),
+    [
+        (OBJECT, "k=9", "spring"),
+        (FUNCTION, "duration=0.5", "spring"),
+        (SCENE, "eccentricity=0.3", "kepler"),
+    ],
+)
+def test_a_file_may_define_a_problem_a_scene_or_a_function(capsys, tmp_path, text, setting, name):
+    file = tmp_path / "my_scene.py"
+    file.write_text(text)
+    assert solved(capsys, str(file), "--set", setting, "--no-compare")["name"] == name
+
+
+def test_settings_reach_the_parameters_of_a_file(capsys, tmp_path):
+    # x(t) = sin(w t) / sin(w T): S = m w cot(w T) / 2 between (0, 0) and (T, 1).
+    file = tmp_path / "spring.py"
+    file.write_text(OBJECT)
+    found = solved(capsys, str(file), "--set", "k=9", "--no-compare")
+    assert found["action"] == pytest.approx(3 / math.tan(3) / 2, abs=1e-9)
+    file.write_text(FUNCTION)
+    found = solved(capsys, str(file), "--set", "duration=0.5", "--no-compare")
+    assert found["action"] == pytest.approx(2 / math.tan(1) / 2, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("x = 1\n", "to define `problem` or `scene`.*found neither"),
+        ("problem = 3\n", "found 3"),
+        ("problem = 1 / 0\n", "my_scene.py, line 1: ZeroDivisionError"),
+        ("x = 1\ny = = 2\n", "my_scene.py, line 2: SyntaxError"),
+        (FUNCTION.replace("duration", "length"), "unexpected keyword argument 'duration'"),
+        (OBJECT, "unknown parameter 'duration'"),
+    ],
+)
+def test_files_that_do_not_work_say_why(capsys, tmp_path, text, message):
+    file = tmp_path / "my_scene.py"
+    file.write_text(text)
+    code, out, err = run(capsys, "solve", str(file), "--set", "duration=2")
+    assert (code, out) == (1, "")
+    assert re.search(message, err)
+    assert "Traceback" not in err
+
+
+# -- failures --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["keplr"], "did you mean 'kepler'"),
+        (["nowhere.py"], "found no file 'nowhere.py'"),
+        (["kepler", "--set", "mas=1"], "has no parameter 'mas'"),
+        (["kepler", "--tol", "0"], "expected tol between"),
+        (["damped_oscillator", "--principle", "least"], "non-conservative"),
+        (["pendulum", "--no-compare", "--plot", "picture.xyz"], "xyz"),
+        (["pendulum", "--no-compare", "--save", "no/such/folder/a.npz"], "no/such/folder"),
+    ],
+)
+def test_failures_are_one_message_and_exit_code_one(
+    capsys, monkeypatch, tmp_path, arguments, message
+):
+    monkeypatch.chdir(tmp_path)
+    code, _, err = run(capsys, "solve", *arguments)
+    assert code == 1
+    assert err.startswith("actionopt: ") and message in err
+    assert "Traceback" not in err
+
+
+@pytest.mark.parametrize("setting", ["mu", "mu=", "=1", "mu=one", "2x=1", "mu=__import__('os')"])
+def test_settings_that_are_none(capsys, setting):
+    with pytest.raises(SystemExit) as stop:
+        main(["solve", "kepler", "--set", setting])
+    assert stop.value.code == 2
+    assert "expected NAME=VALUE" in capsys.readouterr().err
+
+
+def test_an_interrupt_exits_with_130(capsys, monkeypatch):
+    def interrupted(name, **settings):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(scenes, "get", interrupted)
+    code, _, err = run(capsys, "solve", "kepler")
+    assert code == 130
+    assert "interrupted" in err
+
+
+def test_the_module_is_the_command():
+    command = [sys.executable, "-m", "actionopt", "--version"]
+    out = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    assert out == f"actionopt {ao.__version__}\n"

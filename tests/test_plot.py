@@ -1,0 +1,119 @@
+"""Pictures: what is drawn equals the arrays, and nothing is shown."""
+
+import matplotlib
+import numpy as np
+import pytest
+
+matplotlib.use("Agg")
+from matplotlib import pyplot
+
+import actionopt as ao
+from actionopt import plot, scenes
+
+
+@pytest.fixture(scope="module")
+def solutions():
+    return {name: ao.solve(scenes.get(name).problem) for name in ("kepler", "pendulum", "chain")}
+
+
+@pytest.fixture(autouse=True)
+def no_figure_left():
+    yield
+    pyplot.close("all")
+
+
+def drawn(ax, label):
+    """Return the points of the line with this label, (2, K)."""
+    (line,) = [line for line in ax.lines if line.get_label() == label]
+    return np.array(line.get_data())
+
+
+def test_curves_are_the_solution_the_integration_and_their_distance(solutions):
+    solution = solutions["kepler"]
+    data = plot.curves(solution, 50)
+    assert data.t.shape == data.deviation.shape == (50,)
+    assert np.array_equal(data.q, solution(data.t))
+    assert np.array_equal(data.forward, solution.compare().path(data.t))
+    k = np.argmax(data.deviation)
+    size = np.max(np.abs(data.q), axis=1)
+    assert data.deviation[k] == np.max(np.abs(data.forward - data.q)[:, k] / size)
+
+
+def test_cartesian_coordinates_make_an_orbit(solutions):
+    ax = plot.paths(solutions["kepler"])
+    data = plot.curves(solutions["kepler"])
+    assert np.array_equal(drawn(ax, "($x$, $y$)"), data.q)
+    assert np.array_equal(drawn(ax, "forward integration"), data.forward)
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("$x$", "$y$")
+    assert ax.get_aspect() == 1.0
+
+
+def test_every_mass_of_a_chain_has_an_orbit_and_one_legend_for_all(solutions):
+    ax = plot.paths(solutions["chain"])
+    words = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert words[:2] == ["($x_{1}$, $y_{1}$)", "($x_{2}$, $y_{2}$)"]
+    assert words[5:] == ["forward integration", "start", "end"]
+
+
+def test_other_coordinates_are_drawn_against_time(solutions):
+    solution = solutions["pendulum"]
+    ax = plot.paths(solution)
+    t, theta = drawn(ax, r"$\theta$")
+    assert np.array_equal(theta, solution(t)[0])
+    assert drawn(ax, "start").ravel().tolist() == [0.0, solution.problem.start.q[0]]
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("time $t$", r"$\theta$")
+
+
+def test_the_deviation_is_logarithmic_with_both_bounds(solutions):
+    solution = solutions["pendulum"]
+    ax = plot.deviation(solution)
+    assert ax.get_yscale() == "log"
+    levels = {line.get_ydata()[0] for line in ax.lines[1:]}
+    assert levels == {solution.error, solution.compare().reference_error}
+
+
+def test_given_axes_are_drawn_on_and_returned(solutions):
+    _, axes = pyplot.subplots(2)
+    returned = plot.overview(solutions["pendulum"], axes)
+    assert list(returned) == list(axes)
+    assert pyplot.get_fignums() == [1]
+    assert all(ax.lines for ax in axes)
+
+
+def test_a_figure_of_its_own_has_the_path_above_the_deviation(solutions):
+    above, below = plot.overview(solutions["pendulum"])
+    assert above.figure is below.figure
+    assert above.get_position().y0 > below.get_position().y0
+
+
+def test_style_stays_inside(solutions):
+    before = dict(matplotlib.rcParams)
+    plot.overview(solutions["pendulum"])
+    assert dict(matplotlib.rcParams) == before
+
+
+def test_without_comparison_nothing_is_integrated(monkeypatch):
+    solution = ao.solve(scenes.get("oscillator").problem)
+    monkeypatch.setattr(type(solution), "compare", None)
+    ax = plot.paths(solution, compare=False)
+    assert len(ax.lines) == 3  # the path and two events
+
+
+def test_free_coordinates_of_an_event_are_not_drawn():
+    system = scenes.get("pendulum").problem.system
+    problem = ao.Problem(system, ao.Event(0.0, [0.3]), ao.Event(0.5, [None]))
+    ax = plot.paths(ao.solve(problem), compare=False)
+    assert np.isnan(drawn(ax, "end")[1, 0])
+
+
+@pytest.mark.parametrize("ending", ["png", "svg", "pdf"])
+def test_saved_pictures_have_a_size_and_open_no_window(solutions, tmp_path, ending):
+    file = tmp_path / f"picture.{ending}"
+    plot.save(solutions["kepler"], file)
+    assert file.stat().st_size > 5000
+    assert pyplot.get_fignums() == []
+
+
+def test_an_unknown_kind_of_picture_is_an_error(solutions, tmp_path):
+    with pytest.raises(ValueError, match="not supported"):
+        plot.save(solutions["kepler"], tmp_path / "picture.xyz")
