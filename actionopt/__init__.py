@@ -5,6 +5,7 @@ from actionopt.problem import Event, Problem, State
 from actionopt.solution import Solution
 from actionopt.solve import solve
 from actionopt.status import SolveError, Status
+from actionopt.store import load
 from actionopt.system import System
 
 __all__ = [
@@ -17,6 +18,7 @@ __all__ = [
     "State",
     "Status",
     "System",
+    "load",
     "solve",
 ]
 __version__ = "0.1.0"

@@ -36,6 +36,7 @@ COARSE_DEGREE = 6
 ROUGHLY = 2e-2  # omitted coefficients below which a coarse path is worth refining
 ROUNDS = 12
 SAFETY = 4.0  # between the measured error of the last round and the estimate for the next
+RESOLVED = 1e-14  # coefficients below this are rounding: they measure no gain
 UNKNOWN_GAIN = 10.0  # assumed ratio of global to local error before any was measured
 
 
@@ -298,7 +299,7 @@ class _Run:
             if not self._find(principle) or not self._follow():
                 return False
         change = np.max(np.abs(self.tr.coordinates(self.z) - carried) / self.sizes)
-        self.gain = float(np.clip(change / before.worst, 1.0, 1e8))
+        self.gain = float(np.clip(change / max(before.worst, RESOLVED), 1.0, 1e8))
         self.error = SAFETY * (self.gain * self.resolution().worst + self.noise)
         self.rounds[-1]["estimate"] = self.error
         return True
