@@ -117,7 +117,8 @@ def paths(solution: Solution, ax: Axes | None = None, *, compare: bool = True) -
                 ax.plot(x, y, **look)
                 look = {**look, "label": None}
         if planar(names):
-            ax.set(xlabel="$x$", ylabel="$y$")
+            i, j = planar(names)[0]
+            ax.set(xlabel=f"${names[i][0]}$", ylabel=f"${names[j][0]}$")
             ax.set_aspect("equal", adjustable="datalim")
         else:
             ax.set(xlabel="time $t$", ylabel=", ".join(symbol(name) for name in names))
@@ -184,10 +185,11 @@ def planar(names: Sequence[str]) -> list[tuple[int, int]]:
     >>> planar(["x1", "y1", "x2", "y2"]), planar(["x", "s"])
     ([(0, 1), (2, 3)], [])
     """
+    partner = {"x": "y", "X": "Y"}
     pairs = [
-        (names.index(name), names.index("y" + name[1:]))
-        for name in names
-        if name.startswith("x") and "y" + name[1:] in names
+        (i, names.index(partner[name[0]] + name[1:]))
+        for i, name in enumerate(names)
+        if name[0] in partner and partner[name[0]] + name[1:] in names
     ]
     return pairs if 2 * len(pairs) == len(names) else []
 

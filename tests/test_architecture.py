@@ -20,7 +20,7 @@ RANKS = (
     ("system",),
     ("problem",),
     ("scenes", "transcription"),
-    ("newton", "preflight", "refine"),
+    ("continuation", "newton", "preflight", "refine"),
     ("solution",),
     ("solve",),
     ("forward", "store"),
