@@ -1,8 +1,8 @@
 """Forward integration of the equations of motion, with CVODES from SUNDIALS through CasADi.
 
-This is the other way to the path: it knows nothing of the action, only of the Euler-Lagrange
+This is the other way to a path: it knows nothing of the action, only of the Euler-Lagrange
 equations, and so it can contradict a solution. The integrator works on s in [0, 1] with
-t = t0 + s T and with every coordinate and velocity in units of its own size, so that one
+t = t0 + s T, and with every coordinate and velocity in units of its own size, so that one
 tolerance means the same for atoms and for planets.
 """
 
@@ -25,9 +25,11 @@ from actionopt.system import System
 
 DEGREE = 12  # of the elements of the path
 ROUNDS = 12  # of splitting elements before giving up
+STEPS = 200_000  # of CVODES between two outputs; a regular motion needs some tens
 LOCAL = 1e-3  # CVODES bounds the error of one step; some hundred of them add up
-FINEST = 1e-15  # below this local tolerance CVODES gains nothing
+FINEST = 5e-16  # below this local tolerance CVODES gains nothing
 ROUGH = 1e-8  # local tolerance of the run that finds the sizes
+NOISE = 1e-10  # a coordinate this much smaller than the others is zero
 CONDITION = 1e13  # of the equilibrated equations: accelerations beyond it are round-off
 
 
@@ -37,29 +39,46 @@ class IntegrationError(RuntimeError):
 
 @dataclass(frozen=True, eq=False)
 class Units:
-    """What the integrator measures in: sizes of q and v, shape (n,), and of the equations.
+    """What the integrator measures in: sizes of q and of v, shape (n,), and of the equations.
 
     `rows` (n + m,) equilibrates the matrix of the index-1 equations, whose entries have as
-    many units as there are pairs of coordinates.
+    many units as there are pairs of coordinates. Its first n go with the inverse root of each
+    coordinate's inertia.
     """
 
     q: Array
     v: Array
     rows: Array
 
+    @classmethod
+    def of(cls, q: Array, v: Array, rows: Array) -> Units:
+        """Return the units in which the coordinates and velocities (n, K) have size one."""
+        metric = rows[: len(q)]
+        return cls(sizes(q, metric), sizes(v, metric), rows)
 
-def sizes(values: Array, least: float = 1e-14) -> Array:
+    def agree(self, other: Units) -> bool:
+        """Whether the two differ by less than a factor of two."""
+        ratio = np.concatenate([self.q / other.q, self.v / other.v])
+        return bool(np.all((ratio > 0.5) & (ratio < 2.0)))
+
+
+def sizes(values: Array, metric: Array) -> Array:
     """Return the largest magnitude of each row of (n, K), shape (n,): always positive.
 
-    A row that is zero up to round-off is given the size of the largest row, or 1.
+    A row that is zero up to `NOISE` is given the size of the largest row instead, or 1.
+    Coordinates may differ in unit and in mass, so it must be that small both as it stands and
+    divided by the `metric` (n,), the inverse root of the inertias.
     """
     size = np.max(np.abs(values), axis=1)
-    largest = float(np.max(size))
-    return np.where(size > least * largest, size, largest if largest > 0 else 1.0)
+    natural = size / metric
+    zero = (size <= NOISE * size.max()) & (natural <= NOISE * natural.max())
+    other = np.minimum(size.max(), metric * natural.max())
+    return np.where(zero, np.where(other > 0, other, 1.0), size)
 
 
+@dataclass(frozen=True, eq=False)
 class Flow:
-    """The equations of motion of a system at given parameters, ready for CVODES.
+    """The equations of motion of a system at given parameters.
 
     Unconstrained they are M a = bias. With constraints the index-1 form is integrated,
 
@@ -73,59 +92,33 @@ class Flow:
     Baumgarte, Computer Methods in Applied Mechanics and Engineering 1 (1972) 1-16.
     """
 
-    def __init__(self, system: System, parameters: Mapping[str, ArrayLike] | None = None) -> None:
-        self.system = system
-        self.parameters = system.table.values(parameters)
-        self._packed = system.table.pack(self.parameters)[0]
-        self._dae = _dae(system)
+    system: System
+    parameters: Mapping[str, ArrayLike] | None = None
 
-    def solver(self, s: Array, tolerance: float) -> ca.Function:
+    def integrator(self, s: Array, tolerance: float) -> Integrator:
         """Return the integrator from s = 0 with output at the K increasing times `s` <= 1."""
         options = {
             "abstol": tolerance,
             "reltol": tolerance,
             "linear_multistep_method": "adams",
             "nonlinear_solver_iteration": "functional",
-            "max_num_steps": 200_000,
+            "max_num_steps": STEPS,
             "disable_internal_warnings": True,
             "show_eval_warnings": False,
         }
-        return ca.integrator("forward", "cvodes", self._dae, 0.0, s, options)
-
-    def run(
-        self, solver: ca.Function, state: State, span: float, units: Units, rate: float = 10.0
-    ) -> tuple[Array, Array]:
-        """Integrate over the times t0 + s `span`; return q and v at the outputs, each (n, K).
-
-        `rate` is c in units of 1 / span. Raises IntegrationError if CVODES gives up.
-        """
-        start = np.concatenate([state.q / units.q, state.v / units.v])
-        values = np.concatenate(
-            [self._packed, [state.t, span, rate / span], units.q, units.v, units.rows]
-        )
-        said = io.StringIO()
-        try:
-            with contextlib.redirect_stderr(said):
-                out = solver(x0=start, p=values)["xf"].full()
-        except RuntimeError as error:
-            if "KeyboardInterrupt" in said.getvalue():
-                raise KeyboardInterrupt from None
-            raise IntegrationError(_where(solver, start, values, state.t, span)) from error
-        n = self.system.n
-        return out[:n] * units.q[:, None], out[n:] * units.v[:, None]
+        function = ca.integrator("forward", "cvodes", _motion(self.system), 0.0, s, options)
+        table = self.system.table
+        return Integrator(function, s, table.pack(table.values(self.parameters))[0])
 
     def first_units(self, state: State, span: float) -> Units:
-        """Return sizes as far as the start tells: from q, else from v and T, else from a and T.
+        """Return sizes as far as the start tells: they err on the large side.
 
         Raises ValueError if the equations of motion cannot be solved there.
         """
         rows = self._equilibrate(state)
-        a = np.abs(self.system.acceleration(state.q, state.v, state.t, parameters=self.parameters))
-        q, v, T = np.abs(state.q), np.abs(state.v), abs(span)
-        v = np.where(v > 0, v, a * T)
-        return Units(
-            sizes(np.where(q > 0, q, v * T)[:, None], 0.0), sizes(v[:, None], 0.0), rows
-        )
+        a = self.system.acceleration(state.q, state.v, state.t, parameters=self.parameters)
+        v = np.abs(state.v) + np.abs(a * span)
+        return Units.of((np.abs(state.q) + v * abs(span))[:, None], v[:, None], rows)
 
     def _equilibrate(self, state: State) -> Array:
         """Return r so that diag(r) K diag(r) has rows of size one, K the index-1 matrix."""
@@ -133,7 +126,7 @@ class Flow:
         M = self.system.mass_matrix(state.q, state.v, state.t, parameters=self.parameters)
         G = self.system.constraint_jacobian(state.q, state.t, parameters=self.parameters)
         K = np.block([[M, -G.T], [G, np.zeros((m, m))]])
-        where = f"at the start, t = {state.t}, q = {state.q}, v = {state.v}"
+        where = f"at t = {state.t}, q = {state.q}, v = {state.v}"
         if not np.all(np.isfinite(K)):
             raise ValueError(f"expected finite equations of motion {where}, found NaN or infinity")
         r = np.ones(n + m)
@@ -143,55 +136,106 @@ class Flow:
             if np.linalg.cond(K * r * r[:, None]) < CONDITION:
                 return r
         raise ValueError(
-            f"expected equations of motion that can be solved for the accelerations {where}, "
-            "found a singular mass matrix (or dependent constraints); a coordinate without "
-            "kinetic energy, or one constraint too many, has to go"
+            f"expected equations of motion that give the accelerations {where}, found a "
+            "singular mass matrix (or dependent constraints); drop the coordinate without "
+            "kinetic energy, or the constraint that follows from the others"
         )
 
 
-_cache: WeakKeyDictionary[System, ca.Function] = WeakKeyDictionary()
+@dataclass(frozen=True, eq=False)
+class Integrator:
+    """CVODES for one system, one tolerance and output at the scaled times `s` (K,)."""
+
+    function: ca.Function
+    s: Array
+    packed: Array
+
+    def __call__(
+        self, state: State, span: float, units: Units, rate: float = 10.0
+    ) -> tuple[Array, Array]:
+        """Integrate from `state` over times t0 + s span; return q and v there, each (n, K).
+
+        `rate` is Baumgarte's c in units of 1 / span. Raises IntegrationError if CVODES gives up.
+        """
+        start = np.concatenate([state.q / units.q, state.v / units.v])
+        times = [state.t, span, rate / span]
+        values = np.concatenate([self.packed, times, units.q, units.v, units.rows])
+        said = io.StringIO()
+        try:
+            with contextlib.redirect_stderr(said):
+                out = self.function(x0=start, p=values)["xf"].full()
+        except RuntimeError as error:
+            if "KeyboardInterrupt" in said.getvalue():
+                raise KeyboardInterrupt from None
+            a, b = state.t + span * self._reached(start, values)
+            raise IntegrationError(
+                f"the forward integration stopped between t = {a:.6g} and t = {b:.6g}: the "
+                "motion runs into a singularity there, such as a collision, or leaves the "
+                "domain of the Lagrangian; end before that time or begin elsewhere"
+            ) from error
+        n = state.q.size
+        return out[:n] * units.q[:, None], out[n:] * units.v[:, None]
+
+    @property
+    def steps(self) -> int:
+        """Number of steps of the last run."""
+        return self.function.stats()["nsteps"]
+
+    def _reached(self, start: Array, values: Array) -> Array:
+        """Return the scaled times of the last output before a failure and the next, shape (2,).
+
+        Repeats the run in memory of our own, where what was written before the failure stays.
+        """
+        out = np.full((self.s.size, start.size), np.nan)
+        buffer, trigger = self.function.buffer()
+        buffer.set_arg(self.function.index_in("x0"), memoryview(start))
+        buffer.set_arg(self.function.index_in("p"), memoryview(values))
+        buffer.set_res(self.function.index_out("xf"), memoryview(out))
+        with contextlib.suppress(RuntimeError), contextlib.redirect_stderr(io.StringIO()):
+            trigger()
+        done = int(np.sum(np.all(np.isfinite(out), axis=1)))
+        return np.concatenate([[0.0], self.s, self.s[-1:]])[[done, done + 1]]
 
 
-def _dae(system: System) -> ca.Function:
-    """Return the scaled equations of motion in CasADi's form for integrators, compiled once."""
-    if system in _cache:
-        return _cache[system]
+_compiled: WeakKeyDictionary[System, ca.Function] = WeakKeyDictionary()
+
+
+def _motion(system: System) -> ca.Function:
+    """Return the scaled equations of motion in CasADi's form for integrators, derived once."""
+    if system not in _compiled:
+        _compiled[system] = _derive(system)
+    return _compiled[system]
+
+
+def _derive(system: System) -> ca.Function:
+    """Derive dx/ds for x = (q / units, v / units), with parameters (p, t0, T, c, units)."""
     sym, n, m = system.symbols, system.n, system.m
     M, bias, G, gamma = system.motion
     s, x = ca.SX.sym("s"), ca.SX.sym("x", 2 * n)
-    t0, T, rate = ca.SX.sym("t0"), ca.SX.sym("T"), ca.SX.sym("c")
-    units = ca.SX.sym("units", 3 * n + m)
-    r = units[2 * n :]
-    drift = ca.jacobian(system.f, sym.t) + G @ sym.v
+    t0, T, c = ca.SX.sym("t0"), ca.SX.sym("T"), ca.SX.sym("c")
+    units, rows = ca.SX.sym("units", 2 * n), ca.SX.sym("rows", n + m)
+    drift = G @ sym.v + ca.jacobian(system.f, sym.t)
     K = ca.blockcat([[M, -G.T], [G, ca.SX(m, m)]])
-    right = ca.vertcat(bias, -gamma - 2 * rate * drift - rate**2 * system.f)
-    K, right = ca.substitute(
-        [ca.diag(r) @ K @ ca.diag(r), r * right],
+    right = ca.vertcat(bias, -gamma - 2 * c * drift - c**2 * system.f)
+    here = units * x
+    K, right, v = ca.substitute(
+        [ca.diag(rows) @ K @ ca.diag(rows), rows * right, sym.v],
         [sym.q, sym.v, sym.t],
-        [units[:n] * x[:n], units[n : 2 * n] * x[n:], t0 + s * T],
+        [here[:n], here[n:], t0 + s * T],
     )
-    p = ca.vertcat(sym.p, t0, T, rate, units)
-    equations = ca.Function("equations", [s, x, p], [K, right])
+    p = ca.vertcat(sym.p, t0, T, c, units, rows)
+    equations = ca.Function("equations", [s, x, p], [K, right, v, T / units, rows[:n]])
 
-    # The linear system is solved by a node of sparse QR: closed formulas of more than a few
-    # coordinates are slower to build and to evaluate.
+    # A sparse QR node solves for the accelerations: closed formulas for more than a few
+    # coordinates are slower to build and slower to evaluate. The equations are equilibrated,
+    # and its own threshold, which would be absolute, is off.
     S, X, P = ca.MX.sym("s"), ca.MX.sym("x", 2 * n), ca.MX.sym("p", p.numel())
-    K, right = equations(S, X, P)
-    a = ca.solve(K, right, "qr", {"eps": 0.0})[:n]
-    k = system.symbols.p.numel()
-    T, U, r = P[k + 1], P[k + 3 : k + 3 + 2 * n], P[k + 3 + 2 * n :]
-    ode = T * ca.vertcat(U[n:] * X[n:], r[:n] * a) / U
+    K, right, v, factor, r = equations(S, X, P)
+    a = r * ca.solve(K, right, "qr", {"eps": 0.0})[:n]
     none = ca.MX(0, 1)
     inputs = {"t": S, "x": X, "z": none, "p": P, "u": none}
-    outputs = {"ode": ode, "alg": none, "quad": none, "zero": none}
-    _cache[system] = ca.Function("motion", inputs | outputs, list(inputs), list(outputs))
-    return _cache[system]
-
-
-def _where(solver: ca.Function, start: Array, values: Array, t0: float, span: float) -> str:
-    """Return a sentence that says how far the integrator came: the outputs before it are kept."""
-    s = np.array(solver.info()["grid"]) if False else None
-    raise NotImplementedError
+    outputs = {"ode": factor * ca.vertcat(v, a), "alg": none, "quad": none, "zero": none}
+    return ca.Function("motion", inputs | outputs, list(inputs), list(outputs))
 
 
 def integrate(
@@ -203,34 +247,104 @@ def integrate(
     parameters: Mapping[str, ArrayLike] | None = None,
     mesh: Mesh | None = None,
 ) -> Path:
-    """doc."""
-    span = t_end - state.t
+    """Integrate the Euler-Lagrange equations from `state` to `t_end`, forwards or backwards.
+
+    Parameters
+    ----------
+    system : System
+        The physics, constraints and forces included.
+    state : State
+        Time, coordinates and velocities to begin with.
+    t_end : float
+        Where to end; before `state.t`, the motion is followed backwards.
+    tol : float
+        What the path resolves, from 1e-14 to 0.1, in units of the size of each coordinate along
+        the path, and of each velocity. CVODES is asked for a thousandth of it a step, so that
+        this is also the order of the error of motions that do not amplify errors; 1e-13 is
+        the least that is of use.
+    parameters : mapping, optional
+        Overrides the system's defaults by name; nothing is derived again.
+    mesh : Mesh, optional
+        Elements to begin with, over the same times; those that do not resolve the motion
+        are split. By default chosen from the number of steps that CVODES takes.
+
+    Returns
+    -------
+    Path
+        With the velocities stored.
+
+    Raises
+    ------
+    ValueError
+        If an argument does not fit, the state lies off the constraint surface or moves off it,
+        or the equations of motion cannot be solved for the accelerations.
+    IntegrationError
+        If the motion cannot be followed to `t_end`.
+
+    References
+    ----------
+    Hindmarsh et al., *SUNDIALS*, ACM Transactions on Mathematical Software 31 (2005) 363-396:
+    variable-order Adams methods.
+
+    Examples
+    --------
+    >>> fall = System(lambda q, v, t: v[0] ** 2 / 2 - q[0], ["z"])
+    >>> path = integrate(fall, State(0.0, [1.0], [0.0]), 1.0)
+    >>> bool(abs(path(1.0)[0] - 0.5) < 1e-12)
+    True
+    """
+    span = _check(system, state, t_end, tol)
     flow = Flow(system, parameters)
     units = flow.first_units(state, span)
-    s = np.linspace(0.0, 1.0, 65)[1:]
-    solver = flow.solver(s, ROUGH)
-    q, v = flow.run(solver, state, span, units)
-    units = Units(sizes(q), sizes(v), units.rows)
-    steps = solver.stats()["nsteps"]
+    _check_on_surface(flow, state, span)
+    units, steps = _look_ahead(flow, state, span, units)
     if mesh is None:
-        mesh = Mesh.uniform(0.0, 1.0, max(4, steps // 16), DEGREE)
-    tight, goal = max(LOCAL * tol, FINEST), max(tol, 100 * FINEST)
-    for round in range(ROUNDS):
-        solver = flow.solver(mesh.nodes[1:], tight)
-        q, v = flow.run(solver, state, span, units, mesh.elements)
-        q = np.hstack([state.q[:, None], q])
-        v = np.hstack([state.v[:, None], v])
-        last, units = units, Units(sizes(q), sizes(v), units.rows)
-        change = np.concatenate([units.q / last.q, units.v / last.v])
-        tails = _tails(mesh, np.vstack([q / units.q[:, None], v / units.v[:, None]]))
-        pieces = np.clip(np.ceil((tails / goal) ** (1 / DEGREE)), 1, 8).astype(int)
-        print(round, mesh.elements, steps, solver.stats()["nsteps"], pieces.max(), change.min(), change.max(), tails.max())
-        if pieces.max() == 1:
+        scaled = Mesh.uniform(0.0, 1.0, max(4, steps // DEGREE), DEGREE)
+    else:
+        scaled = _scaled(mesh, state.t, t_end)
+    scaled, q, v = _resolve(flow, state, span, units, scaled, tol)
+    times = state.t + span * scaled.boundaries
+    times[-1] = t_end
+    if span > 0:
+        return Path(Mesh(times, scaled.degrees), q, v)
+    return Path(Mesh(times[::-1], scaled.degrees[::-1]), q[:, ::-1], v[:, ::-1])
+
+
+def _look_ahead(flow: Flow, state: State, span: float, units: Units) -> tuple[Units, int]:
+    """Return the units of the motion, and the number of steps, from rough integrations."""
+    rough = flow.integrator(np.linspace(0.0, 1.0, 65)[1:], ROUGH)
+    for _ in range(ROUNDS):
+        last = units
+        q, v = rough(state, span, units)
+        units = Units.of(np.column_stack([state.q, q]), np.column_stack([state.v, v]), units.rows)
+        if units.agree(last):
             break
+    return units, rough.steps
+
+
+def _resolve(
+    flow: Flow, state: State, span: float, units: Units, mesh: Mesh, tol: float
+) -> tuple[Mesh, Array, Array]:
+    """Integrate and split elements until q and v (n, K) are resolved; mesh of scaled times."""
+    goal = max(tol, 200 * FINEST)
+    for _ in range(ROUNDS):
+        follow = flow.integrator(mesh.nodes[1:], max(LOCAL * tol, FINEST))
+        q, v = follow(state, span, units, mesh.elements)
+        q, v = np.column_stack([state.q, q]), np.column_stack([state.v, v])
+        tails = _tails(mesh, np.vstack([q / units.q[:, None], v / units.v[:, None]]))
+        # A coefficient of degree d goes with the d-th power of the length; not yet quite so
+        # where the motion is far from resolved.
+        power = 1 / np.maximum(np.array(mesh.degrees) - 2, 1)
+        pieces = np.clip(np.ceil((tails / goal) ** power), 1, 8).astype(int)
+        if np.all(pieces == 1):
+            return mesh, q, v
         mesh = _split(mesh, pieces)
-    b = state.t + span * mesh.boundaries
-    b[-1] = t_end
-    return Path(Mesh(b, mesh.degrees), q, v)
+    worst = state.t + span * mesh.boundaries[np.argmin(mesh.lengths)]
+    raise IntegrationError(
+        f"the motion near t = {worst:.6g} is not resolved by elements {ROUNDS} times split: it "
+        "runs into a singularity there, such as a collision, or is not smooth; end before "
+        "that time, or ask for a larger tol"
+    )
 
 
 def _tails(mesh: Mesh, table: Array) -> Array:
@@ -247,3 +361,61 @@ def _split(mesh: Mesh, pieces: Array) -> Mesh:
     b = mesh.boundaries
     parts = [np.linspace(b[e], b[e + 1], k, endpoint=False) for e, k in enumerate(pieces)]
     return Mesh(np.concatenate([*parts, b[-1:]]), np.repeat(mesh.degrees, pieces))
+
+
+def _scaled(mesh: Mesh, t0: float, t1: float) -> Mesh:
+    """Return the mesh over scaled times 0 to 1, with elements of at least degree `DEGREE`."""
+    ends = sorted([t0, t1])
+    if not np.allclose(mesh.boundaries[[0, -1]], ends, rtol=0, atol=1e-9 * (ends[1] - ends[0])):
+        raise ValueError(
+            f"expected a mesh over the times {ends[0]} to {ends[1]}, found one from "
+            f"{mesh.boundaries[0]} to {mesh.boundaries[-1]}; use mesh.moved"
+        )
+    s = (mesh.moved(*ends).boundaries - t0) / (t1 - t0)
+    degrees = np.maximum(mesh.degrees, DEGREE)
+    return Mesh(s, degrees) if t1 > t0 else Mesh(s[::-1], degrees[::-1])
+
+
+def _check(system: System, state: State, t_end: float, tol: float) -> float:
+    """Return the time span, or raise ValueError for arguments that do not fit."""
+    if not isinstance(state, State):
+        raise ValueError(f"expected a State(t, q, v) to begin with, found {state!r}")
+    if state.q.size != system.n:
+        raise ValueError(
+            f"expected a state of {system.n} coordinates ({', '.join(system.coordinates)}), "
+            f"found {state.q.size}"
+        )
+    if not 1e-14 <= tol <= 0.1:
+        raise ValueError(f"expected tol between 1e-14 and 0.1, found {tol}")
+    if not np.isfinite(t_end) or t_end == state.t:
+        raise ValueError(f"expected a finite t_end other than the start {state.t}, found {t_end}")
+    return float(t_end) - state.t
+
+
+def _check_on_surface(flow: Flow, state: State, span: float) -> None:
+    """Raise ValueError if the state is off the constraints, or about to leave them."""
+    system, parameters = flow.system, flow.parameters
+    if not system.m:
+        return
+    packed = system.table.pack(system.table.values(parameters))
+    q, t = state.q[None, :], np.array([[state.t]])
+    f = system.constraint(state.q, state.t, parameters=parameters)
+    G = system.constraint_jacobian(state.q, state.t, parameters=parameters)
+    f_t = system.pointwise("constraint_rate")(q, t, packed)[0][0].copy()
+    # What f changes by when q and t change by their own size: |f| alone has no scale. A rate is
+    # as bad as what it does to f over the whole time.
+    length = np.where(state.q != 0, np.abs(state.q), np.max(np.abs(state.q)))
+    scale = np.abs(G) @ length + np.abs(f_t * span)
+    rate = G @ state.v + f_t
+    rate_scale = np.abs(G) @ np.abs(state.v) + np.abs(f_t) + scale / abs(span)
+    for what, found, size, remedy in (
+        ("on the constraint surface", f, scale, "move it onto f(q, t) = 0"),
+        ("moving along it", rate, rate_scale, "choose v with G v = -df/dt"),
+    ):
+        bad = np.abs(found) > SURFACE_TOLERANCE * np.maximum(size, np.finfo(float).tiny)
+        if np.any(bad):
+            i = int(np.flatnonzero(bad)[0])
+            raise ValueError(
+                f"expected a state {what}, found {'f' if found is f else 'df/dt'} = "
+                f"{found[i]:.6g} in constraint row {i}; {remedy}"
+            )
