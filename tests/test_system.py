@@ -143,14 +143,16 @@ def test_rod_tension_and_acceleration():
     close(rod.constraint_jacobian(q, t), 2 * q[None])
 
 
+# A bead on a vertical line that moves as x = s t^2 / 2.
+bead = System(
+    lambda q, v, t: (v[0] ** 2 + v[1] ** 2) / 2 - 9.81 * q[1],
+    ("x", "y"),
+    parameters={"s": 4.0},
+    constraint=lambda q, t, *, s: q[0] - s * t**2 / 2,
+)
+
+
 def test_a_moving_constraint_pushes():
-    # A bead on a vertical line that moves as x = s t^2 / 2 is pushed with m s.
-    bead = System(
-        lambda q, v, t: (v[0] ** 2 + v[1] ** 2) / 2 - 9.81 * q[1],
-        ("x", "y"),
-        parameters={"s": 4.0},
-        constraint=lambda q, t, *, s: q[0] - s * t**2 / 2,
-    )
     q, v, t = np.array([0.5, 0.2]), np.array([2.0, -1.0]), 0.5
     close(bead.acceleration(q, v, t), [4.0, -9.81])
     close(bead.constraint_force(q, v, t), [4.0, 0.0])
@@ -188,6 +190,10 @@ def test_velocity_ignores_momentum_along_the_constraint_normal():
     q, v = np.array([0.0, -0.8]), np.array([1.2, 0.0])
     p = rod.momentum(q, v, 0.0) + [0.0, 17.0]
     close(rod.velocity(q, p, 0.0, [0.0, 0.0]), v)
+
+
+def test_velocity_goes_with_a_moving_constraint():
+    close(bead.velocity([0.5, 0.2], [17.0, -1.0], 0.5, [0.0, 0.0]), [2.0, -1.0])
 
 
 # -- how callables may be written ------------------------------------------------------------
@@ -256,9 +262,9 @@ def test_one_time_gives_vectors_and_many_give_columns():
 
 def test_results_do_not_share_memory_with_the_next_call():
     q, v, t = points(2, seed=10)
-    first = kepler.acceleration(q, v, t)
+    first = kepler.generalized_force(q, v, t)
     kept = first.copy()
-    kepler.acceleration(q + 1, v, t)
+    kepler.generalized_force(q + 1, v, t)
     assert np.array_equal(first, kept)
 
 
