@@ -5,8 +5,8 @@ These names mean the same in every scene; K times, n coordinates, m constraint r
 
 =================  ===============================================================================
 `velocity`         function of t: the velocity along `exact`, (n, K) or (n,)
-`action`           number: S along `exact` between the events
-`energy`           number: the energy function H along `exact`
+`action`           number: S between the events, along `exact` or the motion from `start`
+`energy`           number: the energy function H along the same
 `conjugate_times`  row of times: the first ones conjugate to the start along `exact`, before the
                    end or after it, each as often as its multiplicity
 `morse_index`      integer: number of conjugate times before the end
@@ -93,14 +93,14 @@ class Scene:
 
     @cached_property
     def action(self) -> float | None:
-        """S along `exact`: the closed form if the facts have it, else by quadrature to rounding.
+        """S along the path: from the facts if they have it, else by quadrature of `exact`.
 
-        None without an exact path.
+        The quadrature is good to rounding. None if the path is not known either.
         """
-        if self.exact is None:
-            return None
         if "action" in self.facts:
             return float(self.facts["action"])
+        if self.exact is None:
+            return None
         problem = self.problem
         xi, w = np.polynomial.legendre.leggauss(POINTS)
         h = problem.duration / PANELS
@@ -111,7 +111,7 @@ class Scene:
         return float(h / 2 * np.tile(w, PANELS) @ L)
 
 
-def curve(formula: Callable[[Array], Sequence[Array]]) -> Callable[[Any], Array]:
+def curve(formula: Callable[[Array], Sequence[Any]]) -> Callable[[Any], Array]:
     """Make n formulas in t a curve: (n, K) for K times, (n,) for one time."""
 
     def evaluate(t: Any) -> Array:
@@ -128,7 +128,5 @@ def defaults(scene: Callable[..., Scene], *names: str) -> dict[str, float]:
 
 
 def unit_sine(w: float, t: Any) -> Array:
-    """Return sin(w t) / w for real or imaginary w, t at w = 0: x'' = -w^2 x with x'(0) = 1."""
-    w = np.emath.sqrt(w**2) if not np.iscomplexobj(w) else w
-    t = np.asarray(t)
-    return t * 1.0 if w == 0 else np.real(np.sin(w * t) / w)
+    """Return sin(w t) / w, and t at w = 0: the s(t) with s'' = -w^2 s, s(0) = 0, s'(0) = 1."""
+    return np.sin(w * t) / w if w else np.asarray(t, dtype=float)

@@ -6,13 +6,14 @@ time: so the k-th body's points at successive times are its trail.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from actionopt.quadrature import Array
 
+Point = Sequence[float] | Array
 KINDS = ("body", "rod", "spring", "ground")
 
 
@@ -48,27 +49,27 @@ class Shape:
         object.__setattr__(self, "points", points)
 
 
-def body(point: ArrayLike) -> Shape:
+def body(point: Point) -> Shape:
     """Return a point mass at (x, y)."""
     return Shape("body", np.reshape(point, (2, 1)))
 
 
-def rod(*points: ArrayLike) -> Shape:
+def rod(*points: Point) -> Shape:
     """Return a rigid polyline through the points."""
-    return Shape("rod", np.transpose(points))
+    return Shape("rod", np.stack([np.asarray(p) for p in points], axis=1))
 
 
-def spring(a: ArrayLike, b: ArrayLike) -> Shape:
+def spring(a: Point, b: Point) -> Shape:
     """Return a spring from a to b."""
-    return Shape("spring", np.transpose([a, b]))
+    return Shape("spring", np.stack([np.asarray(a), np.asarray(b)], axis=1))
 
 
-def ground(*points: ArrayLike) -> Shape:
+def ground(*points: Point) -> Shape:
     """Return scenery: a polyline through the points, or a single point."""
-    return Shape("ground", np.transpose(points))
+    return Shape("ground", np.stack([np.asarray(p) for p in points], axis=1))
 
 
-def circle(radius: float, center: ArrayLike = (0.0, 0.0), points: int = 61) -> Shape:
+def circle(radius: float, center: Point = (0.0, 0.0), points: int = 61) -> Shape:
     """Return a circle as scenery."""
     angle = np.linspace(0.0, 2 * np.pi, points)
     round_ = radius * np.stack([np.cos(angle), np.sin(angle)])

@@ -123,3 +123,17 @@ class Ellipse:
         E = self.anomaly(t)
         rate = self.mean_motion / (1 - self.e * np.cos(E))
         return -self.a * np.sin(E) * rate, self.b * np.cos(E) * rate
+
+    def polar(self, t: Array) -> tuple[Array, Array]:
+        """Return the distance r (m) and the true anomaly phi (rad), continuous in time."""
+        E = self.anomaly(t)
+        beta = self.e / (1 + self.b / self.a)
+        phi = E + 2 * np.arctan2(beta * np.sin(E), 1 - beta * np.cos(E))
+        return self.a * (1 - self.e * np.cos(E)), phi
+
+    def polar_velocity(self, t: Array) -> tuple[Array, Array]:
+        """Return r' (m/s) and phi' (rad/s)."""
+        E = self.anomaly(t)
+        near = 1 - self.e * np.cos(E)
+        n = self.mean_motion
+        return self.a * self.e * np.sin(E) * n / near, (self.b / self.a) * n / near**2

@@ -1,0 +1,107 @@
+r"""A heavy symmetric top with its tip fixed.
+
+        z |  / axis          phi: azimuth of the axis
+          | /-               theta: its angle from the vertical
+          |/ theta           psi: spin about it
+          *                  gravity g downward
+
+Neither phi nor psi appears in L: their momenta are constant.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from actionopt.problem import Event, Problem
+from actionopt.scenes._scene import Scene, curve, defaults
+from actionopt.scenes._shapes import body, ground, project, rod
+from actionopt.system import System
+
+TITLE = "heavy symmetric top in steady precession"
+SOURCE = (
+    "Competitive Physics: Mechanics and Waves (2018), section 12.5, p. 642; Goldstein, "
+    "Classical Mechanics (3rd ed. 2002), section 5.7"
+)
+
+
+def lagrangian(q, v, t, *, I1, I3, m, l, g):
+    """L = I1 (theta'^2 + phi'^2 sin^2) / 2 + I3 (psi' + phi' cos)^2 / 2 - m g l cos theta."""
+    _, theta, _ = q
+    u, w, z = v
+    tilt = I1 * (w**2 + (u * np.sin(theta)) ** 2) / 2
+    return tilt + I3 * (z + u * np.cos(theta)) ** 2 / 2 - m * g * l * np.cos(theta)
+
+
+@cache
+def system() -> System:
+    """Return the system, derived once."""
+    return System(
+        lagrangian,
+        ["phi", "theta", "psi"],
+        parameters=defaults(scene, "I1", "I3", "m", "l", "g"),
+        name="heavy_top",
+    )
+
+
+def scene(
+    *,
+    I1: float = 0.005,
+    I3: float = 0.002,
+    m: float = 0.5,
+    l: float = 0.08,
+    g: float = 9.81,
+    theta: float = 1.0,
+    precession: float = 2.5,
+    duration: float = 0.4,
+) -> Scene:
+    """Precess at the rate `precession` (rad/s) with the axis at `theta` (rad).
+
+    Moments of inertia about the tip in kg m^2, l from the tip to the centre of mass. The facts
+    have the `spin` psi' (rad/s) that this takes: m g l / (I3 phi') + (I1 - I3) / I3 phi' cos.
+    """
+    sine, cosine = np.sin(theta), np.cos(theta)
+    spin = m * g * l / (I3 * precession) + (I1 - I3) / I3 * precession * cosine
+    exact = curve(lambda t: (precession * t, theta + 0 * t, spin * t))
+
+    def spin_momentum(q, v, t):
+        return I3 * (v[2] + v[0] * np.cos(q[1]))
+
+    def vertical(q, v, t):
+        return I1 * v[0] * np.sin(q[1]) ** 2 + spin_momentum(q, v, t) * np.cos(q[1])
+
+    def energy(q, v, t):
+        tilt = I1 * (v[1] ** 2 + (v[0] * np.sin(q[1])) ** 2) / 2
+        return tilt + spin_momentum(q, v, t) ** 2 / (2 * I3) + m * g * l * np.cos(q[1])
+
+    def draw(q, t):
+        flat = l * np.sin(q[1])
+        head = project(flat * np.cos(q[0]), flat * np.sin(q[0]), l * np.cos(q[1]))
+        return [ground((0.0, 0.0)), rod((0.0, 0.0), head), body(head)]
+
+    total = spin + precession * cosine
+    kinetic = I1 * (precession * sine) ** 2 / 2 + I3 * total**2 / 2
+    return Scene(
+        Problem(
+            system(),
+            Event(0.0, exact(0.0)),
+            Event(duration, exact(duration)),
+            parameters={"I1": I1, "I3": I3, "m": m, "l": l, "g": g},
+        ),
+        TITLE,
+        SOURCE,
+        draw=draw,
+        exact=exact,
+        facts={
+            "velocity": curve(lambda t: (precession + 0 * t, 0 * t, spin + 0 * t)),
+            "action": (kinetic - m * g * l * cosine) * duration,
+            "energy": kinetic + m * g * l * cosine,
+            "spin": spin,
+            "conserved": {
+                "energy": energy,
+                "momentum about the axis": spin_momentum,
+                "momentum about the vertical": vertical,
+            },
+        },
+    )

@@ -1,0 +1,100 @@
+r"""A particle sliding inside a cone that stands on its apex.
+
+    \     |     /
+     \    |    o  m          l: distance from the apex
+      \   |   / l            phi: azimuth
+       \  |  /
+        \ | /
+         \|/ half-angle      gravity g downward
+
+Without friction; the surface of the cone is built into the coordinates.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from actionopt.problem import Event, Problem
+from actionopt.scenes._scene import Scene, curve, defaults
+from actionopt.scenes._shapes import body, ground, project
+from actionopt.system import System
+
+TITLE = "particle circling inside an inverted cone"
+SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.4, pp. 636-638"
+
+
+def lagrangian(q, v, t, *, m, angle, g):
+    """L = m (l'^2 + l^2 sin(angle)^2 phi'^2) / 2 - m g l cos(angle)."""
+    l, _ = q
+    u, w = v
+    return m * (u**2 + (l * np.sin(angle) * w) ** 2) / 2 - m * g * l * np.cos(angle)
+
+
+@cache
+def system() -> System:
+    """Return the system, derived once."""
+    return System(
+        lagrangian,
+        ["l", "phi"],
+        parameters=defaults(scene, "m", "angle", "g"),
+        name="inverted_cone",
+    )
+
+
+def scene(
+    *,
+    m: float = 1.0,
+    angle: float = 0.5,
+    g: float = 9.81,
+    w: float = 4.0,
+    duration: float = 0.7,
+) -> Scene:
+    """Circle at w (rad/s) for `duration` (s) in a cone of half-angle `angle` (rad).
+
+    The facts have the distance `circle` = g cos(angle) / (w sin(angle))^2 (m) of the circle
+    from the apex, and the frequency `oscillation` = sqrt(3) sin(angle) w (rad/s) of small
+    oscillations about it.
+    """
+    sine, cosine = np.sin(angle), np.cos(angle)
+    circle = g * cosine / (w * sine) ** 2
+    exact = curve(lambda t: (circle + 0 * t, w * t))
+
+    def acceleration(q, v, t):
+        (l, _), (u, z) = q, v
+        return np.stack([l * (sine * z) ** 2 - g * cosine, -2 * u * z / l])
+
+    def energy(q, v, t):
+        return m * (v[0] ** 2 + (q[0] * sine * v[1]) ** 2) / 2 + m * g * q[0] * cosine
+
+    def place(l, phi):
+        return project(l * sine * np.cos(phi), l * sine * np.sin(phi), l * cosine)
+
+    def draw(q, t):
+        rim = [place(1.3 * circle, phi) for phi in np.linspace(0, 2 * np.pi, 41)]
+        return [ground(*rim), ground(rim[0], (0.0, 0.0), rim[20]), body(place(*q))]
+
+    return Scene(
+        Problem(
+            system(),
+            Event(0.0, exact(0.0)),
+            Event(duration, exact(duration)),
+            parameters={"m": m, "angle": angle, "g": g},
+        ),
+        TITLE,
+        SOURCE,
+        draw=draw,
+        exact=exact,
+        facts={
+            "velocity": curve(lambda t: (0 * t, w + 0 * t)),
+            "acceleration": acceleration,
+            "action": (m * (circle * sine * w) ** 2 / 2 - m * g * circle * cosine) * duration,
+            "circle": circle,
+            "oscillation": np.sqrt(3) * sine * abs(w),
+            "conserved": {
+                "energy": energy,
+                "angular momentum": lambda q, v, t: m * (q[0] * sine) ** 2 * v[1],
+            },
+        },
+    )

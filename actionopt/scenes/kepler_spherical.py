@@ -1,0 +1,117 @@
+"""The Kepler ellipse in spherical coordinates, in a plane tilted against the equator.
+
+        z |   o  r, theta from the z axis, phi azimuth
+          | .'
+          *'------ y
+        .'
+      x'  perihelion
+
+The plane of the orbit is turned about the x axis.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from actionopt.problem import Event, Problem
+from actionopt.scenes import kepler
+from actionopt.scenes._scene import Scene, curve, defaults
+from actionopt.scenes._shapes import body, ground, project
+from actionopt.system import System
+
+TITLE = "Kepler ellipse in spherical coordinates, in a tilted plane"
+SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.3.1, eq. (12.5), p. 629"
+
+
+def lagrangian(q, v, t, *, mu):
+    """L = (r'^2 + r^2 sin(theta)^2 phi'^2 + r^2 theta'^2) / 2 + mu / r, for unit mass."""
+    r, theta, _ = q
+    u, w, z = v
+    return (u**2 + (r * np.sin(theta) * z) ** 2 + (r * w) ** 2) / 2 + mu / r
+
+
+@cache
+def system() -> System:
+    """Return the system, derived once."""
+    return System(
+        lagrangian,
+        ["r", "theta", "phi"],
+        parameters=defaults(scene, "mu"),
+        name="kepler_spherical",
+    )
+
+
+def scene(
+    *,
+    mu: float = 1.0,
+    a: float = 1.0,
+    eccentricity: float = 0.6,
+    start: float = 0.0,
+    fraction: float = 0.4,
+    inclination: float = 0.7,
+) -> Scene:
+    """Follow the ellipse of the scene `kepler`, tilted by the `inclination` (rad, below pi / 2)."""
+    twin = kepler.scene(mu=mu, a=a, eccentricity=eccentricity, start=start, fraction=fraction)
+    orbit = kepler.Ellipse(mu, a, eccentricity, start)
+    T = twin.problem.duration
+    sine, cosine = np.sin(inclination), np.cos(inclination)
+
+    def position(t):
+        r, u = orbit.polar(t)
+        lag = np.arctan2(  # u - phi, continuous
+            (1 - cosine) * np.sin(u) * np.cos(u), np.cos(u) ** 2 + cosine * np.sin(u) ** 2
+        )
+        return r, np.arccos(sine * np.sin(u)), u - lag
+
+    def velocity(t):
+        (_, u), (radial, angular) = orbit.polar(t), orbit.polar_velocity(t)
+        square = 1 - (sine * np.sin(u)) ** 2  # of sin theta
+        turn = -sine * np.cos(u) * angular / np.sqrt(square)
+        return radial, turn, cosine * angular / square
+
+    def acceleration(q, v, t):
+        r, theta, _ = q
+        u, w, z = v
+        s, c = np.sin(theta), np.cos(theta)
+        return np.stack(
+            [
+                r * (s * z) ** 2 + r * w**2 - mu / r**2,
+                s * c * z**2 - 2 * u * w / r,
+                -2 * u * z / r - 2 * c / s * z * w,
+            ]
+        )
+
+    def energy(q, v, t):
+        r, theta, _ = q
+        return (v[0] ** 2 + (r * np.sin(theta) * v[2]) ** 2 + (r * v[1]) ** 2) / 2 - mu / r
+
+    def draw(q, t):
+        r, theta, phi = q
+        flat = r * np.sin(theta)
+        return [
+            ground((0.0, 0.0)),
+            body(project(flat * np.cos(phi), flat * np.sin(phi), r * np.cos(theta))),
+        ]
+
+    exact = curve(position)
+    return Scene(
+        Problem(system(), Event(0.0, exact(0.0)), Event(T, exact(T)), parameters={"mu": mu}),
+        TITLE,
+        SOURCE,
+        draw=draw,
+        exact=exact,
+        facts={
+            **{key: twin.facts[key] for key in ("action", "energy", "period")},
+            "velocity": curve(velocity),
+            "acceleration": acceleration,
+            "conserved": {
+                "energy": energy,
+                "angular momentum about z": lambda q, v, t: (q[0] * np.sin(q[1])) ** 2 * v[2],
+                "angular momentum, squared": lambda q, v, t: (
+                    q[0] ** 4 * (v[1] ** 2 + (np.sin(q[1]) * v[2]) ** 2)
+                ),
+            },
+        },
+    )

@@ -1,0 +1,97 @@
+r"""A mass that slides down a fixed circle and would leave it.
+
+         _ o_  m
+      .'   | \'.             theta from the upward vertical
+     /     |R  \             gravity g downward
+    |      *    |
+
+The multiplier is the normal force: once it is negative the surface would have to pull.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from actionopt.problem import Event, Problem
+from actionopt.scenes._scene import Scene, curve, defaults
+from actionopt.scenes._shapes import body, circle
+from actionopt.system import System
+
+TITLE = "mass sliding off a fixed circle"
+SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.4, p. 641"
+
+
+def lagrangian(q, v, t, *, m, g):
+    """L = m (r'^2 + r^2 theta'^2) / 2 - m g r cos theta."""
+    r, theta = q
+    u, w = v
+    return m * (u**2 + (r * w) ** 2) / 2 - m * g * r * np.cos(theta)
+
+
+def constraint(q, t, *, R):
+    """Hold f = r - R = 0."""
+    return q[0] - R
+
+
+@cache
+def system() -> System:
+    """Return the system, derived once."""
+    return System(
+        lagrangian,
+        ["r", "theta"],
+        parameters=defaults(scene, "m", "R", "g"),
+        constraint=constraint,
+        name="sliding_off_circle",
+    )
+
+
+def scene(
+    *,
+    m: float = 1.0,
+    R: float = 1.0,
+    g: float = 9.81,
+    start: float = 0.1,
+    duration: float = 0.75,
+) -> Scene:
+    """Pass the angle `start` (rad), having left the top at rest long ago, and slide on.
+
+    tan(theta / 4) grows as exp(t sqrt(g / R)): the motion on which theta'^2 =
+    2 g / R (1 - cos theta). m in kg, R in m. The facts have the angle and the time at which
+    the normal force vanishes, `contact_angle` = arccos(2/3) and `contact_time` (s); by default
+    that is before the end.
+    """
+    W, first = np.sqrt(g / R), np.tan(start / 4)
+    lost = float(np.arccos(2 / 3))
+
+    def theta(t):
+        return 4 * np.arctan(first * np.exp(W * t))
+
+    def normal(q, v, t):
+        return (m * g * np.cos(q[1]) - m * R * v[1] ** 2)[None]
+
+    def energy(q, v, t):
+        return m * (v[0] ** 2 + (q[0] * v[1]) ** 2) / 2 + m * g * q[0] * np.cos(q[1])
+
+    exact = curve(lambda t: (R + 0 * t, theta(t)))
+    return Scene(
+        Problem(
+            system(),
+            Event(0.0, exact(0.0)),
+            Event(duration, exact(duration)),
+            parameters={"m": m, "R": R, "g": g},
+        ),
+        TITLE,
+        SOURCE,
+        draw=lambda q, t: [circle(R), body((q[0] * np.sin(q[1]), q[0] * np.cos(q[1])))],
+        exact=exact,
+        facts={
+            "velocity": curve(lambda t: (0 * t, 2 * W * np.sin(theta(t) / 2))),
+            "multipliers": normal,
+            "energy": m * g * R,
+            "contact_angle": lost,
+            "contact_time": float(np.log(np.tan(lost / 4) / first) / W),
+            "conserved": {"energy": energy},
+        },
+    )

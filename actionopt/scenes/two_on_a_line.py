@@ -1,0 +1,104 @@
+r"""Two particles on a line, coupled through one combination of their places.
+
+    ----[ m ]------------[ m ]-----
+         q1               q2
+
+U depends on a q1 + b q2 only, so (q1, q2) -> (q1 + b d, q2 - a d) changes nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+
+import numpy as np
+
+from actionopt.problem import Event, Problem
+from actionopt.scenes._scene import Scene, curve, defaults
+from actionopt.scenes._shapes import body, ground
+from actionopt.system import System
+
+TITLE = "two particles with U(a q1 + b q2)"
+SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.5, p. 644"
+
+
+def lagrangian(q, v, t, *, m, k, a, b):
+    """L = m (q1'^2 + q2'^2) / 2 + U, with U = -k (a q1 + b q2)^2 / 2."""
+    q1, q2 = q
+    u1, u2 = v
+    return m * (u1**2 + u2**2) / 2 - k * (a * q1 + b * q2) ** 2 / 2
+
+
+@cache
+def system() -> System:
+    """Return the system, derived once."""
+    return System(
+        lagrangian,
+        ["q1", "q2"],
+        parameters=defaults(scene, "m", "k", "a", "b"),
+        name="two_on_a_line",
+    )
+
+
+def scene(
+    *,
+    m: float = 1.0,
+    k: float = 1.0,
+    a: float = 1.0,
+    b: float = -0.5,
+    start: Sequence[float] = (0.3, 1.0),
+    end: Sequence[float] = (0.8, 1.6),
+    duration: float = 2.0,
+) -> Scene:
+    """Join two pairs (q1, q2) (m) in `duration` (s); a and b are pure numbers.
+
+    a q1 + b q2 oscillates at sqrt(k (a^2 + b^2) / m), b q1 - a q2 moves uniformly. Raises
+    ValueError if the duration is a multiple of half the period.
+    """
+    T, c = duration, a**2 + b**2
+    w = float(np.sqrt(k * c / m))
+    s = np.sin(w * T)
+    if abs(s) < 1e-12:
+        raise ValueError(f"expected a duration that is no multiple of {np.pi / w}, found {T}")
+    (u0, w0), (u1, w1) = ((a * x + b * y, b * x - a * y) for x, y in (start, end))
+    times = np.pi / w * np.arange(1, 4 + int(w * T / np.pi))
+
+    def pair(u, x):
+        return (a * u + b * x) / c, (b * u - a * x) / c
+
+    def position(t):
+        return pair((u0 * np.sin(w * (T - t)) + u1 * np.sin(w * t)) / s, w0 + (w1 - w0) * t / T)
+
+    def velocity(t):
+        u = w * (u1 * np.cos(w * t) - u0 * np.cos(w * (T - t))) / s
+        return pair(u, (w1 - w0) / T + 0 * t)
+
+    def energy(q, v, t):
+        return m * (v[0] ** 2 + v[1] ** 2) / 2 + k * (a * q[0] + b * q[1]) ** 2 / 2
+
+    reach = 1.3 * max(np.max(np.abs(start)), np.max(np.abs(end)))
+    return Scene(
+        Problem(
+            system(),
+            Event(0.0, start),
+            Event(T, end),
+            parameters={"m": m, "k": k, "a": a, "b": b},
+        ),
+        TITLE,
+        SOURCE,
+        draw=lambda q, t: [
+            ground((-reach, 0.0), (reach, 0.0)),
+            body((q[0], 0.0)),
+            body((q[1], 0.0)),
+        ],
+        exact=curve(position),
+        facts={
+            "velocity": curve(velocity),
+            "conjugate_times": times,
+            "morse_index": int(np.sum(times < T)),
+            "conserved": {
+                "energy": energy,
+                "b p1 - a p2": lambda q, v, t: m * (b * v[0] - a * v[1]),
+            },
+        },
+    )
