@@ -235,7 +235,11 @@ def test_energy_function(scene):
         assert mismatch(H, H[:1]) < INTEGRATION_TOLERANCE
     if "energy" in scene.facts.get("conserved", {}):
         assert mismatch(H, scene.facts["conserved"]["energy"](q, v, t)) < FORMULA_TOLERANCE
-    if "energy" in scene.facts:
+    if "energy" in scene.facts and "start" in scene.facts:
+        start = scene.facts["start"]
+        H = system.energy(start.q, start.v, start.t, parameters=values)
+        assert mismatch(H, scene.facts["energy"]) < FORMULA_TOLERANCE
+    elif "energy" in scene.facts:
         t = times(scene)
         H = system.energy(scene.exact(t), scene.facts["velocity"](t), t, parameters=values)
         assert mismatch(H, np.full_like(H, scene.facts["energy"])) < FORMULA_TOLERANCE
@@ -296,7 +300,8 @@ def test_start_is_on_the_motion(scene):
 
     def flow(t, y):
         q, v = np.split(y, 2)
-        return np.concatenate([v, problem.system.acceleration(q, v, t)])
+        a = problem.system.acceleration(q, v, t, parameters=problem.parameters)
+        return np.concatenate([v, a])
 
     y = np.concatenate([state.q, state.v])
     run = solve_ivp(flow, (state.t, problem.end.t), y, "DOP853", rtol=1e-12, atol=1e-13)

@@ -59,7 +59,10 @@ def scene(
         Problem(system(), Event(0.0, start), Event(duration, end), parameters={"m": m, "w": w}),
         TITLE,
         SOURCE,
-        draw=lambda q, t: [*axes(w * t, 1.5 * float(np.linalg.norm(start))), body(rotate(q, w * t))],
+        draw=lambda q, t: [
+            *axes(w * t, 1.5 * float(np.linalg.norm(start))),
+            body(rotate(q, w * t)),
+        ],
         exact=exact,
         facts={
             "velocity": velocity,

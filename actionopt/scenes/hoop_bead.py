@@ -1,0 +1,99 @@
+r"""A bead on a vertical hoop that turns about its upright diameter.
+
+        .-|-.
+       /  |  \            hoop turns at w
+      |   *   |           theta from the bottom
+       \  |\ /
+        '-|-o             gravity g downward
+
+H is constant, but it is not the energy: whatever turns the hoop does work.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from actionopt.problem import Event, Problem
+from actionopt.scenes._scene import Scene, curve, defaults
+from actionopt.scenes._shapes import body, circle, ground
+from actionopt.system import System
+
+TITLE = "bead on a rotating hoop"
+SOURCE = (
+    "Competitive Physics: Mechanics and Waves (2018), section 12.5.1, p. 642; Goldstein, "
+    "Classical Mechanics (3rd ed. 2002), chapter 2, exercise 18"
+)
+
+
+def lagrangian(q, v, t, *, m, R, g, w):
+    """L = m R^2 (theta'^2 + w^2 sin^2 theta) / 2 + m g R cos theta."""
+    theta, u = q[0], v[0]
+    return m * R**2 * (u**2 + (w * np.sin(theta)) ** 2) / 2 + m * g * R * np.cos(theta)
+
+
+@cache
+def system() -> System:
+    """Return the system, derived once."""
+    return System(
+        lagrangian, ["theta"], parameters=defaults(scene, "m", "R", "g", "w"), name="hoop_bead"
+    )
+
+
+def scene(
+    *,
+    m: float = 1.0,
+    R: float = 0.5,
+    g: float = 9.81,
+    w: float = 6.0,
+    since: float = -0.4,
+    duration: float = 0.7,
+) -> Scene:
+    """Climb out of the bottom and fall back, from `since` (s) after the highest point.
+
+    tan(theta / 2) = n / p sech(n t), n^2 = w^2 - g / R and p^2 = g / R: the motion that left
+    the bottom at rest long ago. The facts have the angle of rest `rest_angle`, arccos(g /
+    (R w^2)), and the frequency `oscillation` = w sin(rest angle) (rad/s) about it. Raises
+    ValueError if the hoop turns too slowly for either, w^2 <= g / R.
+    """
+    if w**2 <= g / R:
+        raise ValueError(f"expected w above sqrt(g / R) = {np.sqrt(g / R)}, found {w}")
+    p, n = np.sqrt(g / R), np.sqrt(w**2 - g / R)
+
+    def theta(t):
+        return 2 * np.arctan(n / p / np.cosh(n * (t + since)))
+
+    def rate(t):  # d tan(theta / 2) = (1 + tan^2) theta' / 2 dt
+        return -n * np.tanh(n * (t + since)) * np.sin(theta(t))
+
+    exact = curve(lambda t: [theta(t)])
+    rest = np.arccos(g / (R * w**2))
+    return Scene(
+        Problem(
+            system(),
+            Event(0.0, exact(0.0)),
+            Event(duration, exact(duration)),
+            parameters={"m": m, "R": R, "g": g, "w": w},
+        ),
+        TITLE,
+        SOURCE,
+        draw=lambda q, t: [
+            circle(R),
+            ground((0.0, -1.2 * R), (0.0, 1.2 * R)),
+            body((R * np.sin(q[0]), -R * np.cos(q[0]))),
+        ],
+        exact=exact,
+        facts={
+            "velocity": curve(lambda t: [rate(t)]),
+            "acceleration": lambda q, v, t: (w**2 * np.cos(q) - g / R) * np.sin(q),
+            "energy": -m * g * R,
+            "rest_angle": rest,
+            "oscillation": w * np.sin(rest),
+            "conserved": {
+                "energy in the turning frame": lambda q, v, t: (
+                    m * R**2 * (v[0] ** 2 - (w * np.sin(q[0])) ** 2) / 2 - m * g * R * np.cos(q[0])
+                ),
+            },
+        },
+    )

@@ -1,0 +1,100 @@
+r"""A particle on a cylinder, in a potential wound round it like a thread.
+
+      |/    /|
+      |    / |            z along the axis, phi around it
+      |   /  |            U = -k cos(phi - c z)
+      |  o   |
+      | /    |
+
+Turning and climbing together, (phi, z) -> (phi + c d, z + d), changes nothing.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from actionopt.problem import Event, Problem
+from actionopt.scenes import pendulum
+from actionopt.scenes._scene import Scene, curve, defaults
+from actionopt.scenes._shapes import body, ground, project
+from actionopt.system import System
+
+TITLE = "particle on a cylinder with a helical potential"
+SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.5.4, p. 645"
+
+
+def lagrangian(q, v, t, *, m, R, k, c):
+    """L = m (R^2 phi'^2 + z'^2) / 2 + k cos(phi - c z)."""
+    phi, z = q
+    u, w = v
+    return m * ((R * u) ** 2 + w**2) / 2 + k * np.cos(phi - c * z)
+
+
+@cache
+def system() -> System:
+    """Return the system, derived once."""
+    return System(
+        lagrangian,
+        ["phi", "z"],
+        parameters=defaults(scene, "m", "R", "k", "c"),
+        name="screw",
+    )
+
+
+def scene(
+    *,
+    m: float = 1.0,
+    R: float = 0.5,
+    k: float = 1.0,
+    c: float = 1.5,
+    amplitude: float = 1.2,
+    since: float = 0.2,
+    climb: float = 0.8,
+    duration: float = 0.8,
+) -> Scene:
+    """Swing across the thread as it climbs at `climb` (m/s); k in J, c in rad/m.
+
+    phi - c z swings as a pendulum does, by `amplitude` (rad) from `since` (s) after crossing
+    the groove; c R^2 phi + z moves uniformly, at `climb` (1 + c^2 R^2).
+    """
+    stretch = 1 + (c * R) ** 2
+    swing, rate = pendulum.motion(k * stretch / (m * R**2), amplitude, since)
+
+    def split(across, along):  # along = (c R^2 phi + z) / (1 + c^2 R^2)
+        return across / stretch + c * along, along - c * R**2 * across / stretch
+
+    exact = curve(lambda t: split(swing(t), climb * t))
+
+    def energy(q, v, t):
+        return m * ((R * v[0]) ** 2 + v[1] ** 2) / 2 - k * np.cos(q[0] - c * q[1])
+
+    def place(phi, z):
+        return project(R * np.cos(phi), R * np.sin(phi), z)
+
+    top = max(1.3 * climb * duration, R)
+
+    def draw(q, t):
+        groove = [place(c * z, z) for z in np.linspace(0.0, top, 60)]
+        return [ground(*groove), body(place(*q))]
+
+    return Scene(
+        Problem(
+            system(),
+            Event(0.0, exact(0.0)),
+            Event(duration, exact(duration)),
+            parameters={"m": m, "R": R, "k": k, "c": c},
+        ),
+        TITLE,
+        SOURCE,
+        draw=draw,
+        exact=exact,
+        facts={
+            "velocity": curve(lambda t: split(rate(t), climb + 0 * t)),
+            "conserved": {
+                "energy": energy,
+                "screw momentum": lambda q, v, t: m * (c * R**2 * v[0] + v[1]),
+            },
+        },
+    )
