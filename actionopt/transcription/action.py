@@ -65,7 +65,8 @@ class Transcription:
         self.action_unit, row_units = self._units()
         node_weight = np.bincount(layout.node_of, weight, layout.node_count)
         self.row_weight = node_weight[layout.row_nodes][:, None]
-        self.row_unit = row_units[layout.row_constraint]
+        # Rows w f are scaled to gradients of size one, whatever the element's length.
+        self.row_unit = node_weight[layout.row_node] * row_units[layout.row_constraint]
         self.mu_unit = self.action_unit / self.row_unit
 
     def _units(self) -> tuple[float, Array]:
@@ -85,7 +86,7 @@ class Transcription:
         G = system.pointwise("constraint_jacobian")(Q[layout.row_nodes], nodes, problem.packed)[0]
         sizes = np.zeros(system.m)
         np.maximum.at(sizes, layout.G_rows, np.max(np.abs(G), axis=0) * self.lengths[layout.G_cols])
-        return unit, np.where(sizes > 0, sizes, 1.0) * duration
+        return unit, np.where(sizes > 0, sizes, 1.0)
 
     # -- vectors -----------------------------------------------------------------------------
 
@@ -272,6 +273,8 @@ class Transcription:
             )
             self.counts["force_jacobian"] += 1
             parts.append(self._forcing(Fq, Fv))
+        if layout.rows:
+            parts.append(np.zeros(1))
         return pattern.sum(np.concatenate(parts)[layout.kkt_source])
 
     def _forcing(self, Fq: Array, Fv: Array) -> Array:

@@ -134,6 +134,11 @@ class Layout:
             cols += [J.col, J.row + self.unknowns]
             source += [ids, ids]
             first += J.nnz
+            # A place on the diagonal of the rows, for factorizations that need one there.
+            diagonal = self.unknowns + np.arange(self.rows)
+            rows.append(diagonal)
+            cols.append(diagonal)
+            source.append(np.full(self.rows, -1))
         if self.system.structure.forced:
             F = self.forcing
             rows.append(F.row)
@@ -142,8 +147,14 @@ class Layout:
         pattern = Pattern.build(
             self.size, self.size, [(np.concatenate(rows), np.concatenate(cols))]
         )
-        self.kkt_source = np.concatenate(source)
+        self.kkt_source = np.concatenate(source)  # -1 is the zero behind the last nonzero
         return pattern
+
+    @cached_property
+    def row_diagonal(self) -> NDInt:
+        """Positions of the rows' diagonal entries among the nonzeros of `kkt`."""
+        pattern = self.kkt
+        return np.flatnonzero((pattern.row == pattern.col) & (pattern.row >= self.unknowns))
 
     def _diagonal(self, function: str, output: int):
         rows, cols = sparsity_of(self.system, function, output)
