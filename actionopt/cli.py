@@ -167,9 +167,8 @@ def _from_file(file: Path, settings: dict[str, Any]) -> Problem | Scene:
     if not settings:
         return found
     asked = found.problem if isinstance(found, Scene) else found
-    return Problem(
-        asked.system, asked.start, asked.end, parameters={**asked.parameters, **settings}
-    )
+    parameters = dict(asked.parameters or {}) | settings
+    return Problem(asked.system, asked.start, asked.end, parameters=parameters)
 
 
 def _place(file: Path, error: Exception) -> str:

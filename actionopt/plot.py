@@ -12,16 +12,17 @@ from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.rcsetup import cycler
 
 from actionopt.quadrature import Array
 from actionopt.solution import Solution
 
-STYLE: dict[str, Any] = {
-    "axes.prop_cycle": mpl.cycler(
+STYLE: Any = {
+    "axes.prop_cycle": cycler(
         color=["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"]
     ),
     "axes.spines.top": False,
@@ -34,13 +35,16 @@ STYLE: dict[str, Any] = {
     "figure.figsize": (6.4, 6.4),
     "savefig.dpi": 150,
 }
-PATH = {"linewidth": 4.5, "alpha": 0.5}  # broad, so that the forward integration lies within it
-FORWARD = {"linewidth": 1.0, "color": "black", "linestyle": (0, (5, 3))}
-EVENT = {"marker": "o", "color": "black", "markersize": 6, "linestyle": "none", "zorder": 3}
+PATH: Any = {
+    "linewidth": 4.5,
+    "alpha": 0.5,
+}  # broad, so that the forward integration lies within it
+FORWARD: Any = {"linewidth": 1.0, "color": "black", "linestyle": (0, (5, 3))}
+EVENT: Any = {"marker": "o", "color": "black", "markersize": 6, "linestyle": "none", "zorder": 3}
 START = {**EVENT, "markerfacecolor": "white", "label": "start"}
 END = {**EVENT, "label": "end"}
-BOUND = {"color": "#555555", "linewidth": 1.0}
-BESIDE: dict[str, Any] = {
+BOUND: Any = {"color": "#555555", "linewidth": 1.0}
+BESIDE: Any = {
     "xycoords": ("axes fraction", "data"),
     "textcoords": "offset points",
     "horizontalalignment": "right",
@@ -87,10 +91,9 @@ def curves(solution: Solution, count: int = COUNT) -> Curves:
 
 def overview(solution: Solution, axes: Sequence[Axes] | None = None) -> tuple[Axes, Axes]:
     """Draw `paths` above `deviation`, on two axes or in a figure of their own."""
-    with mpl.rc_context(STYLE):
-        if axes is None:
-            axes = _figure().subplots(2, height_ratios=(3, 2))
-        above, below = axes
+    with rc_context(STYLE):
+        pair = _figure().subplots(2, height_ratios=(3, 2)) if axes is None else axes
+        above, below = pair
         return paths(solution, above), deviation(solution, below)
 
 
@@ -102,7 +105,7 @@ def paths(solution: Solution, ax: Axes | None = None, *, compare: bool = True) -
     """
     names = solution.problem.system.coordinates
     t = _times(solution, COUNT)
-    with mpl.rc_context(STYLE):
+    with rc_context(STYLE):
         ax = _axes(ax)
         for x, y, label in _traces(names, t, solution(t)):
             ax.plot(x, y, **PATH, label=label)
@@ -135,7 +138,7 @@ def deviation(solution: Solution, ax: Axes | None = None) -> Axes:
     """
     data = curves(solution)
     seen = np.where(data.deviation > 0, data.deviation, np.nan)
-    with mpl.rc_context(STYLE):
+    with rc_context(STYLE):
         ax = _axes(ax)
         ax.semilogy(data.t, seen, color="black", linewidth=1.2)
         for value, look, text in (
@@ -156,7 +159,7 @@ def save(solution: Solution, file: str | FilePath, *, compare: bool = True) -> N
 
     Raises ValueError for an ending that matplotlib does not know, OSError if it cannot write.
     """
-    with mpl.rc_context(STYLE):
+    with rc_context(STYLE):
         figure = Figure(layout="constrained")  # not pyplot's: it needs no display
         if compare:
             overview(solution, figure.subplots(2, height_ratios=(3, 2)))
