@@ -1,0 +1,1 @@
+"""Run time against error: actionopt and its peers on the same problems, by one command."""

@@ -1,0 +1,92 @@
+"""From rows to curves, ratios and profiles; no drawing here."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)
+KINDS = ("cold", "again")
+OURS = "actionopt_"
+
+Rows = dict[str, dict[str, list[dict]]]
+
+
+def curve(rows: Iterable[dict], kind: str) -> tuple[np.ndarray, np.ndarray]:
+    """Return errors and times of the successful rows of a kind, each (P,), by setting."""
+    good = [r for r in rows if r["kind"] == kind and not r["status"]]
+    return np.array([r["error"] for r in good]), np.array([r["time"] for r in good])
+
+
+def time_at(rows: Iterable[dict], kind: str, target: float) -> float:
+    """Return the least time of any setting with an error at or below the target, or infinity.
+
+    Every peer is thus given its best setting in hindsight.
+    """
+    errors, times = curve(rows, kind)
+    enough = errors <= target
+    return float(np.min(times[enough])) if np.any(enough) else np.inf
+
+
+def table(rows: Rows, kind: str, target: float) -> dict[str, dict[str, float]]:
+    """Return times by problem and peer."""
+    return {
+        case: {peer: time_at(found, kind, target) for peer, found in by_peer.items()}
+        for case, by_peer in rows.items()
+    }
+
+
+def geometric_mean(values: Iterable[float]) -> float:
+    """Return the geometric mean of the finite values; NaN if there are none."""
+    logs = np.log([v for v in values if np.isfinite(v) and v > 0])
+    return float(np.exp(np.mean(logs))) if logs.size else np.nan
+
+
+def against(rows: Rows, kind: str, target: float, peers: Iterable[str] | None = None):
+    """Return by problem (fastest other's time / ours, its name).
+
+    Infinity where no other came to the target, 0 where we did not and another did; problems
+    that nobody solved are left out. `peers` restricts the others.
+    """
+    ratios: dict[str, tuple[float, str]] = {}
+    for case, times in table(rows, kind, target).items():
+        ours = times.get(OURS, np.inf)
+        others = {p: t for p, t in times.items() if p != OURS and (peers is None or p in peers)}
+        if not others:
+            continue
+        best = min(others, key=others.__getitem__)
+        if np.isinf(ours) and np.isinf(others[best]):
+            continue
+        ratio = 0.0 if np.isinf(ours) else others[best] / ours
+        ratios[case] = (ratio, best if np.isfinite(others[best]) else "")
+    return ratios
+
+
+def profile(rows: Rows, kind: str, target: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Return Dolan and More's performance profile.
+
+    For factors tau (F,), the share of the problems that each peer solves to the target within
+    tau times the fastest one's time. Mathematical Programming 91 (2002) 201-213.
+    """
+    times = table(rows, kind, target)
+    names = sorted({p for by_peer in times.values() for p in by_peer})
+    matrix = np.array([[t.get(p, np.inf) for p in names] for t in times.values()])
+    fastest = matrix.min(axis=1, keepdims=True)
+    with np.errstate(invalid="ignore"):
+        ratio = np.where(np.isfinite(matrix), matrix / fastest, np.inf)
+    tau = np.logspace(0, 4, 400)
+    return tau, {p: np.mean(ratio[:, k][:, None] <= tau, axis=0) for k, p in enumerate(names)}
+
+
+def outcome(rows: Iterable[dict], target: float = 1e-6) -> str:
+    """Return in a few words how a peer fared on a problem: how it got to the target, or not."""
+    rows = [r for r in rows if r["kind"] == "cold"]
+    good = [r for r in rows if not r["status"]]
+    reached = [r for r in good if r["error"] <= target]
+    if reached:
+        return "" if reached[0]["start"] == "line" else "bent guess"
+    if good:
+        return f"only {min(r['error'] for r in good):.0e}"
+    said = [r["status"] for r in rows if r["status"]]
+    return said[-1] if said else "not run"

@@ -1,0 +1,118 @@
+"""The figures of the report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from benchmarks import analysis as an
+from benchmarks import peers
+
+LABELS = {
+    "actionopt_": "actionopt",
+    "scipy_bvp": "solve_bvp",
+    "dop853": "shooting, DOP853",
+    "heyoka_": "shooting, heyoka",
+    "casadi_collocation": "CasADi collocation",
+    "rockit_": "rockit",
+    "opty_": "opty",
+    "dymos_": "dymos",
+    "mpopt_": "mpopt",
+    "lamberthub_": "lamberthub",
+}
+MARKS = "osD^v<>PX*"
+
+
+def label(peer: str) -> str:
+    """Return a peer's name in figures and tables."""
+    return LABELS.get(peer, peer)
+
+
+def rank(peer: str) -> int:
+    """Return a peer's place in legends."""
+    return peers.NAMES.index(peer)
+
+
+def _style(peer: str) -> dict:
+    k = rank(peer)
+    style = {"color": f"C{k}", "marker": MARKS[k % len(MARKS)], "markersize": 4}
+    if peer == an.OURS:
+        return {**style, "color": "black", "linewidth": 2.0, "zorder": 3}
+    return {**style, "linewidth": 1.0}
+
+
+def work_precision(rows: an.Rows, titles: dict[str, str], kind: str, file: Path) -> None:
+    """Draw one panel a problem: error across, time up; faster is lower, better is left."""
+    count = len(rows)
+    columns = min(4, count)
+    lines = -(-count // columns)
+    figure, axes = plt.subplots(
+        lines, columns, figsize=(3.4 * columns, 2.9 * lines + 0.6), squeeze=False, sharex=True
+    )
+    handles = {}
+    for ax, (case, by_peer) in zip(axes.flat, rows.items(), strict=False):
+        for peer in sorted(by_peer, key=rank):
+            errors, times = an.curve(by_peer[peer], kind)
+            if errors.size:
+                (handles[peer],) = ax.loglog(np.maximum(errors, 1e-16), times, **_style(peer))
+        ax.set_title(titles[case], fontsize=10)
+        ax.set_xlim(3e-2, 3e-17)
+        ax.grid(True, which="major", alpha=0.3)
+    for ax in axes.flat[count:]:
+        ax.axis("off")
+    for ax in axes[:, 0]:
+        ax.set_ylabel("time (s)")
+    for ax in axes[-1]:
+        ax.set_xlabel("error")
+    order = sorted(handles, key=rank)
+    figure.suptitle(
+        {
+            "cold": "cold: from the definition to the path",
+            "again": "again: other end points, from the last answer",
+        }[kind]
+        + " (lower is faster, right is more accurate)",
+        fontsize=11,
+    )
+    figure.legend(
+        [handles[p] for p in order],
+        [label(p) for p in order],
+        loc="lower center",
+        ncols=min(5, len(order)),
+        frameon=False,
+    )
+    figure.tight_layout(rect=(0, 0.09 / lines + 0.01, 1, 1))
+    _save(figure, file)
+
+
+def profiles(rows: an.Rows, file: Path) -> None:
+    """Draw the performance profiles at 1e-6 and 1e-9, cold and again."""
+    figure, axes = plt.subplots(2, 2, figsize=(9, 6.5), sharex=True, sharey=True)
+    for line, kind in zip(axes, an.KINDS, strict=True):
+        for ax, target in zip(line, (1e-6, 1e-9), strict=True):
+            tau, shares = an.profile(rows, kind, target)
+            for peer in sorted(shares, key=rank):
+                style = {k: v for k, v in _style(peer).items() if "mark" not in k}
+                ax.step(tau, shares[peer], where="post", label=label(peer), **style)
+            ax.set_xscale("log")
+            ax.set_ylim(-0.02, 1.02)
+            ax.set_title(f"{kind}, error at most {target:.0e}", fontsize=10)
+            ax.grid(True, alpha=0.3)
+    for ax in axes[-1]:
+        ax.set_xlabel("within this factor of the fastest")
+    for ax in axes[:, 0]:
+        ax.set_ylabel("share of problems")
+    axes[0, 0].legend(fontsize=8, frameon=False)
+    figure.tight_layout()
+    _save(figure, file)
+
+
+def _save(figure, file: Path) -> None:
+    for ending in (".svg", ".png"):
+        figure.savefig(file.with_suffix(ending), dpi=110)
+    plt.close(figure)

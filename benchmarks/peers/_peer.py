@@ -1,0 +1,73 @@
+"""What every peer offers, so that all are measured by the same loop."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from benchmarks.problems import Case, Ends
+
+TOLERANCES = tuple(10.0**-k for k in range(2, 14))
+
+
+class Unable(Exception):
+    """The peer cannot express this problem; the message says why."""
+
+
+class Failed(Exception):
+    """The peer says that it did not find a path; the message is its own."""
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """A path: `curve` maps (K,) times to (n, K); `state` is what solving again starts from."""
+
+    curve: Callable[[np.ndarray], Any]
+    state: Any = None
+
+
+@dataclass(frozen=True)
+class Peer:
+    """One way to solve the problems.
+
+    Attributes
+    ----------
+    name : str
+        In tables and figures.
+    packages : sequence of str
+        Distributions whose versions are reported.
+    settings : sequence
+        The ladder from rough to fine: tolerances or meshes.
+    cold : callable
+        `cold(case, ends, start, setting) -> Answer`, from the user's definition to the path;
+        `start` names the first guess.
+    again : callable
+        `again(answer, case, ends, setting) -> Answer`: the same problem, other end points.
+    """
+
+    name: str
+    packages: Sequence[str]
+    settings: Sequence[Any]
+    cold: Callable[[Case, Ends, str, Any], Answer]
+    again: Callable[[Answer, Case, Ends, Any], Answer]
+
+
+def waypoints(case: Case, ends: Ends, start: str, times: np.ndarray):
+    """Return the first guess at `times` (K,): coordinates and velocities, each (n, K)."""
+    knots, points = case.guess(ends, start)
+    q = np.stack([np.interp(times, knots, row) for row in points])
+    slopes = np.diff(points, axis=1) / np.diff(knots)
+    piece = np.clip(np.searchsorted(knots, times, side="right") - 1, 0, len(knots) - 2)
+    return q, slopes[:, piece]
+
+
+def first_velocity(case: Case, ends: Ends, start: str) -> np.ndarray:
+    """Return the first guess's velocity at the start, along the constraints, (n,)."""
+    v = waypoints(case, ends, start, np.zeros(1))[1][:, 0]
+    if case.normals is None:
+        return v
+    G = case.normals(ends.start)
+    return v - np.linalg.lstsq(G, G @ v, rcond=None)[0]

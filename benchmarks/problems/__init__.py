@@ -1,0 +1,33 @@
+"""The problems, in the order of the report."""
+
+from __future__ import annotations
+
+from benchmarks.problems import chain, double_pendulum, lattice, plane, single, three_bodies
+from benchmarks.problems._case import Case, Ends
+
+__all__ = ["INTEGRATED", "ORDER", "QUICK", "Case", "Ends", "load"]
+
+INTEGRATED = (double_pendulum, three_bodies, chain, lattice)  # references come from a file
+ORDER = (
+    "projectile",
+    "oscillator",
+    "oscillator_long",
+    "pendulum",
+    "oscillating_wall",
+    "layer",
+    "kepler",
+    "kepler_collision",
+    "rod_pendulum",
+    "double_pendulum",
+    "three_bodies",
+    "chain_angles",
+    "chain_cartesian",
+    "lattice",
+)
+QUICK = ("oscillator_long", "pendulum", "kepler", "rod_pendulum", "double_pendulum")
+
+
+def load() -> dict[str, Case]:
+    """Return every case by name."""
+    found = {c.name: c for module in (single, plane, *INTEGRATED) for c in module.cases()}
+    return {name: found[name] for name in ORDER}

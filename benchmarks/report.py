@@ -1,0 +1,119 @@
+"""The report: figures, tables and one page of text, from the results alone."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks import analysis as an
+from benchmarks import figures, problems
+from benchmarks.results import Results
+
+FOLDER = Path(__file__).parents[1] / "docs" / "benchmarks"
+
+
+def write(results: Results) -> None:
+    """Write figures and page beside the results."""
+    rows = {case: results.rows[case] for case in problems.ORDER if case in results.rows}
+    if not rows:
+        return
+    name = results.file.stem
+    folder = results.file.parent
+    titles = {case: c.title for case, c in problems.load().items()}
+    for kind in an.KINDS:
+        figures.work_precision(rows, titles, kind, folder / f"{name}_{kind}")
+    figures.profiles(rows, folder / f"{name}_profile")
+    page = "\n".join([*_head(results, name), *_summary(rows), *_tables(rows, titles)])
+    new = folder / f"{name}.md.part"
+    new.write_text(page + "\n")
+    shutil.move(new, folder / f"{name}.md")
+
+
+def _head(results: Results, name: str) -> list[str]:
+    machine, versions = results.data["machine"], results.data["versions"]
+    return [
+        "# Run time against error",
+        "",
+        "Made by `python -m benchmarks.work_precision"
+        + (" --quick" if name == "quick" else "")
+        + f"`; raw numbers in `{name}.json`.",
+        "",
+        "- *cold*: from the user's definition to the path, after imports; *again*: the same",
+        "  problem with other end points, from the last answer.",
+        "- error: maximum over 201 uniform times (and 100 more in either layer, where there are",
+        "  layers) of |q - exact|, relative to the largest |q|.",
+        "- time at an error: the fastest of the peer's settings that came to it, so everyone is",
+        "  given its best setting in hindsight; medians of repetitions, interleaved, one thread.",
+        "- machine: " + ", ".join(f"{k} {v}" for k, v in machine.items()),
+        "- versions: " + ", ".join(f"{k} {v}" for k, v in sorted(versions.items())),
+        "",
+        *[f"![{kind}]({name}_{kind}.svg)\n" for kind in an.KINDS],
+        f"![performance profiles]({name}_profile.svg)",
+        "",
+    ]
+
+
+def _summary(rows: an.Rows) -> list[str]:
+    lines = ["## Against the fastest peer of each problem", ""]
+    lines += ["Ratio of its time to actionopt's, above 1 where actionopt is faster; geometric"]
+    lines += ["mean over the problems that both solve.", ""]
+    lines += ["| | " + " | ".join(f"{t:.0e}" for t in an.TARGETS) + " |"]
+    lines += ["|---|" + "---|" * len(an.TARGETS)]
+    names = sorted({p for by_peer in rows.values() for p in by_peer} - {an.OURS})
+    for kind in an.KINDS:
+        for label, peers in [("fastest peer", None), *((figures.label(p), {p}) for p in names)]:
+            cells = []
+            for target in an.TARGETS:
+                ratios = an.against(rows, kind, target, peers)
+                both = [r for r, _ in ratios.values() if 0 < r < np.inf]
+                only = sum(r == np.inf for r, _ in ratios.values())
+                lost = sum(r == 0 for r, _ in ratios.values())
+                cell = f"{an.geometric_mean(both):.2f} ({len(both)})" if both else "-"
+                cell += f", +{only}" if only else ""
+                cell += f", -{lost}" if lost else ""
+                cells.append(cell)
+            lines.append(f"| {kind}, {label} | " + " | ".join(cells) + " |")
+    lines += ["", "In brackets the number of problems; +k: solved by actionopt alone; -k: by the"]
+    return [*lines, "peer alone.", ""]
+
+
+def _tables(rows: an.Rows, titles: dict[str, str]) -> list[str]:
+    lines = []
+    names = sorted({p for by_peer in rows.values() for p in by_peer}, key=figures.rank)
+    for kind in an.KINDS:
+        for target in an.TARGETS:
+            lines += [f"## Time in ms to an error of {target:.0e}, {kind}", ""]
+            lines += ["| problem | " + " | ".join(figures.label(p) for p in names) + " |"]
+            lines += ["|---|" + "---:|" * len(names)]
+            for case, times in an.table(rows, kind, target).items():
+                best = min(times.values())
+                cells = [_cell(times.get(p, np.inf), best) for p in names]
+                lines += [f"| {titles[case]} | " + " | ".join(cells) + " |"]
+            lines += [""]
+    lines += ["## How they fared (cold, to 1e-6)", ""]
+    lines += ["Empty: solved from the straight line. Otherwise what it took, or what it said.", ""]
+    lines += ["| problem | " + " | ".join(figures.label(p) for p in names) + " |"]
+    lines += ["|---|" + "---|" * len(names)]
+    for case, by_peer in rows.items():
+        cells = [_brief(an.outcome(by_peer[p])) if p in by_peer else "not run" for p in names]
+        lines += [f"| {titles[case]} | " + " | ".join(cells) + " |"]
+    solved = [
+        sum(bool(np.isfinite(an.time_at(r.get(p, []), "cold", 1e-6))) for r in rows.values())
+        for p in names
+    ]
+    lines += ["| **solved** | " + " | ".join(f"{s} of {len(rows)}" for s in solved) + " |"]
+    return [*lines, ""]
+
+
+def _cell(seconds: float, best: float) -> str:
+    if not np.isfinite(seconds):
+        return "-"
+    text = f"{seconds * 1e3:.3g}" if seconds < 1 else f"{seconds * 1e3:.0f}"
+    return f"**{text}**" if seconds == best else text
+
+
+def _brief(text: str) -> str:
+    text = text.replace("|", "/").replace("\n", " ")
+    return text if len(text) <= 90 else text[:87] + "..."

@@ -1,0 +1,138 @@
+"""Peers in processes of their own, asked one at a time and ended when they take too long."""
+
+from __future__ import annotations
+
+import json
+import os
+import queue
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator, Sequence
+
+from benchmarks import problems
+
+ONE_THREAD = {
+    name: "1"
+    for name in (
+        "OMP_NUM_THREADS",
+        "OPENBLAS_NUM_THREADS",
+        "MKL_NUM_THREADS",
+        "NUMEXPR_NUM_THREADS",
+        "VECLIB_MAXIMUM_THREADS",
+    )
+}
+START_LIMIT = 120.0  # seconds for a peer's imports
+
+
+class Worker:
+    """One peer's process."""
+
+    def __init__(self, peer: str) -> None:
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "benchmarks.worker", peer],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            env={**os.environ, **ONE_THREAD},
+        )
+        self.lines: queue.Queue[str] = queue.Queue()
+        threading.Thread(target=self._listen, daemon=True).start()
+        self.hello = self.reply(START_LIMIT)
+
+    def _listen(self) -> None:
+        for line in self.process.stdout:
+            self.lines.put(line)
+        self.lines.put("")
+
+    def ask(self, request: dict, limit: float) -> dict | None:
+        """Return the reply, or None if it did not come in time."""
+        self.process.stdin.write(json.dumps(request) + "\n")
+        self.process.stdin.flush()
+        return self.reply(limit)
+
+    def reply(self, limit: float) -> dict | None:
+        """Wait for a line."""
+        try:
+            line = self.lines.get(timeout=limit)
+        except queue.Empty:
+            return None
+        return json.loads(line) if line else None
+
+    def close(self) -> None:
+        """End the process."""
+        self.process.kill()
+        self.process.wait()
+
+
+class Bench:
+    """All peers, each started when first asked; `limit` is in seconds a solve."""
+
+    def __init__(self, names: Sequence[str], limit: float) -> None:
+        self.names, self.limit = list(names), limit
+        self.workers: dict[str, Worker] = {}
+        self.cases = problems.load()
+
+    def starts(self, case: str) -> Sequence[str]:
+        """Return the first guesses to try on a problem."""
+        return self.cases[case].starts
+
+    def settings(self, peer: str) -> list:
+        """Return a peer's ladder; one step for a peer that is not there, to say so."""
+        hello = self._worker(peer).hello
+        return hello["settings"] if hello and hello["ready"] else [None]
+
+    def versions(self) -> dict[str, str]:
+        """Return the versions of all peers' packages."""
+        found: dict[str, str] = {}
+        for peer in self.names:
+            found.update((self._worker(peer).hello or {}).get("versions", {}))
+        return found
+
+    def ask(self, peer: str, request: dict) -> dict:
+        """Run one request; a peer that takes too long is ended and says so."""
+        worker = self._worker(peer)
+        if not worker.hello or not worker.hello["ready"]:
+            said = worker.hello["status"] if worker.hello else "its process ended"
+            return {"status": f"unable: {said}", "time": 0.0}
+        clock = time.perf_counter()
+        # "Again" means a cold solve and several more.
+        limit = self.limit * (1 if request["kind"] == "cold" else 3)
+        reply = worker.ask(request, limit)
+        if reply is not None:
+            return reply
+        seconds = time.perf_counter() - clock
+        worker.close()
+        del self.workers[peer]
+        what = f"no answer in {limit:g} s" if seconds >= limit else "its process ended"
+        return {"status": what, "time": seconds}
+
+    def _worker(self, peer: str) -> Worker:
+        if peer not in self.workers:
+            self.workers[peer] = Worker(peer)
+        return self.workers[peer]
+
+    def close(self) -> None:
+        """End all processes."""
+        for worker in self.workers.values():
+            worker.close()
+
+
+class Progress:
+    """Go through items and draw a bar on stderr."""
+
+    def __init__(self, items: Sequence[str]) -> None:
+        self.items = items
+
+    def __iter__(self) -> Iterator[str]:
+        """Yield the items."""
+        count, started = len(self.items), time.perf_counter()
+        for k, item in enumerate(self.items):
+            done = int(30 * k / count)
+            spent = time.perf_counter() - started
+            bar = f"[{'#' * done}{'.' * (30 - done)}] {k}/{count} {spent:4.0f} s  {item}"
+            print(f"\r\033[K{bar}", end="", file=sys.stderr, flush=True)
+            yield item
+        spent = time.perf_counter() - started
+        print(f"\r\033[K[{'#' * 30}] {count}/{count} {spent:4.0f} s", file=sys.stderr)

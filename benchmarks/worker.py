@@ -1,0 +1,104 @@
+"""A process that runs one peer: requests come in as JSON lines, answers go out as JSON lines.
+
+Each peer has a process of its own, so that a slow one can be ended, and what it prints is not
+mistaken for an answer.
+"""
+
+from __future__ import annotations
+
+import gc
+import json
+import os
+import resource
+import sys
+import time
+import warnings
+from functools import cache
+from importlib import metadata
+
+from benchmarks import peers, problems
+
+AGAIN = 6  # solves in a row, end points back and forth
+
+
+@cache
+def _cases():
+    return problems.load()
+
+
+@cache
+def _ends(name: str):
+    return _cases()[name].ends()
+
+
+def _attempt(work):
+    """Return what `work` returns, or None, its seconds, and the sentence of its failure."""
+    gc.collect()
+    clock = time.perf_counter()
+    try:
+        answer, said = work(), ""
+    except (peers.Failed, peers.Unable) as error:
+        answer, said = None, f"{type(error).__name__.lower()}: {error}"
+    except Exception as error:
+        answer, said = None, f"{type(error).__name__}: {error}"
+    return answer, time.perf_counter() - clock, said
+
+
+def measure(peer: peers.Peer, case_name: str, start: str, setting, kind: str) -> dict:
+    """Run one request: kind is "cold", or "again" for a median of solves in a row."""
+    case = _cases()[case_name]
+    both = _ends(case_name)
+    answer, seconds, said = _attempt(lambda: peer.cold(case, both[0], start, setting))
+    if answer is None:
+        return {"status": said, "time": seconds}
+    if kind == "cold":
+        return {"status": "", "time": seconds, "error": case.error(answer.curve, both[0])}
+    times, errors = [], []
+    for k in range(AGAIN):
+        ends = both[(k + 1) % 2]
+        answer, seconds, said = _attempt(lambda: peer.again(answer, case, ends, setting))  # noqa: B023
+        if answer is None:
+            return {"status": said, "time": seconds}
+        times.append(seconds)
+        errors.append(case.error(answer.curve, ends))
+        if sum(times) > 2.0 and len(times) > 1:
+            break
+    return {"status": "", "time": sorted(times)[len(times) // 2], "error": max(errors)}
+
+
+def _version(package: str) -> str:
+    if package == "actionopt":
+        import actionopt
+
+        return actionopt.__version__
+    return metadata.version(package)
+
+
+def main() -> None:
+    """Serve requests until the input ends."""
+    replies = os.fdopen(os.dup(1), "w")
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # solvers talk
+    os.dup2(1, 2)
+    warnings.simplefilter("ignore")
+    try:
+        peer = peers.get(sys.argv[1])
+    except ImportError as error:
+        print(json.dumps({"ready": False, "status": f"cannot be imported: {error}"}), file=replies)
+        return
+    _cases()
+    hello = {
+        "ready": True,
+        "name": peer.name,
+        "settings": list(peer.settings),
+        "versions": {p: _version(p) for p in ("numpy", *peer.packages)},
+    }
+    print(json.dumps(hello), file=replies, flush=True)
+    for line in sys.stdin:
+        request = json.loads(line)
+        result = measure(peer, **request)
+        result["memory"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+        print(json.dumps(result), file=replies, flush=True)
+
+
+if __name__ == "__main__":
+    main()
