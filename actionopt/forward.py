@@ -25,7 +25,7 @@ from actionopt.system import System
 
 DEGREE = 12  # of the elements of the path
 ROUNDS = 12  # of splitting elements before giving up
-STEPS = 200_000  # of CVODES between two outputs; a regular motion needs some tens
+STEPS = 50_000  # of CVODES between two outputs; a regular motion needs some tens
 LOCAL = 1e-3  # CVODES bounds the error of one step; some hundred of them add up
 FINEST = 5e-16  # below this local tolerance CVODES gains nothing
 ROUGH = 1e-8  # local tolerance of the run that finds the sizes
@@ -170,8 +170,8 @@ class Integrator:
             a, b = state.t + span * self._reached(start, values)
             raise IntegrationError(
                 f"the forward integration stopped between t = {a:.6g} and t = {b:.6g}: the "
-                "motion runs into a singularity there, such as a collision, or leaves the "
-                "domain of the Lagrangian; end before that time or begin elsewhere"
+                "motion runs into a singularity there, such as a collision, is not smooth, "
+                "or leaves the domain of the Lagrangian; end before that time or begin elsewhere"
             ) from error
         n = state.q.size
         return out[:n] * units.q[:, None], out[n:] * units.v[:, None]
