@@ -129,6 +129,8 @@ def _solve(options: argparse.Namespace) -> int:
         print(json.dumps(_plain(found), indent=2, allow_nan=False))
     else:
         _print_report(found)
+    if options.compare and not solution.compare().agrees:
+        raise RuntimeError(_contradiction(found["forward"]))
     return 0
 
 
@@ -171,6 +173,15 @@ def _from_file(file: Path, settings: dict[str, Any]) -> Problem | Scene:
     return Problem(asked.system, asked.start, asked.end, parameters=parameters)
 
 
+def _contradiction(forward: dict[str, Any]) -> str:
+    return (
+        "expected a motion that forward integration repeats, found that it leaves the path by "
+        f"{forward['position']:.1e}, and by {forward['local']:.1e} from piece to piece, where "
+        f"{forward['allowed']:.1e} is compatible with the error estimate: the path is no motion; "
+        "try a smaller --tol, or a problem with a guess nearer the motion"
+    )
+
+
 def _place(file: Path, error: Exception) -> str:
     """Return the file, and the last line in it that the error came through."""
     frames = traceback.extract_tb(error.__traceback__)
@@ -197,7 +208,10 @@ def report(solution: Solution, *, compare: bool = True) -> dict[str, Any]:
     if compare:
         clock = perf_counter()
         comparison = solution.compare()
-        names = ("position", "velocity", "energy_drift", "reference_error")
+        names = (
+            *("agrees", "position", "velocity", "arrival", "local", "allowed"),
+            *("energy_drift", "reference_error"),
+        )
         found["forward"] = {name: getattr(comparison, name) for name in names}
         found["time"] = found["time"] | {"compare": perf_counter() - clock}
     return found
@@ -219,8 +233,9 @@ def _print_report(found: dict[str, Any]) -> None:
     span = f"{min(degrees)} to {max(degrees)}" if min(degrees) < max(degrees) else f"{degrees[0]}"
     iterations = (f"{count} {who}" for who, count in found["iterations"].items())
     times = (f"{what} {_seconds(t)}" for what, t in found["time"].items() if what != "total")
+    constrained = f", {found['rows']} rows of constraints" if found["rows"] else ""
     rows += [
-        ("unknowns", f"{found['unknowns']}, and {found['rows']} constraint rows"),
+        ("unknowns", f"{found['unknowns']}{constrained}"),
         ("mesh", f"{found['mesh']['elements']} elements of degree {span}"),
         ("iterations", ", ".join(iterations)),
         ("time", ", ".join(times)),

@@ -85,7 +85,7 @@ def curves(solution: Solution, count: int = COUNT) -> Curves:
     t = _times(solution, count)
     q, forward = solution(t), solution.compare().path(t)
     size = np.max(np.abs(q), axis=1, keepdims=True)
-    size[size == 0] = np.max(size) or 1.0
+    size[size <= 1e-12 * np.max(size)] = np.max(size) or 1.0  # zero but for round-off
     return Curves(t, q, forward, np.max(np.abs(forward - q) / size, axis=0))
 
 
@@ -125,7 +125,8 @@ def paths(solution: Solution, ax: Axes | None = None, *, compare: bool = True) -
             ax.set_aspect("equal", adjustable="datalim")
         else:
             ax.set(xlabel="time $t$", ylabel=", ".join(symbol(name) for name in names))
-        ax.set_title(f"{solution.problem.system.name}  $S$ = {solution.action:.8g}", loc="left")
+        name = solution.problem.system.name.replace("_", " ")
+        ax.set_title(f"{name}  $S$ = {solution.action:.8g}", loc="left")
         ax.legend()
     return ax
 

@@ -1,5 +1,6 @@
 """The command line, as a user meets it."""
 
+import dataclasses
 import json
 import math
 import re
@@ -91,7 +92,8 @@ def test_json_has_the_same_and_more(capsys):
     found = solved(capsys, "pendulum")
     assert found["name"] == "pendulum"
     assert found["action"] == pytest.approx(scenes.get("pendulum").action, abs=1e-8)
-    assert set(found["forward"]) == {"position", "velocity", "energy_drift", "reference_error"}
+    assert found["forward"]["agrees"]
+    assert found["forward"]["reference_error"] <= found["forward"]["allowed"]
     assert found["rounds"][-1]["elements"] == found["mesh"]["elements"]
     assert found["time"]["total"] > 0
 
@@ -200,6 +202,20 @@ def test_failures_are_one_message_and_exit_code_one(
     assert code == 1
     assert err.startswith("actionopt: ") and message in err
     assert "Traceback" not in err
+
+
+def test_a_path_that_is_no_motion_is_a_failure(capsys, monkeypatch):
+    # The same path, said to be that of a pendulum with other gravity.
+    def solve(problem, **choices):
+        found = ao.solve(problem, **choices)
+        other = ao.Problem(problem.system, problem.start, problem.end, parameters={"g": 9.0})
+        return dataclasses.replace(found, problem=other)
+
+    monkeypatch.setattr(sys.modules["actionopt.solve"], "solve", solve)
+    code, out, err = run(capsys, "solve", "pendulum")
+    assert code == 1
+    assert float(rows(out)["forward deviation"].split(",")[0]) > 1e-3
+    assert "the path is no motion" in err
 
 
 @pytest.mark.parametrize("setting", ["mu", "mu=", "=1", "mu=one", "2x=1", "mu=__import__('os')"])
