@@ -129,10 +129,6 @@ def test_no_module_needs_itself():
     TopologicalSorter(graph).prepare()  # raises CycleError
 
 
-def test_every_room_of_the_table_exists():
-    assert {room for room in RANK if room not in {room_of(f) for f in MODULES}} == set()
-
-
 def test_importing_the_package_imports_nothing_optional():
     command = [sys.executable, "-X", "importtime", "-c", "import actionopt"]
     report = subprocess.run(command, capture_output=True, text=True, check=True).stderr
