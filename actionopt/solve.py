@@ -13,7 +13,7 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from time import perf_counter
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,11 +27,21 @@ from actionopt.quadrature import Array
 from actionopt.refine import Resolution, refined, resolution
 from actionopt.solution import Solution
 from actionopt.status import SolveError, Status
-from actionopt.transcription import Transcription, find
+from actionopt.transcription import Principle, Transcription, find, negative_eigenvalues
 
 Guess = Path | Solution | Callable[[Array], ArrayLike] | ArrayLike
 
-COARSE_ELEMENTS = (4, 8, 16, 32, 64)  # on which a path is first sought, one after the other
+# How a first path is sought from the straight line, each way on meshes of so many elements:
+# minimising is robust and quick where the action is bounded below and the valley short; a root
+# of the stationarity conditions is quick where it is near; continuation gets there slowly but
+# surely; a minimum down a long curved valley takes patience.
+LADDER = (
+    ("least", (4, 8, 16, 32, 64)),
+    ("stationary", (4, 8, 16)),
+    ("continuation", (8, 16, 32)),
+    ("patient least", (8, 16, 32, 64)),
+)
+COARSE_ELEMENTS = (4, 8, 16, 32)  # for linear equations the first, for a guess the others
 COARSE_DEGREE = 6
 ROUGHLY = 2e-2  # omitted coefficients below which a coarse path is worth refining
 ROUNDS = 12
@@ -109,6 +119,8 @@ class _Run:
     z: Array = field(init=False)
     checked: bool = False
     diverged: bool = False
+    may_be_least: bool = False
+    spare: tuple[str, Path] | None = None  # a saddle found while a least path was sought
     rung: str = ""
     gain: float = UNKNOWN_GAIN
     noise: float = 0.0
@@ -131,44 +143,69 @@ class _Run:
             return self._certify(self._solve_linear())
         if self.curve is not None:
             return self._certify(self._near_guess())
+        return self._certify(self._search())
+
+    def _search(self) -> Status:
+        """Find a path with no guess, by the rungs of `LADDER`, and settle it."""
+        self.may_be_least = (
+            self.principle != "stationary" and not self.problem.system.structure.forced
+        )
         status = Status.NOT_FOUND
-        if self.principle != "stationary" and not system.structure.forced:
-            status = self._try("least")
-            if status.success or status is Status.FLOOR or self.principle == "least":
-                return self._certify(status)
-        # Past a conjugate point the path is a saddle, and minimising runs away from it.
-        for rung in ("stationary", "continuation"):
-            status = self._try(rung)
-            if status not in (Status.NOT_FOUND, Status.UNRESOLVED):
-                break
+        for rung, meshes in LADDER:
+            if "least" in rung and not self.may_be_least:
+                continue
+            status = self._try(rung, meshes)
+            if status is Status.UNBOUNDED:
+                if self.principle == "least":
+                    return status
+                self.may_be_least = False
+            elif status not in (Status.NOT_FOUND, Status.UNRESOLVED):
+                return status
+        if self.spare is not None and self.principle == "auto":
+            self.rung, path = self.spare
+            self._place(path.mesh, path)
+            if self._follow():
+                return self._settle()
         return status
 
-    def _try(self, rung: str) -> Status:
-        """Seek a path on finer and finer meshes until one resolves it roughly.
+    def _try(self, rung: str, meshes: tuple[int, ...]) -> Status:
+        """Seek a path on finer and finer meshes until one resolves it roughly, and settle it.
 
         A mesh too coarse for the motion has stationary points of its own that are no paths, or
-        holds a path where it should not be: such a path does not settle under refinement. Its
-        successor on a mesh twice as fine starts from it, a wild one from the straight line.
+        holds a path where it should not be: such a path does not settle under refinement. A
+        least path on a mesh twice as fine starts from it, others from the straight line.
         """
         self.rung = rung
         self.rounds.clear()
         status, known = Status.NOT_FOUND, None
-        for elements in COARSE_ELEMENTS:
+        for elements in meshes:
             self.sizes = self.problem.scales
             self.gain, self.error = UNKNOWN_GAIN, np.inf
             self._place(self._coarse(elements), known)
             if not (self._release() if rung == "continuation" else self._find(rung)):
-                if self.diverged:
-                    return Status.UNBOUNDED
+                if rung == "least":
+                    return Status.UNBOUNDED if self.diverged else Status.NOT_FOUND
                 known = None
                 continue
             if self.resolution().worst > ROUGHLY:
-                known = self.path() if rung == "least" else None
+                known = self.path() if self.least else None
                 continue
+            if not self.least and self.may_be_least and self._index() > 0:
+                # There may be a least path yet; this one is kept in case there is not.
+                self.spare = self.spare or (rung, self.path())
+                return Status.NOT_FOUND
             status = self._settle()
             if status is not Status.UNRESOLVED:
                 break
         return status
+
+    @property
+    def least(self) -> bool:
+        return self.rung in ("least", "patient least")
+
+    def _index(self) -> int:
+        tr = self.tr
+        return negative_eigenvalues(tr.layout, tr.kkt(self.z)) - tr.layout.rows
 
     def _near_guess(self) -> Status:
         """Follow the guess, or ask Ipopt for the stationary path near it."""
@@ -229,11 +266,8 @@ class _Run:
         return Status.ON_MESH
 
     def _certify(self, status: Status) -> Status:
-        if self.principle == "least" and status.success:
-            from actionopt.transcription.linear import negative_eigenvalues
-
-            if negative_eigenvalues(self.tr.layout, self.tr.kkt(self.z)) > self.tr.layout.rows:
-                return Status.UNBOUNDED if self.linear else Status.NOT_LEAST
+        if self.principle == "least" and status.success and self._index() > 0:
+            return Status.UNBOUNDED if self.linear else Status.NOT_LEAST
         return status
 
     # -- steps ---------------------------------------------------------------------------------
@@ -255,7 +289,7 @@ class _Run:
 
     def _find(self, principle: str) -> bool:
         clock = perf_counter()
-        attempt = find(self.tr, self.z, "least" if principle == "least" else "stationary")
+        attempt = find(self.tr, self.z, cast(Principle, principle))
         self.iterations["ipopt"] += attempt.iterations
         self.diverged = attempt.diverged
         self.time["solve"] += perf_counter() - clock
@@ -295,8 +329,10 @@ class _Run:
         carried = self.tr.coordinates(self.z)
         self.z = self.tr.pack(carried, lam)
         if not self._follow():
-            principle = "least" if self.rung == "least" else "stationary"
-            if not self._find(principle) or not self._follow():
+            if (
+                not self._find("patient least" if self.least else "stationary")
+                or not self._follow()
+            ):
                 return False
         change = np.max(np.abs(self.tr.coordinates(self.z) - carried) / self.sizes)
         self.gain = float(np.clip(change / max(before.worst, RESOLVED), 1.0, 1e8))
@@ -348,9 +384,7 @@ class _Run:
         action = tr.action(self.z[: tr.layout.unknowns]) * tr.action_unit
         momenta = tr.momenta(self.z)
         states = []
-        for k, (t, p) in enumerate(
-            ((problem.start.t, momenta[0]), (problem.end.t, momenta[1]))
-        ):
+        for k, (t, p) in enumerate(((problem.start.t, momenta[0]), (problem.end.t, momenta[1]))):
             q, v = path.values[:, -k], path.velocity(t)
             try:
                 v = system.velocity(q, p, t, v, parameters=problem.parameters)
@@ -404,9 +438,7 @@ def _checked(
             "each coordinate's own size along the path"
         )
     if principle not in ("auto", "least", "stationary"):
-        raise ValueError(
-            f"expected principle 'auto', 'least' or 'stationary', found {principle!r}"
-        )
+        raise ValueError(f"expected principle 'auto', 'least' or 'stationary', found {principle!r}")
     if principle == "least" and problem.system.structure.forced:
         raise ValueError(
             "expected principle 'stationary' or 'auto' for a system with non-conservative "
@@ -431,9 +463,7 @@ def _curve(problem: Problem, guess: Guess) -> Callable[[Mesh], Path]:
     if isinstance(guess, Path):
         known = guess
         if known.values.shape[0] != n:
-            raise ValueError(
-                f"expected a guess of {n} coordinates, found {known.values.shape[0]}"
-            )
+            raise ValueError(f"expected a guess of {n} coordinates, found {known.values.shape[0]}")
         return lambda mesh: Path(known.mesh.moved(t0, t1), known.values)
     if callable(guess):
         wanted = guess
@@ -442,8 +472,7 @@ def _curve(problem: Problem, guess: Guess) -> Callable[[Mesh], Path]:
             path = Path.interpolate(wanted, mesh)
             if path.values.shape[0] != n:
                 raise ValueError(
-                    f"expected the guess to return ({n}, K) for K times, found "
-                    f"{path.values.shape}"
+                    f"expected the guess to return ({n}, K) for K times, found {path.values.shape}"
                 )
             return path
 
@@ -451,9 +480,7 @@ def _curve(problem: Problem, guess: Guess) -> Callable[[Mesh], Path]:
         return sampled
     points = np.array(guess, dtype=float, ndmin=2)
     if points.ndim != 2 or points.shape[0] != n or points.shape[1] < 2:
-        raise ValueError(
-            f"expected waypoints of shape ({n}, K) with K >= 2, found {points.shape}"
-        )
+        raise ValueError(f"expected waypoints of shape ({n}, K) with K >= 2, found {points.shape}")
     if not np.all(np.isfinite(points)):
         raise ValueError("expected finite waypoints, found NaN or infinity")
     times = np.linspace(t0, t1, points.shape[1])

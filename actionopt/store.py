@@ -111,8 +111,7 @@ def load(file: str | FilePath, system: System | str | None = None) -> Solution:
     path = Path(mesh, data["values"])
     problem = _problem(about, system, path, float(data["action"]))
     start, end = (
-        State(float(mesh.boundaries[-k]), path.values[:, -k], data["velocities"][k])
-        for k in (0, 1)
+        State(float(mesh.boundaries[-k]), path.values[:, -k], data["velocities"][k]) for k in (0, 1)
     )
     return Solution(
         problem,

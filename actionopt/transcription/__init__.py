@@ -1,8 +1,16 @@
 """From a continuous problem to a discrete one: numbering, the discrete action, and its solvers."""
 
 from actionopt.transcription.action import Transcription
-from actionopt.transcription.ipopt import Attempt, find
+from actionopt.transcription.ipopt import Attempt, Principle, find
 from actionopt.transcription.layout import sparsity_of
-from actionopt.transcription.linear import Factors
+from actionopt.transcription.linear import Factors, negative_eigenvalues
 
-__all__ = ["Attempt", "Factors", "Transcription", "find", "sparsity_of"]
+__all__ = [
+    "Attempt",
+    "Factors",
+    "Principle",
+    "Transcription",
+    "find",
+    "negative_eigenvalues",
+    "sparsity_of",
+]

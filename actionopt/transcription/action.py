@@ -92,8 +92,10 @@ class Transcription:
 
     def straight(self) -> Array:
         """Return the straight line between the events, (K, n); a free end keeps the other's."""
-        start, end = (np.array([np.nan if x is None else x for x in e.q], dtype=float)
-                      for e in (self.problem.start, self.problem.end))
+        start, end = (
+            np.array([np.nan if x is None else x for x in e.q], dtype=float)
+            for e in (self.problem.start, self.problem.end)
+        )
         start = np.where(np.isnan(start), end, start)
         end = np.where(np.isnan(end), start, end)
         start, end = np.nan_to_num(start), np.nan_to_num(end)
@@ -196,9 +198,7 @@ class Transcription:
     def _second(self, at: Array) -> list[Array]:
         system = self.problem.system
         self.counts["second"] += 1
-        return system.pointwise("second")(
-            at, self.velocities(at), self.times, self.problem.packed
-        )
+        return system.pointwise("second")(at, self.velocities(at), self.times, self.problem.packed)
 
     def hessian(self, z: Array) -> Array:
         """Return the upper triangle's nonzeros of the Hessian of S + sum w lam f."""

@@ -20,12 +20,12 @@ import numpy as np
 from actionopt.quadrature import Array
 from actionopt.transcription.action import Transcription
 
-Principle = Literal["least", "stationary"]
+Principle = Literal["least", "patient least", "stationary"]
 
 TOLERANCE = 1e-6  # in the scaled residual; Newton's method takes over far above this
 RUNAWAY = 1e6  # coordinates this many times their own size: minimising has run away
 # A saddle is reached in tens of iterations or not at all; a minimum may lie in a long valley.
-ITERATIONS = {"least": 300, "stationary": 60}
+ITERATIONS = {"least": 40, "patient least": 300, "stationary": 60}
 OPTIONS = {
     "print_time": 0,
     "calc_lam_p": False,
@@ -115,13 +115,15 @@ class _Solver:
         self.bound = tr
         layout = tr.layout
         size, rows = (
-            (layout.unknowns, layout.rows) if principle == "least" else (layout.size, layout.size)
+            (layout.unknowns, layout.rows)
+            if principle != "stationary"
+            else (layout.size, layout.size)
         )
         dense = ca.Sparsity.dense
         x, p = ("x", dense(size)), ("p", ca.Sparsity(0, 0))
         lam = [("lam_f", dense(1)), ("lam_g", dense(rows))]
         f, g, grad = ("f", dense(1)), ("g", dense(rows)), ("grad_f_x", dense(size))
-        if principle == "least":
+        if principle != "stationary":
             J = layout.jacobian.sparsity if rows else ca.Sparsity(0, size)
             H = layout.hessian.sparsity
             functions = (self._least, self._least_gradient, self._least_rows, self._least_hessian)
@@ -195,7 +197,7 @@ def find(tr: Transcription, z: Array, principle: Principle) -> Attempt:
     cut = tr.layout.unknowns
     bound = 0.0 if mine.functions[0].outputs[1][1].numel() else np.zeros(0)
     with np.errstate(all="ignore"):
-        answer = mine.solver(x0=z[:cut] if principle == "least" else z, lbg=bound, ubg=bound)
+        answer = mine.solver(x0=z[:cut] if principle != "stationary" else z, lbg=bound, ubg=bound)
     stats = mine.solver.stats()
     status = stats["return_status"]
     if status == "NonIpopt_Exception_Thrown" or any(f.interrupted for f in mine.functions):
@@ -203,6 +205,6 @@ def find(tr: Transcription, z: Array, principle: Principle) -> Attempt:
             f.interrupted = False
         raise KeyboardInterrupt
     found = np.asarray(answer["x"]).ravel()
-    if principle == "least":
+    if principle != "stationary":
         found = np.concatenate([found, np.asarray(answer["lam_g"]).ravel()])
     return Attempt(found, status, int(stats["iter_count"]))
