@@ -283,7 +283,8 @@ def test_conjugate_times_are_where_neighbouring_motions_meet(scene):
     run = solve_ivp(flow, (t0, t[-1]), start.ravel(), "DOP853", t, rtol=1e-10, atol=1e-11)
     q = run.y.reshape(2, n, n, 2, t.size)[0]
     det = np.linalg.det(np.moveaxis((q[:, :, 0] - q[:, :, 1]) / (2 * h), -1, 0))
-    assert np.all(np.abs(det[np.isin(t, listed)]) < 1e-3 * np.max(np.abs(det)))
+    at, before, after = (np.abs(det[np.isin(t, listed + s)]) for s in (0, -window, window))
+    assert np.all(at < np.minimum(before, after) / 4)  # a double zero would give 1 / 4 half-way
     away = ~np.isin(t, listed)
     sign, t = np.sign(det[away]), t[away]
     changes, odd = t[1:][sign[1:] != sign[:-1]], listed[multiplicity % 2 == 1]
@@ -297,16 +298,18 @@ def test_start_is_on_the_motion(scene):
     if "start" not in scene.facts:
         pytest.skip("no state is stated")
     state, problem = scene.facts["start"], scene.problem
+    system, values, n = problem.system, problem.parameters, problem.system.n
 
     def flow(t, y):
-        q, v = np.split(y, 2)
-        a = problem.system.acceleration(q, v, t, parameters=problem.parameters)
-        return np.concatenate([v, a])
+        q, v = y[:n], y[n:-1]
+        a = system.acceleration(q, v, t, parameters=values)
+        return np.concatenate([v, a, [system.lagrangian(q, v, t, parameters=values)]])
 
-    y = np.concatenate([state.q, state.v])
+    y = np.concatenate([state.q, state.v, [0.0]])
     run = solve_ivp(flow, (state.t, problem.end.t), y, "DOP853", rtol=1e-12, atol=1e-13)
     assert np.max(np.abs(state.q - problem.start.q)) <= END_TOLERANCE
-    assert mismatch(run.y[: problem.system.n, -1], np.array(problem.end.q)) < INTEGRATION_TOLERANCE
+    assert mismatch(run.y[:n, -1], np.array(problem.end.q)) < INTEGRATION_TOLERANCE
+    assert abs(run.y[-1, -1] - scene.action) < INTEGRATION_TOLERANCE
 
 
 def test_twins_follow_one_path_and_their_actions_differ_by_the_gauge(scene):
@@ -330,7 +333,7 @@ def test_guess_joins_the_events_on_the_constraints(scene):
     assert q.shape == (problem.system.n, 41)
     assert np.max(np.abs(q[:, [0, -1]].T - [problem.start.q, problem.end.q])) < END_TOLERANCE
     f = problem.system.constraint(q, t, parameters=problem.parameters)
-    assert np.max(np.abs(f), initial=0.0) < FORMULA_TOLERANCE
+    assert np.max(np.abs(f), initial=0.0) < END_TOLERANCE
 
 
 def test_pictures_keep_their_shapes(scene):
@@ -381,3 +384,143 @@ def test_elliptic_functions_satisfy_their_definitions(k):
 def test_values_that_make_no_sense_are_refused(name, parameters, words):
     with pytest.raises(ValueError, match=words):
         scenes.get(name, **parameters)
+
+
+# What the facts say in single numbers, and numbers from the literature.
+
+
+@pytest.mark.parametrize("name", ["pendulum", "rod_pendulum"])
+def test_pendulum_returns_after_its_period(name):
+    scene = scenes.get(name, amplitude=1.9, l=0.7)
+    t = np.array([0.0, 0.3])
+    later = scene.exact(t + scene.facts["period"])
+    assert mismatch(later, scene.exact(t)) < FORMULA_TOLERANCE
+    assert mismatch(scene.exact(t + 0.5 * scene.facts["period"]), scene.exact(t)) > 0.1
+
+
+def test_pendulum_released_horizontally():
+    """IFToMM multibody benchmark A01, evaluated with twenty digits from elliptic functions."""
+    period = scenes.get("rod_pendulum", amplitude=np.pi / 2).facts["period"]
+    assert abs(period - 2.36784194757623745) < FORMULA_TOLERANCE
+    for duration, x, y, S in [
+        (1.0, 0.98629175113187533, -0.16501085312554110, 10.41508996440519),
+        (10.0, -0.27508746257611999, -0.96141920509912417, 88.99427916369281),
+    ]:
+        scene = scenes.get(
+            "rod_pendulum", amplitude=np.pi / 2, since=-period / 4, duration=duration
+        )
+        assert mismatch(scene.exact(duration), np.array([x, y])) < FORMULA_TOLERANCE
+        assert abs(scene.action - S) < FORMULA_TOLERANCE * S
+
+
+@pytest.mark.parametrize("eccentricity", [0.0, 0.3, 0.95])
+def test_all_ellipses_of_one_period_have_one_action(eccentricity):
+    """Gordon, Amer. J. Math. 99 (1977): S = 3 pi sqrt(mu a), whatever the eccentricity."""
+    scene = scenes.get("kepler", mu=1.7, a=0.8, eccentricity=eccentricity, fraction=1.0)
+    assert abs(scene.action - 3 * np.pi * np.sqrt(1.7 * 0.8)) < FORMULA_TOLERANCE
+
+
+@pytest.mark.parametrize(
+    ("duration", "S", "index"),
+    [
+        (1.0, 0.521046307967165352, 0),
+        (2.0, -0.0288287771801428819, 0),
+        (4.0, 0.631845577225308307, 2),
+        (7.0, 0.773757711202567843, 4),
+    ],
+)
+def test_charge_in_a_magnetic_field_alone(duration, S, index):
+    """Feynman and Hibbs, problem 3-10: S = m w (cot(w T/2) d^2 / 2 + xa yb - xb ya) / 2."""
+    scene = scenes.get("charge_planar", E=0.0, duration=duration)
+    assert abs(scene.action - S) < FORMULA_TOLERANCE
+    assert scene.facts["morse_index"] == index
+
+
+def test_spin_of_a_steady_top():
+    """Inputs of Kinon and Betsch: a cone of radius 0.05 and height 0.1, density 2700."""
+    scene = scenes.get(
+        "heavy_top",
+        m=0.706858347057703479,
+        l=0.075,
+        I1=0.00450622196249285968,
+        I3=0.000530143760293277609,
+        theta=np.pi / 3,
+        precession=10.0,
+    )
+    assert abs(scene.facts["spin"] - 135.6) < FORMULA_TOLERANCE * 135.6
+
+
+@pytest.mark.parametrize("changed", [False, True])
+@pytest.mark.parametrize(
+    ("name", "rest", "spread"), [("inverted_cone", "circle", 2), ("hoop_bead", "rest_angle", 1)]
+)
+def test_small_oscillations(name, rest, spread, changed):
+    """Squared frequency: less the slope of the acceleration, the cyclic momentum being fixed."""
+    scene = scenes.get(name, **(other_parameters(name) if changed else {}))
+    system, values, middle = scene.problem.system, scene.problem.parameters, scene.facts[rest]
+    rates = scene.facts["velocity"](0.0)
+
+    def pull(x):
+        if spread == 1:
+            q, v = [x], [0.0]
+        else:  # l^2 phi' stays
+            q, v = [x, 0.0], [0.0, rates[1] * (middle / x) ** 2]
+        return system.acceleration(q, v, 0.0, parameters=values)[0]
+
+    h = 1e-4 * middle
+    slope = 8 * (pull(middle + h) - pull(middle - h)) - pull(middle + 2 * h) + pull(middle - 2 * h)
+    assert abs(pull(middle)) < FORMULA_TOLERANCE * 100
+    expected = scene.facts["oscillation"] ** 2
+    assert abs(-slope / (12 * h) - expected) < DERIVATIVE_TOLERANCE * expected
+
+
+def test_contact_is_lost_where_the_facts_say():
+    scene = scenes.get("sliding_off_circle", R=1.3, m=0.8)
+    t = scene.facts["contact_time"]
+    q, v = scene.exact(t), scene.facts["velocity"](t)
+    assert abs(q[1] - scene.facts["contact_angle"]) < FORMULA_TOLERANCE
+    normal = scene.problem.system.multipliers(q, v, t, parameters=scene.problem.parameters)
+    assert abs(normal[0]) < FORMULA_TOLERANCE * 10
+
+
+def test_chain_swings_at_the_roots_of_laguerre_polynomials():
+    """Slowest frequency of N equal links: w^2 l / g is the least root of the Laguerre L_N."""
+    for links, root in [(1, 1.0), (2, 2 - np.sqrt(2)), (5, 0.26356031971814091)]:
+        period = scenes.get("chain", links=links).facts["period"]
+        assert abs((2 * np.pi / period) ** 2 * 0.2 / 9.81 - root) < FORMULA_TOLERANCE
+
+
+def test_one_motion_in_all_coordinates():
+    t = np.linspace(0.0, 0.9, 7)
+    theta = scenes.get("pendulum").exact(t)[0]
+    x, y = scenes.get("rod_pendulum").exact(t)
+    r, polar = scenes.get("polar_pendulum").exact(t)
+    assert mismatch(np.array([x, y]), np.array([np.sin(theta), -np.cos(theta)])) < END_TOLERANCE
+    assert mismatch(np.array([r, polar]), np.array([1.0 + 0 * t, theta])) < END_TOLERANCE
+
+    x, y = scenes.get("kepler").exact(t)
+    r, phi = scenes.get("kepler_polar").exact(t)
+    assert mismatch(np.array([x, y]), r * np.array([np.cos(phi), np.sin(phi)])) < END_TOLERANCE
+    r, theta, phi = scenes.get("kepler_spherical", inclination=0.7).exact(t)
+    flat = r * np.sin(theta)
+    tilted = np.array([x, np.cos(0.7) * y, np.sin(0.7) * y])
+    spherical = np.array([flat * np.cos(phi), flat * np.sin(phi), r * np.cos(theta)])
+    assert mismatch(tilted, spherical) < END_TOLERANCE
+
+    x, y = scenes.get("turning_wire").exact(t)
+    assert mismatch(np.hypot(x, y), scenes.get("turning_wire_radial").exact(t)[0]) < END_TOLERANCE
+
+
+def test_free_particle_in_the_rotating_frame_is_straight_at_rest():
+    scene = scenes.get("rotating_frame_free", w=0.8)
+    t = times(scene)
+    (X, Y), angle = scene.exact(t), 0.8 * t
+    x, y = X * np.cos(angle) - Y * np.sin(angle), X * np.sin(angle) + Y * np.cos(angle)
+    assert np.max(np.abs(np.diff([x, y], n=2, axis=1))) < END_TOLERANCE
+
+
+def test_figure_eight_publishes_its_action():
+    """S over a period 2 pi, by scaling: 24.371926 in the test problems of the code Shamrock."""
+    facts = scenes.get("figure_eight").facts
+    scaled = facts["period_action"] * (2 * np.pi / facts["period"]) ** (1 / 3)
+    assert abs(scaled - 24.371926) < 5e-7

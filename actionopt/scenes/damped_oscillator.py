@@ -1,8 +1,8 @@
 r"""A mass on a spring in a viscous fluid: a force that no Lagrangian without time gives.
 
-|     ~ ~ ~
-|/\/\/\/\/[ m ] ~          k, drag force -b v
-|     ~ ~ ~ |--> x
+    |     ~ ~ ~
+    |/\/\/\/\/[ m ] ~          k, drag force -b v
+    |     ~ ~ ~ |--> x
 
 The drag is -b x'.
 """

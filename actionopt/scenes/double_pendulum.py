@@ -6,7 +6,7 @@ r"""Two pendulums, one hung from the other.
              |  o m1
                 |\
           theta2| \ l2
-                |  o m2        both angles from straight down
+                |  o m2
 
 Both angles are measured from straight down.
 """

@@ -1,8 +1,8 @@
 r"""A mass on a spring with a harmonic drive.
 
-|
-|/\/\/\/\/[ m ]   -> m B cos(w t)
-|           |--> x
+    |
+    |/\/\/\/\/[ m ]   -> m B cos(w t)
+    |           |--> x
 
 The spring on an oscillating wall once more: total time derivatives dropped, B = A w^2.
 """

@@ -89,7 +89,7 @@ def scene(*, m: float = 1.0, G: float = 1.0, length: float = 1.0) -> Scene:
             "start": State(0.0, q0, v0),
             "action": whole / 3,
             "energy": m * speed**2 * ENERGY,
-            "morse_index": 0,  # Fukuda, Fujiwara and Ozaki, arXiv:1710.04834 for whole periods
+            "morse_index": 0,  # 2 over a whole period: Fukuda, Fujiwara, Ozaki, arXiv:1710.04834
             "period": 3 * T,
             "period_action": whole,
             "conserved": {

@@ -1,10 +1,10 @@
 """A planet on an arc of its ellipse.
 
-    .  -  .
- .      b    o
-(        *-a-) perihelion on the x axis
- .     Sun  .
-    '  -  '
+       . - - .
+     .         o        y |
+    (          * )        +--- x
+     .         .
+       ' - - '
 
 The attracting body rests at the origin, the perihelion lies on the x axis.
 """

@@ -1,9 +1,9 @@
 r"""A mass on a spring whose wall is shaken.
 
-|<-- X = A cos(w t)
-|
-|/\/\/\/\/[ m ]           x: displacement from the wall, beyond the rest length
-|           |--> x
+    |<-- X = A cos(w t)
+    |
+    |/\/\/\/\/[ m ]
+    |           |--> x
 
 x is measured from the moving wall, beyond the rest length.
 """

@@ -1,8 +1,8 @@
 r"""A mass on a spring.
 
-|
-|/\/\/\/\/[ m ]            k
-|           |--> x
+    |
+    |/\/\/\/\/[ m ]            k
+    |           |--> x
 
 x is measured from where the spring is slack.
 """

@@ -1,8 +1,8 @@
 r"""The oscillator with a total time derivative added to its Lagrangian.
 
-|
-|/\/\/\/\/[ m ]            k
-|           |--> x
+    |
+    |/\/\/\/\/[ m ]            k
+    |           |--> x
 
 L changes by dF/dt with F = c t x^2 / 2: the path does not, S by the end values of F.
 """

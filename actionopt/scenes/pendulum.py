@@ -5,7 +5,7 @@ r"""A plane pendulum, by its angle.
              | \  l
              |  \
              |   \
-         theta    o  m         gravity g downward
+         theta    o  m
 
 Gravity g points downward; theta is measured from straight down.
 """

@@ -1,10 +1,10 @@
 r"""The plane pendulum in polar coordinates, its length held by a multiplier.
 
------+-----
-     |\
-     | \  r = l
-     |  \
- theta   o  m
+        -----+-----
+             |\
+             | \  r = l
+             |  \
+        theta    o  m
 
 Gravity g points downward; the multiplier is the tension, negative because it points inward.
 """

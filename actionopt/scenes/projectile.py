@@ -1,9 +1,9 @@
 """A projectile without air.
 
-y |      . o .
-  |   .         .
-  | o             o
-  +------------------ x        gravity g downward
+    y |      . o .
+      |   .         .
+      | o             o
+      +------------------ x
 
 Gravity g points downward; there is no air.
 """

@@ -4,7 +4,7 @@ r"""The plane pendulum again, in Cartesian coordinates: the rod's tension is a m
              |\
              | \  x^2 + y^2 = l^2
              |  \
-           y v   o  m          gravity g downward, y upward from the pivot
+                 o  m
 
 Gravity g points downward, y upward, and the pivot is the origin.
 """
