@@ -1,5 +1,6 @@
 """Every example runs, draws, and gives the number it promises."""
 
+import re
 import runpy
 from pathlib import Path
 
@@ -10,7 +11,8 @@ import pytest
 matplotlib.use("Agg")
 from matplotlib import pyplot
 
-EXAMPLES = sorted((Path(__file__).parents[1] / "examples").glob("*.py"))
+ROOT = Path(__file__).parents[1]
+EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 
 
 def hello_action(found):
@@ -48,3 +50,10 @@ def test_example(file):
     found["visualize"]()
     pyplot.gcf().canvas.draw()
     pyplot.close("all")
+
+
+def test_the_code_of_the_readme_runs():
+    (code,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
+    found = {}
+    exec(code, found)
+    assert found["solution"].compare().position <= 1e-8
