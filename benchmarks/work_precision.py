@@ -104,7 +104,7 @@ def _useful(bench: Bench, results: Results, case: str, peer: str) -> list[Job]:
             else:
                 lost.append(cold)
                 misses += 1
-            if misses == 3 and cold.seconds > 1.0 or "unable" in cold.status:
+            if (misses == 3 and cold.seconds > 1.0) or "unable" in cold.status:
                 break  # finer settings cost more and will not do better
         if good or "unable" in cold.status:
             break
@@ -126,7 +126,7 @@ def _options(arguments: list[str] | None) -> argparse.Namespace:
     options = parser.parse_args(arguments)
     quick = options.quick
     options.data = "quick" if quick else "full"
-    options.fresh = options.fresh or quick and not options.report_only
+    options.fresh = options.fresh or (quick and not options.report_only)
     options.rounds = options.rounds or (3 if quick else 5)
     options.limit = options.limit or (5.0 if quick else 20.0)
     for kind, every in (("problems", problems), ("peers", peers)):

@@ -64,10 +64,16 @@ def waypoints(case: Case, ends: Ends, start: str, times: np.ndarray):
     return q, slopes[:, piece]
 
 
+def tangent(case: Case, ends: Ends) -> np.ndarray:
+    """Return an orthonormal basis of the velocities allowed at the start, (n, n - m)."""
+    if case.normals is None:
+        return np.eye(case.n)
+    G = case.normals(ends.start)
+    return np.linalg.svd(G)[2][len(G) :].T
+
+
 def first_velocity(case: Case, ends: Ends, start: str) -> np.ndarray:
     """Return the first guess's velocity at the start, along the constraints, (n,)."""
     v = waypoints(case, ends, start, np.zeros(1))[1][:, 0]
-    if case.normals is None:
-        return v
-    G = case.normals(ends.start)
-    return v - np.linalg.lstsq(G, G @ v, rcond=None)[0]
+    Z = tangent(case, ends)
+    return Z @ (Z.T @ v)

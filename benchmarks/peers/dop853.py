@@ -1,61 +1,86 @@
-"""Shooting: scipy's DOP853 with the variational equations, and Newton's method on v(0)."""
+"""Shooting: scipy's DOP853 with the variational equations, and damped Newton on v(0)."""
 
 from __future__ import annotations
 
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from benchmarks.peers._peer import TOLERANCES, Answer, Failed, Peer, first_velocity
+from benchmarks.peers._peer import TOLERANCES, Answer, Failed, Peer, first_velocity, tangent
 from benchmarks.problems import Case, Ends
 
-ITERATIONS = 25
+ITERATIONS, HALVINGS = 25, 8
+ROUNDOFF = 1e-13
+RUNAWAY = 10.0  # a miss, relative to the end points' size, beyond which a step is halved
 
 
-def _shoot(case: Case, ends: Ends, v, tol: float) -> Answer:
-    n, T = case.n, case.duration
+def _limits(ends: Ends, tol: float) -> dict:
     scale = np.max(np.abs([ends.start, ends.end]))
+    return {"method": "DOP853", "rtol": max(tol, 3e-14), "atol": max(tol, 1e-15) * scale}
 
-    def plain(t, y):
-        return case.rhs(t, y)
+
+def end_and_slope(case: Case, ends: Ends, v, Z, tol: float):
+    """Integrate with the variations Z (n, k) of v; return the miss and its derivatives.
+
+    That is max |miss| relative to the end points' size (infinite if the integration fails),
+    miss (n,) and d miss / d Z (n, k).
+    """
+    n = case.n
 
     def varied(t, y):
         state = y[: 2 * n]
         J = case.jacobian(np.array([t]), state[:, None])[:, :, 0]
-        return np.concatenate([case.rhs(t, state), (J @ y[2 * n :].reshape(2 * n, n)).ravel()])
+        return np.concatenate([case.rhs(t, state), (J @ y[2 * n :].reshape(2 * n, -1)).ravel()])
 
-    first = np.concatenate([np.zeros((n, n)), np.eye(n)]).ravel()
-    limits = {"method": "DOP853", "rtol": max(tol, 3e-14), "atol": max(tol, 1e-15) * scale}
-    last, damping = np.inf, 1.0
+    first = np.concatenate([ends.start, v, np.zeros_like(Z).ravel(), Z.ravel()])
+    out = solve_ivp(varied, (0.0, case.duration), first, **_limits(ends, tol))
+    end = out.y[:, -1]
+    if not out.success or not np.all(np.isfinite(end)):
+        return np.inf, None, None
+    miss = end[:n] - ends.end
+    size = np.max(np.abs(miss)) / np.max(np.abs([ends.start, ends.end]))
+    return size, miss, end[2 * n :].reshape(2 * n, -1)[:n]
+
+
+def shoot(case: Case, ends: Ends, v: np.ndarray, tol: float) -> Answer:
+    """Return the path with the first velocity near v (n,) that meets the end."""
+    Z = tangent(case, ends)  # columns span the velocities allowed at the start
+    size, miss, slope = end_and_slope(case, ends, v, Z, tol)
     for _ in range(ITERATIONS):
-        out = solve_ivp(varied, (0.0, T), np.concatenate([ends.start, v, first]), **limits)
-        if not out.success or not np.all(np.isfinite(out.y[:, -1])):
-            raise Failed(f"integration: {out.message}")
-        end = out.y[:, -1]
-        miss = end[:n] - ends.end
-        size = np.max(np.abs(miss)) / scale
-        if size > 1e3:
-            raise Failed("shooting ran away")
-        step = np.linalg.solve(end[2 * n :].reshape(2 * n, n)[:n], miss)
-        damping = 1.0 if size < last else damping / 2
-        last = size
-        v = v - damping * step
-        # Newton's next miss is quadratic in this one.
-        if size**2 < tol / 100 or size < 1e-14:
+        if not np.isfinite(size):
+            raise Failed("the first trajectory cannot be integrated")
+        step = Z @ np.linalg.lstsq(slope, miss, rcond=None)[0]
+        for halving in range(HALVINGS):
+            tried = v - step / 2**halving
+            new, miss, slope = end_and_slope(case, ends, tried, Z, tol)
+            if new < max(RUNAWAY, size):
+                break
+        else:
+            raise Failed("shooting: no step brings the end nearer")
+        v, size = tried, new
+        small = np.max(np.abs(step)) < tol * np.max(np.abs(v))
+        if size < max(tol, ROUNDOFF) or (small and halving == 0):
             break
     else:
-        raise Failed(f"no convergence in {ITERATIONS} iterations")
-    out = solve_ivp(plain, (0.0, T), np.concatenate([ends.start, v]), dense_output=True, **limits)
+        raise Failed(f"no convergence in {ITERATIONS} iterations, the end missed by {size:.0e}")
+    n = case.n
+    out = solve_ivp(
+        case.rhs,
+        (0.0, case.duration),
+        np.concatenate([ends.start, v]),
+        dense_output=True,
+        **_limits(ends, tol),
+    )
     return Answer(lambda t: out.sol(t)[:n], v)
 
 
 def cold(case: Case, ends: Ends, start: str, tol: float) -> Answer:
     """Shoot with the guess's own first velocity."""
-    return _shoot(case, ends, first_velocity(case, ends, start), tol)
+    return shoot(case, ends, first_velocity(case, ends, start), tol)
 
 
 def again(answer: Answer, case: Case, ends: Ends, tol: float) -> Answer:
     """Shoot with the last solution's first velocity."""
-    return _shoot(case, ends, answer.state, tol)
+    return shoot(case, ends, answer.state, tol)
 
 
 PEER = Peer("shooting, DOP853", ("scipy",), TOLERANCES, cold, again)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from benchmarks.problems import chain, double_pendulum, lattice, plane, single, three_bodies
 from benchmarks.problems._case import Case, Ends
+from benchmarks.reference import others
 
 __all__ = ["INTEGRATED", "ORDER", "QUICK", "Case", "Ends", "load"]
 
@@ -30,4 +33,12 @@ QUICK = ("oscillator_long", "pendulum", "kepler", "rod_pendulum", "double_pendul
 def load() -> dict[str, Case]:
     """Return every case by name."""
     found = {c.name: c for module in (single, plane, *INTEGRATED) for c in module.cases()}
-    return {name: found[name] for name in ORDER}
+    return {name: _with_others(found[name]) for name in ORDER}
+
+
+def _with_others(case: Case) -> Case:
+    def ends():
+        pair = zip(case.ends(), others(case.name), strict=True)
+        return tuple(replace(e, others=paths) for e, paths in pair)
+
+    return replace(case, ends=ends)
