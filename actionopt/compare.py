@@ -1,4 +1,4 @@
-"""Compare a solution with forward integration: does a motion that starts like it go its way?
+"""Compare a solution with forward integration, to see whether a motion goes its way.
 
 A discrete problem can have solutions that are no paths at all, and its own residual does not
 tell. The equations of motion do: they know nothing of the mesh or of the second event. Followed

@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from actionopt.path import Mesh, Path
+from actionopt.path import Mesh, NDInt, Path
 from actionopt.problem import SURFACE_TOLERANCE, State
 from actionopt.quadrature import Array
 from actionopt.system import System
@@ -117,6 +117,11 @@ class Flow:
         """
         rows = self._equilibrate(state)
         a = self.system.acceleration(state.q, state.v, state.t, parameters=self.parameters)
+        if not np.all(np.isfinite(a)):
+            raise ValueError(
+                f"expected finite accelerations {_of(state)}, found {a}; begin where the "
+                "Lagrangian and its derivatives are finite"
+            )
         v = np.abs(state.v) + np.abs(a * span)
         return Units.of((np.abs(state.q) + v * abs(span))[:, None], v[:, None], rows)
 
@@ -126,17 +131,14 @@ class Flow:
         M = self.system.mass_matrix(state.q, state.v, state.t, parameters=self.parameters)
         G = self.system.constraint_jacobian(state.q, state.t, parameters=self.parameters)
         K = np.block([[M, -G.T], [G, np.zeros((m, m))]])
-        where = f"at t = {state.t}, q = {state.q}, v = {state.v}"
-        if not np.all(np.isfinite(K)):
-            raise ValueError(f"expected finite equations of motion {where}, found NaN or infinity")
         r = np.ones(n + m)
-        if np.all(np.any(K != 0, axis=1)):
+        if np.all(np.isfinite(K)) and np.all(np.any(K != 0, axis=1)):
             for _ in range(5):  # Ruiz scaling
                 r /= np.sqrt(np.max(np.abs(K * r * r[:, None]), axis=1))
             if np.linalg.cond(K * r * r[:, None]) < CONDITION:
                 return r
         raise ValueError(
-            f"expected equations of motion that give the accelerations {where}, found a "
+            f"expected equations of motion that give the accelerations {_of(state)}, found a "
             "singular mass matrix (or dependent constraints); drop the coordinate without "
             "kinetic energy, or the constraint that follows from the others"
         )
@@ -236,6 +238,10 @@ def _derive(system: System) -> ca.Function:
     inputs = {"t": S, "x": X, "z": none, "p": P, "u": none}
     outputs = {"ode": factor * ca.vertcat(v, a), "alg": none, "quad": none, "zero": none}
     return ca.Function("motion", inputs | outputs, list(inputs), list(outputs))
+
+
+def _of(state: State) -> str:
+    return f"at t = {state.t}, q = {state.q}, v = {state.v}"
 
 
 def integrate(
@@ -356,7 +362,7 @@ def _tails(mesh: Mesh, table: Array) -> Array:
     return tails
 
 
-def _split(mesh: Mesh, pieces: Array) -> Mesh:
+def _split(mesh: Mesh, pieces: NDInt) -> Mesh:
     """Return the mesh with element e cut into pieces[e] equal ones of the same degree."""
     b = mesh.boundaries
     parts = [np.linspace(b[e], b[e + 1], k, endpoint=False) for e, k in enumerate(pieces)]

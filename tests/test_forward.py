@@ -1,0 +1,361 @@
+"""Forward integration against motions known in closed form."""
+
+import _thread
+import re
+import threading
+
+import numpy as np
+import pytest
+from scipy.special import ellipj, ellipk
+
+from actionopt import Mesh, State, System, forward
+from actionopt.forward import IntegrationError, integrate
+
+# At the default tol some thousand steps of CVODES make 5e-16 of error each, and the motions here
+# amplify errors some thirty times on their way; the polynomials add their tail of 1e-12.
+ACCURATE = 3e-11
+
+
+def kepler_lagrangian(q, v, t, *, m, k):
+    return m * (v[0] ** 2 + v[1] ** 2) / 2 + k / np.sqrt(q[0] ** 2 + q[1] ** 2)
+
+
+KEPLER = System(kepler_lagrangian, ["x", "y"], parameters={"m": 1.0, "k": 1.0})
+
+
+def kepler(t, a, e, mu):
+    """Position and velocity (2, K) on an ellipse from pericentre, by Kepler's equation."""
+    n = np.sqrt(mu / a**3)
+    mean = n * np.asarray(t, dtype=float)
+    E = mean + e * np.sin(mean)
+    for _ in range(100):
+        E = E - (E - e * np.sin(E) - mean) / (1 - e * np.cos(E))
+    b, rate = np.sqrt(1 - e * e), n / (1 - e * np.cos(E))
+    q = a * np.stack([np.cos(E) - e, b * np.sin(E)])
+    return q, a * rate * np.stack([-np.sin(E), b * np.cos(E)])
+
+
+def rod_pendulum(l, g):
+    return System(
+        lambda q, v, t, *, l, g: (v[0] ** 2 + v[1] ** 2) / 2 - g * q[1],
+        ["x", "y"],
+        parameters={"l": l, "g": g},
+        constraint=lambda q, t, *, l: q[0] ** 2 + q[1] ** 2 - l**2,
+    )
+
+
+def swing(t, theta, l, g):
+    """Angle and its rate, (K,), of a pendulum let go at the angle `theta`."""
+    k, w = np.sin(theta / 2), np.sqrt(g / l)
+    sn, cn, _, _ = ellipj(w * t + ellipk(k**2), k**2)
+    return 2 * np.arcsin(k * sn), 2 * k * w * cn
+
+
+def deviation(path, exact):
+    """Largest error of q and v at times between the nodes, each relative to its own size."""
+    t = np.linspace(*path.mesh.boundaries[[0, -1]], 501)
+    worst = []
+    for found, known in zip((path(t), path.velocity(t)), exact(t), strict=True):
+        size = np.max(np.abs(known), axis=1, keepdims=True)
+        worst.append(np.max(np.abs(found - known) / size))
+    return max(worst)
+
+
+# -- closed forms ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("a", "e", "mu"), [(1.0, 0.6, 1.0), (2.5, 0.3, 39.5)])
+def test_kepler_ellipse(a, e, mu):
+    def exact(t):
+        return kepler(t, a, e, mu)
+
+    q, v = exact(0.0)
+    path = integrate(KEPLER, State(0.0, q, v), 7.0, parameters={"k": mu})
+    assert deviation(path, exact) < ACCURATE
+    assert deviation(path, lambda t: kepler(t, a, e, mu * (1 + 1e-9))) > 10 * ACCURATE
+
+
+def test_near_collision_arc():
+    # A delay dt is an error of velocity a dt / v ~ dt / (1 - e)^1.5 = 90 dt at pericentre.
+    e = 0.95
+    q, v = kepler(-2.0, 1.0, e, 1.0)
+    path = integrate(KEPLER, State(-2.0, q, v), 2.0)
+    assert deviation(path, lambda t: kepler(t, 1.0, e, 1.0)) < 10 * ACCURATE
+    lengths = path.mesh.lengths
+    assert lengths.max() > 20 * lengths.min()  # elements are where the motion is
+
+
+@pytest.mark.parametrize(("w", "t_end"), [(2.0, 9.0), (0.7, -20.0)])
+def test_oscillator_forwards_and_backwards(w, t_end):
+    system = System(
+        lambda q, v, t, *, w: v[0] ** 2 / 2 - (w * q[0]) ** 2 / 2, ["x"], parameters={"w": 1.0}
+    )
+
+    def exact(t):
+        return np.sin(w * (t - 1))[None] + 2, w * np.cos(w * (t - 1))[None]
+
+    shifted = System(
+        lambda q, v, t, *, w: v[0] ** 2 / 2 - (w * (q[0] - 2)) ** 2 / 2, ["x"], parameters={"w": w}
+    )
+    path = integrate(shifted, State(1.0, [2.0], [w]), t_end)
+    assert path.mesh.boundaries[[0, -1]].tolist() == sorted([1.0, t_end])
+    assert deviation(path, exact) < ACCURATE
+    there = path(t_end), path.velocity(t_end)
+    assert path(1.0)[0] == 2.0
+    back = integrate(shifted, State(t_end, *there), 1.0)
+    assert abs(back(1.0)[0] - 2.0) < ACCURATE
+    rest = integrate(system, State(0.0, [0.0], [0.0]), t_end, parameters={"w": w})
+    assert np.all(rest.values == 0)
+
+
+def test_projectile_with_a_coordinate_that_stays_zero():
+    system = System(
+        lambda q, v, t, *, g: (v[0] ** 2 + v[1] ** 2 + v[2] ** 2) / 2 - g * q[2],
+        ["x", "y", "z"],
+        parameters={"g": 9.81},
+    )
+    path = integrate(system, State(0.0, [0.0, 0.0, 1.0], [3.0, 0.0, 4.0]), 2.0)
+    t = np.linspace(0, 2, 50)
+    assert np.allclose(path(t), [3 * t, 0 * t, 1 + 4 * t - 9.81 * t**2 / 2], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(("gamma", "w"), [(0.3, 2.0), (1.0, 3.0)])
+def test_lagrangian_that_depends_on_time(gamma, w):
+    """L = exp(gamma t)(v^2 - w^2 x^2)/2 is the damped oscillator (Caldirola, Kanai)."""
+    system = System(
+        lambda q, v, t, *, gamma, w: np.exp(gamma * t) * (v[0] ** 2 - (w * q[0]) ** 2) / 2,
+        ["x"],
+        parameters={"gamma": gamma, "w": w},
+    )
+    root = -gamma / 2 + 1j * np.sqrt(w**2 - gamma**2 / 4)
+
+    def exact(t):
+        z = np.exp(root * t)
+        return z.real[None], (root * z).real[None]
+
+    assert deviation(integrate(system, State(0.0, [1.0], [root.real]), 6.0), exact) < ACCURATE
+
+
+@pytest.mark.parametrize(("c", "drive"), [(0.4, 1.3), (1.5, 3.0)])
+def test_forced_and_damped_oscillator(c, drive):
+    system = System(
+        lambda q, v, t, *, c, drive: v[0] ** 2 / 2 - 2 * q[0] ** 2,
+        ["x"],
+        parameters={"c": c, "drive": drive},
+        force=lambda q, v, t, *, c, drive: [np.cos(drive * t) - c * v[0]],
+    )
+    root = -c / 2 + 1j * np.sqrt(4 - c**2 / 4)
+    steady = 1 / (4 - drive**2 + 1j * c * drive)
+
+    def exact(t):
+        own, forced = 0.5 * np.exp(root * t), steady * np.exp(1j * drive * t)
+        x, rate = own + forced, root * own + 1j * drive * forced
+        return x.real[None], rate.real[None]
+
+    q, v = exact(np.zeros(1))
+    assert deviation(integrate(system, State(0.0, q[:, 0], v[:, 0]), 8.0), exact) < ACCURATE
+
+
+def test_twelve_masses_on_springs_with_a_full_mass_matrix():
+    """The second mode, in coordinates u_i = x_i - x_(i-1): frequency 2 sin(pi / 13)."""
+    n = 12
+
+    def lagrangian(q, v, t):
+        x, rate = np.cumsum(np.stack([*q, 0.0])[:n]), np.cumsum(np.stack([*v, 0.0])[:n])
+        return (np.sum(rate**2) - np.sum(q**2) - x[n - 1] ** 2) / 2
+
+    shape = np.diff(np.sin(2 * np.pi * np.arange(n + 1) / (n + 1)))
+    w = 2 * np.sin(np.pi / (n + 1))
+
+    def exact(t):
+        return shape[:, None] * np.cos(w * t), -w * shape[:, None] * np.sin(w * t)
+
+    system = System(lagrangian, [f"u{i}" for i in range(n)])
+    assert deviation(integrate(system, State(0.0, shape, 0 * shape), 30.0), exact) < ACCURATE
+
+
+# -- constraints -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("theta", "l", "g"), [(1.0, 1.0, 9.81), (3.0, 0.4, 1.6)])
+def test_cartesian_pendulum_against_its_angle_and_tension(theta, l, g):
+    system = rod_pendulum(l, g)
+
+    def exact(t):
+        a, rate = swing(t, theta, l, g)
+        along = np.stack([np.cos(a), np.sin(a)])
+        return l * np.stack([np.sin(a), -np.cos(a)]), l * rate * along
+
+    q, v = exact(0.0)
+    path = integrate(system, State(0.0, q, v), 4.0)
+    assert deviation(path, exact) < ACCURATE
+    t = path.mesh.nodes
+    force = system.constraint_force(path(t), path.velocity(t), t)
+    a, _ = swing(t, theta, l, g)
+    tension = g * (3 * np.cos(a) - 2 * np.cos(theta))
+    inward = -np.sum(force * path(t), axis=0) / l
+    assert np.allclose(inward, tension, rtol=0, atol=10 * ACCURATE * g)
+
+
+def test_bead_on_a_turning_wire():
+    """The constraint moves: x sin(w t) = y cos(w t), and the bead flies out as cosh(w t)."""
+    w = 1.3
+    system = System(
+        lambda q, v, t, *, w: (v[0] ** 2 + v[1] ** 2) / 2,
+        ["x", "y"],
+        parameters={"w": w},
+        constraint=lambda q, t, *, w: q[0] * np.sin(w * t) - q[1] * np.cos(w * t),
+    )
+
+    def exact(t):
+        along = np.stack([np.cos(w * t), np.sin(w * t)])
+        across = np.stack([-np.sin(w * t), np.cos(w * t)])
+        return np.cosh(w * t) * along, w * (np.sinh(w * t) * along + np.cosh(w * t) * across)
+
+    q, v = exact(0.0)
+    assert deviation(integrate(system, State(0.0, q, v), 3.0), exact) < ACCURATE
+
+
+def test_drift_off_the_surface_stays_at_round_off():
+    system = System(
+        lambda q, v, t, *, g: np.dot(v, v) / 2 - g * (q[1] + q[3]),
+        ["x1", "y1", "x2", "y2"],
+        parameters={"g": 9.81},
+        constraint=lambda q, t: [
+            q[0] ** 2 + q[1] ** 2 - 1,
+            (q[2] - q[0]) ** 2 + (q[3] - q[1]) ** 2 - 1,
+        ],
+    )
+    path = integrate(system, State(0.0, [1.0, 0.0, 2.0, 0.0], np.zeros(4)), 20.0)
+    t = np.linspace(0, 20, 2001)
+    assert np.max(np.abs(system.constraint(path(t), t))) < 1e-11
+
+
+# -- units, tolerance, cost ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("length", "time", "mass"), [(1.0, 1.0, 1.0), (1e-10, 1e-15, 1e-27), (1.5e11, 3e7, 2e30)]
+)
+def test_atoms_and_planets_are_followed_equally_well(length, time, mass):
+    e, mu = 0.6, length**3 / time**2
+    given = {"m": mass, "k": mass * mu}
+    q, v = kepler(0.0, length, e, mu)
+    path = integrate(KEPLER, State(0.0, q, v), 5 * time, parameters=given)
+    assert deviation(path, lambda t: kepler(t, length, e, mu)) < ACCURATE
+
+    polar = System(
+        lambda q, v, t, *, m, k: m * (v[0] ** 2 + (q[0] * v[1]) ** 2) / 2 + k / q[0],
+        ["r", "phi"],
+        parameters=given,
+    )
+    here = State(0.0, [q[0], 0.0], [0.0, v[1] / q[0]])  # lengths and angles in one state
+    path = integrate(polar, here, 5 * time)
+
+    def exact(t):
+        (x, y), (vx, vy) = kepler(t, length, e, mu)
+        r = np.hypot(x, y)
+        return (
+            np.stack([r, np.unwrap(np.arctan2(y, x))]),
+            np.stack([(x * vx + y * vy) / r, (x * vy - y * vx) / r**2]),
+        )
+
+    assert deviation(path, exact) < ACCURATE
+
+
+def test_error_follows_tol():
+    q, v = kepler(0.0, 1.0, 0.6, 1.0)
+    errors = []
+    for tol in (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12):
+        path = integrate(KEPLER, State(0.0, q, v), 6.0, tol=tol)
+        errors.append(deviation(path, lambda t: kepler(t, 1.0, 0.6, 1.0)) / tol)
+    # A tail of one tol can stand for a few at points between, and pericentre amplifies ten times.
+    assert max(errors) < 30
+    assert errors[0] > 1e-5  # it is not simply always exact
+
+
+def test_a_second_integration_derives_nothing(monkeypatch):
+    system = rod_pendulum(1.0, 9.81)
+    state = State(0.0, [0.6, -0.8], [0.0, 0.0])
+    integrate(system, state, 1.0)
+    derived = system.derived
+    monkeypatch.delattr(forward, "_derive")
+    integrate(system, state, 2.0, parameters={"g": 1.6}, tol=1e-6)
+    assert system.derived == derived
+
+
+def test_a_given_mesh_is_kept_where_it_resolves_the_motion():
+    system = System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2, ["x"])
+    given = Mesh([0.0, 0.2, 0.5, 5.0, 6.0], [4, 12, 12, 20])
+    path = integrate(system, State(0.0, [1.0], [0.0]), 6.0, mesh=given)
+    assert set(given.boundaries) < set(path.mesh.boundaries.tolist())
+    assert path.mesh.degrees[:2] == (12, 12)
+    assert path.mesh.degrees[-1] == 20
+    assert deviation(path, lambda t: (np.cos(t)[None], -np.sin(t)[None])) < ACCURATE
+    back = integrate(system, State(6.0, path(6.0), path.velocity(6.0)), 0.0, mesh=given)
+    assert np.allclose(back.mesh.boundaries, path.mesh.boundaries, rtol=0, atol=1e-14)
+    with pytest.raises(ValueError, match="a mesh over the times"):
+        integrate(system, State(0.0, [1.0], [0.0]), 7.0, mesh=given)
+
+
+# -- what is refused -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("tol", [0.0, -1e-9, 1e-15, 0.2, np.nan])
+def test_tol_out_of_range(tol):
+    with pytest.raises(ValueError, match="tol between"):
+        integrate(KEPLER, State(0.0, [1.0, 0.0], [0.0, 1.0]), 1.0, tol=tol)
+
+
+@pytest.mark.parametrize("t_end", [0.0, np.nan, np.inf])
+def test_no_time_to_integrate_over(t_end):
+    with pytest.raises(ValueError, match="t_end"):
+        integrate(KEPLER, State(0.0, [1.0, 0.0], [0.0, 1.0]), t_end)
+
+
+def test_state_that_does_not_fit():
+    with pytest.raises(ValueError, match=r"2 coordinates \(x, y\), found 1"):
+        integrate(KEPLER, State(0.0, [1.0], [0.0]), 1.0)
+    with pytest.raises(ValueError, match="expected a State"):
+        integrate(KEPLER, ([1.0, 0.0], [0.0, 1.0]), 1.0)
+
+
+def test_state_off_the_surface_or_leaving_it():
+    system = rod_pendulum(1.0, 9.81)
+    with pytest.raises(ValueError, match=r"f = 0\.0001.* row 0"):
+        integrate(system, State(0.0, [0.0, -1.00005], [1.0, 0.0]), 1.0)
+    with pytest.raises(ValueError, match=r"df/dt = -0\.02 in constraint row 0"):
+        integrate(system, State(0.0, [0.0, -1.0], [1.0, 0.01]), 1.0)
+
+
+def test_coordinate_without_kinetic_energy():
+    system = System(lambda q, v, t: v[0] ** 2 / 2 + q[0] * q[1], ["x", "y"])
+    with pytest.raises(ValueError, match="singular mass matrix"):
+        integrate(system, State(0.0, [1.0, 1.0], [0.0, 0.0]), 1.0)
+
+
+def test_start_outside_the_domain():
+    with pytest.raises(ValueError, match="finite accelerations"):
+        integrate(KEPLER, State(0.0, [0.0, 0.0], [0.0, 1.0]), 1.0)
+
+
+def test_collision_is_reported_with_its_time_and_without_noise(capfd):
+    fall = np.pi / np.sqrt(8)  # from rest at distance one into the centre
+    with pytest.raises(IntegrationError) as caught:
+        integrate(KEPLER, State(0.0, [1.0, 0.0], [0.0, 0.0]), 2.0)
+    found = re.search(r"between t = (\S+) and t = (\S+):", str(caught.value))
+    assert found is not None
+    assert float(found[1]) < fall < float(found[2])
+    assert capfd.readouterr() == ("", "")
+    path = integrate(KEPLER, State(0.0, [1.0, 0.0], [0.0, 0.0]), 1.0)  # before it all is well
+    assert path(1.0)[0] < 0.4
+
+
+def test_interruption_is_passed_on(capfd):
+    timer = threading.Timer(0.3, _thread.interrupt_main)
+    q, v = kepler(0.0, 1.0, 0.6, 1.0)
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        integrate(KEPLER, State(0.0, q, v), 1e5)  # some twenty seconds
+    timer.join()
+    assert capfd.readouterr() == ("", "")
