@@ -18,6 +18,7 @@ from actionopt.transcription import Transcription
 
 if TYPE_CHECKING:
     from actionopt.compare import Comparison
+    from actionopt.index import Inertia
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +106,23 @@ class Solution:
     def constraint_force(self, t: ArrayLike) -> Array:
         """Return the generalized forces of constraint G' lambda, shape (n, K) or (n,)."""
         return self._pointwise("constraint_force", t)
+
+    @cached_property
+    def inertia(self) -> Inertia:
+        """Index and nullity of the second variation, counted when first asked for."""
+        from actionopt.index import inertia
+
+        return inertia(self)
+
+    @property
+    def morse_index(self) -> int:
+        """Number of independent variations that lower the action; 0 is a (weak) minimum."""
+        return self.inertia.index
+
+    @property
+    def kind(self) -> str:
+        """What the action is at the path: "minimum", "saddle" or "degenerate"."""
+        return self.inertia.kind
 
     @cached_property
     def discrete(self) -> tuple[Transcription, Array]:

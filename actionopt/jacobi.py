@@ -1,0 +1,112 @@
+"""Jacobi fields: how neighbouring paths with the same start leave a path.
+
+They solve the linearised equations of motion, on the same elements: with E the matrix of d2S on
+one element, its first rows are minus the momentum at the left node, its last rows the momentum
+at the right node, and the rows between are zero,
+
+    E_0 a = -p_left,    E_1 a = ... = E_(d-1) a = 0,    p_right = E_d a.
+
+A field that grows by many orders of magnitude would hide the others: at each element the r
+fields are replaced by an orthonormal frame that spans the same Lagrangian plane.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from actionopt.newton import follow
+from actionopt.path import Mesh
+from actionopt.quadrature import Array
+from actionopt.transcription import Transcription
+from actionopt.variation import Form, form
+
+if TYPE_CHECKING:
+    from actionopt.solution import Solution
+
+ROUNDS = 12
+HIGHEST = 20  # degree above which an element is split instead
+
+
+def fields(form: Form) -> list[Array]:
+    """Return r Jacobi fields on each element, at its nodes: (d + 1, r, r) in a_k, field last.
+
+    They vanish at the start along its pinned directions; along its free ones their momentum
+    vanishes there. From one element to the next they are recombined.
+    """
+    r, unit = form.freedom, abs(form.tr.action_unit)
+    held = np.arange(r) < form.pinned[0]
+    a, p = np.diag(1.0 * ~held), np.diag(1.0 * held)
+    result = []
+    for E in form.elements:
+        inner = len(E) - r
+        right = -E[:inner, :r] @ a
+        right[:r] -= unit * p
+        later = np.linalg.solve(E[:inner, r:], right)
+        whole = np.concatenate([a, later])
+        result.append(whole.reshape(-1, r, r))
+        frame, _ = np.linalg.qr(np.concatenate([later[-r:], E[inner:] @ whole / unit]))
+        a, p = frame[:r], frame[r:]
+    return result
+
+
+def resolved(
+    solution: Solution, tol: float, *, units: Array | None = None, polish: bool = False
+) -> Form:
+    """Return d2S on a mesh that resolves the Jacobi fields to `tol`, and the path with `polish`.
+
+    A mesh that resolves the path need not resolve its neighbours: a body at rest may be passed
+    by any number of them. Raises ValueError for non-conservative forces.
+    """
+    tr, z = solution.discrete
+    Q, lam = tr.unpack(z)
+    if lam.size and not np.isfinite(lam).all():
+        # Pinned ends carry no rows; the equations of motion tell the multipliers there.
+        known = solution.multipliers(tr.mesh.nodes).T
+        lam = np.where(np.isfinite(lam), lam, known)
+    found = form(tr, Q, lam, units)
+    for _ in range(ROUNDS):
+        mesh = _refined(found, Q / tr.lengths if polish else None, tol)
+        if mesh is None:
+            break
+        tr = Transcription(solution.problem, mesh, tr.lengths)
+        Q, lam = solution(mesh.nodes).T, np.zeros((mesh.nodes.size, 0))
+        if solution.problem.system.m:
+            lam = solution.multipliers(mesh.nodes).T
+        if polish:
+            near = follow(tr, tr.pack(Q, lam))
+            if near.converged:
+                Q, rows = tr.unpack(near.z)
+                lam = np.where(np.isfinite(rows), rows, lam)
+        found = form(tr, Q, lam, units)
+    return found
+
+
+def _refined(form: Form, Q: Array | None, tol: float) -> Mesh | None:
+    """Return a finer mesh, or None where the fields (and the path Q) are resolved to `tol`."""
+    if not form.freedom:
+        return None
+    mesh = form.tr.mesh
+    tail = np.empty(mesh.elements)
+    jacobi = fields(form)
+    for rule, which, index in mesh.groups:
+        a = np.stack([jacobi[e] for e in which])
+        eta = np.einsum("eknr,ekrc->eknc", form.basis[index], a)
+        table = eta.reshape(*index.shape, -1)
+        table = table / np.max(np.abs(table), axis=(1, 2), keepdims=True)
+        if Q is not None:
+            table = np.concatenate([table, Q[index]], axis=2)
+        size = np.abs(rule.to_legendre @ table)
+        tail[which] = np.max(size[:, -2:] if rule.degree > 2 else size, axis=(1, 2))
+    if np.max(tail) <= tol:
+        return None
+    degrees = np.array(mesh.degrees)
+    coarse = tail > tol
+    # Raise the degree where the coefficients decay; split where they do not, or it is high.
+    split = coarse & ((tail > 1e-2) | (degrees + 4 > HIGHEST))
+    degrees = np.where(coarse & ~split, degrees + 4, degrees)
+    parts = np.where(split, 2, 1)
+    b = mesh.boundaries
+    pieces = [np.linspace(b[e], b[e + 1], k, endpoint=False) for e, k in enumerate(parts)]
+    return Mesh(np.concatenate([*pieces, b[-1:]]), np.repeat(degrees, parts))

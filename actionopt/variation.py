@@ -1,0 +1,271 @@
+"""The second variation of the action along a path, element by element.
+
+    d2S[eta] = int (eta.L_qq eta + 2 eta.L_qv eta' + eta'.L_vv eta' + sum_i lam_i eta.f_i,qq eta) dt
+
+on variations that the constraints allow, G eta = 0. The constraints restrict each node by itself,
+so a basis of their tangent space at each node reduces the quadratic form without coupling
+elements. Eliminating the path from its start to its end, one element after the other, then leaves
+the Hessian of the principal function S(q0, q1); the negative pivots on the way are the Morse
+index (Sylvester's law of inertia).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from actionopt.problem import Problem
+from actionopt.quadrature import Array
+from actionopt.transcription import Transcription, sparsity_of
+
+SINGULAR = 1e-9  # pivots below this fraction of their block's largest wait for the next block
+RANK = 1e-10  # singular values below this fraction of the largest are zero
+
+
+@dataclass(frozen=True, eq=False)
+class Form:
+    """The quadratic form d2S of a discrete path, in coordinates a_k of each node's variations.
+
+    Attributes
+    ----------
+    tr : Transcription
+    Q : (K, n) array
+        Coordinates of the path at the nodes.
+    units : (n,) array
+        The variation at node k is eta_k = units * (basis_k @ a_k).
+    basis : (K, n, r) array
+        Orthonormal columns that span the variations allowed at each node; at the end nodes
+        those along which the events are pinned come first.
+    pinned : tuple of int
+        Number of pinned directions at the start and at the end.
+    elements, kinetic : lists of ((d + 1) r, (d + 1) r) arrays
+        d2S and its part in L_vv on each element, in the user's units of action.
+    legendre : (evaluations, r) array
+        Eigenvalues of L_vv on the variations allowed.
+    """
+
+    tr: Transcription
+    Q: Array
+    units: Array
+    basis: Array
+    pinned: tuple[int, int]
+    elements: list[Array]
+    kinetic: list[Array]
+    legendre: Array
+
+    @property
+    def freedom(self) -> int:
+        """Number r of independent variations at a node."""
+        return self.basis.shape[2]
+
+    @cached_property
+    def masses(self) -> list[Array]:
+        """The form int |eta / units|^2 dt on each element, ((d + 1) r,): it is diagonal."""
+        result: list[Array] = [np.empty(0)] * len(self.elements)
+        for g in self.tr.layout.groups:
+            for e in g.elements:
+                result[e] = np.repeat(self.tr.half[e] * g.rule.weights, self.freedom)
+        return result
+
+    def shifted(self, kinetic: float = 0.0, mass: float = 0.0) -> list[Array]:
+        """Return the matrices of d2S - kinetic (its part in L_vv) - mass int |eta|^2 dt."""
+        result = self.elements
+        if kinetic:
+            result = [E - kinetic * K for E, K in zip(result, self.kinetic, strict=True)]
+        if mass:
+            result = [E - np.diag(mass * m) for E, m in zip(result, self.masses, strict=True)]
+        return result
+
+
+def form(tr: Transcription, Q: Array, lam: Array, units: Array | None = None) -> Form:
+    """Return the second variation at node coordinates Q (K, n) and multipliers lam (K, m).
+
+    Raises ValueError for a system with non-conservative forces.
+    """
+    problem, layout = tr.problem, tr.layout
+    system = problem.system
+    if system.structure.forced:
+        raise ValueError(
+            "expected a system without non-conservative forces, found one with: its paths are not "
+            "stationary points of an action, so that they have no second variation or index"
+        )
+    units = tr.lengths if units is None else np.asarray(units, dtype=float)
+    at = Q[layout.node_of]
+    A, B, C = second_derivatives(problem, at, tr.velocities(at), tr.times)
+    if system.m:
+        A = A + _curvature(problem, at, lam[layout.node_of], tr.times)
+    basis = tangent(problem, Q, tr.mesh.nodes[:, None], units).copy()
+    sides = []
+    for k, event in ((0, problem.start), (-1, problem.end)):
+        basis[k], count = _pinned_first(basis[k], event.pinned)
+        sides.append(count)
+    pinned = (sides[0], sides[1])
+    scale = units[:, None] * units
+    elements: list[Array] = [np.empty(0)] * tr.mesh.elements
+    kinetic: list[Array] = [np.empty(0)] * tr.mesh.elements
+    for g in layout.groups:
+        a, b, c = (x[g.span].reshape(*g.nodes.shape, *scale.shape) * scale for x in (A, B, C))
+        rate = _kinetic(g, c, tr.half[g.elements])
+        whole = rate + _rest(g, a, b, tr.half[g.elements])
+        Z = basis[g.nodes]
+        for target, local in ((elements, whole), (kinetic, rate)):
+            reduced = _reduce(local, Z)
+            for e, block in zip(g.elements, reduced, strict=True):
+                target[e] = block
+    Z = basis[layout.node_of]
+    legendre: Array = np.linalg.eigvalsh(np.swapaxes(Z, 1, 2) @ (C * scale) @ Z).astype(float)
+    return Form(tr, Q, units, basis, pinned, elements, kinetic, legendre)
+
+
+def second_derivatives(problem: Problem, q: Array, v: Array, t: Array) -> tuple[Array, ...]:
+    """Return L_qq, L_qv and L_vv, each (K, n, n), for q, v (K, n) and t (K, 1)."""
+    system = problem.system
+    values = system.pointwise("second")(q, v, t, problem.packed)
+    result = []
+    for i, nonzeros in enumerate(values):
+        rows, cols = sparsity_of(system, "second", i)
+        full = np.zeros((len(q), system.n, system.n))
+        full[:, rows, cols] = nonzeros
+        if i != 1:
+            full[:, cols, rows] = nonzeros
+        result.append(full)
+    return tuple(result)
+
+
+def tangent(problem: Problem, q: Array, t: Array, units: Array) -> Array:
+    """Return bases (K, n, n - m) of the null space of G at q (K, n), orthonormal in `units`."""
+    system = problem.system
+    if not system.m:
+        return np.broadcast_to(np.eye(system.n), (len(q), system.n, system.n))
+    rows, cols = sparsity_of(system, "constraint_jacobian")
+    G = np.zeros((len(q), system.m, system.n))
+    G[:, rows, cols] = system.pointwise("constraint_jacobian")(q, t, problem.packed)[0]
+    _, _, right = np.linalg.svd(G * units)
+    return np.swapaxes(right[:, system.m :], 1, 2)
+
+
+def check_legendre(form: Form) -> None:
+    """Raise ValueError unless L_vv is positive definite on the variations allowed.
+
+    Without this (Legendre's strengthened condition) infinitely many variations lower the
+    action, and an index counts nothing.
+    """
+    least, largest = form.legendre.min(), np.abs(form.legendre).max()
+    if not least > RANK * largest:
+        t = form.tr.times[np.argmin(form.legendre.min(axis=1)), 0]
+        raise ValueError(
+            "expected d2L/dv2 positive definite on the motions allowed along the path, found the "
+            f"eigenvalue {least:.3g} at t = {t:.6g} (the largest is {largest:.3g}): no index "
+            "counts the variations that lower such an action"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Condensed:
+    """What is left when a path is eliminated.
+
+    Attributes
+    ----------
+    negative : int
+        Number of negative pivots.
+    hessian : (k0 + k1, k0 + k1) array
+        Second derivatives of the action by the pinned directions at the start and at the end.
+    """
+
+    negative: int
+    hessian: Array
+
+
+def condense(form: Form, elements: list[Array] | None = None) -> Condensed:
+    """Eliminate all variations of the path but those of its pinned ends.
+
+    Parameters
+    ----------
+    form : Form
+    elements : list of arrays, optional
+        Element matrices in place of those of d2S, as `Form.shifted` returns them.
+    """
+    elements = form.elements if elements is None else elements
+    r, (keep, keep_end) = form.freedom, form.pinned
+    front, negative = np.zeros((r, r)), 0
+    for e, E in enumerate(elements):
+        old = front.shape[0]
+        size = old + E.shape[0] - r
+        grown = np.zeros((size, size))
+        grown[:old, :old] = front
+        grown[old - r :, old - r :] += E
+        final = e == len(elements) - 1
+        last = keep_end if final else r
+        if final:  # the free directions of the last node go as well
+            order = np.r_[:keep, size - r + keep_end : size, keep : size - r + keep_end]
+            grown = grown[np.ix_(order, order)]
+        front, count = _eliminate(grown, keep, size - last, force=final)
+        negative += count
+    return Condensed(negative, front)
+
+
+def _eliminate(M: Array, first: int, stop: int, force: bool) -> tuple[Array, int]:
+    """Return the Schur complement of M[first:stop, first:stop] and its negative eigenvalues.
+
+    A block that is close to singular waits for its neighbours, as a pivot of two rows waits in
+    the factorization of Bunch and Kaufman: a node conjugate to the start has such a block.
+    """
+    if stop <= first:
+        return M, 0
+    values, vectors = np.linalg.eigh(M[first:stop, first:stop])
+    size = np.abs(values)
+    if not force and size.min() < SINGULAR * size.max():
+        return M, 0
+    outer = np.r_[:first, stop : len(M)]
+    X = vectors.T @ M[first:stop, outer]
+    with np.errstate(all="ignore"):
+        rest = M[np.ix_(outer, outer)] - X.T @ (X / values[:, None])
+    return (rest + rest.T) / 2, int(np.sum(values < 0))
+
+
+def _kinetic(g, c: Array, half: Array) -> Array:
+    E, k = c.shape[:2]
+    n = c.shape[2]
+    rate = g.stiffness @ (c / half[:, None, None, None]).reshape(E, k, n * n)
+    return rate.reshape(E, k, k, n, n).transpose(0, 1, 3, 2, 4)
+
+
+def _rest(g, a: Array, b: Array, half: Array) -> Array:
+    wD = g.rule.weights[:, None] * g.rule.derivative
+    mixed = np.einsum("ejab,jl->ejalb", b, wD)
+    result = mixed + mixed.transpose(0, 3, 4, 1, 2)
+    j = np.arange(len(wD))
+    weighted = a * (half[:, None] * g.rule.weights)[:, :, None, None]
+    result[:, j, :, j, :] += weighted.transpose(1, 0, 2, 3)
+    return result
+
+
+def _reduce(local: Array, Z: Array) -> Array:
+    E, k, _, r = Z.shape
+    half = np.einsum("ejalb,elbs->ejals", local, Z, optimize=True)
+    return np.einsum("ejals,ejar->ejrls", half, Z, optimize=True).reshape(E, k * r, k * r)
+
+
+def _curvature(problem: Problem, q: Array, lam: Array, t: Array) -> Array:
+    """Return sum_i lam_i f_i,qq, (K, n, n)."""
+    system = problem.system
+    full = np.zeros((len(q), system.n, system.n))
+    if system.structure.affine_constraint:
+        return full
+    values = system.pointwise("constraint_curvature")(q, lam, t, problem.packed)[0]
+    rows, cols = sparsity_of(system, "constraint_curvature")
+    full[:, rows, cols] = values
+    full[:, cols, rows] = values
+    return full
+
+
+def _pinned_first(Z: Array, pinned: tuple[int, ...]) -> tuple[Array, int]:
+    """Return the basis Z (n, r) turned so that variations of pinned coordinates come first."""
+    if len(pinned) == len(Z):
+        return Z, Z.shape[1]
+    if not pinned:
+        return Z, 0
+    _, values, right = np.linalg.svd(Z[list(pinned)])
+    return Z @ right.T, int(np.sum(values > RANK))

@@ -1,0 +1,166 @@
+"""Conjugate points against closed forms, independent Jacobi fields, and the index theorem."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+import actionopt as ao
+from actionopt import scenes
+from actionopt.conjugate import conjugate_points
+from actionopt.index import inertia
+
+TIME_TOLERANCE = 1e-8  # relative to the duration: what conjugate points are promised to
+
+
+def times_of(solution):
+    return [p.t for p in conjugate_points(solution) for _ in range(p.multiplicity)]
+
+
+def free(q, v, t):
+    return sum(x * x for x in v) / 2
+
+
+@pytest.mark.parametrize("half_periods", [0.5, 0.95, 1.0, 1.05, 1.4, 2.6, 10.5])
+@pytest.mark.parametrize("ends", [(1.0, 0.4), (0.0, 0.0)])
+def test_oscillator(half_periods, ends):
+    w = 2.0
+    system = ao.System(lambda q, v, t, *, w: (v[0] ** 2 - (w * q[0]) ** 2) / 2, ["x"],
+                       parameters={"w": w})  # fmt: skip
+    T = half_periods * np.pi / w
+    problem = ao.Problem(system, ao.Event(0.0, ends[0]), ao.Event(T, ends[1]))
+    found = times_of(ao.solve(problem, throw=False))
+    exact = np.arange(1, np.floor(half_periods) + 1) * np.pi / w
+    assert len(found) == exact.size
+    assert found == pytest.approx(exact, abs=TIME_TOLERANCE * T)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("angle", [2.5, 4.0, 7.0])
+def test_antipodes_of_a_sphere(dimension, angle):
+    # Geodesics of the unit sphere: all fields across vanish at the antipode, dimension - 1 of them.
+    names = list("xyzw")[: dimension + 1]
+    system = ao.System(free, names, constraint=lambda q, t: sum(x * x for x in q) - 1)
+
+    def arc(t):
+        return np.stack([np.cos(angle * t), np.sin(angle * t)] + [0 * t] * (dimension - 1))
+
+    problem = ao.Problem(system, ao.Event(0.0, arc(0.0)), ao.Event(1.0, arc(1.0)))
+    solution = ao.solve(problem, guess=arc)
+    found = conjugate_points(solution)
+    exact = np.arange(1, np.floor(angle / np.pi) + 1) * np.pi / angle
+    assert [p.t for p in found] == pytest.approx(exact, abs=TIME_TOLERANCE)
+    assert [p.multiplicity for p in found] == [dimension - 1] * exact.size
+    assert inertia(solution).index == (dimension - 1) * exact.size
+
+
+FORCES = {  # V, V', V''
+    "quartic": (lambda x: x**4 / 4, lambda x: x**3, lambda x: 3 * x**2),
+    "pendulum": (lambda x: -9.81 * np.cos(x), lambda x: 9.81 * np.sin(x),
+                 lambda x: 9.81 * np.cos(x)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FORCES)
+@pytest.mark.parametrize("start", [0.0, 0.3])
+def test_kinetic_foci_against_a_jacobi_field_integrated_alone(name, start):
+    V, force, stiffness = FORCES[name]
+    amplitude = np.pi / 2
+    speed = np.sqrt(2 * (V(amplitude) - V(start)))
+
+    def rate(t, y):
+        return [y[1], -force(y[0]), y[3], -stiffness(y[0]) * y[2]]
+
+    T = 6.0 if name == "pendulum" else 14.0
+    run = solve_ivp(rate, (0, T), [start, speed, 0, 1], "DOP853", rtol=1e-13, atol=1e-14,
+                    dense_output=True)  # fmt: skip
+    grid = np.linspace(0, T, 2001)[1:]
+    J = run.sol(grid)[2]
+    change = np.flatnonzero(J[1:] * J[:-1] < 0)
+    exact = [brentq(lambda t: run.sol(t)[2], grid[i], grid[i + 1], xtol=1e-14) for i in change]
+    assert len(exact) >= 3
+
+    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 - V(q[0]), ["x"])
+    curve = lambda t: run.sol(t)[:1]  # noqa: E731
+    problem = ao.Problem(system, ao.Event(0.0, curve(0.0)), ao.Event(T, curve(T)))
+    found = times_of(ao.solve(problem, guess=curve))
+    assert found == pytest.approx(exact, abs=TIME_TOLERANCE * T)
+
+
+@pytest.mark.parametrize("mu", [1.0, 4.0])
+@pytest.mark.parametrize(("short", "index"), [(True, 0), (False, 1)])
+def test_elliptic_arc_in_space(mu, short, index):
+    # Orbits tilted about the radius at the start meet the path again half a turn later: at 180
+    # degrees of true anomaly, by Kepler's equation.
+    a, e = 1.3, 0.4
+    n = np.sqrt(mu / a**3)
+
+    def anomaly(t):
+        M = n * t + 0.5
+        E = M + e * np.sin(M)
+        for _ in range(50):
+            E = E - (E - e * np.sin(E) - M) / (1 - e * np.cos(E))
+        return E
+
+    def orbit(t):
+        E = anomaly(t)
+        x, y = a * (np.cos(E) - e), a * np.sqrt(1 - e * e) * np.sin(E)
+        return np.stack([x, 0.8 * y, 0.6 * y])
+
+    E0 = float(anomaly(np.array(0.0)))
+    true = 2 * np.arctan(np.sqrt((1 + e) / (1 - e)) * np.tan(E0 / 2)) + np.pi
+    E1 = 2 * np.arctan(np.sqrt((1 - e) / (1 + e)) * np.tan(true / 2)) % (2 * np.pi)
+    exact = (E1 - e * np.sin(E1) - 0.5) / n
+    T = (0.8 if short else 1.3) * exact
+
+    def lagrangian(q, v, t, *, mu):
+        return sum(u * u for u in v) / 2 + mu / np.sqrt(sum(x * x for x in q))
+
+    system = ao.System(lagrangian, list("xyz"), parameters={"mu": mu})
+    problem = ao.Problem(system, ao.Event(0.0, orbit(0.0)), ao.Event(T, orbit(T)))
+    solution = ao.solve(problem, guess=orbit)
+    found = times_of(solution)
+    assert inertia(solution).index == index == len(found)
+    assert found == pytest.approx([exact][:index], abs=TIME_TOLERANCE * T)
+
+
+@pytest.mark.parametrize(("c", "count"), [(0.848337938094979, 0), (0.23509499023453274, 1)])
+def test_soap_film(c, count):
+    # Catenoids y = c cosh(x / c) between rings of radius 1 at x = -+0.5 (Lindeloef): the field
+    # that vanishes at a is tangent to the family y(x; c, b) through it, and vanishes where the
+    # tangents of the profile at a and t meet on the axis.
+    h = 0.5
+
+    def contact(x):
+        return x - c / np.tanh(x / c)  # where the tangent at x cuts the axis
+
+    exact = [brentq(lambda x: contact(x) - contact(-h), 1e-6, 5.0)] if count else []
+    system = ao.System(lambda q, v, t: q[0] * np.sqrt(1 + v[0] ** 2), ["y"])
+    problem = ao.Problem(system, ao.Event(-h, 1.0), ao.Event(h, 1.0))
+    solution = ao.solve(problem, guess=lambda x: c * np.cosh(x / c)[None], tol=1e-9)
+    assert times_of(solution) == pytest.approx(exact, abs=TIME_TOLERANCE)
+    assert inertia(solution).index == count
+    if count:
+        assert exact[0] == pytest.approx(0.15291143859845605, rel=1e-12)
+
+
+def test_focal_points_of_a_free_start():
+    system = ao.System(lambda q, v, t: (v[0] ** 2 - 4 * q[0] ** 2) / 2, ["x"])
+    problem = ao.Problem(system, ao.Event(0.0, [None]), ao.Event(3.0, 1.0))
+    assert times_of(ao.solve(problem)) == pytest.approx([np.pi / 4, 3 * np.pi / 4], abs=3e-8)
+
+
+UNFORCED = [name for name in scenes.SCENES if not scenes.get(name).problem.system.structure.forced]
+
+
+@pytest.mark.parametrize("name", UNFORCED)
+def test_index_theorem_on_every_scene(name):
+    scene = scenes.get(name)
+    solution = ao.solve(scene.problem, guess=scene.guess)
+    found = times_of(solution)
+    end = scene.problem.end.t
+    assert inertia(solution).index == sum(t < end for t in found)
+    known = scene.facts.get("conjugate_times")
+    if known is not None and len(known):
+        before = [t for t in known if t <= end]
+        assert found == pytest.approx(before, abs=TIME_TOLERANCE * scene.problem.duration)

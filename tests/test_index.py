@@ -1,0 +1,242 @@
+"""The index against closed forms, dense eigenvalues and published values."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import actionopt as ao
+from actionopt import scenes
+from actionopt.index import inertia, kind, lowest, morse_index, second_variation
+from actionopt.jacobi import resolved
+from actionopt.variation import condense
+
+EIGENVALUE_TOLERANCE = 1e-9  # relative; the path and its modes are resolved to better than 1e-8
+MASS, STIFFNESS = 2.0, 8.0
+W = np.sqrt(STIFFNESS / MASS)
+
+
+def spring(q, v, t, *, m, k):
+    return m * v[0] ** 2 / 2 - k * q[0] ** 2 / 2
+
+
+OSCILLATOR = ao.System(spring, ["x"], parameters={"m": MASS, "k": STIFFNESS})
+
+
+def oscillation(half_periods, ends=(1.0, 0.4), **options):
+    T = half_periods * np.pi / W
+    problem = ao.Problem(OSCILLATOR, ao.Event(0.0, ends[0]), ao.Event(T, ends[1]))
+    return ao.solve(problem, **options)
+
+
+def forward(system, q0, v0, T):
+    """Integrate independently of the package's own integrator: a function of (K,) times."""
+    n = len(q0)
+
+    def rate(t, y):
+        return np.r_[y[n:], system.acceleration(y[:n], y[n:], t)]
+
+    run = solve_ivp(
+        rate, (0, T), np.r_[q0, v0], "DOP853", rtol=1e-12, atol=1e-13, dense_output=True
+    )
+    return lambda t: run.sol(t)[:n]
+
+
+def solved_along(system, q0, v0, T):
+    """Solve the boundary-value problem whose answer starts with (q0, v0)."""
+    curve = forward(system, q0, v0, T)
+    problem = ao.Problem(system, ao.Event(0.0, curve(0.0)), ao.Event(T, curve(T)))
+    solution = ao.solve(problem, guess=curve, tol=1e-9)
+    times = np.linspace(0, T, 50)
+    assert np.max(np.abs(solution(times) - curve(times))) < 1e-6  # the same path
+    return solution
+
+
+# -- closed forms ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("half_periods", "index"), [(0.5, 0), (0.95, 0), (1.05, 1), (1.4, 1), (2.6, 2), (10.5, 10)]
+)
+@pytest.mark.parametrize("ends", [(1.0, 0.4), (0.0, 0.0)])
+def test_oscillator(half_periods, index, ends):
+    solution = oscillation(half_periods, ends)
+    assert morse_index(solution) == index
+    assert kind(solution) == solution.kind == ("saddle" if index else "minimum")
+    assert solution.morse_index == index
+
+
+@pytest.mark.parametrize("ends", [(0.0, 0.0), (1.0, -1.0)])
+def test_end_conjugate_to_start_is_degenerate(ends):
+    found = inertia(oscillation(1.0, ends, throw=False))
+    assert (found.index, found.nullity, found.kind) == (0, 1, "degenerate")
+    assert found.smallest < 1e-10
+
+
+def test_size_of_a_nearly_vanishing_eigenvalue():
+    found = inertia(oscillation(1.0 - 5e-7), tolerance=1e-5)
+    # mu = 1 - (w T / pi)^2 = 1e-6
+    assert found.nullity == 1 and found.smallest == pytest.approx(1e-6, rel=0.1)
+
+
+@pytest.mark.parametrize("half_periods", [0.7, 2.6])
+@pytest.mark.parametrize("mesh", [(3, 14), (12, 6)])
+def test_eigenvalues_of_the_oscillator_on_any_mesh(half_periods, mesh):
+    T = half_periods * np.pi / W
+    solution = oscillation(half_periods, mesh=ao.Mesh.uniform(0.0, T, *mesh))
+    found = second_variation(solution, 5)
+    k = np.arange(1, 6)
+    exact = MASS * ((k * np.pi / T) ** 2 - W**2)
+    assert found.eigenvalues == pytest.approx(exact, rel=EIGENVALUE_TOLERANCE)
+    times = np.linspace(0.0, T, 40)
+    for j, mode in zip(k, found.modes, strict=True):
+        wave = np.sqrt(2 / T) * np.sin(j * np.pi * times / T)
+        shape = mode(times)[0]
+        assert min(np.max(np.abs(shape - wave)), np.max(np.abs(shape + wave))) < 1e-5
+
+
+def test_many_elements_without_a_dense_matrix():
+    T = 2.6 * np.pi / W
+    solution = oscillation(2.6, mesh=ao.Mesh.uniform(0.0, T, 150, 6))
+    found = second_variation(solution, 4)
+    exact = MASS * ((np.arange(1, 5) * np.pi / T) ** 2 - W**2)
+    assert found.eigenvalues == pytest.approx(exact, rel=EIGENVALUE_TOLERANCE)
+
+
+def test_modes_on_a_sphere_are_tangent_and_of_known_eigenvalues():
+    def free(q, v, t):
+        return sum(x * x for x in v) / 2
+
+    system = ao.System(free, list("xyz"), constraint=lambda q, t: sum(x * x for x in q) - 1)
+    angle = 4.0
+
+    def arc(t):
+        return np.stack([np.cos(angle * t), np.sin(angle * t), 0 * t])
+
+    problem = ao.Problem(system, ao.Event(0.0, arc(0.0)), ao.Event(1.0, arc(1.0)))
+    found = second_variation(ao.solve(problem, guess=arc), 4)
+    # Across the great circle k^2 pi^2 - angle^2, along it k^2 pi^2.
+    exact = np.sort([np.pi**2 - angle**2, np.pi**2, 4 * np.pi**2 - angle**2, 4 * np.pi**2])
+    assert found.eigenvalues == pytest.approx(exact, rel=1e-8)
+    nodes = found.modes[0].mesh.nodes
+    for mode in found.modes:
+        assert np.max(np.abs(np.sum(mode.values * arc(nodes), axis=0))) < 1e-7
+
+
+def test_units_of_the_norm():
+    solution = oscillation(0.7)
+    assert second_variation(solution, 1, units=3.0).eigenvalues == pytest.approx(
+        9 * second_variation(solution, 1).eigenvalues, rel=1e-9
+    )
+
+
+def test_free_end_has_its_own_modes():
+    T = 1.0
+    problem = ao.Problem(OSCILLATOR, ao.Event(0.0, 1.0), ao.Event(T, [None]))
+    found = second_variation(ao.solve(problem), 3)
+    exact = MASS * (((np.arange(3) + 0.5) * np.pi / T) ** 2 - W**2)
+    assert found.eigenvalues == pytest.approx(exact, rel=EIGENVALUE_TOLERANCE)
+    assert found.inertia.index == 1  # w T = 2 > pi / 2
+
+
+# -- the same matrix, dense ----------------------------------------------------------------------
+
+
+UNFORCED = [name for name in scenes.SCENES if not scenes.get(name).problem.system.structure.forced]
+
+
+@pytest.mark.parametrize("name", UNFORCED)
+def test_pivots_agree_with_dense_eigenvalues_on_every_scene(name):
+    scene = scenes.get(name)
+    solution = ao.solve(scene.problem, guess=scene.guess, tol=1e-7)
+    tr, z = solution.discrete
+    pattern = tr.layout.kkt
+    matrix = np.zeros(pattern.shape)
+    matrix[pattern.row, pattern.col] = tr.kkt(z)
+    # A KKT matrix has one negative eigenvalue a row, and those of the reduced Hessian.
+    negative = np.sum(np.linalg.eigvalsh(matrix) < 0) - tr.layout.rows
+    found = inertia(solution)
+    assert found.nullity == 0
+    assert found.index == negative
+    known = scene.facts.get("morse_index")
+    assert known is None or known == negative
+
+
+def test_nodes_conjugate_to_the_start_are_no_bad_pivots():
+    # Every element boundary is conjugate to the start.
+    T = 8 * np.pi / W + 0.3
+    boundaries = np.r_[np.arange(9) * np.pi / W, T]
+    problem = ao.Problem(OSCILLATOR, ao.Event(0.0, 1.0), ao.Event(T, 0.2))
+    solution = ao.solve(problem, mesh=ao.Mesh(boundaries, 14))
+    form = resolved(solution, 1.0)
+    values, _ = lowest(form, 30)
+    assert condense(form).negative == np.sum(values < 0) == 8
+
+
+# -- published values ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("T", "index"), [(0.5, 0), (1, 0), (2, 1), (5, 4), (10, 8)])
+def test_pendulum_released_horizontally(T, index):
+    # IFToMM benchmark A01; conjugate points at multiples of half the period 2.36784: floor(2 T / P)
+    def lagrangian(q, v, t):
+        return v[0] ** 2 / 2 + 9.81 * np.cos(q[0])
+
+    system = ao.System(lagrangian, ["theta"])
+    assert morse_index(solved_along(system, [-np.pi / 2], [0.0], float(T))) == index
+
+
+@pytest.mark.parametrize(("T", "index"), [(1, 0), (2, 0), (4, 2), (7, 4)])
+def test_charge_in_a_magnetic_field(T, index):
+    # Feynman and Hibbs, problem 3-10, w = 2: conjugate points 2 pi k / w, each double.
+    def lagrangian(q, v, t):
+        return (v[0] ** 2 + v[1] ** 2) / 2 + (q[0] * v[1] - q[1] * v[0])
+
+    system = ao.System(lagrangian, ["x", "y"])
+    problem = ao.Problem(system, ao.Event(0.0, [0.2, -0.1]), ao.Event(float(T), [1.0, 0.5]))
+    assert morse_index(ao.solve(problem)) == index
+
+
+@pytest.mark.parametrize(("eps", "index"), [(0.01, 2), (0.003, 4)])
+def test_turning_point(eps, index):
+    # Cash and Mazzia, problem 15: eps y'' = x y on [-1, 1].
+    def lagrangian(q, v, t, *, eps):
+        return eps * v[0] ** 2 / 2 + t * q[0] ** 2 / 2
+
+    system = ao.System(lagrangian, ["y"], parameters={"eps": eps})
+    problem = ao.Problem(system, ao.Event(-1.0, 1.0), ao.Event(1.0, 1.0))
+    assert morse_index(ao.solve(problem)) == index
+
+
+@pytest.mark.parametrize(("part", "index"), [(1 / 12, 0), (1 / 3, 0), (1 / 2, 0), (1, 2)])
+def test_figure_eight(part, index):
+    # Fukuda, Fujiwara, Ozaki, arXiv:1710.04834; Chenciner and Montgomery, Ann. Math. 152 (2000).
+    scene = scenes.get("figure_eight")
+    start = scene.facts["start"]
+    solution = solved_along(scene.problem.system, start.q, start.v, part * scene.facts["period"])
+    assert morse_index(solution) == index
+
+
+# -- refusals -------------------------------------------------------------------------------------
+
+
+def test_forced_systems_have_no_index():
+    system = ao.System(lambda q, v, t: v[0] ** 2 / 2, ["x"], force=lambda q, v, t: [-v[0]])
+    solution = ao.solve(ao.Problem(system, ao.Event(0.0, 0.0), ao.Event(1.0, 1.0)))
+    with pytest.raises(ValueError, match="non-conservative"):
+        morse_index(solution)
+
+
+def test_legendre_condition():
+    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 - v[1] ** 2 / 2, ["x", "y"])
+    events = ao.Event(0.0, [0.0, 0.0]), ao.Event(1.0, [1.0, 1.0])
+    solution = ao.solve(ao.Problem(system, *events), principle="stationary")
+    with pytest.raises(ValueError, match="positive definite"):
+        morse_index(solution)
+
+
+def test_bad_arguments():
+    solution = oscillation(0.7)
+    with pytest.raises(ValueError, match="count"):
+        second_variation(solution, 0)
+    with pytest.raises(ValueError, match="positive units"):
+        second_variation(solution, units=-1.0)
