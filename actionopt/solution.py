@@ -19,6 +19,7 @@ from actionopt.transcription import Transcription
 if TYPE_CHECKING:
     from actionopt.compare import Comparison
     from actionopt.index import Inertia
+    from actionopt.sensitivity import Sensitivity
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,6 +135,12 @@ class Solution:
     def compare(self) -> Comparison:
         """Return the comparison with the forward integration from `start`, made once."""
         return self._comparison
+
+    def sensitivity(self) -> Sensitivity:
+        """Return the derivatives of the action by the events and the parameters."""
+        from actionopt.sensitivity import sensitivity
+
+        return sensitivity(self)
 
     def save(self, file: str | FilePath) -> None:
         """Write the numbers to an .npz file, whole or not at all; `actionopt.load` reads it."""

@@ -22,7 +22,7 @@ RANKS = (
     ("scenes", "transcription"),
     ("continuation", "newton", "preflight", "refine", "variation"),
     ("jacobi",),
-    ("conjugate", "index"),
+    ("conjugate", "index", "sensitivity"),
     ("solution",),
     ("solve",),
     ("forward", "store"),

@@ -1,0 +1,212 @@
+"""Derivatives of the action against differences of re-solved problems and closed forms."""
+
+import numpy as np
+import pytest
+
+import actionopt as ao
+from actionopt import scenes
+
+# A central difference with step h of size 1e-4 (relative) leaves h^2 S''' / 6, removed once by
+# Richardson's extrapolation, and 1e-13 / h of rounding.
+FIRST_TOLERANCE = 1e-7
+SECOND_TOLERANCE = 1e-4
+
+
+def difference(function, step):
+    """Return the derivative at 0 by central differences, extrapolated once."""
+
+    def central(h):
+        return (function(h) - function(-h)) / (2 * h)
+
+    return (4 * central(step / 2) - central(step)) / 3
+
+
+def moved(problem, *, q0=0.0, q1=0.0, t0=0.0, t1=0.0, **parameters):
+    values = {k: v + parameters.get(k, 0.0) for k, v in problem.parameters.items()}
+    start = ao.Event(problem.start.t + t0, np.array(problem.start.q, dtype=float) + q0)
+    end = ao.Event(problem.end.t + t1, np.array(problem.end.q, dtype=float) + q1)
+    return ao.Problem(problem.system, start, end, parameters=values)
+
+
+SMOOTH = ["pendulum", "kepler", "double_pendulum", "oscillating_wall", "rotating_frame_bound"]
+
+
+@pytest.fixture(params=SMOOTH)
+def solution(request):
+    scene = scenes.get(request.param)
+    return ao.solve(scene.problem, guess=scene.guess or scene.exact, tol=1e-11)
+
+
+def action(solution, **change):
+    return ao.solve(moved(solution.problem, **change), guess=solution, tol=1e-11).action
+
+
+def scale(solution):
+    return abs(solution.action) + np.max(np.abs(solution.energy(solution.mesh.nodes)))
+
+
+def test_ends_against_differences(solution):
+    found = solution.sensitivity()
+    n = solution.problem.system.n
+    size = np.max(np.abs(solution.path.values))
+    for key, value in (("q0", found.q0), ("q1", found.q1)):
+        for unit, derivative in zip(np.eye(n), value, strict=True):
+            expected = difference(
+                lambda h, unit=unit, key=key: action(solution, **{key: h * unit}), 1e-3 * size
+            )
+            assert derivative == pytest.approx(expected, abs=FIRST_TOLERANCE * scale(solution))
+
+
+def test_times_against_differences(solution):
+    found = solution.sensitivity()
+    T = solution.problem.duration
+    for key, value in (("t0", found.t0), ("t1", found.t1)):
+        expected = difference(lambda h, key=key: action(solution, **{key: h}), 1e-3 * T)
+        assert value == pytest.approx(expected, abs=FIRST_TOLERANCE * scale(solution))
+
+
+def test_parameters_against_differences(solution):
+    found = solution.sensitivity()
+    for name, value in solution.problem.parameters.items():
+        step = 1e-3 * (abs(float(value)) or 1.0)
+        expected = difference(lambda h, name=name: action(solution, **{name: h}), step)
+        size = scale(solution) / (abs(float(value)) or 1.0)
+        assert found.parameters[name] == pytest.approx(expected, abs=FIRST_TOLERANCE * size)
+
+
+def test_identities_of_hamilton_and_jacobi(solution):
+    found = solution.sensitivity()
+    system, parameters = solution.problem.system, solution.problem.parameters
+    H = [
+        system.energy(s.q, s.v, s.t, parameters=parameters) for s in (solution.start, solution.end)
+    ]
+    p = [
+        system.momentum(s.q, s.v, s.t, parameters=parameters)
+        for s in (solution.start, solution.end)
+    ]
+    size = 1e-9 * scale(solution)
+    assert found.t0 == pytest.approx(H[0], abs=size)
+    assert found.t1 == pytest.approx(-H[1], abs=size)
+    assert found.q0 == pytest.approx(-p[0], abs=100 * size)
+    assert found.q1 == pytest.approx(p[1], abs=100 * size)
+
+
+def test_second_derivatives_against_differences_of_momenta(solution):
+    found = solution.sensitivity()
+    n = solution.problem.system.n
+    size = 1e-3 * np.max(np.abs(solution.path.values))
+
+    def momenta(**change):
+        again = ao.solve(moved(solution.problem, **change), guess=solution, tol=1e-11)
+        return np.concatenate([-again.momenta[0], again.momenta[1]])
+
+    whole = np.block([[found.q0q0, found.q0q1], [found.q0q1.T, found.q1q1]])
+    for i in range(2 * n):
+        key, unit = ("q0", "q1")[i // n], np.eye(n)[i % n]
+        expected = difference(lambda h, key=key, unit=unit: momenta(**{key: h * unit}), size)
+        assert whole[:, i] == pytest.approx(expected, abs=SECOND_TOLERANCE * np.max(np.abs(whole)))
+
+
+@pytest.mark.parametrize(("m", "w", "T"), [(1.0, 1.0, 2.0), (3.0, 0.7, 11.0)])
+def test_oscillator(m, w, T):
+    # S = m w ((a^2 + b^2) cos wT - 2 a b) / (2 sin wT), Feynman and Hibbs, problem 2-2.
+    a, b = 0.8, -0.3
+
+    def lagrangian(q, v, t, *, m, w):
+        return m * (v[0] ** 2 - (w * q[0]) ** 2) / 2
+
+    system = ao.System(lagrangian, ["x"], parameters={"m": m, "w": w})
+    solution = ao.solve(ao.Problem(system, ao.Event(1.0, a), ao.Event(1.0 + T, b)), tol=1e-11)
+    found = solution.sensitivity()
+    s, c = np.sin(w * T), np.cos(w * T)
+    S = m * w * ((a * a + b * b) * c - 2 * a * b) / (2 * s)
+    by_wT = -m * w * (a * a + b * b - 2 * a * b * c) / (2 * s * s)
+    assert solution.action == pytest.approx(S, rel=1e-10)
+    assert found.q0[0] == pytest.approx(m * w * (a * c - b) / s, rel=1e-10)
+    assert found.q1[0] == pytest.approx(m * w * (b * c - a) / s, rel=1e-10)
+    assert found.t1 == pytest.approx(w * by_wT, rel=1e-10)
+    assert found.t0 == pytest.approx(-w * by_wT, rel=1e-10)
+    assert found.parameters["m"] == pytest.approx(S / m, rel=1e-10)
+    assert found.parameters["w"] == pytest.approx(S / w + T * by_wT, rel=1e-10)
+    assert found.q0q0[0, 0] == pytest.approx(m * w * c / s, rel=1e-10)
+    assert found.q1q1[0, 0] == pytest.approx(m * w * c / s, rel=1e-10)
+    assert found.van_vleck == pytest.approx(m * w / s, rel=1e-10)
+
+
+@pytest.mark.parametrize(("radius", "angle", "T"), [(1.0, 2.0, 1.0), (2.5, 0.7, 3.0)])
+def test_sphere(radius, angle, T):
+    # Geodesics: S = (radius angle)^2 / (2 T). Across the great circle the mixed derivative is
+    # that of the angle between two points, -S'(angle) / (radius^2 sin angle).
+    def lagrangian(q, v, t):
+        return sum(x * x for x in v) / 2
+
+    system = ao.System(
+        lagrangian,
+        list("xyz"),
+        constraint=lambda q, t, *, radius: sum(x * x for x in q) - radius**2,
+        parameters={"radius": radius},
+    )
+
+    def arc(s):
+        return radius * np.stack([np.cos(angle * s / T), np.sin(angle * s / T), 0 * s])
+
+    problem = ao.Problem(system, ao.Event(0.0, arc(0.0)), ao.Event(T, arc(T)))
+    found = ao.solve(problem, guess=arc, tol=1e-11).sensitivity()
+    along = np.array([[0.0, 1, 0], [-np.sin(angle), np.cos(angle), 0]])
+    speed = radius * angle / T
+    assert found.q0 @ along[0] == pytest.approx(-speed, rel=1e-9)
+    assert found.q1 @ along[1] == pytest.approx(speed, rel=1e-9)
+    assert found.t1 == pytest.approx(-(speed**2) / 2, rel=1e-9)
+    assert along[0] @ found.q0q1 @ along[1] == pytest.approx(-1 / T, rel=1e-8)
+    assert found.q0q1[2, 2] == pytest.approx(-angle / np.sin(angle) / T, rel=1e-8)
+    assert found.q1q1[2, 2] == pytest.approx(angle / np.tan(angle) / T, rel=1e-8)
+    # Nothing leads off the surface.
+    assert arc(0.0) @ found.q0q1 == pytest.approx(np.zeros(3), abs=1e-10)
+
+
+def test_moving_constraint():
+    scene = scenes.get("turning_wire")
+    solution = ao.solve(scene.problem, guess=scene.guess or scene.exact, tol=1e-10)
+    found = solution.sensitivity()
+    end, system = solution.end, solution.problem.system
+    H = system.energy(end.q, end.v, end.t, parameters=solution.problem.parameters)
+    assert found.t1 == pytest.approx(-H, rel=1e-7)
+
+
+def test_free_coordinates_have_no_derivative():
+    system = ao.System(lambda q, v, t: (v[0] ** 2 + v[1] ** 2) / 2 - q[0] * q[1] / 4, ["x", "y"])
+    problem = ao.Problem(system, ao.Event(0.0, [0.0, None]), ao.Event(1.0, [1.0, 2.0]))
+    found = ao.solve(problem, tol=1e-11).sensitivity()
+    assert found.q0[1] == 0 and not found.q0q1[1].any() and not found.q0q0[:, 1].any()
+    h = 1e-3
+
+    def action(x):
+        start = ao.Event(0.0, [x, None])
+        return ao.solve(ao.Problem(system, start, problem.end), tol=1e-11).action
+
+    assert found.q0[0] == pytest.approx(difference(action, h), rel=1e-7)
+    second = (action(h) - 2 * action(0.0) + action(-h)) / h**2
+    assert found.q0q0[0, 0] == pytest.approx(second, rel=1e-5)
+
+
+def test_array_parameters_keep_their_shape():
+    K = np.array([[2.0, 0.5], [0.5, 3.0]])
+    system = ao.System(
+        lambda q, v, t, *, K: (v[0] ** 2 + v[1] ** 2) / 2 - q @ K @ q / 2,
+        ["x", "y"],
+        parameters={"K": K},
+    )
+    problem = ao.Problem(system, ao.Event(0.0, [1.0, 0.0]), ao.Event(1.0, [0.3, 0.4]))
+    solution = ao.solve(problem, tol=1e-11)
+    found = solution.sensitivity().parameters["K"]
+    xi, w = np.polynomial.legendre.leggauss(30)
+    q = solution((xi + 1) / 2)
+    expected = -np.einsum("k,ik,jk->ij", w / 2, q, q) / 2
+    assert found == pytest.approx(expected, rel=1e-9)
+
+
+def test_forced_systems_are_refused():
+    system = ao.System(lambda q, v, t: v[0] ** 2 / 2, ["x"], force=lambda q, v, t: [-v[0]])
+    solution = ao.solve(ao.Problem(system, ao.Event(0.0, 0.0), ao.Event(1.0, 1.0)))
+    with pytest.raises(ValueError, match="non-conservative"):
+        solution.sensitivity()
