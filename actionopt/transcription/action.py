@@ -42,9 +42,14 @@ class Transcription:
         Over the times of the problem's events.
     lengths : (n,) array
         Unit of each coordinate.
+    like : Transcription, optional
+        One of a neighbouring problem on a mesh of the same shape, whose units of action and of
+        the rows are taken, so that vectors z mean the same to both.
     """
 
-    def __init__(self, problem: Problem, mesh: Mesh, lengths: Array) -> None:
+    def __init__(
+        self, problem: Problem, mesh: Mesh, lengths: Array, *, like: Transcription | None = None
+    ) -> None:
         self.problem, self.mesh, self.lengths = problem, mesh, lengths
         self.layout = layout_for(problem, mesh.degrees)
         self.counts: Counter[str] = Counter()
@@ -62,7 +67,9 @@ class Transcription:
         self.x_unit = np.broadcast_to(lengths, self.ends.shape).ravel()[layout.free]
         self._last: tuple[Array, tuple] | None = None
         self._fixed_stiffness: list | None = None
-        self.action_unit, row_units = self._units()
+        self.action_unit, self.row_units = (
+            self._units() if like is None else (like.action_unit, like.row_units)
+        )
         node_weight = np.bincount(layout.node_of, weight, layout.node_count)
         self.row_weight = node_weight[layout.row_nodes][:, None]
         # Rows w f are scaled to gradients of size one, whatever the element's length.
