@@ -12,6 +12,7 @@ import contextlib
 import io
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import casadi as ca
@@ -72,8 +73,7 @@ def sizes(values: Array, metric: Array) -> Array:
     size = np.max(np.abs(values), axis=1)
     natural = size / metric
     zero = (size <= NOISE * size.max()) & (natural <= NOISE * natural.max())
-    other = np.minimum(size.max(), metric * natural.max())
-    return np.where(zero, np.where(other > 0, other, 1.0), size)
+    return np.where(zero, size.max() if size.max() > 0 else 1.0, size)
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,6 +189,7 @@ class Integrator:
         Repeats the run in memory of our own, where what was written before the failure stays.
         """
         out = np.full((self.s.size, start.size), np.nan)
+        buffer: Any
         buffer, trigger = self.function.buffer()
         buffer.set_arg(self.function.index_in("x0"), memoryview(start))
         buffer.set_arg(self.function.index_in("p"), memoryview(values))

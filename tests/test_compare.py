@@ -269,6 +269,20 @@ def test_wrong_start_velocity():
     assert not found.agrees
 
 
+def test_start_that_is_not_the_curve_s_own():
+    """The state at the start is a claim of its own, and so is compared with the curve."""
+
+    class Claim(Curve):
+        @property
+        def start(self):
+            return State(0.0, [1.0], [0.01])
+
+    ends = Event(0.0, [1.0]), Event(3.0, [np.cos(6.0)])
+    found = compare(Claim(Problem(OSCILLATOR, *ends), oscillation(2.0)))
+    assert found.local > 1e-4
+    assert not found.agrees
+
+
 def test_other_lagrangian():
     found = compare(between(OSCILLATOR, oscillation(2.02), 0.0, 3.0))
     assert found.position > 1e-2

@@ -15,6 +15,9 @@ from actionopt.forward import IntegrationError, integrate
 # amplify errors some thirty times on their way; the polynomials add their tail of 1e-12.
 ACCURATE = 3e-11
 
+# Over a hundred periods 3e4 steps of 5e-16 add up, and the phase adds up errors of frequency.
+LONG = 2e-9
+
 
 def kepler_lagrangian(q, v, t, *, m, k):
     return m * (v[0] ** 2 + v[1] ** 2) / 2 + k / np.sqrt(q[0] ** 2 + q[1] ** 2)
@@ -261,6 +264,29 @@ def test_atoms_and_planets_are_followed_equally_well(length, time, mass):
         )
 
     assert deviation(path, exact) < ACCURATE
+
+
+def test_an_angle_beside_a_length_keeps_its_own_size():
+    """A planet that coasts, and a torsion balance of so much inertia that it has its energy."""
+    inertia, speed = 1e22, 1e11
+    system = System(
+        lambda q, v, t, *, I: v[0] ** 2 / 2 + I * (v[1] ** 2 - q[1] ** 2) / 2,
+        ["x", "theta"],
+        parameters={"I": inertia},
+    )
+
+    def exact(t):
+        return np.stack([speed * t, np.cos(t)]), np.stack([speed + 0 * t, -np.sin(t)])
+
+    path = integrate(system, State(0.0, [0.0, 1.0], [speed, 0.0]), 20.0)
+    assert deviation(path, exact) < ACCURATE
+
+
+def test_long_motion_is_measured_in_its_own_size():
+    """From rest for a hundred periods, where a T^2 says nothing of the amplitude."""
+    system = System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2, ["x"])
+    path = integrate(system, State(0.0, [1.0], [0.0]), 628.0)
+    assert deviation(path, lambda t: (np.cos(t)[None], -np.sin(t)[None])) < LONG
 
 
 def test_error_follows_tol():
