@@ -24,10 +24,10 @@ if TYPE_CHECKING:
     from actionopt.solution import Solution
 
 PIECES = 100  # at most; more say no more
-PIECEWISE = 1e-13  # local tolerance there: motions have no time to amplify errors
+PIECEWISE = 1e-14  # local tolerance there
 LOOSER = 10.0  # the second tolerance, relative to the first
 MARGIN = 100.0  # from an estimated error to a deviation that contradicts it
-CERTAIN = 1e-2  # a deviation that no estimated error excuses
+CERTAIN = 5e-2  # a deviation that no estimated error excuses
 
 
 @dataclass(frozen=True, eq=False)
