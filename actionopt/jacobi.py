@@ -67,7 +67,7 @@ def resolved(
         lam = np.where(np.isfinite(lam), lam, known)
     found = form(tr, Q, lam, units)
     for _ in range(ROUNDS):
-        mesh = _refined(found, Q / tr.lengths if polish else None, tol)
+        mesh = finer(found, Q / tr.lengths if polish else None, tol)
         if mesh is None:
             break
         tr = Transcription(solution.problem, mesh, tr.lengths)
@@ -83,7 +83,7 @@ def resolved(
     return found
 
 
-def _refined(form: Form, Q: Array | None, tol: float) -> Mesh | None:
+def finer(form: Form, Q: Array | None, tol: float) -> Mesh | None:
     """Return a finer mesh, or None where the fields (and the path Q) are resolved to `tol`."""
     if not form.freedom:
         return None

@@ -1,0 +1,412 @@
+"""Follow a path as its question changes: an end point, an end time or a parameter moves.
+
+The branch of paths is followed by its arclength (`branch`), through folds where it turns back. On
+the way the index is counted at every point; where it changes, or the branch turns, the point
+itself is located. At a fold two paths merge, and one is of index one more than the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from actionopt.branch import Branch, Point
+from actionopt.index import inertia_of, lowest
+from actionopt.jacobi import finer, resolved
+from actionopt.path import Mesh, Path
+from actionopt.problem import Event, Problem
+from actionopt.quadrature import Array
+from actionopt.solution import Solution
+from actionopt.solve import Guess, solve
+from actionopt.transcription import Transcription
+from actionopt.variation import Form, form
+
+Vary = str | tuple[str, str] | Callable[[float], Problem]
+
+FIRST_STEP, LONGEST, SHORTEST = 0.05, 0.25, 1e-7
+STRAIGHT = 0.95  # cosine of the angle between directions above which a step was short enough
+RESOLUTION = 1e-5  # of the Jacobi fields, for the index
+LOCATED = 1e-12  # change of arclength that ends the search for a point
+LOCATE = 60
+
+
+@dataclass(frozen=True, eq=False)
+class Mark:
+    """A point of a branch where something changes.
+
+    Attributes
+    ----------
+    kind : {"fold", "index"}
+        Whether the branch turns back there, or only the index changes.
+    value : float
+        Of the varied quantity.
+    path : Path
+        The (degenerate) path there.
+    before, after : int or None
+        Index on either side, in the order of the trace.
+    """
+
+    kind: Literal["fold", "index"]
+    value: float
+    path: Path
+    before: int | None
+    after: int | None
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """A family of stationary paths, in the order in which it was followed.
+
+    Attributes
+    ----------
+    values, actions : (P,) arrays
+        The varied quantity and the action.
+    indices : (P,) array of int
+        Morse indices; -1 for systems with non-conservative forces, which have none.
+    paths : tuple of Path
+    marks : tuple of Mark
+        Folds and changes of the index.
+    stopped : str
+        Why it ended, a sentence.
+    family : callable
+        Maps a value to its Problem.
+    tol : float
+    stats : dict
+        Steps, factorizations and meshes used.
+    """
+
+    values: Array
+    actions: Array
+    indices: Array
+    paths: tuple[Path, ...]
+    marks: tuple[Mark, ...]
+    stopped: str
+    family: Callable[[float], Problem]
+    tol: float
+    stats: dict[str, int]
+
+    def solution(self, k: int) -> Solution:
+        """Return point k as a full solution. Raises SolveError if it is degenerate."""
+        return solve(self.family(float(self.values[k])), guess=self.paths[k], tol=self.tol)
+
+    def at(self, value: float) -> list[Solution]:
+        """Return the paths of the family at a value, one for each time the branch passes it."""
+        result = []
+        for k in range(len(self.values) - 1):
+            a, b = self.values[k], self.values[k + 1]
+            if not (min(a, b) <= value <= max(a, b)) or a == b or (value == a and k > 0):
+                continue
+            part = (value - a) / (b - a)
+            problem = self.family(value)
+            t0, T = problem.start.t, problem.duration
+            ends = []
+            for path in self.paths[k : k + 2]:
+                ends.append(Path(path.mesh.moved(t0, t0 + T), path.values))
+            mesh = ends[1].mesh
+            guess = Path(mesh, (1 - part) * ends[0](mesh.nodes) + part * ends[1].values)
+            result.append(solve(problem, guess=guess, tol=self.tol))
+        return result
+
+
+def trace(
+    problem: Problem,
+    vary: Vary,
+    to: float,
+    *,
+    start: float | None = None,
+    guess: Guess | None = None,
+    tol: float = 1e-8,
+    steps: int = 300,
+    progress: Callable[[float, float, int], object] | None = None,
+) -> Trace:
+    """Follow the path of `problem` as one quantity moves to the value `to`.
+
+    The branch may turn back on the way. It is followed until the quantity reaches `to`, or its
+    own first value again, or leaves that interval otherwise.
+
+    Parameters
+    ----------
+    problem : Problem
+    vary : str, pair of str, or callable
+        What moves: the name of a parameter (one number); "t0" or "t1", the time of an event;
+        ("start", name) or ("end", name), a coordinate there; or a function from a number to a
+        Problem with the same system and kind of ends.
+    to : float
+        Where it goes.
+    start : float, optional
+        The number that stands for `problem` itself, where `vary` is a function.
+    guess, tol
+        As for `solve`, for the first path; `tol` bounds the Legendre tails on the way, too.
+    steps : int
+        Most points to compute.
+    progress : callable, optional
+        `progress(value, action, index)` after each point. An interruption (KeyboardInterrupt)
+        ends the trace and keeps what it has.
+
+    Raises
+    ------
+    ValueError
+        If `vary` names nothing, or `to` is the present value.
+    SolveError
+        If there is no first path.
+    """
+    family, value = _family(problem, vary, start)
+    if not np.isfinite(to) or to == value:
+        raise ValueError(f"expected a finite value other than the present {value}, found {to}")
+    first = solve(family(value), guess=guess, tol=tol)
+    run = _Run(family, value, float(to), tol)
+    run.begin(first)
+    try:
+        run.go(steps, progress)
+    except KeyboardInterrupt:
+        run.stopped = "it was interrupted"
+    return run.result()
+
+
+def _family(
+    problem: Problem, vary: Vary, start: float | None
+) -> tuple[Callable[[float], Problem], float]:
+    """Return the problem as a function of the varied quantity, and the quantity's present value."""
+    system = problem.system
+    known = dict(problem.parameters or {})
+    if callable(vary):
+        if start is None:
+            raise ValueError("expected start, the number that stands for the problem given")
+        return vary, float(start)
+    if vary in ("t0", "t1"):
+        end = problem.start if vary == "t0" else problem.end
+
+        def by_time(t: float) -> Problem:
+            moved = Event(t, end.q)
+            events = (moved, problem.end) if vary == "t0" else (problem.start, moved)
+            return Problem(system, *events, parameters=known)
+
+        return by_time, end.t
+    if isinstance(vary, tuple) and len(vary) == 2 and vary[0] in ("start", "end"):
+        event = problem.start if vary[0] == "start" else problem.end
+        i = system.coordinates.index(vary[1]) if vary[1] in system.coordinates else -1
+        at = event.q[i] if i >= 0 else None
+        if at is None:
+            raise ValueError(
+                f"expected a coordinate that the event gives, one of {system.coordinates}, "
+                f"found {vary[1]!r}"
+            )
+
+        def by_coordinate(x: float) -> Problem:
+            moved = Event(event.t, [x if j == i else y for j, y in enumerate(event.q)])
+            events = (moved, problem.end) if vary[0] == "start" else (problem.start, moved)
+            return Problem(system, *events, parameters=known)
+
+        return by_coordinate, at
+    if isinstance(vary, str) and vary in known and np.ndim(known[vary]) == 0:
+        name = vary
+        return (
+            lambda x: Problem(system, problem.start, problem.end, parameters={**known, name: x}),
+            float(np.asarray(known[name])),
+        )
+    raise ValueError(
+        "expected the name of a parameter that is one number, 't0', 't1', ('start', coordinate), "
+        f"('end', coordinate) or a function, found {vary!r}; the parameters are "
+        f"{', '.join(known) or 'none'}"
+    )
+
+
+@dataclass(eq=False)
+class _Run:
+    """A trace under way."""
+
+    family: Callable[[float], Problem]
+    origin: float
+    goal: float
+    tol: float
+    branch: Branch = field(init=False)
+    points: list[Point] = field(default_factory=list)
+    indices: list[int] = field(default_factory=list)
+    marks: list[Mark] = field(default_factory=list)
+    stopped: str = "the number of steps was used up"
+    meshes: int = 1
+    solves: int = 0
+    forced: bool = False
+
+    def begin(self, solution: Solution) -> None:
+        """Start from a solution, on a mesh that resolves its Jacobi fields as well."""
+        self.forced = solution.problem.system.structure.forced
+        if self.forced:
+            tr, z = solution.discrete
+            Q, lam = tr.unpack(z)
+        else:
+            found = resolved(solution, RESOLUTION, polish=True)
+            tr, Q = found.tr, found.Q
+            lam = solution.multipliers(tr.mesh.nodes).T if solution.problem.system.m else None
+        self._set(tr.mesh, tr.lengths, Q, lam, self.origin, np.sign(self.goal - self.origin))
+
+    def _set(self, mesh: Mesh, lengths: Array, Q: Array, lam, s: float, sign: float) -> None:
+        self.branch = Branch(self.family, mesh, lengths, abs(self.goal - self.origin))
+        z = self.branch.at(s).pack(Q, None if lam is None else np.nan_to_num(lam))
+        point = self.branch.first(z, s, sign)
+        exact = self.branch.to(point, s)
+        self._append(exact or point)
+
+    def go(self, steps: int, progress) -> None:
+        """Step along the branch until it leaves the interval."""
+        length = FIRST_STEP
+        while len(self.points) < steps:
+            here = self.points[-1]
+            taken = self._try(here, length)
+            if taken is None:
+                length /= 2
+                if length < SHORTEST:
+                    self.stopped = "no step, however short, led on: the paths end or run away"
+                    return
+                continue
+            there, corrections = taken
+            beyond = self._beyond(there.s)
+            if beyond is not None:
+                last = self.branch.to(there, beyond) or self.branch.to(here, beyond)
+                if last is None:
+                    length /= 2
+                    if length < SHORTEST:
+                        self.stopped = "the last step to the end of the interval failed"
+                        return
+                    continue
+                there = last
+            self._mark(here, there)
+            self._append(there)
+            if progress is not None:
+                progress(there.s, self._action(there), self.indices[-1])
+            if beyond is not None:
+                ends = {self.goal: "the goal", self.origin: "the first value again"}
+                self.stopped = f"it reached {ends[beyond]}"
+                return
+            if corrections <= 3:
+                length = min(1.5 * length, LONGEST)
+            self._refine()
+
+    def _try(self, here: Point, length: float) -> tuple[Point, int] | None:
+        taken = self.branch.step(here, length)
+        if taken is None or self.branch.angle(here, taken[0]) < STRAIGHT:
+            return None
+        return taken
+
+    def _beyond(self, s: float) -> float | None:
+        """Return the end of the interval that s has passed, if any."""
+        way = np.sign(self.goal - self.origin)
+        if way * (s - self.goal) >= 0:
+            return self.goal
+        return self.origin if way * (s - self.origin) < 0 else None
+
+    # -- what there is at a point ---------------------------------------------------------------
+
+    def _append(self, point: Point) -> None:
+        self.points.append(point)
+        self.indices.append(-1 if self.forced else inertia_of(_form(point)).index)
+
+    def _action(self, point: Point) -> float:
+        tr = point.tr
+        return tr.action(point.z[: tr.layout.unknowns]) * tr.action_unit
+
+    def _refine(self) -> None:
+        """Go on with a finer mesh where the last point asks for it."""
+        if self.forced:
+            return
+        point = self.points[-1]
+        tr = point.tr
+        Q, lam = tr.unpack(point.z)
+        mesh = finer(_form(point), Q / tr.lengths * (RESOLUTION / self.tol), RESOLUTION)
+        if mesh is None:
+            return
+        self.meshes += 1
+        self.solves += self.branch.solves
+        known = np.isfinite(lam)
+        table = np.zeros((mesh.nodes.size, lam.shape[1]))
+        for i, row in enumerate(lam.T):
+            own = known[:, i]
+            table[:, i] = np.interp(mesh.nodes, tr.mesh.nodes[own], row[own])
+        sizes = np.max(np.abs(Q), axis=0)
+        lengths = np.where(sizes > 1e-12 * np.max(sizes), sizes, tr.lengths)
+        sign = np.sign(point.direction[-1])
+        del self.points[-1], self.indices[-1]
+        self._set(mesh, lengths, point.path(mesh.nodes).T, table, point.s, sign)
+
+    def _mark(self, here: Point, there: Point) -> None:
+        """Locate what changed between two points."""
+        after = -1 if self.forced else inertia_of(_form(there)).index
+        before = self.indices[-1]
+        turned = here.direction[-1] * there.direction[-1] < 0
+        length = self._distance(here, there)
+        if turned:
+            found = self._locate(here, length, lambda p: p.direction[-1])
+            self._note("fold", found or there, before, after)
+        elif before != after:
+            for j in range(min(before, after), max(before, after)):
+                found = self._locate(here, length, lambda p, j=j: lowest(_form(p), j + 1)[0][j])
+                step = 1 if after > before else -1
+                low = j if step > 0 else j + 1
+                self._note("index", found or there, low, low + step)
+
+    def _note(self, kind, point: Point, before: int, after: int) -> None:
+        sides = (None, None) if self.forced else (before, after)
+        self.marks.append(Mark(kind, point.s, point.path, *sides))
+
+    def _distance(self, here: Point, there: Point) -> float:
+        """Return the arclength from one point to the other along the first one's direction."""
+        change = np.r_[there.z - here.z, there.s - here.s]
+        return self.branch.inner(here.tr, change, here.direction)
+
+    def _locate(
+        self, here: Point, length: float, function: Callable[[Point], float]
+    ) -> Point | None:
+        """Return the point within `length` of `here` at which `function` vanishes (Illinois)."""
+        far = self.branch.step(here, length)
+        if far is None:
+            return None
+        a, b, at_a, at_b = 0.0, length, float(function(here)), float(function(far[0]))
+        point, side = far[0], 0
+        if at_a * at_b > 0:
+            return None
+        for _ in range(LOCATE):
+            if b - a < LOCATED or at_b == 0:
+                break
+            middle = (a * at_b - b * at_a) / (at_b - at_a)
+            taken = self.branch.step(here, middle if a < middle < b else (a + b) / 2)
+            if taken is None:
+                return None
+            point, value = taken[0], float(function(taken[0]))
+            if value * at_b > 0:
+                b, at_b = middle, value
+                at_a = at_a / 2 if side == 1 else at_a
+                side = 1
+            else:
+                a, at_a = middle, value
+                at_b = at_b / 2 if side == -1 else at_b
+                side = -1
+            if abs(value) <= 1e-13 * max(abs(at_a), abs(at_b)):
+                break
+        return point
+
+    def result(self) -> Trace:
+        return Trace(
+            np.array([p.s for p in self.points]),
+            np.array([self._action(p) for p in self.points]),
+            np.array(self.indices),
+            tuple(p.path for p in self.points),
+            tuple(self.marks),
+            self.stopped,
+            self.family,
+            self.tol,
+            {
+                "points": len(self.points),
+                "factorizations": self.solves + self.branch.solves,
+                "meshes": self.meshes,
+            },
+        )
+
+
+def _form(point: Point) -> Form:
+    tr: Transcription = point.tr
+    Q, lam = tr.unpack(point.z)
+    # Missing multipliers are those of pinned ends, where nothing varies.
+    return form(tr, Q, np.nan_to_num(lam))

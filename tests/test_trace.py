@@ -1,0 +1,162 @@
+"""Families of paths against closed forms: through folds, past conjugate points."""
+
+import numpy as np
+import pytest
+
+import actionopt as ao
+from actionopt import scenes
+from actionopt.trace import trace
+
+
+def bratu(lam=1.0):
+    system = ao.System(
+        lambda q, v, t, *, lam: v[0] ** 2 / 2 - lam * np.exp(q[0]), ["u"], parameters={"lam": lam}
+    )
+    return ao.Problem(system, ao.Event(0.0, 0.0), ao.Event(1.0, 0.0))
+
+
+def soap_film(half_distance):
+    """Soap film between two rings of radius one at x = -+ half_distance, area / 2 pi."""
+    return ao.Problem(FILM, ao.Event(-half_distance, 1.0), ao.Event(half_distance, 1.0))
+
+
+FILM = ao.System(lambda q, v, t: q[0] * np.sqrt(1 + v[0] ** 2), ["y"])
+OSCILLATOR = ao.System(
+    lambda q, v, t, *, w: (v[0] ** 2 - (w * q[0]) ** 2) / 2, ["x"], parameters={"w": 2.0}
+)
+
+
+def test_bratu_turns_the_corner():
+    # u'' + lam e^u = 0: theta = sqrt(2 lam) cosh(theta / 4); fold at lam = 3.513830719125161
+    # where theta tanh(theta / 4) = 4, umax = 1.1868421686343891. Actions at lam = 1 by quadrature.
+    found = trace(bratu(), "lam", 4.0)
+    (fold,) = found.marks
+    assert (fold.kind, fold.before, fold.after) == ("fold", 0, 1)
+    assert fold.value == pytest.approx(3.5138307191251612, abs=1e-9)
+    assert fold.path(0.5)[0] == pytest.approx(1.1868421686343891, abs=1e-6)
+    assert found.values[[0, -1]] == pytest.approx([1.0, 1.0], abs=1e-14)
+    assert found.actions[[0, -1]] == pytest.approx([-1.0465167047946651, 16.440013090858122])
+    assert found.indices[0] == 0 and found.indices[-1] == 1
+    assert "first value" in found.stopped
+    # Two paths at every value on the way.
+    two = found.at(2.0)
+    assert [s.action for s in two] == pytest.approx([-2.2138465852135862, 3.1111695457891663])
+    assert [s.morse_index for s in two] == [0, 1]
+
+
+def test_every_point_of_a_trace_is_a_path():
+    found = trace(bratu(), "lam", 4.0)
+    for lam, path in zip(found.values, found.paths, strict=True):
+        top = path(0.5)[0]
+        theta = 4 * np.arccosh(np.exp(top / 2))
+        assert theta == pytest.approx(np.sqrt(2 * lam) * np.cosh(theta / 4), rel=1e-7)
+
+
+def test_soap_film_up_to_the_critical_distance():
+    # Both catenoids up to half distance / radius = 0.662743419349182, none beyond.
+    found = trace(soap_film(0.5), soap_film, 0.8, start=0.5)
+    (fold,) = found.marks
+    assert fold.value == pytest.approx(0.66274341934918158, abs=1e-9)
+    assert (fold.kind, fold.before, fold.after) == ("fold", 0, 1)
+    areas = 2 * np.pi * found.actions
+    assert areas[[0, -1]] == pytest.approx([5.99179697580228, 6.84565539431063], rel=1e-9)
+    assert max(found.values) < 0.6628
+
+
+def test_index_along_growing_time():
+    problem = ao.Problem(OSCILLATOR, ao.Event(0.0, 0.0), ao.Event(0.5, 0.0))
+    found = trace(problem, "t1", 5.0)
+    assert [m.kind for m in found.marks] == ["index"] * 3
+    assert [m.value for m in found.marks] == pytest.approx(np.arange(1, 4) * np.pi / 2, abs=1e-8)
+    assert [(m.before, m.after) for m in found.marks] == [(0, 1), (1, 2), (2, 3)]
+    assert np.array_equal(found.indices, np.floor(found.values * 2 / np.pi))
+    assert "goal" in found.stopped and found.values[-1] == 5.0
+
+
+@pytest.mark.parametrize("to", [0.4, 1.4])
+def test_parameter_moves_either_way(to):
+    problem = ao.Problem(OSCILLATOR, ao.Event(0.0, 1.0), ao.Event(2.0, 0.5), parameters={"w": 1.1})
+    found = trace(problem, "w", to)
+    for w, path, S in zip(found.values, found.paths, found.actions, strict=True):
+        s, c = np.sin(2 * w), np.cos(2 * w)
+        exact = w * (1.25 * c - 1.0) / (2 * s)
+        assert exact == pytest.approx(S, rel=1e-7)
+        assert path(1.0)[0] == pytest.approx(1.5 / 2 / np.cos(w), rel=1e-7)
+
+
+@pytest.mark.parametrize(("which", "name", "to"), [("end", "x", 9.0), ("start", "y", -2.0)])
+def test_coordinate_of_an_event_moves(which, name, to):
+    scene = scenes.get("projectile")
+    assert scene.problem.system.coordinates[:2] == ("x", "y")
+    found = trace(scene.problem, (which, name), to)
+    i = scene.problem.system.coordinates.index(name)
+    k = 0 if which == "start" else -1
+    for value, path in zip(found.values, found.paths, strict=True):
+        assert path.values[i, k] == value
+    again = ao.solve(found.family(to))
+    assert found.solution(-1).action == pytest.approx(again.action, rel=1e-9)
+    assert found.actions[-1] == pytest.approx(again.action, rel=1e-9)
+
+
+def test_constrained_system():
+    system = ao.System(
+        lambda q, v, t: sum(x * x for x in v) / 2,
+        list("xyz"),
+        constraint=lambda q, t: sum(x * x for x in q) - 1,
+    )
+
+    def family(angle):
+        return ao.Problem(
+            system, ao.Event(0.0, [1, 0, 0]), ao.Event(1.0, [np.cos(angle), np.sin(angle), 0])
+        )
+
+    found = trace(family(1.0), family, 4.0, start=1.0)
+    assert found.actions == pytest.approx(found.values**2 / 2, rel=1e-7)
+    (mark,) = found.marks
+    assert (mark.kind, mark.before, mark.after) == ("index", 0, 1)
+    assert mark.value == pytest.approx(np.pi, abs=1e-7)
+
+
+def test_forced_system_has_no_index():
+    scene = scenes.get("damped_oscillator")
+    problem = scene.problem
+    found = trace(problem, "t1", problem.end.t * 1.3)
+    assert set(found.indices.tolist()) == {-1} and not found.marks
+    assert found.solution(-1).action == pytest.approx(found.actions[-1], rel=1e-7)
+
+
+def test_one_problem_is_compiled():
+    problem = bratu()
+    ao.solve(problem)
+    system = problem.system
+    for name in ("first", "second"):
+        system.pointwise(name)
+    before = system.derived
+    found = trace(problem, "lam", 3.0)
+    assert system.derived == before
+    assert found.stats["meshes"] <= 3
+    assert found.stats["factorizations"] < 12 * len(found.values)
+
+
+def test_interrupted_trace_keeps_what_it_has():
+    seen = []
+
+    def progress(value, action, index):
+        seen.append(value)
+        if len(seen) == 3:
+            raise KeyboardInterrupt
+
+    found = trace(bratu(), "lam", 4.0, progress=progress)
+    assert "interrupted" in found.stopped
+    assert found.values[1:].tolist() == seen
+
+
+def test_bad_arguments():
+    with pytest.raises(ValueError, match="lam"):
+        trace(bratu(), "mu", 2.0)
+    with pytest.raises(ValueError, match="other than the present"):
+        trace(bratu(), "lam", 1.0)
+    with pytest.raises(ValueError, match="expected start"):
+        trace(soap_film(0.5), soap_film, 0.6)
+    with pytest.raises(ValueError, match="coordinate that the event gives"):
+        trace(bratu(), ("end", "v"), 1.0)
