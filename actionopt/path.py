@@ -124,7 +124,6 @@ class Mesh:
         return Mesh(times, self.degrees)
 
 
-
 @dataclass(frozen=True, eq=False)
 class Path:
     """A continuous piecewise-polynomial curve q(t).
@@ -158,8 +157,7 @@ class Path:
             table = np.array(given, dtype=float, ndmin=2)
             if table.ndim != 2 or table.shape[1] != count:
                 raise ValueError(
-                    f"expected {name} of shape (n, {count}), one column a node, "
-                    f"found {table.shape}"
+                    f"expected {name} of shape (n, {count}), one column a node, found {table.shape}"
                 )
             if not np.all(np.isfinite(table)):
                 raise ValueError(f"expected finite {name}, found NaN or infinity")

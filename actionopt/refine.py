@@ -18,7 +18,9 @@ from actionopt.quadrature import Array
 
 LOWEST, HIGHEST = 4, 24  # degrees that refinement uses
 SPLITS = np.array([1, 2, 3, 4, 6, 8])
+DECAYING = 0.2  # a slower rate says nothing but that the element is far too long
 COEFFICIENT_FLOOR = 2e-16
+LOWEST_TARGET = 5e-16  # round-off in the coefficients themselves
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,10 +33,14 @@ class Resolution:
         Size of the first Legendre coefficient left out, relative to the coordinates' sizes.
     rate : (N,) array
         Natural logarithm of rho, the decay per degree.
+    steep : (2, N) array
+        Times of the two neighbouring nodes between which the path moves most: where a layer or
+        a kink sits that the element does not resolve.
     """
 
     omitted: Array
     rate: Array
+    steep: Array
 
     @property
     def worst(self) -> float:
@@ -45,7 +51,8 @@ class Resolution:
 def resolution(mesh: Mesh, Q: Array, sizes: Array) -> Resolution:
     """Return how `mesh` resolves the nodal coordinates Q (K, n), in units of `sizes` (n,)."""
     omitted, rate = np.empty(mesh.elements), np.empty(mesh.elements)
-    scaled = Q / sizes
+    steep = np.empty((2, mesh.elements))
+    scaled, nodes = Q / sizes, mesh.nodes
     for rule, which, index in mesh.groups:
         coefficients = np.abs(rule.to_legendre @ scaled[index]).max(axis=2)  # (E, d + 1)
         # The largest coefficient from k on: even and odd curves have every other one zero.
@@ -57,8 +64,13 @@ def resolution(mesh: Mesh, Q: Array, sizes: Array) -> Resolution:
             rate[which] = np.log(tail[:, early] / tail[:, last]) / (last - early)
         else:
             rate[which] = 0.0
-        omitted[which] = tail[:, last] * np.exp(-rate[which])
-    return Resolution(omitted, rate)
+        # From the last pair to the first coefficient left out it is two degrees; few
+        # coefficients do not tell a rate well enough to go that far.
+        omitted[which] = tail[:, last] * np.exp(-min(2.0, max(d - 2, 0) / 4) * rate[which])
+        moves = np.abs(np.diff(scaled[index], axis=1)).max(axis=2)
+        left = index[np.arange(which.size), np.argmax(moves, axis=1)]
+        steep[:, which] = nodes[left], nodes[left + 1]
+    return Resolution(omitted, rate, steep)
 
 
 def refined(mesh: Mesh, found: Resolution, target: float, n: int) -> Mesh:
@@ -73,13 +85,21 @@ def refined(mesh: Mesh, found: Resolution, target: float, n: int) -> Mesh:
     new_degrees = []
     for e in range(mesh.elements):
         left, right = mesh.boundaries[e], mesh.boundaries[e + 1]
-        boundaries.append(np.linspace(left, right, parts[e] + 1)[1:])
-        new_degrees += [degree[e]] * parts[e]
+        if parts[e] == 0:
+            inner = [t for t in found.steep[:, e] if left < t < right]
+            cuts = np.array([*inner, right])
+        else:
+            cuts = np.linspace(left, right, parts[e] + 1)[1:]
+        boundaries.append(cuts)
+        new_degrees += [degree[e]] * cuts.size
     return Mesh(np.concatenate(boundaries), np.array(new_degrees))
 
 
 def _cheapest(degrees: NDInt, found: Resolution, target: float, n: int) -> tuple[NDInt, NDInt]:
-    """Return for each element the number of parts and their degree."""
+    """Return for each element the number of equal parts and their degree.
+
+    No parts at all stand for an element in which nothing decays: it is cut where it is steepest.
+    """
     rate = np.maximum(found.rate, 0.05)[:, None]
     # Splitting in s parts brings the nearest singularity s times as far away, in units of the
     # part's length; for a singularity beside the element that is rho_s = s b + sqrt((s b)^2 + 1)
@@ -87,6 +107,7 @@ def _cheapest(degrees: NDInt, found: Resolution, target: float, n: int) -> tuple
     b = np.sinh(rate)
     faster = np.arcsinh(SPLITS * b)
     # |c_k| ~ amplitude exp(-rate k), known at k = d + 1.
+    target = max(target, LOWEST_TARGET)
     amplitude = np.log(found.omitted / target)[:, None] + rate * (degrees[:, None] + 1)
     need = np.ceil(amplitude / faster).astype(int)
     # A prediction downwards is extrapolated far: give back at most a third of the degree.
@@ -95,11 +116,9 @@ def _cheapest(degrees: NDInt, found: Resolution, target: float, n: int) -> tuple
     need = np.clip(need, LOWEST, HIGHEST)
     price = SPLITS * (need * (need + 2.0) * (need + 4.0 / n + 4.0))
     price = np.where(usable, price, np.inf)
-    # Nothing reaches the target: split and look again, farther where nothing decays at all.
-    price[~usable.any(axis=1), np.searchsorted(SPLITS, 3)] = 0.0
     choice = np.argmin(price, axis=1)
     each = np.arange(degrees.size)
-    degree = need[each, choice]
     hopeless = ~usable.any(axis=1)
-    degree[hopeless] = np.maximum(np.minimum(degrees[hopeless] + 2, 12), LOWEST)
-    return SPLITS[choice], degree
+    parts = np.where(hopeless, np.where(found.rate > DECAYING, 4, 0), SPLITS[choice])
+    kept = np.clip(degrees, 6, 12)
+    return parts, np.where(hopeless, kept, need[each, choice])

@@ -44,9 +44,11 @@ LADDER = (
 COARSE_ELEMENTS = (4, 8, 16, 32)  # for linear equations the first, for a guess the others
 COARSE_DEGREE = 6
 ROUGHLY = 2e-2  # omitted coefficients below which a coarse path is worth refining
-ROUNDS = 12
+ROUNDS = 20
+STALLED = 8  # rounds that bring nothing: a layer of 1e-6 is closed in on in six
 SAFETY = 4.0  # between the measured error of the last round and the estimate for the next
-RESOLVED = 1e-14  # coefficients below this are rounding: they measure no gain
+ROUNDOFF = 2 * float(np.finfo(float).eps)  # of evaluating the polynomial, to begin with
+MEASURABLE = 1e-12  # coefficients below this are too near to rounding to measure a gain
 UNKNOWN_GAIN = 10.0  # assumed ratio of global to local error before any was measured
 
 
@@ -245,10 +247,11 @@ class _Run:
             mesh = refined(self.tr.mesh, before, target, self.problem.system.n)
             if not self._carry(mesh, before):
                 return Status.UNRESOLVED
-            if SAFETY * self.noise > self.tol:
+            resolved = self.gain * self.resolution().worst < self.noise
+            if resolved and SAFETY * self.noise > self.tol:
                 return Status.DEGENERATE if self.noise > 1e-3 else Status.FLOOR
             stalled = stalled + 1 if self.resolution().worst > before.worst / 2 else 0
-            if stalled == 4:
+            if stalled == STALLED:
                 return Status.UNRESOLVED
         return Status.SOLVED if self.error <= self.tol else Status.UNRESOLVED
 
@@ -335,8 +338,11 @@ class _Run:
             ):
                 return False
         change = np.max(np.abs(self.tr.coordinates(self.z) - carried) / self.sizes)
-        self.gain = float(np.clip(change / max(before.worst, RESOLVED), 1.0, 1e8))
-        self.error = SAFETY * (self.gain * self.resolution().worst + self.noise)
+        if before.worst > MEASURABLE:
+            self.gain = float(np.clip(change / before.worst, 1.0, 1e8))
+        elif self.gain == UNKNOWN_GAIN:
+            self.gain = 1.0
+        self.error = SAFETY * (self.gain * self.resolution().worst + self.noise + ROUNDOFF)
         self.rounds[-1]["estimate"] = self.error
         return True
 

@@ -346,17 +346,26 @@ class System:
         target = np.asarray(p, dtype=float)
         G = self.constraint_jacobian(q, t, parameters=parameters)
         rate = self._at("constraint_rate", q, None, t, parameters)[0] if m else np.zeros(0)
-        last = np.inf
-        for _ in range(50):
-            M = self.mass_matrix(q, v, t, parameters=parameters)
-            miss = np.concatenate(
+        def mismatch(v: Array) -> Array:
+            return np.concatenate(
                 [target - self.momentum(q, v, t, parameters=parameters), -rate - G @ v]
             )
+
+        miss, last = mismatch(v), np.inf
+        for _ in range(50):
+            M = self.mass_matrix(q, v, t, parameters=parameters)
             K = np.block([[M, -G.T], [G, np.zeros((m, m))]])
             step = np.linalg.solve(K, miss)[:n]
-            v = v + step
             size = float(np.max(np.abs(step)))
-            if size <= 1e-15 * np.max(np.abs(v)) or size >= last / 2 and size < 1e-10:
+            # Away from the answer a full step may leave the domain of L (|v| < c, say).
+            while size > 1e-8 * np.max(np.abs(v)):
+                ahead = mismatch(v + step)
+                if m or np.linalg.norm(ahead) < np.linalg.norm(miss):
+                    break
+                step, size = step / 2, size / 2
+            v = v + step
+            miss = mismatch(v)
+            if size <= 1e-15 * np.max(np.abs(v)) or (size >= last / 2 and size < 1e-10):
                 return v
             last = size
         raise ValueError(

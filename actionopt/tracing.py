@@ -109,7 +109,9 @@ def requested(callable_: Callable[..., Any], role: str, positional: Sequence[str
         raise ValueError(f"expected a callable {want}, found {callable_!r}")
     kinds = inspect.Parameter
     parameters = list(inspect.signature(callable_).parameters.values())
-    ahead = [p for p in parameters if p.kind in (kinds.POSITIONAL_ONLY, kinds.POSITIONAL_OR_KEYWORD)]
+    ahead = [
+        p for p in parameters if p.kind in (kinds.POSITIONAL_ONLY, kinds.POSITIONAL_OR_KEYWORD)
+    ]
     starred = any(p.kind is kinds.VAR_POSITIONAL for p in parameters)
     needed = [p for p in ahead if p.default is kinds.empty]
     if not starred and not len(needed) <= len(positional) <= len(ahead):
@@ -122,9 +124,7 @@ def requested(callable_: Callable[..., Any], role: str, positional: Sequence[str
         elif len(needed) > len(positional):
             extra = ", ".join(p.name for p in needed[len(positional) :])
             hint = f"; put a * before the parameters ({extra})"
-        raise ValueError(
-            f"expected {want}, found {role}({', '.join(p.name for p in ahead)}){hint}"
-        )
+        raise ValueError(f"expected {want}, found {role}({', '.join(p.name for p in ahead)}){hint}")
     names = [p.name for p in parameters if p.kind is kinds.KEYWORD_ONLY]
     return [*names, "**"] if any(p.kind is kinds.VAR_KEYWORD for p in parameters) else names
 
@@ -180,7 +180,20 @@ def column(result: Any, role: str, rows: int | None = None) -> ca.SX:
             f"expected the {role} to return numbers or expressions, found {type(result).__name__}"
         ) from error
     value = ca.densify(value)
+    if _has_nan(value):
+        raise ValueError(
+            f"the {role} contains NaN: a function of the math module, or float(), cannot see a "
+            "symbol and gives NaN for it; use numpy or casadi functions"
+        )
     if rows is not None and value.numel() != rows:
         what = "a scalar" if rows == 1 else f"{rows} values"
         raise ValueError(f"expected the {role} to return {what}, found {value.numel()}")
     return value
+
+
+def _has_nan(expression: ca.SX) -> bool:
+    function = ca.Function("constants", ca.symvar(expression), [expression])
+    return any(
+        function.instruction_id(k) == ca.OP_CONST and np.isnan(function.instruction_constant(k))
+        for k in range(function.n_instructions())
+    )

@@ -73,7 +73,7 @@ class Transcription:
         node_weight = np.bincount(layout.node_of, weight, layout.node_count)
         self.row_weight = node_weight[layout.row_nodes][:, None]
         # Rows w f are scaled to gradients of size one, whatever the element's length.
-        self.row_unit = node_weight[layout.row_node] * row_units[layout.row_constraint]
+        self.row_unit = node_weight[layout.row_node] * self.row_units[layout.row_constraint]
         self.mu_unit = self.action_unit / self.row_unit
 
     def _units(self) -> tuple[float, Array]:
