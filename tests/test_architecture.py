@@ -22,7 +22,7 @@ RANKS = (
     ("scenes", "transcription"),
     ("branch", "continuation", "newton", "preflight", "refine", "variation"),
     ("jacobi",),
-    ("conjugate", "index", "sensitivity"),
+    ("conjugate", "index", "sensitivity", "varied"),
     ("solution",),
     ("solve",),
     ("forward", "store", "trace"),
