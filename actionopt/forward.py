@@ -333,9 +333,9 @@ def _resolve(
     flow: Flow, state: State, span: float, units: Units, mesh: Mesh, tol: float
 ) -> tuple[Mesh, Array, Array]:
     """Integrate and split elements until q and v (n, K) are resolved; mesh of scaled times."""
-    goal = max(tol, 200 * FINEST)
+    local, goal = max(LOCAL * tol, FINEST), max(tol, 200 * FINEST)
     for _ in range(ROUNDS):
-        follow = flow.integrator(mesh.nodes[1:], max(LOCAL * tol, FINEST))
+        follow = flow.integrator(mesh.nodes[1:], local)
         q, v = follow(state, span, units, mesh.elements)
         q, v = np.column_stack([state.q, q]), np.column_stack([state.v, v])
         tails = _tails(mesh, np.vstack([q / units.q[:, None], v / units.v[:, None]]))
@@ -348,9 +348,9 @@ def _resolve(
         mesh = _split(mesh, pieces)
     worst = state.t + span * mesh.boundaries[np.argmin(mesh.lengths)]
     raise IntegrationError(
-        f"the motion near t = {worst:.6g} is not resolved by elements {ROUNDS} times split: it "
-        "runs into a singularity there, such as a collision, or is not smooth; end before "
-        "that time, or ask for a larger tol"
+        f"the motion near t = {worst:.6g} is not resolved after {ROUNDS} rounds of splitting "
+        "elements: it runs into a singularity there, such as a collision, or is not smooth; end "
+        "before that time, or ask for a larger tol"
     )
 
 
