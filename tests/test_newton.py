@@ -1,0 +1,138 @@
+"""Newton's method near a path: one step where equations are linear, quadratic elsewhere."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from actionopt.newton import follow
+from actionopt.path import Mesh
+from actionopt.problem import Event, Problem
+from actionopt.system import System
+from actionopt.transcription import Transcription
+
+ROUNDING = 1e-12  # of a path of order one after a solve with a condition of some thousands
+
+
+def transcribed(system, ends, T, elements=6, degree=8):
+    problem = Problem(system, Event(0.0, ends[0]), Event(T, ends[1]))
+    sizes = np.maximum(problem.scales, 1e-3)
+    return Transcription(problem, Mesh.uniform(0.0, T, elements, degree), sizes)
+
+
+PENDULUM = System(lambda q, v, t: v[0] ** 2 / 2 + 9.81 * np.cos(q[0]), ["theta"])
+
+
+def swing(T=0.8, rate=2.0):
+    """Return a transcription of the pendulum and its motion at the nodes, (K, 1)."""
+    run = solve_ivp(
+        lambda t, y: [y[1], -9.81 * np.sin(y[0])],
+        (0, T),
+        [0.2, rate],
+        "DOP853",
+        rtol=1e-13,
+        atol=1e-14,
+        dense_output=True,
+    )
+    tr = transcribed(PENDULUM, ([0.2], [run.y[0, -1]]), T, 4, 14)
+    return tr, run.sol(tr.mesh.nodes)[:1].T
+
+
+LINEAR = {
+    "oscillator": (System(lambda q, v, t: v[0] ** 2 / 2 - 2 * q[0] ** 2, ["x"]), ([1], [2])),
+    "drag": (
+        System(lambda q, v, t: v[0] ** 2 / 2, ["x"], force=lambda q, v, t: [-3 * v[0] - q[0]]),
+        ([1], [2]),
+    ),
+    "slope": (
+        System(
+            lambda q, v, t: (v[0] ** 2 + v[1] ** 2) / 2 - q[1] * np.cos(t),
+            ["x", "y"],
+            constraint=lambda q, t: q[0] - 2 * q[1] + np.sin(t) * 0,
+        ),
+        ([0, 0], [2, 1]),
+    ),
+}
+
+
+@pytest.mark.parametrize("elements", [2, 30])
+@pytest.mark.parametrize("name", LINEAR)
+def test_linear_systems_take_one_step_from_anywhere(name, elements):
+    system, ends = LINEAR[name]
+    tr = transcribed(system, ends, 1.3, elements)
+    start = np.random.default_rng(0).normal(size=tr.layout.size)
+    far, near = follow(tr, 100 * start, linear=True), follow(tr, 0 * start, linear=True)
+    for result in (far, near):
+        assert result.converged and result.iterations == 1
+        assert np.max(np.abs(tr.residual(result.z))) <= ROUNDING * 100
+        assert result.noise <= ROUNDING
+    cut = tr.layout.unknowns
+    assert np.max(np.abs(far.z - near.z)[:cut]) <= 100 * ROUNDING
+    assert far.travelled == pytest.approx(np.max(np.abs(far.z - 100 * start)[:cut]), rel=1e-12)
+
+
+def test_a_path_near_by_is_reached_quadratically():
+    tr, motion = swing()
+    counts = []
+    for size in (1e-2, 1e-4, 1e-8):
+        bump = size * np.sin(np.pi * tr.mesh.nodes / 0.8)[:, None]
+        result = follow(tr, tr.pack(motion + bump))
+        assert result.converged
+        assert np.max(np.abs(tr.coordinates(result.z) - motion)) <= ROUNDING
+        assert result.noise <= ROUNDING
+        counts.append(result.iterations)
+    # Each factorization is used twice, order three: 1e-2 -> 1e-6 -> 1e-14 and better.
+    assert counts[0] <= 3 and counts[1] <= 2 and counts[2] == 1
+
+
+def test_newton_contracts_quadratically():
+    tr, motion = swing()
+    errors = []
+    for size in (0.2, 0.1, 0.05):
+        bump = size * np.sin(np.pi * tr.mesh.nodes / 0.8)[:, None]
+        z = follow(tr, tr.pack(motion + bump), steps=1).z
+        errors.append(np.max(np.abs(tr.coordinates(z) - motion)))
+    # One factorization used twice leaves the cube of the distance.
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert np.all(orders > 2.7)
+
+
+def test_a_start_with_no_path_near_is_refused():
+    tr, motion = swing(T=6.0)
+    for size in (3, 10):
+        wild = size * np.cos(7 * tr.mesh.nodes)[:, None]
+        result = follow(tr, tr.pack(motion + wild))
+        assert not result.converged
+        assert result.iterations <= 3  # it notices at once
+        assert np.all(np.isfinite(result.z))
+
+
+def test_a_singular_matrix_is_no_path():
+    # A coordinate without inertia or potential: L does not contain it.
+    system = System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]) + 0 * q[1], ["x", "y"])
+    for elements in (2, 30):
+        tr = transcribed(system, ([0, 0], [1, 1]), 1.0, elements, 4)
+        result = follow(tr, tr.pack(tr.straight()))
+        assert not result.converged
+
+
+def test_values_that_are_not_finite_are_no_path():
+    # Straight through the centre of attraction.
+    system = System(
+        lambda q, v, t: (v[0] ** 2 + v[1] ** 2) / 2 + 1 / np.hypot(q[0], q[1]), ["x", "y"]
+    )
+    tr = transcribed(system, ([-1, 0], [1, 0]), 1.0, 2, 4)
+    assert not follow(tr, tr.pack(tr.straight())).converged
+
+
+def test_the_noise_tells_the_accuracy_of_a_badly_conditioned_path():
+    # The end is nearly conjugate: the end point determines the path to 1 / (w T - pi) only.
+    gap = 1e-7
+    system = System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2, ["x"])
+    T = np.pi + gap
+    tr = transcribed(system, ([1.0], [-1.0]), T, 6, 12)
+    t = tr.mesh.nodes
+    exact = (np.sin(T - t) - np.sin(t)) / np.sin(T)
+    result = follow(tr, tr.pack(tr.straight()), linear=True)
+    error = np.max(np.abs(tr.coordinates(result.z)[:, 0] - exact))
+    assert 1e-13 < error < 1e-6
+    assert error / 100 <= result.noise <= 1e-6

@@ -1,0 +1,295 @@
+"""What is wrong with a question is said before any solver runs, each thing in its own words."""
+
+import numpy as np
+import pytest
+
+import actionopt as ao
+from actionopt import Event, Mesh, Problem, System, scenes
+from actionopt.preflight import check, project
+from actionopt.transcription import Transcription
+
+
+def kinetic(v):
+    return sum(x**2 for x in v) / 2
+
+
+def line(n, t=1.0, start=None, end=None):
+    return (
+        Event(0.0, np.zeros(n) if start is None else start),
+        Event(t, np.ones(n) if end is None else end),
+    )
+
+
+def refused(system, *events, match, **options):
+    """Assert that the problem is refused by a ValueError, and that no solver was built."""
+    problem = Problem(system, *(events or line(system.n)))
+    with pytest.raises(ValueError, match=match):
+        ao.solve(problem, **options)
+    tr = Transcription(problem, Mesh.uniform(problem.start.t, problem.end.t, 4, 6), problem.scales)
+    assert not tr.layout.solvers
+
+
+# -- mass matrices -------------------------------------------------------------------------------
+
+
+SINGULAR = {
+    "no velocity at all": (lambda q, v, t: v[0] ** 2 / 2 - q[1] ** 2, "xy", "y"),
+    "linear in a velocity": (lambda q, v, t: v[0] ** 2 / 2 + q[0] * v[1], "xy", "y"),
+    "only a sum of velocities": (lambda q, v, t: (v[0] + v[1]) ** 2 / 2 - q[0] ** 2, "xy", "x, y"),
+    "no kinetic energy": (lambda q, v, t: -(q[0] ** 2), "x", "x"),
+    "the length of a curve": (lambda q, v, t: np.sqrt(v[0] ** 2 + v[1] ** 2), "xy", "x, y"),
+    "far between others": (
+        lambda q, v, t: (v[0] ** 2 + v[2] ** 2) / 2 - q[1] ** 2 * q[0],
+        "abc",
+        "b",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", SINGULAR)
+def test_a_singular_mass_matrix_names_the_coordinate(case):
+    lagrangian, names, guilty = SINGULAR[case]
+    refused(
+        System(lagrangian, list(names)),
+        match=f"regular mass matrix .* in the direction of {guilty}: .*eliminate .*legitimate|"
+        f"regular mass matrix .* in the direction of {guilty}: .*legitimate .*eliminate",
+    )
+
+
+@pytest.mark.parametrize("scale", [1e-12, 1e12])
+def test_masses_of_any_size_are_no_singularity(scale):
+    system = System(lambda q, v, t, *, m: m * kinetic(v), ["x", "y"], parameters={"m": 1.0})
+    problem = Problem(system, *line(2), parameters={"m": scale})
+    assert ao.solve(problem).success
+
+
+def test_masses_of_different_units_are_no_singularity():
+    # A length in nanometres and an angle: entries of the mass matrix 1e18 apart.
+    system = System(lambda q, v, t: v[0] ** 2 / 2 + 1e-18 * v[1] ** 2 / 2, ["x", "phi"])
+    assert ao.solve(Problem(system, Event(0, [0, 0]), Event(1, [1e-9, 1.0]))).success
+
+
+def test_a_mass_that_vanishes_at_rest_only_is_accepted():
+    system = System(lambda q, v, t: v[0] ** 4 / 12, ["x"])
+    solution = ao.solve(Problem(system, Event(0, [0]), Event(1, [2])), guess=lambda t: 2 * t)
+    assert np.max(np.abs(solution([0.25, 0.5])[0] - [0.5, 1.0])) <= 1e-8
+
+
+def test_a_massless_coordinate_that_a_constraint_fixes_is_accepted():
+    # y = x^2 has no mass of its own; x moves freely.
+    system = System(
+        lambda q, v, t: v[0] ** 2 / 2, ["x", "y"], constraint=lambda q, t: q[1] - q[0] ** 2
+    )
+    solution = ao.solve(Problem(system, Event(0, [0, 0]), Event(1, [2, 4])))
+    t = np.linspace(0, 1, 11)
+    assert np.max(np.abs(solution(t) - [2 * t, 4 * t**2])) <= 1e-8
+
+
+def test_a_massless_coordinate_beside_a_constraint_is_not():
+    refused(
+        System(
+            lambda q, v, t: (v[0] ** 2 + v[1] ** 2) / 2 - q[2] ** 2,
+            list("xyz"),
+            constraint=lambda q, t: q[0] - q[1],
+        ),
+        match="singular in the direction of z",
+    )
+
+
+# -- constraints ---------------------------------------------------------------------------------
+
+
+def constrained(constraint, n=3):
+    return System(lambda q, v, t: kinetic(v), [f"x{i}" for i in range(n)], constraint=constraint)
+
+
+REDUNDANT = {
+    "the same row twice": (lambda q, t: [q[0] - q[1], q[0] - q[1]], r"rows \[0, 1\] say the same"),
+    "a multiple of it": (lambda q, t: [q[0] - q[1], 7 * (q[1] - q[0])], r"rows \[0, 1\] say"),
+    "the sum of two others": (
+        lambda q, t: [q[0] - q[1], q[1] - q[2], q[0] - q[2]],
+        r"rows \[0, 1, 2\] say the same",
+    ),
+    "a free row among redundant ones": (
+        lambda q, t: [q[0] - q[1], q[2] - t, 2 * q[0] - 2 * q[1]],
+        r"rows \[0, 2\] say the same",
+    ),
+    "the square of another": (
+        lambda q, t: [q[0] ** 2 - q[1] ** 2 + q[0] - q[1], q[0] - q[1]],
+        r"rows \[0, 1\] say the same",
+    ),
+    "a row of zeros": (lambda q, t: [q[0] - q[1], 0 * q[2]], "row 1 does not depend"),
+}
+
+
+@pytest.mark.parametrize("case", REDUNDANT)
+def test_redundant_rows_are_named(case):
+    constraint, match = REDUNDANT[case]
+    refused(constrained(constraint), match=match)
+
+
+def test_rows_that_contradict_each_other_are_named():
+    # Both hold at the events, t = 0 and 1, and not between.
+    refused(
+        constrained(lambda q, t: [q[0] - q[1], q[0] - q[1] - t * (1 - t)]),
+        match=r"rows \[0, 1\] contradict each other",
+    )
+
+
+def test_more_rows_than_coordinates():
+    refused(
+        constrained(lambda q, t: [q[0] - q[1], q[0] - t, q[1] - t], n=2),
+        match="at most 2 constraints on 2 coordinates, found 3",
+    )
+
+
+def test_redundant_rows_of_any_units():
+    for scale in (1e-9, 1e9):
+        refused(
+            constrained(lambda q, t, s=scale: [s * (q[0] - q[1]), q[1] - q[0]]),
+            match=r"rows \[0, 1\] say the same",
+        )
+
+
+def test_independent_rows_pass():
+    solution = ao.solve(
+        Problem(constrained(lambda q, t: [q[0] - q[1], 1e6 * (q[1] + q[2] - 2 * t)]), *line(3))
+    )
+    t = np.linspace(0, 1, 5)
+    assert np.max(np.abs(solution(t) - t)) <= 1e-8
+
+
+def test_as_many_rows_as_coordinates_leave_one_path():
+    system = constrained(lambda q, t: [q[0] - np.sin(t), q[1] - t**2], n=2)
+    events = [Event(t, [np.sin(t), t**2]) for t in (0.0, 1.0)]
+    solution = ao.solve(Problem(system, *events), tol=1e-10)
+    t = np.linspace(0, 1, 7)
+    assert np.max(np.abs(solution(t) - [np.sin(t), t**2])) <= 1e-10
+
+
+def test_a_closed_four_bar_loop_is_redundant_by_one_row():
+    # Pivots at (0, 0) and (2, 0), cranks of length 1 and a coupler of length 2: a parallelogram,
+    # whose coupler stays horizontal by itself.
+    def loop(q, t):
+        x, y, z, w = q
+        cranks = [x**2 + y**2 - 1, (z - 2) ** 2 + w**2 - 1]
+        return [*cranks, (z - x) ** 2 + (w - y) ** 2 - 4, w - y]
+
+    def at(angle):
+        x, y = np.sin(angle), -np.cos(angle)
+        return [x, y, x + 2, y]
+
+    ends = Event(0, at(0.1)), Event(1, at(0.9))
+    refused(constrained(loop, 4), *ends, match=r"rows \[0, 1, 2, 3\] say the same thing")
+    problem = Problem(constrained(lambda q, t: loop(q, t)[:3], 4), *ends)
+    solution = ao.solve(problem)
+    angle = 0.1 + 0.8 * np.linspace(0, 1, 9)  # no gravity: the angle grows uniformly
+    assert np.max(np.abs(solution(np.linspace(0, 1, 9)) - at(angle))) <= 1e-7
+
+
+# -- values that are none --------------------------------------------------------------------------
+
+
+def test_a_singularity_all_along_the_straight_line():
+    system = System(lambda q, v, t: kinetic(v) + np.log(q[1]) * v[0] ** 2, ["x", "y"])
+    refused(
+        system,
+        Event(0, [0, -1]),
+        Event(1, [1, -2]),
+        match="finite along the first path, found NaN or infinity at q = .*give a guess",
+    )
+
+
+# -- arguments of solve ----------------------------------------------------------------------------
+
+
+PLANE = System(lambda q, v, t: kinetic(v), ["x", "y"])
+DRAG = System(lambda q, v, t: kinetic(v), ["x", "y"], force=lambda q, v, t: [-v[0], -v[1]])
+
+ARGUMENTS = {
+    "tol too small": (dict(tol=1e-15), "tol between 1e-14 .* and 0.1, found 1e-15"),
+    "tol too large": (dict(tol=0.5), "tol between"),
+    "tol zero": (dict(tol=0), "tol between"),
+    "tol negative": (dict(tol=-1e-8), "tol between"),
+    "tol NaN": (dict(tol=np.nan), "tol between"),
+    "unknown principle": (
+        dict(principle="lest"),
+        "principle 'auto', 'least' or 'stationary', found 'lest'",
+    ),
+    "no mesh": (dict(mesh=40), r"expected a Mesh\(boundaries, degrees\), found 40"),
+    "mesh of other times": (dict(mesh=Mesh.uniform(0, 2, 3, 4)), "expected a mesh from 0.0 to 1.0"),
+    "waypoints of too many rows": (
+        dict(guess=np.zeros((3, 5))),
+        r"waypoints of shape \(2, K\) with K >= 2, found \(3, 5\)",
+    ),
+    "one waypoint": (dict(guess=np.zeros((2, 1))), "waypoints of shape"),
+    "NaN waypoints": (dict(guess=[[0, np.nan, 1], [0, 1, 1]]), "finite waypoints"),
+    "a callable of another shape": (
+        dict(guess=lambda t: np.stack([t, t, t])),
+        r"guess to return \(2, K\)",
+    ),
+    "a callable of one value": (dict(guess=lambda t: 1.0), "shape"),
+    "a callable of NaN": (dict(guess=lambda t: np.stack([t, t / 0 * 0])), "finite"),
+    "a path of another system": (
+        dict(guess=ao.Path(Mesh.uniform(0, 1, 1, 1), [[0.0, 1.0]])),
+        "guess of 2 coordinates, found 1",
+    ),
+}
+
+
+@pytest.mark.filterwarnings("ignore:(invalid|divide)")
+@pytest.mark.parametrize("case", ARGUMENTS)
+def test_bad_arguments_say_what_was_expected(case):
+    options, match = ARGUMENTS[case]
+    refused(PLANE, match=match, **options)
+
+
+def test_no_problem_is_no_problem():
+    with pytest.raises(ValueError, match=r"expected a Problem\(system, start, end\), found"):
+        ao.solve(PLANE)
+
+
+def test_forces_have_no_least_principle():
+    refused(DRAG, principle="least", match="virtual work, and no functional is minimised")
+
+
+# -- projection ------------------------------------------------------------------------------------
+
+
+def sphere(radius=1.0):
+    system = System(
+        lambda q, v, t: kinetic(v),
+        list("xyz"),
+        constraint=lambda q, t: q[0] ** 2 + q[1] ** 2 + q[2] ** 2 - radius**2,
+    )
+    a, b = radius * np.array([1.0, 0, 0]), radius * np.array([0.0, 0.6, 0.8])
+    problem = Problem(system, Event(0, a), Event(1, b))
+    return Transcription(problem, Mesh.uniform(0, 1, 4, 4), problem.scales)
+
+
+@pytest.mark.parametrize("radius", [1e-9, 1.0, 1e9])
+def test_the_straight_line_is_projected_onto_the_surface(radius):
+    tr = sphere(radius)
+    straight = tr.straight()
+    Q = project(tr, straight)
+    assert np.max(np.abs(np.linalg.norm(Q, axis=1) / radius - 1)) <= 1e-7
+    assert np.min(np.linalg.norm(straight, axis=1) / radius) < 0.8  # it was not on it
+    assert np.array_equal(Q[[0, -1]], straight[[0, -1]])  # pinned
+
+
+def test_points_without_a_nearest_one_stay_finite():
+    system = System(
+        lambda q, v, t: kinetic(v), ["x", "y"], constraint=lambda q, t: q[0] ** 2 + q[1] ** 2 - 1
+    )
+    problem = Problem(system, Event(0, [1, 0]), Event(1, [-1, 0]))  # straight through the centre
+    tr = Transcription(problem, Mesh.uniform(0, 1, 2, 4), np.ones(2))
+    assert np.all(np.isfinite(project(tr, tr.straight())))
+
+
+def test_good_questions_pass():
+    for name in ("pendulum", "rod_pendulum", "damped_oscillator"):
+        problem = scenes.get(name).problem
+        tr = Transcription(
+            problem, Mesh.uniform(problem.start.t, problem.end.t, 4, 6), problem.scales
+        )
+        check(tr, project(tr, tr.straight()) if problem.system.m else tr.straight())
