@@ -31,11 +31,10 @@ def release(tr: Transcription, z: Array) -> tuple[Array, int] | None:
     s, direction, ds, length, count = 0.0, None, 1.0, FIRST_STEP, 0
     for _ in range(STEPS):
         try:
-            factors = Factors(tr.layout, tr.kkt(z))
+            slope = -Factors(tr.layout, tr.kkt(z)).solve(force)  # dz/ds
         except np.linalg.LinAlgError:
             return None
         count += 1
-        slope = -factors.solve(force)  # dz/ds
         norm = np.sqrt(np.mean(slope[:cut] ** 2) + 1.0)
         # Keep going the same way along the curve, through a fold in s as well.
         forward = 1.0 if direction is None else np.mean(slope[:cut] * direction[:cut]) + ds
@@ -68,10 +67,10 @@ def _correct(tr, z, s, force, direction, ds) -> tuple[Array, float, int] | None:
         for k in range(1, CORRECTIONS + 1):
             try:
                 factors = Factors(tr.layout, tr.kkt(z))
+                miss = factors.solve(tr.residual(z) - (1.0 - s) * force)
+                slope = -factors.solve(force)
             except np.linalg.LinAlgError:
                 return None
-            miss = factors.solve(tr.residual(z) - (1.0 - s) * force)
-            slope = -factors.solve(force)
             # Bordered system: the correction is orthogonal to the direction.
             along = np.mean(miss[:cut] * direction[:cut])
             change = along / (np.mean(slope[:cut] * direction[:cut]) + ds)

@@ -55,11 +55,11 @@ def follow(tr: Transcription, z: Array, *, linear: bool = False, steps: int = 12
         for k in range(1, steps + 1):
             try:
                 factors = Factors(tr.layout, tr.kkt(z))
+                step = factors.solve(residual)
+                nearer = z - step
+                second = factors.solve(tr.residual(nearer))
             except np.linalg.LinAlgError:
                 return Followed(z, False, np.inf, k, np.inf)
-            step = factors.solve(residual)
-            nearer = z - step
-            second = factors.solve(tr.residual(nearer))
             size, rest = _size(step[:cut]), _size(second[:cut])
             if not np.isfinite(rest):
                 return Followed(z, False, np.inf, k, np.inf)
@@ -70,8 +70,19 @@ def follow(tr: Transcription, z: Array, *, linear: bool = False, steps: int = 12
                 noise = _size(factors.solve(residual)[:cut])
                 return Followed(z, True, noise, k, _size((z - first)[:cut]))
             if ratio > CONTRACTION:
-                return Followed(z, False, rest, k, _size((z - first)[:cut]))
-    return Followed(z, False, rest, steps, _size((z - first)[:cut]))
+                break
+        # A residual of round-off leaves nothing to contract: the matrix is (nearly) singular and
+        # what is left of the step says how little the path is determined.
+        exhausted = _exhausted(tr, z, residual)
+    return Followed(z, exhausted, rest, k, _size((z - first)[:cut]))
+
+
+def _exhausted(tr: Transcription, z: Array, residual: Array) -> bool:
+    """Whether the residual is no larger than the round-off of its own evaluation."""
+    pattern = tr.layout.kkt
+    terms = np.abs(tr.kkt(z) * z[pattern.col])
+    magnitude = np.bincount(pattern.row, terms, z.size)
+    return bool(np.max(np.abs(residual)) <= 4 * np.finfo(float).eps * np.max(magnitude))
 
 
 def _size(step: Array) -> float:

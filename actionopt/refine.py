@@ -18,6 +18,7 @@ from actionopt.quadrature import Array
 
 LOWEST, HIGHEST = 4, 24  # degrees that refinement uses
 SPLITS = np.array([1, 2, 3, 4, 6, 8])
+LAYER = 0.6  # share of an element's movement between two nodes that makes it a layer
 DECAYING = 0.2  # a slower rate says nothing but that the element is far too long
 COEFFICIENT_FLOOR = 2e-16
 LOWEST_TARGET = 5e-16  # round-off in the coefficients themselves
@@ -34,8 +35,9 @@ class Resolution:
     rate : (N,) array
         Natural logarithm of rho, the decay per degree.
     steep : (2, N) array
-        Times of the two neighbouring nodes between which the path moves most: where a layer or
-        a kink sits that the element does not resolve.
+        Times of the two neighbouring nodes between which the path moves most, or NaN where
+        it moves elsewhere as well: where a layer or a kink sits that the element does not
+        resolve.
     """
 
     omitted: Array
@@ -69,7 +71,8 @@ def resolution(mesh: Mesh, Q: Array, sizes: Array) -> Resolution:
         omitted[which] = tail[:, last] * np.exp(-min(2.0, max(d - 2, 0) / 4) * rate[which])
         moves = np.abs(np.diff(scaled[index], axis=1)).max(axis=2)
         left = index[np.arange(which.size), np.argmax(moves, axis=1)]
-        steep[:, which] = nodes[left], nodes[left + 1]
+        alone = moves.max(axis=1) > LAYER * moves.sum(axis=1)
+        steep[:, which] = np.where(alone, [nodes[left], nodes[left + 1]], np.nan)
     return Resolution(omitted, rate, steep)
 
 
@@ -119,6 +122,7 @@ def _cheapest(degrees: NDInt, found: Resolution, target: float, n: int) -> tuple
     choice = np.argmin(price, axis=1)
     each = np.arange(degrees.size)
     hopeless = ~usable.any(axis=1)
-    parts = np.where(hopeless, np.where(found.rate > DECAYING, 4, 0), SPLITS[choice])
+    layer = (found.rate < DECAYING) & np.isfinite(found.steep[0])
+    parts = np.where(hopeless, np.where(layer, 0, 4), SPLITS[choice])
     kept = np.clip(degrees, 6, 12)
     return parts, np.where(hopeless, kept, need[each, choice])

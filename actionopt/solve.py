@@ -36,18 +36,21 @@ Guess = Path | Solution | Callable[[Array], ArrayLike] | ArrayLike
 # of the stationarity conditions is quick where it is near; continuation gets there slowly but
 # surely; a minimum down a long curved valley takes patience.
 LADDER = (
-    ("least", (4, 8, 16, 32, 64)),
-    ("stationary", (4, 8, 16)),
+    ("least", (8, 16, 32, 64)),
+    ("stationary", (8, 16)),
     ("continuation", (8, 16, 32)),
     ("patient least", (8, 16, 32, 64)),
 )
-COARSE_ELEMENTS = (4, 8, 16, 32)  # for linear equations the first, for a guess the others
+NEAR_GUESS = (16, 32, 64)  # a guess has features that coarser meshes would miss
+LINEAR = 4  # elements to begin with where nothing has to be sought
+NEAR = 0.3  # a path that moves farther than this when refined, in its own size, is another one
 COARSE_DEGREE = 6
 ROUGHLY = 2e-2  # omitted coefficients below which a coarse path is worth refining
 ROUNDS = 20
 STALLED = 8  # rounds that bring nothing: a layer of 1e-6 is closed in on in six
 SAFETY = 4.0  # between the measured error of the last round and the estimate for the next
 ROUNDOFF = 2 * float(np.finfo(float).eps)  # of evaluating the polynomial, to begin with
+UNDETERMINED = 1e-6  # amplified round-off above which the end points do not determine a path
 MEASURABLE = 1e-12  # coefficients below this are too near to rounding to measure a gain
 UNKNOWN_GAIN = 10.0  # assumed ratio of global to local error before any was measured
 
@@ -189,7 +192,7 @@ class _Run:
                     return Status.UNBOUNDED if self.diverged else Status.NOT_FOUND
                 known = None
                 continue
-            if self.resolution().worst > ROUGHLY:
+            if self.resolution().worst > ROUGHLY and elements != meshes[-1]:
                 known = self.path() if self.least else None
                 continue
             if not self.least and self.may_be_least and self._index() > 0:
@@ -210,15 +213,15 @@ class _Run:
         return negative_eigenvalues(tr.layout, tr.kkt(self.z)) - tr.layout.rows
 
     def _near_guess(self) -> Status:
-        """Follow the guess, or ask Ipopt for the stationary path near it."""
+        """Follow the guess, or find the stationary path near it, or continue from it."""
         self.rung = "guess"
         assert self.curve is not None
         status = Status.NOT_FOUND
-        for elements in COARSE_ELEMENTS[1:]:
+        for elements in NEAR_GUESS:
             curve = self.curve(self._coarse(elements))
             self.sizes = _sizes(curve.values.T, self.problem.scales)
             self._place(curve.mesh, curve)
-            if self._follow() or self._find("stationary"):
+            if self._follow() or self._find("stationary") or self._release():
                 status = self._settle()
                 if status is not Status.UNRESOLVED:
                     break
@@ -231,7 +234,7 @@ class _Run:
     def _solve_linear(self) -> Status:
         self.rung = "linear"
         self.sizes = self.problem.scales
-        self._place(self.given or self._coarse(COARSE_ELEMENTS[0]), None)
+        self._place(self.given or self._coarse(LINEAR), None)
         return self._settle() if self._follow() else Status.DEGENERATE
 
     def _settle(self) -> Status:
@@ -249,7 +252,7 @@ class _Run:
                 return Status.UNRESOLVED
             resolved = self.gain * self.resolution().worst < self.noise
             if resolved and SAFETY * self.noise > self.tol:
-                return Status.DEGENERATE if self.noise > 1e-3 else Status.FLOOR
+                return Status.DEGENERATE if self.noise > UNDETERMINED else Status.FLOOR
             stalled = stalled + 1 if self.resolution().worst > before.worst / 2 else 0
             if stalled == STALLED:
                 return Status.UNRESOLVED
@@ -337,6 +340,9 @@ class _Run:
                 or not self._follow()
             ):
                 return False
+            moved = np.max(np.abs(self.tr.coordinates(self.z) - carried) / self.sizes)
+            if not self.least and moved > NEAR:
+                return False
         change = np.max(np.abs(self.tr.coordinates(self.z) - carried) / self.sizes)
         if before.worst > MEASURABLE:
             self.gain = float(np.clip(change / before.worst, 1.0, 1e8))
@@ -380,7 +386,10 @@ class _Run:
 
     def message(self, status: Status) -> str:
         name = self.problem.system.name or "problem"
-        return f"{name}: {status.value} (tol = {self.tol:g}, error estimate {self.error:.2g})"
+        figures = f"tol = {self.tol:g}, error estimate {self.error:.2g}"
+        if status in (Status.FLOOR, Status.DEGENERATE):
+            figures += f", condition about {self.noise / ROUNDOFF:.1g}"
+        return f"{name}: {status.value} ({figures})"
 
     def solution(self, status: Status, seconds: float) -> Solution:
         problem, tr = self.problem, self.tr
@@ -414,6 +423,7 @@ class _Run:
             "rounds": self.rounds,
             "gain": self.gain,
             "noise": self.noise,
+            "condition": max(self.noise / ROUNDOFF, 1.0),
             "derived": system.derived,
             "time": {k: float(v) for k, v in self.time.items()},
         }

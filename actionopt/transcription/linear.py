@@ -14,15 +14,17 @@ import numpy as np
 from actionopt.quadrature import Array
 from actionopt.transcription.layout import Layout
 
-DENSE = 60  # up to this size inverting a dense matrix costs less than entering a sparse solver
+DENSE = 40  # up to this size a dense inverse costs less than building a sparse solver
+DENSE_COUNT = 240  # up to this size eigenvalues are counted from all of them
 REGULAR = 1e-10  # on the rows' diagonal, whose gradients are of size one
-REFINEMENTS = 5
-ACCURATE = 1e-13  # residual, relative to |b| + |K| |x|, at which refinement has nothing to add
+REFINEMENTS = 6
+ACCURATE = 1e-10  # residual relative to |b| that is enough: Newton's method corrects the rest
 USEFUL = 1e-8  # residual above which the factors are given up
+ROUNDOFF = 1e-13  # residual relative to |K| |x| that no refinement removes
 
 
 class Factors:
-    """A factorized KKT matrix of one layout; `solve` may be called many times.
+    """A KKT matrix of one layout, ready to solve with; `solve` may be called many times.
 
     Parameters
     ----------
@@ -40,43 +42,32 @@ class Factors:
         if not np.all(np.isfinite(nonzeros)):
             raise np.linalg.LinAlgError("the matrix is not finite")
         self.layout, self.nonzeros = layout, nonzeros
-        self._inverse: Array | None = None
-        self._qr: ca.DM | None = None
-        if layout.size <= DENSE:
-            self._inverse = np.linalg.inv(_dense(layout, nonzeros))
-        elif layout.system.structure.forced:
-            self._factorize_robustly()
-        else:
-            self._matrix = ca.DM(layout.kkt.sparsity, _regular(layout, nonzeros))
-            self._ldl = _solver(layout, "ldl")
-            self._ldl.nfact(self._matrix)
+        self._inverse = np.linalg.inv(_dense(layout, nonzeros)) if layout.size <= DENSE else None
+        self._robust = layout.system.structure.forced
+        self._regular = nonzeros if self._robust else _regular(layout, nonzeros)
 
     def solve(self, right: Array) -> Array:
         """Return the solution for one right-hand side, (size,)."""
         if self._inverse is not None:
             return self._inverse @ right
-        if self._qr is None:
+        if not self._robust:
             x = self._refined(right)
             if x is not None:
                 return x
-            self._factorize_robustly()
-        x = np.asarray(_solver(self.layout, "qr").solve(self._qr, ca.DM(right))).ravel()
+            self._robust = True
+        x = _solver(self.layout, "qr")(self.nonzeros, right)
         if not np.all(np.isfinite(x)):
             raise np.linalg.LinAlgError("the matrix is singular")
         return x
 
-    def _factorize_robustly(self) -> None:
-        self._qr = ca.DM(self.layout.kkt.sparsity, self.nonzeros)
-        _solver(self.layout, "qr").nfact(self._qr)
-
     def _refined(self, right: Array) -> Array | None:
         """Return the solution by L D L' and refinement, or None if that does not converge."""
         pattern, nonzeros = self.layout.kkt, self.nonzeros
-        x, miss = np.zeros_like(right), right
+        solver = _solver(self.layout, "ldl")
+        x, miss, last = np.zeros_like(right), right, np.inf
         size, norm = float(np.max(np.abs(right))), float(np.max(np.abs(nonzeros)))
-        last = np.inf
         for _ in range(REFINEMENTS):
-            nearer = x + np.asarray(self._ldl.solve(self._matrix, ca.DM(miss))).ravel()
+            nearer = x + solver(self._regular, miss)
             miss = right - np.bincount(pattern.row, nonzeros * nearer[pattern.col], right.size)
             left = float(np.max(np.abs(miss)))
             if not left < last / 2:  # no better than before, or not a number
@@ -84,25 +75,55 @@ class Factors:
             x, last = nearer, left
             if left <= ACCURATE * size:
                 break
-        good = last <= USEFUL * size + ACCURATE * norm * float(np.max(np.abs(x)))
+        good = last <= USEFUL * size + ROUNDOFF * norm * float(np.max(np.abs(x)))
         return x if good else None
+
+
+class _Sparse:
+    """A sparse direct solver of CasADi's for one sparsity, fed and read in place.
+
+    CasADi's linear solvers factorize anew for every right-hand side; that costs less than handing
+    matrices over as objects, by an order of magnitude where they are small.
+    """
+
+    def __init__(self, layout: Layout, kind: str) -> None:
+        values = ca.MX.sym("values", layout.kkt.nnz)
+        right = ca.MX.sym("right", layout.size)
+        solved = ca.solve(ca.MX(layout.kkt.sparsity, values), right, kind)
+        self._function = ca.Function(kind, [values, right], [solved])
+        self._values, self._right = np.empty(layout.kkt.nnz), np.empty(layout.size)
+        self._solved = np.empty(layout.size)
+        self._buffer, self._trigger = self._function.buffer()
+        self._buffer.set_arg(0, memoryview(self._values))
+        self._buffer.set_arg(1, memoryview(self._right))
+        self._buffer.set_res(0, memoryview(self._solved))
+
+    def __call__(self, nonzeros: Array, right: Array) -> Array:
+        self._values[:] = nonzeros
+        self._right[:] = right
+        self._solved[:] = np.nan  # what a failed factorization leaves behind
+        try:
+            self._trigger()
+        except RuntimeError as error:
+            raise np.linalg.LinAlgError("the matrix is singular") from error
+        return self._solved.copy()
 
 
 def negative_eigenvalues(layout: Layout, nonzeros: Array) -> int:
     """Return the number of negative eigenvalues of a symmetric KKT matrix (its inertia)."""
-    if layout.size <= 4 * DENSE:
+    if layout.size <= DENSE_COUNT:
         return int(np.sum(np.linalg.eigvalsh(_dense(layout, nonzeros)) < 0))
-    solver = _solver(layout, "ldl")
-    solver.nfact(ca.DM(layout.kkt.sparsity, _regular(layout, nonzeros)))
-    return int(solver.neig(ca.DM(layout.kkt.sparsity, _regular(layout, nonzeros))))
+    matrix = ca.DM(layout.kkt.sparsity, _regular(layout, nonzeros))
+    solver = ca.Linsol("inertia", "ldl", layout.kkt.sparsity)
+    solver.sfact(matrix)
+    solver.nfact(matrix)
+    return int(solver.neig(matrix))
 
 
-def _solver(layout: Layout, kind: str) -> ca.Linsol:
+def _solver(layout: Layout, kind: str) -> _Sparse:
     """Return the layout's sparse solver, analysed once for its sparsity."""
     if kind not in layout.solvers:
-        solver = ca.Linsol(kind, kind, layout.kkt.sparsity)
-        solver.sfact(ca.DM(layout.kkt.sparsity, 1.0))
-        layout.solvers[kind] = solver
+        layout.solvers[kind] = _Sparse(layout, kind)
     return layout.solvers[kind]
 
 
