@@ -16,10 +16,12 @@ import numpy as np
 
 from benchmarks import peers, problems
 from benchmarks.peers.dop853 import shoot
+from benchmarks.peers.scipy_bvp import solve
 
 FILE = Path(__file__).with_name("others.json")
 ASKED = ("actionopt_", "scipy_bvp", "dop853")
-ROUGH, POLISHED = 1e-6, 1e-12
+ROUGH, FINER, POLISHED = 1e-6, 1e-9, 1e-12
+NODES = 400
 SAME = 1e-4  # paths nearer to each other, relative to the largest |q|, are one
 
 
@@ -50,6 +52,15 @@ def candidates(case: problems.Case):
                 print(f"{case.name}, {name}, {start}: {error}", file=sys.stderr)
 
 
+def polished(case: problems.Case, ends: problems.Ends, curve) -> peers.Answer:
+    """Return the path near a curve: finer by `solve_bvp`, then by shooting."""
+    x = np.linspace(0.0, case.duration, NODES)
+    q = np.asarray(curve(x))
+    y = np.concatenate([q, np.gradient(q, x, axis=1, edge_order=2) * case.time_unit])
+    finer = solve(case, ends, x, y, FINER)
+    return shoot(case, ends, velocity_at_start(case, finer.curve), POLISHED)
+
+
 def search(case: problems.Case, found: list[list[list[float]]]) -> None:
     """Add to `found` the first velocities of paths that are not known."""
     both = case.ends()
@@ -66,7 +77,7 @@ def search(case: problems.Case, found: list[list[list[float]]]) -> None:
         if not is_new(np.asarray(curve(case.times))):
             continue
         try:
-            answer = shoot(case, both[which], velocity_at_start(case, curve), POLISHED)
+            answer = polished(case, both[which], curve)
         except peers.Failed as error:
             print(f"{case.name}: not a path, or not to be shot: {error}", file=sys.stderr)
             continue

@@ -12,6 +12,13 @@ NAMES = (
     "actionopt_",
     "scipy_bvp",
     "dop853",
+    "heyoka_",
+    "casadi_collocation",
+    "rockit_",
+    "mpopt_",
+    "dymos_",
+    "opty_",
+    "lamberthub_",
 )
 QUICK = ("actionopt_", "scipy_bvp", "dop853")
 

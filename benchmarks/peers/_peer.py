@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import BarycentricInterpolator
 
 from benchmarks.problems import Case, Ends
 
@@ -77,3 +78,18 @@ def first_velocity(case: Case, ends: Ends, start: str) -> np.ndarray:
     v = waypoints(case, ends, start, np.zeros(1))[1][:, 0]
     Z = tangent(case, ends)
     return Z @ (Z.T @ v)
+
+
+def piecewise(nodes: np.ndarray, q: np.ndarray, degree: int, times: np.ndarray) -> np.ndarray:
+    """Return the curve of polynomials through every `degree` + 1 nodes in turn, (n, K).
+
+    `nodes` (E degree + 1,) increase and neighbours share one; q has shape (n, E degree + 1).
+    """
+    count = (nodes.size - 1) // degree
+    which = np.clip(np.searchsorted(nodes[::degree], times, side="right") - 1, 0, count - 1)
+    out = np.empty((q.shape[0], times.size))
+    for e in np.unique(which):
+        mine = which == e
+        local = slice(e * degree, (e + 1) * degree + 1)
+        out[:, mine] = BarycentricInterpolator(nodes[local], q[:, local].T)(times[mine]).T
+    return out

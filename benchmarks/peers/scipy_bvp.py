@@ -16,7 +16,8 @@ FIRST_MESH = 17
 MAX_NODES = 50_000
 
 
-def _solve(case: Case, ends: Ends, x, y, tol: float, keep=None) -> Answer:
+def solve(case: Case, ends: Ends, x, y, tol: float, keep=None) -> Answer:
+    """Solve from the guess y (2 n, K) at the nodes x (K,); `keep` is the mesh to start again from."""
     n, unit = case.n, case.time_unit
     zero, eye = np.zeros((n, n)), np.eye(n)
     at_start, at_end = np.block([[eye, zero], [zero, zero]]), np.block([[zero, zero], [eye, zero]])
@@ -55,13 +56,13 @@ def cold(case: Case, ends: Ends, start: str, tol: float) -> Answer:
     """Solve from a uniform mesh."""
     x = np.linspace(0.0, case.duration, FIRST_MESH)
     q, v = waypoints(case, ends, start, x)
-    return _solve(case, ends, x, np.concatenate([q, v * case.time_unit]), tol)
+    return solve(case, ends, x, np.concatenate([q, v * case.time_unit]), tol)
 
 
 def again(answer: Answer, case: Case, ends: Ends, tol: float) -> Answer:
     """Solve from the last solution on the mesh of the first."""
     mesh, last = answer.state
-    return _solve(case, ends, mesh, last(mesh), tol, keep=mesh)
+    return solve(case, ends, mesh, last(mesh), tol, keep=mesh)
 
 
 PEER = Peer("scipy solve_bvp", ("scipy",), TOLERANCES, cold, again)
