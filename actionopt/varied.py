@@ -141,8 +141,9 @@ def variation(
     Examples
     --------
     >>> from actionopt import scenes, solve
-    >>> S = variation(solve(scenes.get("oscillator").problem), lambda t: [t * (1.0 - t)])
-    >>> abs(S.first) < 1e-12, S(0.1) - S(0.0) > 0
+    >>> problem = scenes.get("oscillator", duration=2.0).problem
+    >>> S = variation(solve(problem), lambda t: [t * (2.0 - t)])
+    >>> abs(S.first) < 1e-12, bool(S(0.1) > S(0.0))
     (True, True)
     """
     problem = solution.problem

@@ -16,10 +16,10 @@ PACKAGE = Path(actionopt.__file__).parent
 # One row a rank, lowest first. A room is a module or a folder; each must be named here once.
 RANKS = (
     ("quadrature", "status"),
-    ("path", "pointwise", "tracing"),
+    ("identity", "path", "pointwise", "tracing"),
     ("system",),
-    ("problem",),
-    ("scenes", "transcription"),
+    ("invariance", "pfaffian", "problem"),
+    ("contact", "scenes", "symmetry", "transcription"),
     ("branch", "continuation", "newton", "preflight", "refine", "variation"),
     ("jacobi",),
     ("conjugate", "index", "sensitivity", "varied"),

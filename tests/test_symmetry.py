@@ -1,0 +1,332 @@
+"""Symmetries against the book's conserved quantities, and against motions integrated by scipy."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import actionopt as ao
+from actionopt import scenes
+from actionopt.symmetry import cyclic, find_symmetries, is_mechanical, noether
+
+FORMULA_TOLERANCE = 1e-12
+INTEGRATION_TOLERANCE = 1e-9
+
+
+def motion(system, parameters=None, seed=0):
+    """Return q, v, t along a motion from a state in general position (no constraints)."""
+    n = system.n
+    y = 0.6 * np.random.default_rng(seed).standard_normal(2 * n)
+
+    def flow(t, y):
+        a = system.acceleration(y[:n], y[n:], t, parameters=parameters)
+        return np.concatenate([y[n:], a])
+
+    t = np.linspace(0.1, 0.9, 15)
+    run = solve_ivp(flow, (0.0, 1.0), y, "DOP853", t, rtol=1e-12, atol=1e-13)
+    return *np.split(run.y, 2), t
+
+
+def spread(quantity, q, v, t, parameters=None):
+    values = quantity(q, v, t, parameters=parameters)
+    return np.max(np.abs(values - values[0])) / max(1.0, np.max(np.abs(values)))
+
+
+def free(n):
+    return ao.System(lambda q, v, t: v @ v / 2, [f"x{i}" for i in range(n)])
+
+
+def oscillator_2d(kx=1.0, ky=1.0):
+    def lagrangian(q, v, t, *, kx, ky):
+        return (v @ v - kx * q[0] ** 2 - ky * q[1] ** 2) / 2
+
+    return ao.System(lagrangian, ["x", "y"], parameters={"kx": kx, "ky": ky})
+
+
+# -- noether ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "generator", "time", "fact"),
+    [
+        ("two_on_a_line", lambda q, t, *, a, b: [b, -a], 0, "b p1 - a p2"),
+        ("oscillator_2d", lambda q, t: [-q[1], q[0]], 0, "angular momentum"),
+        ("screw", lambda q, t, *, c: [c, 1.0], 0, "screw momentum"),
+        ("kepler", lambda q, t: [-q[1], q[0]], 0, "angular momentum"),
+        ("inverted_cone", [0, 1], 0, "angular momentum"),
+        ("pendulum", [0], -1, "energy"),
+        ("rod_pendulum", [0, 0], -1, "energy"),
+        ("hoop_bead", [0], -1, "energy in the turning frame"),
+    ],
+)
+def test_conserved_quantities_are_the_book_s(name, generator, time, fact):
+    scene = scenes.get(name)
+    problem = scene.problem
+    known = scene.facts["conserved"][fact]
+    found = noether(problem.system, generator, time=time)
+    solution = ao.solve(problem, tol=1e-11, guess=scene.guess)
+    t = np.linspace(problem.start.t, problem.end.t, 11)
+    q, v = solution(t), solution.velocity(t)
+    values = found(q, v, t, parameters=problem.parameters)
+    assert np.max(np.abs(values - known(q, v, t))) < FORMULA_TOLERANCE * np.max(np.abs(values))
+    assert found.drift(solution) < INTEGRATION_TOLERANCE
+    assert found(q[:, 0], v[:, 0], t[0], parameters=problem.parameters).shape == ()
+
+
+def test_drift_sees_parameters_that_break_the_symmetry():
+    momentum = noether(oscillator_2d(), lambda q, t: [-q[1], q[0]])
+    ends = ao.Event(0, [0.3, -0.5]), ao.Event(1, [0.7, 0.4])
+    for ky, low, high in ((1.0, 0.0, 1e-11), (1.3, 1e-3, 1.0)):
+        system = momentum.system
+        solution = ao.solve(ao.Problem(system, *ends, parameters={"ky": ky}), tol=1e-12)
+        assert low <= momentum.drift(solution) <= high
+
+
+@pytest.mark.parametrize(
+    ("generator", "time", "words"),
+    [
+        (lambda q, t: [1.0, 0.0], 0, "no total derivative"),
+        (lambda q, t: [q[1], q[0]], 0, "no total derivative"),
+        (lambda q, t: [0.0, 0.0], lambda t: t, "no total derivative"),
+        (lambda q, t: [0.0], 0, "return 2 values, found 1"),
+        (lambda q, t: [-q[1], q[0]], lambda q, t: t, r"expected time\(t"),
+    ],
+)
+def test_what_is_no_symmetry_is_refused(generator, time, words):
+    with pytest.raises(ValueError, match=words):
+        noether(oscillator_2d(), generator, time=time)
+
+
+def test_a_symmetry_of_some_parameters_is_checked_for_those():
+    system = oscillator_2d(ky=2.0)
+    with pytest.raises(ValueError, match="parameters"):
+        noether(system, lambda q, t: [-q[1], q[0]])
+    noether(system, lambda q, t: [-q[1], q[0]], parameters={"ky": 1.0})
+
+
+def test_symmetries_up_to_a_total_derivative():
+    """Boost: I = p t - m x. Falling: I = p_y + m g t. Oscillator: phase and amplitude."""
+    boost = noether(free(1), lambda q, t: [t])
+    assert abs(boost([0.3], [2.0], 0.7) - (2.0 * 0.7 - 0.3)) < FORMULA_TOLERANCE
+    projectile = scenes.get("projectile")
+    fall = noether(projectile.problem.system, [0, 1])
+    solution = ao.solve(projectile.problem, tol=1e-12)
+    assert fall.drift(solution) < FORMULA_TOLERANCE
+
+    def lagrangian(q, v, t, *, w):
+        return (v[0] ** 2 - (w * q[0]) ** 2) / 2
+
+    system = ao.System(lagrangian, ["x"], parameters={"w": 3.0})
+    phase = noether(system, lambda q, t, *, w: [np.cos(w * t)])
+    x, v, t = 0.4, -0.9, 1.3  # x' cos wt + w x sin wt: the velocity at t = 0
+    expected = v * np.cos(3 * t) + 3 * x * np.sin(3 * t)
+    assert abs(phase([x], [v], t) - expected) < FORMULA_TOLERANCE
+
+
+def test_a_gauge_may_be_given():
+    def lagrangian(q, v, t):
+        return v[0] ** 2 / 2 - 9.81 * q[0] / (1 + t**2)
+
+    system = ao.System(lagrangian, ["x"])
+    found = noether(system, [1.0], gauge=lambda q, t: -9.81 * np.arctan(t))
+    assert abs(found([0.2], [1.5], 0.4) - (1.5 + 9.81 * np.arctan(0.4))) < FORMULA_TOLERANCE
+    with pytest.raises(ValueError, match="no total derivative"):
+        noether(system, [1.0], gauge=lambda q, t: 9.81 * np.arctan(t))
+
+
+def test_constraints_must_be_kept():
+    """A body on a tilted circular hoop: turning about its axis is a symmetry, about z not."""
+    axis = np.array([0.0, 0.6, 0.8])
+
+    def constraint(q, t):
+        return [ao_dot(q, q) - 1, ao_dot(axis, q)]
+
+    def ao_dot(a, b):
+        return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+    def turning(d):
+        return lambda q, t: [
+            d[1] * q[2] - d[2] * q[1],
+            d[2] * q[0] - d[0] * q[2],
+            d[0] * q[1] - d[1] * q[0],
+        ]
+
+    system = ao.System(lambda q, v, t: v @ v / 2, ["x", "y", "z"], constraint=constraint)
+    found = noether(system, turning(axis))
+    q, v = np.array([0.0, 0.8, -0.6]), np.array([2.0, 0.0, 0.0])
+    assert abs(found(q, v, 0.0) - axis @ np.cross(q, v)) < FORMULA_TOLERANCE
+    with pytest.raises(ValueError, match="off their surface"):
+        noether(system, turning([0.0, 0.0, 1.0]))
+
+
+def test_forces_take_part():
+    """With drag -b x' the momentum p + b x is constant, not p; H of a driven body is not."""
+    system = ao.System(
+        lambda q, v, t, *, m: m * v[0] ** 2 / 2,
+        ["x"],
+        parameters={"m": 2.0, "b": 0.5},
+        force=lambda q, v, t, *, b: [-b * v[0]],
+    )
+    found = noether(system, [1.0])
+    assert abs(found([0.7], [3.0], 0.0) - (2.0 * 3.0 + 0.5 * 0.7)) < FORMULA_TOLERANCE
+    with pytest.raises(ValueError, match="no total derivative"):
+        noether(system, [0.0], time=1)
+    # x is not in L or Q, but its momentum is not constant either
+    assert system.structure.cyclic == ("x",) and cyclic(system) == {}
+
+
+def test_noether_s_theorem_along_motions():
+    def lagrangian(q, v, t):
+        r = np.sqrt(q[0] ** 2 + q[1] ** 2 + q[2] ** 2)
+        return (v @ v) / 2 + 1 / (1 + r**2) + q[2] * t
+
+    system = ao.System(lagrangian, ["x", "y", "z"])
+    found = noether(system, lambda q, t: [-q[1], q[0], 0])
+    assert spread(found, *motion(system)) < INTEGRATION_TOLERANCE
+    with pytest.raises(ValueError, match="no total derivative"):
+        noether(system, lambda q, t: [0, -q[2], q[1]])
+
+
+# -- cyclic coordinates and energy -------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "coordinates"),
+    [("kepler_spherical", ["phi"]), ("heavy_top", ["phi", "psi"]), ("pendulum", [])],
+)
+def test_cyclic_coordinates_are_found(name, coordinates):
+    system = scenes.get(name).problem.system
+    momenta = cyclic(system)
+    assert list(momenta) == coordinates
+    if momenta:
+        q, v, t = motion(system, seed=1)
+        for c, momentum in momenta.items():
+            k = system.coordinates.index(c)
+            assert spread(momentum, q, v, t) < INTEGRATION_TOLERANCE
+            difference = momentum(q, v, t) - system.momentum(q, v, t)[k]
+            assert np.max(np.abs(difference)) < FORMULA_TOLERANCE
+
+
+@pytest.mark.parametrize(
+    ("name", "mechanical"),
+    [
+        ("pendulum", True),
+        ("double_pendulum", True),
+        ("kepler_spherical", True),
+        ("turning_wire", True),  # in coordinates at rest, though energy is not conserved
+        ("damped_oscillator", True),
+        ("oscillating_wall", False),
+        ("rotating_frame_free", False),
+        ("charge_planar", False),
+        ("oscillator_gauge", False),
+    ],
+)
+def test_energy_is_mechanical(name, mechanical):
+    assert scenes.get(name).problem.system.energy_is_mechanical is mechanical
+
+
+def test_kinetic_energy_of_moving_coordinates_is_not_homogeneous():
+    def still(q, v, t, *, m, R):
+        return m * (R * v[0]) ** 2 / 2
+
+    def turning(q, v, t, *, m, R, w):
+        return m * R**2 * (v[0] ** 2 + (w * np.sin(q[0])) ** 2) / 2
+
+    hoop = scenes.get("hoop_bead").problem.system
+    assert hoop.energy_is_mechanical  # L alone does not tell
+    assert not is_mechanical(hoop, turning)
+    pendulum = scenes.get("pendulum").problem.system
+    assert is_mechanical(pendulum, lambda q, v, t, *, m, l: m * (l * v[0]) ** 2 / 2)
+    quartic = ao.System(lambda q, v, t: v[0] ** 4, ["x"])
+    assert not quartic.energy_is_mechanical
+
+
+# -- find_symmetries ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_free_particle_has_the_galilean_group_and_scaling(n):
+    """n translations, n boosts, n (n - 1) / 2 rotations, time, and x -> x d / 2, t -> t d."""
+    found = find_symmetries(free(n))
+    assert len(found) == 2 * n + n * (n - 1) // 2 + 2
+    [scaling] = [s for s in found if s.rate]
+    assert np.allclose(scaling.A * 2, np.eye(n) * scaling.rate, atol=1e-12)
+
+
+def test_bodies_of_unequal_mass_conserve_the_ten_integrals():
+    masses = np.array([1.0, 2.0, 0.5])
+
+    def lagrangian(q, v, t):
+        x, u = q.reshape(3, 3), v.reshape(3, 3)
+        L = 0.0
+        for i in range(3):
+            L = L + masses[i] * (u[i] @ u[i]) / 2
+            for j in range(i):
+                d = x[i] - x[j]
+                L = L + masses[i] * masses[j] / np.sqrt(d @ d)
+        return L
+
+    system = ao.System(lagrangian, [f"{c}{i}" for i in range(3) for c in "xyz"])
+    found = find_symmetries(system)
+    q, v, t = motion(system, seed=4)
+    values = np.array([s.conserved(q, v, t) for s in found])
+    assert np.max(np.abs(values - values[:, :1])) < 1e-8 * np.max(np.abs(values))
+    x, u = q.reshape(3, 3, -1), v.reshape(3, 3, -1)
+    P = np.einsum("i,ick->ck", masses, u)
+    N = P * t - np.einsum("i,ick->ck", masses, x)
+    J = np.einsum("i,ick->ck", masses, np.cross(x, u, axis=1))
+    R = np.einsum("i,ick->ck", masses, x) / masses.sum()
+    own = np.cross(R, P, axis=0)  # the centre of mass turns by itself: a free particle does
+    E = system.energy(q, v, t)
+    known = np.concatenate([P, N, J, own, [E]])
+    assert len(found) == len(known) == 13
+    # Each is a combination of the known ones, over many states.
+    rng = np.random.default_rng(5)
+    q, v, t = rng.standard_normal((9, 60)), rng.standard_normal((9, 60)), rng.standard_normal(60)
+    x, u = q.reshape(3, 3, -1), v.reshape(3, 3, -1)
+    P = np.einsum("i,ick->ck", masses, u)
+    R = np.einsum("i,ick->ck", masses, x) / masses.sum()
+    J = np.einsum("i,ick->ck", masses, np.cross(x, u, axis=1))
+    rows = [P, P * t - R * masses.sum(), J, np.cross(R, P, axis=0), [system.energy(q, v, t)]]
+    known = np.concatenate(rows).T
+    values = np.array([s.conserved(q, v, t) for s in found]).T
+    _, rest, rank, _ = np.linalg.lstsq(known, values, rcond=None)
+    assert rank == 13 and np.max(rest) < 1e-18 * np.max(np.abs(values)) ** 2 * len(values)
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("two_on_a_line", {"q1: 1, q2: 2", "t: 1", "q1: t, q2: 2 t"}),
+        ("oscillator_2d", {"t: 1", "x: -y, y: x"}),
+        ("kepler", {"t: 1", "x: -y, y: x"}),
+        ("screw", {"phi: 1, z: 0.666667", "t: 1", "phi: t, z: 0.666667 t"}),
+        ("heavy_top", {"phi: 1", "psi: 1", "t: 1"}),
+        ("double_pendulum", {"t: 1"}),
+        ("turning_wire", {"x: -1.5 y, y: 1.5 x, t: 1"}),
+        ("oscillating_wall", set()),
+    ],
+)
+def test_symmetries_are_found(name, expected):
+    scene = scenes.get(name)
+    found = find_symmetries(scene.problem.system)
+    assert {str(s) for s in found} == expected
+    solution = ao.solve(scene.problem, tol=1e-11, guess=scene.guess)
+    for symmetry in found:
+        assert symmetry.conserved.drift(solution) < INTEGRATION_TOLERANCE
+
+
+def test_symmetries_depend_on_the_numbers():
+    system = oscillator_2d(ky=2.0)
+    assert len(find_symmetries(system)) == 1
+    both = find_symmetries(system, parameters={"ky": 1.0})
+    assert [str(s) for s in both] == ["t: 1", "x: -y, y: x"]
+    assert np.allclose(both[1]([2.0, 3.0], 0.0), [-3.0, 2.0])
+
+
+def test_scaling_of_an_inverse_square_potential():
+    system = ao.System(lambda q, v, t: v @ v / 2 - 1 / (q @ q), ["x", "y"])
+    assert [str(s) for s in find_symmetries(system)] == [
+        "t: 1",
+        "x: x, y: y, t: 2 t",
+        "x: -y, y: x",
+    ]
