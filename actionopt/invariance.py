@@ -281,4 +281,4 @@ def points_of(system: System, packed: Array, count: int = POINTS) -> tuple[Array
 def _worst(terms: ca.SX, arguments, points) -> float:
     found = mismatch(terms, arguments, points)
     known = np.isfinite(found).all(axis=0)
-    return float(np.max(found[:, known])) if known.sum() > len(known) / 4 else np.inf
+    return float(np.max(found[:, known])) if np.mean(known) > 0.25 else np.inf
