@@ -10,15 +10,17 @@ it.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from actionopt.path import Mesh, NDInt
 from actionopt.quadrature import Array
 
-LOWEST, HIGHEST = 4, 24  # degrees that refinement uses
+DEGREES = np.array([4, 5, 6, 8, 10, 12, 14, 17, 20, 24])  # few, as each kind costs some time
 SPLITS = np.array([1, 2, 3, 4, 6, 8])
 LAYER = 0.6  # share of an element's movement between two nodes that makes it a layer
+TOO_FINE = 1e-3  # coefficients this far below their target need not be there
 DECAYING = 0.2  # a slower rate says nothing but that the element is far too long
 COEFFICIENT_FLOOR = 2e-16
 LOWEST_TARGET = 5e-16  # round-off in the coefficients themselves
@@ -30,66 +32,74 @@ class Resolution:
 
     Attributes
     ----------
+    mesh : Mesh
+    scaled : (K, n) array
+        Nodal coordinates in units of their sizes.
     omitted : (N,) array
-        Size of the first Legendre coefficient left out, relative to the coordinates' sizes.
+        Size of the first Legendre coefficient left out, in the same units.
     rate : (N,) array
         Natural logarithm of rho, the decay per degree.
-    steep : (2, N) array
-        Times of the two neighbouring nodes between which the path moves most, or NaN where
-        it moves elsewhere as well: where a layer or a kink sits that the element does not
-        resolve.
     """
 
+    mesh: Mesh
+    scaled: Array
     omitted: Array
     rate: Array
-    steep: Array
 
-    @property
+    @cached_property
     def worst(self) -> float:
         """The largest coefficient left out."""
-        return float(np.max(self.omitted))
+        return float(self.omitted.max())
+
+    def steep(self) -> Array:
+        """Return where a layer or a kink sits that an element does not resolve, (2, N).
+
+        The times of the two neighbouring nodes between which the path moves most, or NaN where
+        it moves elsewhere as well.
+        """
+        steep = np.empty((2, self.mesh.elements))
+        for _, which, index in self.mesh.groups:
+            moves = np.abs(np.diff(self.scaled[index], axis=1)).max(axis=2)
+            left = index[np.arange(which.size), np.argmax(moves, axis=1)]
+            alone = moves.max(axis=1) > LAYER * moves.sum(axis=1)
+            nodes = self.mesh.nodes
+            steep[:, which] = np.where(alone, [nodes[left], nodes[left + 1]], np.nan)
+        return steep
 
 
 def resolution(mesh: Mesh, Q: Array, sizes: Array) -> Resolution:
     """Return how `mesh` resolves the nodal coordinates Q (K, n), in units of `sizes` (n,)."""
     omitted, rate = np.empty(mesh.elements), np.empty(mesh.elements)
-    steep = np.empty((2, mesh.elements))
-    scaled, nodes = Q / sizes, mesh.nodes
+    scaled = Q / sizes
     for rule, which, index in mesh.groups:
-        coefficients = np.abs(rule.to_legendre @ scaled[index]).max(axis=2)  # (E, d + 1)
-        # The largest coefficient from k on: even and odd curves have every other one zero.
-        tail = np.maximum.accumulate(coefficients[:, ::-1], axis=1)[:, ::-1]
-        tail = np.maximum(tail, COEFFICIENT_FLOOR)
         d = rule.degree
         last, early = max(d - 1, 0), (d - 1) // 2
-        if last > early:
-            rate[which] = np.log(tail[:, early] / tail[:, last]) / (last - early)
-        else:
-            rate[which] = 0.0
+        # Coefficients before `early` say how large the path is, not how fast they decay.
+        coefficients = np.abs(rule.to_legendre[early:] @ scaled[index])  # (E, d + 1 - early, n)
+        # The largest coefficient from k on: even and odd curves have every other one zero.
+        final = np.maximum(coefficients[:, last - early :].max(axis=(1, 2)), COEFFICIENT_FLOOR)
+        largest = np.maximum(coefficients.max(axis=(1, 2)), COEFFICIENT_FLOOR)
+        rate[which] = slope = np.log(largest / final) / max(last - early, 1)
         # From the last pair to the first coefficient left out it is two degrees; few
         # coefficients do not tell a rate well enough to go that far.
-        omitted[which] = tail[:, last] * np.exp(-min(2.0, max(d - 2, 0) / 4) * rate[which])
-        moves = np.abs(np.diff(scaled[index], axis=1)).max(axis=2)
-        left = index[np.arange(which.size), np.argmax(moves, axis=1)]
-        alone = moves.max(axis=1) > LAYER * moves.sum(axis=1)
-        steep[:, which] = np.where(alone, [nodes[left], nodes[left + 1]], np.nan)
-    return Resolution(omitted, rate, steep)
+        omitted[which] = final * np.exp(-min(2.0, max(d - 2, 0) / 4) * slope)
+    return Resolution(mesh, scaled, omitted, rate)
 
 
-def refined(mesh: Mesh, found: Resolution, target: float, n: int) -> Mesh:
+def refined(found: Resolution, target: float) -> Mesh:
     """Return the cheapest mesh predicted to leave out no coefficient above `target`.
 
-    Each element may keep its place with another degree, or be split; `n` is the number of
-    coordinates, which sets the price of a degree.
+    Each element may keep its place with another degree, or be split.
     """
-    degrees = np.array(mesh.degrees)
-    parts, degree = _cheapest(degrees, found, target, n)
+    mesh, n = found.mesh, found.scaled.shape[1]
+    degrees, steep = np.array(mesh.degrees), found.steep()
+    parts, degree = _cheapest(degrees, found, steep, target, n)
     boundaries = [mesh.boundaries[:1]]
     new_degrees = []
     for e in range(mesh.elements):
         left, right = mesh.boundaries[e], mesh.boundaries[e + 1]
         if parts[e] == 0:
-            inner = [t for t in found.steep[:, e] if left < t < right]
+            inner = [t for t in steep[:, e] if left < t < right]
             cuts = np.array([*inner, right])
         else:
             cuts = np.linspace(left, right, parts[e] + 1)[1:]
@@ -98,7 +108,9 @@ def refined(mesh: Mesh, found: Resolution, target: float, n: int) -> Mesh:
     return Mesh(np.concatenate(boundaries), np.array(new_degrees))
 
 
-def _cheapest(degrees: NDInt, found: Resolution, target: float, n: int) -> tuple[NDInt, NDInt]:
+def _cheapest(
+    degrees: NDInt, found: Resolution, steep: Array, target: float, n: int
+) -> tuple[NDInt, NDInt]:
     """Return for each element the number of equal parts and their degree.
 
     No parts at all stand for an element in which nothing decays: it is cut where it is steepest.
@@ -113,16 +125,19 @@ def _cheapest(degrees: NDInt, found: Resolution, target: float, n: int) -> tuple
     target = max(target, LOWEST_TARGET)
     amplitude = np.log(found.omitted / target)[:, None] + rate * (degrees[:, None] + 1)
     need = np.ceil(amplitude / faster).astype(int)
-    # A prediction downwards is extrapolated far: give back at most a third of the degree.
-    need[:, 0] = np.maximum(need[:, 0], np.ceil(degrees * (2 / 3)).astype(int))
-    usable = need <= HIGHEST
-    need = np.clip(need, LOWEST, HIGHEST)
+    # A prediction downwards is extrapolated far: give back at most a third of the degree, and
+    # only where it is plainly too high.
+    least = np.where(found.omitted < TOO_FINE * target, np.ceil(degrees * (2 / 3)), degrees)
+    need[:, 0] = np.maximum(need[:, 0], least)
+    usable = need <= DEGREES[-1]
+    need = DEGREES[np.minimum(np.searchsorted(DEGREES, need), DEGREES.size - 1)]
     price = SPLITS * (need * (need + 2.0) * (need + 4.0 / n + 4.0))
     price = np.where(usable, price, np.inf)
+    price[found.omitted <= target, 1:] = np.inf
     choice = np.argmin(price, axis=1)
     each = np.arange(degrees.size)
     hopeless = ~usable.any(axis=1)
-    layer = (found.rate < DECAYING) & np.isfinite(found.steep[0])
+    layer = (found.rate < DECAYING) & np.isfinite(steep[0])
     parts = np.where(hopeless, np.where(layer, 0, 4), SPLITS[choice])
     kept = np.clip(degrees, 6, 12)
     return parts, np.where(hopeless, kept, need[each, choice])

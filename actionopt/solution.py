@@ -34,12 +34,6 @@ class Solution:
         The curve q(t).
     action : float
         S along the path.
-    start, end : State
-        The states at the events. Their velocities come from the discrete momenta
-        p0 = -dS/dq0, p1 = +dS/dq1, which are accurate to order 2d where the polynomial's
-        derivative is only of order d.
-    momenta : tuple of (n,) arrays
-        p0 and p1; with constraints, those of the motions that the constraints allow.
     lam : (m, K) array
         Multipliers of the discrete problem at the K nodes of the mesh, NaN at nodes without a
         constraint row (pinned ends); `multipliers(t)` is as accurate anywhere.
@@ -56,13 +50,37 @@ class Solution:
     problem: Problem
     path: Path
     action: float
-    start: State
-    end: State
-    momenta: tuple[Array, Array]
     lam: Array
     error: float
     status: Status
     stats: dict[str, Any]
+
+    @cached_property
+    def momenta(self) -> tuple[Array, Array]:
+        """Momenta p0 = -dS/dq0 and p1 = +dS/dq1 at the events, each (n,): accurate to order 2d.
+
+        With constraints, those of the motions that the constraints allow. Hamilton and Jacobi's
+        identities; Marsden and West (2001), section 1.3.
+        """
+        system, parameters = self.problem.system, self.problem.parameters
+        if not system.m:
+            return self._free_momenta
+        return tuple(  # type: ignore[return-value]
+            system.momentum(s.q, s.v, s.t, parameters=parameters) for s in (self.start, self.end)
+        )
+
+    @cached_property
+    def start(self) -> State:
+        """State at the start event; its velocity comes from the momentum there.
+
+        It is accurate to order 2d, where the polynomial's derivative is only of order d.
+        """
+        return self._state(0)
+
+    @cached_property
+    def end(self) -> State:
+        """State at the end event, as accurate as `start`."""
+        return self._state(1)
 
     @property
     def success(self) -> bool:
@@ -153,6 +171,21 @@ class Solution:
         from actionopt.compare import compare
 
         return compare(self)
+
+    @cached_property
+    def _free_momenta(self) -> tuple[Array, Array]:
+        tr, z = self.discrete
+        return tr.momenta(z)
+
+    def _state(self, k: int) -> State:
+        system, parameters = self.problem.system, self.problem.parameters
+        t, q = float(self.mesh.boundaries[-k]), self.path.values[:, -k]
+        v = self.path.velocity(t)
+        try:
+            v = system.velocity(q, self._free_momenta[k], t, v, parameters=parameters)
+        except (ValueError, np.linalg.LinAlgError):
+            pass  # a failed attempt may have no such velocity: the polynomial's stands
+        return State(t, q, v)
 
     def _pointwise(self, name: str, t: ArrayLike) -> Array:
         times = np.asarray(t, dtype=float)

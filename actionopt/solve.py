@@ -22,7 +22,7 @@ from actionopt.continuation import release
 from actionopt.newton import Followed, follow
 from actionopt.path import Mesh, Path
 from actionopt.preflight import check, project
-from actionopt.problem import Problem, State
+from actionopt.problem import Problem
 from actionopt.quadrature import Array
 from actionopt.refine import Resolution, refined, resolution
 from actionopt.solution import Solution
@@ -43,7 +43,7 @@ LADDER = (
 )
 NEAR_GUESS = (16, 32, 64)  # a guess has features that coarser meshes would miss
 LINEAR = 4  # elements to begin with where nothing has to be sought
-NEAR = 0.3  # a path that moves farther than this when refined, in its own size, is another one
+NEAR = 0.1  # a path that moves farther than this when refined, in its own size, is another one
 COARSE_DEGREE = 6
 ROUGHLY = 2e-2  # omitted coefficients below which a coarse path is worth refining
 ROUNDS = 20
@@ -102,6 +102,9 @@ def solve(
     started = perf_counter()
     start_curve = _checked(problem, tol, guess, principle, mesh)
     run = _Run(problem, tol, principle, mesh, start_curve)
+    if isinstance(guess, Solution):
+        run.gain = guess.stats["gain"]  # a neighbour is as sensitive
+        run.checked = guess.problem.system is problem.system
     status = run.go()
     solution = run.solution(status, perf_counter() - started)
     if throw and not solution.success:
@@ -122,6 +125,7 @@ class _Run:
     sizes: Array = field(init=False)
     tr: Transcription = field(init=False)
     z: Array = field(init=False)
+    resolved: tuple[Array, Resolution] | None = None  # of the current z
     checked: bool = False
     diverged: bool = False
     may_be_least: bool = False
@@ -219,8 +223,9 @@ class _Run:
         status = Status.NOT_FOUND
         for elements in NEAR_GUESS:
             curve = self.curve(self._coarse(elements))
+            mesh = self.given or (curve.mesh if elements == NEAR_GUESS[0] else None)
             self.sizes = _sizes(curve.values.T, self.problem.scales)
-            self._place(curve.mesh, curve)
+            self._place(mesh or self._coarse(elements), curve)
             if self._follow() or self._find("stationary") or self._release():
                 status = self._settle()
                 if status is not Status.UNRESOLVED:
@@ -234,7 +239,8 @@ class _Run:
     def _solve_linear(self) -> Status:
         self.rung = "linear"
         self.sizes = self.problem.scales
-        self._place(self.given or self._coarse(LINEAR), None)
+        coarse = self._coarse(LINEAR)
+        self._place(self.given or (self.curve(coarse).mesh if self.curve else coarse), None)
         return self._settle() if self._follow() else Status.DEGENERATE
 
     def _settle(self) -> Status:
@@ -247,7 +253,7 @@ class _Run:
             if self.error <= self.tol:
                 return Status.SOLVED
             target = self.tol / (2 * SAFETY * self.gain)
-            mesh = refined(self.tr.mesh, before, target, self.problem.system.n)
+            mesh = refined(before, target)
             if not self._carry(mesh, before):
                 return Status.UNRESOLVED
             resolved = self.gain * self.resolution().worst < self.noise
@@ -284,7 +290,10 @@ class _Run:
         self.tr = Transcription(self.problem, mesh, self.sizes)
         self.evaluations.update(self.tr.counts)
         self.tr.counts = self.evaluations
-        Q = self.tr.straight() if path is None else path(mesh.nodes).T
+        if path is None:
+            Q = self.tr.straight()
+        else:
+            Q = path.values.T if path.mesh is mesh else path(mesh.nodes).T
         if path is None and self.problem.system.m:
             Q = project(self.tr, Q)
         if not self.checked:
@@ -315,15 +324,20 @@ class _Run:
         self.time["solve"] += perf_counter() - clock
         return released is not None and self._follow()
 
-    def _follow(self) -> bool:
+    def _follow(self, reach: float = np.inf) -> bool:
+        """Polish the path where it is; False if it is not there, or farther than `reach`."""
         clock = perf_counter()
         result: Followed = follow(self.tr, self.z, linear=self.linear)
         self.iterations["newton"] += result.iterations
         self.time["solve"] += perf_counter() - clock
-        if result.converged:
+        arrived = result.converged and (self.linear or result.travelled < reach)
+        if arrived:
             self.z, self.noise = result.z, result.noise
+            # Amplified round-off tells how a small change anywhere is amplified.
+            self.gain = max(self.gain, self.noise / ROUNDOFF)
+            self.error = SAFETY * (self.gain * self.resolution().worst + self.noise + ROUNDOFF)
             self._record(perf_counter() - clock)
-        return result.converged
+        return arrived
 
     def _carry(self, mesh: Mesh, before: Resolution) -> bool:
         """Take the path to another mesh and polish it there; False if it was lost."""
@@ -334,7 +348,7 @@ class _Run:
         self._place(mesh, old)
         carried = self.tr.coordinates(self.z)
         self.z = self.tr.pack(carried, lam)
-        if not self._follow():
+        if not self._follow(reach=NEAR):
             if (
                 not self._find("patient least" if self.least else "stationary")
                 or not self._follow()
@@ -382,7 +396,10 @@ class _Run:
         return Path(self.tr.mesh, self.tr.coordinates(self.z).T)
 
     def resolution(self) -> Resolution:
-        return resolution(self.tr.mesh, self.tr.coordinates(self.z), self.sizes)
+        if self.resolved is None or self.resolved[0] is not self.z:
+            found = resolution(self.tr.mesh, self.tr.coordinates(self.z), self.sizes)
+            self.resolved = (self.z, found)
+        return self.resolved[1]
 
     def message(self, status: Status) -> str:
         name = self.problem.system.name or "problem"
@@ -397,19 +414,6 @@ class _Run:
         clock = perf_counter()
         path = self.path()
         action = tr.action(self.z[: tr.layout.unknowns]) * tr.action_unit
-        momenta = tr.momenta(self.z)
-        states = []
-        for k, (t, p) in enumerate(((problem.start.t, momenta[0]), (problem.end.t, momenta[1]))):
-            q, v = path.values[:, -k], path.velocity(t)
-            try:
-                v = system.velocity(q, p, t, v, parameters=problem.parameters)
-            except (ValueError, np.linalg.LinAlgError):
-                pass  # a failed attempt may have no such velocity; the polynomial's stands
-            states.append(State(t, q, v))
-        if system.m:
-            momenta = tuple(
-                system.momentum(s.q, s.v, s.t, parameters=problem.parameters) for s in states
-            )
         self.time["verify"] += perf_counter() - clock
         self.time["total"] = seconds + perf_counter() - clock
         layout = tr.layout
@@ -428,9 +432,7 @@ class _Run:
             "time": {k: float(v) for k, v in self.time.items()},
         }
         lam = tr.unpack(self.z)[1].T
-        solution = Solution(
-            problem, path, action, states[0], states[1], momenta, lam, self.error, status, stats
-        )
+        solution = Solution(problem, path, action, lam, self.error, status, stats)
         solution.__dict__["discrete"] = (tr, self.z)  # at hand already: nothing to rebuild
         return solution
 

@@ -110,21 +110,21 @@ def load(file: str | FilePath, system: System | str | None = None) -> Solution:
     mesh = Mesh(data["boundaries"], data["degrees"])
     path = Path(mesh, data["values"])
     problem = _problem(about, system, path, float(data["action"]))
-    start, end = (
-        State(float(mesh.boundaries[-k]), path.values[:, -k], data["velocities"][k]) for k in (0, 1)
-    )
-    return Solution(
+    solution = Solution(
         problem,
         path,
         float(data["action"]),
-        start,
-        end,
-        (data["momenta"][0], data["momenta"][1]),
         data["lam"],
         float(data["error"]),
         Status[about["status"]],
         about["stats"],
     )
+    ends = [
+        State(float(mesh.boundaries[-k]), path.values[:, -k], data["velocities"][k]) for k in (0, 1)
+    ]
+    # What a solution would derive from its system is in the file as well.
+    solution.__dict__.update(start=ends[0], end=ends[1], momenta=tuple(data["momenta"]))
+    return solution
 
 
 class Detached:
