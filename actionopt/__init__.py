@@ -1,5 +1,7 @@
 """Hamilton's principle as a boundary-value problem: a Lagrangian and two events in, a path out."""
 
+from actionopt.compare import Comparison
+from actionopt.forward import IntegrationError, integrate
 from actionopt.path import Mesh, Path
 from actionopt.problem import Event, Problem, State
 from actionopt.solution import Solution
@@ -9,7 +11,9 @@ from actionopt.store import load
 from actionopt.system import System
 
 __all__ = [
+    "Comparison",
     "Event",
+    "IntegrationError",
     "Mesh",
     "Path",
     "Problem",
@@ -18,6 +22,7 @@ __all__ = [
     "State",
     "Status",
     "System",
+    "integrate",
     "load",
     "solve",
 ]

@@ -17,6 +17,7 @@ from actionopt.transcription import Factors, Transcription
 
 CONTRACTION = 0.5  # a larger ratio of successive steps is not the neighbourhood of a path
 ROUNDOFF_STEP = 1e-9  # steps that stop contracting below this size are round-off
+ROUNDOFF = float(np.finfo(float).eps)
 TARGET = 1e-14  # in units of the coordinates' sizes; one step past it costs next to nothing
 
 
@@ -67,6 +68,8 @@ def follow(tr: Transcription, z: Array, *, linear: bool = False, steps: int = 12
             residual = tr.residual(z)
             ratio = rest / size if size else 0.0
             if linear or rest * ratio <= TARGET or (ratio > CONTRACTION and rest < ROUNDOFF_STEP):
+                if not residual.any():  # a path of zeros has no round-off of its own
+                    residual = _roundoff(tr, factors)
                 noise = _size(factors.solve(residual)[:cut])
                 return Followed(z, True, noise, k, _size((z - first)[:cut]))
             if ratio > CONTRACTION:
@@ -75,6 +78,13 @@ def follow(tr: Transcription, z: Array, *, linear: bool = False, steps: int = 12
         # what is left of the step says how little the path is determined.
         exhausted = _exhausted(tr, z, residual)
     return Followed(z, exhausted, rest, k, _size((z - first)[:cut]))
+
+
+def _roundoff(tr: Transcription, factors: Factors) -> Array:
+    """Return a residual of the size of round-off."""
+    pattern = tr.layout.kkt
+    terms = np.bincount(pattern.row, np.abs(factors.nonzeros), tr.layout.size)
+    return ROUNDOFF * np.cos(np.arange(terms.size)) * terms
 
 
 def _exhausted(tr: Transcription, z: Array, residual: Array) -> bool:

@@ -256,7 +256,8 @@ class _Run:
             mesh = refined(before, target)
             if not self._carry(mesh, before):
                 return Status.UNRESOLVED
-            resolved = self.gain * self.resolution().worst < self.noise
+            worst = self.resolution().worst
+            resolved = worst < MEASURABLE or self.gain * worst < self.noise
             if resolved and SAFETY * self.noise > self.tol:
                 return Status.DEGENERATE if self.noise > UNDETERMINED else Status.FLOOR
             stalled = stalled + 1 if self.resolution().worst > before.worst / 2 else 0

@@ -269,7 +269,7 @@ class System:
         derivative of f, less its acceleration term.
         """
         s, d = self.symbols, self.derivatives
-        bias = d.Lq - d.Lqv.T @ s.v - ca.jacobian(d.Lv, s.t)
+        bias = d.Lq - ca.jtimes(d.Lv, s.q, s.v) - ca.jacobian(d.Lv, s.t)
         if self.Q.numel():
             bias += self.Q
         M = d.Lvv + ca.triu(d.Lvv, False).T

@@ -68,10 +68,11 @@ class _Function(ca.Callback):
         inputs: Sequence[tuple[str, ca.Sparsity]],
         outputs: Sequence[tuple[str, ca.Sparsity]],
         evaluate: Callable[..., Sequence[object]],
+        interrupted: list[bool],
     ) -> None:
         ca.Callback.__init__(self)
         self.inputs, self.outputs, self.evaluate = inputs, outputs, evaluate
-        self.interrupted = False
+        self.interrupted = interrupted
         self.construct(name, {})
 
     def get_n_in(self) -> int:
@@ -96,11 +97,14 @@ class _Function(ca.Callback):
         return True
 
     def eval_buffer(self, arg, res) -> int:
+        if self.interrupted:
+            return 1
         try:
             values = self.evaluate(*[None if a is None else np.frombuffer(a) for a in arg])
         except KeyboardInterrupt:
-            # An exception cannot cross Ipopt: it is raised again when the solver has returned.
-            self.interrupted = True
+            # An exception cannot cross Ipopt: it is raised again when the solver has returned,
+            # soon, as every evaluation fails from here on.
+            self.interrupted.append(True)
             return 1
         for memory, value in zip(res, values, strict=True):
             if memory is not None and len(memory):
@@ -130,11 +134,18 @@ class _Solver:
         else:
             J, H = layout.kkt.sparsity, ca.Sparsity(size, size)
             functions = (self._root, self._root_gradient, self._root_rows, self._root_hessian)
+        self.interrupted: list[bool] = []  # shared by the functions
         self.functions = [
-            _Function("nlp", [x, p], [f, g], functions[0]),
-            _Function("nlp_grad_f", [x, p], [f, grad], functions[1]),
-            _Function("nlp_jac_g", [x, p], [g, ("jac_g_x", J)], functions[2]),
-            _Function("nlp_hess_l", [x, p, *lam], [("triu_hess_gamma_x_x", H)], functions[3]),
+            _Function("nlp", [x, p], [f, g], functions[0], self.interrupted),
+            _Function("nlp_grad_f", [x, p], [f, grad], functions[1], self.interrupted),
+            _Function("nlp_jac_g", [x, p], [g, ("jac_g_x", J)], functions[2], self.interrupted),
+            _Function(
+                "nlp_hess_l",
+                [x, p, *lam],
+                [("triu_hess_gamma_x_x", H)],
+                functions[3],
+                self.interrupted,
+            ),
         ]
         options = {
             **OPTIONS,
@@ -200,9 +211,8 @@ def find(tr: Transcription, z: Array, principle: Principle) -> Attempt:
         answer = mine.solver(x0=z[:cut] if principle != "stationary" else z, lbg=bound, ubg=bound)
     stats = mine.solver.stats()
     status = stats["return_status"]
-    if status == "NonIpopt_Exception_Thrown" or any(f.interrupted for f in mine.functions):
-        for f in mine.functions:
-            f.interrupted = False
+    if status == "NonIpopt_Exception_Thrown" or mine.interrupted:
+        mine.interrupted.clear()
         raise KeyboardInterrupt
     found = np.asarray(answer["x"]).ravel()
     if principle != "stationary":
