@@ -29,7 +29,7 @@ def refused(system, *events, match, **options):
     assert not tr.layout.solvers
 
 
-# -- mass matrices -------------------------------------------------------------------------------
+# -- mass matrices --------------------------------------------------------------------------------
 
 
 SINGULAR = {
@@ -96,7 +96,7 @@ def test_a_massless_coordinate_beside_a_constraint_is_not():
     )
 
 
-# -- constraints ---------------------------------------------------------------------------------
+# -- constraints ----------------------------------------------------------------------------------
 
 
 def constrained(constraint, n=3):
@@ -187,7 +187,7 @@ def test_a_closed_four_bar_loop_is_redundant_by_one_row():
     assert np.max(np.abs(solution(np.linspace(0, 1, 9)) - at(angle))) <= 1e-7
 
 
-# -- values that are none --------------------------------------------------------------------------
+# -- values that are none -------------------------------------------------------------------------
 
 
 def test_a_singularity_all_along_the_straight_line():
@@ -200,7 +200,7 @@ def test_a_singularity_all_along_the_straight_line():
     )
 
 
-# -- arguments of solve ----------------------------------------------------------------------------
+# -- arguments of solve ---------------------------------------------------------------------------
 
 
 PLANE = System(lambda q, v, t: kinetic(v), ["x", "y"])
@@ -253,7 +253,7 @@ def test_forces_have_no_least_principle():
     refused(DRAG, principle="least", match="virtual work, and no functional is minimised")
 
 
-# -- projection ------------------------------------------------------------------------------------
+# -- projection -----------------------------------------------------------------------------------
 
 
 def sphere(radius=1.0):

@@ -1,0 +1,224 @@
+"""What a solution says of its path: shapes, ends, momenta, multipliers."""
+
+import numpy as np
+import pytest
+
+import actionopt as ao
+from actionopt import Event, Mesh, Problem, System, scenes
+from actionopt.status import Status
+
+FORMULA_TOLERANCE = 1e-10  # two ways to one number on a path that is good to 1e-12
+
+
+@pytest.fixture(scope="module")
+def rod():
+    return ao.solve(scenes.get("rod_pendulum", m=1.5, l=0.8).problem, tol=1e-12)
+
+
+@pytest.fixture(scope="module")
+def kepler():
+    return ao.solve(scenes.get("kepler").problem, tol=1e-12)
+
+
+# -- shapes ---------------------------------------------------------------------------------------
+
+
+VECTORS = {"__call__": 2, "velocity": 2, "momentum": 2, "acceleration": 2, "constraint_force": 2}
+ROWS = {**VECTORS, "multipliers": 1, "energy": None}
+
+
+@pytest.mark.parametrize("method", ROWS)
+@pytest.mark.parametrize("shape", [(), (1,), (7,), (3, 4), (0,)])
+def test_shapes_follow_the_times(rod, method, shape):
+    t = np.linspace(0.1, 0.9, int(np.prod(shape))).reshape(shape)
+    rows = ROWS[method]
+    values = getattr(rod, method)(t)
+    assert values.shape == (shape if rows is None else (rows, *shape))
+    if t.size:
+        last = getattr(rod, method)(float(t.ravel()[-1]))
+        assert values[..., *([-1] * t.ndim)] == pytest.approx(last, rel=1e-12)
+
+
+def test_without_constraints_there_are_no_multipliers(kepler):
+    assert kepler.multipliers(0.5).shape == (0,)
+    assert kepler.multipliers([0.1, 0.2]).shape == (0, 2)
+    assert np.array_equal(kepler.constraint_force([0.1, 0.2]), np.zeros((2, 2)))
+    assert kepler.lam.shape == (0, kepler.mesh.nodes.size)
+
+
+@pytest.mark.parametrize("method", [*ROWS])
+def test_no_extrapolation(rod, method):
+    for t in (-0.1, 1.1, [0.5, 1.01]):
+        with pytest.raises(ValueError, match="expected times within"):
+            getattr(rod, method)(t)
+
+
+def test_lists_are_times_too(kepler):
+    assert np.array_equal(kepler([0.1, 0.2]), kepler(np.array([0.1, 0.2])))
+    assert kepler(0).shape == (2,)
+
+
+# -- what belongs together ------------------------------------------------------------------------
+
+
+def test_the_ends_are_the_events(rod, kepler):
+    for solution in (rod, kepler):
+        problem = solution.problem
+        for state, event, k in (
+            (solution.start, problem.start, 0),
+            (solution.end, problem.end, -1),
+        ):
+            assert state.t == event.t == solution.mesh.boundaries[k]
+            assert np.array_equal(state.q, event.q)
+            assert np.array_equal(solution(event.t), event.q)
+        assert solution.success and solution.status is Status.SOLVED
+        assert solution.path.mesh is solution.mesh
+        assert solution.path(0.3) == pytest.approx(solution(0.3), rel=1e-15)
+
+
+def test_pointwise_quantities_are_those_of_the_system(rod):
+    system, parameters, t = rod.problem.system, rod.problem.parameters, np.linspace(0, 1, 9)
+    q, v = rod(t), rod.velocity(t)
+    for name in ("momentum", "energy", "acceleration", "multipliers", "constraint_force"):
+        known = getattr(system, name)(q, v, t, parameters=parameters)
+        assert np.array_equal(getattr(rod, name)(t), known)
+    m, g = (float(parameters[name]) for name in "mg")
+    assert rod.momentum(t) == pytest.approx(m * v, rel=1e-14)
+    assert rod.energy(t) == pytest.approx(m * np.sum(v**2, axis=0) / 2 + m * g * q[1], rel=1e-12)
+
+
+def test_the_path_obeys_newton(rod):
+    # m a = gravity + force of constraint, a from the path itself.
+    t = np.linspace(0, 1, 41)
+    m, g = (float(rod.problem.parameters[name]) for name in "mg")
+    weight = np.array([0.0, -m * g])[:, None]
+    a = rod.path.acceleration(t)
+    assert np.max(np.abs(m * a - weight - rod.constraint_force(t))) <= 1e-7  # two derivatives
+    assert np.max(np.abs(m * a - weight)) > 1  # without the rod it does not
+
+
+@pytest.mark.parametrize("name", ["kepler", "rod_pendulum", "turning_wire", "oscillating_wall"])
+def test_velocities_at_the_ends_are_superconvergent(name):
+    scene = scenes.get(name)
+    t0, t1 = scene.problem.start.t, scene.problem.end.t
+    exact = [scene.facts["velocity"](t) for t in (t0, t1)]
+    size = np.max(np.abs(exact))
+
+    def misses(elements, degree=3):
+        mesh = Mesh.uniform(t0, t1, elements, degree)
+        solution = ao.solve(scene.problem, mesh=mesh, guess=scene.exact)
+        pairs = zip((solution.start, solution.end), exact, strict=True)
+        momenta = [np.max(np.abs(state.v - v)) for state, v in pairs]
+        slopes = [
+            np.max(np.abs(solution.velocity(t) - v)) for t, v in zip((t0, t1), exact, strict=True)
+        ]
+        return np.array([max(momenta), max(slopes)]) / size
+
+    coarse, fine = misses(8), misses(16)
+    orders = np.log2(coarse / fine)
+    assert orders[0] > 5.3  # 2d = 6
+    assert orders[1] < 4.2  # the derivative of the polynomial has order d = 3
+    assert fine[0] < fine[1] / 30
+
+
+def test_momenta_are_derivatives_of_the_action():
+    # p0 = -dS/dq0, p1 = dS/dq1 and dS/dt1 = -H(t1), by differences of solved problems.
+    scene = scenes.get("kepler")
+    system, h = scene.problem.system, 1e-3
+    q0, q1, T = np.array(scene.problem.start.q), np.array(scene.problem.end.q), 2.0
+    q1 = scene.exact(T)
+
+    def S(q0, q1, T):
+        return ao.solve(Problem(system, Event(0, q0), Event(T, q1)), tol=1e-12).action
+
+    solution = ao.solve(Problem(system, Event(0, q0), Event(T, q1)), tol=1e-12)
+
+    def slope(f):  # sixth order: error h^6 and rounding 1e-13 / h
+        return (45 * (f(h) - f(-h)) - 9 * (f(2 * h) - f(-2 * h)) + f(3 * h) - f(-3 * h)) / (60 * h)
+
+    for i, e in enumerate(np.eye(2)):
+        p0 = -slope(lambda s, e=e: S(q0 + s * e, q1, T))
+        p1 = slope(lambda s, e=e: S(q0, q1 + s * e, T))
+        assert solution.momenta[0][i] == pytest.approx(p0, abs=1e-9)
+        assert solution.momenta[1][i] == pytest.approx(p1, abs=1e-9)
+    assert -solution.energy(T) == pytest.approx(slope(lambda s: S(q0, q1, T + s)), abs=1e-9)
+
+
+@pytest.mark.parametrize("parameters", [{}, {"m": 2.0, "k": 3.0, "start": -0.4, "duration": 1.1}])
+def test_momenta_of_the_oscillator_are_those_of_the_book(parameters):
+    scene = scenes.get("oscillator", **parameters)
+    m, k = (float(scene.problem.parameters[name]) for name in "mk")
+    (x0,), (x1,), T = scene.problem.start.q, scene.problem.end.q, scene.problem.duration
+    w = np.sqrt(k / m)
+    solution = ao.solve(scene.problem, tol=1e-12)
+    # S = m w ((x0^2 + x1^2) cos wT - 2 x0 x1) / (2 sin wT), Feynman and Hibbs, problem 2-2.
+    p0 = -m * w * (x0 * np.cos(w * T) - x1) / np.sin(w * T)
+    p1 = m * w * (x1 * np.cos(w * T) - x0) / np.sin(w * T)
+    assert solution.momenta[0][0] == pytest.approx(p0, rel=1e-12)
+    assert solution.momenta[1][0] == pytest.approx(p1, rel=1e-12)
+    assert solution.start.v[0] == pytest.approx(p0 / m, rel=1e-12)
+
+
+def test_momenta_of_constrained_motions_are_tangent(rod):
+    m = float(rod.problem.parameters["m"])
+    for state, p in zip((rod.start, rod.end), rod.momenta, strict=True):
+        assert p == pytest.approx(m * state.v, rel=1e-12)
+        assert abs(p @ state.q) <= 1e-12 * np.linalg.norm(p)
+
+
+# -- multipliers ----------------------------------------------------------------------------------
+
+
+def test_multipliers_of_the_nodes_are_those_of_the_equations(rod):
+    nodes, m = rod.mesh.nodes, 1
+    assert rod.lam.shape == (m, nodes.size)
+    assert np.isnan(rod.lam[:, [0, -1]]).all()
+    inner = slice(1, -1)
+    difference = rod.lam[:, inner] - rod.multipliers(nodes[inner])
+    assert np.max(np.abs(difference)) <= 1e-5 * np.max(np.abs(rod.lam[:, inner]))
+
+
+def has_known_multipliers(name):
+    scene = scenes.get(name)
+    return scene.exact is not None and "multipliers" in scene.facts
+
+
+@pytest.mark.parametrize("name", filter(has_known_multipliers, scenes.SCENES))
+def test_multipliers_are_those_of_the_book(name):
+    scene = scenes.get(name)
+    known = scene.facts["multipliers"]
+    solution = ao.solve(scene.problem, tol=1e-12, guess=scene.guess)
+    t = np.linspace(scene.problem.start.t, scene.problem.end.t, 101)
+    lam = known(scene.exact(t), scene.facts["velocity"](t), t)
+    assert np.max(np.abs(solution.multipliers(t) - lam)) <= 1e-8 * np.max(np.abs(lam))
+    assert np.max(np.abs(1.00001 * solution.multipliers(t) - lam)) > 1e-8 * np.max(np.abs(lam))
+
+
+# -- what is computed when asked ------------------------------------------------------------------
+
+
+def test_costly_things_are_made_once_and_on_demand():
+    system = System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]), ["x"])
+    solution = ao.solve(Problem(system, Event(0, 0.2), Event(1, 0.5)))
+    assert "inertia" not in vars(solution) and "_comparison" not in vars(solution)
+    assert solution.morse_index == 0 and solution.kind == "minimum"
+    assert solution.compare() is solution.compare()
+    assert solution.compare().position <= 1e-7
+
+
+def test_numbers_cannot_be_overwritten(kepler):
+    for array in (kepler.path.values, kepler.start.q, kepler.start.v, kepler.mesh.boundaries):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0.0
+    with pytest.raises(AttributeError):
+        kepler.action = 0.0
+
+
+def test_conserved_energy_and_its_rate():
+    # dH/dt = -dL/dt along a motion; here H of the oscillating wall is not conserved.
+    quiet = ao.solve(scenes.get("kepler").problem, tol=1e-12)
+    H = quiet.energy(np.linspace(0, quiet.problem.end.t, 51))
+    assert np.ptp(H) <= 1e-8 * abs(H[0])
+    shaken = ao.solve(scenes.get("oscillating_wall").problem, tol=1e-12)
+    H = shaken.energy(np.linspace(0, shaken.problem.end.t, 51))
+    assert np.ptp(H) > 0.1

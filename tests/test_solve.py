@@ -1,0 +1,663 @@
+"""What a solve promises: paths known in closed form or by forward integration, and verdicts."""
+
+import os
+import signal
+import subprocess
+import sys
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_bvp, solve_ivp
+
+import actionopt as ao
+from actionopt import Event, Mesh, Problem, SolveError, Status, System, scenes
+from actionopt.quadrature import lgl
+from actionopt.transcription import Transcription
+
+EPS = np.finfo(float).eps
+TOLS = (1e-3, 1e-6, 1e-9, 1e-12)
+FORWARD = 1e-9  # agreement with a forward integration that is good to 1e-11 or so
+
+
+def times(problem, count=401):
+    return np.linspace(problem.start.t, problem.end.t, count)
+
+
+def relative_error(curve, exact, t):
+    """Largest |q_h - q|, each coordinate in units of the largest it reaches: what tol bounds."""
+    known = exact(t)
+    size = np.max(np.abs(known), axis=1)
+    size = np.where(size > 1e-12 * size.max(), size, size.max())
+    return float(np.max(np.max(np.abs(curve(t) - known), axis=1) / size))
+
+
+def forward(solution, factor=1.0, rtol=1e-13):
+    """Integrate from the solution's own start, independently: a function of (K,) times.
+
+    The start velocity is multiplied by `factor`.
+    """
+    problem = solution.problem
+    n = problem.system.n
+
+    def flow(t, y):
+        a = problem.system.acceleration(y[:n], y[n:], t, parameters=problem.parameters)
+        return np.concatenate([y[n:], a])
+
+    start = np.concatenate([solution.start.q, factor * solution.start.v])
+    span = problem.start.t, problem.end.t
+    run = solve_ivp(flow, span, start, "DOP853", rtol=rtol, atol=rtol / 10, dense_output=True)
+    return lambda t: run.sol(t)[:n]
+
+
+# -- linear equations of motion -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("T", [2.5, 10.0])
+@pytest.mark.parametrize("parameters", [{}, {"m": 3.0, "k": 4.1, "start": -2.0, "end": 7.0}])
+def test_the_oscillator_takes_one_newton_step_a_mesh(T, parameters):
+    scene = scenes.get("oscillator", duration=T, **parameters)
+    solution = ao.solve(scene.problem, tol=1e-12)
+    t = times(scene.problem)
+    assert relative_error(solution, scene.exact, t) <= 1e-12
+    assert solution.stats["iterations"] == {"newton": len(solution.stats["rounds"])}
+    assert solution.stats["rung"] == "linear"
+    assert solution.action == pytest.approx(scene.facts["action"], rel=1e-12)
+    # The oracle feels a change in the twelfth digit.
+    assert relative_error(lambda t: (1 + 3e-12) * solution(t), scene.exact, t) > 1e-12
+
+
+@pytest.mark.parametrize("T", [3.3, 10.0])
+def test_past_a_conjugate_point_nothing_is_least(T):
+    problem = scenes.get("oscillator", duration=T).problem
+    assert ao.solve(problem).status is Status.SOLVED
+    assert ao.solve(problem, principle="stationary").status is Status.SOLVED
+    with pytest.raises(SolveError) as failure:
+        ao.solve(problem, principle="least")
+    message = str(failure.value)
+    assert "unbounded below" in message and "past a conjugate point" in message
+    assert "try principle='stationary' or 'auto'" in message
+    assert failure.value.solution.status is Status.UNBOUNDED
+    assert ao.solve(scenes.get("oscillator", duration=3.0).problem, principle="least").success
+
+
+def test_past_many_conjugate_points():
+    scene = scenes.get("oscillator", duration=30.5 * np.pi)
+    solution = ao.solve(scene.problem, tol=1e-10)
+    assert relative_error(solution, scene.exact, times(scene.problem, 4001)) <= 1e-10
+
+
+@pytest.mark.parametrize("half_periods", [1, 3])
+@pytest.mark.parametrize("ends", [(1.0, 0.5), (0.0, 0.0), (1.0, -1.0)])
+def test_an_end_conjugate_to_the_start_is_diagnosed(half_periods, ends):
+    system = scenes.get("oscillator").problem.system
+    T = half_periods * np.pi
+    problem = Problem(system, Event(0, ends[0]), Event(T, ends[1]))
+    if ends == (0.0, 0.0) and half_periods == 3:
+        pytest.skip("rest is resolved by a mesh too coarse to hold the third half period")
+    with pytest.raises(SolveError, match=r"conjugate to the start event.*not determined"):
+        ao.solve(problem)
+    assert ao.solve(problem, throw=False).status is Status.DEGENERATE
+
+
+def test_round_off_that_forbids_the_tolerance_is_said():
+    # The end point is amplified by 1 / sin(w T) = 1e5 along the path.
+    system = scenes.get("oscillator").problem.system
+    T = np.pi + 1e-7
+    problem = Problem(system, Event(0, 1.0), Event(T, -1.0 + 1e-9))
+    solution = ao.solve(problem, tol=1e-13, throw=False)
+    assert solution.status in (Status.FLOOR, Status.DEGENERATE)
+
+    def exact(t):
+        return ((np.sin(T - t) + (-1 + 1e-9) * np.sin(t)) / np.sin(T))[None]
+
+    t = times(problem)
+    assert relative_error(solution, exact, t) <= solution.error
+    assert ao.solve(problem, tol=1e-6).success
+
+
+# -- the motions of the book ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("parameters", [{}, {"mu": 3.0, "a": 0.4, "start": 0.1}])
+def test_kepler_arc_continued_forward(parameters):
+    scene = scenes.get("kepler", eccentricity=0.6, fraction=0.4, **parameters)
+    solution = ao.solve(scene.problem, tol=1e-11)
+    t = times(scene.problem)
+    assert relative_error(solution, forward(solution), t) <= FORWARD
+    assert relative_error(solution, scene.exact, t) <= 1e-11
+
+
+def test_double_pendulum_continued_forward():
+    problem = scenes.get("double_pendulum", duration=2.0).problem
+    solution = ao.solve(problem, tol=1e-11)
+    assert relative_error(solution, forward(solution), times(problem)) <= FORWARD
+    # The oracle feels a start velocity that is wrong in the eighth digit.
+    wrong = forward(solution, factor=1 + 1e-8)
+    assert relative_error(solution, wrong, times(problem)) > FORWARD
+
+
+@pytest.mark.parametrize("parameters", [{}, {"m": 2.5, "l": 0.7, "g": 1.62, "duration": 1.7}])
+def test_rod_pendulum_is_the_angle_formulation(parameters):
+    rod, twin = (scenes.get(name, **parameters) for name in ("rod_pendulum", "pendulum"))
+    m, l, g = (float(rod.problem.parameters[name]) for name in "mlg")
+    solution = ao.solve(rod.problem, tol=1e-12)
+    angle = ao.solve(twin.problem, tol=1e-12)
+    t = times(rod.problem)
+    theta, rate = angle(t)[0], angle.velocity(t)[0]
+    x, y = solution(t)
+    assert np.max(np.abs(x - l * np.sin(theta))) <= 1e-11 * l
+    assert np.max(np.abs(y + l * np.cos(theta))) <= 1e-11 * l
+    tension = m * l * rate**2 + m * g * np.cos(theta)
+    assert np.max(np.abs(-2 * l * solution.multipliers(t)[0] - tension)) <= 1e-8 * m * g
+    inward = -np.sum(solution.constraint_force(t) * solution(t), axis=0) / l
+    assert np.max(np.abs(inward - tension)) <= 1e-8 * m * g
+    assert np.max(np.abs(theta - twin.exact(t)[0])) <= 1e-11
+
+
+@pytest.mark.parametrize("parameters", [{}, {"m": 0.2, "M": 5.0, "angle": 1.1, "g": 1.62}])
+def test_the_wedge_accelerates_as_it_should(parameters):
+    problem = scenes.get("sliding_wedge", **parameters).problem
+    m, M, angle, g = (float(problem.parameters[name]) for name in ("m", "M", "angle", "g"))
+    solution = ao.solve(problem, tol=1e-12)
+    known = -m * g * np.sin(angle) * np.cos(angle) / (M + m * np.sin(angle) ** 2)
+    t = times(problem)
+    assert np.max(np.abs(solution.acceleration(t)[0] - known)) <= 1e-10
+    # And by second differences of the path itself, which the parabola makes exact.
+    h = t[1] - t[0]
+    second = np.diff(solution(t[::40])[0], 2) / (40 * h) ** 2
+    assert np.max(np.abs(second - known)) <= 1e-10
+
+
+@pytest.mark.parametrize("parameters", [{}, {"m": 0.3, "k": 7.0, "A": 2.0, "w": 1.1, "end": 3.0}])
+def test_oscillating_wall_is_a_driven_oscillator(parameters):
+    problem = scenes.get("oscillating_wall", **parameters).problem
+    m, k, A, w = (float(problem.parameters[name]) for name in ("m", "k", "A", "w"))
+    (x0,), (x1,), T = problem.start.q, problem.end.q, problem.duration
+    # x'' = -w0^2 x + A w^2 cos wt: a particular solution, and two constants from the ends.
+    w0 = np.sqrt(k / m)
+    C = A * w**2 / (w0**2 - w**2)
+    a = x0 - C
+    b = (x1 - C * np.cos(w * T) - a * np.cos(w0 * T)) / np.sin(w0 * T)
+    solution = ao.solve(problem, tol=1e-12)
+    t = times(problem)
+    known = a * np.cos(w0 * t) + b * np.sin(w0 * t) + C * np.cos(w * t)
+    assert np.max(np.abs(solution(t)[0] - known)) <= 1e-10
+
+
+# -- order, and what is conserved on any mesh -----------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["pendulum", "rod_pendulum"])
+@pytest.mark.parametrize(("degree", "counts"), [(1, (32, 128)), (2, (12, 48)), (3, (6, 16))])
+def test_order_at_the_element_ends(name, degree, counts):
+    scene = scenes.get(name, duration=0.5)
+    errors, count = [], np.geomspace(*counts, 4).round().astype(int)
+    for N in count:
+        mesh = Mesh.uniform(0.0, 0.5, N, degree)
+        solution = ao.solve(scene.problem, mesh=mesh)
+        ends = mesh.boundaries
+        errors.append(np.max(np.abs(solution(ends) - scene.exact(ends))))
+    assert errors[-1] > 1e-13  # not yet rounding
+    order = -np.polyfit(np.log(count), np.log(errors), 1)[0]
+    assert order == pytest.approx(2 * degree, abs=0.1)
+
+
+@pytest.mark.parametrize(("elements", "degree"), [(12, 2), (6, 4), (30, 1)])
+def test_angular_momentum_is_conserved_on_any_mesh(elements, degree):
+    scene = scenes.get("kepler")
+    mesh = Mesh.uniform(0.0, scene.problem.end.t, elements, degree)
+    solution = ao.solve(scene.problem, mesh=mesh, guess=scene.exact)
+    rule, h = lgl(degree), mesh.lengths[0]
+    found = []
+    for first in mesh.offsets[:-1]:
+        q = solution.path.values[:, first : first + degree + 1]
+        v = 2 / h * q @ rule.derivative.T
+        force = -q / np.hypot(*q) ** 3
+        # p at the element's ends are the derivatives of its action.
+        p = h / 2 * rule.weights * force + (rule.weights * v) @ rule.derivative
+        for k, sign in ((0, -1), (-1, 1)):
+            found.append(sign * (q[0, k] * p[1, k] - q[1, k] * p[0, k]))
+    exact = scene.facts["conserved"]["angular momentum"](
+        scene.exact(0.0), scene.facts["velocity"](0.0), 0.0
+    )
+    assert np.ptp(found) <= 1e-12 * abs(exact)
+    # The mesh is coarse: the path is not the exact one, and has its own angular momentum.
+    assert abs(found[0] - exact) > 1e-8
+
+
+# -- nothing is done twice ------------------------------------------------------------------------
+
+
+def test_another_solve_derives_nothing(monkeypatch):
+    def swing(q, v, t, *, l, g):
+        return (l * v[0]) ** 2 / 2 + g * l * np.cos(q[0])
+
+    system = System(swing, ["theta"], parameters={"l": 1.0, "g": 9.81})
+    mesh = Mesh.uniform(0.0, 1.0, 5, 8)
+    first = ao.solve(Problem(system, Event(0.0, 0.3), Event(1.0, -0.2)), mesh=mesh)
+    assert relative_error(first, forward(first), times(first.problem)) <= 1e-8
+    derived, layout = system.derived, first.discrete[0].layout
+    assert set(first.stats["derived"]) <= set(derived)
+
+    def forbidden(*args, **kwargs):
+        raise AssertionError("symbolic work in another solve")
+
+    for name in ("nlpsol", "hessian", "jacobian", "gradient", "jtimes"):
+        monkeypatch.setattr(f"casadi.{name}", forbidden)
+    monkeypatch.setattr("casadi.SX.sym", forbidden)
+    other = Problem(system, Event(0.0, 0.1), Event(1.0, 0.25), parameters={"g": 1.62, "l": 2.0})
+    second = ao.solve(other, mesh=mesh)
+    moved = ao.solve(Problem(system, Event(2.0, 0.1), Event(2.7, 0.2)), mesh=mesh.moved(2.0, 2.7))
+    assert second.success and moved.success
+    assert system.derived == derived
+    assert second.discrete[0].layout is layout and moved.discrete[0].layout is layout
+    t = times(other)
+    assert relative_error(second, forward(second), t) <= 1e-8
+
+
+def test_a_plain_system_pays_for_nothing_else():
+    system = System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]), ["x"])
+    solution = ao.solve(Problem(system, Event(0, 0), Event(1, 1)))
+    assert not [name for name in system.derived if name.startswith(("force", "constraint"))]
+    assert solution.stats["rows"] == 0
+    assert set(solution.stats["evaluations"]) == {"first", "second"}
+
+
+def test_what_was_done_is_said():
+    solution = ao.solve(scenes.get("rod_pendulum").problem)
+    stats = solution.stats
+    assert {"rung", "unknowns", "rows", "nonzeros", "iterations", "evaluations"} <= set(stats)
+    assert {"derive", "assemble", "solve", "verify", "total"} <= set(stats["time"])
+    last = stats["rounds"][-1]
+    assert {"elements", "degrees", "unknowns", "estimate", "time"} <= set(last)
+    assert last["elements"] == solution.mesh.elements
+    nodes = solution.mesh.nodes.size
+    assert (stats["unknowns"], stats["rows"]) == (2 * nodes - 4, nodes - 2)
+
+
+# -- free ends, forces ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("w", [0.7, 2.0])
+def test_a_free_end_of_an_oscillator_has_no_momentum(w):
+    system = System(
+        lambda q, v, t, *, w: v[0] ** 2 / 2 - w**2 * q[0] ** 2 / 2, ["x"], parameters={"w": w}
+    )
+    T = 1.3
+    for events, exact in (
+        ((Event(0, 2.0), Event(T, [None])), lambda t: np.cos(w * (T - t)) / np.cos(w * T)),
+        ((Event(0, [None]), Event(T, 2.0)), lambda t: np.cos(w * t) / np.cos(w * T)),
+    ):
+        solution = ao.solve(Problem(system, *events), tol=1e-12)
+        t = times(solution.problem)
+        assert np.max(np.abs(solution(t)[0] - 2 * exact(t))) <= 1e-11
+        free = solution.momenta[1 if events[0].q[0] == 2.0 else 0]
+        assert abs(free[0]) <= 1e-12
+
+
+def test_a_free_end_in_the_plane_against_another_solver():
+    # Pendulum whose bob ends on a line: y free at the end, x given.
+    def attracted(q, v, t):
+        return (v[0] ** 2 + v[1] ** 2) / 2 + 1 / np.sqrt(q[0] ** 2 + q[1] ** 2 + 0.1)
+
+    system = System(attracted, ["x", "y"])
+    T = 1.2
+    solution = ao.solve(Problem(system, Event(0, [1.0, 0.3]), Event(T, [-0.4, None])), tol=1e-10)
+
+    def flow(t, y):
+        r3 = (y[0] ** 2 + y[1] ** 2 + 0.1) ** 1.5
+        return np.stack([y[2], y[3], -y[0] / r3, -y[1] / r3])
+
+    def ends(a, b):
+        return np.array([a[0] - 1.0, a[1] - 0.3, b[0] + 0.4, b[3]])
+
+    t = np.linspace(0, T, 41)
+    start = np.vstack([solution(t), solution.velocity(t)]) * 1.01  # near, and not there
+    other = solve_bvp(flow, ends, t, start, tol=1e-10, max_nodes=20000)
+    assert other.success
+    assert np.max(np.abs(other.sol(t)[:2] - solution(t))) <= 1e-8
+    assert abs(solution.momenta[1][1]) <= 1e-10
+
+
+def test_both_ends_free_leave_the_equilibrium():
+    system = System(lambda q, v, t: v[0] ** 2 / 2 + (q[0] - 3.0) ** 2 / 2, ["x"])
+    solution = ao.solve(Problem(system, Event(0, [None]), Event(1, [None])))
+    assert np.max(np.abs(solution(times(solution.problem)) - 3.0)) <= 1e-8
+
+
+@pytest.mark.parametrize("c", [0.3, 2.0])
+def test_quadratic_drag_against_another_solver(c):
+    system = System(
+        lambda q, v, t: v[0] ** 2 / 2 + 4 * np.cos(q[0]),
+        ["x"],
+        parameters={"c": c},
+        force=lambda q, v, t, *, c: [-c * v[0] * np.sqrt(1 + v[0] ** 2)],
+    )
+    solution = ao.solve(Problem(system, Event(0, 0.2), Event(1.5, 1.0)), tol=1e-10)
+
+    def flow(t, y):
+        return np.stack([y[1], -4 * np.sin(y[0]) - c * y[1] * np.sqrt(1 + y[1] ** 2)])
+
+    t = np.linspace(0, 1.5, 41)
+    start = 1.01 * np.vstack([solution(t), solution.velocity(t)])
+    other = solve_bvp(
+        flow, lambda a, b: np.array([a[0] - 0.2, b[0] - 1.0]), t, start, tol=1e-10, max_nodes=20000
+    )
+    assert other.success
+    assert np.max(np.abs(other.sol(t)[0] - solution(t)[0])) <= 1e-8
+
+
+# -- guesses --------------------------------------------------------------------------------------
+
+
+def long_way(t):
+    """Circle of radius one, clockwise from (1, 0) by 280 degrees in the time 3."""
+    angle = -np.deg2rad(280) * np.asarray(t) / 3
+    return np.stack([np.cos(angle), np.sin(angle)])
+
+
+@cache
+def orbit():
+    system = scenes.get("kepler").problem.system
+    return Problem(system, Event(0, long_way(0.0)), Event(3, long_way(3.0)), parameters={"mu": 1.0})
+
+
+GUESSES = {
+    "callable": long_way,
+    "waypoints": long_way(np.linspace(0, 3, 9)),
+    "path": ao.Path.interpolate(long_way, Mesh.uniform(0, 3, 5, 4)),
+    "path of other times": ao.Path(
+        Mesh.uniform(7, 8, 5, 4), long_way(Mesh.uniform(0, 3, 5, 4).nodes)
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", GUESSES)
+def test_the_path_near_the_guess_is_found(kind):
+    t = times(orbit())
+    solution = ao.solve(orbit(), guess=GUESSES[kind], tol=1e-9)
+    assert relative_error(solution, forward(solution), t) <= 1e-7
+    swept = np.unwrap(np.arctan2(*solution(t)[::-1]))
+    assert np.rad2deg(swept[-1]) == pytest.approx(-280)
+    # Without a guess another path is found, the short way round.
+    short = ao.solve(orbit(), tol=1e-9)
+    assert np.rad2deg(np.unwrap(np.arctan2(*short(t)[::-1]))[-1]) == pytest.approx(80)
+    # A solution is a guess as well, for other end points too.
+    again = ao.solve(orbit(), guess=solution, tol=1e-9)
+    assert relative_error(again, solution, t) <= 2e-9
+    nearby = Problem(orbit().system, Event(0, [1.0, 0.02]), orbit().end)
+    turned = ao.solve(nearby, guess=solution)
+    assert np.unwrap(np.arctan2(*turned(t)[::-1]))[-1] < -4
+
+
+# -- the same answer, always ----------------------------------------------------------------------
+
+
+FINGERPRINT = """
+import hashlib, actionopt as ao
+from actionopt import scenes
+for name in ("double_pendulum", "rod_pendulum", "drag_quadratic", "kepler", "oscillator"):
+    scene = scenes.get(name)
+    s = ao.solve(scene.problem, guess=scene.guess, tol=1e-9)
+    parts = [s.path.values, s.mesh.boundaries, s.start.v, s.end.v, s.lam, s.momenta[0]]
+    text = b"".join(x.tobytes() for x in parts) + repr((s.action, s.error)).encode()
+    print(name, hashlib.sha256(text).hexdigest(), s.stats["iterations"])
+"""
+
+
+def test_bit_identical_across_processes():
+    runs = [
+        subprocess.run([sys.executable, "-c", FINGERPRINT], capture_output=True, text=True)
+        for _ in range(2)
+    ]
+    assert runs[0].returncode == 0, runs[0].stderr
+    assert runs[0].stdout == runs[1].stdout
+    assert len(runs[0].stdout.splitlines()) == 5
+
+
+@pytest.mark.parametrize("name", ["double_pendulum", "rod_pendulum", "drag_quadratic", "kepler"])
+def test_bit_identical_within_a_process(name):
+    scene = scenes.get(name)
+    a, b = (ao.solve(scene.problem, guess=scene.guess, tol=1e-9) for _ in range(2))
+    assert np.array_equal(a.path.values, b.path.values)
+    assert np.array_equal(a.mesh.boundaries, b.mesh.boundaries)
+    assert np.array_equal(a.lam, b.lam, equal_nan=True)
+    assert np.array_equal(a.start.v, b.start.v) and (a.action, a.error) == (b.action, b.error)
+    assert a.stats["iterations"] == b.stats["iterations"]
+
+
+def in_units(name, length, time, mass):
+    """Return a problem with its lengths, times and masses multiplied."""
+    if name == "kepler":
+        return scenes.get("kepler", a=length, mu=length**3 / time**2)
+    gravity = 9.81 * length / time**2
+    return scenes.get(name, m=mass, l=length, g=gravity, since=0.125 * time, duration=time)
+
+
+@pytest.mark.parametrize("base", [10.0**12, 2.0**40], ids=["decimal", "binary"])
+@pytest.mark.parametrize("name", ["kepler", "pendulum", "rod_pendulum"])
+def test_units_do_not_matter(name, base):
+    units = [(1.0, 1.0, 1.0)]
+    for factor in (base, 1 / base):
+        units += [tuple(np.where(np.arange(3) == i, factor, 1.0)) for i in range(3)]
+    units += [(1e-10, 1e-15, 1e-26), (1e11, 1e7, 1e24)]  # atoms and planets
+    counts = []
+    for length, time, mass in units:
+        scene = in_units(name, float(length), float(time), float(mass))
+        solution = ao.solve(scene.problem, tol=1e-9)
+        counts.append((solution.stats["iterations"], solution.mesh.degrees))
+        assert relative_error(solution, scene.exact, times(scene.problem)) <= 1e-9
+    assert all(count == counts[0] for count in counts), counts
+
+
+def test_binary_units_do_not_change_a_bit():
+    def duffing(length, time, mass):
+        return Problem(
+            hard,
+            Event(0, length),
+            Event(2.2 * time, -0.3 * length),
+            parameters=dict(m=mass, k=mass / time**2, a=length),
+        )
+
+    hard = System(
+        lambda q, v, t, *, m, k, a: m * v[0] ** 2 / 2 - k * q[0] ** 2 / 2 * (1 + (q[0] / a) ** 2),
+        ["x"],
+        parameters={"m": 1.0, "k": 1.0, "a": 1.0},
+    )
+    plain = ao.solve(duffing(1.0, 1.0, 1.0))
+    for length, time, mass in ((2.0**40, 2.0**-40, 2.0**20), (2.0**-40, 2.0**40, 2.0**-90)):
+        other = ao.solve(duffing(length, time, mass))
+        assert np.array_equal(other.path.values / length, plain.path.values)
+        assert np.array_equal(other.mesh.boundaries / time, plain.mesh.boundaries)
+        assert other.stats["iterations"] == plain.stats["iterations"]
+        assert (other.error, other.action * time / mass / length**2) == (plain.error, plain.action)
+
+
+# -- the tolerance is kept ------------------------------------------------------------------------
+
+
+KNOWN = [name for name in scenes.SCENES if scenes.get(name).exact is not None]
+
+
+@cache
+def measured(name):
+    """Return (tol, true error, estimate, status) for each tolerance."""
+    scene = scenes.get(name)
+    guess = scene.guess
+    if guess is None and ao.solve(scene.problem).action < scene.action - 1e-6 * abs(scene.action):
+        guess = scene.exact  # a path of less action is a right answer too: ask for the known one
+    rows = []
+    for tol in TOLS:
+        solution = ao.solve(scene.problem, tol=tol, guess=guess)
+        error = relative_error(solution, scene.exact, times(scene.problem))
+        rows.append((tol, error, solution.error, solution.status))
+    return rows
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_every_known_path_is_met_to_every_tolerance(name):
+    for tol, error, estimate, status in measured(name):
+        assert status is Status.SOLVED
+        assert error <= tol
+        assert estimate <= tol
+
+
+def test_the_estimate_is_calibrated():
+    rows = [row for name in KNOWN for row in measured(name)]
+    held = [error <= estimate for _, error, estimate, _ in rows]
+    assert np.mean(held) >= 0.95
+    assert np.median([estimate / max(error, EPS) for _, error, estimate, _ in rows]) <= 100
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tol", TOLS)
+def test_random_pendulums_keep_the_tolerance(tol):
+    rng = np.random.default_rng(5)
+    missed = 0
+    for _ in range(50):
+        amplitude, since, T = rng.uniform(0.1, 3.0), rng.uniform(-1, 1), rng.uniform(0.3, 2.0)
+        scene = scenes.get("pendulum", amplitude=amplitude, since=since, duration=T)
+        solution = ao.solve(scene.problem, tol=tol, guess=scene.exact)
+        error = relative_error(solution, scene.exact, times(scene.problem))
+        missed += error > solution.error
+        assert error <= tol
+    assert missed <= 2
+
+
+# -- layers ---------------------------------------------------------------------------------------
+
+
+def test_layers_cost_the_logarithm_of_their_width():
+    unknowns = []
+    for eps in (1e-2, 1e-4, 1e-6):
+        system = System(
+            lambda q, v, t, *, e: e**2 * v[0] ** 2 / 2 + q[0] ** 2 / 2, ["x"], parameters={"e": eps}
+        )
+        solution = ao.solve(Problem(system, Event(0, 1), Event(1, 1)), tol=1e-9)
+        near = eps * np.linspace(0, 40, 400)
+        t = np.concatenate([near[near < 0.5], times(solution.problem), 1 - near[near < 0.5]])
+
+        def exact(t, e=eps):  # cosh((t - 1/2) / e) / cosh(1 / 2e), without overflow
+            return (np.exp(-t / e) + np.exp((t - 1) / e))[None] / (1 + np.exp(-1 / e))
+
+        assert relative_error(solution, exact, t) <= 1e-9
+        unknowns.append(solution.stats["unknowns"])
+    # Two layers, a few elements for every factor of ten.
+    assert unknowns[2] - unknowns[1] <= 2 * (unknowns[1] - unknowns[0]) + 100
+    assert unknowns[2] <= 10 * unknowns[0]
+
+
+# -- a mesh of one's own --------------------------------------------------------------------------
+
+
+def test_a_given_mesh_is_kept():
+    scene = scenes.get("pendulum")
+    T = scene.problem.end.t
+    for mesh in (Mesh([0, 0.1 * T, T], [5, 8]), Mesh.uniform(0, T, 7, 2)):
+        solution = ao.solve(scene.problem, mesh=mesh)
+        assert solution.mesh is mesh
+        assert solution.status is Status.ON_MESH and solution.success
+        error = relative_error(solution, scene.exact, times(scene.problem))
+        assert error / 2 <= solution.error <= 100 * error
+
+
+# -- failures -------------------------------------------------------------------------------------
+
+
+def impossible():
+    """Bratu beyond its fold: there is no motion between these events."""
+    system = System(lambda q, v, t: v[0] ** 2 / 2 - 5.0 * np.exp(q[0]), ["x"], name="bratu")
+    return Problem(system, Event(0, 0), Event(1, 0))
+
+
+def test_no_path_is_said_and_the_best_attempt_comes_along():
+    with pytest.raises(SolveError, match="bratu: no stationary path was found") as f:
+        ao.solve(impossible())
+    assert "try a guess" in str(f.value)
+    attempt = f.value.solution
+    assert isinstance(f.value, RuntimeError)
+    assert isinstance(attempt, ao.Solution) and not attempt.success
+    assert attempt.status is Status.NOT_FOUND
+    assert attempt(0.5).shape == (1,)
+    assert np.isfinite(attempt(times(impossible()))).all()
+    assert attempt.stats["rounds"] == [] or attempt.stats["rung"]
+
+
+def test_without_throwing_the_verdict_is_on_the_solution():
+    solution = ao.solve(impossible(), throw=False)
+    assert not solution.success and solution.status is Status.NOT_FOUND
+    good = ao.solve(scenes.get("pendulum").problem, throw=False)
+    assert good.success and good.status is Status.SOLVED
+
+
+def test_a_saddle_is_not_least():
+    # The hoop's bead has a least path, and another one that is only stationary.
+    scene = scenes.get("hoop_bead")
+    assert ao.solve(scene.problem, guess=scene.exact).success
+    with pytest.raises(SolveError, match="stationary but not least"):
+        ao.solve(scene.problem, guess=scene.exact, principle="least")
+    least = ao.solve(scene.problem, principle="least")
+    assert least.action < scene.action
+    assert relative_error(least, forward(least), times(scene.problem)) <= 1e-7
+
+
+def test_a_collision_ends_with_a_verdict():
+    # Head-on into the centre of attraction: no smooth motion.
+    system = scenes.get("kepler").problem.system
+    problem = Problem(system, Event(0, [1.0, 0.0]), Event(3.0, [-1.0, 0.0]))
+    solution = ao.solve(problem, throw=False, principle="stationary")
+    if solution.success:  # by the upper or lower half plane, and that is a motion
+        assert relative_error(solution, forward(solution), times(problem)) <= 1e-6
+
+
+# -- interrupts -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("principle", ["least", "stationary"])
+@pytest.mark.parametrize("method", ["action_and_gradient", "hessian", "_second"])
+def test_an_interrupt_ends_the_solve(monkeypatch, principle, method):
+    real, calls = getattr(Transcription, method), []
+
+    def interrupted(self, *args):
+        calls.append(method)
+        if len(calls) == 4:
+            raise KeyboardInterrupt
+        return real(self, *args)
+
+    problem = scenes.get("double_pendulum").problem
+    with monkeypatch.context() as patch:
+        patch.setattr(Transcription, method, interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            ao.solve(problem, principle=principle)
+    assert len(calls) == 4  # nothing was computed after it
+    assert ao.solve(problem, principle=principle).success
+
+
+INTERRUPTED = """
+import os, signal
+import actionopt as ao
+from actionopt import scenes
+from actionopt.transcription import Transcription
+
+real, calls = Transcription.gradient, []
+
+def gradient(self, x):
+    calls.append(1)
+    if len(calls) == 3:
+        os.kill(os.getpid(), signal.SIGINT)
+    return real(self, x)
+
+Transcription.gradient = gradient
+try:
+    ao.solve(scenes.get("double_pendulum").problem, principle="least")
+except KeyboardInterrupt:
+    print("interrupted after", len(calls))
+"""
+
+
+@pytest.mark.skipif(os.name != "posix" or not hasattr(signal, "SIGINT"), reason="needs signals")
+def test_a_signal_from_the_keyboard_ends_the_solve():
+    run = subprocess.run([sys.executable, "-c", INTERRUPTED], capture_output=True, text=True)
+    assert run.stdout.startswith("interrupted after"), run.stdout + run.stderr
+    assert int(run.stdout.split()[-1]) <= 5

@@ -1,0 +1,289 @@
+"""Solutions in files come back as they were, and nothing else is taken for one."""
+
+import io
+import json
+import pickle
+import zipfile
+
+import numpy as np
+import pytest
+
+import actionopt as ao
+from actionopt import Event, Problem, System, scenes
+from actionopt.status import Status
+
+
+def swing(q, v, t, *, l, g):
+    return (l * v[0]) ** 2 / 2 + g * l * np.cos(q[0])
+
+
+SYSTEM = System(swing, ["theta"], parameters={"l": 1.0, "g": 9.81}, name="my own")
+
+
+@pytest.fixture(scope="module")
+def own():
+    problem = Problem(SYSTEM, Event(0.0, 0.3), Event(1.0, -0.2), parameters={"l": 0.7})
+    return ao.solve(problem, tol=1e-9)
+
+
+@pytest.fixture(scope="module", params=["rod_pendulum", "kepler", "damped_oscillator"])
+def of_a_scene(request):
+    return ao.solve(scenes.get(request.param).problem, tol=1e-9)
+
+
+def assert_same(a, b):
+    """Every number of two solutions is the same to the last bit."""
+    assert np.array_equal(a.path.values, b.path.values)
+    assert np.array_equal(a.mesh.boundaries, b.mesh.boundaries) and a.mesh.degrees == b.mesh.degrees
+    assert np.array_equal(a.lam, b.lam, equal_nan=True)
+    assert (a.action, a.error, a.status) == (b.action, b.error, b.status)
+    assert json.loads(json.dumps(a.stats)) == json.loads(json.dumps(b.stats))
+    for role in ("start", "end"):
+        mine, other = getattr(a.problem, role), getattr(b.problem, role)
+        assert (mine.t, mine.q) == (other.t, other.q)
+    assert {k: v.tolist() for k, v in a.problem.parameters.items()} == {
+        k: v.tolist() for k, v in b.problem.parameters.items()
+    }
+    t = np.linspace(a.problem.start.t, a.problem.end.t, 17)
+    assert np.array_equal(a(t), b(t)) and np.array_equal(a.velocity(t), b.velocity(t))
+
+
+def assert_same_physics(a, b):
+    t = np.linspace(a.problem.start.t, a.problem.end.t, 17)
+    for name in ("momentum", "energy", "acceleration", "multipliers", "constraint_force"):
+        assert np.array_equal(getattr(a, name)(t), getattr(b, name)(t))
+    for x, y in (
+        (a.start.v, b.start.v),
+        (a.end.v, b.end.v),
+        *zip(a.momenta, b.momenta, strict=True),
+    ):
+        assert x == pytest.approx(y, rel=1e-12)
+    if not a.problem.system.structure.forced:
+        assert a.morse_index == b.morse_index
+
+
+# -- there and back -------------------------------------------------------------------------------
+
+
+def test_a_scene_comes_back_whole(of_a_scene, tmp_path):
+    file = tmp_path / "solution.npz"
+    of_a_scene.save(file)
+    for system in (None, of_a_scene.problem.system.name, of_a_scene.problem.system):
+        loaded = ao.load(file, system)
+        assert_same(loaded, of_a_scene)
+        assert_same_physics(loaded, of_a_scene)
+
+
+def test_a_system_of_ones_own_is_supplied_again(own, tmp_path):
+    file = tmp_path / "own.npz"
+    own.save(str(file))
+    loaded = ao.load(str(file), SYSTEM)
+    assert_same(loaded, own)
+    assert_same_physics(loaded, own)
+    again = System(
+        swing, ["theta"], parameters={"l": 3.0, "g": 1.0}
+    )  # other defaults, same physics
+    assert_same_physics(ao.load(file, again), own)
+
+
+def test_without_its_system_there_is_the_path_and_no_physics(own, tmp_path):
+    own.save(tmp_path / "own.npz")
+    loaded = ao.load(tmp_path / "own.npz")
+    assert_same(loaded, own)
+    assert loaded.success and loaded.problem.duration == 1.0
+    for quantity in (loaded.momentum, loaded.energy, loaded.acceleration):
+        with pytest.raises(ValueError, match=r"without its system.*load\(file, system=.*theta"):
+            quantity(0.5)
+
+
+def test_a_failed_attempt_can_be_kept(tmp_path):
+    problem = scenes.get("oscillator", duration=4.0).problem
+    attempt = ao.solve(problem, principle="least", throw=False)
+    attempt.save(tmp_path / "failed.npz")
+    loaded = ao.load(tmp_path / "failed.npz")
+    assert loaded.status is Status.UNBOUNDED and not loaded.success
+    assert_same(loaded, attempt)
+
+
+def test_free_ends_and_arrays_of_parameters_come_back(tmp_path):
+    def lattice(q, v, t, *, m, k):
+        kinetic = sum(m[i] * v[i] ** 2 for i in range(2)) / 2
+        return kinetic - sum(k[i, j] * q[i] * q[j] for i in range(2) for j in range(2)) / 2
+
+    values = {"m": [1.0, 2.0], "k": [[2.0, -1.0], [-1.0, 3.0]]}
+    system = System(lattice, ["x", "y"], parameters=values)
+    solution = ao.solve(Problem(system, Event(0, [1.0, None]), Event(1, [None, 0.5])))
+    solution.save(tmp_path / "lattice.npz")
+    loaded = ao.load(tmp_path / "lattice.npz", system)
+    assert loaded.problem.start.q == (1.0, None) and loaded.problem.end.q == (None, 0.5)
+    assert_same(loaded, solution)
+    assert_same_physics(loaded, solution)
+
+
+# -- the file itself ------------------------------------------------------------------------------
+
+
+def test_there_are_no_pickles_in_it(own, tmp_path):
+    file = tmp_path / "own.npz"
+    own.save(file)
+    with np.load(file, allow_pickle=False) as arrays:
+        kinds = {name: arrays[name].dtype.kind for name in arrays.files}
+    assert set(kinds.values()) <= set("fiuU")
+    with zipfile.ZipFile(file) as archive:
+        for name in archive.namelist():
+            assert b"cnumpy" not in archive.read(name)
+
+
+def test_the_same_solution_makes_the_same_file(own, tmp_path):
+    own.save(tmp_path / "a.npz")
+    own.save(tmp_path / "b.npz")
+    with np.load(tmp_path / "a.npz") as a, np.load(tmp_path / "b.npz") as b:
+        assert a.files == b.files
+        assert all(a[k].tobytes() == b[k].tobytes() for k in a.files)
+
+
+def test_an_interrupted_write_leaves_the_old_file(own, of_a_scene, tmp_path, monkeypatch):
+    file = tmp_path / "solution.npz"
+    own.save(file)
+    before = file.read_bytes()
+
+    def broken(target, **arrays):
+        target.write(b"half of it")
+        raise OSError("no space left")
+
+    monkeypatch.setattr(np, "savez", broken)
+    with pytest.raises(OSError, match="no space left"):
+        of_a_scene.save(file)
+    assert file.read_bytes() == before
+    assert [f.name for f in tmp_path.iterdir()] == ["solution.npz"]  # nothing left behind
+
+
+def test_an_older_file_is_replaced(own, of_a_scene, tmp_path):
+    file = tmp_path / "solution.npz"
+    own.save(file)
+    of_a_scene.save(file)
+    assert_same(ao.load(file), of_a_scene)
+    assert [f.name for f in tmp_path.iterdir()] == ["solution.npz"]
+
+
+def test_names_and_folders(own, tmp_path):
+    with pytest.raises(ValueError, match=r"ends in \.npz, found 'solution\.txt'"):
+        own.save(tmp_path / "solution.txt")
+    with pytest.raises(OSError):
+        own.save(tmp_path / "nowhere" / "solution.npz")
+    with pytest.raises(FileNotFoundError):
+        ao.load(tmp_path / "missing.npz")
+    assert not list(tmp_path.iterdir())
+
+
+# -- what is no solution --------------------------------------------------------------------------
+
+
+def npz(**arrays):
+    memory = io.BytesIO()
+    np.savez(memory, **arrays)
+    return memory.getvalue()
+
+
+FOREIGN = {
+    "empty": b"",
+    "text": b"theta = 0.3\n",
+    "a zip of text": None,
+    "another npz": npz(x=np.arange(3.0)),
+    "an npz of another format": npz(about=np.array(json.dumps({"format": "another 7"}))),
+    "an npz with broken text": npz(about=np.array("{")),
+    "an npz with a list": npz(about=np.array("[1, 2]")),
+    "a pickle": pickle.dumps({"format": 1}),
+    "an npz with a pickle": npz(about=np.array({"format": 1}, dtype=object)),
+}
+
+
+@pytest.mark.parametrize("kind", FOREIGN)
+def test_foreign_files_are_refused(kind, tmp_path):
+    file = tmp_path / "foreign.npz"
+    if FOREIGN[kind] is None:
+        with zipfile.ZipFile(file, "w") as archive:
+            archive.writestr("readme.txt", "hello")
+    else:
+        file.write_bytes(FOREIGN[kind])
+    with pytest.raises(ValueError, match=r"expected an? (\.npz )?file"):
+        ao.load(file)
+
+
+@pytest.mark.parametrize("share", [0.3, 0.7, 0.99])
+def test_half_a_file_is_refused(own, share, tmp_path):
+    file = tmp_path / "half.npz"
+    own.save(file)
+    whole = file.read_bytes()
+    file.write_bytes(whole[: int(share * len(whole))])
+    with pytest.raises(ValueError, match=r"expected an \.npz file"):
+        ao.load(file)
+
+
+def test_a_damaged_file_is_refused(own, tmp_path):
+    file = tmp_path / "damaged.npz"
+    own.save(file)
+    content = bytearray(file.read_bytes())
+    at = content.index(b"values.npy") + 150
+    content[at] ^= 0xFF
+    file.write_bytes(content)
+    with pytest.raises(ValueError, match=r"expected an \.npz file"):
+        ao.load(file, SYSTEM)
+
+
+@pytest.mark.parametrize("missing", ["values", "degrees", "about", "lam"])
+def test_a_file_without_one_of_its_parts_is_refused(own, missing, tmp_path):
+    file = tmp_path / "part.npz"
+    own.save(file)
+    with np.load(file) as arrays:
+        rest = {name: arrays[name] for name in arrays.files if name != missing}
+    np.savez(file, **rest)
+    with pytest.raises(ValueError, match=r"expected an \.npz file"):
+        ao.load(file, SYSTEM)
+
+
+# -- the wrong system -----------------------------------------------------------------------------
+
+
+def test_a_system_of_other_coordinates_is_refused(own, tmp_path):
+    own.save(tmp_path / "own.npz")
+    other = System(swing, ["phi"], parameters={"l": 1.0, "g": 9.81})
+    with pytest.raises(ValueError, match=r"system of the coordinates theta .* found phi"):
+        ao.load(tmp_path / "own.npz", other)
+    with pytest.raises(ValueError, match=r"system of the coordinates theta .* found x, y"):
+        ao.load(tmp_path / "own.npz", "kepler")
+
+
+def test_a_system_of_other_parameters_is_refused(own, tmp_path):
+    own.save(tmp_path / "own.npz")
+    other = System(lambda q, v, t, *, k: v[0] ** 2 / 2 - k * q[0], ["theta"], parameters={"k": 1.0})
+    with pytest.raises(ValueError, match="unknown parameter"):
+        ao.load(tmp_path / "own.npz", other)
+
+
+def test_a_system_of_another_lagrangian_is_refused(own, tmp_path):
+    own.save(tmp_path / "own.npz")
+    other = System(
+        lambda q, v, t, *, l, g: swing(q, v, t, l=l, g=g) + q[0] ** 2 / 100,
+        ["theta"],
+        parameters={"l": 1.0, "g": 9.81},
+    )
+    with pytest.raises(ValueError, match="system of the file, whose action on its path is"):
+        ao.load(tmp_path / "own.npz", other)
+
+
+def test_an_unknown_scene_is_refused(own, tmp_path):
+    own.save(tmp_path / "own.npz")
+    with pytest.raises(ValueError, match="unknown scene 'pendulem'; did you mean 'pendulum'"):
+        ao.load(tmp_path / "own.npz", "pendulem")
+
+
+def test_a_namesake_of_a_scene_is_no_scene(tmp_path):
+    # A system of one's own that happens to be called like a scene: the path, and no physics.
+    namesake = System(swing, ["theta"], parameters={"l": 1.0, "g": 9.81}, name="kepler")
+    solution = ao.solve(Problem(namesake, Event(0, 0.3), Event(1, -0.2)))
+    solution.save(tmp_path / "namesake.npz")
+    loaded = ao.load(tmp_path / "namesake.npz")
+    assert_same(loaded, solution)
+    with pytest.raises(ValueError, match="without its system"):
+        loaded.energy(0.5)
