@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from actionopt.path import NDInt
 from actionopt.problem import State
 from actionopt.quadrature import Array
 
@@ -84,7 +85,7 @@ def contact_loss(solution: Solution) -> tuple[Contact, ...]:
     return tuple(sorted(found, key=lambda contact: contact.t))
 
 
-def _bisected(solution: Solution, row: int, times: Array, change: Array) -> list[float]:
+def _bisected(solution: Solution, row: int, times: Array, change: NDInt) -> list[float]:
     low, high = times[change], times[change + 1]
     if not low.size:
         return []
