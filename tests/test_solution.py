@@ -183,7 +183,7 @@ def has_known_multipliers(name):
     return scene.exact is not None and "multipliers" in scene.facts
 
 
-@pytest.mark.parametrize("name", filter(has_known_multipliers, scenes.SCENES))
+@pytest.mark.parametrize("name", list(filter(has_known_multipliers, scenes.SCENES)))
 def test_multipliers_are_those_of_the_book(name):
     scene = scenes.get(name)
     known = scene.facts["multipliers"]
