@@ -196,6 +196,10 @@ def test_kkt_matrix_is_the_derivative_of_the_residual(combination, ends, mesh):
     assert mismatch(K, difference(tr.residual, z)) <= DIFFERENCE_TOLERANCE
     elsewhere = dense(tr.layout.kkt, tr.kkt(z * (1 + 1e-6)))
     assert mismatch(elsewhere, K) > 10 * DIFFERENCE_TOLERANCE  # the oracle would have seen it
+    far = point(tr, seed=1)  # nothing of the first point is left over
+    assert mismatch(dense(tr.layout.kkt, tr.kkt(far)), difference(tr.residual, far)) <= (
+        DIFFERENCE_TOLERANCE
+    )
     if tr.layout.rows:
         J = dense(tr.layout.jacobian, tr.jacobian(z[:cut]))
         assert mismatch(J, K[cut:, :cut]) <= EPS
