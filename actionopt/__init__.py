@@ -3,7 +3,7 @@
 from actionopt.compare import Comparison
 from actionopt.forward import IntegrationError, integrate
 from actionopt.path import Mesh, Path
-from actionopt.problem import Event, Problem, State
+from actionopt.problem import Event, Periodic, Problem, State
 from actionopt.solution import Solution
 from actionopt.solve import solve
 from actionopt.status import SolveError, Status
@@ -16,6 +16,7 @@ __all__ = [
     "IntegrationError",
     "Mesh",
     "Path",
+    "Periodic",
     "Problem",
     "Solution",
     "SolveError",

@@ -51,6 +51,52 @@ class Event:
 
 
 @dataclass(frozen=True, eq=False)
+class Periodic(Event):
+    """The end of a path that closes: q(t1) = q(t0) + advance, and p(t1) = p(t0).
+
+    A coordinate that the start gives is given here as well, and its momentum is left alone: so
+    a path without a clock, which may start anywhere along itself, is told from its copies.
+
+    Parameters
+    ----------
+    t : float
+        Time.
+    advance : sequence of n numbers, optional
+        Whole turns of coordinates that are angles, say; zero if None.
+
+    Raises
+    ------
+    ValueError
+        If a number is not finite.
+
+    Examples
+    --------
+    >>> end = Periodic(2.0, advance=[0.0, 6.5]).after(Event(0.0, [None, 0.5]))
+    >>> end.q
+    (None, 7.0)
+    """
+
+    advance: tuple[float, ...] | None
+
+    def __init__(self, t: float, advance: Sequence[float] | ArrayLike | None = None) -> None:
+        given = () if advance is None else tuple(np.atleast_1d(np.asarray(advance, dtype=float)))
+        super().__init__(t, [])
+        row = tuple(_finite(x, f"advance {i} of a periodic end") for i, x in enumerate(given))
+        object.__setattr__(self, "advance", None if advance is None else row)
+
+    def after(self, start: Event) -> Periodic:
+        """Return the end of a path from `start`, with its coordinates."""
+        n = len(start.q)
+        advance = (0.0,) * n if self.advance is None else self.advance
+        if len(advance) != n:
+            raise ValueError(f"expected the advance of {n} coordinates, found {len(advance)}")
+        end = Periodic(self.t, advance)
+        pairs = zip(start.q, advance, strict=True)
+        object.__setattr__(end, "q", tuple(None if x is None else x + a for x, a in pairs))
+        return end
+
+
+@dataclass(frozen=True, eq=False)
 class State:
     """A whole initial-value problem: time, coordinates (n,) and velocities (n,).
 
@@ -84,7 +130,7 @@ class Problem:
     system : System
         The physics.
     start, end : Event
-        Where the path begins and ends; `start.t < end.t`.
+        Where the path begins and ends; `start.t < end.t`. The end may be `Periodic`.
     parameters : mapping, optional
         Overrides the system's default parameters by name; nothing is derived again. After
         construction the attribute holds every parameter.
@@ -106,6 +152,8 @@ class Problem:
         object.__setattr__(self, "parameters", values)
         object.__setattr__(self, "packed", self.system.table.pack(values))
         names = self.system.coordinates
+        if isinstance(self.end, Periodic) and isinstance(self.start, Event):
+            object.__setattr__(self, "end", self.end.after(self.start))
         for role, event in (("start", self.start), ("end", self.end)):
             if not isinstance(event, Event):
                 raise ValueError(f"expected an Event(t, q) as the {role}, found {event!r}")
@@ -124,6 +172,11 @@ class Problem:
             _check_on_surface(self, "end", self.end)
 
     packed: Array = field(init=False, repr=False)
+
+    @cached_property
+    def advance(self) -> Array | None:
+        """q(t1) - q(t0) where the end is `Periodic`, (n,), else None."""
+        return np.array(self.end.advance) if isinstance(self.end, Periodic) else None
 
     @property
     def duration(self) -> float:

@@ -82,7 +82,7 @@ class Form:
 def form(tr: Transcription, Q: Array, lam: Array, units: Array | None = None) -> Form:
     """Return the second variation at node coordinates Q (K, n) and multipliers lam (K, m).
 
-    Raises ValueError for a system with non-conservative forces.
+    Raises ValueError for a system with non-conservative forces, or a periodic end.
     """
     problem, layout = tr.problem, tr.layout
     system = problem.system
@@ -90,6 +90,11 @@ def form(tr: Transcription, Q: Array, lam: Array, units: Array | None = None) ->
         raise ValueError(
             "expected a system without non-conservative forces, found one with: its paths are not "
             "stationary points of an action, so that they have no second variation or index"
+        )
+    if layout.closed:
+        raise ValueError(
+            "expected events that pin the ends or leave them free, found a path that closes: the "
+            "index of closed paths, whose ends vary together, is not counted"
         )
     units = tr.lengths if units is None else np.asarray(units, dtype=float)
     at = Q[layout.node_of]

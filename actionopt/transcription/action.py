@@ -71,6 +71,8 @@ class Transcription:
             self._units() if like is None else (like.action_unit, like.row_units)
         )
         node_weight = np.bincount(layout.node_of, weight, layout.node_count)
+        if layout.closed:
+            node_weight[0] += node_weight[-1]
         self.row_weight = node_weight[layout.row_nodes][:, None]
         # Rows w f are scaled to gradients of size one, whatever the element's length.
         self.row_unit = node_weight[layout.row_node] * self.row_units[layout.row_constraint]
@@ -106,6 +108,8 @@ class Transcription:
         start = np.where(np.isnan(start), end, start)
         end = np.where(np.isnan(end), start, end)
         start, end = np.nan_to_num(start), np.nan_to_num(end)
+        if self.problem.advance is not None:
+            end = start + self.problem.advance
         s = (self.mesh.nodes - self.problem.start.t) / self.problem.duration
         return start + s[:, None] * (end - start)
 
@@ -129,6 +133,8 @@ class Transcription:
         """Return the coordinates at the nodes, (K, n)."""
         Q = self.ends.copy()
         Q.ravel()[self.layout.free] = z[: self.layout.unknowns] * self.x_unit
+        if self.problem.advance is not None:
+            Q[-1] = Q[0] + self.problem.advance
         return Q
 
     # -- values and first derivatives ----------------------------------------------------------
@@ -174,7 +180,12 @@ class Transcription:
 
     def gradient(self, x: Array) -> Array:
         """Return dS/dx (with the virtual work of forces), in units of action."""
-        return self._first(x)[1][self.layout.free] * (self.x_unit / self.action_unit)
+        whole = self._first(x)[1]
+        free = whole[self.layout.free]
+        if self.layout.closed:  # the last node moves with the first
+            n = self.problem.system.n
+            free[self.layout.free < n] += whole[-n:][self.layout.free[self.layout.free < n]]
+        return free * (self.x_unit / self.action_unit)
 
     def constraint(self, x: Array) -> Array:
         """Return the weighted constraint rows w_k f(q_k, t_k)."""

@@ -41,6 +41,13 @@ class Layout:
         Degree of each element.
     start, end : tuple of int
         Indices of the coordinates pinned at either end.
+    closed : bool
+        Whether the path closes: the last node has the first one's unknowns and no rows.
+
+    Raises
+    ------
+    ValueError
+        For a closed path of one element, which would meet itself in it.
     """
 
     def __init__(
@@ -49,8 +56,11 @@ class Layout:
         degrees: tuple[int, ...],
         start: tuple[int, ...],
         end: tuple[int, ...],
+        closed: bool = False,
     ) -> None:
-        self.system = system
+        self.system, self.closed = system, closed
+        if closed and len(degrees) == 1:
+            raise ValueError("expected at least two elements for a path that closes, found one")
         n, m = system.n, system.m
         shape = Mesh(np.arange(len(degrees) + 1.0), degrees)
         self.node_count = int(shape.offsets[-1]) + 1
@@ -67,16 +77,19 @@ class Layout:
 
         number = np.zeros((self.node_count, n), dtype=np.intp)
         number[0, list(start)] = -1
-        number[-1, list(end)] = -1
+        number[-1, slice(None) if closed else list(end)] = -1
         self.free = np.flatnonzero(number.ravel() == 0)
         self.unknowns = self.free.size
         number.ravel()[self.free] = np.arange(self.unknowns)
+        if closed:
+            number[-1] = number[0]
         self.number = number
 
         self.G_rows, self.G_cols = sparsity_of(system, "constraint_jacobian") if m else _EMPTY
         keep = np.zeros((self.node_count, m), dtype=bool)
         for i, a in zip(self.G_rows, self.G_cols, strict=True):
             keep[:, i] |= number[:, a] >= 0
+        keep[-1] &= not closed
         self.row_nodes = np.flatnonzero(keep.any(axis=1))
         self.row_select = np.flatnonzero(keep[self.row_nodes].ravel())
         self.rows = self.row_select.size
@@ -249,7 +262,8 @@ _layouts: WeakKeyDictionary[System, dict] = WeakKeyDictionary()
 def layout_for(problem: Problem, degrees: tuple[int, ...]) -> Layout:
     """Return the layout shared by all problems of this system, mesh shape and kind of ends."""
     known = _layouts.setdefault(problem.system, {})
-    key = (degrees, problem.start.pinned, problem.end.pinned)
+    ends = problem.start.pinned, problem.end.pinned
+    key = (degrees, *ends, problem.advance is not None)
     if key not in known:
         known[key] = Layout(problem.system, *key)
     return known[key]
