@@ -99,13 +99,25 @@ def refined(found: Resolution, target: float) -> Mesh:
     for e in range(mesh.elements):
         left, right = mesh.boundaries[e], mesh.boundaries[e + 1]
         if parts[e] == 0:
-            inner = [t for t in steep[:, e] if left < t < right]
-            cuts = np.array([*inner, right])
+            cuts = _around(left, right, steep[:, e])
         else:
             cuts = np.linspace(left, right, parts[e] + 1)[1:]
         boundaries.append(cuts)
         new_degrees += [degree[e]] * cuts.size
     return Mesh(np.concatenate(boundaries), np.array(new_degrees))
+
+
+def _around(left: float, right: float, steep: Array) -> Array:
+    """Return the ends of the parts that cut out the layer between the two times `steep`.
+
+    What is left of the element is cut in three where it is long: it may hold more than the layer.
+    """
+    cuts = [left, *[t for t in steep if left < t < right], right]
+    parts = [
+        np.linspace(a, b, 4)[1:] if b - a > (right - left) / 2 else np.array([b])
+        for a, b in zip(cuts[:-1], cuts[1:], strict=True)
+    ]
+    return np.concatenate(parts)
 
 
 def _cheapest(

@@ -50,6 +50,7 @@ ROUNDS = 20
 STALLED = 8  # rounds that bring nothing: a layer of 1e-6 is closed in on in six
 SAFETY = 4.0  # between the measured error of the last round and the estimate for the next
 ROUNDOFF = 2 * float(np.finfo(float).eps)  # of evaluating the polynomial, to begin with
+ORDINARY = 100.0  # amplification of round-off on a mesh where nothing is sensitive, at most
 UNDETERMINED = 1e-6  # amplified round-off above which the end points do not determine a path
 MEASURABLE = 1e-12  # coefficients below this are too near to rounding to measure a gain
 UNKNOWN_GAIN = 10.0  # assumed ratio of global to local error before any was measured
@@ -255,15 +256,20 @@ class _Run:
             target = self.tol / (2 * SAFETY * self.gain)
             mesh = refined(before, target)
             if not self._carry(mesh, before):
-                return Status.UNRESOLVED
+                return self._lost()
             worst = self.resolution().worst
             resolved = worst < MEASURABLE or self.gain * worst < self.noise
             if resolved and SAFETY * self.noise > self.tol:
                 return Status.DEGENERATE if self.noise > UNDETERMINED else Status.FLOOR
             stalled = stalled + 1 if self.resolution().worst > before.worst / 2 else 0
             if stalled == STALLED:
-                return Status.UNRESOLVED
-        return Status.SOLVED if self.error <= self.tol else Status.UNRESOLVED
+                return self._lost()
+        return Status.SOLVED if self.error <= self.tol else self._lost()
+
+    def _lost(self) -> Status:
+        """Say why a path does not settle: it is not determined, or it was none."""
+        undetermined = self.noise > UNDETERMINED / ORDINARY
+        return Status.DEGENERATE if undetermined else Status.UNRESOLVED
 
     def _settle_on(self, mesh: Mesh) -> Status:
         """Solve on the user's mesh; two degrees more on each element tell the error."""
@@ -334,8 +340,7 @@ class _Run:
         arrived = result.converged and (self.linear or result.travelled < reach)
         if arrived:
             self.z, self.noise = result.z, result.noise
-            # Amplified round-off tells how a small change anywhere is amplified.
-            self.gain = max(self.gain, self.noise / ROUNDOFF)
+            self.gain = max(self.gain, self._sensitivity())
             self.error = SAFETY * (self.gain * self.resolution().worst + self.noise + ROUNDOFF)
             self._record(perf_counter() - clock)
         return arrived
@@ -360,12 +365,17 @@ class _Run:
                 return False
         change = np.max(np.abs(self.tr.coordinates(self.z) - carried) / self.sizes)
         if before.worst > MEASURABLE:
-            self.gain = float(np.clip(change / before.worst, 1.0, 1e8))
+            self.gain = max(float(change) / before.worst, 1.0)
         elif self.gain == UNKNOWN_GAIN:
             self.gain = 1.0
+        self.gain = max(self.gain, self._sensitivity())
         self.error = SAFETY * (self.gain * self.resolution().worst + self.noise + ROUNDOFF)
         self.rounds[-1]["estimate"] = self.error
         return True
+
+    def _sensitivity(self) -> float:
+        """Return how much amplified round-off says that other errors are amplified, at least."""
+        return self.noise / (ORDINARY * ROUNDOFF)
 
     def _multipliers(self, mesh: Mesh) -> Array | None:
         """Return the multipliers carried to the nodes of `mesh`, (K, m)."""
