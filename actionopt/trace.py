@@ -65,7 +65,7 @@ class Trace:
     values, actions : (P,) arrays
         The varied quantity and the action.
     indices : (P,) array of int
-        Morse indices; -1 for systems with non-conservative forces, which have none.
+        Morse indices; -1 where none was counted or, with non-conservative forces, exists.
     paths : tuple of Path
     marks : tuple of Mark
         Folds and changes of the index.
@@ -120,6 +120,7 @@ def trace(
     guess: Guess | None = None,
     tol: float = 1e-8,
     steps: int = 300,
+    count: bool = True,
     progress: Callable[[float, float, int], object] | None = None,
 ) -> Trace:
     """Follow the path of `problem` as one quantity moves to the value `to`.
@@ -142,6 +143,9 @@ def trace(
         As for `solve`, for the first path; `tol` bounds the Legendre tails on the way, too.
     steps : int
         Most points to compute.
+    count : bool
+        Count the index at every point and keep the mesh fine enough. Without, the trace is
+        several times faster; its folds are found all the same.
     progress : callable, optional
         `progress(value, action, index)` after each point. An interruption (KeyboardInterrupt)
         ends the trace and keeps what it has.
@@ -157,7 +161,8 @@ def trace(
     if not np.isfinite(to) or to == value:
         raise ValueError(f"expected a finite value other than the present {value}, found {to}")
     first = solve(family(value), guess=guess, tol=tol)
-    run = _Run(family, value, float(to), tol)
+    counting = count and not problem.system.structure.forced
+    run = _Run(family, value, float(to), tol, counting)
     run.begin(first)
     try:
         run.go(steps, progress)
@@ -222,6 +227,7 @@ class _Run:
     origin: float
     goal: float
     tol: float
+    counting: bool
     branch: Branch = field(init=False)
     points: list[Point] = field(default_factory=list)
     indices: list[int] = field(default_factory=list)
@@ -229,12 +235,10 @@ class _Run:
     stopped: str = "the number of steps was used up"
     meshes: int = 1
     solves: int = 0
-    forced: bool = False
 
     def begin(self, solution: Solution) -> None:
         """Start from a solution, on a mesh that resolves its Jacobi fields as well."""
-        self.forced = solution.problem.system.structure.forced
-        if self.forced:
+        if not self.counting:
             tr, z = solution.discrete
             Q, lam = tr.unpack(z)
         else:
@@ -302,7 +306,7 @@ class _Run:
 
     def _append(self, point: Point) -> None:
         self.points.append(point)
-        self.indices.append(-1 if self.forced else inertia_of(_form(point)).index)
+        self.indices.append(inertia_of(_form(point)).index if self.counting else -1)
 
     def _action(self, point: Point) -> float:
         tr = point.tr
@@ -310,7 +314,7 @@ class _Run:
 
     def _refine(self) -> None:
         """Go on with a finer mesh where the last point asks for it."""
-        if self.forced:
+        if not self.counting:
             return
         point = self.points[-1]
         tr = point.tr
@@ -333,7 +337,7 @@ class _Run:
 
     def _mark(self, here: Point, there: Point) -> None:
         """Locate what changed between two points."""
-        after = -1 if self.forced else inertia_of(_form(there)).index
+        after = inertia_of(_form(there)).index if self.counting else -1
         before = self.indices[-1]
         turned = here.direction[-1] * there.direction[-1] < 0
         length = self._distance(here, there)
@@ -348,7 +352,7 @@ class _Run:
                 self._note("index", found or there, low, low + step)
 
     def _note(self, kind, point: Point, before: int, after: int) -> None:
-        sides = (None, None) if self.forced else (before, after)
+        sides = (before, after) if self.counting else (None, None)
         self.marks.append(Mark(kind, point.s, point.path, *sides))
 
     def _distance(self, here: Point, there: Point) -> float:
