@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 from actionopt import __version__
 
 if TYPE_CHECKING:
+    from actionopt.chapter import Line
     from actionopt.problem import Problem
     from actionopt.scenes import Scene
     from actionopt.solution import Solution
@@ -74,6 +75,14 @@ def _parser() -> argparse.ArgumentParser:
     add("--save", metavar="FILE.npz", help="write the solution")
     add("--json", action="store_true", help="print JSON instead of a table")
     add("--no-compare", action="store_false", dest="compare", help="no forward integration")
+    command = commands.add_parser(
+        "chapter",
+        help="run the chapter on Lagrangian mechanics",
+        description="Solve every system of the chapter, section by section, and compare what comes "
+        "out with what the chapter says.",
+    )
+    command.set_defaults(run=_chapter)
+    command.add_argument("section", nargs="?", default="", help="only this section, as in 12.4")
     return parser
 
 
@@ -108,6 +117,36 @@ def _some(names: Sequence[str], most: int = 4) -> str:
     """Return the names, those in the middle of a long row left out."""
     shown = names if len(names) <= most else (*names[: most - 1], "...", names[-1])
     return ", ".join(shown)
+
+
+# -- chapter ---------------------------------------------------------------------------------
+
+
+def _chapter(options: argparse.Namespace) -> int:
+    from actionopt.chapter import ROWS
+
+    chosen = [row for row in ROWS if row.section.startswith(options.section)]
+    if not chosen:
+        sections = sorted({row.section for row in ROWS})
+        raise ValueError(
+            f"expected one of the sections {', '.join(sections)}, found {options.section!r}"
+        )
+    clock, count, missed = perf_counter(), 0, 0
+    for row in chosen:
+        lines = list(row.check())
+        count += len(lines)
+        missed += sum(not line.agrees for line in lines)
+        print(f"\n{row.section}  {row.system}")
+        _print_table([("", "expected", "found", "error"), *map(_compared, lines)])
+    print(f"\n{count} comparisons, {missed} missed, {_seconds(perf_counter() - clock)}")
+    return 1 if missed else 0
+
+
+def _compared(line: Line) -> tuple[str, str, str, str]:
+    found = (line.expected, line.found)
+    shown = [f"{x:.12g}" if isinstance(x, float) else str(x) for x in found]
+    error = "" if line.error is None else f"{line.error:.1e}"
+    return f"  {line.quantity}", *shown, error if line.agrees else f"{error}  MISSED".lstrip()
 
 
 # -- solve -----------------------------------------------------------------------------------

@@ -29,7 +29,7 @@ RANKS = (
     ("compare",),
     ("all_paths",),
     ("__init__",),  # the public names
-    ("plot",),
+    ("chapter", "plot"),
     ("cli",),
     ("__main__",),
 )

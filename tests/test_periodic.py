@@ -6,8 +6,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import fsolve
 
 import actionopt as ao
-from actionopt import scenes
-from actionopt import Periodic
+from actionopt import Periodic, scenes
 
 CLOSED = 1e-10  # return of position and momentum
 
@@ -114,6 +113,7 @@ def test_closed_path_on_a_moving_constraint():
     exact = np.stack([A * np.cos(w * t) + l * np.sin(a), -l * np.cos(a)])
     assert np.max(np.abs(held(t) - exact)) < 10 * CLOSED
     assert abs(held.action - free.action) < 10 * CLOSED
+    assert abs(held.lam[0, 0] - held.multipliers(0.0)[0]) < 1e-6  # one class less accurate
 
 
 def test_what_does_not_fit_is_refused():

@@ -68,6 +68,7 @@ def scene(
         return -n * np.tanh(n * (t + since)) * np.sin(theta(t))
 
     exact = curve(lambda t: [theta(t)])
+    knots = np.sort(np.clip([0.0, -since, duration], 0.0, duration))
     rest = np.arccos(g / (R * w**2))
     return Scene(
         Problem(
@@ -96,4 +97,6 @@ def scene(
                 ),
             },
         },
+        # Less of an arc has less action: a lower path joins the events as well.
+        guess=curve(lambda t: [np.interp(t, knots, theta(knots))]),
     )
