@@ -33,6 +33,8 @@ class Pointwise:
         the same K.
         """
         count = len(arguments[0])
+        if count == 0:
+            return [np.zeros((0, self.function.nnz_out(i))) for i in range(self.function.n_out())]
         ready = self._ready.get(count)
         if ready is None:
             ready = self._ready[count] = self._prepare(count)

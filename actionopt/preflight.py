@@ -121,6 +121,8 @@ def _check_rank(problem: Problem, q: Array, t: Array, G: Array) -> None:
 
 
 def _check_mass(names: tuple[str, ...], M: Array, G: Array | None) -> None:
+    if G is None and _definite(M[0]):
+        return
     for k in range(len(M)):
         basis = np.eye(len(names))
         if G is not None:
@@ -141,3 +143,12 @@ def _check_mass(names: tuple[str, ...], M: Array, G: Array | None) -> None:
         "fix; eliminate the coordinate where it is cyclic or has no inertia, give it a mass, or "
         "use v . v / 2 in place of a length |v|"
     )
+
+
+def _definite(M: Array) -> bool:
+    """Whether M is plainly positive definite, the ordinary case, quickly found out."""
+    try:
+        pivots = np.diagonal(np.linalg.cholesky(M)) ** 2
+    except np.linalg.LinAlgError:
+        return False
+    return bool(pivots.min() > RANK * pivots.max())

@@ -8,12 +8,13 @@ good to 1e-12 is good to 1e-10 only.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]  # of floats; numpy's own stubs do not keep track of float64
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +67,7 @@ def legendre(degree: int, x: Array) -> Array:
     return values
 
 
-@lru_cache(maxsize=None)
+@cache
 def lgl(degree: int) -> Rule:
     """Return the LGL rule with `degree + 1` points.
 

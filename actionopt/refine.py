@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -115,7 +116,7 @@ def _around(left: float, right: float, steep: Array) -> Array:
     cuts = [left, *[t for t in steep if left < t < right], right]
     parts = [
         np.linspace(a, b, 4)[1:] if b - a > (right - left) / 2 else np.array([b])
-        for a, b in zip(cuts[:-1], cuts[1:], strict=True)
+        for a, b in pairwise(cuts)
     ]
     return np.concatenate(parts)
 

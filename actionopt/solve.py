@@ -41,6 +41,7 @@ LADDER = (
     ("continuation", (8, 16, 32)),
     ("patient least", (8, 16, 32, 64)),
 )
+SQUARE = 1500  # unknowns above which Ipopt takes too long over a square system to be tried first
 NEAR_GUESS = (16, 32, 64)  # a guess has features that coarser meshes would miss
 LINEAR = 4  # elements to begin with where nothing has to be sought
 NEAR = 0.1  # a path that moves farther than this when refined, in its own size, is another one
@@ -192,6 +193,8 @@ class _Run:
             self.sizes = self.problem.scales
             self.gain, self.error = UNKNOWN_GAIN, np.inf
             self._place(self._coarse(elements), known)
+            if rung == "stationary" and self.tr.layout.size > SQUARE:
+                return Status.NOT_FOUND
             if not (self._release() if rung == "continuation" else self._find(rung)):
                 if rung == "least":
                     return Status.UNBOUNDED if self.diverged else Status.NOT_FOUND

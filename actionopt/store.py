@@ -25,6 +25,16 @@ from actionopt.system import System
 from actionopt.transcription import Transcription
 
 SAME = 1e-9  # relative difference of two evaluations of the action of one path
+ARRAYS = (
+    "boundaries",
+    "degrees",
+    "values",
+    "lam",
+    "action",
+    "error",
+    "velocities",
+    "momenta",
+)
 FORMAT = "actionopt solution 1"
 
 
@@ -94,8 +104,9 @@ def load(file: str | FilePath, system: System | str | None = None) -> Solution:
         parameters are not those in the file.
     """
     try:
-        with np.load(file, allow_pickle=False) as arrays:
-            data = {name: arrays[name] for name in arrays.files}
+        # Opened here, so that it is closed as well when numpy gives up half way.
+        with open(file, "rb") as stream, np.load(stream, allow_pickle=False) as arrays:
+            data = {name: arrays[name] for name in (*ARRAYS, "about")}
         about = json.loads(str(data["about"]))
         known = about["format"]
     except FileNotFoundError:

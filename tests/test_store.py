@@ -210,7 +210,6 @@ def test_foreign_files_are_refused(kind, tmp_path):
         ao.load(file)
 
 
-@pytest.mark.xfail(strict=True, reason="refused, but left open")
 @pytest.mark.parametrize("share", [0.3, 0.7, 0.99])
 def test_half_a_file_is_refused(own, share, tmp_path):
     file = tmp_path / "half.npz"
@@ -232,12 +231,7 @@ def test_a_damaged_file_is_refused(own, tmp_path):
         ao.load(file, SYSTEM)
 
 
-UNNAMED = pytest.mark.xfail(strict=True, reason="refused, but as a missing key")
-
-
-@pytest.mark.parametrize(
-    "missing", ["about", *(pytest.param(x, marks=UNNAMED) for x in ("values", "degrees", "lam"))]
-)
+@pytest.mark.parametrize("missing", ["about", "values", "degrees", "lam"])
 def test_a_file_without_one_of_its_parts_is_refused(own, missing, tmp_path):
     file = tmp_path / "part.npz"
     own.save(file)
