@@ -17,6 +17,7 @@ from benchmarks import peers, problems, report
 from benchmarks.results import Results
 from benchmarks.runner import Bench, Progress
 
+SLOW = 1.0  # seconds above which a measurement is not repeated
 USEFUL = 1e-2  # a larger error is another path, or none
 
 
@@ -44,7 +45,7 @@ def measure(bench: Bench, results: Results, case: str, rounds: int) -> None:
     jobs = [job for step in zip_longest(*ladders) for job in step if job]  # interleaved
     for round_ in range(1, rounds):
         for job in jobs:
-            if round_ < 3 or job.seconds < 1.0:
+            if job.seconds < (SLOW if round_ < 3 else SLOW / 10):
                 job.run(bench)
     for peer in todo:
         results.add(case, peer, [job.row() for job in jobs if job.peer == peer])
@@ -104,7 +105,7 @@ def _useful(bench: Bench, results: Results, case: str, peer: str) -> list[Job]:
             else:
                 lost.append(cold)
                 misses += 1
-            if (misses == 3 and cold.seconds > 1.0) or "unable" in cold.status:
+            if (misses == 2 and cold.seconds > SLOW) or "unable" in cold.status:
                 break  # finer settings cost more and will not do better
         if good or "unable" in cold.status:
             break

@@ -13,7 +13,7 @@ from benchmarks.peers._peer import Answer, Failed, Peer, Unable, piecewise
 from benchmarks.peers.casadi_collocation import accelerations
 from benchmarks.problems import Case, Ends
 
-MESHES = ((1, 10), (1, 20), (4, 10), (8, 10), (16, 10), (32, 10))
+MESHES = ((1, 10), (1, 20), (4, 10), (16, 10))
 OPTIONS = {"ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": 0, "ipopt.tol": 1e-10}
 
 

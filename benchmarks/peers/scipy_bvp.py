@@ -17,7 +17,10 @@ MAX_NODES = 50_000
 
 
 def solve(case: Case, ends: Ends, x, y, tol: float, keep=None) -> Answer:
-    """Solve from the guess y (2 n, K) at the nodes x (K,); `keep` is the mesh to start again from."""
+    """Solve from the guess y (2 n, K) at the nodes x (K,).
+
+    `keep` is the mesh to start from when solving again; without it, the one arrived at.
+    """
     n, unit = case.n, case.time_unit
     zero, eye = np.zeros((n, n)), np.eye(n)
     at_start, at_end = np.block([[eye, zero], [zero, zero]]), np.block([[zero, zero], [eye, zero]])
