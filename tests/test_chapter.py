@@ -1,0 +1,263 @@
+"""The chapter comes out, closed forms and published values too, and nobody pays for others."""
+
+import importlib
+
+import numpy as np
+import pytest
+
+import actionopt as ao
+from actionopt import chapter, cli, scenes
+from actionopt.chapter import ROWS, Line, Row
+from actionopt.chapter._row import other_numbers, solved
+from actionopt.conjugate import conjugate_points
+
+TOL = 1e-11
+CLOSED_FORM = 1e-10  # of a path and its action, at tol = 1e-11
+VELOCITY = 1e-9  # at the ends, whose momenta are as good as the action
+
+
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: f"{row.section}-{row.system[:30]}")
+def test_every_row_comes_out(row):
+    lines = list(row.check())
+    assert lines
+    assert [line for line in lines if not line.agrees] == []
+
+
+def test_rows_are_in_the_chapter_s_order_and_cover_it():
+    sections = [row.section for row in ROWS]
+    assert sections == sorted(sections)
+    assert {"12.2", "12.3", "12.3.1", "12.3.2", "12.4", "12.5.1", "12.5.2", "12.5.4"} <= {*sections}
+
+
+def test_a_line_agrees_within_its_tolerance_only():
+    assert Line("x", 2.0, 2.0 + 1e-11).agrees
+    assert not Line("x", 2.0, 2.0 + 1e-9).agrees
+    assert not Line("x", 2.0, np.nan).agrees
+    assert not Line("x", True, False).agrees and Line("x", "a", "a").agrees
+    assert Line("x", 1e6, 1e6 + 1e-5).error == pytest.approx(1e-11, rel=1e-3)
+
+
+# -- the command ---------------------------------------------------------------------------------
+
+
+def test_command_prints_expected_found_and_error(capsys):
+    assert cli.main(["chapter", "12.5.3"]) == 0
+    printed = capsys.readouterr().out
+    assert "two particles on a line" in printed and "12.4" not in printed
+    assert all(word in printed for word in ("expected", "found", "error", "0 missed"))
+    [drift] = [line for line in printed.splitlines() if "drift" in line]
+    assert len(drift.split()) == 5
+
+
+def test_command_fails_if_anything_misses(capsys, monkeypatch):
+    def check():
+        yield Line("good", 1.0, 1.0)
+        yield Line("g", 9.81, 9.82)
+
+    monkeypatch.setattr(chapter, "ROWS", (Row("12.9", "a row that misses", check),))
+    assert cli.main(["chapter"]) == 1
+    printed = capsys.readouterr().out
+    [missed] = [line for line in printed.splitlines() if "MISSED" in line]
+    assert missed.split()[:3] == ["g", "9.81", "9.82"]
+    assert "2 comparisons, 1 missed" in printed
+
+
+def test_command_names_the_sections(capsys):
+    assert cli.main(["chapter", "13"]) == 1
+    assert "12.3.1" in capsys.readouterr().err
+
+
+# -- accuracy and costs ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("changed", [False, True])
+@pytest.mark.parametrize("name", scenes.SCENES)
+def test_scenes_meet_their_closed_forms(name, changed):
+    scene, solution = solved(name, changed)
+    t = np.linspace(scene.problem.start.t, scene.problem.end.t, 101)
+    assert solution.compare().agrees
+    if scene.exact is not None:
+        exact = scene.exact(t)
+        size = np.max(np.abs(exact), axis=1, keepdims=True)
+        error = np.abs(solution(t) - exact) / np.where(size > 0, size, 1.0)
+        assert np.max(error) < CLOSED_FORM
+    if scene.action is not None:
+        assert abs(solution.action - scene.action) < CLOSED_FORM * max(1.0, abs(scene.action))
+    if "start" in scene.facts and not changed:
+        assert np.max(np.abs(solution.start.v - scene.facts["start"].v)) < VELOCITY
+
+
+def test_other_numbers_are_other_numbers():
+    assert other_numbers("kepler")["mu"] != scenes.parameters("kepler")["mu"]
+    assert "links" not in other_numbers("chain")
+
+
+@pytest.mark.parametrize(
+    ("name", "spared", "paid"),
+    [
+        ("kepler", ("constraint", "force"), ("second",)),
+        ("turning_wire", ("force", "curvature"), ("constraint", "constraint_jacobian")),
+        ("damped_oscillator", ("constraint",), ("force", "force_jacobian")),
+        ("rod_pendulum", ("force",), ("constraint_curvature",)),
+    ],
+)
+def test_what_a_scene_does_not_use_costs_nothing(name, spared, paid):
+    """Neither derived nor evaluated; on a system of its own, that nothing else has asked."""
+    system = importlib.import_module(f"actionopt.scenes.{name}").system.__wrapped__()
+    scene = scenes.get(name)
+    events = scene.problem.start, scene.problem.end
+    stats = ao.solve(ao.Problem(system, *events), tol=TOL, guess=scene.guess).stats
+    for used in (stats["derived"], stats["evaluations"]):
+        assert not [function for function in used if any(word in function for word in spared)]
+        assert all(function in used for function in paid)
+    assert (stats["rows"] > 0) == any("constraint" in word for word in paid)
+    if system.structure.linear:
+        assert "ipopt" not in stats["iterations"]
+
+
+# -- published values ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("duration", "S", "index"),
+    [
+        (1.0, 0.435769830834361359, 0),
+        (2.5, -0.0373144326408811096, 0),
+        (4.0, -0.0270127940596106813, 1),
+        (7.0, 0.652420695635872722, 2),
+        (10.0, 0.0612673713666770404, 3),
+        (13.0, 1.12612253020643422, 4),
+    ],
+)
+def test_oscillator_of_feynman_and_hibbs(duration, S, index):
+    """Problem 3-8: S = ((a^2 + b^2) cos T - 2 a b) / (2 sin T) with a = 0.3, b = -0.7."""
+    scene = scenes.get("oscillator", start=0.3, end=-0.7, duration=duration)
+    solution = ao.solve(scene.problem, tol=TOL)
+    assert abs(solution.action - S) < CLOSED_FORM
+    assert solution.morse_index == index
+
+
+@pytest.mark.parametrize(
+    ("duration", "S", "v", "index"),
+    [
+        (1.0, 0.521046307967165352, [-0.0863259072525354376, 1.18525556956059842], 0),
+        (2.0, -0.0288287771801428819, [-0.966126043488228611, 0.525405467383828542], 0),
+        (4.0, 0.631845577225308307, [0.0909529235604932912, 1.31821469267036997], 2),
+        (7.0, 0.773757711202567843, [0.318012337924108548, 1.48850925344308141], 4),
+    ],
+)
+def test_charge_of_feynman_and_hibbs(duration, S, v, index):
+    """Problem 3-10, charge in a magnetic field alone, from (0.2, -0.1) to (1, 0.5)."""
+    solution = ao.solve(scenes.get("charge_planar", E=0.0, duration=duration).problem, tol=TOL)
+    assert abs(solution.action - S) < CLOSED_FORM
+    assert np.max(np.abs(solution.start.v - v)) < VELOCITY
+    assert solution.morse_index == index
+
+
+@pytest.mark.parametrize(
+    ("duration", "v", "S", "index"),
+    [
+        (0.5, [3.911048003955552443, -1.661734607547414626], 3.551515034463093128, 0),
+        (1.0, [0.2969055159163157446, 1.774643641112655910], 10.41508996440519145, 0),
+        (2.0, [-2.102437874436126444, 2.741935393010509429], 19.68988665253231253, 1),
+        (5.0, [0.8579042568859464366, -2.414928654370487697], 43.04324769748080482, 4),
+        (10.0, [4.175598100951724423, -1.194749054560488730], 88.99427916369281077, 8),
+    ],
+)
+def test_pendulum_released_horizontally(duration, v, S, index):
+    """IFToMM multibody benchmark A01 from (-1, 0), elliptic functions with twenty digits."""
+    period = 2.36784194757623745
+    scene = scenes.get("rod_pendulum", amplitude=np.pi / 2, since=-period / 4, duration=duration)
+    solution = ao.solve(scene.problem, tol=TOL, guess=scene.exact)
+    assert np.max(np.abs(solution.end.v - v)) < 10 * VELOCITY
+    assert np.max(np.abs(solution.start.v)) < 10 * VELOCITY
+    assert abs(solution.action - S) < CLOSED_FORM * S
+    assert solution.morse_index == index
+
+
+def test_pendulum_of_the_test_set_for_differential_algebraic_equations():
+    """J. Cash, driver pendul3.f of MEBDFDAE: from (1, 0) upwards at speed 1, with g = 1."""
+    system = scenes.get("rod_pendulum").problem.system
+    end = [0.867348640604551746, 0.497701050476373918]  # good to 4e-12
+    problem = ao.Problem(
+        system,
+        ao.Event(0.0, [1.0, 0.0]),
+        ao.Event(1.0, np.array(end) / np.hypot(*end)),
+        parameters={"m": 1.0, "l": 1.0, "g": 1.0},
+    )
+    solution = ao.solve(problem, tol=TOL)
+    assert np.max(np.abs(solution.start.v - [0.0, 1.0])) < 1e-10
+    assert np.max(np.abs(solution.end.v - [-0.0337480180329866, 0.0588130114660716])) < 1e-10
+    # x'' = -lambda x
+    force = 0.493103151528274442 * solution(1.0)
+    assert np.max(np.abs(solution.constraint_force(1.0) - force)) < 1e-9
+    assert abs(solution.action + 0.1562656602849295043) < 1e-10
+    assert solution.morse_index == 0
+
+
+def test_steady_top():
+    """Inputs of Kinon and Betsch, a cone of density 2700: psi' = 135.6 with phi' = 10."""
+    scene = scenes.get(
+        "heavy_top",
+        m=0.706858347057703479,
+        l=0.075,
+        I1=0.00450622196249285968,
+        I3=0.000530143760293277609,
+        theta=np.pi / 3,
+        precession=10.0,
+        duration=0.1,
+    )
+    solution = ao.solve(scene.problem, tol=TOL)
+    assert np.max(np.abs(solution.start.v - [10.0, 0.0, 135.6])) < 135.6 * VELOCITY
+
+
+def test_conjugate_times_on_a_circular_orbit():
+    """Roots of 8 (1 - cos t) = 3 t sin t (Clohessy and Wiltshire), and whole turns."""
+    scene = scenes.get("kepler", eccentricity=0.0, fraction=2.6)
+    solution = ao.solve(scene.problem, tol=TOL, guess=scene.exact)
+    found = [point.t for point in conjugate_points(solution)]
+    known = [2 * np.pi, 8.83874284415204083, 4 * np.pi, 15.3642612907869788]
+    assert np.max(np.abs(np.array(found) - known)) < 1e-8
+    assert solution.morse_index == 4
+
+
+@pytest.mark.parametrize("eccentricity", [0.2, 0.7])
+def test_action_of_a_whole_ellipse(eccentricity):
+    """Gordon, Amer. J. Math. 99 (1977): S = 3 pi sqrt(mu a), here from two pieces."""
+    numbers = {"mu": 1.7, "a": 0.8, "eccentricity": eccentricity}
+    S = 0.0
+    for start, fraction in ((0.0, 0.4), (0.4, 0.6)):
+        scene = scenes.get("kepler", **numbers, start=start, fraction=fraction)
+        S += ao.solve(scene.problem, tol=TOL, guess=scene.exact).action
+    assert abs(S - 3 * np.pi * np.sqrt(1.7 * 0.8)) < CLOSED_FORM * S
+
+
+def test_lambert_s_problem_of_vallado():
+    """Vallado, Fundamentals of Astrodynamics, example 7-5: short way, km and s, six decimals."""
+    problem = ao.Problem(
+        scenes.get("kepler").problem.system,
+        ao.Event(0.0, [15945.34, 0.0]),
+        ao.Event(4560.0, [12214.83899, 10249.46731]),
+        parameters={"mu": 398600.4418},
+    )
+    solution = ao.solve(problem, tol=TOL)
+    # published, and recomputed with more digits
+    assert np.max(np.abs(solution.start.v - [2.058913, 2.915965])) < 1e-6
+    assert np.max(np.abs(solution.end.v - [-3.451565, 0.910315])) < 1e-6
+    assert np.max(np.abs(solution.start.v - [2.0589133537073095, 2.9159643516499399])) < 1e-9
+    assert abs(solution.action - 1.234962554912745e5) < 1e-9 * 1.2e5
+    assert solution.morse_index == 0
+
+
+def test_figure_eight():
+    """Li and Liao (2017): v1 = (0.3471168881, 0.5327249454), T = 6.3259139829; S for T = 2 pi."""
+    scene, solution = solved("figure_eight")
+    facts = scene.facts
+    v = solution.start.v.reshape(3, 2)
+    ours = np.array([[0.3471168881, 0.5327249454]] * 3) * [[1], [1], [-2]]
+    assert {*np.round(np.linalg.norm(v, axis=1), 9)} == {*np.round(np.linalg.norm(ours, axis=1), 9)}
+    assert abs(facts["period"] - 6.3259139829) < 1e-9
+    third = facts["period"] / 3 / solution.problem.duration
+    scaled = 3 * third * solution.action * (2 * np.pi / facts["period"]) ** (1 / 3)
+    assert third == pytest.approx(round(third), abs=1e-9)
+    assert abs(scaled - 24.371926) < 5e-7
