@@ -52,7 +52,7 @@ class Pointwise:
         inputs = [np.zeros((count, f.numel_in(i))) for i in range(f.n_in())]
         outputs = [np.zeros((count, f.nnz_out(i))) for i in range(f.n_out())]
         for i, slot in enumerate(inputs):
-            buffer.set_arg(i, memoryview(slot))
+            buffer.set_arg(i, memoryview(slot))  # type: ignore
         for i, slot in enumerate(outputs):
-            buffer.set_res(i, memoryview(slot))
+            buffer.set_res(i, memoryview(slot))  # type: ignore
         return inputs, outputs, trigger, buffer, mapped  # the last two keep the memory alive

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -145,7 +146,7 @@ class Problem:
     system: System
     start: Event
     end: Event
-    parameters: Mapping[str, ArrayLike] | None = field(default=None, kw_only=True)
+    parameters: Mapping[str, Any] = field(default=None, kw_only=True)  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         values = self.system.table.values(self.parameters)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path as FilePath
@@ -209,10 +210,9 @@ class Solution:
         system, parameters = self.problem.system, self.problem.parameters
         t, q = float(self.mesh.boundaries[-k]), self.path.values[:, -k]
         v = self.path.velocity(t)
-        try:
+        # A failed attempt may have no such velocity: the polynomial's stands.
+        with suppress(ValueError, np.linalg.LinAlgError):
             v = system.velocity(q, self._free_momenta[k], t, v, parameters=parameters)
-        except (ValueError, np.linalg.LinAlgError):
-            pass  # a failed attempt may have no such velocity: the polynomial's stands
         return State(t, q, v)
 
     def _pointwise(self, name: str, t: ArrayLike) -> Array:

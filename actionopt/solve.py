@@ -9,7 +9,7 @@ discrete problem is one linear system.
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from time import perf_counter
@@ -139,7 +139,7 @@ class _Run:
     iterations: Counter[str] = field(default_factory=Counter)
     evaluations: Counter[str] = field(default_factory=Counter)
     rounds: list[dict[str, Any]] = field(default_factory=list)
-    time: Counter[str] = field(default_factory=Counter)
+    time: dict[str, float] = field(default_factory=lambda: defaultdict(float))
 
     # -- strategy ------------------------------------------------------------------------------
 
@@ -443,7 +443,7 @@ class _Run:
             "noise": self.noise,
             "condition": max(self.noise / ROUNDOFF, 1.0),
             "derived": system.derived,
-            "time": {k: float(v) for k, v in self.time.items()},
+            "time": dict(self.time),
         }
         lam = tr.unpack(self.z)[1].T
         solution = Solution(problem, path, action, lam, self.error, status, stats)

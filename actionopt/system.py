@@ -104,7 +104,7 @@ class System:
         q, v, t = ca.SX.sym("q", n), ca.SX.sym("v", n), ca.SX.sym("t")
         p, named = self.table.symbols()
         self.symbols = Symbols(q, v, t, p)
-        Q, V, T = ca.array(q).reshape(n), ca.array(v).reshape(n), ca.array(t).reshape(())
+        Q, V, T = ca.array(q).reshape(n), ca.array(v).reshape(n), ca.array(t).reshape(())  # type: ignore
         given, used = call(lagrangian, "lagrangian", {"q": Q, "v": V, "t": T}, named)
         self.L = column(given, "lagrangian", 1)
         self.f = ca.SX(0, 1)
@@ -362,6 +362,7 @@ class System:
         target = np.asarray(p, dtype=float)
         G = self.constraint_jacobian(q, t, parameters=parameters)
         rate = self._at("constraint_rate", q, None, t, parameters)[0] if m else np.zeros(0)
+
         def mismatch(v: Array) -> Array:
             return np.concatenate(
                 [target - self.momentum(q, v, t, parameters=parameters), -rate - G @ v]
@@ -405,7 +406,7 @@ class System:
         return solved[:n].reshape(n, *shape), solved[n:].reshape(m, *shape)
 
     def _at(self, name: str, q, v, t, parameters) -> list[Array]:
-        """Evaluate a compiled function at user-shaped arguments: each output (rows, K) or (rows,)."""
+        """Evaluate a compiled function at arguments of the user's shape: (rows, K) or (rows,)."""
         columns, single = _as_columns(q, self.n, "q")
         arguments = [columns.T]
         if v is not None:

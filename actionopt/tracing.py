@@ -72,7 +72,7 @@ class ParameterTable:
             symbol = ca.SX.sym(name, rows, cols)
             columns.append(ca.vec(symbol))
             # A true 0-d, 1-d or 2-d array view: numpy functions then work without a warning.
-            named[name] = ca.array(symbol).reshape(shape)
+            named[name] = ca.array(symbol).reshape(shape)  # type: ignore
         return ca.vertcat(*columns) if columns else ca.SX(0, 1), named
 
 

@@ -230,7 +230,7 @@ class Transcription:
                 self._fixed_stiffness = stiff
         else:
             stiff = self._fixed_stiffness
-        parts = [(self.weight * A).ravel()]
+        parts: list[Array] = [(self.weight * A).ravel()]
         parts += self._mixed_part(B, diagonal_twice=True)
         parts += stiff
         if layout.rows and not structure.affine_constraint:
@@ -301,7 +301,7 @@ class Transcription:
         unit = self.x_unit[F.row] * self.x_unit[F.col] / self.action_unit
         return F.sum(np.concatenate(parts)) * unit
 
-    # -- what follows at the ends -------------------------------------------------------------------
+    # -- what follows at the ends ---------------------------------------------------------------
 
     def momenta(self, z: Array) -> tuple[Array, Array]:
         """Return p(t0) = -dS/dq0 and p(t1) = +dS/dq1, each (n,): Hamilton and Jacobi's identities.

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
@@ -26,7 +26,7 @@ TOLERANCE = 1e-6  # in the scaled residual; Newton's method takes over far above
 RUNAWAY = 1e6  # coordinates this many times their own size: minimising has run away
 # A saddle is reached in tens of iterations or not at all; a minimum may lie in a long valley.
 ITERATIONS = {"least": 40, "patient least": 300, "stationary": 60}
-OPTIONS = {
+OPTIONS: dict[str, Any] = {
     "print_time": 0,
     "calc_lam_p": False,
     "no_nlp_grad": True,
@@ -67,7 +67,7 @@ class _Function(ca.Callback):
         name: str,
         inputs: Sequence[tuple[str, ca.Sparsity]],
         outputs: Sequence[tuple[str, ca.Sparsity]],
-        evaluate: Callable[..., Sequence[object]],
+        evaluate: Callable[..., Sequence[Any]],
         interrupted: list[bool],
     ) -> None:
         ca.Callback.__init__(self)
@@ -147,7 +147,7 @@ class _Solver:
                 self.interrupted,
             ),
         ]
-        options = {
+        options: dict[str, Any] = {
             **OPTIONS,
             "ipopt.max_iter": ITERATIONS[principle],
             "grad_f": self.functions[1],

@@ -94,9 +94,9 @@ class _Sparse:
         self._values, self._right = np.empty(layout.kkt.nnz), np.empty(layout.size)
         self._solved = np.empty(layout.size)
         self._buffer, self._trigger = self._function.buffer()
-        self._buffer.set_arg(0, memoryview(self._values))
-        self._buffer.set_arg(1, memoryview(self._right))
-        self._buffer.set_res(0, memoryview(self._solved))
+        self._buffer.set_arg(0, memoryview(self._values))  # type: ignore
+        self._buffer.set_arg(1, memoryview(self._right))  # type: ignore
+        self._buffer.set_res(0, memoryview(self._solved))  # type: ignore
 
     def __call__(self, nonzeros: Array, right: Array) -> Array:
         self._values[:] = nonzeros
