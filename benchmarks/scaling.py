@@ -24,7 +24,7 @@ ELEMENTS = (100, 1000, 10_000)
 LINKS = (10, 30, 100)  # in Cartesian coordinates, with one constraint a link
 MASSES = (10, 100, 1000)
 DURATIONS = (2.5, 7.9, 25.1, 79.1)  # of a pendulum: 1 to 32 periods, roughly
-LIMIT = 60.0  # seconds a measurement
+LIMIT = 30.0  # seconds a measurement
 
 
 def elements(count: int) -> dict:
