@@ -1,9 +1,10 @@
-"""Plain Newton's method on the KKT system: it follows a path that is near already.
+"""Newton's method on the KKT system: plain, to follow a path that is near; damped, to approach one.
 
-It has no globalisation, so it watches itself. Every factorization is used twice: for the Newton
-step and for a simplified second step, whose ratio to the first measures how fast the iteration
-contracts (Deuflhard, *Newton Methods for Nonlinear Problems* (2011), section 2.1). Where it does
-not contract, the caller hands the problem to a method that finds paths.
+Every factorization is used twice: for the Newton step and for a simplified second step, whose
+ratio to the first measures how fast the iteration contracts (Deuflhard, *Newton Methods for
+Nonlinear Problems* (2011), section 2.1). `follow` has no globalisation and gives up where it does
+not contract; `approach` shortens the steps until they do (ibid. section 3.3). Lengths of steps, not
+residuals, decide: they mean the same on every mesh.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from actionopt.transcription import Factors, Transcription
 CONTRACTION = 0.5  # a larger ratio of successive steps is not the neighbourhood of a path
 ROUNDOFF_STEP = 1e-9  # steps that stop contracting below this size are round-off
 ROUNDOFF = float(np.finfo(float).eps)
+DAMPED = 1e-3  # a shorter fraction of a step leads nowhere
 TARGET = 1e-14  # in units of the coordinates' sizes; one step past it costs next to nothing
 
 
@@ -78,6 +80,51 @@ def follow(tr: Transcription, z: Array, *, linear: bool = False, steps: int = 12
         # what is left of the step says how little the path is determined.
         exhausted = _exhausted(tr, z, residual)
     return Followed(z, exhausted, rest, k, _size((z - first)[:cut]))
+
+
+def approach(tr: Transcription, z: Array, steps: int = 8) -> tuple[Array, int] | None:
+    """Return a point where Newton's method contracts, and the factorizations used; None if lost.
+
+    The damping factor comes from the curvature that the simplified step shows (Deuflhard,
+    algorithm NLEQ-ERR).
+    """
+    cut = tr.layout.unknowns
+    damping, last, missed = 1.0, None, None
+    with np.errstate(all="ignore"):
+        residual = tr.residual(z)
+        for k in range(1, steps + 1):
+            try:
+                factors = Factors(tr.layout, tr.kkt(z))
+                step = -factors.solve(residual)
+            except np.linalg.LinAlgError:
+                return None
+            length = _norm(step[:cut])
+            if last is not None:
+                bend = _norm((missed - step)[:cut]) * length
+                damping = min(1.0, damping * last * _norm(missed[:cut]) / bend) if bend else 1.0
+            while True:
+                if not damping > DAMPED:
+                    return None
+                trial = z + damping * step
+                residual = tr.residual(trial)
+                try:
+                    missed = -factors.solve(residual)
+                except np.linalg.LinAlgError:
+                    return None
+                rest = _norm(missed[:cut])
+                bend = _norm((missed - (1 - damping) * step)[:cut])
+                better = 0.5 * length * damping**2 / bend if bend else 1.0
+                if rest < (1 - damping / 4) * length:
+                    break
+                damping = min(better, damping / 2) if np.isfinite(rest) else damping / 4
+            z, last = trial, length
+            if damping == 1.0 and rest < CONTRACTION * length:
+                return z, k
+    return None
+
+
+def _norm(step: Array) -> float:
+    return float(np.sqrt(np.mean(step * step)))
 
 
 def _roundoff(tr: Transcription, factors: Factors) -> Array:

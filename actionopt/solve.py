@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt.continuation import release
-from actionopt.newton import Followed, follow
+from actionopt.newton import Followed, approach, follow
 from actionopt.path import Mesh, Path
 from actionopt.preflight import check, project
 from actionopt.problem import Problem
@@ -32,10 +32,12 @@ from actionopt.transcription import Principle, Transcription, find, negative_eig
 Guess = Path | Solution | Callable[[Array], ArrayLike] | ArrayLike
 
 # How a first path is sought from the straight line, each way on meshes of so many elements:
-# minimising is robust and quick where the action is bounded below and the valley short; a root
+# where the straight line is near already Newton's method knows at once, and costs next to
+# nothing where it is not; minimising is robust and quick where the action is bounded below and the valley short; a root
 # of the stationarity conditions is quick where it is near; continuation gets there slowly but
 # surely; a minimum down a long curved valley takes patience.
 LADDER = (
+    ("newton", (4,)),
     ("least", (8, 16, 32, 64)),
     ("stationary", (8, 16)),
     ("continuation", (8, 16, 32)),
@@ -195,7 +197,7 @@ class _Run:
             self._place(self._coarse(elements), known)
             if rung == "stationary" and self.tr.layout.size > SQUARE:
                 return Status.NOT_FOUND
-            if not (self._release() if rung == "continuation" else self._find(rung)):
+            if not self._seek(rung):
                 if rung == "least":
                     return Status.UNBOUNDED if self.diverged else Status.NOT_FOUND
                 known = None
@@ -219,6 +221,12 @@ class _Run:
     def _index(self) -> int:
         tr = self.tr
         return negative_eigenvalues(tr.layout, tr.kkt(self.z)) - tr.layout.rows
+
+    def _seek(self, rung: str) -> bool:
+        """Find a stationary path on the mesh at hand; False if that did not work."""
+        if rung == "newton":
+            return self._approach()
+        return self._release() if rung == "continuation" else self._find(rung)
 
     def _near_guess(self) -> Status:
         """Follow the guess, or find the stationary path near it, or continue from it."""
@@ -333,6 +341,16 @@ class _Run:
             self.iterations["continuation"] += released[1]
         self.time["solve"] += perf_counter() - clock
         return released is not None and self._follow()
+
+    def _approach(self) -> bool:
+        """Go from the straight line by damped Newton steps."""
+        clock = perf_counter()
+        near = approach(self.tr, self.z)
+        if near is not None:
+            self.z = near[0]
+            self.iterations["newton"] += near[1]
+        self.time["solve"] += perf_counter() - clock
+        return near is not None and self._follow()
 
     def _follow(self, reach: float = np.inf) -> bool:
         """Polish the path where it is; False if it is not there, or farther than `reach`."""

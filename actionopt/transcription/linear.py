@@ -15,7 +15,7 @@ from actionopt.quadrature import Array
 from actionopt.transcription.layout import Layout
 
 DENSE = 40  # up to this size a dense inverse costs less than building a sparse solver
-DENSE_COUNT = 240  # up to this size eigenvalues are counted from all of them
+DENSE_COUNT = 60  # up to this size eigenvalues are counted from all of them
 REGULAR = 1e-10  # on the rows' diagonal, whose gradients are of size one
 REFINEMENTS = 6
 ACCURATE = 1e-10  # residual relative to |b| that is enough: Newton's method corrects the rest
@@ -114,10 +114,11 @@ def negative_eigenvalues(layout: Layout, nonzeros: Array) -> int:
     if layout.size <= DENSE_COUNT:
         return int(np.sum(np.linalg.eigvalsh(_dense(layout, nonzeros)) < 0))
     matrix = ca.DM(layout.kkt.sparsity, _regular(layout, nonzeros))
-    solver = ca.Linsol("inertia", "ldl", layout.kkt.sparsity)
-    solver.sfact(matrix)
-    solver.nfact(matrix)
-    return int(solver.neig(matrix))
+    if "inertia" not in layout.solvers:
+        layout.solvers["inertia"] = ca.Linsol("inertia", "ldl", layout.kkt.sparsity)
+        layout.solvers["inertia"].sfact(matrix)
+    layout.solvers["inertia"].nfact(matrix)
+    return int(layout.solvers["inertia"].neig(matrix))
 
 
 def _solver(layout: Layout, kind: str) -> _Sparse:
