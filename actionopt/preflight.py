@@ -28,6 +28,12 @@ def check(tr: Transcription, Q: Array) -> None:
     """
     problem = tr.problem
     system = problem.system
+    if not system.m:
+        rows, cols = sparsity_of(system, "second", 2)
+        M = np.zeros((system.n, system.n))
+        M[rows, cols] = M[cols, rows] = tr.inertia * tr.lengths[rows] * tr.lengths[cols]
+        if _definite(M):
+            return
     nodes = tr.mesh.nodes
     chosen = np.unique(np.linspace(0, nodes.size - 1, SAMPLES + 2).astype(int))[1:-1]
     q, t = Q[chosen], nodes[chosen][:, None]
@@ -121,8 +127,6 @@ def _check_rank(problem: Problem, q: Array, t: Array, G: Array) -> None:
 
 
 def _check_mass(names: tuple[str, ...], M: Array, G: Array | None) -> None:
-    if G is None and _definite(M[0]):
-        return
     for k in range(len(M)):
         basis = np.eye(len(names))
         if G is not None:

@@ -67,6 +67,8 @@ class Transcription:
         self.x_unit = np.broadcast_to(lengths, self.ends.shape).ravel()[layout.free]
         self._last: tuple[Array, tuple] | None = None
         self._fixed_stiffness: list | None = None
+        # Nonzeros of the mass matrix half way along the straight line, its upper triangle.
+        self.inertia = np.zeros(0) if like is None else like.inertia
         self.action_unit, self.row_units = (
             self._units() if like is None else (like.action_unit, like.row_units)
         )
@@ -85,6 +87,7 @@ class Transcription:
         duration = problem.duration
         _, _, C = self._second(Q[self.layout.node_of])
         rows, cols = sparsity_of(system, "second", 2)
+        self.inertia = C[len(C) // 2].copy()
         diagonal = np.abs(C[:, rows == cols]) * self.lengths[rows[rows == cols]] ** 2 / duration
         good = diagonal[np.isfinite(diagonal) & (diagonal > 0)]
         unit = float(np.median(good)) if good.size else 1.0
