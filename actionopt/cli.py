@@ -144,9 +144,10 @@ def _chapter(options: argparse.Namespace) -> int:
 
 def _compared(line: Line) -> tuple[str, str, str, str]:
     found = (line.expected, line.found)
-    shown = [f"{x:.12g}" if isinstance(x, float) else str(x) for x in found]
+    expected, got = (f"{x:.12g}" if isinstance(x, float) else str(x) for x in found)
     error = "" if line.error is None else f"{line.error:.1e}"
-    return f"  {line.quantity}", *shown, error if line.agrees else f"{error}  MISSED".lstrip()
+    verdict = error if line.agrees else f"{error}  MISSED".lstrip()
+    return f"  {line.quantity}", expected, got, verdict
 
 
 # -- solve -----------------------------------------------------------------------------------

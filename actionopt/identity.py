@@ -16,6 +16,7 @@ import numpy as np
 from actionopt.quadrature import Array
 
 POINTS = 24
+DECADES = (-8, -4, 0, 4, 8)  # sizes of coordinates and velocities: atoms to planets, any units
 ROUNDING = 1e-10  # what a sum that is zero leaves of its terms, generously
 SEED = 20180612
 
@@ -23,6 +24,18 @@ SEED = 20180612
 def general_points(count: int, points: int = POINTS) -> Array:
     """Return the same points in general position every time, (points, count), of size one."""
     return np.random.default_rng(SEED).standard_normal((points, count))
+
+
+def general_states(n: int, points: int = POINTS) -> tuple[Array, Array, Array]:
+    """Return q, v (K, n) and t (K, 1) in general position, the first `points` of size one.
+
+    Behind them come coordinates and velocities of all sizes: a term that is small beside the
+    others at one size is large beside them at another.
+    """
+    size = 10.0 ** np.array([(a, b) for a in DECADES for b in DECADES])
+    table = general_points(2 * n + 1, points + len(size))
+    size = np.concatenate([np.ones((points, 2)), size])
+    return table[:, :n] * size[:, :1], table[:, n:-1] * size[:, 1:], table[:, -1:]
 
 
 def mismatch(terms: ca.SX, arguments: Sequence[ca.SX], points: Sequence[Array]) -> Array:
@@ -62,7 +75,7 @@ def vanishes(terms: ca.SX, arguments: Sequence[ca.SX], points: Sequence[Array]) 
     known = np.isfinite(found).all(axis=0)
     if not known.any():
         raise ValueError(
-            "expected an expression that is finite at some of the points with coordinates and "
-            "velocities of size one, found none; give the system in units in which they are"
+            "expected an expression that is finite at some points in general position, found none; "
+            "give the system in units in which coordinates and velocities are of size one"
         )
     return bool(np.all(found[:, known] <= ROUNDING))

@@ -13,14 +13,25 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from actionopt.identity import POINTS, general_points
-from actionopt.invariance import Conserved, change, cyclic, is_mechanical, noether, points_of
+from actionopt.identity import POINTS
+from actionopt.invariance import (
+    Conserved,
+    accelerations_of,
+    change,
+    cyclic,
+    euler,
+    is_mechanical,
+    noether,
+    points_of,
+)
 from actionopt.quadrature import Array
 from actionopt.system import System
 
 __all__ = ["Conserved", "Symmetry", "cyclic", "find_symmetries", "is_mechanical", "noether"]
 
-SINGULAR = 1e-9  # singular values below this fraction of the largest are zero
+SINGULAR = 1e-11  # singular values below this fraction of the largest are zero
+PIVOT = 1e-6  # entries below this are zero in vectors of size one
+WHOLE = 1e-9  # entries this near to an integer are that integer
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,9 +102,8 @@ def find_symmetries(
     xi = c[:n] + c[n + 1 : 2 * n + 1] * s.t + ca.reshape(c[2 * n + 1 : -1], n, n) @ s.q
     tau = c[n] + c[-1] * s.t
     R = ca.sum2(change(system, xi, tau))
-    Rv = ca.gradient(R, s.v)
-    rate = ca.jacobian(Rv, s.q) @ s.v + ca.jacobian(Rv, s.v) @ a + ca.jacobian(Rv, s.t)
-    rows = [rate - ca.gradient(R, s.q)]
+    rate, force = euler(system, R, a)
+    rows = [rate + force]
     if system.m:
         rows.append(system.derivatives.G @ xi + ca.jacobian(system.f, s.t) * tau)
     matrix = ca.jacobian(ca.vertcat(*rows), c)
@@ -101,7 +111,7 @@ def find_symmetries(
     count = max(POINTS, 3 * c.numel() // n)
     q, v, t = points_of(system, packed, count)
     function = ca.Function("matrix", [s.q, s.v, a, s.t, s.p], [ca.densify(matrix)]).map(len(q))
-    accelerations = general_points(n, len(q))
+    accelerations = accelerations_of(q, v)
     p = np.broadcast_to(packed, (len(q), packed.size))
     values = np.asarray(function(q.T, v.T, accelerations.T, t.T, p.T))
     table = values.reshape(matrix.shape[0], len(q), -1).reshape(-1, c.numel())
@@ -144,7 +154,7 @@ def _echelon(rows: Array) -> Array:
         if done == len(rows):
             break
         pivot = done + int(np.argmax(np.abs(rows[done:, k])))
-        if abs(rows[pivot, k]) < SINGULAR:
+        if abs(rows[pivot, k]) < PIVOT * np.max(np.abs(rows[pivot])):
             continue
         rows[[done, pivot]] = rows[[pivot, done]]
         rows[done] /= rows[done, k]
@@ -152,7 +162,7 @@ def _echelon(rows: Array) -> Array:
         rows[others] -= rows[others, k][:, None] * rows[done]
         done += 1
     whole = np.round(rows)
-    return np.where(np.abs(rows - whole) < SINGULAR, whole, rows) + 0.0
+    return np.where(np.abs(rows - whole) < WHOLE, whole, rows) + 0.0
 
 
 def _sum(terms) -> str:

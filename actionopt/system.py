@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from actionopt.identity import general_points, vanishes
+from actionopt.identity import general_states, vanishes
 from actionopt.pointwise import Pointwise
 from actionopt.quadrature import Array
 from actionopt.tracing import ParameterTable, Symbols, call, column, suggestion
@@ -146,18 +146,17 @@ class System:
 
     @cached_property
     def energy_is_mechanical(self) -> bool:
-        """Whether H = T + V with V = -L at rest: L + V is homogeneous of degree 2 in v.
+        """Whether H = T + V with V = -L at rest: T = L + V is homogeneous of degree 2 in v.
 
-        Euler's theorem, v . dT/dv = 2 T, checked symbolically (section 12.5). What moving
-        coordinates leave of T at rest cannot be told from a potential in L alone:
+        Euler's theorem, in the form v . d2T/dv2 = dT/dv; checked symbolically (section 12.5).
+        What moving coordinates leave of T at rest cannot be told from a potential in L alone:
         `symmetry.is_mechanical` takes T itself.
         """
         s, d = self.symbols, self.derivatives
-        at_rest = ca.substitute(self.L, s.v, ca.SX.zeros(self.n))
-        euler = ca.horzcat((d.Lv * s.v).T, -2 * self.L, 2 * at_rest)
-        table = general_points(2 * self.n + 1)
-        points = [*np.split(table, [self.n, 2 * self.n], axis=1), self.table.pack(self.parameters)]
-        return vanishes(euler, self._arguments, points)
+        M = d.Lvv + ca.triu(d.Lvv, False).T
+        euler = ca.horzcat(*[M[:, i] * s.v[i] for i in range(self.n)], -d.Lv)
+        packed = self.table.pack(self.parameters)
+        return vanishes(euler, self._arguments, [*general_states(self.n), packed])
 
     @property
     def parameters(self) -> dict[str, Array]:

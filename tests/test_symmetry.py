@@ -323,6 +323,35 @@ def test_symmetries_depend_on_the_numbers():
     assert np.allclose(both[1]([2.0, 3.0], 0.0), [-3.0, 2.0])
 
 
+@pytest.mark.parametrize(("mu", "m"), [(3.986e14, 1e3), (253.0, 9.1e-31), (1e-20, 1.0)])
+def test_units_make_no_symmetries(mu, m):
+    """A satellite, an electron: what is small beside the rest of L counts as well."""
+
+    def lagrangian(q, v, t, *, mu, m):
+        return m * (v @ v) / 2 + m * mu / np.sqrt(q @ q)
+
+    system = ao.System(lagrangian, ["x", "y"], parameters={"mu": mu, "m": m})
+    assert [str(s) for s in find_symmetries(system)] == ["t: 1", "x: -y, y: x"]
+    for generator, time in ((lambda q, t: [q[0], q[1]], lambda t: 2 * t), (lambda q, t: [t, 0], 0)):
+        with pytest.raises(ValueError, match="no total derivative"):
+            noether(system, generator, time=time)
+    magnetic = ao.System(
+        lambda q, v, t, *, mu, m: lagrangian(q, v, t, mu=mu, m=m) + 1e-3 * m * q[0] * v[1],
+        ["x", "y"],
+        parameters={"mu": mu, "m": m},
+    )
+    assert system.energy_is_mechanical and not magnetic.energy_is_mechanical
+
+
+def test_gauge_that_is_no_polynomial():
+    """A pendulum on an accelerated pivot: L_t = d/dt (m a (l sin theta + a t^2 / 2))."""
+    scene = scenes.get("moving_pivot")
+    found = noether(scene.problem.system, [0.0], time=-1.0)
+    solution = ao.solve(scene.problem, tol=1e-11)
+    assert found.drift(solution) < INTEGRATION_TOLERANCE
+    assert np.ptp(solution.energy(np.linspace(0, 0.9, 9))) > 1.0
+
+
 def test_scaling_of_an_inverse_square_potential():
     system = ao.System(lambda q, v, t: v @ v / 2 - 1 / (q @ q), ["x", "y"])
     assert [str(s) for s in find_symmetries(system)] == [

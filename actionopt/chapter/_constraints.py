@@ -113,7 +113,7 @@ def freedom():
     problem = scene.problem
     yield Line("rolling cylinder", 1.0, float(problem.system.degrees_of_freedom))
     values = dict(problem.parameters)
-    f = integrate_pfaffian(lambda q, *, R: [1.0, -R], problem.start.q, parameters=values)
+    f = integrate_pfaffian(lambda q, *, R: [1.0, -R], solution.start.q, parameters=values)
 
     def lagrangian(q, v, t, *, m, R, inertia, angle, g):
         T = m * (v[0] ** 2 + inertia * (R * v[1]) ** 2) / 2
