@@ -36,7 +36,7 @@ Generator = Callable[..., Any] | Sequence[float] | Array
 
 NODES = 16  # of the Gauss-Legendre rule that integrates F: exact for polynomials up to t^31, q^31
 SURFACE_STEPS = 60
-FINITE = 0.2  # part of the points at which an expression must be finite to be judged
+FINITE = 4  # points at which an expression must be finite to be judged
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,6 +154,11 @@ def noether(
                 f"it leads off their surface (by {worst:.1e} of its terms)"
             )
     R = change(system, xi, tau)
+    if not np.isfinite(_worst(R, arguments, points)):
+        raise ValueError(
+            "expected a Lagrangian and a generator that are finite at some points in general "
+            "position, found none; give the system in units in which coordinates are of size one"
+        )
     if gauge is not None:
         candidates = [_traced(system, gauge, "gauge", 1)]
     else:
@@ -314,4 +319,4 @@ def _worst_curl(system: System, R: ca.SX, points) -> float:
 def _worst(terms: ca.SX, arguments, points) -> float:
     found = mismatch(terms, arguments, points)
     known = np.isfinite(found).all(axis=0)
-    return float(np.max(found[:, known])) if np.mean(known) > FINITE else np.inf
+    return float(np.max(found[:, known])) if np.sum(known) >= FINITE else np.inf

@@ -352,6 +352,19 @@ def test_gauge_that_is_no_polynomial():
     assert np.ptp(solution.energy(np.linspace(0, 0.9, 9))) > 1.0
 
 
+def test_domains_that_are_not_everything():
+    """Defined for positive coordinates only; and for |v| < 1: a free relativistic particle."""
+    logs = ao.System(lambda q, v, t: v @ v / 2 + np.log(q[0]) * np.log(q[1]), ["x", "y"])
+    assert [str(s) for s in find_symmetries(logs)] == ["t: 1"]
+    fast = ao.System(lambda q, v, t: -np.sqrt(1 - v @ v), ["x", "y", "z"])
+    momentum = noether(fast, [0.0, 1.0, 0.0])
+    assert abs(momentum(np.zeros(3), np.array([0.0, 0.6, 0.0]), 0.0) - 0.75) < FORMULA_TOLERANCE
+    assert not fast.energy_is_mechanical
+    never = ao.System(lambda q, v, t: v[0] ** 2 / 2 + np.sqrt(-1 - q[0] ** 2), ["x"])
+    with pytest.raises(ValueError, match="finite at some points"):
+        noether(never, [1.0])
+
+
 def test_scaling_of_an_inverse_square_potential():
     system = ao.System(lambda q, v, t: v @ v / 2 - 1 / (q @ q), ["x", "y"])
     assert [str(s) for s in find_symmetries(system)] == [
