@@ -39,8 +39,8 @@ Guess = Path | Solution | Callable[[Array], ArrayLike] | ArrayLike
 LADDER = (
     ("newton", (4,)),
     ("least", (8, 16, 32, 64)),
-    ("stationary", (8, 16)),
     ("continuation", (8, 16, 32)),
+    ("stationary", (8, 16)),
     ("patient least", (8, 16, 32, 64)),
 )
 SQUARE = 1500  # unknowns above which Ipopt takes too long over a square system to be tried first
@@ -160,9 +160,8 @@ class _Run:
 
     def _search(self) -> Status:
         """Find a path with no guess, by the rungs of `LADDER`, and settle it."""
-        self.may_be_least = (
-            self.principle != "stationary" and not self.problem.system.structure.forced
-        )
+        forced = self.problem.system.structure.forced
+        self.may_be_least = self.principle != "stationary" and not forced
         status = Status.NOT_FOUND
         for rung, meshes in LADDER:
             if "least" in rung and not self.may_be_least:
@@ -172,14 +171,20 @@ class _Run:
                 if self.principle == "least":
                     return status
                 self.may_be_least = False
-            elif status not in (Status.NOT_FOUND, Status.UNRESOLVED):
+                status = self._settle_spare()
+            if status not in (Status.NOT_FOUND, Status.UNRESOLVED):
                 return status
-        if self.spare is not None and self.principle == "auto":
-            self.rung, path = self.spare
-            self._place(path.mesh, path)
-            if self._follow():
-                return self._settle()
-        return status
+        return self._settle_spare() if self.principle == "auto" else status
+
+    def _settle_spare(self) -> Status:
+        """Settle the saddle that was found while a least path was sought, if there is one."""
+        if self.spare is None:
+            return Status.NOT_FOUND
+        (self.rung, path), self.spare = self.spare, None
+        self.rounds.clear()
+        self.gain, self.error = UNKNOWN_GAIN, np.inf
+        self._place(path.mesh, path)
+        return self._settle() if self._follow() else Status.NOT_FOUND
 
     def _try(self, rung: str, meshes: tuple[int, ...]) -> Status:
         """Seek a path on finer and finer meshes until one resolves it roughly, and settle it.
@@ -198,8 +203,10 @@ class _Run:
             if rung == "stationary" and self.tr.layout.size > SQUARE:
                 return Status.NOT_FOUND
             if not self._seek(rung):
+                if self.least and self.diverged:
+                    return Status.UNBOUNDED
                 if rung == "least":
-                    return Status.UNBOUNDED if self.diverged else Status.NOT_FOUND
+                    return Status.NOT_FOUND
                 known = None
                 continue
             if self.resolution().worst > ROUGHLY and elements != meshes[-1]:

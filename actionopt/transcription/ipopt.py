@@ -23,7 +23,7 @@ from actionopt.transcription.action import Transcription
 Principle = Literal["least", "patient least", "stationary"]
 
 TOLERANCE = 1e-6  # in the scaled residual; Newton's method takes over far above this
-RUNAWAY = 1e6  # coordinates this many times their own size: minimising has run away
+RUNAWAY = 1e4  # coordinates this many times their own size: minimising has run away
 # A saddle is reached in tens of iterations or not at all; a minimum may lie in a long valley.
 ITERATIONS = {"least": 40, "patient least": 300, "stationary": 60}
 OPTIONS: dict[str, Any] = {
