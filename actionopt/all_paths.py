@@ -35,7 +35,9 @@ SAME_COARSE = 1e-3
 SAME_VELOCITY = 1e-3
 PROBES = 16  # random points at which periodicity is checked
 BISECTIONS = 25
-FANS, DRY = 12, 2  # most fans, and how many in a row that find nothing new end the search
+ROUGH = 1e-5  # tolerance of paths on the way to another
+CONTINUED = 160  # most steps of a continuation
+FANS, DRY = 20, 4  # most fans, and how many in a row that find nothing new end the search
 LONGER, SHORTER = 2.0, 0.2  # end times, relative to the duration, between which folds are sought
 
 
@@ -117,7 +119,7 @@ def solve_all(
     windings: int = 1,
     starts: int = 6,
     shots: int = 100,
-    continuations: int = 8,
+    continuations: int = 20,
     seed: int = 0,
     progress: Callable[[str, int, int, int], object] | None = None,
 ) -> Paths:
@@ -138,7 +140,7 @@ def solve_all(
         Curves, in each class of windings, from which least and deflated solves start.
     shots : int
         Forward motions in a fan; for one coordinate there is one fan, else fans are repeated
-        until two in a row have found nothing new.
+        until four in a row have found nothing new.
     continuations : int
         Most paths to be followed through folds.
     seed : int
@@ -209,6 +211,12 @@ def _everything(system: System, problem: Problem, q: Array, v: Array, t: Array) 
             rows.append(system.constraint(q, t, parameters=p))
         rows.append(system.force(q, v, t, parameters=p))
     return np.concatenate(rows)
+
+
+def _coarser(path: Path) -> Path:
+    """Return the path with polynomials of two thirds their degree."""
+    degrees = np.maximum(np.array(path.mesh.degrees) * 2 // 3, 4)
+    return path.on(Mesh(path.mesh.boundaries, degrees))
 
 
 @dataclass(eq=False)
@@ -293,8 +301,9 @@ class _Search:
         dry = 0
         for _ in range(FANS):  # with speeds like those of the paths that are known by now
             before = len(self.found)
-            known = [np.linalg.norm(s.start.v) for s, _, _ in self.found] or [1.0]
-            speed = rng.choice(known, shots) * rng.uniform(0.6, 1.5, shots)
+            known = [float(np.linalg.norm(s.start.v)) for s, _, _ in self.found] or [1.0]
+            speed = np.linspace(0.8 * min(known), 1.2 * max(known), shots)
+            speed += rng.random() * (speed[1] - speed[0])
             self._aim(directed(self.problem, speed[None], rng))
             dry = dry + 1 if len(self.found) == before else 0
             if dry == DRY:
@@ -381,32 +390,28 @@ class _Search:
 
     def folds(self, most: int) -> None:
         """Follow each path as the end time moves; behind a fold waits another one."""
-        done, t0, T = 0, self.problem.start.t, self.problem.duration
-        for solution, turns, _ in self.found:  # grows on the way
+        t0, T = self.problem.start.t, self.problem.duration
+        followed: set[tuple[int, float]] = set()
+        for done, (solution, turns, _) in enumerate(self.found):  # grows on the way
             if done >= most:
                 break
-            done += 1
             c = next(c for c in self.classes if c.turns == turns)
             for factor in (SHORTER, LONGER):
+                if (id(solution), factor) in followed:
+                    continue
                 self._tell("continuations", done, min(most, len(self.found)))
                 self.tried["continuations"] += 1
+                options = {"tol": ROUGH, "steps": CONTINUED, "count": False}
                 try:
-                    branch = trace(
-                        c.problem,
-                        "t1",
-                        t0 + factor * T,
-                        guess=solution,
-                        tol=1e-6,
-                        steps=60,
-                        count=False,
-                    )
+                    guess = _coarser(solution.path)
+                    branch = trace(c.problem, "t1", t0 + factor * T, guess=guess, **options)
                 except (ValueError, SolveError, np.linalg.LinAlgError):
                     continue
-                if branch.stopped == "it was interrupted":
+                if branch.interrupted:
                     raise KeyboardInterrupt
-                back = abs(branch.values[-1] - self.problem.end.t) < 1e-12 * T
-                if back and len(branch.values) > 1:
-                    self._polish(c, branch.paths[-1], "continuation")
+                if branch.returned:
+                    partner = self._polish(c, branch.paths[-1], "continuation")
+                    followed.add((id(partner), factor))  # it would only lead back
 
     # -- what was found ----------------------------------------------------------------------------
 
@@ -438,32 +443,34 @@ class _Search:
         self._polish(c, Path(c.tr.mesh, c.tr.coordinates(z).T), how)
         return True
 
-    def _polish(self, c: _Class, guess: Path, how: str) -> None:
+    def _polish(self, c: _Class, guess: Path, how: str) -> Solution | None:
         try:
             solution = solve(c.problem, guess=guess, tol=self.tol, throw=False)
         except (ValueError, SolveError, np.linalg.LinAlgError):
-            return
-        self._add(c, solution, how)
+            return None
+        return self._add(c, solution, how)
 
-    def _add(self, c: _Class, solution: Solution, how: str) -> None:
+    def _add(self, c: _Class, solution: Solution, how: str) -> Solution | None:
+        """Keep a solution that is new and a motion; return it, or the one it repeats."""
         if not solution.success:
-            return
+            return None
         nodes = c.tr.mesh.nodes
         values = solution(nodes)
         size = np.maximum(np.max(np.abs(values), axis=1), c.tr.lengths * 1e-3)[:, None]
         for other, turns, _ in self.found:
             if turns == c.turns and np.max(np.abs(other(nodes) - values) / size) < SAME:
-                return
+                return other
         try:
             agrees = solution.compare().agrees
         except RuntimeError:  # it cannot be integrated forward: no motion at all
             agrees = False
         if not agrees:
             self.rejected += 1
-            return
+            return None
         self.found.append((solution, c.turns, how))
         z = c.tr.pack(values.T, solution.multipliers(nodes).T if solution.lam.size else None)
         c.seen.append(z)
+        return solution
 
     def _tell(self, how: str, done: int, total: int) -> None:
         if how in ("straight line", "least starts"):

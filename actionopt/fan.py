@@ -219,8 +219,12 @@ def directed(problem: Problem, speed: Array, rng: np.random.Generator) -> Array:
     They are tangent to the constraints, and move with them.
     """
     system = problem.system
-    direction = rng.standard_normal((system.n, speed.shape[1]))
-    v = speed * direction / np.linalg.norm(direction, axis=0)
+    if system.n == 2:  # evenly round the circle, by the golden section
+        turn = 2 * np.pi * (rng.random() + np.arange(speed.shape[1]) * 0.6180339887498949)
+        v = speed * np.stack([np.cos(turn), np.sin(turn)])
+    else:
+        direction = rng.standard_normal((system.n, speed.shape[1]))
+        v = speed * direction / np.linalg.norm(direction, axis=0)
     if system.m:
         q, t = np.array(problem.start.q, dtype=float), problem.start.t
         G = system.constraint_jacobian(q, t, parameters=problem.parameters)

@@ -67,7 +67,7 @@ def resolved(
         lam = np.where(np.isfinite(lam), lam, known)
     found = form(tr, Q, lam, units)
     for _ in range(ROUNDS):
-        mesh = finer(found, Q / tr.lengths if polish else None, tol)
+        mesh = finer(tr.mesh, tol, form=found, Q=Q / tr.lengths if polish else None)
         if mesh is None:
             break
         tr = Transcription(solution.problem, mesh, tr.lengths)
@@ -83,22 +83,29 @@ def resolved(
     return found
 
 
-def finer(form: Form, Q: Array | None, tol: float) -> Mesh | None:
-    """Return a finer mesh, or None where the fields (and the path Q) are resolved to `tol`."""
-    if not form.freedom:
-        return None
-    mesh = form.tr.mesh
-    tail = np.empty(mesh.elements)
-    jacobi = fields(form)
+def finer(
+    mesh: Mesh, tol: float, *, form: Form | None = None, Q: Array | None = None
+) -> Mesh | None:
+    """Return a finer mesh, or None where it resolves to `tol` what it should.
+
+    That is the Jacobi fields of `form`, relative to their size on each element, and the nodal
+    coordinates Q (K, n), in units of their sizes.
+    """
+    if form is not None and not form.freedom:
+        form = None
+    jacobi = fields(form) if form is not None else []
+    tail = np.zeros(mesh.elements)
     for rule, which, index in mesh.groups:
-        a = np.stack([jacobi[e] for e in which])
-        eta = np.einsum("eknr,ekrc->eknc", form.basis[index], a)
-        table = eta.reshape(*index.shape, -1)
-        table = table / np.max(np.abs(table), axis=(1, 2), keepdims=True)
-        if Q is not None:
-            table = np.concatenate([table, Q[index]], axis=2)
-        size = np.abs(rule.to_legendre @ table)
-        tail[which] = np.max(size[:, -2:] if rule.degree > 2 else size, axis=(1, 2))
+        tables = [] if Q is None else [Q[index]]
+        if form is not None:
+            a = np.stack([jacobi[e] for e in which])
+            eta = np.einsum("eknr,ekrc->eknc", form.basis[index], a)
+            table = eta.reshape(*index.shape, -1)
+            tables.append(table / np.max(np.abs(table), axis=(1, 2), keepdims=True))
+        for table in tables:
+            size = np.abs(rule.to_legendre @ table)
+            last = size[:, -2:] if rule.degree > 2 else size
+            tail[which] = np.maximum(tail[which], np.max(last, axis=(1, 2)))
     if np.max(tail) <= tol:
         return None
     degrees = np.array(mesh.degrees)

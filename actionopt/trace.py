@@ -31,6 +31,7 @@ STRAIGHT = 0.95  # cosine of the angle between directions above which a step was
 RESOLUTION = 1e-5  # of the Jacobi fields, for the index
 LOCATED = 1e-12  # change of arclength that ends the search for a point
 LOCATE = 60
+INTERRUPTED = "it was interrupted"
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +89,16 @@ class Trace:
     tol: float
     stats: dict[str, int]
 
+    @property
+    def interrupted(self) -> bool:
+        """Whether the user ended it."""
+        return self.stopped == INTERRUPTED
+
+    @property
+    def returned(self) -> bool:
+        """Whether the branch turned and came back to the first value, on another path."""
+        return len(self.values) > 1 and bool(self.values[-1] == self.values[0])
+
     def solution(self, k: int) -> Solution:
         """Return point k as a full solution. Raises SolveError if it is degenerate."""
         return solve(self.family(float(self.values[k])), guess=self.paths[k], tol=self.tol)
@@ -144,8 +155,8 @@ def trace(
     steps : int
         Most points to compute.
     count : bool
-        Count the index at every point and keep the mesh fine enough. Without, the trace is
-        several times faster; its folds are found all the same.
+        Count the index at every point. Without, the trace is faster; its folds are found all
+        the same.
     progress : callable, optional
         `progress(value, action, index)` after each point. An interruption (KeyboardInterrupt)
         ends the trace and keeps what it has.
@@ -167,7 +178,7 @@ def trace(
     try:
         run.go(steps, progress)
     except KeyboardInterrupt:
-        run.stopped = "it was interrupted"
+        run.stopped = INTERRUPTED
     return run.result()
 
 
@@ -314,12 +325,12 @@ class _Run:
 
     def _refine(self) -> None:
         """Go on with a finer mesh where the last point asks for it."""
-        if not self.counting:
-            return
         point = self.points[-1]
         tr = point.tr
         Q, lam = tr.unpack(point.z)
-        mesh = finer(_form(point), Q / tr.lengths * (RESOLUTION / self.tol), RESOLUTION)
+        mesh = finer(tr.mesh, self.tol, Q=Q / tr.lengths)
+        if mesh is None and self.counting:
+            mesh = finer(tr.mesh, RESOLUTION, form=_form(point))
         if mesh is None:
             return
         self.meshes += 1

@@ -54,6 +54,20 @@ def test_antipodes_of_a_sphere(dimension, angle):
     assert inertia(solution).index == (dimension - 1) * exact.size
 
 
+@pytest.mark.parametrize("w", [2.0, 3.0])
+def test_charge_in_a_magnetic_field(w):
+    # All motions from a point return to one point after each cyclotron period 2 pi / w.
+    def lagrangian(q, v, t, *, w):
+        return (v[0] ** 2 + v[1] ** 2) / 2 + w / 2 * (q[0] * v[1] - q[1] * v[0])
+
+    system = ao.System(lagrangian, ["x", "y"], parameters={"w": w})
+    problem = ao.Problem(system, ao.Event(0.0, [0.2, -0.1]), ao.Event(7.0, [1.0, 0.5]))
+    found = conjugate_points(ao.solve(problem))
+    exact = np.arange(1, np.floor(7.0 * w / 2 / np.pi) + 1) * 2 * np.pi / w
+    assert [p.t for p in found] == pytest.approx(exact, abs=7.0 * TIME_TOLERANCE)
+    assert [p.multiplicity for p in found] == [2] * exact.size
+
+
 FORCES = {  # V, V', V''
     "quartic": (lambda x: x**4 / 4, lambda x: x**3, lambda x: 3 * x**2),
     "pendulum": (lambda x: -9.81 * np.cos(x), lambda x: 9.81 * np.sin(x),

@@ -169,7 +169,12 @@ def test_nodes_conjugate_to_the_start_are_no_bad_pivots():
     solution = ao.solve(problem, mesh=ao.Mesh(boundaries, 14))
     form = resolved(solution, 1.0)
     values, _ = lowest(form, 30)
-    assert condense(form).negative == np.sum(values < 0) == 8
+    found = condense(form)
+    assert found.negative == np.sum(values < 0) == 8
+    # S(a, b) = m w ((a^2 + b^2) cos w T - 2 a b) / (2 sin w T)
+    s, c = np.sin(W * T), np.cos(W * T)
+    exact = MASS * W / s * np.array([[c, -1], [-1, c]])
+    assert found.hessian / np.outer(form.units, form.units) == pytest.approx(exact, rel=1e-8)
 
 
 # -- published values ----------------------------------------------------------------------------
@@ -214,6 +219,17 @@ def test_figure_eight(part, index):
     start = scene.facts["start"]
     solution = solved_along(scene.problem.system, start.q, start.v, part * scene.facts["period"])
     assert morse_index(solution) == index
+
+
+def test_plain_solve_counts_nothing(monkeypatch):
+    def asked(*arguments, **options):
+        raise AssertionError("nobody asked for the second variation")
+
+    for name in ("actionopt.index.inertia", "actionopt.jacobi.resolved", "actionopt.jacobi.fields"):
+        monkeypatch.setattr(name, asked)
+    solution = oscillation(2.6)
+    with pytest.raises(AssertionError, match="nobody asked"):
+        _ = solution.morse_index
 
 
 # -- refusals -------------------------------------------------------------------------------------
