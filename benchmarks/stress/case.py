@@ -1,0 +1,162 @@
+"""A case: a question that is built when its turn comes, and how it fared, as one row a solver."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+import actionopt as ao
+from benchmarks.stress import peers
+
+Curve = Callable[[np.ndarray], np.ndarray]
+Row = dict[str, Any]
+SAMPLES = 2001
+LARGE = 40  # coordinates above which the peers' dense matrices take too long to be tried
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """What is asked.
+
+    Attributes
+    ----------
+    problem : Problem
+    exact : callable, optional
+        The path wanted, (K,) times to (n, K).
+    guess : optional
+        As `solve` takes it; the peers start from it too.
+    tol : float
+    """
+
+    problem: ao.Problem
+    exact: Curve | None = None
+    guess: Any = None
+    tol: float = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """One question of a family.
+
+    Attributes
+    ----------
+    name : str
+    build : callable
+        Returns the `Question`.
+    more : callable
+        More entries of our row, from the `Solution`.
+    peers : bool
+        Whether the other solvers are asked as well.
+    measure : callable, optional
+        Returns the rows itself, in place of all this.
+    """
+
+    name: str
+    build: Callable[[], Question] | None = None
+    more: Callable[[ao.Solution], Row] = field(default=lambda solution: {})
+    peers: bool = True
+    measure: Callable[[], list[Row]] | None = None
+
+    def rows(self, limit: float) -> list[Row]:
+        """Return one row for each solver; the others have `limit` seconds each."""
+        if self.measure is not None or self.build is None:
+            return [{"case": self.name, "solver": "actionopt", **r} for r in self.measure()]
+        question = self.build()
+        rows = [ours(question, self.more)]
+        system = question.problem.system
+        if self.peers and not system.m and system.n <= LARGE:
+            rows += [other(question, name, limit) for name in peers.SOLVERS]
+        return [{"case": self.name, **row} for row in rows]
+
+
+def ours(question: Question, more: Callable[[ao.Solution], Row]) -> Row:
+    """Solve with this package."""
+    problem = question.problem
+    problem.system.pointwise("second")  # deriving a system belongs to the system
+    clock = time.perf_counter()
+    try:
+        solution = ao.solve(problem, tol=question.tol, guess=question.guess, throw=False)
+    except ValueError as error:
+        spent = time.perf_counter() - clock
+        return {"solver": "actionopt", "status": "refused", "said": str(error), "time": spent}
+    spent = time.perf_counter() - clock
+    stats = solution.stats
+    return {
+        "solver": "actionopt",
+        "status": solution.status.name,
+        "success": solution.success,
+        "error": deviation(solution, question.exact, problem, solution.mesh.nodes),
+        "estimate": float(solution.error),
+        "rung": stats["rung"],
+        "iterations": sum(stats["iterations"].values()),
+        "rounds": len(stats["rounds"]),
+        "unknowns": stats["unknowns"],
+        "condition": stats["condition"],
+        "time": spent,
+        **more(solution),
+    }
+
+
+def other(question: Question, name: str, limit: float) -> Row:
+    """Solve with another solver."""
+    clock = time.perf_counter()
+    try:
+        curve, status = peers.SOLVERS[name](question, clock + limit), "SOLVED"
+    except peers.Failed as failure:
+        curve, status = None, str(failure)
+    spent = time.perf_counter() - clock
+    problem = question.problem
+    error = None if curve is None else deviation(curve, question.exact, problem)
+    return {
+        "solver": name,
+        "status": status,
+        "success": curve is not None,
+        "error": error,
+        "time": spent,
+    }
+
+
+def deviation(curve: Curve, exact: Curve | None, problem: ao.Problem, nodes=()) -> float | None:
+    """Return max |q_h - q| over many times, each coordinate in units of the largest |q|."""
+    if exact is None:
+        return None
+    nodes = np.asarray(nodes)
+    uniform = np.linspace(problem.start.t, problem.end.t, SAMPLES)
+    t = np.unique(np.concatenate([uniform, nodes, (nodes[1:] + nodes[:-1]) / 2]))
+    known = exact(t)
+    size = np.max(np.abs(known), axis=1)
+    size = np.where(size > 1e-12 * size.max(), size, size.max())
+    return float(np.max(np.max(np.abs(curve(t) - known), axis=1) / size))
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """What a family must show, and what was found."""
+
+    what: str
+    expected: str
+    found: str
+    met: bool
+
+
+def solved(rows: list[Row], solver: str = "actionopt") -> list[Row]:
+    """Return the rows of a solver that say that they succeeded."""
+    return [r for r in rows if r["solver"] == solver and r.get("success")]
+
+
+def mine(rows: list[Row], prefix: str = "") -> list[Row]:
+    """Return this package's rows of the cases whose names begin with `prefix`."""
+    return [r for r in rows if r["solver"] == "actionopt" and r["case"].startswith(prefix)]
+
+
+def within(rows: list[Row], tol: float) -> Criterion:
+    """Return the criterion that all rows succeed with a true error of at most `tol`."""
+    worst = max((r.get("error") or 0.0) if r.get("success") else np.inf for r in rows)
+    good = sum(bool(r.get("success")) and r["error"] <= tol for r in rows)
+    names = ", ".join(r["case"] for r in rows if not (r.get("success") and r["error"] <= tol))
+    found = f"{good} of {len(rows)}, worst {worst:.1e}" + (f"; not: {names}" if names else "")
+    return Criterion("true error", f"{len(rows)} of {len(rows)} within {tol:.0e}", found, not names)

@@ -1,0 +1,30 @@
+"""One module a family: TITLE, `cases(quick)` and `criteria(rows)`."""
+
+from benchmarks.stress.families import (
+    bodies,
+    conjugate,
+    constraints,
+    kink,
+    large,
+    layers,
+    pendulums,
+    repeats,
+    turning,
+    units,
+)
+
+FAMILIES = {
+    module.__name__.rsplit(".", 1)[1]: module
+    for module in (
+        pendulums,
+        bodies,
+        layers,
+        turning,
+        kink,
+        conjugate,
+        large,
+        constraints,
+        units,
+        repeats,
+    )
+}

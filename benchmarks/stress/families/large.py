@@ -1,0 +1,147 @@
+"""Long and large: ten revolutions, a chain of fifty pendulums, a lattice of a thousand masses.
+
+Time and memory are measured in a fresh process for each size, and fitted as a power of the
+size; a power of one is linear growth.
+"""
+
+from __future__ import annotations
+
+import time
+from functools import cache
+
+import numpy as np
+
+import actionopt as ao
+from actionopt import Event, Problem, System, scenes
+from benchmarks.stress.case import Case, Criterion, Question, deviation, mine
+from benchmarks.stress.child import run
+
+TITLE = "Long and large"
+MASSES = (125, 250, 500, 1000)
+REVOLUTIONS = (2.5, 5, 10)
+DURATIONS = (1.0, 2.0, 4.0)  # of the lattice of 250 masses
+PENDULUMS = (10, 50)
+LINEAR = 1.3  # largest power that counts as linear growth: meshes differ a little
+MEMORY_FLOOR = 8e6  # bytes: less than this is noise of the allocator
+
+
+def revolutions(count: float) -> Question:
+    """Return so many revolutions of e = 0.3 from perihelion, less a tenth of one."""
+    scene = scenes.get("kepler", eccentricity=0.3, fraction=count - 0.1)
+    return Question(scene.problem, scene.exact, scene.exact, tol=1e-8)
+
+
+def lattice(masses: int, duration: float = 2.0) -> Question:
+    """Return masses in a row, joined by springs of force x + x^3, from one wave to another."""
+
+    def lagrangian(q, v, t):
+        stretch = q[1:] - q[:-1]
+        return v @ v / 2 - np.sum(stretch**2 / 2 + stretch**4 / 4)
+
+    system = System(lagrangian, [f"q{i}" for i in range(masses)], name="lattice")
+    x = 2 * np.pi * np.arange(masses) / 100
+    ends = Event(0.0, 0.3 * np.sin(3 * x)), Event(duration, 0.2 * np.cos(2 * x))
+    return Question(Problem(system, *ends), tol=1e-6)
+
+
+@cache
+def pendulum_chain(links: int) -> System:
+    """Return unit masses on links of length 1 / links, in angles from straight down, g = 9.81."""
+
+    def lagrangian(q, v, t):
+        x_rate, y_rate, y, kinetic, height = 0.0, 0.0, 0.0, 0.0, 0.0
+        for i in range(links):
+            x_rate = x_rate + np.cos(q[i]) * v[i] / links
+            y_rate = y_rate + np.sin(q[i]) * v[i] / links
+            y = y - np.cos(q[i]) / links
+            kinetic = kinetic + (x_rate**2 + y_rate**2) / 2
+            height = height + y
+        return kinetic - 9.81 * height
+
+    return System(lagrangian, [f"a{i}" for i in range(links)], name="pendulum chain")
+
+
+def swing(links: int) -> Question:
+    """Return the chain's swing from 0.3 to -0.2 rad in 0.5 s."""
+    ends = Event(0.0, [0.3] * links), Event(0.5, [-0.2] * links)
+    return Question(Problem(pendulum_chain(links), *ends), tol=1e-6)
+
+
+QUESTIONS = {"revolutions": revolutions, "lattice": lattice, "swing": swing}
+
+
+def solve(name: str, *size: float) -> dict:
+    """Solve a question in this process and return what a row says of it."""
+    asked = QUESTIONS[name](*size)
+    clock = time.perf_counter()
+    solution = ao.solve(asked.problem, tol=asked.tol, guess=asked.guess, throw=False)
+    spent = time.perf_counter() - clock
+    return {
+        "status": solution.status.name,
+        "success": solution.success,
+        "error": deviation(solution, asked.exact, asked.problem),
+        "estimate": float(solution.error),
+        "rung": solution.stats["rung"],
+        "iterations": sum(solution.stats["iterations"].values()),
+        "rounds": len(solution.stats["rounds"]),
+        "unknowns": solution.stats["unknowns"],
+        "condition": solution.stats["condition"],
+        "time": spent,
+    }
+
+
+def measure(name: str, *size: float) -> list[dict]:
+    """Solve in a fresh process."""
+    row, memory = run(solve, name, *size)
+    return [{**row, "memory": memory, "size": float(size[-1])}]
+
+
+def cases(quick: bool) -> list[Case]:
+    """Return them."""
+    masses = MASSES[:3] if quick else MASSES
+    jobs = [
+        *((f"Kepler, {k:g} revolutions", "revolutions", k) for k in REVOLUTIONS),
+        *((f"lattice, {n} masses", "lattice", n) for n in masses),
+        *((f"lattice for {T:g}", "lattice", 250, T) for T in DURATIONS),
+        *((f"pendulum chain, {n}", "swing", n) for n in (PENDULUMS[:1] if quick else PENDULUMS)),
+    ]
+    return [Case(label, measure=lambda job=job: measure(*job)) for label, *job in jobs]
+
+
+def criteria(rows) -> list[Criterion]:
+    """Return them."""
+    out = []
+    for prefix in ("Kepler", "lattice,", "lattice for", "pendulum chain"):
+        own = mine(rows, prefix)
+        good = [r for r in own if r["success"]]
+        errors = [r["error"] for r in good if r["error"] is not None]
+        wrong = any(e > 1e-8 for e in errors)
+        found = f"{len(good)}" + (f", true error {max(errors):.0e}" if errors else "")
+        label = {"Kepler": "Kepler, to 10 revolutions", "lattice,": f"lattice, to {MASSES[-1]}"}
+        out.append(
+            Criterion(
+                f"{label.get(prefix, prefix)}: a path",
+                f"{len(own)}",
+                f"{found}; longest {max(r['time'] for r in own):.2f} s",
+                len(good) == len(own) and not wrong,
+            )
+        )
+        if prefix != "pendulum chain":
+            out += [_power(own, kind) for kind in ("time", "memory")]
+    return out
+
+
+def _power(rows, kind: str) -> Criterion:
+    size = np.array([r["size"] for r in rows])
+    value = np.maximum([r[kind] for r in rows], MEMORY_FLOOR if kind == "memory" else 0.0)
+    power = float(np.polyfit(np.log(size), np.log(value), 1)[0])
+    scale, unit = (1e-6, "MB") if kind == "memory" else (1.0, "s")
+    listed = ", ".join(f"{v * scale:.3g}" for v in value)
+    what = rows[0]["case"].split(",")[0].split(" for")[0]
+    by = {"Kepler": "revolutions"}.get(what, "duration" if " for " in rows[0]["case"] else "n")
+    return Criterion(
+        f"{what}: {kind} against {by}",
+        f"power <= {LINEAR}",
+        f"{power:.2f} ({listed} {unit})",
+        power <= LINEAR,
+    )

@@ -1,0 +1,56 @@
+"""The same inputs give the same bits: twice in one process, and in two more."""
+
+from __future__ import annotations
+
+import hashlib
+
+import numpy as np
+
+import actionopt as ao
+from benchmarks.stress.case import Case, Criterion, mine
+from benchmarks.stress.child import run
+from benchmarks.stress.families import bodies, pendulums
+
+TITLE = "Repeats"
+QUESTIONS = ("pendulum", "figure-eight", "Kepler")
+
+
+def question(name: str):
+    """Return one of them."""
+    if name == "pendulum":
+        return pendulums.question(*pendulums.starts()[3], 4.0)
+    return bodies.figure_eight() if name == "figure-eight" else bodies.perihelion(0.95)
+
+
+def digest(name: str) -> str:
+    """Solve it and return a fingerprint of all numbers of the answer."""
+    asked = question(name)
+    solution = ao.solve(asked.problem, tol=asked.tol, guess=asked.guess, throw=False)
+    path, boundaries = solution.path.values, solution.mesh.boundaries
+    numbers = [path.ravel(), boundaries, [solution.action, solution.error]]
+    return hashlib.sha256(np.concatenate(numbers).tobytes()).hexdigest()
+
+
+def measure(name: str) -> list[dict]:
+    """Return one row: how many different fingerprints there are."""
+    found = [digest(name), digest(name), *(run(digest, name)[0] for _ in range(2))]
+    return [{"status": "SOLVED", "success": True, "different": len(set(found)), "time": None}]
+
+
+def cases(quick: bool) -> list[Case]:
+    """Return them."""
+    return [Case(name, measure=lambda name=name: measure(name)) for name in QUESTIONS]
+
+
+def criteria(rows) -> list[Criterion]:
+    """Return them."""
+    own = mine(rows)
+    same = sum(r["different"] == 1 for r in own)
+    return [
+        Criterion(
+            "twice here and in two fresh processes",
+            f"{len(own)} of {len(own)} the same bits",
+            f"{same} of {len(own)}",
+            same == len(own),
+        )
+    ]

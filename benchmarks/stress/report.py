@@ -1,0 +1,96 @@
+"""From rows to a table of criteria, a table of solvers and one of cases."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+
+from benchmarks.stress.families import FAMILIES
+
+MANY = 20  # cases of a family above which they are not listed one by one
+SENTENCE = 60  # characters of what a solver said
+
+
+def table(name: str, rows: list[dict]) -> str:
+    """Return the criteria and how the solvers fared, for the terminal."""
+    lines = ["", FAMILIES[name].TITLE]
+    for c in FAMILIES[name].criteria(rows):
+        lines.append(f"  {'met    ' if c.met else 'NOT MET'} {c.what}: {c.expected} | {c.found}")
+    lines += [
+        f"  {solver:10} {solved} of {count}, median {median}, longest {longest}; {how}"
+        for solver, count, solved, median, longest, how in _solvers(rows)
+    ]
+    return "\n".join(lines)
+
+
+def page(families: dict) -> str:
+    """Return the whole page."""
+    known = [name for name in FAMILIES if name in families]
+    lines = [
+        "# Hard problems, and what came of them",
+        "",
+        "Made by `python -m benchmarks.stress`; all rows are in `stress.json`. scipy's",
+        "`solve_bvp` and shooting (DOP853 and Powell's method) start from the same first path,",
+        "with the same accelerations, and have 3 s for each case; they difference for Jacobians,",
+        "so that not their times but their successes are to be compared. Errors are the largest",
+        "over time of |q - exact|, each coordinate in units of the largest |q| it reaches. A",
+        "path is *verified forward* by integrating the equations of motion over each element",
+        "from the path's own position and velocity at its start.",
+        "",
+        "| family | what | expected | found | met |",
+        "|---|---|---|---|---|",
+    ]
+    for name in known:
+        module = FAMILIES[name]
+        for c in module.criteria(families[name]["rows"]):
+            cells = (module.TITLE, c.what, c.expected, c.found, "yes" if c.met else "**no**")
+            lines.append("| " + " | ".join(x.replace("|", "/") for x in cells) + " |")
+    for name in known:
+        lines += ["", *_section(name, families[name])]
+    return "\n".join(lines)
+
+
+def _section(name: str, family: dict) -> list[str]:
+    module, rows = FAMILIES[name], family["rows"]
+    story = module.__doc__.strip().split("\n")
+    used = ", ".join(f"{k} {v}" for k, v in family["versions"].items())
+    lines = [f"## {module.TITLE}", "", *story, "", f"{family['date']}; {used}.", ""]
+    lines += ["| solver | solved | median time | longest | how it ended |", "|---|---|---|---|---|"]
+    for solver, count, solved, median, longest, how in _solvers(rows):
+        lines.append(f"| {solver} | {solved} of {count} | {median} | {longest} | {how} |")
+    own = [r for r in rows if r["solver"] == "actionopt"]
+    if len(own) > MANY:
+        return lines
+    lines += ["", "| case | verdict | error | estimate | unknowns | iterations | rounds | time |"]
+    lines += ["|---|---|---|---|---|---|---|---|"]
+    for r in own:
+        verdict = r["status"] + (f", {r['rung']}" if "rung" in r else "")
+        numbers = [_power(r.get("error")), _power(r.get("estimate"))]
+        counts = [str(r.get(k, "")) for k in ("unknowns", "iterations", "rounds")]
+        lines.append("| " + " | ".join([r["case"], verdict, *numbers, *counts, _time(r)]) + " |")
+    return lines
+
+
+def _solvers(rows: list[dict]):
+    """Yield (solver, cases, solved, median time, longest time, how it ended)."""
+    for solver in dict.fromkeys(r["solver"] for r in rows):
+        own = [r for r in rows if r["solver"] == solver]
+        times = [r["time"] for r in own if r["time"] is not None]
+        median = {"time": float(np.median(times))} if times else {}
+        longest = {"time": max(times)} if times else {}
+        how = Counter(r.get("rung", r["status"][:SENTENCE]) for r in own)
+        endings = ", ".join(f"{k} {n}" for k, n in how.most_common(4))
+        solved = sum(bool(r.get("success")) for r in own)
+        yield solver, len(own), solved, _time(median), _time(longest), endings
+
+
+def _power(value: float | None) -> str:
+    return "" if value is None else f"{value:.1e}"
+
+
+def _time(row: dict) -> str:
+    seconds = row.get("time")
+    if seconds is None:
+        return ""
+    return f"{seconds:.2g} s" if seconds >= 1 else f"{1e3 * seconds:.3g} ms"
