@@ -1,0 +1,65 @@
+"""Pictures of a solution and of the principle behind it.
+
+Every figure is a function of a solution: it takes axes or makes them, returns them, and shows
+nothing. Next to it is a function that returns the arrays it draws.
+"""
+
+from actionopt.plot._bundle import Bundle, bundle, bundle_data
+from actionopt.plot._energies import (
+    Conserved,
+    Energies,
+    conserved,
+    conserved_data,
+    energies,
+    energies_data,
+)
+from actionopt.plot._family import family, family_data, mesh, mesh_data
+from actionopt.plot._fan import Fan, Fronts, fan, fan_data, fronts_data, wavefronts
+from actionopt.plot._landscape import Landscape, landscape, landscape_data, landscapes
+from actionopt.plot._paths import Curves, curves, deviation, overview, paths, save
+from actionopt.plot._slices import Slice, slice_data, slices
+from actionopt.plot._spectrum import Spectrum, spectrum, spectrum_data
+from actionopt.plot._style import SI, STYLE, Units, planar, symbol
+
+__all__ = [
+    "SI",
+    "STYLE",
+    "Bundle",
+    "Conserved",
+    "Curves",
+    "Energies",
+    "Fan",
+    "Fronts",
+    "Landscape",
+    "Slice",
+    "Spectrum",
+    "Units",
+    "bundle",
+    "bundle_data",
+    "conserved",
+    "conserved_data",
+    "curves",
+    "deviation",
+    "energies",
+    "energies_data",
+    "family",
+    "family_data",
+    "fan",
+    "fan_data",
+    "fronts_data",
+    "landscape",
+    "landscape_data",
+    "landscapes",
+    "mesh",
+    "mesh_data",
+    "overview",
+    "paths",
+    "planar",
+    "save",
+    "slice_data",
+    "slices",
+    "spectrum",
+    "spectrum_data",
+    "symbol",
+    "wavefronts",
+]

@@ -1,0 +1,118 @@
+"""All the paths between two events, and the mesh of one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+
+from actionopt.plot._style import (
+    BOX,
+    COUNT,
+    GREY,
+    NONE,
+    PATH,
+    UNSIGNED,
+    Units,
+    frame,
+    heading,
+    label,
+    new_figure,
+    on,
+    planar,
+    styled,
+    symbol,
+    times,
+    traces,
+)
+from actionopt.quadrature import Array
+from actionopt.solution import Solution
+
+
+def family_data(solutions: Iterable[Solution], count: int = COUNT) -> tuple[Array, Array, Array]:
+    """Return times (K,), paths (P, n, K) and actions (P,) of several solutions."""
+    found = list(solutions)
+    if not found:
+        raise ValueError("expected at least one solution, found none")
+    t = times(found[0], count)
+    return t, np.array([s(t) for s in found]), np.array([s.action for s in found])
+
+
+def family(
+    solutions: Iterable[Solution],
+    ax: Axes | None = None,
+    *,
+    coordinate: int = 0,
+    units: Units = NONE,
+) -> Axes:
+    """Draw all the paths between two events, coloured by action and labelled by index.
+
+    `solutions` is what `solve_all` returns, or any solutions between the same events.
+    """
+    found = list(solutions)
+    t, paths, actions = family_data(found)
+    names = found[0].problem.system.coordinates
+    forced = found[0].problem.system.structure.forced
+    norm = Normalize(actions.min(), actions.max() if np.ptp(actions) else actions.min() + 1.0)
+    colours = colormaps[UNSIGNED]
+    with styled():
+        ax = on(ax)
+        for k, (solution, q, S) in enumerate(zip(found, paths, actions, strict=True)):
+            rows = traces(names, t, q, coordinate)
+            for x, y, _ in rows:
+                ax.plot(x, y, color=colours(norm(S)), linewidth=2.4)
+            x, y, _ = rows[0]
+            # Labels stand at different times, so that they do not lie on one another.
+            at = int(t.size * (0.3 + 0.4 * (k + 0.5) / len(found)))
+            text = "" if forced else str(solution.morse_index)
+            ax.annotate(
+                text, (x[at], y[at]), ha="center", va="center", fontsize="small", zorder=6,
+                bbox={**BOX, "boxstyle": "circle,pad=0.2", "alpha": 1.0, "edgecolor": GREY},
+            )  # fmt: skip
+        frame(ax, found[0], units, None if planar(names) else coordinate)
+        bar = ax.figure.colorbar(ScalarMappable(norm, UNSIGNED), ax=ax)
+        bar.set_label(label("action $S$", units.action))
+        many = "1 path" if len(found) == 1 else f"{len(found)} paths"
+        ax.set_title(f"{heading(found[0])}: {many}, numbered by index")
+    return ax
+
+
+def mesh_data(solution: Solution) -> tuple[Array, Array]:
+    """Return the element boundaries (N + 1,) and degrees (N,) of the adaptive mesh."""
+    return np.array(solution.mesh.boundaries), np.array(solution.mesh.degrees)
+
+
+def mesh(
+    solution: Solution, axes: Sequence[Axes] | None = None, *, units: Units = NONE
+) -> tuple[Axes, Axes]:
+    """Draw the path with its nodes, and below it the degree of each element."""
+    boundaries, degrees = mesh_data(solution)
+    names = solution.problem.system.coordinates
+    t, nodes = times(solution), solution.mesh.nodes
+    with styled():
+        if axes is None:
+            axes = new_figure(figsize=(6.4, 5.2)).subplots(2, sharex=True, height_ratios=(3, 2))
+        above, below = axes
+        for name, q, dots in zip(names, solution(t), solution(nodes), strict=True):
+            (line,) = above.plot(t, q, **PATH)
+            above.plot(nodes, dots, ".", color=line.get_color(), markersize=4)
+            above.plot([], [], color=line.get_color(), label=symbol(name))
+        below.stairs(degrees, boundaries, fill=True, color="#0072B2", alpha=0.25)
+        below.stairs(degrees, boundaries, color="#0072B2", linewidth=1.5)
+        for ax in (above, below):
+            for b in boundaries:
+                ax.axvline(b, color=GREY, linewidth=0.6)
+            ax.margins(x=0)
+        below.set_ylim(0, 1.15 * degrees.max())
+        below.set(xlabel=label("time $t$", units.time), ylabel="degree")
+        used = sorted({units.coordinate(name) for name in names})
+        above.set_ylabel(label("coordinates", ", ".join(used) if any(used) else ""))
+        above.legend(ncols=4)
+        above.set_title(
+            f"{heading(solution)}: {degrees.size} elements, error about {solution.error:.0e}"
+        )
+    return above, below

@@ -1,0 +1,115 @@
+"""The action as a landscape over two modes: the true path at the bottom of a bowl, or on a pass."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from actionopt.plot._modes import both_ways, directions
+from actionopt.plot._slices import LOWEST
+from actionopt.plot._style import (
+    EVENT,
+    NONE,
+    SIGNED,
+    Units,
+    heading,
+    label,
+    new_figure,
+    on,
+    signed,
+    styled,
+)
+from actionopt.preflight import project
+from actionopt.quadrature import Array
+from actionopt.solution import Solution
+from actionopt.varied import variation
+
+LEVELS = 14
+
+
+@dataclass(frozen=True, eq=False)
+class Landscape:
+    """S - S* over q + a eta_1 + b eta_2.
+
+    Attributes
+    ----------
+    a, b : (K,) arrays
+        Sizes of the two modes, in units of how far the coordinates range.
+    rise : (K, K) array
+        S - S*, row i for b[i].
+    modes : (int, int)
+        Which modes of d2S, counted from 0.
+    """
+
+    a: Array
+    b: Array
+    rise: Array
+    modes: tuple[int, int]
+
+
+def landscape_data(solution: Solution, reach: float = 0.5, count: int = 31) -> Landscape:
+    """Return the action over the two modes that tell most.
+
+    Raises ValueError for non-conservative forces, or for a path with a single variation.
+    """
+    values, modes = directions(solution, LOWEST)
+    chosen = both_ways(values)
+    if len(chosen) < 2:
+        raise ValueError("expected a path with two independent variations, found one")
+    S = variation(solution, modes[chosen[0]])
+    tr, Q = S.form.tr, S.form.Q
+    first, second = (modes[k](tr.mesh.nodes).T for k in chosen)
+    steps = np.linspace(-reach, reach, count)
+    rise = np.empty((count, count))
+    for i, b in enumerate(steps):
+        for j, a in enumerate(steps):
+            moved = Q + a * first + b * second
+            if tr.problem.system.m:
+                moved = project(tr, moved)
+            rise[i, j] = tr.action_and_gradient(moved)[0]
+    rise -= tr.action_and_gradient(Q)[0]
+    return Landscape(steps, steps, rise, (chosen[0], chosen[1]))
+
+
+def landscape(
+    solution: Solution, ax: Axes | None = None, *, reach: float = 0.5, units: Units = NONE
+) -> Axes:
+    """Draw S - S* over two modes as a contour map, the stationary path in its middle."""
+    data = landscape_data(solution, reach)
+    with styled():
+        ax = on(ax)
+        norm = signed(data.rise)
+        levels = np.linspace(norm.vmin, norm.vmax, 2 * LEVELS + 1)  # type: ignore[arg-type]
+        filled = ax.contourf(data.a, data.b, data.rise, levels, cmap=SIGNED, norm=norm)
+        lines = ax.contour(
+            data.a, data.b, data.rise, levels[::2], colors="white", linewidths=0.6, linestyles="-"
+        )
+        lines.set_alpha(0.6)
+        if data.rise.min() < 0 < data.rise.max():
+            ax.contour(data.a, data.b, data.rise, [0.0], colors="black", linewidths=1.2)
+        ax.plot(0, 0, **EVENT)
+        bar = ax.figure.colorbar(filled, ax=ax, format="%.3g")
+        bar.set_label(label("$S - S^*$", units.action))
+        ax.set(
+            xlabel=f"mode {data.modes[0] + 1} (of the path's size)",
+            ylabel=f"mode {data.modes[1] + 1} (of the path's size)",
+            aspect="equal",
+        )
+        ax.grid(False)
+        ax.set_title(f"{heading(solution)}: {solution.kind}, index {solution.morse_index}")
+    return ax
+
+
+def landscapes(
+    solutions: Sequence[Solution], axes: Sequence[Axes] | None = None, *, units: Units = NONE
+) -> list[Axes]:
+    """Draw the landscapes of several solutions side by side."""
+    with styled():
+        if axes is None:
+            count = len(solutions)
+            found = new_figure(figsize=(5.2 * count, 4.2)).subplots(1, count, squeeze=False)
+            axes = list(found.ravel())
+        return [landscape(s, ax, units=units) for s, ax in zip(solutions, axes, strict=True)]

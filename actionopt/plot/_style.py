@@ -1,0 +1,207 @@
+"""One style for all pictures: colours, labels, units, axes.
+
+Colours are Okabe and Ito's, which colour-blind readers can tell apart. What has a sign runs from
+blue through grey to vermilion, what has not along cividis; neither vanishes on white or in print.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap, TwoSlopeNorm
+from matplotlib.rcsetup import cycler
+
+from actionopt.quadrature import Array
+from actionopt.solution import Solution
+
+BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY = (
+    *("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"),
+)
+COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
+GREY = "#555555"
+STYLE: Any = {
+    "axes.prop_cycle": cycler(color=list(COLOURS)),
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.titlelocation": "left",
+    "axes.titlesize": "medium",
+    "font.size": 11,
+    "grid.color": "#e6e6e6",
+    "legend.frameon": False,
+    "legend.fontsize": "small",
+    "lines.solid_capstyle": "round",
+    "figure.figsize": (6.4, 4.4),
+    "savefig.dpi": 150,
+    "svg.hashsalt": "actionopt",  # the same picture is the same file
+}
+SIGNED = LinearSegmentedColormap.from_list(
+    "signed", [BLUE, "#6fb1d8", "#b5b5b5", ORANGE, "#b84a00"]
+)
+UNSIGNED = "cividis"
+PATH: Any = {"linewidth": 4.5, "alpha": 0.5}  # broad: the forward integration lies within it
+TRUE: Any = {"color": "black", "linewidth": 2.2, "zorder": 4}  # the stationary path, among others
+FORWARD: Any = {"linewidth": 1.0, "color": "black", "linestyle": (0, (5, 3))}
+EVENT: Any = {"marker": "o", "color": "black", "markersize": 6, "linestyle": "none", "zorder": 5}
+START = {**EVENT, "markerfacecolor": "white", "label": "start"}
+END = {**EVENT, "label": "end"}
+BOX: Any = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
+COUNT = 600  # times at which a curve is drawn: more than a picture has columns for
+
+GREEK = (
+    "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma tau "
+    "upsilon phi chi psi omega"
+).split()
+
+
+@dataclass(frozen=True)
+class Units:
+    """Words for the units in labels; an empty word writes none. Greek coordinates are angles.
+
+    >>> SI.coordinate("theta1"), SI.coordinate("x"), SI.momentum("theta1"), SI.action
+    ('rad', 'm', 'J s', 'N s')
+    >>> Units().action
+    ''
+    """
+
+    time: str = ""
+    length: str = ""
+    energy: str = ""
+    force: str = ""
+
+    @property
+    def action(self) -> str:
+        """Energy times time."""
+        return f"{self.energy} {self.time}" if self.energy else ""
+
+    def coordinate(self, name: str) -> str:
+        """Return the unit of a coordinate."""
+        return ("rad" if _word(name) in GREEK else self.length) if self.time else ""
+
+    def momentum(self, name: str) -> str:
+        """Return the unit of a coordinate's momentum: action per unit of the coordinate."""
+        if _word(name) in GREEK:
+            return self.action
+        return f"{self.force} {self.time}" if self.force else ""
+
+
+NONE = Units()
+SI = Units("s", "m", "J", "N")
+
+
+def label(text: str, unit: str = "") -> str:
+    """Return an axis label, the unit in brackets.
+
+    >>> label("time $t$", "s"), label("time $t$")
+    ('time $t$ (s)', 'time $t$')
+    """
+    return f"{text} ({unit})" if unit else text
+
+
+def symbol(name: str) -> str:
+    r"""Return a coordinate's name as mathematics: theta1 becomes theta with index 1.
+
+    >>> symbol("theta1"), symbol("x"), symbol("speed")
+    ('$\\theta_{1}$', '$x$', '$\\mathrm{speed}$')
+    """
+    word, index = re.fullmatch(r"(.*?)_?(\d*)", name, re.DOTALL).groups()  # type: ignore[union-attr]
+    if word in GREEK:
+        word = f"\\{word}"
+    elif len(word) > 1:
+        word = f"\\mathrm{{{word}}}".replace("_", r"\_")
+    return f"${word}_{{{index}}}$" if index else f"${word}$"
+
+
+def planar(names: Sequence[str]) -> list[tuple[int, int]]:
+    """Return the indices of the pairs (x, y) if all coordinates are Cartesian, else nothing.
+
+    >>> planar(["x1", "y1", "x2", "y2"]), planar(["x", "s"])
+    ([(0, 1), (2, 3)], [])
+    """
+    partner = {"x": "y", "X": "Y"}
+    pairs = [
+        (i, names.index(partner[name[0]] + name[1:]))
+        for i, name in enumerate(names)
+        if name[0] in partner and partner[name[0]] + name[1:] in names
+    ]
+    return pairs if 2 * len(pairs) == len(names) else []
+
+
+def traces(
+    names: Sequence[str], t: Array, q: Array, coordinate: int | None = None
+) -> list[tuple[Array, Array, str]]:
+    """Return what to draw against what, and its label: orbits, else coordinates against time.
+
+    `coordinate` chooses one of those that are no pairs; by default all are drawn.
+    """
+    pairs = planar(names)
+    if pairs:
+        return [(q[i], q[j], f"({symbol(names[i])}, {symbol(names[j])})") for i, j in pairs]
+    chosen = range(len(names)) if coordinate is None else [coordinate]
+    return [(t, q[i], symbol(names[i])) for i in chosen]
+
+
+def frame(ax: Axes, solution: Solution, units: Units = NONE, coordinate: int | None = None) -> None:
+    """Label the axes of `traces` and mark the two events."""
+    problem = solution.problem
+    names = problem.system.coordinates
+    for event, look in ((problem.start, START), (problem.end, END)):
+        given = np.array([event.q], dtype=float).T  # NaN, not drawn, where it is free
+        for x, y, _ in traces(names, np.array([event.t]), given, coordinate):
+            ax.plot(x, y, **look)
+            look = {**look, "label": None}  # one entry in the legend stands for all
+    if planar(names):
+        i, j = planar(names)[0]
+        ax.set(
+            xlabel=label(f"${names[i][0]}$", units.length),
+            ylabel=label(f"${names[j][0]}$", units.length),
+        )
+        ax.set_aspect("equal", adjustable="datalim")
+        return
+    chosen = names if coordinate is None else [names[coordinate]]
+    words = ", ".join(label(symbol(name), units.coordinate(name)) for name in chosen)
+    ax.set(xlabel=label("time $t$", units.time), ylabel=words)
+
+
+def times(solution: Solution, count: int = COUNT) -> Array:
+    """Return equal times over the solution, both events' included."""
+    return np.linspace(solution.problem.start.t, solution.problem.end.t, count)
+
+
+def heading(solution: Solution) -> str:
+    """Return the system's name in words."""
+    return solution.problem.system.name.replace("_", " ")
+
+
+def signed(values: Array) -> TwoSlopeNorm:
+    """Return the norm of colours `SIGNED`: zero is grey, both sides are of one scale."""
+    reach = float(np.max(np.abs(values), initial=0.0)) or 1.0
+    return TwoSlopeNorm(0.0, -reach, reach)
+
+
+def styled() -> Any:
+    """Return the context in which everything is drawn."""
+    return rc_context(STYLE)
+
+
+def new_figure(**options: Any) -> Any:
+    """Return a new figure of pyplot."""
+    from matplotlib import pyplot  # a second of import, for interactive use only
+
+    return pyplot.figure(layout="constrained", **options)
+
+
+def on(ax: Axes | None) -> Axes:
+    """Return `ax`, or the axes of a new figure."""
+    return new_figure().subplots() if ax is None else ax
+
+
+def _word(name: str) -> str:
+    return re.sub(r"_?\d*$", "", name)
