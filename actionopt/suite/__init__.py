@@ -1,0 +1,81 @@
+"""Test problems for optimisers: stationary action on a mesh, any size, with known answers.
+
+>>> problem = get("oscillator", elements=4, degree=4)
+>>> problem.classification, problem.kind
+('QUR2-MN-15-0', 'minimum')
+>>> find(tags="near collision", constrained=False)[0]
+'kepler_near_collision'
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import Any
+
+from actionopt.suite.families import FAMILIES, Family
+from actionopt.suite.problem import TestProblem
+from actionopt.tracing import suggestion
+
+__all__ = ["FAMILIES", "Family", "TestProblem", "find", "get"]
+
+
+def get(
+    name: str, elements: int | None = None, degree: int | None = None, **parameters: Any
+) -> TestProblem:
+    """Return the member of a family with so many elements of one degree.
+
+    Raises ValueError if there is no such family or parameter, or the mesh makes no sense.
+    """
+    if name not in FAMILIES:
+        raise ValueError(f"unknown test problem {name!r}{suggestion(str(name), tuple(FAMILIES))}")
+    return TestProblem(FAMILIES[name], elements, degree, parameters)
+
+
+def find(
+    *,
+    kind: str | None = None,
+    constrained: bool | None = None,
+    index: int | None = None,
+    size: tuple[int, int] | None = None,
+    tags: str | Collection[str] = (),
+    convex: bool | None = None,
+) -> list[str]:
+    """Return the names of the families whose default members fit.
+
+    Parameters
+    ----------
+    kind : {"minimum", "saddle", "degenerate"}, optional
+        What the optimum is.
+    constrained : bool, optional
+        Whether there are constraint rows.
+    index : int, optional
+        Morse index of the discrete optimum.
+    size : (least, most), optional
+        Range of the number of unknowns n.
+    tags : str or collection of str
+        All of these.
+    convex : bool, optional
+        Whether f is convex along the constraints.
+    """
+    wanted = {tags} if isinstance(tags, str) else set(tags)
+    known = {tag for family in FAMILIES.values() for tag in family.tags}
+    for tag in wanted - known:
+        raise ValueError(f"unknown tag {tag!r}; the tags are {', '.join(sorted(known))}")
+    found = []
+    for name, family in FAMILIES.items():
+        if not wanted <= set(family.tags):
+            continue
+        problem = get(name)
+        fits = (
+            constrained is None or constrained == bool(problem.m),
+            size is None or size[0] <= problem.n <= size[1],
+        )
+        # What needs the optimum is asked last.
+        if (
+            all(fits)
+            and (kind is None or kind == problem.kind)
+            and (index is None or index == problem.index_star)
+            and (convex is None or convex == problem.convex)
+        ):
+            found.append(name)
+    return found

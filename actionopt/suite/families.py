@@ -1,0 +1,305 @@
+"""The families of test problems: a scene, its parameters, a mesh, and what makes it hard.
+
+A family adds no physics. What a scene cannot say is said by a `change` of it: a constraint stated
+twice, an end exactly at the conjugate time.
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from actionopt import scenes
+from actionopt.problem import Event, Problem
+from actionopt.quadrature import Array
+from actionopt.scenes import Scene
+from actionopt.system import System
+
+
+@dataclass(frozen=True, eq=False)
+class Family:
+    """A family of test problems, of any size.
+
+    Parameters
+    ----------
+    name, scene : str
+        The family's name and its scene's.
+    elements, degree : int
+        Default mesh, fine enough for the discrete optimum to lie near the continuous path.
+    parameters : mapping
+        The scene's parameters, where they differ from its own defaults.
+    tags : tuple of str
+        What is special about it; none for an easy one.
+    change : callable, optional
+        Applied to the scene: what its parameters cannot express.
+    bends : tuple of tuple of float
+        Amplitudes (n,) of half sine waves that, added to the straight line, lead to other
+        stationary points.
+    """
+
+    name: str
+    scene: str
+    elements: int = 8
+    degree: int = 4
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    tags: tuple[str, ...] = ()
+    change: Callable[[Scene], Scene] | None = None
+    bends: tuple[tuple[float, ...], ...] = ()
+
+    def build(self, **parameters: Any) -> Scene:
+        """Return the scene, changed as this family has it.
+
+        Raises ValueError for a parameter the scene does not have or values it refuses.
+        """
+        scene = scenes.get(self.scene, **{**self.parameters, **parameters})
+        return self.change(scene) if self.change else scene
+
+    def plain(self, **parameters: Any) -> Scene:
+        """Return the scene before the change."""
+        return scenes.get(self.scene, **{**self.parameters, **parameters})
+
+
+# -- changes ---------------------------------------------------------------------------------
+
+
+@functools.cache
+def _stated_twice(name: str) -> System:
+    """Return the system of the scene `name` with its constraint stated twice, in two units."""
+    module = importlib.import_module(f"actionopt.scenes.{name}")
+
+    @functools.wraps(module.constraint)  # the parameters are read off the signature
+    def twice(q, t, **parameters):
+        f = module.constraint(q, t, **parameters)
+        return f, 2 * f
+
+    plain = module.system()
+    return System(
+        module.lagrangian,
+        plain.coordinates,
+        parameters=plain.parameters,
+        constraint=twice,
+        name=name,
+    )
+
+
+def redundant(scene: Scene) -> Scene:
+    """State the one constraint of a scene a second time: the multipliers are not unique."""
+    asked = scene.problem
+    system = _stated_twice(scene.name)
+    problem = Problem(system, asked.start, asked.end, parameters=asked.parameters)
+    return replace(scene, problem=problem)
+
+
+def conjugate(scene: Scene) -> Scene:
+    """End an oscillator's motion from `start` at the first conjugate time, where all paths meet.
+
+    The paths are q(t) = start cos(w t) + c sin(w t) for any c, all with S = 0.
+    """
+    asked = scene.problem
+    w = float(np.sqrt(asked.parameters["k"] / asked.parameters["m"]))
+    x = float(asked.start.q[0])  # type: ignore[arg-type]
+    problem = Problem(
+        asked.system, asked.start, Event(np.pi / w, [-x]), parameters=asked.parameters
+    )
+    facts = {
+        "velocity": lambda t: -w * x * np.sin(w * np.asarray(t))[None],
+        "action": 0.0,
+        "flat": lambda t: np.sin(w * np.asarray(t))[None],
+    }
+    return replace(
+        scene, problem=problem, exact=lambda t: x * np.cos(w * np.asarray(t))[None], facts=facts
+    )
+
+
+# -- the table -------------------------------------------------------------------------------
+
+EASY = (
+    Family("oscillator", "oscillator"),
+    Family("oscillator_2d", "oscillator_2d"),
+    Family("oscillator_gauge", "oscillator_gauge"),
+    Family("oscillating_wall", "oscillating_wall"),
+    Family("driven_oscillator", "driven_oscillator"),
+    Family("two_on_a_line", "two_on_a_line"),
+    Family("projectile", "projectile"),
+    Family("pendulum", "pendulum"),
+    Family("rod_pendulum", "rod_pendulum"),
+    Family("polar_pendulum", "polar_pendulum"),
+    Family("double_pendulum", "double_pendulum", 24, 8),
+    Family("chain", "chain", 8, 6),
+    Family("kepler", "kepler", 12, 6),
+    Family("kepler_polar", "kepler_polar", 12, 6),
+    Family("kepler_spherical", "kepler_spherical", 12, 6),
+    Family("two_body", "two_body", 8, 6),
+    Family("figure_eight", "figure_eight", 12, 6),
+    Family("charge_planar", "charge_planar"),
+    Family("charge_gauge", "charge_gauge"),
+    Family("charge_spatial", "charge_spatial"),
+    Family("hoop_bead", "hoop_bead", 8, 6),
+    Family("inverted_cone", "inverted_cone"),
+    Family("heavy_top", "heavy_top", 8, 6),
+    Family("moving_pivot", "moving_pivot"),
+    Family("rotating_frame_bound", "rotating_frame_bound"),
+    Family("rotating_frame_free", "rotating_frame_free"),
+    Family("screw", "screw"),
+    Family("sliding_wedge", "sliding_wedge"),
+    Family("sliding_off_circle", "sliding_off_circle"),
+    Family("rolling_cylinder", "rolling_cylinder"),
+    Family("turning_wire", "turning_wire"),
+    Family("turning_wire_radial", "turning_wire_radial"),
+)
+
+PAST = ("unbounded below", "saddle only")
+HARD = (
+    Family("oscillator_past", "oscillator", 8, 6, {"duration": 10.0}, PAST),
+    Family("oscillator_2d_past", "oscillator_2d", 8, 6, {"duration": 3.0}, PAST),
+    Family("wall_past", "oscillating_wall", 8, 6, {"duration": 4.0}, PAST),
+    Family("frame_past", "rotating_frame_bound", 8, 6, {"duration": 5.0}, PAST),
+    Family(
+        "oscillator_conjugate",
+        "oscillator",
+        8,
+        8,
+        {"duration": 1.0},
+        ("conjugate end", "degenerate"),
+        conjugate,
+    ),
+    Family(
+        "oscillator_nearly_conjugate",
+        "oscillator",
+        8,
+        8,
+        {"duration": np.pi * (1 - 1e-6), "end": -1.0},
+        ("nearly conjugate end", "ill-conditioned"),
+    ),
+    Family(
+        "oscillator_stiff",
+        "oscillator",
+        64,
+        8,
+        {"k": 1e4},
+        (*PAST, "stiff potential"),
+    ),
+    Family("charge_strong", "charge_planar", 32, 8, {"B": 40.0}, (*PAST, "stiff potential")),
+    Family(
+        "oscillator_atomic",
+        "oscillator",
+        8,
+        4,
+        {"m": 1.67e-27, "k": 500.0, "start": 1e-11, "end": 5e-12, "duration": 4e-15},
+        ("badly scaled units",),
+    ),
+    Family(
+        "kepler_planet",
+        "kepler",
+        12,
+        6,
+        {"mu": 1.32712440018e20, "a": 1.495978707e11, "eccentricity": 0.2},
+        ("badly scaled units",),
+    ),
+    Family(
+        "wire_layer",
+        "turning_wire_radial",
+        32,
+        8,
+        {"w": 60.0},
+        ("thin layer",),
+    ),
+    Family(
+        "wire_layer_bound",
+        "turning_wire",
+        64,
+        8,
+        {"w": 60.0},
+        ("thin layer",),
+    ),
+    Family(
+        "kepler_near_collision",
+        "kepler",
+        96,
+        10,
+        {"eccentricity": 0.97, "start": -0.2},
+        ("near collision",),
+    ),
+    Family(
+        "two_body_near_collision",
+        "two_body",
+        64,
+        10,
+        {"eccentricity": 0.95, "start": -0.2},
+        ("near collision",),
+    ),
+    Family(
+        "kepler_polar_singular",
+        "kepler_polar",
+        96,
+        10,
+        {"eccentricity": 0.95, "start": -0.2},
+        ("coordinate singularity", "near collision"),
+    ),
+    Family(
+        "kepler_spherical_singular",
+        "kepler_spherical",
+        64,
+        8,
+        {"inclination": 1.5},
+        ("coordinate singularity",),
+    ),
+    Family(
+        "rod_pendulum_redundant", "rod_pendulum", tags=("redundant constraints",), change=redundant
+    ),
+    Family(
+        "polar_pendulum_redundant",
+        "polar_pendulum",
+        tags=("redundant constraints",),
+        change=redundant,
+    ),
+    Family(
+        "pendulum_long",
+        "pendulum",
+        12,
+        8,
+        {"duration": 3.0},
+        ("several optima", "saddle only"),
+        bends=((2.0,), (-2.0,), (5.0,), (-5.0,)),
+    ),
+    Family(
+        "pendulum_over_the_top",
+        "pendulum",
+        16,
+        8,
+        {"amplitude": 3.1, "duration": 2.5},
+        ("near separatrix",),
+    ),
+    Family(
+        "kepler_two_ways",
+        "kepler",
+        16,
+        8,
+        {"eccentricity": 0.3},
+        ("several optima",),
+        bends=((0.0, -2.0), (0.0, 2.0)),
+    ),
+    Family(
+        "hoop_bead_fast",
+        "hoop_bead",
+        16,
+        8,
+        {"w": 12.0},
+        ("several optima", "stiff potential"),
+        bends=((2.0,), (-2.0,)),
+    ),
+    Family("chain_long", "chain", 6, 6, {"links": 20}, ("many constraints",)),
+)
+
+FAMILIES: dict[str, Family] = {family.name: family for family in (*EASY, *HARD)}
+
+
+def sample(curve: Callable[[Array], Any], t: Array, n: int) -> Array:
+    """Return a curve's values at the times t (K,), one row a time: (K, n)."""
+    values = np.asarray(curve(t), dtype=float)
+    return values.reshape(n, t.size).T

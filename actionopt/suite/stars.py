@@ -1,0 +1,192 @@
+"""What is known of a test problem: the continuous path, and the discrete optimum near it.
+
+They are not the same: the discrete optimum depends on the mesh, and tends to the path as the
+mesh is refined. The path comes from the scene's closed form, or from a solve at the tightest
+tolerance; the discrete optimum from Newton's method, started at the path on the same mesh.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from actionopt.newton import follow
+from actionopt.quadrature import Array
+from actionopt.scenes import Scene
+from actionopt.solve import solve
+from actionopt.status import SolveError
+from actionopt.suite.families import sample
+from actionopt.transcription import Transcription, negative_eigenvalues
+
+TIGHT = 1e-12  # tolerance of the solve, where there is no closed form
+STATIONARY = 1e-12  # relative KKT residual of what is called a star
+SHIFT = 1e-9  # of the normal matrix of the rows, whose gradients are of size one
+APART = 1e-3  # paths nearer than this, in the coordinates' sizes, are the same
+
+
+@dataclass(frozen=True, eq=False)
+class Continuous:
+    """The path of the continuous problem.
+
+    Attributes
+    ----------
+    path : callable
+        q(t): (n, K) for K times.
+    action : float
+        Its action, in the user's units.
+    how : str
+        "closed form", "literature" or "high precision".
+    digits : int
+        Decimal digits to which `path` is known, relative to the coordinates' sizes.
+    source : str
+        Where it is from.
+    """
+
+    path: Callable[[Array], Array]
+    action: float
+    how: str
+    digits: int
+    source: str
+
+
+@dataclass(frozen=True, eq=False)
+class Star:
+    """A stationary point of the discrete problem, in the transcription's units.
+
+    Attributes
+    ----------
+    z : (size,) array
+        Unknowns and multipliers.
+    index : int
+        Negative eigenvalues of the Hessian reduced to the constraints' tangent space.
+    digits : int
+        Decimal digits to which the unknowns are known.
+    """
+
+    z: Array
+    index: int
+    digits: int
+
+
+def continuous(scene: Scene) -> Continuous:
+    """Return the continuous path of a scene, from its closed form if it has one.
+
+    Raises SolveError if it has none and the solve fails.
+    """
+    if scene.exact is not None:
+        assert scene.action is not None
+        return Continuous(scene.exact, scene.action, "closed form", 14, scene.source)
+    try:
+        solution = solve(scene.problem, tol=TIGHT, guess=scene.guess)
+    except SolveError as error:
+        # The floor of round-off may lie above so tight a tolerance; the path is good all the same.
+        solution = error.solution
+        if solution is None or not solution.error < 1e-8:
+            raise
+    digits = int(-np.log10(max(solution.error, 1e-15)))
+    if "action" in scene.facts:
+        return Continuous(solution, scene.facts["action"], "literature", digits, scene.source)
+    return Continuous(solution, solution.action, "high precision", digits, scene.source)
+
+
+def star(tr: Transcription, path: Callable[[Array], Array], *, polish: bool = True) -> Star:
+    """Return the discrete optimum near a path.
+
+    Without `polish` the path at the nodes is taken as it is: where the optimum is one of a
+    family, nothing says where Newton's method would come to rest.
+
+    Raises ValueError if there is none near the path: the mesh is too coarse for it.
+    """
+    system, nodes = tr.problem.system, tr.mesh.nodes
+    Q = sample(path, nodes, system.n)
+    z = tr.pack(Q, _multipliers(tr, Q))
+    if not polish:
+        return Star(z, _index(tr, z), 13)
+    followed = follow(tr, z, linear=False, steps=20)
+    z = followed.z
+    if not (followed.converged or relative_residual(tr, z) <= STATIONARY):
+        raise ValueError(
+            f"expected a discrete optimum near the path of {system.name}, found that Newton's "
+            f"method leaves it on {tr.mesh.elements} elements of degree {max(tr.mesh.degrees)}; "
+            "use more elements or a higher degree"
+        )
+    for _ in range(2):  # to the floor of round-off: what is called a star should shine
+        again = follow(tr, z, linear=True, steps=1)
+        if not relative_residual(tr, again.z) < relative_residual(tr, z):
+            break
+        z = again.z
+    digits = int(np.clip(-np.log10(max(followed.noise, 1e-16)), 0, 15))
+    return Star(z, _index(tr, z), digits)
+
+
+def _index(tr: Transcription, z: Array) -> int:
+    return negative_eigenvalues(tr.layout, tr.kkt(z)) - tr.layout.rows
+
+
+def _multipliers(tr: Transcription, Q: Array) -> Array | None:
+    """Return multipliers (K, m) that fit the coordinates best."""
+    if not tr.layout.rows:
+        return None
+    x = tr.pack(Q)[: tr.layout.unknowns]
+    return tr.unpack(np.concatenate([x, least_multipliers(tr, x)]))[1]
+
+
+def least_multipliers(tr: Transcription, x: Array) -> Array:
+    """Return the mu (rows,) that make |grad S + J' mu| least, at any point x.
+
+    With redundant rows, the shortest of them: the shift makes the normal matrix regular, and
+    refinement removes its error where it matters.
+    """
+    layout = tr.layout
+    mu = np.zeros(layout.rows)
+    if not layout.rows:
+        return mu
+    J = ca.DM(layout.jacobian.sparsity, tr.jacobian(x))
+    gradient = tr.gradient(x)
+    normal = J @ J.T + SHIFT * ca.DM.eye(layout.rows)
+    if not np.all(np.isfinite(gradient)) or not normal.is_regular():
+        return mu
+    solver = ca.Linsol("normal", "ldl", normal.sparsity())
+    solver.sfact(normal)
+    solver.nfact(normal)
+    for _ in range(3):
+        mu = mu - np.asarray(solver.solve(normal, J @ (gradient + J.T @ mu))).ravel()
+    return mu
+
+
+def relative_residual(tr: Transcription, z: Array) -> float:
+    """Return max |r_i| over the largest sum of terms |K_ij z_j|: 1e-16 is round-off."""
+    pattern = tr.layout.kkt
+    with np.errstate(all="ignore"):
+        terms = np.bincount(pattern.row, np.abs(tr.kkt(z) * z[pattern.col]), z.size)
+        size = float(np.max(terms, initial=np.finfo(float).tiny))
+        return float(np.max(np.abs(tr.residual(z)), initial=0.0)) / size
+
+
+def others(
+    tr: Transcription, scene: Scene, bends: tuple[tuple[float, ...], ...], known: Array
+) -> list[Star]:
+    """Return other stationary points, found from bent straight lines; not all there are."""
+    t0, T = scene.problem.start.t, scene.problem.duration
+    cut, found = tr.layout.unknowns, [known]
+    stars: list[Star] = []
+    line = sample(lambda t: tr.straight().T, tr.mesh.nodes, scene.problem.system.n)
+    ends = line[0], line[-1]
+    for bend in bends:
+
+        def guess(t: Array, bend: tuple[float, ...] = bend) -> Array:
+            s = (np.asarray(t) - t0) / T
+            across = np.outer(bend, np.sin(np.pi * s))
+            return ends[0][:, None] + np.outer(ends[1] - ends[0], s) + across
+
+        try:
+            other = star(tr, solve(scene.problem, tol=1e-10, guess=guess))
+        except (SolveError, ValueError):
+            continue
+        if all(np.max(np.abs(other.z[:cut] - z[:cut])) > APART for z in found):
+            found.append(other.z)
+            stars.append(other)
+    return stars

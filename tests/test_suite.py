@@ -1,0 +1,286 @@
+"""Test problems: derivatives against differences, stars against mpmath and dense algebra."""
+
+import mpmath
+import numpy as np
+import pytest
+
+from actionopt import suite
+from actionopt.suite.families import redundant
+from actionopt.suite.stars import STATIONARY
+
+NAMES = tuple(suite.FAMILIES)
+STEP = 1e-3  # of the sixth-order differences: truncation 1e-18 of the seventh derivative
+DIFFERENCE = 1e-7  # what they leave where potentials are steep, relative
+DENSE = 700  # unknowns and rows above which dense algebra takes seconds
+
+HARD = {
+    "unbounded below",
+    "saddle only",
+    "conjugate end",
+    "redundant constraints",
+    "coordinate singularity",
+    "several optima",
+    "badly scaled units",
+    "stiff potential",
+    "thin layer",
+    "near collision",
+}
+
+
+def point(problem, size=1e-3):
+    """Return a point near the optimum, a random direction and random multipliers, in its units."""
+    random = np.random.default_rng(7)
+    x = problem.x_star + size * random.uniform(-1, 1, problem.n) * problem.unit
+    direction = random.uniform(-1, 1, problem.n) * problem.unit
+    return x, direction, random.uniform(-1, 1, problem.m)
+
+
+def sixth_order(function, x, direction, step):
+    """Return the derivative of a function along a direction, by central differences."""
+    weights = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
+    return (
+        sum(
+            w * (function(x + k * step * direction) - function(x - k * step * direction))
+            for k, w in weights.items()
+        )
+        / step
+    )
+
+
+def dense(problem, lam, x):
+    rows, cols = problem.hessian_structure
+    H = np.zeros((problem.n, problem.n))
+    H[rows, cols] = problem.hessian(x, lam)
+    H[cols, rows] = H[rows, cols]
+    rows, cols = problem.jacobian_structure
+    J = np.zeros((problem.m, problem.n))
+    J[rows, cols] = problem.jacobian(x)
+    return H, J
+
+
+def test_there_are_forty_families_and_every_kind_of_trouble():
+    assert len(NAMES) >= 40
+    assert {tag for family in suite.FAMILIES.values() for tag in family.tags} >= HARD
+    assert sum(not family.tags for family in suite.FAMILIES.values()) >= 25
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_derivatives_agree_with_differences(name):
+    problem = suite.get(name)
+    x, d, lam = point(problem, 1e-4 if "near collision" in problem.tags else 1e-2)
+    step = STEP * (0.01 if {"near collision", "coordinate singularity"} & set(problem.tags) else 1)
+    lam *= abs(problem.transcription.action_unit) / np.max(problem.unit) ** 2
+
+    def close(found, expected):
+        # Slopes that cancel are measured by the terms they are summed from.
+        return np.max(np.abs(found - expected)) <= DIFFERENCE * np.max(np.abs(expected))
+
+    terms = np.abs(problem.gradient(x) * d)
+    slope = sixth_order(problem.objective, x, d, step)
+    assert abs(slope - problem.gradient(x) @ d) <= DIFFERENCE * np.sum(terms)
+    rows, cols = problem.jacobian_structure
+
+    def pulled(y):
+        values = problem.jacobian(y) * lam[rows] if problem.m else np.zeros(0)
+        return problem.gradient(y) + np.bincount(cols, values, problem.n)
+
+    bent = sixth_order(pulled, x, d, step) * problem.unit
+    assert close(problem.hessian_product(x, lam, d) * problem.unit, bent)
+    H, J = dense(problem, lam, x)
+    assert close(H @ d * problem.unit, bent)
+    half, _ = dense(problem, lam, x)
+    if problem.m:
+        assert close(J @ d, sixth_order(problem.constraints, x, d, step))
+        bare = problem.hessian(x)
+        np.testing.assert_allclose(
+            problem.hessian(x, lam, 0.5),
+            problem.hessian(x, lam) - 0.5 * bare,
+            atol=1e-14 * np.max(np.abs(half)),
+        )
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_stars_satisfy_the_conditions_of_kuhn_and_tucker(name):
+    problem = suite.get(name)
+    x, lam = problem.x_star, problem.lam_star
+    rows, cols = problem.jacobian_structure
+    values = problem.jacobian(x) * lam[rows] if problem.m else np.zeros(0)
+    gradient = problem.gradient(x)
+    H = np.abs(problem.hessian(x, lam)) * np.abs(x)[problem.hessian_structure[1]]
+    size = np.max(np.bincount(problem.hessian_structure[0], H, problem.n) * problem.unit)
+    slope = (gradient + np.bincount(cols, values, problem.n)) * problem.unit
+    assert np.max(np.abs(slope)) <= STATIONARY * size
+    assert problem.residual(x, lam) <= STATIONARY
+    assert problem.residual(x) <= 1e-9  # multipliers fitted
+    if problem.m:
+        weight = problem.transcription.row_unit
+        assert np.max(np.abs(problem.constraints(x) / weight)) <= STATIONARY
+    astray = x + 1e-6 * problem.unit * np.cos(np.arange(problem.n))
+    assert problem.residual(astray, lam) > STATIONARY  # the oracle can fail
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[] if size <= DENSE else [pytest.mark.slow])
+        for name in NAMES
+        if (size := (p := suite.get(name)).n + p.m) <= 2200
+    ],
+)
+def test_index_is_the_dense_inertia(name):
+    problem = suite.get(name)
+    if problem.index_star is None:
+        pytest.skip("degenerate")
+    unit = problem.unit
+    H, J = dense(problem, problem.lam_star, problem.x_star)
+    H *= np.outer(unit, unit)
+    if problem.m:
+        _, sizes, V = np.linalg.svd(J * unit)
+        tangent = V[np.sum(sizes > 1e-10 * sizes[0]) :].T
+        H = tangent.T @ H @ tangent
+    assert np.sum(np.linalg.eigvalsh(H) < 0) == problem.index_star
+    if "morse_index" in problem.scene.facts:
+        assert problem.index_star == problem.scene.facts["morse_index"]
+
+
+def test_the_discrete_optimum_of_the_oscillator_to_thirty_digits():
+    # Two elements of degree two are Simpson's rule with velocities of parabolas.
+    problem = suite.get("oscillator", elements=2, degree=2, m=2.0, k=3.0, start=1.0, end=-0.4)
+    with mpmath.workdps(30):
+        h, weights = mpmath.mpf("1.25"), [mpmath.mpf(w) / 3 for w in (1, 4, 1)]
+        D = mpmath.matrix([[-1.5, 2, -0.5], [-0.5, 0, 0.5], [0.5, -2, 1.5]])
+        K = mpmath.zeros(5)
+        for first in (0, 2):
+            for k in range(3):
+                for i in range(3):
+                    for j in range(3):
+                        K[first + i, first + j] += weights[k] * 2 * D[k, i] * D[k, j] * 2 / h
+                K[first + k, first + k] -= weights[k] * 3 * h / 2
+        inner, ends = K[1:4, 1:4], mpmath.matrix([1, mpmath.mpf("-0.4")])
+        pull = mpmath.matrix([[K[i, 0], K[i, 4]] for i in (1, 2, 3)]) * ends
+        q = mpmath.lu_solve(inner, -pull)
+        whole = mpmath.matrix([1, *q, mpmath.mpf("-0.4")])
+        action = (whole.T * K * whole)[0] / 2
+        np.testing.assert_allclose(problem.x_star, [float(v) for v in q], rtol=1e-14)
+    assert problem.f_star == pytest.approx(float(action), rel=1e-14)
+    assert problem.continuous.action != pytest.approx(problem.f_star, rel=1e-4)
+
+
+def test_the_discrete_optimum_tends_to_the_path_at_twice_the_degree():
+    gaps = []
+    for elements in (4, 8, 16):
+        problem = suite.get("pendulum", elements=elements, degree=2)
+        gaps.append(abs(problem.f_star - problem.continuous.action))
+    orders = np.log2(np.array(gaps[:-1]) / gaps[1:])
+    assert np.all(np.abs(orders - 4) < 0.3)
+
+
+def test_how_each_answer_is_known():
+    assert suite.get("figure_eight").continuous.how == "literature"
+    assert suite.get("double_pendulum").continuous.how == "high precision"
+    problem = suite.get("rod_pendulum")
+    assert problem.continuous.how == "closed form"
+    # The multipliers are the rod's tension over 2 l, to the order of the mesh.
+    t = problem.mesh.nodes[1:-1]
+    q, v = problem.scene.exact(t), problem.scene.facts["velocity"](t)
+    tension = problem.scene.facts["multipliers"](q, v, t)[0]
+    np.testing.assert_allclose(problem.lam_star, tension, atol=1e-3 * np.max(np.abs(tension)))
+    assert set(problem.known_by) == {"x_star", "f_star", "lam_star", "index_star", "continuous"}
+
+
+def test_copies_of_a_constraint_leave_the_optimum_alone():
+    plain, twice = suite.get("rod_pendulum"), suite.get("rod_pendulum_redundant")
+    np.testing.assert_array_equal(plain.x_star, twice.x_star)
+    assert twice.m == 2 * plain.m
+    assert np.linalg.matrix_rank(dense(twice, None, twice.x_star)[1]) == plain.m
+    assert redundant(plain.scene).problem.system is twice.scene.problem.system
+
+
+def test_at_the_conjugate_end_the_optimum_is_one_of_many():
+    problem = suite.get("oscillator_conjugate")
+    x = problem.x_star + 3.0 * problem.flat[:, 0] * problem.unit
+    assert problem.residual(x) < 1e-13
+    assert problem.distance(x) < 1e-14
+    assert problem.objective(x) == pytest.approx(problem.f_star, abs=1e-12)
+    assert problem.index_star is None
+    assert problem.kind == "degenerate"
+
+
+def test_several_optima_are_all_stationary():
+    for name in suite.find(tags="several optima"):
+        problem = suite.get(name)
+        assert problem.others, name
+        for x in problem.others:
+            assert problem.residual(x) <= STATIONARY
+            assert problem.distance(x) > 1e-2
+
+
+def test_find_by_what_is_asked():
+    assert "oscillator" in suite.find(kind="minimum", constrained=False, convex=True)
+    assert suite.find(index=3) == ["oscillator_past"]
+    assert set(suite.find(tags=("unbounded below", "stiff potential"))) == {
+        "oscillator_stiff",
+        "charge_strong",
+    }
+    for name in suite.find(constrained=True, size=(100, 1000)):
+        assert suite.get(name).m and 100 <= suite.get(name).n <= 1000
+    assert suite.find(kind="degenerate") == ["oscillator_conjugate"]
+    with pytest.raises(ValueError, match="the tags are"):
+        suite.find(tags="easy")
+    with pytest.raises(ValueError, match="did you mean 'pendulum'"):
+        suite.get("pendulun")
+    with pytest.raises(ValueError, match="no parameter"):
+        suite.get("pendulum", mass=1.0)
+
+
+def test_every_evaluation_is_counted():
+    problem = suite.get("rod_pendulum")
+    x, d, lam = point(problem)
+    problem.counts.clear()
+    problem.objective(x)
+    problem.gradient(x)
+    problem.constraints(x)
+    problem.jacobian(x)
+    problem.hessian(x, lam, 0.5)
+    problem.hessian_product(x, lam, d)
+    problem.hessian_product(x, lam, d)
+    assert problem.counts == {"f": 1, "grad": 1, "c": 1, "jac": 1, "hess": 1, "hprod": 2}
+
+
+def test_starting_points_are_what_they_say():
+    problem = suite.get("pendulum")
+    ends = problem.scene.problem.start.q[0], problem.scene.problem.end.q[0]
+    s = problem.mesh.nodes[1:-1] / problem.mesh.nodes[-1]
+    np.testing.assert_allclose(problem.start("straight"), ends[0] + s * (ends[1] - ends[0]))
+    np.testing.assert_array_equal(problem.start("perturbed"), problem.start("perturbed"))
+    assert 0.05 < problem.distance(problem.start("perturbed"), problem.start()) <= 0.1
+    assert 5e-4 < problem.distance(problem.start("near")) <= 1e-3
+    straight, coarse = (problem.distance(problem.start(k)) for k in ("straight", "coarse"))
+    assert coarse < straight / 2
+    assert suite.get("chain").default_start == "guess"
+    with pytest.raises(ValueError, match="expected a starting point"):
+        problem.start("far")
+
+
+def test_class_and_sizes():
+    problem = suite.get("rod_pendulum", elements=4, degree=3)
+    assert problem.classification == "QOR2-MN-22-11"
+    assert (problem.n, problem.m, problem.nnz_jacobian) == (22, 11, 22)
+    assert problem.nnz_hessian == problem.hessian(problem.x_star, problem.lam_star).size
+    assert np.all(np.isinf(problem.bounds[0]))
+
+
+@pytest.mark.slow
+def test_size_costs_no_more_than_its_share():
+    from time import perf_counter
+
+    def cost(elements):
+        clock = perf_counter()
+        problem = suite.get("oscillator", elements=elements)
+        x = problem.start()
+        problem.gradient(x)
+        problem.hessian(x)
+        return perf_counter() - clock
+
+    cost(1000)
+    assert cost(100_000) < 20 * cost(10_000)
