@@ -29,7 +29,7 @@ RANKS = (
     ("compare",),
     ("all_paths",),
     ("__init__",),  # the public names
-    ("chapter", "plot"),
+    ("chapter", "plot", "suite"),
     ("cli",),
     ("__main__",),
 )
