@@ -16,7 +16,7 @@ import numpy as np
 
 from actionopt.jacobi import fields, resolved
 from actionopt.quadrature import Array
-from actionopt.variation import Form, check_legendre, second_derivatives, tangent
+from actionopt.quadratic_form import Form, check_legendre, second_derivatives, tangent
 
 if TYPE_CHECKING:
     from actionopt.solution import Solution

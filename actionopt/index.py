@@ -21,7 +21,7 @@ import numpy as np
 from actionopt.jacobi import resolved
 from actionopt.path import NDInt, Path
 from actionopt.quadrature import Array
-from actionopt.variation import Form, check_legendre, condense
+from actionopt.quadratic_form import Form, check_legendre, condense
 
 if TYPE_CHECKING:
     from actionopt.solution import Solution

@@ -20,7 +20,7 @@ from actionopt.newton import follow
 from actionopt.path import Mesh
 from actionopt.quadrature import Array
 from actionopt.transcription import Transcription
-from actionopt.variation import Form, form
+from actionopt.quadratic_form import Form, form
 
 if TYPE_CHECKING:
     from actionopt.solution import Solution

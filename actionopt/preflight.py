@@ -15,6 +15,7 @@ from actionopt.transcription import Transcription, sparsity_of
 SAMPLES = 3  # points looked at; a defect shows at all of them
 RANK = 1e-10  # singular values below this fraction of the largest are zero
 PROJECTIONS = 12
+MANY = 300  # constraints above which dense projections cost more than a start off the surface
 
 
 def check(tr: Transcription, Q: Array) -> None:
@@ -28,18 +29,18 @@ def check(tr: Transcription, Q: Array) -> None:
     """
     problem = tr.problem
     system = problem.system
-    if not system.m:
-        rows, cols = sparsity_of(system, "second", 2)
-        M = np.zeros((system.n, system.n))
-        M[rows, cols] = M[cols, rows] = tr.inertia * tr.lengths[rows] * tr.lengths[cols]
-        if _definite(M):
-            return
     nodes = tr.mesh.nodes
     chosen = np.unique(np.linspace(0, nodes.size - 1, SAMPLES + 2).astype(int))[1:-1]
     q, t = Q[chosen], nodes[chosen][:, None]
-    G = _dense(system, "constraint_jacobian", 0, (q, t, problem.packed)) if system.m else None
-    if G is not None:
+    G = None
+    if system.m:
+        G = _dense(system, "constraint_jacobian", 0, (q, t, problem.packed))
         _check_rank(problem, q, t, G * tr.lengths)
+    rows, cols = sparsity_of(system, "second", 2)
+    M = np.zeros((system.n, system.n))
+    M[rows, cols] = M[cols, rows] = tr.inertia * tr.lengths[rows] * tr.lengths[cols]
+    if _definite(M):
+        return
     # Generic velocities: a mass matrix such as that of v^4 is singular at rest only.
     rates = tr.lengths / problem.duration
     v = rates * (1 + 0.5 * np.cos(np.arange(q.size).reshape(q.shape)))
@@ -62,6 +63,8 @@ def project(tr: Transcription, Q: Array) -> Array:
     """
     problem, layout = tr.problem, tr.layout
     system = problem.system
+    if system.m > MANY:
+        return Q
     at = layout.row_nodes
     t = tr.mesh.nodes[at][:, None]
     free = (layout.number[at] >= 0) * tr.lengths  # pinned coordinates do not move
@@ -106,6 +109,8 @@ def _check_rank(problem: Problem, q: Array, t: Array, G: Array) -> None:
     if not np.isfinite(G).all():
         return
     unit = G / np.where(size > 0, size, 1.0)
+    if _definite(unit[0] @ unit[0].T):
+        return
     left, values, _ = np.linalg.svd(unit, full_matrices=False)
     if not np.all(values[:, -1] < RANK * values[:, 0]):
         return

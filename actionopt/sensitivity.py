@@ -24,7 +24,7 @@ from actionopt.jacobi import resolved
 from actionopt.pointwise import Pointwise
 from actionopt.quadrature import Array
 from actionopt.system import System
-from actionopt.variation import Form, condense
+from actionopt.quadratic_form import Form, condense
 
 if TYPE_CHECKING:
     from actionopt.solution import Solution

@@ -43,7 +43,7 @@ LADDER = (
     ("stationary", (8, 16)),
     ("patient least", (8, 16, 32, 64)),
 )
-SQUARE = 1500  # unknowns above which Ipopt takes too long over a square system to be tried first
+SQUARE = 1500  # unknowns above which Ipopt takes too long over a square system
 NEAR_GUESS = (16, 32, 64)  # a guess has features that coarser meshes would miss
 LINEAR = 4  # elements to begin with where nothing has to be sought
 NEAR = 0.1  # a path that moves farther than this when refined, in its own size, is another one
@@ -200,8 +200,6 @@ class _Run:
             self.sizes = self.problem.scales
             self.gain, self.error = UNKNOWN_GAIN, np.inf
             self._place(self._coarse(elements), known)
-            if rung == "stationary" and self.tr.layout.size > SQUARE:
-                return Status.NOT_FOUND
             if not self._seek(rung):
                 if self.least and self.diverged:
                     return Status.UNBOUNDED
@@ -233,7 +231,9 @@ class _Run:
         """Find a stationary path on the mesh at hand; False if that did not work."""
         if rung == "newton":
             return self._approach()
-        return self._release() if rung == "continuation" else self._find(rung)
+        if rung == "continuation":
+            return self._release()
+        return self._root() if rung == "stationary" else self._find(rung)
 
     def _near_guess(self) -> Status:
         """Follow the guess, or find the stationary path near it, or continue from it."""
@@ -245,7 +245,7 @@ class _Run:
             mesh = self.given or (curve.mesh if elements == NEAR_GUESS[0] else None)
             self.sizes = _sizes(curve.values.T, self.problem.scales)
             self._place(mesh or self._coarse(elements), curve)
-            if self._follow() or self._find("stationary") or self._release():
+            if self._follow() or self._approach() or self._root() or self._release():
                 status = self._settle()
                 if status is not Status.UNRESOLVED:
                     break
@@ -338,6 +338,10 @@ class _Run:
         self.z = attempt.z
         self._record(perf_counter() - clock)
         return True
+
+    def _root(self) -> bool:
+        """Ask Ipopt for a root of the stationarity conditions, unless that takes too long."""
+        return self.tr.layout.size <= SQUARE and self._find("stationary")
 
     def _release(self) -> bool:
         """Continue from the straight line by releasing the force that makes it a motion."""

@@ -18,7 +18,7 @@ import numpy as np
 
 from actionopt import scenes
 from actionopt.path import Mesh, Path
-from actionopt.problem import Event, Problem, State
+from actionopt.problem import Event, Periodic, Problem, State
 from actionopt.solution import Solution
 from actionopt.status import Status
 from actionopt.system import System
@@ -59,6 +59,7 @@ def save(solution: Solution, file: str | FilePath) -> None:
         "coordinates": problem.system.coordinates,
         "parameters": {name: value.tolist() for name, value in parameters.items()},
         "events": [[e.t, list(e.q)] for e in (problem.start, problem.end)],
+        "advance": None if problem.advance is None else list(problem.advance),
         "status": solution.status.name,
         "stats": solution.stats,
     }
@@ -170,14 +171,16 @@ def _problem(about: dict[str, Any], system: System | str | None, path: Path, S: 
         system = scenes.get(system).problem.system
     if system is None:
         return cast(Problem, Detached(about))
-    events = [Event(t, q) for t, q in about["events"]]
+    start, end = (Event(t, q) for t, q in about["events"])
+    if about["advance"] is not None:
+        end = Periodic(end.t, about["advance"])
     try:
         if system.coordinates != tuple(about["coordinates"]):
             raise ValueError(
                 f"expected a system of the coordinates {', '.join(about['coordinates'])} in the "
                 f"file, found {', '.join(system.coordinates)}"
             )
-        problem = Problem(system, *events, parameters=about["parameters"])
+        problem = Problem(system, start, end, parameters=about["parameters"])
         tr = Transcription(problem, path.mesh, problem.scales)
         action = tr.action_and_gradient(path.values.T)[0]
         if not abs(action - S) <= SAME * max(abs(S), tr.action_unit):

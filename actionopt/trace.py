@@ -22,7 +22,7 @@ from actionopt.quadrature import Array
 from actionopt.solution import Solution
 from actionopt.solve import Guess, solve
 from actionopt.transcription import Transcription
-from actionopt.variation import Form, form
+from actionopt.quadratic_form import Form, form
 
 Vary = str | tuple[str, str] | Callable[[float], Problem]
 

@@ -24,7 +24,7 @@ from actionopt.problem import Problem
 from actionopt.quadrature import Array
 from actionopt.refine import resolution
 from actionopt.transcription import Transcription
-from actionopt.variation import Form, form
+from actionopt.quadratic_form import Form, form
 
 if TYPE_CHECKING:
     from actionopt.solution import Solution

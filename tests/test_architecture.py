@@ -20,7 +20,7 @@ RANKS = (
     ("system",),
     ("invariance", "pfaffian", "problem"),
     ("contact", "scenes", "symmetry", "transcription"),
-    ("branch", "continuation", "deflation", "newton", "preflight", "refine", "variation"),
+    ("branch", "continuation", "deflation", "newton", "preflight", "refine", "quadratic_form"),
     ("fan", "jacobi"),
     ("conjugate", "index", "sensitivity", "varied"),
     ("solution",),

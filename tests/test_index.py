@@ -8,7 +8,7 @@ import actionopt as ao
 from actionopt import scenes
 from actionopt.index import inertia, kind, lowest, morse_index, second_variation
 from actionopt.jacobi import resolved
-from actionopt.variation import condense
+from actionopt.quadratic_form import condense
 
 EIGENVALUE_TOLERANCE = 1e-9  # relative; the path and its modes are resolved to better than 1e-8
 MASS, STIFFNESS = 2.0, 8.0
