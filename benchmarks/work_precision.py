@@ -17,7 +17,7 @@ from benchmarks import peers, problems, report
 from benchmarks.results import Results
 from benchmarks.runner import Bench, Progress
 
-SLOW = 1.0  # seconds above which a measurement is not repeated
+SLOW = 0.3  # seconds above which a measurement is not repeated
 USEFUL = 1e-2  # a larger error is another path, or none
 
 

@@ -12,7 +12,9 @@ from functools import cache
 import numpy as np
 
 from actionopt import Event, Problem, System, scenes
+from actionopt.scenes.chain import positions
 from benchmarks.stress.case import Case, Criterion, Question, mine
+from benchmarks.stress.families._hanging import release
 from benchmarks.stress.forward import miss
 
 TITLE = "Constraints"
@@ -52,9 +54,11 @@ def four_bar(redundant: bool) -> Question:
 
 
 def chain(links: int) -> Question:
-    """Return a hanging chain on its slowest swing."""
-    scene = scenes.get("chain", links=links)
-    return Question(scene.problem, guess=scene.guess, tol=1e-6)
+    """Return a hanging chain, released and followed while it falls; no guess."""
+    first, last, T = release(links)
+    system = scenes.get("chain", links=links).problem.system
+    ends = (Event(t, positions(1 / links, a)) for t, a in ((0.0, first), (T, last)))
+    return Question(Problem(system, *ends, parameters={"l": 1 / links}), tol=1e-6)
 
 
 def drift(solution) -> dict:
