@@ -209,7 +209,8 @@ def _constraint(rows: Rows, n: int, make: Callable[..., ca.SX]) -> Callable[...,
 def _symbols(rows: Rows, n: int, parameters) -> tuple[ca.SX, ca.SX, ca.SX, Array]:
     """Return q, the packed parameters, A(q) as (m, n) and the parameters' values."""
     table = ParameterTable(parameters)
-    p, named = table.symbols()
+    p = table.symbols()
+    named = table.named(ca.array(p).reshape(p.numel()))
     q = ca.SX.sym("q", n)
     return q, p, _matrix(rows, q, named), table.pack(table.values())
 

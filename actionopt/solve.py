@@ -312,7 +312,7 @@ class _Run:
     def _place(self, mesh: Mesh, path: Path | None) -> None:
         """Transcribe on `mesh`, starting from `path` there, or from the straight line."""
         clock = perf_counter()
-        self.tr = Transcription(self.problem, mesh, self.sizes)
+        self.tr = Transcription(self.problem, mesh, self.sizes, like=getattr(self, "tr", None))
         self.evaluations.update(self.tr.counts)
         self.tr.counts = self.evaluations
         if path is None:

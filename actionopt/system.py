@@ -101,10 +101,13 @@ class System:
         self.name = name
         self.table = ParameterTable(parameters)
         n = len(self.coordinates)
-        q, v, t = ca.SX.sym("q", n), ca.SX.sym("v", n), ca.SX.sym("t")
-        p, named = self.table.symbols()
+        q, v, t, p = ca.SX.sym("q", n), ca.SX.sym("v", n), ca.SX.sym("t"), self.table.symbols()
         self.symbols = Symbols(q, v, t, p)
-        Q, V, T = ca.array(q).reshape(n), ca.array(v).reshape(n), ca.array(t).reshape(())  # type: ignore
+        # What the callables receive are slices of one true 1-d array view: numpy functions and
+        # unpacking then work without a warning, and making one costs less than making many.
+        view = ca.array(ca.vertcat(q, v, t, p)).reshape(2 * n + 1 + p.numel())
+        Q, V, T = view[:n], view[n : 2 * n], view[2 * n]
+        named = self.table.named(view[2 * n + 1 :])
         given, used = call(lagrangian, "lagrangian", {"q": Q, "v": V, "t": T}, named)
         self.L = column(given, "lagrangian", 1)
         self.f = ca.SX(0, 1)
@@ -171,22 +174,29 @@ class System:
     @cached_property
     def structure(self) -> Structure:
         """What the derivatives depend on."""
-        s, d = self.symbols, self.derivatives
-        state = ca.vertcat(s.q, s.v)
-        force = ca.jacobian(self.Q, state)
-        everything = ca.vertcat(self.L, self.f, self.Q)
-        seen = ca.jacobian_sparsity(everything, s.q)
-        present = set(seen.get_col())
+        s, d, n = self.symbols, self.derivatives, self.n
+        empty = ca.SX(0, 1)
+        force = ca.jacobian(self.Q, ca.vertcat(s.q, s.v)) if self.Q.numel() else empty
+        laws = ca.vertcat(self.L, self.f, self.Q)
+        parts = [ca.vec(x.nz[:]) if x.nnz() else empty for x in (d.Lvv, d.Lqv, d.Lqq, d.G, force)]
+        found = ca.jacobian_sparsity(ca.vertcat(*parts, laws), ca.vertcat(s.q, s.v, s.t))
+        rows, cols = np.array(found.row(), dtype=int), np.array(found.get_col(), dtype=int)
+        starts = np.cumsum([0, *(part.numel() for part in parts)])
+        moving = rows[cols < 2 * n]  # entries that depend on q or v
+        fixed = [
+            not np.any((moving >= a) & (moving < b)) for a, b in zip(starts, starts[1:], strict=False)
+        ]
+        seen = set(cols[rows >= starts[-1]].tolist())
         return Structure(
-            depends_on_time=ca.depends_on(everything, s.t),
-            constant_mass=not ca.depends_on(d.Lvv, state),
-            constant_coupling=not ca.depends_on(d.Lqv, state),
-            constant_stiffness=not ca.depends_on(d.Lqq, state),
-            affine_constraint=not ca.depends_on(d.G, s.q),
-            affine_force=not ca.depends_on(force, state),
+            depends_on_time=2 * n in seen,
+            constant_mass=fixed[0],
+            constant_coupling=fixed[1],
+            constant_stiffness=fixed[2],
+            affine_constraint=fixed[3],
+            affine_force=fixed[4],
             constraints=self.m,
             forced=self.Q.numel() > 0,
-            cyclic=tuple(c for i, c in enumerate(self.coordinates) if i not in present),
+            cyclic=tuple(c for i, c in enumerate(self.coordinates) if i not in seen),
         )
 
     @cached_property

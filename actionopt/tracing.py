@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import inspect
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -61,19 +62,23 @@ class ParameterTable:
 
     def pack(self, values: Mapping[str, Array]) -> Array:
         """Return the parameters as one row (1, P), in the order of the symbols."""
-        parts = [values[name].reshape(-1, order="F") for name in self.defaults]
+        parts = [values[name].reshape(-1) for name in self.defaults]
         return np.concatenate(parts)[None, :] if parts else np.zeros((1, 0))
 
-    def symbols(self) -> tuple[ca.SX, dict[str, Any]]:
-        """Return the packed symbol and, by name, what the user's callables receive."""
-        columns, named = [], {}
+    def symbols(self) -> ca.SX:
+        """Return the parameters packed in one column of symbols, (P, 1)."""
+        columns = [ca.SX.sym(name, int(np.prod(shape))) for name, shape in self.shapes.items()]
+        return ca.vertcat(*columns) if columns else ca.SX(0, 1)
+
+    def named(self, packed: Any) -> dict[str, Any]:
+        """Return by name what the user's callables receive, from a 1-d array view of `symbols`."""
+        found, first = {}, 0
         for name, shape in self.shapes.items():
-            rows, cols = (*shape, 1, 1)[:2]
-            symbol = ca.SX.sym(name, rows, cols)
-            columns.append(ca.vec(symbol))
-            # A true 0-d, 1-d or 2-d array view: numpy functions then work without a warning.
-            named[name] = ca.array(symbol).reshape(shape)  # type: ignore
-        return ca.vertcat(*columns) if columns else ca.SX(0, 1), named
+            size = int(np.prod(shape))
+            part = packed[first : first + size] if shape else packed[first]
+            found[name] = part.reshape(shape) if len(shape) == 2 else part
+            first += size
+        return found
 
 
 def suggestion(name: str, known: Mapping[str, Any] | Sequence[str]) -> str:
@@ -192,8 +197,4 @@ def column(result: Any, role: str, rows: int | None = None) -> ca.SX:
 
 
 def _has_nan(expression: ca.SX) -> bool:
-    function = ca.Function("constants", ca.symvar(expression), [expression])
-    return any(
-        function.instruction_id(k) == ca.OP_CONST and np.isnan(function.instruction_constant(k))
-        for k in range(function.n_instructions())
-    )
+    return re.search(r"\bnan\b", str(expression)) is not None
