@@ -1,0 +1,70 @@
+"""Write test problems to a directory: `.nl`, what is known of each, and a manifest."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from actionopt.suite import nl
+from actionopt.suite.problem import TestProblem
+
+
+def dump(problems: Iterable[TestProblem], directory: str | Path) -> Path:
+    """Write NAME.nl and NAME.json for each problem, and manifest.json; return its path.
+
+    Numbers are written so that they read back to the last bit. The manifest has each file's
+    SHA-256.
+    """
+    folder = Path(directory)
+    folder.mkdir(parents=True, exist_ok=True)
+    entries = []
+    for problem in problems:
+        model, answers = folder / f"{problem.name}.nl", folder / f"{problem.name}.json"
+        nl.write(problem, model)
+        answers.write_text(json.dumps(facts(problem), indent=1) + "\n", encoding="utf-8")
+        entries.append(
+            {
+                **summary(problem),
+                "files": {
+                    f.name: hashlib.sha256(f.read_bytes()).hexdigest() for f in (model, answers)
+                },
+            }
+        )
+    manifest = folder / "manifest.json"
+    manifest.write_text(json.dumps(entries, indent=1) + "\n", encoding="utf-8")
+    return manifest
+
+
+def summary(problem: TestProblem) -> dict[str, Any]:
+    """Return name, class and sizes."""
+    return {
+        "name": problem.name,
+        "class": problem.classification,
+        "kind": problem.kind,
+        "tags": list(problem.tags),
+        "elements": problem.mesh.elements,
+        "degree": max(problem.mesh.degrees),
+        "n": problem.n,
+        "m": problem.m,
+        "nnz_jacobian": problem.nnz_jacobian,
+        "nnz_hessian": problem.nnz_hessian,
+        "source": problem.scene.source,
+    }
+
+
+def facts(problem: TestProblem) -> dict[str, Any]:
+    """Return what is known of a problem, as plain data."""
+    return {
+        **summary(problem),
+        "starts": {name: problem.start(name).tolist() for name in problem.start_names},
+        "x_star": problem.x_star.tolist(),
+        "lam_star": problem.lam_star.tolist(),
+        "f_star": problem.f_star,
+        "index_star": problem.index_star,
+        "other_stationary_points": [x.tolist() for x in problem.others],
+        "continuous_action": problem.continuous.action,
+        "known_by": problem.known_by,
+    }

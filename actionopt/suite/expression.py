@@ -1,0 +1,82 @@
+"""A test problem as a CasADi expression: the Lagrangian mapped over the nodes, in SX or MX.
+
+Nothing of the transcription's derivatives enters: what is derived from the expression checks them.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import casadi as ca
+import numpy as np
+
+from actionopt.suite.problem import TestProblem
+
+
+def nlp(problem: TestProblem, kind: Literal["SX", "MX"] = "MX") -> dict[str, Any]:
+    """Return {"x", "f", "g"} for `casadi.nlpsol`: minimise f subject to g = 0.
+
+    MX stays small at any size; SX is unrolled, and fast for small problems.
+
+    Examples
+    --------
+    >>> from actionopt import suite
+    >>> nlp(suite.get("oscillator", elements=2, degree=2))["x"].shape
+    (3, 1)
+    """
+    x = ca.MX.sym("x", problem.n)
+    f, g = _mapped(problem, x)
+    if kind == "MX":
+        return {"x": x, "f": f, "g": g}
+    function = ca.Function("nlp", [x], [f, g]).expand()
+    y = ca.SX.sym("x", problem.n)
+    f, g = function(y)
+    return {"x": y, "f": f, "g": g}
+
+
+def _mapped(problem: TestProblem, x: ca.MX) -> tuple[ca.MX, ca.MX]:
+    tr = problem.transcription
+    layout, asked = tr.layout, tr.problem
+    system, n, count = asked.system, asked.system.n, layout.node_count
+    place = ca.Sparsity.triplet(count * n, problem.n, layout.free.tolist(), list(range(problem.n)))
+    pinned = tr.ends.copy()
+    Q = ca.reshape(ca.DM(pinned.ravel()) + ca.DM(place, 1.0) @ x, n, count)
+    p = ca.DM(asked.packed.ravel())
+    s = system.symbols
+    L = ca.Function("L", [s.q, s.v, s.t, s.p], [system.L])
+    at = Q[:, layout.node_of.tolist()]
+    E = layout.evaluations
+    values = L.map(E)(at, Q @ _differentiation(problem), ca.DM(tr.times.T), ca.repmat(p, 1, E))
+    f = ca.dot(ca.DM(tr.weight.T), values)
+    if not problem.m:
+        return f, ca.MX(0, 1)
+    rows = layout.row_nodes
+    constraint = ca.Function("f", [s.q, s.t, s.p], [system.f])
+    R = rows.size
+    g = constraint.map(R)(Q[:, rows.tolist()], ca.DM(tr.row_times.T), ca.repmat(p, 1, R))
+    weight = np.repeat(tr.row_weight.ravel(), system.m)
+    return f, (ca.DM(weight) * ca.vec(g))[layout.row_select.tolist()]
+
+
+def _differentiation(problem: TestProblem) -> ca.DM:
+    """Return the constant matrix from coordinates at nodes to velocities at evaluations."""
+    tr = problem.transcription
+    layout = tr.layout
+    row, col, value = [], [], []
+    for g in layout.groups:
+        E, size = g.nodes.shape
+        shape = (E, size, size)  # element, evaluation k, node j
+        k = np.arange(g.span.start, g.span.stop).reshape(E, size, 1)
+        row.append(np.broadcast_to(g.nodes[:, None, :], shape).ravel())
+        col.append(np.broadcast_to(k, shape).ravel())
+        rate = 1 / tr.half[g.elements]
+        value.append((rate[:, None, None] * g.rule.derivative).ravel())
+    rows, cols, values = (np.concatenate(part) for part in (row, col, value))
+    keep = values != 0
+    return ca.DM.triplet(
+        rows[keep].tolist(),
+        cols[keep].tolist(),
+        ca.DM(values[keep]),
+        layout.node_count,
+        layout.evaluations,
+    )
