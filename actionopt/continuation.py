@@ -14,7 +14,8 @@ import numpy as np
 from actionopt.quadrature import Array
 from actionopt.transcription import Factors, Transcription
 
-STEPS = 400
+STEPS, FEWEST = 400, 20
+ORDINARY = 500  # unknowns up to which all the steps are taken; fewer in proportion above
 FIRST_STEP, LONGEST, SHORTEST = 0.05, 0.5, 1e-6
 CORRECTIONS = 5
 CLOSE = 1e-6  # correction, in units of the coordinates' sizes, that ends a corrector
@@ -28,8 +29,9 @@ def release(tr: Transcription, z: Array) -> tuple[Array, int] | None:
     """
     cut = tr.layout.unknowns
     force = tr.residual(z)
+    steps = min(STEPS, STEPS * ORDINARY // tr.layout.size + FEWEST)
     s, direction, ds, length, count = 0.0, None, 1.0, FIRST_STEP, 0
-    for _ in range(STEPS):
+    for _ in range(steps):
         try:
             slope = -Factors(tr.layout, tr.kkt(z)).solve(force)  # dz/ds
         except np.linalg.LinAlgError:

@@ -216,7 +216,8 @@ def _traced(system: System, given: Any, role: str, rows: int) -> ca.SX:
     if not callable(given):
         return ca.SX(column(np.array(given, dtype=float, ndmin=1).tolist(), role, rows))
     s = system.symbols
-    fresh, named = system.table.symbols()
+    fresh = system.table.symbols()
+    named = system.table.named(ca.array(fresh).reshape(fresh.numel()))
     n = system.n
     arguments = {
         "q": ca.array(s.q).reshape(n),

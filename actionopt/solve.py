@@ -166,6 +166,8 @@ class _Run:
         for rung, meshes in LADDER:
             if "least" in rung and not self.may_be_least:
                 continue
+            if "least" not in rung and self.spare is not None:
+                continue  # it could only bring another saddle
             status = self._try(rung, meshes)
             if status is Status.UNBOUNDED:
                 if self.principle == "least":

@@ -26,6 +26,7 @@ TOLERANCE = 1e-6  # in the scaled residual; Newton's method takes over far above
 RUNAWAY = 1e4  # coordinates this many times their own size: minimising has run away
 # A saddle is reached in tens of iterations or not at all; a minimum may lie in a long valley.
 ITERATIONS = {"least": 40, "patient least": 300, "stationary": 60}
+LARGE = 1500  # unknowns above which half of that has to do
 OPTIONS: dict[str, Any] = {
     "print_time": 0,
     "calc_lam_p": False,
@@ -149,7 +150,7 @@ class _Solver:
         ]
         options: dict[str, Any] = {
             **OPTIONS,
-            "ipopt.max_iter": ITERATIONS[principle],
+            "ipopt.max_iter": ITERATIONS[principle] // (1 if size <= LARGE else 2),
             "grad_f": self.functions[1],
             "jac_g": self.functions[2],
             "hess_lag": self.functions[3],
