@@ -1,26 +1,37 @@
-"""Run something in a fresh process, and learn how much memory it took."""
+"""Run something in a fresh process, within a time limit, and learn how much memory it took."""
 
 from __future__ import annotations
 
 import multiprocessing
 import sys
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
 
-def run(work: Callable[..., Any], *arguments: Any) -> tuple[Any, int]:
-    """Return what `work(*arguments)` returns, and the bytes by which memory peaked meanwhile."""
+def run(work: Callable[..., Any], *arguments: Any, limit: float = 60.0) -> tuple[Any, int]:
+    """Return what `work(*arguments)` returns, and the bytes by which memory peaked meanwhile.
+
+    Raises TimeoutError if that takes longer than `limit` seconds.
+    """
     spawn = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(1, mp_context=spawn) as pool:
-        return pool.submit(_measured, work, arguments).result()
+    mine, theirs = spawn.Pipe(duplex=False)
+    process = spawn.Process(target=_measured, args=(theirs, work, arguments))
+    process.start()
+    theirs.close()
+    try:
+        if not mine.poll(limit):
+            raise TimeoutError(f"no answer in {limit:g} s")
+        return mine.recv()
+    finally:
+        process.kill()
+        process.join()
 
 
-def _measured(work, arguments):
+def _measured(pipe, work, arguments) -> None:
     before = _peak()
     value = work(*arguments)
-    return value, _peak() - before
+    pipe.send((value, _peak() - before))
 
 
 def _peak() -> int:

@@ -21,6 +21,7 @@ TITLE = "Long and large"
 MASSES = (125, 250, 500, 1000)
 REVOLUTIONS = (2.5, 5, 10, 20)
 PENDULUMS = (10, 50)
+LIMIT = 60.0  # s
 LINEAR = 1.3  # largest power that counts as linear growth: meshes differ a little
 MEMORY_FLOOR = 8e6  # bytes: less than this is noise of the allocator
 
@@ -99,7 +100,10 @@ def solve(name: str, *size: float) -> dict:
 
 def measure(name: str, *size: float) -> list[dict]:
     """Solve in a fresh process."""
-    row, memory = run(solve, name, *size)
+    try:
+        row, memory = run(solve, name, *size, limit=LIMIT)
+    except (TimeoutError, EOFError) as failure:
+        row, memory = {"status": str(failure), "success": False, "time": LIMIT}, None
     return [{**row, "memory": memory, "size": float(size[-1])}]
 
 
@@ -138,6 +142,7 @@ def criteria(rows) -> list[Criterion]:
 
 
 def _power(rows, kind: str) -> Criterion:
+    rows = [r for r in rows if r["success"]]
     size = np.array([r["size"] for r in rows])
     value = np.maximum([r[kind] for r in rows], MEMORY_FLOOR if kind == "memory" else 0.0)
     power = float(np.polyfit(np.log(size), np.log(value), 1)[0])

@@ -1,0 +1,228 @@
+"""Is the error estimate true? Estimate against true error wherever the path is known.
+
+    python -m benchmarks.calibration [--quick]
+
+All scenes with a closed form, harder members of their families and layers, at four tolerances.
+The page `docs/calibration.md` is written by this command.
+"""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import importlib.metadata
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+import actionopt as ao
+from actionopt import scenes
+from benchmarks.runner import Progress
+from benchmarks.stress.case import deviation
+from benchmarks.stress.families import bodies, kink, layers, turning
+
+PAGE = Path(__file__).parents[1] / "docs" / "calibration.md"
+TOLERANCES = (1e-3, 1e-6, 1e-9, 1e-12)
+SAMPLES = 801
+MEASURABLE = 1e-15  # a smaller true error is none that could be told from rounding
+FAR = 10.0  # times the tolerance: never, unless the status says so
+
+
+@dataclass(frozen=True)
+class Known:
+    """A problem with its path, velocities and multipliers, functions of (K,) times or None."""
+
+    problem: ao.Problem
+    exact: Callable
+    guess: object = None
+    velocity: Callable | None = None
+    multipliers: Callable | None = None
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One solve: what was asked, estimated and true; `pairs` are (estimate, true) by quantity."""
+
+    tol: float
+    status: str
+    success: bool
+    pairs: dict[str, tuple[float, float]]
+
+    @property
+    def estimate(self) -> float:
+        """Of the error of q."""
+        return self.pairs["position"][0]
+
+    @property
+    def true(self) -> float:
+        """Error of q."""
+        return self.pairs["position"][1]
+
+
+def scene(name: str, **parameters) -> Known:
+    """Return what is known of a scene."""
+    s = scenes.get(name, **parameters)
+    velocity, forces = s.facts.get("velocity"), s.facts.get("multipliers")
+    multipliers = None
+    if velocity is not None and forces is not None:
+
+        def multipliers(t):
+            return forces(s.exact(t), velocity(t), t)
+
+    return Known(s.problem, s.exact, s.guess, velocity, multipliers)
+
+
+def known(quick: bool) -> dict[str, Callable[[], Known]]:
+    """Return all problems by name, each built when called."""
+
+    def asked(build, *arguments):
+        def make():
+            q = build(*arguments)
+            return Known(q.problem, q.exact, q.guess)
+
+        return make
+
+    names = [n for n in scenes.SCENES if scenes.get(n).exact is not None]
+    found = {name: lambda name=name: scene(name) for name in names}
+    if quick:
+        return dict(list(found.items())[:5])
+    for label, name, parameters in (
+        ("oscillator, 10 s", "oscillator", {"duration": 10.0}),
+        ("oscillator, 30.5 pi", "oscillator", {"duration": 30.5 * np.pi}),
+        ("pendulum, 2.5 rad", "pendulum", {"amplitude": 2.5}),
+        ("rod pendulum, 2.5 rad", "rod_pendulum", {"amplitude": 2.5}),
+        ("Kepler, e = 0.9", "kepler", {"eccentricity": 0.9}),
+        ("Kepler, e = 0.97", "kepler", {"eccentricity": 0.97}),
+    ):
+        found[label] = lambda name=name, parameters=parameters: scene(name, **parameters)
+    found |= {f"perihelion, e = {e}": asked(bodies.perihelion, e) for e in (0.6, 0.95, 0.99)}
+    found |= {f"layer, {e:g}": asked(layers.layer, e) for e in (1e-1, *layers.WIDTHS)}
+    found |= {f"P15, {e:g}": asked(turning.p15, e) for e in (1e-2, 1e-3, 1e-4)}
+    found |= {f"P20, {e:g}": asked(turning.p20, e) for e in (0.5, 0.1, 0.06)}
+    found |= {f"Bratu, {w}": asked(turning.bratu, w) for w in turning.BRATU}
+    found |= {f"kink, {e:g}": asked(kink.kink, e) for e in (0.2, 0.1, 0.02)}
+    return found
+
+
+def measure(k: Known, tol: float) -> Cell:
+    """Solve once and compare."""
+    problem = k.problem
+    solution = ao.solve(problem, tol=tol, guess=k.guess, throw=False)
+    true = deviation(solution, k.exact, problem, solution.mesh.nodes)
+    pairs = {"position": (float(solution.error), true or 0.0)}
+    t = np.linspace(problem.start.t, problem.end.t, SAMPLES)
+    if k.velocity is not None:
+        pairs["velocity"] = (
+            float(solution.velocity_error),
+            _relative(solution.velocity(t), k.velocity(t)),
+        )
+    if k.multipliers is not None:
+        pairs["multiplier"] = (
+            float(solution.multiplier_error),
+            _relative(solution.multipliers(t), k.multipliers(t)),
+        )
+    return Cell(tol, solution.status.name, solution.success, pairs)
+
+
+def _relative(found, exact) -> float:
+    size = np.max(np.abs(exact), axis=1, keepdims=True)
+    size = np.where(size > 1e-12 * size.max(), size, max(size.max(), 1e-300))
+    return float(np.max(np.abs(found - exact) / size))
+
+
+def page(cells: dict[str, list[Cell]]) -> str:
+    """Return the page."""
+    packages = ", ".join(f"{p} {importlib.metadata.version(p)}" for p in ("casadi", "numpy"))
+    lines = [
+        "# Error estimates against true errors",
+        "",
+        "Made by `python -m benchmarks.calibration`, "
+        f"{datetime.date.today().isoformat()}; actionopt {ao.__version__}, {packages}.",
+        "",
+        "The true error is the largest over time of |q - exact|, each coordinate in units of the",
+        "largest |q| it reaches: what `tol` bounds and `solution.error` estimates.",
+        "",
+        *summary(cells),
+        "",
+        "## Cell by cell",
+        "",
+        "True error / estimate. Where the verdict is not SOLVED it is given.",
+        "",
+        "| problem | " + " | ".join(f"tol {t:.0e}" for t in TOLERANCES) + " |",
+        "|---|" + "---|" * len(TOLERANCES),
+    ]
+    for name, row in cells.items():
+        lines.append(f"| {name} | " + " | ".join(_cell(c) for c in row) + " |")
+    return "\n".join(lines)
+
+
+def _cell(c: Cell) -> str:
+    text = f"{c.true:.0e} / {c.estimate:.0e}"
+    text = text if c.true <= c.tol or not c.success else f"**{text}**"
+    return text if c.success else f"{text} {c.status}"
+
+
+def summary(cells: dict[str, list[Cell]]) -> list[str]:
+    """Return what the cells say together, with what is expected of them."""
+    all_cells = [c for row in cells.values() for c in row]
+    good = [c for c in all_cells if c.success]
+    met = sum(c.true <= c.tol for c in good)
+    far = sum(c.true > FAR * c.tol for c in good)
+    lines = ["| | expected | found |", "|---|---|---|"]
+    lines.append(
+        f"| true error <= tol, of all cells | >= 95 % | {met} of {len(all_cells)}, "
+        f"{100 * met / len(all_cells):.1f} % |"
+    )
+    lines.append(f"| true error > {FAR:g} tol without a warning | never | {far} |")
+    lines.append(
+        f"| cells with a warning in `status` | | {len(all_cells) - len(good)}: "
+        + ", ".join(
+            f"{n} {c.tol:.0e} {c.status}" for n, r in cells.items() for c in r if not c.success
+        )
+        + " |"
+    )
+    for name in ("position", "velocity", "multiplier"):
+        pairs = np.array([c.pairs[name] for c in good if name in c.pairs])
+        if not pairs.size:
+            continue
+        estimate, true = pairs.T
+        safe = np.mean(true <= np.maximum(estimate, MEASURABLE))
+        ratio = estimate / np.maximum(true, MEASURABLE)
+        expected = ">= 95 %" if name == "position" else ""
+        lines.append(
+            f"| {name}: true error <= estimate | {expected} | {100 * safe:.1f} % of {len(pairs)} |"
+        )
+        by_tol = ", ".join(
+            f"{t:.0e}: {np.median(ratio[[c.tol == t for c in good if name in c.pairs]]):.2g}"
+            for t in TOLERANCES
+        )
+        expected = "< 100" if name == "position" else ""
+        lines.append(
+            f"| {name}: median of estimate / true | {expected} | {np.median(ratio):.2g} "
+            f"({by_tol}); smallest {ratio.min():.2g}, largest {ratio.max():.1e} |"
+        )
+    return lines
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.calibration", description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="five scenes; no page")
+    options = parser.parse_args(arguments)
+    problems = known(options.quick)
+    cells = {}
+    for name in Progress(list(problems)):
+        k = problems[name]()
+        cells[name] = [measure(k, tol) for tol in TOLERANCES]
+    print("\n".join(summary(cells)))
+    if not options.quick:
+        new = PAGE.with_suffix(".part")
+        new.write_text(page(cells) + "\n")
+        os.replace(new, PAGE)
+
+
+if __name__ == "__main__":
+    main()
