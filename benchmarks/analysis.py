@@ -9,6 +9,7 @@ import numpy as np
 TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)
 KINDS = ("cold", "again")
 OURS = "actionopt_"
+SPECIAL = ("lamberthub_",)  # solve one problem only
 
 Rows = dict[str, dict[str, list[dict]]]
 
@@ -30,11 +31,16 @@ def time_at(rows: Iterable[dict], kind: str, target: float) -> float:
 
 
 def table(rows: Rows, kind: str, target: float) -> dict[str, dict[str, float]]:
-    """Return times by problem and peer."""
+    """Return times by problem and peer, without the peers that cannot express a problem."""
     return {
-        case: {peer: time_at(found, kind, target) for peer, found in by_peer.items()}
+        case: {p: time_at(r, kind, target) for p, r in by_peer.items() if not unable(r)}
         for case, by_peer in rows.items()
     }
+
+
+def unable(rows: Iterable[dict]) -> bool:
+    """Whether a peer cannot express a problem, or is not installed."""
+    return all(r["status"].startswith("unable") for r in rows)
 
 
 def geometric_mean(values: Iterable[float]) -> float:

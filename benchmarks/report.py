@@ -64,7 +64,9 @@ def _summary(rows: an.Rows) -> list[str]:
     lines += ["|---|" + "---|" * len(an.TARGETS)]
     names = sorted({p for by_peer in rows.values() for p in by_peer} - {an.OURS})
     for kind in an.KINDS:
-        for label, peers in [("fastest peer", None), *((figures.label(p), {p}) for p in names)]:
+        groups = [("fastest peer", set(names)), ("fastest general peer", {*names} - {*an.SPECIAL})]
+        groups += [(figures.label(p), {p}) for p in names]
+        for label, peers in groups:
             cells = []
             for target in an.TARGETS:
                 ratios = an.against(rows, kind, target, peers)

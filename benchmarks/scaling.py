@@ -133,6 +133,7 @@ def figure(rows: dict[str, dict[str, dict]], file) -> None:
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
+    from matplotlib.ticker import NullFormatter
 
     fig, axes = plt.subplots(2, len(rows), figsize=(3.2 * len(rows), 5.6), squeeze=False)
     for (study, points), column in zip(rows.items(), axes.T, strict=True):
@@ -143,6 +144,11 @@ def figure(rows: dict[str, dict[str, dict]], file) -> None:
             ax.loglog(x, y, "ko-", markersize=4)
             if x and study != "tolerance":
                 ax.loglog(x, [y[-1] * k / x[-1] for k in x], "C0:", linewidth=1, label="linear")
+            low, high = ax.get_ylim()
+            middle = (low * high) ** 0.5
+            ax.set_ylim(min(low, middle / 4), max(high, middle * 4))
+            for axis in (ax.xaxis, ax.yaxis):
+                axis.set_minor_formatter(NullFormatter())
             ax.grid(True, alpha=0.3)
         column[1].set_xlabel(STUDIES[study][2], fontsize=8)
         if study == "tolerance":

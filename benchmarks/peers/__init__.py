@@ -20,7 +20,7 @@ NAMES = (
     "opty_",
     "lamberthub_",
 )
-QUICK = ("actionopt_", "scipy_bvp", "dop853")
+QUICK = ("actionopt_", "scipy_bvp")
 
 
 def get(name: str) -> Peer:

