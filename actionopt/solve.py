@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt.continuation import release
+from actionopt.descent import descend
 from actionopt.newton import Followed, approach, follow
 from actionopt.path import Mesh, Path
 from actionopt.preflight import check, project
@@ -31,18 +32,20 @@ from actionopt.transcription import Principle, Transcription, find, negative_eig
 
 Guess = Path | Solution | Callable[[Array], ArrayLike] | ArrayLike
 
-# How a first path is sought from the straight line, each way on meshes of so many elements:
-# where the straight line is near already Newton's method knows at once, and costs next to
-# nothing where it is not; minimising is robust and quick where the action is bounded below and the valley short; a root
-# of the stationarity conditions is quick where it is near; continuation gets there slowly but
-# surely; a minimum down a long curved valley takes patience.
+# How a first path is sought from the straight line, each way on meshes of so many elements.
+# Newton's method costs next to nothing, and knows at once whether it works; descent is robust and
+# quick where the action is bounded below, and sees where it is not; Ipopt minimises under
+# constraints, and where the descent is lost; continuation gets to a saddle slowly but surely;
+# Ipopt's root finding needs no path to be near; a minimum down a long curved valley takes patience.
 LADDER = (
     ("newton", (4,)),
+    ("descent", (8, 16, 32, 64)),
     ("least", (8, 16, 32, 64)),
     ("continuation", (8, 16, 32)),
     ("stationary", (8, 16)),
     ("patient least", (8, 16, 32, 64)),
 )
+LEAST = ("descent", "least", "patient least")
 SQUARE = 1500  # unknowns above which Ipopt takes too long over a square system
 NEAR_GUESS = (16, 32, 64)  # a guess has features that coarser meshes would miss
 LINEAR = 4  # elements to begin with where nothing has to be sought
@@ -108,6 +111,8 @@ def solve(
     run = _Run(problem, tol, principle, mesh, start_curve)
     if isinstance(guess, Solution):
         run.gain = guess.stats["gain"]  # a neighbour is as sensitive
+        if guess.problem.system is problem.system:
+            run.units = guess.discrete[0]
         run.checked = guess.problem.system is problem.system
     status = run.go()
     solution = run.solution(status, perf_counter() - started)
@@ -130,6 +135,7 @@ class _Run:
     tr: Transcription = field(init=False)
     z: Array = field(init=False)
     resolved: tuple[Array, Resolution] | None = None  # of the current z
+    units: Transcription | None = None  # whose units of action and constraints serve again
     checked: bool = False
     diverged: bool = False
     may_be_least: bool = False
@@ -164,9 +170,9 @@ class _Run:
         self.may_be_least = self.principle != "stationary" and not forced
         status = Status.NOT_FOUND
         for rung, meshes in LADDER:
-            if "least" in rung and not self.may_be_least:
+            if rung in LEAST and not (self.may_be_least and self._offers(rung)):
                 continue
-            if "least" not in rung and self.spare is not None:
+            if rung not in LEAST and self.spare is not None:
                 continue  # it could only bring another saddle
             status = self._try(rung, meshes)
             if status is Status.UNBOUNDED:
@@ -223,7 +229,15 @@ class _Run:
 
     @property
     def least(self) -> bool:
-        return self.rung in ("least", "patient least")
+        return self.rung in LEAST
+
+    def _offers(self, rung: str) -> bool:
+        """Whether a way of minimising is open to the problem, and worth its time."""
+        system = self.problem.system
+        if rung == "descent":
+            return system.m == 0
+        # With a saddle in hand a long search on a large system is not worth it.
+        return rung == "least" or self.spare is None or self.tr.layout.size <= SQUARE
 
     def _index(self) -> int:
         tr = self.tr
@@ -233,6 +247,8 @@ class _Run:
         """Find a stationary path on the mesh at hand; False if that did not work."""
         if rung == "newton":
             return self._approach()
+        if rung == "descent":
+            return self._descend()
         if rung == "continuation":
             return self._release()
         return self._root() if rung == "stationary" else self._find(rung)
@@ -314,7 +330,8 @@ class _Run:
     def _place(self, mesh: Mesh, path: Path | None) -> None:
         """Transcribe on `mesh`, starting from `path` there, or from the straight line."""
         clock = perf_counter()
-        self.tr = Transcription(self.problem, mesh, self.sizes, like=getattr(self, "tr", None))
+        self.tr = Transcription(self.problem, mesh, self.sizes, like=self.units)
+        self.units = self.tr
         self.evaluations.update(self.tr.counts)
         self.tr.counts = self.evaluations
         if path is None:
@@ -355,6 +372,17 @@ class _Run:
         self.time["solve"] += perf_counter() - clock
         return released is not None and self._follow()
 
+    def _descend(self) -> bool:
+        """Minimise the action from the path at hand."""
+        clock = perf_counter()
+        result = descend(self.tr, self.z)
+        self.iterations["descent"] += result.iterations
+        self.diverged = result.runaway
+        if result.found:
+            self.z = result.z
+        self.time["solve"] += perf_counter() - clock
+        return result.found and self._follow()
+
     def _approach(self) -> bool:
         """Go from the straight line by damped Newton steps."""
         clock = perf_counter()
@@ -389,10 +417,7 @@ class _Run:
         carried = self.tr.coordinates(self.z)
         self.z = self.tr.pack(carried, lam)
         if not self._follow(reach=NEAR):
-            if (
-                not self._find("patient least" if self.least else "stationary")
-                or not self._follow()
-            ):
+            if not self._recover():
                 return False
             moved = np.max(np.abs(self.tr.coordinates(self.z) - carried) / self.sizes)
             if not self.least and moved > NEAR:
@@ -406,6 +431,14 @@ class _Run:
         self.error = SAFETY * (self.gain * self.resolution().worst + self.noise + ROUNDOFF)
         self.rounds[-1]["estimate"] = self.error
         return True
+
+    def _recover(self) -> bool:
+        """Find the path again on a mesh where following it did not work."""
+        if not self.least:
+            return self._root() and self._follow()
+        if self.problem.system.m == 0 and self._descend():
+            return True
+        return self._find("patient least") and self._follow()
 
     def _sensitivity(self) -> float:
         """Return how much amplified round-off says that other errors are amplified, at least."""

@@ -247,6 +247,19 @@ class Transcription:
         H = layout.hessian
         return H.sum(np.concatenate(parts)) * self._hessian_unit
 
+    def kinetic(self, z: Array) -> Array:
+        """Return the kinetic part of the KKT matrix, D' w M D alone, on the pattern of `kkt`.
+
+        Positive definite where the mass matrix is: the metric in which a step changes the
+        velocities least. Only for systems without constraints or forces.
+        """
+        H = self.layout.hessian
+        _, _, C = self._second(self.coordinates(z)[self.layout.node_of])
+        stiff = np.concatenate([self._stiff_part(g, C) for g in self.layout.groups])
+        rest = np.zeros(H.slots.size)
+        rest[-stiff.size :] = stiff
+        return self.layout.kkt.sum((H.sum(rest) * self._hessian_unit)[self.layout.kkt_source])
+
     def _stiff_part(self, g: Group, C: Array) -> Array:
         local = C[g.span].reshape(*g.nodes.shape, -1) / self.half[g.elements][:, None, None]
         return (g.stiffness @ local).ravel()

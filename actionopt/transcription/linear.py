@@ -111,7 +111,7 @@ class _Sparse:
 
 def negative_eigenvalues(layout: Layout, nonzeros: Array) -> int:
     """Return the number of negative eigenvalues of a symmetric KKT matrix (its inertia)."""
-    if layout.size <= DENSE_COUNT:
+    if layout.rows and layout.size <= DENSE_COUNT:
         return int(np.sum(np.linalg.eigvalsh(_dense(layout, nonzeros)) < 0))
     matrix = ca.DM(layout.kkt.sparsity, _regular(layout, nonzeros))
     if "inertia" not in layout.solvers:
