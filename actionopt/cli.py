@@ -83,7 +83,14 @@ def _parser() -> argparse.ArgumentParser:
     )
     command.set_defaults(run=_chapter)
     command.add_argument("section", nargs="?", default="", help="only this section, as in 12.4")
+    _suite(commands.add_parser("suite", help="test problems for optimisers"))
     return parser
+
+
+def _suite(parser: argparse.ArgumentParser) -> None:
+    from actionopt.suite import commands
+
+    commands.add_to(parser)
 
 
 def _setting(text: str) -> tuple[str, Any]:

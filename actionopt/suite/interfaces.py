@@ -50,9 +50,10 @@ def scipy_arguments(problem: TestProblem, method: str) -> dict[str, Any]:
     if not problem.m:
         return given
     if method == "trust-constr":
-        from scipy.optimize import NonlinearConstraint
+        from scipy import optimize
 
-        given["constraints"] = NonlinearConstraint(
+        build: Any = optimize.NonlinearConstraint  # its types know no functions
+        given["constraints"] = build(
             problem.constraints,
             *problem.constraint_bounds,
             jac=lambda x: jacobian(problem, x),

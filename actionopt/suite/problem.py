@@ -28,6 +28,7 @@ from actionopt.suite.stars import (
     others,
     relative_residual,
     star,
+    stationary_near,
 )
 from actionopt.transcription import Transcription
 
@@ -275,7 +276,8 @@ class TestProblem:
     @cached_property
     def continuous(self) -> Continuous:
         """The path of the continuous problem: what the discrete optimum tends to."""
-        return continuous(self.family.plain(**self.parameters) if self._redundant else self.scene)
+        scene = self.family.plain(**self.parameters) if self._redundant else self.scene
+        return continuous(scene, self.family.waypoints)
 
     @property
     def _redundant(self) -> bool:
@@ -331,8 +333,10 @@ class TestProblem:
 
     @cached_property
     def others(self) -> tuple[Array, ...]:
-        """Other stationary points x that are known, each (n,)."""
-        known = others(self._plain, self.scene, self.family.bends, self.star.z)
+        """Other stationary points x that are known, each (n,); the linear ones have none."""
+        if self.scene.problem.system.structure.linear:
+            return ()
+        known = others(self._plain, self.scene, self.family.bends, self.star)
         return tuple(other.z[: self.n] * self.unit for other in known)
 
     @cached_property
@@ -366,6 +370,10 @@ class TestProblem:
         away = (np.asarray(x) - (self.x_star if star is None else star)) / self.unit
         away = away - self.flat @ (self.flat.T @ away)
         return float(np.max(np.abs(away), initial=0.0))
+
+    def is_near_stationary(self, x: Array, reach: float) -> bool:
+        """Whether a stationary point of the discrete problem lies within `reach`, in `unit`."""
+        return stationary_near(self._plain, self._scaled(x), reach)
 
     def residual(self, x: Array, lam: Array | None = None) -> float:
         """Return the relative KKT residual: 1e-16 is round-off. Multipliers are fitted if None.

@@ -19,7 +19,7 @@ from actionopt.scenes import Scene
 from actionopt.solve import solve
 from actionopt.status import SolveError
 from actionopt.suite.families import sample
-from actionopt.transcription import Transcription, negative_eigenvalues
+from actionopt.transcription import Transcription, find, negative_eigenvalues
 
 TIGHT = 1e-12  # tolerance of the solve, where there is no closed form
 STATIONARY = 1e-12  # relative KKT residual of what is called a star
@@ -71,16 +71,17 @@ class Star:
     digits: int
 
 
-def continuous(scene: Scene) -> Continuous:
+def continuous(scene: Scene, waypoints: tuple[tuple[float, ...], ...] = ()) -> Continuous:
     """Return the continuous path of a scene, from its closed form if it has one.
 
-    Raises SolveError if it has none and the solve fails.
+    Else the path near `waypoints` or the scene's own guess. Raises SolveError if that is not
+    found.
     """
     if scene.exact is not None:
         assert scene.action is not None
         return Continuous(scene.exact, scene.action, "closed form", 14, scene.source)
     try:
-        solution = solve(scene.problem, tol=TIGHT, guess=scene.guess)
+        solution = solve(scene.problem, tol=TIGHT, guess=waypoints or scene.guess)
     except SolveError as error:
         # The floor of round-off may lie above so tight a tolerance; the path is good all the same.
         solution = error.solution
@@ -167,26 +168,51 @@ def relative_residual(tr: Transcription, z: Array) -> float:
 
 
 def others(
-    tr: Transcription, scene: Scene, bends: tuple[tuple[float, ...], ...], known: Array
+    tr: Transcription, scene: Scene, bends: tuple[tuple[float, ...], ...], known: Star
 ) -> list[Star]:
-    """Return other stationary points, found from bent straight lines; not all there are."""
-    t0, T = scene.problem.start.t, scene.problem.duration
-    cut, found = tr.layout.unknowns, [known]
-    stars: list[Star] = []
-    line = sample(lambda t: tr.straight().T, tr.mesh.nodes, scene.problem.system.n)
-    ends = line[0], line[-1]
+    """Return other stationary points of the discrete problem; not all there are.
+
+    Some are other paths, found from bent straight lines; one is what minimising leads to from
+    the scene's guess and from the straight line, which on a coarse mesh may be no path.
+    """
+    cut, stars = tr.layout.unknowns, [known]
+
+    def keep(other: Star) -> None:
+        if all(np.max(np.abs(other.z[:cut] - s.z[:cut])) > APART for s in stars):
+            stars.append(other)
+
     for bend in bends:
-
-        def guess(t: Array, bend: tuple[float, ...] = bend) -> Array:
-            s = (np.asarray(t) - t0) / T
-            across = np.outer(bend, np.sin(np.pi * s))
-            return ends[0][:, None] + np.outer(ends[1] - ends[0], s) + across
-
         try:
-            other = star(tr, solve(scene.problem, tol=1e-10, guess=guess))
+            keep(star(tr, solve(scene.problem, tol=1e-10, guess=_bent(tr, bend))))
         except (SolveError, ValueError):
             continue
-        if all(np.max(np.abs(other.z[:cut] - z[:cut])) > APART for z in found):
-            found.append(other.z)
-            stars.append(other)
-    return stars
+    for curve in (scene.guess, _bent(tr, (0.0,) * scene.problem.system.n)):
+        if curve is None:
+            continue
+        Q = sample(curve, tr.mesh.nodes, scene.problem.system.n)
+        attempt = find(tr, tr.pack(Q), "patient least")
+        if attempt.converged:
+            followed = follow(tr, attempt.z)
+            if followed.converged and relative_residual(tr, followed.z) <= STATIONARY:
+                keep(Star(followed.z, _index(tr, followed.z), 12))
+    return stars[1:]
+
+
+def stationary_near(tr: Transcription, x: Array, reach: float) -> bool:
+    """Whether Newton's method finds a stationary point within `reach` of x, in scaled units."""
+    followed = follow(tr, np.concatenate([x, least_multipliers(tr, x)]))
+    within = followed.converged and followed.travelled <= reach
+    return within and relative_residual(tr, followed.z) <= STATIONARY
+
+
+def _bent(tr: Transcription, bend: tuple[float, ...]) -> Callable[[Array], Array]:
+    """Return the straight line with half a sine wave added."""
+    t0, T = tr.problem.start.t, tr.problem.duration
+    line = tr.straight()
+    start, end = line[0], line[-1]
+
+    def curve(t: Array) -> Array:
+        s = (np.asarray(t) - t0) / T
+        return start[:, None] + np.outer(end - start, s) + np.outer(bend, np.sin(np.pi * s))
+
+    return curve

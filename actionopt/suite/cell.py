@@ -1,0 +1,77 @@
+"""One solver on one problem, in a process of its own: `python -m actionopt.suite.cell`.
+
+The two arguments are the cell, as JSON, and the file the result is written to: what solvers print
+stays apart from it. A process that dies writes none.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from actionopt import suite
+from actionopt.suite import solvers
+from actionopt.suite.verdict import judge
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A solver, a problem, a mesh and a starting point (defaults where None)."""
+
+    solver: str
+    problem: str
+    elements: int | None = None
+    degree: int | None = None
+    start: str | None = None
+
+
+def evaluate(cell: Cell) -> dict[str, Any]:
+    """Run the solver and judge its answer; return the result as plain data."""
+    problem = suite.get(cell.problem, cell.elements, cell.degree)
+    about = {"class": problem.classification, "n": problem.n, "m": problem.m}
+    try:
+        answer = solvers.run(cell.solver, problem, problem.start(cell.start))
+    except MemoryError:
+        return about | {"verdict": "limit", "word": "out of memory"}
+    except Exception as error:
+        last = (str(error).strip().splitlines() or [""])[-1].strip()
+        return about | {"verdict": "failed", "word": f"{type(error).__name__}: {last}"[:300]}
+    # A problem of its own: a solver could have left its mark on the other.
+    fresh = suite.get(cell.problem, cell.elements, cell.degree)
+    return {
+        **about,
+        "kind": fresh.kind,
+        **asdict(judge(fresh, answer.x, answer.claimed)),
+        "claimed": answer.claimed,
+        "word": answer.word,
+        "seconds": answer.seconds,
+        "evaluations": dict(answer.evaluations),
+    }
+
+
+def limit(memory: float, seconds: float) -> None:
+    """Bound this process's address space (GiB) and processor time (s), where that is possible."""
+    try:
+        import resource
+    except ImportError:  # not on this system
+        return
+    for what, amount in (
+        (resource.RLIMIT_AS, int(memory * 2**30)),
+        (resource.RLIMIT_CPU, int(seconds) + 5),
+    ):
+        resource.setrlimit(what, (amount, amount))
+
+
+def main(arguments: list[str]) -> None:
+    """Evaluate the cell given as JSON and write the result."""
+    asked = json.loads(arguments[0])
+    limit(asked.pop("memory"), asked.pop("seconds"))
+    result = evaluate(Cell(**asked))
+    Path(arguments[1]).write_text(json.dumps(result), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
