@@ -15,7 +15,7 @@ from actionopt.quadrature import Array
 from actionopt.transcription import Factors, Transcription
 
 STEPS, FEWEST = 400, 20
-ORDINARY = 500  # unknowns up to which all the steps are taken; fewer in proportion above
+ORDINARY = 5000  # unknowns up to which all the steps are taken; fewer in proportion above
 FIRST_STEP, LONGEST, SHORTEST = 0.05, 0.5, 1e-6
 CORRECTIONS = 5
 CLOSE = 1e-6  # correction, in units of the coordinates' sizes, that ends a corrector

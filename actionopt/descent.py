@@ -21,6 +21,7 @@ STEPS = 60
 FIRST, RAISE, LOWER, LARGEST = 0.01, 3.0, 0.3, 1e6  # of mu, in units of K
 DECREASE = 1e-2  # share of the decrease that the gradient promises which a step must bring
 LONGEST = 3.0  # a step longer than this many times the path jumps over what lies between
+ARRIVED = 1e-10  # a shorter step is too near to round-off for S to decrease
 RUNAWAY = 1e3  # coordinates this many times their own size, still going down
 
 
@@ -63,6 +64,8 @@ def descend(tr: Transcription, z: Array) -> Descended:
                     step = -factors.solve(gradient)
                 except np.linalg.LinAlgError:
                     step = np.full_like(z, np.nan)
+                if np.max(np.abs(step)) < ARRIVED:
+                    return Descended(z, mu == 0.0, False, count)
                 trial = z + step
                 lower = tr.action(trial) if np.max(np.abs(step)) < farthest else np.nan
                 if lower <= action + DECREASE * float(gradient @ step):

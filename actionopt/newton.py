@@ -19,6 +19,7 @@ from actionopt.transcription import Factors, Transcription
 CONTRACTION = 0.5  # a larger ratio of successive steps is not the neighbourhood of a path
 ROUNDOFF_STEP = 1e-9  # steps that stop contracting below this size are round-off
 ROUNDOFF = float(np.finfo(float).eps)
+SURELY = 0.1  # a ratio of steps that leaves no doubt of it
 DAMPED = 1e-3  # a shorter fraction of a step leads nowhere
 TARGET = 1e-14  # in units of the coordinates' sizes; one step past it costs next to nothing
 
@@ -82,7 +83,7 @@ def follow(tr: Transcription, z: Array, *, linear: bool = False, steps: int = 12
     return Followed(z, exhausted, rest, k, _size((z - first)[:cut]))
 
 
-def approach(tr: Transcription, z: Array, steps: int = 8) -> tuple[Array, int] | None:
+def approach(tr: Transcription, z: Array, steps: int = 12) -> tuple[Array, int] | None:
     """Return a point where Newton's method contracts, and the factorizations used; None if lost.
 
     The damping factor comes from the curvature that the simplified step shows (Deuflhard,
@@ -99,6 +100,8 @@ def approach(tr: Transcription, z: Array, steps: int = 8) -> tuple[Array, int] |
             except np.linalg.LinAlgError:
                 return None
             length = _norm(step[:cut])
+            if length < ROUNDOFF_STEP:
+                return z, k
             if last is not None:
                 bend = _norm((missed - step)[:cut]) * length
                 damping = min(1.0, damping * last * _norm(missed[:cut]) / bend) if bend else 1.0
@@ -118,7 +121,7 @@ def approach(tr: Transcription, z: Array, steps: int = 8) -> tuple[Array, int] |
                     break
                 damping = min(better, damping / 2) if np.isfinite(rest) else damping / 4
             z, last = trial, length
-            if damping == 1.0 and rest < CONTRACTION * length:
+            if damping == 1.0 and rest < SURELY * length:
                 return z, k
     return None
 

@@ -56,6 +56,7 @@ ROUNDS = 20
 STALLED = 8  # rounds that bring nothing: a layer of 1e-6 is closed in on in six
 SAFETY = 4.0  # between the measured error of the last round and the estimate for the next
 ROUNDOFF = 2 * float(np.finfo(float).eps)  # of evaluating the polynomial, to begin with
+SENSITIVE = 1e-10  # amplified round-off at which a path that does not settle is held to be that
 ORDINARY = 100.0  # amplification of round-off on a mesh where nothing is sensitive, at most
 UNDETERMINED = 1e-6  # amplified round-off above which the end points do not determine a path
 MEASURABLE = 1e-12  # coefficients below this are too near to rounding to measure a gain
@@ -211,7 +212,7 @@ class _Run:
             if not self._seek(rung):
                 if self.least and self.diverged:
                     return Status.UNBOUNDED
-                if rung == "least":
+                if rung in ("descent", "least"):
                     return Status.NOT_FOUND
                 known = None
                 continue
@@ -304,7 +305,7 @@ class _Run:
 
     def _lost(self) -> Status:
         """Say why a path does not settle: it is not determined, or it was none."""
-        undetermined = self.noise > UNDETERMINED / ORDINARY
+        undetermined = self.noise > SENSITIVE
         return Status.DEGENERATE if undetermined else Status.UNRESOLVED
 
     def _settle_on(self, mesh: Mesh) -> Status:
