@@ -54,6 +54,9 @@ def add_to(parser: argparse.ArgumentParser) -> None:
     command = commands.add_parser("dump", help="write .nl files and answers", parents=[chosen])
     command.set_defaults(run=dump)
     command.add_argument("directory")
+    command = commands.add_parser("report", help="profiles and tables", parents=[output])
+    command.set_defaults(run=report)
+    command.add_argument("--to", default="docs/suite", metavar="DIRECTORY", help="(docs/suite)")
 
 
 def _names(options: argparse.Namespace) -> list[str]:
@@ -114,6 +117,14 @@ def dump(options: argparse.Namespace) -> int:
 
     chosen = (suite.get(name, options.elements, options.degree) for name in _names(options))
     print(write(chosen, options.directory))
+    return 0
+
+
+def report(options: argparse.Namespace) -> int:
+    """Write the report on a file of results."""
+    from actionopt.suite.report import write
+
+    print(write(runner.load(options.output), options.to))
     return 0
 
 

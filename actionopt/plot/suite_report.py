@@ -1,0 +1,68 @@
+"""Profiles of solvers: the fraction of problems solved, against the cost allowed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib import rc_context
+
+from actionopt.plot._style import COLOURS, STYLE
+from actionopt.quadrature import Array
+
+DASHES: Any = ("-", (0, (5, 2)), (0, (1.5, 1.5)))  # six colours each, then the next kind of line
+
+
+def profiles(
+    steps: Mapping[str, tuple[Array, Array]],
+    *,
+    ax: Any = None,
+    xlabel: str = "",
+    least: float = 1.0,
+) -> Any:
+    """Draw staircases, one for each name: where they rise, and how high they are then.
+
+    Parameters
+    ----------
+    steps : mapping of str to (positions, heights)
+        Increasing positions and the fractions reached there, as `suite.profile` has them.
+    ax : matplotlib Axes, optional
+    xlabel : str
+        What the positions are.
+    least : float
+        Left end of the logarithmic axis.
+
+    Returns
+    -------
+    Axes
+    """
+    with rc_context(STYLE):
+        if ax is None:
+            _, ax = plt.subplots(layout="constrained")
+        reach = max((x[-1] for x, _ in steps.values() if x.size), default=10 * least)
+        reach = max(reach, 2 * least)
+        for i, (name, (x, y)) in enumerate(steps.items()):
+            ends = np.concatenate([[least], np.maximum(x, least), [reach]])
+            heights = np.concatenate([[0.0], y, [y[-1] if y.size else 0.0]])
+            ax.step(
+                ends,
+                heights,
+                where="post",
+                color=COLOURS[i % len(COLOURS)],
+                linestyle=DASHES[i // len(COLOURS) % len(DASHES)],
+                label=name,
+            )
+        ax.set(xscale="log", xlim=(least, reach), ylim=(0, 1.02), ylabel="fraction solved")
+        ax.set_xlabel(xlabel)
+        ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    return ax
+
+
+def save(ax: Any, file: str | Path) -> None:
+    """Write the figure of `ax` and close it; the same data give the same file."""
+    with rc_context(STYLE):
+        ax.figure.savefig(file, metadata={"Date": None})
+    plt.close(ax.figure)
