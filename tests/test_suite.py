@@ -284,3 +284,13 @@ def test_size_costs_no_more_than_its_share():
 
     cost(1000)
     assert cost(100_000) < 20 * cost(10_000)
+
+
+@pytest.mark.slow
+def test_the_optimum_of_four_hundred_thousand_unknowns():
+    problem = suite.get("oscillator", elements=100_000)
+    assert problem.n == 399_999
+    t = problem.mesh.nodes[1:-1]
+    # The discrete optimum is the path to rounding at this size; the condition is 1e11.
+    assert np.max(np.abs(problem.x_star - problem.scene.exact(t)[0])) < 1e-7
+    assert problem.residual(problem.x_star) < STATIONARY

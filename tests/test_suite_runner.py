@@ -11,7 +11,7 @@ from actionopt.cli import main
 from actionopt.suite import runner, solvers
 from actionopt.suite.cell import Cell
 from actionopt.suite.runner import Limits
-from actionopt.suite.verdict import VERDICTS, judge
+from actionopt.suite.verdict import STATIONARY, VERDICTS, judge
 
 PLANTED = str(Path(__file__).with_name("planted.py"))
 
@@ -77,6 +77,15 @@ def test_judged_by_the_point_and_not_by_the_word():
     forgotten, problem.others = problem.others[0], ()
     assert judge(problem, forgotten, claimed=True).verdict == "new"
     assert judge(problem, forgotten + 1e-2, claimed=True).verdict == "wrong"
+
+
+def test_a_small_residual_is_not_enough():
+    """On a fine mesh a smooth deviation of a hundredth leaves next to no residual."""
+    problem = suite.get("pendulum", elements=64, degree=8)
+    s = problem.mesh.nodes[1:-1] / problem.mesh.nodes[-1]
+    x = problem.x_star + 0.01 * problem.unit * np.sin(np.pi * s)
+    assert problem.residual(x) < STATIONARY
+    assert judge(problem, x, claimed=True).verdict == "wrong"
 
 
 def test_success_in_tiny_units_is_no_success():
