@@ -39,14 +39,14 @@ def test_a_crash_and_a_hang_cost_one_cell_each(tmp_path):
     assert found == ["failed", "failed", "right"]
     assert "SIGABRT" in records[0]["word"]
     assert "exit code 3" in records[1]["word"]
-    found, records = verdicts(tmp_path, planted("hang"), limits=Limits(3, 4))
+    found, records = verdicts(tmp_path, planted("hang"), limits=Limits(2, 4))
     assert found == ["limit"]
-    assert 3 <= records[0]["wall"] < 6
+    assert 2 <= records[0]["wall"] < 5
 
 
 def test_memory_has_a_limit(tmp_path):
     pytest.importorskip("resource")
-    found, records = verdicts(tmp_path, planted("memory"), limits=Limits(30, 2))
+    found, records = verdicts(tmp_path, planted("memory"), limits=Limits(30, 1.0))
     assert found == ["limit"]
     assert records[0]["word"] == "out of memory"
 

@@ -143,8 +143,6 @@ EASY = (
     Family("pendulum", "pendulum"),
     Family("rod_pendulum", "rod_pendulum"),
     Family("polar_pendulum", "polar_pendulum"),
-    Family("double_pendulum", "double_pendulum", 24, 8, waypoints=OVER_THE_TOP),
-    Family("chain", "chain", 8, 6),
     Family("kepler", "kepler", 12, 6),
     Family("kepler_polar", "kepler_polar", 12, 6),
     Family("kepler_spherical", "kepler_spherical", 12, 6),
@@ -167,6 +165,7 @@ EASY = (
     Family("turning_wire_radial", "turning_wire_radial"),
 )
 
+SEVERAL = ("several optima",)
 PAST = ("unbounded below", "saddle only")
 HARD = (
     Family("oscillator_past", "oscillator", 8, 6, {"duration": 10.0}, PAST),
@@ -295,7 +294,7 @@ HARD = (
         16,
         8,
         {"eccentricity": 0.3},
-        ("several optima",),
+        SEVERAL,
         bends=((0.0, -2.0), (0.0, 2.0)),
     ),
     Family(
@@ -307,7 +306,17 @@ HARD = (
         ("several optima", "stiff potential"),
         bends=((2.0,), (-2.0,), (4.0,), (-4.0,)),
     ),
-    Family("chain_long", "chain", 6, 6, {"links": 20}, ("many constraints",)),
+    Family(
+        "double_pendulum",
+        "double_pendulum",
+        24,
+        8,
+        tags=SEVERAL,
+        waypoints=OVER_THE_TOP,
+        bends=((0.0, 0.0), (4.0, 0.0), (-4.0, 0.0)),
+    ),
+    Family("chain", "chain", 8, 6, tags=SEVERAL),
+    Family("chain_long", "chain", 6, 6, {"links": 20}, (*SEVERAL, "many constraints")),
 )
 
 FAMILIES: dict[str, Family] = {family.name: family for family in (*EASY, *HARD)}

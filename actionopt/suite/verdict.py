@@ -20,7 +20,7 @@ MEANING = {
 }
 # Solvers stop at tolerances of their own, some at 1e-6 in the action: three digits of the path.
 NEAR = 1e-3  # in units of the coordinates: the same point
-STATIONARY = 1e-5  # relative KKT residual, multipliers fitted
+STATIONARY = 1e-4  # relative KKT residual, multipliers fitted
 
 
 @dataclass(frozen=True)
