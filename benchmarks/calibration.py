@@ -115,9 +115,10 @@ def measure(k: Known, tol: float) -> Cell:
     pairs = {"position": (float(solution.error), true or 0.0)}
     t = np.linspace(problem.start.t, problem.end.t, SAMPLES)
     if k.velocity is not None:
+        least = np.max(np.abs(k.exact(t)), axis=1, keepdims=True) / problem.duration
         pairs["velocity"] = (
             float(solution.velocity_error),
-            _relative(solution.velocity(t), k.velocity(t)),
+            _relative(solution.velocity(t), k.velocity(t), least),
         )
     if k.multipliers is not None:
         pairs["multiplier"] = (
@@ -127,10 +128,10 @@ def measure(k: Known, tol: float) -> Cell:
     return Cell(tol, solution.status.name, solution.success, pairs)
 
 
-def _relative(found, exact) -> float:
-    size = np.max(np.abs(exact), axis=1, keepdims=True)
-    size = np.where(size > 1e-12 * size.max(), size, max(size.max(), 1e-300))
-    return float(np.max(np.abs(found - exact) / size))
+def _relative(found, exact, least=0.0) -> float:
+    """Return the largest |found - exact| in units of each row's largest, or of `least` if more."""
+    size = np.maximum(np.max(np.abs(exact), axis=1, keepdims=True), least)
+    return float(np.max(np.abs(found - exact) / np.where(size > 0, size, 1.0)))
 
 
 def page(cells: dict[str, list[Cell]]) -> str:
@@ -143,7 +144,9 @@ def page(cells: dict[str, list[Cell]]) -> str:
         f"{datetime.date.today().isoformat()}; actionopt {ao.__version__}, {packages}.",
         "",
         "The true error is the largest over time of |q - exact|, each coordinate in units of the",
-        "largest |q| it reaches: what `tol` bounds and `solution.error` estimates.",
+        "largest |q| it reaches: what `tol` bounds and `solution.error` estimates. Velocities are",
+        "measured likewise (a coordinate that hardly moves in its size over the duration), and so",
+        "are multipliers.",
         "",
         *summary(cells),
         "",

@@ -127,7 +127,10 @@ def criteria(rows) -> list[Criterion]:
         errors = [r["error"] for r in good if r["error"] is not None]
         wrong = any(e > 1e-8 for e in errors)
         found = f"{len(good)}" + (f", true error {max(errors):.0e}" if errors else "")
-        label = {"Kepler": "Kepler, to 10 revolutions", "lattice": f"lattice, to {MASSES[-1]}"}
+        label = {
+            "Kepler": f"Kepler, to {REVOLUTIONS[-1]} revolutions",
+            "lattice": f"lattice, to {MASSES[-1]} masses",
+        }
         out.append(
             Criterion(
                 f"{label.get(prefix, prefix)}: a path",
