@@ -20,7 +20,7 @@ from actionopt.transcription import Factors, Transcription, negative_eigenvalues
 STEPS = 60
 FIRST, RAISE, LOWER, LARGEST = 0.01, 3.0, 0.3, 1e6  # of mu, in units of K
 DECREASE = 1e-2  # share of the decrease that the gradient promises which a step must bring
-LONGEST = 3.0  # a step longer than this many times the path jumps over what lies between
+LONGEST = 1.0  # a step longer than this many times the path jumps over what lies between
 ARRIVED = 1e-10  # a shorter step is too near to round-off for S to decrease
 RUNAWAY = 1e3  # coordinates this many times their own size, still going down
 

@@ -149,11 +149,14 @@ class Solution:
     def velocity_error(self) -> float:
         """Estimate of max over t of |v_h(t) - v(t)|, in units of each coordinate's largest |v|.
 
+        A coordinate that hardly moves is measured by its size over the duration instead.
+
         The first Legendre coefficient left out, differentiated: P'_k(1) = k (k + 1) / 2.
         """
         sizes = np.max(np.abs(self.path.values), axis=1)
         speeds = np.max(np.abs(self.path.velocity(self.mesh.nodes)), axis=1)
-        sizes, speeds = (np.where(x > 0, x, 1.0) for x in (sizes, speeds))
+        sizes = np.where(sizes > 0, sizes, 1.0)
+        speeds = np.maximum(speeds, sizes / self.problem.duration)
         found = resolution(self.mesh, self.path.values.T, sizes)
         k = np.array(self.mesh.degrees) + 1
         rates = (found.omitted + self.error / 4) * k * (k + 1) / self.mesh.lengths
@@ -163,14 +166,14 @@ class Solution:
     def multiplier_error(self) -> float:
         """Estimate of the error of `multipliers(t)`, in units of the largest |lambda|; 0 if none.
 
-        Four times the distance of the discrete problem's multipliers, themselves less accurate,
+        Eight times the distance of the discrete problem's multipliers, themselves less accurate,
         from those of `multipliers` at the same nodes. Raises ValueError without constraints.
         """
         if not self.problem.system.m:
             raise ValueError("expected a system with constraints: this one has no multipliers")
         exact = self.multipliers(self.mesh.nodes)
         size = np.max(np.abs(exact), axis=1, keepdims=True)
-        return 4 * float(np.nanmax(np.abs(self.lam - exact) / np.where(size > 0, size, 1.0)))
+        return 8 * float(np.nanmax(np.abs(self.lam - exact) / np.where(size > 0, size, 1.0)))
 
     @cached_property
     def discrete(self) -> tuple[Transcription, Array]:

@@ -46,6 +46,7 @@ LADDER = (
     ("patient least", (8, 16, 32, 64)),
 )
 LEAST = ("descent", "least", "patient least")
+FEW = 3  # coordinates up to which descending costs less than entering Ipopt
 SQUARE = 1500  # unknowns above which Ipopt takes too long over a square system
 NEAR_GUESS = (16, 32, 64)  # a guess has features that coarser meshes would miss
 LINEAR = 4  # elements to begin with where nothing has to be sought
@@ -170,7 +171,9 @@ class _Run:
         forced = self.problem.system.structure.forced
         self.may_be_least = self.principle != "stationary" and not forced
         status = Status.NOT_FOUND
-        for rung, meshes in LADDER:
+        large = self.problem.system.n * COARSE_DEGREE * LADDER[1][1][0] > SQUARE
+        # Continuation takes hundreds of factorizations: the last resort where each costs much.
+        for rung, meshes in sorted(LADDER, key=lambda r: large and r[0] == "continuation"):
             if rung in LEAST and not (self.may_be_least and self._offers(rung)):
                 continue
             if rung not in LEAST and self.spare is not None:
@@ -180,6 +183,9 @@ class _Run:
                 if self.principle == "least":
                     return status
                 self.may_be_least = False
+                status = self._settle_spare()
+            elif self.spare is not None and self.principle == "auto" and large:
+                # A least path is not worth many times the saddle in hand.
                 status = self._settle_spare()
             if status not in (Status.NOT_FOUND, Status.UNRESOLVED):
                 return status
@@ -236,7 +242,7 @@ class _Run:
         """Whether a way of minimising is open to the problem, and worth its time."""
         system = self.problem.system
         if rung == "descent":
-            return system.m == 0
+            return system.m == 0 and system.n <= FEW
         # With a saddle in hand a long search on a large system is not worth it.
         return rung == "least" or self.spare is None or self.tr.layout.size <= SQUARE
 
@@ -437,7 +443,7 @@ class _Run:
         """Find the path again on a mesh where following it did not work."""
         if not self.least:
             return self._root() and self._follow()
-        if self.problem.system.m == 0 and self._descend():
+        if self._offers("descent") and self._descend():
             return True
         return self._find("patient least") and self._follow()
 
