@@ -219,8 +219,12 @@ def kink(eps):
 
 
 def test_a_wide_kink_is_placed():
+    """Round-off, amplified a million times, is near the tolerance: the verdict may say so."""
     problem, exact = kink(0.1)
-    assert relative_error(ao.solve(problem, tol=TOL), exact) < TOL
+    solution = ao.solve(problem, tol=TOL, throw=False)
+    assert solution.status in (Status.SOLVED, Status.FLOOR)
+    assert relative_error(solution, exact) < TOL
+    assert solution.error < 100 * TOL
 
 
 def test_a_narrow_kink_is_said_not_to_be():
