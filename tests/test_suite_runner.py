@@ -122,6 +122,8 @@ def test_the_command(tmp_path, capsys):
     assert "1/1 ipopt pendulum: right" in err
     assert out.split()[:2] == ["solver", "right"]
     assert json.loads(results.read_text())["verdict"] == "right"
+    assert main(["suite", "report", "-o", str(results), "--to", str(tmp_path / "page")]) == 0
+    assert capsys.readouterr().out.strip() == str(tmp_path / "page" / "index.html")
     assert main(["suite", "list", "--tag", "near collision"]) == 0
     assert "kepler_near_collision" in capsys.readouterr().out
     assert main(["suite", "run", "--solver", "ipop", "-o", str(results)]) == 1
