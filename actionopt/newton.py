@@ -19,6 +19,7 @@ from actionopt.transcription import Factors, Transcription
 CONTRACTION = 0.5  # a larger ratio of successive steps is not the neighbourhood of a path
 ROUNDOFF_STEP = 1e-9  # steps that stop contracting below this size are round-off
 ROUNDOFF = float(np.finfo(float).eps)
+SETTLING = 5  # steps that multipliers may take to come right
 SURELY = 0.1  # a ratio of steps that leaves no doubt of it
 DAMPED = 1e-3  # a shorter fraction of a step leads nowhere
 TARGET = 1e-14  # in units of the coordinates' sizes; one step past it costs next to nothing
@@ -75,7 +76,9 @@ def follow(tr: Transcription, z: Array, *, linear: bool = False, steps: int = 12
                     residual = _roundoff(tr, factors)
                 noise = _size(factors.solve(residual)[:cut])
                 return Followed(z, True, noise, k, _size((z - first)[:cut]))
-            if ratio > CONTRACTION:
+            # Multipliers far off disturb the first steps, and are right after them.
+            settling = tr.layout.rows > 0 and k <= SETTLING and ratio < 1 / CONTRACTION
+            if ratio > CONTRACTION and not settling:
                 break
         # A residual of round-off leaves nothing to contract: the matrix is (nearly) singular and
         # what is left of the step says how little the path is determined.
@@ -121,7 +124,7 @@ def approach(tr: Transcription, z: Array, steps: int = 12) -> tuple[Array, int] 
                     break
                 damping = min(better, damping / 2) if np.isfinite(rest) else damping / 4
             z, last = trial, length
-            if damping == 1.0 and rest < SURELY * length:
+            if damping == 1.0 and _size(missed[:cut]) < SURELY * _size(step[:cut]):
                 return z, k
     return None
 

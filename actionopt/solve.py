@@ -47,6 +47,7 @@ LADDER = (
 )
 LEAST = ("descent", "least", "patient least")
 FEW = 3  # coordinates up to which descending costs less than entering Ipopt
+DENSE_MOTION = 400  # coordinates and constraints up to which the equations are solved as they are
 SQUARE = 1500  # unknowns above which Ipopt takes too long over a square system
 NEAR_GUESS = (16, 32, 64)  # a guess has features that coarser meshes would miss
 LINEAR = 4  # elements to begin with where nothing has to be sought
@@ -334,9 +335,13 @@ class _Run:
 
     # -- steps ---------------------------------------------------------------------------------
 
-    def _place(self, mesh: Mesh, path: Path | None) -> None:
-        """Transcribe on `mesh`, starting from `path` there, or from the straight line."""
+    def _place(self, mesh: Mesh, path: Path | None, lam: Array | None = None) -> None:
+        """Transcribe on `mesh`, starting from `path` there, or from the straight line.
+
+        Multipliers (K, m) that are not given are those that the motion along it would need.
+        """
         clock = perf_counter()
+        system = self.problem.system
         self.tr = Transcription(self.problem, mesh, self.sizes, like=self.units)
         self.units = self.tr
         self.evaluations.update(self.tr.counts)
@@ -345,13 +350,25 @@ class _Run:
             Q = self.tr.straight()
         else:
             Q = path.values.T if path.mesh is mesh else path(mesh.nodes).T
-        if path is None and self.problem.system.m:
+        if path is None and system.m:
             Q = project(self.tr, Q)
         if not self.checked:
             check(self.tr, Q)
             self.checked = True
-        self.z = self.tr.pack(Q)
+        if system.m and lam is None and system.n + system.m <= DENSE_MOTION:
+            lam = self._motion_multipliers(mesh, Q)
+        self.z = self.tr.pack(Q, lam)
         self.time["assemble"] += perf_counter() - clock
+
+    def _motion_multipliers(self, mesh: Mesh, Q: Array) -> Array | None:
+        """Return the multipliers (K, m) of the index-1 equations of motion along Q (K, n)."""
+        v = Path(mesh, Q.T).velocity(mesh.nodes)
+        parameters = self.problem.parameters
+        try:
+            lam = self.problem.system.multipliers(Q.T, v, mesh.nodes, parameters=parameters).T
+        except np.linalg.LinAlgError:
+            return None
+        return np.nan_to_num(lam, posinf=0.0, neginf=0.0)
 
     def _find(self, principle: str) -> bool:
         clock = perf_counter()
@@ -420,9 +437,8 @@ class _Run:
         lam = self._multipliers(mesh)
         Q = self.tr.coordinates(self.z)
         self.sizes = _sizes(Q, self.problem.scales)
-        self._place(mesh, old)
+        self._place(mesh, old, lam)
         carried = self.tr.coordinates(self.z)
-        self.z = self.tr.pack(carried, lam)
         if not self._follow(reach=NEAR):
             if not self._recover():
                 return False
