@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from actionopt.jacobi import fields, resolved
-from actionopt.quadrature import Array
 from actionopt.quadratic_form import Form, check_legendre, second_derivatives, tangent
+from actionopt.quadrature import Array
 
 if TYPE_CHECKING:
     from actionopt.solution import Solution

@@ -11,8 +11,8 @@ import numpy as np
 
 from actionopt.path import Mesh, NDInt, Path
 from actionopt.problem import Problem
-from actionopt.quadrature import Array
 from actionopt.quadratic_form import tangent
+from actionopt.quadrature import Array
 
 ACCURACY = 1e-5  # of one step
 STEPS = 400  # most steps of one motion; what needs more comes too close to a singularity

@@ -237,7 +237,8 @@ def _derive(system: System) -> ca.Function:
     a = r * ca.solve(K, right, "qr", {"eps": 0.0})[:n]
     none = ca.MX(0, 1)
     inputs = {"t": S, "x": X, "z": none, "p": P, "u": none}
-    outputs = {"ode": ca.densify(factor * ca.vertcat(v, a)), "alg": none, "quad": none, "zero": none}
+    ode = ca.densify(factor * ca.vertcat(v, a))
+    outputs = {"ode": ode, "alg": none, "quad": none, "zero": none}
     return ca.Function("motion", inputs | outputs, list(inputs), list(outputs))
 
 

@@ -20,8 +20,8 @@ import numpy as np
 
 from actionopt.jacobi import resolved
 from actionopt.path import NDInt, Path
-from actionopt.quadrature import Array
 from actionopt.quadratic_form import Form, check_legendre, condense
+from actionopt.quadrature import Array
 
 if TYPE_CHECKING:
     from actionopt.solution import Solution

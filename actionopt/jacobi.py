@@ -18,9 +18,9 @@ import numpy as np
 
 from actionopt.newton import follow
 from actionopt.path import Mesh
+from actionopt.quadratic_form import Form, form
 from actionopt.quadrature import Array
 from actionopt.transcription import Transcription
-from actionopt.quadratic_form import Form, form
 
 if TYPE_CHECKING:
     from actionopt.solution import Solution

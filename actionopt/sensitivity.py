@@ -22,9 +22,9 @@ import numpy as np
 
 from actionopt.jacobi import resolved
 from actionopt.pointwise import Pointwise
+from actionopt.quadratic_form import Form, condense
 from actionopt.quadrature import Array
 from actionopt.system import System
-from actionopt.quadratic_form import Form, condense
 
 if TYPE_CHECKING:
     from actionopt.solution import Solution

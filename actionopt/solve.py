@@ -47,6 +47,7 @@ LADDER = (
 )
 LEAST = ("descent", "least", "patient least")
 FEW = 3  # coordinates up to which descending costs less than entering Ipopt
+ALIKE = 4.0  # ratio of coordinates' sizes within which the units of action are kept
 DENSE_MOTION = 400  # coordinates and constraints up to which the equations are solved as they are
 SQUARE = 1500  # unknowns above which Ipopt takes too long over a square system
 NEAR_GUESS = (16, 32, 64)  # a guess has features that coarser meshes would miss
@@ -342,15 +343,15 @@ class _Run:
         """
         clock = perf_counter()
         system = self.problem.system
-        self.tr = Transcription(self.problem, mesh, self.sizes, like=self.units)
-        self.units = self.tr
+        like = self.units if self.units is not None and self._alike(self.units.lengths) else None
+        self.tr = self.units = Transcription(self.problem, mesh, self.sizes, like=like)
         self.evaluations.update(self.tr.counts)
         self.tr.counts = self.evaluations
         if path is None:
             Q = self.tr.straight()
         else:
             Q = path.values.T if path.mesh is mesh else path(mesh.nodes).T
-        if path is None and system.m:
+        if system.m and lam is None:
             Q = project(self.tr, Q)
         if not self.checked:
             check(self.tr, Q)
@@ -359,6 +360,11 @@ class _Run:
             lam = self._motion_multipliers(mesh, Q)
         self.z = self.tr.pack(Q, lam)
         self.time["assemble"] += perf_counter() - clock
+
+    def _alike(self, lengths: Array) -> bool:
+        """Whether units of these lengths serve for the present sizes as well."""
+        ratio = self.sizes / lengths
+        return bool(ratio.max() < ALIKE and ratio.min() > 1 / ALIKE)
 
     def _motion_multipliers(self, mesh: Mesh, Q: Array) -> Array | None:
         """Return the multipliers (K, m) of the index-1 equations of motion along Q (K, n)."""
@@ -384,7 +390,13 @@ class _Run:
 
     def _root(self) -> bool:
         """Ask Ipopt for a root of the stationarity conditions, unless that takes too long."""
-        return self.tr.layout.size <= SQUARE and self._find("stationary")
+        if self.tr.layout.size > SQUARE:
+            return False
+        before, self.z = self.z, self._unheld()
+        if self._find("stationary"):
+            return True
+        self.z = before
+        return False
 
     def _release(self) -> bool:
         """Continue from the straight line by releasing the force that makes it a motion."""
@@ -408,14 +420,25 @@ class _Run:
         return result.found and self._follow()
 
     def _approach(self) -> bool:
-        """Go from the straight line by damped Newton steps."""
+        """Go to a path by damped Newton steps.
+
+        Near a resonance the multipliers of the motion along the first path make the matrix
+        nearly singular there; without any it is stiff, and the way may be open.
+        """
         clock = perf_counter()
         near = approach(self.tr, self.z)
+        if near is None and self.tr.layout.rows:
+            near = approach(self.tr, self._unheld())
         if near is not None:
             self.z = near[0]
             self.iterations["newton"] += near[1]
         self.time["solve"] += perf_counter() - clock
         return near is not None and self._follow()
+
+    def _unheld(self) -> Array:
+        """Return the path at hand without multipliers."""
+        cut = self.tr.layout.unknowns
+        return np.concatenate([self.z[:cut], np.zeros(self.z.size - cut)])
 
     def _follow(self, reach: float = np.inf) -> bool:
         """Polish the path where it is; False if it is not there, or farther than `reach`."""

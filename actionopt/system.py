@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import casadi as ca
@@ -125,6 +126,7 @@ class System:
                 f"{', '.join(sorted(used)) or 'no parameters'}{suggestion(unused[0], sorted(used))}"
             )
         self._pointwise: dict[str, Pointwise] = {}
+        self.layouts: dict[Any, Any] = {}  # of its discrete problems; they live as long as it does
 
     def __repr__(self) -> str:
         """Show the name and the coordinates."""
@@ -183,9 +185,7 @@ class System:
         rows, cols = np.array(found.row(), dtype=int), np.array(found.get_col(), dtype=int)
         starts = np.cumsum([0, *(part.numel() for part in parts)])
         moving = rows[cols < 2 * n]  # entries that depend on q or v
-        fixed = [
-            not np.any((moving >= a) & (moving < b)) for a, b in zip(starts, starts[1:], strict=False)
-        ]
+        fixed = [not np.any((moving >= a) & (moving < b)) for a, b in pairwise(starts)]
         seen = set(cols[rows >= starts[-1]].tolist())
         return Structure(
             depends_on_time=2 * n in seen,

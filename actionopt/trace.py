@@ -18,11 +18,11 @@ from actionopt.index import inertia_of, lowest
 from actionopt.jacobi import finer, resolved
 from actionopt.path import Mesh, Path
 from actionopt.problem import Event, Problem
+from actionopt.quadratic_form import Form, form
 from actionopt.quadrature import Array
 from actionopt.solution import Solution
 from actionopt.solve import Guess, solve
 from actionopt.transcription import Transcription
-from actionopt.quadratic_form import Form, form
 
 Vary = str | tuple[str, str] | Callable[[float], Problem]
 

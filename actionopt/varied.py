@@ -21,10 +21,10 @@ from actionopt.newton import follow
 from actionopt.path import Mesh, Path
 from actionopt.preflight import project
 from actionopt.problem import Problem
+from actionopt.quadratic_form import Form, form
 from actionopt.quadrature import Array
 from actionopt.refine import resolution
 from actionopt.transcription import Transcription
-from actionopt.quadratic_form import Form, form
 
 if TYPE_CHECKING:
     from actionopt.solution import Solution

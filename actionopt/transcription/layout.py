@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import casadi as ca
 import numpy as np
@@ -256,14 +255,16 @@ class Pattern:
         return ca.Sparsity(*self.shape, colind.tolist(), self.row.tolist())
 
 
-_layouts: WeakKeyDictionary[System, dict] = WeakKeyDictionary()
+KEPT = 32  # layouts of a system, the latest used: a large one holds much memory
 
 
 def layout_for(problem: Problem, degrees: tuple[int, ...]) -> Layout:
     """Return the layout shared by all problems of this system, mesh shape and kind of ends."""
-    known = _layouts.setdefault(problem.system, {})
+    known = problem.system.layouts
     ends = problem.start.pinned, problem.end.pinned
     key = (degrees, *ends, problem.advance is not None)
-    if key not in known:
-        known[key] = Layout(problem.system, *key)
-    return known[key]
+    layout = known.pop(key, None) or Layout(problem.system, *key)
+    known[key] = layout
+    while len(known) > KEPT:
+        del known[next(iter(known))]
+    return layout
