@@ -105,7 +105,7 @@ def approach(tr: Transcription, z: Array, steps: int = 12) -> tuple[Array, int] 
             length = _norm(step[:cut])
             if length < ROUNDOFF_STEP:
                 return z, k
-            if last is not None:
+            if last is not None and missed is not None:
                 bend = _norm((missed - step)[:cut]) * length
                 damping = min(1.0, damping * last * _norm(missed[:cut]) / bend) if bend else 1.0
             while True:
