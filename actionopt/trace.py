@@ -17,7 +17,7 @@ from actionopt.branch import Branch, Point
 from actionopt.index import inertia_of, lowest
 from actionopt.jacobi import finer, resolved
 from actionopt.path import Mesh, Path
-from actionopt.problem import Event, Problem
+from actionopt.problem import Event, Periodic, Problem
 from actionopt.quadratic_form import Form, form
 from actionopt.quadrature import Array
 from actionopt.solution import Solution
@@ -196,12 +196,15 @@ def _family(
         end = problem.start if vary == "t0" else problem.end
 
         def by_time(t: float) -> Problem:
-            moved = Event(t, end.q)
+            closed = isinstance(end, Periodic)
+            moved = Periodic(t, end.advance) if closed else Event(t, end.q)
             events = (moved, problem.end) if vary == "t0" else (problem.start, moved)
             return Problem(system, *events, parameters=known)
 
         return by_time, end.t
     if isinstance(vary, tuple) and len(vary) == 2 and vary[0] in ("start", "end"):
+        if vary[0] == "end" and isinstance(problem.end, Periodic):
+            raise ValueError("expected an end of its own to vary: this one closes on the start")
         event = problem.start if vary[0] == "start" else problem.end
         i = system.coordinates.index(vary[1]) if vary[1] in system.coordinates else -1
         at = event.q[i] if i >= 0 else None
