@@ -16,8 +16,8 @@ from time import perf_counter
 from typing import Any, Literal, cast
 
 import numpy as np
-from numpy.typing import ArrayLike
 
+from actionopt.arguments import Guess, checked
 from actionopt.continuation import release
 from actionopt.descent import descend
 from actionopt.newton import Followed, approach, follow
@@ -29,8 +29,6 @@ from actionopt.refine import Resolution, refined, resolution
 from actionopt.solution import Solution
 from actionopt.status import SolveError, Status
 from actionopt.transcription import Principle, Transcription, find, negative_eigenvalues
-
-Guess = Path | Solution | Callable[[Array], ArrayLike] | ArrayLike
 
 # How a first path is sought from the straight line, each way on meshes of so many elements.
 # Newton's method costs next to nothing, and knows at once whether it works; descent is robust and
@@ -111,7 +109,7 @@ def solve(
     and 2.2.
     """
     started = perf_counter()
-    start_curve = _checked(problem, tol, guess, principle, mesh)
+    start_curve = checked(problem, tol, guess, principle, mesh)
     run = _Run(problem, tol, principle, mesh, start_curve)
     if isinstance(guess, Solution):
         run.gain = guess.stats["gain"]  # a neighbour is as sensitive
@@ -566,66 +564,3 @@ def _sizes(Q: Array, fallback: Array) -> Array:
     size = np.max(np.abs(Q), axis=0)
     largest = float(np.max(size))
     return np.where(size > 1e-12 * largest, size, largest) if largest > 0 else fallback
-
-
-def _checked(
-    problem: Problem, tol: float, guess: Guess | None, principle: str, mesh: Mesh | None
-) -> Callable[[Mesh], Path] | None:
-    """Raise ValueError for bad arguments; return the guess as a function of a default mesh."""
-    if not isinstance(problem, Problem):
-        raise ValueError(f"expected a Problem(system, start, end), found {problem!r}")
-    if not 1e-14 <= tol <= 0.1:
-        raise ValueError(
-            f"expected tol between 1e-14 (round-off) and 0.1, found {tol}; it is relative to "
-            "each coordinate's own size along the path"
-        )
-    if principle not in ("auto", "least", "stationary"):
-        raise ValueError(f"expected principle 'auto', 'least' or 'stationary', found {principle!r}")
-    if principle == "least" and problem.system.structure.forced:
-        raise ValueError(
-            "expected principle 'stationary' or 'auto' for a system with non-conservative "
-            "forces, found 'least': they enter as virtual work, and no functional is minimised"
-        )
-    if mesh is not None:
-        if not isinstance(mesh, Mesh):
-            raise ValueError(f"expected a Mesh(boundaries, degrees), found {mesh!r}")
-        if mesh.boundaries[0] != problem.start.t or mesh.boundaries[-1] != problem.end.t:
-            raise ValueError(
-                f"expected a mesh from {problem.start.t} to {problem.end.t}, the times of the "
-                f"events, found {mesh.boundaries[0]} to {mesh.boundaries[-1]}; "
-                "use mesh.moved(start, end)"
-            )
-    return None if guess is None else _curve(problem, guess)
-
-
-def _curve(problem: Problem, guess: Guess) -> Callable[[Mesh], Path]:
-    t0, t1, n = problem.start.t, problem.end.t, problem.system.n
-    if isinstance(guess, Solution):
-        guess = guess.path
-    if isinstance(guess, Path):
-        known = guess
-        if known.values.shape[0] != n:
-            raise ValueError(f"expected a guess of {n} coordinates, found {known.values.shape[0]}")
-        return lambda mesh: Path(known.mesh.moved(t0, t1), known.values)
-    if callable(guess):
-        wanted = guess
-
-        def sampled(mesh: Mesh) -> Path:
-            path = Path.interpolate(wanted, mesh)
-            if path.values.shape[0] != n:
-                raise ValueError(
-                    f"expected the guess to return ({n}, K) for K times, found {path.values.shape}"
-                )
-            return path
-
-        sampled(Mesh.uniform(t0, t1, 1, 2))
-        return sampled
-    points = np.array(guess, dtype=float, ndmin=2)
-    if points.ndim != 2 or points.shape[0] != n or points.shape[1] < 2:
-        raise ValueError(f"expected waypoints of shape ({n}, K) with K >= 2, found {points.shape}")
-    if not np.all(np.isfinite(points)):
-        raise ValueError("expected finite waypoints, found NaN or infinity")
-    times = np.linspace(t0, t1, points.shape[1])
-    return lambda mesh: Path.interpolate(
-        lambda t: np.stack([np.interp(t, times, row) for row in points]), mesh
-    )

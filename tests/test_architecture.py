@@ -25,6 +25,7 @@ RANKS = (
     ("fan", "jacobi"),
     ("conjugate", "index", "sensitivity", "varied"),
     ("solution",),
+    ("arguments",),
     ("solve",),
     ("forward", "store", "trace"),
     ("compare",),

@@ -1,0 +1,82 @@
+"""The arguments of a solve: checked before any solver runs, the guess made a curve."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from actionopt.path import Mesh, Path
+from actionopt.problem import Problem
+from actionopt.quadrature import Array
+from actionopt.solution import Solution
+
+Guess = Path | Solution | Callable[[Array], ArrayLike] | ArrayLike
+
+
+def checked(
+    problem: Problem, tol: float, guess: Guess | None, principle: str, mesh: Mesh | None
+) -> Callable[[Mesh], Path] | None:
+    """Raise ValueError for bad arguments; return the guess as a function of a default mesh."""
+    if not isinstance(problem, Problem):
+        raise ValueError(f"expected a Problem(system, start, end), found {problem!r}")
+    if not 1e-14 <= tol <= 0.1:
+        raise ValueError(
+            f"expected tol between 1e-14 (round-off) and 0.1, found {tol}; it is relative to "
+            "each coordinate's own size along the path"
+        )
+    if principle not in ("auto", "least", "stationary"):
+        raise ValueError(f"expected principle 'auto', 'least' or 'stationary', found {principle!r}")
+    if principle == "least" and problem.system.structure.forced:
+        raise ValueError(
+            "expected principle 'stationary' or 'auto' for a system with non-conservative "
+            "forces, found 'least': they enter as virtual work, and no functional is minimised"
+        )
+    if mesh is not None:
+        if not isinstance(mesh, Mesh):
+            raise ValueError(f"expected a Mesh(boundaries, degrees), found {mesh!r}")
+        if mesh.boundaries[0] != problem.start.t or mesh.boundaries[-1] != problem.end.t:
+            raise ValueError(
+                f"expected a mesh from {problem.start.t} to {problem.end.t}, the times of the "
+                f"events, found {mesh.boundaries[0]} to {mesh.boundaries[-1]}; "
+                "use mesh.moved(start, end)"
+            )
+    return None if guess is None else curve(problem, guess)
+
+
+def curve(problem: Problem, guess: Guess) -> Callable[[Mesh], Path]:
+    """Return the guess as a path, a function of the mesh to use where it has none of its own.
+
+    Raises ValueError if its shape does not fit the problem, or it is not finite.
+    """
+    t0, t1, n = problem.start.t, problem.end.t, problem.system.n
+    if isinstance(guess, Solution):
+        guess = guess.path
+    if isinstance(guess, Path):
+        known = guess
+        if known.values.shape[0] != n:
+            raise ValueError(f"expected a guess of {n} coordinates, found {known.values.shape[0]}")
+        return lambda mesh: Path(known.mesh.moved(t0, t1), known.values)
+    if callable(guess):
+        wanted = guess
+
+        def sampled(mesh: Mesh) -> Path:
+            path = Path.interpolate(wanted, mesh)
+            if path.values.shape[0] != n:
+                raise ValueError(
+                    f"expected the guess to return ({n}, K) for K times, found {path.values.shape}"
+                )
+            return path
+
+        sampled(Mesh.uniform(t0, t1, 1, 2))
+        return sampled
+    points = np.array(guess, dtype=float, ndmin=2)
+    if points.ndim != 2 or points.shape[0] != n or points.shape[1] < 2:
+        raise ValueError(f"expected waypoints of shape ({n}, K) with K >= 2, found {points.shape}")
+    if not np.all(np.isfinite(points)):
+        raise ValueError("expected finite waypoints, found NaN or infinity")
+    times = np.linspace(t0, t1, points.shape[1])
+    return lambda mesh: Path.interpolate(
+        lambda t: np.stack([np.interp(t, times, row) for row in points]), mesh
+    )
