@@ -66,7 +66,7 @@ class Units:
     """Words for the units in labels; an empty word writes none. Greek coordinates are angles.
 
     >>> SI.coordinate("theta1"), SI.coordinate("x"), SI.momentum("theta1"), SI.action
-    ('rad', 'm', 'J s', 'N s')
+    ('rad', 'm', 'J s', 'J s')
     >>> Units().action
     ''
     """
