@@ -196,8 +196,7 @@ def _family(
         end = problem.start if vary == "t0" else problem.end
 
         def by_time(t: float) -> Problem:
-            closed = isinstance(end, Periodic)
-            moved = Periodic(t, end.advance) if closed else Event(t, end.q)
+            moved = Periodic(t, end.advance) if isinstance(end, Periodic) else Event(t, end.q)
             events = (moved, problem.end) if vary == "t0" else (problem.start, moved)
             return Problem(system, *events, parameters=known)
 

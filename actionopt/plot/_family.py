@@ -96,7 +96,7 @@ def mesh(
     with styled():
         if axes is None:
             axes = new_figure(figsize=(6.4, 5.2)).subplots(2, sharex=True, height_ratios=(3, 2))
-        above, below = axes
+        above, below = axes  # type: ignore[misc]
         for name, q, dots in zip(names, solution(t), solution(nodes), strict=True):
             (line,) = above.plot(t, q, **PATH)
             above.plot(nodes, dots, ".", color=line.get_color(), markersize=4)

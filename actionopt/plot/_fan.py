@@ -273,7 +273,8 @@ def _refocusing(solution: Solution, t: float, step: float) -> Array:
         return basis[:, -1]
     v0 = start.v[:, None] + step * np.c_[np.zeros(n), basis]
     ends = [None if p is None else p(t) for p in motions(_until(solution, t), v0)]
-    if any(e is None for e in ends):
+    known = [e for e in ends if e is not None]
+    if len(known) < len(ends):
         return basis[:, -1]
-    change = np.array([e - ends[0] for e in ends[1:]]).T
+    change = np.array([e - known[0] for e in known[1:]]).T
     return basis @ np.linalg.svd(change)[2][-1]
