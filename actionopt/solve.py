@@ -1,10 +1,10 @@
 """From a problem to a solution: find a path on a coarse mesh, then follow it to the tolerance.
 
-Finding and following are different work. *Finding* is Ipopt's: on a coarse mesh, by the least
-principle where the action is bounded below (minimising is the robust way), else by the
-stationary one. *Following* is Newton's: each refinement round carries the path to a better mesh
-and polishes it there, always the same path. Linear equations of motion need neither: their
-discrete problem is one linear system.
+Finding and following are different work. *Finding* starts from the straight line, or from a
+guess, and goes up the rungs of `LADDER`: a least path where there is one, else a stationary one.
+*Following* is Newton's: each refinement round carries the path to a better mesh and polishes it
+there, always the same path. Linear equations of motion need no finding: their discrete problem is
+one linear system.
 """
 
 from __future__ import annotations
