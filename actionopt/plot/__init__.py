@@ -16,6 +16,7 @@ from actionopt.plot._energies import (
 from actionopt.plot._family import family, family_data, mesh, mesh_data
 from actionopt.plot._fan import Fan, Fronts, fan, fan_data, fronts_data, wavefronts
 from actionopt.plot._landscape import Landscape, landscape, landscape_data, landscapes
+from actionopt.plot._motion import Motion, motion_data
 from actionopt.plot._paths import Curves, curves, deviation, overview, paths, save
 from actionopt.plot._slices import Slice, slice_data, slices
 from actionopt.plot._spectrum import Spectrum, spectrum, spectrum_data
@@ -31,6 +32,7 @@ __all__ = [
     "Fan",
     "Fronts",
     "Landscape",
+    "Motion",
     "Slice",
     "Spectrum",
     "Units",
@@ -52,6 +54,7 @@ __all__ = [
     "landscapes",
     "mesh",
     "mesh_data",
+    "motion_data",
     "overview",
     "paths",
     "planar",
