@@ -84,11 +84,18 @@ def _parser() -> argparse.ArgumentParser:
     command.set_defaults(run=_chapter)
     command.add_argument("section", nargs="?", default="", help="only this section, as in 12.4")
     _suite(commands.add_parser("suite", help="test problems for optimisers"))
+    _gallery(commands.add_parser("gallery", help="write the scenes as web pages"))
     return parser
 
 
 def _suite(parser: argparse.ArgumentParser) -> None:
     from actionopt.suite import commands
+
+    commands.add_to(parser)
+
+
+def _gallery(parser: argparse.ArgumentParser) -> None:
+    from actionopt.gallery import commands
 
     commands.add_to(parser)
 

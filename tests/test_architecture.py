@@ -15,7 +15,7 @@ PACKAGE = Path(actionopt.__file__).parent
 
 # One row a rank, lowest first. A room is a module or a folder; each must be named here once.
 RANKS = (
-    ("quadrature", "status"),
+    ("progress", "quadrature", "status"),
     ("identity", "path", "pointwise", "tracing"),
     ("system",),
     ("invariance", "pfaffian", "problem"),
@@ -32,7 +32,7 @@ RANKS = (
     ("all_paths",),
     ("__init__",),  # the public names
     ("chapter", "plot"),
-    ("suite",),
+    ("gallery", "suite"),
     ("cli",),
     ("__main__",),
 )

@@ -21,6 +21,7 @@ from actionopt.plot._paths import Curves, curves, deviation, overview, paths, sa
 from actionopt.plot._slices import Slice, slice_data, slices
 from actionopt.plot._spectrum import Spectrum, spectrum, spectrum_data
 from actionopt.plot._style import SI, STYLE, Units, planar, symbol
+from actionopt.plot._svg import svg
 
 __all__ = [
     "SI",
@@ -63,6 +64,7 @@ __all__ = [
     "slices",
     "spectrum",
     "spectrum_data",
+    "svg",
     "symbol",
     "wavefronts",
 ]

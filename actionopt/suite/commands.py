@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Sequence
 from typing import Any
 
 from actionopt import suite
+from actionopt.progress import progress
 from actionopt.suite import runner, solvers
 from actionopt.suite.cell import Cell
 from actionopt.suite.verdict import MEANING, VERDICTS
@@ -88,7 +88,7 @@ def run(options: argparse.Namespace) -> int:
         for solver in options.solver
     ]
     limits = runner.Limits(options.seconds, options.memory)
-    records = runner.run(cells, options.output, limits=limits, jobs=options.jobs, show=progress)
+    records = runner.run(cells, options.output, limits=limits, jobs=options.jobs, show=show_record)
     counts = runner.tally(records)
     print_table(
         [
@@ -101,14 +101,9 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def progress(done: int, total: int, record: dict[str, Any]) -> None:
-    """Write a progress bar to the standard error; over itself on a terminal."""
-    line = runner.bar(done, total, record)
-    if sys.stderr.isatty():
-        end = "\n" if done == total else ""
-        print(f"\r\x1b[K{line}", end=end, file=sys.stderr, flush=True)
-    else:
-        print(line, file=sys.stderr)
+def show_record(done: int, total: int, record: dict[str, Any]) -> None:
+    """Write a progress bar to the standard error."""
+    progress(done, total, f"{record['solver']} {record['problem']}: {record['verdict']}")
 
 
 def dump(options: argparse.Namespace) -> int:

@@ -22,7 +22,6 @@ from typing import Any
 
 from actionopt.suite.cell import Cell
 
-BAR = 24  # characters
 HOME = str(Path(__file__).parents[2])
 
 
@@ -139,13 +138,6 @@ def load(file: str | Path) -> list[dict[str, Any]]:
         except json.JSONDecodeError:
             continue
     return records
-
-
-def bar(done: int, total: int, record: dict[str, Any]) -> str:
-    """Return one line of progress."""
-    filled = BAR * done // max(total, 1)
-    what = f"{record['solver']} {record['problem']}: {record['verdict']}"
-    return f"[{'#' * filled}{'.' * (BAR - filled)}] {done}/{total} {what}"
 
 
 def tally(records: Sequence[dict[str, Any]]) -> dict[str, Counter[str]]:

@@ -1,0 +1,132 @@
+"""Write the pages: those whose sources have changed, two at a time, each file whole or not at all.
+
+The manifest keeps the key of every page written. It is written after each page, so that an
+interrupted build goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import os
+import signal
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from actionopt import scenes
+from actionopt.gallery.index_page import index_page
+from actionopt.gallery.keys import key, static
+from actionopt.gallery.page import Page
+
+MANIFEST = "manifest.json"
+STORY = "least"
+JOBS = 2
+
+Show = Callable[[int, int, str], None]
+
+
+def build(
+    directory: str | Path, names: Sequence[str] = (), *, show: Show | None = None, jobs: int = JOBS
+) -> list[str]:
+    """Write the pages of the scenes `names` (of all by default), the story and the index.
+
+    Parameters
+    ----------
+    directory : path
+        Where to; made if it is not there.
+    names : sequence of str
+    show : callable, optional
+        `show(done, total, name)` is called after each page.
+    jobs : int
+        Pages made at the same time, each in a process of its own; 1 makes them in this one.
+
+    Returns
+    -------
+    list of str
+        The names of the pages that were made. The index has all the pages there are.
+
+    Raises
+    ------
+    ValueError
+        If there is no such scene.
+    """
+    for name in names:
+        scenes.title(name)  # raises for one that does not exist
+    target = Path(directory)
+    target.mkdir(parents=True, exist_ok=True)
+    written = _manifest(target)
+    wanted = [STORY, *dict.fromkeys(names or scenes.SCENES)]
+    keys = {name: key(name) for name in wanted}
+    ahead = [name for name in wanted if not _stands(target, written.get(name), keys[name])]
+    for name, text in static().items():
+        _write(target / name, text)
+    done = len(wanted) - len(ahead)
+    for name, page in _made(ahead, jobs):
+        for file, text in page.files.items():
+            _write(target / file, text)
+        before = written.get(name, {}).get("files", [])
+        for file in set(before) - set(page.files):
+            (target / file).unlink(missing_ok=True)
+        written[name] = {"key": keys[name], "files": sorted(page.files), "tags": page.tags}
+        _write(target / MANIFEST, json.dumps(written, indent=1, sort_keys=True))
+        done += 1
+        if show is not None:
+            show(done, len(wanted), name)
+    tags = {name: entry["tags"] for name, entry in written.items() if name in scenes.SCENES}
+    _write(target / "index.html", index_page(tags))
+    return ahead
+
+
+def make(name: str) -> Page:
+    """Return the page of a scene, or the story."""
+    from actionopt.gallery import scene_page, story  # matplotlib, only now
+
+    return story.story() if name == STORY else scene_page.scene_page(name)
+
+
+def _made(names: Sequence[str], jobs: int) -> Iterator[tuple[str, Page]]:
+    """Yield names and pages, as they are made."""
+    if jobs == 1 or len(names) < 2:
+        yield from ((name, make(name)) for name in names)
+        return
+    # Spawned, not forked: libraries with threads of their own do not survive a fork.
+    context = multiprocessing.get_context("spawn")
+    leave = partial(signal.signal, signal.SIGINT, signal.SIG_IGN)  # interruptions are ours
+    with ProcessPoolExecutor(jobs, context, initializer=leave) as pool:
+        waiting = {pool.submit(make, name): name for name in names}
+        try:
+            for future in as_completed(waiting):
+                yield waiting[future], future.result()
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def _manifest(target: Path) -> dict[str, Any]:
+    """Return what is known of the pages there; nothing if the manifest cannot be read."""
+    try:
+        return json.loads((target / MANIFEST).read_text(encoding="utf-8"))
+    except (FileNotFoundError, ValueError):
+        return {}
+
+
+def _stands(target: Path, entry: Mapping[str, Any] | None, wanted: str) -> bool:
+    """Return whether a page has this key and all its files."""
+    return (
+        entry is not None
+        and entry["key"] == wanted
+        and all((target / file).is_file() for file in entry["files"])
+    )
+
+
+def _write(file: Path, text: str) -> None:
+    """Write a file, whole or not at all."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    part = file.with_name(f".{file.name}.partial")
+    try:
+        part.write_text(text, encoding="utf-8", newline="\n")
+        os.replace(part, file)
+    finally:
+        part.unlink(missing_ok=True)

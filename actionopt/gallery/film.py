@@ -1,0 +1,121 @@
+"""The film of a motion: frames as data for the player in the page, and one picture of all of it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from actionopt.gallery.page import escape, rounded
+from actionopt.plot import SI, motion_data
+from actionopt.scenes import Scene
+from actionopt.solution import Solution
+
+FRAMES = 121
+GHOSTS = 7  # places shown in the picture
+LEAST_SHAPE = 0.42  # of the longer side: a motion along a line gets some air
+
+
+def film(scene: Scene, solution: Solution) -> str:
+    """Return the player of a motion: HTML, the frames in it as JSON."""
+    data = motion_data(solution, scene.draw, FRAMES).plain()
+    data["box"] = padded(data["box"])
+    data["t"] = [round(t, 6) for t in data["t"]]
+    text = json.dumps(data, separators=(",", ":")).replace("</", "<\\/")
+    return f"""<figure class="film" data-film>
+<svg role="img" aria-label="{escape(described(scene, solution))}"></svg>
+<div class="controls">
+<button type="button">Play</button>
+<input type="range" min="0" max="{FRAMES - 1}" step="any" value="0" aria-label="Time of the film">
+<output>t = 0.00 s</output>
+</div>
+<script type="application/json">{text}</script>
+</figure>"""
+
+
+def described(scene: Scene, solution: Solution) -> str:
+    """Return what the film shows, in words and numbers."""
+    problem = scene.problem
+    names = problem.system.coordinates
+
+    def place(q: Iterable[float]) -> str:
+        parts = [f"{n} = {rounded(x)} {SI.coordinate(n)}" for n, x in zip(names, q, strict=True)]
+        more = len(parts) - 4
+        return ", ".join(parts[:4]) + (f" and {more} more" if more > 0 else "")
+
+    return (
+        f"{scene.title}: from {place(solution.start.q)} to {place(solution.end.q)} "
+        f"in {rounded(problem.duration)} s."
+    )
+
+
+def padded(box: Sequence[float]) -> list[float]:
+    """Return the box with a margin, and not too narrow."""
+    left, right, bottom, top = box
+    longer = max(right - left, top - bottom) or 1.0
+    result = []
+    for low, high in ((left, right), (bottom, top)):
+        side = max(high - low, LEAST_SHAPE * longer) + 0.14 * longer
+        middle = (low + high) / 2
+        result += [middle - side / 2, middle + side / 2]
+    return [round(x, 6) for x in result]
+
+
+def thumbnail(scene: Scene, solution: Solution) -> str:
+    """Return the motion in one picture, as SVG: trails, and the shapes at a few times."""
+    data = motion_data(solution, scene.draw, GHOSTS).plain()
+    left, right, bottom, top = padded(data["box"])
+    width, height = right - left, top - bottom
+    size = max(width, height)
+    drawn = [_line(trail, "t") for trail in data["trails"]]
+    for k in range(GHOSTS):
+        shapes = [
+            _shape(shape["kind"], shape["points"][0 if shape["still"] else k], size)
+            for shape in data["shapes"]
+            if k == 0 or not shape["still"]
+        ]
+        opacity = 1.0 if k == GHOSTS - 1 else 0.2 + 0.35 * k / GHOSTS
+        drawn.append(f'<g opacity="{opacity:.2f}">{"".join(shapes)}</g>')
+    stroke = 0.008 * size
+    style = (
+        "polyline{fill:none;stroke-linecap:round;stroke-linejoin:round}"
+        f".t{{stroke:#0072B2;stroke-width:{stroke:.4g}}}"
+        f".r{{stroke:#333;stroke-width:{1.6 * stroke:.4g}}}"
+        f".s{{stroke:#555;stroke-width:{stroke:.4g}}}"
+        f".g{{stroke:#8a8a8a;stroke-width:{stroke:.4g}}}"
+        ".b{fill:#D55E00}.g1{fill:#8a8a8a}"
+    )
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{left:.6g} {-top:.6g} {width:.6g} '
+        f'{height:.6g}"><style>{style}</style>{"".join(drawn)}</svg>\n'
+    )
+
+
+def _shape(kind: str, points: Any, size: float) -> str:
+    if kind == "body":
+        return _dot(points[0], 0.022 * size, "b")
+    if kind == "ground" and len(points) == 1:
+        return _dot(points[0], 0.01 * size, "g1")
+    if kind == "spring":
+        points = zigzag(points[0], points[1], 0.03 * size)
+    return _line(points, kind[0])
+
+
+def zigzag(a: Sequence[float], b: Sequence[float], width: float, turns: int = 9) -> list[Any]:
+    """Return the points of a spring drawn from a to b."""
+    (x, y), dx, dy = a, b[0] - a[0], b[1] - a[1]
+    length = (dx * dx + dy * dy) ** 0.5 or 1.0
+    rows = [a]
+    for k in range(2 * turns):
+        along, side = 0.1 + 0.8 * (k + 0.5) / (2 * turns), (-1) ** k * width / length
+        rows.append([x + along * dx - side * dy, y + along * dy + side * dx])
+    return [*rows, b]
+
+
+def _line(points: Any, look: str) -> str:
+    row = " ".join(f"{x:.5g},{-y:.5g}" for x, y in points)
+    return f'<polyline class="{look}" points="{row}"/>'
+
+
+def _dot(point: Sequence[float], radius: float, look: str) -> str:
+    return f'<circle class="{look}" cx="{point[0]:.5g}" cy="{-point[1]:.5g}" r="{radius:.4g}"/>'

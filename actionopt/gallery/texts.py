@@ -1,0 +1,60 @@
+"""What the files of the scenes say in words: statement, sketch, formulas."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import re
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Texts:
+    """The words of a scene's file.
+
+    Attributes
+    ----------
+    statement : str
+        What it is, the docstring's first sentence.
+    sketch : str
+        The drawing in it.
+    remarks : str
+        The rest of it.
+    usage : str
+        What the scene's function says of its parameters.
+    formulas : tuple of str
+        First sentences of the functions that define the system: Lagrangian, and constraint and
+        force if it has them.
+    """
+
+    statement: str
+    sketch: str
+    remarks: str
+    usage: str
+    formulas: tuple[str, ...]
+
+
+def texts(name: str) -> Texts:
+    """Return the words in the file of the scene `name`."""
+    module = importlib.import_module(f"actionopt.scenes.{name}")
+    parts = inspect.getdoc(module).split("\n\n")  # type: ignore[union-attr]
+    sketches = [k for k, part in enumerate(parts) if part.startswith("    ")]
+    first, last = sketches[0], sketches[-1]
+    remarks = "\n\n".join(parts[1:first] + parts[last + 1 :])
+    sketch = inspect.cleandoc("\n" + "\n\n".join(parts[first : last + 1]))
+    usage = re.sub(r"\s*Raises ValueError.*", "", inspect.getdoc(module.scene) or "", flags=re.S)
+    formulas = tuple(first_line(f) for f in callables(module))
+    return Texts(parts[0], sketch, remarks, usage, formulas)
+
+
+def callables(module: ModuleType) -> list[Any]:
+    """Return the functions of a scene's file that define its system."""
+    found = (getattr(module, name, None) for name in ("lagrangian", "constraint", "force"))
+    return [f for f in found if f is not None]
+
+
+def first_line(function: Any) -> str:
+    """Return the first line of a function's docstring."""
+    return (inspect.getdoc(function) or "").partition("\n")[0]
