@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
 
+from actionopt.gallery.formula import Formula, formula
+
 
 @dataclass(frozen=True)
 class Texts:
@@ -24,16 +26,16 @@ class Texts:
         The rest of it.
     usage : str
         What the scene's function says of its parameters.
-    formulas : tuple of str
-        First sentences of the functions that define the system: Lagrangian, and constraint and
-        force if it has them.
+    formulas : tuple of Formula
+        Of the functions that define the system: Lagrangian, and constraint and force if it has
+        them.
     """
 
     statement: str
     sketch: str
     remarks: str
     usage: str
-    formulas: tuple[str, ...]
+    formulas: tuple[Formula, ...]
 
 
 def texts(name: str) -> Texts:
@@ -45,7 +47,7 @@ def texts(name: str) -> Texts:
     remarks = "\n\n".join(parts[1:first] + parts[last + 1 :])
     sketch = inspect.cleandoc("\n" + "\n\n".join(parts[first : last + 1]))
     usage = re.sub(r"\s*Raises ValueError.*", "", inspect.getdoc(module.scene) or "", flags=re.S)
-    formulas = tuple(first_line(f) for f in callables(module))
+    formulas = tuple(formula(inspect.getdoc(f) or "") for f in callables(module))
     return Texts(parts[0], sketch, remarks, usage, formulas)
 
 
@@ -53,8 +55,3 @@ def callables(module: ModuleType) -> list[Any]:
     """Return the functions of a scene's file that define its system."""
     found = (getattr(module, name, None) for name in ("lagrangian", "constraint", "force"))
     return [f for f in found if f is not None]
-
-
-def first_line(function: Any) -> str:
-    """Return the first line of a function's docstring."""
-    return (inspect.getdoc(function) or "").partition("\n")[0]

@@ -29,13 +29,13 @@ SOURCE = "Routh, Dynamics of a System of Rigid Bodies, Advanced Part (6th ed. 19
 
 
 def lagrangian(q, v, t, *, m, g):
-    """L = sum of m (x'^2 + y'^2) / 2 - m g y, over the masses."""
+    """L = sum over i of (m (x_i'^2 + y_i'^2) / 2 - m g y_i)."""
     y = q[1::2]
     return m * (v @ v) / 2 - m * g * np.sum(y)
 
 
 def constraint(q, t, *, l):
-    """Hold f = squared length of each link less l^2, the first from the origin."""
+    """Hold f_i = |r_i - r_(i-1)|^2 - l^2 = 0, one for each link, with r_0 = 0."""
     x, y = q[0::2], q[1::2]
     dx, dy = (np.concatenate([z[:1], z[1:] - z[:-1]]) for z in (x, y))
     return dx**2 + dy**2 - l**2

@@ -23,7 +23,7 @@ SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.3, eq. (12
 
 
 def force(q, v, t, *, b):
-    """Q = -b v."""
+    """Q = -b x'."""
     return [-b * v[0]]
 
 

@@ -28,7 +28,12 @@ SOURCE = "Landau and Lifshitz, Mechanics (3rd ed. 1976), section 5, problem 1"
 
 
 def lagrangian(q, v, t, *, m1, m2, l1, l2, g):
-    """L = T - V of two point masses on massless rods."""
+    """L = T - V of two point masses on massless rods.
+
+    L = (m1 + m2) l1^2 theta1'^2 / 2 + m2 l2^2 theta2'^2 / 2
+    + m2 l1 l2 theta1' theta2' cos(theta1 - theta2)
+    + (m1 + m2) g l1 cos theta1 + m2 g l2 cos theta2.
+    """
     a, b = q
     u, w = v
     first = (m1 + m2) * ((l1 * u) ** 2 / 2 + g * l1 * np.cos(a))

@@ -24,7 +24,7 @@ SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.3.2, p. 63
 
 
 def lagrangian(q, v, t, *, m, k, A, w):
-    """L = m x'^2 / 2 - k x^2 / 2 + m A w^2 x cos wt."""
+    """L = m x'^2 / 2 - k x^2 / 2 + m A w^2 x cos(w t)."""
     return m * v[0] ** 2 / 2 - k * q[0] ** 2 / 2 + m * A * w**2 * q[0] * np.cos(w * t)
 
 

@@ -31,7 +31,7 @@ PERIOD, ENERGY, ACTION = 6.325913982926223, -1.287141995631856, 24.4270486445373
 
 
 def lagrangian(q, v, t, *, m, G):
-    """L = sum of m v^2 / 2 + sum over pairs of G m^2 / distance."""
+    """L = sum over i of m v_i^2 / 2 + sum over i < j of G m^2 / |r_i - r_j|."""
     x, y = q[0::2], q[1::2]
     pairs = [(0, 1), (0, 2), (1, 2)]
     near = sum(1 / np.sqrt((x[i] - x[j]) ** 2 + (y[i] - y[j]) ** 2) for i, j in pairs)

@@ -27,7 +27,11 @@ SOURCE = (
 
 
 def lagrangian(q, v, t, *, I1, I3, m, l, g):
-    """L = I1 (theta'^2 + phi'^2 sin^2) / 2 + I3 (psi' + phi' cos)^2 / 2 - m g l cos theta."""
+    """L = T - V of a symmetric top in Euler's angles.
+
+    L = I1 (theta'^2 + sin(theta)^2 phi'^2) / 2 + I3 (psi' + phi' cos theta)^2 / 2
+    - m g l cos theta.
+    """
     _, theta, _ = q
     u, w, z = v
     tilt = I1 * (w**2 + (u * np.sin(theta)) ** 2) / 2

@@ -28,7 +28,7 @@ SOURCE = (
 
 
 def lagrangian(q, v, t, *, m, R, g, w):
-    """L = m R^2 (theta'^2 + w^2 sin^2 theta) / 2 + m g R cos theta."""
+    """L = m R^2 (theta'^2 + w^2 sin(theta)^2) / 2 + m g R cos theta."""
     theta, u = q[0], v[0]
     return m * R**2 * (u**2 + (w * np.sin(theta)) ** 2) / 2 + m * g * R * np.cos(theta)
 

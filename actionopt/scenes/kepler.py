@@ -30,7 +30,7 @@ SOURCE = (
 
 
 def lagrangian(q, v, t, *, mu):
-    """L = (vx^2 + vy^2) / 2 + mu / r, for unit mass."""
+    """L = (x'^2 + y'^2) / 2 + mu / |r|, for unit mass."""
     x, y = q
     vx, vy = v
     return (vx**2 + vy**2) / 2 + mu / np.sqrt(x**2 + y**2)

@@ -28,7 +28,7 @@ SOURCE = (
 
 
 def lagrangian(q, v, t, *, m, l, g, a):
-    """L = m ((a t + l theta' cos)^2 + (l theta' sin)^2) / 2 + m g l cos theta."""
+    """L = m ((a t + l theta' cos theta)^2 + (l theta' sin theta)^2) / 2 + m g l cos theta."""
     theta, u = q[0], v[0]
     vx = a * t + l * u * np.cos(theta)
     vy = l * u * np.sin(theta)

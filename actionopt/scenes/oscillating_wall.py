@@ -24,7 +24,7 @@ SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.3.2, p. 63
 
 
 def lagrangian(q, v, t, *, m, k, A, w):
-    """L = m (x' - A w sin wt)^2 / 2 - k x^2 / 2: the wall moves as A cos wt."""
+    """L = m (x' - A w sin(w t))^2 / 2 - k x^2 / 2: the wall moves as A cos wt."""
     return m * (v[0] - A * w * np.sin(w * t)) ** 2 / 2 - k * q[0] ** 2 / 2
 
 

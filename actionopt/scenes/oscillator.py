@@ -26,7 +26,7 @@ SOURCE = (
 
 
 def lagrangian(q, v, t, *, m, k):
-    """L = m v^2 / 2 - k x^2 / 2."""
+    """L = m x'^2 / 2 - k x^2 / 2."""
     return m * v[0] ** 2 / 2 - k * q[0] ** 2 / 2
 
 

@@ -21,7 +21,7 @@ SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.3.2, p. 63
 
 
 def lagrangian(q, v, t, *, m, k, c):
-    """L = m v^2 / 2 - k x^2 / 2 + d/dt (c t x^2 / 2)."""
+    """L = m x'^2 / 2 - k x^2 / 2 + d/dt (c t x^2 / 2)."""
     return m * v[0] ** 2 / 2 - k * q[0] ** 2 / 2 + c * q[0] ** 2 / 2 + c * t * q[0] * v[0]
 
 

@@ -25,7 +25,7 @@ SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.3, eq. (12
 
 
 def lagrangian(q, v, t, *, m, g):
-    """L = T - V = m (vx^2 + vy^2) / 2 - m g y."""
+    """L = T - V = m (x'^2 + y'^2) / 2 - m g y."""
     _, y = q
     vx, vy = v
     return m * (vx**2 + vy**2) / 2 - m * g * y

@@ -26,7 +26,7 @@ SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.4, eqs. (1
 
 
 def lagrangian(q, v, t, *, m, g):
-    """L = m (vx^2 + vy^2) / 2 - m g y."""
+    """L = m (x'^2 + y'^2) / 2 - m g y."""
     _, y = q
     vx, vy = v
     return m * (vx**2 + vy**2) / 2 - m * g * y

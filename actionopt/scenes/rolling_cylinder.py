@@ -24,7 +24,7 @@ SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.4, p. 634"
 
 
 def lagrangian(q, v, t, *, m, R, inertia, angle, g):
-    """L = m x'^2 / 2 + I phi'^2 / 2 + m g x sin(angle), I = inertia m R^2."""
+    """L = m x'^2 / 2 + I phi'^2 / 2 + m g x sin(angle), with I = inertia m R^2."""
     x, _ = q
     u, w = v
     return m * (u**2 + inertia * (R * w) ** 2) / 2 + m * g * x * np.sin(angle)

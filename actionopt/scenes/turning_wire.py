@@ -31,7 +31,7 @@ def lagrangian(q, v, t, *, m):
 
 
 def constraint(q, t, *, w):
-    """Hold f = y cos wt - x sin wt = 0."""
+    """Hold f = y cos(w t) - x sin(w t) = 0."""
     x, y = q
     return y * np.cos(w * t) - x * np.sin(w * t)
 
