@@ -3,50 +3,46 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any
 
-from actionopt.gallery.page import escape, rounded
-from actionopt.plot import SI, motion_data
-from actionopt.scenes import Scene
-from actionopt.solution import Solution
+from actionopt.gallery.page import escape
+from actionopt.gallery.subject import Subject
+from actionopt.plot import Motion, motion_data
 
 FRAMES = 121
 GHOSTS = 7  # places shown in the picture
 LEAST_SHAPE = 0.42  # of the longer side: a motion along a line gets some air
 
 
-def film(scene: Scene, solution: Solution) -> str:
+def film(subject: Subject) -> str:
     """Return the player of a motion: HTML, the frames in it as JSON."""
-    data = motion_data(solution, scene.draw, FRAMES).plain()
+    data = _motion(subject, FRAMES).plain()
     data["box"] = padded(data["box"])
     data["t"] = [round(t, 6) for t in data["t"]]
     text = json.dumps(data, separators=(",", ":")).replace("</", "<\\/")
+    forces = ", with the forces of constraint as arrows" if "arrows" in data else ""
+    what = f"Film: {subject.scene.title}, {subject.motion}{forces}."
     return f"""<figure class="film" data-film>
-<svg role="img" aria-label="{escape(described(scene, solution))}"></svg>
+<svg role="img" aria-label="{escape(what)}"></svg>
 <div class="controls">
 <button type="button">Play</button>
 <input type="range" min="0" max="{FRAMES - 1}" step="any" value="0" aria-label="Time of the film">
 <output>t = 0.00 s</output>
 </div>
 <script type="application/json">{text}</script>
+<noscript><img src="motion.svg" alt="{escape(what)}"></noscript>
 </figure>"""
 
 
-def described(scene: Scene, solution: Solution) -> str:
-    """Return what the film shows, in words and numbers."""
-    problem = scene.problem
-    names = problem.system.coordinates
-
-    def place(q: Iterable[float]) -> str:
-        parts = [f"{n} = {rounded(x)} {SI.coordinate(n)}" for n, x in zip(names, q, strict=True)]
-        more = len(parts) - 4
-        return ", ".join(parts[:4]) + (f" and {more} more" if more > 0 else "")
-
-    return (
-        f"{scene.title}: from {place(solution.start.q)} to {place(solution.end.q)} "
-        f"in {rounded(problem.duration)} s."
-    )
+def _motion(subject: Subject, count: int) -> Motion:
+    """Return the motion, with the forces of constraint where the picture can show them."""
+    solution, draw = subject.solution, subject.scene.draw
+    if solution.problem.system.m:
+        with suppress(ValueError):
+            return motion_data(solution, draw, count, force=True)
+    return motion_data(solution, draw, count)
 
 
 def padded(box: Sequence[float]) -> list[float]:
@@ -61,9 +57,9 @@ def padded(box: Sequence[float]) -> list[float]:
     return [round(x, 6) for x in result]
 
 
-def thumbnail(scene: Scene, solution: Solution) -> str:
+def thumbnail(subject: Subject) -> str:
     """Return the motion in one picture, as SVG: trails, and the shapes at a few times."""
-    data = motion_data(solution, scene.draw, GHOSTS).plain()
+    data = motion_data(subject.solution, subject.scene.draw, GHOSTS).plain()
     left, right, bottom, top = padded(data["box"])
     width, height = right - left, top - bottom
     size = max(width, height)

@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+import inspect
 import io
 from contextlib import redirect_stdout
+from importlib import import_module
+
+import numpy as np
 
 from actionopt import scenes
 from actionopt.gallery import film
-from actionopt.gallery.page import Page, escape, frame, prose
-from actionopt.gallery.texts import texts
+from actionopt.gallery.facts import known
+from actionopt.gallery.figures import Figure, figures
+from actionopt.gallery.mathml import mathml, symbol
+from actionopt.gallery.page import Page, escape, frame, number, prose, table
+from actionopt.gallery.subject import Subject
+from actionopt.gallery.texts import Texts, callables, texts
+from actionopt.gallery.units import unit
+from actionopt.plot import SI
 from actionopt.solution import Solution
 
 PROGRAM = """\
@@ -18,45 +28,185 @@ from actionopt import scenes
 scene = scenes.get("{name}")
 solution = ao.solve(scene.problem, tol=1e-10, guess=scene.guess)
 
-print("action  ", solution.action, "J s")
-print("error   ", solution.error)
-print("forward ", solution.compare().position)
+print("action", solution.action, "J s, error of the path", solution.error)
+print("momenta", *solution.momenta)
+print("forward integration leads elsewhere by", solution.compare().position)
 """
-
-
-def run(name: str) -> tuple[str, str, Solution]:
-    """Run the program of a scene; return it, what it printed, and its solution."""
-    program, output, names = PROGRAM.format(name=name), io.StringIO(), {}
-    with redirect_stdout(output):
-        exec(compile(program, f"<{name}>", "exec"), names)
-    return program, output.getvalue(), names["solution"]
+VERDICT = 'print("a", solution.kind, "of the action, index", solution.morse_index)\n'
 
 
 def scene_page(name: str) -> Page:
     """Return the page of the scene `name`."""
     scene, words = scenes.get(name), texts(name)
-    program, output, solution = run(name)
+    program, output, solution = run(name, scene.problem.system.structure.forced)
+    s = Subject(scene, solution)
+    drawn, without = figures(s)
+    title = scene.title[0].upper() + scene.title[1:]
     main = f"""<article class="scene">
 <header class="title">
 <p class="crumb"><a href="../index.html">All scenes</a></p>
-<h1>{escape(scene.title[0].upper() + scene.title[1:])}</h1>
-<p class="source">{escape(scene.source)}</p>
+<h1>{escape(title)}</h1>
+<p class="tags">{"".join(f"<span>{escape(tag)}</span>" for tag in tags(s))}</p>
 </header>
-<section class="opening">
+<section class="opening" aria-label="Statement">
 <div>
 <p class="statement">{escape(words.statement)}</p>
+{_formulas(s, words)}
 <pre class="sketch" role="img" aria-label="Sketch: {escape(words.statement)}">{escape(words.sketch)}
 </pre>
 {prose(words.remarks)}
+<p class="source">{escape(scene.source)}</p>
 </div>
-{film.film(scene, solution)}
+{film.film(s)}
+</section>
+<section><h2>The question</h2>
+<div class="columns">
+{_parameters(s)}
+{_events(s)}
+</div>
+<div class="usage">{prose(words.usage)}</div>
+</section>
+<section><h2>What is known, and what was found</h2>
+{_known(s)}
+{_found(s)}
+</section>
+<section><h2>Figures</h2>
+<div class="figures">
+{"".join(_figure(figure) for figure in drawn)}
+</div>
+{_without(without)}
 </section>
 <section><h2>The program</h2>
-<pre class="code" tabindex="0"><code>{escape(program)}</code></pre>
-<pre class="output" tabindex="0"><samp>{escape(output)}</samp></pre>
+<p>This program was run for this page; below it is what it printed.</p>
+<pre class="code" tabindex="0" aria-label="Program"><code>{escape(program)}</code></pre>
+<pre class="output" tabindex="0" aria-label="Output"><samp>{escape(output)}</samp></pre>
+<p>The system it solves:</p>
+<pre class="code" tabindex="0" aria-label="System"><code>{escape(_system(name))}</code></pre>
 </section>
 </article>"""
     html = frame(
-        f"{scene.title} - actionopt", main, root="../", description=scene.title, scripts=["film.js"]
+        f"{title} - actionopt", main, root="../", description=scene.title, scripts=["film.js"]
     )
-    return Page({f"{name}/index.html": html, f"{name}/motion.svg": film.thumbnail(scene, solution)})
+    files = {f"{name}/{figure.kind.name}.svg": figure.svg for figure in drawn}
+    files[f"{name}/motion.svg"] = film.thumbnail(s)
+    return Page({f"{name}/index.html": html, **files}, tags(s))
+
+
+def run(name: str, forced: bool) -> tuple[str, str, Solution]:
+    """Run the program of a scene; return it, what it printed, and its solution."""
+    program = PROGRAM.format(name=name) + ("" if forced else VERDICT)
+    output, names = io.StringIO(), {}
+    with redirect_stdout(output):
+        exec(compile(program, f"<{name}>", "exec"), names)
+    return program, output.getvalue(), names["solution"]
+
+
+def tags(s: Subject) -> tuple[str, ...]:
+    """Return words for what a scene is: coordinates, constraints, verdict."""
+    system = s.solution.problem.system
+    found = ["1 coordinate" if system.n == 1 else f"{system.n} coordinates"]
+    if system.m:
+        found.append("1 constraint" if system.m == 1 else f"{system.m} constraints")
+    if system.structure.depends_on_time:
+        found.append("depends on time")
+    return (*found, "drag" if s.forced else s.verdict)
+
+
+def _formulas(s: Subject, words: Texts) -> str:
+    system = s.solution.problem.system
+    scalars = {*system.coordinates, *system.parameters}
+    rows = []
+    for formula in words.formulas:
+        remark = f'<span class="remark">{escape(formula.remark)}</span>' if formula.remark else ""
+        rows.append(
+            f'<div class="formula scroll" tabindex="0" role="region" aria-label="Formula">'
+            f"{mathml(formula, scalars)}{remark}</div>"
+        )
+    return "\n".join(rows)
+
+
+def _parameters(s: Subject) -> str:
+    name, problem = s.scene.name, s.solution.problem
+    values = problem.system.table.values(problem.parameters)
+    rows = [
+        (
+            f"{symbol(key)} <code>{key}</code>" if len(key) < 4 else f"<code>{key}</code>",
+            number(float(value), 8),
+            _unit(unit(name, key)),
+        )
+        for key, value in values.items()
+    ]
+    return table("Parameters", ("", "value", "unit"), rows)
+
+
+def _events(s: Subject) -> str:
+    names, start, end = s.solution.problem.system.coordinates, s.solution.start, s.solution.end
+    rows = [
+        (symbol(name), number(a, 8), number(b, 8), _unit(SI.coordinate(name)))
+        for name, a, b in zip(names, start.q, end.q, strict=True)
+    ]
+    head = ("", f"at {number(start.t, 8)} s", f"at {number(end.t, 8)} s", "unit")
+    return table("The two events", head, rows)
+
+
+def _known(s: Subject) -> str:
+    rows = [(row.what, row.expected, row.found, row.difference) for row in known(s)]
+    if not rows:
+        return "<p>No closed form is known; forward integration is the check.</p>"
+    head = ("", "known exactly", "found", "difference")
+    return table("Known and found; differences are relative", head, rows, kind="numbers")
+
+
+def _found(s: Subject) -> str:
+    solution = s.solution
+    names, (p0, p1) = solution.problem.system.coordinates, solution.momenta
+    comparison = solution.compare()
+    H = solution.energy(s.t)
+    rows = [
+        ("action S", f"{number(solution.action, 12)} J s"),
+        ("estimated error of the path, relative", number(solution.error, 2)),
+        ("deviation of forward integration, relative", number(comparison.position, 2)),
+        ("energy function H at the start and the end", _pair(H[0], H[-1], "J")),
+        *(
+            (f"momentum of {symbol(name)} at the start and the end", _pair(a, b, SI.momentum(name)))
+            for name, a, b in zip(names, p0, p1, strict=True)
+        ),
+        ("the action is", escape(s.verdict)),
+        ("mesh", f"{solution.mesh.elements} elements, {solution.mesh.nodes.size} nodes"),
+    ]
+    return table("Found from the path", ("", "value"), rows, kind="numbers")
+
+
+def _pair(a: float, b: float, unit: str) -> str:
+    a, b = (0.0 if abs(x) <= 1e-12 * max(abs(a), abs(b), 1.0) else x for x in (a, b))
+    if np.isclose(a, b, rtol=1e-8, atol=1e-10):
+        return f"{number(float(b), 10)} {_unit(unit)}, the same"
+    return f"{number(float(a), 10)} and {number(float(b), 10)} {_unit(unit)}"
+
+
+def _unit(text: str) -> str:
+    """Return a unit as HTML, its powers raised."""
+    head, *rest = text.split("^")
+    return escape(head) + "".join(f"<sup>{part[0]}</sup>{escape(part[1:])}" for part in rest)
+
+
+def _figure(figure: Figure) -> str:
+    kind, name = figure.kind, figure.kind.name
+    width, height = (round(100 * side) for side in kind.size)
+    return f"""<figure><h3>{kind.title}</h3>
+<img src="{name}.svg" alt="{escape(figure.alt)}" width="{width}" height="{height}" loading="lazy">
+<figcaption>{kind.caption}</figcaption></figure>
+"""
+
+
+def _without(kinds) -> str:
+    if not kinds:
+        return ""
+    rows = "".join(f"<dt>{kind.title}</dt><dd>{escape(why)}</dd>" for kind, why in kinds)
+    return f"<details><summary>Figures left out, and why</summary><dl>{rows}</dl></details>"
+
+
+def _system(name: str) -> str:
+    """Return the source of the functions that define the system."""
+    module = import_module(f"actionopt.scenes.{name}")
+    return "\n\n".join(inspect.getsource(function) for function in callables(module)).rstrip()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from io import StringIO
 from typing import Any
@@ -9,6 +10,9 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from actionopt.plot._style import styled
+
+LINES = re.compile(r' d="[^"]*"')
+DIGITS = re.compile(r"(\.\d\d)\d+")  # beyond a hundredth of a point
 
 
 def svg(draw: Callable[[Figure], Any], size: tuple[float, float] = (6.4, 4.4)) -> str:
@@ -18,4 +22,4 @@ def svg(draw: Callable[[Figure], Any], size: tuple[float, float] = (6.4, 4.4)) -
         draw(figure)
         text = StringIO()
         figure.savefig(text, format="svg", transparent=True, metadata={"Date": None})
-    return text.getvalue()
+    return LINES.sub(lambda line: DIGITS.sub(r"\1", line[0]), text.getvalue())

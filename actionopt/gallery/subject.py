@@ -1,0 +1,103 @@
+"""A scene, its solution, and what several parts of a page say of the two."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from actionopt.conjugate import ConjugatePoint, conjugate_points
+from actionopt.gallery.page import rounded
+from actionopt.plot import SI, planar
+from actionopt.quadrature import Array
+from actionopt.scenes import Scene
+from actionopt.solution import Solution
+
+TIMES = 201
+FLAT = 1e-12  # a range this small relative to the size is none
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """What a page is about."""
+
+    scene: Scene
+    solution: Solution
+
+    @property
+    def forced(self) -> bool:
+        """Whether a non-conservative force acts, so that no functional is stationary."""
+        return self.solution.problem.system.structure.forced
+
+    @property
+    def freedom(self) -> int:
+        """Degrees of freedom."""
+        return self.solution.problem.system.degrees_of_freedom
+
+    @property
+    def plane(self) -> bool:
+        """Whether one picture shows all coordinates: one against time, or x and y."""
+        names = self.solution.problem.system.coordinates
+        return len(names) == 1 or len(planar(names)) == 1
+
+    @cached_property
+    def t(self) -> Array:
+        """Equal times, both events' included."""
+        problem = self.solution.problem
+        return np.linspace(problem.start.t, problem.end.t, TIMES)
+
+    @cached_property
+    def q(self) -> Array:
+        """Coordinates at the times `t`, (n, K)."""
+        return self.solution(self.t)
+
+    @cached_property
+    def v(self) -> Array:
+        """Velocities at the times `t`, (n, K)."""
+        return self.solution.velocity(self.t)
+
+    @cached_property
+    def conjugate(self) -> tuple[ConjugatePoint, ...]:
+        """Times conjugate to the start, up to the end; none where there is no functional."""
+        return () if self.forced else conjugate_points(self.solution)
+
+    @property
+    def verdict(self) -> str:
+        """What the action is at the path: a minimum, a saddle of some index."""
+        if self.forced:
+            return "no functional"
+        index = self.solution.morse_index
+        return self.solution.kind + (f", index {index}" if index else "")
+
+    def event(self, q: Iterable[float]) -> str:
+        """Return coordinates in words, with units, the first four of them."""
+        names = self.solution.problem.system.coordinates
+        parts = [f"{n} = {rounded(x)} {SI.coordinate(n)}" for n, x in zip(names, q, strict=True)]
+        return ", ".join(parts[:4]) + (f" and {len(parts) - 4} more" if len(parts) > 4 else "")
+
+    @property
+    def motion(self) -> str:
+        """What moves from where to where, in words."""
+        start, end = self.solution.start, self.solution.end
+        return (
+            f"from {self.event(start.q)} to {self.event(end.q)} "
+            f"in {rounded(self.solution.problem.duration)} s"
+        )
+
+    @property
+    def foci(self) -> str:
+        """When neighbouring paths meet the path again, in words."""
+        times = [f"{rounded(p.t, 4)} s" for p in self.conjugate]
+        if not times:
+            return "no time before the end is conjugate to the start"
+        return f"conjugate to the start: {', '.join(times)}"
+
+
+def span(values: Array, unit: str) -> str:
+    """Return the range of values in words."""
+    low, high = float(np.min(values)), float(np.max(values))
+    if high - low <= 1e-9 * max(abs(low), abs(high), 1e-300):
+        return f"constant, {rounded(high)} {unit}"
+    return f"from {rounded(low)} to {rounded(high)} {unit}"

@@ -1,0 +1,25 @@
+"""SI units of the parameters of the scenes.
+
+A symbol means the same in most scenes; where it does not, the scene has a row of its own. That
+every Lagrangian comes out in joules (per kilogram for a unit mass) is a test.
+"""
+
+from __future__ import annotations
+
+UNITS = {
+    "m": "kg", "m1": "kg", "m2": "kg", "M": "kg", "l": "m", "l1": "m", "l2": "m", "R": "m",
+    "A": "m", "g": "m/s^2", "a": "m/s^2", "k": "N/m", "b": "kg/s", "w": "rad/s", "angle": "rad",
+    "e": "C", "B": "T", "E": "V/m", "Ex": "V/m", "Ez": "V/m", "mu": "m^3/s^2",
+    "G": "m^3/(kg s^2)", "I1": "kg m^2", "I3": "kg m^2", "inertia": "",
+}  # fmt: skip
+OWN = {
+    "drag_quadratic": {"c": "kg/m"},
+    "oscillator_gauge": {"c": "kg/s^2"},
+    "screw": {"c": "rad/m", "k": "J"},
+    "two_on_a_line": {"a": "", "b": ""},
+}
+
+
+def unit(scene: str, parameter: str) -> str:
+    """Return the unit of a scene's parameter, as text; nothing for a pure number."""
+    return OWN.get(scene, {}).get(parameter, UNITS.get(parameter, ""))
