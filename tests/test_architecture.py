@@ -26,10 +26,10 @@ RANKS = (
     ("conjugate", "index", "sensitivity", "varied"),
     ("solution",),
     ("arguments",),
-    ("solve",),
+    ("solve", "trial"),
     ("forward", "store", "trace"),
     ("compare",),
-    ("all_paths",),
+    ("all_paths", "exploration"),
     ("__init__",),  # the public names
     ("chapter", "plot"),
     ("gallery", "suite"),
@@ -41,8 +41,9 @@ RANK = {room: rank for rank, rooms in enumerate(RANKS) for room in rooms}
 # A solution offers what is made from it, on demand: the only arrows that point the other way.
 ON_DEMAND = {("solution", "compare"), ("solution", "store")}
 
-# Library: its only room. scipy is no dependency: the suite compares its solvers where it is there.
-THIRD_PARTY = {"casadi": None, "numpy": None, "matplotlib": "plot", "scipy": "suite"}
+# Library: its only room. PIL comes with matplotlib. scipy is no dependency: the suite compares
+# its solvers where it is there.
+THIRD_PARTY = {"casadi": None, "numpy": None, "matplotlib": "plot", "PIL": "plot", "scipy": "suite"}
 SOLVERS = ("transcription", "suite")  # the suite puts its problems to every solver there is
 
 MODULES = sorted(PACKAGE.rglob("*.py"))

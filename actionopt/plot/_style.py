@@ -195,12 +195,12 @@ def new_figure(**options: Any) -> Any:
     """Return a new figure of pyplot."""
     from matplotlib import pyplot  # a second of import, for interactive use only
 
-    return pyplot.figure(layout="constrained", **options)
+    return pyplot.figure(**{"layout": "constrained", **options})
 
 
-def on(ax: Axes | None) -> Axes:
+def on(ax: Axes | None, **options: Any) -> Axes:
     """Return `ax`, or the axes of a new figure."""
-    return new_figure().subplots() if ax is None else ax
+    return new_figure(**options).subplots() if ax is None else ax
 
 
 def _word(name: str) -> str:

@@ -14,6 +14,7 @@ import numpy as np
 from actionopt.quadrature import Array
 
 Point = Sequence[float] | Array
+BACK = 0.35  # height at which a point at unit depth is seen
 KINDS = ("body", "rod", "spring", "ground")
 
 
@@ -77,5 +78,9 @@ def circle(radius: float, center: Point = (0.0, 0.0), points: int = 61) -> Shape
 
 
 def project(x: float, y: float, z: float) -> Array:
-    """Return the plane point at which a space point is seen: x right, z up, y into the picture."""
-    return np.stack([x + 0.35 * y, z + 0.35 * y])
+    """Return the plane point at which a space point is seen: x right, z up, y into the picture.
+
+    Seen from a little above: what lies farther back stands higher, and circles about z are
+    ellipses that lie level.
+    """
+    return np.stack([x, z + BACK * y])

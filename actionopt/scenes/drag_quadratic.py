@@ -59,6 +59,7 @@ def scene(
     terminal = np.sqrt(m * g / c)
     rate = g / terminal
     exact = curve(lambda t: [m / c * np.log(np.cosh(rate * (t + since)))])
+    depth = 1.1 * float(exact(duration)[0])
     return Scene(
         Problem(
             system(),
@@ -68,7 +69,7 @@ def scene(
         ),
         TITLE,
         SOURCE,
-        draw=lambda q, t: [ground((0.0, 0.0)), body((0.0, -q[0]))],
+        draw=lambda q, t: [ground((0.0, 0.0), (0.0, -depth)), body((0.0, -q[0]))],
         exact=exact,
         facts={
             "velocity": curve(lambda t: [terminal * np.tanh(rate * (t + since))]),

@@ -24,6 +24,7 @@ SOURCE = (
     "Competitive Physics: Mechanics and Waves (2018), section 12.5, p. 642; Goldstein, "
     "Classical Mechanics (3rd ed. 2002), section 5.7"
 )
+DISC = 0.4  # radius of the disc drawn, in parts of l
 
 
 def lagrangian(q, v, t, *, I1, I3, m, l, g):
@@ -79,10 +80,24 @@ def scene(
         tilt = I1 * (v[1] ** 2 + (v[0] * np.sin(q[1])) ** 2) / 2
         return tilt + spin_momentum(q, v, t) ** 2 / (2 * I3) + m * g * l * np.cos(q[1])
 
-    def draw(q, t):
-        flat = l * np.sin(q[1])
-        head = project(flat * np.cos(q[0]), flat * np.sin(q[0]), l * np.cos(q[1]))
-        return [ground((0.0, 0.0)), rod((0.0, 0.0), head), body(head)]
+    def draw(q, t):  # a disc with a mark that shows its spin
+        (phi, tilt, psi), turn = q, np.linspace(0, 2 * np.pi, 41)
+        axis = np.array([np.sin(tilt) * np.cos(phi), np.sin(tilt) * np.sin(phi), np.cos(tilt)])
+        down = np.array([np.cos(tilt) * np.cos(phi), np.cos(tilt) * np.sin(phi), -np.sin(tilt)])
+        level = np.array([-np.sin(phi), np.cos(phi), 0.0])
+
+        def place(angle):
+            return project(*(l * (axis + DISC * (np.cos(angle) * down + np.sin(angle) * level))))
+
+        head = project(*(l * axis))
+        vertical = ground((0.0, 0.0), (0.0, 1.3 * l))
+        return [
+            vertical,
+            rod((0.0, 0.0), head),
+            rod(*(place(angle) for angle in turn)),
+            rod(head, place(psi)),
+            body(head),
+        ]
 
     total = spin + precession * cosine
     kinetic = I1 * (precession * sine) ** 2 / 2 + I3 * total**2 / 2

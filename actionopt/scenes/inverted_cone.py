@@ -18,7 +18,7 @@ import numpy as np
 
 from actionopt.problem import Event, Problem
 from actionopt.scenes._scene import Scene, curve, defaults
-from actionopt.scenes._shapes import body, ground, project
+from actionopt.scenes._shapes import BACK, body, ground, project
 from actionopt.system import System
 
 TITLE = "particle circling inside an inverted cone"
@@ -71,9 +71,12 @@ def scene(
     def place(l, phi):
         return project(l * sine * np.cos(phi), l * sine * np.sin(phi), l * cosine)
 
+    edge = np.arcsin(min(1.0, BACK * np.tan(angle)))  # where lines of sight touch the cone
+
     def draw(q, t):
-        rim = [place(1.3 * circle, phi) for phi in np.linspace(0, 2 * np.pi, 41)]
-        return [ground(*rim), ground(rim[0], (0.0, 0.0), rim[20]), body(place(*q))]
+        rim = [place(1.3 * circle, phi) for phi in np.linspace(0, 2 * np.pi, 61)]
+        sides = [place(1.3 * circle, phi) for phi in (-edge, np.pi + edge)]
+        return [ground(*rim), ground(sides[0], (0.0, 0.0), sides[1]), body(place(*q))]
 
     return Scene(
         Problem(

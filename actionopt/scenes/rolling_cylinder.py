@@ -77,7 +77,8 @@ def scene(
         foot = -R * np.array([s, c])
         far = 1.2 * max(abs(start), abs(end)) * np.array([c, -s])
         slope = ground(foot - far / 4, foot + far)
-        return [slope, circle(R, center), rod(center - spoke, center + spoke), body(center)]
+        rim = rod(*circle(R, center).points.T)
+        return [slope, rim, rod(center - spoke, center + spoke), body(center)]
 
     return Scene(
         Problem(

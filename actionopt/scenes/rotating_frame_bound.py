@@ -83,7 +83,7 @@ def scene(
         TITLE,
         SOURCE,
         draw=lambda q, t: [
-            *axes(w * t, 1.5 * float(np.linalg.norm(start))),
+            *axes(w * t, 1.2 * float(np.linalg.norm(start))),
             spring((0.0, 0.0), rotate(q, w * t)),
             body(rotate(q, w * t)),
         ],

@@ -60,7 +60,7 @@ def scene(
         TITLE,
         SOURCE,
         draw=lambda q, t: [
-            *axes(w * t, 1.5 * float(np.linalg.norm(start))),
+            *axes(w * t, 1.2 * float(np.linalg.norm(start))),
             body(rotate(q, w * t)),
         ],
         exact=exact,

@@ -18,7 +18,7 @@ import numpy as np
 from actionopt.problem import Event, Problem
 from actionopt.scenes import pendulum
 from actionopt.scenes._scene import Scene, curve, defaults
-from actionopt.scenes._shapes import body, ground, project
+from actionopt.scenes._shapes import body, ground, project, rod
 from actionopt.system import System
 
 TITLE = "particle on a cylinder with a helical potential"
@@ -71,13 +71,17 @@ def scene(
         return m * ((R * v[0]) ** 2 + v[1] ** 2) / 2 - k * np.cos(q[0] - c * q[1])
 
     def place(phi, z):
-        return project(R * np.cos(phi), R * np.sin(phi), z)
+        return project(R * np.sin(phi), -R * np.cos(phi), z)  # phi = 0 is in front
 
-    top = max(1.3 * climb * duration, R)
+    heights = exact(np.linspace(0.0, duration, 41))[1]
+    low, high = float(np.min(heights)) - R / 2, float(np.max(heights)) + R / 2
 
     def draw(q, t):
-        groove = [place(c * z, z) for z in np.linspace(0.0, top, 60)]
-        return [ground(*groove), body(place(*q))]
+        around = np.linspace(0.0, 2 * np.pi, 61)
+        ends = [ground(*(place(phi, z) for phi in around)) for z in (low, high)]
+        sides = [ground((x, low), (x, high)) for x in (-R, R)]
+        groove = rod(*(place(c * z, z) for z in np.linspace(low, high, 60)))
+        return [*ends, *sides, groove, body(place(*q))]
 
     return Scene(
         Problem(

@@ -71,12 +71,14 @@ def scene(
         kinetic = (M + m) * v[0] ** 2 / 2 + m * v[1] ** 2 / 2 + m * v[0] * v[1] * cosine
         return kinetic - m * g * q[1] * sine
 
+    base = 1.25 * max(abs(s0), abs(s1)) * cosine
+    left, right = min(x0, x1) - base / 4, max(x0, x1) + 1.25 * base
+
     def draw(q, t):
         x, s = q
-        base = 1.25 * max(abs(s0), abs(s1)) * cosine
         top = np.array([x, base * np.tan(angle)])
         wedge = rod((x, 0.0), top, (x + base, 0.0), (x, 0.0))
-        return [ground((-base, 0.0), (2 * base, 0.0)), wedge, body(top + s * slope)]
+        return [ground((left, 0.0), (right, 0.0)), wedge, body(top + s * slope)]
 
     slope = np.array([cosine, -sine])
     return Scene(

@@ -1,0 +1,183 @@
+"""The motion in space as a film: the shapes at equal times, each body with its trail."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from tempfile import NamedTemporaryFile
+
+import numpy as np
+from matplotlib.animation import FFMpegWriter, FuncAnimation
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from PIL import Image
+
+from actionopt.plot._motion import Draw, motion_data
+from actionopt.plot._strobe import (
+    arrows,
+    body_colour,
+    faded,
+    inches,
+    outline,
+    prepare,
+    shape,
+    stage,
+)
+from actionopt.plot._style import NONE, Units, heading, styled
+from actionopt.solution import Solution
+
+SECONDS, FPS, DPI = 5.0, 25, 100
+AHEAD = 0.25  # strength of a trail that is still to come
+CODECS = {".mp4": "h264", ".webm": "libvpx-vp9"}
+IMAGES = (".gif", ".png")
+Update = Callable[[int], None]
+
+
+def film(
+    solution: Solution,
+    draw: Draw,
+    file: str | Path,
+    *,
+    seconds: float = SECONDS,
+    fps: int = FPS,
+    force: bool = False,
+    units: Units = NONE,
+) -> None:
+    """Write the motion to a film that lasts `seconds`, whatever the motion's own duration.
+
+    A file that ends in .gif or .png (an animated one) needs nothing else, one in .mp4 or .webm
+    ffmpeg. The same motion makes the same file. With `force` the forces of constraint are arrows.
+
+    Raises
+    ------
+    ValueError
+        As `motion_data`; for another ending, or no ffmpeg where it is needed.
+    OSError
+        If the file cannot be written.
+    """
+    count = frames(seconds, fps)
+    figure, update = _reel(solution, draw, count, force, units)
+    write(figure, update, count, file, fps)
+
+
+def animation(
+    solution: Solution,
+    draw: Draw,
+    *,
+    seconds: float = SECONDS,
+    fps: int = FPS,
+    force: bool = False,
+    units: Units = NONE,
+) -> FuncAnimation:
+    """Return the film as matplotlib's animation; a notebook shows its `to_jshtml()`."""
+    count = frames(seconds, fps)
+    figure, update = _reel(solution, draw, count, force, units)
+    return FuncAnimation(figure, update, count, interval=1000 / fps)
+
+
+def frames(seconds: float, fps: int) -> int:
+    """Return the number of frames of a film. Raises ValueError for less than two."""
+    count = round(seconds * fps) if seconds > 0 and fps > 0 else 0
+    if count < 2:
+        raise ValueError(
+            f"expected a film of at least two frames, found {seconds} seconds at {fps} frames a "
+            "second"
+        )
+    return count
+
+
+def write(figure: Figure, update: Update, count: int, file: str | Path, fps: int) -> None:
+    """Write `figure` as it is after each update(k), k = 0 ... count - 1; raises as `film`."""
+    target = Path(file)
+    ending = target.suffix.lower()
+    if ending not in (*IMAGES, *CODECS):
+        raise ValueError(
+            f"expected a file that ends in {', '.join([*IMAGES, *CODECS])}, found {target.name!r}"
+        )
+    if ending in CODECS and not FFMpegWriter.isAvailable():
+        raise ValueError(
+            f"expected ffmpeg on the path to write {ending}, found none; install it, or write "
+            f"{' or '.join(IMAGES)}, which need nothing else"
+        )
+    with NamedTemporaryFile(dir=target.parent, suffix=ending, delete=False) as part:
+        try:
+            part.close()
+            if ending in CODECS:
+                _encode(figure, update, count, part.name, fps, CODECS[ending])
+            else:
+                first, *rest = _images(figure, update, count, ending == ".gif")
+                first.save(
+                    part.name, save_all=True, append_images=rest, duration=round(1000 / fps), loop=0
+                )
+            os.replace(part.name, target)
+        except BaseException:
+            os.unlink(part.name)
+            raise
+
+
+def _encode(figure: Figure, update: Update, count: int, file: str, fps: int, codec: str) -> None:
+    exact = ["-fflags", "+bitexact", "-flags:v", "+bitexact"]  # no date, no version
+    writer = FFMpegWriter(fps, codec, extra_args=exact)
+    with writer.saving(figure, file, DPI):
+        for k in range(count):
+            update(k)
+            writer.grab_frame()
+
+
+def _images(figure: Figure, update: Update, count: int, few: bool) -> Iterator[Image.Image]:
+    """Yield the frames, in the last one's colours if there may be but `few`."""
+    figure.set_dpi(DPI)
+    canvas = FigureCanvasAgg(figure)
+
+    def image(k: int) -> Image.Image:
+        update(k)
+        canvas.draw()
+        size = canvas.get_width_height()
+        return Image.frombytes("RGBA", size, bytes(canvas.buffer_rgba())).convert("RGB")
+
+    palette = image(count - 1).quantize(255) if few else None
+    if palette is not None:
+        palette.putpalette([255, 255, 255, *(palette.getpalette() or [])])  # white stays white
+    for k in range(count):
+        found = image(k)
+        yield (
+            found if palette is None else found.quantize(palette=palette, dither=Image.Dither.NONE)
+        )
+
+
+def _reel(
+    solution: Solution, draw: Draw, count: int, force: bool, units: Units
+) -> tuple[Figure, Update]:
+    """Return a figure, and the function that turns it to the k-th of `count` times."""
+    data = motion_data(solution, draw, count, force)
+    view = stage(data)
+    at = np.linspace(0.0, 1.0, data.trails.shape[2])
+    decimals = max(0, int(np.ceil(2 - np.log10(data.t[-1] - data.t[0]))))
+    with styled():
+        figure = Figure(inches(view), layout="constrained")
+        ax = figure.subplots()
+        prepare(ax, data, view, units)
+        trails = []
+        for b, trail in enumerate(data.trails):
+            ax.plot(*trail, color=faded(body_colour(b), AHEAD), linewidth=1.2)
+            trails += ax.plot([], [], color=body_colour(b), linewidth=1.6)
+        lines = [shape(ax, data, s, 0) for s in range(len(data.kinds))]
+        pulls = arrows(ax, data, 0) if force else None
+        words = ax.set_title(" ")
+        figure.draw_without_rendering()
+        figure.set_layout_engine("none")  # nothing shifts from frame to frame
+
+    def update(k: int) -> None:
+        for s, line in enumerate(lines):
+            line.set_data(*outline(data, s, k))
+        past = at <= k / (count - 1)
+        for line, trail, place in zip(trails, data.trails, data.bodies, strict=True):
+            line.set_data(*np.c_[trail[:, past], place[:, k]])
+        if pulls is not None and data.forces is not None:
+            pulls.set_offsets(data.bodies[:, :, k])
+            pulls.set_UVC(*data.forces[:, :, k].T)
+        time = f"{data.t[k]:.{decimals}f} {units.time}".rstrip()
+        words.set_text(f"{heading(solution)}: $t$ = {time}")
+
+    return figure, update

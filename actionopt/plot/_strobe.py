@@ -1,0 +1,250 @@
+"""The motion in space as one picture: what stands where at equal times, as a strobe would show it.
+
+Below the picture stands its scale, for what is drawn has no axes of its own. A motion along a line
+would cover its own traces: it becomes a strip, each time beside the one before, in which a body's
+trail is its coordinate against time.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
+from matplotlib.lines import Line2D
+from matplotlib.quiver import Quiver
+
+from actionopt.plot._motion import STILL, Draw, Motion, motion_data
+from actionopt.plot._style import (
+    BLUE,
+    GREEN,
+    NONE,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILION,
+    Units,
+    heading,
+    label,
+    on,
+    styled,
+)
+from actionopt.quadrature import Array
+from actionopt.solution import Solution
+
+BODIES = (BLUE, GREEN, PURPLE, ORANGE, SKY)  # vermilion is for forces
+DARK, SCENERY = "#222222", "#8c8c8c"
+LOOKS: dict[str, Any] = {
+    "ground": {"linewidth": 2.2},
+    "rod": {"linewidth": 1.8},
+    "spring": {"linewidth": 1.1, "solid_joinstyle": "round"},
+    "body": {"marker": "o", "markersize": 9, "markeredgewidth": 1.4, "linestyle": "none"},
+    "point": {"marker": "o", "markersize": 4.5, "linestyle": "none"},  # a ground of one point
+}
+ARROWS: Any = {
+    "angles": "xy", "scale_units": "xy", "width": 0.006, "minlength": 0, "zorder": 3.5,
+}  # fmt: skip
+MOVING = 1.4  # a line of scenery that moves
+FAINTEST = 0.25  # how strong the first time is drawn, in parts of the last
+TRAIL = 0.45  # and how strong a trail is
+TURNS, BREADTH = 8, 0.03  # of a spring; its breadth in parts of the picture's size
+MARGIN = 0.06  # of the picture's size, on all sides, and between the scales
+NARROWEST = 0.7  # a view's width in parts of its height
+STRIP = 0.09  # of the picture's size: least distance of a strip's pictures
+CROWDED = 6  # more times than these are not all written beside a strip
+ROW = 0.06  # of the view's height: where the row of scales is
+SCALE = 0.2  # of the picture's width: the longest scale
+INCHES = 6.4  # the longer side of a picture of its own
+WORDS = 0.6  # inches above and below it
+
+
+def motion(
+    solution: Solution,
+    draw: Draw,
+    ax: Axes | None = None,
+    *,
+    count: int = 9,
+    force: bool = False,
+    units: Units = NONE,
+) -> Axes:
+    """Draw the motion at `count` equal times, earlier ones fainter, the bodies open at the start.
+
+    With `force` the forces of constraint are arrows on the bodies. `draw` is `scene.draw` or one
+    of your own; it, and what is raised, are explained at `motion_data`.
+    """
+    data = motion_data(solution, draw, count, force)
+    strip = _strip(data)
+    shares = np.linspace(0.0, 1.0, count)
+    with styled():
+        view = stage(data, strip)
+        ax = on(ax, figsize=inches(view))
+        prepare(ax, data, view, units)
+        along = np.outer(strip, np.linspace(0.0, 1.0, data.trails.shape[2]))
+        for b, trail in enumerate(data.trails):
+            ax.plot(*(trail + along), color=faded(body_colour(b), TRAIL), linewidth=1.2)
+        for k, share in enumerate(shares):
+            strength = FAINTEST + (1 - FAINTEST) * share
+            for s, still in enumerate(data.still):
+                if not still or strip.any() or k == count - 1:  # what stays is drawn once
+                    shape(ax, data, s, k, share * strip, strength, hollow=k == 0)
+            if force:
+                arrows(ax, data, k, share * strip, strength)
+        if strip.any():
+            _times(ax, data, strip, units)
+        step = f"{(data.t[-1] - data.t[0]) / (count - 1):.3g} {units.time}".rstrip()
+        first = ax.plot([], [], color=SCENERY, markerfacecolor="white", **LOOKS["body"])
+        at = {"bbox_to_anchor": (1.0, _row(view)), "bbox_transform": ax.get_yaxis_transform()}
+        ax.legend(first, ["start"], loc="center right", handletextpad=0, borderaxespad=0, **at)
+        ax.set_title(f"{heading(solution)}: {count} times, {step} apart")
+    return ax
+
+
+# -- what films draw too ---------------------------------------------------------------------
+
+
+def stage(data: Motion, strip: Array | float = 0.0) -> Array:
+    """Return left, right, bottom and top of the view: the whole motion, and a row for scales."""
+    across, down = np.broadcast_to(strip, 2)
+    left, right, bottom, top = data.box
+    right, bottom = right + across, bottom + down
+    margin = MARGIN * float(np.hypot(right - left, top - bottom))
+    spare = max(0.0, NARROWEST * (top - bottom) - (right - left)) / 2
+    left, right = left - spare - margin, right + spare + margin
+    return np.array([left, right, bottom - 3 * margin, top + margin])
+
+
+def inches(view: Array) -> tuple[float, float]:
+    """Return the size of a figure for it."""
+    width, height = view[1] - view[0], view[3] - view[2]
+    inch = INCHES / max(width, height)
+    return inch * width, inch * height + WORDS
+
+
+def prepare(ax: Axes, data: Motion, view: Array, units: Units) -> None:
+    """Make lengths true in both directions, and draw the scales."""
+    left, right, bottom, top = view
+    ax.set(xlim=(left, right), ylim=(bottom, top), xticks=[], yticks=[])
+    ax.set_aspect("equal", adjustable="box")
+    ax.spines[:].set_visible(False)
+    y, length = _row(view), nice(SCALE * (right - left))
+    x = float(data.box[0])
+    ax.plot([x, x + length], [y, y], color=DARK, linewidth=1.6, marker="|", markersize=7)
+    _words(ax, x + length, y, f"{length:g} {units.length}")
+    if data.forces is not None and data.arrow:
+        strongest = float(np.max(np.linalg.norm(data.forces, axis=1)))
+        force = nice(min(strongest, SCALE * (right - left) / data.arrow))
+        x = (left + right) / 2
+        ax.quiver(x, y, force, 0.0, color=VERMILION, scale=1 / data.arrow, **ARROWS)
+        _words(ax, x + data.arrow * force, y, f"force {force:g} {units.force}")
+
+
+def shape(
+    ax: Axes,
+    data: Motion,
+    s: int,
+    k: int,
+    shift: Array | float = 0.0,
+    strength: float = 1.0,
+    *,
+    hollow: bool = False,
+) -> Line2D:
+    """Draw shape s at the time k, `shift` away; a body may be hollow."""
+    kind = data.kinds[s]
+    x, y = outline(data, s, k) + np.reshape(shift, (-1, 1))
+    if kind == "body":
+        colour = body_colour(data.kinds[:s].count("body"))
+        edge = faded(colour, max(strength, TRAIL)) if hollow else "white"
+        face = "white" if hollow else faded(colour, strength)
+        return ax.plot(x, y, markerfacecolor=face, markeredgecolor=edge, zorder=4, **LOOKS[kind])[0]
+    look = LOOKS["point" if x.size == 1 else kind]
+    colour = SCENERY if kind == "ground" else DARK
+    line = ax.plot(x, y, color=faded(colour, strength), zorder=3, **look)[0]
+    if not data.still[s] and kind == "ground":
+        line.set_linewidth(MOVING)
+    return line
+
+
+def outline(data: Motion, s: int, k: int) -> Array:
+    """Return the line to draw for shape s at the time k, (2, P): a spring's zigzag, else itself."""
+    points = data.points[s][k]
+    if data.kinds[s] != "spring":
+        return points
+    a, along = points[:, 0], points[:, 1] - points[:, 0]
+    length = float(np.hypot(*along))
+    if not length:
+        return points
+    across = np.array([-along[1], along[0]]) / length * BREADTH * data.size
+    at = np.r_[0.0, np.linspace(0.12, 0.88, 2 * TURNS + 1), 1.0]
+    side = np.r_[0.0, 0.0, np.tile([1.0, -1.0], TURNS)[:-1] / 2, 0.0, 0.0]
+    return a[:, None] + np.outer(along, at) + np.outer(across, side)
+
+
+def arrows(
+    ax: Axes, data: Motion, k: int, shift: Array | float = 0.0, strength: float = 1.0
+) -> Quiver:
+    """Draw the forces at the time k."""
+    assert data.forces is not None
+    x, y = data.bodies[:, :, k].T + np.reshape(shift, (-1, 1))
+    scale = 1 / data.arrow if data.arrow else 1.0
+    colour = faded(VERMILION, strength)
+    return ax.quiver(x, y, *data.forces[:, :, k].T, color=colour, scale=scale, **ARROWS)
+
+
+def faded(colour: str, strength: float) -> Any:
+    """Return the colour on white at a strength from 0 to 1, opaque."""
+    return tuple(1 - strength * (1 - np.array(to_rgb(colour))))
+
+
+def nice(most: float) -> float:
+    """Return the largest of 1, 2, 5, 10, 20, ... and their decimal parts that is at most `most`.
+
+    >>> nice(0.73), nice(2.0), nice(49.0)
+    (0.5, 2.0, 20.0)
+    """
+    power = 10.0 ** np.floor(np.log10(most))
+    return float(max(step for step in (power, 2 * power, 5 * power) if step <= most))
+
+
+# -- parts -----------------------------------------------------------------------------------
+
+
+def _row(view: Array) -> float:
+    """Return the height of the row of scales."""
+    return float(view[2] + ROW * (view[3] - view[2]))
+
+
+def body_colour(b: int) -> str:
+    return BODIES[b % len(BODIES)]
+
+
+def _words(ax: Axes, x: float, y: float, text: str) -> None:
+    ax.annotate(
+        text, (x, y), (6, 0), textcoords="offset points", va="center_baseline", fontsize="small"
+    )
+
+
+def _strip(data: Motion) -> Array:
+    """Return how far the last time is drawn from the first, (2,): zero but for motions on a line.
+
+    Down for a motion to the right and left, to the right for one up and down.
+    """
+    left, right, bottom, top = data.box
+    spans = np.ptp(data.trails, axis=2).max(axis=0, initial=0.0)  # of a body, in x and y
+    for i, direction, breadth in ((0, (0.0, -1.0), top - bottom), (1, (1.0, 0.0), right - left)):
+        if spans[1 - i] <= STILL * data.size < spans[i]:
+            apart = max(1.2 * breadth, STRIP * data.size)
+            return apart * (data.t.size - 1) * np.array(direction)
+    return np.zeros(2)
+
+
+def _times(ax: Axes, data: Motion, strip: Array, units: Units) -> None:
+    """Write the times beside the pictures of a strip."""
+    down = bool(strip[1])
+    at = data.bodies[0, int(down), 0] + np.linspace(0.0, 1.0, data.t.size) * strip[int(down)]
+    axis = ax.yaxis if down else ax.xaxis
+    every = slice(None, None, 2 if at.size > CROWDED else 1)
+    axis.set_ticks(at[every], [f"{t:.3g}" for t in data.t[every]])
+    axis.set_tick_params(length=0)
+    axis.set_label_text(label("time $t$", units.time))
+    ax.grid(False)
