@@ -13,6 +13,7 @@ from actionopt.plot import Motion, motion_data
 
 FRAMES = 121
 GHOSTS = 7  # places shown in the picture
+BODIES = ("#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 LEAST_SHAPE = 0.42  # of the longer side: a motion along a line gets some air
 
 
@@ -63,23 +64,24 @@ def thumbnail(subject: Subject) -> str:
     left, right, bottom, top = padded(data["box"])
     width, height = right - left, top - bottom
     size = max(width, height)
-    drawn = [_line(trail, "t") for trail in data["trails"]]
+    drawn = [_line(trail, f"t c{b % len(BODIES)}") for b, trail in enumerate(data["trails"])]
     for k in range(GHOSTS):
-        shapes = [
-            _shape(shape["kind"], shape["points"][0 if shape["still"] else k], size)
-            for shape in data["shapes"]
-            if k == 0 or not shape["still"]
-        ]
+        shapes, body = [], 0
+        for shape in data["shapes"]:
+            if k == 0 or not shape["still"]:
+                points = shape["points"][0 if shape["still"] else k]
+                shapes.append(_shape(shape["kind"], points, size, body))
+            body += shape["kind"] == "body"
         opacity = 1.0 if k == GHOSTS - 1 else 0.2 + 0.35 * k / GHOSTS
         drawn.append(f'<g opacity="{opacity:.2f}">{"".join(shapes)}</g>')
     stroke = 0.008 * size
     style = (
         "polyline{fill:none;stroke-linecap:round;stroke-linejoin:round}"
-        f".t{{stroke:#0072B2;stroke-width:{stroke:.4g}}}"
+        f".t{{stroke-width:{stroke:.4g};opacity:.5}}"
         f".r{{stroke:#333;stroke-width:{1.6 * stroke:.4g}}}"
         f".s{{stroke:#555;stroke-width:{stroke:.4g}}}"
-        f".g{{stroke:#8a8a8a;stroke-width:{stroke:.4g}}}"
-        ".b{fill:#D55E00}.g1{fill:#8a8a8a}"
+        f".g{{stroke:#8a8a8a;stroke-width:{stroke:.4g}}}.p{{fill:#8a8a8a}}"
+        + "".join(f".c{b}{{stroke:{hue}}}.b{b}{{fill:{hue}}}" for b, hue in enumerate(BODIES))
     )
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{left:.6g} {-top:.6g} {width:.6g} '
@@ -87,11 +89,11 @@ def thumbnail(subject: Subject) -> str:
     )
 
 
-def _shape(kind: str, points: Any, size: float) -> str:
+def _shape(kind: str, points: Any, size: float, body: int) -> str:
     if kind == "body":
-        return _dot(points[0], 0.022 * size, "b")
+        return _dot(points[0], 0.022 * size, f"b{body % len(BODIES)}")
     if kind == "ground" and len(points) == 1:
-        return _dot(points[0], 0.01 * size, "g1")
+        return _dot(points[0], 0.01 * size, "p")
     if kind == "spring":
         points = zigzag(points[0], points[1], 0.03 * size)
     return _line(points, kind[0])

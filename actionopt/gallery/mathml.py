@@ -126,7 +126,9 @@ class _Writer:
             return f"<{kind}>{body}{index}{exponent}</{kind}>"
         if isinstance(node.base, Call):
             return self.call(node.base, exponent)
-        return f"<msup>{self.factor(node.base)}{exponent}</msup>"
+        plain = isinstance(node.base, (Number, Size))
+        base = self(node.base) if plain else _bracket(self(node.base))
+        return f"<msup>{base}{exponent}</msup>"
 
     def call(self, node: Call, exponent: str = "") -> str:
         if node.function == "sqrt":

@@ -64,7 +64,8 @@ def scene_page(name: str) -> Page:
 {_parameters(s)}
 {_events(s)}
 </div>
-<div class="usage">{prose(words.usage)}</div>
+<div class="usage"><p>With other numbers, <code>scenes.get("{name}", &hellip;)</code>:</p>
+{prose(words.usage)}</div>
 </section>
 <section><h2>What is known, and what was found</h2>
 {_known(s)}
@@ -130,7 +131,7 @@ def _parameters(s: Subject) -> str:
     values = problem.system.table.values(problem.parameters)
     rows = [
         (
-            f"{symbol(key)} <code>{key}</code>" if len(key) < 4 else f"<code>{key}</code>",
+            symbol(key),
             number(float(value), 8),
             _unit(unit(name, key)),
         )

@@ -4,6 +4,7 @@
   const NS = "http://www.w3.org/2000/svg";
   const SECONDS = 5; // one showing
   const REST = 0.8; // before it starts again
+  const COLOURS = 5; // of bodies, in turn
   const still = matchMedia("(prefers-reduced-motion: reduce)");
 
   function element(parent, name, look) {
@@ -40,10 +41,12 @@
     for (const trail of film.trails) {
       element(svg, "polyline", "path").setAttribute("points", text(trail));
     }
-    const tails = film.trails.map(() => element(svg, "polyline", "tail"));
+    const tails = film.trails.map((_, i) => element(svg, "polyline", `tail b${i % COLOURS}`));
+    let bodies = 0;
     const shapes = film.shapes.map(({ kind, points }) => {
       const dot = points[0].length === 1;
-      const made = element(svg, dot ? "circle" : "polyline", kind);
+      const look = kind === "body" ? `body b${bodies++ % COLOURS}` : kind;
+      const made = element(svg, dot ? "circle" : "polyline", look);
       if (dot) made.setAttribute("r", (kind === "body" ? 0.022 : 0.01) * size);
       return made;
     });
@@ -67,9 +70,9 @@
         const upTo = Math.round((frame / last) * (trail.length - 1));
         tails[i].setAttribute("points", text(trail.slice(0, upTo + 1)));
       });
-      const bodies = film.shapes.filter(({ kind }) => kind === "body");
+      const carriers = film.shapes.filter(({ kind }) => kind === "body");
       arrows.forEach((arrow, i) => {
-        const { still, points } = bodies[i];
+        const { still, points } = carriers[i];
         const [[x, y]] = still ? points[0] : between(points[k], points[k + 1], s);
         const [[u, w]] = between([film.arrows[i][k]], [film.arrows[i][k + 1]], s);
         const long = Math.hypot(u, w), h = 0.025 * size;
