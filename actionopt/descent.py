@@ -15,7 +15,7 @@ import numpy as np
 
 from actionopt.newton import CONTRACTION
 from actionopt.quadrature import Array
-from actionopt.transcription import Factors, Transcription, negative_eigenvalues
+from actionopt.transcription import Factors, Transcription, definite
 
 STEPS = 60
 FIRST, RAISE, LOWER, LARGEST = 0.01, 3.0, 0.3, 1e6  # of mu, in units of K
@@ -55,7 +55,7 @@ def descend(tr: Transcription, z: Array) -> Descended:
         while count < STEPS and np.max(np.abs(z)) < RUNAWAY:
             farthest = LONGEST * max(1.0, float(np.max(np.abs(z))))
             H, K = tr.kkt(z), tr.kinetic(z)
-            while negative_eigenvalues(tr.layout, H + mu * K):
+            while not definite(tr.layout, H + mu * K):
                 mu = max(RAISE * mu, FIRST)
             while True:
                 count += 1

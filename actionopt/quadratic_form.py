@@ -235,12 +235,12 @@ def _eliminate(M: Array, first: int, stop: int, force: bool) -> tuple[Array, int
 def _kinetic(g, c: Array, half: Array) -> Array:
     E, k = c.shape[:2]
     n = c.shape[2]
-    rate = g.stiffness @ (c / half[:, None, None, None]).reshape(E, k, n * n)
+    rate = g.rule.stiffness @ (c / half[:, None, None, None]).reshape(E, k, n * n)
     return rate.reshape(E, k, k, n, n).transpose(0, 1, 3, 2, 4)
 
 
 def _rest(g, a: Array, b: Array, half: Array) -> Array:
-    wD = g.rule.weights[:, None] * g.rule.derivative
+    wD = g.rule.weighted
     mixed = np.einsum("ejab,jl->ejalb", b, wD)
     result = mixed + mixed.transpose(0, 3, 4, 1, 2)
     j = np.arange(len(wD))

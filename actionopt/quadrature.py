@@ -8,7 +8,7 @@ good to 1e-12 is good to 1e-10 only.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -43,6 +43,17 @@ class Rule:
     barycentric: Array
     derivative: Array
     to_legendre: Array
+
+    @cached_property
+    def weighted(self) -> Array:
+        """The matrix w_k D_kj, (d + 1, d + 1)."""
+        return self.weights[:, None] * self.derivative
+
+    @cached_property
+    def stiffness(self) -> Array:
+        """The matrices w_k D_kj D_kl, ((d + 1)^2, d + 1): row (j, l), column k."""
+        products = np.einsum("kj,kl->jlk", self.weighted, self.derivative)
+        return products.reshape(-1, self.degree + 1)
 
     def interpolation(self, xi: Array) -> Array:
         """Return the matrix (K, d + 1) that maps nodal values to values at the K points `xi`."""

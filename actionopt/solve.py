@@ -25,7 +25,7 @@ from actionopt.path import Mesh, Path
 from actionopt.preflight import check, project
 from actionopt.problem import Problem
 from actionopt.quadrature import Array
-from actionopt.refine import Resolution, refined, resolution
+from actionopt.refine import DEGREES, Resolution, refined, resolution
 from actionopt.solution import Solution
 from actionopt.status import SolveError, Status
 from actionopt.transcription import Principle, Transcription, find, negative_eigenvalues
@@ -214,7 +214,8 @@ class _Run:
         for elements in meshes:
             self.sizes = self.problem.scales
             self.gain, self.error = UNKNOWN_GAIN, np.inf
-            self._place(self._coarse(elements), known)
+            degree = self._fine_degree() if rung == "newton" else COARSE_DEGREE
+            self._place(self._uniform(elements, degree), known)
             if not self._seek(rung):
                 if self.least and self.diverged:
                     return Status.UNBOUNDED
@@ -266,25 +267,38 @@ class _Run:
         assert self.curve is not None
         status = Status.NOT_FOUND
         for elements in NEAR_GUESS:
-            curve = self.curve(self._coarse(elements))
+            coarse = self._uniform(elements, COARSE_DEGREE)
+            curve = self.curve(coarse)
             mesh = self.given or (curve.mesh if elements == NEAR_GUESS[0] else None)
             self.sizes = _sizes(curve.values.T, self.problem.scales)
-            self._place(mesh or self._coarse(elements), curve)
+            self._place(mesh or coarse, curve)
             if self._follow() or self._approach() or self._root() or self._release():
                 status = self._settle()
                 if status is not Status.UNRESOLVED:
                     break
         return status
 
-    def _coarse(self, elements: int) -> Mesh:
+    def _uniform(self, elements: int, degree: int) -> Mesh:
         problem = self.problem
-        return Mesh.uniform(problem.start.t, problem.end.t, elements, COARSE_DEGREE)
+        return Mesh.uniform(problem.start.t, problem.end.t, elements, degree)
+
+    def _fine_degree(self) -> int:
+        """Return a degree with which a few elements of a smooth path may meet the tolerance.
+
+        About one degree a digit. A second mesh costs more where the coordinates are few.
+        """
+        if self.problem.system.n > FEW:
+            return COARSE_DEGREE
+        wanted = max(COARSE_DEGREE, -np.log10(self.tol) + 3)
+        return int(DEGREES[min(np.searchsorted(DEGREES, wanted), DEGREES.size - 1)])
 
     def _solve_linear(self) -> Status:
         self.rung = "linear"
         self.sizes = self.problem.scales
-        coarse = self._coarse(LINEAR)
-        self._place(self.given or (self.curve(coarse).mesh if self.curve else coarse), None)
+        mesh = self.given or self._uniform(LINEAR, self._fine_degree())
+        if self.curve is not None and self.given is None:
+            mesh = self.curve(mesh).mesh
+        self._place(mesh, None)
         return self._settle() if self._follow() else Status.DEGENERATE
 
     def _settle(self) -> Status:

@@ -51,33 +51,39 @@ class Transcription:
         self, problem: Problem, mesh: Mesh, lengths: Array, *, like: Transcription | None = None
     ) -> None:
         self.problem, self.mesh, self.lengths = problem, mesh, lengths
-        self.layout = layout_for(problem, mesh.degrees)
+        self.layout = layout_for(problem, mesh)
         self.counts: Counter[str] = Counter()
         layout, n = self.layout, problem.system.n
+        self.times = mesh.nodes[layout.node_of][:, None]
         self.half = mesh.lengths / 2
-        nodes = mesh.nodes
-        self.times = nodes[layout.node_of][:, None]
-        weight = np.empty(layout.evaluations)
-        for g in layout.groups:
-            weight[g.span] = (self.half[g.elements][:, None] * g.rule.weights).ravel()
+        self._halves = [self.half[g.elements][:, None, None] for g in layout.groups]
+        weights = [
+            (h[:, 0] * g.rule.weights).ravel()
+            for h, g in zip(self._halves, layout.groups, strict=True)
+        ]
+        weight = np.concatenate(weights)
         self.weight = weight[:, None]
         self.ends = np.zeros((layout.node_count, n))
         for k, event in ((0, problem.start), (-1, problem.end)):
             self.ends[k] = [0.0 if x is None else x for x in event.q]
-        self.x_unit = np.broadcast_to(lengths, self.ends.shape).ravel()[layout.free]
-        self._last: tuple[Array, tuple] | None = None
-        self._fixed_stiffness: list | None = None
+        self.x_unit = lengths[layout.free % n]
+        self._point: tuple[Array, Array, Array, Array] | None = None
+        self._values: tuple[float, Array] | None = None
+        self._stiff: Array | None = None
         # Nonzeros of the mass matrix half way along the straight line, its upper triangle.
         self.inertia = np.zeros(0) if like is None else like.inertia
         self.action_unit, self.row_units = (
             self._units() if like is None else (like.action_unit, like.row_units)
         )
-        node_weight = np.bincount(layout.node_of, weight, layout.node_count)
-        if layout.closed:
-            node_weight[0] += node_weight[-1]
-        self.row_weight = node_weight[layout.row_nodes][:, None]
-        # Rows w f are scaled to gradients of size one, whatever the element's length.
-        self.row_unit = node_weight[layout.row_node] * self.row_units[layout.row_constraint]
+        if layout.rows:
+            node_weight = np.bincount(layout.node_of, weight, layout.node_count)
+            if layout.closed:
+                node_weight[0] += node_weight[-1]
+            self.row_weight = node_weight[layout.row_nodes][:, None]
+            # Rows w f are scaled to gradients of size one, whatever the element's length.
+            self.row_unit = node_weight[layout.row_node] * self.row_units[layout.row_constraint]
+        else:
+            self.row_weight, self.row_unit = np.zeros((0, 1)), np.zeros(0)
         self.mu_unit = self.action_unit / self.row_unit
 
     def _units(self) -> tuple[float, Array]:
@@ -85,12 +91,14 @@ class Transcription:
         system, problem = self.problem.system, self.problem
         Q = self.straight()
         duration = problem.duration
-        _, _, C = self._second(Q[self.layout.node_of])
+        at = Q[self.layout.node_of]
+        _, _, C = self._second(at, self.velocities(at))
         rows, cols = sparsity_of(system, "second", 2)
         self.inertia = C[len(C) // 2].copy()
-        diagonal = np.abs(C[:, rows == cols]) * self.lengths[rows[rows == cols]] ** 2 / duration
+        mine = rows == cols
+        diagonal = np.abs(C[:, mine]) * self.lengths[rows[mine]] ** 2 / duration
         good = diagonal[np.isfinite(diagonal) & (diagonal > 0)]
-        unit = float(np.median(good)) if good.size else 1.0
+        unit = float(np.partition(good, good.size // 2)[good.size // 2]) if good.size else 1.0
         if not system.m:
             return unit, np.ones(0)
         layout = self.layout
@@ -144,27 +152,36 @@ class Transcription:
 
     def velocities(self, at: Array) -> Array:
         """Return the velocities at the evaluations, for coordinates `at` there, both (E, n)."""
-        v = np.empty_like(at)
-        for g in self.layout.groups:
+        parts = []
+        for g, half in zip(self.layout.groups, self._halves, strict=True):
             q = at[g.span].reshape(*g.nodes.shape, -1)
             q = q - q[:, :1]  # a constant has no velocity, nor the round-off of one
-            rate = (1 / self.half[g.elements])[:, None, None]
-            v[g.span] = (rate * (g.rule.derivative @ q)).reshape(-1, at.shape[1])
-        return v
+            parts.append((g.rule.derivative @ q / half).reshape(-1, at.shape[1]))
+        return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+    def _place(self, x: Array) -> tuple[Array, Array, Array]:
+        """Return Q (K, n), and coordinates and velocities at the evaluations, for x."""
+        if self._point is None or not np.array_equal(self._point[0], x):
+            Q = self.coordinates(x)
+            at = Q[self.layout.node_of]
+            self._point = (x.copy(), Q, at, self.velocities(at))
+            self._values = None
+        return self._point[1:]
 
     def _first(self, x: Array) -> tuple[float, Array]:
         """Return S and its gradient (virtual work included) at all nodes, (K n), for x."""
-        if self._last is not None and np.array_equal(self._last[0], x):
-            return self._last[1]
-        result = self.action_and_gradient(self.coordinates(x))
-        self._last = (x.copy(), result)
-        return result
+        _, at, v = self._place(x)
+        if self._values is None:
+            self._values = self._action_and_gradient(at, v)
+        return self._values
 
     def action_and_gradient(self, Q: Array) -> tuple[float, Array]:
         """Return S and grad S + sum w Q over all nodes, (K n), in the user's units."""
+        at = Q[self.layout.node_of]
+        return self._action_and_gradient(at, self.velocities(at))
+
+    def _action_and_gradient(self, at: Array, v: Array) -> tuple[float, Array]:
         system, layout, p = self.problem.system, self.layout, self.problem.packed
-        at = Q[layout.node_of]
-        v = self.velocities(at)
         Lq, Lv, L = system.pointwise("first")(at, v, self.times, p)
         self.counts["first"] += 1
         contribution = self.weight * Lq
@@ -172,16 +189,15 @@ class Transcription:
             contribution += self.weight * system.pointwise("force")(at, v, self.times, p)[0]
             self.counts["force"] += 1
         for g in layout.groups:
-            wD = g.rule.weights[:, None] * g.rule.derivative
             local = Lv[g.span].reshape(*g.nodes.shape, -1)
             # A constant momentum works at the element's ends only: taken out of the sum, its
             # round-off stays out of the nodes between.
-            constant = local[:, 0].copy()
-            pull = wD.T @ (local - constant[:, None])
+            constant = local[:, 0]
+            pull = g.rule.weighted.T @ (local - local[:, :1])
             pull[:, 0] -= constant
             pull[:, -1] += constant
             contribution[g.span] += pull.reshape(-1, at.shape[1])
-        gradient = np.bincount(layout.scatter, contribution.ravel(), Q.size)
+        gradient = np.bincount(layout.scatter, contribution.ravel(), layout.node_count * system.n)
         return float(self.weight[:, 0] @ L[:, 0]), gradient
 
     def action(self, x: Array) -> float:
@@ -200,7 +216,7 @@ class Transcription:
     def constraint(self, x: Array) -> Array:
         """Return the weighted constraint rows w_k f(q_k, t_k)."""
         layout, p = self.layout, self.problem.packed
-        Q = self.coordinates(x)[layout.row_nodes]
+        Q = self._place(x)[0][layout.row_nodes]
         f = self.problem.system.pointwise("constraint")(Q, self.row_times, p)[0]
         self.counts["constraint"] += 1
         return (self.row_weight * f).ravel()[layout.row_select] / self.row_unit
@@ -223,26 +239,36 @@ class Transcription:
 
     # -- second derivatives ----------------------------------------------------------------------
 
-    def _second(self, at: Array) -> list[Array]:
-        system = self.problem.system
+    def _second(self, at: Array, v: Array) -> list[Array]:
         self.counts["second"] += 1
-        return system.pointwise("second")(at, self.velocities(at), self.times, self.problem.packed)
+        return self.problem.system.pointwise("second")(at, v, self.times, self.problem.packed)
 
     def hessian(self, z: Array) -> Array:
         """Return the upper triangle's nonzeros of the Hessian of S + sum w lam f."""
+        return self.layout.hessian.sum(self._curvatures(z)) * self._hessian_unit
+
+    def kinetic(self, z: Array) -> Array:
+        """Return the kinetic part of the KKT matrix, D' w M D alone, on the pattern of `kkt`.
+
+        Positive definite where the mass matrix is: the metric in which a step changes the
+        velocities least. Only for systems without constraints or forces.
+        """
+        _, at, v = self._place(z)
+        stiff = self._stiffness(self._second(at, v)[2]) if self._stiff is None else self._stiff
+        rest = np.zeros(self.layout.contributions)
+        rest[-stiff.size :] = stiff
+        return self._matrix(rest)
+
+    def _curvatures(self, z: Array) -> Array:
+        """Return all contributions to the Hessian of S + sum w lam f, one after the other."""
         layout, system = self.layout, self.problem.system
         structure = system.structure
-        Q = self.coordinates(z)
-        A, B, C = self._second(Q[layout.node_of])
-        if self._fixed_stiffness is None or not structure.constant_mass:
-            stiff = [self._stiff_part(g, C) for g in layout.groups]
-            if structure.constant_mass:
-                self._fixed_stiffness = stiff
-        else:
-            stiff = self._fixed_stiffness
-        parts: list[Array] = [(self.weight * A).ravel()]
-        parts += self._mixed_part(B, diagonal_twice=True)
-        parts += stiff
+        Q, at, v = self._place(z[: layout.unknowns])
+        A, B, C = self._second(at, v)
+        stiff = self._stiffness(C) if self._stiff is None else self._stiff
+        if structure.constant_mass:
+            self._stiff = stiff
+        parts = [(self.weight * A).ravel(), *self._mixed_part(B, diagonal_twice=True), stiff]
         if layout.rows and not structure.affine_constraint:
             lam = np.zeros(layout.row_nodes.size * system.m)
             lam[layout.row_select] = z[layout.unknowns :] * self.mu_unit
@@ -251,33 +277,23 @@ class Transcription:
             )[0]
             self.counts["constraint_curvature"] += 1
             parts.append((self.row_weight * curvature).ravel())
-        H = layout.hessian
-        return H.sum(np.concatenate(parts)) * self._hessian_unit
+        return np.concatenate(parts)
 
-    def kinetic(self, z: Array) -> Array:
-        """Return the kinetic part of the KKT matrix, D' w M D alone, on the pattern of `kkt`.
-
-        Positive definite where the mass matrix is: the metric in which a step changes the
-        velocities least. Only for systems without constraints or forces.
-        """
-        H = self.layout.hessian
-        _, _, C = self._second(self.coordinates(z)[self.layout.node_of])
-        stiff = np.concatenate([self._stiff_part(g, C) for g in self.layout.groups])
-        rest = np.zeros(H.slots.size)
-        rest[-stiff.size :] = stiff
-        return self.layout.kkt.sum((H.sum(rest) * self._hessian_unit)[self.layout.kkt_source])
-
-    def _stiff_part(self, g: Group, C: Array) -> Array:
-        local = C[g.span].reshape(*g.nodes.shape, -1) / self.half[g.elements][:, None, None]
-        return (g.stiffness @ local).ravel()
+    def _stiffness(self, C: Array) -> Array:
+        parts = [
+            (g.rule.stiffness @ (C[g.span].reshape(*g.nodes.shape, -1) / half)).ravel()
+            for g, half in zip(self.layout.groups, self._halves, strict=True)
+        ]
+        return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
     def _mixed_part(self, B: Array, diagonal_twice: bool) -> list[Array]:
+        if not B.size:
+            return []
         parts = []
         for g in self.layout.groups:
             local = B[g.span].reshape(*g.nodes.shape, -1)
-            wD = g.rule.weights[:, None] * g.rule.derivative
-            block = wD[None, :, :, None] * local[:, :, None, :]
-            if diagonal_twice and block.size:
+            block = g.rule.weighted[None, :, :, None] * local[:, :, None, :]
+            if diagonal_twice:
                 rows, cols = sparsity_of(self.problem.system, "second", 1)
                 k = np.arange(g.rule.degree + 1)
                 # An entry on the diagonal receives B and its transpose.
@@ -290,10 +306,14 @@ class Transcription:
         H = self.layout.hessian
         return self.x_unit[H.row] * self.x_unit[H.col] / self.action_unit
 
+    @cached_property
+    def _whole_unit(self) -> Array:
+        return self.x_unit[:, None] * self.x_unit / self.action_unit
+
     def jacobian(self, x: Array) -> Array:
         """Return the nonzeros of the derivative of `constraint`."""
         layout, system = self.layout, self.problem.system
-        Q = self.coordinates(x)[layout.row_nodes]
+        Q = self._place(x)[0][layout.row_nodes]
         G = system.pointwise("constraint_jacobian")(Q, self.row_times, self.problem.packed)[0]
         self.counts["constraint_jacobian"] += 1
         J = layout.jacobian
@@ -302,23 +322,40 @@ class Transcription:
     def kkt(self, z: Array) -> Array:
         """Return the nonzeros of the derivative of `residual`."""
         layout = self.layout
-        pattern = layout.kkt
         x = z[: layout.unknowns]
-        parts = [self.hessian(z)]
-        if layout.rows:
-            parts.append(self.jacobian(x))
-        if self.problem.system.structure.forced:
-            at = self.coordinates(x)[layout.node_of]
-            Fq, Fv = self.problem.system.pointwise("force_jacobian")(
-                at, self.velocities(at), self.times, self.problem.packed
-            )
-            self.counts["force_jacobian"] += 1
-            parts.append(self._forcing(Fq, Fv))
-        if layout.rows:
-            parts.append(np.zeros(1))
-        return pattern.sum(np.concatenate(parts)[layout.kkt_source])
+        J = self.jacobian(x) if layout.rows else None
+        return self._matrix(self._curvatures(z), J, self._forcing(x))
 
-    def _forcing(self, Fq: Array, Fv: Array) -> Array:
+    def _matrix(self, curvatures: Array, J: Array | None = None, F: Array | None = None) -> Array:
+        """Return [H + F, J'; J, 0] on the pattern of `kkt`, from the contributions to H."""
+        layout = self.layout
+        if not layout.whole:
+            parts = [layout.hessian.sum(curvatures) * self._hessian_unit]
+            parts += [part for part in (J, F) if part is not None]
+            return layout.kkt.sum(np.concatenate([*parts, np.zeros(1)])[layout.kkt_source])
+        cut = layout.unknowns
+        H = np.bincount(layout.curvature_slots, curvatures, cut * cut + 1)[:-1].reshape(cut, cut)
+        H *= self._whole_unit
+        K = np.zeros((layout.size, layout.size))  # column by column: the transpose of the matrix
+        K[:cut, :cut] = H + H.T
+        K.ravel()[: cut * (layout.size + 1) : layout.size + 1] = H.diagonal()
+        if J is not None:
+            at = layout.jacobian
+            K[at.row + cut, at.col] = K[at.col, at.row + cut] = J
+        if F is not None:
+            at = layout.forcing
+            K[at.col, at.row] += F
+        return K.ravel()
+
+    def _forcing(self, x: Array) -> Array | None:
+        """Return the derivative of the virtual work, or None where there are no forces."""
+        if not self.problem.system.structure.forced:
+            return None
+        _, at, v = self._place(x)
+        Fq, Fv = self.problem.system.pointwise("force_jacobian")(
+            at, v, self.times, self.problem.packed
+        )
+        self.counts["force_jacobian"] += 1
         parts = [(self.weight * Fq).ravel(), *self._mixed_part(Fv, diagonal_twice=False)]
         F = self.layout.forcing
         unit = self.x_unit[F.row] * self.x_unit[F.col] / self.action_unit

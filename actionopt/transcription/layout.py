@@ -27,17 +27,16 @@ class Group:
     elements: NDInt  # (E,)
     nodes: NDInt  # (E, d + 1)
     span: slice  # rows of the evaluation arrays
-    stiffness: Array  # ((d + 1)^2, d + 1): w_k D_kj D_kl
 
 
 class Layout:
-    """Numbering and sparsity of the discrete problem for one sequence of degrees.
+    """Numbering and sparsity of the discrete problem on all meshes of one shape.
 
     Parameters
     ----------
     system : System
-    degrees : tuple of int
-        Degree of each element.
+    shape : Mesh
+        Its degrees count, its times do not.
     start, end : tuple of int
         Indices of the coordinates pinned at either end.
     closed : bool
@@ -52,24 +51,20 @@ class Layout:
     def __init__(
         self,
         system: System,
-        degrees: tuple[int, ...],
+        shape: Mesh,
         start: tuple[int, ...],
         end: tuple[int, ...],
         closed: bool = False,
     ) -> None:
         self.system, self.closed = system, closed
-        if closed and len(degrees) == 1:
+        if closed and shape.elements == 1:
             raise ValueError("expected at least two elements for a path that closes, found one")
         n, m = system.n, system.m
-        shape = Mesh(np.arange(len(degrees) + 1.0), degrees)
         self.node_count = int(shape.offsets[-1]) + 1
         self.groups: list[Group] = []
         first = 0
         for rule, which, index in shape.groups:
-            wD = rule.weights[:, None] * rule.derivative
-            stiffness = np.einsum("kj,kl->jlk", wD, rule.derivative).reshape(-1, rule.degree + 1)
-            span = slice(first, first + index.size)
-            self.groups.append(Group(rule, which, index, span, stiffness))
+            self.groups.append(Group(rule, which, index, slice(first, first + index.size)))
             first += index.size
         self.evaluations = first
         self.node_of = np.concatenate([g.nodes.ravel() for g in self.groups])
@@ -102,21 +97,45 @@ class Layout:
         """Unknowns and multipliers together."""
         return self.unknowns + self.rows
 
+    @property
+    def contributions(self) -> int:
+        """Number of contributions to the Hessian."""
+        return (self.curvature_slots if self.whole else self.hessian.slots).size
+
     @cached_property
     def scatter(self) -> NDInt:
         """Position in the full gradient (K n) of each evaluation's gradient, flattened."""
         n = self.system.n
         return (self.node_of[:, None] * n + np.arange(n)).ravel()
 
-    @cached_property
-    def hessian(self) -> Pattern:
-        """Upper triangle of the Hessian of S + sum w lam f in the unknowns."""
+    @property
+    def whole(self) -> bool:
+        """Whether `kkt` has every entry: finding a small matrix's zeros takes longer than them."""
+        return self.size <= WHOLE
+
+    def _curvatures(self) -> tuple[NDInt, NDInt]:
+        """Targets of all contributions to the Hessian of S + sum w lam f, in the upper triangle.
+
+        Each is meant for both triangles.
+        """
         targets = [self._diagonal("second", 0), self._mixed("second", 1), self._stiff("second", 2)]
         if self.system.m and not self.system.structure.affine_constraint:
             rows, cols = sparsity_of(self.system, "constraint_curvature")
             at = self.number[self.row_nodes]
             targets.append(_pairs(at[:, rows], at[:, cols]))
-        return Pattern.symmetric(self.unknowns, targets)
+        row, col = (np.concatenate(side) for side in zip(*targets, strict=True))
+        return np.minimum(row, col), np.maximum(row, col)
+
+    @cached_property
+    def curvature_slots(self) -> NDInt:
+        """Place of each contribution to the Hessian in a whole matrix, row by row."""
+        row, col = self._curvatures()
+        return np.where(row >= 0, row * self.unknowns + col, self.unknowns**2)
+
+    @cached_property
+    def hessian(self) -> Pattern:
+        """Upper triangle of the Hessian of S + sum w lam f in the unknowns."""
+        return Pattern.build(self.unknowns, self.unknowns, [self._curvatures()])
 
     @cached_property
     def jacobian(self) -> Pattern:
@@ -134,6 +153,8 @@ class Layout:
     @cached_property
     def kkt(self) -> Pattern:
         """The square system [H + F, G'; G, 0], scattered from the nonzeros of its parts."""
+        if self.whole:
+            return Pattern.full(self.size)
         H = self.hessian
         off = H.row != H.col
         ids = np.arange(H.nnz)
@@ -196,6 +217,7 @@ class Layout:
         return tuple(np.concatenate(side) for side in zip(*parts, strict=True))
 
 
+WHOLE = 100  # unknowns and rows up to which the matrix is stored, and inverted, whole
 _EMPTY = (np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp))
 
 
@@ -234,10 +256,11 @@ class Pattern:
         return cls((rows, cols), unique % max(rows, 1), unique // max(rows, 1), slots)
 
     @classmethod
-    def symmetric(cls, size: int, targets) -> Pattern:
-        """Return the upper triangle only; each contribution is meant for both triangles."""
-        folded = [(np.minimum(r, c), np.maximum(r, c)) for r, c in targets]
-        return cls.build(size, size, folded)
+    def full(cls, size: int) -> Pattern:
+        """Return the pattern of all entries, each with one contribution."""
+        slots = np.arange(size * size)
+        col, row = np.divmod(slots, max(size, 1))
+        return cls((size, size), row, col, slots)
 
     @property
     def nnz(self) -> int:
@@ -258,12 +281,12 @@ class Pattern:
 KEPT = 32  # layouts of a system, the latest used: a large one holds much memory
 
 
-def layout_for(problem: Problem, degrees: tuple[int, ...]) -> Layout:
+def layout_for(problem: Problem, mesh: Mesh) -> Layout:
     """Return the layout shared by all problems of this system, mesh shape and kind of ends."""
     known = problem.system.layouts
     ends = problem.start.pinned, problem.end.pinned
-    key = (degrees, *ends, problem.advance is not None)
-    layout = known.pop(key, None) or Layout(problem.system, *key)
+    key = (mesh.degrees, *ends, problem.advance is not None)
+    layout = known.pop(key, None) or Layout(problem.system, mesh, *key[1:])
     known[key] = layout
     while len(known) > KEPT:
         del known[next(iter(known))]

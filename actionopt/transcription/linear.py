@@ -14,8 +14,6 @@ import numpy as np
 from actionopt.quadrature import Array
 from actionopt.transcription.layout import Layout
 
-DENSE = 40  # up to this size a dense inverse costs less than building a sparse solver
-DENSE_COUNT = 60  # up to this size eigenvalues are counted from all of them
 REGULAR = 1e-10  # on the rows' diagonal, whose gradients are of size one
 REFINEMENTS = 6
 ACCURATE = 1e-10  # residual relative to |b| that is enough: Newton's method corrects the rest
@@ -42,7 +40,7 @@ class Factors:
         if not np.all(np.isfinite(nonzeros)):
             raise np.linalg.LinAlgError("the matrix is not finite")
         self.layout, self.nonzeros = layout, nonzeros
-        self._inverse = np.linalg.inv(_dense(layout, nonzeros)) if layout.size <= DENSE else None
+        self._inverse = np.linalg.inv(_whole(layout, nonzeros)) if layout.whole else None
         self._robust = layout.system.structure.forced
         self._regular = nonzeros if self._robust else _regular(layout, nonzeros)
 
@@ -109,10 +107,23 @@ class _Sparse:
         return self._solved.copy()
 
 
+def definite(layout: Layout, nonzeros: Array) -> bool:
+    """Return whether a symmetric matrix without constraint rows is positive definite."""
+    if not layout.whole:
+        return negative_eigenvalues(layout, nonzeros) == 0
+    try:
+        np.linalg.cholesky(_whole(layout, nonzeros))
+    except np.linalg.LinAlgError:
+        return False
+    return True
+
+
 def negative_eigenvalues(layout: Layout, nonzeros: Array) -> int:
     """Return the number of negative eigenvalues of a symmetric KKT matrix (its inertia)."""
-    if layout.rows and layout.size <= DENSE_COUNT:
-        return int(np.sum(np.linalg.eigvalsh(_dense(layout, nonzeros)) < 0))
+    if layout.whole:
+        if not layout.rows and definite(layout, nonzeros):
+            return 0
+        return int(np.sum(np.linalg.eigvalsh(_whole(layout, nonzeros)) < 0))
     matrix = ca.DM(layout.kkt.sparsity, _regular(layout, nonzeros))
     if "inertia" not in layout.solvers:
         layout.solvers["inertia"] = ca.Linsol("inertia", "ldl", layout.kkt.sparsity)
@@ -136,8 +147,5 @@ def _regular(layout: Layout, nonzeros: Array) -> Array:
     return shifted
 
 
-def _dense(layout: Layout, nonzeros: Array) -> Array:
-    pattern = layout.kkt
-    matrix = np.zeros(pattern.shape)
-    matrix[pattern.row, pattern.col] = nonzeros
-    return matrix
+def _whole(layout: Layout, nonzeros: Array) -> Array:
+    return nonzeros.reshape(layout.size, layout.size).T
