@@ -6,12 +6,13 @@ import re
 from functools import cache
 from hashlib import sha256
 from importlib.metadata import version
-from importlib.resources import files
+from pathlib import Path
 
 import actionopt
 from actionopt import scenes
 
-BESIDE = ("chapter", "suite", "cli", "__main__", "scenes")  # rooms no page depends on as a whole
+PACKAGE = Path(actionopt.__file__).parent
+BESIDE = ("chapter", "suite", "cli", "__main__")  # rooms no page depends on
 LIBRARIES = ("casadi", "matplotlib", "numpy")
 IMPORT = re.compile(r"^from actionopt\.scenes(?: import |\.)(?!_)(\w+)", re.MULTILINE)
 
@@ -26,8 +27,8 @@ def key(name: str) -> str:
 
 def static() -> dict[str, str]:
     """Return the files that all pages share: name and text."""
-    folder = files("actionopt.gallery") / "static"
-    return {f.name: f.read_text(encoding="utf-8") for f in folder.iterdir() if f.is_file()}
+    folder = PACKAGE / "gallery" / "static"
+    return {file.name: file.read_text(encoding="utf-8") for file in sorted(folder.iterdir())}
 
 
 @cache
@@ -36,15 +37,11 @@ def _common() -> bytes:
     digest = sha256(actionopt.__version__.encode())
     for library in LIBRARIES:
         digest.update(f"{library} {version(library)}".encode())
-    package = files("actionopt")
-    for room in sorted(package.iterdir(), key=lambda f: f.name):
-        if room.name.removesuffix(".py") in BESIDE:
-            continue
-        for file in [room] if room.is_file() else sorted(room.iterdir(), key=lambda f: f.name):
-            if file.is_file() and file.name.endswith(".py"):
-                digest.update(file.name.encode() + file.read_bytes())
-    for file in ("__init__", "_elliptic", "_scene", "_shapes"):
-        digest.update(_source(file))
+    for file in sorted(PACKAGE.rglob("*")):
+        room = file.relative_to(PACKAGE).parts[0].removesuffix(".py")
+        beside = room in BESIDE or (room == "scenes" and file.stem in scenes.SCENES)
+        if file.suffix in (".py", ".html") and not beside:
+            digest.update(str(file.relative_to(PACKAGE)).encode() + file.read_bytes())
     return digest.digest()
 
 
@@ -59,4 +56,4 @@ def _needed(name: str) -> set[str]:
 
 
 def _source(scene: str) -> bytes:
-    return (files("actionopt.scenes") / f"{scene}.py").read_bytes()
+    return (PACKAGE / "scenes" / f"{scene}.py").read_bytes()

@@ -2,10 +2,157 @@
 
 from __future__ import annotations
 
-from actionopt.gallery.page import Page, frame
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from string import Template
+
+import numpy as np
+
+from actionopt import plot, scenes
+from actionopt.gallery.explorer import OSCILLATOR, PROJECTILE
+from actionopt.gallery.page import Page, escape, frame, rounded
+from actionopt.gallery.subject import Subject
+from actionopt.plot import SI
+from actionopt.solve import solve
+
+SHORT, LONG = 0.7, 1.4  # durations of the two oscillators, in half periods
+TEMPLATE = Path(__file__).parent / "templates" / "least.html"
+TITLE = "Is it really least?"
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure of the page: its file, its shape, its words."""
+
+    name: str
+    svg: str
+    size: tuple[float, float]
+    alt: str
+    caption: str
+
+    @property
+    def html(self) -> str:
+        """The figure as HTML."""
+        width, height = (round(100 * side) for side in self.size)
+        return (
+            f'<figure class="wide"><img src="least/{self.name}.svg" alt="{escape(self.alt)}" '
+            f'width="{width}" height="{height}" loading="lazy">\n'
+            f"<figcaption>{self.caption}</figcaption></figure>"
+        )
 
 
 def story() -> Page:
     """Return the page."""
-    main = "<h1>Is it really least?</h1>"
-    return Page({"least.html": frame("Is it really least?", main, root="", description="")})
+    short, long = (_oscillator(share) for share in (SHORT, LONG))
+    found = [_landscapes(short, long), _slices(short, long), _fan(long), _spectrum(long)]
+    text = TEMPLATE.read_text(encoding="utf-8")
+    main = Template(text).substitute(
+        {picture.name: picture.html for picture in found},
+        title=TITLE,
+        half=f"{np.pi:.4g}",  # of the scene's mass and spring
+        short=f"{SHORT:g}",
+        long=f"{LONG:g}",
+        projectile=PROJECTILE.html(
+            "The ball's path between its two events, with handles at fixed times. Below, the "
+            "Lagrangian along the path: the blue area less the vermilion one is the action."
+        ),
+        oscillator=OSCILLATOR.html(
+            "Place of the mass against time. Arrow keys move a handle, with Shift in small steps."
+        ),
+        census=_census(),
+    )
+    html = frame(
+        f"{TITLE} - actionopt",
+        main,
+        root="",
+        description="When a stationary action is a least one: bowl, focus, saddle.",
+        scripts=["explorer.js"],
+    )
+    return Page({"least.html": html, **{f"least/{p.name}.svg": p.svg for p in found}})
+
+
+def _oscillator(share: float) -> Subject:
+    """Return a part of the oscillator's own motion, or more than all, in half periods."""
+    own = scenes.get("oscillator")
+    assert own.exact is not None
+    scene = scenes.get("oscillator", duration=share * np.pi, end=float(own.exact(share * np.pi)[0]))
+    return Subject(scene, solve(scene.problem, tol=1e-10))
+
+
+def _landscapes(short: Subject, long: Subject) -> Picture:
+    both, size = [short.solution, long.solution], (10.4, 4.4)
+    return Picture(
+        "landscapes",
+        plot.svg(lambda f: plot.landscapes(both, list(f.subplots(1, 2)), units=SI), size),
+        size,
+        "Two contour maps of the action over two variations. Left, after "
+        f"{rounded(short.t[-1])} s: closed contours around a lowest point. Right, after "
+        f"{rounded(long.t[-1])} s: from the middle the action falls to two sides and rises to the "
+        "other two.",
+        "The oscillator's action over its two lowest modes, for a short and for a long motion.",
+    )
+
+
+def _slices(short: Subject, long: Subject) -> Picture:
+    size = (10.4, 4.2)
+
+    def draw(figure):
+        for s, ax in zip((short, long), figure.subplots(1, 2), strict=True):
+            plot.slices(s.solution, ax, units=SI)
+
+    return Picture(
+        "slices",
+        plot.svg(draw, size),
+        size,
+        "The action along the two lowest modes. Left, short motion: two parabolas that open "
+        "upward. Right, long motion: the first opens downward, the second upward.",
+        "Cuts through the two landscapes. The action of the oscillator is a parabola, and so the "
+        "same as its second variation, dashed.",
+    )
+
+
+def _fan(long: Subject) -> Picture:
+    (focus,), size = long.conjugate, (6.4, 4.4)
+    return Picture(
+        "fan",
+        plot.svg(lambda f: plot.fan(long.solution, f.subplots(), units=SI), size),
+        size,
+        "Motions of the oscillator that leave one event with different velocities and all meet at "
+        f"t = {rounded(focus.t, 5)} s; the motion itself goes on to {rounded(long.t[-1])} s.",
+        f"The focus was found at {focus.t:.12g} s; half a period is {np.pi:.12g} s.",
+    )
+
+
+def _spectrum(long: Subject) -> Picture:
+    (focus,), size = long.conjugate, (6.4, 4.4)
+    lowest = plot.spectrum_data(long.solution).eigenvalues[0]
+    return Picture(
+        "spectrum",
+        plot.svg(lambda f: plot.spectrum(long.solution, f.subplots(), units=SI), size),
+        size,
+        "Three falling curves, the eigenvalues against the duration; the lowest passes zero at "
+        f"{rounded(focus.t, 4)} s and reaches {rounded(lowest[-1])} at the end.",
+        "In units in which the eigenvalues of a free particle are 1, 4, 9 for every duration.",
+    )
+
+
+def _census() -> str:
+    """Return what the scenes are, in words: how many least, how many saddles."""
+    kinds: Counter[str] = Counter()
+    saddles = []
+    for name in scenes.SCENES:
+        scene = scenes.get(name)
+        if scene.problem.system.structure.forced:
+            kinds["drag"] += 1
+            continue
+        solution = solve(scene.problem, tol=1e-10, guess=scene.guess)
+        kinds[solution.kind] += 1
+        if solution.kind != "minimum":
+            saddles.append(f"{name.replace('_', ' ')} ({solution.morse_index})")
+    return (
+        f"Of the {len(scenes.SCENES)} scenes, with the numbers they have here, {kinds['minimum']} "
+        f"follow a path of least action and {len(saddles)} one that is a saddle: "
+        f"{', '.join(saddles)}, with the index in brackets. {kinds['drag']} have drag, and so no "
+        "action to be least."
+    )
