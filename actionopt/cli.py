@@ -76,6 +76,17 @@ def _parser() -> argparse.ArgumentParser:
     add("--json", action="store_true", help="print JSON instead of a table")
     add("--no-compare", action="store_false", dest="compare", help="no forward integration")
     command = commands.add_parser(
+        "explore",
+        help="open a window: drag a path, see its action, slide the end time",
+        description="Open a window on a trial path of a scene or a file: drag its points, see the "
+        "action and the missing force change, solve, and slide the end time through conjugate "
+        "points.",
+    )
+    command.set_defaults(run=_explore)
+    add = command.add_argument
+    add("scene", metavar="SCENE|FILE.py", help="name of a scene, or a Python file")
+    add("--set", type=_setting, action="append", default=[], metavar="NAME=VALUE", dest="settings")
+    command = commands.add_parser(
         "chapter",
         help="run the chapter on Lagrangian mechanics",
         description="Solve every system of the chapter, section by section, and compare what comes "
@@ -185,6 +196,14 @@ def _solve(options: argparse.Namespace) -> int:
         _print_report(found)
     if options.compare and not solution.compare().agrees:
         raise RuntimeError(_contradiction(found["forward"]))
+    return 0
+
+
+def _explore(options: argparse.Namespace) -> int:
+    problem, guess = _question(options.scene, dict(options.settings))
+    from actionopt import plot
+
+    plot.explore(problem, guess=guess).show()
     return 0
 
 

@@ -13,13 +13,16 @@ from actionopt.plot._energies import (
     energies,
     energies_data,
 )
+from actionopt.plot._explore import Explorer, explore
 from actionopt.plot._family import family, family_data, mesh, mesh_data
 from actionopt.plot._fan import Fan, Fronts, fan, fan_data, fronts_data, wavefronts
+from actionopt.plot._film import animation, film
 from actionopt.plot._landscape import Landscape, landscape, landscape_data, landscapes
 from actionopt.plot._motion import Motion, motion_data
 from actionopt.plot._paths import Curves, curves, deviation, overview, paths, save
 from actionopt.plot._slices import Slice, slice_data, slices
 from actionopt.plot._spectrum import Spectrum, spectrum, spectrum_data
+from actionopt.plot._strobe import motion
 from actionopt.plot._style import SI, STYLE, Units, planar, symbol
 from actionopt.plot._svg import svg
 
@@ -30,6 +33,7 @@ __all__ = [
     "Conserved",
     "Curves",
     "Energies",
+    "Explorer",
     "Fan",
     "Fronts",
     "Landscape",
@@ -37,6 +41,7 @@ __all__ = [
     "Slice",
     "Spectrum",
     "Units",
+    "animation",
     "bundle",
     "bundle_data",
     "conserved",
@@ -45,16 +50,19 @@ __all__ = [
     "deviation",
     "energies",
     "energies_data",
+    "explore",
     "family",
     "family_data",
     "fan",
     "fan_data",
+    "film",
     "fronts_data",
     "landscape",
     "landscape_data",
     "landscapes",
     "mesh",
     "mesh_data",
+    "motion",
     "motion_data",
     "overview",
     "paths",

@@ -1,0 +1,200 @@
+"""A window on a trial path: drag its points, see its action, solve, slide the end time.
+
+All that is shown is an `Exploration`; the window turns gestures into new ones and draws them.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.backend_bases import Event as Gesture
+from matplotlib.backend_bases import KeyEvent, MouseEvent
+from matplotlib.backends.registry import BackendFilter, backend_registry
+from matplotlib.widgets import Button, Slider
+
+from actionopt.arguments import Guess
+from actionopt.exploration import Exploration, begin, bent, lasting, restarted, solved
+from actionopt.plot._explore_parts import ASIDE, LEFT, RIGHT, Missing, Panel, Words, fit, panels
+from actionopt.plot._style import BLUE, NONE, VERMILION, Units, new_figure, styled
+from actionopt.problem import Problem
+from actionopt.scenes import Scene
+from actionopt.trial import Trial, knots
+
+REACH = 14  # pixels from a point at which it is taken hold of
+SHORTEST = 0.2  # of the duration
+SNAP = 0.006  # of the slider: nearer than this to a conjugate time it is that time
+NO_WINDOW = (
+    "no window can be opened: {reason}; run this on a desktop with tkinter, or after `pip install "
+    "PyQt6`; in a notebook, after `pip install ipympl`, `%matplotlib widget` and "
+    "`actionopt.plot.explore(scene)` do the same"
+)
+
+
+def explore(
+    question: Scene | Problem, *, guess: Guess | None = None, units: Units = NONE
+) -> Explorer:
+    """Open a window on a trial path between the events of a scene or a problem; nothing is shown.
+
+    Points of the path, or the line between them, are dragged with the mouse; S, its distance
+    from stationary and the missing force follow. A button (or the key enter) solves from there,
+    another (or 0) starts over, and a slider moves the end event along the motion that was found,
+    through its conjugate points. `show` of what is returned waits for the window to be closed;
+    in a notebook `%matplotlib widget` is enough.
+
+    Parameters
+    ----------
+    question : Scene or Problem
+    guess : Path, callable or array, optional
+        The first trial, in place of a scene's guess or the straight line.
+    units : Units
+        Words for the labels.
+
+    Raises
+    ------
+    ValueError
+        For a path that closes, or a guess that does not fit.
+    RuntimeError
+        If matplotlib is set to windows that it cannot open.
+    """
+    if isinstance(question, Scene):
+        guess = question.guess if guess is None else guess
+        question = question.problem
+    first = begin(question, guess)
+    try:
+        with styled():
+            return Explorer(first, units)
+    except ImportError as error:
+        raise RuntimeError(NO_WINDOW.format(reason=error)) from error
+
+
+class Explorer:
+    """A window; `now` is the `Exploration` that it shows, `figure` what it is drawn on."""
+
+    def __init__(self, first: Exploration, units: Units) -> None:
+        self.now = first
+        self.held: tuple[Panel, int, Trial] | None = None
+        problem = first.trial.tr.problem
+        names, t0, t1 = problem.system.coordinates, problem.start.t, problem.end.t
+        self.right = t1  # the latest end seen: the axis of time does not shrink again
+        self.figure = new_figure(figsize=(10.6, 6.6), layout=None)
+        self.figure.explorer = self  # lives as long as its figure
+        self.panels = panels(self.figure, names, units)
+        self.missing = Missing(self.figure, names, units)
+        self.words = Words(self.figure, problem.system.name.replace("_", " "), units)
+        self.slider = Slider(
+            self.figure.add_axes((LEFT + 0.06, 0.03, RIGHT - LEFT - 0.13, 0.03)),
+            "end time", t0 + SHORTEST * (t1 - t0), first.latest, valinit=t1, valfmt="%.4g",
+            color=BLUE, track_color="#e6e6e6", initcolor="none",
+        )  # fmt: skip
+        (self.marks,) = self.slider.ax.plot(
+            [], [], "v", color=VERMILION, markersize=6, clip_on=False,
+            transform=self.slider.ax.get_xaxis_transform(),
+        )  # fmt: skip
+        self.slider.on_changed(self._slide)
+        self.solve = self._button(ASIDE, "Solve")
+        self.again = self._button(ASIDE + 0.145, "Start over")
+        self.solve.on_clicked(lambda _: self._become(solved(self.now)))
+        self.again.on_clicked(lambda _: self._become(restarted(self.now)))
+        for name, react in (
+            ("button_press_event", self._press),
+            ("motion_notify_event", self._drag),
+            ("button_release_event", self._release),
+            ("key_press_event", self._key),
+        ):
+            self.figure.canvas.mpl_connect(name, react)
+        self._become(first)
+
+    def show(self) -> None:
+        """Show the window and wait until it is closed.
+
+        Raises RuntimeError if matplotlib draws to files only.
+        """
+        from matplotlib import pyplot
+
+        backend = matplotlib.get_backend()
+        if backend.lower() in backend_registry.list_builtin(BackendFilter.NON_INTERACTIVE):
+            reason = f"matplotlib found no display and draws to files only (backend {backend!r})"
+            raise RuntimeError(NO_WINDOW.format(reason=reason))
+        pyplot.show()
+
+    # -- gestures --------------------------------------------------------------------------------
+
+    def _press(self, event: Gesture) -> None:
+        """Take hold of the nearest point, or of the line where no point is near."""
+        assert isinstance(event, MouseEvent)
+        toolbar = self.figure.canvas.toolbar
+        if event.button != 1 or (toolbar is not None and toolbar.mode):
+            return
+        trial, near = self.now.trial, []
+        at_knots = knots(trial)
+        line = list(range(at_knots[1], at_knots[-2]))  # nearer to the ends it would bend far away
+        for panel in self.panels:
+            if event.inaxes is not panel.ax:
+                continue
+            for first, nodes in enumerate((panel.knots(trial), line)):
+                curve = panel.project(trial.tr.mesh.nodes[nodes], trial.Q[nodes].T)
+                at = panel.ax.transData.transform(np.transpose(curve))
+                away = np.hypot(*(at - (event.x, event.y)).T)
+                k = int(np.argmin(away))
+                near.append((first, away[k], nodes[k], panel))
+        near = [found for found in near if found[1] <= REACH]
+        if near:
+            _, _, node, panel = min(near, key=lambda found: found[:2])
+            self.held = panel, node, trial
+            self._become(self.now)
+
+    def _drag(self, event: Gesture) -> None:
+        assert isinstance(event, MouseEvent)
+        if self.held is not None:
+            panel, node, trial = self.held
+            x, y = panel.ax.transData.inverted().transform((event.x, event.y))
+            self._become(bent(self.now, trial, node, panel.target(x, y)))
+
+    def _release(self, event: Gesture) -> None:
+        if self.held is not None:
+            self.held = None
+            self._become(self.now)
+
+    def _key(self, event: Gesture) -> None:
+        assert isinstance(event, KeyEvent)
+        if event.key == "enter":
+            self._become(solved(self.now))
+        elif event.key == "0":
+            self._become(restarted(self.now))
+
+    def _slide(self, t: float) -> None:
+        if self.now.motion is not None:
+            t = self.now.motion.near(t, SNAP * (self.slider.valmax - self.slider.valmin))
+        self._become(lasting(self.now, t))
+
+    # -- drawing ---------------------------------------------------------------------------------
+
+    def _become(self, now: Exploration) -> None:
+        """Show `now`; the panels keep still while a point is held."""
+        self.now = now
+        tr = now.trial.tr
+        start, end = tr.problem.start.t, tr.problem.end.t
+        self.right = max(self.right, end)
+        times = start - 0.03 * (self.right - start), self.right + 0.12 * (self.right - start)
+        for panel in self.panels:
+            panel.show(now)
+        if self.held is None:
+            fit(self.panels, tr.lengths, times)
+        self.missing.show(now.trial, None if self.held is None else self.held[1])
+        self.missing.ax.set_xlim(*times)
+        foci = [] if now.motion is None else now.motion.times
+        inside = [t for t in foci if self.slider.valmin <= t <= self.slider.valmax]
+        self.marks.set_data(inside, [1.1] * len(inside))
+        self.words.show(now)
+        if self.slider.val != end:
+            self.slider.eventson = False
+            self.slider.set_val(end)
+            self.slider.eventson = True
+        self.figure.canvas.draw_idle()
+
+    def _button(self, left: float, text: str) -> Any:
+        ax = self.figure.add_axes((left, 0.025, 0.13, 0.055))
+        ax.spines[:].set_visible(False)
+        return Button(ax, text, color="#e9f1f7", hovercolor="#cfe3f0")
