@@ -174,6 +174,14 @@ def _mesh_alt(s: Subject) -> str:
 
 KINDS = (
     Kind(
+        "motion",
+        "The motion, as a strobe would show it",
+        "What stands where at equal times, earlier ones fainter; arrows, where there are any, are "
+        "forces of constraint.",
+        lambda s, f: plot.motion(s.solution, s.scene.draw, f.subplots(), force=s.arrows, units=SI),
+        lambda s: f"{s.scene.title}, at nine equal times {s.motion}.",
+    ),
+    Kind(
         "path",
         "The path, and the motion integrated forward",
         "Where the two agree, the path that makes the action stationary is the motion that "

@@ -53,7 +53,7 @@ def index_page(tags: Mapping[str, Sequence[str]]) -> str:
 def _card(name: str, title: str, tags: Sequence[str]) -> str:
     words = "".join(f"<li>{escape(tag)}</li>" for tag in tags)
     return (
-        f'<li class="card"><img src="{name}/motion.svg" alt="" loading="lazy">'
+        f'<li class="card"><img src="{name}/thumbnail.svg" alt="" loading="lazy">'
         f'<h3><a href="{name}/index.html">{escape(title)}</a></h3>'
         f'<ul class="tags">{words}</ul></li>'
     )

@@ -89,7 +89,7 @@ def scene_page(name: str) -> Page:
         f"{title} - actionopt", main, root="../", description=scene.title, scripts=["film.js"]
     )
     files = {f"{name}/{figure.kind.name}.svg": figure.svg for figure in drawn}
-    files[f"{name}/motion.svg"] = film.thumbnail(s)
+    files[f"{name}/thumbnail.svg"] = film.thumbnail(s)
     return Page({f"{name}/index.html": html, **files}, tags(s))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from actionopt.conjugate import ConjugatePoint, conjugate_points
 from actionopt.gallery.page import rounded
-from actionopt.plot import SI, planar
+from actionopt.plot import SI, motion_data, planar
 from actionopt.quadrature import Array
 from actionopt.scenes import Scene
 from actionopt.solution import Solution
@@ -41,6 +41,17 @@ class Subject:
         """Whether one picture shows all coordinates: one against time, or x and y."""
         names = self.solution.problem.system.coordinates
         return len(names) == 1 or len(planar(names)) == 1
+
+    @cached_property
+    def arrows(self) -> bool:
+        """Whether there are forces of constraint that arrows on the bodies can show."""
+        if not self.solution.problem.system.m:
+            return False
+        try:
+            motion_data(self.solution, self.scene.draw, force=True)
+        except ValueError:
+            return False
+        return True
 
     @cached_property
     def t(self) -> Array:
