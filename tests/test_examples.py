@@ -31,10 +31,43 @@ def least_or_stationary(found):
     assert "conjugate point" in found["refusal"]
 
 
+def two_paths(found):
+    assert [path.kind for path in found["found"]] == ["minimum", "minimum"]
+    assert found["found"][1].action > found["found"][0].action + 10
+    assert np.abs(np.array(found["times"]) - 0.6).max() <= 1e-9
+
+
+def symmetries(found):
+    assert len(found["symmetries"]) == 7
+    assert max(found["changes"]) <= 1e-10
+    turned = found["turn"](found["q"], found["v"], found["t"])
+    assert np.max(np.abs(turned - found["by_hand"])) <= 1e-12
+    # Momentum and energy as every textbook has them are among the quantities.
+    (m1, m2), v = (1.0, 3.0), found["v"]
+    first = [values[0] for values in found["quantities"]]
+    assert min(abs(x - (m1 * v[0] + m2 * v[2])[0]) for x in first) <= 1e-10
+
+
+def convergence(found):
+    assert np.all(found["errors"] <= found["estimates"])
+    assert np.all(found["estimates"] <= found["tols"])
+    assert abs(found["orders"][2] - 4) <= 0.05 and abs(found["orders"][3] - 6) <= 0.05
+
+
+def your_own_system(found):
+    assert max(abs(solution.start.v[0]) for solution in found["solutions"]) <= 1e-9
+    assert max(found["errors"] + found["deviations"]) <= 1e-9
+    assert abs(found["quarter"] - 1.0030) <= 1e-4
+
+
 PROMISES = {
     "01_hello_action": hello_action,
-    "02_tension_in_a_rod": tension_in_a_rod,
+    "02_two_paths": two_paths,
     "03_least_or_stationary": least_or_stationary,
+    "04_tension_in_a_rod": tension_in_a_rod,
+    "05_symmetries": symmetries,
+    "06_convergence": convergence,
+    "07_your_own_system": your_own_system,
 }
 
 
