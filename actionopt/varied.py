@@ -147,7 +147,7 @@ def variation(
     (True, True)
     """
     problem = solution.problem
-    mesh = _resolving(solution.mesh, eta)
+    mesh = resolving(solution.mesh, eta)
     lengths = solution.discrete[0].lengths
     tr = Transcription(problem, mesh, lengths)
     Q, lam = solution(mesh.nodes).T, solution.multipliers(mesh.nodes).T
@@ -159,7 +159,7 @@ def variation(
     return Variation(found, lam, Path(mesh, _allowed(found, Path.interpolate(eta, mesh)).T))
 
 
-def _resolving(mesh: Mesh, eta) -> Mesh:
+def resolving(mesh: Mesh, eta) -> Mesh:
     """Return the mesh with elements halved until it resolves eta as well."""
     for _ in range(HALVINGS):
         values = Path.interpolate(eta, mesh).values.T

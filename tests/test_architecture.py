@@ -25,7 +25,7 @@ RANKS = (
     ("fan", "jacobi"),
     ("conjugate", "index", "sensitivity", "varied"),
     ("solution",),
-    ("arguments",),
+    ("arguments", "relaxation"),
     ("solve", "trial"),
     ("forward", "store", "trace"),
     ("compare",),

@@ -20,11 +20,13 @@ from actionopt.plot._film import animation, film
 from actionopt.plot._landscape import Landscape, landscape, landscape_data, landscapes
 from actionopt.plot._motion import Motion, motion_data
 from actionopt.plot._paths import Curves, curves, deviation, overview, paths, save
+from actionopt.plot._relaxation import Panels, relaxation, relaxation_film
 from actionopt.plot._slices import Slice, slice_data, slices
 from actionopt.plot._spectrum import Spectrum, spectrum, spectrum_data
 from actionopt.plot._strobe import motion
 from actionopt.plot._style import SI, STYLE, Units, planar, symbol
 from actionopt.plot._svg import svg
+from actionopt.relaxation import Relaxation, relaxation_data
 
 __all__ = [
     "SI",
@@ -38,6 +40,8 @@ __all__ = [
     "Fronts",
     "Landscape",
     "Motion",
+    "Panels",
+    "Relaxation",
     "Slice",
     "Spectrum",
     "Units",
@@ -67,6 +71,9 @@ __all__ = [
     "overview",
     "paths",
     "planar",
+    "relaxation",
+    "relaxation_data",
+    "relaxation_film",
     "save",
     "slice_data",
     "slices",

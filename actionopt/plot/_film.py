@@ -15,6 +15,7 @@ from PIL import Image
 
 from actionopt.plot._motion import Draw, motion_data
 from actionopt.plot._strobe import (
+    TRAIL,
     arrows,
     body_colour,
     faded,
@@ -28,6 +29,7 @@ from actionopt.plot._style import NONE, Units, heading, styled
 from actionopt.solution import Solution
 
 SECONDS, FPS, DPI = 5.0, 25, 100
+NEAR_WHITE = 243
 AHEAD = 0.25  # strength of a trail that is still to come
 CODECS = {".mp4": "h264", ".webm": "libvpx-vp9"}
 IMAGES = (".gif", ".png")
@@ -136,9 +138,11 @@ def _images(figure: Figure, update: Update, count: int, few: bool) -> Iterator[I
         size = canvas.get_width_height()
         return Image.frombytes("RGBA", size, bytes(canvas.buffer_rgba())).convert("RGB")
 
-    palette = image(count - 1).quantize(255) if few else None
-    if palette is not None:
-        palette.putpalette([255, 255, 255, *(palette.getpalette() or [])])  # white stays white
+    palette = image(count - 1).quantize(256) if few else None
+    if palette is not None:  # Pillow mistakes one near white for another: all are white
+        colours = np.array(palette.getpalette()).reshape(-1, 3)
+        colours[colours.min(axis=1) > NEAR_WHITE] = 255
+        palette.putpalette(colours.ravel().tolist())
     for k in range(count):
         found = image(k)
         yield (
@@ -160,8 +164,8 @@ def _reel(
         prepare(ax, data, view, units)
         trails = []
         for b, trail in enumerate(data.trails):
-            ax.plot(*trail, color=faded(body_colour(b), AHEAD), linewidth=1.2)
-            trails += ax.plot([], [], color=body_colour(b), linewidth=1.6)
+            ax.plot(*trail, color=faded(body_colour(b), AHEAD), **TRAIL)
+            trails += ax.plot([], [], color=body_colour(b), **TRAIL)
         lines = [shape(ax, data, s, 0) for s in range(len(data.kinds))]
         pulls = arrows(ax, data, 0) if force else None
         words = ax.set_title(" ")

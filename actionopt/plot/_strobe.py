@@ -45,9 +45,10 @@ LOOKS: dict[str, Any] = {
 ARROWS: Any = {
     "angles": "xy", "scale_units": "xy", "width": 0.006, "minlength": 0, "zorder": 3.5,
 }  # fmt: skip
+TRAIL: Any = {"linewidth": 1.5, "zorder": 3.2}
 MOVING = 1.4  # a line of scenery that moves
 FAINTEST = 0.25  # how strong the first time is drawn, in parts of the last
-TRAIL = 0.45  # and how strong a trail is
+PALE = 0.45  # and how strong a trail is
 TURNS, BREADTH = 8, 0.03  # of a spring; its breadth in parts of the picture's size
 MARGIN = 0.06  # of the picture's size, on all sides, and between the scales
 NARROWEST = 0.7  # a view's width in parts of its height
@@ -82,7 +83,7 @@ def motion(
         prepare(ax, data, view, units)
         along = np.outer(strip, np.linspace(0.0, 1.0, data.trails.shape[2]))
         for b, trail in enumerate(data.trails):
-            ax.plot(*(trail + along), color=faded(body_colour(b), TRAIL), linewidth=1.2)
+            ax.plot(*(trail + along), color=faded(body_colour(b), PALE), **TRAIL)
         for k, share in enumerate(shares):
             strength = FAINTEST + (1 - FAINTEST) * share
             for s, still in enumerate(data.still):
@@ -154,7 +155,7 @@ def shape(
     x, y = outline(data, s, k) + np.reshape(shift, (-1, 1))
     if kind == "body":
         colour = body_colour(data.kinds[:s].count("body"))
-        edge = faded(colour, max(strength, TRAIL)) if hollow else "white"
+        edge = faded(colour, max(strength, PALE)) if hollow else "white"
         face = "white" if hollow else faded(colour, strength)
         return ax.plot(x, y, markerfacecolor=face, markeredgecolor=edge, zorder=4, **LOOKS[kind])[0]
     look = LOOKS["point" if x.size == 1 else kind]

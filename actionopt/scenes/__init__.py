@@ -16,10 +16,22 @@ import pkgutil
 from typing import Any
 
 from actionopt.scenes._scene import Scene
-from actionopt.scenes._shapes import Shape
+from actionopt.scenes._shapes import Shape, body, circle, ground, rod, spring
 from actionopt.tracing import suggestion
 
-__all__ = ["SCENES", "Scene", "Shape", "get", "parameters", "title"]
+__all__ = [
+    "SCENES",
+    "Scene",
+    "Shape",
+    "body",
+    "circle",
+    "get",
+    "ground",
+    "parameters",
+    "rod",
+    "spring",
+    "title",
+]
 
 SCENES: tuple[str, ...] = tuple(
     sorted(m.name for m in pkgutil.iter_modules(__path__) if not m.name.startswith("_"))

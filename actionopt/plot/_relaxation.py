@@ -1,0 +1,170 @@
+"""A wild path relaxes to the true one: the paths, and S and the residual against the step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path as FilePath
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
+
+from actionopt.path import Path
+from actionopt.plot._film import FPS, write
+from actionopt.plot._strobe import faded
+from actionopt.plot._style import (
+    BLUE,
+    GREY,
+    NONE,
+    TRUE,
+    VERMILION,
+    Units,
+    frame,
+    heading,
+    label,
+    new_figure,
+    planar,
+    styled,
+    traces,
+)
+from actionopt.quadrature import Array
+from actionopt.relaxation import Relaxation, relaxation_data
+from actionopt.solution import Solution
+
+SIZE = (9.6, 5.4)  # inches
+SHOWN, FAINTEST = 14, 0.15  # paths shown together, and how strong the first of them is
+START: Any = {"color": "#9a9a9a", "linewidth": 1.4}
+NOW: Any = {"color": BLUE, "linewidth": 4.0, "zorder": 3.5}  # the true path shows upon it
+DOT: Any = {"marker": "o", "markersize": 7, "color": "black", "linestyle": "none", "zorder": 6}
+NAMES = {"descent": "descent", "newton": "Newton's method"}
+
+Start = Path | Callable[[Array], ArrayLike] | None
+
+
+class Panels(NamedTuple):
+    """Axes of a relaxation: the paths, and against the step S, its two parts and the residual."""
+
+    paths: Axes
+    action: Axes
+    parts: Axes
+    residual: Axes
+
+
+def relaxation(
+    solution: Solution,
+    start: Start = None,
+    axes: Panels | None = None,
+    *,
+    method: str = "descent",
+    coordinate: int = 0,
+    units: Units = NONE,
+) -> Panels:
+    """Draw the paths from `start` to where they lead, later ones stronger, and S beside them.
+
+    Orbits for Cartesian coordinates, else one coordinate against time. Start, method and what is
+    raised are explained at `relaxation_data`.
+    """
+    data = relaxation_data(solution, start, method=method)
+    last = len(data.action) - 1
+    with styled():
+        panels = _panels(new_figure(figsize=SIZE)) if axes is None else Panels(*axes)
+        shown = np.unique(np.rint(last * np.linspace(0, 1, SHOWN) ** 2).astype(int))[1:]
+        for k, strength in zip(shown, np.linspace(FAINTEST, 1, shown.size), strict=True):
+            for x, y, _ in _traces(solution, data, data.paths[k], coordinate):
+                look = {**NOW, "linewidth": 1.4, "color": faded(BLUE, strength)}
+                panels.paths.plot(x, y, **look, label="last path" if k == last else None)
+        _prepare(panels, solution, data, coordinate, units)
+        panels.paths.legend()
+    return panels
+
+
+def relaxation_film(
+    solution: Solution,
+    file: str | FilePath,
+    start: Start = None,
+    *,
+    method: str = "descent",
+    coordinate: int = 0,
+    fps: int = FPS,
+    units: Units = NONE,
+) -> None:
+    """Write the relaxation to a film, one step a frame; files and what is raised as in `film`."""
+    data = relaxation_data(solution, start, method=method)
+    with styled():
+        figure = Figure(SIZE, layout="constrained")
+        panels = _panels(figure)
+        lines = [
+            panels.paths.plot(x, y, **NOW, label="now" if not i else None)[0]
+            for i, (x, y, _) in enumerate(_traces(solution, data, data.paths[0], coordinate))
+        ]
+        curves = (data.action, data.kinetic, data.potential, data.residual)
+        axes = (panels.action, panels.parts, panels.parts, panels.residual)
+        dots = [ax.plot(0, y[0], **DOT)[0] for ax, y in zip(axes, curves, strict=True)]
+        _prepare(panels, solution, data, coordinate, units)
+        panels.paths.legend()
+        figure.draw_without_rendering()
+        figure.set_layout_engine("none")  # nothing shifts from frame to frame
+
+    def update(k: int) -> None:
+        now = _traces(solution, data, data.paths[k], coordinate)
+        for line, (x, y, _) in zip(lines, now, strict=True):
+            line.set_data(x, y)
+        for dot, values in zip(dots, curves, strict=True):
+            dot.set_data([k], [values[k]])
+
+    write(figure, update, len(data.action), file, fps)
+
+
+def _panels(figure: Figure) -> Panels:
+    mosaic = figure.subplot_mosaic("qa;qp;qr", width_ratios=(1.4, 1))
+    for name in "ap":
+        mosaic[name].sharex(mosaic["r"])
+        mosaic[name].tick_params(labelbottom=False)
+    return Panels(*(mosaic[name] for name in "qapr"))
+
+
+def _traces(solution: Solution, data: Relaxation, q: Array, coordinate: int) -> Any:
+    return traces(solution.problem.system.coordinates, data.t, q, coordinate)
+
+
+def _prepare(
+    panels: Panels, solution: Solution, data: Relaxation, coordinate: int, units: Units
+) -> None:
+    """Draw what all frames share: the start and the true path, the curves, labels."""
+    names, steps = solution.problem.system.coordinates, np.arange(len(data.action))
+    paths, action, parts, residual = panels
+    for q, look, what in ((data.paths[0], START, "start"), (data.target, TRUE, "true path")):
+        for i, (x, y, _) in enumerate(_traces(solution, data, q, coordinate)):
+            paths.plot(x, y, **look, label=None if i else what)
+    for q in data.paths:  # room for all, also in a film
+        for x, y, _ in _traces(solution, data, q, coordinate):
+            paths.update_datalim(np.c_[x, y])
+    frame(paths, solution, units, None if planar(names) else coordinate)
+    for line in paths.lines[-2:]:  # the events need no words here
+        line.set_label(None)
+    paths.set_title(f"{heading(solution)}: {verdict(data, solution.kind)}")
+
+    action.axhline(data.target_action, color=GREY, linestyle=":", linewidth=1.6)
+    action.plot(steps, data.action, color="black", linewidth=2.2)
+    action.set_ylabel(label("$S$", units.action))
+    parts.plot(steps, data.kinetic, color=BLUE, linewidth=2.2, label=r"$\int T\,dt$")
+    look = {"color": VERMILION, "linewidth": 2.2, "linestyle": (0, (6, 2))}
+    parts.plot(steps, data.potential, **look, label=r"$\int V\,dt$")
+    parts.set_ylabel(label("parts of $S$", units.action))
+    parts.legend()
+    residual.semilogy(steps, data.residual, color="black", linewidth=2.2)
+    residual.set(xlabel="step", ylabel="residual", xlim=np.array([-0.03, 1.03]) * max(1, steps[-1]))
+    what = "$S$ and its true value (dotted), step by step"
+    action.set_title(what)
+
+
+def verdict(data: Relaxation, kind: str) -> str:
+    """Return in words where the steps lead, for a true path of this kind."""
+    name = NAMES[data.method]
+    if data.arrived:
+        return f"{name} reaches the {kind}"
+    if data.action[-1] < data.target_action:
+        return f"{name} leaves the {kind} below"
+    return f"{name} does not reach the {kind}"
