@@ -10,8 +10,11 @@ import pytest
 
 from actionopt import scenes
 from actionopt.gallery import formula as F
+from actionopt.gallery import units
 from actionopt.gallery.mathml import mathml
 from actionopt.gallery.texts import texts
+from actionopt.plot import SI
+from actionopt.scenes._scene import MEANINGS
 
 POINTS = 7
 STEP = 1e-30  # of a complex step: derivatives without cancellation
@@ -148,3 +151,79 @@ def test_order_of_operations():
     cosine = F.Call("cos", F.Symbol("theta", "1"))
     second = F.Product((*map(F.Symbol, "mgl"), cosine))
     assert tree == F.Sum(((True, first), (False, second)))
+
+
+# -- units: powers of kg, m, s and A ---------------------------------------------------------
+
+BASE = {
+    "kg": (1, 0, 0, 0), "m": (0, 1, 0, 0), "s": (0, 0, 1, 0), "rad": (0, 0, 0, 0),
+    "N": (1, 1, -2, 0), "J": (1, 2, -2, 0), "C": (0, 0, 1, 1), "T": (1, 0, -2, -1),
+    "V": (1, 2, -3, -1),
+}  # fmt: skip
+NONE = np.zeros(4, dtype=int)
+
+
+def powers(unit):
+    """Return the powers in a unit written as kg m^2 or m^3/(kg s^2)."""
+    over, _, under = unit.partition("/")
+    total = NONE
+    for sign, part in ((1, over), (-1, under.strip("()"))):
+        for factor in part.split():
+            name, _, exponent = factor.partition("^")
+            total = total + sign * int(exponent or 1) * np.array(BASE[name])
+    return total
+
+
+class Powers:
+    """Powers of formulas; the terms of a sum must agree."""
+
+    def __init__(self, known):
+        self.known = known
+
+    def __call__(self, node):
+        match node:
+            case F.Number():
+                return NONE
+            case F.Symbol(name, index, primes):
+                rate = primes * powers("s")
+                here = self.known.get(name + index, self.known.get(name))
+                if here is None and name[0] in "rvxy":  # the place of a body, in space
+                    here, rate = powers("m"), max(primes, name == "v") * powers("s")
+                return here - rate
+            case F.Sum(terms):
+                first, *others = (self(term) for _, term in terms)
+                assert all((other == first).all() for other in others), node
+                return first
+            case F.Product(factors):
+                return sum(self(x) for x in factors)
+            case F.Fraction(top, bottom):
+                return self(top) - self(bottom)
+            case F.Power(base, exponent):
+                return int(exponent.text) * self(base)
+            case F.Call(_, argument):
+                assert not self(argument).any(), node
+                return NONE
+            case F.Size(argument) | F.Over(_, argument):
+                return self(argument)
+            case F.Rate(argument):
+                return self(argument) - powers("s")
+        raise AssertionError(node)
+
+
+@pytest.mark.parametrize("name", scenes.SCENES)
+def test_every_lagrangian_is_an_energy(name):
+    system = scenes.get(name).problem.system
+    known = {p: powers(units.unit(name, p)) for p in system.parameters}
+    known |= {c: powers(SI.coordinate(c)) for c in system.coordinates} | {"t": powers("s")}
+    lagrangian = texts(name).formulas[0]
+    for symbol, node in lagrangian.definitions:
+        known[symbol.name] = Powers(known)(node)
+    per_mass = powers("kg") if lagrangian.remark == "for unit mass" else NONE
+    np.testing.assert_array_equal(Powers(known)(lagrangian.sides[-1]), powers("J") - per_mass)
+
+
+def test_every_number_that_is_known_has_its_unit():
+    for name in scenes.SCENES:
+        numbers = {k for k, v in scenes.get(name).facts.items() if np.ndim(v) == 0}
+        numbers = {k for k in numbers if k not in MEANINGS}
+        assert numbers <= set(units.FACTS), name

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from actionopt import scenes
+from actionopt.gallery import units
 from actionopt.gallery.page import escape, number
 from actionopt.gallery.subject import Subject
 from actionopt.quadrature import Array
@@ -121,7 +122,8 @@ def _twin(s: Subject) -> Rows:
 def _others(s: Subject) -> Rows:
     for name, value in s.scene.facts.items():
         if name not in MEANINGS and np.ndim(value) == 0 and not callable(value):
-            yield Known(escape(name.replace("_", " ")), number(float(value), DIGITS), "")
+            unit = units.html(units.FACTS.get(name, ""))
+            yield Known(name.replace("_", " "), f"{number(float(value), DIGITS)} {unit}", "")
 
 
 def _numbers(what: str, expected: float, found: float, unit: str) -> Known:

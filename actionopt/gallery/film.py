@@ -47,7 +47,7 @@ def thumbnail(subject: Subject) -> str:
         for words in [ax.get_legend(), *ax.texts, *scales]:
             words.remove()
 
-    return svg(draw, (4.0, 2.8))
+    return svg(draw, (2.9, 2.1))
 
 
 def padded(box: Sequence[float]) -> list[float]:

@@ -9,13 +9,32 @@ from actionopt import scenes
 from actionopt.gallery.page import escape, frame
 
 SECTIONS = {
-    "12.2": "Calculus of variations",
-    "12.3": "Equations of motion",
-    "12.3.1": "Coordinates",
-    "12.3.2": "Total time derivatives",
-    "12.4": "Constraints",
-    "12.5": "Conserved quantities",
-    "": "Beyond the chapter",
+    "12.2": (
+        "Calculus of variations",
+        "Of all paths between two events, the motion is one whose action does not change to "
+        "first order.",
+    ),
+    "12.3": (
+        "Equations of motion",
+        "What a Lagrangian gives for particles in potentials, and how drag is added.",
+    ),
+    "12.3.1": (
+        "Coordinates",
+        "Any coordinates will do, moving ones too: the path does not depend on them.",
+    ),
+    "12.3.2": (
+        "Total time derivatives",
+        "They change the action by a number, and the motion not at all.",
+    ),
+    "12.4": (
+        "Constraints",
+        "Built into the coordinates, or kept by a multiplier that is their force.",
+    ),
+    "12.5": (
+        "Conserved quantities",
+        "Cyclic coordinates, symmetries, and an energy function that need not be the energy.",
+    ),
+    "": ("Beyond the chapter", "Motions without a closed form, or with one that is hard won."),
 }
 CHAPTER = re.compile(r"Competitive Physics[^;]*?sections? (\d+\.\d+(?:\.\d+)?)")
 
@@ -40,12 +59,18 @@ def index_page(tags: Mapping[str, Sequence[str]]) -> str:
         cards[section(scene.source)].append(_card(name, scene.title, tags[name]))
     body = "\n".join(
         f'<section><h2><span class="no">{number}</span> {title}</h2>'
+        f'<p class="section-note">{note}</p>'
         f'<ul class="cards">{"".join(cards[number])}</ul></section>'
-        for number, title in SECTIONS.items()
+        for number, (title, note) in SECTIONS.items()
         if cards[number]
     )
     main = f"""<header class="title"><h1>Stationary action, scene by scene</h1>
-<p class="lead">A Lagrangian and two events in, the path between them out.</p></header>
+<p class="lead">Where a system is at one time and where at another: of all the ways between the
+two, it takes one whose action is stationary. Each page has a motion, its Lagrangian, its film, and
+the numbers found next to what is known exactly. The sections are those of a textbook chapter,
+<cite>Competitive Physics: Mechanics and Waves</cite> (2018), chapter 12.</p>
+<p class="feature"><strong><a href="least.html">Is it really least?</a></strong>
+<span>Bend a path yourself, and see the action rise, or fall.</span></p></header>
 {body}"""
     return frame("actionopt gallery", main, root="", description="Stationary action in pictures")
 
@@ -54,6 +79,6 @@ def _card(name: str, title: str, tags: Sequence[str]) -> str:
     words = "".join(f"<li>{escape(tag)}</li>" for tag in tags)
     return (
         f'<li class="card"><img src="{name}/thumbnail.svg" alt="" loading="lazy">'
-        f'<h3><a href="{name}/index.html">{escape(title)}</a></h3>'
+        f'<h3><a href="{name}/index.html">{escape(title[0].upper() + title[1:])}</a></h3>'
         f'<ul class="tags">{words}</ul></li>'
     )

@@ -108,8 +108,7 @@ class _Writer:
     def product(self, node: Product) -> str:
         rows = [self.factor(node.factors[0])]
         for before, factor in zip(node.factors, node.factors[1:], strict=False):
-            named = isinstance(before, (Call, Size)) or isinstance(factor, (Call, Size))
-            rows.append(TIMES + THIN * named + self.factor(factor))
+            rows.append(TIMES + THIN * (_named(before) or _named(factor)) + self.factor(factor))
         return f"<mrow>{''.join(rows)}</mrow>"
 
     def fraction(self, node: Fraction) -> str:
@@ -140,6 +139,11 @@ class _Writer:
     def factor(self, node: Node) -> str:
         """Write a node that stands beside others: a sum in brackets."""
         return _bracket(self(node)) if isinstance(node, Sum) else self(node)
+
+
+def _named(node: Node) -> bool:
+    """Return whether a node is one that needs air beside it."""
+    return isinstance(node.base if isinstance(node, Power) else node, (Call, Size, Rate))
 
 
 def _bracket(inner: str) -> str:

@@ -10,14 +10,13 @@ from importlib import import_module
 import numpy as np
 
 from actionopt import scenes
-from actionopt.gallery import film
+from actionopt.gallery import film, units
 from actionopt.gallery.facts import known
 from actionopt.gallery.figures import Figure, figures
 from actionopt.gallery.mathml import mathml, symbol
 from actionopt.gallery.page import Page, escape, frame, number, prose, table
 from actionopt.gallery.subject import Subject
 from actionopt.gallery.texts import Texts, callables, texts
-from actionopt.gallery.units import unit
 from actionopt.plot import SI
 from actionopt.solution import Solution
 
@@ -133,7 +132,7 @@ def _parameters(s: Subject) -> str:
         (
             symbol(key),
             number(float(value), 8),
-            _unit(unit(name, key)),
+            units.html(units.unit(name, key)),
         )
         for key, value in values.items()
     ]
@@ -143,7 +142,7 @@ def _parameters(s: Subject) -> str:
 def _events(s: Subject) -> str:
     names, start, end = s.solution.problem.system.coordinates, s.solution.start, s.solution.end
     rows = [
-        (symbol(name), number(a, 8), number(b, 8), _unit(SI.coordinate(name)))
+        (symbol(name), number(a, 8), number(b, 8), units.html(SI.coordinate(name)))
         for name, a, b in zip(names, start.q, end.q, strict=True)
     ]
     head = ("", f"at {number(start.t, 8)} s", f"at {number(end.t, 8)} s", "unit")
@@ -154,8 +153,8 @@ def _known(s: Subject) -> str:
     rows = [(row.what, row.expected, row.found, row.difference) for row in known(s)]
     if not rows:
         return "<p>No closed form is known; forward integration is the check.</p>"
-    head = ("", "known exactly", "found", "difference")
-    return table("Known and found; differences are relative", head, rows, kind="numbers")
+    head = ("", "known exactly", "found", "relative difference")
+    return table("Known exactly", head, rows, kind="numbers")
 
 
 def _found(s: Subject) -> str:
@@ -181,14 +180,8 @@ def _found(s: Subject) -> str:
 def _pair(a: float, b: float, unit: str) -> str:
     a, b = (0.0 if abs(x) <= 1e-12 * max(abs(a), abs(b), 1.0) else x for x in (a, b))
     if np.isclose(a, b, rtol=1e-8, atol=1e-10):
-        return f"{number(float(b), 10)} {_unit(unit)}, the same"
-    return f"{number(float(a), 10)} and {number(float(b), 10)} {_unit(unit)}"
-
-
-def _unit(text: str) -> str:
-    """Return a unit as HTML, its powers raised."""
-    head, *rest = text.split("^")
-    return escape(head) + "".join(f"<sup>{part[0]}</sup>{escape(part[1:])}" for part in rest)
+        return f"{number(float(b), 10)} {units.html(unit)}, the same"
+    return f"{number(float(a), 10)} and {number(float(b), 10)} {units.html(unit)}"
 
 
 def _figure(figure: Figure) -> str:

@@ -1,7 +1,7 @@
 """SI units of the parameters of the scenes.
 
 A symbol means the same in most scenes; where it does not, the scene has a row of its own. That
-every Lagrangian comes out in joules (per kilogram for a unit mass) is a test.
+every Lagrangian comes out in joules is a test.
 """
 
 from __future__ import annotations
@@ -18,8 +18,25 @@ OWN = {
     "screw": {"c": "rad/m", "k": "J"},
     "two_on_a_line": {"a": "", "b": ""},
 }
+FACTS = {
+    "period": "s", "contact_time": "s", "circle": "m", "drift": "m/s", "terminal_speed": "m/s",
+    "contact_angle": "rad", "rest_angle": "rad", "tilt": "rad", "cyclotron": "rad/s",
+    "oscillation": "rad/s", "spin": "rad/s", "block_acceleration": "m/s^2",
+    "rolling_acceleration": "m/s^2", "wedge_acceleration": "m/s^2", "friction": "N",
+    "period_action": "J s",
+}  # fmt: skip
 
 
 def unit(scene: str, parameter: str) -> str:
     """Return the unit of a scene's parameter, as text; nothing for a pure number."""
     return OWN.get(scene, {}).get(parameter, UNITS.get(parameter, ""))
+
+
+def html(unit: str) -> str:
+    """Return a unit as HTML, its powers raised.
+
+    >>> html("kg m^2")
+    'kg m<sup>2</sup>'
+    """
+    head, *rest = unit.split("^")
+    return head + "".join(f"<sup>{part[0]}</sup>{part[1:]}" for part in rest)

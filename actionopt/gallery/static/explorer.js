@@ -57,6 +57,7 @@
     for (const name of ["axes", "energy", "lines", "marks"]) layers[name] = element(svg, "g", name);
     const axis = element(layers.axes, "path", "axis");
     const zero = element(layers.axes, "path", "axis");
+    const ticks = element(layers.axes, "g", "ticks");
     const under = element(layers.energy, "path", "adds");
     const over = element(layers.energy, "path", "takes");
     const clip = element(svg, "clipPath", "");
@@ -81,7 +82,7 @@
     function layout() {
       const width = Math.max(260, svg.clientWidth), height = Math.min(340, 0.62 * width + 60);
       const lower = Math.min(110, 0.3 * width);
-      box = { left: 34, right: width - 14, top: 12, bottom: height, low: height + 34, floor: height + 34 + lower };
+      box = { left: 34, right: width - 14, top: 12, bottom: height, low: height + 46, floor: height + 46 + lower };
       place(svg, { viewBox: `0 0 ${width} ${box.floor + 24}`, height: box.floor + 24 });
       let scale = [(box.right - box.left) / (range.x[1] - range.x[0]), (box.bottom - box.top) / (range.y[1] - range.y[0])];
       if (!flat) scale = [Math.min(...scale), Math.min(...scale)];
@@ -90,9 +91,15 @@
       Y = (y) => box.bottom - scale[1] * (y - range.y[0]);
       back = (px, py) => [(px - middle) / scale[0] + range.x[0], (box.bottom - py) / scale[1] + range.y[0]];
       place(clipBox, { x: box.left, y: 0, width: box.right - box.left, height: box.bottom + 4 });
-      const level = flat ? Y(0) : box.bottom;
-      axis.setAttribute("d", `M${box.left},${box.top}V${box.bottom}M${box.left},${level}H${box.right}`);
-      place(labels[0], { x: box.right, y: level - 7, "text-anchor": "end" });
+      axis.setAttribute("d", `M${box.left},${box.top}V${box.bottom}H${box.right}`);
+      ticks.replaceChildren();
+      for (let x = Math.ceil(range.x[0]); x < range.x[1] - 0.4; x++) tick(X(x), box.bottom, x, [0, 4]);
+      for (let y = Math.ceil(range.y[0]); y < range.y[1]; y++) tick(box.left, Y(y), y, [-4, 0]);
+      if (w) {
+        place(element(ticks, "path", "half"), { d: `M${X(Math.PI / w)},${box.top}V${box.bottom}` });
+        place(element(ticks, "text", "", "half a period"), { x: X(Math.PI / w) + 6, y: box.bottom - 6 });
+      }
+      place(labels[0], { x: box.right, y: box.bottom + 17, "text-anchor": "end" });
       labels[0].textContent = flat ? "t (s)" : "x (m)";
       place(labels[1], { x: box.left + 7, y: box.top + 10 });
       labels[1].textContent = flat ? "x (m)" : "y (m)";
@@ -101,6 +108,13 @@
       place(labels[3], { x: box.right, y: box.floor + 18, "text-anchor": "end" });
       labels[3].textContent = "t";
       draw();
+    }
+
+    function tick(x, y, value, [u, v]) {
+      if (x < box.left - 1 || x > box.right) return;
+      element(ticks, "path", "axis").setAttribute("d", `M${x},${y}l${u},${v}`);
+      const text = element(ticks, "text", "", words(value, 0));
+      place(text, { x: x + 2 * u, y: y + (v ? 17 : 4), "text-anchor": v ? "middle" : "end" });
     }
 
     const spots = (rows, t) => (flat ? rows[0].map((x, j) => [t[j], x]) : rows[0].map((x, j) => [x, rows[1][j]]));
@@ -166,7 +180,7 @@
       draw();
     }
 
-    const size = flat ? 0.8 : 0.9;
+    const size = flat ? 0.8 : 0.7;
     const ways = {
       motion: () => { bent.forEach((row) => row.fill(0)); draw(); },
       bend: () => bend((s) => size * Math.sin(Math.PI * s)),
@@ -206,8 +220,9 @@
       slider.value = T;
       slider.addEventListener("input", () => setDuration(Number(slider.value)));
     }
-    new ResizeObserver(layout).observe(figure);
     layout();
+    ways.bend();
+    new ResizeObserver(layout).observe(figure);
     window.explorer = { ...window.explorer, [data.name]: { setHandle, setDuration, handles: inner.length } };
   }
 
