@@ -108,6 +108,25 @@ def test_other_buttons_and_empty_places_move_nothing():
     assert window.now.trial is first
 
 
+def test_while_a_point_is_held_the_picture_is_as_if_drawn_anew():
+    window = plot.explore(scenes.get("double_pendulum"))
+    panel, trial, canvas = window.panels[1], window.now.trial, window.figure.canvas
+    node = knots(trial)[3]
+    here = panel.ax.transData.transform((trial.tr.mesh.nodes[node], trial.Q[node, 1]))
+    mouse(window, "button_press", here)
+    before = np.array(canvas.buffer_rgba(), dtype=int)
+    mouse(window, "motion_notify", here + [3, 25])
+    held = np.array(canvas.buffer_rgba(), dtype=int)
+    assert np.mean(np.abs(held - before) > 50) > 1e-3  # the path and its numbers moved
+    for artist in window._moving():
+        artist.set_animated(False)
+    canvas.draw()
+    anew = np.array(canvas.buffer_rgba(), dtype=int)
+    assert np.mean(np.abs(held - anew) > 50) < 1e-4  # but for what crosses an axis
+    mouse(window, "button_release", here + [3, 25])
+    assert window.behind is None and window.held is None
+
+
 def test_the_buttons_solve_and_start_over():
     scene = scenes.get("oscillator")
     window = plot.explore(scene, units=plot.SI)

@@ -9,6 +9,7 @@ from typing import Any
 
 import matplotlib
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.backend_bases import Event as Gesture
 from matplotlib.backend_bases import KeyEvent, MouseEvent
 from matplotlib.backends.registry import BackendFilter, backend_registry
@@ -75,6 +76,7 @@ class Explorer:
     def __init__(self, first: Exploration, units: Units) -> None:
         self.now = first
         self.held: tuple[Panel, int, Trial] | None = None
+        self.behind: Any = None  # the picture without what moves, while a point is held
         problem = first.trial.tr.problem
         names, t0, t1 = problem.system.coordinates, problem.start.t, problem.end.t
         self.right = t1  # the latest end seen: the axis of time does not shrink again
@@ -142,8 +144,7 @@ class Explorer:
         near = [found for found in near if found[1] <= REACH]
         if near:
             _, _, node, panel = min(near, key=lambda found: found[:2])
-            self.held = panel, node, trial
-            self._become(self.now)
+            self._hold((panel, node, trial))
 
     def _drag(self, event: Gesture) -> None:
         assert isinstance(event, MouseEvent)
@@ -154,8 +155,7 @@ class Explorer:
 
     def _release(self, event: Gesture) -> None:
         if self.held is not None:
-            self.held = None
-            self._become(self.now)
+            self._hold(None)
 
     def _key(self, event: Gesture) -> None:
         assert isinstance(event, KeyEvent)
@@ -192,7 +192,35 @@ class Explorer:
             self.slider.eventson = False
             self.slider.set_val(end)
             self.slider.eventson = True
-        self.figure.canvas.draw_idle()
+        canvas = self.figure.canvas
+        if self.behind is None:
+            canvas.draw_idle()
+            return
+        canvas.restore_region(self.behind)
+        for artist in self._moving():
+            self.figure.draw_artist(artist)
+        canvas.blit(self.figure.bbox)
+
+    def _hold(self, held: tuple[Panel, int, Trial] | None) -> None:
+        """Take hold of a node, or let go.
+
+        What does not move meanwhile is drawn once: the rest alone takes a fraction of the time.
+        """
+        self.held, self.behind = held, None
+        canvas = self.figure.canvas
+        if canvas.supports_blit:
+            for artist in self._moving():
+                artist.set_animated(held is not None)
+            if held is not None:
+                canvas.draw()
+                self.behind = canvas.copy_from_bbox(self.figure.bbox)
+        self._become(self.now)
+
+    def _moving(self) -> list[Artist]:
+        """Return what changes while a point is held, from back to front."""
+        lines = [line for panel in self.panels for line in panel.lines]
+        lines.sort(key=lambda line: line.get_zorder())
+        return [*lines, self.missing.ax, *self.words.numbers]
 
     def _button(self, left: float, text: str) -> Any:
         ax = self.figure.add_axes((left, 0.025, 0.13, 0.055))

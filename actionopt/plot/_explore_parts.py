@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import Bbox
 
@@ -47,8 +48,11 @@ class Panel:
     colour: str
 
     def __post_init__(self) -> None:
-        def line(*form: str, **look: Any) -> Any:
-            return self.ax.plot([], [], *form, **look)[0]
+        self.lines: list[Line2D] = []
+
+        def line(*form: str, **look: Any) -> Line2D:
+            self.lines += self.ax.plot([], [], *form, **look)
+            return self.lines[-1]
 
         self.beyond = line(color="#9a9a9a", linewidth=1.0, linestyle=":")
         self.trial = line(color=self.colour, **PATH)
@@ -186,6 +190,7 @@ class Words:
         write(0.505, 9.5, "THE STATIONARY PATH", **small)
         self.kind, self.passed = write(0.47, 16), write(0.415, 9.5, **small)
         self.message = write(0.345, 9.5, color=VERMILION)
+        self.numbers = self.action, self.rise, self.slope, self.meaning, self.message
         write(0.155, 9.5, "Drag a point to bend the path there,\nthe line to bend the whole path.")
 
     def show(self, now: Exploration) -> None:
