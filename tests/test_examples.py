@@ -2,6 +2,7 @@
 
 import re
 import runpy
+import tempfile
 from pathlib import Path
 
 import matplotlib
@@ -13,6 +14,7 @@ from matplotlib import pyplot
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+SLOW = ("08_gallery",)
 
 
 def hello_action(found):
@@ -60,6 +62,15 @@ def your_own_system(found):
     assert abs(found["quarter"] - 1.0030) <= 1e-4
 
 
+def gallery(found):
+    for scene, solution in zip(found["found"], found["solutions"], strict=True):
+        assert abs(solution.action - scene.action) <= 1e-10 * abs(scene.action)
+    index = found["folder"] / "index.html"
+    assert found["visualize"]() == index
+    pages = [found["folder"] / name / "index.html" for name in found["chosen"]]
+    assert all(page.is_file() for page in (index, *pages))
+
+
 PROMISES = {
     "01_hello_action": hello_action,
     "02_two_paths": two_paths,
@@ -68,6 +79,7 @@ PROMISES = {
     "05_symmetries": symmetries,
     "06_convergence": convergence,
     "07_your_own_system": your_own_system,
+    "08_gallery": gallery,
 }
 
 
@@ -75,8 +87,12 @@ def test_every_example_has_a_promise():
     assert [file.stem for file in EXAMPLES] == sorted(PROMISES)
 
 
-@pytest.mark.parametrize("file", EXAMPLES, ids=lambda file: file.stem)
-def test_example(file):
+@pytest.mark.parametrize(
+    "file",
+    [pytest.param(f, marks=[pytest.mark.slow] * (f.stem in SLOW), id=f.stem) for f in EXAMPLES],
+)
+def test_example(file, tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     found = runpy.run_path(str(file))
     assert pyplot.get_fignums() == []  # nothing is drawn before it is asked for
     PROMISES[file.stem](found)
