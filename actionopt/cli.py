@@ -203,7 +203,8 @@ def _explore(options: argparse.Namespace) -> int:
     problem, guess = _question(options.scene, dict(options.settings))
     from actionopt import plot
 
-    plot.explore(problem, guess=guess).show()
+    units = plot.Units() if options.scene.endswith(".py") else plot.SI  # as all scenes are
+    plot.explore(problem, guess=guess, units=units).show()
     return 0
 
 

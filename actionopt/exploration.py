@@ -181,7 +181,8 @@ def solved(now: Exploration) -> Exploration:
 def _found(now: Exploration) -> Exploration:
     """Return the exploration with the stationary path near the trial known."""
     problem, message = now.trial.tr.problem, ""
-    for guess in (now.trial.path, now.guess):
+    guesses = (now.trial.path, None) if now.guess is None else (now.trial.path, now.guess, None)
+    for guess in guesses:
         try:
             solution = solve(problem, guess=guess, throw=False)
         except (ValueError, ArithmeticError) as error:

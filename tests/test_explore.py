@@ -178,12 +178,16 @@ def test_systems_of_many_coordinates_have_panels(name, panels):
     assert len(window.missing.lines) == scenes.get(name).problem.system.n
 
 
-def test_a_singular_trial_is_shown_as_it_is():
-    # Straight through the centre of attraction.
-    scene = scenes.get("kepler", fraction=0.5)
-    window = plot.explore(scene, guess=lambda t: np.stack([0.4 - 2 * t / t[-1], 0 * t]))
+def test_a_singular_trial_is_shown_as_it_is_and_solved_from_elsewhere():
+    # At rest in the centre of attraction.
+    scene = scenes.get("kepler")
+    window = plot.explore(scene, guess=lambda t: np.zeros((2, t.size)))
     window.figure.canvas.draw()
-    assert window.words.action.get_text()
+    assert not np.isfinite(number(window.words.action))
+    click(window, window.solve)
+    window.figure.canvas.draw()
+    assert number(window.words.action) == pytest.approx(scene.action, abs=1e-5)
+    assert "elsewhere" in window.words.message.get_text()
 
 
 def test_nothing_is_shown_where_there_is_no_window(capsys):

@@ -18,7 +18,7 @@ from matplotlib.widgets import Button, Slider
 from actionopt.arguments import Guess
 from actionopt.exploration import Exploration, begin, bent, lasting, restarted, solved
 from actionopt.plot._explore_parts import ASIDE, LEFT, RIGHT, Missing, Panel, Words, fit, panels
-from actionopt.plot._style import BLUE, NONE, VERMILION, Units, new_figure, styled
+from actionopt.plot._style import BLUE, NONE, VERMILION, Units, label, new_figure, styled
 from actionopt.problem import Problem
 from actionopt.scenes import Scene
 from actionopt.trial import Trial, knots
@@ -86,9 +86,9 @@ class Explorer:
         self.missing = Missing(self.figure, names, units)
         self.words = Words(self.figure, problem.system.name.replace("_", " "), units)
         self.slider = Slider(
-            self.figure.add_axes((LEFT + 0.06, 0.03, RIGHT - LEFT - 0.13, 0.03)),
-            "end time", t0 + SHORTEST * (t1 - t0), first.latest, valinit=t1, valfmt="%.4g",
-            color=BLUE, track_color="#e6e6e6", initcolor="none",
+            self.figure.add_axes((LEFT + 0.075, 0.03, RIGHT - LEFT - 0.145, 0.03)),
+            label("end time", units.time), t0 + SHORTEST * (t1 - t0), first.latest, valinit=t1,
+            valfmt="%.4g", color=BLUE, track_color="#e6e6e6", initcolor="none",
         )  # fmt: skip
         (self.marks,) = self.slider.ax.plot(
             [], [], "v", color=VERMILION, markersize=6, clip_on=False,

@@ -156,7 +156,9 @@ class Missing:
         self.lines = [ax.plot([], [], linewidth=1.6, **looks[i])[0] for i in range(len(names))]
         self.when = ax.axvline(0, color=GREY, linewidth=0.8, linestyle=":")
         ax.set_xlabel(label("time $t$", units.time))
-        ax.set_title(r"missing force  $dp/dt - \partial L/\partial q$", fontsize=9.5, color=GREY)
+        used = {units.momentum(name).removesuffix(units.time).strip() for name in names}
+        what = r"missing force  $dp/dt - \partial L/\partial q$"
+        ax.set_title(label(what, ", ".join(sorted(used))), fontsize=9.5, color=GREY)
         ax.yaxis.set_major_locator(MaxNLocator(3))
 
     def show(self, trial: Trial, held: int | None) -> None:
