@@ -55,8 +55,6 @@ class Relaxation:
     paths : (R + 1, n, K) array
     target : (n, K) array
         The true path.
-    least : bool
-        Whether no variation of it lowers S.
     action, kinetic, potential : (R + 1,) arrays
         S, and the integrals of T and V over time: S is their difference. V = -L at rest.
     target_action : float
@@ -72,7 +70,6 @@ class Relaxation:
     t: Array
     paths: Array
     target: Array
-    least: bool
     action: Array
     kinetic: Array
     potential: Array
@@ -100,8 +97,8 @@ def relaxation_data(
     solution : Solution
         The true path.
     start : Path or callable, optional
-        A path between the same events, (n, K) for K times; the true one with seven waves on it
-        by default.
+        A path between the same events, (n, K) for K times; the true one with waves on it by
+        default.
     method : str
         "descent" or "newton".
     steps : int
@@ -109,9 +106,8 @@ def relaxation_data(
     Raises
     ------
     ValueError
-        For another method, a start that misses the events, a path without a pinned coordinate,
-        non-conservative forces, which leave no action to relax, or constraints, which straight
-        steps leave.
+        For another method or a start that misses the events; for non-conservative forces, which
+        leave no action to relax, or constraints, which straight steps leave.
 
     Examples
     --------
@@ -144,7 +140,7 @@ def relaxation_data(
             "expected a start that joins the solution's events, found that it misses them by "
             f"{missed:.3g} of the coordinates' size"
         )
-    return _described(solution, tr, _visited(tr, z, goal, method, steps), goal, method)
+    return _described(tr, _visited(tr, z, goal, method, steps), goal, method)
 
 
 def wild(solution: Solution) -> Callable[[Array], Array]:
@@ -208,7 +204,11 @@ def metric(tr: Transcription, z: Array) -> Array:
 
 
 def _weights(tr: Transcription) -> Array:
-    return np.bincount(tr.layout.node_of, tr.weight[:, 0], tr.layout.node_count)
+    """Return the weight of each node in S; a path that closes has its last node in its first."""
+    weights = np.bincount(tr.layout.node_of, tr.weight[:, 0], tr.layout.node_count)
+    if tr.layout.closed:
+        weights[0] += weights[-1]
+    return weights
 
 
 def _unfulfilled(tr: Transcription, z: Array) -> Array:
@@ -216,9 +216,7 @@ def _unfulfilled(tr: Transcription, z: Array) -> Array:
     return tr.gradient(z) / np.sqrt(_weights(tr)[tr.layout.free // tr.problem.system.n])
 
 
-def _described(
-    solution: Solution, tr: Transcription, visited: list[Array], goal: Array, method: str
-) -> Relaxation:
+def _described(tr: Transcription, visited: list[Array], goal: Array, method: str) -> Relaxation:
     problem, weight = tr.problem, tr.weight[:, 0]
     t = np.linspace(problem.start.t, problem.end.t, COUNT)
     paths, energies = [], []
@@ -237,7 +235,6 @@ def _described(
         t,
         np.array(paths),
         Path(tr.mesh, tr.coordinates(goal).T)(t),
-        solution.morse_index == 0,
         action,
         kinetic,
         potential,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from subprocess import CalledProcessError
 from tempfile import NamedTemporaryFile
 
 import numpy as np
@@ -28,11 +29,16 @@ from actionopt.plot._strobe import (
 from actionopt.plot._style import NONE, Units, heading, styled
 from actionopt.solution import Solution
 
-SECONDS, FPS, DPI = 5.0, 25, 100
+SECONDS, FPS = 5.0, 25
+DPI, FINE_DPI = 100, 200  # of a film of images, and of one by ffmpeg, which presses it
 NEAR_WHITE = 243
 AHEAD = 0.25  # strength of a trail that is still to come
 CODECS = {".mp4": "h264", ".webm": "libvpx-vp9"}
 IMAGES = (".gif", ".png")
+FFMPEG = [
+    *("-pix_fmt", "yuv420p", "-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2:color=white"),  # for any player
+    *("-fflags", "+bitexact", "-flags:v", "+bitexact"),  # no date, no version
+]
 Update = Callable[[int], None]
 
 
@@ -119,12 +125,17 @@ def write(figure: Figure, update: Update, count: int, file: str | Path, fps: int
 
 
 def _encode(figure: Figure, update: Update, count: int, file: str, fps: int, codec: str) -> None:
-    exact = ["-fflags", "+bitexact", "-flags:v", "+bitexact"]  # no date, no version
-    writer = FFMpegWriter(fps, codec, extra_args=exact)
-    with writer.saving(figure, file, DPI):
-        for k in range(count):
-            update(k)
-            writer.grab_frame()
+    writer = FFMpegWriter(fps, codec, extra_args=FFMPEG)
+    try:
+        with writer.saving(figure, file, FINE_DPI):
+            for k in range(count):
+                update(k)
+                writer.grab_frame()
+    except CalledProcessError as error:
+        raise ValueError(
+            f"expected an ffmpeg that knows {codec}, found {error.stderr.strip()!r}; write "
+            f"{' or '.join(IMAGES)} instead"
+        ) from error
 
 
 def _images(figure: Figure, update: Update, count: int, few: bool) -> Iterator[Image.Image]:

@@ -16,7 +16,8 @@ def sizes(solution: Solution) -> Array:
     q = solution(t)
     span, size = np.ptp(q, axis=1), np.max(np.abs(q), axis=1)
     span = np.where(span > 1e-6 * np.max(size, initial=0.0), span, size)
-    return np.where(span > 0, span, solution.problem.scales)
+    # What is zero but for round-off has the size of its events.
+    return np.where(span > 1e-12 * np.max(size), span, solution.problem.scales)
 
 
 def directions(solution: Solution, count: int = 2) -> tuple[Array, list[Path]]:

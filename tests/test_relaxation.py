@@ -1,0 +1,217 @@
+"""Relaxation of a path, against eigenvalues known in closed form."""
+
+import matplotlib
+import numpy as np
+import pytest
+
+matplotlib.use("Agg")
+from matplotlib import pyplot
+from PIL import Image
+
+import actionopt as ao
+from actionopt import plot, scenes
+from actionopt.plot import _relaxation as figures
+from actionopt.plot import relaxation_data
+from actionopt.relaxation import FIRST, MEMORY
+
+T = {"minimum": 2.5, "saddle": 4.0}  # the first focus of the oscillator is at pi
+
+
+@pytest.fixture(scope="module")
+def solved():
+    def oscillator(duration):
+        return ao.solve(scenes.get("oscillator", duration=duration).problem, tol=1e-11)
+
+    return {
+        **{kind: oscillator(duration) for kind, duration in T.items()},
+        **{name: ao.solve(scenes.get(name).problem) for name in ("projectile", "pendulum")},
+    }
+
+
+@pytest.fixture(autouse=True)
+def no_figure_left():
+    yield
+    pyplot.close("all")
+
+
+def bent(solution, wave, size=0.7):
+    """Return the path with a sine of so many half waves on it."""
+    duration = solution.problem.duration
+    return lambda t: solution(t) + size * np.sin(np.pi * wave * t / duration)
+
+
+@pytest.mark.parametrize("kind", T)
+@pytest.mark.parametrize("wave", [1, 2, 5])
+def test_a_sine_shrinks_or_grows_as_its_eigenvalue_says(solved, kind, wave):
+    """S on eta = sin: int (eta'^2 - eta^2); the metric's: int (eta'^2 + eta^2 / tau^2)."""
+    solution, duration = solved[kind], T[kind]
+    k = np.pi * wave / duration
+    left = {
+        "descent": 1 - FIRST * (k**2 - 1) / (k**2 + (MEMORY * duration) ** -2),
+        "newton": 1 - FIRST,
+    }
+    for method, expected in left.items():
+        data = relaxation_data(solution, bent(solution, wave), method=method, steps=1)
+        first, second = data.paths - data.target
+        assert np.max(np.abs(first - 0.7 * np.sin(k * data.t))) < 1e-9
+        assert np.max(np.abs(second - expected * first)) < 1e-9
+        assert data.residual == pytest.approx([1, abs(expected)], abs=1e-6)
+        assert data.distance[1] == pytest.approx(expected * data.distance[0])
+    assert (left["descent"] > 1) == (kind == "saddle" and wave == 1)
+
+
+def test_the_action_and_its_parts_along_a_known_path(solved):
+    """x = x0 (1 - s) + x1 s + a sin(pi s), s = t / T: T and V by hand."""
+    solution, duration, a = solved["minimum"], T["minimum"], 0.4
+    x0, x1 = (float(e.q[0]) for e in (solution.problem.start, solution.problem.end))
+
+    def start(t):
+        s = t / duration
+        return x0 * (1 - s) + x1 * s + a * np.sin(np.pi * s)
+
+    data = relaxation_data(solution, start, steps=3)
+    kinetic = ((x1 - x0) ** 2 + a**2 * np.pi**2 / 2) / duration / 2
+    line = (x0**2 + x0 * x1 + x1**2) / 3
+    potential = duration / 2 * (line + 2 * a * (x0 + x1) / np.pi + a**2 / 2)
+    assert data.kinetic[0] == pytest.approx(kinetic, rel=1e-10)
+    assert data.potential[0] == pytest.approx(potential, rel=1e-10)
+    assert data.action == pytest.approx(data.kinetic - data.potential, rel=1e-12)
+    assert data.target_action == pytest.approx(solution.action, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", ["minimum", "projectile", "pendulum"])
+def test_descent_reaches_a_minimum(solved, name):
+    solution = solved[name]
+    data = relaxation_data(solution)
+    assert data.arrived
+    assert np.all(np.diff(data.action) < 0)
+    assert data.action[-1] == pytest.approx(solution.action, abs=1e-6)
+    assert data.residual[0] == 1 and data.residual[-1] < 1e-4
+    assert np.max(np.abs(data.paths[:, :, [0, -1]] - data.target[:, [0, -1]])) < 1e-12
+    assert np.max(np.abs(data.target - solution(data.t))) < 1e-7
+
+
+def test_descent_leaves_a_saddle_below_and_newton_does_not(solved):
+    solution = solved["saddle"]
+    assert solution.kind == "saddle"
+    down = relaxation_data(solution)
+    assert np.all(np.diff(down.action) < 0)
+    assert down.action[0] > solution.action > down.action[-1] + 1
+    assert not down.arrived and down.distance[-1] > 3
+    assert len(down.action) < 60  # and it is not followed for ever
+    there = relaxation_data(solution, method="newton")
+    assert there.arrived and there.residual[-1] < 1e-6
+    assert there.action[-1] == pytest.approx(solution.action, abs=1e-8)
+
+
+def test_newton_s_residual_falls_by_the_shares_alone(solved):
+    data = relaxation_data(solved["saddle"], method="newton")
+    shares = np.minimum(1.0, FIRST * 1.08 ** np.arange(len(data.residual) - 1))
+    assert data.residual[1:] == pytest.approx(np.cumprod(1 - shares), abs=1e-7)
+
+
+def test_a_path_that_closes():
+    """x'' = x - cos wt: x = cos(wt) / (1 + w^2), a minimum of int (x'^2 + x^2) / 2 - x cos wt."""
+    w = 1.5
+    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 + q[0] ** 2 / 2 - q[0] * np.cos(w * t), ["x"])
+    end = ao.Periodic(2 * np.pi / w)
+    solution = ao.solve(ao.Problem(system, ao.Event(0.0, [None]), end))
+    data = relaxation_data(solution, lambda t: 1 + 0.3 * np.sin(3 * w * t))
+    assert data.arrived
+    assert np.max(np.abs(data.paths[-1, 0] - np.cos(w * data.t) / (1 + w**2))) < 1e-3
+    assert np.max(np.abs(data.paths[:, 0, 0] - data.paths[:, 0, -1])) < 1e-12
+
+
+def test_the_start_is_the_same_always(solved):
+    first, again = (relaxation_data(solved["projectile"], steps=1) for _ in range(2))
+    assert np.array_equal(first.paths, again.paths)
+    assert first.distance[0] > 0.5
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "message"),
+    [
+        ("oscillator", {"method": "ipopt"}, "expected a method of descent, newton"),
+        ("oscillator", {"start": lambda t: 5 + 0 * t}, "misses them by"),
+        ("rod_pendulum", {}, "found constraints"),
+        ("damped_oscillator", {}, "found non-conservative forces"),
+    ],
+)
+def test_what_cannot_be_relaxed(name, options, message):
+    with pytest.raises(ValueError, match=message):
+        relaxation_data(ao.solve(scenes.get(name).problem), **options)
+
+
+# -- pictures --------------------------------------------------------------------------------
+
+
+def drawn(ax, color):
+    return [np.array(x.get_data()) for x in ax.lines if x.get_color() == color]
+
+
+@pytest.mark.parametrize(
+    ("name", "method", "words"),
+    [
+        ("minimum", "descent", "oscillator: descent reaches the minimum"),
+        ("saddle", "descent", "oscillator: descent leaves the saddle below"),
+        ("saddle", "newton", "oscillator: Newton's method reaches the saddle"),
+        ("projectile", "descent", "projectile: descent reaches the minimum"),
+    ],
+)
+def test_the_picture_says_what_is_seen(solved, name, method, words):
+    solution = solved[name]
+    data = relaxation_data(solution, method=method)
+    panels = plot.relaxation(solution, method=method, units=plot.SI)
+    assert panels.paths.get_title(loc="left") == words
+    legend = panels.paths.get_legend()
+    assert legend is not None
+    assert {x.get_text() for x in legend.get_texts()} == {"last path", "start", "true path"}
+    steps = np.arange(len(data.action))
+    for ax, values in ((panels.action, [data.action]), (panels.residual, [data.residual])):
+        assert np.array_equal(drawn(ax, "black"), [[steps, y] for y in values])
+    parts = [np.array(line.get_ydata()) for line in panels.parts.lines]
+    assert np.array_equal(parts, [data.kinetic, data.potential])
+    assert panels.residual.get_yscale() == "log"
+    assert panels.action.get_ylabel() == "$S$ (J s)"
+    low, high = panels.paths.get_ylim()
+    row = 1 if name == "projectile" else 0
+    assert low < data.paths[:, row].min() and data.paths[:, row].max() < high
+    panels.paths.figure.canvas.draw()
+
+
+def test_a_film_is_a_step_a_frame_and_the_same_file_again(solved, tmp_path, monkeypatch):
+    few = relaxation_data(solved["saddle"], steps=4)
+    monkeypatch.setattr(figures, "relaxation_data", lambda *_, **__: few)
+    files = [tmp_path / f"{k}.gif" for k in (1, 2)]
+    for file in files:
+        plot.relaxation_film(solved["saddle"], file)
+    assert files[0].read_bytes() == files[1].read_bytes()
+    with Image.open(files[0]) as film:
+        assert film.n_frames == 5
+    assert pyplot.get_fignums() == []
+
+
+def test_frames_show_the_path_and_where_it_stands(solved, monkeypatch):
+    seen = {}
+
+    def keep(figure, update, count, file, fps):
+        seen.update(figure=figure, update=update, count=count)
+
+    monkeypatch.setattr(figures, "write", keep)
+    plot.relaxation_film(solved["saddle"], "film.gif")
+    data = relaxation_data(solved["saddle"])
+    assert seen["count"] == len(data.action)
+    seen["update"](7)
+    paths, action, parts, residual = seen["figure"].axes
+    (now,) = [line for line in paths.lines if line.get_label() == "now"]
+    assert np.array_equal(now.get_ydata(), data.paths[7, 0])
+    low, high = paths.get_ylim()
+    assert low < data.paths.min() and data.paths.max() < high  # whatever comes is within
+    dots = [
+        tuple(np.ravel(line.get_data()))
+        for ax in (action, parts, residual)
+        for line in ax.lines
+        if line.get_marker() == "o"
+    ]
+    expected = (data.action, data.kinetic, data.potential, data.residual)
+    assert dots == [(7, y[7]) for y in expected]
