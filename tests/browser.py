@@ -36,7 +36,7 @@ class Browser:
             "--remote-debugging-pipe",
         ]
         self.process = subprocess.Popen(
-            ["sh", "-c", f'exec "$0" "$@" 3<&{theirs} 4>&{ours}', *command],
+            ["sh", "-c", f'exec "$0" "$@" 3</dev/fd/{theirs} 4>/dev/fd/{ours}', *command],
             pass_fds=(theirs, ours),
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
@@ -145,10 +145,24 @@ class Browser:
                 clickCount=1,
             )
 
+    def touch(self, x, y, across, down):
+        """Drag a finger from a place by so many pixels."""
+        for kind, share in (("touchStart", 0), ("touchMove", 0.5), ("touchMove", 1)):
+            point = {"x": x + share * across, "y": y + share * down}
+            self.order("Input.dispatchTouchEvent", type=kind, touchPoints=[point])
+        self.order("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
+
     def key(self, name):
         """Press a key."""
         for kind in ("keyDown", "keyUp"):
-            self.order("Input.dispatchKeyEvent", type=kind, key=name, code=name)
+            code = {"Tab": 9, "ArrowRight": 39, "ArrowUp": 38}[name]
+            self.order(
+                "Input.dispatchKeyEvent",
+                type=kind,
+                key=name,
+                code=name,
+                windowsVirtualKeyCode=code,
+            )
 
     def picture(self, file, whole=False):
         """Write a picture of the window, or of the whole page."""

@@ -69,7 +69,7 @@ class Explorer:
         start = self.motion(problem.duration)[:, 0]
         return {
             "name": self.name,
-            "coordinates": problem.system.coordinates,
+            "coordinates": list(problem.system.coordinates),
             "parameters": {name: float(values.get(name, 0.0)) for name in "mkg"},
             "duration": problem.duration,
             "longest": self.longest * problem.duration,

@@ -223,7 +223,7 @@
     layout();
     ways.bend();
     new ResizeObserver(layout).observe(figure);
-    window.explorer = { ...window.explorer, [data.name]: { setHandle, setDuration, handles: inner.length } };
+    window.explorer = { ...window.explorer, [data.name]: { setHandle, setDuration, nodes: path } };
   }
 
   document.querySelectorAll("[data-explorer]").forEach(start);

@@ -1,0 +1,326 @@
+"""Pages are whole, true and made once."""
+
+import json
+import re
+from html.parser import HTMLParser
+
+import browser
+import numpy as np
+import pytest
+
+from actionopt import scenes
+from actionopt.gallery import build, keys
+from actionopt.gallery.explorer import EXPLORERS, OSCILLATOR, PROJECTILE
+from actionopt.gallery.index_page import SECTIONS, section
+from actionopt.gallery.texts import texts
+
+NAMES = ["drag_quadratic", "rod_pendulum"]
+VOID = {"meta", "link", "img", "input", "br"}
+SAME = 1e-9  # of an action computed twice
+
+
+@pytest.fixture(scope="module")
+def gallery(tmp_path_factory):
+    """A gallery of two scenes, made by two processes."""
+    target = tmp_path_factory.mktemp("gallery")
+    assert sorted(build(target, NAMES)) == ["drag_quadratic", "least", "rod_pendulum"]
+    return target
+
+
+def files(target):
+    return {str(f.relative_to(target)): f.read_bytes() for f in target.rglob("*") if f.is_file()}
+
+
+# -- pages -----------------------------------------------------------------------------------
+
+
+class Checked(HTMLParser):
+    """Reads a page and keeps what is asked of it."""
+
+    def __init__(self):
+        super().__init__()
+        self.open, self.ids, self.links, self.headings = [], [], [], []
+        self.pictures, self.language, self.words = [], None, ""
+
+    def handle_starttag(self, tag, attrs):
+        given = dict(attrs)
+        if tag not in VOID:
+            self.open.append(tag)
+        if "id" in given:
+            self.ids.append(given["id"])
+        self.links += [given[name] for name in ("href", "src") if name in given]
+        if re.fullmatch("h[1-6]", tag):
+            self.headings.append(int(tag[1]))
+        if tag == "img":
+            self.pictures.append(given)
+        if tag == "html":
+            self.language = given.get("lang")
+
+    def handle_startendtag(self, tag, attrs):
+        self.handle_starttag(tag, attrs)
+        if tag not in VOID:
+            self.open.pop()
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag, self.getpos()
+
+    def handle_data(self, data):
+        if self.open and self.open[-1] not in ("script", "style"):
+            self.words += data
+
+
+def test_pages_are_whole(gallery):
+    pages = list(gallery.rglob("*.html"))
+    assert len(pages) == 2 + len(NAMES)
+    for file in pages:
+        page = Checked()
+        page.feed(file.read_text(encoding="utf-8"))
+        assert not page.open
+        assert page.language == "en"
+        assert len(set(page.ids)) == len(page.ids)
+        assert page.headings[0] == 1 and page.headings.count(1) == 1
+        assert max(np.diff(page.headings), default=0) <= 1  # no level is skipped
+        for link in page.links:
+            if link.startswith("#"):
+                assert link[1:] in page.ids
+            elif link != "data:,":
+                assert not re.match(r"\w+:|//", link), f"{link} leaves the gallery"
+                assert (file.parent / link).is_file(), f"{file} wants {link}"
+        for picture in page.pictures:
+            in_link = "thumbnail" in picture["src"]  # the card's words stand beside it
+            assert "alt" in picture and (in_link or re.search(r"\w{3}", picture["alt"]))
+        assert "nan" not in page.words.lower().split()
+
+
+def test_nothing_comes_from_elsewhere(gallery):
+    for name, content in files(gallery).items():
+        text = content.decode()
+        loads = r"""(?:href|src)=["']?(?:https?:)?//|url\(["']?(?:https?:)?//|@import|fetch\("""
+        assert not re.search(loads, text), name
+
+
+def test_what_a_scene_is_decides_its_figures(gallery):
+    drag = {f.stem for f in (gallery / "drag_quadratic").glob("*.svg")}
+    rod = {f.stem for f in (gallery / "rod_pendulum").glob("*.svg")}
+    assert drag == {"motion", "thumbnail", "path", "conserved", "mesh"}
+    assert rod >= drag | {"landscape", "slices", "bundle", "energies", "spectrum"}
+    page = (gallery / "drag_quadratic" / "index.html").read_text(encoding="utf-8")
+    assert "leaves no action to compare" in page
+    assert '"arrows"' not in page
+    assert '"arrows"' in (gallery / "rod_pendulum" / "index.html").read_text(encoding="utf-8")
+
+
+def test_the_numbers_on_a_page_are_those_of_the_scene(gallery):
+    page = Checked()
+    page.feed((gallery / "rod_pendulum" / "index.html").read_text(encoding="utf-8"))
+    scene = scenes.get("rod_pendulum")
+    assert page.words.count(f"{scene.action:.10g} J s") == 2  # known, and found
+    assert f"action {str(scene.action)[:11]}" in page.words  # printed by the program
+
+
+@pytest.mark.parametrize("name", scenes.SCENES)
+def test_every_scene_has_its_words_and_its_section(name):
+    words = texts(name)
+    assert words.statement and words.sketch and words.usage and words.formulas
+    assert section(scenes.get(name).source) in SECTIONS
+
+
+# -- building --------------------------------------------------------------------------------
+
+
+def test_what_stands_is_not_made_again(gallery):
+    before = files(gallery)
+    assert build(gallery, NAMES) == []
+    assert files(gallery) == before
+    (gallery / "rod_pendulum" / "path.svg").unlink()
+    assert build(gallery, ["drag_quadratic"]) == []
+    assert build(gallery, ["rod_pendulum"], jobs=1) == ["rod_pendulum"]
+    assert files(gallery) == before  # the index still has both
+
+
+def test_an_interrupted_build_goes_on_and_comes_out_the_same(gallery, tmp_path):
+    def stop(done, total, name):
+        assert total == 3
+        if done == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        build(tmp_path, NAMES, show=stop, jobs=1)
+    assert not list(tmp_path.rglob("*.partial"))
+    seen = []
+    left = build(tmp_path, NAMES, show=lambda *now: seen.append(now), jobs=1)
+    assert left == ["rod_pendulum"] and seen == [(3, 3, "rod_pendulum")]
+    assert files(tmp_path) == files(gallery)
+
+
+def test_a_key_follows_the_sources(monkeypatch):
+    own, other = keys.key("rod_pendulum"), keys.key("projectile")
+    source = keys._source
+
+    def changed(name):
+        return source(name) + (b"#" if name == "pendulum" else b"")
+
+    monkeypatch.setattr(keys, "_source", changed)
+    assert keys.key("rod_pendulum") != own  # it imports the pendulum
+    assert keys.key("projectile") == other
+
+
+def test_a_scene_that_is_not_there(tmp_path):
+    with pytest.raises(ValueError, match="pendulum"):
+        build(tmp_path / "new", ["pendulm"])
+    assert not (tmp_path / "new").exists()
+
+
+# -- the explorer ----------------------------------------------------------------------------
+
+
+def test_the_explorers_action_of_the_motion_is_known():
+    for explorer, tolerance in ((PROJECTILE, 1e-13), (OSCILLATOR, 1e-9)):
+        T = explorer.scene.problem.duration
+        assert explorer.action(explorer.motion(T), T) == pytest.approx(
+            explorer.scene.action, abs=tolerance
+        )
+
+
+def test_the_explorers_action_of_a_bent_path_is_known():
+    # x = x0 + v0 t, y = y0 + v t - a t^2 / 2 with any a between the same events.
+    scene, T = PROJECTILE.scene, PROJECTILE.scene.problem.duration
+    (x0, y0), (x1, y1) = scene.problem.start.q, scene.problem.end.q
+    nodes = PROJECTILE.motion(T)
+    t = T * np.array(PROJECTILE.plain()["nodes"])
+    for a in (0.0, 4.0, 20.0):
+        v = (y1 - y0) / T + a * T / 2
+        nodes[1] = y0 + v * t - a * t**2 / 2
+        g = 9.81
+        kinetic = ((x1 - x0) ** 2 / T + v**2 * T - v * a * T**2 + a**2 * T**3 / 3) / 2
+        potential = g * (y0 * T + v * T**2 / 2 - a * T**3 / 6)
+        assert PROJECTILE.action(nodes, T) == pytest.approx(kinetic - potential, abs=1e-12)
+
+
+def test_the_page_has_the_numbers_of_the_explorers(gallery):
+    page = (gallery / "least.html").read_text(encoding="utf-8")
+    found = re.findall(r'<script type="application/json">(.*?)</script>', page)
+    assert [json.loads(text) for text in found] == [e.plain() for e in EXPLORERS]
+
+
+# -- in a browser ----------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    if browser.found() is None:
+        pytest.skip("no Chromium found")
+    page = browser.Browser()
+    yield page
+    page.close()
+
+
+def pages(gallery):
+    return sorted(gallery.rglob("*.html"))
+
+
+def test_pages_load_whole_and_from_here_alone(gallery, chromium):
+    chromium.errors.clear()
+    chromium.requests.clear()
+    for file in pages(gallery):
+        chromium.open(file)
+        chromium.run("document.querySelectorAll('img').forEach(i => { i.loading = 'eager' })")
+        chromium.until("[...document.images].every(i => i.complete)")
+        assert chromium.run("[...document.images].every(i => i.naturalWidth > 0)")
+    assert chromium.errors == []
+    assert all(url.startswith(("file:", "data:")) for url in chromium.requests)
+    assert any(url.endswith("film.js") for url in chromium.requests)
+
+
+@pytest.mark.parametrize(("width", "height"), [(360, 740), (1920, 1080)])
+def test_pages_fit_from_phone_to_projector(gallery, chromium, width, height):
+    for file in pages(gallery):
+        chromium.open(file, width, height, still=True)
+        assert chromium.run("document.documentElement.scrollWidth <= innerWidth"), file
+        assert chromium.run("innerWidth") == width
+
+
+def test_a_film_plays_pauses_and_leaves_those_alone_who_want_no_motion(gallery, chromium):
+    file = gallery / "rod_pendulum" / "index.html"
+    frame = "Number(document.querySelector('[data-film]').dataset.frame)"
+    press = "document.querySelector('[data-film] button').click()"
+    chromium.open(file)
+    chromium.until(f"{frame} > 1")
+    places = "[...document.querySelectorAll('[data-film] .body')].map(b => b.getAttribute('cx'))"
+    chromium.run(press)
+    here = chromium.run(places)
+    there = chromium.run(
+        "(() => { const s = document.querySelector('[data-film] input'); s.value = 60;"
+        f" s.dispatchEvent(new Event('input')); return {places} }})()"
+    )
+    assert here != there and chromium.run(frame) == 60
+    chromium.open(file, still=True)
+    chromium.run("new Promise(r => setTimeout(r, 300))")
+    assert chromium.run(frame) == 0
+    chromium.run(press)
+    chromium.until(f"{frame} > 0")
+
+
+def shown(chromium, name):
+    """Return S in the page and S computed here for the path that the page shows."""
+    figure = f"document.querySelector('[data-explorer={name}]').dataset"
+    nodes = np.array(chromium.run(f"explorer.{name}.nodes()"))
+    T, S = (float(chromium.run(f"{figure}.{key}")) for key in ("duration", "action"))
+    explorer = next(e for e in EXPLORERS if e.name == name)
+    return S, explorer.action(nodes, T), float(chromium.run(f"{figure}.rise"))
+
+
+def middle(chromium, name, handle):
+    """Return where a handle is in the window."""
+    knob = f"document.querySelectorAll('[data-explorer={name}] .handle')[{handle}]"
+    return chromium.run(
+        f"(() => {{ const b = {knob}.querySelector('.knob').getBoundingClientRect();"
+        " return [b.x + b.width / 2, b.y + b.height / 2] })()"
+    )
+
+
+@pytest.mark.parametrize("name", ["projectile", "oscillator"])
+def test_a_handle_dragged_changes_the_action_to_the_one_computed_here(gallery, chromium, name):
+    chromium.open(gallery / "least.html")
+    chromium.run(f"document.querySelector('[data-explorer={name}]').scrollIntoView()")
+    before = shown(chromium, name)
+    assert before[0] == pytest.approx(before[1], abs=SAME)
+    x, y = middle(chromium, name, 2)
+    chromium.drag(x, y, x + 15, y + 40)
+    now = middle(chromium, name, 2)
+    assert now == pytest.approx((x + 15 * (name == "projectile"), y + 40), abs=0.6)
+    after = shown(chromium, name)
+    assert after[0] == pytest.approx(after[1], abs=SAME)
+    assert abs(after[0] - before[0]) > 1e-2
+    chromium.key("ArrowUp")  # the handle dragged has the focus
+    raised = shown(chromium, name)
+    assert raised[0] == pytest.approx(raised[1], abs=SAME)
+    assert abs(raised[0] - after[0]) > 1e-4
+    chromium.touch(*middle(chromium, name, 1), 0, -30)
+    touched = shown(chromium, name)
+    assert touched[0] == pytest.approx(touched[1], abs=SAME)
+    assert abs(touched[0] - raised[0]) > 1e-4
+
+
+def test_past_half_a_period_the_bend_costs_less(gallery, chromium):
+    chromium.open(gallery / "least.html")
+    rises = []
+    for T in (0.9 * np.pi, 1.1 * np.pi):
+        chromium.run(f"explorer.oscillator.setDuration({T})")
+        S, expected, rise = shown(chromium, "oscillator")
+        assert pytest.approx(expected, abs=SAME) == S
+        rises.append(rise)
+    assert rises[0] > 0.01 and rises[1] < -0.01
+    chromium.run("document.querySelector('[data-explorer=oscillator] [data-do=motion]').click()")
+    assert abs(shown(chromium, "oscillator")[2]) < 1e-12
+
+
+def test_the_keyboard_reaches_everything(gallery, chromium):
+    chromium.open(gallery / "rod_pendulum" / "index.html", still=True)
+    chromium.key("Tab")
+    assert chromium.run("document.activeElement.className") == "skip"
+    inner = "document.querySelectorAll('a, button, input, summary, [tabindex]')"
+    assert chromium.run(f"[...{inner}].every(e => e.tabIndex >= 0)")
+    chromium.run("document.querySelector('[data-film] input').focus()")
+    chromium.key("ArrowRight")
+    chromium.until("Number(document.querySelector('[data-film]').dataset.frame) > 0")
