@@ -110,16 +110,35 @@ def test_newton_s_residual_falls_by_the_shares_alone(solved):
     assert data.residual[1:] == pytest.approx(np.cumprod(1 - shares), abs=1e-7)
 
 
-def test_a_path_that_closes():
-    """x'' = x - cos wt: x = cos(wt) / (1 + w^2), a minimum of int (x'^2 + x^2) / 2 - x cos wt."""
-    w = 1.5
-    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 + q[0] ** 2 / 2 - q[0] * np.cos(w * t), ["x"])
-    end = ao.Periodic(2 * np.pi / w)
-    solution = ao.solve(ao.Problem(system, ao.Event(0.0, [None]), end))
-    data = relaxation_data(solution, lambda t: 1 + 0.3 * np.sin(3 * w * t))
+def hill(stiff, force, start, end):
+    """Return the path of x'' = stiff x - force cos 1.5 t, always a minimum."""
+    system = ao.System(
+        lambda q, v, t: v[0] ** 2 / 2 + stiff * q[0] ** 2 / 2 - force * q[0] * np.cos(1.5 * t),
+        ["x"],
+    )
+    return ao.solve(ao.Problem(system, start, end), tol=1e-11)
+
+
+@pytest.mark.parametrize("wave", [0, 2])
+def test_a_path_that_closes(wave):
+    """x = cos(wt) / (1 + w^2), and on it waves of whole periods, each an eigenfunction."""
+    period = 2 * np.pi / 1.5
+    solution = hill(1.0, 1.0, ao.Event(0.0, [None]), ao.Periodic(period))
+    k = 1.5 * wave
+    data = relaxation_data(solution, lambda t: solution(t) + 0.3 * np.cos(k * t))
     assert data.arrived
-    assert np.max(np.abs(data.paths[-1, 0] - np.cos(w * data.t) / (1 + w**2))) < 1e-3
-    assert np.max(np.abs(data.paths[:, 0, 0] - data.paths[:, 0, -1])) < 1e-12
+    assert np.max(np.abs(data.target[0] - np.cos(1.5 * data.t) / 3.25)) < 1e-9
+    left = 1 - FIRST * (k**2 + 1) / (k**2 + (MEMORY * period) ** -2)
+    first, second = (data.paths - data.target)[:2, 0]
+    assert np.max(np.abs(second - left * first)) < 1e-9
+    assert data.residual[1] == pytest.approx(left, abs=1e-6)
+
+
+def test_descent_goes_down_where_whole_steps_would_not():
+    """Of a steep hill's second variation, 12 times the metric, a step may take a sixth."""
+    data = relaxation_data(hill(100.0, 0.0, ao.Event(0.0, [1.0]), ao.Event(2.0, [0.5])))
+    assert data.arrived
+    assert np.all(np.diff(data.action) < 0)
 
 
 def test_the_start_is_the_same_always(solved):
