@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
 
 from actionopt.plot._modes import directions
 from actionopt.plot._style import (
@@ -15,11 +14,13 @@ from actionopt.plot._style import (
     SIGNED,
     TRUE,
     Units,
+    colour_bar,
     frame,
     heading,
     label,
+    legend,
     on,
-    planar,
+    shown,
     signed,
     styled,
     times,
@@ -78,31 +79,32 @@ def bundle(
     solution: Solution,
     ax: Axes | None = None,
     *,
-    coordinate: int = 0,
+    coordinate: int | None = None,
     units: Units = NONE,
     count: int = 8,
     size: float = 0.25,
 ) -> Axes:
     """Draw the stationary path among its neighbours, blue where S is lower, vermilion where higher.
 
-    Orbits for Cartesian coordinates, else one coordinate against time.
+    Orbits for Cartesian coordinates, else one `coordinate` against time.
     """
+    at = shown(solution, coordinate)
     data = bundle_data(solution, count, size)
     names = solution.problem.system.coordinates
-    norm = signed(data.rise)
+    norm = signed(float(np.max(np.abs(data.rise), initial=0.0)) or 1.0)
     with styled():
         ax = on(ax)
         # Those that differ most lie at the back.
         for k in np.argsort(-np.abs(data.rise)):
-            for x, y, _ in traces(names, data.t, data.varied[k], coordinate):
+            for x, y, _ in traces(names, data.t, data.varied[k], at):
                 ax.plot(x, y, color=SIGNED(norm(data.rise[k])), linewidth=1.3)
         what = "stationary path"
-        for x, y, _ in traces(names, data.t, data.q, coordinate):
+        for x, y, _ in traces(names, data.t, data.q, at):
             ax.plot(x, y, **TRUE, label=what)
             what = None
-        frame(ax, solution, units, None if planar(names) else coordinate)
-        bar = ax.figure.colorbar(ScalarMappable(norm, SIGNED), ax=ax)
-        bar.set_label(label("$S - S^*$", units.action))
+        frame(ax, solution, units, at)
+        occurring = np.append(data.rise, 0.0)
+        colour_bar(ax, occurring, norm, SIGNED, label("$S - S^*$", units.action))
         ax.set_title(f"{heading(solution)}: the path and its neighbours")
-        ax.legend()
+        legend(ax)
     return ax

@@ -4,21 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 
 from actionopt.plot._style import (
     BLUE,
-    COLOURS,
     COUNT,
     NONE,
     VERMILION,
     Units,
     heading,
     label,
+    legend,
+    legend_above,
     new_figure,
+    number,
     on,
+    strand,
     styled,
     symbol,
     times,
@@ -31,10 +35,10 @@ FLAT = 1e-6  # change relative to the size of what is drawn that is no change
 
 @dataclass(frozen=True, eq=False)
 class Energies:
-    """Kinetic and potential energy at K times: V = -L at rest and T = L + V.
+    """Kinetic and potential energy at K times, (K,): T is even in the velocities, V = T - L.
 
-    In moving coordinates or a magnetic field T has terms that are linear in the velocities, and
-    V what the motion of the frame leaves at rest.
+    T vanishes at rest. In a magnetic field or moving coordinates, where L is partly odd in the
+    velocities, V is the potential that depends on velocity (Goldstein, 3rd ed., section 1.5).
     """
 
     t: Array
@@ -46,14 +50,18 @@ def energies_data(solution: Solution, count: int = COUNT) -> Energies:
     """Return T and V along the path, each (count,), at equal times."""
     t, problem = times(solution, count), solution.problem
     q, v = solution(t), solution.velocity(t)
-    L = problem.system.lagrangian(q, v, t, parameters=problem.parameters)
-    V = -problem.system.lagrangian(q, 0 * v, t, parameters=problem.parameters)
-    return Energies(t, L + V, V)
+    L, back, rest = (
+        problem.system.lagrangian(q, sign * v, t, parameters=problem.parameters)
+        for sign in (1, -1, 0)
+    )
+    T = (L + back) / 2 - rest
+    return Energies(t, T, T - L)
 
 
 def energies(solution: Solution, ax: Axes | None = None, *, units: Units = NONE) -> Axes:
     """Draw T and V, and between them the areas whose difference is S."""
     data = energies_data(solution)
+    V_name = "V" if solution.problem.system.energy_is_mechanical else "U(\\dot q)"
     T, V = data.kinetic, data.potential
     with styled():
         ax = on(ax)
@@ -67,12 +75,14 @@ def energies(solution: Solution, ax: Axes | None = None, *, units: Units = NONE)
                     linewidth=0, label=text,
                 )  # fmt: skip
         ax.plot(data.t, T, color=BLUE, linewidth=2.2, label="$T$")
-        ax.plot(data.t, V, color=VERMILION, linewidth=2.2, linestyle=(0, (6, 2)), label="$V$")
+        ax.plot(
+            data.t, V, color=VERMILION, linewidth=2.2, linestyle=(0, (6, 2)), label=f"${V_name}$"
+        )
         ax.set(xlabel=label("time $t$", units.time), ylabel=label("energy", units.energy))
-        S = label(f"{solution.action:.6g}", units.action)
-        ax.set_title(f"{heading(solution)}: $S = \\int (T - V)\\,dt$ = {S}")
+        S = f"{number(solution.action)} {units.action}".rstrip()
+        ax.set_title(f"{heading(solution)}: $S = \\int (T - {V_name})\\,dt$ = {S}")
         ax.margins(x=0)
-        ax.legend(ncols=2)
+        legend_above(ax, 4)
     return ax
 
 
@@ -115,11 +125,10 @@ def conserved(
     with styled():
         pair = new_figure(figsize=(6.4, 5.4)).subplots(2, sharex=True) if axes is None else axes
         above, below = pair
-        _constant(above, data.t, data.energy, data.flat[0], "$H$", COLOURS[0])
+        _constant(above, data.t, data.energy, data.flat[0], "$H$", strand(0))
         for i, name in enumerate(names):
             what = f"$p_{{{symbol(name)[1:-1]}}}$"
-            colour = COLOURS[(i + 1) % len(COLOURS)]
-            _constant(below, data.t, data.momentum[i], data.flat[i + 1], what, colour)
+            _constant(below, data.t, data.momentum[i], data.flat[i + 1], what, strand(i + 1))
         above.set_ylabel(label("energy function $H$", units.energy))
         used = {units.momentum(name) for name in names}
         below.set_ylabel(label("momenta $p$", ", ".join(sorted(used)) if any(used) else ""))
@@ -128,13 +137,13 @@ def conserved(
         for ax in (above, below):
             ax.margins(x=0)
             _no_magnified_rounding(ax)
-            ax.legend(ncols=2)
+            legend(ax, beside=True)
     return above, below
 
 
-def _constant(ax: Axes, t: Array, values: Array, flat: bool, what: str, colour: str) -> None:
+def _constant(ax: Axes, t: Array, values: Array, flat: bool, what: str, look: Any) -> None:
     text = f"{what}, conserved" if flat else what
-    ax.plot(t, values, color=colour, linewidth=3.2 if flat else 1.6, label=text)
+    ax.plot(t, values, **look, linewidth=3.2 if flat else 1.6, label=text)
 
 
 def _no_magnified_rounding(ax: Axes) -> None:

@@ -5,25 +5,30 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
+from matplotlib.ticker import MaxNLocator
 
 from actionopt.plot._style import (
+    BLUE,
     BOX,
     COUNT,
     GREY,
     NONE,
+    PALE,
     PATH,
     UNSIGNED,
     Units,
+    colour_bar,
     frame,
     heading,
     label,
+    legend,
     new_figure,
+    number,
     on,
-    planar,
+    shown,
+    strand,
     styled,
     symbol,
     times,
@@ -46,38 +51,41 @@ def family(
     solutions: Iterable[Solution],
     ax: Axes | None = None,
     *,
-    coordinate: int = 0,
+    coordinate: int | None = None,
     units: Units = NONE,
 ) -> Axes:
     """Draw all the paths between two events, coloured by action and labelled by index.
 
-    `solutions` is what `solve_all` returns, or any solutions between the same events.
+    `solutions` is what `solve_all` returns, or any solutions between the same events. Orbits for
+    Cartesian coordinates, else one `coordinate` against time.
     """
     found = list(solutions)
     t, paths, actions = family_data(found)
     names = found[0].problem.system.coordinates
     forced = found[0].problem.system.structure.forced
+    place = shown(found[0], coordinate)
     norm = Normalize(actions.min(), actions.max() if np.ptp(actions) else actions.min() + 1.0)
-    colours = colormaps[UNSIGNED]
     with styled():
         ax = on(ax)
         for k, (solution, q, S) in enumerate(zip(found, paths, actions, strict=True)):
-            rows = traces(names, t, q, coordinate)
+            rows = traces(names, t, q, place)
             for x, y, _ in rows:
-                ax.plot(x, y, color=colours(norm(S)), linewidth=2.4)
-            x, y, _ = rows[0]
+                ax.plot(x, y, color=UNSIGNED(norm(S)), linewidth=2.4)
+            frame(ax, solution, units, place)  # a path with windings has an end of its own
+            if forced:
+                continue
+            x, y, _ = max(rows, key=lambda row: np.hypot(np.ptp(row[0]), np.ptp(row[1])))
             # Labels stand at different times, so that they do not lie on one another.
             at = int(t.size * (0.3 + 0.4 * (k + 0.5) / len(found)))
-            text = "" if forced else str(solution.morse_index)
             ax.annotate(
-                text, (x[at], y[at]), ha="center", va="center", fontsize="small", zorder=6,
+                str(solution.morse_index), (x[at], y[at]), ha="center", va="center", zorder=6,
+                fontsize="small",
                 bbox={**BOX, "boxstyle": "circle,pad=0.2", "alpha": 1.0, "edgecolor": GREY},
             )  # fmt: skip
-        frame(ax, found[0], units, None if planar(names) else coordinate)
-        bar = ax.figure.colorbar(ScalarMappable(norm, UNSIGNED), ax=ax)
-        bar.set_label(label("action $S$", units.action))
+        if len(found) > 1:
+            colour_bar(ax, actions, norm, UNSIGNED, label("action $S$", units.action))
         many = "1 path" if len(found) == 1 else f"{len(found)} paths"
-        ax.set_title(f"{heading(found[0])}: {many}, numbered by index")
+        ax.set_title(f"{heading(found[0])}: {many}{'' if forced else ', numbered by index'}")
     return ax
 
 
@@ -97,22 +105,23 @@ def mesh(
         if axes is None:
             axes = new_figure(figsize=(6.4, 5.2)).subplots(2, sharex=True, height_ratios=(3, 2))
         above, below = axes  # type: ignore[misc]
-        for name, q, dots in zip(names, solution(t), solution(nodes), strict=True):
-            (line,) = above.plot(t, q, **PATH)
-            above.plot(nodes, dots, ".", color=line.get_color(), markersize=4)
-            above.plot([], [], color=line.get_color(), label=symbol(name))
-        below.stairs(degrees, boundaries, fill=True, color="#0072B2", alpha=0.25)
-        below.stairs(degrees, boundaries, color="#0072B2", linewidth=1.5)
+        for i, (name, q, dots) in enumerate(zip(names, solution(t), solution(nodes), strict=True)):
+            look = strand(i)
+            above.plot(t, q, **{**PATH, "linewidth": 2.5}, **look, label=symbol(name))
+            above.plot(nodes, dots, ".", color=look["color"], markersize=4)
+        below.stairs(degrees, boundaries, fill=True, color=BLUE, alpha=0.25)
+        below.stairs(degrees, boundaries, color=BLUE, linewidth=1.5)
         for ax in (above, below):
             for b in boundaries:
-                ax.axvline(b, color=GREY, linewidth=0.6)
+                ax.axvline(b, color=PALE, linewidth=0.6, zorder=1)
             ax.margins(x=0)
+            ax.grid(visible=False, axis="x")
         below.set_ylim(0, 1.15 * degrees.max())
+        below.yaxis.set_major_locator(MaxNLocator(5, integer=True))
         below.set(xlabel=label("time $t$", units.time), ylabel="degree")
         used = sorted({units.coordinate(name) for name in names})
         above.set_ylabel(label("coordinates", ", ".join(used) if any(used) else ""))
-        above.legend(ncols=4)
-        above.set_title(
-            f"{heading(solution)}: {degrees.size} elements, error about {solution.error:.0e}"
-        )
+        legend(above, beside=True)
+        error = number(solution.error, 1)
+        above.set_title(f"{heading(solution)}: {degrees.size} elements, error about {error}")
     return above, below

@@ -7,12 +7,13 @@ meet them in the direction p = dS/dq.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
+from matplotlib.tri import Triangulation
 
 from actionopt.conjugate import ConjugatePoint, conjugate_points
 from actionopt.fan import motions
@@ -20,14 +21,21 @@ from actionopt.path import Path
 from actionopt.plot._style import (
     COLOURS,
     COUNT,
+    GREY,
     NONE,
+    PALE,
+    TRUE,
     UNSIGNED,
     Units,
+    colour_bar,
     frame,
     heading,
     label,
+    legend,
+    number,
     on,
     planar,
+    shown,
     styled,
     traces,
 )
@@ -35,6 +43,13 @@ from actionopt.problem import Event, Problem
 from actionopt.quadrature import Array
 from actionopt.solution import Solution
 
+SAME_TIMES = 8
+EVERY = 12  # motions, one is drawn
+LEVELS = 17
+COARSE = 0.25  # of a level: dS = p dq fails by more on a triangle too large to draw fronts on
+FIRST = 6  # of 121 times: motions are too near each other before
+SPREAD = 0.8  # of the largest speed: how far velocities of fronts differ
+BEFORE = 0.8  # of the way to the first focus, where all fronts of a plane meet in a point
 GAUSS = np.polynomial.legendre.leggauss(3)
 
 
@@ -95,42 +110,61 @@ def fan(
     solution: Solution,
     ax: Axes | None = None,
     *,
-    coordinate: int = 0,
+    coordinate: int | None = None,
     units: Units = NONE,
     count: int = 12,
     spread: float = 0.15,
 ) -> Axes:
-    """Draw the fan of motions from the start event, the path coloured by its index on each arc."""
+    """Draw the fan of motions from the start event, the path coloured by its index on each arc.
+
+    Orbits for Cartesian coordinates, and dotted lines through the places of the same time: orbits
+    may cross without meeting. Else one `coordinate` against time.
+    """
+    place = shown(solution, coordinate)
     data = fan_data(solution, count, spread)
     names = solution.problem.system.coordinates
     with styled():
         ax = on(ax)
         what = "neighbouring motions"
         for q in data.neighbours:
-            for x, y, _ in traces(names, data.t, q, coordinate):
-                ax.plot(x, y, color="#8a8a8a", linewidth=0.8, label=what)
+            for x, y, _ in traces(names, data.t, q, place):
+                ax.plot(x, y, color=PALE, linewidth=0.8, label=what)
                 what = None
+        if place is None:
+            _same_times(ax, data, names)
+        last = int(data.index[-1])
+        few = last < len(COLOURS)
+        colours = COLOURS if few else UNSIGNED(np.linspace(0, 1, last + 1))
         for arc in np.unique(data.index):
             part = np.flatnonzero(data.index == arc)
             part = np.r_[max(part[0] - 1, 0), part]
             what = f"index {arc}"
-            for x, y, _ in traces(names, data.t[part], data.q[:, part], coordinate):
-                ax.plot(x, y, color=COLOURS[arc % len(COLOURS)], linewidth=3.4, label=what)
+            for x, y, _ in traces(names, data.t[part], data.q[:, part], place):
+                ax.plot(x, y, color=colours[arc], linewidth=3.4, label=what)
                 what = None
         what = "kinetic focus"
         for point in data.conjugate:
             at = solution(np.array([point.t]))
-            for x, y, _ in traces(names, np.array([point.t]), at, coordinate):
+            for x, y, _ in traces(names, np.array([point.t]), at, place):
                 ax.plot(
                     x, y, "D", color="white", markeredgecolor="black", markersize=7, zorder=6,
                     label=what,
                 )  # fmt: skip
                 what = None
-        frame(ax, solution, units, None if planar(names) else coordinate)
+        frame(ax, solution, units, place)
         found = "no focus before the end" if not data.conjugate else "refocusing"
         ax.set_title(f"{heading(solution)}: paths from one event, {found}")
-        ax.legend()
+        legend(ax)
     return ax
+
+
+def _same_times(ax: Axes, data: Fan, names: Sequence[str]) -> None:
+    """Join the places that the motions of a fan reach at the same time, at a few times."""
+    what = "the same time"
+    for k in np.linspace(0, data.t.size - 1, SAME_TIMES + 1).astype(int)[1:]:
+        for x, y, _ in traces(names, data.t, np.moveaxis(data.neighbours[:, :, k], 0, 1)):
+            ax.plot(x, y, color=GREY, linewidth=1.0, linestyle=":", zorder=3, label=what)
+            what = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,37 +178,54 @@ class Fronts:
         B motions.
     action : (B, K) array
         S along each from the event to the time t.
+    velocity : (B, n) array
+        The first velocity of each.
     """
 
     t: Array
     q: Array
     action: Array
+    velocity: Array
 
 
 def fronts_data(
-    solution: Solution, count: int = 41, spread: float = 1.0, until: float | None = None
+    solution: Solution, count: int = 41, spread: float = SPREAD, until: float | None = None
 ) -> Fronts:
     """Return motions from the start event in all directions, and S along them.
 
     One coordinate: first velocities within `spread` of the solution's largest on either side of
     its first, up to the time `until` (by default the first conjugate time, or the end). Two:
-    a disc of velocities about the solution's.
+    a disc of velocities about the solution's, of half that radius, and by default a time well
+    before the conjugate one.
+
+    Raises ValueError for non-conservative forces and for constraints: S is no function then of
+    all the places around the path.
     """
     problem, start = solution.problem, solution.start
-    points = conjugate_points(solution) if not problem.system.structure.forced else ()
-    end = until or min([p.t for p in points] + [problem.end.t])
+    if problem.system.m:
+        raise ValueError("expected a system without constraints, found one with; try `fan`")
+    first = min((p.t for p in conjugate_points(solution)), default=None)
+    end = until or problem.end.t
+    if until is None and first is not None:
+        end = first if len(start.q) == 1 else start.t + BEFORE * (first - start.t)
     t = np.linspace(start.t, end, 121)
     speed = spread * float(np.max(np.linalg.norm(solution.velocity(t), axis=0)))
     if len(start.q) == 1:
         offsets = np.linspace(-speed, speed, count)[None]
     else:
-        k = np.arange(4 * count) + 0.5  # evenly over a disc, by the golden section
-        turn, radius = 2 * np.pi * 0.6180339887498949 * k, speed * np.sqrt(k / k[-1])
+        k = np.arange(6 * count) + 0.5  # evenly over a disc, by the golden section
+        turn, radius = 2 * np.pi * 0.6180339887498949 * k, speed / 2 * np.sqrt(k / k[-1])
         offsets = np.zeros((len(start.q), k.size))
         offsets[:2] = radius * np.cos(turn), radius * np.sin(turn)
-    paths = [p for p in motions(_until(solution, end), start.v[:, None] + offsets) if p is not None]
-    q = np.array([path(t) for path in paths])
-    return Fronts(t, q, np.array([action_along(problem, path, t) for path in paths]))
+    v0 = start.v[:, None] + offsets
+    found = [
+        (p, v)
+        for p, v in zip(motions(_until(solution, end), v0), v0.T, strict=True)
+        if p is not None
+    ]
+    q = np.array([path(t) for path, _ in found])
+    action = np.array([action_along(problem, path, t) for path, _ in found])
+    return Fronts(t, q, action, np.array([v for _, v in found]))
 
 
 def wavefronts(
@@ -189,39 +240,88 @@ def wavefronts(
     One coordinate: fronts in the plane of time and coordinate. Two Cartesian coordinates: fronts
     over the places reached at the last time, and there the momenta, which are dS/dq.
 
-    Raises ValueError for any other system.
+    Raises ValueError for any other system, and as `fronts_data` does.
     """
     names = solution.problem.system.coordinates
     if len(names) > 1 and (len(names) > 2 or not planar(names)):
-        raise ValueError(f"expected one coordinate or x and y, found {', '.join(names)}")
+        raise ValueError(f"expected one coordinate or x and y, found {', '.join(names)}; try `fan`")
     data = fronts_data(solution, until=until)
     with styled():
         ax = on(ax)
         if len(names) == 1:
-            keep = data.t > data.t[0] + 0.06 * (data.t[-1] - data.t[0])  # S is singular at t0
-            x, y = np.broadcast_to(data.t[keep], data.q[:, 0, keep].shape), data.q[:, 0, keep]
-            S = data.action[:, keep]
+            what = _over_time(ax, data, units)
         else:
-            x, y, S = data.q[:, 0, -1], data.q[:, 1, -1], data.action[:, -1]
-        ordered = np.sort(S.ravel())
-        levels = np.unique(
-            np.linspace(ordered[len(ordered) // 50], ordered[-len(ordered) // 50], 17)
-        )
-        norm = Normalize(levels[0], levels[-1])
-        ax.tricontour(x.ravel(), y.ravel(), S.ravel(), levels, cmap=UNSIGNED, linewidths=1.6)
-        bar = ax.figure.colorbar(ScalarMappable(norm, UNSIGNED), ax=ax)
-        bar.set_label(label("$S$ from the start", units.action))
+            what = _over_plane(ax, solution, data, units)
+        for x, y, _ in traces(names, data.t, solution(data.t)):
+            ax.plot(x, y, **TRUE, label="stationary path")
+        frame(ax, solution, units)
         if len(names) == 1:
-            for q in data.q[::2]:
-                ax.plot(data.t, q[0], color="#6a6a6a", linewidth=0.7)
-            frame(ax, solution, units)
-            ax.plot(data.t, solution(data.t)[0], color="black", linewidth=2)
-            ax.set_xlim(data.t[0], data.t[-1])
-        else:
-            _momenta(ax, solution, data)
-            frame(ax, solution, units)
-        ax.set_title(f"{heading(solution)}: fronts of $S$ and the paths across them")
+            margin = 0.02 * (data.t[-1] - data.t[0])
+            ax.set_xlim(data.t[0] - margin, data.t[-1] + margin)
+        ax.set_title(f"{heading(solution)}: fronts of $S$ {what}")
+        legend(ax)
     return ax
+
+
+def _over_time(ax: Axes, data: Fronts, units: Units) -> str:
+    """Draw fronts over time and coordinate; return what they are."""
+    keep = np.flatnonzero(data.t > data.t[0] + 0.06 * (data.t[-1] - data.t[0]))  # singular at t0
+    t, v = (x.ravel() for x in np.meshgrid(data.t[keep], data.velocity[:, 0]))
+    q = data.q[:, 0, keep].ravel()
+    corners = Triangulation(t, v).triangles
+    _fronts(ax, (t, q), corners, _turned(t, q, corners), data.action[:, keep].ravel(), units)
+    what = "paths from the event"
+    for path in data.q[::2]:
+        ax.plot(data.t, path[0], color=PALE, linewidth=0.7, zorder=1, label=what)
+        what = None
+    return "and the paths across them"
+
+
+def _over_plane(ax: Axes, solution: Solution, data: Fronts, units: Units) -> str:
+    """Draw fronts over the places reached at the last time, and momenta; return what they are."""
+    problem, h = solution.problem, data.t[-1] - data.t[-2]
+    x, y = data.q.transpose(1, 2, 0)
+    q, S = data.q[:, :, -1].T, data.action[:, -1]
+    v = (3 * data.q[:, :, -1] - 4 * data.q[:, :, -2] + data.q[:, :, -3]).T / (2 * h)
+    p = problem.system.momentum(q, v, data.t[-1], parameters=problem.parameters)
+    corners = Triangulation(*data.velocity.T).triangles
+    a, b = corners, np.roll(corners, 1, axis=1)
+    rise = np.sum((p[:, a] + p[:, b]) / 2 * (q[:, b] - q[:, a]), axis=0)
+    coarse = np.max(np.abs(S[b] - S[a] - rise), axis=1) > COARSE * np.ptp(S) / LEVELS
+    mask = coarse | np.any(_turned(x, y, corners)[FIRST:], axis=0)
+    _fronts(ax, (x[-1], y[-1]), corners, mask, S, units)
+    what, some = "paths from the event", np.unique(corners[~mask])[::EVERY]
+    for path in data.q[some]:
+        ax.plot(path[0], path[1], color=PALE, linewidth=0.6, zorder=1, label=what)
+        what = None
+    ax.quiver(*q[:, some], *p[:, some], width=0.004, color="black", zorder=3)
+    ax.plot(
+        [], [], color="black", marker=r"$\rightarrow$", markersize=12, linestyle="none",
+        label=r"momentum $p = \partial S/\partial q$",
+    )  # fmt: skip
+    return label(f"at $t$ = {number(data.t[-1], 3)}", units.time)
+
+
+def _turned(x: Array, y: Array, corners: Array) -> Array:
+    """Return which triangles of neighbouring motions are turned over, (..., T).
+
+    Such a triangle has passed a focus: there S has one value no more.
+    """
+    a, b, c = np.moveaxis(corners, -1, 0)
+    across = (x[..., b] - x[..., a]) * (y[..., c] - y[..., a])
+    return across <= (y[..., b] - y[..., a]) * (x[..., c] - x[..., a])
+
+
+def _fronts(
+    ax: Axes, place: tuple[Array, Array], corners: Array, mask: Array, S: Array, units: Units
+) -> None:
+    """Draw lines of equal S over the triangles that are not masked."""
+    seen = np.sort(S[np.unique(corners[~mask])])
+    levels = np.unique(np.linspace(seen[len(seen) // 50], seen[-1 - len(seen) // 50], LEVELS))
+    norm = Normalize(levels[0], levels[-1])
+    sheet = Triangulation(*place, corners, mask)
+    ax.tricontour(sheet, S, levels, cmap=UNSIGNED, norm=norm, linewidths=1.6, zorder=2)
+    colour_bar(ax, levels, norm, UNSIGNED, label("$S$ from the start", units.action))
 
 
 def action_along(problem: Problem, path: Path, t: Array) -> Array:
@@ -231,24 +331,6 @@ def action_along(problem: Problem, path: Path, t: Array) -> Array:
     at = (t[:-1, None] + h[:, None] * (xi + 1) / 2).ravel()
     L = problem.system.lagrangian(path(at), path.velocity(at), at, parameters=problem.parameters)
     return np.r_[0.0, np.cumsum(h / 2 * (L.reshape(h.size, xi.size) @ w))]
-
-
-def _momenta(ax: Axes, solution: Solution, data: Fronts) -> None:
-    """Draw every sixth path, and its momentum where it ends."""
-    problem, n = solution.problem, data.q.shape[1]
-    h = data.t[-1] - data.t[-2]
-    chosen = data.q[::6]
-    for q in chosen:
-        ax.plot(q[0], q[1], color="#b9b9b9", linewidth=0.6)
-    at = chosen[:, :, -1].T
-    v = (3 * chosen[:, :, -1] - 4 * chosen[:, :, -2] + chosen[:, :, -3]).T / (2 * h)
-    p = problem.system.momentum(at, v, data.t[-1], parameters=problem.parameters)
-    assert p.shape[0] == n
-    ax.quiver(at[0], at[1], p[0], p[1], width=0.004, color="black", zorder=3)
-    ax.plot(
-        [], [], color="black", marker=r"$\rightarrow$", linestyle="none", label="$p$ at the end"
-    )
-    ax.legend()
 
 
 def _until(solution: Solution, end: float) -> Problem:

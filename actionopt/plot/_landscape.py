@@ -15,6 +15,7 @@ from actionopt.plot._style import (
     NONE,
     SIGNED,
     Units,
+    colour_bar,
     heading,
     label,
     new_figure,
@@ -27,7 +28,10 @@ from actionopt.quadrature import Array
 from actionopt.solution import Solution
 from actionopt.varied import variation
 
-LEVELS = 14
+LEVELS = 14  # contours from 0 to the largest
+CLOSER = 1.5  # power by which the points of the map crowd in the middle, where S is flat
+ABOVE = 2.5  # times the most along either mode: higher is no part of the bowl, but a singularity
+SIZE = (5.8, 4.2)  # of one map
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +54,7 @@ class Landscape:
     modes: tuple[int, int]
 
 
-def landscape_data(solution: Solution, reach: float = 0.5, count: int = 31) -> Landscape:
+def landscape_data(solution: Solution, reach: float = 0.5, count: int = 35) -> Landscape:
     """Return the action over the two modes that tell most.
 
     Raises ValueError for non-conservative forces, or for a path with a single variation.
@@ -58,11 +62,12 @@ def landscape_data(solution: Solution, reach: float = 0.5, count: int = 31) -> L
     values, modes = directions(solution, LOWEST)
     chosen = both_ways(values)
     if len(chosen) < 2:
-        raise ValueError("expected a path with two independent variations, found one")
+        raise ValueError("expected a path with two independent variations, found one; try `slices`")
     S = variation(solution, modes[chosen[0]])
     tr, Q = S.form.tr, S.form.Q
     first, second = (modes[k](tr.mesh.nodes).T for k in chosen)
-    steps = np.linspace(-reach, reach, count)
+    even = np.linspace(-1, 1, count)
+    steps = reach * np.sign(even) * np.abs(even) ** CLOSER
     rise = np.empty((count, count))
     for i, b in enumerate(steps):
         for j, a in enumerate(steps):
@@ -80,10 +85,13 @@ def landscape(
     """Draw S - S* over two modes as a contour map, the stationary path in its middle."""
     data = landscape_data(solution, reach)
     with styled():
-        ax = on(ax)
-        norm = signed(data.rise)
-        levels = np.linspace(norm.vmin, norm.vmax, 2 * LEVELS + 1)  # type: ignore[arg-type]
-        filled = ax.contourf(data.a, data.b, data.rise, levels, cmap=SIGNED, norm=norm)
+        ax = on(ax, figsize=SIZE)
+        middle = data.rise.shape[0] // 2
+        along = np.abs(np.concatenate([data.rise[middle], data.rise[:, middle]]))
+        reach = min(float(np.nanmax(np.abs(data.rise))), ABOVE * float(np.nanmax(along))) or 1.0
+        norm, even = signed(reach), np.linspace(-1, 1, 2 * LEVELS + 1)
+        levels = reach * even * np.abs(even)
+        ax.contourf(data.a, data.b, data.rise, levels, cmap=SIGNED, norm=norm, extend="both")
         lines = ax.contour(
             data.a, data.b, data.rise, levels[::2], colors="white", linewidths=0.6, linestyles="-"
         )
@@ -91,8 +99,7 @@ def landscape(
         if data.rise.min() < 0 < data.rise.max():
             ax.contour(data.a, data.b, data.rise, [0.0], colors="black", linewidths=1.2)
         ax.plot(0, 0, **EVENT)
-        bar = ax.figure.colorbar(filled, ax=ax, format="%.3g")
-        bar.set_label(label("$S - S^*$", units.action))
+        colour_bar(ax, data.rise, norm, SIGNED, label("$S - S^*$", units.action))
         ax.set(
             xlabel=f"mode {data.modes[0] + 1} (of the path's size)",
             ylabel=f"mode {data.modes[1] + 1} (of the path's size)",
@@ -107,9 +114,11 @@ def landscapes(
     solutions: Sequence[Solution], axes: Sequence[Axes] | None = None, *, units: Units = NONE
 ) -> list[Axes]:
     """Draw the landscapes of several solutions side by side."""
+    count = len(solutions)
+    if not count:
+        raise ValueError("expected at least one solution, found none")
     with styled():
         if axes is None:
-            count = len(solutions)
-            found = new_figure(figsize=(5.2 * count, 4.2)).subplots(1, count, squeeze=False)
-            axes = list(found.ravel())
+            size = (SIZE[0] * count, SIZE[1])
+            axes = list(new_figure(figsize=size).subplots(1, count, squeeze=False).ravel())
         return [landscape(s, ax, units=units) for s, ax in zip(solutions, axes, strict=True)]

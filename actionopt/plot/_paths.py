@@ -16,16 +16,19 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from actionopt.plot._style import (
-    BOX,
     COUNT,
     FORWARD,
+    GREY,
     NONE,
     PATH,
     Units,
     frame,
     heading,
     label,
+    legend,
+    legend_above,
     new_figure,
+    number,
     on,
     styled,
     times,
@@ -34,15 +37,7 @@ from actionopt.plot._style import (
 from actionopt.quadrature import Array
 from actionopt.solution import Solution
 
-BOUND: Any = {"color": "#555555", "linewidth": 1.0}
-BESIDE: Any = {
-    "xycoords": ("axes fraction", "data"),
-    "textcoords": "offset points",
-    "horizontalalignment": "right",
-    "verticalalignment": "bottom",
-    "bbox": BOX,
-    "zorder": 3,
-}
+BOUND: Any = {"color": GREY, "linewidth": 1.2}
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,8 +103,9 @@ def paths(
                 ax.plot(x, y, **FORWARD, label=what)
                 what = None  # one entry in the legend stands for all
         frame(ax, solution, units)
-        ax.set_title(f"{heading(solution)}  $S$ = {label(f'{solution.action:.8g}', units.action)}")
-        ax.legend()
+        S = f"{number(solution.action, 8)} {units.action}".rstrip()
+        ax.set_title(f"{heading(solution)}: $S$ = {S}")
+        legend(ax)
     return ax
 
 
@@ -123,17 +119,15 @@ def deviation(solution: Solution, ax: Axes | None = None, *, units: Units = NONE
     seen = np.where(data.deviation > 0, data.deviation, np.nan)
     with styled():
         ax = on(ax)
-        ax.semilogy(data.t, seen, color="black", linewidth=1.2)
+        ax.semilogy(data.t, seen, color="black", linewidth=1.2, label="deviation")
         for value, look, text in (
-            (solution.error, "--", "error estimate of the path"),
-            (solution.compare().reference_error, ":", "uncertainty of the integration"),
+            (solution.error, "--", "error estimate"),
+            (solution.compare().reference_error, ":", "uncertainty of integration"),
         ):
             if np.isfinite(value) and value > 0:
-                ax.axhline(value, **BOUND, linestyle=look)
-                ax.annotate(text, (0.99, value), (0, 2), **BESIDE, color=BOUND["color"])
-        ax.set(xlabel=label("time $t$", units.time), ylabel="deviation / size of coordinate")
-        low, high = ax.get_ylim()
-        ax.set_ylim(low, 10 * high)  # room for the words
+                ax.axhline(value, **BOUND, linestyle=look, label=text)
+        ax.set(xlabel=label("time $t$", units.time), ylabel="relative deviation")
+        legend_above(ax, 3)
     return ax
 
 

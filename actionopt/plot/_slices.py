@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 
 from actionopt.path import Path
 from actionopt.plot._modes import both_ways, directions
-from actionopt.plot._style import COLOURS, EVENT, NONE, Units, heading, label, on, styled
+from actionopt.plot._style import COLOURS, EVENT, NONE, Units, heading, label, legend, on, styled
 from actionopt.quadrature import Array
 from actionopt.solution import Solution
 from actionopt.varied import variation
@@ -93,5 +93,5 @@ def slices(
             ylabel=label("$S - S^*$", units.action),
         )
         ax.set_title(f"{heading(solution)}: a {solution.kind}, index {solution.morse_index}")
-        ax.legend()
+        legend(ax)
     return ax

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,7 +12,7 @@ from actionopt.conjugate import conjugate_points
 from actionopt.index import inertia_of, lowest
 from actionopt.path import Mesh
 from actionopt.plot._modes import sizes
-from actionopt.plot._style import COLOURS, GREY, NONE, Units, heading, label, on, styled
+from actionopt.plot._style import COLOURS, GREY, NONE, Units, heading, label, legend, on, styled
 from actionopt.problem import Event, Problem
 from actionopt.quadratic_form import form
 from actionopt.quadrature import Array
@@ -20,6 +21,7 @@ from actionopt.transcription import Transcription
 
 DEGREE = 8
 ELEMENTS = 12
+NARROW = 0.02  # of the duration: an arc too short for a number
 SHORTEST = 0.12  # of the duration: the kinetic part alone tells below
 
 
@@ -52,7 +54,7 @@ def spectrum_data(solution: Solution, count: int = 3, points: int = 60) -> Spect
     """
     problem, t0 = solution.problem, solution.problem.start.t
     if len(problem.start.pinned) + len(problem.end.pinned) < 2 * problem.system.n:
-        raise ValueError("expected events that pin all coordinates")
+        raise ValueError("expected events that pin all coordinates, found a free one; try `slices`")
     units = sizes(solution)
     durations = np.linspace(SHORTEST, 1.0, points) * problem.duration
     values, index = np.full((count, points), np.nan), np.zeros(points, dtype=int)
@@ -76,7 +78,10 @@ def spectrum_data(solution: Solution, count: int = 3, points: int = 60) -> Spect
 def spectrum(
     solution: Solution, ax: Axes | None = None, *, count: int = 3, units: Units = NONE
 ) -> Axes:
-    """Draw the lowest eigenvalues against duration; dotted lines are the conjugate times."""
+    """Draw the lowest eigenvalues against duration; dotted lines are the conjugate times.
+
+    Above each arc between them stands the index.
+    """
     data = spectrum_data(solution, count)
     with styled():
         ax = on(ax)
@@ -87,12 +92,27 @@ def spectrum(
         for t in np.unique(data.conjugate):
             ax.axvline(t, color=GREY, linestyle=":", linewidth=1.4, label=what)
             what = None
-        low = min(float(np.nanmin(data.eigenvalues)), -0.5)
-        ax.set_ylim(1.1 * low, float(np.clip(np.nanmax(data.eigenvalues), 1.0, 12.0)) * 1.05)
+        low, high = float(np.nanmin(data.eigenvalues)), float(np.nanmax(data.eigenvalues))
+        low = min(low, -0.08 * high)  # zero is seen, and room for the words
+        ax.set_ylim(low - 0.04 * (high - low), high + 0.1 * (high - low))
+        _number_arcs(ax, data)
         ax.set(
             xlabel=label("duration $T$", units.time),
             ylabel=r"eigenvalue of $\delta^2S$  ($\times\,T^2/\pi^2M$)",
         )
         ax.set_title(f"{heading(solution)}: index {data.index[-1]} at the full duration")
-        ax.legend()
+        legend(ax, beside=True)
     return ax
+
+
+def _number_arcs(ax: Axes, data: Spectrum) -> None:
+    """Write the index at the top of each arc between conjugate times."""
+    ends = [data.durations[0], *np.unique(data.conjugate), data.durations[-1]]
+    for k, (begin, end) in enumerate(pairwise(ends)):
+        if end - begin < NARROW * ends[-1]:
+            continue
+        index = int(np.sum(data.conjugate <= begin))
+        ax.text(
+            (begin + end) / 2, 0.98, f"index {index}" if k == 0 else f"{index}", color=GREY,
+            fontsize="small", ha="center", va="top", transform=ax.get_xaxis_transform(),
+        )  # fmt: skip

@@ -1,7 +1,8 @@
 """One style for all pictures: colours, labels, units, axes.
 
 Colours are Okabe and Ito's, which colour-blind readers can tell apart. What has a sign runs from
-blue through grey to vermilion, what has not along cividis; neither vanishes on white or in print.
+blue through grey to vermilion, what has not along cividis short of its palest end; neither vanishes
+on white or in print.
 """
 
 from __future__ import annotations
@@ -12,10 +13,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from matplotlib import rc_context
+from matplotlib import colormaps, rc_context
 from matplotlib.axes import Axes
-from matplotlib.colors import LinearSegmentedColormap, TwoSlopeNorm
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import FuncNorm, LinearSegmentedColormap, ListedColormap, Normalize
 from matplotlib.rcsetup import cycler
+from matplotlib.ticker import MaxNLocator
 
 from actionopt.quadrature import Array
 from actionopt.solution import Solution
@@ -25,6 +28,8 @@ BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY = (
 )
 COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
 GREY = "#555555"
+PALE = "#a6a6a6"  # what lies behind
+DASHES: Any = ("-", (0, (5, 2)), (0, (1.5, 1.5)))  # six colours each, then the next kind of line
 STYLE: Any = {
     "axes.prop_cycle": cycler(color=list(COLOURS)),
     "axes.spines.top": False,
@@ -35,7 +40,8 @@ STYLE: Any = {
     "axes.titlesize": "medium",
     "font.size": 11,
     "grid.color": "#e6e6e6",
-    "legend.frameon": False,
+    "legend.edgecolor": "none",
+    "legend.fancybox": False,
     "legend.fontsize": "small",
     "lines.solid_capstyle": "round",
     "figure.figsize": (6.4, 4.4),
@@ -45,7 +51,7 @@ STYLE: Any = {
 SIGNED = LinearSegmentedColormap.from_list(
     "signed", [BLUE, "#6fb1d8", "#b5b5b5", ORANGE, "#b84a00"]
 )
-UNSIGNED = "cividis"
+UNSIGNED = ListedColormap(colormaps["cividis"](np.linspace(0.0, 0.86, 256)), "unsigned")
 PATH: Any = {"linewidth": 4.5, "alpha": 0.5}  # broad: the forward integration lies within it
 TRUE: Any = {"color": "black", "linewidth": 2.2, "zorder": 4}  # the stationary path, among others
 FORWARD: Any = {"linewidth": 1.0, "color": "black", "linestyle": (0, (5, 3))}
@@ -53,6 +59,8 @@ EVENT: Any = {"marker": "o", "color": "black", "markersize": 6, "linestyle": "no
 START = {**EVENT, "markerfacecolor": "white", "label": "start"}
 END = {**EVENT, "label": "end"}
 BOX: Any = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
+SHORT = 0.06  # of a bar of colours
+MANY = 5  # entries of a legend: more stand beside the picture
 COUNT = 600  # times at which a curve is drawn: more than a picture has columns for
 
 GREEK = (
@@ -139,13 +147,27 @@ def traces(
 ) -> list[tuple[Array, Array, str]]:
     """Return what to draw against what, and its label: orbits, else coordinates against time.
 
-    `coordinate` chooses one of those that are no pairs; by default all are drawn.
+    `coordinate` is the one drawn against time; by default orbits are, or if there are none all.
     """
     pairs = planar(names)
-    if pairs:
+    if pairs and coordinate is None:
         return [(q[i], q[j], f"({symbol(names[i])}, {symbol(names[j])})") for i, j in pairs]
     chosen = range(len(names)) if coordinate is None else [coordinate]
     return [(t, q[i], symbol(names[i])) for i in chosen]
+
+
+def shown(solution: Solution, coordinate: int | None) -> int | None:
+    """Return the coordinate that tells neighbouring paths apart against time; None for orbits.
+
+    Orbits do not where a constraint leaves a single curve. Raises ValueError if there is no such
+    coordinate.
+    """
+    system = solution.problem.system
+    if coordinate is None:
+        return None if planar(system.coordinates) and system.degrees_of_freedom > 1 else 0
+    if not 0 <= coordinate < system.n:
+        raise ValueError(f"expected a coordinate from 0 to {system.n - 1}, found {coordinate}")
+    return coordinate
 
 
 def frame(ax: Axes, solution: Solution, units: Units = NONE, coordinate: int | None = None) -> None:
@@ -157,7 +179,7 @@ def frame(ax: Axes, solution: Solution, units: Units = NONE, coordinate: int | N
         for x, y, _ in traces(names, np.array([event.t]), given, coordinate):
             ax.plot(x, y, **look)
             look = {**look, "label": None}  # one entry in the legend stands for all
-    if planar(names):
+    if planar(names) and coordinate is None:
         i, j = planar(names)[0]
         ax.set(
             xlabel=label(f"${names[i][0]}$", units.length),
@@ -180,10 +202,61 @@ def heading(solution: Solution) -> str:
     return solution.problem.system.name.replace("_", " ")
 
 
-def signed(values: Array) -> TwoSlopeNorm:
-    """Return the norm of colours `SIGNED`: zero is grey, both sides are of one scale."""
-    reach = float(np.max(np.abs(values), initial=0.0)) or 1.0
-    return TwoSlopeNorm(0.0, -reach, reach)
+def signed(reach: float) -> Normalize:
+    """Return the norm of colours `SIGNED` from -reach to reach: zero is grey, and roots are even.
+
+    What grows as the square of a displacement is then as strong in colour as the displacement.
+    """
+    roots = (lambda x: np.sign(x) * np.sqrt(np.abs(x)), lambda y: y * np.abs(y))
+    return FuncNorm(roots, -reach, reach)
+
+
+def colour_bar(ax: Axes, values: Array, norm: Normalize, colours: Any, text: str) -> None:
+    """Draw the part of a bar of colours that occurs in `values`, labelled."""
+    bar = ax.figure.colorbar(ScalarMappable(norm, colours), ax=ax)
+    low, high = (float(np.clip(f(values), norm.vmin, norm.vmax)) for f in (np.nanmin, np.nanmax))
+    if low < high:
+        bar.ax.set_ylim(low, high)
+    if (
+        isinstance(norm, FuncNorm) and low < 0 < high
+    ):  # either side has ticks of its own, unless it is short
+        sides = [(low, 0.0), (0.0, high)]
+        long = [s for s in sides if norm(s[1]) - norm(s[0]) > SHORT]
+        ticks = np.unique(np.concatenate([MaxNLocator(3).tick_values(*s) for s in long]))
+        bar.set_ticks(ticks[(low <= ticks) & (ticks <= high)])
+    bar.set_label(text)
+
+
+def strand(i: int) -> dict[str, Any]:
+    """Return colour and dashes of the i-th of many lines."""
+    kind = i // len(COLOURS) % len(DASHES)
+    return {"color": COLOURS[i % len(COLOURS)], "linestyle": DASHES[kind]}
+
+
+def legend(ax: Axes, *, beside: bool = False) -> None:
+    """Explain the lines where there is room: in the picture if they are few, else beside it."""
+    if beside or len(ax.get_legend_handles_labels()[1]) > MANY:
+        ax.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0)
+    else:
+        ax.legend()
+
+
+def legend_above(ax: Axes, columns: int) -> None:
+    """Explain the lines in a row above them, for which room is made."""
+    low, high = ax.transData.transform([(1, y) for y in ax.get_ylim()])[:, 1]
+    top = ax.transData.inverted().transform((0, high + 0.16 * (high - low)))[1]
+    ax.set_ylim(top=top)
+    ax.legend(loc="upper left", ncols=columns)
+
+
+def number(x: float, digits: int = 6) -> str:
+    r"""Return a number as mathematics.
+
+    >>> number(-1.5), number(2e-9, 1)
+    ('$-1.5$', '$2\\times10^{-9}$')
+    """
+    mantissa, _, exponent = f"{x:.{digits}g}".partition("e")
+    return f"${mantissa}\\times10^{{{int(exponent)}}}$" if exponent else f"${mantissa}$"
 
 
 def styled() -> Any:

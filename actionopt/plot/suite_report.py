@@ -10,10 +10,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib import rc_context
 
-from actionopt.plot._style import COLOURS, STYLE
+from actionopt.plot._style import STYLE, strand
 from actionopt.quadrature import Array
-
-DASHES: Any = ("-", (0, (5, 2)), (0, (1.5, 1.5)))  # six colours each, then the next kind of line
 
 
 def profiles(
@@ -51,9 +49,8 @@ def profiles(
                 ends,
                 heights,
                 where="post",
-                color=COLOURS[i % len(COLOURS)],
-                linestyle=DASHES[i // len(COLOURS) % len(DASHES)],
                 label=name,
+                **strand(i),
             )
         ax.set(xscale="log", xlim=(least, reach), ylim=(0, 1.02), ylabel="fraction solved")
         ax.set_xlabel(xlabel)

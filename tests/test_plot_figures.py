@@ -1,0 +1,253 @@
+"""Figures of the principle: their arrays against closed forms, their words within the picture."""
+
+import io
+
+import matplotlib
+import numpy as np
+import pytest
+
+matplotlib.use("Agg")
+from matplotlib import pyplot
+from matplotlib.text import Text
+
+import actionopt as ao
+from actionopt import plot, scenes
+from actionopt.plot._modes import sizes
+
+PARAMETERS = {"oscillator_saddle": ("oscillator", {"duration": 4.0})}
+FIGURES = {
+    "overview": plot.overview,
+    "bundle": plot.bundle,
+    "slices": plot.slices,
+    "landscape": plot.landscape,
+    "energies": plot.energies,
+    "conserved": plot.conserved,
+    "fan": plot.fan,
+    "wavefronts": plot.wavefronts,
+    "spectrum": plot.spectrum,
+    "family": lambda solution, units: plot.family([solution], units=units),
+    "mesh": plot.mesh,
+}
+LARGEST = 400_000  # bytes of a figure as SVG
+UNFORCED = ("bundle", "slices", "landscape", "fan", "wavefronts", "spectrum")
+
+
+@pytest.fixture(scope="module")
+def solved():
+    kept = {}
+
+    def get(name):
+        if name not in kept:
+            scene, parameters = PARAMETERS.get(name, (name, {}))
+            made = scenes.get(scene, **parameters)
+            kept[name] = ao.solve(made.problem, guess=made.guess)
+        return kept[name]
+
+    return get
+
+
+@pytest.fixture(autouse=True)
+def no_figure_left():
+    yield
+    pyplot.close("all")
+
+
+def second_variation(k, T, amplitude, w=1.0):
+    """Return the second variation of an oscillator along amplitude * sin(k pi t / T)."""
+    return amplitude**2 * T / 2 * ((k * np.pi / T) ** 2 - w**2)
+
+
+# -- words -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("figure", FIGURES)
+@pytest.mark.parametrize(
+    "name", ["oscillator_saddle", "rod_pendulum", "figure_eight", "damped_oscillator"]
+)
+def test_every_figure_is_labelled_and_nothing_is_clipped(solved, figure, name):
+    solution = solved(name)
+    try:
+        drawn = FIGURES[figure](solution, units=plot.SI)
+    except ValueError as error:
+        assert str(error).startswith("expected")
+        assert "found" in str(error)
+        assert name != "oscillator_saddle"
+        return
+    axes = np.ravel(drawn)
+    picture = axes[0].figure
+    picture.canvas.draw()
+    renderer = picture.canvas.get_renderer()
+    box = picture.get_tightbbox(renderer)
+    width, height = picture.get_size_inches()
+    assert box.x0 > -0.01 and box.y0 > -0.01
+    assert box.x1 < width + 0.01 and box.y1 < height + 0.01
+    assert axes[0].get_title(loc="left").startswith(solution.problem.system.name.replace("_", " "))
+    assert axes[-1].get_xlabel()
+    for ax in picture.axes:  # colour bars too
+        assert ax.get_ylabel()
+        words = [ax.xaxis.label, ax.yaxis.label, *ax.texts, *ax.findobj(Text)[-3:]]
+        for text in (t for t in words if t.get_text()):
+            extent = text.get_window_extent(renderer)
+            assert extent.x0 >= -0.5 and extent.x1 <= picture.bbox.width + 0.5, text.get_text()
+            assert extent.y0 >= -0.5 and extent.y1 <= picture.bbox.height + 0.5, text.get_text()
+    file = io.BytesIO()
+    picture.savefig(file, format="svg")
+    assert file.tell() < LARGEST
+
+
+@pytest.mark.parametrize("figure", UNFORCED)
+def test_without_a_functional_nothing_is_compared(solved, figure):
+    with pytest.raises(ValueError, match=r"expected .* without non-conservative forces"):
+        FIGURES[figure](solved("damped_oscillator"), units=plot.SI)
+
+
+def test_what_cannot_be_drawn_is_refused(solved):
+    for name, message in (
+        ("rod_pendulum", "without constraints"),
+        ("figure_eight", "one coordinate or x and y"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            plot.wavefronts(solved(name))
+    with pytest.raises(ValueError, match="a coordinate from 0 to 1, found 2"):
+        plot.bundle(solved("kepler"), coordinate=2)
+    with pytest.raises(ValueError, match="at least one solution"):
+        plot.family([])
+    with pytest.raises(ValueError, match="at least one solution"):
+        plot.landscapes([])
+    problem = ao.Problem(
+        scenes.get("oscillator").problem.system, ao.Event(0.0, [1.0]), ao.Event(1.0, [None])
+    )
+    with pytest.raises(ValueError, match="pin all coordinates"):
+        plot.spectrum(ao.solve(problem))
+
+
+def test_where_a_constraint_leaves_one_curve_paths_are_told_apart_in_time(solved):
+    ax = plot.bundle(solved("rod_pendulum"))
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("time $t$", "$x$")
+    ax = plot.bundle(solved("kepler"))
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("$x$", "$y$")
+    ax = plot.bundle(solved("kepler"), coordinate=1)
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("time $t$", "$y$")
+
+
+# -- arrays ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["oscillator", "oscillator_saddle"])
+def test_slices_bundle_and_landscape_of_an_oscillator_are_parabolas(solved, name):
+    solution = solved(name)
+    T = solution.problem.duration
+    unit = float(sizes(solution)[0])
+    rises = [second_variation(k, T, unit) for k in (1, 2, 3)]
+
+    data = plot.bundle_data(solution, count=4, size=0.2)
+    alphas = np.linspace(-0.2, 0.2, 4)
+    np.testing.assert_allclose(data.rise, np.outer(rises, alphas**2 / 2).ravel(), rtol=1e-6)
+    displaced = np.max(np.abs(data.varied - data.q), axis=(1, 2))
+    np.testing.assert_allclose(displaced, np.tile(np.abs(alphas), 3) * unit, rtol=1e-3)
+
+    land = plot.landscape_data(solution, reach=0.4, count=7)
+    assert land.modes == (0, 1)
+    first, second = np.meshgrid(land.a**2 / 2 * rises[0], land.b**2 / 2 * rises[1])
+    np.testing.assert_allclose(land.rise, first + second, atol=1e-9)
+
+    _, modes = plot._modes.directions(solution, 2)
+    for mode, rise in zip(modes, rises, strict=False):
+        data = plot.slice_data(solution, mode, reach=0.3, count=5)
+        assert data.second == pytest.approx(rise, rel=1e-6)
+        rising = data.alpha**2 * rise / 2
+        np.testing.assert_allclose(data.action - solution.action, rising, atol=1e-12)
+        np.testing.assert_allclose(data.action, data.parabola)
+
+
+def test_the_energies_of_an_oscillator_and_a_charge(solved):
+    solution = solved("oscillator")
+    data = plot.energies_data(solution, 2001)
+    np.testing.assert_allclose(data.kinetic, solution.velocity(data.t)[0] ** 2 / 2, atol=1e-14)
+    np.testing.assert_allclose(data.potential, solution(data.t)[0] ** 2 / 2, atol=1e-14)
+    area = np.trapezoid(data.kinetic - data.potential, data.t)
+    assert area == pytest.approx(solution.action, rel=1e-5)
+
+    solution = solved("charge_planar")
+    data = plot.energies_data(solution, 2001)
+    m = solution.problem.parameters["m"]
+    speed = np.sum(solution.velocity(data.t) ** 2, axis=0)
+    np.testing.assert_allclose(data.kinetic, m * speed / 2, atol=1e-13)
+    area = np.trapezoid(data.kinetic - data.potential, data.t)
+    assert area == pytest.approx(solution.action, rel=1e-5)
+    assert r"U(\dot q)" in plot.energies(solution).get_title(loc="left")
+
+
+def test_what_is_conserved(solved):
+    data = plot.conserved_data(solved("projectile"))
+    assert data.flat == (True, True, False)
+    assert plot.conserved_data(solved("damped_oscillator")).flat == (False, False)
+    fact = scenes.get("kepler").facts["energy"]
+    np.testing.assert_allclose(plot.conserved_data(solved("kepler")).energy, fact, rtol=1e-6)
+
+
+def test_all_motions_of_an_oscillator_meet_after_half_a_period(solved):
+    solution = solved("oscillator_saddle")
+    data = plot.fan_data(solution)
+    (focus,) = data.conjugate
+    assert focus.t == pytest.approx(np.pi, rel=1e-8)
+    np.testing.assert_array_equal(data.index, data.t > np.pi)
+    v0 = solution.start.v[0]
+    offsets = np.linspace(-0.15, 0.15, 12) * np.max(np.abs(solution.velocity(data.t)))
+    expected = np.cos(data.t) + np.outer(v0 + offsets, np.sin(data.t))
+    np.testing.assert_allclose(data.neighbours[:, 0], expected, atol=1e-3)
+
+
+def test_fronts_of_an_oscillator_are_hamiltons_principal_function(solved):
+    solution = solved("oscillator")
+    data = plot.fronts_data(solution)
+    t, x = data.t[10:], data.q[:, 0, 10:]
+    expected = ((x**2 + 1) * np.cos(t) - 2 * x) / (2 * np.sin(t))
+    np.testing.assert_allclose(data.action[:, 10:], expected, atol=1e-3)
+    assert plot.fronts_data(solved("oscillator_saddle")).t[-1] == pytest.approx(np.pi)
+
+
+def test_in_the_plane_the_momentum_is_the_gradient_of_the_action(solved):
+    solution = solved("projectile")
+    data = plot.fronts_data(solution)
+    T, end = data.t[-1], data.q[:, :, -1].T
+    m, g = (solution.problem.parameters[k] for k in ("m", "g"))
+    x, y = end - np.array(solution.start.q)[:, None]
+    expected = m * (x**2 + y**2) / (2 * T) - m * g * T * y / 2 - m * g**2 * T**3 / 24
+    np.testing.assert_allclose(data.action[:, -1], expected, atol=1e-3)
+    ax = plot.wavefronts(solution)
+    (arrows,) = [a for a in ax.collections if hasattr(a, "U")]
+    at = np.array(arrows.XY).T - np.array(solution.start.q)[:, None]
+    np.testing.assert_allclose(arrows.U, m * at[0] / T, atol=1e-2)
+    np.testing.assert_allclose(arrows.V, m * at[1] / T - m * g * T / 2, atol=1e-2)
+
+
+def test_the_spectrum_of_an_oscillator(solved):
+    data = plot.spectrum_data(solved("oscillator_saddle"), points=9)
+    expected = np.array([k**2 - (data.durations / np.pi) ** 2 for k in (1, 2, 3)])
+    np.testing.assert_allclose(data.eigenvalues, expected, atol=1e-6)
+    np.testing.assert_array_equal(data.index, data.durations > np.pi)
+    np.testing.assert_allclose(data.conjugate, [np.pi])
+    ax = plot.spectrum(solved("oscillator_saddle"))
+    assert [t.get_text() for t in ax.texts] == ["index 0", "1"]
+
+
+def test_a_family_is_numbered_by_index_and_coloured_by_action(solved):
+    several = [solved("oscillator"), solved("oscillator_saddle")]
+    t, paths, actions = plot.family_data(several, 5)
+    assert paths.shape == (2, 1, 5)
+    np.testing.assert_array_equal(actions, [s.action for s in several])
+    np.testing.assert_array_equal(paths[1], several[1](t))
+    ax = plot.family(several)
+    assert [t.get_text() for t in ax.texts] == ["0", "1"]
+    assert len(ax.figure.axes) == 2
+    assert len(plot.family(several[:1]).figure.axes) == 1  # no bar of one colour
+
+
+def test_the_mesh_is_the_solutions(solved):
+    solution = solved("kepler")
+    boundaries, degrees = plot.mesh_data(solution)
+    np.testing.assert_array_equal(boundaries, solution.mesh.boundaries)
+    _, below = plot.mesh(solution)
+    assert all(float(tick).is_integer() for tick in below.get_yticks())
+    assert below.get_ylim()[1] > degrees.max()
