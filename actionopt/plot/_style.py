@@ -223,7 +223,7 @@ def colour_bar(ax: Axes, values: Array, norm: Normalize, colours: Any, text: str
         sides = [(low, 0.0), (0.0, high)]
         long = [s for s in sides if norm(s[1]) - norm(s[0]) > SHORT]
         ticks = np.unique(np.concatenate([MaxNLocator(3).tick_values(*s) for s in long]))
-        bar.set_ticks(ticks[(low <= ticks) & (ticks <= high)])
+        bar.set_ticks(ticks[(low <= ticks) & (ticks <= high)].tolist())
     bar.set_label(text)
 
 
