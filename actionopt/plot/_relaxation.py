@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike
 
 from actionopt.path import Path
@@ -25,7 +26,7 @@ from actionopt.plot._style import (
     heading,
     label,
     new_figure,
-    planar,
+    shown,
     styled,
     traces,
 )
@@ -58,7 +59,7 @@ def relaxation(
     axes: Panels | None = None,
     *,
     method: str = "descent",
-    coordinate: int = 0,
+    coordinate: int | None = None,
     units: Units = NONE,
 ) -> Panels:
     """Draw the paths from `start` to where they lead, later ones stronger, and S beside them.
@@ -66,16 +67,16 @@ def relaxation(
     Orbits for Cartesian coordinates, else one coordinate against time. Start, method and what is
     raised are explained at `relaxation_data`.
     """
-    data = relaxation_data(solution, start, method=method)
+    data, at = relaxation_data(solution, start, method=method), shown(solution, coordinate)
     last = len(data.action) - 1
     with styled():
         panels = _panels(new_figure(figsize=SIZE)) if axes is None else Panels(*axes)
-        shown = np.unique(np.rint(last * np.linspace(0, 1, SHOWN) ** 2).astype(int))[1:]
-        for k, strength in zip(shown, np.linspace(FAINTEST, 1, shown.size), strict=True):
-            for x, y, _ in _traces(solution, data, data.paths[k], coordinate):
-                look = {**NOW, "linewidth": 1.4, "color": faded(BLUE, strength)}
-                panels.paths.plot(x, y, **look, label="last path" if k == last else None)
-        _prepare(panels, solution, data, coordinate, units)
+        picked = np.unique(np.rint(last * np.linspace(0, 1, SHOWN) ** 2).astype(int))[1:]
+        for k, strength in zip(picked, np.linspace(FAINTEST, 1, picked.size), strict=True):
+            look = {**NOW, "linewidth": 1.4, "color": faded(BLUE, strength)}
+            what = "last path" if k == last else None
+            _draw(panels.paths, solution, data, data.paths[k], at, look, what)
+        _prepare(panels, solution, data, at, units)
         panels.paths.legend()
     return panels
 
@@ -86,29 +87,26 @@ def relaxation_film(
     start: Start = None,
     *,
     method: str = "descent",
-    coordinate: int = 0,
+    coordinate: int | None = None,
     fps: int = FPS,
     units: Units = NONE,
 ) -> None:
     """Write the relaxation to a film, one step a frame; files and what is raised as in `film`."""
-    data = relaxation_data(solution, start, method=method)
+    data, at = relaxation_data(solution, start, method=method), shown(solution, coordinate)
     with styled():
         figure = Figure(SIZE, layout="constrained")
         panels = _panels(figure)
-        lines = [
-            panels.paths.plot(x, y, **NOW, label="now" if not i else None)[0]
-            for i, (x, y, _) in enumerate(_traces(solution, data, data.paths[0], coordinate))
-        ]
+        lines = _draw(panels.paths, solution, data, data.paths[0], at, NOW, "now")
         curves = (data.action, data.kinetic, data.potential, data.residual)
         axes = (panels.action, panels.parts, panels.parts, panels.residual)
         dots = [ax.plot(0, y[0], **DOT)[0] for ax, y in zip(axes, curves, strict=True)]
-        _prepare(panels, solution, data, coordinate, units)
+        _prepare(panels, solution, data, at, units)
         panels.paths.legend()
         figure.draw_without_rendering()
         figure.set_layout_engine("none")  # nothing shifts from frame to frame
 
     def update(k: int) -> None:
-        now = _traces(solution, data, data.paths[k], coordinate)
+        now = _traces(solution, data, data.paths[k], at)
         for line, (x, y, _) in zip(lines, now, strict=True):
             line.set_data(x, y)
         for dot, values in zip(dots, curves, strict=True):
@@ -125,24 +123,39 @@ def _panels(figure: Figure) -> Panels:
     return Panels(*(mosaic[name] for name in "qapr"))
 
 
-def _traces(solution: Solution, data: Relaxation, q: Array, coordinate: int) -> Any:
-    return traces(solution.problem.system.coordinates, data.t, q, coordinate)
+def _traces(solution: Solution, data: Relaxation, q: Array, at: int | None) -> Any:
+    return traces(solution.problem.system.coordinates, data.t, q, at)
+
+
+def _draw(
+    ax: Axes,
+    solution: Solution,
+    data: Relaxation,
+    q: Array,
+    at: int | None,
+    look: Any,
+    what: str | None,
+) -> list[Line2D]:
+    """Draw the path q, one word in the legend for all its lines."""
+    lines = [ax.plot(x, y, **look)[0] for x, y, _ in _traces(solution, data, q, at)]
+    lines[0].set_label(what)
+    return lines
 
 
 def _prepare(
-    panels: Panels, solution: Solution, data: Relaxation, coordinate: int, units: Units
+    panels: Panels, solution: Solution, data: Relaxation, at: int | None, units: Units
 ) -> None:
     """Draw what all frames share: the start and the true path, the curves, labels."""
-    names, steps = solution.problem.system.coordinates, np.arange(len(data.action))
+    steps = np.arange(len(data.action))
     paths, action, parts, residual = panels
     for q, look, what in ((data.paths[0], START, "start"), (data.target, TRUE, "true path")):
-        for i, (x, y, _) in enumerate(_traces(solution, data, q, coordinate)):
-            paths.plot(x, y, **look, label=None if i else what)
+        _draw(paths, solution, data, q, at, look, what)
     for q in data.paths:  # room for all, also in a film
-        for x, y, _ in _traces(solution, data, q, coordinate):
+        for x, y, _ in _traces(solution, data, q, at):
             paths.update_datalim(np.c_[x, y])
-    frame(paths, solution, units, None if planar(names) else coordinate)
-    for line in paths.lines[-2:]:  # the events need no words here
+    count = len(paths.lines)
+    frame(paths, solution, units, at)
+    for line in paths.lines[count:]:  # the events need no words here
         line.set_label(None)
     paths.set_title(f"{heading(solution)}: {verdict(data, solution.kind)}")
 
