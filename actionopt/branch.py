@@ -23,7 +23,7 @@ import numpy as np
 from actionopt.path import Mesh, Path
 from actionopt.problem import Problem
 from actionopt.quadrature import Array
-from actionopt.transcription import Transcription
+from actionopt.transcription import Transcription, compressed
 
 DENSE = 150  # unknowns below which a dense solver costs less than entering a sparse one
 CORRECTIONS = 6
@@ -160,7 +160,7 @@ class Branch:
         column = (self.at(s + h).residual(z) - self.at(s - h).residual(z)) / (2 * h)
         cut = tr.layout.unknowns
         last = np.r_[row[:cut] / max(cut, 1), np.zeros(z.size - cut), row[-1] / self.range**2]
-        pattern, entries = tr.layout.kkt, tr.kkt(z)
+        pattern, entries = tr.layout.kkt, compressed(tr.layout, tr.kkt(z))
         if not (np.all(np.isfinite(entries)) and np.all(np.isfinite(column))):
             return None
         if z.size <= DENSE:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from actionopt.quadrature import Array
-from actionopt.transcription import Factors, Transcription
+from actionopt.transcription import Factors, Transcription, product
 
 CONTRACTION = 0.5  # a larger ratio of successive steps is not the neighbourhood of a path
 ROUNDOFF_STEP = 1e-9  # steps that stop contracting below this size are round-off
@@ -135,16 +135,13 @@ def _norm(step: Array) -> float:
 
 def _roundoff(tr: Transcription, factors: Factors) -> Array:
     """Return a residual of the size of round-off."""
-    pattern = tr.layout.kkt
-    terms = np.bincount(pattern.row, np.abs(factors.nonzeros), tr.layout.size)
+    terms = product(tr.layout, np.abs(factors.nonzeros), np.ones(tr.layout.size))
     return ROUNDOFF * np.cos(np.arange(terms.size)) * terms
 
 
 def _exhausted(tr: Transcription, z: Array, residual: Array) -> bool:
     """Whether the residual is no larger than the round-off of its own evaluation."""
-    pattern = tr.layout.kkt
-    terms = np.abs(tr.kkt(z) * z[pattern.col])
-    magnitude = np.bincount(pattern.row, terms, z.size)
+    magnitude = product(tr.layout, np.abs(tr.kkt(z)), np.abs(z))
     return bool(np.max(np.abs(residual)) <= 4 * np.finfo(float).eps * np.max(magnitude))
 
 

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 from actionopt.newton import follow
 from actionopt.path import Path
 from actionopt.quadrature import Array
-from actionopt.transcription import Factors, Transcription
+from actionopt.transcription import Factors, Transcription, diagonal
 from actionopt.varied import resolving
 
 if TYPE_CHECKING:
@@ -185,11 +185,11 @@ def _visited(tr: Transcription, z: Array, goal: Array, method: str, steps: int) 
 
 
 def metric(tr: Transcription, z: Array) -> Array:
-    """Return K + W / tau^2 at z as nonzeros on the pattern of the KKT matrix.
+    """Return K + W / tau^2 at z stored as the KKT matrix is.
 
     W has the mean mass of each coordinate along the path on its diagonal, weighted as S is.
     """
-    problem, pattern, n = tr.problem, tr.layout.kkt, tr.problem.system.n
+    problem, n = tr.problem, tr.problem.system.n
     at = tr.coordinates(z)[tr.layout.node_of]
     M = problem.system.mass_matrix(
         at.T, tr.velocities(at).T, tr.times[:, 0], parameters=problem.parameters
@@ -197,10 +197,7 @@ def metric(tr: Transcription, z: Array) -> Array:
     masses = np.einsum("iik,k->i", M, tr.weight[:, 0]) / problem.duration
     node, coordinate = np.divmod(tr.layout.free, n)
     W = _weights(tr)[node] * masses[coordinate] * tr.x_unit**2 / tr.action_unit
-    B = tr.kinetic(z).copy()
-    diagonal = pattern.row == pattern.col
-    B[diagonal] += W[pattern.row[diagonal]] / (MEMORY * problem.duration) ** 2
-    return B
+    return tr.kinetic(z) + diagonal(tr.layout, W / (MEMORY * problem.duration) ** 2)
 
 
 def _weights(tr: Transcription) -> Array:

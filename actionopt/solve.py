@@ -557,7 +557,6 @@ class _Run:
             "rung": self.rung,
             "unknowns": layout.unknowns,
             "rows": layout.rows,
-            "nonzeros": layout.kkt.nnz,
             "iterations": dict(self.iterations),
             "evaluations": dict(self.evaluations),
             "rounds": self.rounds,

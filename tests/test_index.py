@@ -9,6 +9,7 @@ from actionopt import scenes
 from actionopt.index import inertia, kind, lowest, morse_index, second_variation
 from actionopt.jacobi import resolved
 from actionopt.quadratic_form import condense
+from actionopt.transcription import compressed
 
 EIGENVALUE_TOLERANCE = 1e-9  # relative; the path and its modes are resolved to better than 1e-8
 MASS, STIFFNESS = 2.0, 8.0
@@ -151,7 +152,7 @@ def test_pivots_agree_with_dense_eigenvalues_on_every_scene(name):
     tr, z = solution.discrete
     pattern = tr.layout.kkt
     matrix = np.zeros(pattern.shape)
-    matrix[pattern.row, pattern.col] = tr.kkt(z)
+    matrix[pattern.row, pattern.col] = compressed(tr.layout, tr.kkt(z))
     # A KKT matrix has one negative eigenvalue a row, and those of the reduced Hessian.
     negative = np.sum(np.linalg.eigvalsh(matrix) < 0) - tr.layout.rows
     found = inertia(solution)

@@ -19,7 +19,7 @@ from actionopt.scenes import Scene
 from actionopt.solve import solve
 from actionopt.status import SolveError
 from actionopt.suite.families import sample
-from actionopt.transcription import Transcription, find, negative_eigenvalues
+from actionopt.transcription import Transcription, find, negative_eigenvalues, product
 
 TIGHT = 1e-12  # tolerance of the solve, where there is no closed form
 STATIONARY = 1e-12  # relative KKT residual of what is called a star
@@ -160,9 +160,8 @@ def least_multipliers(tr: Transcription, x: Array) -> Array:
 
 def relative_residual(tr: Transcription, z: Array) -> float:
     """Return max |r_i| over the largest sum of terms |K_ij z_j|: 1e-16 is round-off."""
-    pattern = tr.layout.kkt
     with np.errstate(all="ignore"):
-        terms = np.bincount(pattern.row, np.abs(tr.kkt(z) * z[pattern.col]), z.size)
+        terms = product(tr.layout, np.abs(tr.kkt(z)), np.abs(z))
         size = float(np.max(terms, initial=np.finfo(float).tiny))
         return float(np.max(np.abs(tr.residual(z)), initial=0.0)) / size
 

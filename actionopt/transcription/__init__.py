@@ -3,15 +3,25 @@
 from actionopt.transcription.action import Transcription
 from actionopt.transcription.ipopt import Attempt, Principle, find
 from actionopt.transcription.layout import sparsity_of
-from actionopt.transcription.linear import Factors, definite, negative_eigenvalues
+from actionopt.transcription.linear import (
+    Factors,
+    compressed,
+    definite,
+    diagonal,
+    negative_eigenvalues,
+    product,
+)
 
 __all__ = [
     "Attempt",
     "Factors",
     "Principle",
     "Transcription",
+    "compressed",
     "definite",
+    "diagonal",
     "find",
     "negative_eigenvalues",
+    "product",
     "sparsity_of",
 ]

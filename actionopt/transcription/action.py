@@ -25,7 +25,7 @@ import numpy as np
 from actionopt.path import Mesh
 from actionopt.problem import Problem
 from actionopt.quadrature import Array
-from actionopt.transcription.layout import Group, layout_for, sparsity_of
+from actionopt.transcription.layout import layout_for, sparsity_of
 
 
 class Transcription:
@@ -69,7 +69,9 @@ class Transcription:
         self.x_unit = lengths[layout.free % n]
         self._point: tuple[Array, Array, Array, Array] | None = None
         self._values: tuple[float, Array] | None = None
+        # The parts of the Hessian that a constant mass leaves as they are.
         self._stiff: Array | None = None
+        self._rigid: list[Array] | None = None
         # Nonzeros of the mass matrix half way along the straight line, its upper triangle.
         self.inertia = np.zeros(0) if like is None else like.inertia
         self.action_unit, self.row_units = (
@@ -247,37 +249,30 @@ class Transcription:
         """Return the upper triangle's nonzeros of the Hessian of S + sum w lam f."""
         return self.layout.hessian.sum(self._curvatures(z)) * self._hessian_unit
 
-    def kinetic(self, z: Array) -> Array:
-        """Return the kinetic part of the KKT matrix, D' w M D alone, on the pattern of `kkt`.
-
-        Positive definite where the mass matrix is: the metric in which a step changes the
-        velocities least. Only for systems without constraints or forces.
-        """
-        _, at, v = self._place(z)
-        stiff = self._stiffness(self._second(at, v)[2]) if self._stiff is None else self._stiff
-        rest = np.zeros(self.layout.contributions)
-        rest[-stiff.size :] = stiff
-        return self._matrix(rest)
-
     def _curvatures(self, z: Array) -> Array:
         """Return all contributions to the Hessian of S + sum w lam f, one after the other."""
-        layout, system = self.layout, self.problem.system
-        structure = system.structure
-        Q, at, v = self._place(z[: layout.unknowns])
+        _, at, v = self._place(z[: self.layout.unknowns])
         A, B, C = self._second(at, v)
         stiff = self._stiffness(C) if self._stiff is None else self._stiff
-        if structure.constant_mass:
+        if self.problem.system.structure.constant_mass:
             self._stiff = stiff
         parts = [(self.weight * A).ravel(), *self._mixed_part(B, diagonal_twice=True), stiff]
-        if layout.rows and not structure.affine_constraint:
-            lam = np.zeros(layout.row_nodes.size * system.m)
-            lam[layout.row_select] = z[layout.unknowns :] * self.mu_unit
-            curvature = system.pointwise("constraint_curvature")(
-                Q[layout.row_nodes], lam.reshape(-1, system.m), self.row_times, self.problem.packed
-            )[0]
-            self.counts["constraint_curvature"] += 1
-            parts.append((self.row_weight * curvature).ravel())
-        return np.concatenate(parts)
+        bent = self._constraint_curvature(z)
+        return np.concatenate(parts if bent is None else [*parts, bent.ravel()])
+
+    def _constraint_curvature(self, z: Array) -> Array | None:
+        """Return w times the second derivatives of lam f at the rows' nodes, if there are any."""
+        layout, system = self.layout, self.problem.system
+        if not layout.rows or system.structure.affine_constraint:
+            return None
+        Q = self._place(z[: layout.unknowns])[0]
+        lam = np.zeros(layout.row_nodes.size * system.m)
+        lam[layout.row_select] = z[layout.unknowns :] * self.mu_unit
+        curvature = system.pointwise("constraint_curvature")(
+            Q[layout.row_nodes], lam.reshape(-1, system.m), self.row_times, self.problem.packed
+        )[0]
+        self.counts["constraint_curvature"] += 1
+        return self.row_weight * curvature
 
     def _stiffness(self, C: Array) -> Array:
         parts = [
@@ -310,56 +305,166 @@ class Transcription:
     def _whole_unit(self) -> Array:
         return self.x_unit[:, None] * self.x_unit / self.action_unit
 
+    def _normals(self, x: Array) -> Array:
+        """Return the nonzeros of G at the rows' nodes, (R, nonzeros)."""
+        Q = self._place(x)[0][self.layout.row_nodes]
+        self.counts["constraint_jacobian"] += 1
+        function = self.problem.system.pointwise("constraint_jacobian")
+        return function(Q, self.row_times, self.problem.packed)[0]
+
     def jacobian(self, x: Array) -> Array:
         """Return the nonzeros of the derivative of `constraint`."""
-        layout, system = self.layout, self.problem.system
-        Q = self._place(x)[0][layout.row_nodes]
-        G = system.pointwise("constraint_jacobian")(Q, self.row_times, self.problem.packed)[0]
-        self.counts["constraint_jacobian"] += 1
-        J = layout.jacobian
-        return J.sum((self.row_weight * G).ravel()) * self.x_unit[J.col] / self.row_unit[J.row]
+        J = self.layout.jacobian
+        values = J.sum((self.row_weight * self._normals(x)).ravel())
+        return values * self.x_unit[J.col] / self.row_unit[J.row]
 
     def kkt(self, z: Array) -> Array:
-        """Return the nonzeros of the derivative of `residual`."""
+        """Return the nonzeros of the derivative of `residual`, stored as the layout says."""
         layout = self.layout
+        if layout.storage == "blocks":
+            return self._in_blocks(z)
         x = z[: layout.unknowns]
-        J = self.jacobian(x) if layout.rows else None
-        return self._matrix(self._curvatures(z), J, self._forcing(x))
+        J = self.jacobian(x) if layout.rows else np.zeros(0)
+        F = self._forcing(x) if self.problem.system.structure.forced else np.zeros(0)
+        return self._matrix(self._curvatures(z), J, F)
 
-    def _matrix(self, curvatures: Array, J: Array | None = None, F: Array | None = None) -> Array:
-        """Return [H + F, J'; J, 0] on the pattern of `kkt`, from the contributions to H."""
+    def kinetic(self, z: Array) -> Array:
+        """Return the kinetic part of the KKT matrix, D' w M D alone, stored as `kkt` is.
+
+        Positive definite where the mass matrix is: the metric in which a step changes the
+        velocities least. Only for systems without constraints or forces.
+        """
+        _, at, v = self._place(z)
+        C = self._second(at, v)[2]
+        if self.layout.storage == "blocks":
+            return np.concatenate(
+                [
+                    *(x.transpose(0, 1, 3, 2, 4).ravel() for x in self._stiff_blocks(C)),
+                    np.zeros(self.layout.offsets.size * self.problem.system.n**2),
+                ]
+            )
+        stiff = self._stiffness(C)
+        rest = np.zeros(self.layout.contributions)
+        rest[-stiff.size :] = stiff
+        return self._matrix(rest, np.zeros(0), np.zeros(0))
+
+    def _matrix(self, curvatures: Array, J: Array, F: Array) -> Array:
+        """Return [H + F, J'; J, 0] from the contributions to H and the nonzeros of J and F."""
         layout = self.layout
-        if not layout.whole:
-            parts = [layout.hessian.sum(curvatures) * self._hessian_unit]
-            parts += [part for part in (J, F) if part is not None]
-            return layout.kkt.sum(np.concatenate([*parts, np.zeros(1)])[layout.kkt_source])
+        if layout.storage == "sparse":
+            H = layout.hessian.sum(curvatures) * self._hessian_unit
+            return layout.kkt.sum(np.concatenate([H, J, F, np.zeros(1)])[layout.kkt_source])
         cut = layout.unknowns
         H = np.bincount(layout.curvature_slots, curvatures, cut * cut + 1)[:-1].reshape(cut, cut)
         H *= self._whole_unit
         K = np.zeros((layout.size, layout.size))  # column by column: the transpose of the matrix
         K[:cut, :cut] = H + H.T
         K.ravel()[: cut * (layout.size + 1) : layout.size + 1] = H.diagonal()
-        if J is not None:
+        if J.size:
             at = layout.jacobian
             K[at.row + cut, at.col] = K[at.col, at.row + cut] = J
-        if F is not None:
+        if F.size:
             at = layout.forcing
             K[at.col, at.row] += F
         return K.ravel()
 
-    def _forcing(self, x: Array) -> Array | None:
-        """Return the derivative of the virtual work, or None where there are no forces."""
-        if not self.problem.system.structure.forced:
-            return None
+    def _forces(self, x: Array) -> list[Array]:
+        """Return dQ/dq and dQ/dv at the evaluations."""
         _, at, v = self._place(x)
-        Fq, Fv = self.problem.system.pointwise("force_jacobian")(
-            at, v, self.times, self.problem.packed
-        )
         self.counts["force_jacobian"] += 1
+        function = self.problem.system.pointwise("force_jacobian")
+        return function(at, v, self.times, self.problem.packed)
+
+    def _forcing(self, x: Array) -> Array:
+        """Return the nonzeros of the derivative of the virtual work."""
+        Fq, Fv = self._forces(x)
         parts = [(self.weight * Fq).ravel(), *self._mixed_part(Fv, diagonal_twice=False)]
         F = self.layout.forcing
         unit = self.x_unit[F.row] * self.x_unit[F.col] / self.action_unit
         return F.sum(np.concatenate(parts)) * unit
+
+    # -- the same in blocks ----------------------------------------------------------------------
+
+    def _in_blocks(self, z: Array) -> Array:
+        """Return the derivative of `residual` in blocks."""
+        layout, system, n = self.layout, self.problem.system, self.problem.system.n
+        x = z[: layout.unknowns]
+        _, at, v = self._place(x)
+        A, B, C = self._second(at, v)
+        stiff = self._stiff_blocks(C) if self._rigid is None else self._rigid
+        if system.structure.constant_mass:
+            self._rigid = stiff
+        slopes = [(self._full("second", 0, A), self._full("second", 1, B), True)]
+        if system.structure.forced:
+            Fq, Fv = self._forces(x)
+            force = "force_jacobian"
+            slopes.append((self._full(force, 0, Fq), self._full(force, 1, Fv), False))
+        nonzeros = np.zeros(layout.blocks.count)
+        elements, between = layout.blocks.split(nonzeros)
+        at_nodes = self._constraint_blocks(z) if layout.rows else None
+        for M, g, block in zip(elements, layout.groups, stiff, strict=True):
+            inside = np.arange(g.rule.degree + 1)
+            block = block.copy() if self._rigid is stiff else block
+            for a, b, symmetric in slopes:
+                if b is not None:
+                    local = b[g.span].reshape(*g.nodes.shape, 1, n, n)
+                    mixed = g.rule.weighted[:, :, None, None] * local
+                    block = block + mixed
+                    if symmetric:
+                        block += mixed.transpose(0, 2, 1, 4, 3)
+                if a is not None:
+                    local = self.weight[g.span][:, :, None] * a[g.span]
+                    block[:, inside, inside] += local.reshape(*g.nodes.shape, n, n)
+            M = M.reshape(len(M), inside.size, layout.blocks.width, inside.size, -1)
+            M[:, :, :n, :, :n] = block.transpose(0, 1, 3, 2, 4)
+            if at_nodes is not None:
+                k = inside[1:-1]
+                M[:, k, :, k, :] += at_nodes[g.nodes[:, 1:-1]].swapaxes(0, 1)
+        if at_nodes is not None:
+            between += at_nodes[layout.offsets]
+        return nonzeros
+
+    def _stiff_blocks(self, C: Array) -> list[Array]:
+        """Return D' w C D for the elements of each degree, (E, d + 1, d + 1, n, n)."""
+        n = self.problem.system.n
+        full = self._full("second", 2, C)
+        assert full is not None  # a Lagrangian without any velocity has no motions
+        return [
+            (g.rule.stiffness @ (full[g.span].reshape(*g.nodes.shape, n * n) / half)).reshape(
+                -1, g.rule.degree + 1, g.rule.degree + 1, n, n
+            )
+            for g, half in zip(self.layout.groups, self._halves, strict=True)
+        ]
+
+    def _full(self, function: str, output: int, values: Array) -> Array | None:
+        """Return the nonzeros of an output as matrices (E, n, n) in the units of the unknowns."""
+        if not values.shape[1]:
+            return None
+        n = self.problem.system.n
+        row, col = sparsity_of(self.problem.system, function, output)
+        full = np.zeros((len(values), n, n))
+        scaled = values * (self.lengths[row] * self.lengths[col] / self.action_unit)
+        full[:, row, col] = scaled
+        if function == "second" and output != 1:  # upper triangles
+            full[:, col, row] = scaled
+        return full
+
+    def _constraint_blocks(self, z: Array) -> Array:
+        """Return [w lam f_qq, G'; G, 0] at each node, (K, n + m, n + m)."""
+        layout, system = self.layout, self.problem.system
+        f = system.n + system.m
+        found = np.zeros((layout.node_count, f, f))
+        node, row, col = layout.row_nodes[:, None], layout.G_rows + system.n, layout.G_cols
+        # The units of the rows hold the nodes' weights already.
+        unit = self.lengths[col] / self.row_units[layout.G_rows]
+        found[node, row, col] = found[node, col, row] = self._normals(z[: layout.unknowns]) * unit
+        bent = self._constraint_curvature(z)
+        if bent is not None:
+            row, col = sparsity_of(system, "constraint_curvature")
+            bent = bent * (self.lengths[row] * self.lengths[col] / self.action_unit)
+            found[node, row, col] = bent
+            found[node, col, row] = bent
+        return found
 
     # -- what follows at the ends ---------------------------------------------------------------
 

@@ -19,6 +19,7 @@ import numpy as np
 
 from actionopt.quadrature import Array
 from actionopt.transcription.action import Transcription
+from actionopt.transcription.linear import compressed
 
 Principle = Literal["least", "patient least", "stationary"]
 
@@ -187,7 +188,7 @@ class _Solver:
         return 0.0, 0.0
 
     def _root_rows(self, x, p):
-        return self.bound.residual(x), self.bound.kkt(x)
+        return self.bound.residual(x), compressed(self.bound.layout, self.bound.kkt(x))
 
     def _root_hessian(self, x, p, lam_f, lam_g):
         return (0.0,)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
@@ -17,6 +17,7 @@ from actionopt.path import Mesh, NDInt
 from actionopt.problem import Problem
 from actionopt.quadrature import Array, Rule
 from actionopt.system import System
+from actionopt.transcription.blocks import Blocks
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +61,7 @@ class Layout:
         if closed and shape.elements == 1:
             raise ValueError("expected at least two elements for a path that closes, found one")
         n, m = system.n, system.m
+        self.offsets = shape.offsets  # nodes between elements
         self.node_count = int(shape.offsets[-1]) + 1
         self.groups: list[Group] = []
         first = 0
@@ -100,7 +102,7 @@ class Layout:
     @property
     def contributions(self) -> int:
         """Number of contributions to the Hessian."""
-        return (self.curvature_slots if self.whole else self.hessian.slots).size
+        return (self.curvature_slots if self.storage == "whole" else self.hessian.slots).size
 
     @cached_property
     def scatter(self) -> NDInt:
@@ -108,10 +110,22 @@ class Layout:
         n = self.system.n
         return (self.node_of[:, None] * n + np.arange(n)).ravel()
 
-    @property
-    def whole(self) -> bool:
-        """Whether `kkt` has every entry: finding a small matrix's zeros takes longer than them."""
-        return self.size <= WHOLE
+    @cached_property
+    def storage(self) -> Literal["whole", "blocks", "sparse"]:
+        """How the KKT matrix is stored and solved with.
+
+        Finding a small matrix's zeros takes longer than computing with them, so does finding those
+        of a few coordinates' blocks; many coordinates make blocks that are large and mostly zeros.
+        """
+        if self.size <= WHOLE:
+            return "whole"
+        inner = (self.system.n + self.system.m) * (max(g.rule.degree for g in self.groups) - 1)
+        return "blocks" if inner <= INNER and not self.closed else "sparse"
+
+    @cached_property
+    def blocks(self) -> Blocks:
+        """Where everything is in a matrix stored in blocks."""
+        return Blocks(self)
 
     def _curvatures(self) -> tuple[NDInt, NDInt]:
         """Targets of all contributions to the Hessian of S + sum w lam f, in the upper triangle.
@@ -153,8 +167,10 @@ class Layout:
     @cached_property
     def kkt(self) -> Pattern:
         """The square system [H + F, G'; G, 0], scattered from the nonzeros of its parts."""
-        if self.whole:
+        if self.storage == "whole":
             return Pattern.full(self.size)
+        if self.storage == "blocks":
+            return Pattern.build(self.size, self.size, [self.blocks.targets])
         H = self.hessian
         off = H.row != H.col
         ids = np.arange(H.nnz)
@@ -218,6 +234,7 @@ class Layout:
 
 
 WHOLE = 100  # unknowns and rows up to which the matrix is stored, and inverted, whole
+INNER = 250  # unknowns and rows within an element up to which its block is
 _EMPTY = (np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp))
 
 

@@ -1,17 +1,21 @@
 """Solve linear systems with the KKT matrix, and count its negative eigenvalues.
 
-Symmetric systems are factorized as L D L' without pivoting, ten times faster than with it; a tiny
+Small matrices are inverted whole, those of a few coordinates condensed block by block. The others
+are sparse, and factorized as L D L' without pivoting, ten times faster than with it; a tiny
 negative diagonal on the constraint rows makes that possible. The price is paid back by iterative
-refinement, whose residual also tells when the factors are no good: then a sparse QR
-factorization serves instead.
+refinement, whose residual also tells when factors are no good: then a sparse QR factorization
+serves instead.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import casadi as ca
 import numpy as np
 
 from actionopt.quadrature import Array
+from actionopt.transcription.blocks import Condensed
 from actionopt.transcription.layout import Layout
 
 REGULAR = 1e-10  # on the rows' diagonal, whose gradients are of size one
@@ -27,7 +31,7 @@ class Factors:
     Parameters
     ----------
     layout : Layout
-    nonzeros : (nnz,) array
+    nonzeros : array
         As `Transcription.kkt` returns them.
 
     Raises
@@ -40,41 +44,73 @@ class Factors:
         if not np.all(np.isfinite(nonzeros)):
             raise np.linalg.LinAlgError("the matrix is not finite")
         self.layout, self.nonzeros = layout, nonzeros
-        self._inverse = np.linalg.inv(_whole(layout, nonzeros)) if layout.whole else None
-        self._robust = layout.system.structure.forced
-        self._regular = nonzeros if self._robust else _regular(layout, nonzeros)
+        self._inverse: Array | None = None
+        self._rough: Callable[[Array], Array] | None = None
+        if layout.storage == "whole":
+            self._inverse = np.linalg.inv(_whole(layout, nonzeros))
+        elif layout.storage == "blocks":
+            try:
+                self._rough = Condensed(layout.blocks, nonzeros).solve
+            except np.linalg.LinAlgError:  # a block may be singular where the matrix is not
+                self._rough = None
+        elif not layout.system.structure.forced:
+            regular, solver = _regular(layout, nonzeros), _solver(layout, "ldl")
+            self._rough = lambda right: solver(regular, right)
 
     def solve(self, right: Array) -> Array:
         """Return the solution for one right-hand side, (size,)."""
         if self._inverse is not None:
             return self._inverse @ right
-        if not self._robust:
-            x = self._refined(right)
+        if self._rough is not None:
+            x = self._refined(self._rough, right)
             if x is not None:
                 return x
-            self._robust = True
-        x = _solver(self.layout, "qr")(self.nonzeros, right)
+            self._rough = None
+        x = _solver(self.layout, "qr")(compressed(self.layout, self.nonzeros), right)
         if not np.all(np.isfinite(x)):
             raise np.linalg.LinAlgError("the matrix is singular")
         return x
 
-    def _refined(self, right: Array) -> Array | None:
-        """Return the solution by L D L' and refinement, or None if that does not converge."""
-        pattern, nonzeros = self.layout.kkt, self.nonzeros
-        solver = _solver(self.layout, "ldl")
+    def _refined(self, rough: Callable[[Array], Array], right: Array) -> Array | None:
+        """Return the solution by refinement of a rough one, or None if that does not converge."""
         x, miss, last = np.zeros_like(right), right, np.inf
-        size, norm = float(np.max(np.abs(right))), float(np.max(np.abs(nonzeros)))
+        size = float(np.max(np.abs(right)))
         for _ in range(REFINEMENTS):
-            nearer = x + solver(self._regular, miss)
-            miss = right - np.bincount(pattern.row, nonzeros * nearer[pattern.col], right.size)
+            nearer = x + rough(miss)
+            miss = right - product(self.layout, self.nonzeros, nearer)
             left = float(np.max(np.abs(miss)))
             if not left < last / 2:  # no better than before, or not a number
                 break
             x, last = nearer, left
             if left <= ACCURATE * size:
-                break
-        good = last <= USEFUL * size + ROUNDOFF * norm * float(np.max(np.abs(x)))
-        return x if good else None
+                return x
+        norm = float(np.max(np.abs(self.nonzeros)))
+        return x if last <= USEFUL * size + ROUNDOFF * norm * float(np.max(np.abs(x))) else None
+
+
+def product(layout: Layout, nonzeros: Array, z: Array) -> Array:
+    """Return the matrix with these nonzeros times z."""
+    if layout.storage == "whole":
+        return _whole(layout, nonzeros) @ z
+    if layout.storage == "blocks":
+        return layout.blocks.product(nonzeros, z)
+    pattern = layout.kkt
+    return np.bincount(pattern.row, nonzeros * z[pattern.col], z.size)
+
+
+def diagonal(layout: Layout, values: Array) -> Array:
+    """Return the nonzeros of the matrix that has `values` (size,) on its diagonal."""
+    if layout.storage == "whole":
+        return np.diag(values).ravel()
+    if layout.storage == "blocks":
+        return layout.blocks.diagonal(values)
+    pattern = layout.kkt
+    return np.where(pattern.row == pattern.col, values[pattern.row], 0.0)
+
+
+def compressed(layout: Layout, nonzeros: Array) -> Array:
+    """Return the nonzeros on the pattern `layout.kkt`."""
+    return layout.kkt.sum(nonzeros) if layout.storage == "blocks" else nonzeros
 
 
 class _Sparse:
@@ -109,9 +145,11 @@ class _Sparse:
 
 def definite(layout: Layout, nonzeros: Array) -> bool:
     """Return whether a symmetric matrix without constraint rows is positive definite."""
-    if not layout.whole:
+    if layout.storage == "sparse":
         return negative_eigenvalues(layout, nonzeros) == 0
     try:
+        if layout.storage == "blocks":
+            return Condensed(layout.blocks, nonzeros).definite()
         np.linalg.cholesky(_whole(layout, nonzeros))
     except np.linalg.LinAlgError:
         return False
@@ -120,7 +158,9 @@ def definite(layout: Layout, nonzeros: Array) -> bool:
 
 def negative_eigenvalues(layout: Layout, nonzeros: Array) -> int:
     """Return the number of negative eigenvalues of a symmetric KKT matrix (its inertia)."""
-    if layout.whole:
+    if layout.storage == "blocks":
+        return Condensed(layout.blocks, nonzeros).negative()
+    if layout.storage == "whole":
         if not layout.rows and definite(layout, nonzeros):
             return 0
         return int(np.sum(np.linalg.eigvalsh(_whole(layout, nonzeros)) < 0))
