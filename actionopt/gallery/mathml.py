@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 
 from actionopt.gallery.formula import (
     Call,
@@ -23,17 +23,19 @@ from actionopt.gallery.formula import (
 LETTERS = {"w": "omega"}  # how a name of the code is written in a book
 VECTORS = ("r", "v", "Q")
 TIMES, APPLY = "<mo>&#x2062;</mo>", "<mo>&#x2061;</mo>"
+LINE = 38  # letters of a line, about
 THIN = '<mspace width="0.17em"/>'
 
 
 def mathml(formula: Formula, scalars: Collection[str]) -> str:
     """Return a formula as MathML; r, v and Q that are not among `scalars` are vectors."""
     write = _Writer(frozenset(scalars))
-    lines = [formula.sides, *formula.definitions]
-    body = '<mtext>,</mtext><mspace width="1.5em"/>'.join(
-        "<mo>=</mo>".join(write(side) for side in sides) for sides in lines
-    )
-    return f'<math display="block" alttext="{html.escape(formula.text)}"><mrow>{body}</mrow></math>'
+    rows: list[str] = []
+    for sides in (formula.sides, *formula.definitions):
+        rows += write.lines(sides)
+    body = "".join(f"<mtr><mtd>{row}</mtd></mtr>" for row in rows)
+    body = f'<mtable displaystyle="true">{body}</mtable>'
+    return f'<math display="block" alttext="{html.escape(formula.text)}">{body}</math>'
 
 
 def symbol(name: str) -> str:
@@ -77,6 +79,18 @@ class _Writer:
         sign = f"<munder><mo>&#x2211;</mo><mrow>{over}</mrow></munder>"
         return f"{sign}{self.factor(node.term)}"
 
+    def lines(self, sides: Sequence[Node]) -> list[str]:
+        """Return an equation, broken before the terms of its last side where it is long."""
+        *heads, last = sides
+        text = "".join(f"{self(head)}<mo>=</mo>" for head in heads)
+        found = []
+        for k, term in enumerate(self.terms(last) if isinstance(last, Sum) else [self(last)]):
+            if k and _width(text) + _width(term) > LINE:
+                found.append(text)
+                text = '<mspace width="1.6em"/>'
+            text += term
+        return [f"<mrow>{row}</mrow>" for row in [*found, text]]
+
     def parts(self, node: Symbol) -> tuple[str, str]:
         """Return a symbol without its index, and the index."""
         name, index = node.name, node.index
@@ -99,11 +113,15 @@ class _Writer:
         return body, f"<mrow>{row}</mrow>" if len(pieces) > 1 else row
 
     def sum(self, node: Sum) -> str:
+        return f"<mrow>{''.join(self.terms(node))}</mrow>"
+
+    def terms(self, node: Sum) -> list[str]:
+        """Return the terms of a sum with their signs."""
         rows = []
         for k, (minus, term) in enumerate(node.terms):
             sign = "<mo>&#x2212;</mo>" if minus else "<mo>+</mo>" if k else ""
-            rows.append(sign + (self.factor(term) if isinstance(term, Sum) else self(term)))
-        return f"<mrow>{''.join(rows)}</mrow>"
+            rows.append(sign + self.factor(term))
+        return rows
 
     def product(self, node: Product) -> str:
         rows = [self.factor(node.factors[0])]
@@ -141,9 +159,16 @@ class _Writer:
         return _bracket(self(node)) if isinstance(node, Sum) else self(node)
 
 
+def _width(written: str) -> int:
+    """Return about how many letters wide it is."""
+    return len(re.sub(r"<[^>]*>|&#x206[12];", "", html.unescape(written)))
+
+
 def _named(node: Node) -> bool:
     """Return whether a node is one that needs air beside it."""
-    return isinstance(node.base if isinstance(node, Power) else node, (Call, Size, Rate))
+    inner = node.base if isinstance(node, Power) else node
+    word = isinstance(inner, Symbol) and len(inner.name) > 2 and inner.name not in GREEK
+    return word or isinstance(inner, (Call, Size, Rate))
 
 
 def _bracket(inner: str) -> str:

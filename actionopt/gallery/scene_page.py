@@ -115,6 +115,8 @@ def tags(s: Subject) -> tuple[str, ...]:
 def _formulas(s: Subject, words: Texts) -> str:
     system = s.solution.problem.system
     scalars = {*system.coordinates, *system.parameters}
+    if system.n == 1:
+        scalars.add("Q")
     rows = []
     for formula in words.formulas:
         remark = f'<span class="remark">{escape(formula.remark)}</span>' if formula.remark else ""
