@@ -220,6 +220,11 @@ def inside(ax):
         tips = arrows.XY + np.transpose([arrows.U, arrows.V]) / arrows.scale
         tips = ax.transData.transform(tips)
         assert np.all((tips >= box.min) & (tips <= box.max))
+    words = [text.get_window_extent() for text in ax.texts]
+    if ax.get_legend() is not None:
+        words.append(ax.get_legend().get_window_extent())
+    for a, b in pairwise(sorted(words, key=lambda box: box.x0)):
+        assert a.x1 < b.x0
     for text in (ax._left_title, *ax.texts):
         extent = text.get_window_extent()
         assert figure.bbox.x0 <= extent.x0 and extent.x1 <= figure.bbox.x1

@@ -55,7 +55,8 @@ NARROWEST = 0.7  # a view's width in parts of its height
 STRIP = 0.09  # of the picture's size: least distance of a strip's pictures
 CROWDED = 6  # more times than these are not all written beside a strip
 ROW = 0.06  # of the view's height: where the row of scales is
-SCALE = 0.2  # of the picture's width: the longest scale
+SCALE = 0.17  # of the picture's width: the longest scale
+BEGIN = (0.04, 0.4)  # of its width: where the scales of length and force begin
 INCHES = 6.4  # the longer side of a picture of its own
 WORDS = 0.6  # inches above and below it
 
@@ -129,13 +130,13 @@ def prepare(ax: Axes, data: Motion, view: Array, units: Units) -> None:
     ax.set_aspect("equal", adjustable="box")
     ax.spines[:].set_visible(False)
     y, length = _row(view), nice(SCALE * (right - left))
-    x = float(data.box[0])
+    x = left + BEGIN[0] * (right - left)
     ax.plot([x, x + length], [y, y], color=DARK, linewidth=1.6, marker="|", markersize=7)
     _words(ax, x + length, y, f"{length:g} {units.length}")
     if data.forces is not None and data.arrow:
         strongest = float(np.max(np.linalg.norm(data.forces, axis=1)))
         force = nice(min(strongest, SCALE * (right - left) / data.arrow))
-        x = (left + right) / 2
+        x = left + BEGIN[1] * (right - left)
         ax.quiver(x, y, force, 0.0, color=VERMILION, scale=1 / data.arrow, **ARROWS)
         _words(ax, x + data.arrow * force, y, f"force {force:g} {units.force}")
 
