@@ -6,34 +6,83 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
-from actionopt.gallery.page import escape
+import numpy as np
+
+from actionopt.gallery.page import escape, number, rounded
 from actionopt.gallery.subject import Subject
 from actionopt.plot import motion, motion_data, svg
+from actionopt.relaxation import relaxation_data
 
 FRAMES = 121
+WIDE = 1.5  # of the height, for one coordinate against time
 GHOSTS = 6  # times in the small picture
 LEAST_SHAPE = 0.42  # of the longer side: a motion along a line gets some air
 
 
 def film(subject: Subject) -> str:
-    """Return the player of a motion: HTML, the frames in it as JSON."""
+    """Return the player of a motion."""
     data = motion_data(subject.solution, subject.scene.draw, FRAMES, force=subject.arrows).plain()
-    data["box"] = padded(data["box"])
     data["t"] = [round(t, 6) for t in data["t"]]
-    text = json.dumps(data, separators=(",", ":")).replace("</", "<\\/")
     forces = ", with the forces of constraint as arrows" if subject.arrows else ""
-    caption = "<figcaption>Arrows are forces of constraint.</figcaption>" if subject.arrows else ""
     what = f"Film: {subject.scene.title}, {subject.motion}{forces}."
+    return player(data, what, "Arrows are forces of constraint." if subject.arrows else "")
+
+
+def relaxing(subject: Subject) -> str:
+    """Return the player of a wild path that goes downhill in action, step by step.
+
+    Raises ValueError as `relaxation_data` does.
+    """
+    found, solution = relaxation_data(subject.solution), subject.solution
+    every = slice(None, None, 4)
+    t, paths = found.t[every], [q[:, every] for q in (found.target, *found.paths)]
+    if solution.problem.system.n == 1:  # against time, in a picture of a fixed shape
+        low, high = np.min(paths), np.max(paths)
+        across = WIDE * (t - t[0]) / (t[-1] - t[0])
+        paths = [np.stack([across, (q[0] - low) / (high - low)]) for q in paths]
+    rows = [np.round(q.T, 4).tolist() for q in paths]
+    points = np.concatenate(paths, axis=1)
+    end = "reaches the motion" if found.arrived else "runs away from it"
+    shapes = [
+        {"kind": "motion", "still": True, "points": rows[:1]},
+        {"kind": "trial", "still": False, "points": rows[1:]},
+        *({"kind": "event", "still": True, "points": [[rows[0][k]]]} for k in (0, -1)),
+    ]
+    data = {
+        "labels": [f"S = {S:.4f} J s" for S in found.action],
+        "box": [*(points[0].min(), points[0].max()), *(points[1].min(), points[1].max())],
+        "shapes": shapes,
+        "trails": [],
+    }
+    what = (
+        f"Film: a wild path between the events of {subject.scene.title} goes downhill in action, "
+        f"from {rounded(found.action[0])} J s to {rounded(found.action[-1])} J s in "
+        f"{len(found.action) - 1} steps, and {end}, dashed."
+    )
+    return player(
+        data,
+        what,
+        f"A wild path goes downhill in action, and {end} (dashed), whose action is "
+        f"{number(found.target_action, 5)} J s.",
+    )
+
+
+def player(data: dict[str, Any], what: str, caption: str) -> str:
+    """Return a film as HTML, its frames in it as JSON."""
+    data["box"] = padded(data["box"])
+    text = json.dumps(data, separators=(",", ":")).replace("</", "<\\/")
+    count = len(data.get("labels") or data["t"])
+    words = f"\n<figcaption>{caption}</figcaption>" if caption else ""
     return f"""<figure class="film" data-film>
 <svg role="img" aria-label="{escape(what)}"></svg>
 <div class="controls">
 <button type="button">Play</button>
-<input type="range" min="0" max="{FRAMES - 1}" step="any" value="0" aria-label="Time of the film">
-<output>t = 0.00 s</output>
+<input type="range" min="0" max="{count - 1}" step="any" value="0" aria-label="Place in the film">
+<output></output>
 </div>
 <script type="application/json">{text}</script>
-<noscript><img src="motion.svg" alt="{escape(what)}"></noscript>
-{caption}</figure>"""
+<noscript><p>Scripts are off: no films.</p></noscript>{words}
+</figure>"""
 
 
 def thumbnail(subject: Subject) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import io
-from contextlib import redirect_stdout
+from contextlib import redirect_stdout, suppress
 from importlib import import_module
 
 import numpy as np
@@ -73,6 +73,7 @@ def scene_page(name: str) -> Page:
 <section><h2>Figures</h2>
 <div class="figures">
 {"".join(_figure(figure) for figure in drawn)}
+{_relaxing(s)}
 </div>
 {_without(without)}
 </section>
@@ -193,6 +194,14 @@ def _figure(figure: Figure) -> str:
 <img src="{name}.svg" alt="{escape(figure.alt)}" width="{width}" height="{height}" loading="lazy">
 <figcaption>{kind.caption}</figcaption></figure>
 """
+
+
+def _relaxing(s: Subject) -> str:
+    """Return the film of a relaxation, where one plane shows it and there is one."""
+    with suppress(ValueError):
+        if s.plane:
+            return f"<div><h3>Downhill in action</h3>{film.relaxing(s)}</div>"
+    return ""
 
 
 def _without(kinds) -> str:

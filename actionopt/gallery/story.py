@@ -11,6 +11,7 @@ import numpy as np
 
 from actionopt import plot, scenes
 from actionopt.gallery.explorer import OSCILLATOR, PROJECTILE
+from actionopt.gallery.film import relaxing
 from actionopt.gallery.page import Page, escape, frame, rounded
 from actionopt.gallery.subject import Subject
 from actionopt.plot import SI
@@ -60,6 +61,7 @@ def story() -> Page:
         oscillator=OSCILLATOR.html(
             "Place of the mass against time. Arrow keys move a handle, with Shift in small steps."
         ),
+        relaxing="".join(relaxing(s) for s in (short, long)),
         census=_census(),
     )
     html = frame(
@@ -67,7 +69,7 @@ def story() -> Page:
         main,
         root="",
         description="When a stationary action is a least one: bowl, focus, saddle.",
-        scripts=["explorer.js"],
+        scripts=["explorer.js", "film.js"],
     )
     return Page({"least.html": html, **{f"least/{p.name}.svg": p.svg for p in found}})
 

@@ -35,7 +35,7 @@
     const clock = figure.querySelector("output");
     const [left, right, bottom, top] = film.box;
     const size = Math.max(right - left, top - bottom);
-    const last = film.t.length - 1;
+    const last = (film.labels || film.t).length - 1;
     svg.setAttribute("viewBox", `${left} ${-top} ${right - left} ${top - bottom}`);
 
     for (const trail of film.trails) {
@@ -47,7 +47,7 @@
       const dot = points[0].length === 1;
       const look = kind === "body" ? `body b${bodies++ % COLOURS}` : kind;
       const made = element(svg, dot ? "circle" : "polyline", look);
-      if (dot) made.setAttribute("r", (kind === "body" ? 0.022 : 0.01) * size);
+      if (dot) made.setAttribute("r", (kind === "body" ? 0.022 : kind === "event" ? 0.014 : 0.01) * size);
       return made;
     });
     const arrows = (film.arrows || []).map(() => element(svg, "path", "force"));
@@ -81,8 +81,9 @@
         const at = (a, b) => `${tip[0] - a * cx - b * cy},${-(tip[1] - a * cy + b * cx)}`;
         arrow.setAttribute("d", `M${x},${-y}L${tip[0]},${-tip[1]}M${at(h, h / 2)}L${tip[0]},${-tip[1]}L${at(h, -h / 2)}`);
       });
-      const t = film.t[k] + s * (film.t[k + 1] - film.t[k]);
-      clock.value = `t = ${t.toFixed(2)} s`;
+      clock.value = film.labels
+        ? film.labels[Math.round(frame)].replace("-", "\u2212")
+        : `t = ${(film.t[k] + s * (film.t[k + 1] - film.t[k])).toFixed(2)} s`;
       slider.value = frame;
       slider.setAttribute("aria-valuetext", clock.value);
       figure.dataset.frame = frame;
