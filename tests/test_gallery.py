@@ -2,6 +2,8 @@
 
 import json
 import re
+import subprocess
+import sys
 from html.parser import HTMLParser
 
 import browser
@@ -9,9 +11,11 @@ import numpy as np
 import pytest
 
 from actionopt import scenes
-from actionopt.gallery import build, keys
+from actionopt.cli import main
+from actionopt.gallery import build, builder, keys
 from actionopt.gallery.explorer import EXPLORERS, OSCILLATOR, PROJECTILE
 from actionopt.gallery.index_page import SECTIONS, section
+from actionopt.gallery.page import Page
 from actionopt.gallery.texts import texts
 
 NAMES = ["drag_quadratic", "rod_pendulum"]
@@ -128,17 +132,41 @@ def test_every_scene_has_its_words_and_its_section(name):
 # -- building --------------------------------------------------------------------------------
 
 
-def test_what_stands_is_not_made_again(gallery):
+@pytest.fixture
+def quick(monkeypatch):
+    """Pages made without solving anything; the list of those made."""
+    made = []
+
+    def make(name):
+        made.append(name)
+        return Page({f"{name}/index.html": name, f"{name}/{len(made)}.svg": ""}, ("tag",))
+
+    monkeypatch.setattr(builder, "make", make)
+    return made
+
+
+def test_what_stands_is_not_made_again(gallery, quick):
     before = files(gallery)
     assert build(gallery, NAMES) == []
-    assert files(gallery) == before
-    (gallery / "rod_pendulum" / "path.svg").unlink()
-    assert build(gallery, ["drag_quadratic"]) == []
-    assert build(gallery, ["rod_pendulum"], jobs=1) == ["rod_pendulum"]
-    assert files(gallery) == before  # the index still has both
+    assert files(gallery) == before and quick == []
 
 
-def test_an_interrupted_build_goes_on_and_comes_out_the_same(gallery, tmp_path):
+def test_what_is_missing_is_made_again_and_what_is_left_over_goes(tmp_path, quick):
+    first = build(tmp_path, ["projectile"], jobs=1)
+    assert first == quick == ["least", "projectile"]
+    before = files(tmp_path)
+    assert {"least/1.svg", "projectile/2.svg", "index.html", "style.css"} <= set(before)
+    (tmp_path / "projectile" / "index.html").unlink()
+    assert build(tmp_path, ["pendulum", "projectile"], jobs=1) == ["pendulum", "projectile"]
+    after = files(tmp_path)
+    assert "projectile/4.svg" in after and "projectile/2.svg" not in after
+    assert build(tmp_path, ["pendulum"], jobs=1) == []
+    assert files(tmp_path) == after  # the index still has both
+    index = after["index.html"].decode()
+    assert "projectile/index.html" in index and "pendulum/index.html" in index
+
+
+def test_an_interrupted_build_goes_on(tmp_path, quick):
     def stop(done, total, name):
         assert total == 3
         if done == 2:
@@ -146,11 +174,40 @@ def test_an_interrupted_build_goes_on_and_comes_out_the_same(gallery, tmp_path):
 
     with pytest.raises(KeyboardInterrupt):
         build(tmp_path, NAMES, show=stop, jobs=1)
-    assert not list(tmp_path.rglob("*.partial"))
+    assert not list(tmp_path.rglob("*.part*"))
     seen = []
     left = build(tmp_path, NAMES, show=lambda *now: seen.append(now), jobs=1)
     assert left == ["rod_pendulum"] and seen == [(3, 3, "rod_pendulum")]
-    assert files(tmp_path) == files(gallery)
+    assert quick == ["least", *NAMES]
+
+
+def test_a_page_that_cannot_be_written_leaves_the_old_one(tmp_path, quick, monkeypatch):
+    build(tmp_path, ["projectile"], jobs=1)
+    before = files(tmp_path)
+    monkeypatch.setattr(builder, "key", lambda name: "new")
+    monkeypatch.setattr(builder.os, "replace", lambda a, b: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        build(tmp_path, ["projectile"], jobs=1)
+    assert files(tmp_path) == before
+
+
+def test_the_same_page_comes_out_the_same(gallery):
+    name = NAMES[0]
+    for file, text in builder.make(name).files.items():
+        assert (gallery / file).read_text(encoding="utf-8") == text, file
+
+
+def test_the_command(gallery, quick, capsys):
+    assert main(["gallery", str(gallery), *NAMES]) == 0
+    assert capsys.readouterr().out.strip() == str(gallery / "index.html")
+    assert main(["gallery", str(gallery), "pendulm"]) == 1
+    assert "pendulum" in capsys.readouterr().err
+
+
+def test_the_command_line_loads_no_matplotlib():
+    code = "import sys, actionopt.cli as c; c._parser(); print('matplotlib' in sys.modules)"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout == "False\n"
 
 
 def test_a_key_follows_the_sources(monkeypatch):
