@@ -10,8 +10,9 @@ import json
 import multiprocessing
 import os
 import signal
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import closing
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -64,17 +65,18 @@ def build(
     for name, text in static().items():
         _write(target / name, text)
     done = len(wanted) - len(ahead)
-    for name, page in _made(ahead, jobs):
-        for file, text in page.files.items():
-            _write(target / file, text)
-        before = written.get(name, {}).get("files", [])
-        for file in set(before) - set(page.files):
-            (target / file).unlink(missing_ok=True)
-        written[name] = {"key": keys[name], "files": sorted(page.files), "tags": page.tags}
-        _write(target / MANIFEST, json.dumps(written, indent=1, sort_keys=True))
-        done += 1
-        if show is not None:
-            show(done, len(wanted), name)
+    with closing(_made(ahead, jobs)) as made:
+        for name, page in made:
+            for file, text in page.files.items():
+                _write(target / file, text)
+            before = written.get(name, {}).get("files", [])
+            for file in set(before) - set(page.files):
+                (target / file).unlink(missing_ok=True)
+            written[name] = {"key": keys[name], "files": sorted(page.files), "tags": page.tags}
+            _write(target / MANIFEST, json.dumps(written, indent=1, sort_keys=True))
+            done += 1
+            if show is not None:
+                show(done, len(wanted), name)
     tags = {name: entry["tags"] for name, entry in written.items() if name in scenes.SCENES}
     _write(target / "index.html", index_page(tags))
     return ahead
@@ -87,7 +89,7 @@ def make(name: str) -> Page:
     return story.story() if name == STORY else scene_page.scene_page(name)
 
 
-def _made(names: Sequence[str], jobs: int) -> Iterator[tuple[str, Page]]:
+def _made(names: Sequence[str], jobs: int) -> Generator[tuple[str, Page], None, None]:
     """Yield names and pages, as they are made."""
     if jobs == 1 or len(names) < 2:
         yield from ((name, make(name)) for name in names)
@@ -95,13 +97,16 @@ def _made(names: Sequence[str], jobs: int) -> Iterator[tuple[str, Page]]:
     # Spawned, not forked: libraries with threads of their own do not survive a fork.
     context = multiprocessing.get_context("spawn")
     leave = partial(signal.signal, signal.SIGINT, signal.SIG_IGN)  # interruptions are ours
+    others = set(multiprocessing.active_children())
     with ProcessPoolExecutor(jobs, context, initializer=leave) as pool:
         waiting = {pool.submit(make, name): name for name in names}
         try:
             for future in as_completed(waiting):
                 yield waiting[future], future.result()
-        finally:
-            pool.shutdown(cancel_futures=True)
+        except BaseException:  # nobody waits for the pages that have begun
+            for process in set(multiprocessing.active_children()) - others:
+                process.terminate()
+            raise
 
 
 def _manifest(target: Path) -> dict[str, Any]:

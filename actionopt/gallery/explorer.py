@@ -87,7 +87,7 @@ class Explorer:
         text = json.dumps(self.plain(), separators=(",", ":"))
         slider = (
             '<label>Duration <input type="range" step="any" data-duration> '
-            "<output data-time></output></label>"
+            '<span class="clock" data-time></span></label>'
             if self.longest > 1
             else ""
         )

@@ -78,7 +78,7 @@ def player(data: dict[str, Any], what: str, caption: str) -> str:
 <div class="controls">
 <button type="button">Play</button>
 <input type="range" min="0" max="{count - 1}" step="any" value="0" aria-label="Place in the film">
-<output></output>
+<span class="clock"></span>
 </div>
 <script type="application/json">{text}</script>
 <noscript><p>Scripts are off: no films.</p></noscript>{words}

@@ -51,7 +51,8 @@ def scene_page(name: str) -> Page:
 <div>
 <p class="statement">{escape(words.statement)}</p>
 {_formulas(s, words)}
-<pre class="sketch" role="img" aria-label="Sketch: {escape(words.statement)}">{escape(words.sketch)}
+<pre class="sketch" tabindex="0" role="img" aria-label="Sketch: {escape(words.statement)}">
+{escape(words.sketch)}
 </pre>
 {prose(words.remarks)}
 <p class="source">{escape(scene.source)}</p>

@@ -157,8 +157,8 @@
       figure.dataset.rise = String(rise);
       figure.dataset.duration = String(T);
       if (slider) {
-        clock.value = `${T.toFixed(2)} s, ${((T * w) / Math.PI).toFixed(2)} half periods`;
-        slider.setAttribute("aria-valuetext", clock.value);
+        clock.textContent = `${T.toFixed(2)} s, ${((T * w) / Math.PI).toFixed(2)} half periods`;
+        slider.setAttribute("aria-valuetext", clock.textContent);
       }
     }
 

@@ -32,7 +32,7 @@
     const svg = figure.querySelector("svg");
     const button = figure.querySelector("button");
     const slider = figure.querySelector("input");
-    const clock = figure.querySelector("output");
+    const clock = figure.querySelector(".clock");
     const [left, right, bottom, top] = film.box;
     const size = Math.max(right - left, top - bottom);
     const last = (film.labels || film.t).length - 1;
@@ -81,11 +81,11 @@
         const at = (a, b) => `${tip[0] - a * cx - b * cy},${-(tip[1] - a * cy + b * cx)}`;
         arrow.setAttribute("d", `M${x},${-y}L${tip[0]},${-tip[1]}M${at(h, h / 2)}L${tip[0]},${-tip[1]}L${at(h, -h / 2)}`);
       });
-      clock.value = film.labels
+      clock.textContent = film.labels
         ? film.labels[Math.round(frame)].replace("-", "\u2212")
         : `t = ${(film.t[k] + s * (film.t[k + 1] - film.t[k])).toFixed(2)} s`;
       slider.value = frame;
-      slider.setAttribute("aria-valuetext", clock.value);
+      slider.setAttribute("aria-valuetext", clock.textContent);
       figure.dataset.frame = frame;
     }
 
