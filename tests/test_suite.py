@@ -4,7 +4,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from actionopt import suite
+from actionopt import scenes, suite
 from actionopt.suite.families import redundant
 from actionopt.suite.stars import STATIONARY
 
@@ -62,6 +62,39 @@ def test_there_are_forty_families_and_every_kind_of_trouble():
     assert len(NAMES) >= 40
     assert {tag for family in suite.FAMILIES.values() for tag in family.tags} >= HARD
     assert sum(not family.tags for family in suite.FAMILIES.values()) >= 25
+
+
+def test_every_easy_family_has_hard_relatives():
+    easy = [f for f in suite.FAMILIES.values() if not f.tags]
+    for family in easy:
+        relatives = [f for f in suite.FAMILIES.values() if f.scene == family.scene and f.tags]
+        assert f"{family.name}_scaled" in {f.name for f in relatives}
+        scene = family.build()
+        if "conjugate_times" in scene.facts and "duration" in scenes.parameters(family.scene):
+            past = [suite.get(f.name) for f in relatives if "saddle only" in f.tags]
+            assert past, family.name
+            for problem in past:
+                times = np.array(problem.scene.facts["conjugate_times"])
+                before = np.sum(times < problem.scene.problem.duration)
+                assert problem.index_star == before > 0
+
+
+@pytest.mark.parametrize("name", ["heavy_top", "rod_pendulum"])
+def test_units_of_many_sizes_change_the_numbers_and_not_the_optimum(name):
+    easy, hard = suite.get(name), suite.get(f"{name}_scaled")
+    ratio = hard.x_star / easy.x_star
+    np.testing.assert_allclose(ratio[1:] / ratio[:-1], 10 ** (8 / (easy.n - 1)))
+    assert ratio[-1] / ratio[0] == pytest.approx(1e8)
+    x = easy.start("perturbed")
+    assert hard.objective(x * ratio) == pytest.approx(easy.objective(x), rel=1e-12)
+    slope = easy.gradient(x)
+    np.testing.assert_allclose(
+        hard.gradient(x * ratio) * ratio, slope, atol=1e-12 * np.max(np.abs(slope))
+    )
+    np.testing.assert_allclose(hard.start("coarse"), easy.start("coarse") * ratio)
+    assert (hard.f_star, hard.index_star) == (easy.f_star, easy.index_star)
+    np.testing.assert_array_equal(hard.lam_star, easy.lam_star)
+    assert hard.distance(hard.start("near")) <= 1.001e-3
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -62,6 +62,10 @@ def test_the_report_says_what_the_records_say(tmp_path):
     assert len(figures) >= 4
     for name in figures:
         assert (tmp_path / name).read_text().rstrip().endswith("</svg>")
+    absent = {"solver": "c", "problem": "p", "verdict": "absent", "word": "not here"}
+    more = write([*records, absent], tmp_path / "more")
+    assert more.read_text().count("<td>c</td>") == 1  # among the verdicts alone
+    assert (tmp_path / "more" / "data.svg").read_bytes() == (tmp_path / "data.svg").read_bytes()
     again = write(records, tmp_path / "again")
     assert again.read_text() == text
     assert (tmp_path / "again" / "data.svg").read_bytes() == (tmp_path / "data.svg").read_bytes()

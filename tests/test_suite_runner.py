@@ -1,6 +1,7 @@
 """The runner: planted misbehaviour costs one cell, and is called by its name."""
 
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from actionopt import suite
 from actionopt.cli import main
 from actionopt.suite import runner, solvers
-from actionopt.suite.cell import Cell
+from actionopt.suite.cell import Cell, evaluate
 from actionopt.suite.runner import Limits
 from actionopt.suite.verdict import STATIONARY, VERDICTS, judge
 
@@ -96,12 +97,25 @@ def test_success_in_tiny_units_is_no_success():
     assert judge(problem, answer.x, answer.claimed).verdict == "wrong"
 
 
-@pytest.mark.parametrize("solver", ["ipopt", "sqpmethod", "sqpmethod:osqp", "qrsqp", "fatrop"])
+@pytest.mark.parametrize(
+    "solver", ["ipopt", "sqpmethod", "sqpmethod:osqp", "qrsqp", "fatrop", "sleqp", "uno"]
+)
 def test_plugins_of_the_wheel(solver):
     problem = suite.get("pendulum")
     answer = solvers.run(solver, problem, problem.start())
     assert judge(problem, answer.x, answer.claimed).verdict == "right"
     assert sum(answer.evaluations.values()) > 0
+
+
+def test_a_solver_that_is_not_installed_is_absent(monkeypatch):
+    monkeypatch.setattr(solvers.ca, "has_nlpsol", lambda name: name != "uno")
+    monkeypatch.setattr(solvers.ca, "has_conic", lambda name: name != "osqp")
+    monkeypatch.setitem(sys.modules, "scipy.optimize", None)
+    for solver, word in (("uno", "uno"), ("sqpmethod:osqp", "osqp"), ("scipy:SLSQP", "SciPy")):
+        record = evaluate(Cell(solver, "pendulum"))
+        assert record["verdict"] == "absent"
+        assert word in record["word"]
+    assert evaluate(Cell("ipopt", "pendulum"))["verdict"] == "right"
 
 
 def test_solvers_that_do_not_exist_are_refused():

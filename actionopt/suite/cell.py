@@ -34,6 +34,8 @@ def evaluate(cell: Cell) -> dict[str, Any]:
     about = {"class": problem.classification, "n": problem.n, "m": problem.m}
     try:
         answer = solvers.run(cell.solver, problem, problem.start(cell.start))
+    except solvers.Absent as error:
+        return about | {"verdict": "absent", "word": str(error)}
     except MemoryError:
         return about | {"verdict": "limit", "word": "out of memory"}
     except Exception as error:

@@ -40,7 +40,8 @@ def _mapped(problem: TestProblem, x: ca.MX) -> tuple[ca.MX, ca.MX]:
     system, n, count = asked.system, asked.system.n, layout.node_count
     place = ca.Sparsity.triplet(count * n, problem.n, layout.free.tolist(), list(range(problem.n)))
     pinned = tr.ends.copy()
-    Q = ca.reshape(ca.DM(pinned.ravel()) + ca.DM(place, 1.0) @ x, n, count)
+    own = ca.DM(place, 1 / problem.stretch) @ x  # in the scene's units
+    Q = ca.reshape(ca.DM(pinned.ravel()) + own, n, count)
     p = ca.DM(asked.packed.ravel())
     s = system.symbols
     L = ca.Function("L", [s.q, s.v, s.t, s.p], [system.L])

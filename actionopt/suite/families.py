@@ -2,6 +2,20 @@
 
 A family adds no physics. What a scene cannot say is said by a `change` of it: a constraint stated
 twice, an end exactly at the conjugate time.
+
+Every easy family has hard relatives of the same scene:
+
+- `NAME_scaled`, in units that range over eight decades along the path: the same optimum, and no
+  number in it of the size of its neighbours;
+- where the scene knows its conjugate times and takes a duration, a member past the first of them:
+  the objective is unbounded below, and the only stationary point a saddle;
+- the others of the table `HARD`, each for a reason that is its own: its tags.
+
+And each member of any family has a start far from the optimum, "perturbed".
+
+Scenes with non-conservative forces are no families. They have no objective; as equations alone they
+would be square systems, whose second derivatives are third ones of the Lagrangian. Nothing else
+here has those, so that neither they nor a copy of the physics could be checked against another.
 """
 
 from __future__ import annotations
@@ -43,6 +57,9 @@ class Family:
     bends : tuple of tuple of float
         Amplitudes (n,) of half sine waves that, added to the straight line, lead to other
         stationary points.
+    decades : float
+        Powers of ten over which the units of the unknowns range, evenly from the first to the
+        last; 0 for those the scene is written in.
     """
 
     name: str
@@ -54,6 +71,7 @@ class Family:
     change: Callable[[Scene], Scene] | None = None
     waypoints: tuple[tuple[float, ...], ...] = ()
     bends: tuple[tuple[float, ...], ...] = ()
+    decades: float = 0.0
 
     def build(self, **parameters: Any) -> Scene:
         """Return the scene, changed as this family has it.
@@ -167,11 +185,22 @@ EASY = (
 
 SEVERAL = ("several optima",)
 PAST = ("unbounded below", "saddle only")
+UNITS = ("badly scaled units",)
+DECADES = 8.0
+SCALED = tuple(
+    replace(family, name=f"{family.name}_scaled", tags=UNITS, decades=DECADES) for family in EASY
+)
 HARD = (
     Family("oscillator_past", "oscillator", 8, 6, {"duration": 10.0}, PAST),
     Family("oscillator_2d_past", "oscillator_2d", 8, 6, {"duration": 3.0}, PAST),
     Family("wall_past", "oscillating_wall", 8, 6, {"duration": 4.0}, PAST),
     Family("frame_past", "rotating_frame_bound", 8, 6, {"duration": 5.0}, PAST),
+    Family("oscillator_gauge_past", "oscillator_gauge", 8, 6, {"duration": 4.0}, PAST),
+    Family("driven_oscillator_past", "driven_oscillator", 8, 6, {"duration": 2.5}, PAST),
+    Family("two_on_a_line_past", "two_on_a_line", 8, 6, {"duration": 4.0}, PAST),
+    Family("charge_planar_past", "charge_planar", 8, 6, {"duration": 4.0}, PAST),
+    Family("charge_gauge_past", "charge_gauge", 8, 6, {"duration": 4.0}, PAST),
+    Family("charge_spatial_past", "charge_spatial", 8, 6, {"duration": 4.0}, PAST),
     Family(
         "oscillator_conjugate",
         "oscillator",
@@ -204,7 +233,7 @@ HARD = (
         8,
         4,
         {"m": 1.67e-27, "k": 500.0, "start": 1e-11, "end": 5e-12, "duration": 4e-15},
-        ("badly scaled units",),
+        UNITS,
     ),
     Family(
         "kepler_planet",
@@ -212,7 +241,7 @@ HARD = (
         12,
         6,
         {"mu": 1.32712440018e20, "a": 1.495978707e11, "eccentricity": 0.2},
-        ("badly scaled units",),
+        UNITS,
     ),
     Family(
         "wire_layer",
@@ -319,7 +348,7 @@ HARD = (
     Family("chain_long", "chain", 6, 6, {"links": 20}, (*SEVERAL, "many constraints")),
 )
 
-FAMILIES: dict[str, Family] = {family.name: family for family in (*EASY, *HARD)}
+FAMILIES: dict[str, Family] = {family.name: family for family in (*EASY, *SCALED, *HARD)}
 
 
 def sample(curve: Callable[[Array], Any], t: Array, n: int) -> Array:

@@ -2,10 +2,11 @@
 
     minimise f(x) subject to c(x) = 0,      grad f(x) + J(x)' lam = 0 at a stationary point
 
-x are the free coordinates at the nodes, node by node, in the units the scene is written in
-(unlike the transcription, which scales them): units of atoms or planets are a difficulty that a
-solver should meet. f is the discrete action and c_k = w_k f(q_k, t_k) the constraints, weighted
-with the quadrature, so that lam are the multipliers lambda(t_k) of the continuous problem.
+x are the free coordinates at the nodes, node by node, in the units the scene is written in or those
+of the family (unlike the transcription, which scales them): units of atoms or planets, or of both
+at once, are a difficulty that a solver should meet. f is the discrete action and
+c_k = w_k f(q_k, t_k) the constraints, weighted with the quadrature, so that lam are the
+multipliers lambda(t_k) of the continuous problem.
 """
 
 from __future__ import annotations
@@ -149,10 +150,16 @@ class TestProblem:
 
     # -- functions ---------------------------------------------------------------------------
 
-    @property
+    @cached_property
+    def stretch(self) -> Array:
+        """How many of the family's units make one of the scene's, for each unknown, (n,)."""
+        half = self.family.decades / 2
+        return np.logspace(-half, half, self.n)
+
+    @cached_property
     def unit(self) -> Array:
         """Size of each unknown, (n,), as far as the events tell."""
-        return self.transcription.x_unit
+        return self.transcription.x_unit * self.stretch
 
     def objective(self, x: Array) -> float:
         """Return f(x), the discrete action."""
@@ -269,7 +276,7 @@ class TestProblem:
             few = np.linspace(nodes[0], nodes[-1], WAYPOINTS + 2)
             corners = sample(self.continuous.path, few, n)
             Q = np.stack([np.interp(nodes, few, column) for column in corners.T], axis=1)
-        return Q.ravel()[tr.layout.free]
+        return Q.ravel()[tr.layout.free] * self.stretch
 
     # -- what is known -----------------------------------------------------------------------
 
@@ -345,7 +352,7 @@ class TestProblem:
         if "flat" not in self.scene.facts:
             return np.zeros((self.n, 0))
         Q = sample(self.scene.facts["flat"], self.mesh.nodes, self.scene.problem.system.n)
-        direction = Q.ravel()[self.transcription.layout.free] / self.unit
+        direction = Q.ravel()[self.transcription.layout.free] / self.transcription.x_unit
         return (direction / np.linalg.norm(direction))[:, None]
 
     @property

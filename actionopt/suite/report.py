@@ -89,8 +89,9 @@ def write(records: Sequence[Mapping[str, Any]], directory: str | Path) -> Path:
     folder = Path(directory)
     folder.mkdir(parents=True, exist_ok=True)
     images = []
+    ran = [r for r in records if r["verdict"] != "absent"]
     for name, title, measure, accepted, is_data in FIGURES:
-        table = profile.costs(records, measure, accepted)
+        table = profile.costs(ran, measure, accepted)
         steps = profile.data(table) if is_data else profile.performance(table)
         least = 0.01 if is_data else 1.0
         what = "right" if accepted is profile.RIGHT else "any stationary point"
@@ -106,8 +107,8 @@ def write(records: Sequence[Mapping[str, Any]], directory: str | Path) -> Path:
             meanings="".join(f"<dt>{v}</dt><dd>{escape(MEANING[v])}</dd>" for v in VERDICTS),
             verdicts=_verdicts(records),
             figures="\n".join(images),
-            classes=_classes(records),
-            evaluations=_evaluations(records),
+            classes=_classes(ran),
+            evaluations=_evaluations(ran),
             matrix=_matrix(records),
         ),
         encoding="utf-8",

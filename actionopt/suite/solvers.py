@@ -56,6 +56,10 @@ WITH_QP = ("sqpmethod", "feasiblesqpmethod")
 SCIPY = ("trust-constr", "SLSQP")
 
 
+class Absent(RuntimeError):
+    """A solver that is known, and not installed."""
+
+
 @dataclass(frozen=True, eq=False)
 class Answer:
     """What a solver returned.
@@ -101,7 +105,7 @@ def check(name: str) -> None:
 
 
 def run(name: str, problem: TestProblem, x0: Array) -> Answer:
-    """Return the answer of the solver `name` from x0 (n,)."""
+    """Return the answer of the solver `name` from x0 (n,). Raises Absent if it is not installed."""
     check(name)
     base, _, rest = name.partition(":")
     if base == "scipy":
@@ -112,9 +116,13 @@ def run(name: str, problem: TestProblem, x0: Array) -> Answer:
 
 
 def _plugin(plugin: str, qp: str, problem: TestProblem, x0: Array) -> Answer:
+    if not ca.has_nlpsol(plugin):
+        raise Absent(f"this CasADi has no {plugin}")
     options: dict[str, Any] = {"print_time": False, "calc_lam_p": False, **PLUGINS[plugin]}
     if plugin in WITH_QP:
         qp = qp or "qrqp"
+        if not ca.has_conic(qp):
+            raise Absent(f"this CasADi has no {qp}")
         options |= {
             "qpsol": qp,
             "qpsol_options": {"error_on_fail": False, "print_time": False, **QP[qp]},
@@ -140,8 +148,10 @@ def _plugin(plugin: str, qp: str, problem: TestProblem, x0: Array) -> Answer:
 
 
 def _scipy(method: str, problem: TestProblem, x0: Array) -> Answer:
-    from scipy.optimize import minimize
-
+    try:
+        from scipy.optimize import minimize
+    except ImportError:
+        raise Absent("SciPy is not installed: pip install 'actionopt[suite]'") from None
     arguments = scipy_arguments(problem, method)
     problem.counts.clear()
     clock = perf_counter()

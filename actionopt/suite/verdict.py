@@ -9,7 +9,7 @@ import numpy as np
 from actionopt.quadrature import Array
 from actionopt.suite.problem import TestProblem
 
-VERDICTS = ("right", "other", "new", "wrong", "failed", "limit")
+VERDICTS = ("right", "other", "new", "wrong", "failed", "limit", "absent")
 MEANING = {
     "right": "the optimum",
     "other": "another stationary point that is known",
@@ -17,6 +17,7 @@ MEANING = {
     "wrong": "claimed to be an optimum, and not stationary",
     "failed": "the solver gave up, or crashed",
     "limit": "out of time or memory",
+    "absent": "the solver is not installed here",
 }
 # Solvers stop at tolerances of their own, some at 1e-6 in the action: three digits of the path.
 NEAR = 1e-3  # in units of the coordinates: the same point
