@@ -15,7 +15,7 @@ import numpy as np
 
 from actionopt.newton import CONTRACTION
 from actionopt.quadrature import Array
-from actionopt.transcription import Factors, Transcription, definite
+from actionopt.transcription import Factors, Transcription
 
 STEPS = 60
 FIRST, RAISE, LOWER, LARGEST = 0.01, 3.0, 0.3, 1e6  # of mu, in units of K
@@ -55,12 +55,13 @@ def descend(tr: Transcription, z: Array) -> Descended:
         while count < STEPS and np.max(np.abs(z)) < RUNAWAY:
             farthest = LONGEST * max(1.0, float(np.max(np.abs(z))))
             H, K = tr.kkt(z), tr.kinetic(z)
-            while not definite(tr.layout, H + mu * K):
+            if not np.all(np.isfinite(H)):
+                break
+            while not (factors := Factors(tr.layout, H + mu * K)).definite():
                 mu = max(RAISE * mu, FIRST)
             while True:
                 count += 1
                 try:
-                    factors = Factors(tr.layout, H + mu * K)
                     step = -factors.solve(gradient)
                 except np.linalg.LinAlgError:
                     step = np.full_like(z, np.nan)
@@ -73,6 +74,7 @@ def descend(tr: Transcription, z: Array) -> Descended:
                 mu = max(RAISE * mu, FIRST)
                 if mu > LARGEST or count > STEPS:
                     return Descended(z, False, False, count)
+                factors = Factors(tr.layout, H + mu * K)
             z, action, gradient = trial, lower, tr.gradient(trial)
             if mu == 0.0:
                 second = factors.solve(gradient)

@@ -22,6 +22,7 @@ ROUNDOFF = float(np.finfo(float).eps)
 SETTLING = 5  # steps that multipliers may take to come right
 SURELY = 0.1  # a ratio of steps that leaves no doubt of it
 DAMPED = 1e-3  # a shorter fraction of a step leads nowhere
+DIFFERENCE = 1e-5  # of the ends' movement, for a derivative that is good to as many digits
 TARGET = 1e-14  # in units of the coordinates' sizes; one step past it costs next to nothing
 
 
@@ -42,6 +43,8 @@ class Followed:
         Factorizations used.
     travelled : float
         Distance from the first iterate, in the same units.
+    factors : Factors or None
+        Of the last matrix factorized, where the path was found.
     """
 
     z: Array
@@ -49,6 +52,7 @@ class Followed:
     noise: float
     iterations: int
     travelled: float
+    factors: Factors | None = None
 
 
 def follow(tr: Transcription, z: Array, *, linear: bool = False, steps: int = 12) -> Followed:
@@ -58,6 +62,7 @@ def follow(tr: Transcription, z: Array, *, linear: bool = False, steps: int = 12
     with np.errstate(all="ignore"):
         residual = tr.residual(z)
         for k in range(1, steps + 1):
+            factors = None  # frees the last ones before the next are made
             try:
                 factors = Factors(tr.layout, tr.kkt(z))
                 step = factors.solve(residual)
@@ -75,7 +80,7 @@ def follow(tr: Transcription, z: Array, *, linear: bool = False, steps: int = 12
                 if not residual.any():  # a path of zeros has no round-off of its own
                     residual = _roundoff(tr, factors)
                 noise = _size(factors.solve(residual)[:cut])
-                return Followed(z, True, noise, k, _size((z - first)[:cut]))
+                return Followed(z, True, noise, k, _size((z - first)[:cut]), factors)
             # Multipliers far off disturb the first steps, and are right after them.
             settling = tr.layout.rows > 0 and k <= SETTLING and ratio < 1 / CONTRACTION
             if ratio > CONTRACTION and not settling:
@@ -84,6 +89,19 @@ def follow(tr: Transcription, z: Array, *, linear: bool = False, steps: int = 12
         # what is left of the step says how little the path is determined.
         exhausted = _exhausted(tr, z, residual)
     return Followed(z, exhausted, rest, k, _size((z - first)[:cut]))
+
+
+def moved(tr: Transcription, z: Array, factors: Factors, ends: Array) -> Array:
+    """Return where the stationary path z goes, to first order, when its ends move to `ends` (2, n).
+
+    The tangent of the family of paths: it bends smoothly where new ends alone would kink the path.
+    `factors` are those of the matrix at z. Raises numpy.linalg.LinAlgError if it is singular.
+    """
+    before = tr.ends[[0, -1]]
+    nearby = tr.with_ends(before + DIFFERENCE * (ends - before))
+    with np.errstate(all="ignore"):
+        push = (nearby.residual(z) - tr.residual(z)) / DIFFERENCE
+        return z - factors.solve(push)
 
 
 def approach(tr: Transcription, z: Array, steps: int = 12) -> tuple[Array, int] | None:

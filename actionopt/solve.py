@@ -20,7 +20,7 @@ import numpy as np
 from actionopt.arguments import Guess, checked
 from actionopt.continuation import release
 from actionopt.descent import descend
-from actionopt.newton import Followed, approach, follow
+from actionopt.newton import Followed, approach, follow, moved
 from actionopt.path import Mesh, Path
 from actionopt.preflight import check, project
 from actionopt.problem import Problem
@@ -28,7 +28,13 @@ from actionopt.quadrature import Array
 from actionopt.refine import DEGREES, Resolution, refined, resolution
 from actionopt.solution import Solution
 from actionopt.status import SolveError, Status
-from actionopt.transcription import Principle, Transcription, find, negative_eigenvalues
+from actionopt.transcription import (
+    Factors,
+    Principle,
+    Transcription,
+    find,
+    negative_eigenvalues,
+)
 
 # How a first path is sought from the straight line, each way on meshes of so many elements.
 # Newton's method costs next to nothing, and knows at once whether it works; descent is robust and
@@ -45,9 +51,11 @@ LADDER = (
 )
 LEAST = ("descent", "least", "patient least")
 FEW = 3  # coordinates up to which descending costs less than entering Ipopt
+FINE = 3  # coordinates up to which a higher degree costs less than a second mesh
 ALIKE = 4.0  # ratio of coordinates' sizes within which the units of action are kept
 DENSE_MOTION = 400  # coordinates and constraints up to which the equations are solved as they are
 SQUARE = 1500  # unknowns above which Ipopt takes too long over a square system
+KEPT = 3000  # unknowns and rows up to which the factors are worth their memory
 NEAR_GUESS = (16, 32, 64)  # a guess has features that coarser meshes would miss
 LINEAR = 4  # elements to begin with where nothing has to be sought
 NEAR = 0.1  # a path that moves farther than this when refined, in its own size, is another one
@@ -114,8 +122,8 @@ def solve(
     if isinstance(guess, Solution):
         run.gain = guess.stats["gain"]  # a neighbour is as sensitive
         if guess.problem.system is problem.system:
-            run.units = guess.discrete[0]
-        run.checked = guess.problem.system is problem.system
+            run.neighbour, run.units = guess, guess.discrete[0]
+            run.checked = True
     status = run.go()
     solution = run.solution(status, perf_counter() - started)
     if throw and not solution.success:
@@ -138,11 +146,13 @@ class _Run:
     z: Array = field(init=False)
     resolved: tuple[Array, Resolution] | None = None  # of the current z
     units: Transcription | None = None  # whose units of action and constraints serve again
+    neighbour: Solution | None = None  # of the same system, whose path is the guess
     checked: bool = False
     diverged: bool = False
     may_be_least: bool = False
     spare: tuple[str, Path] | None = None  # a saddle found while a least path was sought
     rung: str = ""
+    factors: Factors | None = None  # of the matrix at the last path followed
     gain: float = UNKNOWN_GAIN
     noise: float = 0.0
     error: float = np.inf
@@ -268,15 +278,40 @@ class _Run:
         status = Status.NOT_FOUND
         for elements in NEAR_GUESS:
             coarse = self._uniform(elements, COARSE_DEGREE)
-            curve = self.curve(coarse)
+            curve, lam = self.curve(coarse), None
             mesh = self.given or (curve.mesh if elements == NEAR_GUESS[0] else None)
+            if mesh is curve.mesh and self.neighbour is not None:
+                curve, lam = self._moved_neighbour(curve)
             self.sizes = _sizes(curve.values.T, self.problem.scales)
-            self._place(mesh or coarse, curve)
+            self._place(mesh or coarse, curve, lam)
             if self._follow() or self._approach() or self._root() or self._release():
                 status = self._settle()
                 if status is not Status.UNRESOLVED:
                     break
         return status
+
+    def _moved_neighbour(self, path: Path) -> tuple[Path, Array | None]:
+        """Return the guess as it goes when its ends move to the problem's, and its multipliers.
+
+        Only where nothing else than pinned ends differs.
+        """
+        assert self.neighbour is not None
+        problem, old = self.problem, self.neighbour.problem
+        tr, z = self.neighbour.discrete
+        pins = (problem.start.pinned, problem.end.pinned) == (old.start.pinned, old.end.pinned)
+        same = path.mesh is tr.mesh and np.array_equal(problem.packed, old.packed)
+        if not (same and pins) or problem.advance is not None or old.advance is not None:
+            return path, None
+        ends = np.array([problem.start.q, problem.end.q], dtype=float)
+        ends = np.where(np.isnan(ends), tr.ends[[0, -1]], ends)
+        try:
+            z = moved(tr, z, self.neighbour.factors, ends)
+        except np.linalg.LinAlgError:
+            return path, None
+        if not np.all(np.isfinite(z)):
+            return path, None
+        Q, lam = tr.unpack(z)
+        return Path(tr.mesh, Q.T), lam if tr.layout.rows else None
 
     def _uniform(self, elements: int, degree: int) -> Mesh:
         problem = self.problem
@@ -287,7 +322,7 @@ class _Run:
 
         About one degree a digit. A second mesh costs more where the coordinates are few.
         """
-        if self.problem.system.n > FEW:
+        if self.problem.system.n > FINE:
             return COARSE_DEGREE
         wanted = max(COARSE_DEGREE, -np.log10(self.tol) + 3)
         return int(DEGREES[min(np.searchsorted(DEGREES, wanted), DEGREES.size - 1)])
@@ -461,6 +496,7 @@ class _Run:
         arrived = result.converged and (self.linear or result.travelled < reach)
         if arrived:
             self.z, self.noise = result.z, result.noise
+            self.factors = result.factors if self.tr.layout.size <= KEPT else None
             self.gain = max(self.gain, self._sensitivity())
             self.error = SAFETY * (self.gain * self.resolution().worst + self.noise + ROUNDOFF)
             self._record(perf_counter() - clock)
@@ -569,6 +605,8 @@ class _Run:
         lam = tr.unpack(self.z)[1].T
         solution = Solution(problem, path, action, lam, self.error, status, stats)
         solution.__dict__["discrete"] = (tr, self.z)  # at hand already: nothing to rebuild
+        if self.factors is not None and self.factors.layout is layout:
+            solution.__dict__["factors"] = self.factors
         return solution
 
 

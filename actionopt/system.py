@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from typing import Any
 
 import casadi as ca
@@ -175,29 +174,38 @@ class System:
 
     @cached_property
     def structure(self) -> Structure:
-        """What the derivatives depend on."""
-        s, d, n = self.symbols, self.derivatives, self.n
-        empty = ca.SX(0, 1)
-        force = ca.jacobian(self.Q, ca.vertcat(s.q, s.v)) if self.Q.numel() else empty
-        laws = ca.vertcat(self.L, self.f, self.Q)
-        parts = [ca.vec(x.nz[:]) if x.nnz() else empty for x in (d.Lvv, d.Lqv, d.Lqq, d.G, force)]
-        found = ca.jacobian_sparsity(ca.vertcat(*parts, laws), ca.vertcat(s.q, s.v, s.t))
-        rows, cols = np.array(found.row(), dtype=int), np.array(found.get_col(), dtype=int)
-        starts = np.cumsum([0, *(part.numel() for part in parts)])
-        moving = rows[cols < 2 * n]  # entries that depend on q or v
-        fixed = [not np.any((moving >= a) & (moving < b)) for a, b in pairwise(starts)]
-        seen = set(cols[rows >= starts[-1]].tolist())
+        """What the derivatives depend on, by the sparsity of their own derivatives."""
+        moved = (
+            self._depends("second", 2, (0, 1)),
+            self._depends("second", 1, (0, 1)),
+            self._depends("second", 0, (0, 1)),
+            self.m > 0 and self._depends("constraint_jacobian", 0, (0,)),
+            any(self._depends("force_jacobian", k, (0, 1)) for k in (0, 1) if self.Q.numel()),
+        )
+        laws = [("first", 2, 0, 2)]  # function, output, inputs of q and of t
+        if self.m:
+            laws.append(("constraint", 0, 0, 1))
+        if self.Q.numel():
+            laws.append(("force", 0, 0, 2))
+        seen: set[int] = set()
+        for name, output, q, _ in laws:
+            seen.update(self.pointwise(name).function.jac_sparsity(output, q).get_col())
         return Structure(
-            depends_on_time=2 * n in seen,
-            constant_mass=fixed[0],
-            constant_coupling=fixed[1],
-            constant_stiffness=fixed[2],
-            affine_constraint=fixed[3],
-            affine_force=fixed[4],
+            depends_on_time=any(self._depends(name, k, (t,)) for name, k, _, t in laws),
+            constant_mass=not moved[0],
+            constant_coupling=not moved[1],
+            constant_stiffness=not moved[2],
+            affine_constraint=not moved[3],
+            affine_force=not moved[4],
             constraints=self.m,
             forced=self.Q.numel() > 0,
             cyclic=tuple(c for i, c in enumerate(self.coordinates) if i not in seen),
         )
+
+    def _depends(self, name: str, output: int, inputs: tuple[int, ...]) -> bool:
+        """Whether an output of a compiled function depends on any of these inputs."""
+        function = self.pointwise(name).function
+        return any(function.jac_sparsity(output, i).nnz() for i in inputs)
 
     @cached_property
     def derivatives(self) -> Derivatives:
@@ -211,7 +219,7 @@ class System:
             Lqq=ca.triu(hessian[:n, :n]),
             Lqv=hessian[:n, n:],
             Lvv=ca.triu(hessian[n:, n:]),
-            G=ca.jacobian(self.f, s.q),
+            G=ca.jacobian(self.f, s.q) if self.m else ca.SX(0, n),
         )
 
     def pointwise(self, name: str) -> Pointwise:

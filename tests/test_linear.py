@@ -10,7 +10,6 @@ from actionopt.transcription import (
     Factors,
     Transcription,
     compressed,
-    definite,
     diagonal,
     negative_eigenvalues,
     product,
@@ -113,7 +112,7 @@ def test_definite_matrices_have_no_negative_eigenvalue(stored, mu):
     shift = mu * np.max(np.abs(dense))
     moved = nonzeros + diagonal(layout, np.full(layout.size, shift))
     lowest = np.linalg.eigvalsh(dense)[0] + shift
-    assert definite(layout, moved) == (lowest > 0)
+    assert Factors(layout, moved).definite() == (lowest > 0)
     assert (negative_eigenvalues(layout, moved) == 0) == (lowest > 0)
 
 

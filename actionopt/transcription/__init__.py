@@ -6,7 +6,6 @@ from actionopt.transcription.layout import sparsity_of
 from actionopt.transcription.linear import (
     Factors,
     compressed,
-    definite,
     diagonal,
     negative_eigenvalues,
     product,
@@ -18,7 +17,6 @@ __all__ = [
     "Principle",
     "Transcription",
     "compressed",
-    "definite",
     "diagonal",
     "find",
     "negative_eigenvalues",

@@ -18,6 +18,7 @@ the coordinates in units of their own size, so that atoms and planets look alike
 from __future__ import annotations
 
 from collections import Counter
+from copy import copy
 from functools import cached_property
 
 import numpy as np
@@ -72,6 +73,7 @@ class Transcription:
         # The parts of the Hessian that a constant mass leaves as they are.
         self._stiff: Array | None = None
         self._rigid: list[Array] | None = None
+        self._metric: Array | None = None
         # Nonzeros of the mass matrix half way along the straight line, its upper triangle.
         self.inertia = np.zeros(0) if like is None else like.inertia
         self.action_unit, self.row_units = (
@@ -87,6 +89,17 @@ class Transcription:
         else:
             self.row_weight, self.row_unit = np.zeros((0, 1)), np.zeros(0)
         self.mu_unit = self.action_unit / self.row_unit
+
+    def with_ends(self, ends: Array) -> Transcription:
+        """Return the same with other coordinates (2, n) at the first and the last node.
+
+        The problem, whose events they need not be, stays the same.
+        """
+        other = copy(self)
+        other.ends = self.ends.copy()
+        other.ends[[0, -1]] = ends
+        other._point = other._values = None
+        return other
 
     def _units(self) -> tuple[float, Array]:
         """Return the unit of action and of each constraint's row, from typical curvatures."""
@@ -334,6 +347,11 @@ class Transcription:
         Positive definite where the mass matrix is: the metric in which a step changes the
         velocities least. Only for systems without constraints or forces.
         """
+        if self._metric is None or not self.problem.system.structure.constant_mass:
+            self._metric = self._kinetic(z)
+        return self._metric
+
+    def _kinetic(self, z: Array) -> Array:
         _, at, v = self._place(z)
         C = self._second(at, v)[2]
         if self.layout.storage == "blocks":
@@ -404,19 +422,19 @@ class Transcription:
         at_nodes = self._constraint_blocks(z) if layout.rows else None
         for M, g, block in zip(elements, layout.groups, stiff, strict=True):
             inside = np.arange(g.rule.degree + 1)
-            block = block.copy() if self._rigid is stiff else block
+            M = M.reshape(len(M), inside.size, layout.blocks.width, inside.size, -1)
+            pairs = M[:, :, :n, :, :n].transpose(0, 1, 3, 2, 4)  # a view
+            pairs[...] = block
             for a, b, symmetric in slopes:
                 if b is not None:
                     local = b[g.span].reshape(*g.nodes.shape, 1, n, n)
                     mixed = g.rule.weighted[:, :, None, None] * local
-                    block = block + mixed
+                    pairs += mixed
                     if symmetric:
-                        block += mixed.transpose(0, 2, 1, 4, 3)
+                        pairs += mixed.transpose(0, 2, 1, 4, 3)
                 if a is not None:
                     local = self.weight[g.span][:, :, None] * a[g.span]
-                    block[:, inside, inside] += local.reshape(*g.nodes.shape, n, n)
-            M = M.reshape(len(M), inside.size, layout.blocks.width, inside.size, -1)
-            M[:, :, :n, :, :n] = block.transpose(0, 1, 3, 2, 4)
+                    pairs[:, inside, inside] += local.reshape(*g.nodes.shape, n, n)
             if at_nodes is not None:
                 k = inside[1:-1]
                 M[:, k, :, k, :] += at_nodes[g.nodes[:, 1:-1]].swapaxes(0, 1)

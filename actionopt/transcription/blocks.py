@@ -211,14 +211,18 @@ class _Inner:
 
     @classmethod
     def of(cls, M: Array, f: int) -> _Inner:
-        size = M.shape[1]
-        inside = slice(f, size - f)
-        ends = np.r_[0:f, size - f : size]
-        pivot = np.ascontiguousarray(M[:, inside, inside])
+        inside, last = slice(f, M.shape[1] - f), slice(M.shape[1] - f, None)
+        pivot = M[:, inside, inside]
         inverse = np.linalg.inv(pivot)
-        above = M[:, ends, inside]
-        share = inverse @ M[:, inside][:, :, ends]
-        return cls(pivot, inverse, above, share, M[:, ends][:, :, ends] - above @ share)
+        above = np.concatenate([M[:, :f, inside], M[:, last, inside]], axis=1)
+        beside = np.concatenate([M[:, inside, :f], M[:, inside, last]], axis=2)
+        share = inverse @ beside
+        condensed = -(above @ share)
+        condensed[:, :f, :f] += M[:, :f, :f]
+        condensed[:, :f, f:] += M[:, :f, last]
+        condensed[:, f:, :f] += M[:, last, :f]
+        condensed[:, f:, f:] += M[:, last, last]
+        return cls(pivot, inverse, above, share, condensed)
 
 
 @dataclass(frozen=True, eq=False)

@@ -233,7 +233,7 @@ class Layout:
         return tuple(np.concatenate(side) for side in zip(*parts, strict=True))
 
 
-WHOLE = 100  # unknowns and rows up to which the matrix is stored, and inverted, whole
+WHOLE = 100  # unknowns and rows up to which the matrix is stored whole
 INNER = 250  # unknowns and rows within an element up to which its block is
 _EMPTY = (np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp))
 

@@ -1,8 +1,8 @@
 """Solve linear systems with the KKT matrix, and count its negative eigenvalues.
 
-Small matrices are inverted whole, those of a few coordinates condensed block by block. The others
-are sparse, and factorized as L D L' without pivoting, ten times faster than with it; a tiny
-negative diagonal on the constraint rows makes that possible. The price is paid back by iterative
+Small matrices are kept whole, those of a few coordinates condensed block by block. The others are
+sparse, and factorized as L D L' without pivoting, ten times faster than with it; a tiny negative
+diagonal on the constraint rows makes that possible. The price is paid back by iterative
 refinement, whose residual also tells when factors are no good: then a sparse QR factorization
 serves instead.
 """
@@ -44,23 +44,22 @@ class Factors:
         if not np.all(np.isfinite(nonzeros)):
             raise np.linalg.LinAlgError("the matrix is not finite")
         self.layout, self.nonzeros = layout, nonzeros
-        self._inverse: Array | None = None
+        self._condensed: Condensed | None = None
         self._rough: Callable[[Array], Array] | None = None
-        if layout.storage == "whole":
-            self._inverse = np.linalg.inv(_whole(layout, nonzeros))
-        elif layout.storage == "blocks":
+        if layout.storage == "blocks":
             try:
-                self._rough = Condensed(layout.blocks, nonzeros).solve
+                self._condensed = Condensed(layout.blocks, nonzeros)
+                self._rough = self._condensed.solve
             except np.linalg.LinAlgError:  # a block may be singular where the matrix is not
-                self._rough = None
-        elif not layout.system.structure.forced:
+                pass
+        elif layout.storage == "sparse" and not layout.system.structure.forced:
             regular, solver = _regular(layout, nonzeros), _solver(layout, "ldl")
             self._rough = lambda right: solver(regular, right)
 
     def solve(self, right: Array) -> Array:
         """Return the solution for one right-hand side, (size,)."""
-        if self._inverse is not None:
-            return self._inverse @ right
+        if self.layout.storage == "whole":  # LAPACK factorizes faster than it inverts
+            return np.linalg.solve(_whole(self.layout, self.nonzeros), right)
         if self._rough is not None:
             x = self._refined(self._rough, right)
             if x is not None:
@@ -70,6 +69,18 @@ class Factors:
         if not np.all(np.isfinite(x)):
             raise np.linalg.LinAlgError("the matrix is singular")
         return x
+
+    def definite(self) -> bool:
+        """Return whether the matrix, one without constraint rows, is positive definite."""
+        if self.layout.storage == "sparse":
+            return negative_eigenvalues(self.layout, self.nonzeros) == 0
+        if self.layout.storage == "blocks":
+            return self._condensed is not None and self._condensed.definite()
+        try:
+            np.linalg.cholesky(_whole(self.layout, self.nonzeros))
+        except np.linalg.LinAlgError:
+            return False
+        return True
 
     def _refined(self, rough: Callable[[Array], Array], right: Array) -> Array | None:
         """Return the solution by refinement of a rough one, or None if that does not converge."""
@@ -143,25 +154,12 @@ class _Sparse:
         return self._solved.copy()
 
 
-def definite(layout: Layout, nonzeros: Array) -> bool:
-    """Return whether a symmetric matrix without constraint rows is positive definite."""
-    if layout.storage == "sparse":
-        return negative_eigenvalues(layout, nonzeros) == 0
-    try:
-        if layout.storage == "blocks":
-            return Condensed(layout.blocks, nonzeros).definite()
-        np.linalg.cholesky(_whole(layout, nonzeros))
-    except np.linalg.LinAlgError:
-        return False
-    return True
-
-
 def negative_eigenvalues(layout: Layout, nonzeros: Array) -> int:
     """Return the number of negative eigenvalues of a symmetric KKT matrix (its inertia)."""
     if layout.storage == "blocks":
         return Condensed(layout.blocks, nonzeros).negative()
     if layout.storage == "whole":
-        if not layout.rows and definite(layout, nonzeros):
+        if not layout.rows and Factors(layout, nonzeros).definite():
             return 0
         return int(np.sum(np.linalg.eigvalsh(_whole(layout, nonzeros)) < 0))
     matrix = ca.DM(layout.kkt.sparsity, _regular(layout, nonzeros))
