@@ -266,6 +266,32 @@ def test_the_page_has_the_numbers_of_the_explorers(gallery):
     assert np.max(np.abs(away[0])) < 0.01 < 0.3 < np.max(np.abs(away[1]))
 
 
+# -- colours ---------------------------------------------------------------------------------
+
+
+def luminance(colour):
+    """Return the relative luminance of #rrggbb; WCAG 2.2."""
+    share = np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)]) / 255
+    linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    return float(linear @ [0.2126, 0.7152, 0.0722])
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_colours_can_be_told_apart(gallery, dark):
+    sheet = (gallery / "style.css").read_text(encoding="utf-8")
+    light, night = re.findall(r":root \{(.*?)\}", sheet, re.DOTALL)
+    colours = dict(re.findall(r"--(\w+): (#\w{6})", light))
+    if dark:
+        colours |= dict(re.findall(r"--(\w+): (#\w{6})", night))
+    text = [("ink", "soft", "accent", "force"), ("paper", "card", "wash", "code"), 4.5]
+    lines = [("body", "rod", "ground", "force"), ("card",), 3.0]
+    for inks, papers, least in (text, lines):
+        for ink in inks:
+            for paper in papers:
+                a, b = sorted(luminance(colours[name]) for name in (ink, paper))
+                assert (b + 0.05) / (a + 0.05) >= least, (ink, paper)
+
+
 # -- in a browser ----------------------------------------------------------------------------
 
 

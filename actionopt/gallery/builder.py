@@ -12,7 +12,7 @@ import os
 import signal
 from collections.abc import Callable, Generator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import closing
+from contextlib import closing, contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,7 @@ from actionopt.gallery.page import Page
 MANIFEST = "manifest.json"
 STORY = "least"
 JOBS = 2
+THREADS = "OMP_NUM_THREADS"
 
 Show = Callable[[int, int, str], None]
 
@@ -91,7 +92,7 @@ def make(name: str) -> Page:
 
 def _made(names: Sequence[str], jobs: int) -> Generator[tuple[str, Page], None, None]:
     """Yield names and pages, as they are made."""
-    if jobs == 1 or len(names) < 2:
+    if jobs == 1 or not names:
         yield from ((name, make(name)) for name in names)
         return
     # Spawned, not forked: libraries with threads of their own do not survive a fork.
@@ -99,7 +100,8 @@ def _made(names: Sequence[str], jobs: int) -> Generator[tuple[str, Page], None, 
     leave = partial(signal.signal, signal.SIGINT, signal.SIG_IGN)  # interruptions are ours
     others = set(multiprocessing.active_children())
     with ProcessPoolExecutor(jobs, context, initializer=leave) as pool:
-        waiting = {pool.submit(make, name): name for name in names}
+        with _one_thread():  # each, or they get in each other's way
+            waiting = {pool.submit(make, name): name for name in names}
         try:
             for future in as_completed(waiting):
                 yield waiting[future], future.result()
@@ -107,6 +109,19 @@ def _made(names: Sequence[str], jobs: int) -> Generator[tuple[str, Page], None, 
             for process in set(multiprocessing.active_children()) - others:
                 process.terminate()
             raise
+
+
+@contextmanager
+def _one_thread() -> Generator[None, None, None]:
+    """Let the processes that are started now compute with one thread."""
+    before = os.environ.get(THREADS)
+    os.environ[THREADS] = "1"
+    try:
+        yield
+    finally:
+        del os.environ[THREADS]
+        if before is not None:
+            os.environ[THREADS] = before
 
 
 def _manifest(target: Path) -> dict[str, Any]:
