@@ -58,6 +58,7 @@ def test_the_report_says_what_the_records_say(tmp_path):
     assert "<td>a</td><td>2 / 4</td>" in text
     assert "mine.py:solve" in text
     assert "/far" not in text
+    assert "actionopt suite run \\\n  --solver a \\\n  --solver b" in text
     figures = re.findall(r'src="([^"]+)"', text)
     assert len(figures) >= 4
     for name in figures:

@@ -246,7 +246,7 @@ def legend_above(ax: Axes, columns: int) -> None:
     low, high = ax.transData.transform([(1, y) for y in ax.get_ylim()])[:, 1]
     top = ax.transData.inverted().transform((0, high + 0.16 * (high - low)))[1]
     ax.set_ylim(top=top)
-    ax.legend(loc="upper left", ncols=columns)
+    ax.legend(loc="upper left", ncols=columns, columnspacing=1.2, handlelength=1.8)
 
 
 def number(x: float, digits: int = 6) -> str:

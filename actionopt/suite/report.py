@@ -20,6 +20,7 @@ PAGE = """\
 <style>
 body {{ font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto }}
 table {{ border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums }}
+pre {{ overflow-x: auto }}
 th, td {{ padding: 0.2rem 0.7rem; border-bottom: 1px solid #ddd; text-align: right }}
 th:first-child, td:first-child {{ text-align: left }}
 img {{ max-width: 100% }}
@@ -45,6 +46,8 @@ Linear or Other.</p>
 {evaluations}
 <h2>Problem by problem</h2>
 {matrix}
+<p>Made by</p>
+<pre>{commands}</pre>
 </html>
 """
 
@@ -110,6 +113,7 @@ def write(records: Sequence[Mapping[str, Any]], directory: str | Path) -> Path:
             classes=_classes(ran),
             evaluations=_evaluations(ran),
             matrix=_matrix(records),
+            commands=_commands(records),
         ),
         encoding="utf-8",
     )
@@ -120,6 +124,12 @@ def _short(solver: str) -> str:
     """Return a solver's name without the folders of its file."""
     place, colon, name = solver.rpartition(":")
     return f"{PurePath(place).name}{colon}{name}" if place.endswith(".py") else solver
+
+
+def _commands(records: Sequence[Mapping[str, Any]]) -> str:
+    solvers = dict.fromkeys(r["solver"] for r in records)
+    run = " \\\n  ".join(["actionopt suite run", *(f"--solver {name}" for name in solvers)])
+    return escape(f"{run}\nactionopt suite report")
 
 
 def _verdicts(records: Sequence[Mapping[str, Any]]) -> str:
