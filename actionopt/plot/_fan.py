@@ -299,7 +299,8 @@ def _over_plane(ax: Axes, solution: Solution, data: Fronts, units: Units) -> str
         [], [], color="black", marker=r"$\rightarrow$", markersize=12, linestyle="none",
         label=r"momentum $p = \partial S/\partial q$",
     )  # fmt: skip
-    return label(f"at $t$ = {number(data.t[-1], 3)}", units.time)
+    ax.margins(0.1)  # arrows do not count as data
+    return f"at $t$ = {number(data.t[-1], 3)} {units.time}".rstrip()
 
 
 def _turned(x: Array, y: Array, corners: Array) -> Array:
