@@ -14,13 +14,17 @@ from actionopt import scenes
 from actionopt.cli import main
 from actionopt.gallery import build, builder, keys
 from actionopt.gallery.explorer import EXPLORERS, OSCILLATOR, PROJECTILE
+from actionopt.gallery.facts import known
 from actionopt.gallery.index_page import SECTIONS, section
-from actionopt.gallery.page import Page
+from actionopt.gallery.page import Page, escape
+from actionopt.gallery.subject import Subject
 from actionopt.gallery.texts import texts
+from actionopt.solve import solve
 
 NAMES = ["drag_quadratic", "rod_pendulum"]
 VOID = {"meta", "link", "img", "input", "br"}
 SAME = 1e-9  # of an action computed twice
+CLOSE = 1e-9  # of what is known exactly, for paths good to 1e-10 and their accelerations
 
 
 @pytest.fixture(scope="module")
@@ -33,6 +37,10 @@ def gallery(tmp_path_factory):
 
 def files(target):
     return {str(f.relative_to(target)): f.read_bytes() for f in target.rglob("*") if f.is_file()}
+
+
+def pages(target):
+    return sorted(target.rglob("*.html"))
 
 
 # -- pages -----------------------------------------------------------------------------------
@@ -74,9 +82,8 @@ class Checked(HTMLParser):
 
 
 def test_pages_are_whole(gallery):
-    pages = list(gallery.rglob("*.html"))
-    assert len(pages) == 2 + len(NAMES)
-    for file in pages:
+    assert len(pages(gallery)) == 2 + len(NAMES)
+    for file in pages(gallery):
         page = Checked()
         page.feed(file.read_text(encoding="utf-8"))
         assert not page.open
@@ -120,6 +127,17 @@ def test_the_numbers_on_a_page_are_those_of_the_scene(gallery):
     scene = scenes.get("rod_pendulum")
     assert page.words.count(f"{scene.action:.10g} J s") == 2  # known, and found
     assert f"action {str(scene.action)[:11]}" in page.words  # printed by the program
+
+
+@pytest.mark.parametrize("name", scenes.SCENES)
+def test_what_was_found_is_what_is_known(name):
+    scene = scenes.get(name)
+    rows = known(Subject(scene, solve(scene.problem, tol=1e-10, guess=scene.guess)))
+    assert rows or scene.exact is None
+    assert all(row.difference < CLOSE for row in rows if row.difference is not None)
+    assert all(row.expected == row.found for row in rows if row.what == "Morse index")
+    if "conserved" in scene.facts:
+        assert {row.what for row in rows} >= {escape(what) for what in scene.facts["conserved"]}
 
 
 @pytest.mark.parametrize("name", scenes.SCENES)
@@ -304,10 +322,6 @@ def chromium():
     page.close()
 
 
-def pages(gallery):
-    return sorted(gallery.rglob("*.html"))
-
-
 def test_pages_load_whole_and_from_here_alone(gallery, chromium):
     chromium.errors.clear()
     chromium.requests.clear()
@@ -413,3 +427,12 @@ def test_the_keyboard_reaches_everything(gallery, chromium):
     chromium.run("document.querySelector('[data-film] input').focus()")
     chromium.key("ArrowRight")
     chromium.until("Number(document.querySelector('[data-film]').dataset.frame) > 0")
+
+
+@pytest.mark.slow
+def test_the_whole_gallery(chromium, tmp_path):
+    assert len(build(tmp_path)) == 1 + len(scenes.SCENES)
+    assert sum(map(len, files(tmp_path).values())) < 40e6
+    test_pages_load_whole_and_from_here_alone(tmp_path, chromium)
+    for size in ((360, 740), (1920, 1080)):
+        test_pages_fit_from_phone_to_projector(tmp_path, chromium, *size)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -17,21 +16,25 @@ from actionopt.scenes._scene import MEANINGS
 from actionopt.solve import solve
 
 DIGITS = 10
+ROUNDING = 1e-9  # what is smaller than this part of a size is zero
 
 
 @dataclass(frozen=True)
 class Known:
-    """A row of the table: HTML each.
+    """A row of the table.
 
     Attributes
     ----------
-    what, expected, found, difference : str
+    what, expected, found : str
+        HTML.
+    difference : float, optional
+        Relative to the size of what is compared.
     """
 
     what: str
     expected: str
     found: str
-    difference: str = ""
+    difference: float | None = None
 
 
 def known(subject: Subject) -> list[Known]:
@@ -49,7 +52,7 @@ def _path(s: Subject) -> Rows:
     if s.scene.exact is not None:
         yield _curve("path", s.scene.exact(s.t), s.q)
     if "velocity" in s.scene.facts:
-        yield _curve("velocity", s.scene.facts["velocity"](s.t), s.v)
+        yield _curve("velocity", s.scene.facts["velocity"](s.t), s.v, least=_sizes(s) / s.duration)
 
 
 def _action(s: Subject) -> Rows:
@@ -81,7 +84,9 @@ def _rates(s: Subject) -> Rows:
     facts, system = s.scene.facts, s.solution.problem.system
     if "acceleration" in facts:
         expected = facts["acceleration"](s.q, s.v, s.t)
-        yield _curve("acceleration", expected, s.solution.acceleration(s.t), "equation of motion")
+        found = s.solution.acceleration(s.t)
+        least = _sizes(s) / s.duration**2
+        yield _curve("acceleration", expected, found, "equation of motion", least=least)
     if "multipliers" in facts and system.m:
         expected = facts["multipliers"](s.q, s.v, s.t)
         yield _curve("multiplier", expected, s.solution.multipliers(s.t))
@@ -90,11 +95,13 @@ def _rates(s: Subject) -> Rows:
 def _conserved(s: Subject) -> Rows:
     for name, quantity in s.scene.facts.get("conserved", {}).items():
         values = quantity(s.q, s.v, s.t)
-        size = max(float(np.max(np.abs(values))), _size_of(quantity, s))
-        drift = float(np.ptp(values)) / size if size else 0.0
-        yield Known(
-            escape(name), "constant", f"{number(float(values[0]), DIGITS)}", number(drift, 2)
-        )
+        with np.errstate(all="ignore"):  # where bodies would meet
+            terms = quantity(np.abs(s.q), np.abs(s.v), s.t)  # they may cancel in what is conserved
+        known = np.abs(np.concatenate([values, terms[np.isfinite(terms)]]))
+        size = float(np.max(known)) or 1.0
+        start = float(values[0]) if abs(values[0]) > ROUNDING * size else 0.0
+        drift = float(np.ptp(values)) / size
+        yield Known(escape(name), "constant", number(start, DIGITS), drift)
 
 
 def _start(s: Subject) -> Rows:
@@ -112,7 +119,7 @@ def _twin(s: Subject) -> Rows:
     yield _curve(what, other(s.t), s.q, "the same")
     F = np.asarray(facts["gauge"](s.q[:, [0, -1]], s.t[[0, -1]]), dtype=float)
     yield _numbers(
-        "action less the other's, F at the end less F at the start",
+        f"action less that of <code>{facts['twin']}</code>: F at the end less F at the start",
         float(F[1] - F[0]),
         s.solution.action - other.action,
         "J s",
@@ -133,18 +140,27 @@ def _numbers(what: str, expected: float, found: float, unit: str) -> Known:
         what,
         f"{number(expected, DIGITS)} {unit}",
         f"{number(found, DIGITS)} {unit}",
-        number(difference, 2),
+        difference,
     )
 
 
-def _curve(what: str, expected: Array, found: Array, words: str = "closed form") -> Known:
-    """Return the row of a curve; the difference is relative to the size of each coordinate."""
+def _curve(
+    what: str,
+    expected: Array,
+    found: Array,
+    words: str = "closed form",
+    least: Array | float = 0.0,
+) -> Known:
+    """Return the row of a curve; the difference is relative to the size of each coordinate.
+
+    That is the largest value it has, or `least` if that is larger.
+    """
     a, b = (np.asarray(x, dtype=float).reshape(len(found), -1) for x in (expected, found))
-    size = np.max(np.abs(a), axis=1, keepdims=True)
-    size = np.where(size > 1e-9 * np.max(size), size, np.max(size) or 1.0)
-    return Known(what, words, "", number(float(np.max(np.abs(a - b) / size)), 2))
+    size = np.maximum(np.max(np.abs(a), axis=1), least)
+    size = np.where(size > ROUNDING * np.max(size), size, np.max(size) or 1.0)[:, None]
+    return Known(what, words, "", float(np.max(np.abs(a - b) / size)))
 
 
-def _size_of(quantity: Callable[..., Any], s: Subject) -> float:
-    """Return how large a quantity is where its terms do not cancel: at other velocities."""
-    return float(np.max(np.abs(quantity(s.q, 0.5 * s.v, s.t))))
+def _sizes(s: Subject) -> Array:
+    """Return how large each coordinate gets, (n,)."""
+    return np.max(np.abs(s.q), axis=1)

@@ -80,10 +80,10 @@ def scene_page(name: str) -> Page:
 </section>
 <section><h2>The program</h2>
 <p>This program was run for this page; below it is what it printed.</p>
-<pre class="code" tabindex="0" aria-label="Program"><code>{escape(program)}</code></pre>
-<pre class="output" tabindex="0" aria-label="Output"><samp>{escape(output)}</samp></pre>
+{_code("Program", program)}
+{_code("Output", output)}
 <p>The system it solves:</p>
-<pre class="code" tabindex="0" aria-label="System"><code>{escape(_system(name))}</code></pre>
+{_code("System", _system(name))}
 </section>
 </article>"""
     html = frame(
@@ -154,11 +154,14 @@ def _events(s: Subject) -> str:
 
 
 def _known(s: Subject) -> str:
-    rows = [(row.what, row.expected, row.found, row.difference) for row in known(s)]
+    rows = [
+        (r.what, r.expected, r.found, "" if r.difference is None else number(r.difference, 2))
+        for r in known(s)
+    ]
     if not rows:
         return "<p>No closed form is known; forward integration is the check.</p>"
     head = ("", "known exactly", "found", "relative difference")
-    return table("Known exactly", head, rows, kind="numbers")
+    return table("Known and found", head, rows, kind="numbers")
 
 
 def _found(s: Subject) -> str:
@@ -210,6 +213,13 @@ def _without(kinds) -> str:
         return ""
     rows = "".join(f"<dt>{kind.title}</dt><dd>{escape(why)}</dd>" for kind, why in kinds)
     return f"<details><summary>Figures left out, and why</summary><dl>{rows}</dl></details>"
+
+
+def _code(label: str, text: str) -> str:
+    return (
+        f'<pre class="{label.lower()}" tabindex="0" role="region" aria-label="{label}">'
+        f"<code>{escape(text)}</code></pre>"
+    )
 
 
 def _system(name: str) -> str:

@@ -16,7 +16,7 @@ from actionopt.scenes import Scene
 from actionopt.solution import Solution
 
 TIMES = 201
-FLAT = 1e-12  # a range this small relative to the size is none
+FLAT = 1e-9  # a range this small relative to the size is none
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +52,11 @@ class Subject:
         except ValueError:
             return False
         return True
+
+    @property
+    def duration(self) -> float:
+        """Time between the events."""
+        return self.solution.problem.duration
 
     @cached_property
     def t(self) -> Array:
@@ -92,10 +97,7 @@ class Subject:
     def motion(self) -> str:
         """What moves from where to where, in words."""
         start, end = self.solution.start, self.solution.end
-        return (
-            f"from {self.event(start.q)} to {self.event(end.q)} "
-            f"in {rounded(self.solution.problem.duration)} s"
-        )
+        return f"from {self.event(start.q)} to {self.event(end.q)} in {rounded(self.duration)} s"
 
     @property
     def foci(self) -> str:
@@ -109,6 +111,6 @@ class Subject:
 def span(values: Array, unit: str) -> str:
     """Return the range of values in words."""
     low, high = float(np.min(values)), float(np.max(values))
-    if high - low <= 1e-9 * max(abs(low), abs(high), 1e-300):
+    if high - low <= FLAT * max(abs(low), abs(high), 1e-300):
         return f"constant, {rounded(high)} {unit}"
     return f"from {rounded(low)} to {rounded(high)} {unit}"
