@@ -32,6 +32,7 @@ from actionopt.plot._style import (
     heading,
     label,
     legend,
+    legend_below,
     number,
     on,
     planar,
@@ -259,7 +260,7 @@ def wavefronts(
             margin = 0.02 * (data.t[-1] - data.t[0])
             ax.set_xlim(data.t[0] - margin, data.t[-1] + margin)
         ax.set_title(f"{heading(solution)}: fronts of $S$ {what}")
-        legend(ax)
+        legend_below(ax, 3)
     return ax
 
 
@@ -299,7 +300,8 @@ def _over_plane(ax: Axes, solution: Solution, data: Fronts, units: Units) -> str
         [], [], color="black", marker=r"$\rightarrow$", markersize=12, linestyle="none",
         label=r"momentum $p = \partial S/\partial q$",
     )  # fmt: skip
-    ax.margins(0.1)  # arrows do not count as data
+    ax.margins(0.1)  # for the arrows
+    ax.use_sticky_edges = False
     return f"at $t$ = {number(data.t[-1], 3)} {units.time}".rstrip()
 
 

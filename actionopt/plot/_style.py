@@ -249,6 +249,11 @@ def legend_above(ax: Axes, columns: int) -> None:
     ax.legend(loc="upper left", ncols=columns, columnspacing=1.2, handlelength=1.8)
 
 
+def legend_below(ax: Axes, columns: int) -> None:
+    """Explain the lines in rows below the picture, where there is no room in it."""
+    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=columns)
+
+
 def number(x: float, digits: int = 6) -> str:
     r"""Return a number as mathematics.
 
