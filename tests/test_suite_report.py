@@ -63,9 +63,10 @@ def test_the_report_says_what_the_records_say(tmp_path):
     assert len(figures) >= 4
     for name in figures:
         assert (tmp_path / name).read_text().rstrip().endswith("</svg>")
-    absent = {"solver": "c", "problem": "p", "verdict": "absent", "word": "not here"}
+    absent = {"solver": "c", "problem": "p", "verdict": "absent", "word": "not here", "allowed": 9}
     more = write([*records, absent], tmp_path / "more")
     assert more.read_text().count("<td>c</td>") == 1  # among the verdicts alone
+    assert "actionopt suite run --seconds 9 \\\n  --solver c\n" in more.read_text()
     assert (tmp_path / "more" / "data.svg").read_bytes() == (tmp_path / "data.svg").read_bytes()
     again = write(records, tmp_path / "again")
     assert again.read_text() == text

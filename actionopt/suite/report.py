@@ -9,7 +9,7 @@ from statistics import median
 from typing import Any
 
 from actionopt.suite import profile
-from actionopt.suite.runner import tally
+from actionopt.suite.runner import Limits, tally
 from actionopt.suite.verdict import MEANING, VERDICTS
 
 PAGE = """\
@@ -50,6 +50,8 @@ Linear or Other.</p>
 <pre>{commands}</pre>
 </html>
 """
+
+ALLOWED = Limits().seconds
 
 # File, title, measure, accepted verdicts, profile.
 FIGURES = (
@@ -127,9 +129,17 @@ def _short(solver: str) -> str:
 
 
 def _commands(records: Sequence[Mapping[str, Any]]) -> str:
-    solvers = dict.fromkeys(r["solver"] for r in records)
-    run = " \\\n  ".join(["actionopt suite run", *(f"--solver {name}" for name in solvers)])
-    return escape(f"{run}\nactionopt suite report")
+    """Return the commands that make these records, one for each time allowed, and the report."""
+    asked: dict[float, list[str]] = {}
+    for name, seconds in dict.fromkeys((r["solver"], r.get("allowed", ALLOWED)) for r in records):
+        asked.setdefault(seconds, []).append(f"--solver {name}")
+    runs = [
+        " \\\n  ".join(
+            [f"actionopt suite run{'' if s == ALLOWED else f' --seconds {s:g}'}", *names]
+        )
+        for s, names in asked.items()
+    ]
+    return escape("\n".join([*runs, "actionopt suite report"]))
 
 
 def _verdicts(records: Sequence[Mapping[str, Any]]) -> str:

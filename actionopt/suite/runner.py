@@ -97,7 +97,7 @@ def run_one(cell: Cell, limits: Limits) -> dict[str, Any]:
             outcome = {"verdict": "limit", "word": f"no answer in {limits.seconds:g} s"}
         finally:
             _end(process)
-    return asdict(cell) | outcome | {"wall": perf_counter() - clock}
+    return asdict(cell) | outcome | {"wall": perf_counter() - clock, "allowed": limits.seconds}
 
 
 def _outcome(code: int, said: str, result: Path) -> dict[str, Any]:
