@@ -93,7 +93,7 @@
       place(clipBox, { x: box.left, y: 0, width: box.right - box.left, height: box.bottom + 4 });
       axis.setAttribute("d", `M${box.left},${box.top}V${box.bottom}H${box.right}`);
       ticks.replaceChildren();
-      for (let x = Math.ceil(range.x[0]); x < range.x[1] - 0.4; x++) tick(X(x), box.bottom, x, [0, 4]);
+      for (let x = Math.ceil(range.x[0]); x < range.x[1]; x++) tick(X(x), box.bottom, x, [0, 4]);
       for (let y = Math.ceil(range.y[0]); y < range.y[1]; y++) tick(box.left, Y(y), y, [-4, 0]);
       if (w) {
         place(element(ticks, "path", "half"), { d: `M${X(Math.PI / w)},${box.top}V${box.bottom}` });
@@ -111,7 +111,7 @@
     }
 
     function tick(x, y, value, [u, v]) {
-      if (x < box.left - 1 || x > box.right) return;
+      if (x < box.left - 1 || x > box.right - (v ? 44 : 0)) return; // there the axis has its name
       element(ticks, "path", "axis").setAttribute("d", `M${x},${y}l${u},${v}`);
       const text = element(ticks, "text", "", words(value, 0));
       place(text, { x: x + 2 * u, y: y + (v ? 17 : 4), "text-anchor": v ? "middle" : "end" });
