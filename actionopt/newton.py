@@ -104,7 +104,7 @@ def moved(tr: Transcription, z: Array, factors: Factors, ends: Array) -> Array:
         return z - factors.solve(push)
 
 
-def approach(tr: Transcription, z: Array, steps: int = 12) -> tuple[Array, int] | None:
+def approach(tr: Transcription, z: Array, steps: int) -> tuple[Array, int] | None:
     """Return a point where Newton's method contracts, and the factorizations used; None if lost.
 
     The damping factor comes from the curvature that the simplified step shows (Deuflhard,

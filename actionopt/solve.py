@@ -56,6 +56,7 @@ ALIKE = 4.0  # ratio of coordinates' sizes within which the units of action are 
 DENSE_MOTION = 400  # coordinates and constraints up to which the equations are solved as they are
 SQUARE = 1500  # unknowns above which Ipopt takes too long over a square system
 KEPT = 3000  # unknowns and rows up to which the factors are worth their memory
+PATIENT = 30  # damped steps towards a path near a guess: whatever else there is costs more
 NEAR_GUESS = (16, 32, 64)  # a guess has features that coarser meshes would miss
 LINEAR = 4  # elements to begin with where nothing has to be sought
 NEAR = 0.1  # a path that moves farther than this when refined, in its own size, is another one
@@ -284,7 +285,9 @@ class _Run:
                 curve, lam = self._moved_neighbour(curve)
             self.sizes = _sizes(curve.values.T, self.problem.scales)
             self._place(mesh or coarse, curve, lam)
-            if self._follow() or self._approach() or self._root() or self._release():
+            small = self.tr.layout.size <= SQUARE  # a guess is worth seconds, not minutes
+            near = self._follow() or self._approach(PATIENT) or self._root()
+            if near or (small and self._release()):
                 status = self._settle()
                 if status is not Status.UNRESOLVED:
                     break
@@ -466,16 +469,16 @@ class _Run:
         self.time["solve"] += perf_counter() - clock
         return result.found and self._follow()
 
-    def _approach(self) -> bool:
+    def _approach(self, steps: int = 12) -> bool:
         """Go to a path by damped Newton steps.
 
         Near a resonance the multipliers of the motion along the first path make the matrix
         nearly singular there; without any it is stiff, and the way may be open.
         """
         clock = perf_counter()
-        near = approach(self.tr, self.z)
+        near = approach(self.tr, self.z, steps)
         if near is None and self.tr.layout.rows:
-            near = approach(self.tr, self._unheld())
+            near = approach(self.tr, self._unheld(), steps)
         if near is not None:
             self.z = near[0]
             self.iterations["newton"] += near[1]

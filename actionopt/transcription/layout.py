@@ -234,7 +234,7 @@ class Layout:
 
 
 WHOLE = 100  # unknowns and rows up to which the matrix is stored whole
-INNER = 250  # unknowns and rows within an element up to which its block is
+INNER = 160  # unknowns and rows within an element up to which its block is
 _EMPTY = (np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp))
 
 
