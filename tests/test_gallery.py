@@ -209,6 +209,13 @@ def test_a_page_that_cannot_be_written_leaves_the_old_one(tmp_path, quick, monke
     assert files(tmp_path) == before
 
 
+def test_other_files_are_left_alone(tmp_path, quick):
+    (tmp_path / "index.html").write_text("mine")
+    with pytest.raises(ValueError, match="found other files"):
+        build(tmp_path, ["projectile"], jobs=1)
+    assert files(tmp_path) == {"index.html": b"mine"} and quick == []
+
+
 def test_the_same_page_comes_out_the_same(gallery):
     name = NAMES[0]
     for file, text in builder.make(name).files.items():

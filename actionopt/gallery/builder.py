@@ -53,13 +53,14 @@ def build(
     Raises
     ------
     ValueError
-        If there is no such scene.
+        If there is no such scene, or the directory has files that are not a gallery's.
     """
     for name in names:
         scenes.title(name)  # raises for one that does not exist
     target = Path(directory)
     target.mkdir(parents=True, exist_ok=True)
     written = _manifest(target)
+    _keep(target, written)
     wanted = [STORY, *dict.fromkeys(names or scenes.SCENES)]
     keys = {name: key(name) for name in wanted}
     ahead = [name for name in wanted if not _stands(target, written.get(name), keys[name])]
@@ -74,7 +75,7 @@ def build(
             for file in set(before) - set(page.files):
                 (target / file).unlink(missing_ok=True)
             written[name] = {"key": keys[name], "files": sorted(page.files), "tags": page.tags}
-            _write(target / MANIFEST, json.dumps(written, indent=1, sort_keys=True))
+            _keep(target, written)
             done += 1
             if show is not None:
                 show(done, len(wanted), name)
@@ -125,11 +126,20 @@ def _one_thread() -> Generator[None, None, None]:
 
 
 def _manifest(target: Path) -> dict[str, Any]:
-    """Return what is known of the pages there; nothing if the manifest cannot be read."""
-    try:
-        return json.loads((target / MANIFEST).read_text(encoding="utf-8"))
-    except (FileNotFoundError, ValueError):
-        return {}
+    """Return what is known of the pages there; nothing of a new gallery."""
+    file = target / MANIFEST
+    if file.is_file():
+        return json.loads(file.read_text(encoding="utf-8"))
+    if any(target.iterdir()):
+        raise ValueError(
+            f"expected a gallery or an empty directory, found other files in {str(target)!r}; "
+            "choose a directory of its own, which is made if it is not there"
+        )
+    return {}
+
+
+def _keep(target: Path, written: Mapping[str, Any]) -> None:
+    _write(target / MANIFEST, json.dumps(written, indent=1, sort_keys=True))
 
 
 def _stands(target: Path, entry: Mapping[str, Any] | None, wanted: str) -> bool:
