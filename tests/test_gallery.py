@@ -98,8 +98,7 @@ def test_pages_are_whole(gallery):
                 assert not re.match(r"\w+:|//", link), f"{link} leaves the gallery"
                 assert (file.parent / link).is_file(), f"{file} wants {link}"
         for picture in page.pictures:
-            in_link = "thumbnail" in picture["src"]  # the card's words stand beside it
-            assert "alt" in picture and (in_link or re.search(r"\w{3}", picture["alt"]))
+            assert re.search(r"\d", picture["alt"])  # a description, with numbers
         assert "nan" not in page.words.lower().split()
 
 
@@ -230,7 +229,9 @@ def test_the_command(gallery, quick, capsys):
 
 
 def test_the_command_line_loads_no_matplotlib():
-    code = "import sys, actionopt.cli as c; c._parser(); print('matplotlib' in sys.modules)"
+    code = (
+        "import sys, actionopt.cli as c; c._parser(['gallery']); print('matplotlib' in sys.modules)"
+    )
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert found.stdout == "False\n"
 

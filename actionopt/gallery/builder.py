@@ -74,13 +74,18 @@ def build(
             before = written.get(name, {}).get("files", [])
             for file in set(before) - set(page.files):
                 (target / file).unlink(missing_ok=True)
-            written[name] = {"key": keys[name], "files": sorted(page.files), "tags": page.tags}
+            written[name] = {
+                "key": keys[name],
+                "files": sorted(page.files),
+                "tags": page.tags,
+                "motion": page.motion,
+            }
             _keep(target, written)
             done += 1
             if show is not None:
                 show(done, len(wanted), name)
-    tags = {name: entry["tags"] for name, entry in written.items() if name in scenes.SCENES}
-    _write(target / "index.html", index_page(tags))
+    there = {name: entry for name, entry in written.items() if name in scenes.SCENES}
+    _write(target / "index.html", index_page(there))
     return ahead
 
 

@@ -128,14 +128,14 @@ def _conserved_alt(s: Subject) -> str:
 
 def _slices_alt(s: Subject) -> str:
     how = "both rise like bowls" if s.solution.kind == "minimum" else "the first falls both ways"
-    return f"The action along two variations of the path: {how}. A {s.verdict}."
+    return f"The action along two variations of the path: {how}. A {s.solution.kind} of Morse index {s.solution.morse_index}."
 
 
 def _landscape_alt(s: Subject) -> str:
     how = "the bottom of a bowl" if s.solution.kind == "minimum" else "a pass between two valleys"
     return (
         f"Contours of the action over two variations; the path, in the middle, is at {how}. "
-        f"A {s.verdict}."
+        f"A {s.solution.kind} of Morse index {s.solution.morse_index}."
     )
 
 
@@ -145,7 +145,7 @@ def _bundle_alt(s: Subject) -> str:
 
 
 def _fan_alt(s: Subject) -> str:
-    return f"Motions that leave the start with slightly different velocities; {s.foci}."
+    return f"Motions that leave the start with slightly different velocities, {s.motion}; {s.foci}."
 
 
 def _spectrum_alt(s: Subject) -> str:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 from actionopt import scenes
 from actionopt.gallery.page import escape, frame
+from actionopt.scenes import Scene
 
 SECTIONS = {
     "12.2": (
@@ -34,7 +36,7 @@ SECTIONS = {
         "Conserved quantities",
         "Cyclic coordinates, symmetries, and an energy function that need not be the energy.",
     ),
-    "": ("Beyond the chapter", "Motions without a closed form, or with one that is hard won."),
+    "": ("Beyond the chapter", "What it leaves out, some of it without a closed form."),
 }
 CHAPTER = re.compile(r"Competitive Physics[^;]*?sections? (\d+\.\d+(?:\.\d+)?)")
 
@@ -51,12 +53,12 @@ def section(source: str) -> str:
     return max((s for s in SECTIONS if found[1].startswith(s)), key=len)
 
 
-def index_page(tags: Mapping[str, Sequence[str]]) -> str:
-    """Return the page for scenes and what is worth knowing of each."""
+def index_page(pages: Mapping[str, Mapping[str, Any]]) -> str:
+    """Return the page for scenes and what the manifest has on each."""
     cards: dict[str, list[str]] = {number: [] for number in SECTIONS}
-    for name in sorted(tags):
-        scene = scenes.get(name)
-        cards[section(scene.source)].append(_card(name, scene.title, tags[name]))
+    for name in sorted(pages):
+        scene, about = scenes.get(name), pages[name]
+        cards[section(scene.source)].append(_card(scene, about["tags"], about["motion"]))
     body = "\n".join(
         f'<section><h2><span class="no">{number}</span> {title}</h2>'
         f'<p class="section-note">{note}</p>'
@@ -75,10 +77,12 @@ the numbers found next to what is known exactly. The sections are those of a tex
     return frame("actionopt gallery", main, root="", description="Stationary action in pictures")
 
 
-def _card(name: str, title: str, tags: Sequence[str]) -> str:
+def _card(scene: Scene, tags: Sequence[str], motion: str) -> str:
+    name, title = scene.name, scene.title[0].upper() + scene.title[1:]
     words = "".join(f"<li>{escape(tag)}</li>" for tag in tags)
+    what = escape(f"The motion at a few equal times, {motion}.")
     return (
-        f'<li class="card"><img src="{name}/thumbnail.svg" alt="" loading="lazy">'
-        f'<h3><a href="{name}/index.html">{escape(title[0].upper() + title[1:])}</a></h3>'
+        f'<li class="card"><img src="{name}/thumbnail.svg" alt="{what}" loading="lazy">'
+        f'<h3><a href="{name}/index.html">{escape(title)}</a></h3>'
         f'<ul class="tags">{words}</ul></li>'
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from html import escape
 
 from actionopt import __version__
@@ -23,10 +23,13 @@ class Page:
         Path below the gallery's folder and text of each file.
     tags : tuple of str
         Words for the index.
+    motion : str
+        What is seen in the small picture there.
     """
 
     files: dict[str, str]
-    tags: tuple[str, ...] = field(default=())
+    tags: tuple[str, ...] = ()
+    motion: str = ""
 
 
 def frame(

@@ -91,7 +91,7 @@ def scene_page(name: str) -> Page:
     )
     files = {f"{name}/{figure.kind.name}.svg": figure.svg for figure in drawn}
     files[f"{name}/thumbnail.svg"] = film.thumbnail(s)
-    return Page({f"{name}/index.html": html, **files}, tags(s))
+    return Page({f"{name}/index.html": html, **files}, tags(s), s.motion)
 
 
 def run(name: str, forced: bool) -> tuple[str, str, Solution]:

@@ -107,8 +107,9 @@ def _slices(short: Subject, long: Subject) -> Picture:
         "slices",
         plot.svg(draw, size),
         size,
-        "The action along the two lowest modes. Left, short motion: two parabolas that open "
-        "upward. Right, long motion: the first opens downward, the second upward.",
+        f"The action along the two lowest modes. Left, after {rounded(short.t[-1])} s: two "
+        f"parabolas that open upward. Right, after {rounded(long.t[-1])} s: the first opens "
+        "downward, the second upward.",
         "Cuts through the two landscapes. The action of the oscillator is a parabola, and so the "
         "same as its second variation, dashed.",
     )
