@@ -7,9 +7,7 @@ import ast
 import inspect
 import json
 import math
-import runpy
 import sys
-import traceback
 from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter
@@ -41,7 +39,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     0 for success, 1 for a failure, whose message goes to the standard error, 2 for arguments
     that make no sense, 130 if interrupted.
     """
-    options = _parser().parse_args(arguments)
+    given = sys.argv[1:] if arguments is None else list(arguments)
+    options = _parser(given[:1]).parse_args(given)
     try:
         return options.run(options)
     except KeyboardInterrupt:
@@ -52,7 +51,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 1
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser(asked: Sequence[str] = ()) -> argparse.ArgumentParser:
+    """Return the parser; what belongs to a room that takes long to enter, only if it is `asked`."""
     parser = argparse.ArgumentParser(prog="actionopt", description=ABOUT)
     parser.add_argument("--version", action="version", version=f"actionopt {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
@@ -94,21 +94,17 @@ def _parser() -> argparse.ArgumentParser:
     )
     command.set_defaults(run=_chapter)
     command.add_argument("section", nargs="?", default="", help="only this section, as in 12.4")
-    _suite(commands.add_parser("suite", help="test problems for optimisers"))
-    _gallery(commands.add_parser("gallery", help="write the scenes as web pages"))
+    command = commands.add_parser("suite", help="test problems for optimisers")
+    if "suite" in asked:
+        from actionopt.suite import commands as suite
+
+        suite.add_to(command)
+    command = commands.add_parser("gallery", help="write the scenes as web pages")
+    if "gallery" in asked:
+        from actionopt.gallery import commands as gallery
+
+        gallery.add_to(command)
     return parser
-
-
-def _suite(parser: argparse.ArgumentParser) -> None:
-    from actionopt.suite import commands
-
-    commands.add_to(parser)
-
-
-def _gallery(parser: argparse.ArgumentParser) -> None:
-    from actionopt.gallery import commands
-
-    commands.add_to(parser)
 
 
 def _setting(text: str) -> tuple[str, Any]:
@@ -225,6 +221,8 @@ def _from_file(file: Path, settings: dict[str, Any]) -> Problem | Scene:
 
     if not file.is_file():
         raise ValueError(f"expected a Python file, found no file {str(file)!r}")
+    import runpy
+
     sys.path.insert(0, str(file.parent))  # as `python file` does, for its neighbours
     try:
         defined = runpy.run_path(str(file))
@@ -258,6 +256,8 @@ def _contradiction(forward: dict[str, Any]) -> str:
 
 def _place(file: Path, error: Exception) -> str:
     """Return the file, and the last line in it that the error came through."""
+    import traceback
+
     frames = traceback.extract_tb(error.__traceback__)
     lines = [frame.lineno for frame in frames if frame.filename == str(file)]
     if isinstance(error, SyntaxError):

@@ -30,7 +30,8 @@ def check(tr: Transcription, Q: Array) -> None:
     problem = tr.problem
     system = problem.system
     nodes = tr.mesh.nodes
-    chosen = np.unique(np.linspace(0, nodes.size - 1, SAMPLES + 2).astype(int))[1:-1]
+    last = nodes.size - 1
+    chosen = sorted({k * last // (SAMPLES + 1) for k in range(SAMPLES + 2)})[1:-1]
     q, t = Q[chosen], nodes[chosen][:, None]
     G = None
     if system.m:

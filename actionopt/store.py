@@ -9,9 +9,7 @@ from __future__ import annotations
 
 import json
 import os
-import zipfile
 from pathlib import Path as FilePath
-from tempfile import NamedTemporaryFile
 from typing import Any, cast
 
 import numpy as np
@@ -74,6 +72,8 @@ def save(solution: Solution, file: str | FilePath) -> None:
         "momenta": np.stack(solution.momenta),
         "about": np.array(json.dumps(about)),
     }
+    from tempfile import NamedTemporaryFile  # slow to import, and needed here only
+
     with NamedTemporaryFile(dir=target.parent, suffix=".partial", delete=False) as partial:
         try:
             np.savez(partial, allow_pickle=False, **arrays)
@@ -104,6 +104,8 @@ def load(file: str | FilePath, system: System | str | None = None) -> Solution:
         If it is unreadable or was not written by `save`, or the system's coordinates or
         parameters are not those in the file.
     """
+    import zipfile  # as above
+
     try:
         # Opened here, so that it is closed as well when numpy gives up half way.
         with open(file, "rb") as stream, np.load(stream, allow_pickle=False) as arrays:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import inspect
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -83,6 +82,8 @@ class ParameterTable:
 
 def suggestion(name: str, known: Mapping[str, Any] | Sequence[str]) -> str:
     """Return "; did you mean 'x'?" for the known name nearest to `name`, or nothing."""
+    import difflib  # slow to import, and needed for mistakes only
+
     near = difflib.get_close_matches(name, list(known), n=1)
     return f"; did you mean {near[0]!r}?" if near else ""
 
