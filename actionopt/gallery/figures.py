@@ -126,16 +126,20 @@ def _conserved_alt(s: Subject) -> str:
     return f"Energy function H, {span(data.energy, 'J')}, and momenta against time; {kept}."
 
 
+def _kind(s: Subject) -> str:
+    return f"The path is a {s.solution.kind} of Morse index {s.solution.morse_index}."
+
+
 def _slices_alt(s: Subject) -> str:
     how = "both rise like bowls" if s.solution.kind == "minimum" else "the first falls both ways"
-    return f"The action along two variations of the path: {how}. A {s.solution.kind} of Morse index {s.solution.morse_index}."
+    return f"The action along two variations of the path: {how}. {_kind(s)}"
 
 
 def _landscape_alt(s: Subject) -> str:
     how = "the bottom of a bowl" if s.solution.kind == "minimum" else "a pass between two valleys"
     return (
         f"Contours of the action over two variations; the path, in the middle, is at {how}. "
-        f"A {s.solution.kind} of Morse index {s.solution.morse_index}."
+        f"{_kind(s)}"
     )
 
 
