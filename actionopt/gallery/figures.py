@@ -144,8 +144,11 @@ def _landscape_alt(s: Subject) -> str:
 
 
 def _bundle_alt(s: Subject) -> str:
-    how = "all cost more action" if s.solution.kind == "minimum" else "some cost less action"
-    return f"The path {s.motion} in black among 24 neighbours between the same events, which {how}."
+    rise = plot.bundle_data(s.solution).rise
+    return (
+        f"The path {s.motion} in black among {rise.size} neighbours between the same events; "
+        f"{(rise > 0).sum()} of them cost more action and {(rise < 0).sum()} less."
+    )
 
 
 def _fan_alt(s: Subject) -> str:
