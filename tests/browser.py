@@ -163,10 +163,3 @@ class Browser:
                 code=name,
                 windowsVirtualKeyCode=code,
             )
-
-    def picture(self, file, whole=False):
-        """Write a picture of the window, or of the whole page."""
-        import base64
-
-        answer = self.order("Page.captureScreenshot", captureBeyondViewport=whole)
-        file.write_bytes(base64.b64decode(answer["data"]))
