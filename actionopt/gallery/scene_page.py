@@ -12,7 +12,7 @@ import numpy as np
 from actionopt import scenes
 from actionopt.gallery import film, units
 from actionopt.gallery.facts import known
-from actionopt.gallery.figures import Figure, figures
+from actionopt.gallery.figures import Figure, Kind, figures
 from actionopt.gallery.mathml import mathml, symbol
 from actionopt.gallery.page import Page, escape, frame, number, prose, table
 from actionopt.gallery.subject import Subject
@@ -208,10 +208,16 @@ def _relaxing(s: Subject) -> str:
     return ""
 
 
-def _without(kinds) -> str:
+def _without(kinds: list[tuple[Kind, str]]) -> str:
+    """Return the figures left out, those with the same reason together."""
     if not kinds:
         return ""
-    rows = "".join(f"<dt>{kind.title}</dt><dd>{escape(why)}</dd>" for kind, why in kinds)
+    titles: dict[str, list[str]] = {}
+    for kind, reason in kinds:
+        titles.setdefault(reason, []).append(kind.title)
+    rows = "".join(
+        f"<dt>{'; '.join(named)}</dt><dd>{escape(reason)}</dd>" for reason, named in titles.items()
+    )
     return f"<details><summary>Figures left out, and why</summary><dl>{rows}</dl></details>"
 
 
