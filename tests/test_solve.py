@@ -615,7 +615,7 @@ def test_a_collision_ends_with_a_verdict():
 
 
 @pytest.mark.parametrize("principle", ["least", "stationary"])
-@pytest.mark.parametrize("method", ["_action_and_gradient", "_curvatures", "_second"])
+@pytest.mark.parametrize("method", ["_action_and_gradient", "second", "place"])
 def test_an_interrupt_ends_the_solve(monkeypatch, principle, method):
     real, calls = getattr(Transcription, method), []
 

@@ -1,0 +1,100 @@
+"""Second derivatives element by element: the KKT matrix in the blocks of `blocks`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from actionopt.quadrature import Array
+from actionopt.transcription.layout import sparsity_of
+
+if TYPE_CHECKING:
+    from actionopt.transcription.action import Transcription
+
+
+def kkt(tr: Transcription, z: Array) -> Array:
+    """Return the nonzeros of the KKT matrix in blocks."""
+    layout, n = tr.layout, tr.problem.system.n
+    x = z[: layout.unknowns]
+    A, B, C = tr.second(x)
+    stiff = tr.kept("blocks", lambda: _stiff(tr, C))
+    slopes = [(_full(tr, "second", 0, A), _full(tr, "second", 1, B), True)]
+    if tr.problem.system.structure.forced:
+        Fq, Fv = (_full(tr, "force_jacobian", k, F) for k, F in enumerate(tr.forces(x)))
+        slopes.append((Fq, Fv, False))
+    at_nodes = _constraints(tr, z) if layout.rows else None
+    nonzeros = np.zeros(layout.blocks.count)
+    elements, between = layout.blocks.split(nonzeros)
+    for M, g, block in zip(elements, layout.groups, stiff, strict=True):
+        inside = np.arange(g.rule.degree + 1)
+        M = M.reshape(len(M), inside.size, layout.blocks.width, inside.size, -1)
+        pairs = M[:, :, :n, :, :n].transpose(0, 1, 3, 2, 4)  # a view
+        pairs[...] = block
+        for a, b, symmetric in slopes:
+            if b is not None:
+                local = b[g.span].reshape(*g.nodes.shape, 1, n, n)
+                mixed = g.rule.weighted[:, :, None, None] * local
+                pairs += mixed
+                if symmetric:
+                    pairs += mixed.transpose(0, 2, 1, 4, 3)
+            if a is not None:
+                local = tr.weight[g.span][:, :, None] * a[g.span]
+                pairs[:, inside, inside] += local.reshape(*g.nodes.shape, n, n)
+        if at_nodes is not None:
+            k = inside[1:-1]
+            M[:, k, :, k, :] += at_nodes[g.nodes[:, 1:-1]].swapaxes(0, 1)
+    if at_nodes is not None:
+        between += at_nodes[layout.offsets]
+    return nonzeros
+
+
+def kinetic(tr: Transcription, z: Array) -> Array:
+    """Return the nonzeros of its kinetic part, for a system without constraints."""
+    stiff = [x.transpose(0, 1, 3, 2, 4).ravel() for x in _stiff(tr, tr.second(z)[2])]
+    between = np.zeros(tr.layout.offsets.size * tr.problem.system.n**2)
+    return np.concatenate([*stiff, between])
+
+
+def _stiff(tr: Transcription, C: Array) -> list[Array]:
+    """Return D' w C D for the elements of each degree, (E, d + 1, d + 1, n, n)."""
+    n = tr.problem.system.n
+    full = _full(tr, "second", 2, C)
+    assert full is not None  # a Lagrangian without any velocity is refused before
+    return [
+        (g.rule.stiffness @ (full[g.span].reshape(*g.nodes.shape, n * n) / half)).reshape(
+            -1, g.rule.degree + 1, g.rule.degree + 1, n, n
+        )
+        for g, half in zip(tr.layout.groups, tr.halves, strict=True)
+    ]
+
+
+def _full(tr: Transcription, function: str, output: int, values: Array) -> Array | None:
+    """Return the nonzeros of an output as matrices (E, n, n) in the units of the unknowns."""
+    if not values.shape[1]:
+        return None
+    n = tr.problem.system.n
+    row, col = sparsity_of(tr.problem.system, function, output)
+    full = np.zeros((len(values), n, n))
+    scaled = values * (tr.lengths[row] * tr.lengths[col] / tr.action_unit)
+    full[:, row, col] = scaled
+    if function == "second" and output != 1:  # upper triangles
+        full[:, col, row] = scaled
+    return full
+
+
+def _constraints(tr: Transcription, z: Array) -> Array:
+    """Return [w lam f_qq, G'; G, 0] at each node, (K, n + m, n + m)."""
+    layout, system = tr.layout, tr.problem.system
+    f = system.n + system.m
+    found = np.zeros((layout.node_count, f, f))
+    node, row, col = layout.row_nodes[:, None], layout.G_rows + system.n, layout.G_cols
+    # The units of the rows hold the nodes' weights already.
+    unit = tr.lengths[col] / tr.row_units[layout.G_rows]
+    found[node, row, col] = found[node, col, row] = tr.normals(z[: layout.unknowns]) * unit
+    bent = tr.constraint_curvature(z)
+    if bent is not None:
+        row, col = sparsity_of(system, "constraint_curvature")
+        bent = bent * (tr.lengths[row] * tr.lengths[col] / tr.action_unit)
+        found[node, row, col] = found[node, col, row] = bent
+    return found

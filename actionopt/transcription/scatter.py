@@ -1,0 +1,104 @@
+"""Second derivatives scattered: each contribution goes to its place in a whole or sparse matrix.
+
+The contributions of all elements are computed in a fixed order; index arrays of the layout say
+where each goes, and what goes to one place is added up.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from actionopt.quadrature import Array
+from actionopt.transcription.layout import sparsity_of
+
+if TYPE_CHECKING:
+    from actionopt.transcription.action import Transcription
+
+NOTHING = np.zeros(0)
+
+
+def hessian(tr: Transcription, z: Array) -> Array:
+    """Return the upper triangle's nonzeros of the Hessian of S + sum w lam f."""
+    return tr.layout.hessian.sum(_curvatures(tr, z)) * tr.hessian_unit
+
+
+def kkt(tr: Transcription, z: Array) -> Array:
+    """Return the nonzeros of the KKT matrix on the pattern `layout.kkt`."""
+    x = z[: tr.layout.unknowns]
+    J = tr.jacobian(x) if tr.layout.rows else NOTHING
+    F = _forcing(tr, x) if tr.problem.system.structure.forced else NOTHING
+    return _matrix(tr, _curvatures(tr, z), J, F)
+
+
+def kinetic(tr: Transcription, z: Array) -> Array:
+    """Return the nonzeros of its kinetic part."""
+    stiff = _stiffness(tr, tr.second(z)[2])
+    contributions = np.zeros(tr.layout.contributions)
+    contributions[-stiff.size :] = stiff
+    return _matrix(tr, contributions, NOTHING, NOTHING)
+
+
+def _curvatures(tr: Transcription, z: Array) -> Array:
+    """Return all contributions to the Hessian of S + sum w lam f, one after the other."""
+    A, B, C = tr.second(z[: tr.layout.unknowns])
+    stiff = tr.kept("contributions", lambda: _stiffness(tr, C))
+    parts = [(tr.weight * A).ravel(), *_mixed(tr, B, diagonal_twice=True), stiff]
+    bent = tr.constraint_curvature(z)
+    return np.concatenate(parts if bent is None else [*parts, bent.ravel()])
+
+
+def _stiffness(tr: Transcription, C: Array) -> Array:
+    parts = [
+        (g.rule.stiffness @ (C[g.span].reshape(*g.nodes.shape, -1) / half)).ravel()
+        for g, half in zip(tr.layout.groups, tr.halves, strict=True)
+    ]
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+
+def _mixed(tr: Transcription, B: Array, diagonal_twice: bool) -> list[Array]:
+    if not B.size:
+        return []
+    parts = []
+    for g in tr.layout.groups:
+        local = B[g.span].reshape(*g.nodes.shape, -1)
+        block = g.rule.weighted[None, :, :, None] * local[:, :, None, :]
+        if diagonal_twice:
+            rows, cols = sparsity_of(tr.problem.system, "second", 1)
+            k = np.arange(g.rule.degree + 1)
+            # An entry on the diagonal receives B and its transpose.
+            block[:, k[:, None], k[:, None], np.flatnonzero(rows == cols)] *= 2
+        parts.append(block.ravel())
+    return parts
+
+
+def _forcing(tr: Transcription, x: Array) -> Array:
+    """Return the nonzeros of the derivative of the virtual work."""
+    Fq, Fv = tr.forces(x)
+    parts = [(tr.weight * Fq).ravel(), *_mixed(tr, Fv, diagonal_twice=False)]
+    F = tr.layout.forcing
+    unit = tr.x_unit[F.row] * tr.x_unit[F.col] / tr.action_unit
+    return F.sum(np.concatenate(parts)) * unit
+
+
+def _matrix(tr: Transcription, curvatures: Array, J: Array, F: Array) -> Array:
+    """Return [H + F, J'; J, 0] from the contributions to H and the nonzeros of J and F."""
+    layout = tr.layout
+    if layout.storage != "whole":
+        H = layout.hessian.sum(curvatures) * tr.hessian_unit
+        parts = (H, J, F, np.zeros(1))
+        return layout.kkt.sum(np.concatenate(parts)[layout.kkt_source])
+    cut = layout.unknowns
+    H = np.bincount(layout.curvature_slots, curvatures, cut * cut + 1)[:-1].reshape(cut, cut)
+    H *= tr.x_unit[:, None] * tr.x_unit / tr.action_unit
+    K = np.zeros((layout.size, layout.size))  # column by column: the transpose of the matrix
+    K[:cut, :cut] = H + H.T
+    K.ravel()[: cut * (layout.size + 1) : layout.size + 1] = H.diagonal()
+    if J.size:
+        at = layout.jacobian
+        K[at.row + cut, at.col] = K[at.col, at.row + cut] = J
+    if F.size:
+        at = layout.forcing
+        K[at.col, at.row] += F
+    return K.ravel()
