@@ -7,6 +7,7 @@ stays apart from it. A process that dies writes none.
 from __future__ import annotations
 
 import json
+import signal
 import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -55,16 +56,17 @@ def evaluate(cell: Cell) -> dict[str, Any]:
 
 
 def limit(memory: float, seconds: float) -> None:
-    """Bound this process's address space (GiB) and processor time (s), where that is possible."""
+    """Bound this process's address space (GiB) and time (s), where that is possible.
+
+    Not the processor time: with a bound on that, sleqp does not converge.
+    """
     try:
         import resource
     except ImportError:  # not on this system
         return
-    for what, amount in (
-        (resource.RLIMIT_AS, int(memory * 2**30)),
-        (resource.RLIMIT_CPU, int(seconds) + 5),
-    ):
-        resource.setrlimit(what, (amount, amount))
+    amount = int(memory * 2**30)
+    resource.setrlimit(resource.RLIMIT_AS, (amount, amount))
+    signal.alarm(int(seconds) + 5)  # should whoever started it be gone by then
 
 
 def main(arguments: list[str]) -> None:

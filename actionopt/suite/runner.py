@@ -103,8 +103,6 @@ def run_one(cell: Cell, limits: Limits) -> dict[str, Any]:
 def _outcome(code: int, said: str, result: Path) -> dict[str, Any]:
     if result.is_file():
         return json.loads(result.read_text(encoding="utf-8"))
-    if -code == getattr(signal, "SIGXCPU", None):
-        return {"verdict": "limit", "word": "out of processor time"}
     if "MemoryError" in said or "bad_alloc" in said:
         return {"verdict": "limit", "word": "out of memory"}
     how = f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
