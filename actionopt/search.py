@@ -1,0 +1,232 @@
+"""Find a path: from the straight line by the rungs of a ladder, or from a guess.
+
+Without a guess a least path is sought where there may be one, else a stationary one; with one, the
+stationary path near it. Linear equations of motion need no finding: their discrete problem is one
+linear system.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from actionopt.newton import moved
+from actionopt.path import Mesh, Path
+from actionopt.problem import Problem
+from actionopt.quadrature import Array
+from actionopt.refine import DEGREES
+from actionopt.settle import settle, settle_on
+from actionopt.solution import Solution
+from actionopt.status import Status
+from actionopt.walk import LARGE, Walk, sizes
+
+# How a first path is sought from the straight line, each way on meshes of so many elements.
+# Newton's method costs next to nothing, and knows at once whether it works; descent is robust and
+# quick where the action is bounded below, and sees where it is not; Ipopt minimises under
+# constraints, and where the descent is lost; continuation gets to a saddle slowly but surely;
+# Ipopt's root finding needs no path to be near; a minimum down a long curved valley takes patience.
+LADDER = (
+    ("newton", (4,)),
+    ("descent", (8, 16, 32, 64)),
+    ("least", (8, 16, 32, 64)),
+    ("continuation", (8, 16, 32)),
+    ("stationary", (8, 16)),
+    ("patient least", (8, 16, 32, 64)),
+)
+LEAST = ("descent", "least", "patient least")
+FINE = 3  # coordinates up to which a higher degree costs less than a second mesh
+PATIENT = 30  # damped steps towards a path near a guess: whatever else there is costs more
+NEAR_GUESS = (16, 32, 64)  # a guess has features that coarser meshes would miss
+LINEAR = 4  # elements to begin with where nothing has to be sought
+COARSE_DEGREE = 6
+ROUGHLY = 2e-2  # omitted coefficients below which a coarse path is worth refining
+
+
+@dataclass(eq=False)
+class Search:
+    """What is sought: a path to `tol` that obeys `principle`, on the mesh `given` if there is one.
+
+    `rung` says which way it was found in the end.
+    """
+
+    walk: Walk
+    tol: float
+    principle: str
+    given: Mesh | None
+    rung: str = ""
+    may_be_least: bool = False
+    spare: tuple[str, Path] | None = None  # a saddle found while a least path was sought
+
+    @property
+    def least(self) -> bool:
+        """Whether the path at hand was found by minimising."""
+        return self.rung in LEAST
+
+    # -- without a guess -----------------------------------------------------------------------
+
+    def from_nothing(self) -> Status:
+        """Find a path with no guess, by the rungs of `LADDER`, and settle it."""
+        forced = self.walk.problem.system.structure.forced
+        self.may_be_least = self.principle != "stationary" and not forced
+        status = Status.NOT_FOUND
+        large = self.walk.problem.system.n * COARSE_DEGREE * LADDER[1][1][0] > LARGE
+        # Continuation takes hundreds of factorizations: the last resort where each costs much.
+        for rung, meshes in sorted(LADDER, key=lambda r: large and r[0] == "continuation"):
+            if rung in LEAST and not (self.may_be_least and self._offers(rung)):
+                continue
+            if rung not in LEAST and self.spare is not None:
+                continue  # it could only bring another saddle
+            status = self._try(rung, meshes)
+            if status is Status.UNBOUNDED:
+                if self.principle == "least":
+                    return status
+                self.may_be_least = False
+                status = self._settle_spare()
+            elif self.spare is not None and self.principle == "auto" and large:
+                # A least path is not worth many times the saddle in hand.
+                status = self._settle_spare()
+            if status not in (Status.NOT_FOUND, Status.UNRESOLVED):
+                return status
+        return self._settle_spare() if self.principle == "auto" else status
+
+    def _settle_spare(self) -> Status:
+        """Settle the saddle that was found while a least path was sought, if there is one."""
+        if self.spare is None:
+            return Status.NOT_FOUND
+        (self.rung, path), self.spare = self.spare, None
+        self.walk.rounds.clear()
+        self.walk.restart()
+        self.walk.place(path.mesh, path)
+        return self._settle() if self.walk.follow() else Status.NOT_FOUND
+
+    def _try(self, rung: str, meshes: tuple[int, ...]) -> Status:
+        """Seek a path on finer and finer meshes until one resolves it roughly, and settle it.
+
+        A mesh too coarse for the motion has stationary points of its own that are no paths, or
+        holds a path where it should not be: such a path does not settle under refinement. A
+        least path on a mesh twice as fine starts from it, others from the straight line.
+        """
+        self.rung = rung
+        self.walk.rounds.clear()
+        status, known = Status.NOT_FOUND, None
+        for elements in meshes:
+            self.walk.sizes = self.walk.problem.scales
+            self.walk.restart()
+            degree = self._fine_degree() if rung == "newton" else COARSE_DEGREE
+            self.walk.place(self._uniform(elements, degree), known)
+            if not self._seek(rung):
+                if self.least and self.walk.diverged:
+                    return Status.UNBOUNDED
+                if rung in ("descent", "least"):
+                    return Status.NOT_FOUND
+                known = None
+                continue
+            if self.walk.resolution().worst > ROUGHLY and elements != meshes[-1]:
+                known = self.walk.path() if self.least else None
+                continue
+            if not self.least and self.may_be_least and self.walk.index() > 0:
+                # There may be a least path yet; this one is kept in case there is not.
+                self.spare = self.spare or (rung, self.walk.path())
+                return Status.NOT_FOUND
+            status = self._settle()
+            if status is not Status.UNRESOLVED:
+                break
+        return status
+
+    def _offers(self, rung: str) -> bool:
+        """Whether a way of minimising is open to the problem, and worth its time."""
+        if rung == "descent":
+            return self.walk.can_descend
+        # With a saddle in hand a long search on a large system is not worth it.
+        return rung == "least" or self.spare is None or not self.walk.large
+
+    def _seek(self, rung: str) -> bool:
+        """Find a stationary path on the mesh at hand; False if that did not work."""
+        if rung == "newton":
+            return self.walk.approach()
+        if rung == "descent":
+            return self.walk.descend()
+        if rung == "continuation":
+            return self.walk.release()
+        if rung == "stationary":
+            return self.walk.root()
+        return self.walk.find("least" if rung == "least" else "patient least")
+
+    # -- from a guess --------------------------------------------------------------------------
+
+    def from_guess(self, curve_of: Callable[[Mesh], Path], neighbour: Solution | None) -> Status:
+        """Follow the guess, or find the stationary path near it, or continue from it."""
+        self.rung = "guess"
+        status = Status.NOT_FOUND
+        for elements in NEAR_GUESS:
+            coarse = self._uniform(elements, COARSE_DEGREE)
+            curve, lam = curve_of(coarse), None
+            mesh = self.given or (curve.mesh if elements == NEAR_GUESS[0] else None)
+            if mesh is curve.mesh and neighbour is not None:
+                curve, lam = _moved(neighbour, self.walk.problem, curve)
+            self.walk.sizes = sizes(curve.values.T, self.walk.problem.scales)
+            self.walk.place(mesh or coarse, curve, lam)
+            near = self.walk.follow() or self.walk.approach(PATIENT) or self.walk.root()
+            # A guess is worth seconds, not minutes.
+            if near or (not self.walk.large and self.walk.release()):
+                status = self._settle()
+                if status is not Status.UNRESOLVED:
+                    break
+        return status
+
+    # -- linear equations ------------------------------------------------------------------------
+
+    def solve_linear(self, curve_of: Callable[[Mesh], Path] | None) -> Status:
+        """Solve linear equations; of a guess only the mesh is of use."""
+        self.rung = "linear"
+        self.walk.sizes = self.walk.problem.scales
+        mesh = self.given or self._uniform(LINEAR, self._fine_degree())
+        if curve_of is not None and self.given is None:
+            mesh = curve_of(mesh).mesh
+        self.walk.place(mesh, None)
+        return self._settle() if self.walk.follow() else Status.DEGENERATE
+
+    # -- both ------------------------------------------------------------------------------------
+
+    def _uniform(self, elements: int, degree: int) -> Mesh:
+        problem = self.walk.problem
+        return Mesh.uniform(problem.start.t, problem.end.t, elements, degree)
+
+    def _fine_degree(self) -> int:
+        """Return a degree with which a few elements of a smooth path may meet the tolerance.
+
+        About one degree a digit. A second mesh costs more where the coordinates are few.
+        """
+        if self.walk.problem.system.n > FINE:
+            return COARSE_DEGREE
+        wanted = max(COARSE_DEGREE, -np.log10(self.tol) + 3)
+        return int(DEGREES[min(np.searchsorted(DEGREES, wanted), DEGREES.size - 1)])
+
+    def _settle(self) -> Status:
+        if self.given is not None:
+            return settle_on(self.walk, self.given, least=self.least)
+        return settle(self.walk, self.tol, least=self.least)
+
+
+def _moved(neighbour: Solution, problem: Problem, path: Path) -> tuple[Path, Array | None]:
+    """Return the neighbour's path as it goes when its ends move to the problem's, and multipliers.
+
+    Only where nothing else than pinned ends differs; else `path`, which is the guess as it is.
+    """
+    old, (tr, z) = neighbour.problem, neighbour.discrete
+    pins = (problem.start.pinned, problem.end.pinned) == (old.start.pinned, old.end.pinned)
+    same = path.mesh is tr.mesh and np.array_equal(problem.packed, old.packed)
+    if not (same and pins) or problem.advance is not None or old.advance is not None:
+        return path, None
+    ends = np.array([problem.start.q, problem.end.q], dtype=float)
+    ends = np.where(np.isnan(ends), tr.ends[[0, -1]], ends)
+    try:
+        z = moved(tr, z, neighbour.factors, ends)
+    except np.linalg.LinAlgError:
+        return path, None
+    if not np.all(np.isfinite(z)):
+        return path, None
+    Q, lam = tr.unpack(z)
+    return Path(tr.mesh, Q.T), lam if tr.layout.rows else None

@@ -1,0 +1,57 @@
+"""Refine: carry a path from mesh to mesh until its estimated error meets the tolerance.
+
+Each round asks the last path where it is not resolved, and follows it to a mesh that would resolve
+it. What does not settle is either no path of the continuous problem, or not determined by its ends.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from actionopt.path import Mesh
+from actionopt.refine import refined
+from actionopt.status import Status
+from actionopt.walk import MEASURABLE, SAFETY, Walk
+
+ROUNDS = 20
+STALLED = 8  # rounds that bring nothing: a layer of 1e-6 is closed in on in six
+SENSITIVE = 1e-10  # amplified round-off at which a path that does not settle is held to be that
+UNDETERMINED = 1e-6  # amplified round-off above which the end points do not determine a path
+
+
+def settle(walk: Walk, tol: float, *, least: bool) -> Status:
+    """Carry the path from mesh to mesh until the tolerance is met or cannot be."""
+    stalled = 0
+    while len(walk.rounds) <= ROUNDS:
+        before = walk.resolution()
+        if walk.error <= tol:
+            return Status.SOLVED
+        if not walk.carry(refined(before, tol / (2 * SAFETY * walk.gain)), least=least):
+            return _lost(walk)
+        worst = walk.resolution().worst
+        resolved = worst < MEASURABLE or walk.gain * worst < walk.noise
+        if resolved and SAFETY * walk.noise > tol:
+            return Status.DEGENERATE if walk.noise > UNDETERMINED else Status.FLOOR
+        stalled = stalled + 1 if worst > before.worst / 2 else 0
+        if stalled == STALLED:
+            return _lost(walk)
+    return Status.SOLVED if walk.error <= tol else _lost(walk)
+
+
+def settle_on(walk: Walk, mesh: Mesh, *, least: bool) -> Status:
+    """Solve on the user's mesh; two degrees more on each element tell the error."""
+    if walk.tr.mesh is not mesh and not walk.carry(mesh, least=least):
+        return Status.UNRESOLVED
+    tr, z = walk.tr, walk.z
+    finer = Mesh(mesh.boundaries, np.minimum(np.array(mesh.degrees) + 2, 64))
+    path = walk.path()
+    ok = walk.carry(finer, least=least)
+    change = np.max(np.abs(walk.path()(finer.nodes) - path(finer.nodes)).T / walk.sizes)
+    walk.tr, walk.z = tr, z
+    walk.error = float(change) + SAFETY * walk.noise if ok else np.inf
+    return Status.ON_MESH
+
+
+def _lost(walk: Walk) -> Status:
+    """Say why a path does not settle: it is not determined, or it was none."""
+    return Status.DEGENERATE if walk.noise > SENSITIVE else Status.UNRESOLVED

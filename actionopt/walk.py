@@ -1,0 +1,294 @@
+"""A path under way: where it is, the ways to move it, and the record of what was done.
+
+The path stands on one mesh at a time, as the vector z of a `Transcription`. It is placed there,
+sought by one method or another, followed to rounding by Newton's, and carried to the next mesh.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from dataclasses import dataclass, field
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from actionopt.continuation import release
+from actionopt.descent import descend
+from actionopt.newton import Followed, approach, follow
+from actionopt.path import Mesh, Path
+from actionopt.preflight import check, project
+from actionopt.problem import Problem
+from actionopt.quadrature import Array
+from actionopt.refine import Resolution, resolution
+from actionopt.transcription import (
+    Factors,
+    Principle,
+    Transcription,
+    find,
+    negative_eigenvalues,
+)
+
+FEW = 3  # coordinates up to which descending costs less than entering Ipopt
+ALIKE = 4.0  # ratio of coordinates' sizes within which the units of action are kept
+DENSE_MOTION = 400  # coordinates and constraints up to which the equations are solved as they are
+LARGE = 1500  # unknowns above which Ipopt takes too long over a square system
+KEPT = 3000  # unknowns and rows up to which the factors are worth their memory
+QUICK = 12  # damped steps before something else is tried
+NEAR = 0.1  # a path that moves farther than this when refined, in its own size, is another one
+SAFETY = 4.0  # between the measured error of the last round and the estimate for the next
+ROUNDOFF = 2 * float(np.finfo(float).eps)  # of evaluating the polynomial, to begin with
+ORDINARY = 100.0  # amplification of round-off on a mesh where nothing is sensitive, at most
+MEASURABLE = 1e-12  # coefficients below this are too near to rounding to measure a gain
+UNKNOWN_GAIN = 10.0  # assumed ratio of global to local error before any was measured
+
+
+@dataclass(eq=False)
+class Walk:
+    """A path of `problem` under way, and what was done so far.
+
+    `error` estimates how far it is from the continuous path: the omitted coefficients times
+    `gain`, the ratio of global to local error, and `noise`, round-off amplified by the problem.
+    """
+
+    problem: Problem
+    linear: bool = False
+    sizes: Array = field(init=False)
+    tr: Transcription = field(init=False)
+    z: Array = field(init=False)
+    factors: Factors | None = None  # of the matrix at the last path followed
+    gain: float = UNKNOWN_GAIN
+    noise: float = 0.0
+    error: float = np.inf
+    units: Transcription | None = None  # whose units of action and constraints serve again
+    checked: bool = False
+    diverged: bool = False  # whether the last descent found the action unbounded
+    resolved: tuple[Array, Resolution] | None = None  # of the current z
+    iterations: Counter[str] = field(default_factory=Counter)
+    evaluations: Counter[str] = field(default_factory=Counter)
+    rounds: list[dict[str, Any]] = field(default_factory=list)
+    time: dict[str, float] = field(default_factory=lambda: defaultdict(float))
+
+    # -- where it is ---------------------------------------------------------------------------
+
+    @property
+    def large(self) -> bool:
+        """Whether the problem on the mesh at hand is too large for what takes long."""
+        return self.tr.layout.size > LARGE
+
+    @property
+    def can_descend(self) -> bool:
+        """Whether descending is open to the problem, and costs less than entering Ipopt."""
+        return self.problem.system.m == 0 and self.problem.system.n <= FEW
+
+    def path(self) -> Path:
+        """Return the path as it is now."""
+        return Path(self.tr.mesh, self.tr.coordinates(self.z).T)
+
+    def resolution(self) -> Resolution:
+        """Return how well the mesh at hand represents it."""
+        if self.resolved is None or self.resolved[0] is not self.z:
+            found = resolution(self.tr.mesh, self.tr.coordinates(self.z), self.sizes)
+            self.resolved = (self.z, found)
+        return self.resolved[1]
+
+    def index(self) -> int:
+        """Return the number of variations on the mesh at hand that lower the action."""
+        tr = self.tr
+        return negative_eigenvalues(tr.layout, tr.kkt(self.z)) - tr.layout.rows
+
+    # -- ways to move ----------------------------------------------------------------------------
+
+    def restart(self) -> None:
+        """Forget what was measured on a path that is given up."""
+        self.gain, self.error = UNKNOWN_GAIN, np.inf
+
+    def place(self, mesh: Mesh, path: Path | None, lam: Array | None = None) -> None:
+        """Transcribe on `mesh`, starting from `path` there, or from the straight line.
+
+        Multipliers (K, m) that are not given are those that the motion along it would need.
+        """
+        clock = perf_counter()
+        system = self.problem.system
+        like = self.units if self.units is not None and self._alike(self.units.lengths) else None
+        self.tr = self.units = Transcription(self.problem, mesh, self.sizes, like=like)
+        self.evaluations.update(self.tr.counts)
+        self.tr.counts = self.evaluations
+        if path is None:
+            Q = self.tr.straight()
+        else:
+            Q = path.values.T if path.mesh is mesh else path(mesh.nodes).T
+        if system.m and lam is None:
+            Q = project(self.tr, Q)
+        if not self.checked:
+            check(self.tr, Q)
+            self.checked = True
+        if system.m and lam is None and system.n + system.m <= DENSE_MOTION:
+            lam = self._motion_multipliers(mesh, Q)
+        self.z = self.tr.pack(Q, lam)
+        self.time["assemble"] += perf_counter() - clock
+
+    def _alike(self, lengths: Array) -> bool:
+        """Whether units of these lengths serve for the present sizes as well."""
+        ratio = self.sizes / lengths
+        return bool(ratio.max() < ALIKE and ratio.min() > 1 / ALIKE)
+
+    def _motion_multipliers(self, mesh: Mesh, Q: Array) -> Array | None:
+        """Return the multipliers (K, m) of the index-1 equations of motion along Q (K, n)."""
+        v = Path(mesh, Q.T).velocity(mesh.nodes)
+        parameters = self.problem.parameters
+        try:
+            lam = self.problem.system.multipliers(Q.T, v, mesh.nodes, parameters=parameters).T
+        except np.linalg.LinAlgError:
+            return None
+        return np.nan_to_num(lam, posinf=0.0, neginf=0.0)
+
+    def find(self, principle: Principle) -> bool:
+        """Ask Ipopt for a path; False if it finds none."""
+        clock = perf_counter()
+        attempt = find(self.tr, self.z, principle)
+        self.iterations["ipopt"] += attempt.iterations
+        self.diverged = attempt.diverged
+        self.time["solve"] += perf_counter() - clock
+        if not attempt.converged:
+            return False
+        self.z = attempt.z
+        self._record(perf_counter() - clock)
+        return True
+
+    def root(self) -> bool:
+        """Ask Ipopt for a root of the stationarity conditions, unless that takes too long."""
+        if self.large:
+            return False
+        before, self.z = self.z, self._unheld()
+        if self.find("stationary"):
+            return True
+        self.z = before
+        return False
+
+    def release(self) -> bool:
+        """Continue from the straight line by releasing the force that makes it a motion."""
+        clock = perf_counter()
+        released = release(self.tr, self.z)
+        if released is not None:
+            self.z = released[0]
+            self.iterations["continuation"] += released[1]
+        self.time["solve"] += perf_counter() - clock
+        return released is not None and self.follow()
+
+    def descend(self) -> bool:
+        """Minimise the action from the path at hand."""
+        clock = perf_counter()
+        result = descend(self.tr, self.z)
+        self.iterations["descent"] += result.iterations
+        self.diverged = result.runaway
+        if result.found:
+            self.z = result.z
+        self.time["solve"] += perf_counter() - clock
+        return result.found and self.follow()
+
+    def approach(self, steps: int = QUICK) -> bool:
+        """Go to a path by damped Newton steps.
+
+        Near a resonance the multipliers of the motion along the first path make the matrix
+        nearly singular there; without any it is stiff, and the way may be open.
+        """
+        clock = perf_counter()
+        near = approach(self.tr, self.z, steps)
+        if near is None and self.tr.layout.rows:
+            near = approach(self.tr, self._unheld(), steps)
+        if near is not None:
+            self.z = near[0]
+            self.iterations["newton"] += near[1]
+        self.time["solve"] += perf_counter() - clock
+        return near is not None and self.follow()
+
+    def _unheld(self) -> Array:
+        """Return the path at hand without multipliers."""
+        cut = self.tr.layout.unknowns
+        return np.concatenate([self.z[:cut], np.zeros(self.z.size - cut)])
+
+    def follow(self, reach: float = np.inf) -> bool:
+        """Polish the path where it is; False if it is not there, or farther than `reach`."""
+        clock = perf_counter()
+        result: Followed = follow(self.tr, self.z, linear=self.linear)
+        self.iterations["newton"] += result.iterations
+        self.time["solve"] += perf_counter() - clock
+        arrived = result.converged and (self.linear or result.travelled < reach)
+        if arrived:
+            self.z, self.noise = result.z, result.noise
+            self.factors = result.factors if self.tr.layout.size <= KEPT else None
+            self.gain = max(self.gain, self._sensitivity())
+            self.error = SAFETY * (self.gain * self.resolution().worst + self.noise + ROUNDOFF)
+            self._record(perf_counter() - clock)
+        return arrived
+
+    def carry(self, mesh: Mesh, *, least: bool) -> bool:
+        """Take the path to another mesh and polish it there; False if it was lost.
+
+        What was found as a `least` path may be found again by minimising.
+        """
+        old, before = self.path(), self.resolution()
+        lam = self._multipliers(mesh)
+        Q = self.tr.coordinates(self.z)
+        self.sizes = sizes(Q, self.problem.scales)
+        self.place(mesh, old, lam)
+        carried = self.tr.coordinates(self.z)
+        if not self.follow(reach=NEAR):
+            if not self._recover(least):
+                return False
+            moved = np.max(np.abs(self.tr.coordinates(self.z) - carried) / self.sizes)
+            if not least and moved > NEAR:
+                return False
+        change = np.max(np.abs(self.tr.coordinates(self.z) - carried) / self.sizes)
+        if before.worst > MEASURABLE:
+            self.gain = max(float(change) / before.worst, 1.0)
+        elif self.gain == UNKNOWN_GAIN:
+            self.gain = 1.0
+        self.gain = max(self.gain, self._sensitivity())
+        self.error = SAFETY * (self.gain * self.resolution().worst + self.noise + ROUNDOFF)
+        self.rounds[-1]["estimate"] = self.error
+        return True
+
+    def _recover(self, least: bool) -> bool:
+        """Find the path again on a mesh where following it did not work."""
+        if not least:
+            return self.root() and self.follow()
+        if self.can_descend and self.descend():
+            return True
+        return self.find("patient least") and self.follow()
+
+    def _sensitivity(self) -> float:
+        """Return how much amplified round-off says that other errors are amplified, at least."""
+        return self.noise / (ORDINARY * ROUNDOFF)
+
+    def _multipliers(self, mesh: Mesh) -> Array | None:
+        """Return the multipliers carried to the nodes of `mesh`, (K, m)."""
+        if not self.tr.layout.rows:
+            return None
+        lam = self.tr.unpack(self.z)[1]
+        nodes = self.tr.mesh.nodes
+        table = np.empty((mesh.nodes.size, lam.shape[1]))
+        for i, row in enumerate(lam.T):
+            known = np.isfinite(row)
+            table[:, i] = np.interp(mesh.nodes, nodes[known], row[known])
+        return table
+
+    def _record(self, seconds: float) -> None:
+        mesh = self.tr.mesh
+        self.rounds.append(
+            {
+                "elements": mesh.elements,
+                "degrees": [min(mesh.degrees), max(mesh.degrees)],
+                "unknowns": self.tr.layout.size,
+                "estimate": None,
+                "time": seconds,
+            }
+        )
+
+
+def sizes(Q: Array, fallback: Array) -> Array:
+    """Return the largest |q| of each coordinate along a path, (n,), positive."""
+    size = np.max(np.abs(Q), axis=0)
+    largest = float(np.max(size))
+    return np.where(size > 1e-12 * largest, size, largest) if largest > 0 else fallback
