@@ -33,7 +33,7 @@ def release(tr: Transcription, z: Array) -> tuple[Array, int] | None:
     s, direction, ds, length, count = 0.0, None, 1.0, FIRST_STEP, 0
     for _ in range(steps):
         try:
-            slope = -Factors(tr.layout, tr.kkt(z)).solve(force)  # dz/ds
+            slope = -Factors(tr.layout, tr.kkt(z), many=True).solve(force)  # dz/ds
         except np.linalg.LinAlgError:
             return None
         count += 1
@@ -68,7 +68,7 @@ def _correct(tr, z, s, force, direction, ds) -> tuple[Array, float, int] | None:
     with np.errstate(all="ignore"):
         for k in range(1, CORRECTIONS + 1):
             try:
-                factors = Factors(tr.layout, tr.kkt(z))
+                factors = Factors(tr.layout, tr.kkt(z), many=True)
                 miss = factors.solve(tr.residual(z) - (1.0 - s) * force)
                 slope = -factors.solve(force)
             except np.linalg.LinAlgError:

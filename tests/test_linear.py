@@ -68,9 +68,10 @@ def matrix_of(kind, stored, duration=2.0):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_solutions_are_those_of_a_dense_solver(kind, stored):
+@pytest.mark.parametrize("many", [False, True])
+def test_solutions_are_those_of_a_dense_solver(kind, stored, many):
     layout, nonzeros, dense = matrix_of(kind, stored)
-    factors = Factors(layout, nonzeros)
+    factors = Factors(layout, nonzeros, many=many)
     rng = np.random.default_rng(1)
     for right in rng.normal(size=(3, layout.size)):
         known = np.linalg.solve(dense, right)

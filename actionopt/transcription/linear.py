@@ -10,6 +10,8 @@ serves instead.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -18,6 +20,7 @@ from actionopt.quadrature import Array
 from actionopt.transcription.blocks import Condensed
 from actionopt.transcription.layout import Layout
 
+SLIM = 3  # coordinates and constraints up to which sparse factors take less time than blocks
 REGULAR = 1e-10  # on the rows' diagonal, whose gradients are of size one
 REFINEMENTS = 6
 ACCURATE = 1e-10  # residual relative to |b| that is enough: Newton's method corrects the rest
@@ -33,6 +36,9 @@ class Factors:
     layout : Layout
     nonzeros : array
         As `Transcription.kkt` returns them.
+    many : bool
+        Whether many factorizations on this layout are to come: then finding the sparsity of very
+        few coordinates' blocks pays.
 
     Raises
     ------
@@ -40,21 +46,24 @@ class Factors:
         If the matrix is singular or not finite; `solve` may raise it too.
     """
 
-    def __init__(self, layout: Layout, nonzeros: Array) -> None:
+    def __init__(self, layout: Layout, nonzeros: Array, *, many: bool = False) -> None:
         if not np.all(np.isfinite(nonzeros)):
             raise np.linalg.LinAlgError("the matrix is not finite")
         self.layout, self.nonzeros = layout, nonzeros
-        self._condensed: Condensed | None = None
         self._rough: Callable[[Array], Array] | None = None
-        if layout.storage == "blocks":
-            try:
-                self._condensed = Condensed(layout.blocks, nonzeros)
+        system = layout.system
+        pays = many and system.n + system.m <= SLIM and not system.structure.forced
+        if layout.storage == "blocks" and not pays:
+            with suppress(np.linalg.LinAlgError):  # a block may be singular where all are not
                 self._rough = self._condensed.solve
-            except np.linalg.LinAlgError:  # a block may be singular where the matrix is not
-                pass
-        elif layout.storage == "sparse" and not layout.system.structure.forced:
-            regular, solver = _regular(layout, nonzeros), _solver(layout, "ldl")
+        elif layout.storage != "whole" and not system.structure.forced:
+            regular = _regular(layout, compressed(layout, nonzeros))
+            solver = _solver(layout, "ldl")
             self._rough = lambda right: solver(regular, right)
+
+    @cached_property
+    def _condensed(self) -> Condensed:
+        return Condensed(self.layout.blocks, self.nonzeros)
 
     def solve(self, right: Array) -> Array:
         """Return the solution for one right-hand side, (size,)."""
@@ -74,9 +83,9 @@ class Factors:
         """Return whether the matrix, one without constraint rows, is positive definite."""
         if self.layout.storage == "sparse":
             return negative_eigenvalues(self.layout, self.nonzeros) == 0
-        if self.layout.storage == "blocks":
-            return self._condensed is not None and self._condensed.definite()
         try:
+            if self.layout.storage == "blocks":
+                return self._condensed.definite()
             np.linalg.cholesky(_whole(self.layout, self.nonzeros))
         except np.linalg.LinAlgError:
             return False
