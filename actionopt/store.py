@@ -8,7 +8,6 @@ loading.
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path as FilePath
 from typing import Any, cast
 
@@ -21,6 +20,7 @@ from actionopt.solution import Solution
 from actionopt.status import Status
 from actionopt.system import System
 from actionopt.transcription import Transcription
+from actionopt.writing import whole
 
 SAME = 1e-9  # relative difference of two evaluations of the action of one path
 ARRAYS = (
@@ -72,17 +72,8 @@ def save(solution: Solution, file: str | FilePath) -> None:
         "momenta": np.stack(solution.momenta),
         "about": np.array(json.dumps(about)),
     }
-    from tempfile import NamedTemporaryFile  # slow to import, and needed here only
-
-    with NamedTemporaryFile(dir=target.parent, suffix=".partial", delete=False) as partial:
-        try:
-            np.savez(partial, allow_pickle=False, **arrays)
-            partial.close()
-            os.replace(partial.name, target)
-        except BaseException:
-            partial.close()
-            os.unlink(partial.name)
-            raise
+    with whole(target) as part:
+        np.savez(part, allow_pickle=False, **arrays)
 
 
 def load(file: str | FilePath, system: System | str | None = None) -> Solution:
@@ -104,7 +95,7 @@ def load(file: str | FilePath, system: System | str | None = None) -> Solution:
         If it is unreadable or was not written by `save`, or the system's coordinates or
         parameters are not those in the file.
     """
-    import zipfile  # as above
+    import zipfile  # slow to import, and needed here only
 
     try:
         # Opened here, so that it is closed as well when numpy gives up half way.
@@ -116,7 +107,7 @@ def load(file: str | FilePath, system: System | str | None = None) -> Solution:
         raise
     except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
         raise ValueError(
-            f"expected an .npz file written by Solution.save, found {os.fspath(file)!r}, which "
+            f"expected an .npz file written by Solution.save, found {str(file)!r}, which "
             f"cannot be read as one ({type(error).__name__}: {error})"
         ) from error
     if known != FORMAT:

@@ -148,7 +148,7 @@ def test_an_interrupted_write_leaves_the_old_file(own, of_a_scene, tmp_path, mon
     before = file.read_bytes()
 
     def broken(target, **arrays):
-        target.write(b"half of it")
+        target.write_bytes(b"half of it")
         raise OSError("no space left")
 
     monkeypatch.setattr(np, "savez", broken)

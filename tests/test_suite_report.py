@@ -75,7 +75,7 @@ def test_the_report_says_what_the_records_say(tmp_path):
         write([], tmp_path)
 
 
-def test_profiles_are_drawn_as_they_are():
+def test_profiles_are_drawn_as_they_are(tmp_path):
     from actionopt.plot.suite_report import profiles, save
 
     ax = profiles({"a": (np.array([1.0, 3.0]), np.array([0.5, 1.0])), "b": (np.empty(0),) * 2})
@@ -83,6 +83,5 @@ def test_profiles_are_drawn_as_they_are():
     np.testing.assert_array_equal(x, [1, 1, 3, 3])
     np.testing.assert_array_equal(y, [0, 0.5, 1, 1])
     np.testing.assert_array_equal(ax.lines[1].get_ydata(), [0, 0])
-    import io
-
-    save(ax, io.BytesIO())
+    save(ax, tmp_path / "profiles.svg")
+    assert "<svg" in (tmp_path / "profiles.svg").read_text()

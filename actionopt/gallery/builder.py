@@ -21,6 +21,7 @@ from actionopt import scenes
 from actionopt.gallery.index_page import index_page
 from actionopt.gallery.keys import key, static
 from actionopt.gallery.page import Page
+from actionopt.writing import whole
 
 MANIFEST = "manifest.json"
 STORY = "least"
@@ -159,9 +160,5 @@ def _stands(target: Path, entry: Mapping[str, Any] | None, wanted: str) -> bool:
 def _write(file: Path, text: str) -> None:
     """Write a file, whole or not at all."""
     file.parent.mkdir(parents=True, exist_ok=True)
-    part = file.with_name(f".{file.name}.partial")
-    try:
+    with whole(file) as part:
         part.write_text(text, encoding="utf-8", newline="\n")
-        os.replace(part, file)
-    finally:
-        part.unlink(missing_ok=True)

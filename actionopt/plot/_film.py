@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from subprocess import CalledProcessError
-from tempfile import NamedTemporaryFile
 
 import numpy as np
 from matplotlib.animation import FFMpegWriter, FuncAnimation
@@ -28,6 +26,7 @@ from actionopt.plot._strobe import (
 )
 from actionopt.plot._style import NONE, Units, heading, styled
 from actionopt.solution import Solution
+from actionopt.writing import whole
 
 SECONDS, FPS = 5.0, 25
 DPI, FINE_DPI = 100, 200  # of a film of images, and of one by ffmpeg, which presses it
@@ -108,20 +107,12 @@ def write(figure: Figure, update: Update, count: int, file: str | Path, fps: int
             f"expected ffmpeg on the path to write {ending}, found none; install it, or write "
             f"{' or '.join(IMAGES)}, which need nothing else"
         )
-    with NamedTemporaryFile(dir=target.parent, suffix=ending, delete=False) as part:
-        try:
-            part.close()
-            if ending in CODECS:
-                _encode(figure, update, count, part.name, fps, CODECS[ending])
-            else:
-                first, *rest = _images(figure, update, count, ending == ".gif")
-                first.save(
-                    part.name, save_all=True, append_images=rest, duration=round(1000 / fps), loop=0
-                )
-            os.replace(part.name, target)
-        except BaseException:
-            os.unlink(part.name)
-            raise
+    with whole(target) as part:
+        if ending in CODECS:
+            _encode(figure, update, count, str(part), fps, CODECS[ending])
+        else:
+            first, *rest = _images(figure, update, count, ending == ".gif")
+            first.save(part, save_all=True, append_images=rest, duration=round(1000 / fps), loop=0)
 
 
 def _encode(figure: Figure, update: Update, count: int, file: str, fps: int, codec: str) -> None:

@@ -36,6 +36,7 @@ from actionopt.plot._style import (
 )
 from actionopt.quadrature import Array
 from actionopt.solution import Solution
+from actionopt.writing import whole
 
 BOUND: Any = {"color": GREY, "linewidth": 1.2}
 
@@ -142,4 +143,5 @@ def save(solution: Solution, file: str | FilePath, *, compare: bool = True) -> N
             overview(solution, figure.subplots(2, height_ratios=(3, 2)))
         else:
             paths(solution, figure.subplots(), compare=False)
-        figure.savefig(file)
+        with whole(file) as part:
+            figure.savefig(part)

@@ -12,6 +12,7 @@ from matplotlib import rc_context
 
 from actionopt.plot._style import STYLE, strand
 from actionopt.quadrature import Array
+from actionopt.writing import whole
 
 
 def profiles(
@@ -60,6 +61,6 @@ def profiles(
 
 def save(ax: Any, file: str | Path) -> None:
     """Write the figure of `ax` and close it; the same data give the same file."""
-    with rc_context(STYLE):
-        ax.figure.savefig(file, metadata={"Date": None})
+    with rc_context(STYLE), whole(file) as part:
+        ax.figure.savefig(part, metadata={"Date": None})
     plt.close(ax.figure)

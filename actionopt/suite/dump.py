@@ -10,6 +10,7 @@ from typing import Any
 
 from actionopt.suite import nl
 from actionopt.suite.problem import TestProblem
+from actionopt.writing import whole
 
 
 def dump(problems: Iterable[TestProblem], directory: str | Path) -> Path:
@@ -24,7 +25,8 @@ def dump(problems: Iterable[TestProblem], directory: str | Path) -> Path:
     for problem in problems:
         model, answers = folder / f"{problem.name}.nl", folder / f"{problem.name}.json"
         nl.write(problem, model)
-        answers.write_text(json.dumps(facts(problem), indent=1) + "\n", encoding="utf-8")
+        with whole(answers) as part:
+            part.write_text(json.dumps(facts(problem), indent=1) + "\n", encoding="utf-8")
         entries.append(
             {
                 **summary(problem),
@@ -34,7 +36,8 @@ def dump(problems: Iterable[TestProblem], directory: str | Path) -> Path:
             }
         )
     manifest = folder / "manifest.json"
-    manifest.write_text(json.dumps(entries, indent=1) + "\n", encoding="utf-8")
+    with whole(manifest) as part:
+        part.write_text(json.dumps(entries, indent=1) + "\n", encoding="utf-8")
     return manifest
 
 

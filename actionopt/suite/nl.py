@@ -20,6 +20,7 @@ import numpy as np
 from actionopt.quadrature import Array
 from actionopt.suite.expression import nlp
 from actionopt.suite.problem import TestProblem
+from actionopt.writing import whole
 
 # CasADi's operation: the lines before its operands, and after them.
 OPERATIONS = {
@@ -68,7 +69,7 @@ def write(problem: TestProblem, file: str | Path, x0: Array | None = None) -> No
     Raises ValueError if its Lagrangian has an operation the format does not know.
     """
     start = problem.start() if x0 is None else x0
-    with open(file, "w", encoding="ascii", newline="\n") as out:
+    with whole(file) as part, open(part, "w", encoding="ascii", newline="\n") as out:
         out.writelines(line + "\n" for line in lines(problem, start))
 
 
