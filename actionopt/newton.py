@@ -43,8 +43,6 @@ class Followed:
         Factorizations used.
     travelled : float
         Distance from the first iterate, in the same units.
-    factors : Factors or None
-        Of the last matrix factorized, where the path was found.
     """
 
     z: Array
@@ -52,7 +50,6 @@ class Followed:
     noise: float
     iterations: int
     travelled: float
-    factors: Factors | None = None
 
 
 def follow(tr: Transcription, z: Array, *, linear: bool = False, steps: int = 12) -> Followed:
@@ -80,7 +77,7 @@ def follow(tr: Transcription, z: Array, *, linear: bool = False, steps: int = 12
                 if not residual.any():  # a path of zeros has no round-off of its own
                     residual = _roundoff(tr, factors)
                 noise = _size(factors.solve(residual)[:cut])
-                return Followed(z, True, noise, k, _size((z - first)[:cut]), factors)
+                return Followed(z, True, noise, k, _size((z - first)[:cut]))
             # Multipliers far off disturb the first steps, and are right after them.
             settling = tr.layout.rows > 0 and k <= SETTLING and ratio < 1 / CONTRACTION
             if ratio > CONTRACTION and not settling:
@@ -91,17 +88,17 @@ def follow(tr: Transcription, z: Array, *, linear: bool = False, steps: int = 12
     return Followed(z, exhausted, rest, k, _size((z - first)[:cut]))
 
 
-def moved(tr: Transcription, z: Array, factors: Factors, ends: Array) -> Array:
+def moved(tr: Transcription, z: Array, ends: Array) -> Array:
     """Return where the stationary path z goes, to first order, when its ends move to `ends` (2, n).
 
     The tangent of the family of paths: it bends smoothly where new ends alone would kink the path.
-    `factors` are those of the matrix at z. Raises numpy.linalg.LinAlgError if it is singular.
+    Raises numpy.linalg.LinAlgError if the matrix is singular.
     """
     before = tr.ends[[0, -1]]
     nearby = tr.with_ends(before + DIFFERENCE * (ends - before))
     with np.errstate(all="ignore"):
         push = (nearby.residual(z) - tr.residual(z)) / DIFFERENCE
-        return z - factors.solve(push)
+        return z - Factors(tr.layout, tr.kkt(z)).solve(push)
 
 
 def approach(tr: Transcription, z: Array, steps: int) -> tuple[Array, int] | None:

@@ -223,7 +223,7 @@ def _moved(neighbour: Solution, problem: Problem, path: Path) -> tuple[Path, Arr
     ends = np.array([problem.start.q, problem.end.q], dtype=float)
     ends = np.where(np.isnan(ends), tr.ends[[0, -1]], ends)
     try:
-        z = moved(tr, z, neighbour.factors, ends)
+        z = moved(tr, z, ends)
     except np.linalg.LinAlgError:
         return path, None
     if not np.all(np.isfinite(z)):

@@ -16,7 +16,7 @@ from actionopt.problem import Problem, State
 from actionopt.quadrature import Array
 from actionopt.refine import resolution
 from actionopt.status import Status
-from actionopt.transcription import Factors, Transcription
+from actionopt.transcription import Transcription
 
 if TYPE_CHECKING:
     from actionopt.compare import Comparison
@@ -181,12 +181,6 @@ class Solution:
         sizes = np.max(np.abs(self.path.values), axis=1)
         tr = Transcription(self.problem, self.mesh, np.where(sizes > 0, sizes, 1.0))
         return tr, tr.pack(self.path.values.T, self.lam.T)
-
-    @cached_property
-    def factors(self) -> Factors:
-        """The matrix of the discrete problem at the path, factorized."""
-        tr, z = self.discrete
-        return Factors(tr.layout, tr.kkt(z))
 
     def compare(self) -> Comparison:
         """Return the comparison with the forward integration from `start`, made once."""

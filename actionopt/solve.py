@@ -104,6 +104,7 @@ def _solution(walk: Walk, status: Status, rung: str, started: float) -> Solution
     clock = perf_counter()
     path = walk.path()
     action = tr.action(z[: layout.unknowns]) * tr.action_unit
+    tr.forget()  # many solutions may be kept
     walk.time["verify"] += perf_counter() - clock
     walk.time["total"] = perf_counter() - started
     stats: dict[str, Any] = {
@@ -121,6 +122,4 @@ def _solution(walk: Walk, status: Status, rung: str, started: float) -> Solution
     }
     solution = Solution(walk.problem, path, action, tr.unpack(z)[1].T, walk.error, status, stats)
     solution.__dict__["discrete"] = (tr, z)  # at hand already: nothing to rebuild
-    if walk.factors is not None and walk.factors.layout is layout:
-        solution.__dict__["factors"] = walk.factors
     return solution

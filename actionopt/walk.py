@@ -22,7 +22,6 @@ from actionopt.problem import Problem
 from actionopt.quadrature import Array
 from actionopt.refine import Resolution, resolution
 from actionopt.transcription import (
-    Factors,
     Principle,
     Transcription,
     find,
@@ -33,7 +32,6 @@ FEW = 3  # coordinates up to which descending costs less than entering Ipopt
 ALIKE = 4.0  # ratio of coordinates' sizes within which the units of action are kept
 DENSE_MOTION = 400  # coordinates and constraints up to which the equations are solved as they are
 LARGE = 1500  # unknowns above which Ipopt takes too long over a square system
-KEPT = 3000  # unknowns and rows up to which the factors are worth their memory
 QUICK = 12  # damped steps before something else is tried
 NEAR = 0.1  # a path that moves farther than this when refined, in its own size, is another one
 SAFETY = 4.0  # between the measured error of the last round and the estimate for the next
@@ -56,7 +54,6 @@ class Walk:
     sizes: Array = field(init=False)
     tr: Transcription = field(init=False)
     z: Array = field(init=False)
-    factors: Factors | None = None  # of the matrix at the last path followed
     gain: float = UNKNOWN_GAIN
     noise: float = 0.0
     error: float = np.inf
@@ -217,7 +214,6 @@ class Walk:
         arrived = result.converged and (self.linear or result.travelled < reach)
         if arrived:
             self.z, self.noise = result.z, result.noise
-            self.factors = result.factors if self.tr.layout.size <= KEPT else None
             self.gain = max(self.gain, self._sensitivity())
             self.error = SAFETY * (self.gain * self.resolution().worst + self.noise + ROUNDOFF)
             self._record(perf_counter() - clock)

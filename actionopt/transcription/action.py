@@ -316,6 +316,11 @@ class Transcription:
         in_blocks = self.layout.storage == "blocks"
         return self.kept("kinetic", lambda: (elements if in_blocks else scatter).kinetic(self, z))
 
+    def forget(self) -> None:
+        """Free what can be computed again."""
+        self._point = self._values = None
+        self._kept.clear()
+
     def kept(self, name: str, made: Callable[[], Any]) -> Any:
         """Return what is made of the mass matrix: made once, if that is constant."""
         if not self.problem.system.structure.constant_mass:
