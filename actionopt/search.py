@@ -226,6 +226,8 @@ def _moved(neighbour: Solution, problem: Problem, path: Path) -> tuple[Path, Arr
         z = moved(tr, z, ends)
     except np.linalg.LinAlgError:
         return path, None
+    finally:
+        tr.forget()
     if not np.all(np.isfinite(z)):
         return path, None
     Q, lam = tr.unpack(z)
