@@ -260,7 +260,7 @@ def _place(file: Path, error: Exception) -> str:
 
     frames = traceback.extract_tb(error.__traceback__)
     lines = [frame.lineno for frame in frames if frame.filename == str(file)]
-    if isinstance(error, SyntaxError):
+    if isinstance(error, SyntaxError) and error.lineno is not None:
         lines = [error.lineno]
     return f"{file}, line {lines[-1]}" if lines else str(file)
 

@@ -59,6 +59,8 @@ def descend(tr: Transcription, z: Array) -> Descended:
                 break
             while not (factors := Factors(tr.layout, H + mu * K)).definite():
                 mu = max(RAISE * mu, FIRST)
+                if mu > LARGEST:  # a mass matrix that is not positive has no lowest action
+                    return Descended(z, False, False, count)
             while True:
                 count += 1
                 try:

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 ROUNDS = 12
 HIGHEST = 20  # degree above which an element is split instead
+LOW = 2  # degree
 
 
 def fields(form: Form) -> list[Array]:
@@ -104,14 +105,15 @@ def finer(
             tables.append(table / np.max(np.abs(table), axis=(1, 2), keepdims=True))
         for table in tables:
             size = np.abs(rule.to_legendre @ table)
-            last = size[:, -2:] if rule.degree > 2 else size
+            last = size[:, -2:] if rule.degree > LOW else size
             tail[which] = np.maximum(tail[which], np.max(last, axis=(1, 2)))
     if np.max(tail) <= tol:
         return None
     degrees = np.array(mesh.degrees)
     coarse = tail > tol
     # Raise the degree where the coefficients decay; split where they do not, or it is high.
-    split = coarse & ((tail > 1e-2) | (degrees + 4 > HIGHEST))
+    # Too low a degree has no coefficients that could decay.
+    split = coarse & (((tail > 1e-2) & (degrees > LOW)) | (degrees + 4 > HIGHEST))
     degrees = np.where(coarse & ~split, degrees + 4, degrees)
     parts = np.where(split, 2, 1)
     b = mesh.boundaries

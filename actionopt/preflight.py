@@ -31,7 +31,7 @@ def check(tr: Transcription, Q: Array) -> None:
     system = problem.system
     nodes = tr.mesh.nodes
     last = nodes.size - 1
-    chosen = sorted({k * last // (SAMPLES + 1) for k in range(SAMPLES + 2)})[1:-1]
+    chosen = sorted({k * last // (SAMPLES + 1) for k in range(SAMPLES + 2)})[1:-1] or [0]
     q, t = Q[chosen], nodes[chosen][:, None]
     G = None
     if system.m:
@@ -64,9 +64,9 @@ def project(tr: Transcription, Q: Array) -> Array:
     """
     problem, layout = tr.problem, tr.layout
     system = problem.system
-    if system.m > MANY:
-        return Q
     at = layout.row_nodes
+    if system.m > MANY or not at.size:
+        return Q
     t = tr.mesh.nodes[at][:, None]
     free = (layout.number[at] >= 0) * tr.lengths  # pinned coordinates do not move
     q = Q[at].copy()

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from actionopt.path import Mesh
+from actionopt.path import MAX_DEGREE, Mesh
 from actionopt.refine import refined
 from actionopt.status import Status
 from actionopt.walk import MEASURABLE, SAFETY, Walk
@@ -39,17 +39,26 @@ def settle(walk: Walk, tol: float, *, least: bool) -> Status:
 
 
 def settle_on(walk: Walk, mesh: Mesh, *, least: bool) -> Status:
-    """Solve on the user's mesh; two degrees more on each element tell the error."""
+    """Solve on the user's mesh; a finer one tells the error."""
     if walk.tr.mesh is not mesh and not walk.carry(mesh, least=least):
         return Status.UNRESOLVED
     tr, z = walk.tr, walk.z
-    finer = Mesh(mesh.boundaries, np.minimum(np.array(mesh.degrees) + 2, 64))
+    finer = _finer(mesh)
     path = walk.path()
     ok = walk.carry(finer, least=least)
     change = np.max(np.abs(walk.path()(finer.nodes) - path(finer.nodes)).T / walk.sizes)
     walk.tr, walk.z = tr, z
     walk.error = float(change) + SAFETY * walk.noise if ok else np.inf
     return Status.ON_MESH
+
+
+def _finer(mesh: Mesh) -> Mesh:
+    """Return the mesh with two degrees more on each element, or the element in halves."""
+    degrees, b = np.array(mesh.degrees) + 2, mesh.boundaries
+    halved = degrees > MAX_DEGREE
+    starts = np.sort(np.concatenate([b[:-1], (b[:-1] + mesh.lengths / 2)[halved]]))
+    degrees = np.repeat(np.where(halved, MAX_DEGREE, degrees), np.where(halved, 2, 1))
+    return Mesh(np.concatenate([starts, b[-1:]]), degrees)
 
 
 def _lost(walk: Walk) -> Status:

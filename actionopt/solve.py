@@ -10,6 +10,8 @@ from __future__ import annotations
 from time import perf_counter
 from typing import Any, Literal
 
+import numpy as np
+
 from actionopt.arguments import Guess, checked
 from actionopt.path import Mesh
 from actionopt.problem import Problem
@@ -67,10 +69,12 @@ def solve(
     curve_of = checked(problem, tol, guess, principle, mesh)
     walk = Walk(problem)
     neighbour = None
-    if isinstance(guess, Solution):
+    if isinstance(guess, Solution) and isinstance(guess.problem, Problem) and guess.success:
         walk.gain = guess.stats["gain"]  # a neighbour is as sensitive
         if guess.problem.system is problem.system:
-            neighbour, walk.units, walk.checked = guess, guess.discrete[0], True
+            neighbour = guess
+            if np.array_equal(problem.packed, guess.problem.packed):
+                walk.units, walk.checked = guess.discrete[0], True
     system = problem.system
     walk.linear = system.structure.linear
     for name in ("first", "second"):

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from actionopt.identity import general_states, vanishes
 from actionopt.pointwise import Pointwise
 from actionopt.quadrature import Array
-from actionopt.tracing import ParameterTable, Symbols, call, column, suggestion
+from actionopt.tracing import ParameterTable, Symbols, call, column, is_smooth, suggestion
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Structure:
     """
 
     depends_on_time: bool
-    constant_mass: bool  # the mass matrix does not depend on q or v
+    constant_mass: bool  # the mass matrix does not depend on q or v; so below: for smooth laws
     constant_coupling: bool  # nor does the mixed derivative of L
     constant_stiffness: bool  # nor does the second derivative of L in q
     affine_constraint: bool  # f is affine in q
@@ -175,6 +175,7 @@ class System:
     @cached_property
     def structure(self) -> Structure:
         """What the derivatives depend on, by the sparsity of their own derivatives."""
+        smooth = all(map(is_smooth, (self.L, self.f, self.Q)))
         moved = (
             self._depends("second", 2, (0, 1)),
             self._depends("second", 1, (0, 1)),
@@ -192,11 +193,11 @@ class System:
             seen.update(self.pointwise(name).function.jac_sparsity(output, q).get_col())
         return Structure(
             depends_on_time=any(self._depends(name, k, (t,)) for name, k, _, t in laws),
-            constant_mass=not moved[0],
-            constant_coupling=not moved[1],
-            constant_stiffness=not moved[2],
-            affine_constraint=not moved[3],
-            affine_force=not moved[4],
+            constant_mass=smooth and not moved[0],
+            constant_coupling=smooth and not moved[1],
+            constant_stiffness=smooth and not moved[2],
+            affine_constraint=smooth and not moved[3],
+            affine_force=smooth and not moved[4],
             constraints=self.m,
             forced=self.Q.numel() > 0,
             cyclic=tuple(c for i, c in enumerate(self.coordinates) if i not in seen),

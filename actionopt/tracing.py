@@ -14,6 +14,8 @@ from numpy.typing import ArrayLike
 
 from actionopt.quadrature import Array
 
+KINKED = "fabs|fmin|fmax|fmod|remainder|floor|ceil|sign|copysign"
+
 
 @dataclass(frozen=True, eq=False)
 class Symbols:
@@ -195,6 +197,14 @@ def column(result: Any, role: str, rows: int | None = None) -> ca.SX:
         what = "a scalar" if rows == 1 else f"{rows} values"
         raise ValueError(f"expected the {role} to return {what}, found {value.numel()}")
     return value
+
+
+def is_smooth(expression: ca.SX) -> bool:
+    """Return whether no function with a kink or a jump is in the expression.
+
+    The derivatives of such functions hide what they depend on: fabs(q) has no second one.
+    """
+    return re.search(rf"\b({KINKED})\(|[<?!]|==", str(expression)) is None
 
 
 def _has_nan(expression: ca.SX) -> bool:

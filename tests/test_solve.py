@@ -661,3 +661,80 @@ def test_a_signal_from_the_keyboard_ends_the_solve():
     run = subprocess.run([sys.executable, "-c", INTERRUPTED], capture_output=True, text=True)
     assert run.stdout.startswith("interrupted after"), run.stdout + run.stderr
     assert int(run.stdout.split()[-1]) <= 5
+
+
+OSCILLATOR = System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2, ["x"])
+
+# -- what was once wrong --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("T", [1.0, 3.0, 6.0, 10.0])
+def test_a_mass_matrix_need_not_be_positive(T):
+    # Two oscillators of opposite sign, coupled by a quartic: L_vv = diag(1, -1).
+    def lagrangian(q, v, t):
+        return (v[0] ** 2 - v[1] ** 2) / 2 - (q[0] ** 2 - q[1] ** 2) / 2 - q[0] ** 4 / 40
+
+    system = System(lagrangian, ["x", "y"])
+    solution = ao.solve(Problem(system, Event(0, [0.1, 0.2]), Event(T, [0.3, -0.1])), tol=1e-9)
+    assert solution.compare().agrees
+
+
+def test_a_mesh_of_the_highest_degree_is_compared_with_one_in_halves():
+    problem = Problem(OSCILLATOR, Event(0, [1.0]), Event(40.0, [0.5]))
+    solution = ao.solve(problem, mesh=ao.Mesh([0.0, 40.0], 64))
+    exact = [np.cos, lambda t: (0.5 - np.cos(40.0)) / np.sin(40.0) * np.sin(t)]
+    t = np.linspace(0, 40, 501)
+    error = np.max(np.abs(solution(t)[0] - sum(f(t) for f in exact))) / np.max(np.abs(solution(t)))
+    assert 0.1 * error < solution.error < 100 * max(error, 1e-12)
+
+
+def test_a_failed_neighbour_does_not_tell_how_sensitive_a_problem_is():
+    degenerate = ao.solve(Problem(OSCILLATOR, Event(0, [0.0]), Event(np.pi, [0.0])), throw=False)
+    assert not degenerate.success
+    near = ao.solve(
+        Problem(OSCILLATOR, Event(0, [0.0]), Event(np.pi + 0.1, [0.3])), guess=degenerate
+    )
+    assert near.velocity(0.0)[0] == pytest.approx(0.3 / np.sin(np.pi + 0.1), rel=1e-8)
+
+
+def test_kinks_are_not_linear_equations():
+    # x'' = 4 sign(x), through the kink at x = 0: two parabolas.
+    system = System(lambda q, v, t: v[0] ** 2 / 2 + 4 * np.abs(q[0]), ["x"])
+    assert not system.structure.linear
+    smooth = System(lambda q, v, t: v[0] ** 2 / 2 + 4 * q[0], ["x"])
+    assert smooth.structure.linear
+    solution = ao.solve(Problem(system, Event(0, [0.5]), Event(0.5, [1.5])), tol=1e-6)
+    assert solution.velocity(0.0)[0] == pytest.approx((1.5 - 0.5 - 2 * 0.5**2) / 0.5, rel=1e-6)
+
+
+def test_one_element_with_nothing_free_and_a_constraint():
+    system = System(
+        lambda q, v, t: v @ v / 2 - q[1], ["x", "y"], constraint=lambda q, t: q[1] - q[0]
+    )
+    problem = Problem(system, Event(0, [0, 0]), Event(1, [1, 1]))
+    solution = ao.solve(problem, mesh=ao.Mesh([0.0, 1.0], 1), throw=False)
+    assert np.array_equal(solution.path.values, [[0, 1], [0, 1]])
+
+
+def test_a_changed_parameter_is_checked_anew():
+    system = System(
+        lambda q, v, t, *, m: m * v[0] ** 2 / 2 - q[0] ** 4, ["x"], parameters={"m": 1.0}
+    )
+    ends = Event(0, [0.1]), Event(1, [0.2])
+    neighbour = ao.solve(Problem(system, *ends))
+    with pytest.raises(ValueError, match="regular mass matrix"):
+        ao.solve(Problem(system, *ends, parameters={"m": 0.0}), guess=neighbour)
+
+
+def test_a_re_solve_from_the_tangent_takes_fewer_steps_and_arrives_at_the_same_path():
+    scene = scenes.get("pendulum")
+    first = ao.solve(scene.problem, tol=1e-9)
+    p = scene.problem
+    moved = Problem(
+        p.system, Event(p.start.t, [0.62]), Event(p.end.t, [-0.03]), parameters=p.parameters
+    )
+    again = ao.solve(moved, tol=1e-9, guess=first)
+    kinked = ao.solve(moved, tol=1e-9, guess=first.path)
+    t = np.linspace(p.start.t, p.end.t, 50)
+    assert np.max(np.abs(again(t) - kinked(t))) < 1e-9
+    assert again.stats["iterations"]["newton"] < kinked.stats["iterations"]["newton"]

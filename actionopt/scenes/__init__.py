@@ -55,7 +55,13 @@ def get(name: str, **parameters: Any) -> Scene:
                 f"scene {name!r} has no parameter {key!r}; its parameters are "
                 f"{', '.join(known)}{suggestion(key, known)}"
             )
-    return build(**parameters)
+    try:
+        return build(**parameters)
+    except TypeError as error:
+        given = ", ".join(f"{key}={value!r}" for key, value in parameters.items())
+        raise ValueError(
+            f"expected values that scene {name!r} can compute with, found {given}: {error}"
+        ) from error
 
 
 def parameters(name: str) -> dict[str, Any]:

@@ -119,7 +119,8 @@ class Transcription:
         nodes = self.mesh.nodes[layout.row_nodes][:, None]
         G = system.pointwise("constraint_jacobian")(Q[layout.row_nodes], nodes, problem.packed)[0]
         sizes = np.zeros(system.m)
-        np.maximum.at(sizes, layout.G_rows, np.max(np.abs(G), axis=0) * self.lengths[layout.G_cols])
+        largest = np.max(np.abs(G), axis=0, initial=0.0)
+        np.maximum.at(sizes, layout.G_rows, largest * self.lengths[layout.G_cols])
         return unit, np.where(sizes > 0, sizes, 1.0)
 
     # -- vectors -----------------------------------------------------------------------------
