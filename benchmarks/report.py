@@ -25,7 +25,9 @@ def write(results: Results) -> None:
     for kind in an.KINDS:
         figures.work_precision(rows, titles, kind, folder / f"{name}_{kind}")
     figures.profiles(rows, folder / f"{name}_profile")
-    page = "\n".join([*_head(results, name), *_summary(rows), *_tables(rows, titles)])
+    page = "\n".join(
+        [*_head(results, name), *_summary(rows), *_ahead(rows, titles), *_tables(rows, titles)]
+    )
     new = folder / f"{name}.md.part"
     new.write_text(page + "\n")
     shutil.move(new, folder / f"{name}.md")
@@ -80,6 +82,38 @@ def _summary(rows: an.Rows) -> list[str]:
             lines.append(f"| {kind}, {label} | " + " | ".join(cells) + " |")
     lines += ["", "In brackets the number of problems; +k: solved by actionopt alone; -k: by the"]
     return [*lines, "peer alone.", ""]
+
+
+WHY = """\
+Why: what a peer is given ready, actionopt does within its time. `solve_bvp`, shooting and Lambert's
+solvers start from equations of motion, Jacobians or formulas derived by hand; actionopt is given
+the Lagrangian, and traces, derives and compiles it, checks the question, chooses units, and
+estimates its error: a millisecond or so on one or two coordinates, where a peer needs no more in
+all. A loose error on many coordinates costs it nearly what a tight one does: the first mesh
+resolves more. Lambert's solvers know Kepler's problem alone, in closed form but for one unknown.
+"""
+
+
+def _ahead(rows: an.Rows, titles: dict[str, str]) -> list[str]:
+    lines = ["## Where a peer is ahead", "", "Ratio of actionopt's time to the peer's.", ""]
+    lines += ["| | " + " | ".join(f"{t:.0e}" for t in an.TARGETS) + " |"]
+    lines += ["|---|" + "---|" * len(an.TARGETS)]
+    for kind in an.KINDS:
+        found = {case: [_faster(rows, kind, t, case) for t in an.TARGETS] for case in rows}
+        for case, cells in found.items():
+            if any(cells):
+                lines.append(f"| {kind}, {titles[case]} | " + " | ".join(cells) + " |")
+    return [*lines, "", *WHY.splitlines(), ""]
+
+
+def _faster(rows: an.Rows, kind: str, target: float, case: str) -> str:
+    times = an.table(rows, kind, target)[case]
+    ours = times.get("actionopt_", np.inf)
+    ahead = [(ours / t, p) for p, t in times.items() if t < ours and p != "actionopt_"]
+    return ", ".join(
+        f"{figures.label(p)} {r:.1f}" if np.isfinite(r) else f"{figures.label(p)} alone"
+        for r, p in sorted(ahead, reverse=True)
+    )
 
 
 def _tables(rows: an.Rows, titles: dict[str, str]) -> list[str]:
