@@ -16,7 +16,7 @@ from actionopt.newton import moved
 from actionopt.path import Mesh, Path
 from actionopt.problem import Problem
 from actionopt.quadrature import Array
-from actionopt.refine import DEGREES
+from actionopt.refine import DEGREES, resolution
 from actionopt.settle import settle, settle_on
 from actionopt.solution import Solution
 from actionopt.status import Status
@@ -41,6 +41,7 @@ PATIENT = 30  # damped steps towards a path near a guess: whatever else there is
 NEAR_GUESS = (16, 32, 64)  # a guess has features that coarser meshes would miss
 LINEAR = 4  # elements to begin with where nothing has to be sought
 COARSE_DEGREE = 6
+SHOWN = 1e-3  # omitted coefficients of a guess below which a mesh shows all of it
 ROUGHLY = 2e-2  # omitted coefficients below which a coarse path is worth refining
 
 
@@ -160,14 +161,15 @@ class Search:
         """Follow the guess, or find the stationary path near it, or continue from it."""
         self.rung = "guess"
         status = Status.NOT_FOUND
-        for elements in NEAR_GUESS:
+        for elements in self._fine_enough(curve_of):
             coarse = self._uniform(elements, COARSE_DEGREE)
             curve, lam = curve_of(coarse), None
-            mesh = self.given or (curve.mesh if elements == NEAR_GUESS[0] else None)
+            own = curve.mesh is not coarse and elements == NEAR_GUESS[0]
+            mesh = self.given or (curve.mesh if own else coarse)
             if mesh is curve.mesh and neighbour is not None:
                 curve, lam = _moved(neighbour, self.walk.problem, curve)
             self.walk.sizes = sizes(curve.values.T, self.walk.problem.scales)
-            self.walk.place(mesh or coarse, curve, lam)
+            self.walk.place(mesh, curve, lam)
             near = self.walk.follow() or self.walk.approach(PATIENT) or self.walk.root()
             # A guess is worth seconds, not minutes.
             if near or (not self.walk.large and self.walk.release()):
@@ -175,6 +177,19 @@ class Search:
                 if status is not Status.UNRESOLVED:
                     break
         return status
+
+    def _fine_enough(self, curve_of: Callable[[Mesh], Path]) -> tuple[int, ...]:
+        """Return the numbers of elements to try: those that resolve the guess, if any does.
+
+        A motion of many turns is lost on a mesh that misses them; a kink is resolved by none.
+        """
+        for k, elements in enumerate(NEAR_GUESS):
+            mesh = self._uniform(elements, COARSE_DEGREE)
+            curve = curve_of(mesh)
+            size = sizes(curve.values.T, self.walk.problem.scales)
+            if curve.mesh is not mesh or resolution(mesh, curve.values.T, size).worst < SHOWN:
+                return NEAR_GUESS[k:]
+        return NEAR_GUESS
 
     # -- linear equations ------------------------------------------------------------------------
 
