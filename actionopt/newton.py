@@ -52,8 +52,13 @@ class Followed:
     travelled: float
 
 
-def follow(tr: Transcription, z: Array, *, linear: bool = False, steps: int = 12) -> Followed:
-    """Follow the stationary path near z in at most `steps` steps; one where it is `linear`."""
+def follow(
+    tr: Transcription, z: Array, *, linear: bool = False, many: bool = False, steps: int = 12
+) -> Followed:
+    """Follow the stationary path near z in at most `steps` steps; one where it is `linear`.
+
+    `many` is for `Factors`.
+    """
     cut = tr.layout.unknowns
     first = z
     with np.errstate(all="ignore"):
@@ -61,7 +66,7 @@ def follow(tr: Transcription, z: Array, *, linear: bool = False, steps: int = 12
         for k in range(1, steps + 1):
             factors = None  # frees the last ones before the next are made
             try:
-                factors = Factors(tr.layout, tr.kkt(z))
+                factors = Factors(tr.layout, tr.kkt(z), many=many)
                 step = factors.solve(residual)
                 nearer = z - step
                 second = factors.solve(tr.residual(nearer))
@@ -98,7 +103,7 @@ def moved(tr: Transcription, z: Array, ends: Array) -> Array:
     nearby = tr.with_ends(before + DIFFERENCE * (ends - before))
     with np.errstate(all="ignore"):
         push = (nearby.residual(z) - tr.residual(z)) / DIFFERENCE
-        return z - Factors(tr.layout, tr.kkt(z)).solve(push)
+        return z - Factors(tr.layout, tr.kkt(z), many=True).solve(push)
 
 
 def approach(tr: Transcription, z: Array, steps: int) -> tuple[Array, int] | None:

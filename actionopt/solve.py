@@ -72,7 +72,7 @@ def solve(
     if isinstance(guess, Solution) and isinstance(guess.problem, Problem) and guess.success:
         walk.gain = guess.stats["gain"]  # a neighbour is as sensitive
         if guess.problem.system is problem.system:
-            neighbour = guess
+            neighbour, walk.many = guess, True
             if np.array_equal(problem.packed, guess.problem.packed):
                 walk.units, walk.checked = guess.discrete[0], True
     system = problem.system

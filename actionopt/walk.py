@@ -51,6 +51,7 @@ class Walk:
 
     problem: Problem
     linear: bool = False
+    many: bool = False  # whether it is one of many such paths, on meshes of the same shapes
     sizes: Array = field(init=False)
     tr: Transcription = field(init=False)
     z: Array = field(init=False)
@@ -208,7 +209,7 @@ class Walk:
     def follow(self, reach: float = np.inf) -> bool:
         """Polish the path where it is; False if it is not there, or farther than `reach`."""
         clock = perf_counter()
-        result: Followed = follow(self.tr, self.z, linear=self.linear)
+        result: Followed = follow(self.tr, self.z, linear=self.linear, many=self.many)
         self.iterations["newton"] += result.iterations
         self.time["solve"] += perf_counter() - clock
         arrived = result.converged and (self.linear or result.travelled < reach)
