@@ -4,8 +4,9 @@
 
 A profiler charges each moment to the innermost function; here built-in functions of CasADi
 (tracing, deriving, compiling, factorizing, Ipopt itself) stand against numpy's and Python's own.
-The profiler slows Python down: shares are upper bounds for Python, and the total without it is
-given beside them.
+The profiler slows Python down, and cannot tell from it what runs without a function call: the
+arithmetic of arrays, and CasADi's compiled functions read and written in place. So the shares are
+upper bounds for Python; the total without the profiler is given beside them.
 """
 
 from __future__ import annotations

@@ -3,8 +3,9 @@
 Coordinates and multipliers of one node couple to those of its own element only. So the nodes inside
 each element are eliminated first, all elements of one degree at once, and what is left is a block
 tridiagonal matrix over the nodes between elements; every other node of it is eliminated in turn
-(cyclic reduction) until the rest is small. Work and memory grow with the number of elements, no
-pattern is analysed, and every pivot is a block that LAPACK inverts with pivoting.
+(cyclic reduction; Golub and Van Loan, *Matrix Computations* (4th ed. 2013), section 4.5) until the
+rest is small. Work and memory grow with the number of elements, no pattern is analysed, and every
+pivot is a block that LAPACK inverts with pivoting.
 """
 
 from __future__ import annotations
