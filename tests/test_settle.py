@@ -1,0 +1,56 @@
+"""Refinement to a tolerance, and what is said where it cannot be met."""
+
+import numpy as np
+import pytest
+
+from actionopt import Event, Mesh, Problem, Status, System, scenes
+from actionopt.settle import _finer, settle, settle_on
+from actionopt.walk import Walk
+
+
+def found(problem, elements=4, degree=6):
+    """Return a walk at the path found from the straight line on a coarse mesh."""
+    walk = Walk(problem, linear=problem.system.structure.linear)
+    walk.sizes = problem.scales
+    walk.place(Mesh.uniform(problem.start.t, problem.end.t, elements, degree), None)
+    assert walk.follow() or walk.approach()
+    return walk
+
+
+@pytest.mark.parametrize("tol", [1e-4, 1e-8, 1e-12])
+def test_the_tolerance_is_met(tol):
+    scene = scenes.get("pendulum")
+    walk = found(scene.problem)
+    assert settle(walk, tol, least=False) is Status.SOLVED
+    t = np.linspace(0.0, 1.0, 101)
+    assert np.max(np.abs(walk.path()(t) - scene.exact(t))) <= tol
+    assert walk.error <= tol
+
+
+def test_nothing_is_refined_that_is_good_enough():
+    walk = found(scenes.get("projectile").problem)  # a parabola is a polynomial of degree 2
+    assert settle(walk, 1e-12, least=False) is Status.SOLVED
+    assert len(walk.rounds) == 1
+
+
+def test_ends_that_are_conjugate_are_told():
+    oscillator = System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2, ["x"])
+    walk = found(Problem(oscillator, Event(0.0, [1.0]), Event(3 * np.pi, [-1.0])))
+    assert settle(walk, 1e-8, least=False) is Status.DEGENERATE
+
+
+def test_on_a_mesh_given_the_estimate_comes_from_a_finer_one():
+    scene = scenes.get("pendulum")
+    mesh = Mesh.uniform(0.0, 1.0, 3, 5)
+    walk = found(scene.problem)
+    assert settle_on(walk, mesh, least=False) is Status.ON_MESH
+    assert walk.tr.mesh is mesh
+    t = np.linspace(0.0, 1.0, 101)
+    error = np.max(np.abs(walk.path()(t) - scene.exact(t))) / np.max(np.abs(scene.exact(t)))
+    assert error / 3 < walk.error < 10 * error
+
+
+def test_a_finer_mesh_has_more_degrees_or_halves_where_there_are_no_more():
+    finer = _finer(Mesh([0.0, 1.0, 3.0, 4.0], [4, 63, 62]))
+    assert finer.degrees == (6, 64, 64, 64)
+    assert finer.boundaries.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]

@@ -1,0 +1,80 @@
+"""A path under way: placed, followed, carried, and what is written down of it."""
+
+import numpy as np
+import pytest
+
+from actionopt import Event, Mesh, Path, Problem, scenes
+from actionopt.walk import NEAR, Walk, sizes
+
+
+def on_the_way(name="pendulum", elements=4, degree=6):
+    """Return a scene and a walk that stands near its exact path."""
+    scene = scenes.get(name)
+    p = scene.problem
+    walk = Walk(p, linear=p.system.structure.linear)
+    walk.sizes = p.scales
+    mesh = Mesh.uniform(p.start.t, p.end.t, elements, degree)
+    bent = Path.interpolate(lambda t: 1.001 * scene.exact(t), mesh)
+    walk.place(mesh, bent)
+    return scene, walk
+
+
+def error(scene, walk):
+    p = scene.problem
+    t = np.linspace(p.start.t, p.end.t, 101)
+    return np.max(np.abs(walk.path()(t) - scene.exact(t)))
+
+
+@pytest.mark.parametrize("name", ["pendulum", "oscillator", "rod_pendulum", "damped_oscillator"])
+def test_a_path_is_followed_where_it_is_and_carried_to_a_finer_mesh(name):
+    scene, walk = on_the_way(name)
+    assert walk.follow()
+    coarse = error(scene, walk)
+    assert 1e-13 < coarse < 1e-3
+    p = scene.problem
+    assert walk.carry(Mesh.uniform(p.start.t, p.end.t, 6, 12), least=False)
+    assert error(scene, walk) < 1e-4 * coarse
+    assert error(scene, walk) <= walk.error  # the estimate, by the change from mesh to mesh
+    assert [row["elements"] for row in walk.rounds] == [4, 6]
+    assert walk.iterations["newton"] >= 2
+
+
+def test_a_path_that_goes_far_is_not_the_same_path():
+    _, walk = on_the_way()
+    walk.z = walk.z + 3 * NEAR
+    assert not walk.follow(reach=NEAR)
+    assert walk.rounds == []
+
+
+def test_units_are_kept_while_sizes_are_alike():
+    scene, walk = on_the_way()
+    first = walk.tr
+    walk.sizes = 2 * walk.sizes
+    walk.place(first.mesh, walk.path())
+    assert walk.tr.action_unit == first.action_unit
+    walk.sizes = 100 * walk.sizes
+    walk.place(first.mesh, walk.path())
+    assert walk.tr.action_unit != first.action_unit
+
+
+def test_descending_is_open_to_few_free_coordinates():
+    assert on_the_way("pendulum")[1].can_descend
+    assert not on_the_way("rod_pendulum")[1].can_descend  # a constraint
+    assert not Walk(scenes.get("figure_eight").problem).can_descend  # six coordinates
+
+
+def test_sizes_are_the_largest_reached_and_never_zero():
+    Q = np.array([[0.0, -3.0, 1e-20], [0.0, 2.0, 0.0]])
+    assert sizes(Q, np.ones(3)).tolist() == [3.0, 3.0, 3.0]
+    assert sizes(np.zeros((2, 3)), np.full(3, 7.0)).tolist() == [7.0, 7.0, 7.0]
+
+
+def test_the_index_on_a_mesh_counts_conjugate_times():
+    oscillator = scenes.get("oscillator").problem.system
+    for half_periods in (0.5, 2.5):
+        T = half_periods * np.pi
+        walk = Walk(Problem(oscillator, Event(0.0, [1.0]), Event(T, [0.3])), linear=True)
+        walk.sizes = np.ones(1)
+        walk.place(Mesh.uniform(0.0, T, 8, 8), None)
+        assert walk.follow()
+        assert walk.index() == int(half_periods)
