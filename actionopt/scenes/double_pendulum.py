@@ -66,7 +66,8 @@ def scene(
     """Join two pairs of angles (rad) in `duration` (s); masses in kg, lengths in m.
 
     No closed form is known. The default end is, rounded, where a release from rest at the
-    default start arrives after two seconds: a saddle of the action, with other paths beside it.
+    default start arrives after two seconds. That motion is a saddle of the action; other paths
+    join the same ends, least ones among them, and one of those is found without a guess.
     """
     values = {"m1": m1, "m2": m2, "l1": l1, "l2": l2, "g": g}
 
