@@ -205,7 +205,9 @@ def _check_on_surface(problem: Problem, role: str, event: Event) -> None:
     f = system.pointwise("constraint")(q, t, problem.packed)[0][0]
     jacobian = system.pointwise("constraint_jacobian")
     G = np.abs(jacobian(q, t, problem.packed)[0][0])
-    drift = np.abs(system.pointwise("constraint_rate")(q, t, problem.packed)[0][0])
+    drift = np.zeros(system.m)
+    if system.structure.depends_on_time:
+        drift = np.abs(system.pointwise("constraint_rate")(q, t, problem.packed)[0][0])
     sparsity = jacobian.function.sparsity_out(0)
     rows, cols = np.array(sparsity.row(), dtype=int), np.array(sparsity.get_col(), dtype=int)
     lengths = problem.scales
