@@ -524,3 +524,9 @@ def test_figure_eight_publishes_its_action():
     facts = scenes.get("figure_eight").facts
     scaled = facts["period_action"] * (2 * np.pi / facts["period"]) ** (1 / 3)
     assert abs(scaled - 24.371926) < 5e-7
+
+
+@pytest.mark.parametrize("value", ["a", None, [1, 2]])
+def test_values_that_a_scene_cannot_compute_with_are_refused(value):
+    with pytest.raises(ValueError, match="pendulum"):
+        scenes.get("pendulum", g=value)

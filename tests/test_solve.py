@@ -12,6 +12,7 @@ from scipy.integrate import solve_bvp, solve_ivp
 
 import actionopt as ao
 from actionopt import Event, Mesh, Problem, SolveError, Status, System, scenes
+from actionopt.jacobi import resolved
 from actionopt.quadrature import lgl
 from actionopt.transcription import Transcription
 
@@ -714,6 +715,23 @@ def test_one_element_with_nothing_free_and_a_constraint():
     problem = Problem(system, Event(0, [0, 0]), Event(1, [1, 1]))
     solution = ao.solve(problem, mesh=ao.Mesh([0.0, 1.0], 1), throw=False)
     assert np.array_equal(solution.path.values, [[0, 1], [0, 1]])
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_the_index_on_a_mesh_of_low_degree_takes_no_more_than_raising_it(degree):
+    # Fields on elements of degree 1 have no coefficients that could decay.
+    mesh = ao.Mesh.uniform(0.0, 4.0, 20, degree)
+    solution = ao.solve(Problem(OSCILLATOR, Event(0, [1.0]), Event(4.0, [0.5])), mesh=mesh)
+    assert solution.morse_index == 1
+    assert resolved(solution, 1e-8).tr.mesh.elements == 20
+
+
+def test_a_solution_from_a_file_is_a_guess_without_its_system(tmp_path):
+    problem = scenes.get("pendulum").problem
+    first = ao.solve(problem)
+    first.save(tmp_path / "first.npz")
+    again = ao.solve(problem, guess=ao.load(tmp_path / "first.npz"))
+    assert np.max(np.abs(again.path.values - first.path.values)) < 1e-9
 
 
 def test_a_changed_parameter_is_checked_anew():
