@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike
 from actionopt.identity import POINTS, ROUNDING, general_points, general_states, mismatch, vanishes
 from actionopt.pointwise import Pointwise
 from actionopt.quadrature import Array
+from actionopt.symbolic import Expressions
 from actionopt.system import System
 from actionopt.tracing import call, column
 
@@ -217,12 +218,11 @@ def _traced(system: System, given: Any, role: str, rows: int) -> ca.SX:
         return ca.SX(column(np.array(given, dtype=float, ndmin=1).tolist(), role, rows))
     s = system.symbols
     fresh = system.table.symbols()
-    named = system.table.named(ca.array(fresh).reshape(fresh.numel()))
-    n = system.n
+    named = system.table.named(fresh)
     arguments = {
-        "q": ca.array(s.q).reshape(n),
-        "v": ca.array(s.v).reshape(n),
-        "t": ca.array(s.t).reshape(()),  # pyright: ignore[reportArgumentType]
+        "q": Expressions(s.q, 1),
+        "v": Expressions(s.v, 1),
+        "t": Expressions(s.t, 0),
     }
     for name in {"time": "qv", "kinetic": ""}.get(role, "v"):
         del arguments[name]

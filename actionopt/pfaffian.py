@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike
 
 from actionopt.identity import general_points
 from actionopt.quadrature import Array, lgl
+from actionopt.symbolic import Expressions
 from actionopt.tracing import ParameterTable, call, column, requested
 
 Rows = Callable[..., Any]
@@ -210,14 +211,14 @@ def _symbols(rows: Rows, n: int, parameters) -> tuple[ca.SX, ca.SX, ca.SX, Array
     """Return q, the packed parameters, A(q) as (m, n) and the parameters' values."""
     table = ParameterTable(parameters)
     p = table.symbols()
-    named = table.named(ca.array(p).reshape(p.numel()))
+    named = table.named(p)
     q = ca.SX.sym("q", n)
     return q, p, _matrix(rows, q, named), table.pack(table.values())
 
 
 def _matrix(rows: Rows, q: ca.SX, values: Mapping[str, Any]) -> ca.SX:
     n = q.numel()
-    given, _ = call(rows, "pfaffian", {"q": ca.array(q).reshape(n)}, values)
+    given, _ = call(rows, "pfaffian", {"q": Expressions(q, 1)}, values)
     nested = isinstance(given, (list, tuple)) and isinstance(given[0], (list, tuple, np.ndarray))
     lists = given if nested else [given]
     return ca.vertcat(*[column(row, "pfaffian", n).T for row in lists])

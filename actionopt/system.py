@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 from actionopt.identity import general_states, vanishes
 from actionopt.pointwise import Pointwise
 from actionopt.quadrature import Array
+from actionopt.symbolic import Expressions
 from actionopt.tracing import ParameterTable, Symbols, call, column, is_smooth, suggestion
 
 
@@ -103,11 +104,8 @@ class System:
         n = len(self.coordinates)
         q, v, t, p = ca.SX.sym("q", n), ca.SX.sym("v", n), ca.SX.sym("t"), self.table.symbols()
         self.symbols = Symbols(q, v, t, p)
-        # What the callables receive are slices of one true 1-d array view: numpy functions and
-        # unpacking then work without a warning, and making one costs less than making many.
-        view = ca.array(ca.vertcat(q, v, t, p)).reshape(2 * n + 1 + p.numel())
-        Q, V, T = view[:n], view[n : 2 * n], view[2 * n]
-        named = self.table.named(view[2 * n + 1 :])
+        Q, V, T = Expressions(q, 1), Expressions(v, 1), Expressions(t, 0)
+        named = self.table.named(p)
         given, used = call(lagrangian, "lagrangian", {"q": Q, "v": V, "t": T}, named)
         self.L = column(given, "lagrangian", 1)
         self.f = ca.SX(0, 1)

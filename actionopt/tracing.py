@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt.quadrature import Array
+from actionopt.symbolic import Expressions
 
 KINKED = "fabs|fmin|fmax|fmod|remainder|floor|ceil|sign|copysign"
 
@@ -71,13 +72,15 @@ class ParameterTable:
         columns = [ca.SX.sym(name, int(np.prod(shape))) for name, shape in self.shapes.items()]
         return ca.vertcat(*columns) if columns else ca.SX(0, 1)
 
-    def named(self, packed: Any) -> dict[str, Any]:
-        """Return by name what the user's callables receive, from a 1-d array view of `symbols`."""
+    def named(self, packed: ca.SX) -> dict[str, Expressions]:
+        """Return by name what the user's callables receive, from a column packed as `symbols`."""
         found, first = {}, 0
         for name, shape in self.shapes.items():
             size = int(np.prod(shape))
-            part = packed[first : first + size] if shape else packed[first]
-            found[name] = part.reshape(shape) if len(shape) == 2 else part
+            part = packed[first : first + size]
+            if len(shape) == 2:  # row by row, as numpy stores it
+                part = ca.reshape(part, shape[1], shape[0]).T
+            found[name] = Expressions(part, len(shape))
             first += size
         return found
 
@@ -181,13 +184,16 @@ def column(result: Any, role: str, rows: int | None = None) -> ca.SX:
     try:
         if isinstance(result, (list, tuple)):
             value = ca.vertcat(*[ca.vec(ca.SX(item)) for item in result]) if result else ca.SX(0, 1)
+        elif isinstance(result, Expressions) and result.ndim < 2:
+            value = result.sx
         else:
             value = ca.vec(ca.SX(result))
     except Exception as error:
         raise ValueError(
             f"expected the {role} to return numbers or expressions, found {type(result).__name__}"
         ) from error
-    value = ca.densify(value)
+    if not value.is_dense():
+        value = ca.densify(value)
     if _has_nan(value):
         raise ValueError(
             f"the {role} contains NaN: a function of the math module, or float(), cannot see a "

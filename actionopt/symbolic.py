@@ -1,0 +1,266 @@
+"""What a user's callable receives: arrays of expressions that behave as numpy's do.
+
+CasADi's own array view knows all of numpy, at some thirty microseconds an operation, which for a
+small Lagrangian is longer than solving it. What Lagrangians are mostly made of, arithmetic,
+elementary functions, indexing and sums of numbers and vectors, is done here directly; the rest is
+handed to CasADi's view and taken back.
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+NUMBERS = (int, float, np.integer)
+BINARY = {
+    np.add: ca.OP_ADD,
+    np.subtract: ca.OP_SUB,
+    np.multiply: ca.OP_MUL,
+    np.divide: ca.OP_DIV,
+    np.power: ca.OP_POW,
+    np.arctan2: ca.OP_ATAN2,
+}
+UNARY = {
+    np.negative: ca.OP_NEG,
+    np.square: ca.OP_SQ,
+    np.sqrt: ca.OP_SQRT,
+    np.exp: ca.OP_EXP,
+    np.log: ca.OP_LOG,
+    np.sin: ca.OP_SIN,
+    np.cos: ca.OP_COS,
+    np.tan: ca.OP_TAN,
+    np.arcsin: ca.OP_ASIN,
+    np.arccos: ca.OP_ACOS,
+    np.arctan: ca.OP_ATAN,
+    np.sinh: ca.OP_SINH,
+    np.cosh: ca.OP_COSH,
+    np.tanh: ca.OP_TANH,
+}
+
+
+class Expressions:
+    """Expressions in an array of no, one or two axes.
+
+    Parameters
+    ----------
+    sx : casadi.SX
+        Their values: a column where there is one axis.
+    ndim : int
+    """
+
+    __array_priority__ = 2000.0  # above those of CasADi's matrices, whose operators yield
+    __hash__ = None  # type: ignore[assignment]
+
+    def __init__(self, sx: ca.SX, ndim: int) -> None:
+        self.sx, self.ndim = sx, ndim
+        self._items: list[ca.SX] | None = None
+
+    def __SX__(self) -> ca.SX:
+        """Return what CasADi's functions take."""
+        return self.sx
+
+    def __getattr__(self, name: str) -> Any:
+        """Return what only CasADi's view has: `shape`, `T`, `reshape`, `mean`, ..."""
+        if name.startswith("_"):
+            raise AttributeError(name)
+        found = getattr(_theirs(self), name)
+        return _calling(found) if callable(found) else _ours(found)
+
+    # -- parts -----------------------------------------------------------------------------------
+
+    def __len__(self) -> int:
+        """Return the length of the first axis."""
+        if not self.ndim:
+            raise TypeError("a number has no length")
+        return self.sx.size1()
+
+    def __iter__(self) -> Iterator[Expressions]:
+        """Return an iterator over the first axis."""
+        if self.ndim == 1:
+            return (Expressions(item, 0) for item in self._elements())
+        return (self[i] for i in range(len(self)))
+
+    def __getitem__(self, index: Any) -> Expressions:
+        """Return a part, as numpy does."""
+        if self.ndim == 1:
+            if isinstance(index, int):
+                return Expressions(self._elements()[index], 0)
+            if isinstance(index, slice):
+                return Expressions(self.sx[index, 0], 1)  # a column, even of one or none
+        return _ours(_theirs(self)[index])
+
+    def __setitem__(self, index: Any, value: Any) -> None:
+        """Replace a part, here only: the symbols are nobody's to change."""
+        whole = _theirs(self)
+        whole[index] = _theirs(value)
+        self.sx, self._items = whole.to_casadi(), None
+
+    def _elements(self) -> list[ca.SX]:
+        if self._items is None:
+            self._items = self.sx.elements()
+        return self._items
+
+    # -- numbers ---------------------------------------------------------------------------------
+
+    def __bool__(self) -> bool:
+        """Refuse: an expression is neither true nor false."""
+        return bool(self.sx)
+
+    def __float__(self) -> float:
+        """Return the value of a constant, NaN for an expression."""
+        return float(self.sx)
+
+    def __array__(self, dtype: Any = None, copy: Any = None) -> Any:
+        """Refuse: there are no numbers yet."""
+        raise TypeError("cannot convert expressions to a numpy array of numbers")
+
+    # -- arithmetic ------------------------------------------------------------------------------
+
+    def __neg__(self) -> Expressions:
+        """Return -x."""
+        return Expressions(ca.SX.unary(ca.OP_NEG, self.sx), self.ndim)
+
+    def __pos__(self) -> Expressions:
+        """Return x."""
+        return self
+
+    def __abs__(self) -> Expressions:
+        """Return |x|."""
+        return Expressions(ca.SX.unary(ca.OP_FABS, self.sx), self.ndim)
+
+    def __mod__(self, other: Any) -> Any:
+        """Return the remainder."""
+        return _ours(_theirs(self) % _theirs(other))
+
+    def __lt__(self, other: Any) -> Any:
+        """Return x < y, an expression as well; so are the other comparisons."""
+        return _binary(ca.OP_LT, operator.lt, self, other)
+
+    def __le__(self, other: Any) -> Any:
+        """Return x <= y."""
+        return _binary(ca.OP_LE, operator.le, self, other)
+
+    def __gt__(self, other: Any) -> Any:
+        """Return x > y."""
+        return _binary(ca.OP_LT, operator.lt, other, self)
+
+    def __ge__(self, other: Any) -> Any:
+        """Return x >= y."""
+        return _binary(ca.OP_LE, operator.le, other, self)
+
+    def __eq__(self, other: Any) -> Any:
+        """Return x == y."""
+        return _binary(ca.OP_EQ, operator.eq, self, other)
+
+    def __ne__(self, other: Any) -> Any:
+        """Return x != y."""
+        return _binary(ca.OP_NE, operator.ne, self, other)
+
+    def __matmul__(self, other: Any) -> Any:
+        """Return the product of vectors or matrices."""
+        if isinstance(other, Expressions) and self.ndim and other.ndim:
+            left = self.sx if self.ndim == 2 else self.sx.T
+            product = ca.mtimes(left, other.sx)
+            if self.ndim == 1 and other.ndim == 2:
+                product = product.T
+            return Expressions(product, self.ndim + other.ndim - 2)
+        return _ours(_theirs(self) @ _theirs(other))
+
+    def __rmatmul__(self, other: Any) -> Any:
+        """Return the product with what is no expression."""
+        return _ours(_theirs(other) @ _theirs(self))
+
+    def sum(self, axis: Any = None) -> Any:
+        """Return the sum over an axis, or over all."""
+        if self.ndim == 1 and axis in (None, 0, -1):
+            return Expressions(ca.sum1(self.sx), 0)
+        return _ours(_theirs(self).sum(axis))
+
+    def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **kwargs: Any) -> Any:
+        """Return what one of numpy's elementwise functions gives."""
+        if method == "__call__" and not kwargs:
+            if ufunc in UNARY:
+                return Expressions(ca.SX.unary(UNARY[ufunc], self.sx), self.ndim)
+            if ufunc in BINARY:
+                return _binary(BINARY[ufunc], ufunc, *inputs)
+        return _ours(getattr(ufunc, method)(*_theirs(inputs), **kwargs))
+
+    def __array_function__(self, func: Any, types: Any, args: Any, kwargs: Any) -> Any:
+        """Return what another of numpy's functions gives."""
+        if func is np.sum and not kwargs and len(args) == 1:
+            return self.sum()
+        if func is np.dot and not kwargs and self.ndim == 1:
+            return operator.matmul(*args)
+        named = {name: _theirs(value) for name, value in kwargs.items()}
+        return _ours(func(*_theirs(args), **named))
+
+
+def _binary(code: int, general: Callable[[Any, Any], Any], a: Any, b: Any) -> Any:
+    """Return an elementwise operation: by its CasADi `code`, or by the function `general`."""
+    if isinstance(a, Expressions):
+        if isinstance(b, NUMBERS):
+            return Expressions(ca.SX.binary(code, a.sx, b), a.ndim)
+        if isinstance(b, Expressions):
+            ndim = max(a.ndim, b.ndim)
+            if ndim < 2 or a.sx.size() == b.sx.size():
+                return Expressions(ca.SX.binary(code, a.sx, b.sx), ndim)
+    elif isinstance(a, NUMBERS):
+        return Expressions(ca.SX.binary(code, a, b.sx), b.ndim)
+    return _ours(general(_theirs(a), _theirs(b)))
+
+
+def _both_ways(name: str, code: int, general: Callable[[Any, Any], Any]) -> None:
+    """Give the class an operator and its reflection."""
+
+    def forward(self: Expressions, other: Any) -> Any:
+        return _binary(code, general, self, other)
+
+    def reflected(self: Expressions, other: Any) -> Any:
+        return _binary(code, general, other, self)
+
+    setattr(Expressions, f"__{name}__", forward)
+    setattr(Expressions, f"__r{name}__", reflected)
+
+
+for _operator in (
+    ("add", ca.OP_ADD, operator.add),
+    ("sub", ca.OP_SUB, operator.sub),
+    ("mul", ca.OP_MUL, operator.mul),
+    ("truediv", ca.OP_DIV, operator.truediv),
+    ("pow", ca.OP_POW, operator.pow),
+):
+    _both_ways(*_operator)
+
+
+def _theirs(x: Any) -> Any:
+    """Return expressions, also those in lists and tuples, as CasADi's array view."""
+    if isinstance(x, Expressions):
+        shape = (x.sx.size1(), x.sx.size2())[: x.ndim]
+        return ca.ArrayInterface.SX(x.sx, shape=shape)
+    if isinstance(x, (list, tuple)):
+        return type(x)([_theirs(item) for item in x])
+    return x
+
+
+def _ours(x: Any) -> Any:
+    """Return CasADi's array views of expressions, also those in lists and tuples, as ours."""
+    if isinstance(x, ca.ArrayInterface):
+        value = x.to_casadi() if x.ndim <= 2 else None
+        return Expressions(value, x.ndim) if isinstance(value, ca.SX) else x
+    if isinstance(x, (list, tuple)):
+        return type(x)([_ours(item) for item in x])
+    return x
+
+
+def _calling(method: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a method of CasADi's view as one that takes and returns ours."""
+
+    def called(*args: Any, **kwargs: Any) -> Any:
+        named = {name: _theirs(value) for name, value in kwargs.items()}
+        return _ours(method(*_theirs(args), **named))
+
+    return called
