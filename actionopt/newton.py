@@ -23,6 +23,7 @@ SETTLING = 5  # steps that multipliers may take to come right
 SURELY = 0.1  # a ratio of steps that leaves no doubt of it
 DAMPED = 1e-3  # a shorter fraction of a step leads nowhere
 DIFFERENCE = 1e-5  # of the ends' movement, for a derivative that is good to as many digits
+CHORDS = {"whole": 1, "blocks": 3, "sparse": 1}  # simplified steps cheaper than a factorization
 TARGET = 1e-14  # in units of the coordinates' sizes; one step past it costs next to nothing
 
 
@@ -53,14 +54,22 @@ class Followed:
 
 
 def follow(
-    tr: Transcription, z: Array, *, linear: bool = False, many: bool = False, steps: int = 12
+    tr: Transcription,
+    z: Array,
+    *,
+    linear: bool = False,
+    many: bool = False,
+    target: float = TARGET,
+    steps: int = 12,
 ) -> Followed:
-    """Follow the stationary path near z in at most `steps` steps; one where it is `linear`.
+    """Follow the stationary path near z in at most `steps` factorizations; one if it is `linear`.
 
-    `many` is for `Factors`.
+    What is left then is below `target`, in units of the coordinates' sizes, or round-off. `many`
+    is for `Factors`.
     """
-    cut = tr.layout.unknowns
+    cut, chords = tr.layout.unknowns, CHORDS[tr.layout.storage]
     first = z
+    rest = np.inf
     with np.errstate(all="ignore"):
         residual = tr.residual(z)
         for k in range(1, steps + 1):
@@ -68,21 +77,27 @@ def follow(
             try:
                 factors = Factors(tr.layout, tr.kkt(z), many=many)
                 step = factors.solve(residual)
-                nearer = z - step
-                second = factors.solve(tr.residual(nearer))
+                settled, ratio = False, 0.0
+                for again in range(chords + 2):
+                    z, size = z - step, _size(step[:cut])
+                    residual = tr.residual(z)
+                    step = factors.solve(residual)
+                    rest = _size(step[:cut])
+                    if not np.isfinite(rest):
+                        return Followed(z, False, np.inf, k, np.inf)
+                    if settled or rest <= target:
+                        if not residual.any():  # a path of zeros has no round-off of its own
+                            rest = _size(factors.solve(_roundoff(tr, factors))[:cut])
+                        return Followed(z, True, rest, k, _size((z - first)[:cut]))
+                    ratio = rest / size if size else 0.0
+                    stopped = ratio > CONTRACTION and rest < ROUNDOFF_STEP
+                    settled = linear or rest * ratio <= target or stopped
+                    if not settled and rest * min(ratio, 1.0) ** (chords - again) > target:
+                        break
             except np.linalg.LinAlgError:
                 return Followed(z, False, np.inf, k, np.inf)
-            size, rest = _size(step[:cut]), _size(second[:cut])
-            if not np.isfinite(rest):
-                return Followed(z, False, np.inf, k, np.inf)
-            z = nearer - second
+            z = z - step
             residual = tr.residual(z)
-            ratio = rest / size if size else 0.0
-            if linear or rest * ratio <= TARGET or (ratio > CONTRACTION and rest < ROUNDOFF_STEP):
-                if not residual.any():  # a path of zeros has no round-off of its own
-                    residual = _roundoff(tr, factors)
-                noise = _size(factors.solve(residual)[:cut])
-                return Followed(z, True, noise, k, _size((z - first)[:cut]))
             # Multipliers far off disturb the first steps, and are right after them.
             settling = tr.layout.rows > 0 and k <= SETTLING and ratio < 1 / CONTRACTION
             if ratio > CONTRACTION and not settling:
@@ -93,17 +108,26 @@ def follow(
     return Followed(z, exhausted, rest, k, _size((z - first)[:cut]))
 
 
-def moved(tr: Transcription, z: Array, ends: Array) -> Array:
-    """Return where the stationary path z goes, to first order, when its ends move to `ends` (2, n).
+def moved(tr: Transcription, z: Array, to: Transcription) -> Array:
+    """Return where the stationary path z of `tr` goes when its ends move to those of `to`.
 
-    The tangent of the family of paths: it bends smoothly where new ends alone would kink the path.
-    Raises numpy.linalg.LinAlgError if the matrix is singular.
+    Along the tangent of the family of paths, which bends smoothly where new ends alone would kink
+    the path, and by simplified steps as long as they contract. Raises numpy.linalg.LinAlgError if
+    the matrix is singular.
     """
+    cut = tr.layout.unknowns
     before = tr.ends[[0, -1]]
-    nearby = tr.with_ends(before + DIFFERENCE * (ends - before))
+    nearby = tr.with_ends(before + DIFFERENCE * (to.ends[[0, -1]] - before))
     with np.errstate(all="ignore"):
-        push = (nearby.residual(z) - tr.residual(z)) / DIFFERENCE
-        return z - Factors(tr.layout, tr.kkt(z), many=True).solve(push)
+        factors = Factors(tr.layout, tr.kkt(z), many=True)
+        step = factors.solve(nearby.residual(z)) / DIFFERENCE  # that of z itself is zero
+        z = z - step
+        for _ in range(CHORDS[tr.layout.storage] - 1):
+            last, step = _size(step[:cut]), factors.solve(to.residual(z))
+            if not _size(step[:cut]) < CONTRACTION * last:
+                break
+            z = z - step
+    return z
 
 
 def approach(tr: Transcription, z: Array, steps: int) -> tuple[Array, int] | None:
@@ -145,7 +169,7 @@ def approach(tr: Transcription, z: Array, steps: int) -> tuple[Array, int] | Non
                 damping = min(better, damping / 2) if np.isfinite(rest) else damping / 4
             z, last = trial, length
             if damping == 1.0 and _size(missed[:cut]) < SURELY * _size(step[:cut]):
-                return z, k
+                return z + missed, k
     return None
 
 

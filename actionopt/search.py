@@ -12,10 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from actionopt.newton import moved
 from actionopt.path import Mesh, Path
-from actionopt.problem import Problem
-from actionopt.quadrature import Array
 from actionopt.refine import DEGREES, resolution
 from actionopt.settle import settle, settle_on
 from actionopt.solution import Solution
@@ -157,19 +154,33 @@ class Search:
 
     # -- from a guess --------------------------------------------------------------------------
 
-    def from_guess(self, curve_of: Callable[[Mesh], Path], neighbour: Solution | None) -> Status:
+    def from_neighbour(self, neighbour: Solution) -> Status:
+        """Follow a path of the system as its ends move to these, where nothing else differs."""
+        problem, old = self.walk.problem, neighbour.problem
+        tr, z = neighbour.discrete
+        same = (
+            (old.start.t, old.end.t) == (problem.start.t, problem.end.t)
+            and (old.start.pinned, old.end.pinned) == (problem.start.pinned, problem.end.pinned)
+            and old.advance is None is problem.advance
+            and self.given in (None, tr.mesh)
+        )
+        self.rung = "linear" if self.walk.linear else "guess"
+        if not same or not self.walk.join(tr, z):
+            return Status.NOT_FOUND
+        near = self.walk.follow() or self.walk.approach(PATIENT)
+        return self._settle() if near else Status.NOT_FOUND
+
+    def from_guess(self, curve_of: Callable[[Mesh], Path]) -> Status:
         """Follow the guess, or find the stationary path near it, or continue from it."""
         self.rung = "guess"
         status = Status.NOT_FOUND
         for elements in self._fine_enough(curve_of):
             coarse = self._uniform(elements, COARSE_DEGREE)
-            curve, lam = curve_of(coarse), None
+            curve = curve_of(coarse)
             own = curve.mesh is not coarse and elements == NEAR_GUESS[0]
             mesh = self.given or (curve.mesh if own else coarse)
-            if mesh is curve.mesh and neighbour is not None:
-                curve, lam = _moved(neighbour, self.walk.problem, curve)
             self.walk.sizes = sizes(curve.values.T, self.walk.problem.scales)
-            self.walk.place(mesh, curve, lam)
+            self.walk.place(mesh, curve)
             near = self.walk.follow() or self.walk.approach(PATIENT) or self.walk.root()
             # A guess is worth seconds, not minutes.
             if near or (not self.walk.large and self.walk.release()):
@@ -223,27 +234,3 @@ class Search:
         if self.given is not None:
             return settle_on(self.walk, self.given, least=self.least)
         return settle(self.walk, self.tol, least=self.least)
-
-
-def _moved(neighbour: Solution, problem: Problem, path: Path) -> tuple[Path, Array | None]:
-    """Return the neighbour's path as it goes when its ends move to the problem's, and multipliers.
-
-    Only where nothing else than pinned ends differs; else `path`, which is the guess as it is.
-    """
-    old, (tr, z) = neighbour.problem, neighbour.discrete
-    pins = (problem.start.pinned, problem.end.pinned) == (old.start.pinned, old.end.pinned)
-    same = path.mesh is tr.mesh and np.array_equal(problem.packed, old.packed)
-    if not (same and pins) or problem.advance is not None or old.advance is not None:
-        return path, None
-    ends = np.array([problem.start.q, problem.end.q], dtype=float)
-    ends = np.where(np.isnan(ends), tr.ends[[0, -1]], ends)
-    try:
-        z = moved(tr, z, ends)
-    except np.linalg.LinAlgError:
-        return path, None
-    finally:
-        tr.forget()
-    if not np.all(np.isfinite(z)):
-        return path, None
-    Q, lam = tr.unpack(z)
-    return Path(tr.mesh, Q.T), lam if tr.layout.rows else None

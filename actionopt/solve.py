@@ -18,7 +18,7 @@ from actionopt.problem import Problem
 from actionopt.search import Search
 from actionopt.solution import Solution
 from actionopt.status import SolveError, Status
-from actionopt.walk import ROUNDOFF, Walk
+from actionopt.walk import ORDINARY, ROUNDOFF, SAFETY, Walk
 
 
 def solve(
@@ -67,24 +67,26 @@ def solve(
     """
     started = perf_counter()
     curve_of = checked(problem, tol, guess, principle, mesh)
-    walk = Walk(problem)
-    neighbour = None
-    if isinstance(guess, Solution) and isinstance(guess.problem, Problem) and guess.success:
-        walk.gain = guess.stats["gain"]  # a neighbour is as sensitive
-        if guess.problem.system is problem.system:
-            neighbour, walk.many = guess, True
-            if np.array_equal(problem.packed, guess.problem.packed):
-                walk.units, walk.checked = guess.discrete[0], True
     system = problem.system
-    walk.linear = system.structure.linear
+    walk = Walk(problem, system.structure.linear, min(tol / (10 * SAFETY), ORDINARY * ROUNDOFF))
     for name in ("first", "second"):
         system.pointwise(name)
     walk.time["derive"] += perf_counter() - started
     search = Search(walk, tol, principle, mesh)
-    if walk.linear:
+    status = Status.NOT_FOUND
+    if isinstance(guess, Solution) and isinstance(guess.problem, Problem) and guess.success:
+        walk.gain = guess.stats["gain"]  # a neighbour is as sensitive
+        if guess.problem.system is system:
+            walk.many = True
+            if np.array_equal(problem.packed, guess.problem.packed):
+                walk.units, walk.checked = guess.discrete[0], True
+                status = search.from_neighbour(guess)
+    if status not in (Status.NOT_FOUND, Status.UNRESOLVED):
+        pass
+    elif walk.linear:
         status = search.solve_linear(curve_of)
     elif curve_of is not None:
-        status = search.from_guess(curve_of, neighbour)
+        status = search.from_guess(curve_of)
     else:
         status = search.from_nothing()
     if principle == "least" and status.success and walk.index() > 0:

@@ -15,7 +15,7 @@ import numpy as np
 
 from actionopt.continuation import release
 from actionopt.descent import descend
-from actionopt.newton import Followed, approach, follow
+from actionopt.newton import TARGET, Followed, approach, follow, moved
 from actionopt.path import Mesh, Path
 from actionopt.preflight import check, project
 from actionopt.problem import Problem
@@ -51,6 +51,7 @@ class Walk:
 
     problem: Problem
     linear: bool = False
+    target: float = TARGET  # what Newton's method may leave
     many: bool = False  # whether it is one of many such paths, on meshes of the same shapes
     sizes: Array = field(init=False)
     tr: Transcription = field(init=False)
@@ -125,6 +126,29 @@ class Walk:
             lam = self._motion_multipliers(mesh, Q)
         self.z = self.tr.pack(Q, lam)
         self.time["assemble"] += perf_counter() - clock
+
+    def join(self, tr: Transcription, z: Array) -> bool:
+        """Stand where the path z of a problem goes when its ends move to this one's.
+
+        They may differ in nothing else. False if the path is lost, or grows out of its units.
+        """
+        clock = perf_counter()
+        mine = tr.between(self.problem)
+        self.sizes = np.maximum(tr.lengths, np.max(np.abs(mine.ends[[0, -1]]), axis=0))
+        if not self._alike(tr.lengths):
+            return False
+        if not self.linear:
+            try:
+                z = moved(tr, z, mine)
+            except np.linalg.LinAlgError:
+                return False
+            finally:
+                tr.forget()
+        self.tr = self.units = mine
+        mine.counts = self.evaluations
+        self.z = z
+        self.time["assemble"] += perf_counter() - clock
+        return bool(np.all(np.isfinite(z)))
 
     def _alike(self, lengths: Array) -> bool:
         """Whether units of these lengths serve for the present sizes as well."""
@@ -209,7 +233,9 @@ class Walk:
     def follow(self, reach: float = np.inf) -> bool:
         """Polish the path where it is; False if it is not there, or farther than `reach`."""
         clock = perf_counter()
-        result: Followed = follow(self.tr, self.z, linear=self.linear, many=self.many)
+        result: Followed = follow(
+            self.tr, self.z, linear=self.linear, many=self.many, target=self.target
+        )
         self.iterations["newton"] += result.iterations
         self.time["solve"] += perf_counter() - clock
         arrived = result.converged and (self.linear or result.travelled < reach)

@@ -67,9 +67,7 @@ class Transcription:
         ]
         weight = np.concatenate(weights)
         self.weight = weight[:, None]
-        self.ends = np.zeros((layout.node_count, n))
-        for k, event in ((0, problem.start), (-1, problem.end)):
-            self.ends[k] = [0.0 if x is None else x for x in event.q]
+        self.ends = self._ends()
         self.x_unit = lengths[layout.free % n]
         self._point: tuple[Array, Array, Array, Array] | None = None
         self._values: tuple[float, Array] | None = None
@@ -89,6 +87,21 @@ class Transcription:
         else:
             self.row_weight, self.row_unit = np.zeros((0, 1)), np.zeros(0)
         self.mu_unit = self.action_unit / self.row_unit
+
+    def _ends(self) -> Array:
+        """Return the coordinates that are given, (K, n), and zeros."""
+        ends = np.zeros((self.layout.node_count, self.problem.system.n))
+        for k, event in ((0, self.problem.start), (-1, self.problem.end)):
+            ends[k] = [0.0 if x is None else x for x in event.q]
+        return ends
+
+    def between(self, problem: Problem) -> Transcription:
+        """Return that of a problem which differs in the values at its ends only, in these units."""
+        other = copy(self)
+        other.problem, other.counts, other._kept = problem, Counter(), {}
+        other._point = other._values = None
+        other.ends = other._ends()
+        return other
 
     def with_ends(self, ends: Array) -> Transcription:
         """Return the same with other coordinates (2, n) at the first and the last node.
