@@ -9,6 +9,8 @@ residuals, decide: they mean the same on every mesh.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,14 +62,16 @@ def follow(
     linear: bool = False,
     many: bool = False,
     target: float = TARGET,
+    enough: Callable[[Array], float] | None = None,
     steps: int = 12,
 ) -> Followed:
     """Follow the stationary path near z in at most `steps` factorizations; one if it is `linear`.
 
-    What is left then is below `target`, in units of the coordinates' sizes, or round-off. `many`
-    is for `Factors`.
+    What is left then is below `target`, in units of the coordinates' sizes, or round-off; or below
+    what `enough` returns for the path at hand, whose round-off is not measured. `many` is for
+    `Factors`; more simplified steps are taken then, as the sensitivity is known already.
     """
-    cut, chords = tr.layout.unknowns, CHORDS[tr.layout.storage]
+    cut, chords = tr.layout.unknowns, CHORDS[tr.layout.storage] if many else 1
     first = z
     rest = np.inf
     with np.errstate(all="ignore"):
@@ -97,6 +101,8 @@ def follow(
             except np.linalg.LinAlgError:
                 return Followed(z, False, np.inf, k, np.inf)
             z = z - step
+            if enough is not None and ratio < CONTRACTION and rest * ratio <= enough(z):
+                return Followed(z, True, 0.0, k, _size((z - first)[:cut]))
             residual = tr.residual(z)
             # Multipliers far off disturb the first steps, and are right after them.
             settling = tr.layout.rows > 0 and k <= SETTLING and ratio < 1 / CONTRACTION
@@ -174,7 +180,7 @@ def approach(tr: Transcription, z: Array, steps: int) -> tuple[Array, int] | Non
 
 
 def _norm(step: Array) -> float:
-    return float(np.sqrt(np.mean(step * step)))
+    return math.sqrt(float(step @ step) / step.size)
 
 
 def _roundoff(tr: Transcription, factors: Factors) -> Array:
@@ -190,4 +196,4 @@ def _exhausted(tr: Transcription, z: Array, residual: Array) -> bool:
 
 
 def _size(step: Array) -> float:
-    return float(np.max(np.abs(step))) if step.size else 0.0
+    return float(np.abs(step).max()) if step.size else 0.0

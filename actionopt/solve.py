@@ -18,7 +18,7 @@ from actionopt.problem import Problem
 from actionopt.search import Search
 from actionopt.solution import Solution
 from actionopt.status import SolveError, Status
-from actionopt.walk import ORDINARY, ROUNDOFF, SAFETY, Walk
+from actionopt.walk import ROUNDOFF, Walk
 
 
 def solve(
@@ -68,7 +68,7 @@ def solve(
     started = perf_counter()
     curve_of = checked(problem, tol, guess, principle, mesh)
     system = problem.system
-    walk = Walk(problem, system.structure.linear, min(tol / (10 * SAFETY), ORDINARY * ROUNDOFF))
+    walk = Walk(problem, system.structure.linear, tol, refines=mesh is None)
     for name in ("first", "second"):
         system.pointwise(name)
     walk.time["derive"] += perf_counter() - started

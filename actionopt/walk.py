@@ -15,7 +15,7 @@ import numpy as np
 
 from actionopt.continuation import release
 from actionopt.descent import descend
-from actionopt.newton import TARGET, Followed, approach, follow, moved
+from actionopt.newton import Followed, approach, follow, moved
 from actionopt.path import Mesh, Path
 from actionopt.preflight import check, project
 from actionopt.problem import Problem
@@ -32,7 +32,8 @@ FEW = 3  # coordinates up to which descending costs less than entering Ipopt
 ALIKE = 4.0  # ratio of coordinates' sizes within which the units of action are kept
 DENSE_MOTION = 400  # coordinates and constraints up to which the equations are solved as they are
 LARGE = 1500  # unknowns above which Ipopt takes too long over a square system
-QUICK = 12  # damped steps before something else is tried
+QUICK, LONGER = 7, 12  # damped steps before the path descends, or goes to Ipopt
+PASSABLE = 0.01  # of the coefficients a mesh leaves out, what Newton's method may leave there
 NEAR = 0.1  # a path that moves farther than this when refined, in its own size, is another one
 SAFETY = 4.0  # between the measured error of the last round and the estimate for the next
 ROUNDOFF = 2 * float(np.finfo(float).eps)  # of evaluating the polynomial, to begin with
@@ -51,7 +52,8 @@ class Walk:
 
     problem: Problem
     linear: bool = False
-    target: float = TARGET  # what Newton's method may leave
+    tol: float = 0.0
+    refines: bool = True  # whether a path that is not resolved goes on to another mesh
     many: bool = False  # whether it is one of many such paths, on meshes of the same shapes
     sizes: Array = field(init=False)
     tr: Transcription = field(init=False)
@@ -209,13 +211,14 @@ class Walk:
         self.time["solve"] += perf_counter() - clock
         return result.found and self.follow()
 
-    def approach(self, steps: int = QUICK) -> bool:
-        """Go to a path by damped Newton steps.
+    def approach(self, steps: int | None = None) -> bool:
+        """Go to a path by damped Newton steps, a few or as many as `steps`.
 
         Near a resonance the multipliers of the motion along the first path make the matrix
         nearly singular there; without any it is stiff, and the way may be open.
         """
         clock = perf_counter()
+        steps = steps or (QUICK if self.can_descend else LONGER)
         near = approach(self.tr, self.z, steps)
         if near is None and self.tr.layout.rows:
             near = approach(self.tr, self._unheld(), steps)
@@ -234,7 +237,12 @@ class Walk:
         """Polish the path where it is; False if it is not there, or farther than `reach`."""
         clock = perf_counter()
         result: Followed = follow(
-            self.tr, self.z, linear=self.linear, many=self.many, target=self.target
+            self.tr,
+            self.z,
+            linear=self.linear,
+            many=self.many,
+            target=min(self.tol / (10 * SAFETY), ORDINARY * ROUNDOFF),
+            enough=self._passable if self.refines and reach == np.inf else None,
         )
         self.iterations["newton"] += result.iterations
         self.time["solve"] += perf_counter() - clock
@@ -245,6 +253,11 @@ class Walk:
             self.error = SAFETY * (self.gain * self.resolution().worst + self.noise + ROUNDOFF)
             self._record(perf_counter() - clock)
         return arrived
+
+    def _passable(self, z: Array) -> float:
+        """Return how far a path may be from stationary that goes on to another mesh; 0 if none."""
+        worst = resolution(self.tr.mesh, self.tr.coordinates(z), self.sizes).worst
+        return PASSABLE * worst if SAFETY * self.gain * worst > self.tol else 0.0
 
     def carry(self, mesh: Mesh, *, least: bool) -> bool:
         """Take the path to another mesh and polish it there; False if it was lost.

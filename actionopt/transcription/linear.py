@@ -51,6 +51,7 @@ class Factors:
             raise np.linalg.LinAlgError("the matrix is not finite")
         self.layout, self.nonzeros = layout, nonzeros
         self._rough: Callable[[Array], Array] | None = None
+        self._sure = False  # whether a solution was accurate before it was refined
         system = layout.system
         pays = many and system.n + system.m <= SLIM and not system.structure.forced
         if layout.storage == "blocks" and not pays:
@@ -70,7 +71,7 @@ class Factors:
         if self.layout.storage == "whole":  # LAPACK factorizes faster than it inverts
             return np.linalg.solve(_whole(self.layout, self.nonzeros), right)
         if self._rough is not None:
-            x = self._refined(self._rough, right)
+            x = self._rough(right) if self._sure else self._refined(self._rough, right)
             if x is not None:
                 return x
             self._rough = None
@@ -94,13 +95,14 @@ class Factors:
     def _refined(self, rough: Callable[[Array], Array], right: Array) -> Array | None:
         """Return the solution by refinement of a rough one, or None if that does not converge."""
         x, miss, last = np.zeros_like(right), right, np.inf
-        size = float(np.max(np.abs(right)))
+        size = float(np.abs(right).max())
         for _ in range(REFINEMENTS):
             nearer = x + rough(miss)
             miss = right - product(self.layout, self.nonzeros, nearer)
-            left = float(np.max(np.abs(miss)))
+            left = float(np.abs(miss).max())
             if not left < last / 2:  # no better than before, or not a number
                 break
+            self._sure = left <= ACCURATE * size and last == np.inf
             x, last = nearer, left
             if left <= ACCURATE * size:
                 return x
