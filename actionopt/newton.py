@@ -25,7 +25,7 @@ SETTLING = 5  # steps that multipliers may take to come right
 SURELY = 0.1  # a ratio of steps that leaves no doubt of it
 DAMPED = 1e-3  # a shorter fraction of a step leads nowhere
 DIFFERENCE = 1e-5  # of the ends' movement, for a derivative that is good to as many digits
-CHORDS = {"whole": 1, "blocks": 3, "sparse": 1}  # simplified steps cheaper than a factorization
+CHORDS = 3  # simplified steps that cost less than a factorization where that is kept
 TARGET = 1e-14  # in units of the coordinates' sizes; one step past it costs next to nothing
 
 
@@ -71,7 +71,7 @@ def follow(
     what `enough` returns for the path at hand, whose round-off is not measured. `many` is for
     `Factors`; more simplified steps are taken then, as the sensitivity is known already.
     """
-    cut, chords = tr.layout.unknowns, CHORDS[tr.layout.storage] if many else 1
+    cut, chords = tr.layout.unknowns, CHORDS if many and tr.layout.condensed else 1
     first = z
     rest = np.inf
     with np.errstate(all="ignore"):
@@ -128,7 +128,7 @@ def moved(tr: Transcription, z: Array, to: Transcription) -> Array:
         factors = Factors(tr.layout, tr.kkt(z), many=True)
         step = factors.solve(nearby.residual(z)) / DIFFERENCE  # that of z itself is zero
         z = z - step
-        for _ in range(CHORDS[tr.layout.storage] - 1):
+        for _ in range(CHORDS - 1 if tr.layout.condensed else 0):
             last, step = _size(step[:cut]), factors.solve(to.residual(z))
             if not _size(step[:cut]) < CONTRACTION * last:
                 break

@@ -24,6 +24,7 @@ class Pointwise:
         self.function = function
         self.evaluations = 0
         self._ready: dict[int, tuple] = {}
+        self._sparsity: dict[int, tuple[Array, Array]] = {}
 
     def __call__(self, *arguments: Array) -> list[Array]:
         """Return the nonzeros of every output, shape (K, nonzeros).
@@ -44,6 +45,14 @@ class Pointwise:
         trigger()
         self.evaluations += count
         return outputs
+
+    def sparsity(self, output: int) -> tuple[Array, Array]:
+        """Return rows and columns of the nonzeros of an output."""
+        if output not in self._sparsity:
+            found = self.function.sparsity_out(output)
+            both = np.array(found.row(), dtype=np.intp), np.array(found.get_col(), dtype=np.intp)
+            self._sparsity[output] = both
+        return self._sparsity[output]
 
     def _prepare(self, count: int) -> tuple:
         f = self.function

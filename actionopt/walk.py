@@ -236,12 +236,14 @@ class Walk:
     def follow(self, reach: float = np.inf) -> bool:
         """Polish the path where it is; False if it is not there, or farther than `reach`."""
         clock = perf_counter()
+        # What is left of a linear problem after one step is round-off, none of it a lack of steps.
+        negligible = (UNKNOWN_GAIN if self.linear else 1.0) * ORDINARY * ROUNDOFF
         result: Followed = follow(
             self.tr,
             self.z,
             linear=self.linear,
             many=self.many,
-            target=min(self.tol / (10 * SAFETY), ORDINARY * ROUNDOFF),
+            target=min(self.tol / (10 * SAFETY), negligible),
             enough=self._passable if self.refines and reach == np.inf else None,
         )
         self.iterations["newton"] += result.iterations

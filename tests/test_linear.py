@@ -34,10 +34,10 @@ def drag(q, v, t):
 
 
 KINDS = {"plain": {}, "sphere": {"constraint": sphere}, "drag": {"force": drag}}
-# Elements, and rows within one up to which it is a block: whole, in blocks, condensed once more
+# Elements, and rows within one up to which it is a block: made full, in blocks, condensed once more
 # and once more, sparse (L D L', or QR where forces make the matrix unsymmetric).
 STORED = {
-    "whole": (2, None),
+    "small": (2, None),
     "blocks": (12, None),
     "reduced": (41, None),
     "reduced twice": (80, None),
@@ -59,7 +59,8 @@ def matrix_of(kind, stored, duration=2.0):
     system = System(springs, list("xyz"), **KINDS[kind])
     problem = Problem(system, Event(0, [0, 0, 0]), Event(duration, [1, 1, 1]))
     tr = Transcription(problem, Mesh.uniform(0, duration, elements, 4), np.ones(3))
-    assert tr.layout.storage == {"whole": "whole", "sparse": "sparse"}.get(name, "blocks")
+    assert tr.layout.storage == ("sparse" if name == "sparse" else "blocks")
+    assert tr.layout.small == (name == "small")
     z = np.random.default_rng(elements).uniform(-1, 1, tr.layout.size)
     nonzeros, pattern = tr.kkt(z), tr.layout.kkt
     dense = np.zeros(pattern.shape)
@@ -88,7 +89,7 @@ def test_solutions_are_those_of_a_dense_solver(kind, stored, many):
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("elements", [1, 2, 3, 12, 41, 80])
 def test_condensation_alone_solves_to_rounding(monkeypatch, kind, elements):
-    monkeypatch.setattr("actionopt.transcription.layout.WHOLE", 0)
+    monkeypatch.setattr("actionopt.transcription.layout.SMALL", 0)
     layout, nonzeros, dense = matrix_of(kind, ("blocks", elements))
     right = np.random.default_rng(3).normal(size=layout.size)
     found = Condensed(layout.blocks, nonzeros).solve(right)

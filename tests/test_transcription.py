@@ -12,7 +12,7 @@ from numpy.polynomial import Legendre, Polynomial
 from actionopt.path import Mesh
 from actionopt.problem import Event, Problem
 from actionopt.system import System
-from actionopt.transcription import Transcription, find
+from actionopt.transcription import Transcription, compressed, find
 
 EPS = np.finfo(float).eps
 STEP = 1e-30  # of a complex step: its square is below rounding
@@ -167,6 +167,10 @@ def dense(pattern, nonzeros):
     return matrix
 
 
+def kkt(tr, z):
+    return dense(tr.layout.kkt, compressed(tr.layout, tr.kkt(z)))
+
+
 def mismatch(found, known):
     """Largest difference, relative to the largest entry."""
     return np.max(np.abs(found - known), initial=0.0) / np.max(np.abs(known), initial=1e-300)
@@ -192,22 +196,20 @@ def test_residual_is_the_derivative_of_the_action(combination, ends, mesh):
 def test_kkt_matrix_is_the_derivative_of_the_residual(combination, ends, mesh):
     tr = transcribed(system_of(*combination), ends, mesh, lengths=(0.7, 3.0))
     z, cut = point(tr), tr.layout.unknowns
-    K = dense(tr.layout.kkt, tr.kkt(z))
+    K = kkt(tr, z)
     assert mismatch(K, difference(tr.residual, z)) <= DIFFERENCE_TOLERANCE
-    elsewhere = dense(tr.layout.kkt, tr.kkt(z * (1 + 1e-6)))
+    elsewhere = kkt(tr, z * (1 + 1e-6))
     assert mismatch(elsewhere, K) > 10 * DIFFERENCE_TOLERANCE  # the oracle would have seen it
     far = point(tr, seed=1)  # nothing of the first point is left over
-    assert mismatch(dense(tr.layout.kkt, tr.kkt(far)), difference(tr.residual, far)) <= (
-        DIFFERENCE_TOLERANCE
-    )
+    assert mismatch(kkt(tr, far), difference(tr.residual, far)) <= DIFFERENCE_TOLERANCE
     if tr.layout.rows:
         J = dense(tr.layout.jacobian, tr.jacobian(z[:cut]))
         assert mismatch(J, K[cut:, :cut]) <= EPS
     if not tr.problem.system.structure.forced:
         H = dense(tr.layout.hessian, tr.hessian(z))
         assert np.all(np.tril(H, -1) == 0)
-        assert mismatch(H + np.triu(H, 1).T, K[:cut, :cut]) <= EPS
-        assert np.array_equal(K, K.T)
+        assert mismatch(H + np.triu(H, 1).T, K[:cut, :cut]) <= 4 * EPS
+        assert mismatch(K, K.T) <= 4 * EPS
 
 
 # -- the quadrature ------------------------------------------------------------------------------
@@ -414,7 +416,7 @@ def test_least_and_stationary_find_one_path_and_its_multipliers(system):
     least, root = find(tr, z, "least"), find(tr, z, "stationary")
     assert least.converged and root.converged and not least.diverged
     # Both stop at a scaled residual of 1e-6, and the matrix has no eigenvalue below WEAKEST.
-    K = dense(tr.layout.kkt, tr.kkt(root.z))
+    K = kkt(tr, root.z)
     assert np.min(np.abs(np.linalg.eigvalsh(K))) > WEAKEST
     for attempt in (least, root):
         assert np.max(np.abs(tr.residual(attempt.z))) <= 2e-6

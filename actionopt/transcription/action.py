@@ -72,6 +72,7 @@ class Transcription:
         self._point: tuple[Array, Array, Array, Array] | None = None
         self._values: tuple[float, Array] | None = None
         self._kept: dict[str, Any] = {}
+        self.unfolded: dict[tuple[str, int], tuple[Array, Array]] = {}
         # Nonzeros of the mass matrix half way along the straight line, its upper triangle.
         self.inertia = np.zeros(0) if like is None else like.inertia
         self.action_unit, self.row_units = (

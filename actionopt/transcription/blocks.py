@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -74,6 +74,27 @@ class Blocks:
         total = np.bincount(self._scatter, np.concatenate(parts), full.size).reshape(full.shape)
         total[self.offsets] += (nodes @ full[self.offsets][:, :, None])[:, :, 0]
         return total.ravel()[self.places]
+
+    def full(self, nonzeros: Array) -> Array:
+        """Return the matrix itself, (size, size)."""
+        elements, nodes = self.split(nonzeros)
+        f = self.width
+        matrix = np.zeros((self.nodes * f, self.nodes * f))
+        for blocks, g in zip(elements, self.groups, strict=True):
+            for block, first in zip(blocks, (g.nodes[:, 0] * f).tolist(), strict=True):
+                part = slice(first, first + len(block))
+                matrix[part, part] += block
+        if nodes.any():
+            matrix.reshape(self.nodes, f, self.nodes, f)[self.offsets, :, self.offsets] += nodes
+        return matrix[self._whole]
+
+    @cached_property
+    def _whole(self) -> tuple[Any, Any]:
+        """What to take of the matrix over all places: a part of it where that does."""
+        first, size = self.places[:1].sum(), self.places.size
+        if np.array_equal(self.places, first + np.arange(size)):
+            return slice(first, first + size), slice(first, first + size)
+        return np.ix_(self.places, self.places)
 
     def diagonal(self, values: Array) -> Array:
         """Return the nonzeros of the matrix that has `values` (size,) on its diagonal."""

@@ -74,13 +74,23 @@ def _full(tr: Transcription, function: str, output: int, values: Array) -> Array
     if not values.shape[1]:
         return None
     n = tr.problem.system.n
+    key = function, output
+    if key not in tr.unfolded:
+        tr.unfolded[key] = _unfolded(tr, function, output)
+    index, unit = tr.unfolded[key]
+    return (values[:, index] * unit).reshape(-1, n, n)
+
+
+def _unfolded(tr: Transcription, function: str, output: int) -> tuple[Array, Array]:
+    """Return which nonzero stands at each place of the full matrix, and its unit; 0 for none."""
+    n = tr.problem.system.n
     row, col = sparsity_of(tr.problem.system, function, output)
-    full = np.zeros((len(values), n, n))
-    scaled = values * (tr.lengths[row] * tr.lengths[col] / tr.action_unit)
-    full[:, row, col] = scaled
+    index, unit = np.zeros((n, n), dtype=np.intp), np.zeros((n, n))
+    index[row, col] = np.arange(row.size)
+    unit[row, col] = tr.lengths[row] * tr.lengths[col] / tr.action_unit
     if function == "second" and output != 1:  # upper triangles
-        full[:, col, row] = scaled
-    return full
+        index, unit = np.maximum(index, index.T), np.maximum(unit, unit.T)
+    return index.ravel(), unit.ravel()
 
 
 def _constraints(tr: Transcription, z: Array) -> Array:

@@ -99,11 +99,6 @@ class Layout:
         """Unknowns and multipliers together."""
         return self.unknowns + self.rows
 
-    @property
-    def contributions(self) -> int:
-        """Number of contributions to the Hessian."""
-        return (self.curvature_slots if self.storage == "whole" else self.hessian.slots).size
-
     @cached_property
     def scatter(self) -> NDInt:
         """Position in the full gradient (K n) of each evaluation's gradient, flattened."""
@@ -111,45 +106,37 @@ class Layout:
         return (self.node_of[:, None] * n + np.arange(n)).ravel()
 
     @cached_property
-    def storage(self) -> Literal["whole", "blocks", "sparse"]:
-        """How the KKT matrix is stored and solved with.
-
-        Finding a small matrix's zeros takes longer than computing with them, so does finding those
-        of a few coordinates' blocks; many coordinates make blocks that are large and mostly zeros.
-        """
-        if self.size <= WHOLE:
-            return "whole"
+    def storage(self) -> Literal["blocks", "sparse"]:
+        """How the KKT matrix is stored: many coordinates make blocks large and mostly zeros."""
         inner = (self.system.n + self.system.m) * (max(g.rule.degree for g in self.groups) - 1)
         return "blocks" if inner <= INNER and not self.closed else "sparse"
+
+    @cached_property
+    def small(self) -> bool:
+        """Whether the blocks are best put together in one full matrix to solve with."""
+        return self.storage == "blocks" and self.size <= SMALL
+
+    @cached_property
+    def condensed(self) -> bool:
+        """Whether the blocks are condensed to solve with: then another solve costs little."""
+        return self.storage == "blocks" and not self.small
 
     @cached_property
     def blocks(self) -> Blocks:
         """Where everything is in a matrix stored in blocks."""
         return Blocks(self)
 
-    def _curvatures(self) -> tuple[NDInt, NDInt]:
-        """Targets of all contributions to the Hessian of S + sum w lam f, in the upper triangle.
-
-        Each is meant for both triangles.
-        """
+    @cached_property
+    def hessian(self) -> Pattern:
+        """Upper triangle of the Hessian of S + sum w lam f in the unknowns."""
         targets = [self._diagonal("second", 0), self._mixed("second", 1), self._stiff("second", 2)]
         if self.system.m and not self.system.structure.affine_constraint:
             rows, cols = sparsity_of(self.system, "constraint_curvature")
             at = self.number[self.row_nodes]
             targets.append(_pairs(at[:, rows], at[:, cols]))
         row, col = (np.concatenate(side) for side in zip(*targets, strict=True))
-        return np.minimum(row, col), np.maximum(row, col)
-
-    @cached_property
-    def curvature_slots(self) -> NDInt:
-        """Place of each contribution to the Hessian in a whole matrix, row by row."""
-        row, col = self._curvatures()
-        return np.where(row >= 0, row * self.unknowns + col, self.unknowns**2)
-
-    @cached_property
-    def hessian(self) -> Pattern:
-        """Upper triangle of the Hessian of S + sum w lam f in the unknowns."""
-        return Pattern.build(self.unknowns, self.unknowns, [self._curvatures()])
+        upper = np.minimum(row, col), np.maximum(row, col)
+        return Pattern.build(self.unknowns, self.unknowns, [upper])
 
     @cached_property
     def jacobian(self) -> Pattern:
@@ -167,8 +154,6 @@ class Layout:
     @cached_property
     def kkt(self) -> Pattern:
         """The square system [H + F, G'; G, 0], scattered from the nonzeros of its parts."""
-        if self.storage == "whole":
-            return Pattern.full(self.size)
         if self.storage == "blocks":
             return Pattern.build(self.size, self.size, [self.blocks.targets])
         H = self.hessian
@@ -233,15 +218,14 @@ class Layout:
         return tuple(np.concatenate(side) for side in zip(*parts, strict=True))
 
 
-WHOLE = 100  # unknowns and rows up to which the matrix is stored whole
+SMALL = 100  # unknowns and rows up to which a full matrix is the quickest
 INNER = 160  # unknowns and rows within an element up to which its block is
 _EMPTY = (np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp))
 
 
 def sparsity_of(system: System, function: str, output: int = 0) -> tuple[NDInt, NDInt]:
     """Return rows and columns of the nonzeros of a compiled function's output."""
-    sparsity = system.pointwise(function).function.sparsity_out(output)
-    return np.array(sparsity.row(), dtype=np.intp), np.array(sparsity.get_col(), dtype=np.intp)
+    return system.pointwise(function).sparsity(output)
 
 
 def _pairs(rows: NDInt, cols: NDInt) -> tuple[NDInt, NDInt]:
@@ -271,13 +255,6 @@ class Pattern:
         nnz = unique.size - (1 if unique.size and unique[-1] == rows * cols else 0)
         unique = unique[:nnz]
         return cls((rows, cols), unique % max(rows, 1), unique // max(rows, 1), slots)
-
-    @classmethod
-    def full(cls, size: int) -> Pattern:
-        """Return the pattern of all entries, each with one contribution."""
-        slots = np.arange(size * size)
-        col, row = np.divmod(slots, max(size, 1))
-        return cls((size, size), row, col, slots)
 
     @property
     def nnz(self) -> int:

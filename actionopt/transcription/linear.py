@@ -1,6 +1,6 @@
 """Solve linear systems with the KKT matrix, and count its negative eigenvalues.
 
-Small matrices are kept whole, those of a few coordinates condensed block by block. The others are
+Small matrices are made full, those of a few coordinates condensed block by block. The others are
 sparse, and factorized as L D L' without pivoting, ten times faster than with it; a tiny negative
 diagonal on the constraint rows makes that possible. The price is paid back by iterative
 refinement, whose residual also tells when factors are no good: then a sparse QR factorization
@@ -54,10 +54,12 @@ class Factors:
         self._sure = False  # whether a solution was accurate before it was refined
         system = layout.system
         pays = many and system.n + system.m <= SLIM and not system.structure.forced
-        if layout.storage == "blocks" and not pays:
+        if layout.small:
+            return
+        if layout.condensed and not pays:
             with suppress(np.linalg.LinAlgError):  # a block may be singular where all are not
                 self._rough = self._condensed.solve
-        elif layout.storage != "whole" and not system.structure.forced:
+        elif not system.structure.forced:
             regular = _regular(layout, compressed(layout, nonzeros))
             solver = _solver(layout, "ldl")
             self._rough = lambda right: solver(regular, right)
@@ -66,10 +68,14 @@ class Factors:
     def _condensed(self) -> Condensed:
         return Condensed(self.layout.blocks, self.nonzeros)
 
+    @cached_property
+    def _full(self) -> Array:
+        return self.layout.blocks.full(self.nonzeros)
+
     def solve(self, right: Array) -> Array:
         """Return the solution for one right-hand side, (size,)."""
-        if self.layout.storage == "whole":  # LAPACK factorizes faster than it inverts
-            return np.linalg.solve(_whole(self.layout, self.nonzeros), right)
+        if self.layout.small:  # LAPACK factorizes faster than it inverts
+            return np.linalg.solve(self._full, right)
         if self._rough is not None:
             x = self._rough(right) if self._sure else self._refined(self._rough, right)
             if x is not None:
@@ -85,9 +91,9 @@ class Factors:
         if self.layout.storage == "sparse":
             return negative_eigenvalues(self.layout, self.nonzeros) == 0
         try:
-            if self.layout.storage == "blocks":
+            if not self.layout.small:
                 return self._condensed.definite()
-            np.linalg.cholesky(_whole(self.layout, self.nonzeros))
+            np.linalg.cholesky(self._full)
         except np.linalg.LinAlgError:
             return False
         return True
@@ -112,8 +118,6 @@ class Factors:
 
 def product(layout: Layout, nonzeros: Array, z: Array) -> Array:
     """Return the matrix with these nonzeros times z."""
-    if layout.storage == "whole":
-        return _whole(layout, nonzeros) @ z
     if layout.storage == "blocks":
         return layout.blocks.product(nonzeros, z)
     pattern = layout.kkt
@@ -122,8 +126,6 @@ def product(layout: Layout, nonzeros: Array, z: Array) -> Array:
 
 def diagonal(layout: Layout, values: Array) -> Array:
     """Return the nonzeros of the matrix that has `values` (size,) on its diagonal."""
-    if layout.storage == "whole":
-        return np.diag(values).ravel()
     if layout.storage == "blocks":
         return layout.blocks.diagonal(values)
     pattern = layout.kkt
@@ -167,12 +169,12 @@ class _Sparse:
 
 def negative_eigenvalues(layout: Layout, nonzeros: Array) -> int:
     """Return the number of negative eigenvalues of a symmetric KKT matrix (its inertia)."""
-    if layout.storage == "blocks":
-        return Condensed(layout.blocks, nonzeros).negative()
-    if layout.storage == "whole":
+    if layout.small:
         if not layout.rows and Factors(layout, nonzeros).definite():
             return 0
-        return int(np.sum(np.linalg.eigvalsh(_whole(layout, nonzeros)) < 0))
+        return int(np.sum(np.linalg.eigvalsh(layout.blocks.full(nonzeros)) < 0))
+    if layout.storage == "blocks":
+        return Condensed(layout.blocks, nonzeros).negative()
     matrix = ca.DM(layout.kkt.sparsity, _regular(layout, nonzeros))
     if "inertia" not in layout.solvers:
         layout.solvers["inertia"] = ca.Linsol("inertia", "ldl", layout.kkt.sparsity)
@@ -194,7 +196,3 @@ def _regular(layout: Layout, nonzeros: Array) -> Array:
     shifted = nonzeros.copy()
     shifted[layout.row_diagonal] -= REGULAR
     return shifted
-
-
-def _whole(layout: Layout, nonzeros: Array) -> Array:
-    return nonzeros.reshape(layout.size, layout.size).T

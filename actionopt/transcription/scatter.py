@@ -1,4 +1,4 @@
-"""Second derivatives scattered: each contribution goes to its place in a whole or sparse matrix.
+"""Second derivatives scattered: each contribution goes to its place in a sparse matrix.
 
 The contributions of all elements are computed in a fixed order; index arrays of the layout say
 where each goes, and what goes to one place is added up.
@@ -29,15 +29,16 @@ def kkt(tr: Transcription, z: Array) -> Array:
     x = z[: tr.layout.unknowns]
     J = tr.jacobian(x) if tr.layout.rows else NOTHING
     F = _forcing(tr, x) if tr.problem.system.structure.forced else NOTHING
-    return _matrix(tr, _curvatures(tr, z), J, F)
+    return _matrix(tr, hessian(tr, z), J, F)
 
 
 def kinetic(tr: Transcription, z: Array) -> Array:
     """Return the nonzeros of its kinetic part."""
     stiff = _stiffness(tr, tr.second(z)[2])
-    contributions = np.zeros(tr.layout.contributions)
+    contributions = np.zeros(tr.layout.hessian.slots.size)
     contributions[-stiff.size :] = stiff
-    return _matrix(tr, contributions, NOTHING, NOTHING)
+    H = tr.layout.hessian.sum(contributions) * tr.hessian_unit
+    return _matrix(tr, H, NOTHING, NOTHING)
 
 
 def _curvatures(tr: Transcription, z: Array) -> Array:
@@ -82,23 +83,7 @@ def _forcing(tr: Transcription, x: Array) -> Array:
     return F.sum(np.concatenate(parts)) * unit
 
 
-def _matrix(tr: Transcription, curvatures: Array, J: Array, F: Array) -> Array:
-    """Return [H + F, J'; J, 0] from the contributions to H and the nonzeros of J and F."""
-    layout = tr.layout
-    if layout.storage != "whole":
-        H = layout.hessian.sum(curvatures) * tr.hessian_unit
-        parts = (H, J, F, np.zeros(1))
-        return layout.kkt.sum(np.concatenate(parts)[layout.kkt_source])
-    cut = layout.unknowns
-    H = np.bincount(layout.curvature_slots, curvatures, cut * cut + 1)[:-1].reshape(cut, cut)
-    H *= tr.x_unit[:, None] * tr.x_unit / tr.action_unit
-    K = np.zeros((layout.size, layout.size))  # column by column: the transpose of the matrix
-    K[:cut, :cut] = H + H.T
-    K.ravel()[: cut * (layout.size + 1) : layout.size + 1] = H.diagonal()
-    if J.size:
-        at = layout.jacobian
-        K[at.row + cut, at.col] = K[at.col, at.row + cut] = J
-    if F.size:
-        at = layout.forcing
-        K[at.col, at.row] += F
-    return K.ravel()
+def _matrix(tr: Transcription, H: Array, J: Array, F: Array) -> Array:
+    """Return [H + F, J'; J, 0] from the nonzeros of its parts."""
+    parts = (H, J, F, np.zeros(1))
+    return tr.layout.kkt.sum(np.concatenate(parts)[tr.layout.kkt_source])
