@@ -24,6 +24,7 @@ LAYER = 0.6  # share of an element's movement between two nodes that makes it a 
 TOO_FINE = 1e-3  # coefficients this far below their target need not be there
 DECAYING = 0.2  # a slower rate says nothing but that the element is far too long
 COEFFICIENT_FLOOR = 2e-16
+MORE = 1.3  # times the nodes is little for fewer kinds of elements
 LOWEST_TARGET = 5e-16  # round-off in the coefficients themselves
 
 
@@ -105,7 +106,23 @@ def refined(found: Resolution, target: float) -> Mesh:
             cuts = np.linspace(left, right, parts[e] + 1)[1:]
         boundaries.append(cuts)
         new_degrees += [degree[e]] * cuts.size
-    return Mesh(np.concatenate(boundaries), np.array(new_degrees))
+    return Mesh(np.concatenate(boundaries), _alike(np.array(new_degrees)))
+
+
+def _alike(degrees: NDInt) -> NDInt:
+    """Return degrees of two kinds at most, none lower, where that does not take many nodes more.
+
+    Elements of one degree are computed together: on a small mesh each kind costs more than nodes.
+    """
+    kinds, counts = np.unique(degrees, return_counts=True)
+    if kinds.size < 3:
+        return degrees
+    up_to = np.cumsum(counts[:-1])
+    nodes = up_to * kinds[:-1] + (degrees.size - up_to) * kinds[-1]
+    best = int(np.argmin(nodes))
+    if nodes[best] > MORE * degrees.sum():
+        return degrees
+    return np.where(degrees <= kinds[best], kinds[best], kinds[-1])
 
 
 def _around(left: float, right: float, steep: Array) -> Array:

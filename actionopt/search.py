@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from actionopt.path import Mesh, Path
+from actionopt.quadrature import Array
 from actionopt.refine import DEGREES, resolution
 from actionopt.settle import settle, settle_on
 from actionopt.solution import Solution
@@ -55,7 +56,7 @@ class Search:
     given: Mesh | None
     rung: str = ""
     may_be_least: bool = False
-    spare: tuple[str, Path] | None = None  # a saddle found while a least path was sought
+    spare: tuple[str, Path, Array] | None = None  # a saddle, found while a least path was sought
 
     @property
     def least(self) -> bool:
@@ -93,7 +94,9 @@ class Search:
         """Settle the saddle that was found while a least path was sought, if there is one."""
         if self.spare is None:
             return Status.NOT_FOUND
-        (self.rung, path), self.spare = self.spare, None
+        (self.rung, path, z), self.spare = self.spare, None
+        if self.walk.z is z:
+            return self._settle()
         self.walk.rounds.clear()
         self.walk.restart()
         self.walk.place(path.mesh, path)
@@ -126,7 +129,7 @@ class Search:
                 continue
             if not self.least and self.may_be_least and self.walk.index() > 0:
                 # There may be a least path yet; this one is kept in case there is not.
-                self.spare = self.spare or (rung, self.walk.path())
+                self.spare = self.spare or (rung, self.walk.path(), self.walk.z)
                 return Status.NOT_FOUND
             status = self._settle()
             if status is not Status.UNRESOLVED:

@@ -173,7 +173,6 @@ class System:
     @cached_property
     def structure(self) -> Structure:
         """What the derivatives depend on, by the sparsity of their own derivatives."""
-        smooth = all(map(is_smooth, (self.L, self.f, self.Q)))
         moved = (
             self._depends("second", 2, (0, 1)),
             self._depends("second", 1, (0, 1)),
@@ -181,6 +180,7 @@ class System:
             self.m > 0 and self._depends("constraint_jacobian", 0, (0,)),
             any(self._depends("force_jacobian", k, (0, 1)) for k in (0, 1) if self.Q.numel()),
         )
+        smooth = all(moved[:3]) or is_smooth(self.L)  # if all move, it does not matter
         laws = [("first", 2, 0, 2)]  # function, output, inputs of q and of t
         if self.m:
             laws.append(("constraint", 0, 0, 1))
@@ -194,8 +194,8 @@ class System:
             constant_mass=smooth and not moved[0],
             constant_coupling=smooth and not moved[1],
             constant_stiffness=smooth and not moved[2],
-            affine_constraint=smooth and not moved[3],
-            affine_force=smooth and not moved[4],
+            affine_constraint=not moved[3] and is_smooth(self.f),
+            affine_force=not moved[4] and is_smooth(self.Q),
             constraints=self.m,
             forced=self.Q.numel() > 0,
             cyclic=tuple(c for i, c in enumerate(self.coordinates) if i not in seen),

@@ -70,6 +70,8 @@ class ParameterTable:
     def symbols(self) -> ca.SX:
         """Return the parameters packed in one column of symbols, (P, 1)."""
         columns = [ca.SX.sym(name, int(np.prod(shape))) for name, shape in self.shapes.items()]
+        if len(columns) == 1:
+            return columns[0]
         return ca.vertcat(*columns) if columns else ca.SX(0, 1)
 
     def named(self, packed: ca.SX) -> dict[str, Expressions]:
@@ -210,8 +212,11 @@ def is_smooth(expression: ca.SX) -> bool:
 
     The derivatives of such functions hide what they depend on: fabs(q) has no second one.
     """
+    if not expression.numel():
+        return True
     return re.search(rf"\b({KINKED})\(|[<?!]|==", str(expression)) is None
 
 
 def _has_nan(expression: ca.SX) -> bool:
-    return re.search(r"\bnan\b", str(expression)) is not None
+    text = str(expression)
+    return "nan" in text and re.search(r"\bnan\b", text) is not None

@@ -141,13 +141,9 @@ class Transcription:
 
     def straight(self) -> Array:
         """Return the straight line between the events, (K, n); a free end keeps the other's."""
-        start, end = (
-            np.array([np.nan if x is None else x for x in e.q], dtype=float)
-            for e in (self.problem.start, self.problem.end)
-        )
-        start = np.where(np.isnan(start), end, start)
-        end = np.where(np.isnan(end), start, end)
-        start, end = np.nan_to_num(start), np.nan_to_num(end)
+        pairs = zip(self.problem.start.q, self.problem.end.q, strict=True)
+        known = [(b if a is None else a, a if b is None else b) for a, b in pairs]
+        start, end = np.array([[x or 0.0 for x in pair] for pair in known]).T
         if self.problem.advance is not None:
             end = start + self.problem.advance
         s = (self.mesh.nodes - self.problem.start.t) / self.problem.duration
