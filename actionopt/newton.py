@@ -136,11 +136,13 @@ def moved(tr: Transcription, z: Array, to: Transcription) -> Array:
     return z
 
 
-def approach(tr: Transcription, z: Array, steps: int) -> tuple[Array, int] | None:
+def approach(
+    tr: Transcription, z: Array, steps: int, *, convex: bool = False
+) -> tuple[Array, int] | None:
     """Return a point where Newton's method contracts, and the factorizations used; None if lost.
 
-    The damping factor comes from the curvature that the simplified step shows (Deuflhard,
-    algorithm NLEQ-ERR).
+    If `convex`, only where the action is so at z: from there it hardly ever is lost. The damping
+    factor comes from the curvature that the simplified step shows (Deuflhard, algorithm NLEQ-ERR).
     """
     cut = tr.layout.unknowns
     damping, last, missed = 1.0, None, None
@@ -149,6 +151,8 @@ def approach(tr: Transcription, z: Array, steps: int) -> tuple[Array, int] | Non
         for k in range(1, steps + 1):
             try:
                 factors = Factors(tr.layout, tr.kkt(z))
+                if convex and k == 1 and not factors.definite():
+                    return None
                 step = -factors.solve(residual)
             except np.linalg.LinAlgError:
                 return None

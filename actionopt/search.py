@@ -21,19 +21,22 @@ from actionopt.status import Status
 from actionopt.walk import LARGE, Walk, sizes
 
 # How a first path is sought from the straight line, each way on meshes of so many elements.
-# Newton's method costs next to nothing, and knows at once whether it works; descent is robust and
-# quick where the action is bounded below, and sees where it is not; Ipopt minimises under
-# constraints, and where the descent is lost; continuation gets to a saddle slowly but surely;
-# Ipopt's root finding needs no path to be near; a minimum down a long curved valley takes patience.
+# Newton's method costs next to nothing, and knows at once whether it works. It hardly ever fails
+# where the action is convex at the straight line; elsewhere descent comes first, robust and quick
+# where the action is bounded below, and sees where it is not; Ipopt minimises under constraints,
+# and where the descent is lost; continuation gets to a saddle slowly but surely; Ipopt's root
+# finding needs no path to be near; a minimum down a long curved valley takes patience.
 LADDER = (
-    ("newton", (4,)),
+    ("convex newton", (4,)),
     ("descent", (8, 16, 32, 64)),
+    ("newton", (4,)),
     ("least", (8, 16, 32, 64)),
     ("continuation", (8, 16, 32)),
     ("stationary", (8, 16)),
     ("patient least", (8, 16, 32, 64)),
 )
 LEAST = ("descent", "least", "patient least")
+FIRST = ("convex newton", *LEAST)  # what is tried only as long as there may be a least path
 FINE = 3  # coordinates up to which a higher degree costs less than a second mesh
 PATIENT = 30  # damped steps towards a path near a guess: whatever else there is costs more
 NEAR_GUESS = (16, 32, 64)  # a guess has features that coarser meshes would miss
@@ -73,9 +76,9 @@ class Search:
         large = self.walk.problem.system.n * COARSE_DEGREE * LADDER[1][1][0] > LARGE
         # Continuation takes hundreds of factorizations: the last resort where each costs much.
         for rung, meshes in sorted(LADDER, key=lambda r: large and r[0] == "continuation"):
-            if rung in LEAST and not (self.may_be_least and self._offers(rung)):
+            if rung in FIRST and not (self.may_be_least and self._offers(rung)):
                 continue
-            if rung not in LEAST and self.spare is not None:
+            if rung not in FIRST and self.spare is not None:
                 continue  # it could only bring another saddle
             status = self._try(rung, meshes)
             if status is Status.UNBOUNDED:
@@ -115,7 +118,7 @@ class Search:
         for elements in meshes:
             self.walk.sizes = self.walk.problem.scales
             self.walk.restart()
-            degree = self._fine_degree() if rung == "newton" else COARSE_DEGREE
+            degree = self._fine_degree() if "newton" in rung else COARSE_DEGREE
             self.walk.place(self._uniform(elements, degree), known)
             if not self._seek(rung):
                 if self.least and self.walk.diverged:
@@ -138,15 +141,15 @@ class Search:
 
     def _offers(self, rung: str) -> bool:
         """Whether a way of minimising is open to the problem, and worth its time."""
-        if rung == "descent":
+        if rung in ("convex newton", "descent"):
             return self.walk.can_descend
         # With a saddle in hand a long search on a large system is not worth it.
         return rung == "least" or self.spare is None or not self.walk.large
 
     def _seek(self, rung: str) -> bool:
         """Find a stationary path on the mesh at hand; False if that did not work."""
-        if rung == "newton":
-            return self.walk.approach()
+        if rung in ("convex newton", "newton"):
+            return self.walk.approach(convex=rung != "newton")
         if rung == "descent":
             return self.walk.descend()
         if rung == "continuation":

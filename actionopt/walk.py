@@ -32,7 +32,7 @@ FEW = 3  # coordinates up to which descending costs less than entering Ipopt
 ALIKE = 4.0  # ratio of coordinates' sizes within which the units of action are kept
 DENSE_MOTION = 400  # coordinates and constraints up to which the equations are solved as they are
 LARGE = 1500  # unknowns above which Ipopt takes too long over a square system
-QUICK, LONGER = 7, 12  # damped steps before the path descends, or goes to Ipopt
+QUICK = 12  # damped steps before something else is tried
 PASSABLE = 0.01  # of the coefficients a mesh leaves out, what Newton's method may leave there
 NEAR = 0.1  # a path that moves farther than this when refined, in its own size, is another one
 SAFETY = 4.0  # between the measured error of the last round and the estimate for the next
@@ -211,15 +211,14 @@ class Walk:
         self.time["solve"] += perf_counter() - clock
         return result.found and self.follow()
 
-    def approach(self, steps: int | None = None) -> bool:
-        """Go to a path by damped Newton steps, a few or as many as `steps`.
+    def approach(self, steps: int = QUICK, *, convex: bool = False) -> bool:
+        """Go to a path by damped Newton steps; if `convex`, only from where the action is that.
 
         Near a resonance the multipliers of the motion along the first path make the matrix
         nearly singular there; without any it is stiff, and the way may be open.
         """
         clock = perf_counter()
-        steps = steps or (QUICK if self.can_descend else LONGER)
-        near = approach(self.tr, self.z, steps)
+        near = approach(self.tr, self.z, steps, convex=convex)
         if near is None and self.tr.layout.rows:
             near = approach(self.tr, self._unheld(), steps)
         if near is not None:
