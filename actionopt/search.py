@@ -14,6 +14,7 @@ import numpy as np
 
 from actionopt.path import Mesh, Path
 from actionopt.quadrature import Array
+from actionopt.rates import paced
 from actionopt.refine import DEGREES, resolution
 from actionopt.settle import settle, settle_on
 from actionopt.solution import Solution
@@ -218,6 +219,10 @@ class Search:
         if curve_of is not None and self.given is None:
             mesh = curve_of(mesh).mesh
         self.walk.place(mesh, None)
+        if curve_of is None and self.given is None:
+            finer = paced(self.walk.tr, self.walk.z)
+            if finer is not None:
+                self.walk.place(finer, None)
         return self._settle() if self.walk.follow() else Status.DEGENERATE
 
     # -- both ------------------------------------------------------------------------------------

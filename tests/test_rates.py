@@ -1,0 +1,71 @@
+"""The first mesh of linear equations, against their closed forms."""
+
+import numpy as np
+import pytest
+
+import actionopt as ao
+from actionopt.path import Mesh
+from actionopt.rates import SHOWN, paced
+from actionopt.transcription import Transcription
+
+
+def linear(square, T=1.0, start=0.0):
+    """Return x'' = square x between 1 and 0.3."""
+    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 + square * q[0] ** 2 / 2, ["x"])
+    return ao.Problem(system, ao.Event(start, [1.0]), ao.Event(start + T, [0.3]))
+
+
+def first_mesh(problem):
+    mesh = Mesh.uniform(problem.start.t, problem.end.t, 4, 12)
+    tr = Transcription(problem, mesh, problem.scales)
+    return paced(tr, tr.pack(tr.straight()))
+
+
+@pytest.mark.parametrize("square", [-9.0, 0.0, 9.0])
+def test_four_elements_show_slow_motions(square):
+    assert first_mesh(linear(square)) is None
+
+
+@pytest.mark.parametrize("turns", [11.0, 37.0, 150.0])
+def test_turns_are_shared_out_evenly(turns):
+    mesh = first_mesh(linear(-(turns**2)))
+    assert np.ptp(mesh.lengths) <= 1e-12
+    assert turns * mesh.lengths[0] <= SHOWN < turns / (mesh.elements - 1)
+
+
+@pytest.mark.parametrize("start", [0.0, -3.0, 1e4])
+@pytest.mark.parametrize("folds", [20.0, 1e3, 1e6])
+def test_layers_are_shown_at_both_ends(folds, start):
+    mesh = first_mesh(linear(folds**2, start=start))
+    assert mesh.boundaries[0] == start and mesh.boundaries[-1] == start + 1.0
+    assert folds * mesh.lengths[[0, -1]] == pytest.approx(SHOWN, rel=1e-2)  # 1e4 costs digits
+    assert np.allclose(mesh.lengths, mesh.lengths[::-1], rtol=1e-2)
+    assert mesh.elements <= 18
+
+
+def test_layers_thinner_than_the_times_can_say_are_left():
+    assert first_mesh(linear(1e28, start=1e4)) is None
+
+
+def test_rates_are_those_of_the_units():
+    """Twice the time at half the rate, or another unit of length and mass: the same mesh."""
+    system = ao.System(
+        lambda q, v, t: 3.0 * (v[0] ** 2 - 25.0 * q[0] ** 2 + v[1] ** 2 - 1e3 * q[1] ** 2),
+        ["x", "y"],
+    )
+    problem = ao.Problem(system, ao.Event(0.0, [1e-5, 1e5]), ao.Event(2.0, [0.0, 2e5]))
+    assert first_mesh(problem).elements == first_mesh(linear(-4e3)).elements
+
+
+@pytest.mark.parametrize("tol", [1e-6, 1e-9, 1e-12])
+@pytest.mark.parametrize("folds", [20.0, 100.0, 1e3, 1e6])
+def test_layers_are_solved_on_the_first_mesh(folds, tol):
+    solution = ao.solve(linear(folds**2), tol=tol)
+    near = np.linspace(0.0, min(1.0, 20.0 / folds), 201)
+    t = np.concatenate([near, 1.0 - near])
+    gone = np.exp(-2 * folds)
+    left = np.exp(-folds * t) - np.exp(-folds * (2 - t))
+    right = np.exp(-folds * (1 - t)) - np.exp(-folds * (1 + t))
+    exact = (left + 0.3 * right) / (1 - gone)
+    assert np.max(np.abs(solution(t)[0] - exact)) <= tol
+    assert len(solution.stats["rounds"]) == 1
