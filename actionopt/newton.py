@@ -46,6 +46,8 @@ class Followed:
         Factorizations used.
     travelled : float
         Distance from the first iterate, in the same units.
+    factors : Factors or None
+        Those of the last factorization, close to z.
     """
 
     z: Array
@@ -53,6 +55,7 @@ class Followed:
     noise: float
     iterations: int
     travelled: float
+    factors: Factors | None = None
 
 
 def follow(
@@ -92,7 +95,7 @@ def follow(
                     if settled or rest <= target:
                         if not residual.any():  # a path of zeros has no round-off of its own
                             rest = _size(factors.solve(_roundoff(tr, factors))[:cut])
-                        return Followed(z, True, rest, k, _size((z - first)[:cut]))
+                        return Followed(z, True, rest, k, _size((z - first)[:cut]), factors)
                     ratio = rest / size if size else 0.0
                     stopped = ratio > CONTRACTION and rest < ROUNDOFF_STEP
                     settled = linear or rest * ratio <= target or stopped
@@ -102,7 +105,7 @@ def follow(
                 return Followed(z, False, np.inf, k, np.inf)
             z = z - step
             if enough is not None and ratio < CONTRACTION and rest * ratio <= enough(z):
-                return Followed(z, True, 0.0, k, _size((z - first)[:cut]))
+                return Followed(z, True, 0.0, k, _size((z - first)[:cut]), factors)
             residual = tr.residual(z)
             # Multipliers far off disturb the first steps, and are right after them.
             settling = tr.layout.rows > 0 and k <= SETTLING and ratio < 1 / CONTRACTION

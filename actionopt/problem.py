@@ -169,8 +169,7 @@ class Problem:
                 f"t0 = {self.start.t}; exchange the events to run the motion backwards"
             )
         if self.system.m:
-            _check_on_surface(self, "start", self.start)
-            _check_on_surface(self, "end", self.end)
+            _check_on_surface(self)
 
     packed: Array = field(init=False, repr=False)
 
@@ -196,32 +195,32 @@ class Problem:
         return np.where(size > 1e-12 * largest, size, largest if largest > 0 else 1.0)
 
 
-def _check_on_surface(problem: Problem, role: str, event: Event) -> None:
-    """Raise ValueError if a constraint that the event alone decides is not satisfied there."""
+def _check_on_surface(problem: Problem) -> None:
+    """Raise ValueError if a constraint that an event alone decides is not satisfied there."""
     system = problem.system
-    pinned = set(event.pinned)
-    q = np.array([[0.0 if x is None else x for x in event.q]])
-    t = np.array([[event.t]])
-    f = system.pointwise("constraint")(q, t, problem.packed)[0][0]
+    events = {"start": problem.start, "end": problem.end}
+    q = np.array([[0.0 if x is None else x for x in e.q] for e in events.values()])
+    t = np.array([[e.t] for e in events.values()])
+    f = system.pointwise("constraint")(q, t, problem.packed)[0]
     jacobian = system.pointwise("constraint_jacobian")
-    G = np.abs(jacobian(q, t, problem.packed)[0][0])
-    drift = np.zeros(system.m)
+    G = np.abs(jacobian(q, t, problem.packed)[0])
+    rows, cols = jacobian.sparsity(0)
+    # What f changes by when the coordinates and the time change by their own size: |f| alone has
+    # no scale.
+    scales = np.zeros(f.shape)
+    for k in range(len(events)):
+        np.add.at(scales[k], rows, G[k] * problem.scales[cols])
     if system.structure.depends_on_time:
-        drift = np.abs(system.pointwise("constraint_rate")(q, t, problem.packed)[0][0])
-    sparsity = jacobian.function.sparsity_out(0)
-    rows, cols = np.array(sparsity.row(), dtype=int), np.array(sparsity.get_col(), dtype=int)
-    lengths = problem.scales
-    for i in range(system.m):
-        mine = rows == i
-        if not set(cols[mine].tolist()) <= pinned:
-            continue
-        # What f changes by when the coordinates and the time change by their own size: |f|
-        # alone has no scale.
-        scale = float(np.sum(G[mine] * lengths[cols[mine]]) + drift[i] * problem.duration)
-        if not abs(f[i]) <= SURFACE_TOLERANCE * max(scale, np.finfo(float).tiny):
+        rate = system.pointwise("constraint_rate")(q, t, problem.packed)[0]
+        scales += np.abs(rate) * problem.duration
+    off = ~(np.abs(f) <= SURFACE_TOLERANCE * np.maximum(scales, np.finfo(float).tiny))
+    for k, (role, event) in enumerate(events.items()):
+        free = np.array([x is None for x in event.q])
+        off[k, rows[free[cols]]] = False  # decided along the path
+        for i in np.flatnonzero(off[k]):
             raise ValueError(
                 f"expected the {role} event on the constraint surface, found constraint row "
-                f"{i} = {f[i]:.6g} at t = {event.t}, q = {event.q}; move the event, or "
+                f"{i} = {f[k, i]:.6g} at t = {event.t}, q = {event.q}; move the event, or "
                 "leave a coordinate free (None) for the constraint to decide"
             )
 

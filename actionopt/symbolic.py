@@ -100,9 +100,10 @@ class Expressions:
         self.sx, self._items = whole.to_casadi(), None
 
     def _elements(self) -> list[ca.SX]:
-        if self._items is None:
-            self._items = self.sx.elements()
-        return self._items
+        items = self._items
+        if items is None:
+            items = self._items = self.sx.elements()
+        return items
 
     # -- numbers ---------------------------------------------------------------------------------
 

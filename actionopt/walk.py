@@ -22,10 +22,10 @@ from actionopt.problem import Problem
 from actionopt.quadrature import Array
 from actionopt.refine import Resolution, resolution
 from actionopt.transcription import (
+    Factors,
     Principle,
     Transcription,
     find,
-    negative_eigenvalues,
 )
 
 FEW = 3  # coordinates up to which descending costs less than entering Ipopt
@@ -65,6 +65,7 @@ class Walk:
     checked: bool = False
     diverged: bool = False  # whether the last descent found the action unbounded
     resolved: tuple[Array, Resolution] | None = None  # of the current z
+    factors: tuple[Array, Factors] | None = None  # z, and those found close to it, if not large
     iterations: Counter[str] = field(default_factory=Counter)
     evaluations: Counter[str] = field(default_factory=Counter)
     rounds: list[dict[str, Any]] = field(default_factory=list)
@@ -95,8 +96,10 @@ class Walk:
 
     def index(self) -> int:
         """Return the number of variations on the mesh at hand that lower the action."""
-        tr = self.tr
-        return negative_eigenvalues(tr.layout, tr.kkt(self.z)) - tr.layout.rows
+        layout = self.tr.layout
+        if self.factors is not None and self.factors[0] is self.z:
+            return self.factors[1].negative() - layout.rows
+        return Factors(layout, self.tr.kkt(self.z)).negative() - layout.rows
 
     # -- ways to move ----------------------------------------------------------------------------
 
@@ -250,6 +253,7 @@ class Walk:
         arrived = result.converged and (self.linear or result.travelled < reach)
         if arrived:
             self.z, self.noise = result.z, result.noise
+            self.factors = (self.z, result.factors) if result.factors and not self.large else None
             self.gain = max(self.gain, self._sensitivity())
             self.error = SAFETY * (self.gain * self.resolution().worst + self.noise + ROUNDOFF)
             self._record(perf_counter() - clock)

@@ -89,7 +89,7 @@ class Blocks:
         return matrix[self._whole]
 
     @cached_property
-    def _whole(self) -> tuple[Any, Any]:
+    def _whole(self) -> tuple[Any, ...]:
         """What to take of the matrix over all places: a part of it where that does."""
         first, size = self.places[:1].sum(), self.places.size
         if np.array_equal(self.places, first + np.arange(size)):

@@ -61,8 +61,7 @@ class Factors:
                 self._rough = self._condensed.solve
         elif not system.structure.forced:
             regular = _regular(layout, compressed(layout, nonzeros))
-            solver = _solver(layout, "ldl")
-            self._rough = lambda right: solver(regular, right)
+            self._rough = lambda right: _solver(layout, "ldl")(regular, right)
 
     @cached_property
     def _condensed(self) -> Condensed:
@@ -89,7 +88,7 @@ class Factors:
     def definite(self) -> bool:
         """Return whether the matrix, one without constraint rows, is positive definite."""
         if self.layout.storage == "sparse":
-            return negative_eigenvalues(self.layout, self.nonzeros) == 0
+            return self.negative() == 0
         try:
             if not self.layout.small:
                 return self._condensed.definite()
@@ -97,6 +96,22 @@ class Factors:
         except np.linalg.LinAlgError:
             return False
         return True
+
+    def negative(self) -> int:
+        """Return the number of negative eigenvalues of a symmetric matrix (its inertia)."""
+        layout = self.layout
+        if layout.small:
+            if not layout.rows and self.definite():
+                return 0
+            return int(np.sum(np.linalg.eigvalsh(self._full) < 0))
+        if layout.storage == "blocks":
+            return self._condensed.negative()
+        matrix = ca.DM(layout.kkt.sparsity, _regular(layout, self.nonzeros))
+        if "inertia" not in layout.solvers:
+            layout.solvers["inertia"] = ca.Linsol("inertia", "ldl", layout.kkt.sparsity)
+            layout.solvers["inertia"].sfact(matrix)
+        layout.solvers["inertia"].nfact(matrix)
+        return int(layout.solvers["inertia"].neig(matrix))
 
     def _refined(self, rough: Callable[[Array], Array], right: Array) -> Array | None:
         """Return the solution by refinement of a rough one, or None if that does not converge."""
@@ -169,18 +184,7 @@ class _Sparse:
 
 def negative_eigenvalues(layout: Layout, nonzeros: Array) -> int:
     """Return the number of negative eigenvalues of a symmetric KKT matrix (its inertia)."""
-    if layout.small:
-        if not layout.rows and Factors(layout, nonzeros).definite():
-            return 0
-        return int(np.sum(np.linalg.eigvalsh(layout.blocks.full(nonzeros)) < 0))
-    if layout.storage == "blocks":
-        return Condensed(layout.blocks, nonzeros).negative()
-    matrix = ca.DM(layout.kkt.sparsity, _regular(layout, nonzeros))
-    if "inertia" not in layout.solvers:
-        layout.solvers["inertia"] = ca.Linsol("inertia", "ldl", layout.kkt.sparsity)
-        layout.solvers["inertia"].sfact(matrix)
-    layout.solvers["inertia"].nfact(matrix)
-    return int(layout.solvers["inertia"].neig(matrix))
+    return Factors(layout, nonzeros).negative()
 
 
 def _solver(layout: Layout, kind: str) -> _Sparse:
