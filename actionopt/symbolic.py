@@ -57,7 +57,7 @@ class Expressions:
 
     def __init__(self, sx: ca.SX, ndim: int) -> None:
         self.sx, self.ndim = sx, ndim
-        self._items: list[ca.SX] | None = None
+        self._items: list[Any] | None = None
 
     def __SX__(self) -> ca.SX:
         """Return what CasADi's functions take."""
@@ -99,7 +99,7 @@ class Expressions:
         whole[index] = _theirs(value)
         self.sx, self._items = whole.to_casadi(), None
 
-    def _elements(self) -> list[ca.SX]:
+    def _elements(self) -> list[Any]:
         items = self._items
         if items is None:
             items = self._items = self.sx.elements()
