@@ -181,8 +181,11 @@ def approach(
                     break
                 damping = min(better, damping / 2) if np.isfinite(rest) else damping / 4
             z, last = trial, length
-            if damping == 1.0 and _size(missed[:cut]) < SURELY * _size(step[:cut]):
-                return z + missed, k
+            if damping == 1.0 and rest < CONTRACTION * length:  # near: the second step counts too
+                z, last = z + missed, None
+                if _size(missed[:cut]) < SURELY * _size(step[:cut]):
+                    return z, k
+                residual = tr.residual(z)
     return None
 
 
