@@ -2,6 +2,7 @@
 
 import _thread
 import re
+import signal
 import threading
 
 import numpy as np
@@ -377,6 +378,15 @@ def test_collision_is_reported_with_its_time_and_without_noise(capfd):
     assert path(1.0)[0] < 0.4
 
 
+@pytest.fixture
+def keyboard():
+    """Let the signal from the keyboard arrive, also where the parent process ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("keyboard")
 def test_interruption_is_passed_on(capfd):
     timer = threading.Timer(0.3, _thread.interrupt_main)
     q, v = kepler(0.0, 1.0, 0.6, 1.0)

@@ -641,6 +641,7 @@ import actionopt as ao
 from actionopt import scenes
 from actionopt.transcription import Transcription
 
+signal.signal(signal.SIGINT, signal.default_int_handler)  # the parent process may ignore it
 real, calls = Transcription.gradient, []
 
 def gradient(self, x):
