@@ -39,7 +39,7 @@ def check(tr: Transcription, Q: Array) -> None:
         _check_rank(problem, q, t, G * tr.lengths)
     rows, cols = sparsity_of(system, "second", 2)
     M = np.zeros((system.n, system.n))
-    M[rows, cols] = M[cols, rows] = tr.inertia * tr.lengths[rows] * tr.lengths[cols]
+    M[rows, cols] = M[cols, rows] = tr.inertia
     if _definite(M):
         return
     # Generic velocities: a mass matrix such as that of v^4 is singular at rest only.
@@ -134,13 +134,14 @@ def _check_rank(problem: Problem, q: Array, t: Array, G: Array) -> None:
 
 def _check_mass(names: tuple[str, ...], M: Array, G: Array | None) -> None:
     for k in range(len(M)):
+        units = _equilibrating(M[k])
         basis = np.eye(len(names))
         if G is not None:
-            _, values, right = np.linalg.svd(G[k])
+            _, values, right = np.linalg.svd(G[k] * units)
             basis = right[np.sum(values > RANK * values[0]) :].T
         if basis.shape[1] == 0:
             return
-        on_motions = basis.T @ M[k] @ basis
+        on_motions = basis.T @ (M[k] * units * units[:, None]) @ basis
         _, values, right = np.linalg.svd(on_motions)
         if values[-1] > RANK * values[0]:
             return
@@ -155,10 +156,23 @@ def _check_mass(names: tuple[str, ...], M: Array, G: Array | None) -> None:
     )
 
 
+def _equilibrating(M: Array) -> Array:
+    """Return r so that diag(r) M diag(r) has rows of size one, whatever the coordinates' units.
+
+    A coordinate without inertia keeps its own unit, beside those of the largest inertia.
+    """
+    largest = np.max(np.abs(M))
+    r = np.full(len(M), 1 / np.sqrt(largest) if largest > 0 else 1.0)
+    for _ in range(5):  # Ruiz scaling
+        row = np.max(np.abs(M * r * r[:, None]), axis=1)
+        r /= np.sqrt(np.where(row > 0, row, 1.0))
+    return r
+
+
 def _definite(M: Array) -> bool:
-    """Whether M is plainly positive definite, the ordinary case, quickly found out."""
+    """Whether M is plainly positive definite in any units, the ordinary case, quickly found out."""
     try:
         pivots = np.diagonal(np.linalg.cholesky(M)) ** 2
     except np.linalg.LinAlgError:
         return False
-    return bool(pivots.min() > RANK * pivots.max())
+    return bool((pivots > RANK * np.diagonal(M)).all())

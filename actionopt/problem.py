@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from actionopt.quadrature import Array
 from actionopt.system import System
 
+NEGLIGIBLE = 1e-12  # a coordinate this much smaller than another is zero up to rounding
 SURFACE_TOLERANCE = 1e-8  # how far, relative to the surface's own scale, an event may lie off it
 
 
@@ -187,12 +188,30 @@ class Problem:
     def scales(self) -> Array:
         """Size of each coordinate as far as the events tell, shape (n,): always positive.
 
-        A coordinate that is zero or free at both events is given the size of the largest.
+        A coordinate that is zero or free at both events is given the size of the largest; so is
+        one that may be rounding of another, small beside it in whatever they are measured.
         """
         known = [[abs(x) if x is not None else 0.0 for x in e.q] for e in (self.start, self.end)]
         size = np.max(known, axis=0)
         largest = float(np.max(size))
-        return np.where(size > 1e-12 * largest, size, largest if largest > 0 else 1.0)
+        if not largest > 0:
+            return np.ones(size.shape)
+        nothing = size <= NEGLIGIBLE * largest
+        if np.any(size[nothing]):  # small, or of another unit: an angle beside a distance
+            natural = size * np.sqrt(self._inertias())
+            nothing &= ~(natural > NEGLIGIBLE * np.max(natural))
+        return np.where(nothing, largest, size)
+
+    def _inertias(self) -> Array:
+        """Return the magnitude of the diagonal of d2L/dv2 at the start, shape (n,)."""
+        q = np.array([[0.0 if x is None else x for x in e.q] for e in (self.start, self.end)])
+        second = self.system.pointwise("second")
+        v = (q[1:] - q[:1]) / self.duration
+        values = second(q[:1], v, np.array([[self.start.t]]), self.packed)[2][0]
+        rows, cols = second.sparsity(2)
+        inertias = np.zeros(q.shape[1])
+        inertias[rows[rows == cols]] = np.abs(values[rows == cols])
+        return inertias
 
 
 def _check_on_surface(problem: Problem) -> None:

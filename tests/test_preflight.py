@@ -69,6 +69,50 @@ def test_masses_of_different_units_are_no_singularity():
     assert ao.solve(Problem(system, Event(0, [0, 0]), Event(1, [1e-9, 1.0]))).success
 
 
+@pytest.mark.parametrize("small", [1e-3, 1e-6, 1e-9, 1e-11, 1e-15])
+def test_a_small_extent_is_no_missing_mass(small):
+    # Isotropic and uncoupled: each coordinate is a sine of its own.
+    system = System(lambda q, v, t: kinetic(v) - (q[0] ** 2 + 2 * q[1] ** 2) / 2, ["x", "y"])
+    problem = Problem(system, Event(0, [0, 0]), Event(1, [1, small]))
+    solution, t = ao.solve(problem), np.linspace(0, 1, 11)
+    x, y = np.sin(t) / np.sin(1), small * np.sin(np.sqrt(2) * t) / np.sin(np.sqrt(2))
+    assert np.max(np.abs(solution(t)[0] - x)) <= 1e-10
+    assert np.max(np.abs(solution(t)[1] - y)) <= 1e-10 * small
+
+
+def test_a_small_mass_is_no_missing_mass():
+    system = System(lambda q, v, t: (v[0] ** 2 + 1e-12 * v[1] ** 2) / 2 - q[0], ["x", "y"])
+    assert ao.solve(Problem(system, *line(2))).success
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1e9])
+def test_a_singular_mass_matrix_of_any_units_is_one(unit):
+    system = System(lambda q, v, t: (v[0] + unit * v[1]) ** 2 / 2 - q[0] ** 2, ["x", "y"])
+    events = Event(0, [0, 0]), Event(1, [1, 1 / unit])
+    refused(system, *events, match="singular in the direction of x, y")
+
+
+def test_inertia_that_only_couples_is_regular():
+    # L = u' w' - u w: u'' = -u and w'' = -w.
+    system = System(lambda q, v, t: v[0] * v[1] - q[0] * q[1], ["u", "w"])
+    solution = ao.solve(Problem(system, Event(0, [0, 0]), Event(1, [1, 1e-9])))
+    t = np.linspace(0, 1, 11)
+    ratio = solution(t) / np.array([[1], [1e-9]]) - np.sin(t) / np.sin(1)
+    assert np.max(np.abs(ratio)) <= 1e-8
+
+
+def test_a_small_extent_beside_a_massless_coordinate():
+    # y = 1e9 x^2 has no mass of its own, z is small and free.
+    system = System(
+        lambda q, v, t: (v[0] ** 2 + v[2] ** 2) / 2,
+        ["x", "y", "z"],
+        constraint=lambda q, t: q[1] - 1e9 * q[0] ** 2,
+    )
+    solution = ao.solve(Problem(system, Event(0, [0, 0, 0]), Event(1, [1, 1e9, 1e-9])))
+    t = np.linspace(0, 1, 7)
+    assert np.max(np.abs(solution(t) / np.array([[1], [1e9], [1e-9]]) - [t, t**2, t])) <= 1e-8
+
+
 def test_a_mass_that_vanishes_at_rest_only_is_accepted():
     system = System(lambda q, v, t: v[0] ** 4 / 12, ["x"])
     solution = ao.solve(Problem(system, Event(0, [0]), Event(1, [2])), guess=lambda t: 2 * t)

@@ -50,6 +50,19 @@ def test_scales_come_from_the_events_and_are_never_zero():
     assert Problem(plane, Event(0, [0, 0]), Event(1, [0, 0])).scales.tolist() == [1.0, 1.0]
 
 
+def test_rounding_of_one_coordinate_is_no_scale_of_another():
+    start = Event(0, [1.0, np.sin(np.pi)])
+    for end in ([-1.0, 0.0], [-1.0, 1e-17]):
+        assert Problem(plane, start, Event(1, end)).scales.tolist() == [1.0, 1.0]
+
+
+def test_an_angle_beside_a_great_distance_is_a_scale():
+    # A planet in metres: r is 1e13 times phi, and r^2 phi'^2 is as good as r'^2.
+    planet = System(lambda q, v, t: (v[0] ** 2 + q[0] ** 2 * v[1] ** 2) / 2, ["r", "phi"])
+    problem = Problem(planet, Event(0, [4.5e12, 0.0]), Event(6e8, [4.5e12, 0.2]))
+    assert problem.scales.tolist() == [4.5e12, 0.2]
+
+
 def test_events_on_the_surface_pass_in_any_unit():
     for r in (1e-10, 1.0, 1e11):
         Problem(circle, Event(0, [0, r]), Event(1, [r * 0.6, -r * 0.8]), parameters={"r": r})
