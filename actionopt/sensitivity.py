@@ -144,6 +144,6 @@ def _unpack(system: System, packed: Array) -> dict[str, Array]:
     result, first = {}, 0
     for name, shape in system.table.shapes.items():
         size = int(np.prod(shape))
-        result[name] = packed[first : first + size].reshape(shape, order="F")
+        result[name] = packed[first : first + size].reshape(shape)
         first += size
     return result

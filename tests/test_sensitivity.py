@@ -205,6 +205,27 @@ def test_array_parameters_keep_their_shape():
     assert found == pytest.approx(expected, rel=1e-9)
 
 
+def test_each_entry_of_a_matrix_has_its_own_derivative():
+    def lagrangian(q, v, t, *, M):
+        coupled = M[0, 1] * q[0] + M[1, 0] * q[1] + M[0, 2] * q[0] * q[1] + M[1, 2] * v[0] * q[1]
+        return (v[0] ** 2 + v[1] ** 2) / 2 + coupled - M[0, 0] * q[0] ** 2 - M[1, 1] * q[1] ** 2
+
+    M = np.array([[0.3, 1.0, -0.5], [0.2, 0.7, 0.4]])
+    system = ao.System(lagrangian, ["x", "y"], parameters={"M": M})
+    ends = ao.Event(0.0, [0.0, 0.4]), ao.Event(1.0, [1.0, -0.2])
+
+    def action(i, j, h):
+        moved = M.copy()
+        moved[i, j] += h
+        return ao.solve(ao.Problem(system, *ends, parameters={"M": moved}), tol=1e-12).action
+
+    found = ao.solve(ao.Problem(system, *ends), tol=1e-12).sensitivity().parameters["M"]
+    assert found.shape == M.shape
+    for i, j in np.ndindex(M.shape):
+        expected = difference(lambda h, i=i, j=j: action(i, j, h), 1e-2)
+        assert found[i, j] == pytest.approx(expected, rel=1e-7, abs=1e-9), (i, j)
+
+
 def test_forced_systems_are_refused():
     system = ao.System(lambda q, v, t: v[0] ** 2 / 2, ["x"], force=lambda q, v, t: [-v[0]])
     solution = ao.solve(ao.Problem(system, ao.Event(0.0, 0.0), ao.Event(1.0, 1.0)))
