@@ -371,7 +371,7 @@ class System:
 
         With constraints, p counts only on the motions they allow: v satisfies
         G v = -df/dt and dL/dv = p + G' mu. Newton's method from `guess` (n,), one step where
-        L is quadratic in v. Raises ValueError if it does not converge.
+        L is quadratic in v. Raises ValueError if it does not converge, or anything is not finite.
         """
         n, m = self.n, self.m
         v = np.array(guess, dtype=float)
@@ -390,6 +390,11 @@ class System:
             K = np.block([[M, -G.T], [G, np.zeros((m, m))]])
             step = np.linalg.solve(K, miss)[:n]
             size = float(np.max(np.abs(step)))
+            if not np.isfinite(size):
+                raise ValueError(
+                    f"expected a finite momentum {target} and a Lagrangian with finite derivatives "
+                    f"at q = {q}, t = {t}, v = {v}, found NaN or infinity; move away from there"
+                )
             # Away from the answer a full step may leave the domain of L (|v| < c, say).
             while size > 1e-8 * np.max(np.abs(v)):
                 ahead = mismatch(v + step)

@@ -447,3 +447,18 @@ def test_no_velocity_with_a_momentum_that_cannot_be():
     bounded = System(lambda q, v, t: np.sin(v[0]), ["x"])  # |p| = |cos v| <= 1
     with pytest.raises(ValueError, match="no velocity with the momentum"):
         bounded.velocity([0.0], [3.0], 0.0, [0.5])
+
+
+NOT_FINITE = {
+    "momentum": (lambda q, v, t: v[0] ** 2 / 2, [0.5], [np.inf], [0.5]),
+    "place": (lambda q, v, t: q[0] * v[0] ** 2 / 2, [np.nan], [1.0], [0.5]),
+    "guess": (lambda q, v, t: -np.sqrt(1 - v[0] ** 2), [0.5], [1.0], [1.5]),
+    "Lagrangian": (lambda q, v, t: v[0] ** 2 / 2 + v[0] / q[0], [0.0], [1.0], [0.5]),
+}
+
+
+@pytest.mark.parametrize("what", NOT_FINITE)
+def test_velocity_ends_where_something_is_not_finite(what):
+    lagrangian, q, p, guess = NOT_FINITE[what]
+    with pytest.raises(ValueError, match="finite|no velocity"):
+        System(lagrangian, ["x"]).velocity(q, p, 0.0, guess)
