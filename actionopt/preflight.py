@@ -113,7 +113,7 @@ def _check_rank(problem: Problem, q: Array, t: Array, G: Array) -> None:
     if _definite(unit[0] @ unit[0].T):
         return
     left, values, _ = np.linalg.svd(unit, full_matrices=False)
-    if not np.all(values[:, -1] < RANK * values[:, 0]):
+    if not np.all(values[:, -1] <= RANK * values[:, 0]):
         return
     null = np.abs(left[0, :, -1])
     rows = np.flatnonzero(null > 1e-6 * null.max()).tolist()

@@ -141,7 +141,7 @@ class Problem:
     ------
     ValueError
         If the events do not fit the system, lie off its constraint surface, or the times do
-        not increase; or a parameter is unknown.
+        not increase; or a parameter is unknown, or a constraint contains no coordinate.
     """
 
     system: System
@@ -170,6 +170,7 @@ class Problem:
                 f"t0 = {self.start.t}; exchange the events to run the motion backwards"
             )
         if self.system.m:
+            _check_rows(self.system)
             _check_on_surface(self)
 
     packed: Array = field(init=False, repr=False)
@@ -212,6 +213,17 @@ class Problem:
         inertias = np.zeros(q.shape[1])
         inertias[rows[rows == cols]] = np.abs(values[rows == cols])
         return inertias
+
+
+def _check_rows(system: System) -> None:
+    """Raise ValueError for a constraint row that contains no coordinate."""
+    rows, _ = system.pointwise("constraint_jacobian").sparsity(0)
+    count = np.bincount(rows, minlength=system.m)
+    if not count.all():
+        raise ValueError(
+            "expected constraints that each restrict the coordinates, found that row "
+            f"{np.argmin(count)} does not depend on any of them; remove it, or correct it"
+        )
 
 
 def _check_on_surface(problem: Problem) -> None:

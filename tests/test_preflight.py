@@ -162,7 +162,8 @@ REDUNDANT = {
         lambda q, t: [q[0] ** 2 - q[1] ** 2 + q[0] - q[1], q[0] - q[1]],
         r"rows \[0, 1\] say the same",
     ),
-    "a row of zeros": (lambda q, t: [q[0] - q[1], 0 * q[2]], "row 1 does not depend"),
+    "a row that is flat there": (lambda q, t: [q[0] - q[1], (q[0] - q[2]) ** 2], "row 1 does not"),
+    "nothing but such a row": (lambda q, t: (q[0] - q[2]) ** 2, "row 0 does not depend"),
 }
 
 

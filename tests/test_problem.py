@@ -72,6 +72,19 @@ def test_a_free_coordinate_leaves_the_constraint_to_decide():
     Problem(circle, START, Event(1, [0.6, None]))
 
 
+@pytest.mark.parametrize(
+    "row", [lambda q, t: 0 * q[0], lambda q, t: t - t, lambda q, t: t * (t - 2), lambda q, t: 0.0]
+)
+def test_a_constraint_without_coordinates_is_refused(row):
+    alone = System(lambda q, v, t: v @ v / 2, ["x", "y"], constraint=row)
+    second = System(
+        lambda q, v, t: v @ v / 2, ["x", "y"], constraint=lambda q, t: [q[0] + q[1] - 1, row(q, t)]
+    )
+    for i, system in enumerate((alone, second)):
+        with pytest.raises(ValueError, match=f"row {i} does not depend on any of them"):
+            Problem(system, START, END)
+
+
 @pytest.mark.parametrize("r", [1e-10, 1.0, 1e11])
 def test_events_off_the_surface_are_refused_in_any_unit(r):
     with pytest.raises(ValueError, match=r"end event on the constraint surface.*constraint row 0"):
