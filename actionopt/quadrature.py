@@ -17,6 +17,29 @@ from numpy.typing import NDArray
 Array = NDArray[Any]  # of floats; numpy's own stubs do not keep track of float64
 
 
+MORE = 3  # degrees of the other quadrature of a rule: its points lie between the nodes
+
+
+@dataclass(frozen=True, eq=False)
+class Sampling:
+    """A quadrature with m + 1 points for the polynomials with given values at d + 1 nodes.
+
+    Attributes
+    ----------
+    nodes : (m + 1,) array
+    values, slopes : (m + 1, d + 1) arrays
+        Map nodal values to values and derivatives at the points.
+    weighted_values, weighted_slopes : (d + 1, m + 1) arrays
+        Their transposes, times the weights.
+    """
+
+    nodes: Array
+    values: Array
+    slopes: Array
+    weighted_values: Array
+    weighted_slopes: Array
+
+
 @dataclass(frozen=True, eq=False)
 class Rule:
     """The LGL rule of one polynomial degree d (d + 1 points, exact to degree 2d - 1).
@@ -54,6 +77,23 @@ class Rule:
         """The matrices w_k D_kj D_kl, ((d + 1)^2, d + 1): row (j, l), column k."""
         products = np.einsum("kj,kl->jlk", self.weighted, self.derivative)
         return products.reshape(-1, self.degree + 1)
+
+    @cached_property
+    def same(self) -> Sampling:
+        """Sums over the nodes themselves."""
+        return self._sampled(self)
+
+    @cached_property
+    def other(self) -> Sampling:
+        """Sums over other points, between the nodes."""
+        return self._sampled(lgl(self.degree + MORE))
+
+    def _sampled(self, rule: Rule) -> Sampling:
+        values = self.interpolation(rule.nodes)
+        slopes = values @ self.derivative
+        return Sampling(
+            rule.nodes, values, slopes, values.T * rule.weights, slopes.T * rule.weights
+        )
 
     def interpolation(self, xi: Array) -> Array:
         """Return the matrix (K, d + 1) that maps nodal values to values at the K points `xi`."""

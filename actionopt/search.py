@@ -19,6 +19,7 @@ from actionopt.refine import DEGREES, resolution
 from actionopt.settle import settle, settle_on
 from actionopt.solution import Solution
 from actionopt.status import Status
+from actionopt.transcription import Transcription
 from actionopt.walk import LARGE, Walk, sizes
 
 # How a first path is sought from the straight line, each way on meshes of so many elements.
@@ -27,7 +28,8 @@ from actionopt.walk import LARGE, Walk, sizes
 # where the action is bounded below, and sees where it is not; Ipopt minimises under constraints,
 # and where the descent is lost; continuation gets to a saddle slowly but surely; Ipopt's root
 # finding needs no path to be near; a minimum down a long curved valley takes patience.
-LADDER = (
+Ladder = tuple[tuple[str, tuple[int, ...]], ...]
+LADDER: Ladder = (
     ("convex newton", (4,)),
     ("descent", (8, 16, 32, 64)),
     ("newton", (4,)),
@@ -36,6 +38,9 @@ LADDER = (
     ("stationary", (8, 16)),
     ("patient least", (8, 16, 32, 64)),
 )
+SHORT = 4  # rungs that are tried from a bent line
+BEND = 0.4  # of the coordinates' sizes
+TRAPPED = (Status.NOT_FOUND, Status.UNRESOLVED, Status.DEGENERATE)
 LEAST = ("descent", "least", "patient least")
 FIRST = ("convex newton", *LEAST)  # what is tried only as long as there may be a least path
 FINE = 3  # coordinates up to which a higher degree costs less than a second mesh
@@ -59,6 +64,7 @@ class Search:
     principle: str
     given: Mesh | None
     rung: str = ""
+    bent: bool = False  # whether a path is sought from a bent line
     may_be_least: bool = False
     spare: tuple[str, Path, Array] | None = None  # a saddle, found while a least path was sought
 
@@ -70,18 +76,48 @@ class Search:
     # -- without a guess -----------------------------------------------------------------------
 
     def from_nothing(self) -> Status:
-        """Find a path with no guess, by the rungs of `LADDER`, and settle it."""
+        """Find a path with no guess, by the rungs of `LADDER`, and settle it.
+
+        A straight line may be a trap: through the centre of a force or of a circle, symmetry keeps
+        every way on it. Then a bent one is tried.
+        """
+        status = self._climb(LADDER)
+        if status in TRAPPED:
+            again = self._bend(LADDER[:SHORT])
+            return again if again.success else status
+        return status
+
+    def _bend(self, ladder: Ladder) -> Status:
+        """Try the rungs from a bent line."""
+        if self.bent or self.walk.problem.system.n == 1 or self._large:
+            return Status.NOT_FOUND
+        around = Search(self.walk, self.tol, self.principle, self.given, bent=True)
+        status = around._climb(ladder)
+        if status.success:
+            self.rung = around.rung
+        return status
+
+    @property
+    def _large(self) -> bool:
+        """Whether even the coarsest mesh has many unknowns."""
+        return self.walk.problem.system.n * COARSE_DEGREE * LADDER[1][1][0] > LARGE
+
+    def _climb(self, ladder: Ladder) -> Status:
+        """Try the rungs in turn until one leads to a path that settles."""
         forced = self.walk.problem.system.structure.forced
         self.may_be_least = self.principle != "stationary" and not forced
         status = Status.NOT_FOUND
-        large = self.walk.problem.system.n * COARSE_DEGREE * LADDER[1][1][0] > LARGE
+        large = self._large
         # Continuation takes hundreds of factorizations: the last resort where each costs much.
-        for rung, meshes in sorted(LADDER, key=lambda r: large and r[0] == "continuation"):
+        for rung, meshes in sorted(ladder, key=lambda r: large and r[0] == "continuation"):
             if rung in FIRST and not (self.may_be_least and self._offers(rung)):
                 continue
             if rung not in FIRST and self.spare is not None:
                 continue  # it could only bring another saddle
             status = self._try(rung, meshes)
+            if rung == "descent" and status is Status.UNRESOLVED:
+                around = self._bend(LADDER[:2])  # before what costs more
+                status = around if around.success else status
             if status is Status.UNBOUNDED:
                 if self.principle == "least":
                     return status
@@ -120,7 +156,8 @@ class Search:
             self.walk.sizes = self.walk.problem.scales
             self.walk.restart()
             degree = self._fine_degree() if "newton" in rung else COARSE_DEGREE
-            self.walk.place(self._uniform(elements, degree), known)
+            mesh = self._uniform(elements, degree)
+            self.walk.place(mesh, known or (self._bent(mesh) if self.bent else None))
             if not self._seek(rung):
                 if self.least and self.walk.diverged:
                     return Status.UNBOUNDED
@@ -230,6 +267,14 @@ class Search:
     def _uniform(self, elements: int, degree: int) -> Mesh:
         problem = self.walk.problem
         return Mesh.uniform(problem.start.t, problem.end.t, elements, degree)
+
+    def _bent(self, mesh: Mesh) -> Path:
+        """Return a line between the events that is bent to one side in every coordinate."""
+        problem = self.walk.problem
+        Q = Transcription(problem, mesh, problem.scales).straight()
+        s = (mesh.nodes - problem.start.t) / problem.duration
+        side = problem.scales * np.cos(np.arange(1.0, 1.0 + problem.system.n))  # no symmetry's own
+        return Path(mesh, (Q + BEND * np.sin(np.pi * s)[:, None] * side).T)
 
     def _fine_degree(self) -> int:
         """Return a degree with which a few elements of a smooth path may meet the tolerance.

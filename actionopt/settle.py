@@ -15,17 +15,25 @@ from actionopt.walk import MEASURABLE, SAFETY, Walk
 
 ROUNDS = 20
 STALLED = 8  # rounds that bring nothing: a layer of 1e-6 is closed in on in six
+SHARE, PARTS = 0.1, 4  # of the worst element's misses that an element is cut for, and in how many
 SENSITIVE = 1e-10  # amplified round-off at which a path that does not settle is held to be that
 UNDETERMINED = 1e-6  # amplified round-off above which the end points do not determine a path
 
 
 def settle(walk: Walk, tol: float, *, least: bool) -> Status:
     """Carry the path from mesh to mesh until the tolerance is met or cannot be."""
-    stalled = 0
+    stalled, missed = 0, np.inf
     while len(walk.rounds) <= ROUNDS:
         before = walk.resolution()
         if walk.error <= tol:
-            return Status.SOLVED
+            last, missed = missed, walk.missed()
+            walk.error = max(walk.error, SAFETY * missed)
+            if walk.error <= tol:
+                return Status.UNRESOLVED if walk.torn() else Status.SOLVED
+            stalled = stalled + 1 if missed > last / 2 else 0
+            if stalled == STALLED or not walk.carry(_split(walk), least=least):
+                return _lost(walk)
+            continue
         if not walk.carry(refined(before, tol / (2 * SAFETY * walk.gain)), least=least):
             return _lost(walk)
         worst = walk.resolution().worst
@@ -48,8 +56,20 @@ def settle_on(walk: Walk, mesh: Mesh, *, least: bool) -> Status:
     ok = walk.carry(finer, least=least)
     change = np.max(np.abs(walk.path()(finer.nodes) - path(finer.nodes)).T / walk.sizes)
     walk.tr, walk.z = tr, z
-    walk.error = float(change) + SAFETY * walk.noise if ok else np.inf
+    walk.error = (
+        2 * float(change) + SAFETY * walk.noise if ok else np.inf
+    )  # less is left than moved
     return Status.ON_MESH
+
+
+def _split(walk: Walk) -> Mesh:
+    """Return the mesh with those elements cut in parts whose forces are missed."""
+    mesh, shares = walk.tr.mesh, walk.tr.uneven(walk.z)
+    parts = np.where(shares > SHARE * shares.max(), PARTS, 1)
+    step = np.repeat(mesh.lengths / parts, parts)
+    first = np.repeat(np.cumsum(parts) - parts, parts)
+    starts = np.repeat(mesh.boundaries[:-1], parts) + (np.arange(step.size) - first) * step
+    return Mesh(np.append(starts, mesh.boundaries[-1]), np.repeat(mesh.degrees, parts))
 
 
 def _finer(mesh: Mesh) -> Mesh:

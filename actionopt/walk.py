@@ -35,6 +35,7 @@ LARGE = 1500  # unknowns above which Ipopt takes too long over a square system
 QUICK = 12  # damped steps before something else is tried
 PASSABLE = 0.01  # of the coefficients a mesh leaves out, what Newton's method may leave there
 NEAR = 0.1  # a path that moves farther than this when refined, in its own size, is another one
+TINY = 1e-6  # of the time, elements that only layers and singularities need
 SAFETY = 4.0  # between the measured error of the last round and the estimate for the next
 ROUNDOFF = 2 * float(np.finfo(float).eps)  # of evaluating the polynomial, to begin with
 ORDINARY = 100.0  # amplification of round-off on a mesh where nothing is sensitive, at most
@@ -238,6 +239,7 @@ class Walk:
     def follow(self, reach: float = np.inf) -> bool:
         """Polish the path where it is; False if it is not there, or farther than `reach`."""
         clock = perf_counter()
+        self.factors = None  # frees them before others are made
         # What is left of a linear problem after one step is round-off, none of it a lack of steps.
         negligible = (UNKNOWN_GAIN if self.linear else 1.0) * ORDINARY * ROUNDOFF
         result: Followed = follow(
@@ -252,12 +254,50 @@ class Walk:
         self.time["solve"] += perf_counter() - clock
         arrived = result.converged and (self.linear or result.travelled < reach)
         if arrived:
-            self.z, self.noise = result.z, result.noise
-            self.factors = (self.z, result.factors) if result.factors and not self.large else None
+            self.z = result.z
+            self.sizes = sizes(self.tr.coordinates(self.z), self.problem.scales)
+            self.noise = result.noise * self._unit
+            self.factors = (self.z, result.factors) if result.factors else None
             self.gain = max(self.gain, self._sensitivity())
             self.error = SAFETY * (self.gain * self.resolution().worst + self.noise + ROUNDOFF)
             self._record(perf_counter() - clock)
         return arrived
+
+    def missed(self) -> float:
+        """Return how far the path would move if its forces were summed over other points.
+
+        Nothing is missed where they are linear in the path and do not depend on time.
+        """
+        structure = self.problem.system.structure
+        if structure.linear and not structure.depends_on_time:
+            return 0.0
+        clock = perf_counter()
+        if self.factors is None or self.factors[0] is not self.z:
+            self.factors = (self.z, Factors(self.tr.layout, self.tr.kkt(self.z), many=self.many))
+        with np.errstate(all="ignore"):
+            step = self.factors[1].solve(self.tr.missed(self.z))[: self.tr.layout.unknowns]
+        self.time["verify"] += perf_counter() - clock
+        return float(np.abs(step).max(initial=0.0)) * self._unit
+
+    def torn(self) -> bool:
+        """Whether the path is known and its velocity is not: it runs through a singularity.
+
+        Only where the mesh has been refined out of all proportion.
+        """
+        mesh = self.tr.mesh
+        if mesh.lengths.min() > TINY * self.problem.duration:
+            return False
+        path, k = self.path(), np.array(mesh.degrees) + 1
+        speeds = np.maximum(
+            np.abs(path.velocity(mesh.nodes)).max(axis=1), self.sizes / self.problem.duration
+        )
+        rates = self.resolution().omitted * k * (k + 1) / mesh.lengths
+        return bool(rates.max() * (self.sizes / speeds).max() > 1.0)
+
+    @property
+    def _unit(self) -> float:
+        """What the unit of z is in the path's own size, at most."""
+        return max(1.0, float((self.tr.lengths / self.sizes).max()))
 
     def _passable(self, z: Array) -> float:
         """Return how far a path may be from stationary that goes on to another mesh; 0 if none."""

@@ -28,7 +28,7 @@ import numpy as np
 from actionopt.path import Mesh
 from actionopt.problem import Problem
 from actionopt.quadrature import Array
-from actionopt.transcription import elements, scatter
+from actionopt.transcription import elements, recheck, scatter
 from actionopt.transcription.layout import layout_for, sparsity_of
 
 
@@ -231,7 +231,10 @@ class Transcription:
 
     def gradient(self, x: Array) -> Array:
         """Return dS/dx (with the virtual work of forces), in units of action."""
-        whole = self._first(x)[1]
+        return self.free_part(self._first(x)[1])
+
+    def free_part(self, whole: Array) -> Array:
+        """Return the derivatives by x, in units of action, of those by all coordinates (K n)."""
         free = whole[self.layout.free]
         if self.layout.closed:  # the last node moves with the first
             n = self.problem.system.n
@@ -261,6 +264,18 @@ class Transcription:
         J = layout.jacobian
         pull = np.bincount(J.col, self.jacobian(x) * z[layout.unknowns + J.row], layout.unknowns)
         return np.concatenate([g + pull, self.constraint(x)])
+
+    def missed(self, z: Array) -> Array:
+        """Return the KKT residual that another quadrature adds to this one's, (size,).
+
+        It shows forces that are rougher than the path. That of the constraints is left out.
+        """
+        miss = recheck.missed(self, z[: self.layout.unknowns])
+        return np.concatenate([miss, np.zeros(self.layout.rows)]) if self.layout.rows else miss
+
+    def uneven(self, z: Array) -> Array:
+        """Return how much of it is each element's, (N,)."""
+        return recheck.uneven(self, z[: self.layout.unknowns])
 
     # -- second derivatives ----------------------------------------------------------------------
 
