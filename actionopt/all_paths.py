@@ -16,6 +16,8 @@ from itertools import product
 
 import numpy as np
 
+from actionopt.arguments import asked
+from actionopt.checks import tolerance
 from actionopt.deflation import deflated
 from actionopt.fan import aim, directed, motions, shoot, velocities
 from actionopt.path import Mesh, Path
@@ -152,18 +154,25 @@ def solve_all(
     Raises
     ------
     ValueError
-        For an unknown angle or numbers that are negative.
+        For an unknown angle, a tol that `solve` would refuse, or numbers that are negative.
     """
+    asked(problem)
+    tolerance(tol)
     names = problem.system.coordinates
     if angles is None:
         turning = detected_angles(problem)
     else:
-        unknown = [a for a in angles if a not in names]
-        if unknown:
-            raise ValueError(f"expected angles among {', '.join(names)}, found {unknown[0]!r}")
+        if isinstance(angles, str) or not all(a in names for a in angles):
+            raise ValueError(
+                f"expected a sequence of angles among {', '.join(names)}, found {angles!r}"
+            )
         turning = tuple(names.index(a) for a in angles)
-    if min(windings, starts, shots, continuations) < 0:
-        raise ValueError("expected windings, starts, shots and continuations >= 0")
+    for count in (windings, starts, shots, continuations):
+        if not isinstance(count, (int, np.integer)) or count < 0:
+            raise ValueError(
+                "expected whole numbers >= 0 of windings, starts, shots and continuations, "
+                f"found {count!r}"
+            )
     run = _Search(problem, tol, turning, windings, seed, progress)
     try:
         run.straight()

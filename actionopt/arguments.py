@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
+from actionopt.checks import numbers, tolerance
 from actionopt.path import Mesh, Path
 from actionopt.problem import Problem
 from actionopt.quadrature import Array
@@ -19,13 +20,8 @@ def checked(
     problem: Problem, tol: float, guess: Guess | None, principle: str, mesh: Mesh | None
 ) -> Callable[[Mesh], Path] | None:
     """Raise ValueError for bad arguments; return the guess as a function of a default mesh."""
-    if not isinstance(problem, Problem):
-        raise ValueError(f"expected a Problem(system, start, end), found {problem!r}")
-    if not 1e-14 <= tol <= 0.1:
-        raise ValueError(
-            f"expected tol between 1e-14 (round-off) and 0.1, found {tol}; it is relative to "
-            "each coordinate's own size along the path"
-        )
+    asked(problem)
+    tolerance(tol)
     if principle not in ("auto", "least", "stationary"):
         raise ValueError(f"expected principle 'auto', 'least' or 'stationary', found {principle!r}")
     if principle == "least" and problem.system.structure.forced:
@@ -45,6 +41,12 @@ def checked(
     return None if guess is None else curve(problem, guess)
 
 
+def asked(problem: Problem) -> None:
+    """Raise ValueError if there is no problem."""
+    if not isinstance(problem, Problem):
+        raise ValueError(f"expected a Problem(system, start, end), found {problem!r}")
+
+
 def curve(problem: Problem, guess: Guess) -> Callable[[Mesh], Path]:
     """Return the guess as a path, a function of the mesh to use where it has none of its own.
 
@@ -62,7 +64,7 @@ def curve(problem: Problem, guess: Guess) -> Callable[[Mesh], Path]:
         wanted = guess
 
         def sampled(mesh: Mesh) -> Path:
-            path = Path.interpolate(wanted, mesh)
+            path = Path.interpolate(lambda t: numbers(wanted(t), "the guess at times t"), mesh)
             if path.values.shape[0] != n:
                 raise ValueError(
                     f"expected the guess to return ({n}, K) for K times, found {path.values.shape}"
@@ -71,7 +73,7 @@ def curve(problem: Problem, guess: Guess) -> Callable[[Mesh], Path]:
 
         sampled(Mesh.uniform(t0, t1, 1, 2))
         return sampled
-    points = np.array(guess, dtype=float, ndmin=2)
+    points = np.atleast_2d(numbers(guess, "the guess, a callable or waypoints"))
     if points.ndim != 2 or points.shape[0] != n or points.shape[1] < 2:
         raise ValueError(f"expected waypoints of shape ({n}, K) with K >= 2, found {points.shape}")
     if not np.all(np.isfinite(points)):

@@ -19,6 +19,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from actionopt.checks import number, tolerance
 from actionopt.path import Mesh, NDInt, Path
 from actionopt.problem import SURFACE_TOLERANCE, State
 from actionopt.quadrature import Array
@@ -373,6 +374,8 @@ def _split(mesh: Mesh, pieces: NDInt) -> Mesh:
 
 def _scaled(mesh: Mesh, t0: float, t1: float) -> Mesh:
     """Return the mesh over scaled times 0 to 1, with elements of at least degree `DEGREE`."""
+    if not isinstance(mesh, Mesh):
+        raise ValueError(f"expected a Mesh(boundaries, degrees) or None, found {mesh!r}")
     ends = sorted([t0, t1])
     if not np.allclose(mesh.boundaries[[0, -1]], ends, rtol=0, atol=1e-9 * (ends[1] - ends[0])):
         raise ValueError(
@@ -386,6 +389,8 @@ def _scaled(mesh: Mesh, t0: float, t1: float) -> Mesh:
 
 def _check(system: System, state: State, t_end: float, tol: float) -> float:
     """Return the time span, or raise ValueError for arguments that do not fit."""
+    if not isinstance(system, System):
+        raise ValueError(f"expected a System(lagrangian, coordinates), found {system!r}")
     if not isinstance(state, State):
         raise ValueError(f"expected a State(t, q, v) to begin with, found {state!r}")
     if state.q.size != system.n:
@@ -393,11 +398,11 @@ def _check(system: System, state: State, t_end: float, tol: float) -> float:
             f"expected a state of {system.n} coordinates ({', '.join(system.coordinates)}), "
             f"found {state.q.size}"
         )
-    if not 1e-14 <= tol <= 0.1:
-        raise ValueError(f"expected tol between 1e-14 and 0.1, found {tol}")
-    if not np.isfinite(t_end) or t_end == state.t:
-        raise ValueError(f"expected a finite t_end other than the start {state.t}, found {t_end}")
-    return float(t_end) - state.t
+    tolerance(tol)
+    end = number(t_end, "t_end")
+    if end == state.t:
+        raise ValueError(f"expected a t_end other than the start {state.t}, found {end}")
+    return end - state.t
 
 
 def _check_on_surface(flow: Flow, state: State, span: float) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from actionopt.checks import number, numbers
 from actionopt.quadrature import Array
 from actionopt.system import System
 
@@ -38,11 +39,10 @@ class Event:
     q: tuple[float | None, ...]
 
     def __init__(self, t: float, q: Sequence[float | None] | ArrayLike) -> None:
-        object.__setattr__(self, "t", _finite(t, "the time of an event"))
-        items = [q] if np.ndim(q) == 0 else list(q)  # type: ignore[arg-type]
+        object.__setattr__(self, "t", number(t, "the time of an event"))
         row = tuple(
-            None if x is None else _finite(x, f"coordinate {i} of an event")
-            for i, x in enumerate(items)
+            None if x is None else number(x, f"coordinate {i} of an event")
+            for i, x in enumerate(_items(q))
         )
         object.__setattr__(self, "q", row)
 
@@ -81,9 +81,9 @@ class Periodic(Event):
     advance: tuple[float, ...] | None
 
     def __init__(self, t: float, advance: Sequence[float] | ArrayLike | None = None) -> None:
-        given = () if advance is None else tuple(np.atleast_1d(np.asarray(advance, dtype=float)))
         super().__init__(t, [])
-        row = tuple(_finite(x, f"advance {i} of a periodic end") for i, x in enumerate(given))
+        given = () if advance is None else _items(advance)
+        row = tuple(number(x, f"advance {i} of a periodic end") for i, x in enumerate(given))
         object.__setattr__(self, "advance", None if advance is None else row)
 
     def after(self, start: Event) -> Periodic:
@@ -110,9 +110,9 @@ class State:
     v: Array
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "t", _finite(self.t, "the time of a state"))
+        object.__setattr__(self, "t", number(self.t, "the time of a state"))
         for name in ("q", "v"):
-            row = np.array(getattr(self, name), dtype=float, ndmin=1)
+            row = np.atleast_1d(numbers(getattr(self, name), f"{name} of a state"))
             if row.ndim != 1 or not np.all(np.isfinite(row)):
                 raise ValueError(f"expected finite {name} of shape (n,), found {row}")
             row.setflags(write=False)
@@ -141,7 +141,8 @@ class Problem:
     ------
     ValueError
         If the events do not fit the system, lie off its constraint surface, or the times do
-        not increase; or a parameter is unknown, or a constraint contains no coordinate.
+        not increase; a parameter is unknown, a constraint contains no coordinate, or there is
+        no system.
     """
 
     system: System
@@ -150,6 +151,11 @@ class Problem:
     parameters: Mapping[str, Any] = field(default=None, kw_only=True)  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
+        if not isinstance(self.system, System):
+            raise ValueError(
+                f"expected a System(lagrangian, coordinates), found {self.system!r}; a Lagrangian "
+                "is made one by System"
+            )
         values = self.system.table.values(self.parameters)
         object.__setattr__(self, "parameters", values)
         object.__setattr__(self, "packed", self.system.table.pack(values))
@@ -256,11 +262,9 @@ def _check_on_surface(problem: Problem) -> None:
             )
 
 
-def _finite(value: object, what: str) -> float:
+def _items(row: Any) -> list[Any]:
+    """Return the items of a sequence; one number is a sequence of one."""
     try:
-        number = float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"expected a number for {what}, found {value!r}") from error
-    if not np.isfinite(number):
-        raise ValueError(f"expected a finite number for {what}, found {number}")
-    return number
+        return [row] if isinstance(row, str) else list(row)
+    except TypeError:
+        return [row]

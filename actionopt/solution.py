@@ -67,9 +67,10 @@ class Solution:
         system, parameters = self.problem.system, self.problem.parameters
         if not system.m:
             return self._free_momenta
-        return tuple(  # type: ignore[return-value]
+        p0, p1 = (
             system.momentum(s.q, s.v, s.t, parameters=parameters) for s in (self.start, self.end)
         )
+        return _fixed(p0, p1)
 
     @cached_property
     def start(self) -> State:
@@ -207,7 +208,7 @@ class Solution:
     @cached_property
     def _free_momenta(self) -> tuple[Array, Array]:
         tr, z = self.discrete
-        return tr.momenta(z)
+        return _fixed(*tr.momenta(z))
 
     def _state(self, k: int) -> State:
         system, parameters = self.problem.system, self.problem.parameters
@@ -227,3 +228,10 @@ class Solution:
         flat = times.ravel()
         result = method(self(flat), self.velocity(flat), flat, parameters=parameters)
         return result.reshape(*result.shape[:-1], *times.shape)
+
+
+def _fixed(p0: Array, p1: Array) -> tuple[Array, Array]:
+    """Return the arrays, read-only: they are kept."""
+    for p in (p0, p1):
+        p.setflags(write=False)
+    return p0, p1

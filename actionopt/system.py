@@ -7,7 +7,7 @@ as symbols; numbers are put in afterwards.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -16,6 +16,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from actionopt.checks import numbers
 from actionopt.identity import general_states, vanishes
 from actionopt.pointwise import Pointwise
 from actionopt.quadrature import Array
@@ -460,16 +461,19 @@ class Derivatives:
 
 
 def _names(coordinates: Sequence[str]) -> tuple[str, ...]:
-    if isinstance(coordinates, str) or not all(isinstance(c, str) for c in coordinates):
-        raise ValueError(f"expected a sequence of coordinate names, found {coordinates!r}")
-    names = tuple(coordinates)
+    sequence = isinstance(coordinates, Iterable) and not isinstance(coordinates, str)
+    names = tuple(coordinates) if sequence else ()
+    if not sequence or not all(isinstance(name, str) for name in names):
+        raise ValueError(
+            f"expected a sequence of coordinate names, such as ['x', 'y'], found {coordinates!r}"
+        )
     if not names or len(set(names)) != len(names):
         raise ValueError(f"expected at least one coordinate and distinct names, found {names}")
     return names
 
 
 def _as_columns(values: ArrayLike, n: int, what: str) -> tuple[Array, bool]:
-    array = np.asarray(values, dtype=float)
+    array = numbers(values, what)
     if array.ndim not in (1, 2) or array.shape[0] != n:
         raise ValueError(
             f"expected {what} of shape ({n},) or ({n}, K), one row a coordinate, "

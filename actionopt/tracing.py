@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from actionopt.checks import named, numbers
 from actionopt.quadrature import Array
 from actionopt.symbolic import Expressions
 
@@ -33,7 +34,7 @@ class ParameterTable:
 
     def __init__(self, defaults: Mapping[str, ArrayLike] | None) -> None:
         self.defaults: dict[str, Array] = {}
-        for name, value in (defaults or {}).items():
+        for name, value in named(defaults, "parameters").items():
             self.defaults[name] = _finite(name, value)
         self.shapes = {name: value.shape for name, value in self.defaults.items()}
 
@@ -47,7 +48,7 @@ class ParameterTable:
             infinity.
         """
         result = dict(self.defaults)
-        for name, value in (overrides or {}).items():
+        for name, value in named(overrides, "parameters").items():
             if name not in result:
                 raise ValueError(
                     f"unknown parameter {name!r}; the parameters are "
@@ -96,17 +97,14 @@ def suggestion(name: str, known: Mapping[str, Any] | Sequence[str]) -> str:
 
 
 def _finite(name: str, value: ArrayLike) -> Array:
-    try:
-        number = np.asarray(value, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise ValueError(
-            f"expected a number or an array of numbers for parameter {name!r}, found {value!r}"
-        ) from error
-    if number.ndim > 2:
-        raise ValueError(f"expected parameter {name!r} with at most two axes, found {number.ndim}")
-    if not np.all(np.isfinite(number)):
+    """Return a copy, read-only: what was solved with it stays true."""
+    found = numbers(value, f"parameter {name!r}")
+    if found.ndim > 2:
+        raise ValueError(f"expected parameter {name!r} with at most two axes, found {found.ndim}")
+    if not np.all(np.isfinite(found)):
         raise ValueError(f"expected a finite parameter {name!r}, found {value!r}")
-    return number
+    found.setflags(write=False)
+    return found
 
 
 def requested(callable_: Callable[..., Any], role: str, positional: Sequence[str]) -> list[str]:

@@ -320,7 +320,15 @@ def test_forced_motion():
 
 def test_bad_arguments():
     problem = ao.Problem(PENDULUM, ao.Event(0.0, 0.0), ao.Event(1.0, 1.0))
-    with pytest.raises(ValueError, match="angles among theta"):
-        solve_all(problem, angles=["phi"])
-    with pytest.raises(ValueError, match=">= 0"):
-        solve_all(problem, shots=-1)
+    for angles in (["phi"], "theta", [0]):
+        with pytest.raises(ValueError, match="angles among theta"):
+            solve_all(problem, angles=angles)
+    for count in (-1, 0.5, None, "many"):
+        with pytest.raises(ValueError, match=">= 0"):
+            solve_all(problem, shots=count)
+    for tol in (0, 1.0, None, "1e-8"):
+        with pytest.raises(ValueError, match="tol between 1e-14"):
+            solve_all(problem, tol=tol)
+    for nothing in (None, PENDULUM):
+        with pytest.raises(ValueError, match="expected a Problem"):
+            solve_all(nothing)

@@ -15,7 +15,7 @@ PACKAGE = Path(actionopt.__file__).parent
 
 # One row a rank, lowest first. A room is a module or a folder; each must be named here once.
 RANKS = (
-    ("progress", "quadrature", "status", "symbolic", "writing"),
+    ("checks", "progress", "quadrature", "status", "symbolic", "writing"),
     ("identity", "path", "pointwise", "tracing"),
     ("system",),
     ("invariance", "pfaffian", "problem"),

@@ -328,13 +328,13 @@ def test_a_given_mesh_is_kept_where_it_resolves_the_motion():
 # -- what is refused -------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("tol", [0.0, -1e-9, 1e-15, 0.2, np.nan])
+@pytest.mark.parametrize("tol", [0.0, -1e-9, 1e-15, 0.2, np.nan, None, "1e-9", [1e-9]])
 def test_tol_out_of_range(tol):
     with pytest.raises(ValueError, match="tol between"):
         integrate(KEPLER, State(0.0, [1.0, 0.0], [0.0, 1.0]), 1.0, tol=tol)
 
 
-@pytest.mark.parametrize("t_end", [0.0, np.nan, np.inf])
+@pytest.mark.parametrize("t_end", [0.0, np.nan, np.inf, None, "noon", [1.0, 2.0], 1j])
 def test_no_time_to_integrate_over(t_end):
     with pytest.raises(ValueError, match="t_end"):
         integrate(KEPLER, State(0.0, [1.0, 0.0], [0.0, 1.0]), t_end)
@@ -345,6 +345,17 @@ def test_state_that_does_not_fit():
         integrate(KEPLER, State(0.0, [1.0], [0.0]), 1.0)
     with pytest.raises(ValueError, match="expected a State"):
         integrate(KEPLER, ([1.0, 0.0], [0.0, 1.0]), 1.0)
+
+
+def test_other_arguments_that_are_none():
+    state = State(0.0, [1.0, 0.0], [0.0, 1.0])
+    for nothing in (None, lambda q, v, t: v @ v / 2):
+        with pytest.raises(ValueError, match="expected a System"):
+            integrate(nothing, state, 1.0)
+    with pytest.raises(ValueError, match="expected a Mesh"):
+        integrate(KEPLER, state, 1.0, mesh=40)
+    with pytest.raises(ValueError, match="parameters by name"):
+        integrate(KEPLER, state, 1.0, parameters=[1.0])
 
 
 def test_state_off_the_surface_or_leaving_it():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from actionopt.problem import Event, Problem, State
+from actionopt.problem import Event, Periodic, Problem, State
 from actionopt.system import System
 
 
@@ -42,6 +42,18 @@ def test_a_problem_has_every_parameter_and_derives_nothing():
     assert problem.duration == 2.0
     assert plane.parameters == {"m": 2.0}
     assert plane.derived == ()
+
+
+def test_parameters_are_copies_that_cannot_be_overwritten():
+    M = np.diag([1.0, 2.0])
+    system = System(lambda q, v, t, *, M: v @ M @ v / 2, ["x", "y"], parameters={"M": M})
+    problem = Problem(system, START, END, parameters={"M": M})
+    M[0, 0] = 1e3
+    for held in (system.parameters, problem.parameters):
+        assert held["M"][0, 0] == 1.0
+        with pytest.raises(ValueError, match="read-only"):
+            held["M"][0, 0] = 7.0
+    assert M.flags.writeable
 
 
 def test_scales_come_from_the_events_and_are_never_zero():
@@ -98,6 +110,26 @@ def test_events_off_the_surface_are_refused_in_any_unit(r):
         (lambda: Event(np.inf, [0]), "finite number for the time of an event"),
         (lambda: Event(0, [0, np.nan]), "finite number for coordinate 1 of an event"),
         (lambda: Event(0, [[0, 1]]), "number for coordinate 0 of an event"),
+        (lambda: Event("1.0", [0]), "a number for the time of an event, found '1.0'"),
+        (lambda: Event(None, [0]), "expected a number for the time of an event, found None"),
+        (lambda: Event(0, "up"), "number for coordinate 0 of an event, found 'up'"),
+        (lambda: Event(0, [0, 1j]), "number for coordinate 1 of an event"),
+        (lambda: Event(0, np.array([0, 1j])), "number for coordinate 0 of an event"),
+        (lambda: Event(0, {"x": 1.0}), "number for coordinate 0 of an event, found 'x'"),
+        (lambda: Event(0, [[0], [1, 2]]), "number for coordinate 0 of an event"),
+        (lambda: Event(0, np.ones((2, 1))), "number for coordinate 0 of an event"),
+        (lambda: Periodic(1, "a turn"), "number for advance 0 of a periodic end"),
+        (lambda: Periodic(1, [0, np.inf]), "finite number for advance 1"),
+        (lambda: State(0, [1j], [0]), "numbers for q of a state"),
+        (lambda: State(0, [0], "fast"), "numbers for v of a state, found 'fast'"),
+        (lambda: State(0, [[0], [1, 2]], [0]), "numbers for q of a state"),
+        (lambda: State(0, None, [0]), r"finite q of shape \(n,\)|numbers for q"),
+        (lambda: State(0j, [0], [0]), "number for the time of a state"),
+        (lambda: Problem(None, START, END), r"expected a System\(lagrangian, .*found None"),
+        (lambda: Problem(free, START, END), r"expected a System\(lagrangian, .*by System"),
+        (lambda: Problem(plane, START, END, parameters=[1]), r"parameters by name, .*found \[1\]"),
+        (lambda: Problem(plane, START, END, parameters=2.0), "parameters by name"),
+        (lambda: Problem(plane, START, END, parameters={"m": 1j}), "numbers for parameter 'm'"),
         (lambda: State(0, [0, 1], [0]), "q and v of one shape"),
         (lambda: State(0, [np.nan], [0]), r"finite q of shape \(n,\)"),
         (lambda: Problem(plane, Event(0, [0]), END), r"2 coordinates \(x, y\) at the start"),

@@ -216,8 +216,11 @@ def test_costly_things_are_made_once_and_on_demand():
     assert solution.compare().position <= 1e-7
 
 
-def test_numbers_cannot_be_overwritten(kepler):
+def test_numbers_cannot_be_overwritten(rod, kepler):
     for array in (kepler.path.values, kepler.start.q, kepler.start.v, kepler.mesh.boundaries):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0.0
+    for array in (*kepler.momenta, *rod.momenta):
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 0.0
     with pytest.raises(AttributeError):

@@ -346,6 +346,30 @@ BAD_SYSTEMS = {
         dict(lagrangian=simple, coordinates="x"),
         "sequence of coordinate names",
     ),
+    "None for coordinates": (
+        dict(lagrangian=simple, coordinates=None),
+        "sequence of coordinate names, such as .*found None",
+    ),
+    "a number of coordinates": (
+        dict(lagrangian=simple, coordinates=3),
+        "sequence of coordinate names, such as .*found 3",
+    ),
+    "numbers for coordinates": (
+        dict(lagrangian=simple, coordinates=[0, 1]),
+        r"sequence of coordinate names, such as .*found \[0, 1\]",
+    ),
+    "a list of parameters": (
+        dict(lagrangian=simple, coordinates=["x"], parameters=[1.0]),
+        r"expected parameters by name, such as .*, found \[1.0\]; put each value",
+    ),
+    "a parameter without a name": (
+        dict(lagrangian=simple, coordinates=["x"], parameters={1: 1.0}),
+        "expected parameters by name",
+    ),
+    "a complex parameter": (
+        dict(lagrangian=simple, coordinates=["x"], parameters={"m": 1j}),
+        "numbers for parameter 'm', found 1j",
+    ),
     "no coordinates": (dict(lagrangian=simple, coordinates=[]), "at least one coordinate"),
     "a coordinate twice": (dict(lagrangian=simple, coordinates=["x", "x"]), "distinct names"),
     "missing parameter": (
@@ -434,6 +458,8 @@ def test_functions_that_turn_symbols_into_nan_are_refused(function):
             lambda: kepler.energy(np.ones((2, 3)), np.ones((2, 3)), [0.0, 1.0]),
             "one time or 3 times",
         ),
+        (lambda: kepler.momentum([1j, 0], [0, 1], 0.0), "expected a number or .* for q, found"),
+        (lambda: kepler.momentum([1, 0], "fast", 0.0), "numbers for v, found 'fast'"),
         (lambda: kepler.energy([1, 0], [0, 1], 0, parameters={"nu": 1}), "unknown parameter 'nu'"),
         (lambda: kepler.energy([1, 0], [0, 1], 0, parameters={"mu": [1, 2]}), "'mu' of shape"),
     ],
@@ -460,5 +486,5 @@ NOT_FINITE = {
 @pytest.mark.parametrize("what", NOT_FINITE)
 def test_velocity_ends_where_something_is_not_finite(what):
     lagrangian, q, p, guess = NOT_FINITE[what]
-    with pytest.raises(ValueError, match="finite|no velocity"):
+    with pytest.raises(ValueError, match=r"finite|no velocity"):
         System(lagrangian, ["x"]).velocity(q, p, 0.0, guess)

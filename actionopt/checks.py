@@ -1,0 +1,70 @@
+"""Numbers and mappings that a user gives: what is none is refused in a sentence."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+FINEST, COARSEST = 1e-14, 0.1  # tolerances: round-off, and what is hardly a path
+
+
+def number(value: object, what: str) -> float:
+    """Return a finite real number.
+
+    Raises ValueError for anything else; text is no number.
+
+    >>> number(np.float32(0.5), "the time")
+    0.5
+    """
+    try:
+        if isinstance(value, (str, bytes, np.complexfloating)) or getattr(value, "ndim", 0):
+            raise TypeError("not a real number")
+        found = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"expected a number for {what}, found {value!r}") from error
+    if not math.isfinite(found):
+        raise ValueError(f"expected a finite number for {what}, found {found}")
+    return found
+
+
+def numbers(value: object, what: str) -> np.ndarray:
+    """Return a new array of real numbers, of the shape given.
+
+    Raises ValueError for text, complex numbers, rows of different lengths and other objects.
+    """
+    try:
+        found = np.array(value)
+        if found.dtype.kind not in "biufO":
+            raise TypeError(f"{found.dtype} is no real type")
+        return found.astype(float, copy=False)
+    except (TypeError, ValueError) as error:
+        raise ValueError(
+            f"expected a number or an array of numbers for {what}, found {value!r}"
+        ) from error
+
+
+def tolerance(tol: object) -> float:
+    """Return `tol`. Raises ValueError if it is no number, or not between 1e-14 and 0.1."""
+    expected = f"tol between {FINEST:g} (round-off) and {COARSEST:g}"
+    found = number(tol, expected)
+    if not FINEST <= found <= COARSEST:
+        raise ValueError(
+            f"expected {expected}, found {found:g}; it is relative to each coordinate's own size "
+            "along the path"
+        )
+    return found
+
+
+def named(values: object, what: str) -> Mapping[str, Any]:
+    """Return a mapping of names to values, empty for None. Raises ValueError for anything else."""
+    if values is None:
+        return {}
+    if not isinstance(values, Mapping) or not all(isinstance(name, str) for name in values):
+        raise ValueError(
+            f"expected {what} by name, such as {{'m': 1.0}}, found {values!r}; put each value "
+            "behind the name that the callables use"
+        )
+    return values
