@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 FINEST, COARSEST = 1e-14, 0.1  # tolerances: round-off, and what is hardly a path
+TOLERANCE = f"tol between {FINEST:g} (round-off) and {COARSEST:g}"
 
 
 def number(value: object, what: str) -> float:
@@ -39,7 +40,7 @@ def numbers(value: object, what: str) -> np.ndarray:
         found = np.array(value)
         if found.dtype.kind not in "biufO":
             raise TypeError(f"{found.dtype} is no real type")
-        return found.astype(float, copy=False)
+        return found if found.dtype.char == "d" else found.astype(float)
     except (TypeError, ValueError) as error:
         raise ValueError(
             f"expected a number or an array of numbers for {what}, found {value!r}"
@@ -48,11 +49,10 @@ def numbers(value: object, what: str) -> np.ndarray:
 
 def tolerance(tol: object) -> float:
     """Return `tol`. Raises ValueError if it is no number, or not between 1e-14 and 0.1."""
-    expected = f"tol between {FINEST:g} (round-off) and {COARSEST:g}"
-    found = number(tol, expected)
+    found = number(tol, TOLERANCE)
     if not FINEST <= found <= COARSEST:
         raise ValueError(
-            f"expected {expected}, found {found:g}; it is relative to each coordinate's own size "
+            f"expected {TOLERANCE}, found {found:g}; it is relative to each coordinate's own size "
             "along the path"
         )
     return found

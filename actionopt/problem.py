@@ -204,6 +204,8 @@ class Problem:
         if not largest > 0:
             return np.ones(size.shape)
         nothing = size <= NEGLIGIBLE * largest
+        if not nothing.any():
+            return size
         if np.any(size[nothing]):  # small, or of another unit: an angle beside a distance
             natural = size * np.sqrt(self._inertias())
             nothing &= ~(natural > NEGLIGIBLE * np.max(natural))
