@@ -1,59 +1,102 @@
 """The first mesh for linear equations, from the rates at which their solutions turn and decay.
 
-Along one coordinate M a = L_qq q: solutions turn at the rate sqrt(-L_qq / M) where that is real,
-and decay from either end at the rate sqrt(L_qq / M) elsewhere. A mesh on which turns are lost, or
-layers at the ends, would have to be refined from nothing.
+Along one coordinate M a = L_qq q + Q_v v: solutions turn at the rate sqrt(-L_qq / M) where that is
+real, and decay from an end at the rate sqrt(L_qq / M) elsewhere, or by friction at |Q_v| / M. A
+mesh on which turns are lost, or layers, would have to be refined from nothing.
 """
 
 from __future__ import annotations
 
+from math import lgamma
+
 import numpy as np
 
 from actionopt.path import Mesh
+from actionopt.problem import Problem
 from actionopt.quadrature import Array
+from actionopt.refine import DEGREES
+from actionopt.system import System
 from actionopt.transcription import Transcription, sparsity_of
 
 SHOWN = 2.5  # radians, or e-foldings, on an element of some ten degrees: a dozen digits
 LAYER = SHOWN * np.array([0, 1, 2, 3, 4, 6, 9, 14])  # e-foldings from an end; rounded away then
 MOST = 64  # elements for turns
+MARGIN = 5.0  # between a coefficient and the tolerance it has to meet
+TINY = 1e-6
 ROUNDOFF = 1e3 * np.finfo(float).eps
 
 
+def planned(problem: Problem, tol: float, elements: int) -> Mesh:
+    """Return a mesh that resolves to `tol` whatever solves equations that do not depend on time."""
+    system, n = problem.system, problem.system.n
+    rest, now = np.zeros((1, n)), np.array([[problem.start.t]])
+    state = rest, rest, now, problem.packed
+    second = system.pointwise("second")(*state)
+    forces = system.pointwise("force_jacobian")(*state) if system.structure.forced else None
+    turns, folds = _rates(system, second, forces, problem.duration)
+    mesh = _shown(problem.start.t, problem.end.t, turns, folds, elements, 1)
+    if mesh is None:
+        mesh = Mesh.uniform(problem.start.t, problem.end.t, elements, 1)
+    fastest = SHOWN if mesh.elements > elements else max(turns, folds) / elements
+    # The Legendre coefficient k of exp(x t) is about (x / 2)^k / k!; the last two tell the error.
+    k = DEGREES - 1.0
+    logarithms = k * np.log(max(fastest, TINY) / 4) - np.array([lgamma(x + 1) for x in k])
+    good = logarithms < np.log(tol / MARGIN)
+    degree = DEGREES[np.argmax(good)] if good.any() else DEGREES[-1]
+    return Mesh(mesh.boundaries, int(degree))
+
+
 def paced(tr: Transcription, z: Array) -> Mesh | None:
-    """Return a mesh that shows turns and layers that the mesh of `tr` does not, if there are any.
+    """Return a mesh that shows turns and layers which that of `tr` does not, if there are any."""
+    problem, mesh, x = tr.problem, tr.mesh, z[: tr.layout.unknowns]
+    forces = tr.forces(x) if problem.system.structure.forced else None
+    rates = _rates(problem.system, tr.second(x), forces, problem.duration)
+    t0, t1 = mesh.boundaries[[0, -1]]
+    return _shown(t0, t1, *rates, mesh.elements, max(mesh.degrees))
+
+
+def _shown(
+    start: float, end: float, turns: float, folds: float, elements: int, degree: int
+) -> Mesh | None:
+    """Return a mesh that shows so many radians and e-foldings, or None if `elements` do.
 
     Uniform but for the ends, where the elements lengthen with their distance from a layer.
     """
-    mesh = tr.mesh
-    turns, folds = _rates(tr, z)
-    start, duration = mesh.boundaries[0], mesh.boundaries[-1] - mesh.boundaries[0]
-    if max(turns, folds) <= SHOWN * mesh.elements:
+    if max(turns, folds) <= SHOWN * elements:
         return None
-    middle = int(np.clip(np.ceil(turns / SHOWN), mesh.elements, MOST))
+    middle = int(np.clip(np.ceil(turns / SHOWN), elements, MOST))
     layer = np.zeros(1)
-    if folds > SHOWN * mesh.elements:
+    if folds > SHOWN * elements:
         layer = LAYER[0.4 * folds > LAYER] / folds  # something is left between
     last = layer[-1]
     parts = np.concatenate(
         [layer[:-1], np.linspace(last, 1.0 - last, middle + 1), 1.0 - layer[-2::-1]]
     )
-    times = start + duration * parts
-    times[-1] = mesh.boundaries[-1]
+    times = start + (end - start) * parts
+    times[-1] = end
     if np.diff(times).min() < ROUNDOFF * np.abs(times).max():
         return None  # a layer as thin as that is left to refinement
-    return Mesh(times, max(mesh.degrees))
+    return Mesh(times, degree)
 
 
-def _rates(tr: Transcription, z: Array) -> tuple[float, float]:
+def _rates(
+    system: System, second: list[Array], forces: list[Array] | None, duration: float
+) -> tuple[float, float]:
     """Return the fastest turning, in radians, and decay, in e-foldings, over the whole time."""
-    system, second = tr.problem.system, tr.second(z[: tr.layout.unknowns])
-    squares, mass = np.zeros((2, len(second[0]), system.n))
-    for output, target in ((0, squares), (2, mass)):
-        rows, cols = sparsity_of(system, "second", output)
-        on = rows == cols
-        target[:, rows[on]] = second[output][:, on]
+
+    def diagonal(name: str, output: int, values: Array) -> Array:
+        rows, cols = sparsity_of(system, name, output)
+        full, on = np.zeros((len(values), system.n)), rows == cols
+        full[:, rows[on]] = values[:, on]
+        return full
+
+    stiffness, mass = (diagonal("second", k, second[k]) for k in (0, 2))
+    friction = np.zeros(1)
+    if forces is not None:
+        stiffness = stiffness + diagonal("force_jacobian", 0, forces[0])
+        friction = diagonal("force_jacobian", 1, forces[1])
     with np.errstate(all="ignore"):
-        squares = squares / mass * tr.problem.duration**2
-    squares = squares[np.isfinite(squares)]
+        squares, decay = stiffness / mass * duration**2, np.abs(friction / mass) * duration
+    squares, decay = squares[np.isfinite(squares)], decay[np.isfinite(decay)]
     slow, fast = squares.min(initial=0.0), squares.max(initial=0.0)
-    return float(np.sqrt(-slow)), float(np.sqrt(fast))
+    return float(np.sqrt(-slow)), float(max(np.sqrt(fast), decay.max(initial=0.0)))

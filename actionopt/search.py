@@ -14,7 +14,7 @@ import numpy as np
 
 from actionopt.path import Mesh, Path
 from actionopt.quadrature import Array
-from actionopt.rates import paced
+from actionopt.rates import paced, planned
 from actionopt.refine import DEGREES, resolution
 from actionopt.settle import settle, settle_on
 from actionopt.solution import Solution
@@ -252,14 +252,18 @@ class Search:
         """Solve linear equations; of a guess only the mesh is of use."""
         self.rung = "linear"
         self.walk.sizes = self.walk.problem.scales
-        mesh = self.given or self._uniform(LINEAR, self._fine_degree())
-        if curve_of is not None and self.given is None:
-            mesh = curve_of(mesh).mesh
+        mesh, free = self.given, self.given is None and curve_of is None
+        steady = not self.walk.problem.system.structure.depends_on_time
+        if free and steady:
+            mesh = planned(self.walk.problem, self.tol, LINEAR)
+        elif mesh is None:
+            mesh = self._uniform(LINEAR, self._fine_degree())
+            mesh = curve_of(mesh).mesh if curve_of is not None else mesh
         self.walk.place(mesh, None)
-        if curve_of is None and self.given is None:
-            finer = paced(self.walk.tr, self.walk.z)
-            if finer is not None:
-                self.walk.place(finer, None)
+        if free and not steady:
+            mesh = paced(self.walk.tr, self.walk.z)
+            if mesh is not None:
+                self.walk.place(mesh, None)
         return self._settle() if self.walk.follow() else Status.DEGENERATE
 
     # -- both ------------------------------------------------------------------------------------

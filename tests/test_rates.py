@@ -69,3 +69,32 @@ def test_layers_are_solved_on_the_first_mesh(folds, tol):
     exact = (left + 0.3 * right) / (1 - gone)
     assert np.max(np.abs(solution(t)[0] - exact)) <= tol
     assert len(solution.stats["rounds"]) == 1
+
+
+@pytest.mark.parametrize("tol", [1e-3, 1e-6, 1e-9, 1e-12])
+@pytest.mark.parametrize("square", [0.0, -1.0, -16.0, 4.0])
+def test_equations_with_constant_rates_are_solved_on_the_first_mesh(square, tol):
+    T, w = 2.3, np.sqrt(abs(square))
+    solution = ao.solve(linear(square, T), tol=tol)
+    t = np.linspace(0.0, T, 301)
+    if square == 0:
+        exact = 1.0 - 0.7 * t / T
+    elif square < 0:
+        exact = (np.sin(w * (T - t)) + 0.3 * np.sin(w * t)) / np.sin(w * T)
+    else:
+        exact = (np.sinh(w * (T - t)) + 0.3 * np.sinh(w * t)) / np.sinh(w * T)
+    assert np.max(np.abs(solution(t)[0] - exact)) <= tol * np.max(np.abs(exact))
+    assert len(solution.stats["rounds"]) == 1
+    assert max(solution.mesh.degrees) <= (4 if square == 0 else 17)
+
+
+@pytest.mark.parametrize("friction", [1.0, 30.0, 1e4])
+def test_friction_leaves_a_layer(friction):
+    system = ao.System(
+        lambda q, v, t: v[0] ** 2 / 2, ["x"], force=lambda q, v, t: [-friction * v[0]]
+    )
+    solution = ao.solve(ao.Problem(system, ao.Event(0.0, [0.0]), ao.Event(1.0, [1.0])), tol=1e-9)
+    t = np.linspace(0.0, min(1.0, 30 / friction), 301)
+    exact = np.expm1(-friction * t) / np.expm1(-friction)
+    assert np.max(np.abs(solution(t)[0] - exact)) <= 1e-9
+    assert len(solution.stats["rounds"]) == 1
