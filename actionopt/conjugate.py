@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from actionopt.jacobi import fields, resolved
-from actionopt.quadratic_form import Form, check_legendre, second_derivatives, tangent
+from actionopt.quadratic_form import Form, check_legendre, coefficients, tangent
 from actionopt.quadrature import Array
 
 if TYPE_CHECKING:
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 RESOLUTION = 1e-10  # of Jacobi fields and path
 NEARER = np.pi / 4  # phases that move by less between two times are surely matched
 SHORTEST = 1e-9  # of the duration: no closer times are compared
+BACKWARDS = 1e-6  # phases seem to pass a root backwards by rounding, and by no more
 TOGETHER = 1e-8  # of the duration: roots this close are one, of higher multiplicity
 ITERATIONS = 100
 
@@ -103,11 +104,14 @@ class Phases:
             J[mine] = np.einsum("tk,tknc->tnc", weights, eta)
             rate[mine] = np.einsum("tk,tknc->tnc", slopes, eta)
         times = t[:, None]
-        _, B, C = second_derivatives(tr.problem, q, v, times)
-        scale = form.units[:, None] * form.units / abs(tr.action_unit)
+        _, B, C, _ = coefficients(tr.problem, q, v, times)
+        scale = form.units[:, None] * form.units
         P = (C * scale) @ rate + np.swapaxes(B * scale, 1, 2) @ J
-        Z = np.swapaxes(tangent(tr.problem, q, times, form.units), 1, 2)
-        J, P = Z @ J, Z @ P
+        basis = tangent(tr.problem, q, times, form.units)
+        Z = np.swapaxes(basis, 1, 2)
+        # In units of mass and frequency all phases pass a root equally fast, and turn evenly.
+        root = np.linalg.cholesky(Z @ (C * scale) @ basis * form.frequency)
+        J, P = np.swapaxes(root, 1, 2) @ (Z @ J), np.linalg.solve(root, Z @ P)
         # (P + iJ)(P - iJ)^-1 is similar to (P - iJ)^-1 (P + iJ).
         values = np.linalg.eigvals(np.linalg.solve(P - 1j * J, P + 1j * J))
         theta = np.mod(np.angle(values) / 2, np.pi)
@@ -117,12 +121,15 @@ class Phases:
 def _lift(before: Array, now: Array) -> tuple[Array, float]:
     """Return the phases `now` (r,) continued from `before`, and the largest move between them.
 
-    Sorted phases on a circle keep their order: only how many have passed pi is to be found.
+    Sorted phases on a circle keep their order: only how many have passed pi is to be found. None
+    passes it backwards but by rounding, at a root, however near that seems.
     """
     r = before.size
     best = None
     for passed in range(-1, r + 1):
-        if passed < 0:  # only by rounding, at a root
+        if passed < 0:
+            if now[-1] < np.pi - BACKWARDS:
+                continue
             lifted = np.r_[now[-1] - np.pi, now[:-1]]
         else:
             lifted = np.r_[now[passed:], now[:passed] + np.pi]
@@ -139,9 +146,10 @@ def _roots(phases: Phases) -> list[float]:
     times = mesh.nodes
     values = list(phases(times))
     t0, t1 = times[0], times[-1]
-    # At the start the phases are known: 0 where it is pinned, pi/2 where it is free.
+    # At the start as many phases are zero as directions are pinned; rounding may show them as pi.
     held = phases.form.pinned[0]
-    values[0] = np.r_[np.zeros(held), np.full(values[0].size - held, np.pi / 2)]
+    near = np.argsort(np.sin(values[0]))
+    values[0] = np.r_[np.zeros(held), np.sort(values[0][near[held:]])]
     shortest = SHORTEST * (t1 - t0)
     roots: list[float] = []
     for k in range(times.size - 1):

@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from actionopt.newton import follow
-from actionopt.path import Mesh
-from actionopt.quadratic_form import Form, form
-from actionopt.quadrature import Array
+from actionopt.path import MAX_DEGREE, Mesh
+from actionopt.quadratic_form import Form, coefficients, form
+from actionopt.quadrature import Array, lgl
 from actionopt.transcription import Transcription
 
 if TYPE_CHECKING:
@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 ROUNDS = 12
 HIGHEST = 20  # degree above which an element is split instead
 LOW = 2  # degree
+SAMPLES = 120  # of the coefficients of d2S, at least: they may vary faster than path and fields
+SHORTEST = 1e-13  # of the times: the shortest element that is still split
+NOISE = 1e-13  # in coefficients, of the largest
 
 
 def fields(form: Form) -> list[Array]:
@@ -36,7 +39,7 @@ def fields(form: Form) -> list[Array]:
     They vanish at the start along its pinned directions; along its free ones their momentum
     vanishes there. From one element to the next they are recombined.
     """
-    r, unit = form.freedom, abs(form.tr.action_unit)
+    r, unit = form.freedom, float(np.abs(form.legendre).mean()) * form.frequency or 1.0
     held = np.arange(r) < form.pinned[0]
     a, p = np.diag(1.0 * ~held), np.diag(1.0 * held)
     result = []
@@ -58,7 +61,8 @@ def resolved(
     """Return d2S on a mesh that resolves the Jacobi fields to `tol`, and the path with `polish`.
 
     A mesh that resolves the path need not resolve its neighbours: a body at rest may be passed
-    by any number of them. Raises ValueError for non-conservative forces.
+    by any number of them, and a straight path may lead through a valley of any shape. Raises
+    ValueError for non-conservative forces, or a path through a singularity.
     """
     tr, z = solution.discrete
     Q, lam = tr.unpack(z)
@@ -89,13 +93,14 @@ def finer(
 ) -> Mesh | None:
     """Return a finer mesh, or None where it resolves to `tol` what it should.
 
-    That is the Jacobi fields of `form`, relative to their size on each element, and the nodal
-    coordinates Q (K, n), in units of their sizes.
+    That is the Jacobi fields of `form`, relative to their size on each element, its
+    coefficients, and the nodal coordinates Q (K, n), in units of their sizes. Raises ValueError
+    where elements become too short to be split.
     """
     if form is not None and not form.freedom:
         form = None
     jacobi = fields(form) if form is not None else []
-    tail = np.zeros(mesh.elements)
+    tail = np.zeros(mesh.elements) if form is None else _unresolved(form)
     for rule, which, index in mesh.groups:
         tables = [] if Q is None else [Q[index]]
         if form is not None:
@@ -114,8 +119,47 @@ def finer(
     # Raise the degree where the coefficients decay; split where they do not, or it is high.
     # Too low a degree has no coefficients that could decay.
     split = coarse & (((tail > 1e-2) & (degrees > LOW)) | (degrees + 4 > HIGHEST))
+    if np.any(mesh.lengths[split] < SHORTEST * np.max(np.abs(mesh.boundaries))):
+        worst = mesh.boundaries[np.argmin(np.where(split, mesh.lengths, np.inf))]
+        raise ValueError(
+            f"expected a smooth path, found one that no elements resolve at t = {worst:.6g}: it "
+            "runs into a singularity there, such as a collision, or is not smooth, and its "
+            "neighbours are not determined"
+        )
     degrees = np.where(coarse & ~split, degrees + 4, degrees)
     parts = np.where(split, 2, 1)
     b = mesh.boundaries
     pieces = [np.linspace(b[e], b[e + 1], k, endpoint=False) for e, k in enumerate(parts)]
     return Mesh(np.concatenate([*pieces, b[-1:]]), np.repeat(degrees, parts))
+
+
+def _unresolved(form: Form) -> Array:
+    """Return what each element's degree leaves out of the coefficients of d2S, (N,).
+
+    Relative to L_vv, with the element's length as the unit of time. They are sampled between the
+    nodes: at the nodes alone, what varies faster looks smooth.
+    """
+    tr, mesh = form.tr, form.tr.mesh
+    least, tail = -(-SAMPLES // mesh.elements), np.zeros(mesh.elements)
+    for rule, which, index in mesh.groups:
+        fine = lgl(min(max(2 * rule.degree + 2, least), 2 * MAX_DEGREE + 2))
+        weights = rule.interpolation(fine.nodes)
+        h = mesh.lengths[which]
+        q = weights @ form.Q[index]
+        v = (weights @ rule.derivative) @ form.Q[index] * (2 / h)[:, None, None]
+        middle = (mesh.boundaries[which] + mesh.boundaries[which + 1]) / 2
+        t = middle[:, None] + h[:, None] / 2 * fine.nodes
+        n = q.shape[2]
+        A, B, C, _ = coefficients(tr.problem, q.reshape(-1, n), v.reshape(-1, n), t.reshape(-1, 1))
+        shape = (which.size, fine.degree + 1, n, n)
+        mass = np.abs(np.einsum("ekaa->eka", C.reshape(shape))).max(axis=1)
+        mass = np.sqrt(np.maximum(mass, NOISE * mass.max(axis=1, keepdims=True)))
+        size = (mass[:, :, None] * mass[:, None, :]).reshape(which.size, 1, -1)
+        for X, power in ((A, 2), (B, 1), (C, 0)):
+            table = X.reshape(which.size, fine.degree + 1, n * n) / size * h[:, None, None] ** power
+            with np.errstate(invalid="ignore"):  # infinite ones are not resolved
+                beyond = np.abs(fine.to_legendre[max(rule.degree - 1, 0) :] @ table)
+            beyond = np.nan_to_num(beyond, nan=np.inf).max(axis=(1, 2))
+            noise = NOISE * np.abs(table).max(axis=(1, 2))
+            tail[which] = np.maximum(tail[which], np.where(beyond <= noise, 0.0, beyond))
+    return tail

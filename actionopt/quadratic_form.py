@@ -2,7 +2,14 @@
 
     d2S[eta] = int (eta.L_qq eta + 2 eta.L_qv eta' + eta'.L_vv eta' + sum_i lam_i eta.f_i,qq eta) dt
 
-on variations that the constraints allow, G eta = 0. The constraints restrict each node by itself,
+on variations that the constraints allow, G eta = 0. A total derivative dF(q, t)/dt in L adds
+d/dt(eta.F_qq eta), whose two terms may be as large as they like and vary as fast: only the
+continuous integral, no quadrature, cancels them. So they are taken away at each point, with
+S(q, t) the symmetric part of L_qv at rest,
+
+    int 2 eta.S eta' dt = [eta.S eta] - int eta.(dS/dt) eta dt,
+
+and what is left does not depend on F. The constraints restrict each node by itself,
 so a basis of their tangent space at each node reduces the quadratic form without coupling
 elements. Eliminating the path from its start to its end, one element after the other, then leaves
 the Hessian of the principal function S(q0, q1); the negative pivots on the way are the Morse
@@ -13,11 +20,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from weakref import WeakKeyDictionary
 
+import casadi as ca
 import numpy as np
 
+from actionopt.pointwise import Pointwise
 from actionopt.problem import Problem
 from actionopt.quadrature import Array
+from actionopt.system import System
 from actionopt.transcription import Transcription, sparsity_of
 
 SINGULAR = 1e-9  # pivots below this fraction of their block's largest wait for the next block
@@ -44,6 +55,9 @@ class Form:
         d2S and its part in L_vv on each element, in the user's units of action.
     legendre : (evaluations, r) array
         Eigenvalues of L_vv on the variations allowed.
+    frequency : float
+        How fast variations may turn, on the whole: the root of L_qq over L_vv, at least one
+        over the duration.
     """
 
     tr: Transcription
@@ -54,6 +68,7 @@ class Form:
     elements: list[Array]
     kinetic: list[Array]
     legendre: Array
+    frequency: float
 
     @property
     def freedom(self) -> int:
@@ -82,7 +97,8 @@ class Form:
 def form(tr: Transcription, Q: Array, lam: Array, units: Array | None = None) -> Form:
     """Return the second variation at node coordinates Q (K, n) and multipliers lam (K, m).
 
-    Raises ValueError for a system with non-conservative forces, or a periodic end.
+    Raises ValueError for a system with non-conservative forces or a periodic end, or a path along
+    which L is not finite.
     """
     problem, layout = tr.problem, tr.layout
     system = problem.system
@@ -98,7 +114,14 @@ def form(tr: Transcription, Q: Array, lam: Array, units: Array | None = None) ->
         )
     units = tr.lengths if units is None else np.asarray(units, dtype=float)
     at = Q[layout.node_of]
-    A, B, C = second_derivatives(problem, at, tr.velocities(at), tr.times)
+    A, B, C, S = coefficients(problem, at, tr.velocities(at), tr.times)
+    finite = np.isfinite([A, B, C]).all(axis=(0, 2, 3))
+    if not finite.all():
+        raise ValueError(
+            "expected finite second derivatives of L along the path, found none at t = "
+            f"{tr.times[np.argmin(finite), 0]:.6g}: it runs into a singularity there, such as a "
+            "collision, and its neighbours are not determined"
+        )
     if system.m:
         A = A + _curvature(problem, at, lam[layout.node_of], tr.times)
     basis = tangent(problem, Q, tr.mesh.nodes[:, None], units).copy()
@@ -119,9 +142,57 @@ def form(tr: Transcription, Q: Array, lam: Array, units: Array | None = None) ->
             reduced = _reduce(local, Z)
             for e, block in zip(g.elements, reduced, strict=True):
                 target[e] = block
+    if S is not None:
+        ends = [int(np.flatnonzero(layout.node_of == k)[0]) for k in (0, tr.mesh.offsets[-1])]
+        for e, k, sign in ((0, 0, -1.0), (-1, -1, 1.0)):
+            r = basis.shape[2]
+            block = slice(None, r) if k == 0 else slice(-r, None)
+            elements[e][block, block] += sign * basis[k].T @ (S[ends[k]] * scale) @ basis[k]
     Z = basis[layout.node_of]
-    legendre: Array = np.linalg.eigvalsh(np.swapaxes(Z, 1, 2) @ (C * scale) @ Z).astype(float)
-    return Form(tr, Q, units, basis, pinned, elements, kinetic, legendre)
+    legendre, vectors = np.linalg.eigh(np.swapaxes(Z, 1, 2) @ (C * scale) @ Z)
+    mass = np.maximum(
+        np.abs(legendre), RANK * np.abs(legendre).max(axis=1, initial=0, keepdims=True)
+    )
+    unit = Z @ (vectors / np.sqrt(np.where(mass > 0, mass, 1.0))[:, None, :])
+    stiff, mixed = (
+        np.linalg.norm(np.swapaxes(unit, 1, 2) @ (X * scale) @ unit, axis=(1, 2)).mean()
+        for X in (A, B)
+    )
+    frequency = float(1 / problem.duration + np.sqrt(stiff) + mixed)
+    return Form(tr, Q, units, basis, pinned, elements, kinetic, legendre, frequency)
+
+
+def coefficients(
+    problem: Problem, q: Array, v: Array, t: Array
+) -> tuple[Array, Array, Array, Array | None]:
+    """Return L_qq - dS/dt, L_qv - S, L_vv and S, each (K, n, n), for q, v (K, n) and t (K, 1).
+
+    S is None where L has no terms linear in the velocities.
+    """
+    A, B, C = second_derivatives(problem, q, v, t)
+    coupling = _coupling(problem.system)
+    if coupling is None:
+        return A, B, C, None
+    # A Lagrangian that is singular at rest has none of which this S would be a part.
+    S, rate = (np.nan_to_num(x, posinf=0.0, neginf=0.0) for x in coupling(q, v, t, problem.packed))
+    S, rate = S.reshape(B.shape), rate.reshape(B.shape)
+    return A - rate, B - S, C, S
+
+
+_couplings: WeakKeyDictionary[System, Pointwise | None] = WeakKeyDictionary()
+
+
+def _coupling(system: System) -> Pointwise | None:
+    """Return the function of S(q, t) and dS/dt along a path, derived once; None where S is zero."""
+    if system not in _couplings:
+        s, n = system.symbols, system.n
+        mixed = ca.substitute(system.derivatives.Lqv, s.v, ca.SX.zeros(n))
+        S = ca.sparsify((mixed + mixed.T) / 2)
+        rate = ca.jtimes(ca.vec(S), s.q, s.v) + ca.jacobian(ca.vec(S), s.t)
+        outputs = [ca.densify(ca.vec(S)), ca.densify(rate)]
+        function = ca.Function("coupling", [s.q, s.v, s.t, s.p], outputs)
+        _couplings[system] = Pointwise(function) if S.nnz() else None
+    return _couplings[system]
 
 
 def second_derivatives(problem: Problem, q: Array, v: Array, t: Array) -> tuple[Array, ...]:

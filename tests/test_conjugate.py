@@ -164,6 +164,68 @@ def test_focal_points_of_a_free_start():
     assert times_of(ao.solve(problem)) == pytest.approx([np.pi / 4, 3 * np.pi / 4], abs=3e-8)
 
 
+@pytest.mark.parametrize("c", [1.0, 10.0, 100.0, 1000.0])
+@pytest.mark.parametrize("w", [3.0, 10.0, 50.0])
+def test_total_derivatives_move_no_conjugate_point(c, w):
+    # d/dt(c q^2 sin(w t) / 2 + c sin(w q) / w) with the oscillator.
+    def lagrangian(q, v, t, *, c, w):
+        turn = c * (q[0] * v[0] * np.sin(w * t) + w * q[0] ** 2 * np.cos(w * t) / 2)
+        return (v[0] ** 2 - q[0] ** 2) / 2 + turn + c * np.cos(w * q[0]) * v[0]
+
+    def exact(t):
+        return (0.3 * np.cos(t) + 0.5 * np.sin(t))[None]
+
+    T, mesh = 7.0, ao.Mesh.uniform(0.0, 7.0, 6, 14)
+    system = ao.System(lagrangian, ["x"], parameters={"c": c, "w": w})
+    events = ao.Event(0.0, [0.3]), ao.Event(T, exact(np.array(T)))
+    path = ao.Path.interpolate(exact, mesh)
+    lam = np.zeros((0, mesh.nodes.size))
+    problem = ao.Problem(system, *events)
+    solution = ao.Solution(problem, path, 0.0, lam, 1e-12, ao.Status.SOLVED, {})
+    assert times_of(solution) == pytest.approx([np.pi, 2 * np.pi], abs=TIME_TOLERANCE * T)
+
+
+@pytest.mark.parametrize("c", [0.0, 2.0, 100.0])
+def test_focal_points_of_a_free_start_with_a_total_derivative(c):
+    # L + d/dt(c q^2 cos(30 t) / 2): a free start has v = -c q, and so have the neighbours.
+    def lagrangian(q, v, t, *, c):
+        turn = q[0] * v[0] * np.cos(30 * t) - 15 * q[0] ** 2 * np.sin(30 * t)
+        return (v[0] ** 2 - 4 * q[0] ** 2) / 2 + c * turn
+
+    system = ao.System(lagrangian, ["x"], parameters={"c": c})
+    problem = ao.Problem(system, ao.Event(0.0, [None]), ao.Event(3.0, 1.0))
+    first = np.arctan2(1.0, c / 2) / 2  # cos 2t = c / 2 sin 2t
+    exact = [first, first + np.pi / 2]
+    assert times_of(ao.solve(problem)) == pytest.approx(exact, abs=3e-8)
+
+
+@pytest.mark.parametrize("width", [0.3, 0.03, 0.003])
+def test_a_straight_path_through_a_valley(width):
+    # Poeschl and Teller's -2 / w^2 sech^2 u across the way: fields tanh u and u tanh u - 1.
+    def lagrangian(q, v, t, *, w):
+        steep = 2 / w**2 / np.cosh((q[0] - 0.47) / w) ** 2
+        return (v[0] ** 2 + v[1] ** 2) / 2 - steep * q[1] ** 2 / 2
+
+    def field(t):
+        u, u0 = (t - 0.47) / width, -0.47 / width
+        return np.tanh(u) * (u0 * np.tanh(u0) - 1) - (u * np.tanh(u) - 1) * np.tanh(u0)
+
+    system = ao.System(lagrangian, ["x", "y"], parameters={"w": width})
+    problem = ao.Problem(system, ao.Event(0.0, [0.0, 0.0]), ao.Event(1.0, [1.0, 0.0]))
+    exact = brentq(field, 0.47, 1.0, xtol=1e-15)
+    assert times_of(ao.solve(problem)) == pytest.approx([exact], abs=TIME_TOLERANCE)
+
+
+def test_stiff_oscillator_beside_a_free_body():
+    # Fields of very different frequencies: all conjugate times are k pi / 300.
+    system = ao.System(
+        lambda q, v, t: (v[0] ** 2 + 1e-3 * v[1] ** 2 - 90 * q[1] ** 2) / 2, ["x", "y"]
+    )
+    problem = ao.Problem(system, ao.Event(0.0, [0.0, 0.0]), ao.Event(1.0, [1.0, 0.3]))
+    exact = np.arange(1, 96) * np.pi / 300
+    assert times_of(ao.solve(problem)) == pytest.approx(exact, abs=TIME_TOLERANCE)
+
+
 UNFORCED = [name for name in scenes.SCENES if not scenes.get(name).problem.system.structure.forced]
 
 
