@@ -8,6 +8,7 @@ loading.
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any, cast
 
@@ -16,6 +17,7 @@ import numpy as np
 from actionopt import scenes
 from actionopt.path import Mesh, Path
 from actionopt.problem import Event, Periodic, Problem, State
+from actionopt.quadrature import Array
 from actionopt.solution import Solution
 from actionopt.status import Status
 from actionopt.system import System
@@ -50,12 +52,13 @@ def save(solution: Solution, file: str | FilePath) -> None:
     if target.suffix != ".npz":
         raise ValueError(f"expected a file name that ends in .npz, found {target.name!r}")
     problem = solution.problem
-    parameters = problem.system.table.values(problem.parameters)
+    # A solution that was loaded without its system knows what the file said of it.
+    system = problem if isinstance(problem, Detached) else problem.system
     about = {
         "format": FORMAT,
-        "system": problem.system.name,
-        "coordinates": problem.system.coordinates,
-        "parameters": {name: value.tolist() for name, value in parameters.items()},
+        "system": system.name,
+        "coordinates": system.coordinates,
+        "parameters": {name: value.tolist() for name, value in problem.parameters.items()},
         "events": [[e.t, list(e.q)] for e in (problem.start, problem.end)],
         "advance": None if problem.advance is None else list(problem.advance),
         "status": solution.status.name,
@@ -92,53 +95,43 @@ def load(file: str | FilePath, system: System | str | None = None) -> Solution:
     FileNotFoundError
         If there is no such file.
     ValueError
-        If it is unreadable or was not written by `save`, or the system's coordinates or
+        If it is damaged or was not written by `save`, or the system's coordinates or
         parameters are not those in the file.
     """
-    import zipfile  # slow to import, and needed here only
-
+    if not (system is None or isinstance(system, (System, str))):
+        raise ValueError(f"expected a System or the name of a scene, found {system!r}")
     try:
-        # Opened here, so that it is closed as well when numpy gives up half way.
-        with open(file, "rb") as stream, np.load(stream, allow_pickle=False) as arrays:
-            data = {name: arrays[name] for name in (*ARRAYS, "about")}
-        about = json.loads(str(data["about"]))
-        known = about["format"]
+        found = _read(FilePath(file))
     except FileNotFoundError:
         raise
-    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
+    except Exception as error:  # there is no end to the ways in which a file can be damaged
+        why = str(error) if str(error).startswith("expected") else type(error).__name__
         raise ValueError(
-            f"expected an .npz file written by Solution.save, found {str(file)!r}, which "
-            f"cannot be read as one ({type(error).__name__}: {error})"
+            f"expected an .npz file written by Solution.save, found {str(file)!r}, which is "
+            f"damaged or something else ({why}); solve and save again"
         ) from error
-    if known != FORMAT:
-        raise ValueError(f"expected a file of format {FORMAT!r}, found {known!r}")
-    mesh = Mesh(data["boundaries"], data["degrees"])
-    path = Path(mesh, data["values"])
-    problem = _problem(about, system, path, float(data["action"]))
-    solution = Solution(
-        problem,
-        path,
-        float(data["action"]),
-        data["lam"],
-        float(data["error"]),
-        Status[about["status"]],
-        about["stats"],
-    )
-    ends = [
-        State(float(mesh.boundaries[-k]), path.values[:, -k], data["velocities"][k]) for k in (0, 1)
-    ]
-    # What a solution would derive from its system is in the file as well.
-    solution.__dict__.update(start=ends[0], end=ends[1], momenta=tuple(data["momenta"]))
-    return solution
+    problem = _problem(found, system)
+    if problem is None:
+        return found
+    loaded = replace(found, problem=problem)
+    return _with_ends(loaded, (found.start.v, found.end.v), found.momenta)
 
 
 class Detached:
     """Stands for the problem of a solution loaded without its system: events and parameters."""
 
     def __init__(self, about: dict[str, Any]) -> None:
-        self.start, self.end = (Event(t, q) for t, q in about["events"])
+        self.name, self.coordinates = str(about["system"]), tuple(about["coordinates"])
+        (t0, q0), (t1, q1) = about["events"]
+        self.start, self.end = Event(t0, q0), Event(t1, q1)
+        if about["advance"] is not None:
+            self.end = Periodic(t1, about["advance"]).after(self.start)
         self.parameters = {k: np.asarray(v, dtype=float) for k, v in about["parameters"].items()}
-        self._coordinates = ", ".join(about["coordinates"])
+
+    @property
+    def advance(self) -> Array | None:
+        """q(t1) - q(t0) where the end is `Periodic`, (n,), else None."""
+        return np.array(self.end.advance) if isinstance(self.end, Periodic) else None
 
     @property
     def duration(self) -> float:
@@ -150,32 +143,79 @@ class Detached:
         """Raise ValueError: there is no system."""
         raise ValueError(
             "this solution was loaded without its system, and a file holds no physics; load it "
-            f"with load(file, system=...), a System of the coordinates {self._coordinates} or "
-            "the name of a scene"
+            "with load(file, system=...), a System of the coordinates "
+            f"{', '.join(self.coordinates)} or the name of a scene"
         )
 
 
-def _problem(about: dict[str, Any], system: System | str | None, path: Path, S: float) -> Problem:
-    """Return the problem of a file whose system is given, or is the scene of the same name."""
+def _read(file: FilePath) -> Solution:
+    """Return the solution in a file, its problem `Detached`; raise anything if there is none."""
+    with open(file, "rb") as stream:
+        if stream.read(2) != b"PK":  # numpy would advise to load it in another, unsafe way
+            raise ValueError("expected a zip archive")
+        stream.seek(0)
+        with np.load(stream, allow_pickle=False) as arrays:
+            data = {name: arrays[name] for name in (*ARRAYS, "about")}
+    about = json.loads(str(data["about"]))
+    if about["format"] != FORMAT:
+        raise ValueError(f"expected the format {FORMAT!r}, found {about['format']!r}")
+    problem = Detached(about)
+    mesh = Mesh(data["boundaries"], data["degrees"])
+    path = Path(mesh, data["values"])
+    n, nodes = len(problem.coordinates), mesh.nodes.size
+    shapes = [len(problem.start.q), len(problem.end.q), path.values.shape[0]]
+    if shapes != [n, n, n] or data["momenta"].shape != (2, n) or data["lam"].shape[1:] != (nodes,):
+        raise ValueError("expected arrays of shapes that belong together")
+    solution = Solution(
+        cast(Problem, problem),
+        path,
+        float(data["action"][()]),
+        data["lam"],
+        float(data["error"][()]),
+        Status[about["status"]],
+        dict(about["stats"]),
+    )
+    return _with_ends(solution, data["velocities"], data["momenta"])
+
+
+def _with_ends(solution: Solution, velocities: Any, momenta: Any) -> Solution:
+    """Return the solution with what it would derive from its system: that is in the file as well.
+
+    Raises ValueError if the velocities are not two finite rows (n,).
+    """
+    b, values = solution.mesh.boundaries, solution.path.values
+    start, end = (
+        State(t, q, v) for t, q, v in zip(b[[0, -1]], values.T[[0, -1]], velocities, strict=True)
+    )
+    p0, p1 = (np.array(p, dtype=float) for p in momenta)
+    for p in (p0, p1):
+        p.setflags(write=False)
+    solution.__dict__.update(start=start, end=end, momenta=(p0, p1))
+    return solution
+
+
+def _problem(found: Solution, system: System | str | None) -> Problem | None:
+    """Return the problem of a solution whose system is given, or is the scene of the same name.
+
+    None where there is no such scene. Raises ValueError for the wrong system.
+    """
+    known = cast(Detached, found.problem)
     guessed = system is None
     if guessed:
-        system = about["system"] if about["system"] in scenes.SCENES else None
+        system = known.name if known.name in scenes.SCENES else None
     if isinstance(system, str):
         system = scenes.get(system).problem.system
     if system is None:
-        return cast(Problem, Detached(about))
-    start, end = (Event(t, q) for t, q in about["events"])
-    if about["advance"] is not None:
-        end = Periodic(end.t, about["advance"])
+        return None
     try:
-        if system.coordinates != tuple(about["coordinates"]):
+        if system.coordinates != known.coordinates:
             raise ValueError(
-                f"expected a system of the coordinates {', '.join(about['coordinates'])} in the "
+                f"expected a system of the coordinates {', '.join(known.coordinates)} in the "
                 f"file, found {', '.join(system.coordinates)}"
             )
-        problem = Problem(system, start, end, parameters=about["parameters"])
-        tr = Transcription(problem, path.mesh, problem.scales)
-        action = tr.action_and_gradient(path.values.T)[0]
+        problem = Problem(system, known.start, known.end, parameters=known.parameters)
+        tr = Transcription(problem, found.mesh, problem.scales)
+        action, S = tr.action_and_gradient(found.path.values.T)[0], found.action
         if not abs(action - S) <= SAME * max(abs(S), tr.action_unit):
             raise ValueError(
                 f"expected the system of the file, whose action on its path is {S}, found "
@@ -183,6 +223,6 @@ def _problem(about: dict[str, Any], system: System | str | None, path: Path, S: 
             )
     except ValueError:
         if guessed:  # another system of that name
-            return cast(Problem, Detached(about))
+            return None
         raise
     return problem

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import actionopt as ao
-from actionopt import Event, Problem, System, scenes
+from actionopt import Event, Periodic, Problem, System, scenes
 from actionopt.status import Status
 
 
@@ -94,6 +94,35 @@ def test_without_its_system_there_is_the_path_and_no_physics(own, tmp_path):
     for quantity in (loaded.momentum, loaded.energy, loaded.acceleration):
         with pytest.raises(ValueError, match=r"without its system.*load\(file, system=.*theta"):
             quantity(0.5)
+
+
+def test_a_closed_path_stays_closed_without_its_system(tmp_path):
+    system = System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 + q[0] * np.cos(t), ["x"])
+    problem = Problem(system, Event(0.0, [None]), Periodic(2 * np.pi, advance=[0.0]))
+    solution = ao.solve(problem)
+    solution.save(tmp_path / "closed.npz")
+    loaded = ao.load(tmp_path / "closed.npz")
+    assert_same(loaded, solution)
+    assert isinstance(loaded.problem.end, Periodic)
+    assert loaded.problem.end.advance == (0.0,) and loaded.problem.advance.tolist() == [0.0]
+    with_system = ao.load(tmp_path / "closed.npz", system)
+    assert with_system.problem.advance.tolist() == [0.0]
+    assert with_system.energy(0.5) == solution.energy(0.5)
+
+
+def test_what_was_loaded_can_be_saved_again(own, of_a_scene, tmp_path):
+    for i, solution in enumerate((own, of_a_scene)):
+        first, second = tmp_path / f"first{i}.npz", tmp_path / f"second{i}.npz"
+        solution.save(first)
+        ao.load(first).save(second)
+        with np.load(first) as a, np.load(second) as b:
+            assert a.files == b.files and all(
+                np.array_equal(a[k], b[k], equal_nan=True)
+                for k in a.files
+                if a[k].dtype.kind != "U"
+            )
+            assert a["about"] == b["about"]
+    assert_same_physics(ao.load(tmp_path / "second0.npz", SYSTEM), own)
 
 
 def test_a_failed_attempt_can_be_kept(tmp_path):
@@ -229,6 +258,64 @@ def test_a_damaged_file_is_refused(own, tmp_path):
     file.write_bytes(content)
     with pytest.raises(ValueError, match=r"expected an \.npz file"):
         ao.load(file, SYSTEM)
+
+
+def test_a_file_with_any_one_byte_changed_is_refused_or_whole(own, tmp_path):
+    file = tmp_path / "damaged.npz"
+    own.save(file)
+    content, rng = file.read_bytes(), np.random.default_rng(0)
+    ends = [*range(40), *range(len(content) - 600, len(content))]  # headers and the directory
+    refused = 0
+    for at in [*rng.choice(len(content), 200, replace=False), *ends]:
+        changed = bytearray(content)
+        changed[at] ^= int(rng.integers(1, 256))
+        file.write_bytes(changed)
+        try:
+            loaded = ao.load(file)
+        except ValueError as error:
+            refused += 1
+            assert str(error).startswith("expected an .npz file") and "pickle" not in str(error)
+        else:
+            assert_same(loaded, own)  # it was a time stamp, say
+    assert refused > 400
+
+
+WRONG = {
+    "an action of three rows": ("action", lambda a: np.ones((3, 3))),
+    "an error of text": ("error", lambda a: np.array("small")),
+    "too few values": ("values", lambda a: a[:, 1:]),
+    "another number of coordinates": ("values", lambda a: np.vstack([a, a])),
+    "values that are not finite": ("values", lambda a: a + np.nan),
+    "boundaries that decrease": ("boundaries", lambda a: a[::-1]),
+    "degrees that are none": ("degrees", lambda a: a + 0.5),
+    "one velocity": ("velocities", lambda a: a[:1]),
+    "momenta of two coordinates": ("momenta", lambda a: np.hstack([a, a])),
+    "multipliers elsewhere": ("lam", lambda a: a[:, 1:]),
+}
+
+
+@pytest.mark.parametrize("what", WRONG)
+def test_arrays_that_do_not_fit_are_refused(own, what, tmp_path):
+    file = tmp_path / "wrong.npz"
+    own.save(file)
+    with np.load(file) as arrays:
+        data = dict(arrays)
+    name, change = WRONG[what]
+    data[name] = change(data[name])
+    np.savez(file, **data)
+    for system in (None, SYSTEM):
+        with pytest.raises(ValueError, match=r"expected an \.npz file.*solve and save again"):
+            ao.load(file, system)
+
+
+def test_what_is_no_file_or_system_is_refused(own, tmp_path):
+    for nothing in (None, 3.5, tmp_path):
+        with pytest.raises(ValueError, match=r"expected an \.npz file"):
+            ao.load(nothing)
+    own.save(tmp_path / "own.npz")
+    for nothing in (3, swing):
+        with pytest.raises(ValueError, match="expected a System or the name of a scene"):
+            ao.load(tmp_path / "own.npz", nothing)
 
 
 @pytest.mark.parametrize("missing", ["about", "values", "degrees", "lam"])
