@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from copy import deepcopy
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path as FilePath
@@ -182,6 +183,13 @@ class Solution:
         sizes = np.max(np.abs(self.path.values), axis=1)
         tr = Transcription(self.problem, self.mesh, np.where(sizes > 0, sizes, 1.0))
         return tr, tr.pack(self.path.values.T, self.lam.T)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Solution:
+        """Return a copy with memory of its own; `discrete` is made again when asked for."""
+        kept = {name: value for name, value in vars(self).items() if name != "discrete"}
+        other = object.__new__(Solution)
+        vars(other).update(deepcopy(kept, memo))
+        return other
 
     def compare(self) -> Comparison:
         """Return the comparison with the forward integration from `start`, made once."""

@@ -74,6 +74,11 @@ class System:
         If a callable has the wrong signature, cannot be traced or returns the wrong shape, or
         a parameter is missing, unused or not finite.
 
+    Notes
+    -----
+    Functions and memory are derived once and used again by every problem of a system. So they
+    serve one thread at a time: give each thread a System of its own.
+
     References
     ----------
     *Competitive Physics: Mechanics and Waves* (2018), chapter 12: action (12.1), equations of
@@ -99,6 +104,8 @@ class System:
         force: Callable[..., Any] | None = None,
         name: str = "",
     ) -> None:
+        if not isinstance(name, str):
+            raise ValueError(f"expected the name of a system as text, found {name!r}")
         self.coordinates = _names(coordinates)
         self.name = name
         self.table = ParameterTable(parameters)
@@ -129,6 +136,10 @@ class System:
     def __repr__(self) -> str:
         """Show the name and the coordinates."""
         return f"System({self.name or 'unnamed'}: {', '.join(self.coordinates)})"
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> System:
+        """Return the same: nothing of it changes."""
+        return self
 
     # -- what is known without numbers ---------------------------------------------------
 

@@ -1,5 +1,7 @@
 """What a solution says of its path: shapes, ends, momenta, multipliers."""
 
+from copy import deepcopy
+
 import numpy as np
 import pytest
 
@@ -225,6 +227,22 @@ def test_numbers_cannot_be_overwritten(rod, kepler):
             array[0] = 0.0
     with pytest.raises(AttributeError):
         kepler.action = 0.0
+
+
+def test_a_deep_copy_says_the_same_and_shares_only_the_system(rod, kepler):
+    for solution in (rod, kepler):
+        assert solution.momenta and solution.compare().agrees  # kept, and so copied
+        other = deepcopy(solution)
+        assert other.problem.system is solution.problem.system
+        assert other.path.values is not solution.path.values
+        assert np.array_equal(other([0.1, 0.5]), solution([0.1, 0.5]))
+        assert np.array_equal(other.energy([0.1, 0.5]), solution.energy([0.1, 0.5]))
+        assert np.array_equal(other.momenta, solution.momenta)
+        assert (other.action, other.morse_index) == (solution.action, solution.morse_index)
+        other.stats["rung"] = "changed"
+        assert solution.stats["rung"] != "changed"
+        again = ao.solve(solution.problem, guess=other, tol=1e-12)
+        assert again.action == pytest.approx(solution.action, rel=1e-12)
 
 
 def test_conserved_energy_and_its_rate():

@@ -4,6 +4,7 @@ import io
 import json
 import pickle
 import zipfile
+from copy import deepcopy
 
 import numpy as np
 import pytest
@@ -94,6 +95,9 @@ def test_without_its_system_there_is_the_path_and_no_physics(own, tmp_path):
     for quantity in (loaded.momentum, loaded.energy, loaded.acceleration):
         with pytest.raises(ValueError, match=r"without its system.*load\(file, system=.*theta"):
             quantity(0.5)
+    copied = deepcopy(loaded)
+    assert_same(copied, own)
+    assert np.array_equal(copied.momenta, own.momenta) and copied.start.v == own.start.v
 
 
 def test_a_closed_path_stays_closed_without_its_system(tmp_path):

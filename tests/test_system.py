@@ -370,6 +370,7 @@ BAD_SYSTEMS = {
         dict(lagrangian=simple, coordinates=["x"], parameters={"m": 1j}),
         "numbers for parameter 'm', found 1j",
     ),
+    "a number for a name": (dict(lagrangian=simple, coordinates=["x"], name=3), "name .* as text"),
     "no coordinates": (dict(lagrangian=simple, coordinates=[]), "at least one coordinate"),
     "a coordinate twice": (dict(lagrangian=simple, coordinates=["x", "x"]), "distinct names"),
     "missing parameter": (
