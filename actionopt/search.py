@@ -253,7 +253,7 @@ class Search:
         self.rung = "linear"
         self.walk.sizes = self.walk.problem.scales
         mesh, free = self.given, self.given is None and curve_of is None
-        steady = not self.walk.problem.system.structure.depends_on_time
+        steady = self.walk.problem.system.structure.steady
         if free and steady:
             mesh = planned(self.walk.problem, self.tol, LINEAR)
         elif mesh is None:

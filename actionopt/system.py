@@ -47,6 +47,11 @@ class Structure:
         quadratic = self.constant_mass and self.constant_coupling and self.constant_stiffness
         return quadratic and self.affine_constraint and self.affine_force
 
+    @property
+    def steady(self) -> bool:
+        """Whether they are linear with coefficients that are constant in time."""
+        return self.linear and not self.depends_on_time
+
 
 class System:
     """A mechanical system given by its Lagrangian L(q, v, t).
@@ -251,7 +256,7 @@ class System:
 
     def _build_first(self):
         d = self.derivatives
-        return self._arguments, [ca.densify(d.Lq), ca.densify(d.Lv), self.L]
+        return self._arguments, [_dense(d.Lq), _dense(d.Lv), self.L]
 
     def _build_second(self):
         d = self.derivatives
@@ -274,7 +279,7 @@ class System:
 
     def _build_constraint_rate(self):
         s = self.symbols
-        return [s.q, s.t, s.p], [ca.densify(ca.jacobian(self.f, s.t))]
+        return [s.q, s.t, s.p], [_dense(ca.jacobian(self.f, s.t))]
 
     def _build_constraint_curvature(self):
         s = self.symbols
@@ -287,7 +292,7 @@ class System:
 
     def _build_motion(self):
         M, bias, G, gamma = self.motion
-        return self._arguments, [ca.densify(x) for x in (M, bias, G, gamma)]
+        return self._arguments, [_dense(x) for x in (M, bias, G, gamma)]
 
     @cached_property
     def motion(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
@@ -469,6 +474,10 @@ class Derivatives:
     Lqv: ca.SX
     Lvv: ca.SX
     G: ca.SX
+
+
+def _dense(expression: ca.SX) -> ca.SX:
+    return expression if expression.is_dense() else ca.densify(expression)
 
 
 def _names(coordinates: Sequence[str]) -> tuple[str, ...]:

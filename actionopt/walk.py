@@ -268,8 +268,7 @@ class Walk:
 
         Nothing is missed where they are linear in the path and do not depend on time.
         """
-        structure = self.problem.system.structure
-        if structure.linear and not structure.depends_on_time:
+        if self.problem.system.structure.steady:
             return 0.0
         clock = perf_counter()
         if self.factors is None or self.factors[0] is not self.z:
