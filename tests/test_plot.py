@@ -106,6 +106,16 @@ def test_free_coordinates_of_an_event_are_not_drawn():
     assert np.isnan(drawn(ax, "end")[1, 0])
 
 
+def test_a_system_without_a_name_is_a_problem_in_titles():
+    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]), ["theta"])
+    problem = ao.Problem(system, ao.Event(0.0, [0.1]), ao.Event(1.0, [0.5]))
+    solution = ao.solve(problem)
+    for draw in (plot.paths, plot.landscape, plot.spectrum):
+        assert draw(solution).get_title(loc="left").startswith("problem: ")
+    words = [text.get_text() for text in plot.explore(problem).figure.texts]
+    assert "problem" in words
+
+
 @pytest.mark.parametrize("ending", ["png", "svg", "pdf"])
 def test_saved_pictures_have_a_size_and_open_no_window(solutions, tmp_path, ending):
     file = tmp_path / f"picture.{ending}"

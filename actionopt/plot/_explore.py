@@ -18,7 +18,7 @@ from matplotlib.widgets import Button, Slider
 from actionopt.arguments import Guess
 from actionopt.exploration import Exploration, begin, bent, lasting, restarted, solved
 from actionopt.plot._explore_parts import ASIDE, LEFT, RIGHT, Missing, Panel, Words, fit, panels
-from actionopt.plot._style import BLUE, NONE, VERMILION, Units, label, new_figure, styled
+from actionopt.plot._style import BLUE, NONE, VERMILION, Units, heading, label, new_figure, styled
 from actionopt.problem import Problem
 from actionopt.scenes import Scene
 from actionopt.trial import Trial, knots
@@ -84,7 +84,7 @@ class Explorer:
         self.figure.explorer = self  # lives as long as its figure
         self.panels = panels(self.figure, names, units)
         self.missing = Missing(self.figure, names, units)
-        self.words = Words(self.figure, problem.system.name.replace("_", " "), units)
+        self.words = Words(self.figure, heading(problem), units)
         self.slider = Slider(
             self.figure.add_axes((LEFT + 0.075, 0.03, RIGHT - LEFT - 0.145, 0.03)),
             label("end time", units.time), t0 + SHORTEST * (t1 - t0), first.latest, valinit=t1,

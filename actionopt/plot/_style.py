@@ -20,6 +20,7 @@ from matplotlib.colors import FuncNorm, LinearSegmentedColormap, ListedColormap,
 from matplotlib.rcsetup import cycler
 from matplotlib.ticker import MaxNLocator
 
+from actionopt.problem import Problem
 from actionopt.quadrature import Array
 from actionopt.solution import Solution
 
@@ -197,9 +198,10 @@ def times(solution: Solution, count: int = COUNT) -> Array:
     return np.linspace(solution.problem.start.t, solution.problem.end.t, count)
 
 
-def heading(solution: Solution) -> str:
-    """Return the system's name in words."""
-    return solution.problem.system.name.replace("_", " ")
+def heading(of: Solution | Problem) -> str:
+    """Return the system's name in words, and "problem" for one that has none."""
+    problem = of if isinstance(of, Problem) else of.problem
+    return problem.system.name.replace("_", " ") or "problem"
 
 
 def signed(reach: float) -> Normalize:
