@@ -52,8 +52,8 @@ def descend(tr: Transcription, z: Array) -> Descended:
     mu, count = 0.0, 0
     with np.errstate(all="ignore"):
         action, gradient = tr.action(z), tr.gradient(z)
-        while count < STEPS and np.max(np.abs(z)) < RUNAWAY:
-            farthest = LONGEST * max(1.0, float(np.max(np.abs(z))))
+        while count < STEPS and np.abs(z).max() < RUNAWAY:
+            farthest = LONGEST * max(1.0, float(np.abs(z).max()))
             H, K = tr.kkt(z), tr.kinetic(z)
             if not np.all(np.isfinite(H)):
                 break
@@ -67,10 +67,10 @@ def descend(tr: Transcription, z: Array) -> Descended:
                     step = -factors.solve(gradient)
                 except np.linalg.LinAlgError:
                     step = np.full_like(z, np.nan)
-                if np.max(np.abs(step)) < ARRIVED:
+                if np.abs(step).max() < ARRIVED:
                     return Descended(z, mu == 0.0, False, count)
                 trial = z + step
-                lower = tr.action(trial) if np.max(np.abs(step)) < farthest else np.nan
+                lower = tr.action(trial) if np.abs(step).max() < farthest else np.nan
                 if lower <= action + DECREASE * float(gradient @ step):
                     break
                 mu = max(RAISE * mu, FIRST)
@@ -83,4 +83,4 @@ def descend(tr: Transcription, z: Array) -> Descended:
                 if np.linalg.norm(second) < CONTRACTION * np.linalg.norm(step):
                     return Descended(z, True, False, count)
             mu = LOWER * mu if LOWER * mu > FIRST / 2 else 0.0
-    return Descended(z, False, bool(np.max(np.abs(z)) >= RUNAWAY), count)
+    return Descended(z, False, bool(np.abs(z).max() >= RUNAWAY), count)

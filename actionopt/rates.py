@@ -23,6 +23,7 @@ LAYER = SHOWN * np.array([0, 1, 2, 3, 4, 6, 9, 14])  # e-foldings from an end; r
 MOST = 64  # elements for turns
 MARGIN = 5.0  # between a coefficient and the tolerance it has to meet
 TINY = 1e-6
+LOG_FACTORIALS = np.array([lgamma(d) for d in DEGREES])  # of d - 1
 ROUNDOFF = 1e3 * np.finfo(float).eps
 
 
@@ -34,16 +35,15 @@ def planned(problem: Problem, tol: float, elements: int) -> Mesh:
     second = system.pointwise("second")(*state)
     forces = system.pointwise("force_jacobian")(*state) if system.structure.forced else None
     turns, folds = _rates(system, second, forces, problem.duration)
-    mesh = _shown(problem.start.t, problem.end.t, turns, folds, elements, 1)
-    if mesh is None:
-        mesh = Mesh.uniform(problem.start.t, problem.end.t, elements, 1)
-    fastest = SHOWN if mesh.elements > elements else max(turns, folds) / elements
+    t0, t1 = problem.start.t, problem.end.t
+    times, fastest = _shown(t0, t1, turns, folds, elements), SHOWN
+    if times is None:
+        times, fastest = np.linspace(t0, t1, elements + 1), max(turns, folds) / elements
     # The Legendre coefficient k of exp(x t) is about (x / 2)^k / k!; the last two tell the error.
-    k = DEGREES - 1.0
-    logarithms = k * np.log(max(fastest, TINY) / 4) - np.array([lgamma(x + 1) for x in k])
+    logarithms = (DEGREES - 1) * np.log(max(fastest, TINY) / 4) - LOG_FACTORIALS
     good = logarithms < np.log(tol / MARGIN)
     degree = DEGREES[np.argmax(good)] if good.any() else DEGREES[-1]
-    return Mesh(mesh.boundaries, int(degree))
+    return Mesh(times, int(degree))
 
 
 def paced(tr: Transcription, z: Array) -> Mesh | None:
@@ -52,13 +52,12 @@ def paced(tr: Transcription, z: Array) -> Mesh | None:
     forces = tr.forces(x) if problem.system.structure.forced else None
     rates = _rates(problem.system, tr.second(x), forces, problem.duration)
     t0, t1 = mesh.boundaries[[0, -1]]
-    return _shown(t0, t1, *rates, mesh.elements, max(mesh.degrees))
+    times = _shown(t0, t1, *rates, mesh.elements)
+    return None if times is None else Mesh(times, max(mesh.degrees))
 
 
-def _shown(
-    start: float, end: float, turns: float, folds: float, elements: int, degree: int
-) -> Mesh | None:
-    """Return a mesh that shows so many radians and e-foldings, or None if `elements` do.
+def _shown(start: float, end: float, turns: float, folds: float, elements: int) -> Array | None:
+    """Return boundaries that show so many radians and e-foldings, or None if `elements` do.
 
     Uniform but for the ends, where the elements lengthen with their distance from a layer.
     """
@@ -76,7 +75,7 @@ def _shown(
     times[-1] = end
     if np.diff(times).min() < ROUNDOFF * np.abs(times).max():
         return None  # a layer as thin as that is left to refinement
-    return Mesh(times, degree)
+    return times
 
 
 def _rates(

@@ -284,9 +284,11 @@ class Transcription:
         function, p = self.problem.system.pointwise("second"), self.problem.packed
         if self.problem.system.structure.steady:  # they are the same everywhere
             rest = np.zeros((1, self.problem.system.n))
-            made = lambda: [x.copy() for x in function(rest, rest, self.times[:1], p)]  # noqa: E731
-            one = self.kept("second", made)
-            return [np.broadcast_to(x, (self.layout.evaluations, x.shape[1])) for x in one]
+            count = self.layout.evaluations
+            return self.kept(
+                "second",
+                lambda: [x.repeat(count, axis=0) for x in function(rest, rest, self.times[:1], p)],
+            )
         _, at, v = self.place(x)
         self.counts["second"] += 1
         return function(at, v, self.times, p)
