@@ -81,6 +81,6 @@ def descend(tr: Transcription, z: Array) -> Descended:
             if mu == 0.0:
                 second = factors.solve(gradient)
                 if np.linalg.norm(second) < CONTRACTION * np.linalg.norm(step):
-                    return Descended(z, True, False, count)
+                    return Descended(z - second, True, False, count)
             mu = LOWER * mu if LOWER * mu > FIRST / 2 else 0.0
     return Descended(z, False, bool(np.abs(z).max() >= RUNAWAY), count)
