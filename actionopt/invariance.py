@@ -59,6 +59,10 @@ class Conserved:
         function = ca.Function("conserved", [s.q, s.v, s.t, s.p], [ca.densify(self.terms)])
         object.__setattr__(self, "_terms", Pointwise(function))
 
+    def __repr__(self) -> str:
+        """Show of what it is, not the expressions."""
+        return f"Conserved(I(q, v, t) of {self.terms.numel()} terms, {self.system})"
+
     def __call__(
         self,
         q: ArrayLike,

@@ -74,6 +74,13 @@ class Mesh:
             self, "degrees", tuple(np.broadcast_to(given, (count,)).astype(int).tolist())
         )
 
+    def __repr__(self) -> str:
+        """Show the sizes, not the arrays."""
+        low, high = min(self.degrees), max(self.degrees)
+        degrees = f"degree {low}" if low == high else f"degrees {low} to {high}"
+        first, *_, last = self.boundaries.tolist()
+        return f"Mesh(elements {self.elements}, {degrees}, from t = {first:g} to {last:g})"
+
     @classmethod
     def uniform(cls, start: float, end: float, elements: int, degree: int) -> Mesh:
         """Return `elements` equal elements of one degree over the times [start, end]."""
@@ -163,6 +170,10 @@ class Path:
                 raise ValueError(f"expected finite {name}, found NaN or infinity")
             table.setflags(write=False)
             object.__setattr__(self, name, table)
+
+    def __repr__(self) -> str:
+        """Show the sizes, not the arrays."""
+        return f"Path({self.values.shape[0]} x {self.values.shape[1]} values on {self.mesh})"
 
     @classmethod
     def interpolate(cls, curve: Callable[[Array], ArrayLike], mesh: Mesh) -> Path:

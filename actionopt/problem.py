@@ -187,6 +187,11 @@ class Problem:
         return np.array(self.end.advance) if isinstance(self.end, Periodic) else None
 
     @property
+    def name(self) -> str:
+        """The system's name; "problem" if it has none."""
+        return self.system.name or "problem"
+
+    @property
     def duration(self) -> float:
         """Time between the events."""
         return self.end.t - self.start.t

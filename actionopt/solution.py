@@ -58,6 +58,14 @@ class Solution:
     status: Status
     stats: dict[str, Any]
 
+    def __repr__(self) -> str:
+        """Show the verdict and the numbers that matter, not the arrays."""
+        return (
+            f"Solution({self.problem.name}: {self.status.name}, S = {self.action:.8g}, "
+            f"error {self.error:.1e}, elements {self.mesh.elements}, "
+            f"unknowns {self.stats.get('unknowns', 'not counted')})"
+        )
+
     @cached_property
     def momenta(self) -> tuple[Array, Array]:
         """Momenta p0 = -dS/dq0 and p1 = +dS/dq1 at the events, each (n,): accurate to order 2d.

@@ -44,6 +44,10 @@ class Status(Enum):
         "not finite on the way; try a guess, a shorter duration, or principle='least'"
     )
 
+    def __str__(self) -> str:
+        """Return the sentence."""
+        return self.value
+
     @property
     def success(self) -> bool:
         """Whether the path can be used as it is."""

@@ -53,11 +53,11 @@ def save(solution: Solution, file: str | FilePath) -> None:
         raise ValueError(f"expected a file name that ends in .npz, found {target.name!r}")
     problem = solution.problem
     # A solution that was loaded without its system knows what the file said of it.
-    system = problem if isinstance(problem, Detached) else problem.system
+    known = problem if isinstance(problem, Detached) else problem.system
     about = {
         "format": FORMAT,
-        "system": system.name,
-        "coordinates": system.coordinates,
+        "system": problem.name,
+        "coordinates": known.coordinates,
         "parameters": {name: value.tolist() for name, value in problem.parameters.items()},
         "events": [[e.t, list(e.q)] for e in (problem.start, problem.end)],
         "advance": None if problem.advance is None else list(problem.advance),
@@ -121,7 +121,7 @@ class Detached:
     """Stands for the problem of a solution loaded without its system: events and parameters."""
 
     def __init__(self, about: dict[str, Any]) -> None:
-        self.name, self.coordinates = str(about["system"]), tuple(about["coordinates"])
+        self.name, self.coordinates = about["system"] or "problem", tuple(about["coordinates"])
         (t0, q0), (t1, q1) = about["events"]
         self.start, self.end = Event(t0, q0), Event(t1, q1)
         if about["advance"] is not None:

@@ -64,6 +64,10 @@ class Symmetry:
         """Return xi at q (n,) and one time t."""
         return self.b + self.c * t + self.A @ np.asarray(q, dtype=float)
 
+    def __repr__(self) -> str:
+        """Show what moves."""
+        return f"Symmetry({self})"
+
     def __str__(self) -> str:
         """Return what moves, as in "x: -y, y: x"."""
         rows = {

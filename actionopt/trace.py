@@ -89,6 +89,12 @@ class Trace:
     tol: float
     stats: dict[str, int]
 
+    def __repr__(self) -> str:
+        """Show how far it went and what it met, not the arrays."""
+        found = f"{len(self.values)} paths from {self.values[0]:g} to {self.values[-1]:g}"
+        marks = ", ".join(f"{mark.kind} at {mark.value:g}" for mark in self.marks)
+        return f"Trace({found}; {marks or 'no marks'}; ended: {self.stopped})"
+
     @property
     def interrupted(self) -> bool:
         """Whether the user ended it."""

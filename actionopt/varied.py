@@ -9,7 +9,7 @@ that the first derivative vanishes to rounding.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -53,8 +53,8 @@ class Variation:
         The variation.
     """
 
-    form: Form
-    lam: Array
+    form: Form = field(repr=False)
+    lam: Array = field(repr=False)
     eta: Path
 
     def __call__(self, alpha: ArrayLike) -> Array:

@@ -245,6 +245,29 @@ def test_a_deep_copy_says_the_same_and_shares_only_the_system(rod, kepler):
         assert again.action == pytest.approx(solution.action, rel=1e-12)
 
 
+def test_what_is_printed_is_short_and_says_what_matters(rod):
+    unknowns = rod.discrete[0].layout.unknowns
+    assert (
+        str(rod)
+        == repr(rod)
+        == (
+            f"Solution(rod_pendulum: SOLVED, S = {rod.action:.8g}, error {rod.error:.1e}, "
+            f"elements {rod.mesh.elements}, unknowns {unknowns})"
+        )
+    )
+    assert str(rod.status) == f"{rod.status}" == rod.status.value
+    system = System(lambda q, v, t: v[0] ** 2 / 2, ["x"])
+    bare = ao.solve(Problem(system, Event(0, 0.0), Event(1, 1.0)))
+    assert repr(bare).startswith("Solution(problem: SOLVED, S = 0.5, ")
+    shown = [rod.path, rod.mesh, rod.compare(), ao.trace(scenes.get("pendulum").problem, "g", 9.0),
+             ao.variation(bare, lambda t: t * (1 - t))]  # fmt: skip
+    for symmetry in ao.find_symmetries(system):
+        shown += [symmetry, symmetry.conserved]
+    assert len(shown) > 6
+    for thing in shown:
+        assert "array(" not in repr(thing) and "SX" not in repr(thing) and len(repr(thing)) < 350
+
+
 def test_conserved_energy_and_its_rate():
     # dH/dt = -dL/dt along a motion; here H of the oscillating wall is not conserved.
     quiet = ao.solve(scenes.get("kepler").problem, tol=1e-12)

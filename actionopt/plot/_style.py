@@ -199,9 +199,9 @@ def times(solution: Solution, count: int = COUNT) -> Array:
 
 
 def heading(of: Solution | Problem) -> str:
-    """Return the system's name in words, and "problem" for one that has none."""
+    """Return the problem's name in words."""
     problem = of if isinstance(of, Problem) else of.problem
-    return problem.system.name.replace("_", " ") or "problem"
+    return problem.name.replace("_", " ")
 
 
 def signed(reach: float) -> Normalize:
