@@ -71,6 +71,7 @@ class Transcription:
         self.x_unit = lengths[layout.free % n]
         self._point: tuple[Array, Array, Array, Array] | None = None
         self._values: tuple[float, Array] | None = None
+        self._normals: Array | None = None
         self._kept: dict[str, Any] = {}
         self.unfolded: dict[tuple[str, int], tuple[Array, Array]] = {}
         # Nonzeros of the mass matrix half way along the straight line, its upper triangle.
@@ -100,7 +101,7 @@ class Transcription:
         """Return that of a problem which differs in the values at its ends only, in these units."""
         other = copy(self)
         other.problem, other.counts, other._kept = problem, Counter(), {}
-        other._point = other._values = None
+        other._point = other._values = other._normals = None
         other.ends = other._ends()
         return other
 
@@ -112,7 +113,7 @@ class Transcription:
         other = copy(self)
         other.ends = self.ends.copy()
         other.ends[[0, -1]] = ends
-        other._point = other._values = None
+        other._point = other._values = other._normals = None
         return other
 
     def _units(self) -> tuple[float, Array]:
@@ -190,7 +191,7 @@ class Transcription:
             Q = self.coordinates(x)
             at = Q[self.layout.node_of]
             self._point = (x.copy(), Q, at, self.velocities(at))
-            self._values = None
+            self._values = self._normals = None
         return self._point[1:]
 
     def _first(self, x: Array) -> tuple[float, Array]:
@@ -302,10 +303,13 @@ class Transcription:
 
     def normals(self, x: Array) -> Array:
         """Return the nonzeros of G at the rows' nodes, (R, nonzeros)."""
-        Q = self.place(x)[0][self.layout.row_nodes]
-        self.counts["constraint_jacobian"] += 1
-        function = self.problem.system.pointwise("constraint_jacobian")
-        return function(Q, self.row_times, self.problem.packed)[0]
+        Q = self.place(x)[0]
+        if self._normals is None:
+            self.counts["constraint_jacobian"] += 1
+            function = self.problem.system.pointwise("constraint_jacobian")
+            at = Q[self.layout.row_nodes]
+            self._normals = function(at, self.row_times, self.problem.packed)[0].copy()
+        return self._normals
 
     def constraint_curvature(self, z: Array) -> Array | None:
         """Return w times the second derivatives of lam f at the rows' nodes, if there are any."""
@@ -352,7 +356,7 @@ class Transcription:
 
     def forget(self) -> None:
         """Free what can be computed again."""
-        self._point = self._values = None
+        self._point = self._values = self._normals = None
         self._kept.clear()
 
     def kept(self, name: str, made: Callable[[], Any]) -> Any:

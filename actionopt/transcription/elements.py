@@ -27,23 +27,22 @@ def kkt(tr: Transcription, z: Array) -> Array:
     nonzeros = np.zeros(layout.blocks.count)
     elements, between = layout.blocks.split(nonzeros)
     for M, g, block in zip(elements, layout.groups, stiff, strict=True):
-        inside = np.arange(g.rule.degree + 1)
-        M = M.reshape(len(M), inside.size, layout.blocks.width, inside.size, -1)
-        pairs = M[:, :, :n, :, :n].transpose(0, 1, 3, 2, 4)  # a view
-        pairs[...] = block
+        points = g.rule.degree + 1
+        pairs = block.copy()  # (E, d + 1, d + 1, n, n)
+        same = pairs.reshape(len(M), -1, n, n)[:, :: points + 1]  # a node with itself: a view
         for a, b, symmetric in slopes:
             if b is not None:
-                local = b[g.span].reshape(*g.nodes.shape, 1, n, n)
-                mixed = g.rule.weighted[:, :, None, None] * local
+                mixed = g.rule.weighted[:, :, None, None] * b[g.span].reshape(-1, points, 1, n, n)
                 pairs += mixed
                 if symmetric:
                     pairs += mixed.transpose(0, 2, 1, 4, 3)
             if a is not None:
-                local = tr.weight[g.span][:, :, None] * a[g.span]
-                pairs[:, inside, inside] += local.reshape(*g.nodes.shape, n, n)
+                same += (tr.weight[g.span][:, :, None] * a[g.span]).reshape(-1, points, n, n)
+        M = M.reshape(len(M), points, layout.blocks.width, points, -1)
+        M[:, :, :n, :, :n] = pairs.transpose(0, 1, 3, 2, 4)
         if at_nodes is not None:
-            k = inside[1:-1]
-            M[:, k, :, k, :] += at_nodes[g.nodes[:, 1:-1]].swapaxes(0, 1)
+            inner = np.einsum("ejajb->ejab", M)[:, 1:-1]  # each node with itself: a view
+            inner += at_nodes[g.nodes[:, 1:-1]]
     if at_nodes is not None:
         between += at_nodes[layout.offsets]
     return nonzeros
