@@ -131,7 +131,7 @@ def moved(tr: Transcription, z: Array, to: Transcription) -> Array:
         factors = Factors(tr.layout, tr.kkt(z), many=True)
         step = factors.solve(nearby.residual(z)) / DIFFERENCE  # that of z itself is zero
         z = z - step
-        for _ in range(CHORDS - 1 if tr.layout.condensed else 0):
+        for _ in range(CHORDS - 1 if tr.layout.storage == "blocks" else 0):
             last, step = _size(step[:cut]), factors.solve(to.residual(z))
             if not _size(step[:cut]) < CONTRACTION * last:
                 break

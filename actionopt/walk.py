@@ -240,6 +240,7 @@ class Walk:
         """Polish the path where it is; False if it is not there, or farther than `reach`."""
         clock = perf_counter()
         self.factors = None  # frees them before others are made
+        first = self.refines and reach == np.inf and not self.many  # others are resolved already
         # What is left of a linear problem after one step is round-off, none of it a lack of steps.
         negligible = (UNKNOWN_GAIN if self.linear else 1.0) * ORDINARY * ROUNDOFF
         result: Followed = follow(
@@ -248,7 +249,7 @@ class Walk:
             linear=self.linear,
             many=self.many,
             target=min(self.tol / (10 * SAFETY), negligible),
-            enough=self._passable if self.refines and reach == np.inf else None,
+            enough=self._passable if first else None,
         )
         self.iterations["newton"] += result.iterations
         self.time["solve"] += perf_counter() - clock
