@@ -162,7 +162,8 @@ def solve_all(
     if angles is None:
         turning = detected_angles(problem)
     else:
-        if isinstance(angles, str) or not all(a in names for a in angles):
+        sequence = isinstance(angles, Sequence) and not isinstance(angles, str)
+        if not sequence or not all(a in names for a in angles):
             raise ValueError(
                 f"expected a sequence of angles among {', '.join(names)}, found {angles!r}"
             )

@@ -391,8 +391,7 @@ class System:
         L is quadratic in v. Raises ValueError if it does not converge, or anything is not finite.
         """
         n, m = self.n, self.m
-        v = np.array(guess, dtype=float)
-        target = np.asarray(p, dtype=float)
+        v, target = numbers(guess, "the guess of v"), numbers(p, "p")
         G = self.constraint_jacobian(q, t, parameters=parameters)
         rate = self._at("constraint_rate", q, None, t, parameters)[0] if m else np.zeros(0)
 
@@ -454,7 +453,7 @@ class System:
                     f"expected q and v of one shape, found {np.shape(q)} and {np.shape(v)}"
                 )
             arguments.append(rates.T)
-        times = np.asarray(t, dtype=float)
+        times = numbers(t, "t")
         if times.shape not in ((), (1,), columns.shape[1:]):
             raise ValueError(
                 f"expected one time or {columns.shape[1]} times, found shape {times.shape}"

@@ -320,7 +320,7 @@ def test_forced_motion():
 
 def test_bad_arguments():
     problem = ao.Problem(PENDULUM, ao.Event(0.0, 0.0), ao.Event(1.0, 1.0))
-    for angles in (["phi"], "theta", [0]):
+    for angles in (["phi"], "theta", [0], 3):
         with pytest.raises(ValueError, match="angles among theta"):
             solve_all(problem, angles=angles)
     for count in (-1, 0.5, None, "many"):

@@ -460,6 +460,8 @@ def test_functions_that_turn_symbols_into_nan_are_refused(function):
             "one time or 3 times",
         ),
         (lambda: kepler.momentum([1j, 0], [0, 1], 0.0), "expected a number or .* for q, found"),
+        (lambda: kepler.momentum([1, 0], [0, 1], 1j), "numbers for t, found 1j"),
+        (lambda: kepler.velocity([1, 0], "p", 0.0, [0, 1]), "numbers for p, found 'p'"),
         (lambda: kepler.momentum([1, 0], "fast", 0.0), "numbers for v, found 'fast'"),
         (lambda: kepler.energy([1, 0], [0, 1], 0, parameters={"nu": 1}), "unknown parameter 'nu'"),
         (lambda: kepler.energy([1, 0], [0, 1], 0, parameters={"mu": [1, 2]}), "'mu' of shape"),
