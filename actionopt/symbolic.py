@@ -26,6 +26,7 @@ BINARY = {
 }
 UNARY = {
     np.negative: ca.OP_NEG,
+    np.absolute: ca.OP_FABS,
     np.square: ca.OP_SQ,
     np.sqrt: ca.OP_SQRT,
     np.exp: ca.OP_EXP,
@@ -64,11 +65,16 @@ class Expressions:
         return self.sx
 
     def __getattr__(self, name: str) -> Any:
-        """Return what only CasADi's view has: `shape`, `T`, `reshape`, `mean`, ..."""
+        """Return what only CasADi's view has: `shape`, `reshape`, `mean`, ..."""
         if name.startswith("_"):
             raise AttributeError(name)
         found = getattr(_theirs(self), name)
         return _calling(found) if callable(found) else _ours(found)
+
+    @property
+    def T(self) -> Expressions:
+        """The transpose."""
+        return self if self.ndim < 2 else Expressions(self.sx.T, 2)
 
     # -- parts -----------------------------------------------------------------------------------
 
