@@ -139,6 +139,46 @@ class Expressions:
         """Return |x|."""
         return Expressions(ca.SX.unary(ca.OP_FABS, self.sx), self.ndim)
 
+    def __add__(self, other: Any) -> Any:
+        """Return x + y."""
+        return _binary(ca.OP_ADD, operator.add, self, other)
+
+    def __radd__(self, other: Any) -> Any:
+        """Return the same from the right."""
+        return _binary(ca.OP_ADD, operator.add, other, self)
+
+    def __sub__(self, other: Any) -> Any:
+        """Return x - y."""
+        return _binary(ca.OP_SUB, operator.sub, self, other)
+
+    def __rsub__(self, other: Any) -> Any:
+        """Return the same from the right."""
+        return _binary(ca.OP_SUB, operator.sub, other, self)
+
+    def __mul__(self, other: Any) -> Any:
+        """Return x y."""
+        return _binary(ca.OP_MUL, operator.mul, self, other)
+
+    def __rmul__(self, other: Any) -> Any:
+        """Return the same from the right."""
+        return _binary(ca.OP_MUL, operator.mul, other, self)
+
+    def __truediv__(self, other: Any) -> Any:
+        """Return x / y."""
+        return _binary(ca.OP_DIV, operator.truediv, self, other)
+
+    def __rtruediv__(self, other: Any) -> Any:
+        """Return the same from the right."""
+        return _binary(ca.OP_DIV, operator.truediv, other, self)
+
+    def __pow__(self, other: Any) -> Any:
+        """Return x to the power of y."""
+        return _binary(ca.OP_POW, operator.pow, self, other)
+
+    def __rpow__(self, other: Any) -> Any:
+        """Return the same from the right."""
+        return _binary(ca.OP_POW, operator.pow, other, self)
+
     def __mod__(self, other: Any) -> Any:
         """Return the remainder."""
         return _ours(_theirs(self) % _theirs(other))
@@ -218,29 +258,6 @@ def _binary(code: int, general: Callable[[Any, Any], Any], a: Any, b: Any) -> An
     elif isinstance(a, NUMBERS):
         return Expressions(ca.SX.binary(code, a, b.sx), b.ndim)
     return _ours(general(_theirs(a), _theirs(b)))
-
-
-def _both_ways(name: str, code: int, general: Callable[[Any, Any], Any]) -> None:
-    """Give the class an operator and its reflection."""
-
-    def forward(self: Expressions, other: Any) -> Any:
-        return _binary(code, general, self, other)
-
-    def reflected(self: Expressions, other: Any) -> Any:
-        return _binary(code, general, other, self)
-
-    setattr(Expressions, f"__{name}__", forward)
-    setattr(Expressions, f"__r{name}__", reflected)
-
-
-for _operator in (
-    ("add", ca.OP_ADD, operator.add),
-    ("sub", ca.OP_SUB, operator.sub),
-    ("mul", ca.OP_MUL, operator.mul),
-    ("truediv", ca.OP_DIV, operator.truediv),
-    ("pow", ca.OP_POW, operator.pow),
-):
-    _both_ways(*_operator)
 
 
 def _theirs(x: Any) -> Any:
