@@ -20,13 +20,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt.checks import number, tolerance
-from actionopt.path import Mesh, NDInt, Path
+from actionopt.path import ROUNDOFF, Mesh, NDInt, Path
 from actionopt.problem import SURFACE_TOLERANCE, State
 from actionopt.quadrature import Array
 from actionopt.system import System
 
 DEGREE = 12  # of the elements of the path
 ROUNDS = 12  # of splitting elements before giving up
+ENOUGH = 8.0  # times finer than predicted: a round costs more than some elements
+NUMBERS = 30_000_000  # coordinates and velocities at all nodes: more do not fit into memory
+LONGEST = 1 / 200  # of the duration: a longer step might pass over a force that acts for a moment
+NARROWEST = 1e-4  # of the duration: no element given asks for steps shorter than that
 STEPS = 50_000  # of CVODES between two outputs; a regular motion needs some tens
 LOCAL = 1e-3  # CVODES bounds the error of one step; some hundred of them add up
 FINEST = 5e-16  # below this local tolerance CVODES gains nothing
@@ -96,14 +100,18 @@ class Flow:
     system: System
     parameters: Mapping[str, ArrayLike] | None = None
 
-    def integrator(self, s: Array, tolerance: float) -> Integrator:
-        """Return the integrator from s = 0 with output at the K increasing times `s` <= 1."""
+    def integrator(self, s: Array, tolerance: float, longest: float = LONGEST) -> Integrator:
+        """Return the integrator from s = 0 with output at the K increasing times `s` <= 1.
+
+        It takes no steps longer than `longest`.
+        """
         options = {
             "abstol": tolerance,
             "reltol": tolerance,
             "linear_multistep_method": "adams",
             "nonlinear_solver_iteration": "functional",
             "max_num_steps": STEPS,
+            "max_step_size": longest,
             "disable_internal_warnings": True,
             "show_eval_warnings": False,
         }
@@ -275,7 +283,8 @@ def integrate(
         Overrides the system's defaults by name; nothing is derived again.
     mesh : Mesh, optional
         Elements to begin with, over the same times; those that do not resolve the motion
-        are split. By default chosen from the number of steps that CVODES takes.
+        are split, and CVODES takes no step longer than the shortest of them. By default chosen
+        from the number of steps that CVODES takes, of which there are two hundred at least.
 
     Returns
     -------
@@ -336,32 +345,47 @@ def _resolve(
 ) -> tuple[Mesh, Array, Array]:
     """Integrate and split elements until q and v (n, K) are resolved; mesh of scaled times."""
     local, goal = max(LOCAL * tol, FINEST), max(tol, 200 * FINEST)
+    longest = steps_within(mesh)
     for _ in range(ROUNDS):
-        follow = flow.integrator(mesh.nodes[1:], local)
+        follow = flow.integrator(mesh.nodes[1:], local, longest)
         q, v = follow(state, span, units, mesh.elements)
         q, v = np.column_stack([state.q, q]), np.column_stack([state.v, v])
         tails = _tails(mesh, np.vstack([q / units.q[:, None], v / units.v[:, None]]))
         # A coefficient of degree d goes with the d-th power of the length; not yet quite so
         # where the motion is far from resolved.
         power = 1 / np.maximum(np.array(mesh.degrees) - 2, 1)
-        pieces = np.clip(np.ceil((tails / goal) ** power), 1, 8).astype(int)
+        pieces = np.clip(np.ceil((ENOUGH * tails / goal) ** power), 1, 8).astype(int)
+        pieces[tails <= goal] = 1
         if np.all(pieces == 1):
             return mesh, q, v
-        mesh = _split(mesh, pieces)
-    worst = state.t + span * mesh.boundaries[np.argmin(mesh.lengths)]
+        mesh, unresolved = _split(mesh, pieces), mesh.boundaries[:-1][pieces > 1]
+        if 2 * q.shape[0] * mesh.nodes.size > NUMBERS:
+            break
+    worst = state.t + span * unresolved[0]
     raise IntegrationError(
-        f"the motion near t = {worst:.6g} is not resolved after {ROUNDS} rounds of splitting "
-        "elements: it runs into a singularity there, such as a collision, or is not smooth; end "
+        f"the motion from t = {worst:.6g} on is not resolved by {mesh.elements} elements: it runs "
+        "into a singularity there, such as a collision, or is not smooth, or takes too long; end "
         "before that time, or ask for a larger tol"
     )
 
 
+def steps_within(mesh: Mesh) -> float:
+    """Return the longest step, of the duration, that passes over no element of the mesh."""
+    shortest = float(mesh.lengths.min() / (mesh.boundaries[-1] - mesh.boundaries[0]))
+    return min(max(shortest, NARROWEST), LONGEST)
+
+
 def _tails(mesh: Mesh, table: Array) -> Array:
-    """Return the larger of each element's last two Legendre coefficients in magnitude, (N,)."""
+    """Return the larger of each element's last two Legendre coefficients in magnitude, (N,).
+
+    Less the round-off of time, which the rates amplify.
+    """
     tails = np.empty(mesh.elements)
     for rule, which, index in mesh.groups:
-        last = table[:, index] @ rule.to_legendre[-2:].T
-        tails[which] = np.max(np.abs(last), axis=(0, 2))
+        values = table[:, index]
+        last = np.max(np.abs(values @ rule.to_legendre[-2:].T), axis=2)
+        rates = np.max(np.abs(values @ rule.derivative.T), axis=2) * (2 / mesh.lengths[which])
+        tails[which] = np.max(last - ROUNDOFF * rates, axis=0, initial=0.0)
     return tails
 
 

@@ -7,7 +7,7 @@ import threading
 
 import numpy as np
 import pytest
-from scipy.special import ellipj, ellipk
+from scipy.special import ellipj, ellipk, ndtr
 
 from actionopt import Mesh, State, System, forward
 from actionopt.forward import IntegrationError, integrate
@@ -158,6 +158,45 @@ def test_forced_and_damped_oscillator(c, drive):
 
     q, v = exact(np.zeros(1))
     assert deviation(integrate(system, State(0.0, q[:, 0], v[:, 0]), 8.0), exact) < ACCURATE
+
+
+def kicked(width, centre):
+    """A free body that gets the momentum one at `centre`, within a time `width`; its motion."""
+    system = System(
+        lambda q, v, t, *, d, c: (
+            v[0] ** 2 / 2 + q[0] * np.exp(-(((t - c) / d) ** 2) / 2) / (d * np.sqrt(2 * np.pi))
+        ),
+        ["x"],
+        parameters={"d": width, "c": centre},
+    )
+
+    def exact(t, speed=0.0):
+        u = (np.asarray(t) - centre) / width
+        passed = ndtr(u)
+        bell = np.exp(-(u**2) / 2) / np.sqrt(2 * np.pi)
+        return (speed * t + width * (u * passed + bell))[None], (speed + passed)[None]
+
+    return system, exact
+
+
+@pytest.mark.parametrize("width", [0.1, 0.03, 0.01, 0.001])
+@pytest.mark.parametrize("centre", [0.31, 0.53, 0.613, 0.8])
+@pytest.mark.parametrize("speed", [0.0, 1.0])
+def test_a_kick_is_not_stepped_over(width, centre, speed):
+    system, exact = kicked(width, centre)
+    q, v = exact(np.zeros(1), speed)
+    path = integrate(system, State(0.0, q[:, 0], v[:, 0]), 1.0)
+    assert deviation(path, lambda t: exact(t, speed)) < ACCURATE
+    assert path.mesh.elements < 300
+
+
+def test_a_given_mesh_limits_the_steps():
+    """A kick that two hundred steps would pass over, on elements that are as short."""
+    system, exact = kicked(2e-5, 0.61803)
+    at_rest = State(0.0, [0.0], [0.0])
+    given = Mesh(np.r_[0.0, 0.61803 + 1e-4 * np.array([-2, -1, 1, 2]), 1.0], 12)
+    path = integrate(system, at_rest, 1.0, mesh=given)
+    assert deviation(path, exact) < 10 * ACCURATE  # an ulp of time is 5e-12 of the width
 
 
 def test_twelve_masses_on_springs_with_a_full_mass_matrix():
@@ -387,6 +426,30 @@ def test_collision_is_reported_with_its_time_and_without_noise(capfd):
     assert capfd.readouterr() == ("", "")
     path = integrate(KEPLER, State(0.0, [1.0, 0.0], [0.0, 0.0]), 1.0)  # before it all is well
     assert path(1.0)[0] < 0.4
+
+
+def test_a_force_that_is_not_smooth_ends_soon():
+    system = System(lambda q, v, t: v[0] ** 2 / 2 - np.abs(q[0]), ["x"])
+    with pytest.raises(IntegrationError, match="not smooth"):
+        integrate(system, State(0.0, [-0.5], [1.2]), 2.0)
+
+
+def test_what_does_not_fit_into_memory_is_refused(monkeypatch):
+    monkeypatch.setattr(forward, "NUMBERS", 1000)
+    q, v = kepler(0.0, 1.0, 0.6, 1.0)
+    with pytest.raises(IntegrationError, match="not resolved by"):
+        integrate(KEPLER, State(0.0, q, v), 100.0)
+
+
+@pytest.mark.slow
+def test_round_off_of_time_is_not_split(monkeypatch):
+    """Over 600 revolutions 1 ulp of the time is more than the tolerance, at pericentre."""
+    calls = []
+    call = forward.Integrator.__call__
+    monkeypatch.setattr(forward.Integrator, "__call__", lambda *a: calls.append(1) or call(*a))
+    q, v = kepler(0.0, 1.0, 0.6, 1.0)
+    integrate(KEPLER, State(0.0, q, v), 4000.0)
+    assert len(calls) <= 5  # two for the units, one to see and one or two to split
 
 
 @pytest.fixture
