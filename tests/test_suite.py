@@ -315,7 +315,7 @@ def test_size_costs_no_more_than_its_share():
         problem.hessian(x)
         return perf_counter() - clock
 
-    cost(1000)
+    cost(150_000)  # the memory is at hand from here on
     # Eight times the size; what no longer fits the caches costs up to three times its share.
     assert cost(200_000) < 24 * cost(25_000)  # no size twice: numberings are kept
 
