@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
-from scipy.special import ellipj, ellipk
+from scipy.special import ellipj, ellipk, ndtr
 
 from actionopt import Event, Mesh, Path, Problem, State, System
 from actionopt.compare import compare
@@ -199,6 +199,24 @@ def test_unstable_motion_agrees_piece_by_piece():
     assert found.reference_error > 1e-9  # amplified as well, and said
 
 
+def test_motion_whose_every_element_is_unstable():
+    """The pendulum from its upper rest round to it: errors grow by e^20 in an element."""
+    system = System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]), ["angle"])
+
+    def exact(t):
+        return 4 * np.arctan(np.exp(t))[None, ...] - np.pi, 2 / np.cosh(t)[None, ...]
+
+    found = compare(between(system, exact, -40.0, 40.0, elements=4))
+    assert found.position > 1 and found.amplified > 1  # the whole tells nothing
+    assert found.agrees
+
+    def late(t):  # the energy is wrong by 1e-6 of the kinetic energy
+        q, v = exact(t)
+        return q, (1 + 5e-7) * v
+
+    assert not compare(between(system, late, -40.0, 40.0, elements=4)).agrees
+
+
 @pytest.mark.parametrize(("length", "time"), [(1.0, 1.0), (1e-10, 1e-15), (1.5e11, 3e7)])
 def test_deviations_have_no_units(length, time):
     """A circular orbit whose radius is wrong by 1e-6, on any scale."""
@@ -291,6 +309,45 @@ def test_other_lagrangian():
     assert not found.agrees
 
 
+def test_small_errors_that_add_up_on_a_stable_motion():
+    """Each piece is right to 1e-7, the whole is not, and no instability excuses it."""
+    found = compare(
+        between(OSCILLATOR, oscillation(2 + 2e-8), 0.0, 200.0, error=1e-9, elements=200)
+    )
+    assert found.local < found.allowed
+    assert found.position == pytest.approx(200 * 2e-8, rel=0.2)
+    assert found.amplified < 10 * found.allowed
+    assert not found.agrees
+
+
+@pytest.mark.parametrize("width", [1e-2, 1e-3])
+def test_a_kick_that_the_curve_knows_or_not(width):
+    system = System(
+        lambda q, v, t, *, d: (
+            v[0] ** 2 / 2 + q[0] * np.exp(-(((t - 0.613) / d) ** 2) / 2) / (d * np.sqrt(2 * np.pi))
+        ),
+        ["x"],
+        parameters={"d": width},
+    )
+
+    def exact(t):
+        u = (np.asarray(t) - 0.613) / width
+        bell = np.exp(-(u**2) / 2) / np.sqrt(2 * np.pi)
+        return width * (u * ndtr(u) + bell)[None, ...], ndtr(u)[None, ...]
+
+    found = compare(between(system, exact, 0.0, 1.0))
+    assert found.agrees
+    assert max(found.position, found.local) < ACCURATE
+    assert found.reference_error < ACCURATE
+
+    def straight(t):
+        return 0.1 * np.asarray(t)[None, ...], 0.1 + 0 * np.asarray(t)[None, ...]
+
+    found = compare(between(system, straight, 0.0, 1.0))
+    assert found.position > 1
+    assert not found.agrees
+
+
 def test_kink_between_two_motions_shows_locally():
     """Free motion that turns at t = 1, where elements meet: each piece alone is a motion."""
 
@@ -329,6 +386,20 @@ def test_collision_on_the_way_of_the_motion():
 
 
 # -- a solution ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("end", [0.47, 0.470001, 1.2])
+def test_a_solution_with_a_kick(end):
+    from actionopt import solve
+
+    system = System(
+        lambda q, v, t: v[0] ** 2 / 2 + q[0] * np.exp(-(((t - 0.53) / 0.03) ** 2) / 2) / 0.0752,
+        ["x"],
+    )
+    solution = solve(Problem(system, Event(0.0, [0.0]), Event(1.0, [end])), tol=1e-6)
+    found = solution.compare()
+    assert found.agrees
+    assert found.path.mesh.elements < 100
 
 
 def test_solution_compares_itself():
