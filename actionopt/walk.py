@@ -18,7 +18,7 @@ from actionopt.descent import descend
 from actionopt.newton import Followed, approach, follow, moved
 from actionopt.path import Mesh, Path
 from actionopt.preflight import check, project
-from actionopt.problem import Problem
+from actionopt.problem import NEGLIGIBLE, Problem
 from actionopt.quadrature import Array
 from actionopt.refine import Resolution, resolution
 from actionopt.transcription import (
@@ -369,7 +369,17 @@ class Walk:
 
 
 def sizes(Q: Array, fallback: Array) -> Array:
-    """Return the largest |q| of each coordinate along a path, (n,), positive."""
-    size = np.max(np.abs(Q), axis=0)
-    largest = float(np.max(size))
-    return np.where(size > 1e-12 * largest, size, largest) if largest > 0 else fallback
+    """Return the largest |q| of each coordinate along a path, (n,), positive.
+
+    One that is negligible beside another is zero up to rounding, unless `fallback`, the problem's
+    own `scales`, says that it is small as it is.
+    """
+    size = np.abs(Q).max(axis=0)
+    largest = size.max()
+    if not largest > 0:
+        return fallback
+    negligible = NEGLIGIBLE * largest
+    zero = size <= negligible
+    if not zero.any():
+        return size
+    return np.where(zero & ((size == 0) | (fallback > negligible)), largest, size)
