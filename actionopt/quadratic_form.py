@@ -112,6 +112,7 @@ def form(tr: Transcription, Q: Array, lam: Array, units: Array | None = None) ->
             "expected events that pin the ends or leave them free, found a path that closes: the "
             "index of closed paths, whose ends vary together, is not counted"
         )
+    given = units
     units = tr.lengths if units is None else np.asarray(units, dtype=float)
     at = Q[layout.node_of]
     A, B, C, S = coefficients(problem, at, tr.velocities(at), tr.times)
@@ -122,6 +123,11 @@ def form(tr: Transcription, Q: Array, lam: Array, units: Array | None = None) ->
             f"{tr.times[np.argmin(finite), 0]:.6g}: it runs into a singularity there, such as a "
             "collision, and its neighbours are not determined"
         )
+    if given is None:
+        # Of equal inertia: a small coordinate has no less of it.
+        inertia = np.abs(np.diagonal(C, axis1=1, axis2=2)).mean(axis=0)
+        size = (units * np.sqrt(inertia)).max()
+        units = np.where(inertia > 0, size / np.sqrt(np.where(inertia > 0, inertia, 1.0)), units)
     if system.m:
         A = A + _curvature(problem, at, lam[layout.node_of], tr.times)
     basis = tangent(problem, Q, tr.mesh.nodes[:, None], units).copy()

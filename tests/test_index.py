@@ -371,3 +371,11 @@ def test_bad_arguments():
         second_variation(solution, 0)
     with pytest.raises(ValueError, match="positive units"):
         second_variation(solution, units=-1.0)
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-3, 1e-6, 1e-9])
+def test_the_index_does_not_depend_on_how_far_a_coordinate_goes(size):
+    """Two equal oscillators past their first conjugate time: both count."""
+    system = ao.System(lambda q, v, t: (v @ v - q @ q) / 2, ["x", "y"])
+    problem = ao.Problem(system, ao.Event(0.0, [0.0, 0.0]), ao.Event(4.0, [1.0, size]))
+    assert ao.solve(problem, tol=1e-9).morse_index == 2
