@@ -1,5 +1,7 @@
 """The index against closed forms, dense eigenvalues and published values."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -7,7 +9,7 @@ from scipy.integrate import solve_ivp
 import actionopt as ao
 from actionopt import scenes
 from actionopt.index import inertia, kind, lowest, morse_index, second_variation
-from actionopt.jacobi import resolved
+from actionopt.jacobi import finer, resolved
 from actionopt.quadratic_form import condense
 from actionopt.transcription import compressed
 
@@ -195,6 +197,43 @@ def test_total_derivatives_count_at_a_free_end(w, index):
     assert morse_index(along_the_motion(system, T, [None], c=c, w=w)) == index
 
 
+@pytest.mark.parametrize(("c", "w"), [(0.0, 3.0), (10.0, 3.0), (100.0, 20.0)])
+def test_total_derivatives_in_the_hessian_of_the_principal_function(c, w):
+    # S(a, b) = ((a^2 + b^2) cos T - 2 a b) / (2 sin T) + F(b, T) - F(a, 0)
+    T = 2.5
+    form = resolved(along_the_motion(GAUGED, T, None, c=c, w=w), 1e-8)
+    exact = np.array([[np.cos(T), -1], [-1, np.cos(T)]]) / np.sin(T)
+    b = 0.3 * np.cos(T) + 0.5 * np.sin(T)
+    exact[0, 0] += c * w * np.sin(w * 0.3)
+    exact[1, 1] += c * np.sin(w * T) - c * w * np.sin(w * b)
+    assert condense(form).hessian / form.units[0] ** 2 == pytest.approx(exact, rel=1e-9)
+
+
+@pytest.mark.parametrize(("T", "index"), [(0.5, 0), (1, 0), (2, 1), (5, 4)])
+def test_total_derivatives_along_a_constraint(T, index):
+    # The pendulum below, on a rod, with d/dt(sin(20 x y) + 5 x^2 cos 30 t).
+    def lagrangian(q, v, t):
+        turn = 20 * np.cos(20 * q[0] * q[1]) * (v[0] * q[1] + q[0] * v[1])
+        drive = 10 * q[0] * v[0] * np.cos(30 * t) - 150 * q[0] ** 2 * np.sin(30 * t)
+        return (v[0] ** 2 + v[1] ** 2) / 2 - 9.81 * q[1] + turn + drive
+
+    angle = ao.System(lambda q, v, t: v[0] ** 2 / 2 + 9.81 * np.cos(q[0]), ["theta"])
+    swing = forward(angle, [-np.pi / 2], [0.0], float(T))
+
+    def on_the_rod(t):
+        theta = swing(t)[0]
+        return np.stack([np.sin(theta), -np.cos(theta)])
+
+    def rod(law):
+        return ao.System(law, ["x", "y"], constraint=lambda q, t: q @ q - 1)
+
+    events = ao.Event(0.0, on_the_rod(0.0)), ao.Event(float(T), on_the_rod(T))
+    plain = rod(lambda q, v, t: (v[0] ** 2 + v[1] ** 2) / 2 - 9.81 * q[1])
+    solution = ao.solve(ao.Problem(plain, *events), guess=on_the_rod, tol=1e-9)
+    same = dataclasses.replace(solution, problem=ao.Problem(rod(lagrangian), *events))
+    assert morse_index(same) == index
+
+
 def test_total_derivatives_leave_the_magnetic_field():
     # The field of A = (-y, x) as that of (0, 2 x), and a total derivative of sin(40 x y).
     def lagrangian(q, v, t):
@@ -251,6 +290,13 @@ def test_a_path_through_a_singularity(degree):
     path = ao.Path(mesh, np.stack([x, 0 * x]))
     with pytest.raises(ValueError, match="singularity"):
         morse_index(claimed(problem, path))
+
+
+def test_elements_that_cannot_be_split_any_more():
+    mesh = ao.Mesh([0.0, 0.5, np.nextafter(0.5, 1.0), 1.0], 4)
+    jump = np.where(mesh.nodes > 0.5, 1.0, 0.0)[:, None]
+    with pytest.raises(ValueError, match=r"singularity.*or is not smooth"):
+        finer(mesh, 1e-10, Q=jump)
 
 
 # -- the same matrix, dense ----------------------------------------------------------------------
