@@ -284,7 +284,8 @@ def integrate(
     mesh : Mesh, optional
         Elements to begin with, over the same times; those that do not resolve the motion
         are split, and CVODES takes no step longer than the shortest of them. By default chosen
-        from the number of steps that CVODES takes, of which there are two hundred at least.
+        from the number of steps that CVODES takes, of which there are two hundred at least: a
+        force that acts for a thousandth of the time is noticed, one for much less may not be.
 
     Returns
     -------
