@@ -17,6 +17,7 @@ PACKAGE = Path(actionopt.__file__).parent
 RANKS = (
     ("checks", "progress", "quadrature", "status", "symbolic", "writing"),
     ("identity", "path", "pointwise", "tracing"),
+    ("laws",),
     ("system",),
     ("invariance", "pfaffian", "problem"),
     ("contact", "scenes", "symmetry", "transcription"),
