@@ -16,16 +16,8 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
-from actionopt.forward import (
-    FINEST,
-    LOCAL,
-    LONGEST,
-    Flow,
-    IntegrationError,
-    Units,
-    integrate,
-    steps_within,
-)
+from actionopt.flow import LONGEST, Flow, IntegrationError, Units
+from actionopt.forward import FINEST, LOCAL, integrate, steps_within
 from actionopt.path import Path
 from actionopt.pointwise import Pointwise
 from actionopt.problem import Problem, State

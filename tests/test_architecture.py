@@ -20,7 +20,7 @@ RANKS = (
     ("laws",),
     ("system",),
     ("invariance", "pfaffian", "problem"),
-    ("contact", "scenes", "symmetry", "transcription"),
+    ("contact", "flow", "scenes", "symmetry", "transcription"),
     ("newton",),
     (
         "branch",
