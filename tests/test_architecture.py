@@ -40,7 +40,8 @@ RANKS = (
     ("solve", "trial"),
     ("forward", "store", "trace"),
     ("compare",),
-    ("all_paths", "exploration"),
+    ("exploration", "sweep"),
+    ("all_paths",),
     ("__init__",),  # the public names
     ("chapter", "plot"),
     ("gallery", "suite"),

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.special import ellipj, ellipk, ndtr
 
-from actionopt import Mesh, State, System, forward
+from actionopt import Mesh, State, System, flow
 from actionopt.forward import IntegrationError, integrate
 
 # At the default tol some thousand steps of CVODES make 5e-16 of error each, and the motions here
@@ -345,7 +345,7 @@ def test_a_second_integration_derives_nothing(monkeypatch):
     state = State(0.0, [0.6, -0.8], [0.0, 0.0])
     integrate(system, state, 1.0)
     derived = system.derived
-    monkeypatch.delattr(forward, "_derive")
+    monkeypatch.delattr(flow, "_derive")
     integrate(system, state, 2.0, parameters={"g": 1.6}, tol=1e-6)
     assert system.derived == derived
 
@@ -445,8 +445,8 @@ def test_what_does_not_fit_into_memory_is_refused(monkeypatch):
 def test_round_off_of_time_is_not_split(monkeypatch):
     """Over 600 revolutions 1 ulp of the time is more than the tolerance, at pericentre."""
     calls = []
-    call = forward.Integrator.__call__
-    monkeypatch.setattr(forward.Integrator, "__call__", lambda *a: calls.append(1) or call(*a))
+    call = flow.Integrator.__call__
+    monkeypatch.setattr(flow.Integrator, "__call__", lambda *a: calls.append(1) or call(*a))
     q, v = kepler(0.0, 1.0, 0.6, 1.0)
     integrate(KEPLER, State(0.0, q, v), 4000.0)
     assert len(calls) <= 5  # two for the units, one to see and one or two to split

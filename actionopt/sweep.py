@@ -1,0 +1,303 @@
+"""Every way at hand to a stationary path between two events, and what came of each.
+
+Least paths from several coarse starts, forward motions in all directions bent to the second event,
+Newton's method that keeps away from what is known, and continuation of every path found through
+folds in the end time, where paths appear in pairs.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from itertools import product
+
+import numpy as np
+
+from actionopt.deflation import deflated
+from actionopt.fan import aim, directed, motions, shoot, velocities
+from actionopt.path import Mesh, Path
+from actionopt.preflight import project
+from actionopt.problem import Event, Problem
+from actionopt.quadrature import Array
+from actionopt.solution import Solution
+from actionopt.solve import solve
+from actionopt.status import SolveError
+from actionopt.trace import trace
+from actionopt.transcription import Transcription, find
+
+ELEMENTS, DEGREE = 24, 6  # of the mesh on which paths are sought
+SAME = 1e-6  # distance of two paths, in units of the coordinates' sizes, below which they are one
+SAME_COARSE = 1e-3
+SAME_VELOCITY = 1e-3
+BISECTIONS = 25
+ROUGH = 1e-5  # tolerance of paths on the way to another
+CONTINUED = 160  # most steps of a continuation
+FANS, DRY = 20, 4  # most fans, and how many in a row that find nothing new end the search
+LONGER, SHORTER = 2.0, 0.2  # end times, relative to the duration, between which folds are sought
+
+
+@dataclass(eq=False)
+class Winding:
+    """The paths with the same windings."""
+
+    turns: tuple[int, ...]
+    problem: Problem
+    tr: Transcription
+    seen: list[Array] = field(default_factory=list)  # coarse z already dealt with
+
+
+@dataclass(eq=False)
+class Sweep:
+    """A search for all paths under way: what was found, and the ways to find more."""
+
+    problem: Problem
+    tol: float
+    turning: tuple[int, ...]
+    windings: int
+    seed: int
+    progress: Callable[[str, int, int, int], object] | None
+    found: list[tuple[Solution, tuple[int, ...], str]] = field(default_factory=list)
+    tried: Counter[str] = field(default_factory=Counter)
+    rejected: int = 0
+    interrupted: bool = False
+
+    def __post_init__(self) -> None:
+        problem = self.problem
+        self.linear = problem.system.structure.linear
+        turns = range(-self.windings, self.windings + 1)
+        pinned = set(problem.end.pinned)
+        self.turning = tuple(i for i in self.turning if i in pinned)
+        mesh = Mesh.uniform(problem.start.t, problem.end.t, ELEMENTS, DEGREE)
+        self.far = np.zeros(problem.system.n)
+        self.classes: list[Winding] = []
+        for k in sorted(product(turns, repeat=len(self.turning)), key=lambda k: np.abs(k).sum()):
+            q = list(problem.end.q)
+            for i, turn in zip(self.turning, k, strict=True):
+                q[i] = (q[i] or 0.0) + 2 * np.pi * turn
+            end = Event(problem.end.t, q)
+            mine = Problem(problem.system, problem.start, end, parameters=problem.parameters)
+            gap = [0.0 if a is None or b is None else b - a
+                   for a, b in zip(problem.start.q, q, strict=True)]  # fmt: skip
+            self.far = np.maximum(self.far, np.abs(gap))
+            self.classes.append(Winding(k, mine, Transcription(mine, mesh, mine.scales)))
+
+    # -- ways of searching -----------------------------------------------------------------------
+
+    def straight(self) -> None:
+        """Solve as `solve` does, from the straight line."""
+        for k, c in enumerate(self.classes):
+            self._tell("straight line", k, len(self.classes))
+            try:
+                solution = solve(c.problem, tol=self.tol, throw=False)
+            except (ValueError, SolveError):
+                continue
+            self._add(c, solution, "a straight line")
+
+    def least(self, starts: int) -> None:
+        """Minimise from curves that wave about the straight line."""
+        if self.problem.system.structure.forced:
+            return
+        for k, (c, z) in enumerate(self._curves(starts)):
+            self._tell("least starts", k, starts * len(self.classes))
+            attempt = find(c.tr, z, "least")
+            if attempt.converged:
+                self._candidate(c, attempt.z, "a least start")
+
+    def fan(self, shots: int) -> None:
+        """Bend forward motions to the second event, whichever way they are wound."""
+        n, events = self.problem.system.n, (self.problem.start, self.problem.end)
+        if shots < 4 or any(len(e.pinned) < n for e in events):
+            return
+        if self.problem.system.degrees_of_freedom == 0:
+            return
+        rng = np.random.default_rng(self.seed)
+        if n == 1:
+            self._bracket(velocities(self.problem, self.far, 4 * shots, rng)[0])
+            return
+        self._aim(velocities(self.problem, self.far, shots, rng))
+        dry = 0
+        for _ in range(FANS):  # with speeds like those of the paths that are known by now
+            before = len(self.found)
+            known = [float(np.linalg.norm(s.start.v)) for s, _, _ in self.found] or [1.0]
+            speed = np.linspace(0.8 * min(known), 1.2 * max(known), shots)
+            speed += rng.random() * (speed[1] - speed[0])
+            self._aim(directed(self.problem, speed[None], rng))
+            dry = dry + 1 if len(self.found) == before else 0
+            if dry == DRY:
+                break
+
+    def _aim(self, v0: Array) -> None:
+        """Aim a fan of motions at the ends that they come near."""
+        self._tell("shots", 0, v0.shape[1])
+        ends = shoot(self.problem, v0[:, None])[:, 0]
+        usable = np.flatnonzero(np.isfinite(ends).all(axis=0))
+        targets = [self._nearest(ends[:, k]) for k in usable]
+        aimed = np.array([c is not None for c in targets], dtype=bool)
+        usable, targets = usable[aimed], [c for c in targets if c is not None]
+        self.tried["forward shots"] += usable.size
+        if not usable.size:
+            return
+        goals = np.array([c.problem.end.q for c in targets], dtype=float).T
+        v0, arrived = aim(self.problem, v0[:, usable], goals)
+        self._arrived([targets[i] for i in arrived], v0)
+
+    def _bracket(self, v0: Array) -> None:
+        """Find all changes of sign of the miss at the end, for one coordinate."""
+        self.tried["forward shots"] += v0.size
+        self._tell("shots", 0, v0.size)
+        ends = shoot(self.problem, v0[None, None])[0, 0]
+        classes, rows = [], []
+        for c in self.classes:
+            miss = ends - float(c.problem.end.q[0] or 0.0)
+            at = np.flatnonzero(miss[:-1] * miss[1:] <= 0)
+            classes += [c] * at.size
+            rows += [(v0[i], v0[i + 1], miss[i]) for i in at]
+        if not rows:
+            return
+        low, high, low_miss = np.array(rows).T
+        target = np.array([c.problem.end.q[0] for c in classes], dtype=float)
+        for _ in range(BISECTIONS):
+            middle = (low + high) / 2
+            left = (shoot(self.problem, middle[None, None])[0, 0] - target) * low_miss > 0
+            low, high = np.where(left, middle, low), np.where(left, high, middle)
+        self._arrived(classes, ((low + high) / 2)[None])
+
+    def _arrived(self, classes: list[Winding], v0: Array) -> None:
+        """Take motions with velocities v0 (n, K) that nearly arrive for guesses."""
+        size = np.max(np.abs(v0), axis=1, initial=1e-300)
+        known = [(c, s.start.v) for s, turns, _ in self.found
+                 for c in self.classes if c.turns == turns]  # fmt: skip
+        chosen = []
+        for i, c in enumerate(classes):
+            v = v0[:, i]
+            if all(np.max(np.abs(v - w) / size) > SAME_VELOCITY for d, w in known if d is c):
+                known.append((c, v))
+                chosen.append(i)
+        if not chosen:
+            return
+        for done, (i, path) in enumerate(
+            zip(chosen, motions(self.problem, v0[:, chosen]), strict=True)
+        ):
+            self._tell("shots", done, len(chosen))
+            if path is None:
+                continue
+            c, T = classes[i], self.problem.duration
+            s = (path.mesh.nodes - self.problem.start.t) / T
+            miss = np.array(c.problem.end.q, dtype=float) - path.values[:, -1]
+            self._polish(c, Path(path.mesh, path.values + miss[:, None] * s), "a forward shot")
+
+    def _nearest(self, q: Array) -> Winding | None:
+        """Return the class whose end is nearest to q, if any is near in its angles."""
+        turns = tuple(
+            int(np.round((q[i] - (self.problem.end.q[i] or 0.0)) / (2 * np.pi)))
+            for i in self.turning
+        )
+        return next((c for c in self.classes if c.turns == turns), None)
+
+    def deflate(self, starts: int) -> None:
+        """Run Newton's method away from every path known, until it finds no more."""
+        total = starts * len(self.classes)
+        for k, (c, z) in enumerate(self._curves(starts)):
+            self._tell("deflated starts", k, total)
+            for _ in range(4):
+                self.tried["deflated starts"] += 1
+                away = deflated(c.tr, z, c.seen)
+                if away is None or not self._candidate(c, away, "deflation"):
+                    break
+
+    def folds(self, most: int) -> None:
+        """Follow each path as the end time moves; behind a fold waits another one."""
+        t0, T = self.problem.start.t, self.problem.duration
+        followed: set[tuple[int, float]] = set()
+        for done, (solution, turns, _) in enumerate(self.found):  # grows on the way
+            if done >= most:
+                break
+            c = next(c for c in self.classes if c.turns == turns)
+            for factor in (SHORTER, LONGER):
+                if (id(solution), factor) in followed:
+                    continue
+                self._tell("continuations", done, min(most, len(self.found)))
+                self.tried["continuations"] += 1
+                options = {"tol": ROUGH, "steps": CONTINUED, "count": False}
+                try:
+                    guess = _coarser(solution.path)
+                    branch = trace(c.problem, "t1", t0 + factor * T, guess=guess, **options)
+                except (ValueError, SolveError, np.linalg.LinAlgError):
+                    continue
+                if branch.interrupted:
+                    raise KeyboardInterrupt
+                if branch.returned:
+                    partner = self._polish(c, branch.paths[-1], "continuation")
+                    followed.add((id(partner), factor))  # it would only lead back
+
+    # -- what was found ----------------------------------------------------------------------------
+
+    def _curves(self, count: int):
+        """Yield (class, z) for curves that wave about the straight line, more and more."""
+        rng = np.random.default_rng(self.seed)
+        for c in self.classes:
+            tr = c.tr
+            s = (tr.mesh.nodes - tr.mesh.nodes[0]) / c.problem.duration
+            for k in range(count):
+                Q = tr.straight()
+                size = np.maximum(tr.lengths, np.ptp(Q, axis=0))
+                for j in (1, 2, 3):
+                    wave = np.sin(j * np.pi * s)[:, None] * rng.standard_normal(Q.shape[1])
+                    Q = Q + k / max(count - 1, 1) * 2 * size / j * wave
+                if self.problem.system.m:
+                    Q = project(tr, Q)
+                yield c, tr.pack(Q)
+
+    def _candidate(self, c: Winding, z: Array, how: str) -> bool:
+        """Deal with a coarse solution; return whether it is a new one."""
+        cut = c.tr.layout.unknowns
+        if not np.isfinite(z).all():
+            return False
+        for other in c.seen:
+            if np.max(np.abs((z - other)[:cut])) < SAME_COARSE:
+                return False
+        c.seen.append(z)
+        self._polish(c, Path(c.tr.mesh, c.tr.coordinates(z).T), how)
+        return True
+
+    def _polish(self, c: Winding, guess: Path, how: str) -> Solution | None:
+        try:
+            solution = solve(c.problem, guess=guess, tol=self.tol, throw=False)
+        except (ValueError, SolveError, np.linalg.LinAlgError):
+            return None
+        return self._add(c, solution, how)
+
+    def _add(self, c: Winding, solution: Solution, how: str) -> Solution | None:
+        """Keep a solution that is new and a motion; return it, or the one it repeats."""
+        if not solution.success:
+            return None
+        nodes = c.tr.mesh.nodes
+        values = solution(nodes)
+        size = np.maximum(np.max(np.abs(values), axis=1), c.tr.lengths * 1e-3)[:, None]
+        for other, turns, _ in self.found:
+            if turns == c.turns and np.max(np.abs(other(nodes) - values) / size) < SAME:
+                return other
+        try:
+            agrees = solution.compare().agrees
+        except RuntimeError:  # it cannot be integrated forward: no motion at all
+            agrees = False
+        if not agrees:
+            self.rejected += 1
+            return None
+        self.found.append((solution, c.turns, how))
+        z = c.tr.pack(values.T, solution.multipliers(nodes).T if solution.lam.size else None)
+        c.seen.append(z)
+        return solution
+
+    def _tell(self, how: str, done: int, total: int) -> None:
+        if how in ("straight line", "least starts"):
+            self.tried[how + "s" * (how[-1] != "s")] += 1
+        if self.progress is not None:
+            self.progress(how, done, total, len(self.found))
+
+
+def _coarser(path: Path) -> Path:
+    """Return the path with polynomials of two thirds their degree."""
+    degrees = np.maximum(np.array(path.mesh.degrees) * 2 // 3, 4)
+    return path.on(Mesh(path.mesh.boundaries, degrees))
