@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.special import ellipj, ellipk, ndtr
 
-from actionopt import Mesh, State, System, flow
+from actionopt import Mesh, State, System, flow, forward
 from actionopt.forward import IntegrationError, integrate
 
 # At the default tol some thousand steps of CVODES make 5e-16 of error each, and the motions here
