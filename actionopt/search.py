@@ -91,10 +91,13 @@ class Search:
         """Try the rungs from a bent line."""
         if self.bent or self.walk.problem.system.n == 1 or self._large:
             return Status.NOT_FOUND
+        before = {**vars(self.walk), "rounds": list(self.walk.rounds)}
         around = Search(self.walk, self.tol, self.principle, self.given, bent=True)
         status = around._climb(ladder)
         if status.success:
             self.rung = around.rung
+        else:  # the attempt from the straight line is the one to show
+            vars(self.walk).update(before)
         return status
 
     @property

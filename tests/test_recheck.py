@@ -115,3 +115,12 @@ def test_a_pendulum_gets_to_the_top_on_either_side():
     known = ao.solve(ao.Problem(angle, ao.Event(0.0, [0.0]), ao.Event(1.0, [np.pi])))
     assert found.action == pytest.approx(known.action, rel=1e-8)
     assert abs(found.start.v[0]) == pytest.approx(known.start.v[0], rel=1e-7)
+
+
+def test_a_bent_line_that_fails_leaves_the_first_attempt():
+    """In space the plane of half an ellipse is not determined: no path is, and that is said."""
+    kepler = ao.System(lambda q, v, t: v @ v / 2 + 1 / np.sqrt(q @ q), ["x", "y", "z"])
+    end = ao.Event(np.pi * 1.1**1.5, [-1.2, 0, 0])
+    solution = ao.solve(ao.Problem(kepler, ao.Event(0.0, [1, 0, 0]), end), throw=False)
+    assert not solution.success
+    assert np.max(np.abs(solution.path.values[1:])) < 1e-6  # the line through the centre
