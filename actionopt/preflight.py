@@ -33,6 +33,8 @@ def check(tr: Transcription, Q: Array) -> None:
     last = nodes.size - 1
     chosen = sorted({k * last // (SAMPLES + 1) for k in range(SAMPLES + 2)})[1:-1] or [0]
     q, t = Q[chosen], nodes[chosen][:, None]
+    if not np.isfinite(tr.action(tr.pack(Q)[: tr.layout.unknowns])):
+        _check_finite(tr, Q)
     G = None
     if system.m:
         G = _dense(system, "constraint_jacobian", 0, (q, t, problem.packed))
@@ -54,6 +56,18 @@ def check(tr: Transcription, Q: Array) -> None:
             f"q = {q[0].tolist()}, t = {t[0, 0]}; give a guess that avoids the singularity"
         )
     _check_mass(system.coordinates, M[finite], None if G is None else (G * tr.lengths)[finite])
+
+
+def _check_finite(tr: Transcription, Q: Array) -> None:
+    """Raise ValueError if L is finite nowhere along the path with node coordinates Q (K, n)."""
+    at, problem = Q[tr.layout.node_of], tr.problem
+    L = problem.system.pointwise("first")(at, tr.velocities(at), tr.times, problem.packed)[2]
+    if not np.isfinite(L).any():
+        raise ValueError(
+            "expected a Lagrangian that is finite along the first path, found NaN or infinity at "
+            f"all of its times, such as at q = {at[0].tolist()}, t = {tr.times[0, 0]}; keep to "
+            "its domain, or give a guess that avoids the singularity"
+        )
 
 
 def project(tr: Transcription, Q: Array) -> Array:

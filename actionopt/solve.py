@@ -110,6 +110,8 @@ def _solution(walk: Walk, status: Status, rung: str, started: float) -> Solution
     clock = perf_counter()
     path = walk.path()
     action = tr.action(z[: layout.unknowns]) * tr.action_unit
+    if status.success and not np.isfinite(action):
+        status = Status.UNRESOLVED
     tr.forget()  # many solutions may be kept
     walk.time["verify"] += perf_counter() - clock
     walk.time["total"] = perf_counter() - started

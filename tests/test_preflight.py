@@ -241,8 +241,23 @@ def test_a_singularity_all_along_the_straight_line():
         system,
         Event(0, [0, -1]),
         Event(1, [1, -2]),
-        match="finite along the first path, found NaN or infinity at q = .*give a guess",
+        match="finite along the first path, found NaN or infinity at .*give a guess",
     )
+
+
+@pytest.mark.parametrize(
+    "potential", [lambda q, t: np.log(q[0]), lambda q, t: np.log(t - 5), lambda q, t: np.inf]
+)
+def test_a_lagrangian_without_values(potential):
+    """Its derivatives may be finite: the equations of motion would have a solution."""
+    system = System(lambda q, v, t: v[0] ** 2 / 2 - potential(q, t), ["x"])
+    refused(system, Event(0, [-1]), Event(1, [-2]), match="finite along the first path")
+
+
+def test_an_action_that_is_not_finite_is_none():
+    system = System(lambda q, v, t: v[0] ** 2 / 2 + q[0] / t, ["x"])
+    solution = ao.solve(Problem(system, Event(0, [1]), Event(1, [2])), throw=False)
+    assert not solution.success
 
 
 # -- arguments of solve ---------------------------------------------------------------------------
