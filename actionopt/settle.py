@@ -16,6 +16,7 @@ from actionopt.walk import MEASURABLE, SAFETY, Walk
 ROUNDS = 20
 STALLED = 8  # rounds that bring nothing: a layer of 1e-6 is closed in on in six
 SHARE, PARTS = 0.1, 4  # of the worst element's misses that an element is cut for, and in how many
+UNKNOWN = 0.3  # a change from a given mesh to a finer one that says nothing of the error
 SENSITIVE = 1e-10  # amplified round-off at which a path that does not settle is held to be that
 UNDETERMINED = 1e-6  # amplified round-off above which the end points do not determine a path
 
@@ -56,9 +57,9 @@ def settle_on(walk: Walk, mesh: Mesh, *, least: bool) -> Status:
     ok = walk.carry(finer, least=least)
     change = np.max(np.abs(walk.path()(finer.nodes) - path(finer.nodes)).T / walk.sizes)
     walk.tr, walk.z = tr, z
-    walk.error = (
-        2 * float(change) + SAFETY * walk.noise if ok else np.inf
-    )  # less is left than moved
+    # What is left on the finer mesh is less than half of what it changed, where that is little.
+    known = ok and change < UNKNOWN
+    walk.error = 2 * float(change) + SAFETY * walk.noise if known else np.inf
     return Status.ON_MESH
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import actionopt as ao
 from actionopt import Event, Mesh, Problem, Status, System, scenes
 from actionopt.settle import _finer, settle, settle_on
 from actionopt.walk import Walk
@@ -54,3 +55,15 @@ def test_a_finer_mesh_has_more_degrees_or_halves_where_there_are_no_more():
     finer = _finer(Mesh([0.0, 1.0, 3.0, 4.0], [4, 63, 62]))
     assert finer.degrees == (6, 64, 64, 64)
     assert finer.boundaries.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3, 5])
+@pytest.mark.parametrize("elements", [1, 2, 4, 8])
+@pytest.mark.parametrize("T", [2.0, 9.29, 40.0])
+def test_errors_on_a_given_mesh_are_not_below_the_truth(T, elements, degree):
+    system = System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
+    problem = Problem(system, Event(0.0, [0.3]), Event(T, [0.2]))
+    solution = ao.solve(problem, mesh=Mesh.uniform(0.0, T, elements, degree))
+    t = np.linspace(0.0, T, 801)
+    exact = 0.3 * np.cos(t) + (0.2 - 0.3 * np.cos(T)) / np.sin(T) * np.sin(t)
+    assert np.max(np.abs(solution(t)[0] - exact)) <= solution.error * np.max(np.abs(exact))
