@@ -1,0 +1,106 @@
+"""The guide: each piece of code runs, in order, and each value that a comment states is found."""
+
+import ast
+import re
+from decimal import Decimal
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+import pytest
+
+matplotlib.use("Agg")
+from matplotlib import pyplot
+
+GUIDE = Path(__file__).parent.parent / "docs" / "guide.md"
+DECIMAL = re.compile(r"-?\d+\.\d+")
+STATED = 50  # values at least: comments that are not taken for values would go unseen
+
+
+def stated(block):
+    """Yield each top-level statement of a block and the comment behind it, if it is a value."""
+    lines = block.splitlines()
+    for statement in ast.parse(block).body:
+        last = lines[statement.end_lineno - 1]
+        comment = last[statement.end_col_offset :].strip().lstrip("# ")
+        shown = isinstance(statement, ast.Expr) and not ast.unparse(statement).startswith("print")
+        yield statement, comment if shown else ""
+
+
+def flat(value):
+    """Return the items of nested sequences and arrays in order, with the brackets."""
+    value = value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+    if isinstance(value, list | tuple):
+        return ["(", *(leaf for item in value for leaf in flat(item)), ")"]
+    return [value]
+
+
+def same(found, wanted):
+    """Whether they are equal, to half a unit of the last digit where that is a decimal."""
+    if isinstance(wanted, Decimal):
+        unit = 10.0 ** wanted.as_tuple().exponent
+        return isinstance(found, float) and abs(found - float(wanted)) <= 0.501 * unit
+    return type(found) is type(wanted) and found == wanted
+
+
+def agree(found, comment):
+    """Whether a value is the one a comment states before its first semicolon."""
+    text = DECIMAL.sub(r"Decimal('\g<0>')", comment.split(";")[0])
+    here, there = flat(found), flat(eval(text, {"Decimal": Decimal}))
+    return len(here) == len(there) and all(map(same, here, there))
+
+
+def test_the_comparison_can_fail():
+    assert agree(np.array([[1.23449, -2.0]]), "[[1.2345, -2.0]]; words")
+    assert not agree(np.array([[1.2347, -2.0]]), "[[1.2345, -2.0]]")
+    assert not agree(np.array([1.0, -2.0]), "[[1.0, -2.0]]")
+    assert not agree(2.3, "2.31")
+    assert not agree(True, "False")
+    assert not agree(1, "True")
+    assert not agree("saddle", "'minimum'")
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    """Run the page once; return its names, and what it states and does not find."""
+    folder = tmp_path_factory.mktemp("guide")
+    names, wrong, count = {}, [], 0
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        for block in re.findall(r"```python\n(.*?)```", GUIDE.read_text(), re.DOTALL):
+            for statement, comment in stated(block):
+                code = ast.unparse(statement)
+                if not comment:
+                    exec(code, names)
+                    continue
+                count += 1
+                found = eval(code, names)
+                if not agree(found, comment):
+                    wrong.append(f"{code} is {found}, not {comment}")
+    pyplot.close("all")
+    return names, wrong, count, folder
+
+
+def test_what_the_page_states_is_found(page):
+    _, wrong, count, _ = page
+    assert not wrong, "\n".join(wrong)
+    assert count >= STATED
+
+
+def test_forces_and_closed_paths_have_no_index(page):
+    for name in ("dragged", "orbit", "steady"):
+        with pytest.raises(ValueError, match="index"):
+            _ = page[0][name].kind
+
+
+def test_the_files_of_the_page_are_there(page):
+    files = {file.name for file in page[3].iterdir()}
+    assert files == {"pendulum.npz", "graphs.png", "motion.png", "motion.gif"}
+
+
+def test_the_contents_name_the_sections():
+    text = GUIDE.read_text()
+    sections = re.findall(r"^## (.+)$", text, re.MULTILINE)
+    assert re.findall(r"^\[(.+?)\]\(#", text, re.MULTILINE) == sections
+    anchors = [section.lower().replace(" ", "-") for section in sections]
+    assert re.findall(r"\]\(#(.+?)\)", text) == anchors
