@@ -98,11 +98,14 @@ def solve(
 
 
 def _message(walk: Walk, status: Status, tol: float) -> str:
-    name = walk.problem.system.name or "problem"
+    name = walk.problem.name
     figures = f"tol = {tol:g}, error estimate {walk.error:.2g}"
     if status in (Status.FLOOR, Status.DEGENERATE):
         figures += f", condition about {walk.noise / ROUNDOFF:.1g}"
-    return f"{name}: {status.value} ({figures})"
+    hint = ""
+    if walk.problem.advance is not None and not walk.problem.start.pinned:
+        hint = "; a closed path may start anywhere along itself: give one coordinate at the start"
+    return f"{name}: {status.value} ({figures}){hint}"
 
 
 def _solution(walk: Walk, status: Status, rung: str, started: float) -> Solution:

@@ -41,7 +41,8 @@ class Status(Enum):
     NOT_FOUND = (
         "no stationary path was found: (a) there may be none between these events, (b) the "
         "straight line between them is too far from one, or (c) the Lagrangian is not smooth or "
-        "not finite on the way; try a guess, a shorter duration, or principle='least'"
+        "not finite on the way; try a guess, a shorter duration, principle='least', or `trace` "
+        "from a problem nearby that is solved"
     )
 
     def __str__(self) -> str:

@@ -129,3 +129,10 @@ def test_what_does_not_fit_is_refused():
         ao.solve(problem, mesh=ao.Mesh.uniform(0.0, 1.0, 1, 8))
     with pytest.raises(ValueError, match="path that closes"):
         _ = ao.solve(problem).morse_index
+
+
+def test_a_closed_path_without_a_clock_is_told_to_have_one():
+    pendulum = ao.System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]), ["theta"])
+    problem = ao.Problem(pendulum, ao.Event(0.0, [None]), ao.Periodic(8.0))
+    with pytest.raises(ao.SolveError, match="give one coordinate at the start"):
+        ao.solve(problem, guess=lambda t: [1.2 * np.cos(2 * np.pi * t / 8)])
