@@ -9,6 +9,7 @@ import json
 import math
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -268,8 +269,8 @@ def _place(file: Path, error: Exception) -> str:
 def report(solution: Solution, *, compare: bool = True) -> dict[str, Any]:
     """Return what is worth knowing of a solution as plain data; `--json` prints it.
 
-    The forward deviation and the energy drift need the forward integration, and are left out
-    if `compare` is False.
+    What the action is there, the forward deviation and the energy drift take longer than small
+    solves, and are left out if `compare` is False. Forced and closed paths have no index: null.
     """
     found: dict[str, Any] = {
         "name": solution.problem.system.name,
@@ -280,6 +281,9 @@ def report(solution: Solution, *, compare: bool = True) -> dict[str, Any]:
         **solution.stats,
     }
     if compare:
+        found["kind"] = found["morse_index"] = None
+        with suppress(ValueError):
+            found["kind"], found["morse_index"] = solution.kind, solution.morse_index
         clock = perf_counter()
         comparison = solution.compare()
         names = (
@@ -295,11 +299,16 @@ def _print_report(found: dict[str, Any]) -> None:
     rows = [("action", f"{found['action']:.12g}"), ("error estimate", f"{found['error']:.1e}")]
     if "forward" in found:
         forward = found["forward"]
+        kind = "no index: the path is forced or closed"
+        if found["kind"] is not None:
+            kind = f"{found['kind']}, index {found['morse_index']}"
         rows += [
+            ("the action is", kind),
             (
                 "forward deviation",
                 f"{forward['position']:.1e}, the integration itself uncertain by "
-                f"{forward['reference_error']:.1e}",
+                f"{forward['reference_error']:.1e}: "
+                + ("agrees" if forward["agrees"] else "contradicts the path"),
             ),
             ("energy drift", f"{forward['energy_drift']:.1e}"),
         ]

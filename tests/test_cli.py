@@ -83,6 +83,8 @@ def test_solve_prints_a_table_of_what_was_found(capsys):
     assert float(table["action"]) == pytest.approx(scene.action, abs=1e-8)
     assert float(table["error estimate"]) <= 1e-8
     assert float(table["forward deviation"].split(",")[0]) <= 1e-8
+    assert table["forward deviation"].endswith("agrees")
+    assert table["the action is"] == "minimum, index 0"
     assert float(table["energy drift"]) <= 1e-8
     assert "solve" in table["time"] and "compare" in table["time"]
     assert set(table) >= {"unknowns", "mesh", "iterations"}
@@ -96,6 +98,8 @@ def test_json_has_the_same_and_more(capsys):
     assert found["forward"]["reference_error"] <= found["forward"]["allowed"]
     assert found["rounds"][-1]["elements"] == found["mesh"]["elements"]
     assert found["time"]["total"] > 0
+    assert (found["kind"], found["morse_index"]) == ("minimum", 0)
+    assert solved(capsys, "drag_linear")["kind"] is None  # a forced path has no index
 
 
 def test_without_comparison_nothing_is_integrated(capsys, monkeypatch):
