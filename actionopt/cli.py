@@ -57,8 +57,9 @@ def _parser(asked: Sequence[str] = ()) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="actionopt", description=ABOUT)
     parser.add_argument("--version", action="version", version=f"actionopt {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    command = commands.add_parser("list", help="name the scenes")
+    command = commands.add_parser("list", help="name the scenes, or tell of one")
     command.set_defaults(run=_list)
+    command.add_argument("scene", nargs="?", help="its parameters, its source, what is known")
     command = commands.add_parser(
         "solve",
         help="solve a scene or a file",
@@ -126,12 +127,34 @@ def _setting(text: str) -> tuple[str, Any]:
 def _list(options: argparse.Namespace) -> int:
     from actionopt import scenes
 
+    if options.scene is not None:
+        return _tell(options.scene)
     rows = []
     for name in scenes.SCENES:
         scene = scenes.get(name)
         system = scene.problem.system
         rows.append((name, _some(system.coordinates), str(system.m or ""), scene.title))
     _print_table([("scene", "coordinates", "constraints", "what it is"), *rows])
+    return 0
+
+
+def _tell(name: str) -> int:
+    """Print what there is to know of a scene before it is solved."""
+    from actionopt import scenes
+
+    scene = scenes.get(name)
+    known = (["the path"] if scene.exact is not None else []) + sorted(scene.facts)
+    settings = [f"{key}={value!r}" for key, value in scenes.parameters(name).items()]
+    print(f"{name}: {scene.title}")
+    _print_table(
+        [
+            ("source", scene.source),
+            ("coordinates", ", ".join(scene.problem.system.coordinates)),
+            ("known exactly", ", ".join(known).replace("_", " ")),
+            ("parameters", "for --set, with what they are by default"),
+            *(("", setting) for setting in settings),
+        ]
+    )
     return 0
 
 

@@ -90,6 +90,18 @@ def test_solve_prints_a_table_of_what_was_found(capsys):
     assert set(table) >= {"unknowns", "mesh", "iterations"}
 
 
+def test_list_tells_of_a_scene(capsys):
+    code, out, _ = run(capsys, "list", "pendulum")
+    scene = scenes.get("pendulum")
+    assert code == 0
+    assert scene.title in out and scene.source in out
+    for name, value in scenes.parameters("pendulum").items():
+        assert f"{name}={value!r}" in out
+    assert "the path" in out and "conjugate times" in out
+    code, _, err = run(capsys, "list", "pendulm")
+    assert code != 0 and "did you mean 'pendulum'" in err
+
+
 def test_json_has_the_same_and_more(capsys):
     found = solved(capsys, "pendulum")
     assert found["name"] == "pendulum"
