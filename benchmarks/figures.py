@@ -61,6 +61,9 @@ def work_precision(rows: an.Rows, titles: dict[str, str], kind: str, file: Path)
             errors, times = an.curve(by_peer[peer], kind)
             if errors.size:
                 (handles[peer],) = ax.loglog(np.maximum(errors, 1e-16), times, **_style(peer))
+        if an.OURS in by_peer and not an.curve(by_peer[an.OURS], kind)[0].size:
+            note = f"{label(an.OURS)}: another path, or none"
+            ax.text(0.97, 0.04, note, transform=ax.transAxes, ha="right", fontsize=8)
         ax.set_title(titles[case], fontsize=10)
         ax.set_xlim(3e-2, 3e-17)
         ax.grid(True, which="major", alpha=0.3)
@@ -107,8 +110,9 @@ def profiles(rows: an.Rows, file: Path) -> None:
         ax.set_xlabel("within this factor of the fastest")
     for ax in axes[:, 0]:
         ax.set_ylabel("share of problems")
-    axes[0, 0].legend(fontsize=8, frameon=False)
-    figure.tight_layout()
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="lower center", ncols=5, fontsize=8, frameon=False)
+    figure.tight_layout(rect=(0, 0.07, 1, 1))
     _save(figure, file)
 
 

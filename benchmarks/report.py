@@ -46,6 +46,9 @@ def _head(results: Results, name: str) -> list[str]:
         "  problem with other end points, from the last answer.",
         "- error: maximum over 201 uniform times (and 100 more in either layer, where there are",
         "  layers) of |q - exact|, relative to the largest |q|.",
+        "- first guess: the straight line; where a peer does not come to the reference from it, a",
+        "  polyline through five points of the reference, rounded to a tenth of the largest |q|.",
+        "  Another stationary path than the reference counts as not reached.",
         "- time at an error: the fastest of the peer's settings that came to it, so everyone is",
         "  given its best setting in hindsight; medians of repetitions, interleaved, one thread,",
         "  in seconds of the processor.",
@@ -91,6 +94,8 @@ the Lagrangian, and traces, derives and compiles it, checks the question, choose
 estimates its error: a millisecond or so on one or two coordinates, where a peer needs no more in
 all. A loose error on many coordinates costs it nearly what a tight one does: the first mesh
 resolves more. Lambert's solvers know Kepler's problem alone, in closed form but for one unknown.
+The reference of the 10-link chain in x and y is a saddle of index 38. The polyline leads actionopt
+to another stationary path of less action; solvers that eliminate the multipliers stay near it.
 """
 
 
