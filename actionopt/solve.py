@@ -77,7 +77,7 @@ def solve(
     if isinstance(guess, Solution) and isinstance(guess.problem, Problem) and guess.success:
         walk.gain = guess.stats["gain"]  # a neighbour is as sensitive
         if guess.problem.system is system:
-            walk.many = True
+            walk.many = mesh is None or mesh is guess.mesh
             if np.array_equal(problem.packed, guess.problem.packed):
                 walk.units, walk.checked = guess.discrete[0], True
                 status = search.from_neighbour(guess)

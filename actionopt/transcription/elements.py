@@ -19,6 +19,7 @@ def kkt(tr: Transcription, z: Array) -> Array:
     x = z[: layout.unknowns]
     A, B, C = tr.second(x)
     stiff = tr.kept("blocks", lambda: _stiff(tr, C))
+    constant = tr.problem.system.structure.constant_mass  # then it is kept
     slopes = [(_full(tr, "second", 0, A), _full(tr, "second", 1, B), True)]
     if tr.problem.system.structure.forced:
         Fq, Fv = (_full(tr, "force_jacobian", k, F) for k, F in enumerate(tr.forces(x)))
@@ -28,7 +29,7 @@ def kkt(tr: Transcription, z: Array) -> Array:
     elements, between = layout.blocks.split(nonzeros)
     for M, g, block in zip(elements, layout.groups, stiff, strict=True):
         points = g.rule.degree + 1
-        pairs = block.copy()  # (E, d + 1, d + 1, n, n)
+        pairs = block.copy() if constant else block  # (E, d + 1, d + 1, n, n)
         same = pairs.reshape(len(M), -1, n, n)[:, :: points + 1]  # a node with itself: a view
         for a, b, symmetric in slopes:
             if b is not None:

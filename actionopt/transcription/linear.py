@@ -21,6 +21,7 @@ from actionopt.transcription.blocks import Condensed
 from actionopt.transcription.layout import Layout
 
 SLIM = 3  # coordinates and constraints up to which sparse factors take less time than blocks
+PATTERN = 2000  # unknowns and rows up to which finding their pattern takes little memory
 REGULAR = 1e-10  # on the rows' diagonal, whose gradients are of size one
 REFINEMENTS = 6
 ACCURATE = 1e-10  # residual relative to |b| that is enough: Newton's method corrects the rest
@@ -53,7 +54,8 @@ class Factors:
         self._rough: Callable[[Array], Array] | None = None
         self._sure = False  # whether a solution was accurate before it was refined
         system = layout.system
-        pays = many and system.n + system.m <= SLIM and not system.structure.forced
+        slim = system.n + system.m <= SLIM and layout.size <= PATTERN
+        pays = many and slim and not system.structure.forced
         if layout.small:
             return
         if layout.condensed and not pays:
