@@ -41,6 +41,12 @@ WAYPOINTS = 3  # of the coarse starting point, between the ends
 class TestProblem:
     """One member of a family: a smooth nonlinear program with known answers.
 
+    Functions of x (n,): `objective`, `gradient`, `constraints`, and the nonzeros `jacobian` and
+    `hessian`, flat, in the order of `jacobian_structure` and `hessian_structure`. To begin with:
+    `start(name)`, name one of `start_names`. Known: `x_star`, `lam_star`, `f_star`, `index_star`,
+    `kind`. To judge by: `distance(x)`, `residual(x, lam)`. Scipy's sparse arrays (of the whole
+    Hessian) and arguments for scipy, Ipopt and CUTEst are made by `actionopt.suite.interfaces`.
+
     Parameters
     ----------
     family : Family
@@ -189,7 +195,7 @@ class TestProblem:
         return J.row, J.col
 
     def jacobian(self, x: Array) -> Array:
-        """Return the nonzeros of dc/dx, in the order of `jacobian_structure`."""
+        """Return the nonzeros of dc/dx, flat, in the order of `jacobian_structure`."""
         self.counts["jac"] += 1
         if not self.m:
             return np.zeros(0)
@@ -204,7 +210,7 @@ class TestProblem:
         return H.row, H.col
 
     def hessian(self, x: Array, lam: Array | None = None, factor: float = 1.0) -> Array:
-        """Return the nonzeros of the upper triangle of factor * f'' + sum lam c''."""
+        """Return the nonzeros, flat, of the upper triangle of factor * f'' + sum lam c''."""
         self.counts["hess"] += 1
         return self._hessian(x, lam, factor)
 
