@@ -8,7 +8,7 @@ import inspect
 import json
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from time import perf_counter
@@ -91,8 +91,8 @@ def _parser(asked: Sequence[str] = ()) -> argparse.ArgumentParser:
     command = commands.add_parser(
         "chapter",
         help="run the chapter on Lagrangian mechanics",
-        description="Solve every system of the chapter, section by section, and compare what comes "
-        "out with what the chapter says.",
+        description="Solve every system of chapter 12, Lagrangian mechanics, of Competitive "
+        "Physics: Mechanics and Waves (2018), and compare what comes out with what it says.",
     )
     command.set_defaults(run=_chapter)
     command.add_argument("section", nargs="?", default="", help="only this section, as in 12.4")
@@ -252,6 +252,7 @@ def _from_file(file: Path, settings: dict[str, Any]) -> Problem | Scene:
         defined = runpy.run_path(str(file))
         found = defined.get("problem", defined.get("scene"))
         if inspect.isfunction(found):
+            _known(found, settings)
             found, settings = found(**settings), {}
     except Exception as error:
         raise ValueError(f"{_place(file, error)}: {type(error).__name__}: {error}") from error
@@ -267,6 +268,21 @@ def _from_file(file: Path, settings: dict[str, Any]) -> Problem | Scene:
     asked = found.problem if isinstance(found, Scene) else found
     parameters = dict(asked.parameters or {}) | settings
     return Problem(asked.system, asked.start, asked.end, parameters=parameters)
+
+
+def _known(made: Callable[..., Any], settings: dict[str, Any]) -> None:
+    """Raise ValueError if a function of the user's has no parameter of one of these names."""
+    from actionopt.tracing import suggestion
+
+    parameters = inspect.signature(made).parameters
+    if any(p.kind is p.VAR_KEYWORD for p in parameters.values()):
+        return
+    for name in settings:
+        if name not in parameters:
+            raise ValueError(
+                f"unknown parameter {name!r}; the parameters of {made.__name__} are "
+                f"{', '.join(parameters) or 'none'}{suggestion(name, list(parameters))}"
+            )
 
 
 def _contradiction(forward: dict[str, Any]) -> str:

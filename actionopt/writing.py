@@ -26,5 +26,9 @@ def whole(file: str | Path) -> Iterator[Path]:
     try:
         yield part
         os.replace(part, target)
+    except OSError as error:
+        if error.filename == str(part):  # a name that nobody gave
+            raise type(error)(error.errno, error.strerror, str(target)) from None
+        raise
     finally:
         part.unlink(missing_ok=True)

@@ -182,7 +182,7 @@ def test_settings_reach_the_parameters_of_a_file(capsys, tmp_path):
         ("problem = 3\n", "found 3"),
         ("problem = 1 / 0\n", "my_scene.py, line 1: ZeroDivisionError"),
         ("x = 1\ny = = 2\n", "my_scene.py, line 2: SyntaxError"),
-        (FUNCTION.replace("duration", "length"), "unexpected keyword argument 'duration'"),
+        (FUNCTION.replace("duration", "length"), "unknown parameter 'duration'"),
         (OBJECT, "unknown parameter 'duration'"),
     ],
 )
@@ -256,3 +256,24 @@ def test_the_module_is_the_command():
     command = [sys.executable, "-m", "actionopt", "--version"]
     out = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     assert out == f"actionopt {ao.__version__}\n"
+
+
+def test_an_unknown_setting_of_a_file_names_those_it_has(capsys, tmp_path):
+    file = tmp_path / "mine.py"
+    file.write_text(
+        "import actionopt as ao\n"
+        "def problem(*, rate=1.0, duration=2.0):\n"
+        "    system = ao.System(lambda q, v, t: (v[0]**2 - rate**2 * q[0]**2) / 2, ['x'])\n"
+        "    return ao.Problem(system, ao.Event(0.0, [0.0]), ao.Event(duration, [1.0]))\n"
+    )
+    assert run(capsys, "solve", str(file), "--set", "rate=2.0")[0] == 0
+    code, _, err = run(capsys, "solve", str(file), "--set", "rat=2.0")
+    assert code != 0
+    assert "the parameters of problem are rate, duration; did you mean 'rate'?" in err
+
+
+def test_a_place_that_is_not_there_is_named_as_it_was_given(capsys, tmp_path):
+    missing = tmp_path / "nowhere" / "path.npz"
+    code, _, err = run(capsys, "solve", "projectile", "--no-compare", "--save", str(missing))
+    assert code != 0
+    assert str(missing) in err and "partial" not in err

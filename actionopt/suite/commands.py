@@ -27,8 +27,12 @@ def add_to(parser: argparse.ArgumentParser) -> None:
     parser.description = "Families of test problems for optimisers, with known answers."
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     chosen = argparse.ArgumentParser(add_help=False)
-    chosen.add_argument("--problem", action="append", default=[], help="only this one, or these")
-    chosen.add_argument("--tag", action="append", default=[], help="only those with this tag")
+    chosen.add_argument(
+        "--problem", action="append", default=[], help="only this one; may be repeated"
+    )
+    chosen.add_argument(
+        "--tag", action="append", default=[], help="only those with this tag; may be repeated"
+    )
     chosen.add_argument("--elements", type=int, help="elements of the mesh (the problem's own)")
     chosen.add_argument("--degree", type=int, help="degree of the elements (the problem's own)")
     output = argparse.ArgumentParser(add_help=False)
@@ -53,7 +57,7 @@ def add_to(parser: argparse.ArgumentParser) -> None:
     add("--jobs", type=int, default=1, help="runs at the same time (1)")
     command = commands.add_parser("dump", help="write .nl files and answers", parents=[chosen])
     command.set_defaults(run=dump)
-    command.add_argument("directory")
+    command.add_argument("directory", metavar="DIRECTORY", help="where to; made if it is not there")
     command = commands.add_parser("report", help="profiles and tables", parents=[output])
     command.set_defaults(run=report)
     command.add_argument("--to", default="docs/suite", metavar="DIRECTORY", help="(docs/suite)")
