@@ -75,37 +75,23 @@ def follow(
     `Factors`; more simplified steps are taken then, as the sensitivity is known already.
     """
     cut, chords = tr.layout.unknowns, CHORDS if many and tr.layout.condensed else 1
-    first = z
-    rest = np.inf
+    first, rest = z, np.inf
     with np.errstate(all="ignore"):
         residual = tr.residual(z)
         for k in range(1, steps + 1):
             factors = None  # frees the last ones before the next are made
             try:
                 factors = Factors(tr.layout, tr.kkt(z), many=many)
-                step = factors.solve(residual)
-                settled, ratio = False, 0.0
-                for again in range(chords + 2):
-                    z, size = z - step, _size(step[:cut])
-                    residual = tr.residual(z)
-                    step = factors.solve(residual)
-                    rest = _size(step[:cut])
-                    if not np.isfinite(rest):
-                        return Followed(z, False, np.inf, k, np.inf)
-                    if settled or rest <= target:
-                        if not residual.any():  # a path of zeros has no round-off of its own
-                            rest = _size(factors.solve(_roundoff(tr, factors))[:cut])
-                        return Followed(z, True, rest, k, _size((z - first)[:cut]), factors)
-                    ratio = rest / size if size else 0.0
-                    stopped = ratio > CONTRACTION and rest < ROUNDOFF_STEP
-                    settled = linear or rest * ratio <= target or stopped
-                    if not settled and rest * min(ratio, 1.0) ** (chords - again) > target:
-                        break
+                z, rest, ratio, settled = _steps(tr, factors, z, residual, chords, linear, target)
             except np.linalg.LinAlgError:
                 return Followed(z, False, np.inf, k, np.inf)
-            z = z - step
+            if not np.isfinite(rest):
+                return Followed(z, False, np.inf, k, np.inf)
+            travelled = _size((z - first)[:cut])
+            if settled:
+                return Followed(z, True, rest, k, travelled, factors)
             if enough is not None and ratio < CONTRACTION and rest * ratio <= enough(z):
-                return Followed(z, True, 0.0, k, _size((z - first)[:cut]), factors)
+                return Followed(z, True, 0.0, k, travelled, factors)
             residual = tr.residual(z)
             # Multipliers far off disturb the first steps, and are right after them.
             settling = tr.layout.rows > 0 and k <= SETTLING and ratio < 1 / CONTRACTION
@@ -115,6 +101,39 @@ def follow(
         # what is left of the step says how little the path is determined.
         exhausted = _exhausted(tr, z, residual)
     return Followed(z, exhausted, rest, k, _size((z - first)[:cut]))
+
+
+def _steps(
+    tr: Transcription,
+    factors: Factors,
+    z: Array,
+    residual: Array,
+    chords: int,
+    linear: bool,
+    target: float,
+) -> tuple[Array, float, float, bool]:
+    """Take Newton's step from z and up to `chords` simplified ones, as far as they will do.
+
+    Return where they lead, the length of the last one, its ratio to the one before, and whether
+    nothing is left: then the last one was not taken, and its length is the round-off.
+    """
+    cut, settled, ratio = tr.layout.unknowns, False, 0.0
+    step = factors.solve(residual)
+    for again in range(chords + 2):
+        z, size = z - step, _size(step[:cut])
+        residual = tr.residual(z)
+        step = factors.solve(residual)
+        rest = _size(step[:cut])
+        if settled or rest <= target:
+            if not residual.any():  # a path of zeros has no round-off of its own
+                rest = _size(factors.solve(_roundoff(tr, factors))[:cut])
+            return z, rest, ratio, True
+        ratio = rest / size if size else 0.0
+        stopped = ratio > CONTRACTION and rest < ROUNDOFF_STEP
+        settled = linear or rest * ratio <= target or stopped
+        if not settled and not rest * min(ratio, 1.0) ** (chords - again) <= target:
+            break  # too many to come; or it is not a number
+    return z - step, rest, ratio, False
 
 
 def moved(tr: Transcription, z: Array, to: Transcription) -> Array:
