@@ -51,6 +51,7 @@ COARSE = 0.25  # of a level: dS = p dq fails by more on a triangle too large to 
 FIRST = 6  # of 121 times: motions are too near each other before
 SPREAD = 0.8  # of the largest speed: how far velocities of fronts differ
 BEFORE = 0.8  # of the way to the first focus, where all fronts of a plane meet in a point
+RAGGED = 4  # times that triangles which hang on by one edge are taken away
 GAUSS = np.polynomial.legendre.leggauss(3)
 
 
@@ -161,7 +162,7 @@ def fan(
 
 def _same_times(ax: Axes, data: Fan, names: Sequence[str]) -> None:
     """Join the places that the motions of a fan reach at the same time, at a few times."""
-    what = "the same time"
+    what = "the same time (orbits may cross at different ones)"
     for k in np.linspace(0, data.t.size - 1, SAME_TIMES + 1).astype(int)[1:]:
         for x, y, _ in traces(names, data.t, np.moveaxis(data.neighbours[:, :, k], 0, 1)):
             ax.plot(x, y, color=GREY, linewidth=1.0, linestyle=":", zorder=3, label=what)
@@ -289,7 +290,7 @@ def _over_plane(ax: Axes, solution: Solution, data: Fronts, units: Units) -> str
     a, b = corners, np.roll(corners, 1, axis=1)
     rise = np.sum((p[:, a] + p[:, b]) / 2 * (q[:, b] - q[:, a]), axis=0)
     coarse = np.max(np.abs(S[b] - S[a] - rise), axis=1) > COARSE * np.ptp(S) / LEVELS
-    mask = coarse | np.any(_turned(x, y, corners)[FIRST:], axis=0)
+    mask = _lone(corners, coarse | np.any(_turned(x, y, corners)[FIRST:], axis=0))
     _fronts(ax, (x[-1], y[-1]), corners, mask, S, units)
     what, some = "paths from the event", np.unique(corners[~mask])[::EVERY]
     for path in data.q[some]:
@@ -313,6 +314,29 @@ def _turned(x: Array, y: Array, corners: Array) -> Array:
     a, b, c = np.moveaxis(corners, -1, 0)
     across = (x[..., b] - x[..., a]) * (y[..., c] - y[..., a])
     return across <= (y[..., b] - y[..., a]) * (x[..., c] - x[..., a])
+
+
+def _lone(corners: Array, mask: Array) -> Array:
+    """Return the mask with all triangles masked as well that do not hang together with most.
+
+    Triangles that share an edge hang together; one with two masked neighbours is ragged.
+    """
+    edges = np.sort(np.stack([corners, np.roll(corners, 1, axis=1)], axis=-1), axis=-1)
+    _, edge = np.unique(edges.reshape(-1, 2), axis=0, return_inverse=True)
+    edge = edge.reshape(-1, 3)
+    for _ in range(RAGGED):
+        shared = np.bincount(edge[~mask].ravel(), minlength=edge.max() + 1)
+        mask = mask | (np.sum(shared[edge] > 1, axis=1) < 2)
+    piece = np.arange(len(corners))
+    while True:  # every triangle takes the least number around it
+        least = np.full(edge.max() + 1, len(corners))
+        np.minimum.at(least, edge[~mask], piece[~mask, None])
+        now = np.where(mask, piece, least[edge].min(axis=1))
+        if np.array_equal(now, piece):
+            break
+        piece = now
+    counts = np.bincount(piece[~mask], minlength=1)
+    return mask | (piece != np.argmax(counts))
 
 
 def _fronts(
