@@ -1,22 +1,27 @@
 """Hamilton's principle as a boundary-value problem: a Lagrangian and two events in, a path out."""
 
-from actionopt.all_paths import solve_all
-from actionopt.compare import Comparison
-from actionopt.conjugate import conjugate_points
-from actionopt.contact import contact_loss
-from actionopt.forward import IntegrationError, integrate
-from actionopt.index import second_variation
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from actionopt.path import Mesh, Path
-from actionopt.pfaffian import integrate_pfaffian
 from actionopt.problem import Event, Periodic, Problem, State
 from actionopt.solution import Solution
 from actionopt.solve import solve
 from actionopt.status import SolveError, Status
-from actionopt.store import load
-from actionopt.symmetry import find_symmetries, noether
 from actionopt.system import System
 from actionopt.trace import trace
-from actionopt.varied import variation
+
+if TYPE_CHECKING:
+    from actionopt.all_paths import solve_all
+    from actionopt.compare import Comparison
+    from actionopt.conjugate import conjugate_points
+    from actionopt.contact import contact_loss
+    from actionopt.forward import IntegrationError, integrate
+    from actionopt.index import second_variation
+    from actionopt.pfaffian import integrate_pfaffian
+    from actionopt.store import load
+    from actionopt.symmetry import find_symmetries, noether
+    from actionopt.varied import variation
 
 __all__ = [
     "Comparison",
@@ -45,3 +50,34 @@ __all__ = [
     "variation",
 ]
 __version__ = "0.1.0"
+
+# What a solve does not need is imported when it is asked for. (A name that is a room's as well,
+# such as `trace`, cannot wait: the room would take its place.)
+_ON_DEMAND = {
+    "Comparison": "compare",
+    "IntegrationError": "forward",
+    "conjugate_points": "conjugate",
+    "contact_loss": "contact",
+    "find_symmetries": "symmetry",
+    "integrate": "forward",
+    "integrate_pfaffian": "pfaffian",
+    "load": "store",
+    "noether": "symmetry",
+    "second_variation": "index",
+    "solve_all": "all_paths",
+    "variation": "varied",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Return a public name whose room is not imported yet."""
+    if name not in _ON_DEMAND:
+        raise AttributeError(f"module 'actionopt' has no attribute {name!r}")
+    found = getattr(import_module(f"actionopt.{_ON_DEMAND[name]}"), name)
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    """Return all public names."""
+    return sorted({*globals(), *__all__})

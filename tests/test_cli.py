@@ -277,3 +277,16 @@ def test_a_place_that_is_not_there_is_named_as_it_was_given(capsys, tmp_path):
     code, _, err = run(capsys, "solve", "projectile", "--no-compare", "--save", str(missing))
     assert code != 0
     assert str(missing) in err and "partial" not in err
+
+
+def test_public_names_are_all_there_and_cost_nothing_until_asked_for():
+    code = (
+        "import sys, actionopt as ao\n"
+        "assert 'actionopt.all_paths' not in sys.modules\n"
+        "assert all(callable(getattr(ao, name)) or name == 'Status' for name in ao.__all__)\n"
+        "assert set(ao.__all__) <= set(dir(ao))\n"
+        "assert 'actionopt.all_paths' in sys.modules\n"
+        "try:\n    ao.nothing\nexcept AttributeError as error:\n    print(error)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stdout.strip() == "module 'actionopt' has no attribute 'nothing'", done.stderr
