@@ -70,12 +70,17 @@ _ON_DEMAND = {
 
 
 def __getattr__(name: str) -> Any:
-    """Return a public name whose room is not imported yet."""
-    if name not in _ON_DEMAND:
+    """Return a public name, or a room such as `scenes` or `plot`, that is not imported yet."""
+    if name in _ON_DEMAND:
+        found = getattr(import_module(f"actionopt.{_ON_DEMAND[name]}"), name)
+        globals()[name] = found
+        return found
+    from importlib.util import find_spec
+
+    room = f"actionopt.{name}"
+    if name.startswith("_") or find_spec(room) is None:
         raise AttributeError(f"module 'actionopt' has no attribute {name!r}")
-    found = getattr(import_module(f"actionopt.{_ON_DEMAND[name]}"), name)
-    globals()[name] = found
-    return found
+    return import_module(room)
 
 
 def __dir__() -> list[str]:

@@ -286,6 +286,8 @@ def test_public_names_are_all_there_and_cost_nothing_until_asked_for():
         "assert all(callable(getattr(ao, name)) or name == 'Status' for name in ao.__all__)\n"
         "assert set(ao.__all__) <= set(dir(ao))\n"
         "assert 'actionopt.all_paths' in sys.modules\n"
+        "assert ao.scenes.get('pendulum').name == 'pendulum'\n"
+        "assert 'matplotlib' not in sys.modules and ao.plot.save\n"
         "try:\n    ao.nothing\nexcept AttributeError as error:\n    print(error)\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
