@@ -67,6 +67,7 @@ _ON_DEMAND = {
     "solve_all": "all_paths",
     "variation": "varied",
 }
+_ROOMS = ("chapter", "gallery", "plot", "scenes", "suite")
 
 
 def __getattr__(name: str) -> Any:
@@ -84,5 +85,5 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    """Return all public names."""
-    return sorted({*globals(), *__all__})
+    """Return the public names, and the rooms to enter from here."""
+    return sorted([*__all__, *_ROOMS, "__version__"])

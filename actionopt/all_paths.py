@@ -10,6 +10,7 @@ start. No search of this kind proves that nothing is left.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,7 +34,8 @@ class Paths:
     ----------
     solutions : tuple of Solution
         Each agrees with the forward motion from its own start; `morse_index` and `kind` say
-        what each is. The end event of a solution with windings is the given one plus 2 pi each.
+        what each is. The end event of a solution with windings is the given one plus 2 pi each;
+        of a closed path, the advance.
     windings : tuple of tuple of int
         For each path, how many turns more than the events say each of `angles` makes.
     found_by : tuple of str
@@ -44,6 +46,13 @@ class Paths:
         How often each way of searching was tried.
     rejected : int
         Discrete solutions left out because forward motion contradicts them.
+    families : tuple of Solution
+        Of each family of paths that the events do not tell apart one, by increasing action; they
+        are not among `solutions`. The verdict of such a path is DEGENERATE, or its `kind`
+        "degenerate": S changes along a family by nothing, or, at a fold, less than quadratically.
+    kinked : int
+        Paths left out that return to a coordinate which the start gives, but with another
+        momentum: they do not close.
     complete : bool
         Whether theory says that there are no others within the windings: linear equations of
         motion have one path.
@@ -58,6 +67,8 @@ class Paths:
     rejected: int
     complete: bool
     interrupted: bool
+    families: tuple[Solution, ...] = ()
+    kinked: int = 0
 
     def __len__(self) -> int:
         """Return the number of paths."""
@@ -73,20 +84,26 @@ class Paths:
 
     @property
     def indices(self) -> tuple[int, ...]:
-        """Morse indices of the paths."""
+        """Morse indices of the paths. Raises ValueError where the paths are forced."""
         return tuple(s.morse_index for s in self.solutions)
 
     def __str__(self) -> str:
         """Say what was found and how it was sought, in sentences."""
         lines = [f"{len(self)} paths"]
         for s, turns, how in zip(self.solutions, self.windings, self.found_by, strict=True):
-            what = "" if s.problem.system.structure.forced else f"index {s.morse_index}, "
+            what = ""
+            with suppress(ValueError):  # forced paths have none
+                what = f"index {s.morse_index}, "
             wound = f"windings {turns}, " if self.angles else ""
             lines.append(f"  S = {s.action:.10g}, {what}{wound}found by {how}")
+        for s in self.families:
+            lines.append(f"  S = {s.action:.10g}, a family: its paths join the same events")
         tried = ", ".join(f"{count} {how}" for how, count in self.searched.items())
         lines.append(f"searched: {tried}" + (" (interrupted)" if self.interrupted else ""))
         if self.rejected:
-            lines.append(f"left out: {self.rejected} that forward motion contradicts")
+            lines.append(f"left out: {self.rejected} that forward motion does not confirm")
+        if self.kinked:
+            lines.append(f"left out: {self.kinked} that return with another momentum, in a kink")
         lines.append(
             "there are no others: the equations of motion are linear"
             if self.complete
@@ -109,6 +126,10 @@ def solve_all(
 ) -> Paths:
     """Return the distinct stationary paths between the events of `problem` that were found.
 
+    Where the events do not determine the path, as between antipodal points of a sphere, one path
+    of the family is kept, apart from the others. Where the end is `Periodic` the paths close,
+    momenta included.
+
     Parameters
     ----------
     problem : Problem
@@ -119,7 +140,7 @@ def solve_all(
         periodic in; an azimuth that they do not contain looks like any other coordinate and
         must be named.
     windings : int
-        Most additional turns of each angle, either way.
+        Most additional turns of each angle, either way; of a closed path, in its advance.
     starts : int
         Curves, in each class of windings, from which least and deflated solves start.
     shots : int
@@ -136,10 +157,13 @@ def solve_all(
     Raises
     ------
     ValueError
-        For an unknown angle, a tol that `solve` would refuse, or numbers that are negative.
+        For an unknown angle, a tol that `solve` would refuse, or numbers that are negative; for
+        closed paths without a clock, of which there are families; where `solve` refuses the
+        problem and nothing was found.
     """
     asked(problem)
     tolerance(tol)
+    _check_clock(problem)
     names = problem.system.coordinates
     if angles is None:
         turning = detected_angles(problem)
@@ -166,7 +190,22 @@ def solve_all(
             run.folds(continuations)
     except KeyboardInterrupt:
         run.interrupted = True
+    if run.refused is not None and not (run.found or run.families or run.interrupted):
+        raise run.refused
     return _ordered(run)
+
+
+def _check_clock(problem: Problem) -> None:
+    """Raise ValueError if closed paths may start anywhere along themselves."""
+    structure = problem.system.structure
+    if problem.advance is None or problem.start.pinned:
+        return
+    if not (structure.depends_on_time or structure.linear):
+        raise ValueError(
+            "expected closed paths that have a clock, found a system that does not depend on t "
+            "and a start that gives no coordinate: each path may start anywhere along itself; "
+            "give one coordinate at the start"
+        )
 
 
 def _ordered(run: Sweep) -> Paths:
@@ -182,6 +221,8 @@ def _ordered(run: Sweep) -> Paths:
         run.rejected,
         run.linear and len(run.found) == len(run.classes) and not run.interrupted,
         run.interrupted,
+        tuple(sorted((s for s, _ in run.families), key=lambda s: s.action)),
+        len(run.kinked),
     )
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,6 +13,7 @@ from actionopt.path import Mesh, Path
 from actionopt.problem import Problem
 from actionopt.quadrature import Array
 from actionopt.solution import Solution
+from actionopt.system import System
 
 Guess = Path | Solution | Callable[[Array], ArrayLike] | ArrayLike
 
@@ -41,10 +43,16 @@ def checked(
     return None if guess is None else curve(problem, guess)
 
 
-def asked(problem: Problem) -> None:
-    """Raise ValueError if there is no problem."""
+def asked(problem: Problem, others: Sequence[Any] = ()) -> None:
+    """Raise ValueError if there is no problem, TypeError for `others` given without their names."""
     if not isinstance(problem, Problem):
-        raise ValueError(f"expected a Problem(system, start, end), found {problem!r}")
+        hint = "; make one of the system and the events" if isinstance(problem, System) else ""
+        raise ValueError(f"expected a Problem(system, start, end), found {problem!r}{hint}")
+    if others:
+        raise TypeError(
+            "expected the problem, and whatever else by its name, such as tol=1e-8, found also "
+            f"{', '.join(map(repr, others))}"
+        )
 
 
 def curve(problem: Problem, guess: Guess) -> Callable[[Mesh], Path]:

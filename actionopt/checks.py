@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from typing import Any
 
 import numpy as np
@@ -68,3 +68,21 @@ def named(values: object, what: str) -> Mapping[str, Any]:
             "behind the name that the callables use"
         )
     return values
+
+
+def items(row: Any, what: str) -> list[Any]:
+    """Return the items of a sequence; one number is a sequence of one.
+
+    Raises ValueError for a set or a mapping: their items have no order that means anything.
+    """
+    if type(row) in (list, tuple):
+        return list(row)
+    if isinstance(row, (Mapping, Set)):
+        raise ValueError(
+            f"expected {what} in the order of the coordinates of the system, found {row!r}, which "
+            "has no such order; give a list"
+        )
+    try:
+        return [row] if isinstance(row, str) else list(row)
+    except TypeError:
+        return [row]

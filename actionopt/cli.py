@@ -7,6 +7,7 @@ import ast
 import inspect
 import json
 import math
+import os
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -38,12 +39,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command with `arguments` (by default those of the process); return its exit code.
 
     0 for success, 1 for a failure, whose message goes to the standard error, 2 for arguments
-    that make no sense, 130 if interrupted.
+    that make no sense, 130 if interrupted, 141 if the output is read no further.
     """
     given = sys.argv[1:] if arguments is None else list(arguments)
-    options = _parser(given[:1]).parse_args(given)
+    parser = _parser(given[:1])
+    options, rest = parser.parse_known_args(given)
+    if rest:
+        bare = [text for text in rest if "=" in text and not text.startswith("-")]
+        hint = f"; write --set before each setting: --set {' --set '.join(bare)}" if bare else ""
+        parser.error(f"unrecognized arguments: {' '.join(rest)}{hint}")
     try:
-        return options.run(options)
+        code = options.run(options)
+        sys.stdout.flush()
+        return code
+    except BrokenPipeError:  # whoever read the output has seen enough
+        # What is still to be written when the process ends goes nowhere, without a word.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 141
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return 130
@@ -71,12 +83,18 @@ def _parser(asked: Sequence[str] = ()) -> argparse.ArgumentParser:
     add = command.add_argument
     add("scene", metavar="SCENE|FILE.py", help="name of a scene, or a Python file")
     add("--tol", type=float, default=1e-8, help="bound on the relative error of the path (1e-8)")
-    add("--set", type=_setting, action="append", default=[], metavar="NAME=VALUE", dest="settings")
-    add("--principle", choices=("auto", "least", "stationary"), default="auto")
+    _add_set(command)
+    add(
+        "--principle",
+        choices=("auto", "least", "stationary"),
+        default="auto",
+        help="what to ask of the action: least, only stationary, or least if it can be (auto)",
+    )
     add("--plot", metavar="FILE", help="draw the path and the deviation (png, pdf, svg, ...)")
     add("--save", metavar="FILE.npz", help="write the solution")
     add("--json", action="store_true", help="print JSON instead of a table")
     add("--no-compare", action="store_false", dest="compare", help="no forward integration")
+    add("--seconds", type=float, help="time it may take; then the best attempt is reported")
     command = commands.add_parser(
         "explore",
         help="open a window: drag a path, see its action, slide the end time",
@@ -87,7 +105,7 @@ def _parser(asked: Sequence[str] = ()) -> argparse.ArgumentParser:
     command.set_defaults(run=_explore)
     add = command.add_argument
     add("scene", metavar="SCENE|FILE.py", help="name of a scene, or a Python file")
-    add("--set", type=_setting, action="append", default=[], metavar="NAME=VALUE", dest="settings")
+    _add_set(command)
     command = commands.add_parser(
         "chapter",
         help="run the chapter on Lagrangian mechanics",
@@ -107,6 +125,18 @@ def _parser(asked: Sequence[str] = ()) -> argparse.ArgumentParser:
 
         gallery.add_to(command)
     return parser
+
+
+def _add_set(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--set",
+        type=_setting,
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        dest="settings",
+        help="a parameter by name; may be repeated (`actionopt list SCENE` names them)",
+    )
 
 
 def _setting(text: str) -> tuple[str, Any]:
@@ -199,10 +229,27 @@ def _compared(line: Line) -> tuple[str, str, str, str]:
 
 
 def _solve(options: argparse.Namespace) -> int:
+    from actionopt.progress import waiting
     from actionopt.solve import solve
 
     problem, guess = _question(options.scene, dict(options.settings))
-    solution = solve(problem, tol=options.tol, guess=guess, principle=options.principle)
+    if options.save:
+        from actionopt.store import solution_file
+
+        solution_file(options.save)
+    if options.plot:
+        from actionopt.plot._paths import picture
+
+        picture(options.plot)
+    with waiting() as progress:
+        solution = solve(
+            problem,
+            tol=options.tol,
+            guess=guess,
+            principle=options.principle,
+            seconds=options.seconds,
+            progress=progress,
+        )
     found = report(solution, compare=options.compare)
     if options.save:
         solution.save(options.save)
@@ -214,7 +261,7 @@ def _solve(options: argparse.Namespace) -> int:
         print(json.dumps(_plain(found), indent=2, allow_nan=False))
     else:
         _print_report(found)
-    if options.compare and not solution.compare().agrees:
+    if options.compare and solution.compare().agrees is False:
         raise RuntimeError(_contradiction(found["forward"]))
     return 0
 
@@ -266,8 +313,7 @@ def _from_file(file: Path, settings: dict[str, Any]) -> Problem | Scene:
     if not settings:
         return found
     asked = found.problem if isinstance(found, Scene) else found
-    parameters = dict(asked.parameters or {}) | settings
-    return Problem(asked.system, asked.start, asked.end, parameters=parameters)
+    return asked.replace(parameters=settings)
 
 
 def _known(made: Callable[..., Any], settings: dict[str, Any]) -> None:
@@ -286,9 +332,10 @@ def _known(made: Callable[..., Any], settings: dict[str, Any]) -> None:
 
 
 def _contradiction(forward: dict[str, Any]) -> str:
+    whole = "" if math.isnan(forward["position"]) else f"{forward['position']:.1e}, and by "
     return (
         "expected a motion that forward integration repeats, found that it leaves the path by "
-        f"{forward['position']:.1e}, and by {forward['local']:.1e} from piece to piece, where "
+        f"{whole}{forward['local']:.1e} from piece to piece, where "
         f"{forward['allowed']:.1e} is compatible with the error estimate: the path is no motion; "
         "try a smaller --tol, or a problem with a guess nearer the motion"
     )
@@ -309,7 +356,8 @@ def report(solution: Solution, *, compare: bool = True) -> dict[str, Any]:
     """Return what is worth knowing of a solution as plain data; `--json` prints it.
 
     What the action is there, the forward deviation and the energy drift take longer than small
-    solves, and are left out if `compare` is False. Forced and closed paths have no index: null.
+    solves, and are left out if `compare` is False. A path without an index, as a
+    forced one is, has null there.
     """
     found: dict[str, Any] = {
         "name": solution.problem.system.name,
@@ -327,7 +375,7 @@ def report(solution: Solution, *, compare: bool = True) -> dict[str, Any]:
         comparison = solution.compare()
         names = (
             *("agrees", "position", "velocity", "arrival", "local", "allowed"),
-            *("energy_drift", "reference_error"),
+            *("energy_drift", "reference_error", "reason"),
         )
         found["forward"] = {name: getattr(comparison, name) for name in names}
         found["time"] = found["time"] | {"compare": perf_counter() - clock}
@@ -338,17 +386,12 @@ def _print_report(found: dict[str, Any]) -> None:
     rows = [("action", f"{found['action']:.12g}"), ("error estimate", f"{found['error']:.1e}")]
     if "forward" in found:
         forward = found["forward"]
-        kind = "no index: the path is forced or closed"
+        kind = "no index: the path is forced, or its neighbours are not determined"
         if found["kind"] is not None:
             kind = f"{found['kind']}, index {found['morse_index']}"
         rows += [
             ("the action is", kind),
-            (
-                "forward deviation",
-                f"{forward['position']:.1e}, the integration itself uncertain by "
-                f"{forward['reference_error']:.1e}: "
-                + ("agrees" if forward["agrees"] else "contradicts the path"),
-            ),
+            ("forward deviation", _judged(forward)),
             ("energy drift", f"{forward['energy_drift']:.1e}"),
         ]
     degrees = found["mesh"]["degrees"]
@@ -364,6 +407,19 @@ def _print_report(found: dict[str, Any]) -> None:
     ]
     print(f"{found['name'] or 'problem'}: {found['verdict']}")
     _print_table(rows)
+
+
+def _judged(forward: dict[str, Any]) -> str:
+    """Return what the forward integration says of the path."""
+    verdict = {True: "agrees", False: "contradicts the path", None: "cannot tell"}
+    found = (
+        f"{forward['local']:.1e} from piece to piece, cannot be followed to the end"
+        if math.isnan(forward["position"])
+        else f"{forward['position']:.1e}, the integration itself uncertain by "
+        f"{forward['reference_error']:.1e}"
+    )
+    because = f": {forward['reason']}" if forward["reason"] else ""
+    return f"{found}: {verdict[forward['agrees']]}{because}"
 
 
 def _print_table(rows: Sequence[Sequence[str]]) -> None:

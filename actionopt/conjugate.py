@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from actionopt.jacobi import fields, resolved
+from actionopt.problem import Periodic
 from actionopt.quadratic_form import Form, check_legendre, coefficients, tangent
 from actionopt.quadrature import Array
 
@@ -43,13 +44,20 @@ def conjugate_points(solution: Solution) -> tuple[ConjugatePoint, ...]:
     path whose ends are pinned. Where the start is free in a coordinate they are focal points:
     the neighbours start with that momentum zero. A free end has no part in them.
 
-    Raises ValueError for non-conservative forces, or where L is not convex in the velocities.
+    Raises ValueError for a closed path, for non-conservative forces, where L is not convex in the
+    velocities, or where the constraints are not independent.
 
     References
     ----------
     Gelfand and Fomin, *Calculus of Variations* (1963), sections 26-29; V. I. Arnold, *Funct.
     Anal. Appl.* 1 (1967), p. 1, for the phases.
     """
+    if isinstance(solution.problem.end, Periodic):
+        raise ValueError(
+            "expected a path from one event to another, found one that closes: its start varies "
+            "with its end, and no times conjugate to it number the index (`morse_index` counts "
+            "that); pin both ends, guess=solution, for those of the motion between them"
+        )
     form = resolved(solution, RESOLUTION, polish=True)
     if not form.freedom:
         return ()
@@ -110,7 +118,14 @@ class Phases:
         basis = tangent(tr.problem, q, times, form.units)
         Z = np.swapaxes(basis, 1, 2)
         # In units of mass and frequency all phases pass a root equally fast, and turn evenly.
-        root = np.linalg.cholesky(Z @ (C * scale) @ basis * form.frequency)
+        try:
+            root = np.linalg.cholesky(Z @ (C * scale) @ basis * form.frequency)
+        except np.linalg.LinAlgError:
+            raise ValueError(
+                "expected d2L/dv2 positive definite on the motions allowed along the path, found "
+                f"that it is not between t = {t.min():.6g} and {t.max():.6g}, and the neighbours "
+                "not determined there"
+            ) from None
         J, P = np.swapaxes(root, 1, 2) @ (Z @ J), np.linalg.solve(root, Z @ P)
         # (P + iJ)(P - iJ)^-1 is similar to (P - iJ)^-1 (P + iJ).
         values = np.linalg.eigvals(np.linalg.solve(P - 1j * J, P + 1j * J))

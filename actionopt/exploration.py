@@ -82,7 +82,7 @@ def motion(solution: Solution, latest: float) -> Motion:
 
 def _until(problem: Problem, path: Path, t: float) -> Problem:
     """Return the problem whose end is pinned where `path` is at the time t."""
-    return Problem(problem.system, problem.start, Event(t, path(t)), parameters=problem.parameters)
+    return problem.replace(end=Event(t, path(t)))
 
 
 def _conjugate(solution: Solution) -> tuple[ConjugatePoint, ...]:
@@ -213,7 +213,7 @@ def lasting(now: Exploration, t: float) -> Exploration:
     pinned = problem.end.pinned
     q = [float(x) if i in pinned else None for i, x in enumerate(path(t))]
     try:
-        other = Problem(problem.system, problem.start, Event(t, q), parameters=problem.parameters)
+        other = problem.replace(end=Event(t, q))
         tr = Transcription(other, now.trial.tr.mesh.moved(problem.start.t, t), now.trial.tr.lengths)
         solution = solve(other, guess=Path(tr.mesh, path(tr.mesh.nodes)), throw=False)
         known = solution.status in FOUND

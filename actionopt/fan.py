@@ -7,6 +7,8 @@ velocities. What arrives is a guess for a path between the two events.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from actionopt.path import Mesh, NDInt, Path
@@ -36,49 +38,84 @@ STAGES = (
 ERROR = np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40])
 
 
-def shoot(problem: Problem, v0: Array, track: list | None = None) -> Array:
-    """Return where motions from the start event with velocities v0 (n, G, K) end, (n, G, K).
+def shoot(problem: Problem, v0: Array) -> Array:
+    """Return where motions from the start event with velocities v0 (n, G, K) end, (n, G, K)."""
+    q0 = np.array(problem.start.q, dtype=float)[:, None, None]
+    return flown(problem, np.broadcast_to(q0, v0.shape), v0)[0]
+
+
+def flown(problem: Problem, q0: Array, v0: Array, track: list | None = None) -> tuple[Array, Array]:
+    """Return coordinates and velocities at the end of motions from q0 and v0, all (n, G, K).
 
     K motions in groups of G that share their steps, so that differences within a group are
     smooth. NaN where a motion does not stay finite. `track` receives (times (K,), q, v (n, K))
     of the first of each group after every step.
     """
+    t0, T = np.full(v0.shape[2], problem.start.t), np.full(v0.shape[2], problem.duration)
+    return integrate(problem, (t0, q0, v0), T, track=track)
+
+
+def integrate(
+    problem: Problem,
+    start: tuple[Array, Array, Array],
+    span: Array,
+    *,
+    accuracy: float = ACCURACY,
+    steps: int = STEPS,
+    track: list | None = None,
+    watch: Callable[[int], None] | None = None,
+) -> tuple[Array, Array]:
+    """Return (q, v) of motions after the times `span` (K,), back in time where it is negative.
+
+    They start at `start`, times (K,), coordinates and velocities (n, G, K), and make no more than
+    `steps` steps; `watch` is called before each, with 0 for the elements of a mesh. The rest is as
+    for `flown`.
+    """
+    begin, q0, v0 = start
     n, group, count = v0.shape
-    t0, T = problem.start.t, problem.duration
-    unit = problem.scales[:, None, None]
-    speed = np.maximum(np.max(np.abs(v0), axis=(1, 2)), problem.scales / T)[:, None, None]
-    q = np.broadcast_to(np.array(problem.start.q, dtype=float)[:, None, None], v0.shape).copy()
-    v, t, h = v0.copy(), np.zeros(count), np.full(count, T / 50)
-    live, steps, patience = np.arange(count), 0, STEPS
+    unit = problem.lengths[:, None, None]
+    speed = np.maximum(
+        np.max(np.abs(v0), axis=(1, 2)), problem.lengths / np.max(np.abs(span), initial=0.0)
+    )[:, None, None]
+    q, v, t = q0.copy(), v0.copy(), np.zeros(count)
+    h, T, way = np.abs(span) / 50, np.abs(span), np.sign(span)
+    live, done, patience = np.arange(count), 0, steps
     with np.errstate(all="ignore"):
-        while live.size and steps < patience:
-            steps += 1
-            if track is None and live.size <= count / 2 and patience == STEPS:
+        while live.size and done < patience:
+            done += 1
+            if watch is not None:
+                watch(0)
+            if track is None and live.size <= count / 2 and patience == steps:
                 # What takes far longer than half of them is too close to a singularity.
-                patience = min(STEPS, 3 * steps + 20)
-            y, step = np.stack([q[:, :, live], v[:, :, live]]), np.minimum(h[live], T - t[live])
+                patience = min(steps, 3 * done + 20)
+            y, forth = np.stack([q[:, :, live], v[:, :, live]]), way[live]
+            step = np.minimum(h[live], T[live] - t[live])
             rates = []
             for at, row in zip(TIMES, STAGES, strict=True):
                 here = y + step * np.tensordot(row, np.array(rates), 1) if rates else y
-                times = t0 + t[live] + at * step
-                rates.append(np.stack([here[1], _acceleration(problem, here, times)]))
+                times = begin[live] + forth * (t[live] + at * step)
+                rates.append(forth * np.stack([here[1], _acceleration(problem, here, times)]))
             error = step * np.tensordot(ERROR, np.array(rates), 1)
-            scale = ACCURACY * np.stack(
-                [np.maximum(np.abs(y[0]), 1e-2 * unit), np.maximum(np.abs(y[1]), 1e-2 * speed)]
+            scale = accuracy * np.stack(
+                [
+                    np.maximum(np.abs(y[0] - q0[:, :, live]), 1e-2 * unit),
+                    np.maximum(np.abs(y[1]), 1e-2 * speed),
+                ]
             )
             size = np.sqrt(np.mean((error / scale) ** 2, axis=(0, 1, 2)))
-            lost = ~np.isfinite(here).all(axis=(0, 1, 2)) & (step < 1e-9 * T)
+            lost = ~np.isfinite(here).all(axis=(0, 1, 2)) & (step < 1e-9 * T[live])
             size = np.where(np.isfinite(size), size, 1e9)
             good = size <= 1
-            done = live[good]
-            q[:, :, done], v[:, :, done] = here[0][..., good], here[1][..., good]
-            t[done] += step[good]
+            kept = live[good]
+            q[:, :, kept], v[:, :, kept] = here[0][..., good], here[1][..., good]
+            t[kept] += step[good]
             h[live] = step * np.clip(0.9 * (size + 1e-12) ** -0.2, 0.1, 5.0)
             if track is not None:
-                track.append((t0 + t, q[:, 0].copy(), v[:, 0].copy()))
-            live = live[~lost & (t[live] < T * (1 - 1e-12))]
-    q[:, :, t < T * (1 - 1e-12)] = np.nan
-    return q
+                track.append((begin + way * t, q[:, 0].copy(), v[:, 0].copy()))
+            live = live[~lost & (t[live] < T[live] * (1 - 1e-12))]
+    short = t < T * (1 - 1e-12)
+    q[:, :, short] = v[:, :, short] = np.nan
+    return q, v
 
 
 def _acceleration(problem: Problem, y: Array, t: Array) -> Array:
@@ -99,15 +136,16 @@ def _acceleration(problem: Problem, y: Array, t: Array) -> Array:
     return np.asarray(a, dtype=float).reshape(y.shape[1:])
 
 
-def motions(problem: Problem, v0: Array) -> list[Path | None]:
+def motions(problem: Problem, v0: Array, q0: Array | None = None) -> list[Path | None]:
     """Return the motions with velocities v0 (n, K) as paths, on elements of three steps each.
 
-    None stands for one that does not stay finite.
+    They leave from q0 (n, K), by default the start event. None stands for one that does not
+    stay finite.
     """
-    q0 = np.array(problem.start.q, dtype=float)[:, None]
-    start = np.full(v0.shape[1], problem.start.t), np.repeat(q0, v0.shape[1], axis=1), v0
-    track: list[tuple[Array, Array, Array]] = [start]
-    ends: Array = shoot(problem, v0[:, None], track)[:, 0]
+    if q0 is None:
+        q0 = np.repeat(np.array(problem.start.q, dtype=float)[:, None], v0.shape[1], axis=1)
+    track: list[tuple[Array, Array, Array]] = [(np.full(v0.shape[1], problem.start.t), q0, v0)]
+    ends: Array = flown(problem, q0[:, None], v0[:, None], track)[0][:, 0]
     finite = np.isfinite(ends).min(axis=0)
     result: list[Path | None] = []
     for k in range(v0.shape[1]):
@@ -121,11 +159,11 @@ def motions(problem: Problem, v0: Array) -> list[Path | None]:
         v = np.array([row[2][:, k] for row in track])[keep].T
         times[-1] = problem.end.t
         corners = times[np.unique(np.r_[0 : times.size - 1 : 3, times.size - 1])]
-        result.append(Path.interpolate(_hermite(times, q, v), Mesh(corners, DEGREE)))
+        result.append(Path.interpolate(hermite(times, q, v), Mesh(corners, DEGREE)))
     return result
 
 
-def _hermite(times: Array, q: Array, v: Array):
+def hermite(times: Array, q: Array, v: Array):
     """Return the cubic spline with the values q and slopes v (n, K) at the times (K,)."""
 
     def curve(t: Array) -> Array:
@@ -146,28 +184,65 @@ def aim(problem: Problem, v0: Array, targets: Array) -> tuple[Array, NDInt]:
     takes damped Newton steps of its own, least squares where constraints leave fewer velocities
     than coordinates.
     """
-    n, count = v0.shape
     q = np.array([problem.start.q], dtype=float)
-    basis = tangent(problem, q, np.array([[problem.start.t]]), np.ones(n))[0]
-    r = basis.shape[1]
-    unit = np.maximum(problem.scales, np.max(np.abs(targets), axis=1))[:, None]
-    nudge = NUDGE * np.max(np.abs(v0), axis=0)
-    best, miss, part = v0.copy(), np.full(count, np.inf), np.ones(count)
-    step, trial, active = np.zeros_like(v0), v0.copy(), np.arange(count)
+    basis = tangent(problem, q, np.array([[problem.start.t]]), np.ones(len(v0)))[0]
+    apart = np.abs(targets - np.array(problem.start.q, dtype=float)[:, None])
+    unit = np.maximum(problem.lengths, np.max(apart, axis=1))[:, None, None]
+
+    def gap(v: Array, which: NDInt) -> Array:
+        return (shoot(problem, v) - targets[:, None, which]) / unit
+
+    return _newton(v0, basis, gap)
+
+
+def close(problem: Problem, q0: Array, v0: Array, units: Array) -> tuple[Array, Array, NDInt]:
+    """Change motions from q0 and v0 (n, K) until they close; return those that do, and which.
+
+    The coordinates that the start gives stay, and their velocities need not return. `units` (2 n,)
+    are those of coordinates and velocities.
+    """
+    n = len(v0)
+    free = np.setdiff1d(np.arange(n), problem.start.pinned)
+    asked = np.r_[np.arange(n), n + free]  # what has to return
+    varied = np.r_[free, n + np.arange(n)]
+    advance = np.r_[problem.advance, np.zeros(n)][:, None, None]
+
+    def gap(x: Array, which: NDInt) -> Array:
+        y = np.repeat(np.concatenate([q0, v0])[:, None, which], x.shape[1], axis=1)
+        y[varied] = x * units[varied, None, None]
+        miss = np.concatenate(flown(problem, y[:n], y[n:])) - y - advance
+        return miss[asked] / units[asked, None, None]
+
+    y = np.concatenate([q0, v0])
+    x, closed = _newton(y[varied] / units[varied, None], np.eye(varied.size), gap)
+    y = y[:, closed]
+    y[varied] = x * units[varied, None]
+    return y[:n], y[n:], closed
+
+
+def _newton(x: Array, basis: Array, gap) -> tuple[Array, NDInt]:
+    """Change x (d, K) along the basis (d, r) until the gaps vanish; each column by itself.
+
+    `gap(x, which)` returns those of x (d, G, A), groups beside the columns `which` (A,). Returns
+    the columns that arrive, and which they are.
+    """
+    count, r = x.shape[1], basis.shape[1]
+    nudge = NUDGE * np.max(np.abs(x), axis=0)
+    best, miss, part = x.copy(), np.full(count, np.inf), np.ones(count)
+    step, trial, active = np.zeros_like(x), x.copy(), np.arange(count)
     for _ in range(AIMS):
         h = nudge[active]
         fan = np.stack([trial[:, active]] * (r + 1), axis=1)
         fan[:, 1:] += basis[:, :, None] * h
-        end = shoot(problem, fan)
-        gap = (end[:, 0] - targets[:, active]) / unit
-        J = (end[:, 1:] - end[:, :1]) / unit[:, None] / h
-        size = np.linalg.norm(gap, axis=0)
+        gaps = gap(fan, active)
+        J = (gaps[:, 1:] - gaps[:, :1]) / h
+        size = np.linalg.norm(gaps[:, 0], axis=0)
         good = np.isfinite(size) & (size < miss[active]) & np.isfinite(J).all(axis=(0, 1))
         part[active] = np.where(good, np.minimum(1.0, 2 * part[active]), part[active] / 4)
         for i in np.flatnonzero(good):
             k = active[i]
             best[:, k], miss[k] = trial[:, k], size[i]
-            change = -basis @ np.linalg.lstsq(J[:, :, i], gap[:, i], rcond=1e-12)[0]
+            change = -basis @ np.linalg.lstsq(J[:, :, i], gaps[:, 0, i], rcond=1e-12)[0]
             # No farther at once than half the velocity itself: the fan should not collapse.
             long = np.linalg.norm(change) / max(float(np.linalg.norm(best[:, k])), 1e-300)
             step[:, k] = change / max(1.0, 2 * long)
@@ -185,15 +260,14 @@ def speeds(problem: Problem, far: Array) -> tuple[Array, Array]:
     They are those for the displacement `far` (n,) in the time there is, for the force to turn
     within the coordinates' own size, and for the force to act over half the time.
     """
-    units = np.maximum(problem.scales, np.abs(far))
+    units = np.maximum(problem.lengths, np.abs(far))
     start, end = (np.array(e.q, dtype=float)[:, None] for e in (problem.start, problem.end))
     rng = np.random.default_rng(0)
     q = start + (end - start) * np.linspace(0.05, 0.95, 16)
     q = q + 0.3 * units[:, None] * rng.standard_normal(q.shape)
+    times = np.full(q.shape[1], problem.start.t)
     with np.errstate(all="ignore"):
-        a = problem.system.acceleration(
-            q, np.zeros_like(q), problem.start.t, parameters=problem.parameters
-        )
+        a = _acceleration(problem, np.stack([q, 0 * q])[:, :, None], times)[:, 0]
     a = np.abs(a) / units[:, None]
     force = float(np.median(a[np.isfinite(a)])) if np.isfinite(a).any() else 0.0
     T = problem.duration
@@ -211,6 +285,31 @@ def velocities(problem: Problem, far: Array, count: int, rng: np.random.Generato
         return np.sort(np.concatenate([speed, -speed, even]))[None, :] * units[0]
     speed = rng.choice(scales, count) * np.exp(rng.uniform(np.log(0.3), np.log(2.0), count))
     return directed(problem, units[:, None] * speed, rng)
+
+
+def about(problem: Problem, count: int, rng: np.random.Generator) -> Array:
+    """Return initial velocities (n, count) about that of the straight line, near and far.
+
+    As far as the forces along that line would change it. For systems without constraints.
+    """
+    start, end = (np.array(e.q, dtype=float)[:, None] for e in (problem.start, problem.end))
+    n, T, sample = start.size, problem.duration, 64
+    mean = (end - start) / T
+    s = rng.uniform(0.0, 1.0, sample)
+    q = (
+        start
+        + (end - start) * s
+        + 0.1 * problem.lengths[:, None] * rng.standard_normal((n, sample))
+    )
+    times = problem.start.t + T * s
+    with np.errstate(all="ignore"):
+        v = np.repeat(mean, sample, axis=1)
+        a = np.abs(_acceleration(problem, np.stack([q, v])[:, :, None], times)[:, 0])
+    good = np.isfinite(a).all(axis=0)
+    force = np.median(a[:, good], axis=1) if good.any() else np.zeros(n)
+    width = force[:, None] * T / 2 + 0.3 * np.abs(mean)
+    reach = np.exp(rng.uniform(np.log(0.05), np.log(1.5), count))
+    return mean + width * reach * rng.standard_normal((n, count))
 
 
 def directed(problem: Problem, speed: Array, rng: np.random.Generator) -> Array:

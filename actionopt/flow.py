@@ -6,17 +6,16 @@ units of its own size, so that one tolerance means the same for atoms and for pl
 
 from __future__ import annotations
 
-import contextlib
-import io
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from actionopt.interrupts import raised_later
 from actionopt.problem import State
 from actionopt.quadrature import Array
 from actionopt.system import System
@@ -24,11 +23,24 @@ from actionopt.system import System
 LONGEST = 1 / 200  # of the duration: a longer step might pass over a force that acts for a moment
 STEPS = 50_000  # of CVODES between two outputs; a regular motion needs some tens
 NOISE = 1e-10  # a coordinate this much smaller than the others is zero
+FEW = 16  # states of a motion tell its round-off, at least
+MOST = 0.9  # of them
+UNHEARD = 0.1  # of the noise of a step is what CVODES sees of it at high orders
 CONDITION = 1e13  # of the equilibrated equations: accelerations beyond it are round-off
 
 
 class IntegrationError(RuntimeError):
-    """The forward integration could not be continued; the message says at what time."""
+    """The forward integration could not be continued; the message says at what time.
+
+    Attributes
+    ----------
+    t : float
+        Up to here it was possible; NaN if that is not known.
+    """
+
+    def __init__(self, message: str, t: float = np.nan) -> None:
+        super().__init__(message)
+        self.t = t
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +61,18 @@ class Units:
         """Return the units in which the coordinates and velocities (n, K) have size one."""
         metric = rows[: len(q)]
         return cls(sizes(q, metric), sizes(v, metric), rows)
+
+    def above(self, noise: Array, step: float, tolerance: float) -> tuple[Units, float]:
+        """Return units and a tolerance that round-off allows: neither is smaller than it was.
+
+        Accelerations uncertain by `noise` (n,) make velocities uncertain by noise * step and
+        coordinates by noise * step^2 in a step. Where CVODES is asked for much less, it takes
+        ever shorter steps in vain.
+        """
+        noise = noise * UNHEARD
+        tolerance = max(tolerance, float(np.max(noise * step**2 / self.q)))
+        v = np.maximum(self.v, noise * step / tolerance)
+        return Units(self.q, v, self.rows), tolerance
 
     def agree(self, other: Units) -> bool:
         """Whether the two differ by less than a factor of two."""
@@ -103,7 +127,9 @@ class Flow:
             "disable_internal_warnings": True,
             "show_eval_warnings": False,
         }
-        function = ca.integrator("forward", "cvodes", _motion(self.system), 0.0, s, options)
+        with self.system.lock:
+            motion = self.system.made("flow", lambda: _derive(self.system))
+            function = ca.integrator("forward", "cvodes", motion, 0.0, s, options)
         table = self.system.table
         return Integrator(function, s, table.pack(table.values(self.parameters))[0])
 
@@ -121,6 +147,21 @@ class Flow:
             )
         v = np.abs(state.v) + np.abs(a * span)
         return Units.of((np.abs(state.q) + v * abs(span))[:, None], v[:, None], rows)
+
+    def round_off(self, q: Array, v: Array, t: Array) -> Array:
+        """Return what the last digits of q, v (n, K) and t (K,) do to the accelerations, (n,).
+
+        At most of some states along the motion: at few of them a force may be about to jump.
+        """
+        some = slice(None, None, max(1, q.shape[1] // FEW))
+        q, v, t = q[:, some], v[:, some], t[some]
+        both = [np.concatenate([x, x + np.spacing(x)], axis=-1) for x in (q, v, t)]
+        try:
+            a = self.system.acceleration(*both, parameters=self.parameters)
+        except (ValueError, np.linalg.LinAlgError):  # not finite or singular: CVODES will tell
+            return np.zeros(len(q))
+        change = np.sort(np.nan_to_num(np.abs(a[:, t.size :] - a[:, : t.size]), posinf=0.0))
+        return change[:, int(MOST * (t.size - 1))]
 
     def _equilibrate(self, state: State) -> Array:
         """Return r so that diag(r) K diag(r) has rows of size one, K the index-1 matrix."""
@@ -154,24 +195,26 @@ class Integrator:
     ) -> tuple[Array, Array]:
         """Integrate from `state` over times t0 + s span; return q and v there, each (n, K).
 
-        `rate` is Baumgarte's c in units of 1 / span. Raises IntegrationError if CVODES gives up.
+        `rate` is Baumgarte's c in units of 1 / span. Raises IntegrationError if CVODES gives up,
+        and what a signal handler raises meanwhile.
         """
         start = np.concatenate([state.q / units.q, state.v / units.v])
         times = [state.t, span, rate / span]
         values = np.concatenate([self.packed, times, units.q, units.v, units.rows])
-        said = io.StringIO()
-        try:
-            with contextlib.redirect_stderr(said):
+        failure = None
+        with raised_later([], stop=True):
+            try:
                 out = self.function(x0=start, p=values)["xf"].full()
-        except RuntimeError as error:
-            if "KeyboardInterrupt" in said.getvalue():
-                raise KeyboardInterrupt from None
+            except RuntimeError as error:
+                failure = error
+        if failure is not None:
             a, b = state.t + span * self._reached(start, values)
             raise IntegrationError(
                 f"the forward integration stopped between t = {a:.6g} and t = {b:.6g}: the "
                 "motion runs into a singularity there, such as a collision, is not smooth, "
-                "or leaves the domain of the Lagrangian; end before that time or begin elsewhere"
-            ) from error
+                "or leaves the domain of the Lagrangian; end before that time or begin elsewhere",
+                a,
+            ) from failure
         n = state.q.size
         return out[:n] * units.q[:, None], out[n:] * units.v[:, None]
 
@@ -191,24 +234,25 @@ class Integrator:
         buffer.set_arg(self.function.index_in("x0"), memoryview(start))
         buffer.set_arg(self.function.index_in("p"), memoryview(values))
         buffer.set_res(self.function.index_out("xf"), memoryview(out))
-        with contextlib.suppress(RuntimeError), contextlib.redirect_stderr(io.StringIO()):
+        with raised_later([], stop=True), suppress(RuntimeError):
             trigger()
         done = int(np.sum(np.all(np.isfinite(out), axis=1)))
         return np.concatenate([[0.0], self.s, self.s[-1:]])[[done, done + 1]]
 
 
-_compiled: WeakKeyDictionary[System, ca.Function] = WeakKeyDictionary()
-
-
-def _motion(system: System) -> ca.Function:
-    """Return the scaled equations of motion in CasADi's form for integrators, derived once."""
-    if system not in _compiled:
-        _compiled[system] = _derive(system)
-    return _compiled[system]
+def span_within(start: float, end: float) -> float:
+    """Return the largest span for which no t = start + s span is rounded to beyond the end."""
+    span = end - start
+    while abs(start + span - start) > abs(end - start):
+        span = np.nextafter(span, 0.0)
+    return float(span)
 
 
 def _derive(system: System) -> ca.Function:
-    """Derive dx/ds for x = (q / units, v / units), with parameters (p, t0, T, c, units)."""
+    """Return the scaled equations of motion in CasADi's form for integrators.
+
+    They are dx/ds for x = (q / units, v / units), with parameters (p, t0, T, c, units).
+    """
     sym, n, m = system.symbols, system.n, system.m
     M, bias, G, gamma = system.motion
     s, x = ca.SX.sym("s"), ca.SX.sym("x", 2 * n)

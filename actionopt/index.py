@@ -2,23 +2,27 @@
 
 The index is the number of independent variations that lower the action. It is counted, not
 computed from eigenvalues: the signs of the pivots that eliminate the path element by element
-(`variation.condense`). Two counts at shifts -tau and +tau of the quadratic form
+(`quadratic_form.condense`). Two counts at shifts -tau and +tau of the quadratic form
 
     d2S[eta] - mu int eta'.L_vv eta' dt
 
 enclose the eigenvalues mu that are zero for all that can be known. These mu are numbers without
 units, at most a few and accumulating at 1: 1 - (w T / k pi)^2, k = 1, 2, ... for an oscillator.
+Of a closed path the variations that close are counted, eta(t1) = eta(t0): a constant one has no
+rate, and int eta.L_vv eta dt / T^2 is added to the form beside mu.
 """
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import casadi as ca
 import numpy as np
 
-from actionopt.jacobi import resolved
+from actionopt.checks import numbers
+from actionopt.jacobi import polished, resolved
 from actionopt.path import NDInt, Path
 from actionopt.quadratic_form import Form, check_legendre, condense
 from actionopt.quadrature import Array
@@ -27,7 +31,9 @@ if TYPE_CHECKING:
     from actionopt.solution import Solution
 
 RESOLUTION = 1e-6  # of the Jacobi fields; eigenvalues converge twice as fast
+POLISHED = 1e-10  # of the path as well, where its error leaves a sign open
 TOLERANCE = 1e-8  # least |mu| that has a sign
+LOOSEST = 1e-2  # |mu| moved by a path whose error is not known
 ERROR_GAIN = 10.0  # |mu| moved by an error of the path, for coefficients of order one
 DENSE = 600  # free variations up to which all eigenvalues are computed at once
 SWEEPS = 200
@@ -46,7 +52,8 @@ class Inertia:
     smallest : float or None
         The smallest |mu|, where it is below the tolerance.
     tolerance : float
-        1e-8, or ten times the path's own error estimate where that is larger.
+        1e-8, or ten times the path's own error estimate where that is larger and leaves no sign
+        open, or where the path cannot be improved.
     """
 
     index: int
@@ -88,8 +95,14 @@ class SecondVariation:
 def inertia(solution: Solution, *, tolerance: float | None = None) -> Inertia:
     """Return the index and the nullity of a solution's second variation.
 
-    `tolerance` replaces the one described at `Inertia`. Raises ValueError for non-conservative
-    forces, or where L is not convex in the velocities.
+    Ten times the path's error is how far an eigenvalue may be off. Where that leaves signs open,
+    the path is improved and they are counted again, so that "degenerate" is said of the problem
+    and not of the tolerance its path was solved to. `tolerance` replaces all this.
+
+    The nullity is the dimension of the family of paths between the same ends, to first order.
+
+    Raises ValueError for non-conservative forces, where L is not convex in the velocities, along a
+    path through a singularity, or where the constraints are not independent.
 
     References
     ----------
@@ -97,10 +110,15 @@ def inertia(solution: Solution, *, tolerance: float | None = None) -> Inertia:
     (1963), section 15.
     """
     form = resolved(solution, RESOLUTION)
-    if tolerance is None:
-        error = solution.error if np.isfinite(solution.error) else 0.0
-        tolerance = float(np.clip(ERROR_GAIN * error, TOLERANCE, 1e-2))
-    return inertia_of(form, tolerance)
+    if tolerance is not None:
+        return inertia_of(form, tolerance)
+    error = np.fmin(solution.error, 1.0)  # unknown ones are not finite
+    found = inertia_of(form, float(np.clip(ERROR_GAIN * error, TOLERANCE, LOOSEST)))
+    if found.nullity and found.tolerance > TOLERANCE:
+        with suppress(ValueError):  # a path that is none may be resolved on no mesh
+            form = polished(solution, POLISHED, found.nullity)
+            return inertia_of(form) if form is not None else found
+    return found
 
 
 def inertia_of(form: Form, tolerance: float = TOLERANCE) -> Inertia:
@@ -152,16 +170,21 @@ def second_variation(
     ValueError
         As `inertia` does, or for a count below one or units that are not positive.
     """
-    given = np.broadcast_to(np.asarray(units, dtype=float), (solution.problem.system.n,))
-    if count < 1 or not np.all(given > 0):
+    n, asked = solution.problem.system.n, numbers(units, "the units")
+    whole = isinstance(count, (int, np.integer)) and count >= 1
+    if not whole or asked.shape not in ((), (1,), (n,)) or not np.all(asked > 0):
         raise ValueError(
-            f"expected count >= 1 and positive units, found count = {count}, units = {units}"
+            f"expected a whole count >= 1 and positive units, one or {n}, found count = {count!r}, "
+            f"units = {units!r}"
         )
+    given = np.broadcast_to(asked, (n,))
     found = inertia(solution)
     form = resolved(solution, RESOLUTION / 100, units=given)
     values, vectors = lowest(form, count)
     nodes = np.zeros((len(form.basis), form.freedom, len(values)))
     nodes.reshape(-1, len(values))[_free(form)] = vectors
+    if form.closed:
+        nodes[-1] = nodes[0]
     eta = given[:, None] * np.einsum("knr,krc->knc", form.basis, nodes)
     mesh = form.tr.mesh
     modes = tuple(Path(mesh, eta[:, :, i].T) for i in range(len(values)))
@@ -190,8 +213,13 @@ def lowest(form: Form, count: int) -> tuple[Array, Array]:
 
 
 def _free(form: Form) -> NDInt:
-    """Return the positions of the variations that the events leave free, all nodes in a row."""
+    """Return the positions of the variations that the events leave free, all nodes in a row.
+
+    Those of a closed path's last node are the first one's, and have no place of their own.
+    """
     K, r = len(form.basis), form.freedom
+    if form.closed:
+        return np.arange(form.pinned[0], K * r - r)
     return np.r_[form.pinned[0] : K * r - r, K * r - r + form.pinned[1] : K * r]
 
 
@@ -200,6 +228,8 @@ def _assembled(form: Form, free: NDInt) -> tuple[NDInt, NDInt, Array, Array]:
     K, r = len(form.basis), form.freedom
     number = np.full(K * r, -1)
     number[free] = np.arange(free.size)
+    if form.closed:
+        number[K * r - r :] = number[:r]
     first = form.tr.mesh.offsets * r
     keys, parts, mass = [], [], np.zeros(K * r)
     for e, (E, m) in enumerate(zip(form.elements, form.masses, strict=True)):
@@ -210,6 +240,8 @@ def _assembled(form: Form, free: NDInt) -> tuple[NDInt, NDInt, Array, Array]:
         keep = (mine[:, None] >= 0) & (mine >= 0)
         keys.append(key[keep])
         parts.append(E[keep])
+    if form.closed:
+        mass[:r] += mass[K * r - r :]
     unique, slots = np.unique(np.concatenate(keys), return_inverse=True)
     entries: Array = np.bincount(slots, np.concatenate(parts)).astype(float)
     return unique % free.size, unique // free.size, entries, mass[free]

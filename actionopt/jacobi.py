@@ -14,13 +14,21 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import casadi as ca
 import numpy as np
 
 from actionopt.newton import follow
-from actionopt.path import MAX_DEGREE, Mesh
-from actionopt.quadratic_form import Form, coefficients, form
+from actionopt.path import MAX_DEGREE, Mesh, Path
+from actionopt.quadratic_form import (
+    Form,
+    check_independent,
+    check_legendre,
+    coefficients,
+    dependent,
+    form,
+)
 from actionopt.quadrature import Array, lgl
-from actionopt.transcription import Transcription
+from actionopt.transcription import Transcription, compressed
 
 if TYPE_CHECKING:
     from actionopt.solution import Solution
@@ -29,15 +37,20 @@ ROUNDS = 12
 HIGHEST = 20  # degree above which an element is split instead
 LOW = 2  # degree
 SAMPLES = 120  # of the coefficients of d2S, at least: they may vary faster than path and fields
-SHORTEST = 1e-13  # of the times: the shortest element that is still split
+SHORTEST = 1e-13  # of the duration: the shortest element that is still split
 NOISE = 1e-13  # in coefficients, of the largest
+NEAR = 0.5  # of the coordinates' sizes: a path further away is another one
+CORRECTIONS = 12
+CLOSE = 1e-11  # a step this small, in the coordinates' sizes, ends the corrections
+VANISHES = 1e-8  # of the unit of action, for a move of the coordinates by their size
 
 
 def fields(form: Form) -> list[Array]:
     """Return r Jacobi fields on each element, at its nodes: (d + 1, r, r) in a_k, field last.
 
     They vanish at the start along its pinned directions; along its free ones their momentum
-    vanishes there. From one element to the next they are recombined.
+    vanishes there. From one element to the next they are recombined. Raises ValueError where the
+    start does not determine them.
     """
     r, unit = form.freedom, float(np.abs(form.legendre).mean()) * form.frequency or 1.0
     held = np.arange(r) < form.pinned[0]
@@ -47,7 +60,14 @@ def fields(form: Form) -> list[Array]:
         inner = len(E) - r
         right = -E[:inner, :r] @ a
         right[:r] -= unit * p
-        later = np.linalg.solve(E[:inner, r:], right)
+        try:
+            later = np.linalg.solve(E[:inner, r:], right)
+        except np.linalg.LinAlgError:
+            check_legendre(form)  # the usual reason
+            raise ValueError(
+                "expected a path whose neighbours are determined by their start, found an element "
+                "along which they are not; try other elements (mesh=)"
+            ) from None
         whole = np.concatenate([a, later])
         result.append(whole.reshape(-1, r, r))
         frame, _ = np.linalg.qr(np.concatenate([later[-r:], E[inner:] @ whole / unit]))
@@ -62,23 +82,22 @@ def resolved(
 
     A mesh that resolves the path need not resolve its neighbours: a body at rest may be passed
     by any number of them, and a straight path may lead through a valley of any shape. Raises
-    ValueError for non-conservative forces, or a path through a singularity.
+    ValueError for non-conservative forces, a path through a singularity, or one along which the
+    constraints are not independent.
     """
     tr, z = solution.discrete
     Q, lam = tr.unpack(z)
     if lam.size and not np.isfinite(lam).all():
         # Pinned ends carry no rows; the equations of motion tell the multipliers there.
-        known = solution.multipliers(tr.mesh.nodes).T
-        lam = np.where(np.isfinite(lam), lam, known)
+        lam = np.where(np.isfinite(lam), lam, multipliers(solution, tr.mesh.nodes))
     found = form(tr, Q, lam, units)
     for _ in range(ROUNDS):
+        check_independent(found, solution.error)
         mesh = finer(tr.mesh, tol, form=found, Q=Q / tr.lengths if polish else None)
         if mesh is None:
             break
         tr = Transcription(solution.problem, mesh, tr.lengths)
-        Q, lam = solution(mesh.nodes).T, np.zeros((mesh.nodes.size, 0))
-        if solution.problem.system.m:
-            lam = solution.multipliers(mesh.nodes).T
+        Q, lam = solution.path.on(mesh).values.T, multipliers(solution, mesh.nodes)
         if polish:
             near = follow(tr, tr.pack(Q, lam))
             if near.converged:
@@ -86,6 +105,83 @@ def resolved(
                 lam = np.where(np.isfinite(rows), rows, lam)
         found = form(tr, Q, lam, units)
     return found
+
+
+def polished(solution: Solution, tol: float, nullity: int) -> Form | None:
+    """Return d2S along a path improved on a mesh that resolves it and its Jacobi fields to `tol`.
+
+    Newton's method leaves the path where it is along `nullity` directions in which the action
+    hardly bends, if its own steps lead nowhere for them: in a family of paths any will do. None
+    where it finds no stationary path near. Raises ValueError as `resolved` does.
+    """
+    tr, z = solution.discrete
+    Q, lam = tr.unpack(z)
+    for _ in range(ROUNDS):
+        lam = np.where(np.isfinite(lam), lam, multipliers(solution, tr.mesh.nodes))
+        z = _stationary(tr, tr.pack(Q, lam), nullity)
+        if z is None:
+            return None
+        Q, rows = tr.unpack(z)
+        found = form(tr, Q, np.where(np.isfinite(rows), rows, lam))
+        check_independent(found, tol)
+        mesh = finer(tr.mesh, tol, form=found, Q=Q / tr.lengths)
+        if mesh is None:
+            return found
+        path = Path(tr.mesh, Q.T)
+        tr = Transcription(solution.problem, mesh, tr.lengths)
+        Q, lam = path(mesh.nodes).T, multipliers(solution, mesh.nodes)
+    return None
+
+
+def _stationary(tr: Transcription, z: Array, nullity: int) -> Array | None:
+    """Return the stationary path near z, or None.
+
+    Where Newton's matrix K is singular, [K B; B' 0] with as many columns B as K lacks in rank is
+    not: their multipliers vanish where there is a path, and tell where there is none.
+    """
+    near = follow(tr, z)
+    if near.converged and near.travelled < NEAR:
+        return near.z
+    cut, size, first = tr.layout.unknowns, tr.layout.size, z
+    border = np.zeros((size, nullity))
+    border[:cut] = np.random.default_rng(0).standard_normal((cut, nullity)) / np.sqrt(cut)
+    pattern = tr.layout.kkt
+    with np.errstate(all="ignore"):
+        for _ in range(CORRECTIONS):
+            entries, residual = compressed(tr.layout, tr.kkt(z)), tr.residual(z)
+            if not (np.isfinite(entries).all() and np.isfinite(residual).all()):
+                return None
+            K, B = ca.DM(pattern.sparsity, entries), ca.DM(border)
+            matrix = ca.blockcat([[K, B], [B.T, ca.DM(nullity, nullity)]])
+            right = ca.DM(np.r_[residual, np.zeros(nullity)])
+            try:
+                step = np.asarray(ca.solve(matrix, right, "csparse")).ravel()
+            except RuntimeError:  # singular all the same
+                return None
+            z = z - step[:size]
+            if not np.max(np.abs((z - first)[:cut]), initial=0.0) < NEAR:
+                return None
+            if np.max(np.abs(step[:cut])) < CLOSE:
+                return z if np.max(np.abs(step[size:])) < VANISHES else None
+    return None
+
+
+def multipliers(solution: Solution, t: Array) -> Array:
+    """Return a solution's multipliers at the times t, (K, m).
+
+    Raises ValueError where the constraints are not independent.
+    """
+    if not solution.problem.system.m:
+        return np.zeros((t.size, 0))
+    try:
+        return solution.multipliers(t).T
+    except np.linalg.LinAlgError:
+        for time in t:
+            try:
+                solution.multipliers(time)
+            except np.linalg.LinAlgError:
+                raise dependent(time) from None
+        raise
 
 
 def finer(
@@ -119,7 +215,7 @@ def finer(
     # Raise the degree where the coefficients decay; split where they do not, or it is high.
     # Too low a degree has no coefficients that could decay.
     split = coarse & (((tail > 1e-2) & (degrees > LOW)) | (degrees + 4 > HIGHEST))
-    if np.any(mesh.lengths[split] < SHORTEST * np.max(np.abs(mesh.boundaries))):
+    if np.any(mesh.lengths[split] < SHORTEST * mesh.duration):
         worst = mesh.boundaries[np.argmin(np.where(split, mesh.lengths, np.inf))]
         raise ValueError(
             f"expected a smooth path, found one that no elements resolve at t = {worst:.6g}: it "
@@ -128,9 +224,9 @@ def finer(
         )
     degrees = np.where(coarse & ~split, degrees + 4, degrees)
     parts = np.where(split, 2, 1)
-    b = mesh.boundaries
+    b = mesh.since
     pieces = [np.linspace(b[e], b[e + 1], k, endpoint=False) for e, k in enumerate(parts)]
-    return Mesh(np.concatenate([*pieces, b[-1:]]), np.repeat(degrees, parts))
+    return mesh.cut(np.concatenate([*pieces, b[-1:]]), np.repeat(degrees, parts))
 
 
 def _unresolved(form: Form) -> Array:
@@ -147,8 +243,8 @@ def _unresolved(form: Form) -> Array:
         h = mesh.lengths[which]
         q = weights @ form.Q[index]
         v = (weights @ rule.derivative) @ form.Q[index] * (2 / h)[:, None, None]
-        middle = (mesh.boundaries[which] + mesh.boundaries[which + 1]) / 2
-        t = middle[:, None] + h[:, None] / 2 * fine.nodes
+        middle = (mesh.since[which] + mesh.since[which + 1]) / 2
+        t = mesh.boundaries[0] + (middle[:, None] + h[:, None] / 2 * fine.nodes)
         n = q.shape[2]
         A, B, C, _ = coefficients(tr.problem, q.reshape(-1, n), v.reshape(-1, n), t.reshape(-1, 1))
         shape = (which.size, fine.degree + 1, n, n)

@@ -117,16 +117,16 @@ def _steps(
     Return where they lead, the length of the last one, its ratio to the one before, and whether
     nothing is left: then the last one was not taken, and its length is the round-off.
     """
-    cut, settled, ratio = tr.layout.unknowns, False, 0.0
+    settled, ratio = False, 0.0
     step = factors.solve(residual)
     for again in range(chords + 2):
-        z, size = z - step, _size(step[:cut])
+        z, size = z - step, tr.measured(step)
         residual = tr.residual(z)
         step = factors.solve(residual)
-        rest = _size(step[:cut])
+        rest = tr.measured(step)
         if settled or rest <= target:
             if not residual.any():  # a path of zeros has no round-off of its own
-                rest = _size(factors.solve(_roundoff(tr, factors))[:cut])
+                rest = tr.measured(factors.solve(_roundoff(tr, factors)))
             return z, rest, ratio, True
         ratio = rest / size if size else 0.0
         stopped = ratio > CONTRACTION and rest < ROUNDOFF_STEP
@@ -179,7 +179,7 @@ def approach(
             except np.linalg.LinAlgError:
                 return None
             length = _norm(step[:cut])
-            if length < ROUNDOFF_STEP:
+            if tr.measured(step) < ROUNDOFF_STEP:
                 return z, k
             if last is not None and missed is not None:
                 bend = _norm((missed - step)[:cut]) * length
@@ -214,13 +214,13 @@ def _norm(step: Array) -> float:
 
 def _roundoff(tr: Transcription, factors: Factors) -> Array:
     """Return a residual of the size of round-off."""
-    terms = product(tr.layout, np.abs(factors.nonzeros), np.ones(tr.layout.size))
+    terms = product(tr.layout, np.abs(factors.nonzeros), tr.magnitudes)
     return ROUNDOFF * np.cos(np.arange(terms.size)) * terms
 
 
 def _exhausted(tr: Transcription, z: Array, residual: Array) -> bool:
     """Whether the residual is no larger than the round-off of its own evaluation."""
-    magnitude = product(tr.layout, np.abs(tr.kkt(z)), np.abs(z))
+    magnitude = product(tr.layout, np.abs(tr.kkt(z)), np.abs(z) + tr.magnitudes - 1.0)
     return bool(np.max(np.abs(residual)) <= 4 * np.finfo(float).eps * np.max(magnitude))
 
 

@@ -32,6 +32,12 @@ class Mesh:
     degrees : int or (N,) array of int
         Polynomial degree of each element, from 1 to 64; one integer serves all.
 
+    Attributes
+    ----------
+    since : (N + 1,) array
+        The boundaries measured from the first of them. Far from zero, where times are rounded
+        coarsely, an element may be shorter than `boundaries` can tell.
+
     Raises
     ------
     ValueError
@@ -46,9 +52,19 @@ class Mesh:
 
     boundaries: Array
     degrees: tuple[int, ...]
+    since: Array
 
     def __init__(self, boundaries: ArrayLike, degrees: int | ArrayLike) -> None:
         times = np.array(boundaries, dtype=float)
+        since = times - times[0] if times.ndim == 1 and times.size else times
+        if times.ndim == 1 and np.all(np.diff(times) > 0):
+            # Nearer to zero than the first, times may be told apart that are not from there.
+            for k in np.flatnonzero(np.diff(since) <= 0):
+                since[k + 1] = np.nextafter(since[k], np.inf)
+        self._set(times, since, degrees)
+
+    def _set(self, boundaries: Array, since: Array, degrees: int | ArrayLike) -> None:
+        times = since
         if times.ndim != 1 or times.size < 2 or not np.all(np.isfinite(times)):
             raise ValueError(
                 "expected at least two finite element boundaries in one row, "
@@ -68,8 +84,9 @@ class Mesh:
                 f"expected integer degrees from 1 to {MAX_DEGREE}, found {degrees!r}; "
                 "use more elements instead of a higher degree"
             )
-        times.setflags(write=False)
-        object.__setattr__(self, "boundaries", times)
+        for name, row in (("boundaries", boundaries), ("since", since)):
+            row.setflags(write=False)
+            object.__setattr__(self, name, row)
         object.__setattr__(
             self, "degrees", tuple(np.broadcast_to(given, (count,)).astype(int).tolist())
         )
@@ -84,7 +101,23 @@ class Mesh:
     @classmethod
     def uniform(cls, start: float, end: float, elements: int, degree: int) -> Mesh:
         """Return `elements` equal elements of one degree over the times [start, end]."""
-        return cls(np.linspace(start, end, elements + 1), degree)
+        return cls.over(start, end, np.linspace(0.0, end - start, elements + 1), degree)
+
+    @classmethod
+    def over(cls, start: float, end: float, since: Array, degrees: int | ArrayLike) -> Mesh:
+        """Return a mesh over [start, end] whose boundaries (N + 1,) are measured from `start`.
+
+        They begin with 0 and end with the duration. Raises ValueError as the class does.
+        """
+        mesh = object.__new__(cls)
+        boundaries = start + since
+        boundaries[-1] = end
+        mesh._set(boundaries, np.array(since), degrees)
+        return mesh
+
+    def cut(self, since: Array, degrees: int | ArrayLike) -> Mesh:
+        """Return other elements over the same times; `since` as for `over`."""
+        return Mesh.over(self.boundaries[0], self.boundaries[-1], since, degrees)
 
     @property
     def elements(self) -> int:
@@ -94,7 +127,12 @@ class Mesh:
     @cached_property
     def lengths(self) -> Array:
         """Element lengths h, shape (N,)."""
-        return np.diff(self.boundaries)
+        return np.diff(self.since)
+
+    @property
+    def duration(self) -> float:
+        """Time from the first boundary to the last."""
+        return float(self.since[-1])
 
     @cached_property
     def offsets(self) -> NDInt:
@@ -104,11 +142,18 @@ class Mesh:
     @cached_property
     def nodes(self) -> Array:
         """All nodes in time order, shared ones once, shape (sum of degrees + 1,)."""
+        times = self.boundaries[0] + self.nodes_since
+        times[self.offsets] = self.boundaries
+        return times
+
+    @cached_property
+    def nodes_since(self) -> Array:
+        """The nodes measured from the first of them, as `since`."""
         times = np.empty(self.offsets[-1] + 1)
         for rule, which, index in self.groups:
-            mid = (self.boundaries[which] + self.boundaries[which + 1])[:, None] / 2
+            mid = (self.since[which] + self.since[which + 1])[:, None] / 2
             times[index] = mid + self.lengths[which][:, None] / 2 * rule.nodes
-        times[self.offsets] = self.boundaries
+        times[self.offsets] = self.since
         return times
 
     @cached_property
@@ -126,9 +171,10 @@ class Mesh:
         b = self.boundaries
         if b[0] == start and b[-1] == end:
             return self
-        times = start + (b - b[0]) * ((end - start) / (b[-1] - b[0]))
-        times[-1] = end
-        return Mesh(times, self.degrees)
+        duration = end - start
+        since = self.since * (duration / self.duration)
+        since[-1] = duration
+        return Mesh.over(start, end, since, self.degrees)
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,7 +251,7 @@ class Path:
 
     def on(self, mesh: Mesh) -> Path:
         """Return this curve interpolated on another mesh over the same times."""
-        return Path(mesh, self(mesh.nodes))
+        return Path(mesh, self._since(self.values, 0, mesh.nodes_since))
 
     def legendre(self) -> list[Array]:
         """Return each element's Legendre coefficients, shape (n, d + 1), in element order."""
@@ -226,6 +272,12 @@ class Path:
                 f"expected times within [{b[0]}, {b[-1]}], found "
                 f"{flat.min()} to {flat.max()}; a path is not extrapolated"
             )
+        found = self._since(table, derivatives, flat - b[0])
+        return found.reshape(table.shape[0], *times.shape)
+
+    def _since(self, table: Array, derivatives: int, flat: Array) -> Array:
+        """Evaluate at times (K,) measured from the path's first: (n, K)."""
+        b = self.mesh.since
         where = np.clip(np.searchsorted(b, flat, side="right") - 1, 0, self.mesh.elements - 1)
         result = np.empty((table.shape[0], flat.size))
         position = np.empty(self.mesh.elements, dtype=int)
@@ -242,4 +294,4 @@ class Path:
                 weights = (weights @ rule.derivative) * (2 / h)[:, None]
             local = table[:, index[position[e]]]
             result[:, mine] = np.einsum("nkj,kj->nk", local, weights)
-        return result.reshape(table.shape[0], *times.shape)
+        return result

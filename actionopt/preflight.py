@@ -14,6 +14,8 @@ from actionopt.transcription import Transcription, sparsity_of
 
 SAMPLES = 3  # points looked at; a defect shows at all of them
 RANK = 1e-10  # singular values below this fraction of the largest are zero
+VELOCITIES = 4  # tried at an event
+BESIDE = 1e-3  # of the motion's size and of the duration: near an event, and not there
 PROJECTIONS = 12
 MANY = 300  # constraints above which dense projections cost more than a start off the surface
 
@@ -25,7 +27,8 @@ def check(tr: Transcription, Q: Array) -> None:
     ------
     ValueError
         If constraints are redundant or inconsistent (the rows are named), the mass matrix is
-        singular (the coordinate is named), or L is not finite.
+        singular (the coordinate is named), or L is not finite: along the whole path, or at an event
+        (the coordinate is named).
     """
     problem = tr.problem
     system = problem.system
@@ -33,8 +36,10 @@ def check(tr: Transcription, Q: Array) -> None:
     last = nodes.size - 1
     chosen = sorted({k * last // (SAMPLES + 1) for k in range(SAMPLES + 2)})[1:-1] or [0]
     q, t = Q[chosen], nodes[chosen][:, None]
-    if not np.isfinite(tr.action(tr.pack(Q)[: tr.layout.unknowns])):
-        _check_finite(tr, Q)
+    with np.errstate(all="ignore"):
+        if not all(np.isfinite(part).all() for part in tr.action_and_gradient(Q)):
+            _check_events(tr, Q)
+            _check_finite(tr, Q)
     G = None
     if system.m:
         G = _dense(system, "constraint_jacobian", 0, (q, t, problem.packed))
@@ -67,6 +72,45 @@ def _check_finite(tr: Transcription, Q: Array) -> None:
             "expected a Lagrangian that is finite along the first path, found NaN or infinity at "
             f"all of its times, such as at q = {at[0].tolist()}, t = {tr.times[0, 0]}; keep to "
             "its domain, or give a guess that avoids the singularity"
+        )
+
+
+def _check_events(tr: Transcription, Q: Array) -> None:
+    """Raise ValueError if L or its derivatives are infinite at an event, whatever the velocity."""
+    problem, nodes = tr.problem, tr.mesh.nodes
+    n, first = problem.system.n, problem.system.pointwise("first")
+    rates = tr.lengths / problem.duration
+    waves = np.cos(np.arange(1.0, 1 + VELOCITIES * n)).reshape(VELOCITIES, n)
+    v = waves * rates * np.logspace(0, -6, VELOCITIES)[:, None]  # some stay below a limit
+
+    def found(q: Array, t: float) -> str:
+        """Return what is not finite there at any velocity, if anything is."""
+        at = np.repeat(q[None], VELOCITIES, axis=0)
+        values = first(at, v, np.full((VELOCITIES, 1), t), problem.packed)
+        finite = [np.isfinite(x).all(axis=1) for x in (values[2], values[1], values[0])]
+        if np.logical_and.reduce(finite).any():
+            return ""
+        names = ("L", "dL/dv", "dL/dq")
+        return next((x for x, good in zip(names, finite, strict=True) if not good.any()), "L")
+
+    for k, role, event in ((0, "start", problem.start), (-1, "end", problem.end)):
+        what = found(Q[k], nodes[k])
+        if not what:
+            continue
+        beside = tr.mesh.duration * BESIDE * (1 if k == 0 else -1)
+        where = [f"t = {event.t:g}"] if not found(Q[k], nodes[k] + beside) else []
+        for i in event.pinned:
+            name = problem.system.coordinates[i]
+            step = np.where(np.arange(n) == i, BESIDE * tr.lengths, 0.0)
+            if not (found(Q[k] + step, nodes[k]) and found(Q[k] - step, nodes[k])):
+                where.append(f"{name} = {Q[k, i]:g}")
+        if not where:  # nor is it beside the event
+            continue
+        raise ValueError(
+            f"expected a Lagrangian that is finite at the {role} event, found that {what} is not, "
+            f"where {' and '.join(where)}, whatever the velocity; put the event a "
+            "little beside (`trace` may then follow the path towards it), or use coordinates in "
+            "which the place is regular"
         )
 
 

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from time import perf_counter
 
 BAR = 24  # characters
+PATIENCE, PACE = 1.0, 0.1  # seconds before anything is said, and between two lines
 
 
 def progress(done: int, total: int, what: str) -> None:
@@ -16,3 +20,33 @@ def progress(done: int, total: int, what: str) -> None:
         print(f"\r\x1b[K{line}", end=end, file=sys.stderr, flush=True)
     else:
         print(line, file=sys.stderr, flush=True)
+
+
+@contextmanager
+def waiting() -> Iterator[Callable[[str, int, int], None] | None]:
+    """Yield what `solve` may tell its progress; on a terminal it is shown after a second.
+
+    The line is gone afterwards. Yields None where the standard error is no terminal.
+    """
+    if not sys.stderr.isatty():
+        yield None
+        return
+    started = perf_counter()
+    shown = started + PATIENCE - PACE
+
+    def told(how: str, elements: int, iterations: int) -> None:
+        nonlocal shown
+        now = perf_counter()
+        if now - shown < PACE:
+            return
+        shown = now
+        filled = int((now - started) / PACE) % (BAR + 1)  # how long it will take is not known
+        bar = "#" * filled + "." * (BAR - filled)
+        line = f"[{bar}] {now - started:.0f} s: {how}, {elements} elements, {iterations} iterations"
+        print(f"\r\x1b[K{line}", end="", file=sys.stderr, flush=True)
+
+    try:
+        yield told
+    finally:
+        if shown > started + PATIENCE - PACE:
+            print("\r\x1b[K", end="", file=sys.stderr, flush=True)

@@ -13,18 +13,19 @@ and what is left does not depend on F. The constraints restrict each node by its
 so a basis of their tangent space at each node reduces the quadratic form without coupling
 elements. Eliminating the path from its start to its end, one element after the other, then leaves
 the Hessian of the principal function S(q0, q1); the negative pivots on the way are the Morse
-index (Sylvester's law of inertia).
+index (Sylvester's law of inertia). The ends of a closed path vary together, eta(t1) = eta(t0),
+wherever its start is free: its start is kept until its end is reached, and goes with that.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from weakref import WeakKeyDictionary
 
 import casadi as ca
 import numpy as np
 
+from actionopt.path import NDInt
 from actionopt.pointwise import Pointwise
 from actionopt.problem import Problem
 from actionopt.quadrature import Array
@@ -32,6 +33,8 @@ from actionopt.system import System
 from actionopt.transcription import Transcription, sparsity_of
 
 SINGULAR = 1e-9  # pivots below this fraction of their block's largest wait for the next block
+BLURRED = 10.0  # times the path's error: smaller singular values of G say nothing
+UNKNOWN = 1e-3  # error of a path whose own is not known
 RANK = 1e-10  # singular values below this fraction of the largest are zero
 
 
@@ -52,7 +55,8 @@ class Form:
     pinned : tuple of int
         Number of pinned directions at the start and at the end.
     elements, kinetic : lists of ((d + 1) r, (d + 1) r) arrays
-        d2S and its part in L_vv on each element, in the user's units of action.
+        d2S and its part in L_vv on each element, in the user's units of action. Where neither
+        end pins all, int eta.L_vv eta dt / T^2 is added to that part: a constant eta has no rate.
     legendre : (evaluations, r) array
         Eigenvalues of L_vv on the variations allowed.
     frequency : float
@@ -74,6 +78,11 @@ class Form:
     def freedom(self) -> int:
         """Number r of independent variations at a node."""
         return self.basis.shape[2]
+
+    @property
+    def closed(self) -> bool:
+        """Whether the ends vary together: a_K = a_0 in the directions that are not pinned."""
+        return self.tr.layout.closed
 
     @cached_property
     def masses(self) -> list[Array]:
@@ -97,8 +106,8 @@ class Form:
 def form(tr: Transcription, Q: Array, lam: Array, units: Array | None = None) -> Form:
     """Return the second variation at node coordinates Q (K, n) and multipliers lam (K, m).
 
-    Raises ValueError for a system with non-conservative forces or a periodic end, or a path along
-    which L is not finite.
+    A path that closes needs no multipliers at its last node: they are those at the first. Raises
+    ValueError for a system with non-conservative forces, or a path along which L is not finite.
     """
     problem, layout = tr.problem, tr.layout
     system = problem.system
@@ -107,15 +116,13 @@ def form(tr: Transcription, Q: Array, lam: Array, units: Array | None = None) ->
             "expected a system without non-conservative forces, found one with: its paths are not "
             "stationary points of an action, so that they have no second variation or index"
         )
-    if layout.closed:
-        raise ValueError(
-            "expected events that pin the ends or leave them free, found a path that closes: the "
-            "index of closed paths, whose ends vary together, is not counted"
-        )
     given = units
     units = tr.lengths if units is None else np.asarray(units, dtype=float)
     at = Q[layout.node_of]
     A, B, C, S = coefficients(problem, at, tr.velocities(at), tr.times)
+    if system.m:
+        lam = np.concatenate([lam[:-1], lam[:1]]) if layout.closed else lam
+        A = A + _curvature(problem, at, lam[layout.node_of], tr.times)
     finite = np.isfinite([A, B, C]).all(axis=(0, 2, 3))
     if not finite.all():
         raise ValueError(
@@ -128,14 +135,15 @@ def form(tr: Transcription, Q: Array, lam: Array, units: Array | None = None) ->
         inertia = np.abs(np.diagonal(C, axis1=1, axis2=2)).mean(axis=0)
         size = (units * np.sqrt(inertia)).max()
         units = np.where(inertia > 0, size / np.sqrt(np.where(inertia > 0, inertia, 1.0)), units)
-    if system.m:
-        A = A + _curvature(problem, at, lam[layout.node_of], tr.times)
     basis = tangent(problem, Q, tr.mesh.nodes[:, None], units).copy()
     sides = []
     for k, event in ((0, problem.start), (-1, problem.end)):
         basis[k], count = _pinned_first(basis[k], event.pinned)
         sides.append(count)
+    if layout.closed:
+        basis[-1] = basis[0]
     pinned = (sides[0], sides[1])
+    loose = max(pinned) < basis.shape[2]
     scale = units[:, None] * units
     elements: list[Array] = [np.empty(0)] * tr.mesh.elements
     kinetic: list[Array] = [np.empty(0)] * tr.mesh.elements
@@ -143,6 +151,8 @@ def form(tr: Transcription, Q: Array, lam: Array, units: Array | None = None) ->
         a, b, c = (x[g.span].reshape(*g.nodes.shape, *scale.shape) * scale for x in (A, B, C))
         rate = _kinetic(g, c, tr.half[g.elements])
         whole = rate + _rest(g, a, b, tr.half[g.elements])
+        if loose:
+            rate = rate + _rest(g, c / problem.duration**2, 0 * b, tr.half[g.elements])
         Z = basis[g.nodes]
         for target, local in ((elements, whole), (kinetic, rate)):
             reduced = _reduce(local, Z)
@@ -176,7 +186,8 @@ def coefficients(
     S is None where L has no terms linear in the velocities.
     """
     A, B, C = second_derivatives(problem, q, v, t)
-    coupling = _coupling(problem.system)
+    system = problem.system
+    coupling = system.made("coupling", lambda: _coupling(system))
     if coupling is None:
         return A, B, C, None
     # A Lagrangian that is singular at rest has none of which this S would be a part.
@@ -185,20 +196,15 @@ def coefficients(
     return A - rate, B - S, C, S
 
 
-_couplings: WeakKeyDictionary[System, Pointwise | None] = WeakKeyDictionary()
-
-
 def _coupling(system: System) -> Pointwise | None:
-    """Return the function of S(q, t) and dS/dt along a path, derived once; None where S is zero."""
-    if system not in _couplings:
-        s, n = system.symbols, system.n
-        mixed = ca.substitute(system.derivatives.Lqv, s.v, ca.SX.zeros(n))
-        S = ca.sparsify((mixed + mixed.T) / 2)
-        rate = ca.jtimes(ca.vec(S), s.q, s.v) + ca.jacobian(ca.vec(S), s.t)
-        outputs = [ca.densify(ca.vec(S)), ca.densify(rate)]
-        function = ca.Function("coupling", [s.q, s.v, s.t, s.p], outputs)
-        _couplings[system] = Pointwise(function) if S.nnz() else None
-    return _couplings[system]
+    """Return the function of S(q, t) and dS/dt along a path; None where S is zero."""
+    s, n = system.symbols, system.n
+    mixed = ca.substitute(system.derivatives.Lqv, s.v, ca.SX.zeros(n))
+    S = ca.sparsify((mixed + mixed.T) / 2)
+    rate = ca.jtimes(ca.vec(S), s.q, s.v) + ca.jacobian(ca.vec(S), s.t)
+    outputs = [ca.densify(ca.vec(S)), ca.densify(rate)]
+    function = ca.Function("coupling", [s.q, s.v, s.t, s.p], outputs)
+    return Pointwise(function) if S.nnz() else None
 
 
 def second_derivatives(problem: Problem, q: Array, v: Array, t: Array) -> tuple[Array, ...]:
@@ -221,11 +227,44 @@ def tangent(problem: Problem, q: Array, t: Array, units: Array) -> Array:
     system = problem.system
     if not system.m:
         return np.broadcast_to(np.eye(system.n), (len(q), system.n, system.n))
+    _, _, right = np.linalg.svd(_normals(problem, q, t) * units)
+    return np.swapaxes(right[:, system.m :], 1, 2)
+
+
+def check_independent(form: Form, error: float) -> None:
+    """Raise ValueError where the constraints hardly are independent, for a path off by `error`.
+
+    There, as where a mechanism passes a flat position, G loses a singular value. Once this is as
+    small as the path is inaccurate, the tangent plane may have any direction.
+    """
+    tr, m = form.tr, form.tr.problem.system.m
+    if not m:
+        return
+    G = _normals(tr.problem, form.Q, tr.mesh.nodes[:, None]) * form.units
+    size = np.linalg.norm(G, axis=2).max(axis=0)
+    values = np.linalg.svd(G / np.where(size > 0, size, 1.0)[:, None], compute_uv=False)
+    least = values.min(axis=1)
+    known = max(RANK, BLURRED * min(error, UNKNOWN)) if np.isfinite(error) else BLURRED * UNKNOWN
+    if np.min(least) <= known * np.median(least):
+        raise dependent(float(tr.mesh.nodes[np.argmin(least)]))
+
+
+def dependent(t: float) -> ValueError:
+    """Return the error that says that the constraints restrict less at the time t."""
+    return ValueError(
+        f"expected independent constraints all along the path, found that they are not at "
+        f"t = {t:.6g}, as where a mechanism passes a flat position: multipliers and neighbours are "
+        "not determined there; try other elements (mesh=), whose nodes miss that time"
+    )
+
+
+def _normals(problem: Problem, q: Array, t: Array) -> Array:
+    """Return G at q (K, n), shape (K, m, n)."""
+    system = problem.system
     rows, cols = sparsity_of(system, "constraint_jacobian")
     G = np.zeros((len(q), system.m, system.n))
     G[:, rows, cols] = system.pointwise("constraint_jacobian")(q, t, problem.packed)[0]
-    _, _, right = np.linalg.svd(G * units)
-    return np.swapaxes(right[:, system.m :], 1, 2)
+    return G
 
 
 def check_legendre(form: Form) -> None:
@@ -273,6 +312,7 @@ def condense(form: Form, elements: list[Array] | None = None) -> Condensed:
     """
     elements = form.elements if elements is None else elements
     r, (keep, keep_end) = form.freedom, form.pinned
+    first = r if form.closed else keep
     front, negative = np.zeros((r, r)), 0
     for e, E in enumerate(elements):
         old = front.shape[0]
@@ -280,14 +320,30 @@ def condense(form: Form, elements: list[Array] | None = None) -> Condensed:
         grown = np.zeros((size, size))
         grown[:old, :old] = front
         grown[old - r :, old - r :] += E
-        final = e == len(elements) - 1
-        last = keep_end if final else r
-        if final:  # the free directions of the last node go as well
-            order = np.r_[:keep, size - r + keep_end : size, keep : size - r + keep_end]
-            grown = grown[np.ix_(order, order)]
-        front, count = _eliminate(grown, keep, size - last, force=final)
+        if e < len(elements) - 1:
+            front, count = _eliminate(grown, first, size - r, force=False)
+            negative += count
+            continue
+        if form.closed:
+            grown = _joined(grown, np.arange(keep, r), np.arange(size - r + keep, size))
+            last = np.arange(size - r, size - r + keep)
+        else:
+            last = np.arange(size - r, size - r + keep_end)
+        # The free directions of the last node go as well.
+        order = np.r_[:keep, np.setdiff1d(np.arange(keep, len(grown)), last), last]
+        grown = grown[np.ix_(order, order)]
+        front, count = _eliminate(grown, keep, len(grown) - last.size, force=True)
         negative += count
     return Condensed(negative, front)
+
+
+def _joined(M: Array, to: NDInt, gone: NDInt) -> Array:
+    """Return the quadratic form M where the variables `gone` are equal to those at `to`."""
+    joined = M.copy()
+    joined[to] += joined[gone]
+    joined[:, to] += joined[:, gone]
+    left = np.setdiff1d(np.arange(len(M)), gone)
+    return joined[np.ix_(left, left)]
 
 
 def _eliminate(M: Array, first: int, stop: int, force: bool) -> tuple[Array, int]:

@@ -81,19 +81,36 @@ class Rule:
     @cached_property
     def same(self) -> Sampling:
         """Sums over the nodes themselves."""
-        return self._sampled(self)
+        return self._sampled(self.nodes, self.weights)
 
     @cached_property
     def other(self) -> Sampling:
         """Sums over other points, between the nodes."""
-        return self._sampled(lgl(self.degree + MORE))
+        rule = lgl(self.degree + MORE)
+        return self._sampled(rule.nodes, rule.weights)
 
-    def _sampled(self, rule: Rule) -> Sampling:
-        values = self.interpolation(rule.nodes)
+    def dense(self, panels: int) -> Sampling:
+        """Return sums over Gauss's points, `panel` in each of so many equal parts."""
+        if panels not in self._dense:
+            x, w = np.polynomial.legendre.leggauss(self.panel)
+            middles = (2 * np.arange(panels)[:, None] + 1) / panels - 1
+            nodes = (middles + x / panels).ravel()
+            self._dense[panels] = self._sampled(nodes, np.tile(w / panels, panels))
+        return self._dense[panels]
+
+    @property
+    def panel(self) -> int:
+        """Points in a part of `dense`: exact for products of the polynomials, even in one part."""
+        return max(self.degree + 2, 8)
+
+    @cached_property
+    def _dense(self) -> dict[int, Sampling]:
+        return {}
+
+    def _sampled(self, nodes: Array, weights: Array) -> Sampling:
+        values = self.interpolation(nodes)
         slopes = values @ self.derivative
-        return Sampling(
-            rule.nodes, values, slopes, values.T * rule.weights, slopes.T * rule.weights
-        )
+        return Sampling(nodes, values, slopes, values.T * weights, slopes.T * weights)
 
     def interpolation(self, xi: Array) -> Array:
         """Return the matrix (K, d + 1) that maps nodal values to values at the K points `xi`."""

@@ -35,15 +35,15 @@ def planned(problem: Problem, tol: float, elements: int) -> Mesh:
     second = system.pointwise("second")(*state)
     forces = system.pointwise("force_jacobian")(*state) if system.structure.forced else None
     turns, folds = _rates(system, second, forces, problem.duration)
-    t0, t1 = problem.start.t, problem.end.t
-    times, fastest = _shown(t0, t1, turns, folds, elements), SHOWN
-    if times is None:
-        times, fastest = np.linspace(t0, t1, elements + 1), max(turns, folds) / elements
+    parts, fastest = _shown(turns, folds, elements), SHOWN
+    if parts is None:
+        parts, fastest = np.linspace(0.0, 1.0, elements + 1), max(turns, folds) / elements
     # The Legendre coefficient k of exp(x t) is about (x / 2)^k / k!; the last two tell the error.
     logarithms = (DEGREES - 1) * np.log(max(fastest, TINY) / 4) - LOG_FACTORIALS
     good = logarithms < np.log(tol / MARGIN)
     degree = DEGREES[np.argmax(good)] if good.any() else DEGREES[-1]
-    return Mesh(times, int(degree))
+    since = problem.duration * parts
+    return Mesh.over(problem.start.t, problem.end.t, since, int(degree))
 
 
 def paced(tr: Transcription, z: Array) -> Mesh | None:
@@ -51,13 +51,14 @@ def paced(tr: Transcription, z: Array) -> Mesh | None:
     problem, mesh, x = tr.problem, tr.mesh, z[: tr.layout.unknowns]
     forces = tr.forces(x) if problem.system.structure.forced else None
     rates = _rates(problem.system, tr.second(x), forces, problem.duration)
-    t0, t1 = mesh.boundaries[[0, -1]]
-    times = _shown(t0, t1, *rates, mesh.elements)
-    return None if times is None else Mesh(times, max(mesh.degrees))
+    parts = _shown(*rates, mesh.elements)
+    return None if parts is None else mesh.cut(mesh.duration * parts, max(mesh.degrees))
 
 
-def _shown(start: float, end: float, turns: float, folds: float, elements: int) -> Array | None:
+def _shown(turns: float, folds: float, elements: int) -> Array | None:
     """Return boundaries that show so many radians and e-foldings, or None if `elements` do.
+
+    They are parts of the duration, from 0 to 1.
 
     Uniform but for the ends, where the elements lengthen with their distance from a layer.
     """
@@ -71,11 +72,9 @@ def _shown(start: float, end: float, turns: float, folds: float, elements: int) 
     parts = np.concatenate(
         [layer[:-1], np.linspace(last, 1.0 - last, middle + 1), 1.0 - layer[-2::-1]]
     )
-    times = start + (end - start) * parts
-    times[-1] = end
-    if np.diff(times).min() < ROUNDOFF * np.abs(times).max():
-        return None  # a layer as thin as that is left to refinement
-    return times
+    parts[-1] = 1.0
+    # A layer as thin as that is left to refinement.
+    return None if np.diff(parts).min() < ROUNDOFF else parts
 
 
 def _rates(

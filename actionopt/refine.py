@@ -25,6 +25,7 @@ TOO_FINE = 1e-3  # coefficients this far below their target need not be there
 DECAYING = 0.2  # a slower rate says nothing but that the element is far too long
 COEFFICIENT_FLOOR = 2e-16
 MORE = 1.3  # times the nodes is little for fewer kinds of elements
+SHORTEST = 1e-13  # of the duration: an element that is not cut
 LOWEST_TARGET = 5e-16  # round-off in the coefficients themselves
 
 
@@ -56,15 +57,15 @@ class Resolution:
     def steep(self) -> Array:
         """Return where a layer or a kink sits that an element does not resolve, (2, N).
 
-        The times of the two neighbouring nodes between which the path moves most, or NaN where
-        it moves elsewhere as well.
+        The times, since the start, of the two neighbouring nodes between which the path moves
+        most, or NaN where it moves elsewhere as well.
         """
         steep = np.empty((2, self.mesh.elements))
         for _, which, index in self.mesh.groups:
             moves = np.abs(np.diff(self.scaled[index], axis=1)).max(axis=2)
             left = index[np.arange(which.size), np.argmax(moves, axis=1)]
             alone = moves.max(axis=1) > LAYER * moves.sum(axis=1)
-            nodes = self.mesh.nodes
+            nodes = self.mesh.nodes_since
             steep[:, which] = np.where(alone, [nodes[left], nodes[left + 1]], np.nan)
         return steep
 
@@ -96,17 +97,17 @@ def refined(found: Resolution, target: float) -> Mesh:
     mesh, n = found.mesh, found.scaled.shape[1]
     degrees, steep = np.array(mesh.degrees), found.steep()
     parts, degree = _cheapest(degrees, found, steep, target, n)
-    boundaries = [mesh.boundaries[:1]]
+    since = [mesh.since[:1]]
     new_degrees = []
     for e in range(mesh.elements):
-        left, right = mesh.boundaries[e], mesh.boundaries[e + 1]
+        left, right = mesh.since[e], mesh.since[e + 1]
         if parts[e] == 0:
             cuts = _around(left, right, steep[:, e])
         else:
             cuts = np.linspace(left, right, parts[e] + 1)[1:]
-        boundaries.append(cuts)
+        since.append(cuts)
         new_degrees += [degree[e]] * cuts.size
-    return Mesh(np.concatenate(boundaries), _alike(np.array(new_degrees)))
+    return mesh.cut(np.concatenate(since), _alike(np.array(new_degrees)))
 
 
 def _alike(degrees: NDInt) -> NDInt:
@@ -160,14 +161,16 @@ def _cheapest(
     least = np.where(found.omitted < TOO_FINE * target, np.ceil(degrees * (2 / 3)), degrees)
     need[:, 0] = np.maximum(need[:, 0], least)
     usable = need <= DEGREES[-1]
+    usable[found.mesh.lengths < SHORTEST * found.mesh.duration, 1:] = False  # hardly a time in it
     need = DEGREES[np.minimum(np.searchsorted(DEGREES, need), DEGREES.size - 1)]
     price = SPLITS * (need * (need + 2.0) * (need + 4.0 / n + 4.0))
     price = np.where(usable, price, np.inf)
     price[found.omitted <= target, 1:] = np.inf
     choice = np.argmin(price, axis=1)
     each = np.arange(degrees.size)
+    short = found.mesh.lengths < SHORTEST * found.mesh.duration
     hopeless = ~usable.any(axis=1)
     layer = (found.rate < DECAYING) & np.isfinite(steep[0])
-    parts = np.where(hopeless, np.where(layer, 0, 4), SPLITS[choice])
+    parts = np.where(hopeless, np.where(short, 1, np.where(layer, 0, 4)), SPLITS[choice])
     kept = np.clip(degrees, 6, 12)
     return parts, np.where(hopeless, kept, need[each, choice])

@@ -26,7 +26,9 @@ from actionopt.walk import LARGE, Walk, sizes
 # Newton's method costs next to nothing, and knows at once whether it works. It hardly ever fails
 # where the action is convex at the straight line; elsewhere descent comes first, robust and quick
 # where the action is bounded below, and sees where it is not; Ipopt minimises under constraints,
-# and where the descent is lost; continuation gets to a saddle slowly but surely; Ipopt's root
+# and where the descent is lost; continuation gets to a saddle slowly but surely. Motions from both
+# events that nearly meet half way are near a path however far that is from the line, and in less
+# time than continuation takes on fine meshes; their numbers stand for the meshes. Ipopt's root
 # finding needs no path to be near; a minimum down a long curved valley takes patience.
 Ladder = tuple[tuple[str, tuple[int, ...]], ...]
 LADDER: Ladder = (
@@ -34,15 +36,21 @@ LADDER: Ladder = (
     ("descent", (8, 16, 32, 64)),
     ("newton", (4,)),
     ("least", (8, 16, 32, 64)),
-    ("continuation", (8, 16, 32)),
+    ("continuation", (8,)),
+    ("meeting", (256, 768)),
+    ("fine continuation", (16, 32)),
     ("stationary", (8, 16)),
     ("patient least", (8, 16, 32, 64)),
 )
 SHORT = 4  # rungs that are tried from a bent line
-BEND = 0.4  # of the coordinates' sizes
+BEND = 0.4  # of the motion's sizes
 TRAPPED = (Status.NOT_FOUND, Status.UNRESOLVED, Status.DEGENERATE)
 LEAST = ("descent", "least", "patient least")
 FIRST = ("convex newton", *LEAST)  # what is tried only as long as there may be a least path
+MEETING = 8  # coordinates up to which a few hundred motions are many
+TRIED = 32  # pairs of motions; and so many elements as that many paths of
+MANY = 1500  # unknowns have
+LENGTHY = 48  # elements of a motion that takes long to compute
 FINE = 3  # coordinates up to which a higher degree costs less than a second mesh
 PATIENT = 30  # damped steps towards a path near a guess: whatever else there is costs more
 NEAR_GUESS = (16, 32, 64)  # a guess has features that coarser meshes would miss
@@ -66,6 +74,7 @@ class Search:
     rung: str = ""
     bent: bool = False  # whether a path is sought from a bent line
     may_be_least: bool = False
+    ladder: Ladder = LADDER
     spare: tuple[str, Path, Array] | None = None  # a saddle, found while a least path was sought
 
     @property
@@ -81,9 +90,9 @@ class Search:
         A straight line may be a trap: through the centre of a force or of a circle, symmetry keeps
         every way on it. Then a bent one is tried.
         """
-        status = self._climb(LADDER)
+        status = self._climb(self.ladder)
         if status in TRAPPED:
-            again = self._bend(LADDER[:SHORT])
+            again = self._bend(self.ladder[:SHORT])
             return again if again.success else status
         return status
 
@@ -97,7 +106,9 @@ class Search:
         if status.success:
             self.rung = around.rung
         else:  # the attempt from the straight line is the one to show
+            lost = self.walk.lost
             vars(self.walk).update(before)
+            self.walk.lost = lost or self.walk.lost
         return status
 
     @property
@@ -112,14 +123,14 @@ class Search:
         status = Status.NOT_FOUND
         large = self._large
         # Continuation takes hundreds of factorizations: the last resort where each costs much.
-        for rung, meshes in sorted(ladder, key=lambda r: large and r[0] == "continuation"):
-            if rung in FIRST and not (self.may_be_least and self._offers(rung)):
+        for rung, meshes in sorted(ladder, key=lambda r: large and "continuation" in r[0]):
+            if (rung in FIRST and not self.may_be_least) or not self._offers(rung):
                 continue
             if rung not in FIRST and self.spare is not None:
                 continue  # it could only bring another saddle
             status = self._try(rung, meshes)
             if rung == "descent" and status is Status.UNRESOLVED:
-                around = self._bend(LADDER[:2])  # before what costs more
+                around = self._bend(self.ladder[:2])  # before what costs more
                 status = around if around.success else status
             if status is Status.UNBOUNDED:
                 if self.principle == "least":
@@ -152,11 +163,13 @@ class Search:
         holds a path where it should not be: such a path does not settle under refinement. A
         least path on a mesh twice as fine starts from it, others from the straight line.
         """
-        self.rung = rung
+        self._begin(rung)
+        if rung == "meeting":
+            return self._meet(meshes)
         self.walk.rounds.clear()
         status, known = Status.NOT_FOUND, None
         for elements in meshes:
-            self.walk.sizes = self.walk.problem.scales
+            self.walk.begin()
             self.walk.restart()
             degree = self._fine_degree() if "newton" in rung else COARSE_DEGREE
             mesh = self._uniform(elements, degree)
@@ -168,7 +181,8 @@ class Search:
                     return Status.NOT_FOUND
                 known = None
                 continue
-            if self.walk.resolution().worst > ROUGHLY and elements != meshes[-1]:
+            finer = elements != meshes[-1] or rung == "continuation"
+            if self.walk.rough() > ROUGHLY and finer:
                 known = self.walk.path() if self.least else None
                 continue
             if not self.least and self.may_be_least and self.walk.index() > 0:
@@ -180,12 +194,50 @@ class Search:
                 break
         return status
 
+    def _meet(self, counts: tuple[int, ...]) -> Status:
+        """Seek a path near motions that nearly meet half way, more and more of them."""
+        walk, problem = self.walk, self.walk.problem
+        from actionopt.meeting import meetings
+
+        for seed, count in enumerate(counts):
+            left, elements = TRIED * MANY, LENGTHY + 1
+            for guess in meetings(problem, count, TRIED, seed, walk.watch):
+                walk.rounds.clear()
+                walk.restart()
+                walk.begin(guess)
+                walk.place(guess.mesh, guess)
+                elements = min(elements, guess.mesh.elements)
+                left -= max(walk.tr.layout.size, MANY)
+                if walk.approach(PATIENT):
+                    saddle = self.may_be_least and walk.index() > 0
+                    status = self._settle()
+                    if status.success or status is Status.FLOOR:
+                        if not saddle:
+                            return status
+                        self.spare = ("meeting", walk.path(), walk.z)
+                        return Status.NOT_FOUND
+                if left < 0:
+                    break
+            if elements > LENGTHY:
+                break  # more of these would take too long
+        return Status.NOT_FOUND
+
+    @property
+    def _meets(self) -> bool:
+        """Whether motions from both events can be expected to meet half way."""
+        problem, n = self.walk.problem, self.walk.problem.system.n
+        whole = len(problem.start.pinned) == n == len(problem.end.pinned)
+        return whole and n <= MEETING and problem.system.m == 0 and not self.bent
+
     def _offers(self, rung: str) -> bool:
-        """Whether a way of minimising is open to the problem, and worth its time."""
+        """Whether a way is open to the problem, and worth its time."""
         if rung in ("convex newton", "descent"):
             return self.walk.can_descend
+        if rung == "meeting":
+            return self._meets
         # With a saddle in hand a long search on a large system is not worth it.
-        return rung == "least" or self.spare is None or not self.walk.large
+        small = self.spare is None or self.spare[0] == "meeting" or not self.walk.large
+        return rung != "patient least" or small
 
     def _seek(self, rung: str) -> bool:
         """Find a stationary path on the mesh at hand; False if that did not work."""
@@ -193,7 +245,7 @@ class Search:
             return self.walk.approach(convex=rung != "newton")
         if rung == "descent":
             return self.walk.descend()
-        if rung == "continuation":
+        if "continuation" in rung:
             return self.walk.release()
         if rung == "stationary":
             return self.walk.root()
@@ -211,7 +263,7 @@ class Search:
             and old.advance is None is problem.advance
             and self.given in (None, tr.mesh)
         )
-        self.rung = "linear" if self.walk.linear else "guess"
+        self._begin("linear" if self.walk.linear else "guess")
         if not same or not self.walk.join(tr, z):
             return Status.NOT_FOUND
         near = self.walk.follow() or self.walk.approach(PATIENT)
@@ -219,14 +271,14 @@ class Search:
 
     def from_guess(self, curve_of: Callable[[Mesh], Path]) -> Status:
         """Follow the guess, or find the stationary path near it, or continue from it."""
-        self.rung = "guess"
+        self._begin("guess")
         status = Status.NOT_FOUND
         for elements in self._fine_enough(curve_of):
             coarse = self._uniform(elements, COARSE_DEGREE)
             curve = curve_of(coarse)
             own = curve.mesh is not coarse and elements == NEAR_GUESS[0]
             mesh = self.given or (curve.mesh if own else coarse)
-            self.walk.sizes = sizes(curve.values.T, self.walk.problem.scales)
+            self.walk.begin(curve)
             self.walk.place(mesh, curve)
             near = self.walk.follow() or self.walk.approach(PATIENT) or self.walk.root()
             # A guess is worth seconds, not minutes.
@@ -253,8 +305,8 @@ class Search:
 
     def solve_linear(self, curve_of: Callable[[Mesh], Path] | None) -> Status:
         """Solve linear equations; of a guess only the mesh is of use."""
-        self.rung = "linear"
-        self.walk.sizes = self.walk.problem.scales
+        self._begin("linear")
+        self.walk.begin()
         mesh, free = self.given, self.given is None and curve_of is None
         steady = self.walk.problem.system.structure.steady
         if free and steady:
@@ -269,6 +321,11 @@ class Search:
                 self.walk.place(mesh, None)
         return self._settle() if self.walk.follow() else Status.DEGENERATE
 
+    def _begin(self, rung: str) -> None:
+        self.rung = rung
+        if self.walk.watch is not None:
+            self.walk.watch.how = rung
+
     # -- both ------------------------------------------------------------------------------------
 
     def _uniform(self, elements: int, degree: int) -> Mesh:
@@ -278,9 +335,9 @@ class Search:
     def _bent(self, mesh: Mesh) -> Path:
         """Return a line between the events that is bent to one side in every coordinate."""
         problem = self.walk.problem
-        Q = Transcription(problem, mesh, problem.scales).straight()
-        s = (mesh.nodes - problem.start.t) / problem.duration
-        side = problem.scales * np.cos(np.arange(1.0, 1.0 + problem.system.n))  # no symmetry's own
+        Q = Transcription(problem, mesh, problem.lengths).straight()
+        s = mesh.nodes_since / mesh.duration
+        side = problem.lengths * np.cos(np.arange(1.0, 1.0 + problem.system.n))  # no symmetry's own
         return Path(mesh, (Q + BEND * np.sin(np.pi * s)[:, None] * side).T)
 
     def _fine_degree(self) -> int:

@@ -15,12 +15,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
-from weakref import WeakKeyDictionary
 
 import casadi as ca
 import numpy as np
 
-from actionopt.jacobi import resolved
+from actionopt.jacobi import multipliers, resolved
 from actionopt.pointwise import Pointwise
 from actionopt.quadratic_form import Form, condense
 from actionopt.quadrature import Array
@@ -86,11 +85,12 @@ def sensitivity(solution: Solution) -> Sensitivity:
     system = problem.system
     Q, lam = tr.unpack(z)
     if system.m:
-        lam = np.where(np.isfinite(lam), lam, solution.multipliers(tr.mesh.nodes).T)
+        lam = np.where(np.isfinite(lam), lam, multipliers(solution, tr.mesh.nodes))
     at = Q[layout.node_of]
     v = tr.velocities(at)
     _, p, L = (x.copy() for x in system.pointwise("first")(at, v, tr.times, problem.packed))
-    by_time, by_parameters = _explicit(system)(at, v, tr.times, problem.packed, lam[layout.node_of])
+    explicit = system.made("explicit", lambda: _explicit(system))
+    by_time, by_parameters = explicit(at, v, tr.times, problem.packed, lam[layout.node_of])
     s = (tr.times - problem.start.t) / problem.duration
     stretch = float(np.sum(tr.weight * (L - np.sum(v * p, axis=1, keepdims=True))))
     stretch /= problem.duration
@@ -123,20 +123,15 @@ def _second(form: Form) -> tuple[Array, Array, Array]:
     return start.T @ hessian @ start, start.T @ hessian @ end, end.T @ hessian @ end
 
 
-_cache: WeakKeyDictionary[System, Pointwise] = WeakKeyDictionary()
-
-
 def _explicit(system: System) -> Pointwise:
     """Return the partial derivatives of L + sum lam f by the time and the packed parameters."""
-    if system not in _cache:
-        s = system.symbols
-        lam = ca.SX.sym("lam", system.m)
-        L = system.L + (ca.dot(lam, system.f) if system.m else 0)
-        by_time = ca.densify(ca.jacobian(L, s.t))
-        by_parameters = ca.densify(ca.jacobian(L, s.p).T)
-        function = ca.Function("explicit", [s.q, s.v, s.t, s.p, lam], [by_time, by_parameters])
-        _cache[system] = Pointwise(function)
-    return _cache[system]
+    s = system.symbols
+    lam = ca.SX.sym("lam", system.m)
+    L = system.L + (ca.dot(lam, system.f) if system.m else 0)
+    by_time = ca.densify(ca.jacobian(L, s.t))
+    by_parameters = ca.densify(ca.jacobian(L, s.p).T)
+    function = ca.Function("explicit", [s.q, s.v, s.t, s.p, lam], [by_time, by_parameters])
+    return Pointwise(function)
 
 
 def _unpack(system: System, packed: Array) -> dict[str, Array]:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt.path import Mesh, Path
-from actionopt.problem import Problem, State
+from actionopt.problem import NEGLIGIBLE, Problem, State
 from actionopt.quadrature import Array
 from actionopt.refine import resolution
 from actionopt.status import Status
@@ -176,14 +176,41 @@ class Solution:
     def multiplier_error(self) -> float:
         """Estimate of the error of `multipliers(t)`, in units of the largest |lambda|; 0 if none.
 
+        Of several rows each counts by its force: |lambda_i| times the largest root of
+        sum_j G_ij^2 / M_jj, in units that all rows share. A row that vanishes, by a symmetry say,
+        is measured beside the others; where all of them do, they are measured beside the motion.
+
         Eight times the distance of the discrete problem's multipliers, themselves less accurate,
-        from those of `multipliers` at the same nodes. Raises ValueError without constraints.
+        from those of `multipliers` at the same nodes. Raises ValueError without constraints, or
+        where these are not independent.
         """
-        if not self.problem.system.m:
+        from actionopt.jacobi import multipliers
+
+        problem, system = self.problem, self.problem.system
+        if not system.m:
             raise ValueError("expected a system with constraints: this one has no multipliers")
-        exact = self.multipliers(self.mesh.nodes)
-        size = np.max(np.abs(exact), axis=1, keepdims=True)
-        return 8 * float(np.nanmax(np.abs(self.lam - exact) / np.where(size > 0, size, 1.0)))
+        t = self.mesh.nodes
+        exact = multipliers(self, t).T
+        q, times = self.path.values.T, t[:, None]
+        second = system.pointwise("second")
+        rows, cols = second.sparsity(2)
+        inertias = np.zeros((t.size, system.n))
+        mine = rows == cols
+        inertias[:, rows[mine]] = np.abs(
+            second(q, self.velocity(t).T, times, problem.packed)[2][:, mine]
+        )
+        jacobian = system.pointwise("constraint_jacobian")
+        rows, cols = jacobian.sparsity(0)
+        squares = jacobian(q, times, problem.packed)[0] ** 2
+        mass = inertias[:, cols]
+        shares = np.zeros((t.size, system.m))
+        np.add.at(shares.T, rows, np.where(mass > 0, squares / np.where(mass > 0, mass, 1.0), 0).T)
+        unit = np.sqrt(shares.max(axis=0))
+        unit = np.where(unit > 0, unit, 1.0)[:, None]  # a row of coordinates without inertia
+        size = np.max(unit * np.abs(exact))
+        motion = np.max(np.sqrt(inertias.max(axis=0)) * np.abs(q)) / problem.duration**2
+        size = size if size > NEGLIGIBLE * motion else motion or 1.0
+        return 8 * float(np.nanmax(unit * np.abs(self.lam - exact))) / float(size)
 
     @cached_property
     def discrete(self) -> tuple[Transcription, Array]:

@@ -38,6 +38,16 @@ class Status(Enum):
         "the path is stationary but not least: the second variation is negative on some "
         "variation, as past a conjugate point; try principle='stationary' or 'auto'"
     )
+    JUMP = (
+        "the Lagrangian jumps on a surface that the path crosses: the force there is infinite, no "
+        "derivative shows it, and this is no stationary path; replace the step by a smooth one "
+        "(np.tanh) of some width, or solve each side by itself with an event on the surface, which "
+        "lies right where the momentum along it is continuous"
+    )
+    OUT_OF_TIME = (
+        "the time that was given ran out: this is the best attempt so far, which may be no path; "
+        "give more seconds, a guess, a shorter duration or a larger tol"
+    )
     NOT_FOUND = (
         "no stationary path was found: (a) there may be none between these events, (b) the "
         "straight line between them is too far from one, or (c) the Lagrangian is not smooth or "

@@ -9,7 +9,9 @@ handed to CasADi's view and taken back.
 from __future__ import annotations
 
 import operator
+import re
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import casadi as ca
@@ -41,6 +43,29 @@ UNARY = {
     np.cosh: ca.OP_COSH,
     np.tanh: ca.OP_TANH,
 }
+
+
+PLACE = r"^\.\.\./casadi/\S+: "  # in CasADi's sources, before what it has to say
+NOT_THERE = "no implementation found|returned NotImplemented"
+INSTEAD = {
+    "einsum": "write the sum with @, np.sum and indices",
+    "tensordot": "write the sum with @, np.sum and indices",
+    "cross": "of two vectors (x, y) it is a[0] * b[1] - a[1] * b[0]",
+}
+OTHERWISE = "use arithmetic, @, np.sum, np.stack and indices"
+
+
+class Untraceable(TypeError):
+    """A function of numpy's that does not take expressions; the text says what to use."""
+
+
+class OutOfRange(IndexError):
+    """A part that an array does not have: of `whole`, the one at `index`."""
+
+    def __init__(self, whole: Expressions, index: Any) -> None:
+        where = ", ".join(map(str, index)) if isinstance(index, tuple) else index
+        self.whole, self.part = whole, f"[{where}]"
+        super().__init__(f"{self.part} of an array of shape {whole.shape}")
 
 
 class Expressions:
@@ -94,10 +119,16 @@ class Expressions:
         """Return a part, as numpy does."""
         if self.ndim == 1:
             if isinstance(index, int):
-                return Expressions(self._elements()[index], 0)
+                try:
+                    return Expressions(self._elements()[index], 0)
+                except IndexError:
+                    raise OutOfRange(self, index) from None
             if isinstance(index, slice):
                 return Expressions(self.sx[index, 0], 1)  # a column, even of one or none
-        return _ours(_theirs(self)[index])
+        try:
+            return _ours(_theirs(self)[index])
+        except IndexError:
+            raise OutOfRange(self, index) from None
 
     def __setitem__(self, index: Any, value: Any) -> None:
         """Replace a part, here only: the symbols are nobody's to change."""
@@ -183,6 +214,26 @@ class Expressions:
         """Return the remainder."""
         return _ours(_theirs(self) % _theirs(other))
 
+    def __and__(self, other: Any) -> Any:
+        """Return "x and y" of comparisons."""
+        return _binary(ca.OP_AND, operator.and_, self, other)
+
+    def __rand__(self, other: Any) -> Any:
+        """Return the same from the right."""
+        return _binary(ca.OP_AND, operator.and_, other, self)
+
+    def __or__(self, other: Any) -> Any:
+        """Return "x or y" of comparisons."""
+        return _binary(ca.OP_OR, operator.or_, self, other)
+
+    def __ror__(self, other: Any) -> Any:
+        """Return the same from the right."""
+        return _binary(ca.OP_OR, operator.or_, other, self)
+
+    def __invert__(self) -> Any:
+        """Return "not x" of a comparison."""
+        return Expressions(ca.SX.unary(ca.OP_NOT, self.sx), self.ndim)
+
     def __lt__(self, other: Any) -> Any:
         """Return x < y, an expression as well; so are the other comparisons."""
         return _binary(ca.OP_LT, operator.lt, self, other)
@@ -211,10 +262,11 @@ class Expressions:
         """Return the product of vectors or matrices."""
         if isinstance(other, Expressions) and self.ndim and other.ndim:
             left = self.sx if self.ndim == 2 else self.sx.T
-            product = ca.mtimes(left, other.sx)
-            if self.ndim == 1 and other.ndim == 2:
-                product = product.T
-            return Expressions(product, self.ndim + other.ndim - 2)
+            if left.size2() == other.sx.size1():  # CasADi takes one entry for a number
+                product = ca.mtimes(left, other.sx)
+                if self.ndim == 1 and other.ndim == 2:
+                    product = product.T
+                return Expressions(product, self.ndim + other.ndim - 2)
         return _ours(_theirs(self) @ _theirs(other))
 
     def __rmatmul__(self, other: Any) -> Any:
@@ -234,7 +286,8 @@ class Expressions:
                 return Expressions(ca.SX.unary(UNARY[ufunc], self.sx), self.ndim)
             if ufunc in BINARY:
                 return _binary(BINARY[ufunc], ufunc, *inputs)
-        return _ours(getattr(ufunc, method)(*_theirs(inputs), **kwargs))
+        with _named(ufunc):
+            return _ours(getattr(ufunc, method)(*_theirs(inputs), **kwargs))
 
     def __array_function__(self, func: Any, types: Any, args: Any, kwargs: Any) -> Any:
         """Return what another of numpy's functions gives."""
@@ -242,8 +295,38 @@ class Expressions:
             return self.sum()
         if func is np.dot and not kwargs and self.ndim == 1:
             return operator.matmul(*args)
+        if func.__name__ == "cross":
+            func = np.cross  # np.linalg.cross is the same for vectors of three components
         named = {name: _theirs(value) for name, value in kwargs.items()}
-        return _ours(func(*_theirs(args), **named))
+        with _named(func):
+            return _ours(func(*_theirs(args), **named))
+
+
+@contextmanager
+def _named(function: Any) -> Iterator[None]:
+    """Raise Untraceable, with the function's name and what to use, for what it raises."""
+    try:
+        yield
+    except Untraceable:
+        raise
+    except Exception as error:
+        name = function.__name__
+        room = getattr(function, "__module__", None) or "numpy"  # functions by element have none
+        if room == "numpy" and getattr(np, name, None) is not function:
+            room = ""  # of another package
+        shown = ".".join(filter(None, [room.replace("numpy", "np", 1), name]))
+        found, advice = f"failed on expressions ({said(error)})", INSTEAD.get(name)
+        if isinstance(error, TypeError) and re.search(NOT_THERE, str(error)):
+            found, advice = "does not take expressions", advice or OTHERWISE
+        raise Untraceable("; ".join(filter(None, [f"{shown} {found}", advice]))) from error
+
+
+def said(error: BaseException) -> str:
+    """Return the text of an error in one line, without the place in CasADi's sources."""
+    place, _, text = str(error).strip().partition("\n")
+    if not text:
+        return re.sub(PLACE, "", place)
+    return text.replace("\n", " ") if re.match(PLACE, place) else f"{place} {text}"
 
 
 def _binary(code: int, general: Callable[[Any, Any], Any], a: Any, b: Any) -> Any:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, Never
 
 import casadi as ca
 import numpy as np
@@ -19,7 +19,7 @@ from actionopt.identity import general_states, vanishes
 from actionopt.laws import Laws
 from actionopt.quadrature import Array
 from actionopt.symbolic import Expressions
-from actionopt.tracing import ParameterTable, Symbols, call, column, suggestion
+from actionopt.tracing import ParameterTable, Symbols, call, column, scalar, suggestion
 
 
 class System(Laws):
@@ -50,8 +50,9 @@ class System(Laws):
 
     Notes
     -----
-    Functions and memory are derived once and used again by every problem of a system. So they
-    serve one thread at a time: give each thread a System of its own.
+    Functions are derived once and used again by every problem of a system, in any number of
+    threads: the memory they work in is each thread's own, and goes with it. The numbers are those
+    of one thread, to the last bit.
 
     References
     ----------
@@ -88,7 +89,7 @@ class System(Laws):
         Q, V, T = Expressions(q, 1), Expressions(v, 1), Expressions(t, 0)
         named = self.table.named(p)
         given, used = call(lagrangian, "lagrangian", {"q": Q, "v": V, "t": T}, named)
-        L = column(given, "lagrangian", 1)
+        L = scalar(given, "lagrangian")
         constraints = forces = ca.SX(0, 1)
         if constraint is not None:
             given, names = call(constraint, "constraint", {"q": Q, "t": T}, named)
@@ -109,9 +110,21 @@ class System(Laws):
         """Show the name and the coordinates."""
         return f"System({self.name or 'unnamed'}: {', '.join(self.coordinates)})"
 
+    def __copy__(self) -> System:
+        """Return the same: nothing of it changes."""
+        return self
+
     def __deepcopy__(self, memo: dict[int, Any]) -> System:
         """Return the same: nothing of it changes."""
         return self
+
+    def __reduce__(self) -> Never:
+        """Refuse to be pickled, and so do problems and solutions: a system is code."""
+        raise TypeError(
+            f"expected something other than a {self!r} to pickle: a system is code; make it where "
+            "it is needed, and send a solution as a file, by solution.save(file) and "
+            "actionopt.load(file, system)"
+        )
 
     # -- what is known without numbers ---------------------------------------------------
 

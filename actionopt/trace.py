@@ -15,10 +15,10 @@ import numpy as np
 
 from actionopt.branch import Branch, Point
 from actionopt.index import inertia_of, lowest
-from actionopt.jacobi import finer, resolved
+from actionopt.jacobi import finer, multipliers, resolved
 from actionopt.path import Mesh, Path
 from actionopt.problem import Event, Periodic, Problem
-from actionopt.quadratic_form import Form, form
+from actionopt.quadratic_form import Form, check_independent, form
 from actionopt.quadrature import Array
 from actionopt.solution import Solution
 from actionopt.solve import Guess, solve
@@ -31,6 +31,10 @@ STRAIGHT = 0.95  # cosine of the angle between directions above which a step was
 RESOLUTION = 1e-5  # of the Jacobi fields, for the index
 LOCATED = 1e-12  # change of arclength that ends the search for a point
 LOCATE = 60
+BESIDE = 1e-3  # of what a root is enclosed in: how near it a step is tried that fails on it
+GROWN = 2.0  # times the units of the coordinates: then these grow along, and steps with them
+FAR = 100.0  # times the size of the first path, from where a branch may be running away
+CLOSING = 1e-3  # of the range: nearer than this to where it would be infinite, it does
 INTERRUPTED = "it was interrupted"
 
 
@@ -71,7 +75,7 @@ class Trace:
     marks : tuple of Mark
         Folds and changes of the index.
     stopped : str
-        Why it ended, a sentence.
+        Why it ended, a sentence; it says so where the value asked for was not reached.
     family : callable
         Maps a value to its Problem.
     tol : float
@@ -143,7 +147,8 @@ def trace(
     """Follow the path of `problem` as one quantity moves to the value `to`.
 
     The branch may turn back on the way. It is followed until the quantity reaches `to`, or its
-    own first value again, or leaves that interval otherwise.
+    own first value again, or the paths grow without bound, as towards an end that is conjugate to
+    the start; `stopped` of what is returned says which.
 
     Parameters
     ----------
@@ -170,7 +175,8 @@ def trace(
     Raises
     ------
     ValueError
-        If `vary` names nothing, or `to` is the present value.
+        If `vary` names nothing, `to` is the present value, or the first path has no index that
+        could be counted.
     SolveError
         If there is no first path.
     """
@@ -180,12 +186,21 @@ def trace(
     first = solve(family(value), guess=guess, tol=tol)
     counting = count and not problem.system.structure.forced
     run = _Run(family, value, float(to), tol, counting)
-    run.begin(first)
+    try:
+        run.begin(first)
+    except _Uncounted as error:
+        raise ValueError(str(error)) from None
     try:
         run.go(steps, progress)
     except KeyboardInterrupt:
         run.stopped = INTERRUPTED
+    except _Uncounted as error:
+        run.end(str(error))
     return run.result()
+
+
+class _Uncounted(Exception):
+    """There is no index to count at a point, with the reason and what to try."""
 
 
 def _family(
@@ -193,20 +208,15 @@ def _family(
 ) -> tuple[Callable[[float], Problem], float]:
     """Return the problem as a function of the varied quantity, and the quantity's present value."""
     system = problem.system
-    known = dict(problem.parameters or {})
+    known = problem.parameters
     if callable(vary):
         if start is None:
             raise ValueError("expected start, the number that stands for the problem given")
         return vary, float(start)
     if vary in ("t0", "t1"):
-        end = problem.start if vary == "t0" else problem.end
-
-        def by_time(t: float) -> Problem:
-            moved = Periodic(t, end.advance) if isinstance(end, Periodic) else Event(t, end.q)
-            events = (moved, problem.end) if vary == "t0" else (problem.start, moved)
-            return Problem(system, *events, parameters=known)
-
-        return by_time, end.t
+        if vary == "t0":
+            return lambda t: problem.replace(start=problem.start.at(t)), problem.start.t
+        return lambda t: problem.replace(end=problem.end.at(t)), problem.end.t
     if isinstance(vary, tuple) and len(vary) == 2 and vary[0] in ("start", "end"):
         if vary[0] == "end" and isinstance(problem.end, Periodic):
             raise ValueError("expected an end of its own to vary: this one closes on the start")
@@ -221,16 +231,12 @@ def _family(
 
         def by_coordinate(x: float) -> Problem:
             moved = Event(event.t, [x if j == i else y for j, y in enumerate(event.q)])
-            events = (moved, problem.end) if vary[0] == "start" else (problem.start, moved)
-            return Problem(system, *events, parameters=known)
+            first = vary[0] == "start"
+            return problem.replace(start=moved) if first else problem.replace(end=moved)
 
         return by_coordinate, at
     if isinstance(vary, str) and vary in known and np.ndim(known[vary]) == 0:
-        name = vary
-        return (
-            lambda x: Problem(system, problem.start, problem.end, parameters={**known, name: x}),
-            float(np.asarray(known[name])),
-        )
+        return lambda x: problem.replace(parameters={vary: x}), float(np.asarray(known[vary]))
     raise ValueError(
         "expected the name of a parameter that is one number, 't0', 't1', ('start', coordinate), "
         f"('end', coordinate) or a function, found {vary!r}; the parameters are "
@@ -251,7 +257,8 @@ class _Run:
     points: list[Point] = field(default_factory=list)
     indices: list[int] = field(default_factory=list)
     marks: list[Mark] = field(default_factory=list)
-    stopped: str = "the number of steps was used up"
+    sizes: Array = field(init=False)
+    stopped: str = ""
     meshes: int = 1
     solves: int = 0
 
@@ -261,9 +268,13 @@ class _Run:
             tr, z = solution.discrete
             Q, lam = tr.unpack(z)
         else:
-            found = resolved(solution, RESOLUTION, polish=True)
-            tr, Q = found.tr, found.Q
-            lam = solution.multipliers(tr.mesh.nodes).T if solution.problem.system.m else None
+            try:
+                found = resolved(solution, RESOLUTION, polish=True)
+                tr, Q = found.tr, found.Q
+                lam = multipliers(solution, tr.mesh.nodes)
+            except ValueError as error:
+                raise _Uncounted(_without(error)) from None
+        self.sizes = tr.lengths
         self._set(tr.mesh, tr.lengths, Q, lam, self.origin, np.sign(self.goal - self.origin))
 
     def _set(self, mesh: Mesh, lengths: Array, Q: Array, lam, s: float, sign: float) -> None:
@@ -272,6 +283,10 @@ class _Run:
         point = self.branch.first(z, s, sign)
         exact = self.branch.to(point, s)
         self._append(exact or point)
+
+    def end(self, why: str) -> None:
+        """Say why it ended at the last point, short of the goal."""
+        self.stopped = f"it stopped at {self.points[-1].s:.9g}, short of {self.goal:g}: {why}"
 
     def go(self, steps: int, progress) -> None:
         """Step along the branch until it leaves the interval."""
@@ -282,7 +297,7 @@ class _Run:
             if taken is None:
                 length /= 2
                 if length < SHORTEST:
-                    self.stopped = "no step, however short, led on: the paths end or run away"
+                    self.end("no step, however short, led on: the paths end or run away")
                     return
                 continue
             there, corrections = taken
@@ -292,7 +307,7 @@ class _Run:
                 if last is None:
                     length /= 2
                     if length < SHORTEST:
-                        self.stopped = "the last step to the end of the interval failed"
+                        self.end("the last step to the end of the interval failed")
                         return
                     continue
                 there = last
@@ -304,9 +319,35 @@ class _Run:
                 ends = {self.goal: "the goal", self.origin: "the first value again"}
                 self.stopped = f"it reached {ends[beyond]}"
                 return
+            pole = self._pole(here, there)
+            if pole is not None:
+                self.end(
+                    f"the paths grow without bound as it approaches {pole:.6g}, as where the end "
+                    "is conjugate to the start, or a closed path in resonance; trace on from a "
+                    "problem on the other side"
+                )
+                return
             if corrections <= 3:
                 length = min(1.5 * length, LONGEST)
             self._refine()
+        self.end(f"the {steps} steps were used up; give more (steps=), or trace on from there")
+
+    def _size(self, point: Point) -> float:
+        """Return how many times larger a path is than the first one."""
+        return float(np.max(np.abs(point.path.values).max(axis=1) / self.sizes))
+
+    def _pole(self, here: Point, there: Point) -> float | None:
+        """Return the value close ahead at which the branch is infinite, or None.
+
+        Near a conjugate point the size grows like 1 / (pole - s), whose inverse is a line.
+        """
+        before, now = self._size(here), self._size(there)
+        if now < FAR or now <= before:
+            return None
+        left = (there.s - here.s) / (now / before - 1)
+        ahead = self.goal if left * (self.goal - self.origin) > 0 else self.origin
+        near = abs(left) < CLOSING * abs(self.goal - self.origin)
+        return there.s + left if near and abs(ahead - there.s) > 2 * abs(left) else None
 
     def _try(self, here: Point, length: float) -> tuple[Point, int] | None:
         taken = self.branch.step(here, length)
@@ -324,31 +365,47 @@ class _Run:
     # -- what there is at a point ---------------------------------------------------------------
 
     def _append(self, point: Point) -> None:
+        index = self._index(point)
         self.points.append(point)
-        self.indices.append(inertia_of(_form(point)).index if self.counting else -1)
+        self.indices.append(index)
+
+    def _index(self, point: Point) -> int:
+        """Return the index; -1 where none is wanted. Raises _Uncounted where there is none."""
+        if not self.counting:
+            return -1
+        try:
+            found = _form(point)
+            check_independent(found, self.tol)
+            return inertia_of(found).index
+        except ValueError as error:
+            raise _Uncounted(_without(error)) from None
 
     def _action(self, point: Point) -> float:
         tr = point.tr
         return tr.action(point.z[: tr.layout.unknowns]) * tr.action_unit
 
     def _refine(self) -> None:
-        """Go on with a finer mesh where the last point asks for it."""
+        """Go on with a finer mesh, or larger units, where the last point asks for it."""
         point = self.points[-1]
         tr = point.tr
         Q, lam = tr.unpack(point.z)
-        mesh = finer(tr.mesh, self.tol, Q=Q / tr.lengths)
+        sizes = np.max(np.abs(Q), axis=0)
+        mesh = finer(tr.mesh, self.tol, Q=Q / np.maximum(sizes, tr.lengths))
         if mesh is None and self.counting:
-            mesh = finer(tr.mesh, RESOLUTION, form=_form(point))
-        if mesh is None:
+            try:
+                mesh = finer(tr.mesh, RESOLUTION, form=_form(point))
+            except ValueError as error:
+                raise _Uncounted(_without(error)) from None
+        if mesh is None and not np.any(sizes > GROWN * tr.lengths):
             return
-        self.meshes += 1
+        self.meshes += mesh is not None
+        mesh = mesh or tr.mesh
         self.solves += self.branch.solves
         known = np.isfinite(lam)
         table = np.zeros((mesh.nodes.size, lam.shape[1]))
         for i, row in enumerate(lam.T):
             own = known[:, i]
             table[:, i] = np.interp(mesh.nodes, tr.mesh.nodes[own], row[own])
-        sizes = np.max(np.abs(Q), axis=0)
         lengths = np.where(sizes > 1e-12 * np.max(sizes), sizes, tr.lengths)
         sign = np.sign(point.direction[-1])
         del self.points[-1], self.indices[-1]
@@ -356,7 +413,7 @@ class _Run:
 
     def _mark(self, here: Point, there: Point) -> None:
         """Locate what changed between two points."""
-        after = inertia_of(_form(there)).index if self.counting else -1
+        after = self._index(there)
         before = self.indices[-1]
         turned = here.direction[-1] * there.direction[-1] < 0
         length = self._distance(here, there)
@@ -382,33 +439,51 @@ class _Run:
     def _locate(
         self, here: Point, length: float, function: Callable[[Point], float]
     ) -> Point | None:
-        """Return the point within `length` of `here` at which `function` vanishes (Illinois)."""
+        """Return the point within `length` of `here` at which `function` vanishes (Illinois).
+
+        Where another branch crosses there, no step leads to it: it is interpolated.
+        """
         far = self.branch.step(here, length)
         if far is None:
             return None
-        a, b, at_a, at_b = 0.0, length, float(function(here)), float(function(far[0]))
-        point, side = far[0], 0
-        if at_a * at_b > 0:
+        low, high = (0.0, here), (length, far[0])
+        at_low, at_high, side = float(function(here)), float(function(far[0])), 0
+        if at_low * at_high > 0:
             return None
         for _ in range(LOCATE):
-            if b - a < LOCATED or at_b == 0:
-                break
-            middle = (a * at_b - b * at_a) / (at_b - at_a)
-            taken = self.branch.step(here, middle if a < middle < b else (a + b) / 2)
+            if at_low == 0 or high[0] - low[0] < LOCATED:
+                return low[1]
+            if at_high == 0:
+                return high[1]
+            a, b = low[0], high[0]
+            trial = (a * at_high - b * at_low) / (at_high - at_low)
+            trial = trial if a < trial < b else (a + b) / 2
+            taken, lost = self.branch.step(here, trial), False
             if taken is None:
-                return None
+                lost, aside = True, BESIDE * (b - a)
+                trial = trial - aside if trial - aside > a else trial + aside
+                taken = self.branch.step(here, trial)
+            if taken is None:
+                break
             point, value = taken[0], float(function(taken[0]))
-            if value * at_b > 0:
-                b, at_b = middle, value
-                at_a = at_a / 2 if side == 1 else at_a
+            last = max(abs(at_low), abs(at_high))
+            if value * at_high > 0:
+                high, at_high = (trial, point), value
+                at_low = at_low / 2 if side == 1 else at_low
                 side = 1
             else:
-                a, at_a = middle, value
-                at_b = at_b / 2 if side == -1 else at_b
+                low, at_low = (trial, point), value
+                at_high = at_high / 2 if side == -1 else at_high
                 side = -1
-            if abs(value) <= 1e-13 * max(abs(at_a), abs(at_b)):
+            if abs(value) <= 1e-13 * last:
+                return point
+            if lost:
                 break
-        return point
+        at_low, at_high = float(function(low[1])), float(function(high[1]))
+        part = at_low / (at_low - at_high)
+        z = low[1].z + part * (high[1].z - low[1].z)
+        s = low[1].s + part * (high[1].s - low[1].s)
+        return Point(self.branch.at(s), z, s, low[1].direction)
 
     def result(self) -> Trace:
         return Trace(
@@ -428,8 +503,13 @@ class _Run:
         )
 
 
+def _without(error: ValueError) -> str:
+    """Return why no index is counted, and what to do about it."""
+    return f"{error}; count=False follows the paths without their index"
+
+
 def _form(point: Point) -> Form:
     tr: Transcription = point.tr
     Q, lam = tr.unpack(point.z)
-    # Missing multipliers are those of pinned ends, where nothing varies.
+    # Missing multipliers are those of pinned ends, where nothing varies, or of a closing one.
     return form(tr, Q, np.nan_to_num(lam))

@@ -14,9 +14,11 @@ from numpy.typing import ArrayLike
 
 from actionopt.checks import named, numbers
 from actionopt.quadrature import Array
-from actionopt.symbolic import Expressions
+from actionopt.symbolic import Expressions, OutOfRange, Untraceable, said
 
 KINKED = "fabs|fmin|fmax|fmod|remainder|floor|ceil|sign|copysign"
+LOCALIZED = "exp|expm1|sinh|cosh|tanh|erf|fmin|fmax|fmod|remainder|floor|ceil|sign|copysign"
+TAILED = "fabs|sqrt|pow|log|log1p|hypot|asin|acos|atan|atan2|asinh|acosh|atanh"
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,12 +170,57 @@ def call(
     try:
         return callable_(*arguments.values(), **kwargs), set(kwargs)
     except Exception as error:
-        raise ValueError(
-            f"the {role} could not be traced ({type(error).__name__}: {error}); write it with "
-            "arithmetic and numpy or casadi functions of its arguments: no math module, no "
-            "branches on their values (use casadi.if_else), no np.array of them (use np.stack), "
-            "no float()"
-        ) from error
+        why = _why(error, arguments, parameters)
+        raise ValueError(f"the {role} could not be traced{why}") from error
+
+
+def _why(error: Exception, arguments: Mapping[str, Any], parameters: Mapping[str, Any]) -> str:
+    """Return why a callable cannot be traced and what to write instead, behind "traced"."""
+    text = said(error)
+    if isinstance(error, OutOfRange):
+        return f": {_missing(error, arguments, parameters)}; indices begin at 0"
+    if isinstance(error, Untraceable):
+        return f": {text}"
+    q = arguments.get("q")
+    if isinstance(error, ValueError) and "values to unpack" in text and q is not None:
+        return f": {text}; q and v have one entry for each coordinate, and there are {len(q)}"
+    if isinstance(error, TypeError) and (name := _function_of_numbers(error)):
+        return f": {name} was given a list of expressions; make it an array by np.stack first"
+    return (
+        f" ({type(error).__name__}: {text}); write it with arithmetic and numpy or casadi "
+        "functions of its arguments: no math module, no branches on their values (use "
+        "casadi.if_else), no np.array of them (use np.stack), no float()"
+    )
+
+
+def _missing(error: OutOfRange, arguments: Mapping[str, Any], parameters: Mapping[str, Any]) -> str:
+    """Return what was asked for and how much there is: "1 coordinate, q[1] asked for"."""
+    for name, value in {**arguments, **parameters}.items():
+        if value is not error.whole:
+            continue
+        if value.ndim != 1:
+            there = f"{name} of shape {value.shape}"
+        elif name in ("q", "v") and name in arguments:
+            there = f"{len(value)} coordinate{'s' if len(value) > 1 else ''}"
+        else:
+            there = f"parameter {name!r} of length {len(value)}"
+        return f"{there}, {name}{error.part} asked for"
+    return f"an array of shape {error.whole.shape}, {error.part} of it asked for"
+
+
+def _function_of_numbers(error: TypeError) -> str:
+    """Return the function of numpy's that wanted numbers for expressions, or nothing."""
+    import traceback  # for mistakes only
+
+    frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
+    if not frames or frames[-1].f_code is not Expressions.__array__.__code__:
+        return ""
+    for frame in frames:
+        room = frame.f_globals.get("__name__", "")
+        name = frame.f_code.co_name
+        if room.partition(".")[0] == "numpy" and hasattr(np, name):
+            return f"np.{name}"
+    return ""
 
 
 def column(result: Any, role: str, rows: int | None = None) -> ca.SX:
@@ -205,6 +252,23 @@ def column(result: Any, role: str, rows: int | None = None) -> ca.SX:
     return value
 
 
+def scalar(result: Any, role: str) -> ca.SX:
+    """Return a user's result, one expression without axes, as SX of shape (1, 1).
+
+    Raises ValueError if it is no expression, or a list or an array of them, be it of one.
+    """
+    in_list = isinstance(result, (list, tuple))
+    # CasADi's own scalars are matrices of one entry.
+    if in_list or (getattr(result, "ndim", 0) and result.shape != (1, 1)):
+        what = f"a {type(result).__name__}" if in_list else f"an array of shape {result.shape}"
+        count = len(result) if in_list else result.size
+        raise ValueError(
+            f"expected the {role} to return a scalar, found {count} in {what}; return one "
+            "expression, such as v @ v / 2 or v[0] ** 2 / 2"
+        )
+    return column(result, role, 1)
+
+
 def is_smooth(expression: ca.SX) -> bool:
     """Return whether no function with a kink or a jump is in the expression.
 
@@ -213,6 +277,28 @@ def is_smooth(expression: ca.SX) -> bool:
     if not expression.numel():
         return True
     return re.search(rf"\b({KINKED})\(|[<?!]|==", str(expression)) is None
+
+
+def localized(expression: ca.SX, parameters: ca.SX) -> int:
+    """Return how narrow a feature an expression can have: 0, 1 or 2.
+
+    0 for polynomials, sines and cosines, whose features are as wide as their periods; 1 for
+    quotients and powers, whose features have tails that are seen from afar; 2 for functions that
+    may vary in a moment and hardly at all elsewhere. Of no
+    account are quotients by a number or one of the `parameters` (a column of symbols).
+    """
+    if not expression.numel():
+        return 0
+    text = str(expression)
+    if re.search(rf"\b({LOCALIZED})\(|[<?!]|==", text):
+        return 2
+    if re.search(rf"\b({TAILED})\(", text):
+        return 1
+    if "/" not in text:
+        return 0
+    numbers = re.findall(r"@\d+(?==[-+.\de]+,)", text)  # common subexpressions that are constants
+    names = [re.escape(x.name()) + r"\b" for x in ca.vertsplit(parameters)]
+    return 1 if re.search(rf"/(?!{'|'.join([r'[0-9]', *numbers, *names])})", text) else 0
 
 
 def _has_nan(expression: ca.SX) -> bool:

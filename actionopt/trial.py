@@ -116,7 +116,7 @@ def straight(problem: Problem, guess: Guess | None = None) -> Trial:
             "end follows its start; give the end event of one turn"
         )
     mesh = Mesh.uniform(problem.start.t, problem.end.t, ELEMENTS * SPANS, DEGREE)
-    tr = Transcription(problem, mesh, problem.scales)
+    tr = Transcription(problem, mesh, problem.lengths)
     return placed(tr, tr.straight() if guess is None else curve(problem, guess)(mesh)(mesh.nodes).T)
 
 

@@ -130,8 +130,9 @@ def variation(
     Raises
     ------
     ValueError
-        If eta does not vanish at the pinned ends or does not fit the coordinates, or the
-        system has non-conservative forces: its paths make no functional stationary.
+        If eta does not vanish at the pinned ends, close with a closed path or fit the
+        coordinates, or the system has non-conservative forces: its paths make no functional
+        stationary.
 
     References
     ----------
@@ -167,9 +168,9 @@ def resolving(mesh: Mesh, eta) -> Mesh:
         coarse = resolution(mesh, values, np.full(values.shape[1], size)).omitted > RESOLVED
         if not coarse.any():
             break
-        b, parts = mesh.boundaries, np.where(coarse, 2, 1)
+        b, parts = mesh.since, np.where(coarse, 2, 1)
         pieces = [np.linspace(b[e], b[e + 1], k, endpoint=False) for e, k in enumerate(parts)]
-        mesh = Mesh(np.concatenate([*pieces, b[-1:]]), np.repeat(mesh.degrees, parts))
+        mesh = mesh.cut(np.concatenate([*pieces, b[-1:]]), np.repeat(mesh.degrees, parts))
     return mesh
 
 
@@ -187,6 +188,13 @@ def _allowed(form: Form, eta: Path) -> Array:
                     f"expected eta({event.t}) = 0 in {names[i]}, which the event pins, found "
                     f"{values[k, i]:.3g}; multiply eta by a function that vanishes at both ends"
                 )
+    open_by = np.abs(values[-1] - values[0])
+    if form.closed and np.any(open_by > VANISHES * size):
+        i = int(np.argmax(open_by))
+        raise ValueError(
+            f"expected eta(t1) = eta(t0) for a path that closes, found that {names[i]} differs by "
+            f"{open_by[i]:.3g}"
+        )
     a = np.einsum("knr,kn->kr", form.basis, values / form.units)
     for k, count in ((0, form.pinned[0]), (-1, form.pinned[1])):
         a[k, :count] = 0.0

@@ -3,16 +3,31 @@
 from __future__ import annotations
 
 import os
+import stat
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+
+
+def ready(file: str | Path) -> Path:
+    """Return where `file` is to be written. Raises FileNotFoundError if its folder is missing."""
+    target = Path(file)
+    if not target.parent.is_dir():
+        raise FileNotFoundError(
+            f"expected a folder that is there to write {str(target)!r} in, found none; make it, or "
+            "correct the name"
+        )
+    return target
 
 
 @contextmanager
 def whole(file: str | Path) -> Iterator[Path]:
     """Yield a path beside `file`, of the same ending; what is written there takes its place.
 
-    If anything is raised meanwhile, a file that was there stays as it was.
+    If anything is raised meanwhile, a file that was there stays as it was. It keeps its mode, and
+    where `file` is a symbolic link, the link stays and what it leads to is replaced.
+
+    Raises FileNotFoundError, before anything is written, if the folder is missing.
 
     >>> from tempfile import TemporaryDirectory
     >>> with TemporaryDirectory() as folder:
@@ -21,10 +36,15 @@ def whole(file: str | Path) -> Iterator[Path]:
     ...     [f.name for f in Path(folder).iterdir()]
     ['page.txt']
     """
-    target = Path(file)
-    part = target.with_name(f".{target.stem}.{os.getpid()}.partial{target.suffix}")
+    target = ready(file)
+    ending = target.suffix  # what is written goes by the name that was given
+    if target.is_symlink():
+        target = ready(os.path.realpath(target))
+    part = target.with_name(f".{target.stem}.{os.getpid()}.partial{ending}")
     try:
         yield part
+        with suppress(FileNotFoundError):
+            part.chmod(stat.S_IMODE(target.stat().st_mode))
         os.replace(part, target)
     except OSError as error:
         if error.filename == str(part):  # a name that nobody gave

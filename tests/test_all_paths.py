@@ -1,5 +1,7 @@
 """All the paths against independent searches: Lambert's problem, dense shooting, closed forms."""
 
+import signal
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -282,6 +284,99 @@ def test_double_pendulum_against_ten_thousand_random_shots(seed):
         assert min(np.max(np.abs(s.start.v - v)) for s in found) < 1e-4
 
 
+# -- ends that do not determine the path -----------------------------------------------------------
+
+OSCILLATOR = ao.System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
+SPHERE = ao.System(
+    lambda q, v, t: v @ v / 2, ["x", "y", "z"], constraint=lambda q, t: (q @ q - 1) / 2
+)
+POLAR = ao.System(lambda q, v, t: (v[0] ** 2 + np.sin(q[0]) ** 2 * v[1] ** 2) / 2, ["theta", "phi"])
+
+
+def test_oscillations_of_half_a_period_are_a_family():
+    """All are at -x0 then, S = 0 for each; and none is anywhere else."""
+    found = solve_all(ao.Problem(OSCILLATOR, ao.Event(0.0, 1.0), ao.Event(np.pi, -1.0)))
+    assert len(found) == 0 and not found.complete
+    (member,) = found.families
+    assert abs(member.action) < 1e-8 and member.status is ao.Status.DEGENERATE
+    assert "a family" in str(found)
+    found = solve_all(ao.Problem(OSCILLATOR, ao.Event(0.0, 1.0), ao.Event(np.pi, 0.5)))
+    assert len(found) == len(found.families) == 0 and "family" not in str(found)
+
+
+@pytest.mark.parametrize(
+    ("system", "start", "end"),
+    [
+        (SPHERE, [1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]),
+        (POLAR, [np.pi / 2, 0.0], [np.pi / 2, np.pi]),
+    ],
+)
+def test_great_circles_between_antipodes_are_a_family(system, start, end):
+    problem = ao.Problem(system, ao.Event(0.0, start), ao.Event(1.0, end))
+    found = solve_all(problem, windings=0, starts=3, shots=4, continuations=1)
+    assert len(found) == 0
+    assert [s.action for s in found.families] == pytest.approx([np.pi**2 / 2])
+    assert "a family" in str(found)
+
+
+@pytest.mark.slow
+def test_what_is_singular_on_the_way_ends_no_search():
+    """At the pole the azimuth has no inertia; on the way to -x Kepler's force is infinite."""
+    polar = ao.Problem(POLAR, ao.Event(0.0, [0.0, 0.0]), ao.Event(1.0, [1.0, 0.5]))
+    kepler_line = ao.Problem(
+        kepler(3), ao.Event(0.0, [1.0, 0.0, 0.0]), ao.Event(3.0, [-1.0, 0.0, 0.0])
+    )
+    for problem in (polar, kepler_line):
+        str(solve_all(problem, windings=0, starts=2, shots=4, continuations=1))
+
+
+def test_what_solve_refuses_is_refused():
+    twice = ao.System(
+        lambda q, v, t: v @ v / 2, ["x", "y"], constraint=lambda q, t: [q[0] - q[1], q[1] - q[0]]
+    )
+    problem = ao.Problem(twice, ao.Event(0.0, [0.0, 0.0]), ao.Event(1.0, [1.0, 1.0]))
+    with pytest.raises(ValueError, match="expected independent constraints"):
+        solve_all(problem, starts=2)
+
+
+@pytest.mark.parametrize("error", [ValueError("operands could not be broadcast"), TypeError("no")])
+def test_defects_are_not_swallowed(monkeypatch, error):
+    def broken(*_, **__):
+        raise error
+
+    monkeypatch.setattr("actionopt.sweep.solve", broken)
+    with pytest.raises(type(error), match=str(error)):
+        solve_all(ao.Problem(PENDULUM, ao.Event(0.0, 0.5), ao.Event(2.0, -0.3)))
+
+
+@pytest.mark.parametrize(
+    "error", [np.linalg.LinAlgError("Singular matrix"), ValueError("expected")]
+)
+def test_a_solve_that_fails_is_left_out(monkeypatch, error):
+    whole = ao.solve
+
+    def fails_from_a_guess(problem, guess=None, **options):
+        if guess is not None:
+            raise error
+        return whole(problem, **options)
+
+    monkeypatch.setattr("actionopt.sweep.solve", fails_from_a_guess)
+    problem = ao.Problem(PENDULUM, ao.Event(0.0, 0.5), ao.Event(2.0, -0.3))
+    found = solve_all(problem, windings=0, starts=2, continuations=0)
+    assert set(found.found_by) == {"a straight line"}
+
+
+# -- free ends -------------------------------------------------------------------------------------
+
+
+def test_a_path_a_turn_farther_is_the_same_where_an_end_is_free():
+    start, end = ao.Event(0.0, [None]), ao.Event(0.3, [0.1])
+    found = solve_all(ao.Problem(PENDULUM, start, end), continuations=2)
+    assert len(found) == 1 and found.angles == ()
+    found = solve_all(ao.Problem(PENDULUM, start, start.at(0.3)), continuations=2)
+    assert [s.action for s in found] == pytest.approx([-0.3 * 9.81, 0.3 * 9.81])
+
+
 # -- the search itself ---------------------------------------------------------------------------
 
 
@@ -301,10 +396,38 @@ def test_progress_and_interruption():
     assert "interrupted" in str(found)
 
 
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="no timers that send signals")
+@pytest.mark.parametrize("after", [0.02, 0.1, 0.3, 1.0])
+def test_an_interruption_ends_the_search_and_keeps_what_it_has(after):
+    """Wherever it comes, the signal is no failure of what it interrupts."""
+    problem = ao.Problem(PENDULUM, ao.Event(0.0, 0.5), ao.Event(14.0, -0.3))
+    first = []
+
+    def progress(how, done, total, found):
+        if found and not first:
+            first.append(found)
+            signal.setitimer(signal.ITIMER_REAL, after)
+
+    before = signal.signal(signal.SIGALRM, signal.default_int_handler)
+    try:
+        found = solve_all(problem, progress=progress)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+    assert found.interrupted and len(found) >= first[0]
+
+
 def test_each_path_agrees_with_forward_motion():
     problem = ao.Problem(PENDULUM, ao.Event(0.0, 0.0), ao.Event(1.0, 1.0))
     for solution in solve_all(problem):
         assert solution.compare().agrees
+
+
+def test_a_comparison_that_cannot_tell_contradicts_nothing(monkeypatch):
+    undecided = type("Undecided", (), {"agrees": None})()
+    monkeypatch.setattr(ao.Solution, "compare", lambda _: undecided)
+    problem = ao.Problem(PENDULUM, ao.Event(0.0, 0.0), ao.Event(1.0, 1.0))
+    assert len(solve_all(problem, starts=2, shots=0, continuations=0)) >= 3
 
 
 def test_forced_motion():

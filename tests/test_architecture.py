@@ -15,12 +15,14 @@ PACKAGE = Path(actionopt.__file__).parent
 
 # One row a rank, lowest first. A room is a module or a folder; each must be named here once.
 RANKS = (
-    ("checks", "progress", "quadrature", "status", "symbolic", "writing"),
+    ("checks", "interrupts"),
+    ("progress", "quadrature", "status", "symbolic", "watch", "writing"),
     ("identity", "path", "pointwise", "tracing"),
+    ("switches",),
     ("laws",),
     ("system",),
     ("invariance", "pfaffian", "problem"),
-    ("contact", "flow", "scenes", "symmetry", "transcription"),
+    ("contact", "crossing", "flow", "jumps", "scenes", "symmetry", "transcription"),
     ("newton",),
     (
         "branch",
@@ -32,7 +34,7 @@ RANKS = (
         "refine",
     ),
     ("fan", "jacobi", "rates"),
-    ("conjugate", "index", "sensitivity", "varied"),
+    ("conjugate", "index", "meeting", "sensitivity", "varied"),
     ("solution",),
     ("arguments", "relaxation", "walk"),
     ("settle",),

@@ -261,3 +261,9 @@ def test_figure_eight():
     scaled = 3 * third * solution.action * (2 * np.pi / facts["period"]) ** (1 / 3)
     assert third == pytest.approx(round(third), abs=1e-9)
     assert abs(scaled - 24.371926) < 5e-7
+
+
+def test_no_line_is_blank():
+    [row] = [row for row in ROWS if row.system.startswith("all symmetries affine")]
+    last = list(row.check())[-1]
+    assert (last.expected, last.found) == ("none", "none")

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import math
+import os
 import re
 import subprocess
 import sys
@@ -206,8 +207,6 @@ def test_files_that_do_not_work_say_why(capsys, tmp_path, text, message):
         (["kepler", "--set", "mas=1"], "has no parameter 'mas'"),
         (["kepler", "--tol", "0"], "expected tol between"),
         (["damped_oscillator", "--principle", "least"], "non-conservative"),
-        (["pendulum", "--no-compare", "--plot", "picture.xyz"], "xyz"),
-        (["pendulum", "--no-compare", "--save", "no/such/folder/a.npz"], "no/such/folder"),
     ],
 )
 def test_failures_are_one_message_and_exit_code_one(
@@ -218,6 +217,80 @@ def test_failures_are_one_message_and_exit_code_one(
     assert code == 1
     assert err.startswith("actionopt: ") and message in err
     assert "Traceback" not in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--plot", "picture.xyz"], r"ends in .*\.png.*found 'picture\.xyz'"),
+        (["--plot", "x"], r"ends in .*\.png.*found 'x', which has no ending"),
+        (["--plot", "no/such/folder/a.png"], "folder that is there .*'no/such/folder/a.png'"),
+        (["--save", "no/such/folder/a.npz"], "folder that is there .*'no/such/folder/a.npz'"),
+        (["--save", "x"], r"ends in \.npz, found 'x'"),
+    ],
+)
+def test_where_nothing_can_be_written_nothing_is_solved(
+    capsys, monkeypatch, tmp_path, arguments, message
+):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys.modules["actionopt.solve"], "solve", None)
+    code, out, err = run(capsys, "solve", "pendulum", "--no-compare", *arguments)
+    assert (code, out) == (1, "")
+    assert err.startswith("actionopt: ") and re.search(message, err)
+    assert "Traceback" not in err and "partial" not in err and "Errno" not in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["solve", "kepler", "--set", "mu=2", "a=3"], "--set before each setting: --set a=3$"),
+        (["solve", "kepler", "--sett", "mu=2"], "unrecognized arguments: --sett mu=2"),
+        (["gallery"], "arguments are required: OUTDIR$"),
+        (["suite", "list", "--elements", "0"], "--elements: .*at least 1, found '0'"),
+        (["suite", "list", "--elements", "-5"], "--elements: .*at least 1, found '-5'"),
+        (["suite", "dump", "x", "--degree", "1.5"], "--degree: .*at least 1, found '1.5'"),
+    ],
+)
+def test_arguments_that_make_no_sense_exit_with_2(capsys, arguments, message):
+    with pytest.raises(SystemExit) as stop:
+        main(arguments)
+    assert stop.value.code == 2
+    assert re.search(message, capsys.readouterr().err.strip())
+
+
+def test_every_option_of_solve_has_a_word_of_help(capsys):
+    with pytest.raises(SystemExit):
+        main(["solve", "--help"])
+    out = " ".join(capsys.readouterr().out.split())
+    assert "--set NAME=VALUE a parameter by name; may be repeated" in out
+    assert "what to ask of the action" in out
+
+
+def test_a_list_says_where_a_mesh_is_too_coarse(capsys):
+    code, out, err = run(
+        capsys,
+        "suite",
+        "list",
+        "--degree",
+        "1",
+        "--problem=oscillator",
+        "--problem=kepler_polar_singular",
+    )
+    assert (code, err) == (0, "")
+    kinds = {line.split()[0]: line.split()[2] for line in out.splitlines()[1:3]}
+    assert kinds == {"oscillator": "minimum", "kepler_polar_singular": "none"}
+    assert "none: no optimum near the path on such a mesh (1 of 2)" in out
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="pipes of another kind")
+@pytest.mark.parametrize("unbuffered", [[], ["-u"]])
+def test_a_reader_that_has_seen_enough_is_no_error(unbuffered):
+    read, write = os.pipe()
+    os.close(read)  # as `head` does, sooner or later
+    command = [sys.executable, *unbuffered, "-m", "actionopt", "list", "pendulum"]
+    done = subprocess.run(command, stdout=write, stderr=subprocess.PIPE, text=True)
+    os.close(write)
+    assert (done.returncode, done.stderr) == (141, "")
 
 
 def test_a_path_that_is_no_motion_is_a_failure(capsys, monkeypatch):
@@ -232,6 +305,29 @@ def test_a_path_that_is_no_motion_is_a_failure(capsys, monkeypatch):
     assert code == 1
     assert float(rows(out)["forward deviation"].split(",")[0]) > 1e-3
     assert "the path is no motion" in err
+
+
+def test_a_path_of_which_it_cannot_be_told_is_printed_and_no_failure(capsys, monkeypatch):
+    compare = ao.Solution.compare
+
+    def unfollowed(self, **changes):
+        nothing = dict.fromkeys(("position", "velocity", "arrival", "reference_error"), math.nan)
+        changes = {"reason": "it stops at t = 0.3", "path": None} | nothing | changes
+        return dataclasses.replace(compare(self), **changes)
+
+    monkeypatch.setattr(ao.Solution, "compare", unfollowed)
+    code, out, err = run(capsys, "solve", "pendulum")
+    assert (code, err) == (0, "")
+    assert rows(out)["forward deviation"].endswith("cannot tell: it stops at t = 0.3")
+    found = solved(capsys, "pendulum")["forward"]
+    assert found["agrees"] is None and found["position"] is None
+    assert found["reason"] == "it stops at t = 0.3"
+
+    monkeypatch.setattr(ao.Solution, "compare", lambda s: unfollowed(s, local=0.1, reason=""))
+    code, out, err = run(capsys, "solve", "pendulum")
+    assert code == 1
+    assert rows(out)["forward deviation"].startswith("1.0e-01 from piece to piece")
+    assert "the path is no motion" in err and "nan" not in err
 
 
 @pytest.mark.parametrize("setting", ["mu", "mu=", "=1", "mu=one", "2x=1", "mu=__import__('os')"])
@@ -284,7 +380,9 @@ def test_public_names_are_all_there_and_cost_nothing_until_asked_for():
         "import sys, actionopt as ao\n"
         "assert 'actionopt.all_paths' not in sys.modules\n"
         "assert all(callable(getattr(ao, name)) or name == 'Status' for name in ao.__all__)\n"
-        "assert set(ao.__all__) <= set(dir(ao))\n"
+        "rooms = {'chapter', 'gallery', 'plot', 'scenes', 'suite'}\n"
+        "assert set(dir(ao)) == {*ao.__all__, *rooms, '__version__'}\n"
+        "assert all(hasattr(ao, name) for name in ao.__all__)\n"
         "assert 'actionopt.all_paths' in sys.modules\n"
         "assert ao.scenes.get('pendulum').name == 'pendulum'\n"
         "assert 'matplotlib' not in sys.modules and ao.plot.save\n"
@@ -292,3 +390,9 @@ def test_public_names_are_all_there_and_cost_nothing_until_asked_for():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.stdout.strip() == "module 'actionopt' has no attribute 'nothing'", done.stderr
+
+
+def test_a_solve_may_be_given_a_time(capsys):
+    assert main(["solve", "pendulum", "--seconds", "1e-9"]) == 1
+    assert "the time that was given ran out" in capsys.readouterr().err
+    assert main(["solve", "pendulum", "--seconds", "100", "--no-compare"]) == 0

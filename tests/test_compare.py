@@ -1,7 +1,7 @@
 """The comparison with forward integration: it must agree with motions and contradict the rest.
 
-The curves compared are closed forms, wrapped so that they look like solutions; no solver is run
-except in the last test.
+The curves compared are closed forms, wrapped so that they look like solutions; solvers are run only
+for the last tests, whose meshes are what a solution's is.
 """
 
 from collections.abc import Callable
@@ -9,11 +9,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 from scipy.special import ellipj, ellipk, ndtr
 
-from actionopt import Event, Mesh, Path, Problem, State, System
+from actionopt import Event, Mesh, Path, Problem, Solution, State, System, solve
 from actionopt.compare import compare
-from actionopt.forward import IntegrationError, integrate
+from actionopt.forward import integrate
 
 ACCURATE = 3e-11  # what forward integration makes of these motions, as its own tests say
 
@@ -381,8 +382,306 @@ def test_collision_on_the_way_of_the_motion():
     def through(t):  # straight through the centre
         return np.stack([1 - t, 1e-30 + 0 * t]), np.stack([-1 + 0 * t, 0 * t])
 
-    with pytest.raises(IntegrationError, match="singularity"):
-        compare(between(ORBIT, through, 0.0, 1.5))
+    found = compare(between(ORBIT, through, 0.0, 1.5))
+    assert found.agrees is False and found.reason == ""
+    assert found.local > 0.01  # where the attraction can be followed, it is not there
+    assert np.isnan([found.position, found.velocity, found.arrival, found.reference_error]).all()
+    assert found.path is not None and 0.5 < found.path.mesh.boundaries[-1] < 1.0
+
+
+# -- what cannot be told ---------------------------------------------------------------------
+
+
+def fall(t):
+    """From rest at the distance one into the centre at pi / sqrt(8), and out again; (x, y)."""
+    t = np.asarray(t, dtype=float)
+    a = np.array([brentq(lambda a, s=s: a + np.sin(a) - np.sqrt(8) * s, 0, 7) for s in t.flat])
+    a = a.reshape(t.shape)
+    rate = np.sqrt(8) / (1 + np.cos(a))
+    return np.stack([(1 + np.cos(a)) / 2, 0 * a]), np.stack([-np.sin(a) / 2 * rate, 0 * a])
+
+
+def test_a_motion_through_a_singularity_cannot_be_told():
+    found = compare(between(ORBIT, fall, 0.0, 1.5))
+    assert found.agrees is None
+    assert "singularity" in found.reason and "nothing contradicts the path" in found.reason
+    assert found.local < ACCURATE  # of the pieces apart from it
+    assert np.isnan(found.position) and np.isnan(found.arrival) and np.isnan(found.energy_drift)
+    assert found.path is not None
+    t = np.linspace(0.0, 1.0, 11)
+    assert found.path.mesh.boundaries[-1] > 1.0
+    np.testing.assert_allclose(found.path(t), fall(t)[0], rtol=0, atol=1e-7)
+
+
+def test_a_motion_that_passes_a_singularity_and_is_wrong_elsewhere_is_contradicted():
+    def late(t):
+        q, v = fall(t)
+        return q + np.stack([1e-3 * np.sin(4 * t), 0 * t]), v + np.stack(
+            [4e-3 * np.cos(4 * t), 0 * t]
+        )
+
+    found = compare(between(ORBIT, late, 0.0, 1.5))
+    assert found.agrees is False and found.reason == ""
+
+
+def test_a_motion_that_cannot_be_begun_cannot_be_told():
+    """In polar coordinates from the centre the angle has no inertia."""
+    system = System(lambda q, v, t: (v[0] ** 2 + (q[0] * v[1]) ** 2) / 2, ["r", "angle"])
+
+    def out(t):
+        return np.stack([1 * t, 0 * t]), np.stack([1 + 0 * t, 0 * t])
+
+    found = compare(between(system, out, 0.0, 1.0))
+    assert found.agrees is None and found.path is None
+    assert "cannot be begun" in found.reason and "singular mass matrix" in found.reason
+
+
+def test_a_tolerance_that_is_none():
+    with pytest.raises(ValueError, match="tol"):
+        compare(between(OSCILLATOR, oscillation(2.0), 0.0, 1.0), tol=0.0)
+
+
+# -- what is not smooth, on the mesh of a solution -------------------------------------------
+
+
+@dataclass
+class Claim:
+    """The curve `exact` on the mesh of a solution, with its error estimate."""
+
+    solution: Solution
+    exact: Callable
+
+    def __getattr__(self, name):
+        return getattr(self.solution, name)
+
+    def __call__(self, t):
+        return self.exact(np.asarray(t))[0]
+
+    def velocity(self, t):
+        return self.exact(np.asarray(t))[1]
+
+    @property
+    def start(self):
+        t0 = self.problem.start.t
+        return State(t0, self(t0), self.velocity(t0))
+
+
+def solved(system, exact, t0, t1, **options):
+    return solve(Problem(system, *(Event(t, exact(np.array(t))[0]) for t in (t0, t1))), **options)
+
+
+def judge(system, exact, wrong, t0, t1, **options):
+    """Compare what the solver finds; and then another curve, that is to be contradicted."""
+    solution = solved(system, exact, t0, t1, **options)
+    found = compare(solution)
+    assert found.agrees is True and found.reason == ""
+    assert found.path is not None
+    t = found.path.mesh.nodes
+    size = np.max(np.abs(exact(t)[0]), axis=1)[:, None]
+    # The path begins with the solution's velocity, and so has its error.
+    assert np.max(np.abs(found.path(t) - exact(t)[0]) / size) < found.allowed
+    assert found.reference_error < max(1e-3 * solution.error, ACCURATE)
+    # The velocity is that of a polynomial, in elements that may be short.
+    assert found.velocity < max(found.allowed, 1e-6)
+    assert found.energy_drift < max(found.allowed, 1e-6)
+    assert np.all(solution(t)[:, [0, -1]] == exact(t)[0][:, [0, -1]])
+    assert compare(Claim(solution, exact)).agrees is True
+    if wrong is not None:
+        assert compare(Claim(solution, wrong)).agrees is False
+    return solution, found
+
+
+def stepped(c, force=5.0):
+    """A force that is switched on at t = c."""
+    system = System(
+        lambda q, v, t, *, c: v[0] ** 2 / 2 + np.where(t > c, force, 0.0) * q[0],
+        ["x"],
+        parameters={"c": c},
+    )
+
+    def exact(t, c=c):
+        since = np.maximum(t - c, 0.0)
+        v0 = 1 - force * (1 - c) ** 2 / 2
+        return (v0 * t + force * since**2 / 2)[None, ...], (v0 + force * since)[None, ...]
+
+    return system, exact
+
+
+@pytest.mark.parametrize("tol", [1e-3, 1e-8])
+@pytest.mark.parametrize("c", [0.37, 0.3141592, 0.25, 1 / 3])
+def test_a_force_that_is_switched_on(c, tol):
+    system, exact = stepped(c)
+    # A rough solution allows that it comes a little late.
+    late = None if tol == 1e-3 else lambda t: exact(t, c + 1e-3)
+    judge(system, exact, late, 0.0, 1.0, tol=tol)
+
+
+@pytest.mark.parametrize("spring", [0.0, 4.0])
+@pytest.mark.parametrize("c", [0.3141592, 0.25, 0.5])
+def test_a_mass_that_jumps(c, spring):
+    """The momentum is continuous. With a spring, oscillations of two frequencies."""
+    masses = 1.0, 3.0
+    system = System(
+        lambda q, v, t, *, c: (
+            np.where(t > c, masses[1], masses[0]) * v[0] ** 2 / 2 - spring * q[0] ** 2 / 2
+        ),
+        ["x"],
+        parameters={"c": c},
+    )
+
+    def exact(t, kept=1.0):
+        """`kept` is the part of the momentum that is there after the jump."""
+
+        def through(m, q, p, t):
+            if not spring:
+                return q + p / m * t, p / m + 0 * t
+            w = np.sqrt(spring / m)
+            a, b = np.cos(w * t), np.sin(w * t)
+            return q * a + p / (m * w) * b, p / m * a - q * w * b
+
+        before = through(masses[0], 0.2, 1.0, t)
+        q, v = through(masses[0], 0.2, 1.0, c)
+        after = through(masses[1], q, kept * masses[0] * v, t - c)
+        return tuple(np.where(t > c, y, x)[None, ...] for x, y in zip(before, after, strict=True))
+
+    judge(system, exact, lambda t: exact(t, 3.0), 0.0, 1.0)  # 3: the velocity kept, not momentum
+    judge(system, exact, lambda t: exact(t, 1.001), 0.0, 1.0)
+
+
+def test_a_constraint_that_turns_faster_at_once():
+    """A bead on a wire: the wire's angle has a kink, and so has the path."""
+    c = 0.3
+
+    def angle(t):
+        return 0.3 * t + np.where(t > c, 1.5 * (t - c), 0.0)
+
+    system = System(
+        lambda q, v, t: (v @ v) / 2,
+        ["x", "y"],
+        constraint=lambda q, t: q[0] * np.sin(angle(t)) - q[1] * np.cos(angle(t)),
+    )
+
+    def exact(t, kept=1.0):
+        """The velocity along the wire is continuous: r'' = w^2 r."""
+
+        def along(w, r, s, t):
+            return r * np.cosh(w * t) + s / w * np.sinh(w * t), s * np.cosh(
+                w * t
+            ) + r * w * np.sinh(w * t)
+
+        r, s = along(0.3, 1.0, 0.2, t)
+        later = along(
+            1.8, *(k * x for k, x in zip((1.0, kept), along(0.3, 1.0, 0.2, c), strict=True)), t - c
+        )
+        r, s = np.where(t > c, later[0], r), np.where(t > c, later[1], s)
+        a, w = angle(t), np.where(t > c, 1.8, 0.3)
+        out, across = np.stack([np.cos(a), np.sin(a)]), np.stack([-np.sin(a), np.cos(a)])
+        return r * out, s * out + r * w * across
+
+    judge(system, exact, lambda t: exact(t, 1.01), 0.0, 1.0)
+
+
+@pytest.mark.parametrize("tol", [1e-3, 1e-8])
+def test_a_kink_in_q(tol):
+    system = System(lambda q, v, t: v[0] ** 2 / 2 - np.abs(q[0]), ["x"])
+    solution = solve(Problem(system, Event(0.0, [1.0]), Event(6.0, [-1.0])), tol=tol)
+    found = compare(solution)
+    assert found.agrees is True
+
+    def bouncing(t, g=1.0):
+        """Parabolas from zero to zero, all of one length: |x| = s (2 b - g s) / 2."""
+        v0 = solution.start.v[0]
+        b = np.sqrt(v0**2 + 2 * g)  # speed at x = 0, by the energy
+        s = np.asarray(t) + (b - v0) / g  # since the zero before the start
+        part, s = s // (2 * b / g), s % (2 * b / g)
+        sign = 1 - 2 * (part % 2)
+        return (sign * s * (2 * b - g * s) / 2)[None, ...], (sign * (b - g * s))[None, ...]
+
+    assert found.path is not None
+    t = found.path.mesh.nodes
+    assert np.max(np.abs(found.path(t) - bouncing(t)[0])) < ACCURATE
+    heavier = 2.0 if tol == 1e-3 else 1.001
+    assert compare(Claim(solution, lambda t: bouncing(t, heavier))).agrees is False
+
+
+@pytest.mark.parametrize("width", [6e-4, 1e-5])  # the first is a thousandth wide at half its height
+def test_a_pulse_that_the_mesh_resolves(width):
+    c = 0.6131
+    system = System(
+        lambda q, v, t, *, w: (
+            v[0] ** 2 / 2 + q[0] * np.exp(-(((t - c) / w) ** 2)) / (w * np.sqrt(np.pi))
+        ),
+        ["x"],
+        parameters={"w": width},
+    )
+
+    def exact(t):
+        u = np.sqrt(2) * (np.asarray(t) - c) / width
+        bell = np.exp(-(u**2) / 2) / np.sqrt(2 * np.pi)
+        return (width / np.sqrt(2) * (u * ndtr(u) + bell))[None, ...], ndtr(u)[None, ...]
+
+    there = Mesh([0.0, c - 6 * width, c, c + 6 * width, 1.0], [4, 24, 24, 4])
+    missed = exact(1.0)[0][0]
+
+    def straight(t):
+        return missed * np.asarray(t)[None, ...], missed + 0 * np.asarray(t)[None, ...]
+
+    coarse = solved(system, exact, 0.0, 1.0, mesh=there)
+    judge(system, exact, straight, 0.0, 1.0, guess=coarse)
+
+
+@pytest.mark.parametrize("t0", [0.0, 1e6, 1e9])
+def test_times_far_from_zero(t0):
+    """A driven oscillator: where t is known to eps t, so is the force."""
+    system = System(
+        lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2 + 5 * np.cos(3 * t) * q[0],
+        ["x"],
+    )
+
+    def exact(t, off=0.0):
+        s = np.asarray(t) - t0
+        phase = 3 * t0
+        x = np.cos(s) + 2 * np.sin(s) - 5 / 8 * np.cos(3 * s + phase) + off * np.sin(np.pi * s / 2)
+        rate = -np.sin(s) + 2 * np.cos(s) + 15 / 8 * np.sin(3 * s + phase)
+        return x[None, ...], (rate + off * np.pi / 2 * np.cos(np.pi * s / 2))[None, ...]
+
+    solution = solved(system, exact, t0, t0 + 2.0)
+    found = compare(solution)
+    assert found.agrees is True and found.reason == ""
+    assert found.path is not None
+    t = solution.mesh.nodes
+    # 3 t is rounded twice, and t itself: the force is off by 5 sin(3 t) of that, for 2 s.
+    close = 10 * np.spacing(3 * t0) * 2**2 + ACCURATE
+    assert np.max(np.abs(found.path(t) - exact(t)[0])) < close + 3 * solution.error
+    assert found.reference_error < close
+    wrong = max(1e-5, 100 * found.allowed)
+    assert compare(Claim(solution, lambda t: exact(t, wrong))).agrees is False
+
+
+@pytest.mark.parametrize("duration", [0.5, 2.0, 6.0])
+def test_rest_at_an_unstable_point(duration):
+    """The first of Lagrange's points between the Earth and the Moon."""
+    mu = 0.01215
+    where = brentq(
+        lambda x: x - (1 - mu) / (x + mu) ** 2 + mu / (x - 1 + mu) ** 2, 0.5, 0.98, xtol=1e-16
+    )
+
+    def lagrangian(q, v, t):
+        (x, y), (u, w) = q, v
+        earth, moon = np.hypot(x + mu, y), np.hypot(x - 1 + mu, y)
+        return ((u - y) ** 2 + (w + x) ** 2) / 2 + (1 - mu) / earth + mu / moon
+
+    system = System(lagrangian, ["x", "y"])
+
+    def rest(t, off=0.0):
+        return np.stack([where + off + 0 * t, 0 * t]), np.stack([0 * t, 0 * t])
+
+    solution = solved(system, rest, 0.0, duration)
+    found = compare(solution)
+    assert found.agrees is True
+    assert found.position < 1e-12 * np.exp(3 * duration)  # what it makes of round-off
+    assert found.energy_drift < 1e-12
+    assert compare(Claim(solution, lambda t: rest(t, 1e-3))).agrees is False
 
 
 # -- a solution ------------------------------------------------------------------------------
@@ -390,8 +689,6 @@ def test_collision_on_the_way_of_the_motion():
 
 @pytest.mark.parametrize("end", [0.47, 0.470001, 1.2])
 def test_a_solution_with_a_kick(end):
-    from actionopt import solve
-
     system = System(
         lambda q, v, t: v[0] ** 2 / 2 + q[0] * np.exp(-(((t - 0.53) / 0.03) ** 2) / 2) / 0.0752,
         ["x"],
@@ -403,8 +700,6 @@ def test_a_solution_with_a_kick(end):
 
 
 def test_solution_compares_itself():
-    from actionopt import solve
-
     start = State(0.0, [1.0, 0.3], [0.0, 0.0])
     end = integrate(DOUBLE, start, 2.0)(2.0)
     solution = solve(Problem(DOUBLE, Event(0.0, start.q), Event(2.0, end)), tol=1e-9)

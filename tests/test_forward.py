@@ -3,6 +3,7 @@
 import _thread
 import re
 import signal
+import sys
 import threading
 
 import numpy as np
@@ -441,6 +442,108 @@ def test_what_does_not_fit_into_memory_is_refused(monkeypatch):
         integrate(KEPLER, State(0.0, q, v), 100.0)
 
 
+@pytest.mark.parametrize("backwards", [False, True])
+def test_a_mass_that_jumps_keeps_the_momentum(backwards):
+    c = 0.3141592
+    system = System(lambda q, v, t: np.where(t > c, 3.0, 1.0) * v[0] ** 2 / 2, ["x"])
+    ends = State(0.0, [0.2], [1.5]), State(1.0, [0.2 + 1.5 * c + 0.5 * (1 - c)], [0.5])
+    path = integrate(system, ends[backwards], ends[1 - backwards].t)
+    t = np.array([0.0, 0.1, c, np.nextafter(c, 1.0), 0.7, 1.0])
+    v = np.where(t > c, 0.5, 1.5)
+    q = 0.2 + 1.5 * np.minimum(t, c) + 0.5 * np.maximum(t - c, 0.0)
+    np.testing.assert_allclose(path(t)[0], q, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(path.velocity(t)[0], v, rtol=0, atol=1e-14)
+    assert path.mesh.boundaries[0] == 0.0 and path.mesh.boundaries[-1] == 1.0
+
+
+@pytest.mark.parametrize("c", [0.0, 1.0])
+def test_a_jump_at_an_end(c):
+    """At the first time it is crossed, beyond the last it is not."""
+    system = System(lambda q, v, t: np.where(t > c, 3.0, 1.0) * v[0] ** 2 / 2, ["x"])
+    path = integrate(system, State(0.0, [0.0], [1.5]), 1.0)
+    assert path(1.0) == pytest.approx(1.5 if c else 0.5, rel=1e-14)
+    assert path.mesh.boundaries[0] == 0.0 and path.mesh.boundaries[-1] == 1.0
+
+
+def test_a_jump_beyond_which_there_is_no_velocity():
+    system = System(lambda q, v, t: np.where(t > 0.3, 1e-3, 1.0) * -np.sqrt(1 - v[0] ** 2), ["x"])
+    path = integrate(system, State(0.0, [0.0], [0.5]), 1.0)
+    p = 0.5 / np.sqrt(1 - 0.25)
+    assert path.velocity(1.0) == pytest.approx(p / np.hypot(p, 1e-3), rel=1e-9)  # nearly 1
+    light = System(lambda q, v, t: np.where(t > 0.3, 0.0, 1.0) * v[0] ** 2 / 2, ["x"])
+    with pytest.raises(IntegrationError, match=r"singularity|no velocity beyond"):
+        integrate(light, State(0.0, [0.0], [0.5]), 1.0)
+
+
+@pytest.mark.parametrize("t0", [1e6, 1e9])
+def test_times_far_from_zero(t0):
+    """Without time in the Lagrangian nothing is lost, and the times asked for are those meant."""
+    system = System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
+    path = integrate(system, State(t0, [1.0], [0.5]), t0 + 10.0)
+    t = np.linspace(t0, t0 + 10.0, 301)
+    s = t - t0
+    np.testing.assert_allclose(path(t)[0], np.cos(s) + 0.5 * np.sin(s), rtol=0, atol=ACCURATE)
+
+
+def test_rest_at_a_saddle_point_stays():
+    """Its velocities are round-off, and are not resolved."""
+    system = System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0] - 1 / 3), ["angle"])
+    path = integrate(system, State(0.0, [np.pi + 1 / 3], [0.0]), 5.0)
+    assert abs(path(5.0)[0] - np.pi - 1 / 3) < 1e-15 * np.exp(5.0)
+
+
+def test_steps_are_as_short_as_the_elements_where_these_are_short(monkeypatch):
+    """A pulse of a hundred-thousandth of the time; and no more than some hundred steps a leg."""
+    taken = []
+    steps = flow.Integrator.steps
+
+    def count(self):
+        taken.append(steps.fget(self))
+        return taken[-1]
+
+    monkeypatch.setattr(flow.Integrator, "steps", property(count))
+    w, c = 1e-5, 0.6131
+    system = System(
+        lambda q, v, t: v[0] ** 2 / 2 + q[0] * np.exp(-(((t - c) / w) ** 2)) / (w * np.sqrt(np.pi)),
+        ["x"],
+    )
+    mesh = Mesh([0.0, c - 6 * w, c, c + 6 * w, 1.0], 12)
+    path = forward.follow(
+        flow.Flow(system), State(0.0, [0.0], [0.0]), 1.0, tol=1e-12, mesh=mesh, bends=True
+    ).path
+    assert path(1.0) == pytest.approx(1 - c, rel=1e-11)
+    assert path.velocity(1.0) == pytest.approx(1.0, rel=1e-11)
+    assert max(taken) < 1000
+
+
+def test_legs_are_of_elements_alike_in_length():
+    b = np.array([0.0, 0.5, 0.6, 0.601, 0.602, 0.7, 1.0])
+    mesh = Mesh(b, [4, 5, 20, 7, 8, 9])
+    legs = forward._legs(mesh, [(0.3, np.nextafter(0.3, 1.0))], False)
+    assert [times.tolist() for times, _ in legs] == [
+        [0.0, 0.3],
+        [np.nextafter(0.3, 1.0), 0.5, 0.6],
+        [0.6, 0.601, 0.602],
+        [0.602, 0.7, 1.0],
+    ]
+    assert [degrees.tolist() for _, degrees in legs] == [[12], [12, 12], [20, 12], [12, 12]]
+    back = forward._legs(mesh, [(0.3, np.nextafter(0.3, 1.0))], True)
+    assert [times.tolist() for times, _ in back] == [
+        times[::-1].tolist() for times, _ in legs[::-1]
+    ]
+
+
+def test_round_off_is_what_the_last_digits_do():
+    """a = -w^2 x + cos(t): one digit of x, or of t, each at most times."""
+    system = System(lambda q, v, t: (v[0] ** 2 - 1e4 * q[0] ** 2) / 2 + np.cos(t) * q[0], ["x"])
+    motion = flow.Flow(system)
+    t, one = np.linspace(0.0, 1.0, 65), np.ones((1, 65))
+    eps = np.spacing(1.0)
+    assert motion.round_off(one, one, t) == pytest.approx(1e4 * eps, rel=0.5)
+    far = motion.round_off(0 * one, one, t + 1e9)
+    assert far == pytest.approx(np.spacing(1e9), rel=0.2)  # sin is nearly one for a tenth of them
+
+
 @pytest.mark.slow
 def test_round_off_of_time_is_not_split(monkeypatch):
     """Over 600 revolutions 1 ulp of the time is more than the tolerance, at pericentre."""
@@ -469,3 +572,67 @@ def test_interruption_is_passed_on(capfd):
         integrate(KEPLER, State(0.0, q, v), 1e5)  # some twenty seconds
     timer.join()
     assert capfd.readouterr() == ("", "")
+
+
+class Late(RuntimeError):
+    """What a time limit raises."""
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGALRM"), reason="needs an alarm")
+def test_a_time_limit_is_passed_on(capfd):
+    def late(number, frame):
+        raise Late
+
+    q, v = kepler(0.0, 1.0, 0.6, 1.0)
+    stderr, before = sys.stderr, signal.signal(signal.SIGALRM, late)
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.2)
+        with pytest.raises(Late):
+            integrate(KEPLER, State(0.0, q, v), 1e5)  # some twenty seconds
+        assert signal.getsignal(signal.SIGALRM) is late and sys.stderr is stderr
+    finally:
+        signal.signal(signal.SIGALRM, before)
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.usefixtures("keyboard")
+def test_other_threads_keep_standard_error(capfd):
+    """Integrations in several threads, one interrupted: each may write, and all is as before."""
+    q, v = kepler(0.0, 1.0, 0.6, 1.0)
+    stderr, stop = sys.stderr, threading.Event()
+
+    def others():
+        while not stop.is_set():
+            integrate(KEPLER, State(0.0, q, v), 1.0)
+
+    threads = [threading.Thread(target=others) for _ in range(3)]
+    for thread in threads:
+        thread.start()
+    timer = threading.Timer(0.3, _thread.interrupt_main)
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        integrate(KEPLER, State(0.0, q, v), 1e5)
+    stop.set()
+    for thread in (*threads, timer):
+        thread.join()
+    assert sys.stderr is stderr
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(
+    ("constraint", "q", "v"),
+    [
+        # y is zero, and 1e-17 off what it should be: that is measured by x.
+        (lambda q, t: q[1] + 1e-17, [1.0, 0.0], [1.0, 0.0]),
+        # All coordinates are rounding: what the surface moves by over the time is the measure.
+        (lambda q, t: q[0] - 2.0 * t, [1e-17, 0.0], [2.0, 0.0]),
+    ],
+    ids=["a coordinate is zero", "the surface moves"],
+)
+def test_a_state_off_the_surface_by_rounding_is_on_it(constraint, q, v):
+    system = System(lambda q, v, t: v @ v / 2, ["x", "y"], constraint=constraint)
+    path = integrate(system, State(0.0, q, v), 1.5)
+    t = np.linspace(0.0, 1.5, 31)
+    assert np.max(np.abs(path(t) - (np.array(q)[:, None] + np.outer(v, t)))) < ACCURATE
+    with pytest.raises(ValueError, match="on the constraint surface"):
+        integrate(system, State(0.0, np.add(q, 1e-6), v), 1.5)

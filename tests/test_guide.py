@@ -87,10 +87,12 @@ def test_what_the_page_states_is_found(page):
     assert count >= STATED
 
 
-def test_forces_and_closed_paths_have_no_index(page):
-    for name in ("dragged", "orbit", "steady"):
-        with pytest.raises(ValueError, match="index"):
-            _ = page[0][name].kind
+def test_forced_paths_have_no_index_and_closed_ones_no_conjugate_points(page):
+    with pytest.raises(ValueError, match="index"):
+        _ = page[0]["dragged"].kind
+    for name in ("orbit", "steady"):
+        with pytest.raises(ValueError, match="conjugate"):
+            page[0]["ao"].conjugate_points(page[0][name])
 
 
 def test_the_files_of_the_page_are_there(page):

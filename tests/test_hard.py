@@ -290,3 +290,57 @@ def test_a_closed_loop():
 def test_a_redundant_crank_is_named():
     with pytest.raises(ValueError, match=r"rows \[0, 2, 3\] say the same thing"):
         ao.solve(linkage(True))
+
+
+# -- far from the straight line -------------------------------------------------------------------
+
+# Walls that rise like the fourth power of a combination s of the coordinates send the motion to and
+# fro, far from the straight line between its ends; the action is unbounded below. (T, ends, kinetic
+# energy and potential)
+
+
+def quartic(s):
+    return s**4 / 24
+
+
+FAR_MOTIONS = {
+    "three walls": (
+        8.83,
+        ([0.9, -1.17], [1.5, 4.7]),
+        lambda x, y: (-0.77 * x - 0.62 * y) ** 2 + (-1.23 * x + 1.53 * y) ** 2,
+        lambda x, y: (
+            0.87 * quartic(0.86 * x - 0.8 * y + 0.19)
+            - 0.24 * (0.39 * x + 0.13 * y - 1.64) ** 3 / 6
+            + 3.37 * quartic(-1.1 * x - 0.17 * y + 2.2)
+            - 0.19 * (-0.73 * x + 1.38 * y + 2.9) ** 2 / 2
+            + quartic(-0.82 * x + 0.11 * y - 1.09)
+        ),
+    ),
+    "a slope between two walls": (
+        9.35,
+        ([0.8, 0.89], [3.25, -2.38]),
+        lambda x, y: (-0.51 * x + 0.01 * y) ** 2 + (0.02 * x + 0.8 * y) ** 2,
+        lambda x, y: (
+            -0.46 / np.sqrt(1 + (0.44 * x + 0.99 * y - 1.51) ** 2)
+            - 4.23 * (-0.33 * x - 0.69 * y)
+            + 1.19 * quartic(1.1 * x + 0.01 * y + 0.68)
+            + 0.85 * quartic(-0.99 * x - 1.73 * y - 2.1)
+        ),
+    ),
+    "one wall": (
+        8.94,
+        ([-1.44, 1.39], [0.22, 11.01]),
+        lambda x, y: (-0.51 * x + 0.74 * y) ** 2 + (1.42 * x + 0.98 * y) ** 2,
+        lambda x, y: 1.94 * quartic(3.05 * x + 0.14 * y + 0.78),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", FAR_MOTIONS)
+def test_motions_far_from_the_straight_line_are_found(name):
+    T, (start, end), kinetic, potential = FAR_MOTIONS[name]
+    system = System(lambda q, v, t: kinetic(*v) / 2 - potential(*q), ["x", "y"])
+    solution = ao.solve(Problem(system, Event(0.0, start), Event(T, end)))
+    assert solution.stats["rung"] == "meeting"
+    assert solution.compare().agrees
+    assert missed(solution) < MOTION

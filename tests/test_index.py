@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 import actionopt as ao
 from actionopt import scenes
@@ -425,3 +426,219 @@ def test_the_index_does_not_depend_on_how_far_a_coordinate_goes(size):
     system = ao.System(lambda q, v, t: (v @ v - q @ q) / 2, ["x", "y"])
     problem = ao.Problem(system, ao.Event(0.0, [0.0, 0.0]), ao.Event(4.0, [1.0, size]))
     assert ao.solve(problem, tol=1e-9).morse_index == 2
+
+
+@pytest.mark.parametrize(
+    "choices",
+    [
+        {"count": 2.5},
+        {"count": "two"},
+        {"units": "metres"},
+        {"units": [1.0, 2.0, 3.0]},
+        {"units": [[1.0]]},
+        {"units": np.nan},
+    ],
+)
+def test_choices_that_make_no_sense_are_one_sentence(choices):
+    system = ao.System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
+    solution = ao.solve(ao.Problem(system, ao.Event(0, [1.0]), ao.Event(1, [0.5])))
+    with pytest.raises(ValueError, match=r"expected a whole count|numbers for the units"):
+        second_variation(solution, **choices)
+
+
+# -- signs that the path's error leaves open, families of paths, paths that are none -------------
+
+
+def henon_heiles(q, v, t):
+    return v @ v / 2 - (q @ q) / 2 - q[0] ** 2 * q[1] + q[1] ** 3 / 3
+
+
+@pytest.mark.parametrize("miss", [3e-4, 3e-3])
+@pytest.mark.parametrize("side", [1, -1])
+def test_kind_does_not_depend_on_the_tolerance(miss, side):
+    # mu = 1 - (w T / pi)^2 is smaller than what an error of 1e-3 leaves open
+    fine = oscillation(1.0 + side * miss, tol=1e-10)
+    near = ao.Path(fine.mesh, fine.path.values * (1 + 1e-4 * np.sin(np.pi * fine.mesh.nodes)))
+    coarse = dataclasses.replace(fine, path=near, error=1e-3)
+    for solution in (fine, coarse, oscillation(1.0 + side * miss, tol=1e-3)):
+        assert solution.morse_index == (side > 0)
+        assert solution.kind == ("saddle" if side > 0 else "minimum")
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_index_at_a_loose_tolerance(seed):
+    system = ao.System(henon_heiles, ["x", "y"])
+    random = np.random.default_rng(seed)
+    a, b, T = 0.2 * random.normal(size=2), 0.2 * random.normal(size=2), random.uniform(3, 9)
+    problem = ao.Problem(system, ao.Event(0.0, a), ao.Event(T, b))
+    fine = ao.solve(problem, tol=1e-10, throw=False)
+    if not fine.success:
+        pytest.skip("no path")
+    coarse = ao.solve(problem, guess=fine, tol=1e-3)
+    rough = dataclasses.replace(coarse, error=1e-3)
+    for solution in (coarse, rough):
+        assert (solution.morse_index, solution.kind) == (fine.morse_index, fine.kind)
+
+
+SPHERE = ao.System(lambda q, v, t: v @ v / 2, list("xyz"), constraint=lambda q, t: q @ q - 1)
+KEPLER = ao.System(lambda q, v, t: v @ v / 2 + 1 / np.sqrt(q @ q), list("xyz"))
+
+
+def half_an_ellipse(far, tilt):
+    """Return its duration, and the motion from (1, 0, 0) to (-far, 0, 0)."""
+    a, e = (1 + far) / 2, (far - 1) / (far + 1)
+    T = np.pi * a**1.5
+
+    def orbit(t):
+        M = np.pi * np.asarray(t) / T
+        E = M
+        for _ in range(60):
+            E = E - (E - e * np.sin(E) - M) / (1 - e * np.cos(E))
+        x, y = a * (np.cos(E) - e), a * np.sqrt(1 - e * e) * np.sin(E)
+        return np.stack([x, np.cos(tilt) * y, np.sin(tilt) * y])
+
+    return T, orbit
+
+
+@pytest.mark.parametrize(("tol", "tilt"), [(1e-3, 0.7), (1e-8, 0.0), (1e-11, 0.7)])
+def test_nullity_of_families_of_paths(tol, tilt):
+    def arc(t):
+        s = np.sin(np.pi * t)
+        return np.stack([np.cos(np.pi * t), np.cos(tilt) * s, np.sin(tilt) * s])
+
+    antipodes = ao.Problem(SPHERE, ao.Event(0.0, [1, 0, 0]), ao.Event(1.0, [-1, 0, 0]))
+    cases = [(antipodes, arc, 1)]
+    for far in (1.0, 1.52):
+        T, orbit = half_an_ellipse(far, tilt)
+        ends = ao.Event(0.0, [1, 0, 0]), ao.Event(T, [-far, 0, 0])
+        cases.append((ao.Problem(KEPLER, *ends), orbit, 1))
+    plane = ao.System(lambda q, v, t: (v @ v - q @ q) / 2, ["x", "y"])
+    ends = ao.Event(0.0, [1.0, tilt]), ao.Event(np.pi, [-1.0, -tilt])
+    cases.append((ao.Problem(plane, *ends), None, 2))
+    for problem, guess, nullity in cases:
+        solution = ao.solve(problem, guess=guess, tol=tol, throw=False)
+        found = inertia(solution)
+        assert (found.index, found.nullity, found.kind) == (0, nullity, "degenerate")
+        assert found.tolerance == 1e-8  # of the family, not of the path at hand
+
+
+def test_a_family_of_paths_given_roughly():
+    def arc(t):
+        return np.stack([np.cos(np.pi * t), np.sin(np.pi * t), 0 * t])
+
+    problem = ao.Problem(SPHERE, ao.Event(0.0, [1, 0, 0]), ao.Event(1.0, [-1, 0, 0]))
+    mesh = ao.Mesh.uniform(0.0, 1.0, 8, 4)
+    shift = 1e-4 * np.sin(np.pi * mesh.nodes) * np.sin(3 * mesh.nodes)
+    path = ao.Path(mesh, arc(mesh.nodes) + np.stack([0 * shift, shift, shift]))
+    lam = np.full((1, mesh.nodes.size), -(np.pi**2) / 2)
+    rough = ao.Solution(problem, path, 0.0, lam, 1e-3, ao.Status.UNRESOLVED, {})
+    found = inertia(rough)
+    assert (found.index, found.nullity, found.tolerance) == (0, 1, 1e-8)
+
+
+def test_a_path_through_the_centre_of_a_sphere_has_no_index():
+    problem = ao.Problem(SPHERE, ao.Event(0.0, [1, 0, 0]), ao.Event(1.0, [-1, 0, 0]))
+    mesh = ao.Mesh.uniform(0.0, 1.0, 2, 8)
+    line = ao.Path(mesh, np.stack([1 - 2 * mesh.nodes, 0 * mesh.nodes, 0 * mesh.nodes]))
+    lam = np.full((1, mesh.nodes.size), np.nan)
+    lost = ao.Solution(problem, line, 0.0, lam, np.inf, ao.Status.NOT_FOUND, {})
+    asked = (
+        lambda: lost.kind,
+        lambda: second_variation(lost),
+        lambda: ao.conjugate_points(lost),
+        lost.sensitivity,
+        lambda: lost.multiplier_error,
+    )
+    for ask in asked:
+        with pytest.raises(ValueError, match="independent constraints"):
+            ask()
+
+
+def four_bars(N, T):
+    """Return N parallel four-bar linkages in a row that fall flat on their way, and when."""
+    g = 9.81
+
+    def lagrangian(q, v, t):
+        y, u, w = q[1::2], v[::2], v[1::2]
+        cranks = sum(u[i] ** 2 + w[i] ** 2 for i in range(N + 1)) / 6
+        rods = (
+            sum(s[i] ** 2 + s[i + 1] ** 2 + s[i] * s[i + 1] for s in (u, w) for i in range(N)) / 6
+        )
+        height = sum(y[i] for i in range(N + 1)) / 2 + sum(y[i] + y[i + 1] for i in range(N)) / 2
+        return cranks + rods - g * height
+
+    def rods(q, t):
+        x, y = q[::2], q[1::2]
+        cranks = [(x[i] - i) ** 2 + y[i] ** 2 - 1 for i in range(N + 1)]
+        return cranks + [(x[i + 1] - x[i]) ** 2 + (y[i + 1] - y[i]) ** 2 - 1 for i in range(N)]
+
+    M, G = (N + 1) / 3 + N, g * ((N + 1) / 2 + N)
+    run = solve_ivp(
+        lambda t, y: [y[1], -G / M * np.cos(y[0])],
+        (0, T),
+        [np.pi / 2, -1.0],
+        "DOP853",
+        rtol=1e-13,
+        atol=1e-14,
+        dense_output=True,
+    )
+
+    def curve(t):
+        angle = run.sol(t)[0]
+        return np.concatenate([np.stack([i + np.cos(angle), np.sin(angle)]) for i in range(N + 1)])
+
+    names = [f"{a}{i}" for i in range(N + 1) for a in "xy"]
+    system = ao.System(lagrangian, names, constraint=rods)
+    problem = ao.Problem(system, ao.Event(0.0, curve(0.0)), ao.Event(T, curve(T)))
+    flat = brentq(lambda t: run.sol(t)[0], 0.1, T, xtol=1e-15) if run.sol(T)[0] < 0 else None
+    return problem, curve, flat
+
+
+@pytest.mark.parametrize("N", [1, pytest.param(5, marks=pytest.mark.slow)])
+def test_a_mechanism_that_passes_a_flat_position(N):
+    # One freedom, d2S = int M eta'^2 + G sin(theta) eta^2 dt, positive up to T = 1.
+    problem, curve, flat = four_bars(N, 1.0)
+    solution = ao.solve(problem, guess=curve)
+    assert solution.morse_index == 0 and solution.kind == "minimum"
+    # A node just there: nothing is known of its neighbours.
+    half = 1.0 - flat
+    parts = np.linspace(0, 1, 10)
+    mesh = ao.Mesh(np.r_[flat * parts, flat + half * parts[1:]], 8)
+    there = ao.solve(problem, guess=curve, mesh=mesh)
+    for ask in (
+        lambda: there.kind,
+        lambda: second_variation(there),
+        lambda: ao.conjugate_points(there),
+        there.sensitivity,
+    ):
+        with pytest.raises(ValueError, match=f"independent constraints.*t = {flat:.6g}"):
+            ask()
+
+
+@pytest.mark.parametrize("N", [1, 2, 5])
+def test_multipliers_that_vanish_by_symmetry_are_measured_beside_the_others(N):
+    problem, curve, _ = four_bars(N, 0.5)
+    solution = ao.solve(problem, guess=curve)
+    times = solution.mesh.nodes
+    exact = np.abs(solution.multipliers(times)).max(axis=1)
+    if N == 1:
+        assert exact.min() < 1e-9 * exact.max()
+    assert solution.multiplier_error < 1e-6
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e5])
+def test_multipliers_are_measured_alike_in_any_unit_of_their_rows(unit):
+    def pendulum(unit):
+        system = ao.System(
+            lambda q, v, t: v @ v / 2 - 9.81 * q[1],
+            ["x", "y", "z"],
+            constraint=lambda q, t: [q[0] ** 2 + q[1] ** 2 - 1, unit * (q[2] - q[0])],
+        )
+        ends = [[np.sin(a), -np.cos(a), np.sin(a)] for a in (0.3, -0.2)]
+        problem = ao.Problem(system, ao.Event(0.0, ends[0]), ao.Event(1.0, ends[1]))
+        return ao.solve(problem, mesh=ao.Mesh.uniform(0.0, 1.0, 4, 5))
+
+    assert pendulum(1.0).multiplier_error > 1e-7  # no rounding
+    assert pendulum(unit).multiplier_error == pytest.approx(
+        pendulum(1.0).multiplier_error, rel=1e-4
+    )

@@ -181,3 +181,13 @@ def test_blocks_that_are_singular_do_not_make_the_matrix_so():
     amplitude = (0.3 - np.cos(np.pi + 1)) / np.sin(np.pi + 1)
     q = np.cos(mesh.nodes) + amplitude * np.sin(mesh.nodes)
     assert np.max(np.abs(tr.coordinates(z - step)[:, 0] - q)) < 1e-9
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_solution_has_the_sign_of_its_right_hand_side(kind, stored):
+    """And its size: how often it is refined, and whether it is, does not depend on either."""
+    layout, nonzeros, _ = matrix_of(kind, stored)
+    right = np.abs(np.random.default_rng(5).normal(size=layout.size))
+    found = [Factors(layout, nonzeros).solve(c * right) for c in (1.0, -1.0, 2.0**40)]
+    assert np.array_equal(found[0], -found[1])
+    assert np.array_equal(found[0], found[2] / 2.0**40)

@@ -91,6 +91,14 @@ def test_a_drawing_of_ones_own():
     [
         (None, "as `scene.draw`"),
         (lambda q, t: [], "found none"),
+        (lambda q, t: None, r"return a list of shapes, such as \[body\(\[x, y\]\)\], found None"),
+        (lambda q, t: scenes.body((0, 0)), r"list of shapes, .* found Shape"),
+        (lambda q, t: [(0, 0)], r"list of shapes, .* found \[\(0, 0\)\]"),
+        (lambda q, t: [scenes.body([0, 0, 0])], r"\(x, y\) in the plane, found \[0, 0, 0\]"),
+        (lambda q, t: [scenes.rod([0, 0], None)], r"in the plane, found \[0, 0\], None"),
+        (lambda q, t: [scenes.rod()], "in the plane, found none"),
+        (lambda q, t: [scenes.spring([0, 0], ["a", 1])], "in the plane, found"),
+        (lambda q, t: [scenes.circle(1.0, [0.0])], "in the plane, found"),
         (lambda q, t: [scenes.body((np.nan, 0))], "finite"),
         (lambda q, t: [scenes.body((0, 0))] * (1 + (t > 0.5)), "same shapes"),
     ],
@@ -362,6 +370,8 @@ def test_what_films_need(solved, tmp_path, monkeypatch):
         plot.film(solution, scene.draw, tmp_path / "film.mp4", **SHORT)
     with pytest.raises(ValueError, match="at least two frames"):
         plot.film(solution, scene.draw, tmp_path / "film.gif", seconds=0.05)
+    with pytest.raises(FileNotFoundError, match="expected a folder that is there"):
+        plot.film(solution, None, tmp_path / "nowhere" / "film.gif", **SHORT)  # nothing is drawn
     assert not any(tmp_path.iterdir())
 
 

@@ -136,3 +136,34 @@ def test_the_noise_tells_the_accuracy_of_a_badly_conditioned_path():
     error = np.max(np.abs(tr.coordinates(result.z)[:, 0] - exact))
     assert 1e-13 < error < 1e-6
     assert error / 100 <= result.noise <= 1e-6
+
+
+@pytest.mark.parametrize("gap", [1e-2, 1e-5, 1e-7])
+@pytest.mark.parametrize("m", [1.0, 1e6])
+@pytest.mark.parametrize("elements", [6, 30])
+def test_a_path_of_zeros_is_as_uncertain_as_one_beside_it(gap, m, elements):
+    """Its residual is exactly zero, and says nothing; what moves the other moves it as well."""
+    system = System(lambda q, v, t: m * (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
+    noise = []
+    for end in (0.0, 1.0):
+        problem = Problem(system, Event(0.0, [end]), Event(np.pi + gap, [-end]))
+        mesh = Mesh.uniform(0.0, np.pi + gap, elements, 12)
+        tr = Transcription(problem, mesh, np.ones(1))
+        result = follow(tr, tr.pack(tr.straight()), linear=True)
+        assert result.converged
+        noise.append(result.noise)
+    # The one has round-off of any sign in each row, the other as much as there may be.
+    assert noise[1] <= noise[0] <= 1e5 * noise[1]
+
+
+@pytest.mark.parametrize("size", [-2.0, 0.0, 1.5])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_any_path_of_a_family_is_one_that_hardly_is_determined(side, size):
+    """Between conjugate ends: cos t + B sin t for every B. The matrix is singular to rounding."""
+    system = System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
+    tr = transcribed(system, ([side], [-side]), np.pi, 6, 14)
+    t = tr.mesh.nodes[:, None]
+    member = side * (np.cos(t) + size * np.sin(t))
+    result = follow(tr, tr.pack(member))
+    assert result.converged
+    assert result.noise > 1e-6  # hardly determined

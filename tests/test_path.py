@@ -152,3 +152,11 @@ def test_round_off_beyond_the_end_is_not_extrapolation():
 def test_values_that_do_not_fit_the_mesh(values, message):
     with pytest.raises(ValueError, match=message):
         Path(MIXED, values)
+
+
+def test_boundaries_nearer_to_zero_than_the_first_may_be_next_to_each_other():
+    """Measured from -3 the two would be one."""
+    a = 1.305
+    mesh = Mesh([-3.0, np.nextafter(a, 0.0), a, 4.0], 2)
+    assert np.all(np.diff(mesh.since) > 0)
+    assert mesh.boundaries[1] < mesh.boundaries[2] == a

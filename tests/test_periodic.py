@@ -6,7 +6,8 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import fsolve
 
 import actionopt as ao
-from actionopt import Periodic, scenes
+from actionopt import Periodic, plot, scenes
+from actionopt.index import inertia
 
 CLOSED = 1e-10  # return of position and momentum
 
@@ -127,8 +128,8 @@ def test_what_does_not_fit_is_refused():
     problem = ao.Problem(system, ao.Event(0, [None]), Periodic(1.0))
     with pytest.raises(ValueError, match="two elements"):
         ao.solve(problem, mesh=ao.Mesh.uniform(0.0, 1.0, 1, 8))
-    with pytest.raises(ValueError, match="path that closes"):
-        _ = ao.solve(problem).morse_index
+    with pytest.raises(ValueError, match="conjugate"):
+        ao.conjugate_points(ao.solve(problem))
 
 
 def test_a_closed_path_without_a_clock_is_told_to_have_one():
@@ -136,3 +137,376 @@ def test_a_closed_path_without_a_clock_is_told_to_have_one():
     problem = ao.Problem(pendulum, ao.Event(0.0, [None]), ao.Periodic(8.0))
     with pytest.raises(ao.SolveError, match="give one coordinate at the start"):
         ao.solve(problem, guess=lambda t: [1.2 * np.cos(2 * np.pi * t / 8)])
+
+
+# -- all of them -----------------------------------------------------------------------------------
+
+FREE = ao.Event(0.0, [None])
+
+
+def closes(solution):
+    p0, p1 = solution.momenta
+    returned = solution.end.q - solution.start.q - solution.problem.advance
+    assert isinstance(solution.problem.end, Periodic)
+    assert np.max(np.abs(returned)) < CLOSED and np.max(np.abs(p1 - p0)) < CLOSED
+    assert solution.compare().agrees
+    return True
+
+
+def fixed_points(rate, T, start, advance=0.0):
+    """Return (q, v) that the motion of one period takes to (q + advance, v), near some starts."""
+
+    def miss(y):
+        end = solve_ivp(rate, (0, T), y, "DOP853", rtol=1e-11, atol=1e-12).y[:, -1]
+        return end - y - [advance, 0.0]
+
+    found = []
+    for y in start:
+        root, _, status, _ = fsolve(miss, y, xtol=1e-12, full_output=True)
+        if status == 1 and all(np.max(np.abs(root - other)) > 1e-4 for other in found):
+            found.append(root)
+    return found
+
+
+def test_all_steady_oscillations_of_a_linear_one():
+    """With its clock shifted, so that free ends and closed ones are not the same."""
+    system = ao.System(
+        lambda q, v, t: v[0] ** 2 / 2 - 2 * q[0] ** 2 + 0.7 * np.cos(1.5 * t + 0.3) * q[0], ["x"]
+    )
+    found = ao.solve_all(ao.Problem(system, FREE, Periodic(2 * np.pi / 1.5)), tol=1e-11)
+    assert len(found) == 1 and found.complete and closes(found[0])
+    assert abs(found[0].start.q[0] - 0.4 * np.cos(0.3)) < CLOSED
+    assert found.indices == (3,) and "index 3" in str(found)  # a constant, and one turn
+
+
+def test_all_responses_of_a_bistable_oscillator():
+    """Two stable and one unstable, against the fixed points of the Poincare map."""
+    w, b, a = 1.4, 0.1, 0.3
+    T = 2 * np.pi / w
+    system = driven(damping=b, stiff=1.0, drive=a, w=w, cubic=1.0)
+
+    def rate(t, y):
+        return [y[1], -y[0] - y[0] ** 3 - b * y[1] + a * np.cos(w * t)]
+
+    grid = [(q, v) for q in (-0.9, -0.3, 1.0) for v in (0.0, 0.6, 1.1)]
+    exact = fixed_points(rate, T, grid)
+    found = ao.solve_all(ao.Problem(system, FREE, Periodic(T)), tol=1e-10)
+    assert len(found) == len(exact) == 3 and all(closes(s) for s in found)
+    stable = 0
+    for s in found:
+        y = np.array([s.start.q[0], s.start.v[0]])
+        assert min(np.max(np.abs(y - other)) for other in exact) < 1e-6
+        h = 1e-6
+        images = [solve_ivp(rate, (0, T), y + d, "DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+                  for d in (*(h * np.eye(2)), *(-h * np.eye(2)))]  # fmt: skip
+        map_ = np.transpose([images[0] - images[2], images[1] - images[3]]) / (2 * h)
+        stable += bool(np.max(np.abs(np.linalg.eigvals(map_))) < 1)
+    assert stable == 2
+
+
+def test_closed_paths_far_from_the_first_one():
+    """Two wells and a drive: found by forward motions that are bent until they close."""
+    b, a, T = 0.15, 0.3, 2 * np.pi
+    system = driven(damping=b, stiff=-1.0, drive=a, w=1.0, cubic=1.0)
+
+    def rate(t, y):
+        return [y[1], y[0] - y[0] ** 3 - b * y[1] + a * np.cos(t)]
+
+    expected = [(-0.762, 1.265), (0.071, 0.109), (0.639, 1.342)]
+    exact = fixed_points(rate, T, expected)
+    found = ao.solve_all(ao.Problem(system, FREE, Periodic(T)), starts=2, continuations=0)
+    assert all(closes(s) for s in found) and "forward shots" in found.searched
+    for y in exact:
+        assert min(np.max(np.abs(y - [s.start.q[0], s.start.v[0]])) for s in found) < 1e-5
+
+
+def test_rotations_of_a_driven_pendulum_wind():
+    """Its windings are advances; the whole path a turn farther is no other path."""
+    a, w = 0.8, 2.0
+    T = 2 * np.pi / w
+    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0] - a * np.cos(w * t)), ["theta"])
+    found = ao.solve_all(ao.Problem(system, FREE, Periodic(T)), starts=3, continuations=2)
+    assert found.angles == ("theta",) and set(found.windings) == {(-1,), (0,), (1,)}
+    for s, (k,) in zip(found, found.windings, strict=True):
+        assert closes(s) and s.problem.advance == pytest.approx([2 * np.pi * k])
+    places = [(k, np.exp(1j * s.start.q[0]), s.start.v[0])
+              for s, k in zip(found, found.windings, strict=True)]  # fmt: skip
+    for i, (k, q, v) in enumerate(places):
+        assert all(k != l or abs(q - p) + abs(v - u) > 1e-5 for l, p, u in places[:i])
+
+
+def test_what_comes_back_with_a_kink_is_left_out():
+    """Of the paths that return to x = 1 after 4 only those that close; and none that does not."""
+    spring = ao.System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2 - q[0] ** 4 / 4, ["x"])
+    problem = ao.Problem(spring, ao.Event(0.0, [1.0]), Periodic(4.0))
+    found = ao.solve_all(problem, starts=4, shots=40, continuations=2)
+    assert len(found) >= 2 and all(closes(s) for s in found)
+    assert found.kinked >= 1 and "in a kink" in str(found)
+    # both ways through x = 1 on the one orbit of that period
+    assert sorted(round(float(s.start.v[0]), 6) for s in found)[0] < 0
+    H = [float(s.energy(0.0)) for s in found]
+    orbits = [h for h in H if abs(h - min(H)) < 1e-7]
+    assert len(orbits) == 2
+
+
+def test_closed_paths_without_a_clock_come_in_families():
+    pendulum = ao.System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]), ["theta"])
+    with pytest.raises(ValueError, match="give one coordinate at the start"):
+        ao.solve_all(ao.Problem(pendulum, FREE, Periodic(8.0)))
+    linear = ao.System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2, ["x"])
+    (rest,) = ao.solve_all(ao.Problem(linear, FREE, Periodic(3.0)))
+    assert np.max(np.abs(rest.path.values)) < CLOSED
+
+
+@pytest.fixture(scope="module")
+def steady():
+    return ao.solve(ao.Problem(driven(), FREE, Periodic(2 * np.pi / 1.5)), tol=1e-10)
+
+
+def test_a_closed_path_stays_closed_along_a_family(steady):
+    for vary, to in (("k", 6.0), ("t1", 3.9), ("t0", 0.2)):
+        family = ao.trace(steady.problem, vary, to, count=False)
+        last = family.solution(-1)
+        assert family.values[-1] == to and closes(last)
+    held = steady.problem.replace(start=ao.Event(0.0, [0.3]))
+    family = ao.trace(held, ("start", "x"), 0.5, count=False)
+    assert family.solution(-1).problem.end.q == (0.5,)
+    with pytest.raises(ValueError, match="closes on the start"):
+        ao.trace(held, ("end", "x"), 0.5, count=False)
+
+
+def test_what_else_there_is_of_a_closed_path(steady, tmp_path):
+    """It closes there, too, or a sentence says that it cannot be asked."""
+    steady.save(tmp_path / "steady.npz")
+    for again in (ao.load(tmp_path / "steady.npz"), ao.load(tmp_path / "steady.npz", driven())):
+        assert isinstance(again.problem.end, Periodic) and again.problem.advance == [0.0]
+    newton = plot.relaxation_data(steady, method="newton")
+    assert newton.arrived and np.allclose(newton.paths[:, :, 0], newton.paths[:, :, -1])
+    h, problem = 1e-4, steady.problem
+    S = [ao.solve(problem.replace(end=problem.end.at(problem.end.t + d))).action for d in (-h, h)]
+    assert steady.sensitivity().t1 == pytest.approx((S[1] - S[0]) / (2 * h), rel=1e-5)
+    refused = (
+        lambda: ao.conjugate_points(steady),
+        lambda: ao.variation(steady, lambda t: [t]),
+        lambda: plot.fan_data(steady),
+        lambda: plot.fronts_data(steady),
+    )
+    for ask in refused:
+        with pytest.raises(ValueError, match=r"closed path|closes"):
+            ask()
+    with pytest.raises(ValueError, match="free one"):
+        plot.spectrum_data(steady)
+    with pytest.raises(ValueError, match="a path that closes"):
+        plot.explore(steady.problem)
+
+
+# -- the index: variations that close ------------------------------------------------------------
+
+
+def driven_oscillator(w, c, T, start=None):
+    def lagrangian(q, v, t, *, w, c, W):
+        return v[0] ** 2 / 2 - (w * q[0]) ** 2 / 2 + c * np.cos(W * t) * q[0]
+
+    system = ao.System(lagrangian, ["x"], parameters={"w": w, "c": c, "W": 2 * np.pi / T})
+    return ao.Problem(system, ao.Event(0.0, [start]), Periodic(T))
+
+
+@pytest.mark.parametrize(("w", "c"), [(1.3, 0.7), (2.9, -1.1)])
+@pytest.mark.parametrize("T", [0.7, 2.0, 3.5, 5.5, 9.0, 14.0])
+def test_index_and_modes_of_a_driven_oscillator(w, c, T):
+    # eta = 1, cos, sin of 2 pi k t / T, with eigenvalues (2 pi k / T)^2 - w^2
+    solution = ao.solve(driven_oscillator(w, c, T))
+    assert solution.morse_index == 1 + 2 * int(w * T / (2 * np.pi))
+    assert solution.kind == "saddle"
+    found = ao.second_variation(solution, 5)
+    exact = (2 * np.pi * np.array([0, 1, 1, 2, 2]) / T) ** 2 - w**2
+    assert found.eigenvalues == pytest.approx(exact, rel=1e-9, abs=1e-9)
+    assert found.modes[0](T / 3) == pytest.approx(found.modes[0](0.0), abs=1e-7)  # a constant
+    for mode in found.modes:
+        assert mode.values[:, -1] == pytest.approx(mode.values[:, 0], abs=1e-14)
+        assert mode.velocity(T) == pytest.approx(mode.velocity(0.0), abs=1e-4)
+        times = np.linspace(0.0, T, 2001)[:-1]
+        assert np.mean(mode(times) ** 2) * T == pytest.approx(1.0, rel=1e-7)
+
+
+@pytest.mark.parametrize(("w", "T"), [(1.3, 2.0), (1.3, 5.5), (2.9, 9.0)])
+def test_a_coordinate_given_at_the_start_is_pinned_at_both_ends(w, T):
+    solution = ao.solve(driven_oscillator(w, 0.7, T, start=0.4))
+    assert solution.morse_index == int(w * T / np.pi)
+    exact = (np.pi * np.arange(1, 4) / T) ** 2 - w**2
+    assert ao.second_variation(solution, 3).eigenvalues == pytest.approx(exact, rel=1e-9)
+
+
+def closed_eigenvalues(A, B, C, T, n, order=40, samples=320):
+    """Return the eigenvalues of int (eta.A eta + 2 eta.B eta' + eta'.C eta') on Fourier sums."""
+    t = np.arange(samples) * T / samples
+    k = np.arange(1, order + 1) * 2 * np.pi / T
+    waves = [np.full((1, samples), np.sqrt(1 / T))]
+    rates = [np.zeros((1, samples))]
+    for f, df in ((np.cos, lambda x: -np.sin(x)), (np.sin, np.cos)):
+        waves.append(np.sqrt(2 / T) * f(np.outer(k, t)))
+        rates.append(np.sqrt(2 / T) * k[:, None] * df(np.outer(k, t)))
+    f, g = np.concatenate(waves), np.concatenate(rates)
+    a, b, c = (np.stack([X(s) for s in t]) for X in (A, B, C))
+    H = np.einsum("it,tab,jt->iajb", f, a, f, optimize=True)
+    mixed = np.einsum("it,tab,jt->iajb", f, b, g, optimize=True)
+    H += mixed + mixed.transpose(2, 3, 0, 1)
+    H += np.einsum("it,tab,jt->iajb", g, c, g, optimize=True)
+    return np.linalg.eigvalsh(H.reshape(len(f) * n, -1) * T / samples)
+
+
+@pytest.mark.parametrize("T", [3.0, 6.0, 7.0, 11.0])
+@pytest.mark.parametrize(("B", "F"), [(0.5, 1.0), (1.1, 2.0)])
+def test_index_of_a_nonlinear_closed_path_against_fourier_sums(T, B, F):
+    def lagrangian(q, v, t, *, W, B, F):
+        drive = F * (np.cos(W * t) * q[0] + 0.4 * np.sin(W * t) * q[1])
+        return (
+            v @ v / 2
+            + B * q[0] * v[1]
+            - (q[0] ** 2 + 1.7 * q[1] ** 2 + 0.6 * (q @ q) ** 2) / 2
+            + drive
+        )
+
+    names = {"W": 2 * np.pi / T, "B": B, "F": F}
+    system = ao.System(lagrangian, ["x", "y"], parameters=names)
+    solution = ao.solve(ao.Problem(system, ao.Event(0.0, [None, None]), Periodic(T)))
+
+    def stiffness(t):
+        q = solution(t)
+        return -np.diag([1, 1.7]) - 0.3 * (4 * (q @ q) * np.eye(2) + 8 * np.outer(q, q))
+
+    exact = closed_eigenvalues(
+        stiffness, lambda t: np.array([[0, B], [0, 0]]), lambda t: np.eye(2), T, 2
+    )
+    assert np.min(np.abs(exact)) > 5e-6  # one is -6e-6
+    assert solution.morse_index == np.sum(exact < 0)
+    found = ao.second_variation(solution, 6).eigenvalues
+    assert found == pytest.approx(exact[:6], rel=1e-5, abs=1e-5)
+
+
+@pytest.mark.parametrize(("w", "c"), [(1.0, 0.3), (2.0, 0.5)])
+@pytest.mark.parametrize("T", [2.0, 5.0, 9.0])
+def test_index_of_a_driven_bead_on_a_circle_in_either_coordinates(w, c, T):
+    names = {"w": w, "c": c, "W": 2 * np.pi / T}
+    angle = ao.System(
+        lambda q, v, t, *, w, c, W: (
+            v[0] ** 2 / 2 + w * w * np.cos(q[0]) + c * np.cos(W * t) * np.sin(q[0])
+        ),
+        ["a"],
+        parameters=names,
+    )
+    plane = ao.System(
+        lambda q, v, t, *, w, c, W: v @ v / 2 - w * w * q[1] + c * np.cos(W * t) * q[0],
+        ["x", "y"],
+        parameters=names,
+        constraint=lambda q, t: q @ q - 1,
+    )
+
+    def bead(t):
+        a = free(t)[0]
+        return np.stack([np.sin(a), -np.cos(a)])
+
+    free = ao.solve(ao.Problem(angle, ao.Event(0.0, [None]), Periodic(T)), guess=lambda t: [0 * t])
+    held = ao.solve(ao.Problem(plane, ao.Event(0.0, [None, None]), Periodic(T)), guess=bead)
+    exact = closed_eigenvalues(
+        lambda t: np.array(
+            [[-w * w * np.cos(free(t)[0]) - c * np.cos(names["W"] * t) * np.sin(free(t)[0])]]
+        ),
+        lambda t: np.zeros((1, 1)),
+        lambda t: np.eye(1),
+        T,
+        1,
+    )
+    for solution in (free, held):
+        assert solution.morse_index == np.sum(exact < 0)
+        found = ao.second_variation(solution, 4).eigenvalues
+        assert found == pytest.approx(exact[:4], rel=1e-7, abs=1e-7)
+    x = np.sin(free(0.0)[0])
+    pinned = ao.solve(ao.Problem(plane, ao.Event(0.0, [x, None]), Periodic(T)), guess=held)
+    fixed = ao.solve(ao.Problem(angle, ao.Event(0.0, free(0.0)), ao.Event(T, free(T))), guess=free)
+    assert pinned.morse_index == fixed.morse_index
+
+
+def test_an_orbit_without_a_clock_is_moved_along_itself():
+    spring = ao.System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2 - q[0] ** 4 / 4, ["x"])
+    pinned = ao.solve(
+        ao.Problem(spring, ao.Event(0.0, [0.0]), Periodic(4.0)),
+        guess=lambda t: [1.4 * np.sin(np.pi * t / 2)],
+    )
+    assert pinned.inertia.nullity == 0
+    loose = ao.Problem(spring, ao.Event(0.0, [None]), Periodic(4.0))
+    found = inertia(ao.solve(loose, guess=pinned, throw=False))
+    stiffness = lambda t: np.array([[-1 - 3 * pinned(t)[0] ** 2]])  # noqa: E731
+    exact = closed_eigenvalues(stiffness, lambda t: np.zeros((1, 1)), lambda t: np.eye(1), 4.0, 1)
+    assert (found.index, found.nullity) == (np.sum(exact < -1e-6), np.sum(np.abs(exact) < 1e-6))
+    assert found.nullity == 1
+    turning = ao.System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]), ["a"])
+    once = Periodic(4.0, advance=[2 * np.pi])
+    pinned = ao.solve(ao.Problem(turning, ao.Event(0.0, [0.0]), once))
+    loose = ao.Problem(turning, ao.Event(0.0, [None]), once)
+    assert inertia(ao.solve(loose, guess=pinned, throw=False)).nullity == 1
+
+
+@pytest.mark.parametrize(("T", "nullity"), [(np.pi, 4), (2 * np.pi, 4), (3.0, 0)])
+def test_nullity_of_a_closed_oscillation(T, nullity):
+    plane = ao.System(lambda q, v, t: (v @ v - 4 * q @ q) / 2, ["x", "y"])
+    problem = ao.Problem(plane, ao.Event(0.0, [None, None]), Periodic(T))
+    assert inertia(ao.solve(problem, throw=False)).nullity == nullity
+
+
+def test_where_nothing_holds_a_free_body_it_may_be_moved():
+    body = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
+    for start, end in ((None, Periodic(3.0)), (None, ao.Event(3.0, [None, None]))):
+        problem = ao.Problem(body, ao.Event(0.0, [start, start]), end)
+        found = inertia(ao.solve(problem, throw=False))
+        assert (found.index, found.nullity) == (0, 2)
+
+
+def test_sensitivity_of_a_closed_path_against_differences():
+    T, h = 5.0, 1e-4
+    problem = driven_oscillator(1.3, 0.7, T)
+    drive = problem.parameters["W"]
+
+    def action(t1=T, c=0.7):
+        names = {**problem.parameters, "c": c, "W": drive}
+        moved = ao.Problem(problem.system, problem.start, Periodic(t1), parameters=names)
+        return ao.solve(moved, tol=1e-11).action
+
+    slope = ao.solve(problem).sensitivity()
+    assert slope.t1 == pytest.approx((action(T + h) - action(T - h)) / (2 * h), rel=1e-6)
+    rate = (action(c=0.7 + h) - action(c=0.7 - h)) / (2 * h)
+    assert slope.parameters["c"] == pytest.approx(rate, rel=1e-6)
+    assert slope.q0 == slope.q1 == 0.0
+
+
+def test_a_varied_closed_path_closes():
+    T = 5.5
+    solution = ao.solve(driven_oscillator(1.3, 0.7, T))
+    moved = ao.variation(solution, lambda t: [1 + 0 * t])
+    assert abs(moved.first) < 1e-10
+    assert moved.second == pytest.approx(-(1.3**2) * T)
+    with pytest.raises(ValueError, match="closes, found that x differs"):
+        ao.variation(solution, lambda t: [t])
+
+
+def test_the_index_of_a_family_of_closed_paths():
+    # the index of x = c / (w^2 - W^2) cos W t is 1, and 3 beyond w T = 2 pi: there is resonance
+    T = 2.0
+    drive = 2 * np.pi / T
+    problem = driven_oscillator(0.5 * drive, 0.7, T)
+    found = ao.trace(problem, "w", 0.9 * drive)
+    assert set(found.indices.tolist()) == {1} and found.values[-1] == 0.9 * drive
+    found = ao.trace(problem, "w", 2.0 * drive)
+    assert found.values[-1] == pytest.approx(drive, rel=3e-3)
+    assert "without bound" in found.stopped and "resonance" in found.stopped
+    # constants bend the other way from w^2 < 0 on; nothing but the index changes there
+    system = ao.System(
+        lambda q, v, t, *, k: (v[0] ** 2 - k * q[0] ** 2) / 2 + np.cos(3 * t) * q[0],
+        ["x"],
+        parameters={"k": -1.0},
+    )
+    problem = ao.Problem(system, ao.Event(0.0, [None]), Periodic(2 * np.pi / 3))
+    found = ao.trace(problem, "k", 1.0)
+    (mark,) = found.marks
+    assert (mark.kind, mark.before, mark.after) == ("index", 0, 1)
+    assert mark.value == pytest.approx(0.0, abs=1e-7)

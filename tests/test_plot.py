@@ -1,5 +1,7 @@
 """Pictures: what is drawn equals the arrays, and nothing is shown."""
 
+from dataclasses import replace
+
 import matplotlib
 import numpy as np
 import pytest
@@ -72,6 +74,29 @@ def test_the_deviation_is_logarithmic_with_both_bounds(solutions):
     assert levels == {solution.error, solution.compare().reference_error}
 
 
+@pytest.mark.parametrize("last", [0.5, None])
+def test_a_motion_that_cannot_be_followed_is_drawn_as_far_as_it_goes(last):
+    """To the middle of the time, or not at all."""
+    solution = ao.solve(scenes.get("pendulum").problem)
+    whole, t1 = solution.compare(), solution.problem.end.t
+    problem = solution.problem
+    path = None
+    if last is not None:
+        path = ao.integrate(
+            problem.system, solution.start, last * t1, parameters=problem.parameters
+        )
+    vars(solution)["_comparison"] = replace(
+        whole, position=np.nan, reference_error=np.nan, path=path, reason="it stops"
+    )
+    data = plot.curves(solution, 101)
+    there = np.zeros(101, dtype=bool) if last is None else data.t <= last * t1
+    assert np.array_equal(np.isfinite(data.forward[0]), there)
+    assert np.array_equal(np.isfinite(data.deviation), there)
+    above, below = plot.overview(solution)
+    above.figure.canvas.draw()
+    assert solution.error in {line.get_ydata()[0] for line in below.lines}
+
+
 def test_given_axes_are_drawn_on_and_returned(solutions):
     _, axes = pyplot.subplots(2)
     returned = plot.overview(solutions["pendulum"], axes)
@@ -124,6 +149,16 @@ def test_saved_pictures_have_a_size_and_open_no_window(solutions, tmp_path, endi
     assert pyplot.get_fignums() == []
 
 
-def test_an_unknown_kind_of_picture_is_an_error(solutions, tmp_path):
-    with pytest.raises(ValueError, match="not supported"):
-        plot.save(solutions["kepler"], tmp_path / "picture.xyz")
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("picture.xyz", r"ends in .*\.png, .*\.svg, .*found 'picture\.xyz'$"),
+        ("picture", r"ends in .*\.png, .*found 'picture', which has no ending$"),
+    ],
+)
+def test_an_unknown_kind_of_picture_is_an_error(solutions, tmp_path, monkeypatch, name, message):
+    monkeypatch.setattr(ao.Solution, "compare", None)  # nothing is computed first
+    with pytest.raises(ValueError, match=message):
+        plot.save(solutions["kepler"], tmp_path / name)
+    with pytest.raises(FileNotFoundError, match=r"nowhere.*found none; make it"):
+        plot.save(solutions["kepler"], tmp_path / "nowhere" / "picture.png")

@@ -251,3 +251,43 @@ def test_the_mesh_is_the_solutions(solved):
     _, below = plot.mesh(solution)
     assert all(float(tick).is_integer() for tick in below.get_yticks())
     assert below.get_ylim()[1] > degrees.max()
+
+
+def test_what_differs_most_is_drawn_first(solved):
+    """Blue or vermilion: a saddle has neighbours of either sign."""
+    solution = solved("oscillator_saddle")
+    data = plot.bundle_data(solution)
+    assert data.rise.min() < 0 < data.rise.max()
+    lines = plot.bundle(solution).lines[: len(data.rise)]
+    drawn = [
+        np.argmin([np.max(np.abs(x[0] - line.get_ydata())) for x in data.varied]) for line in lines
+    ]
+    assert np.all(np.diff(np.abs(data.rise[drawn])) <= 1e-12 * np.max(np.abs(data.rise)))
+    assert sorted(drawn) == list(range(len(data.rise)))
+
+
+def test_neighbours_that_do_not_differ_have_the_colour_of_no_difference(solved):
+    ax = plot.bundle(solved("oscillator"), size=0.0, count=2)
+    grey = matplotlib.colors.to_rgba(plot._style.SIGNED(0.5))
+    drawn = [matplotlib.colors.to_rgba(line.get_color()) for line in ax.lines]
+    assert sum(np.allclose(colour, grey, atol=0.02) for colour in drawn) == 6
+
+
+@pytest.mark.parametrize("value", [3.0, -3.0, 0.0])
+def test_a_constant_line_lies_in_the_middle(value):
+    ax = pyplot.figure().subplots()
+    ax.plot([0.0, 1.0], [value, value * (1 + 1e-12)])
+    plot._energies._no_magnified_rounding(ax)
+    low, high = ax.get_ylim()
+    assert low < value < high
+    assert high - value == pytest.approx(value - low, rel=1e-9)
+
+
+@pytest.mark.parametrize(("ripple", "flat"), [(1e-7, True), (1e-5, False)])
+def test_a_ripple_that_nobody_would_see_is_none(ripple, flat):
+    """A body under a small slow force: its energy changes by about `ripple` of itself."""
+    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 + ripple * q[0], ["x"])
+    solution = ao.solve(ao.Problem(system, ao.Event(0.0, [0.0]), ao.Event(1.0, [1.0])))
+    data = plot.conserved_data(solution)
+    assert np.ptp(data.momentum[0]) == pytest.approx(ripple, rel=1e-6)
+    assert data.flat == (True, flat)

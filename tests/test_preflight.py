@@ -69,6 +69,16 @@ def test_masses_of_different_units_are_no_singularity():
     assert ao.solve(Problem(system, Event(0, [0, 0]), Event(1, [1e-9, 1.0]))).success
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_masses_of_different_units_and_either_sign_are_no_singularity(sign):
+    """Only the stationary principle knows nothing of the sign of L."""
+    system = System(lambda q, v, t: sign * (v[0] ** 2 + 1e-24 * v[1] ** 2) / 2, ["x", "phi"])
+    problem = Problem(system, Event(0, [0, 0]), Event(1, [1.0, 1.0]))
+    solution = ao.solve(problem, principle="stationary")
+    t = np.linspace(0, 1, 5)
+    assert np.max(np.abs(solution(t) - t)) <= 1e-8
+
+
 @pytest.mark.parametrize("small", [1e-3, 1e-6, 1e-9, 1e-11, 1e-15])
 def test_a_small_extent_is_no_missing_mass(small):
     # Isotropic and uncoupled: each coordinate is a sine of its own.
@@ -255,9 +265,61 @@ def test_a_lagrangian_without_values(potential):
 
 
 def test_an_action_that_is_not_finite_is_none():
-    system = System(lambda q, v, t: v[0] ** 2 / 2 + q[0] / t, ["x"])
+    system = System(lambda q, v, t: v[0] ** 2 / 2 + q[0] / (t - 0.5), ["x"])
     solution = ao.solve(Problem(system, Event(0, [1]), Event(1, [2])), throw=False)
     assert not solution.success
+
+
+def slide(q, v, x):
+    return np.sqrt((1 + v[0] ** 2) / q[0])
+
+
+def orbit(q, v, t):
+    return (v[0] ** 2 + (q[0] * v[1]) ** 2) / 2 + 1 / q[0]
+
+
+SINGULAR_EVENTS = {
+    "rest": (slide, ["depth"], [0.0], [0.65], "start event, .* L is not, where depth = 0,"),
+    "rest at the end": (slide, ["depth"], [0.3], [0.0], "end event, .* where depth = 0,"),
+    "centre": (orbit, ["r", "phi"], [0.0, 0.0], [1.0, 1.0], "start event, .* where r = 0,"),
+    "centre of a plane": (
+        lambda q, v, t: v @ v / 2 + 1 / np.sqrt(q @ q),
+        ["x", "y"],
+        [1.0, 1.0],
+        [0.0, 0.0],
+        "end event, .* where x = 0 and y = 0,",
+    ),
+    "force": (
+        lambda q, v, t: v[0] ** 2 / 2 + np.sqrt(q[0]),
+        ["x"],
+        [0.0],
+        [1.0],
+        "start event, .* dL/dq is not, where x = 0,",
+    ),
+    "time": (
+        lambda q, v, t: v[0] ** 2 / 2 + q[0] / t,
+        ["x"],
+        [1.0],
+        [2.0],
+        "start event, .* where t = 0,",
+    ),
+}
+
+
+@pytest.mark.parametrize("guessed", [False, True])
+@pytest.mark.parametrize("name", SINGULAR_EVENTS)
+def test_an_event_where_l_is_infinite_is_named(name, guessed):
+    lagrangian, names, first, last, match = SINGULAR_EVENTS[name]
+    guess = np.array([first, np.add(first, last) / 2 + 0.1, last]).T if guessed else None
+    problem = Problem(System(lagrangian, names), Event(0, first), Event(1, last))
+    with pytest.raises(ValueError, match=match):
+        ao.solve(problem, guess=guess)
+
+
+def test_a_lagrangian_that_is_finite_for_slow_motions_only_is_no_singular_event():
+    system = System(lambda q, v, t: -np.sqrt(1 - v[0] ** 2) - q[0] ** 2 / 2, ["x"])
+    solution = ao.solve(Problem(system, Event(0, [0.0]), Event(2, [1.9])), throw=False)
+    assert np.max(np.abs(solution.velocity(np.linspace(0, 2, 50)))) < 1 or not solution.success
 
 
 # -- arguments of solve ---------------------------------------------------------------------------
@@ -364,3 +426,9 @@ def test_good_questions_pass():
             problem, Mesh.uniform(problem.start.t, problem.end.t, 4, 6), problem.scales
         )
         check(tr, project(tr, tr.straight()) if problem.system.m else tr.straight())
+
+
+def test_the_event_that_gives_a_coordinate_is_the_one_that_is_named():
+    system = System(lambda q, v, t: v[0] ** 2 / 2 - 1 / q[0], ["x"])
+    with pytest.raises(ValueError, match=r"at the end event, .* where x = 0"):
+        ao.solve(Problem(system, Event(0, [None]), Event(1, [0.0])))

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from actionopt import scenes
 from actionopt.problem import Event, Periodic, Problem, State
 from actionopt.system import System
 
@@ -115,7 +116,13 @@ def test_events_off_the_surface_are_refused_in_any_unit(r):
         (lambda: Event(0, "up"), "number for coordinate 0 of an event, found 'up'"),
         (lambda: Event(0, [0, 1j]), "number for coordinate 1 of an event"),
         (lambda: Event(0, np.array([0, 1j])), "number for coordinate 0 of an event"),
-        (lambda: Event(0, {"x": 1.0}), "number for coordinate 0 of an event, found 'x'"),
+        (lambda: Event(0, {"x": 1.0}), "order of the coordinates .*found {'x': 1.0}, which has no"),
+        (
+            lambda: Event(0, {1.0, 2.0}),
+            "order of the coordinates .*, which has no such order; give",
+        ),
+        (lambda: Event(0, {0: 1}), "coordinates of an event in the order .* give a list"),
+        (lambda: Periodic(1, {0: 1}), "advance of a periodic end in the order"),
         (lambda: Event(0, [[0], [1, 2]]), "number for coordinate 0 of an event"),
         (lambda: Event(0, np.ones((2, 1))), "number for coordinate 0 of an event"),
         (lambda: Periodic(1, "a turn"), "number for advance 0 of a periodic end"),
@@ -137,6 +144,15 @@ def test_events_off_the_surface_are_refused_in_any_unit(r):
         (lambda: Problem(plane, START, (1, [0, 0])), r"expected an Event\(t, q\) as the end"),
         (lambda: Problem(plane, END, START), "end event after the start event"),
         (lambda: Problem(plane, START, Event(0, [1, 1])), "end event after the start event"),
+        (
+            lambda: Problem(plane, START, Event(1e300, [1, 0])),
+            r"1e-100 to 1e\+100, .*found 1e\+300",
+        ),
+        (
+            lambda: Problem(plane, START, Event(5e-324, [1, 0])),
+            "found 4.94066e-324; .* another unit",
+        ),
+        (lambda: Problem(plane, Event(-1e308, [0, 1]), Event(1e308, [1, 0])), "found inf; measure"),
         (lambda: Problem(plane, START, END, parameters={"n": 1}), "unknown parameter 'n'"),
         (lambda: Problem(plane, START, END, parameters={"mm": 1}), "did you mean 'm'"),
         (lambda: Problem(plane, START, END, parameters={"m": np.nan}), "finite parameter 'm'"),
@@ -145,3 +161,84 @@ def test_events_off_the_surface_are_refused_in_any_unit(r):
 def test_bad_input_says_what_is_wrong(build, message):
     with pytest.raises(ValueError, match=message):
         build()
+
+
+# -- other events, other parameters ----------------------------------------------------------------
+
+
+def test_replacing_keeps_the_rest():
+    problem = scenes.get("double_pendulum", m1=2.0).problem
+    problem = problem.replace(start=Event(0.0, [0.1, None]), end=Periodic(2.0, [0.0, 7.0]))
+    assert float(problem.parameters["m1"]) == 2.0
+    later = problem.replace(end=problem.end.at(3.0), parameters={"m2": 4.0})
+    assert later.start is problem.start and later.system is problem.system
+    assert isinstance(later.end, Periodic)
+    assert (later.end.t, later.end.q, later.end.advance) == (3.0, (0.1, None), (0.0, 7.0))
+    assert (float(later.parameters["m1"]), float(later.parameters["m2"])) == (2.0, 4.0)
+    moved = problem.replace(start=Event(-1.0, [0.3, None]))
+    assert isinstance(moved.end, Periodic) and moved.end.q == (0.3, None)
+    with pytest.raises(ValueError, match="unknown parameter 'm3'"):
+        problem.replace(parameters={"m3": 1.0})
+
+
+def test_events_move():
+    event = Event(1.0, [2.0, None])
+    assert (event.at(3.0).t, event.at(3.0).q) == (3.0, (2.0, None))
+    assert event.shifted([1.0, 5.0]).q == (3.0, None)
+    turned = Periodic(1.0).shifted([0.0, 6.0]).shifted([1.0, 0.5])
+    assert isinstance(turned, Periodic) and turned.advance == (1.0, 6.5)
+
+
+@pytest.mark.parametrize(
+    ("build", "found"),
+    [
+        (lambda: Event(0, [1.0], v=[0.0]), r"v=\[0.0\]"),
+        (lambda: Event(0, [1.0], [0.0]), r"also \[0.0\]"),
+    ],
+)
+def test_a_velocity_in_an_event_is_pointed_to_what_takes_one(build, found):
+    with pytest.raises(TypeError, match=found + r"; None leaves .*actionopt.integrate\(system"):
+        build()
+
+
+@pytest.mark.parametrize("duration", [1e-100, 1e-30, 1e30, 1e100])
+def test_durations_far_from_the_limits_of_numbers_are_solved(duration):
+    from actionopt import solve
+
+    problem = Problem(plane, START, Event(duration, [1.0, 0.0]))
+    assert solve(problem).action == pytest.approx(2 / duration)  # m |q1 - q0|^2 / 2T
+
+
+@pytest.mark.parametrize("u", [2.0, -2.0])
+@pytest.mark.parametrize("off", [1e-6, -1e-6])
+def test_events_on_a_surface_that_moves_pass_up_to_rounding(u, off):
+    """x = u t: at t = 0 what x should be is zero, and only the motion gives a scale."""
+    wall = System(lambda q, v, t: v @ v / 2, ("x", "y"), constraint=lambda q, t: q[0] - u * t)
+    for rounding in (0.0, 1e-17, -1e-17):
+        Problem(wall, Event(0, [rounding, 0.0]), Event(1.5, [1.5 * u, 0.0]))
+        Problem(wall, Event(0, [rounding, 1e-20]), Event(1e-3, [1e-3 * u, 0.0]))
+    with pytest.raises(ValueError, match="start event on the constraint surface"):
+        Problem(wall, Event(0, [off, 0.0]), Event(1.5, [1.5 * u, 0.0]))
+    with pytest.raises(ValueError, match="end event on the constraint surface"):
+        Problem(wall, Event(0, [0.0, 0.0]), Event(1.5, [1.5 * u + off, 0.0]))
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_size_of_a_motion_far_from_zero_is_told_by_forces(side):
+    """Events 1e6 away and 0.2 apart; free fall leads |a| T^2 / 8 from the straight line."""
+    for a, T, size in ((0.0, 2.0, 0.2), (side * 9.81, 2.0, 9.81 / 2), (side * 1e-3, 2.0, 0.2)):
+        falling = System(lambda q, v, t, a=a: 3.0 * (v[0] ** 2 / 2 + a * q[0]), ("x",))
+        here = side * 1e6
+        problem = Problem(falling, Event(0.0, [here]), Event(T, [here - side * 0.2]))
+        assert problem.lengths == pytest.approx([size], rel=1e-9)
+        assert problem.origin == pytest.approx([here - side * 0.1], rel=1e-12)
+        assert problem.scales.tolist() == [1e6]
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_events_that_are_not_close_are_measured_from_zero(side):
+    for x0, x1 in ((1.0, 1.02), (1.0, -1.0), (0.0, 1e6), (5.0, None), (1e6, 2e6)):
+        ends = [Event(t, [None if x is None else side * x]) for t, x in ((0, x0), (1, x1))]
+        problem = Problem(System(lambda q, v, t: v[0] ** 2 / 2, ("x",)), *ends)
+        assert problem.origin is None
+        assert problem.lengths == problem.scales == [max(abs(x0), abs(x1 or 0.0))]

@@ -146,3 +146,16 @@ def test_the_same_mesh_comes_out_twice():
     first, second = (refined(found, 1e-9) for _ in range(2))
     assert np.array_equal(first.boundaries, second.boundaries)
     assert first.degrees == second.degrees
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("place", [0.3137, 1.6181])
+def test_a_step_is_seen_up_or_down(side, place):
+    mesh = Mesh([0.0, 1.0, 2.0], [12, 9])
+    found = resolved(lambda t: side * np.tanh(1e4 * (t - place)), mesh)
+    low, high = found.steep()
+    at = int(place > 1)
+    assert low[at] < place < high[at]
+    nodes = mesh.nodes_since
+    assert np.searchsorted(nodes, high[at]) == np.searchsorted(nodes, low[at]) + 1  # neighbours
+    assert np.isnan(low[1 - at]) and np.isnan(high[1 - at])

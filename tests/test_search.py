@@ -2,10 +2,13 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
+from scipy.optimize import brentq
 
 import actionopt as ao
 from actionopt import Event, Path, Problem, System, scenes
 from actionopt.search import LADDER, LEAST, NEAR_GUESS, Search
+from actionopt.transcription import Transcription
 from actionopt.walk import Walk
 
 
@@ -63,3 +66,36 @@ def test_linear_equations_need_no_search():
     solution = ao.solve(scenes.get("oscillator").problem)
     assert solution.stats["rung"] == "linear"
     assert solution.stats["iterations"] == {"newton": 1}
+
+
+def halves(q_from, amplitude):
+    """Return time, and int theta'^2 dt, from an angle up to a pendulum's amplitude (l = 1)."""
+    top = np.sqrt(amplitude - q_from)  # theta = amplitude - u^2: no singularity at the top
+
+    def speed(u):
+        return np.sqrt(2 * 9.81 * (np.cos(amplitude - u * u) - np.cos(amplitude)))
+
+    return [quad(f, 0, top)[0] for f in (lambda u: 2 * u / speed(u), lambda u: 2 * u * speed(u))]
+
+
+@pytest.mark.parametrize("principle", ["auto", "least"])
+def test_a_saddle_that_newton_finds_gives_way_to_a_least_path(principle):
+    """Up beyond the horizontal and back to the same angle: S from the pendulum's quadratures."""
+    angle, T = 0.1, 1.5
+    amplitude = brentq(lambda a: halves(angle, a)[0] - T / 2, 0.2, 3.1)
+    least = 2 * halves(angle, amplitude)[1] + 9.81 * np.cos(amplitude) * T
+    rod = scenes.get("rod_pendulum", m=1.0, l=1.0, g=9.81).problem.system
+    at = [np.sin(angle), -np.cos(angle)]
+    solution = ao.solve(Problem(rod, Event(0.0, at), Event(T, at)), principle=principle)
+    assert solution.action == pytest.approx(least, rel=1e-7)
+    assert solution.morse_index == 0
+
+
+def test_a_bent_line_stays_within_the_size_of_the_motion():
+    problem = scenes.get("kepler").problem
+    search = search_for(problem)
+    mesh = search._uniform(8, 6)
+    straight = Transcription(problem, mesh, problem.lengths).straight().T
+    bend = (search._bent(mesh).values - straight) / problem.lengths[:, None]
+    assert np.max(np.abs(bend[:, [0, -1]])) < 1e-15
+    assert 0.1 < np.max(np.abs(bend)) < 1.0

@@ -12,7 +12,6 @@ from actionopt.walk import Walk
 def found(problem, elements=4, degree=6):
     """Return a walk at the path found from the straight line on a coarse mesh."""
     walk = Walk(problem, linear=problem.system.structure.linear)
-    walk.sizes = problem.scales
     walk.place(Mesh.uniform(problem.start.t, problem.end.t, elements, degree), None)
     assert walk.follow() or walk.approach()
     return walk

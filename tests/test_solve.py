@@ -757,3 +757,12 @@ def test_a_re_solve_from_the_tangent_takes_fewer_steps_and_arrives_at_the_same_p
     t = np.linspace(p.start.t, p.end.t, 50)
     assert np.max(np.abs(again(t) - kinked(t))) < 1e-9
     assert again.stats["iterations"]["newton"] < kinked.stats["iterations"]["newton"]
+
+
+def test_what_is_given_without_its_name_is_refused():
+    system = ao.System(lambda q, v, t: v[0] ** 2 / 2, ["x"])
+    start, end = ao.Event(0.0, [0.0]), ao.Event(1.0, [1.0])
+    with pytest.raises(ValueError, match=r"Problem\(system, start, end\), found System.*make one"):
+        ao.solve(system, start, end)
+    with pytest.raises(TypeError, match="by its name, such as tol=1e-8, found also 1e-06"):
+        ao.solve(ao.Problem(system, start, end), 1e-6)

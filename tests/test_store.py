@@ -2,9 +2,10 @@
 
 import io
 import json
+import os
 import pickle
 import zipfile
-from copy import deepcopy
+from copy import copy, deepcopy
 
 import numpy as np
 import pytest
@@ -45,6 +46,9 @@ def assert_same(a, b):
     assert {k: v.tolist() for k, v in a.problem.parameters.items()} == {
         k: v.tolist() for k, v in b.problem.parameters.items()
     }
+    for role in ("start", "end"):
+        mine, other = getattr(a, role), getattr(b, role)
+        assert mine.t == other.t and np.array_equal(mine.q, other.q)
     t = np.linspace(a.problem.start.t, a.problem.end.t, 17)
     assert np.array_equal(a(t), b(t)) and np.array_equal(a.velocity(t), b.velocity(t))
 
@@ -295,21 +299,242 @@ WRONG = {
     "one velocity": ("velocities", lambda a: a[:1]),
     "momenta of two coordinates": ("momenta", lambda a: np.hstack([a, a])),
     "multipliers elsewhere": ("lam", lambda a: a[:, 1:]),
+    "multipliers of no constraint": ("lam", lambda a: np.zeros((3, a.shape[1]))),
+    "infinite multipliers": ("lam", lambda a: np.full((1, a.shape[1]), np.inf)),
+    "complex values": ("values", lambda a: a + 1e-3j),
+    "complex momenta": ("momenta", lambda a: a + 0j),
+    "a complex action": ("action", lambda a: a + 0j),
+    "times as text": ("boundaries", lambda a: a.astype(str)),
+    "an action in a row": ("action", lambda a: a[None]),
+    "an action that is none": ("action", lambda a: a + np.nan),
+    "a negative error": ("error", lambda a: -a),
+    "an error that is none": ("error", lambda a: a + np.nan),
+    "momenta that are not finite": ("momenta", lambda a: a + np.inf),
+    "other velocities": ("velocities", lambda a: 3 * a),
+    "velocities exchanged": ("velocities", lambda a: a[::-1]),
+    "a path beside its events": ("values", lambda a: a + 1e-6),
+    "a path at another time": ("boundaries", lambda a: a + 1e-6),
 }
+
+
+def edited(file, **changes):
+    """Replace arrays of a file, and entries of its text, by functions of what they are."""
+    with np.load(file) as arrays:
+        data = dict(arrays)
+    about = json.loads(str(data["about"]))
+    for name, change in changes.items():
+        holder = data if name in data else about
+        holder[name] = change(holder[name])
+    np.savez(file, **{**data, "about": np.array(json.dumps(about))})
 
 
 @pytest.mark.parametrize("what", WRONG)
 def test_arrays_that_do_not_fit_are_refused(own, what, tmp_path):
     file = tmp_path / "wrong.npz"
     own.save(file)
-    with np.load(file) as arrays:
-        data = dict(arrays)
     name, change = WRONG[what]
-    data[name] = change(data[name])
-    np.savez(file, **data)
+    edited(file, **{name: change})
     for system in (None, SYSTEM):
         with pytest.raises(ValueError, match=r"expected an \.npz file.*solve and save again"):
             ao.load(file, system)
+
+
+WORDS = {
+    "an unknown status": ("status", lambda a: "FINE", "one of the statuses SOLVED, .*found 'FINE'"),
+    "no status": ("status", lambda a: None, "one of the statuses"),
+    "figures in a row": ("stats", lambda a: [1, 2], ""),
+    "a gain of text": ("stats", lambda a: {**a, "gain": "high"}, "a number as the gain"),
+    "rows of constraints": ("stats", lambda a: {**a, "rows": 7}, "multipliers of 7 rows"),
+    "a parameter that is none": ("parameters", lambda a: {**a, "l": np.nan}, "finite parameter"),
+    "another end": ("events", lambda a: [a[0], [1.0, [0.5]]], "through its events, .* 0.5"),
+    "another time": ("events", lambda a: [a[0], [1.5, a[1][1]]], "the times of its events"),
+    "closed ends": ("advance", lambda a: [0.0], "after its advance"),
+    "ends that close elsewhere": ("advance", lambda a: [1.0], "after its advance"),
+}
+
+
+@pytest.mark.parametrize("what", WORDS)
+def test_words_that_do_not_fit_are_refused(own, what, tmp_path):
+    file = tmp_path / "wrong.npz"
+    own.save(file)
+    name, change, why = WORDS[what]
+    edited(file, **{name: change})
+    for system in (None, SYSTEM):
+        with pytest.raises(
+            ValueError, match=rf"expected an \.npz file.*{why}.*solve and save again"
+        ):
+            ao.load(file, system)
+
+
+NEARLY = {
+    # name: array, where, by how much it may be off, and by how much not
+    "a velocity": ("velocities", (0, 0), 1e-9, 1e-4),
+    "a momentum": ("momenta", (1, 0), 1e-9, 1e-4),
+    "a first coordinate": ("values", (0, 0), 1e-13, 1e-6),
+    "a last coordinate": ("values", (0, -1), 1e-13, 1e-6),
+    "the first time": ("boundaries", (0,), 1e-13, 1e-6),
+    "the last time": ("boundaries", (-1,), 1e-13, 1e-6),
+}
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("what", NEARLY)
+def test_numbers_may_be_rounded_and_not_changed(own, what, side, tmp_path):
+    name, where, little, much = NEARLY[what]
+
+    def moved(by):
+        own.save(tmp_path / "own.npz")
+
+        def change(a):
+            a[where] += by
+            return a
+
+        edited(tmp_path / "own.npz", **{name: change})
+        return ao.load(tmp_path / "own.npz", SYSTEM)
+
+    assert moved(side * little).success
+    with pytest.raises(ValueError, match=r"expected an \.npz file.*solve and save again"):
+        moved(side * much)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_velocities_far_from_those_of_the_path_are_refused_without_a_system(own, side, tmp_path):
+    own.save(tmp_path / "own.npz")
+    size = np.max(np.abs(own.velocity(own.mesh.nodes)))
+    for k in (0, 1):
+        own.save(tmp_path / "own.npz")
+
+        def change(a, k=k):
+            a[k] += 0.2 * side * size
+            return a
+
+        edited(tmp_path / "own.npz", velocities=change)
+        with pytest.raises(ValueError, match="velocities at the ends near those of the path"):
+            ao.load(tmp_path / "own.npz")
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_closed_path_that_turns_a_little_too_far_is_refused(side, tmp_path):
+    system = System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 + q[0] * np.cos(t), ["x"])
+    problem = Problem(system, Event(0.0, [None]), Periodic(2 * np.pi, advance=[0.0]))
+    solution = ao.solve(problem)
+
+    def change(a):
+        a[0, -1] += side * 1e-6
+        return a
+
+    solution.save(tmp_path / "closed.npz")
+    edited(tmp_path / "closed.npz", values=change)
+    with pytest.raises(ValueError, match="closes with the advance"):
+        ao.load(tmp_path / "closed.npz")
+
+
+PHYSICS = {
+    "momenta": lambda a: 3 * a,
+    "momenta a little off": lambda a: a * (1 + 1e-5),
+    "velocities a little off": lambda a: a * (1 + 1e-5),
+    "lam": lambda a: np.full((2, a.shape[1]), np.nan),
+}
+
+
+@pytest.mark.parametrize("what", PHYSICS)
+def test_what_the_system_contradicts_is_refused(own, what, tmp_path):
+    file = tmp_path / "wrong.npz"
+    own.save(file)
+    edited(file, **{what.split()[0]: PHYSICS[what]})
+    with pytest.raises(ValueError, match=r"expected an \.npz file.*(of the system|constraints)"):
+        ao.load(file, SYSTEM)
+
+
+def test_momenta_of_a_scene_are_checked_as_well(of_a_scene, tmp_path):
+    file = tmp_path / "wrong.npz"
+    of_a_scene.save(file)
+    edited(file, momenta=lambda a: 3 * a)
+    with pytest.raises(ValueError, match=r"expected the momenta of the system at the ends"):
+        ao.load(file)
+
+
+def test_a_closed_path_that_does_not_close_is_refused(tmp_path):
+    system = System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 + q[0] * np.cos(t), ["x"])
+    problem = Problem(system, Event(0.0, [None]), Periodic(2 * np.pi))
+    ao.solve(problem).save(tmp_path / "closed.npz")
+    edited(tmp_path / "closed.npz", advance=lambda a: [0.25])
+    for given in (None, system):
+        with pytest.raises(ValueError, match=r"closes with the advance \[0.25\]"):
+            ao.load(tmp_path / "closed.npz", given)
+
+
+@pytest.mark.parametrize("stats", [{}, {"rung": "least"}])
+def test_figures_are_for_reading_and_no_guess_needs_them(own, stats, tmp_path):
+    file = tmp_path / "own.npz"
+    own.save(file)
+    edited(file, stats=lambda a: stats)
+    loaded = ao.load(file, SYSTEM)
+    assert loaded.stats == stats
+    assert ao.solve(own.problem, guess=loaded, tol=1e-9).success
+
+
+def test_coarse_paths_and_paths_at_rest_pass(tmp_path):
+    # The momentum's velocity is far from the polynomial's, or both are zero up to rounding.
+    fall = System(lambda q, v, t: v[0] ** 2 / 2 - abs(q[0]), ["x"])
+    plane = System(lambda q, v, t: (v @ v - q @ q) / 2 - q[1] ** 4, ["x", "y"])
+    coarse = ao.Mesh.uniform(0.0, 2.0, 2, 1)
+    kink = Problem(fall, Event(0, [1.0]), Event(2, [0.0]))
+    swing_ = Problem(SYSTEM, Event(0.0, 0.3), Event(2.0, -0.2))
+    solutions = [
+        ao.solve(kink, throw=False),
+        ao.solve(swing_, mesh=coarse),
+        ao.solve(Problem(plane, Event(0, [1.0, np.sin(np.pi)]), Event(1, [0.3, 0.0]))),
+        ao.solve(Problem(plane, Event(0, [0.0, 0.0]), Event(1, [0.0, 0.0]))),
+    ]
+    for i, solution in enumerate(solutions):
+        solution.save(tmp_path / f"{i}.npz")
+        for system in (None, solution.problem.system):
+            assert_same(ao.load(tmp_path / f"{i}.npz", system), solution)
+
+
+def test_an_attempt_whose_action_is_infinite_can_be_kept(tmp_path):
+    pole = System(lambda q, v, t: v[0] ** 2 / 2 + q[0] ** 2 / (t - 0.5) ** 2, ["x"])
+    attempt = ao.solve(Problem(pole, Event(0.0, [1.0]), Event(1.0, [2.0])), throw=False)
+    assert not attempt.success and attempt.action == np.inf
+    attempt.save(tmp_path / "failed.npz")
+    assert_same(ao.load(tmp_path / "failed.npz", pole), attempt)
+
+
+@pytest.mark.parametrize("T", [np.pi / 2, 1.0])
+def test_an_action_that_another_machine_sums_otherwise_is_the_same(T, tmp_path):
+    """A quarter of an oscillator's period has S = 0 up to rounding; a part of it has not."""
+    oscillator = System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
+    solution = ao.solve(Problem(oscillator, Event(0.0, [1.0]), Event(T, [np.cos(T)])), tol=1e-12)
+    assert solution.action == pytest.approx(-np.sin(2 * T) / 4, abs=1e-12)
+    file = tmp_path / "solution.npz"
+    for change, fits in ((1e-13, True), (-1e-13, True), (1e-7, False), (-1e-7, False)):
+        solution.save(file)
+        edited(file, action=lambda S, change=change: S + change)
+        if fits:
+            assert ao.load(file, oscillator).action == solution.action + change
+        else:
+            with pytest.raises(ValueError, match="whose action on its path is"):
+                ao.load(file, oscillator)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="links need rights elsewhere")
+def test_a_link_stays_and_what_it_leads_to_is_replaced(own, of_a_scene, tmp_path):
+    target, link = tmp_path / "first.npz", tmp_path / "latest.npz"
+    own.save(target)
+    target.chmod(0o640)
+    link.symlink_to(target)
+    of_a_scene.save(link)
+    assert link.is_symlink() and target.stat().st_mode & 0o777 == 0o640
+    assert_same(ao.load(target), of_a_scene)
+
+
+@pytest.mark.parametrize("what", ["system", "problem", "solution"])
+def test_what_cannot_be_pickled_says_what_to_do(own, what):
+    value = {"system": SYSTEM, "problem": own.problem, "solution": own}[what]
+    with pytest.raises(TypeError, match=r"solution\.save\(file\) and actionopt\.load\(file"):
+        pickle.dumps(value)
+    assert copy(SYSTEM) is SYSTEM
 
 
 def test_what_is_no_file_or_system_is_refused(own, tmp_path):
@@ -378,3 +603,18 @@ def test_a_namesake_of_a_scene_is_no_scene(tmp_path):
     assert_same(loaded, solution)
     with pytest.raises(ValueError, match="without its system"):
         loaded.energy(0.5)
+
+
+@pytest.mark.parametrize("level", [1e6, -1e6])
+def test_a_large_action_is_rounded_by_more(level, tmp_path):
+    """A constant in L is no energy of the motion, and has rounding of its own."""
+    system = System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2 + level, ["x"])
+    solution = ao.solve(Problem(system, Event(0.0, [1.0]), Event(1.0, [0.3])))
+    for change, fits in ((1e-11, True), (-1e-11, True), (1e-6, False), (-1e-6, False)):
+        solution.save(tmp_path / "one.npz")
+        edited(tmp_path / "one.npz", action=lambda S, change=change: S * (1 + change))
+        if fits:
+            assert ao.load(tmp_path / "one.npz", system).success
+        else:
+            with pytest.raises(ValueError, match="whose action on its path is"):
+                ao.load(tmp_path / "one.npz", system)

@@ -328,3 +328,18 @@ def test_the_optimum_of_four_hundred_thousand_unknowns():
     # The discrete optimum is the path to rounding at this size; the condition is 1e11.
     assert np.max(np.abs(problem.x_star - problem.scene.exact(t)[0])) < 1e-7
     assert problem.residual(problem.x_star) < STATIONARY
+
+
+@pytest.mark.parametrize(
+    ("mesh", "message"),
+    [
+        ({"elements": 0}, "whole number of elements, at least 1, found 0"),
+        ({"elements": -5}, "whole number of elements, at least 1, found -5"),
+        ({"elements": 2.5}, "whole number of elements, at least 1, found 2.5"),
+        ({"degree": 0}, "integer degrees from 1 to 64, found 0"),
+        ({"degree": 65}, "integer degrees from 1 to 64, found 65"),
+    ],
+)
+def test_meshes_that_are_none_are_refused(mesh, message):
+    with pytest.raises(ValueError, match=message):
+        suite.get("oscillator", **mesh)

@@ -80,6 +80,23 @@ def test_judged_by_the_point_and_not_by_the_word():
     assert judge(problem, forgotten + 1e-2, claimed=True).verdict == "wrong"
 
 
+@pytest.mark.parametrize("name", ["oscillator", "figure_eight", "rod_pendulum"])
+def test_three_digits_of_the_path_are_enough(name):
+    """Along the softest direction, where next to no residual tells."""
+    problem = suite.get(name)
+    rows, cols = problem.hessian_structure
+    H = np.zeros((problem.n, problem.n))
+    H[rows, cols] = problem.hessian(problem.x_star, problem.lam_star)
+    H[cols, rows] = H[rows, cols]
+    values, vectors = np.linalg.eigh(H * problem.unit[:, None] * problem.unit)
+    soft = vectors[:, np.argmin(np.abs(values))] * problem.unit
+    soft /= problem.distance(problem.x_star + soft)
+    for distance, verdict in ((5e-4, "right"), (2e-3, "wrong")):
+        for side in (1, -1):
+            found = judge(problem, problem.x_star + side * distance * soft, claimed=True)
+            assert found.verdict == verdict and found.residual <= STATIONARY
+
+
 def test_a_small_residual_is_not_enough():
     """On a fine mesh a smooth deviation of a hundredth leaves next to no residual."""
     problem = suite.get("pendulum", elements=64, degree=8)

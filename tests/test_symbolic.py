@@ -4,6 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+import actionopt as ao
 from actionopt.symbolic import Expressions
 from actionopt.tracing import column
 
@@ -48,6 +49,9 @@ HANDED_OVER = {
     "joined": lambda q, v, t, M: np.concatenate([[0.0], q[:2], v]),
     "differences": lambda q, v, t, M: np.concatenate([np.diff(q), np.cumsum(v), np.roll(q, 1)]),
     "vectors": lambda q, v, t, M: np.cross(q, v) + np.linalg.norm(q - v) + np.hypot(q[0], v[1]),
+    "products of vectors": lambda q, v, t, M: (
+        np.linalg.cross(q, v) + np.cross([0, 0, 1], q) + np.cross(v, np.array([1.0, 0, 0]))
+    ),
     "choices": lambda q, v, t, M: np.where(q > v, q, v * 2) + np.maximum(q, v) - np.minimum(q, 0.5),
     "other functions": lambda q, v, t, M: np.log1p(q) + np.expm1(v) + np.arcsinh(q) + np.sign(v),
     "remainders": lambda q, v, t, M: q % 0.3 + np.floor(v * 3),
@@ -116,6 +120,10 @@ def test_a_part_can_be_replaced_without_the_symbols():
         (lambda q, v, t: len(t), TypeError),
         (lambda q, v, t: np.array([q[0], 1.0]), TypeError),
         (lambda q, v, t: q + v[:2], Exception),
+        (lambda q, v, t: q @ v[:1], Exception),
+        (lambda q, v, t: np.einsum("i,i", q, v), TypeError),
+        (lambda q, v, t: q[1:][2], IndexError),
+        (lambda q, v, t: q[0, 1], IndexError),
         (lambda q, v, t: v if q[0] > 0 else q, Exception),
         (lambda q, v, t: q.nothing, AttributeError),
     ],
@@ -123,3 +131,13 @@ def test_a_part_can_be_replaced_without_the_symbols():
 def test_what_has_no_meaning_is_refused(wrong, error):
     with pytest.raises(error):
         wrong(*traced()[:3])
+
+
+def test_comparisons_can_be_joined():
+    system = ao.System(
+        lambda q, v, t: v[0] ** 2 / 2 + np.where((t > 0.3) & ~((t > 0.5) | (t < 0.1)), q[0], 0.0),
+        ["x"],
+    )
+    t = np.array([0.05, 0.2, 0.4, 0.6])
+    found = system.lagrangian(np.ones((1, 4)), np.zeros((1, 4)), t)
+    assert found.tolist() == [0.0, 0.0, 1.0, 0.0]

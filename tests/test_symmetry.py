@@ -6,7 +6,8 @@ from scipy.integrate import solve_ivp
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.symmetry import cyclic, find_symmetries, is_mechanical, noether
+from actionopt.invariance import points_of
+from actionopt.symmetry import _echelon, cyclic, find_symmetries, is_mechanical, noether
 
 FORMULA_TOLERANCE = 1e-12
 INTEGRATION_TOLERANCE = 1e-9
@@ -372,3 +373,113 @@ def test_scaling_of_an_inverse_square_potential():
         "x: x, y: y, t: 2 t",
         "x: -y, y: x",
     ]
+
+
+def test_a_force_along_one_coordinate_leaves_the_momentum_of_another():
+    system = ao.System(
+        lambda q, v, t: v @ v / 2, ["x", "y"], force=lambda q, v, t: [0 * v[0], -v[1]]
+    )
+    assert system.structure.cyclic == ("x", "y")
+    momenta = cyclic(system)
+    assert list(momenta) == ["x"]
+    assert float(momenta["x"]([0.3, 0.7], [2.0, 5.0], 0.0)) == 2.0
+
+
+def test_a_gauge_that_the_rule_cannot_integrate_is_refused_or_right():
+    """Moving x changes L by y' / (1 + 400 y^2), the rate of atan(20 y) / 20: steep near zero."""
+    system = ao.System(lambda q, v, t: v @ v / 2 + q[0] * v[1] / (1 + 400 * q[1] ** 2), ["x", "y"])
+    given = noether(system, [1.0, 0.0], gauge=lambda q, t: np.arctan(20 * q[1]) / 20)
+    q, v, t = motion(system, seed=1)
+    assert np.ptp(20 * q[1]) > 10  # from steep to flat
+    assert spread(given, q, v, t) < INTEGRATION_TOLERANCE
+    try:
+        found = noether(system, [1.0, 0.0])
+    except ValueError as error:
+        assert "no total derivative" in str(error)
+    else:
+        assert spread(found, q, v, t) < INTEGRATION_TOLERANCE
+
+
+@pytest.mark.parametrize(("slope", "whole"), [(1 + 1e-8, False), (1 + 1e-10, True)])
+def test_only_what_is_a_whole_number_up_to_rounding_becomes_one(slope, whole):
+    """L depends on y - slope x: moving x by one and y by the slope changes nothing."""
+    system = ao.System(lambda q, v, t: v @ v / 2 - (q[1] - slope * q[0]) ** 2, ["x", "y"])
+    moves = [s for s in find_symmetries(system) if s.b.any() and not s.c.any() and not s.A.any()]
+    [move] = moves
+    assert (move.b[1] == move.b[0]) == whole
+    assert move.b[1] / move.b[0] == pytest.approx(slope, rel=2e-10)
+
+
+# -- linear algebra ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_echelon_form_depends_on_the_space_alone(seed):
+    """Rows [1 0 a; 0 1 b] and the like, mixed by any regular matrix, come back."""
+    rng = np.random.default_rng(seed)
+    known = np.zeros((3, 6))
+    columns = np.sort(rng.choice(6, 3, replace=False))
+    for i, k in enumerate(columns):
+        known[i, k:] = rng.uniform(-2.0, 2.0, 6 - k)
+        known[: i + 1, k] = np.arange(i + 1) == i
+    for i in range(3):
+        known[i, columns] = np.arange(3) == i
+    for mix in (np.eye(3), -np.eye(3), rng.normal(size=(3, 3)), -np.abs(rng.normal(size=(3, 3)))):
+        assert np.allclose(_echelon(mix @ known), known, rtol=0, atol=1e-9)
+
+
+def test_a_pivot_is_the_entry_that_is_largest_in_magnitude():
+    rows = np.array([[1e-8, 1.0, 0.0], [-1.0, 0.5, 3.0]])
+    found = _echelon(rows)
+    assert found == pytest.approx(
+        np.array([[1.0, 0.0, -3.0 + 1.5e-8], [0.0, 1.0, 3e-8]]), abs=1e-12
+    )
+
+
+@pytest.mark.parametrize(
+    ("constraint", "n"),
+    [
+        (lambda q, t: [q[0] ** 2 + q[1] ** 2 + q[2] ** 2 - 4.0], 3),
+        (lambda q, t: [q[0] ** 2 / 9 + q[1] ** 2 - 1 - t**2 / 5], 2),
+        (lambda q, t: [q[0] * q[1] - 3.0, q[2] - np.sin(q[0])], 3),
+        (lambda q, t: [np.exp(q[0]) + np.exp(-q[1]) - 0.05 - q[2] ** 2], 3),
+    ],
+)
+def test_points_in_general_position_are_on_the_surface_and_move_along_it(constraint, n):
+    system = ao.System(lambda q, v, t: v @ v / 2, list("xyz")[:n], constraint=constraint)
+    q, v, t = points_of(system, system.table.pack(system.parameters))
+    assert len(q) >= 20  # hardly one of them is lost
+    f = system.constraint(q.T, t[:, 0])
+    assert np.max(np.abs(f)) <= 1e-11
+    slow = np.max(np.abs(v), axis=1) < 10  # others are of all sizes
+    q, v, t, h = q[slow], v[slow], t[slow], 1e-6
+    assert len(q) >= 20
+    ahead, behind = (system.constraint((q + s * h * v).T, t[:, 0] + s * h) for s in (1, -1))
+    # A third derivative times h^2 / 6, and rounding over h.
+    assert np.max(np.abs(ahead - behind)) / (2 * h) <= 1e-7
+    assert np.linalg.matrix_rank(q) == n  # in general position still
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_drift_is_relative_to_the_size_of_the_terms(side):
+    """Along x'' = f the momentum p changes by f T, and is all there is of it."""
+    system = ao.System(lambda q, v, t, *, f: v[0] ** 2 / 2 + f * q[0], ["x"], parameters={"f": 0.0})
+    momentum = noether(system, [1.0])
+    events = ao.Event(0.0, [0.0]), ao.Event(1.0, [side])
+    solution = ao.solve(ao.Problem(system, *events, parameters={"f": 1e-3 * side}))
+    assert momentum.drift(solution) == pytest.approx(1e-3 / (1 + 5e-4), rel=1e-6)
+    solution = ao.solve(ao.Problem(system, *events, parameters={"f": -1e-3 * side}))
+    assert momentum.drift(solution) == pytest.approx(1e-3 / (1 + 5e-4), rel=1e-6)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_points_that_do_not_get_onto_a_surface_are_left_out(side):
+    """From beyond its top Newton's steps on x / (1 + x^2) lead away for ever."""
+    system = ao.System(
+        lambda q, v, t: v @ v / 2,
+        ["x", "y"],
+        constraint=lambda q, t: [side * q[0] / (1 + q[0] ** 2) - 0.1],
+    )
+    q, _, t = points_of(system, system.table.pack(system.parameters))
+    assert 0 < len(q) < 40
+    assert np.max(np.abs(system.constraint(q.T, t[:, 0]))) <= 1e-12

@@ -332,6 +332,11 @@ def branching(q, v, t):
     return v[0] ** 2 if q[0] > 0 else 2 * v[0] ** 2
 
 
+def unpacked(q):
+    x, y = q
+    return x, y
+
+
 BAD_SYSTEMS = {
     "not callable": (dict(lagrangian=3.0, coordinates=["x"]), "expected a callable lagrangian"),
     "two arguments": (
@@ -405,6 +410,62 @@ BAD_SYSTEMS = {
         dict(lagrangian=lambda q, v, t: v**2, coordinates=["x", "y"]),
         "lagrangian to return a scalar, found 2",
     ),
+    "a vector of one for L": (
+        dict(lagrangian=lambda q, v, t: v, coordinates=["x"]),
+        r"lagrangian to return a scalar, found 1 in an array of shape \(1,\); return one",
+    ),
+    "a list of one for L": (
+        dict(lagrangian=lambda q, v, t: [v[0] ** 2], coordinates=["x"]),
+        "lagrangian to return a scalar, found 1 in a list",
+    ),
+    "a coordinate too many": (
+        dict(lagrangian=lambda q, v, t: v[0] ** 2 + q[1], coordinates=["x"]),
+        r"lagrangian could not be traced: 1 coordinate, q\[1\] asked for; indices begin at 0$",
+    ),
+    "a velocity too many": (
+        dict(lagrangian=lambda q, v, t: v[2] ** 2, coordinates=["x", "y"]),
+        r"2 coordinates, v\[2\] asked for",
+    ),
+    "an entry too many": (
+        dict(
+            lagrangian=lambda q, v, t, *, m: m[3] * v[0] ** 2,
+            coordinates=["x"],
+            parameters={"m": [1, 2, 3]},
+        ),
+        r"parameter 'm' of length 3, m\[3\] asked for",
+    ),
+    "an entry of a matrix": (
+        dict(
+            lagrangian=lambda q, v, t, *, m: m[0, 2] * v[0] ** 2,
+            coordinates=["x"],
+            parameters={"m": np.eye(2)},
+        ),
+        r"m of shape \(2, 2\), m\[0, 2\] asked for",
+    ),
+    "an entry of a part": (
+        dict(lagrangian=lambda q, v, t: v[0] ** 2 + q[1:][0], coordinates=["x"]),
+        r"an array of shape \(0,\), \[0\] of it asked for",
+    ),
+    "two names for one coordinate": (
+        dict(lagrangian=lambda q, v, t: (lambda x, y: x)(*unpacked(q)), coordinates=["x"]),
+        r"expected 2, got 1\); q and v have one entry for each coordinate, and there are 1",
+    ),
+    "an unknown function": (
+        dict(lagrangian=lambda q, v, t: np.einsum("i,i", v, v), coordinates=["x", "y"]),
+        r"traced: np.einsum does not take expressions; write the sum with @, np.sum and indices$",
+    ),
+    "an unknown function by element": (
+        dict(lagrangian=lambda q, v, t: v @ v + np.spacing(q[0]), coordinates=["x"]),
+        "traced: np.spacing does not take expressions; use arithmetic",
+    ),
+    "a cross product in the plane": (
+        dict(lagrangian=lambda q, v, t: np.cross(q, v), coordinates=["x", "y"]),
+        r"traced: np.cross failed on expressions \(.*1x2.*\); .* it is a\[0\] \* b\[1\] - a\[1\]",
+    ),
+    "a cross product of lists": (
+        dict(lagrangian=lambda q, v, t: np.cross([*q, 0], [*v, 0])[2], coordinates=["x", "y"]),
+        "traced: np.cross was given a list of expressions; make it an array by np.stack first$",
+    ),
     "text for L": (
         dict(lagrangian=lambda q, v, t: "T - V", coordinates=["x"]),
         "lagrangian to return numbers or expressions, found str",
@@ -441,6 +502,14 @@ def test_bad_systems_say_what_is_wrong(case):
     arguments = dict(arguments)
     with pytest.raises(ValueError, match=message):
         System(arguments.pop("lagrangian"), arguments.pop("coordinates"), **arguments)
+
+
+@pytest.mark.parametrize("case", BAD_SYSTEMS)
+def test_no_message_names_the_sources_of_another_package(case):
+    arguments = dict(BAD_SYSTEMS[case][0])
+    with pytest.raises(ValueError) as error:
+        System(arguments.pop("lagrangian"), arguments.pop("coordinates"), **arguments)
+    assert "casadi/" not in str(error.value) and "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize("function", [math.cos, math.sqrt, float])

@@ -5,7 +5,8 @@ import pytest
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.trace import trace
+from actionopt.branch import Point
+from actionopt.trace import _Run, trace
 
 
 def bratu(lam=1.0):
@@ -151,6 +152,75 @@ def test_interrupted_trace_keeps_what_it_has():
     assert found.values[1:].tolist() == seen
 
 
+def test_a_path_that_grows_without_bound_is_followed_no_further():
+    # x = cos t + B sin t with B = (1/2 - cos T) / sin T: infinite at T = pi
+    system = ao.System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
+    problem = ao.Problem(system, ao.Event(0.0, 1.0), ao.Event(1.0, 0.5))
+    found = trace(problem, "t1", 4.0)
+    assert len(found.values) < 60 and 3.13 < found.values[-1] < np.pi
+    assert f"stopped at {found.values[-1]:.9g}, short of 4" in found.stopped
+    assert "without bound as it approaches 3.14159" in found.stopped
+    near = trace(problem, "t1", 3.14)  # before it, the goal is reached
+    assert near.values[-1] == 3.14 and "goal" in near.stopped
+    few = trace(problem, "t1", 3.0, steps=3)
+    assert "short of 3" in few.stopped and "3 steps were used up" in few.stopped
+
+
+def test_a_change_of_index_where_another_branch_crosses():
+    # from 1 to -1 all paths are there at T = pi, and no step leads on to it
+    system = ao.System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
+    found = trace(ao.Problem(system, ao.Event(0.0, 1.0), ao.Event(1.0, -1.0)), "t1", 4.0)
+    (mark,) = found.marks
+    assert mark.value == pytest.approx(np.pi, abs=1e-7)
+    assert found.values[-1] == 4.0
+
+
+class Line:
+    """A branch that is a straight line, s along it."""
+
+    def __init__(self):
+        self.here = Point(None, np.zeros(1), 0.0, np.ones(2))
+
+    def step(self, point, length):
+        return Point(None, np.full(1, length), float(length), np.ones(2)), 1
+
+    def at(self, s):
+        return None
+
+
+@pytest.mark.parametrize(
+    ("function", "root"),
+    [
+        (lambda p: p.s, 0.0),  # at the left end
+        (lambda p: p.s - 1e-17, 0.0),  # so near it that the secant meets the end
+        (lambda p: 1.0 - p.s, 1.0),
+        (lambda p: p.s**3 - 0.3**3, 0.3),
+        (lambda p: 1e3 * p.s - 1.0 if p.s < 1e-3 else p.s - 1e-3, 1e-3),
+    ],
+)
+def test_roots_along_a_branch(function, root):
+    line = Line()
+    run = _Run(lambda s: None, 0.0, 1.0, 1e-8, False)
+    run.branch = line
+    found = run._locate(line.here, 1.0, function)
+    assert found.s == pytest.approx(root, abs=1e-11)
+
+
+def test_where_no_index_can_be_counted_the_trace_says_what_to_do():
+    # d2L/dv2 = cosh v - 2 is not positive: no index counts the variations that lower S
+    system = ao.System(
+        lambda q, v, t, *, k: np.cosh(v[0]) - v[0] ** 2 - k * q[0] ** 2 / 2,
+        ["x"],
+        parameters={"k": 1.0},
+    )
+    problem = ao.Problem(system, ao.Event(0.0, 0.0), ao.Event(1.0, 0.3))
+    line = [[0.0, 0.3]]
+    with pytest.raises(ValueError, match="count=False"):
+        trace(problem, "k", 2.0, guess=line)
+    found = trace(problem, "k", 2.0, count=False, guess=line)
+    assert found.values[-1] == 2.0
+
+
 def test_bad_arguments():
     with pytest.raises(ValueError, match="lam"):
         trace(bratu(), "mu", 2.0)
@@ -160,3 +230,38 @@ def test_bad_arguments():
         trace(soap_film(0.5), soap_film, 0.6)
     with pytest.raises(ValueError, match="coordinate that the event gives"):
         trace(bratu(), ("end", "v"), 1.0)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("to", [3.0, 2.0])
+def test_a_pole_is_noticed_from_either_side(to, side):
+    """x = cos t + B sin t is infinite at T = pi; the way there is down the times."""
+    system = ao.System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
+    problem = ao.Problem(system, ao.Event(0.0, side), ao.Event(4.0, 0.5 * side))
+    found = trace(problem, "t1", to)
+    assert np.pi < found.values[-1] < 3.16 and len(found.values) < 60
+    assert "without bound as it approaches 3.14159" in found.stopped
+    assert not found.marks and set(found.indices.tolist()) == {1}
+
+
+@pytest.mark.parametrize(
+    ("before", "now", "goal", "pole"),
+    [
+        # Sizes like 1 / (pole - s), where the pole is 1 or -1.
+        ((0.98, 50.0), (0.99, 100.0), 2.0, None),  # it is known, but not near yet
+        ((0.999, 1e3), (0.9999, 1e4), 2.0, 1.0),
+        ((0.999, 1e3), (0.9999, 1e4), 1.00001, None),  # the goal comes before
+        ((0.9999, 1e4), (0.999, 1e3), 2.0, None),  # it comes away from it
+        ((-0.999, 1e3), (-0.9999, 1e4), -2.0, -1.0),
+        ((-0.999, 1e3), (-0.9999, 1e4), -1.00001, None),
+        ((0.999, 10.0), (0.9999, 99.0), 2.0, None),  # not grown enough to say so
+    ],
+)
+def test_where_a_branch_will_be_infinite(before, now, goal, pole, monkeypatch):
+    run = object.__new__(_Run)
+    run.origin, run.goal = 0.0, goal
+    sizes = dict([before, now])
+    monkeypatch.setattr(_Run, "_size", lambda self, point: sizes[point.s])
+    here, there = (Point(None, None, s, None) for s in (before[0], now[0]))
+    found = run._pole(here, there)
+    assert found == (None if pole is None else pytest.approx(pole, abs=1e-7))

@@ -3,6 +3,7 @@
 The second one takes complex coordinates, so that its derivatives are exact by complex steps.
 """
 
+import signal
 from itertools import product
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 from numpy.polynomial import Legendre, Polynomial
 
 from actionopt.path import Mesh
-from actionopt.problem import Event, Problem
+from actionopt.problem import Event, Periodic, Problem
 from actionopt.system import System
 from actionopt.transcription import Transcription, compressed, find
 
@@ -210,6 +211,18 @@ def test_kkt_matrix_is_the_derivative_of_the_residual(combination, ends, mesh):
         assert np.all(np.tril(H, -1) == 0)
         assert mismatch(H + np.triu(H, 1).T, K[:cut, :cut]) <= 4 * EPS
         assert mismatch(K, K.T) <= 4 * EPS
+
+
+@pytest.mark.parametrize("combination", COMBINATIONS, ids="-".join)
+def test_the_sparse_matrix_of_a_closed_path_is_the_derivative_of_the_residual(combination):
+    """Units of action and coordinates are not one: every part of the matrix has them."""
+    system = system_of(*combination)
+    problem = Problem(system, Event(0.5, [None, None]), Periodic(2.0, advance=[0.3, 0.0]))
+    tr = Transcription(problem, MESHES["mixed"], np.array([0.7, 3.0]))
+    assert tr.layout.storage == "sparse" and not 0.5 < tr.action_unit < 2
+    z = point(tr)
+    assert mismatch(kkt(tr, z), difference(tr.residual, z)) <= DIFFERENCE_TOLERANCE
+    assert mismatch(kkt(tr, z * (1 + 1e-6)), kkt(tr, z)) > 10 * DIFFERENCE_TOLERANCE
 
 
 # -- the quadrature ------------------------------------------------------------------------------
@@ -443,9 +456,11 @@ def test_hessian_of_the_lagrangian_has_the_factor_of_the_objective(factor):
     assert np.all(np.tril(H, -1) == 0)
 
 
-def test_running_away_is_seen():
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_running_away_is_seen(side):
     oscillator = System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2, ["x"])
-    problem = Problem(oscillator, Event(0, 1), Event(5, 0.5))  # past the conjugate time, pi
+    ends = Event(0, side), Event(5, 0.5 * side)
+    problem = Problem(oscillator, *ends)  # past the conjugate time, pi
     tr = Transcription(problem, Mesh.uniform(0, 5, 4, 6), np.ones(1))
     attempt = find(tr, tr.pack(tr.straight()), "least")
     assert attempt.diverged and not attempt.converged
@@ -464,3 +479,94 @@ def test_an_interrupt_within_a_function_is_raised_again(monkeypatch):
         with pytest.raises(KeyboardInterrupt):
             find(tr, z, "least")
     assert find(tr, z, "least").converged  # and the solver is as good as before
+
+
+class Late(Exception):
+    """What a time limit raises."""
+
+
+CALLED = [
+    ("least", "action"),
+    ("least", "gradient"),
+    ("least", "constraint"),
+    ("least", "hessian"),
+    ("stationary", "residual"),
+    ("stationary", "kkt"),
+]
+
+
+@pytest.mark.parametrize("error", [Late("now"), MemoryError(), SystemExit(3), RuntimeError("no")])
+@pytest.mark.parametrize(("principle", "method"), CALLED)
+def test_an_exception_within_a_function_is_raised_again(
+    monkeypatch, capfd, principle, method, error
+):
+    tr, z = bound(ROD)
+    z = z + 0.1 * point(tr)
+    converged = find(tr, z, principle).z
+    real, calls = getattr(tr, method), []
+
+    def failing(x):
+        calls.append(x)
+        if len(calls) == 2:
+            raise error
+        return real(x)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(tr, method, failing)
+        with pytest.raises(type(error)) as caught:
+            find(tr, z, principle)
+    assert caught.value is error and len(calls) == 2  # nothing was computed after it
+    assert np.array_equal(find(tr, z, principle).z, converged)  # the solver is as good as before
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.fixture
+def alarm():
+    """Let the alarm raise an exception."""
+
+    def late(number, frame):
+        raise Late
+
+    before = signal.signal(signal.SIGALRM, late)
+    yield
+    signal.setitimer(signal.ITIMER_REAL, 0)
+    assert signal.getsignal(signal.SIGALRM) is late
+    signal.signal(signal.SIGALRM, before)
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGALRM"), reason="needs an alarm")
+@pytest.mark.usefixtures("alarm")
+def test_what_a_signal_handler_raises_is_raised_again(capfd):
+    """It arrives in an evaluation, between two of them or within Ipopt: wherever it likes."""
+    tr, z = bound(ROD)
+    z = z + 0.1 * point(tr)
+    converged, random = find(tr, z, "least").z, np.random.default_rng(6)
+    for delay in random.uniform(1e-3, 2e-2, 60):
+        with pytest.raises(Late):
+            signal.setitimer(signal.ITIMER_REAL, delay)
+            for _ in range(1000):  # some seconds
+                assert np.array_equal(find(tr, z, "least").z, converged)
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGALRM"), reason="needs an alarm")
+def test_a_signal_handler_may_return_and_may_be_replaced(monkeypatch):
+    tr, z = bound(ROD)
+    heard, before = [], signal.getsignal(signal.SIGALRM)
+
+    def again(number, frame):
+        heard.append("again")
+
+    def first(number, frame):
+        heard.append("first")
+        signal.signal(signal.SIGALRM, again)
+
+    real = tr.action
+    monkeypatch.setattr(tr, "action", lambda x: signal.raise_signal(signal.SIGALRM) or real(x))
+    signal.signal(signal.SIGALRM, first)
+    try:
+        assert find(tr, z, "least").converged
+        assert signal.getsignal(signal.SIGALRM) is again
+    finally:
+        signal.signal(signal.SIGALRM, before)
+    assert heard[:2] == ["first", "again"]

@@ -17,7 +17,7 @@ def add_to(parser: argparse.ArgumentParser) -> None:
     )
     parser.set_defaults(run=run)
     parser.add_argument("directory", metavar="OUTDIR", help="where to; made if it is not there")
-    parser.add_argument("scenes", nargs="*", metavar="SCENE", help="only these (all)")
+    parser.add_argument("scenes", nargs="*", default=[], metavar="SCENE", help="only these (all)")
 
 
 def run(options: argparse.Namespace) -> int:

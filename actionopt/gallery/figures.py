@@ -101,10 +101,11 @@ def _no_fronts(s: Subject) -> str:
 
 def _paths_alt(s: Subject) -> str:
     found = s.solution.compare()
+    most = found.reason or f"at most {rounded(found.position, 2)}"
     return (
         f"Above, the path {s.motion}, action {s.solution.action:.8g} J s, with the forward "
-        f"integration over it; below, their deviation on a logarithmic axis, at most "
-        f"{rounded(found.position, 2)}, beside an error estimate of "
+        f"integration over it; below, their deviation on a logarithmic axis, {most}, beside an "
+        "error estimate of "
         f"{rounded(s.solution.error, 2)}."
     )
 

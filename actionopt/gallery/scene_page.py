@@ -172,7 +172,10 @@ def _found(s: Subject) -> str:
     rows = [
         ("action S", f"{number(solution.action, 12)} J s"),
         ("estimated error of the path, relative", number(solution.error, 2)),
-        ("deviation of forward integration, relative", number(comparison.position, 2)),
+        (
+            "deviation of forward integration, relative",
+            escape(comparison.reason) or number(comparison.position, 2),
+        ),
         ("energy function H at the start and the end", _pair(H[0], H[-1], "J")),
         *(
             (f"momentum of {symbol(name)} at the start and the end", _pair(a, b, SI.momentum(name)))

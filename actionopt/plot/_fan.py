@@ -364,7 +364,7 @@ def _until(solution: Solution, end: float) -> Problem:
     """Return the problem with the solution's start and nothing asked of the end."""
     problem, start = solution.problem, solution.start
     free = Event(end, [None] * len(start.q))
-    return Problem(problem.system, Event(start.t, start.q), free, parameters=problem.parameters)
+    return problem.replace(start=Event(start.t, start.q), end=free)
 
 
 def _refocusing(solution: Solution, t: float, step: float) -> Array:

@@ -26,7 +26,7 @@ from actionopt.plot._strobe import (
 )
 from actionopt.plot._style import NONE, Units, heading, styled
 from actionopt.solution import Solution
-from actionopt.writing import whole
+from actionopt.writing import ready, whole
 
 SECONDS, FPS = 5.0, 25
 DPI, FINE_DPI = 100, 200  # of a film of images, and of one by ffmpeg, which presses it
@@ -63,6 +63,7 @@ def film(
     OSError
         If the file cannot be written.
     """
+    film_file(file)
     count = frames(seconds, fps)
     figure, update = _reel(solution, draw, count, force, units)
     write(figure, update, count, file, fps)
@@ -94,9 +95,9 @@ def frames(seconds: float, fps: int) -> int:
     return count
 
 
-def write(figure: Figure, update: Update, count: int, file: str | Path, fps: int) -> None:
-    """Write `figure` as it is after each update(k), k = 0 ... count - 1; raises as `film`."""
-    target = Path(file)
+def film_file(file: str | Path) -> Path:
+    """Return where a film goes. Raises as `film`, and before anything is drawn."""
+    target = ready(file)
     ending = target.suffix.lower()
     if ending not in (*IMAGES, *CODECS):
         raise ValueError(
@@ -107,6 +108,13 @@ def write(figure: Figure, update: Update, count: int, file: str | Path, fps: int
             f"expected ffmpeg on the path to write {ending}, found none; install it, or write "
             f"{' or '.join(IMAGES)}, which need nothing else"
         )
+    return target
+
+
+def write(figure: Figure, update: Update, count: int, file: str | Path, fps: int) -> None:
+    """Write `figure` as it is after each update(k), k = 0 ... count - 1; raises as `film`."""
+    target = film_file(file)
+    ending = target.suffix.lower()
     with whole(target) as part:
         if ending in CODECS:
             _encode(figure, update, count, str(part), fps, CODECS[ending])

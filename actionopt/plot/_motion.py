@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -153,7 +153,7 @@ def motion_data(solution: Solution, draw: Draw, count: int = 9, force: bool = Fa
 
 def _seen(solution: Solution, draw: Draw, t: Array) -> tuple[tuple[str, ...], tuple[Array, ...]]:
     """Return the kinds of the shapes, and the points of each at all times, (K, 2, P)."""
-    frames = [list(draw(q, time)) for q, time in zip(solution(t).T, t, strict=True)]
+    frames = [_shapes(draw(q, time)) for q, time in zip(solution(t).T, t, strict=True)]
     looks = [[(s.kind, s.points.shape) for s in shapes] for shapes in frames]
     for k, (look, later) in enumerate(pairwise(looks)):
         if later != look:
@@ -168,6 +168,17 @@ def _seen(solution: Solution, draw: Draw, t: Array) -> tuple[tuple[str, ...], tu
         if not np.isfinite(p).all():
             raise ValueError("expected finite points from draw(q, t), found NaN or infinity")
     return tuple(kind for kind, _ in looks[0]), points
+
+
+def _shapes(drawn: Any) -> list[Shape]:
+    """Return the shapes that `draw` returned. Raises ValueError if they are none."""
+    shapes = list(drawn) if isinstance(drawn, Iterable) else None
+    if shapes is None or not all(isinstance(shape, Shape) for shape in shapes):
+        raise ValueError(
+            "expected draw(q, t) to return a list of shapes, such as [body([x, y])], found "
+            f"{drawn!r}; actionopt.scenes has body, rod, spring, ground and circle"
+        )
+    return shapes
 
 
 def _box(points: Array) -> Array:

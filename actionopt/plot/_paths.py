@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backend_bases import FigureCanvasBase
 from matplotlib.figure import Figure
 
 from actionopt.plot._style import (
@@ -36,7 +37,7 @@ from actionopt.plot._style import (
 )
 from actionopt.quadrature import Array
 from actionopt.solution import Solution
-from actionopt.writing import whole
+from actionopt.writing import ready, whole
 
 BOUND: Any = {"color": GREY, "linewidth": 1.2}
 
@@ -50,7 +51,7 @@ class Curves:
     t : (K,) array
         Times, both events' included.
     q, forward : (n, K) arrays
-        The solution, and the forward integration from its start.
+        The solution, and the forward integration from its start; NaN where that cannot be followed.
     deviation : (K,) array
         Largest |forward - q| of all coordinates, each in units of the largest |q| it reaches.
     """
@@ -64,10 +65,20 @@ class Curves:
 def curves(solution: Solution, count: int = COUNT) -> Curves:
     """Return the arrays behind the pictures at `count` equal times; the comparison is made."""
     t = times(solution, count)
-    q, forward = solution(t), solution.compare().path(t)
+    q, forward = solution(t), followed(solution, t)
     size = np.max(np.abs(q), axis=1, keepdims=True)
     size[size <= 1e-12 * np.max(size)] = np.max(size) or 1.0  # zero but for round-off
     return Curves(t, q, forward, np.max(np.abs(forward - q) / size, axis=0))
+
+
+def followed(solution: Solution, t: Array) -> Array:
+    """Return the forward integration at the times t (K,), NaN beyond where it ends: (n, K)."""
+    path = solution.compare().path
+    result = np.full((solution.problem.system.n, t.size), np.nan)
+    if path is not None:
+        there = t <= path.mesh.boundaries[-1]
+        result[:, there] = path(t[there])
+    return result
 
 
 def overview(
@@ -100,7 +111,7 @@ def paths(
             ax.plot(x, y, **PATH, label=what)
         if compare:
             what = "forward integration"
-            for x, y, _ in traces(names, t, solution.compare().path(t)):
+            for x, y, _ in traces(names, t, followed(solution, t)):
                 ax.plot(x, y, **FORWARD, label=what)
                 what = None  # one entry in the legend stands for all
         frame(ax, solution, units)
@@ -137,6 +148,7 @@ def save(solution: Solution, file: str | FilePath, *, compare: bool = True) -> N
 
     Raises ValueError for an ending that matplotlib does not know, OSError if it cannot write.
     """
+    picture(file)
     with styled():
         figure = Figure((6.4, 6.4), layout="constrained")  # not pyplot's: it needs no display
         if compare:
@@ -145,3 +157,15 @@ def save(solution: Solution, file: str | FilePath, *, compare: bool = True) -> N
             paths(solution, figure.subplots(), compare=False)
         with whole(file) as part:
             figure.savefig(part)
+
+
+def picture(file: str | FilePath) -> FilePath:
+    """Return where a picture goes. Raises as `save`, and before anything is drawn."""
+    target = ready(file)
+    endings = [f".{ending}" for ending in sorted(FigureCanvasBase.get_supported_filetypes())]
+    if target.suffix.lower() not in endings:
+        found = f"{target.name!r}" + ("" if target.suffix else ", which has no ending")
+        raise ValueError(
+            f"expected a picture file that ends in {', '.join(endings)}, found {found}"
+        )
+    return target

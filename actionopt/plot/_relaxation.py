@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike
 
 from actionopt.path import Path
-from actionopt.plot._film import FPS, write
+from actionopt.plot._film import FPS, film_file, write
 from actionopt.plot._strobe import faded
 from actionopt.plot._style import (
     BLUE,
@@ -92,6 +92,7 @@ def relaxation_film(
     units: Units = NONE,
 ) -> None:
     """Write the relaxation to a film, one step a frame; files and what is raised as in `film`."""
+    film_file(file)
     data, at = relaxation_data(solution, start, method=method), shown(solution, coordinate)
     with styled():
         figure = Figure(SIZE, layout="constrained")

@@ -13,7 +13,7 @@ from actionopt.index import inertia_of, lowest
 from actionopt.path import Mesh
 from actionopt.plot._modes import sizes
 from actionopt.plot._style import COLOURS, GREY, NONE, Units, heading, label, legend, on, styled
-from actionopt.problem import Event, Problem
+from actionopt.problem import Event
 from actionopt.quadratic_form import form
 from actionopt.quadrature import Array
 from actionopt.solution import Solution
@@ -61,9 +61,7 @@ def spectrum_data(solution: Solution, count: int = 3, points: int = 60) -> Spect
     for k, T in enumerate(durations):
         mesh = Mesh.uniform(t0, t0 + T, ELEMENTS, DEGREE)
         Q = solution(mesh.nodes).T
-        part = Problem(
-            problem.system, Event(t0, Q[0]), Event(t0 + T, Q[-1]), parameters=problem.parameters
-        )
+        part = problem.replace(start=Event(t0, Q[0]), end=Event(t0 + T, Q[-1]))
         tr = Transcription(part, mesh, units)
         lam = solution.multipliers(mesh.nodes).T if problem.system.m else np.zeros((len(Q), 0))
         found = form(tr, Q, lam, units)

@@ -51,30 +51,30 @@ class Shape:
 
 
 def body(point: Point) -> Shape:
-    """Return a point mass at (x, y)."""
-    return Shape("body", np.reshape(point, (2, 1)))
+    """Return a point mass at (x, y). Raises ValueError, as all of these, for no plane point."""
+    return Shape("body", _columns(point))
 
 
 def rod(*points: Point) -> Shape:
     """Return a rigid polyline through the points."""
-    return Shape("rod", np.stack([np.asarray(p) for p in points], axis=1))
+    return Shape("rod", _columns(*points))
 
 
 def spring(a: Point, b: Point) -> Shape:
     """Return a spring from a to b."""
-    return Shape("spring", np.stack([np.asarray(a), np.asarray(b)], axis=1))
+    return Shape("spring", _columns(a, b))
 
 
 def ground(*points: Point) -> Shape:
     """Return scenery: a polyline through the points, or a single point."""
-    return Shape("ground", np.stack([np.asarray(p) for p in points], axis=1))
+    return Shape("ground", _columns(*points))
 
 
 def circle(radius: float, center: Point = (0.0, 0.0), points: int = 61) -> Shape:
     """Return a circle as scenery."""
     angle = np.linspace(0.0, 2 * np.pi, points)
     round_ = radius * np.stack([np.cos(angle), np.sin(angle)])
-    return Shape("ground", np.reshape(center, (2, 1)) + round_)
+    return Shape("ground", _columns(center) + round_)
 
 
 def project(x: float, y: float, z: float) -> Array:
@@ -84,3 +84,14 @@ def project(x: float, y: float, z: float) -> Array:
     ellipses that lie level.
     """
     return np.stack([x, z + BACK * y])
+
+
+def _columns(*points: Point) -> Array:
+    """Return the points as columns, (2, P)."""
+    try:
+        return np.stack([np.reshape(np.asarray(p, dtype=float), 2) for p in points], axis=1)
+    except (TypeError, ValueError) as error:
+        raise ValueError(
+            f"expected points (x, y) in the plane, found {', '.join(map(repr, points)) or 'none'}; "
+            "of a point in space, choose two coordinates, or those of a projection"
+        ) from error

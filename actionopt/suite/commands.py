@@ -33,8 +33,8 @@ def add_to(parser: argparse.ArgumentParser) -> None:
     chosen.add_argument(
         "--tag", action="append", default=[], help="only those with this tag; may be repeated"
     )
-    chosen.add_argument("--elements", type=int, help="elements of the mesh (the problem's own)")
-    chosen.add_argument("--degree", type=int, help="degree of the elements (the problem's own)")
+    chosen.add_argument("--elements", type=_whole, help="elements of the mesh (the problem's own)")
+    chosen.add_argument("--degree", type=_whole, help="degree of the elements (the problem's own)")
     output = argparse.ArgumentParser(add_help=False)
     add = output.add_argument
     add("-o", "--output", default="results.jsonl", metavar="FILE", help="results, JSON lines")
@@ -63,6 +63,12 @@ def add_to(parser: argparse.ArgumentParser) -> None:
     command.add_argument("--to", default="docs/suite", metavar="DIRECTORY", help="(docs/suite)")
 
 
+def _whole(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"expected a whole number of at least 1, found {text!r}")
+    return int(text)
+
+
 def _names(options: argparse.Namespace) -> list[str]:
     found = suite.find(tags=options.tag)
     if not options.problem:
@@ -74,11 +80,17 @@ def _names(options: argparse.Namespace) -> list[str]:
 
 def show(options: argparse.Namespace) -> int:
     """Print a table of the problems."""
-    rows = [("problem", "class", "optimum", "what is special")]
+    rows, missing = [("problem", "class", "optimum", "what is special")], 0
     for name in _names(options):
         problem = suite.get(name, options.elements, options.degree)
-        rows.append((name, problem.classification, problem.kind, ", ".join(problem.tags)))
+        try:
+            kind = problem.kind
+        except ValueError:  # the mesh is too coarse for this one
+            kind, missing = "none", missing + 1
+        rows.append((name, problem.classification, kind, ", ".join(problem.tags)))
     print_table(rows)
+    if missing:
+        print(f"  none: no optimum near the path on such a mesh ({missing} of {len(rows) - 1})")
     return 0
 
 

@@ -125,9 +125,7 @@ def conjugate(scene: Scene) -> Scene:
     asked = scene.problem
     w = float(np.sqrt(asked.parameters["k"] / asked.parameters["m"]))
     x = float(asked.start.q[0])  # type: ignore[arg-type]
-    problem = Problem(
-        asked.system, asked.start, Event(np.pi / w, [-x]), parameters=asked.parameters
-    )
+    problem = asked.replace(end=Event(np.pi / w, [-x]))
     facts = {
         "velocity": lambda t: -w * x * np.sin(w * np.asarray(t))[None],
         "action": 0.0,

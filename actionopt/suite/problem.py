@@ -74,9 +74,11 @@ class TestProblem:
         self.parameters = dict(parameters or {})
         self.scene = family.build(**self.parameters)
         asked = self.scene.problem
-        mesh = Mesh.uniform(
-            asked.start.t, asked.end.t, elements or family.elements, degree or family.degree
-        )
+        elements = family.elements if elements is None else elements
+        degree = family.degree if degree is None else degree
+        if not isinstance(elements, (int, np.integer)) or elements < 1:
+            raise ValueError(f"expected a whole number of elements, at least 1, found {elements!r}")
+        mesh = Mesh.uniform(asked.start.t, asked.end.t, int(elements), degree)
         self.transcription = Transcription(asked, mesh, asked.scales)
         self.counts: Counter[str] = Counter()
 

@@ -17,9 +17,11 @@ the coordinates in units of their own size, so that atoms and planets look alike
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable
 from copy import copy
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -32,12 +34,24 @@ from actionopt.transcription import elements, recheck, scatter
 from actionopt.transcription.layout import layout_for, sparsity_of
 
 
+@dataclass(eq=False, slots=True)
+class _Point:
+    """What a transcription knows of its unknowns x, as far as it was asked."""
+
+    x: Array
+    Q: Array
+    at: Array
+    v: Array
+    values: tuple[float, Array, Array] | None = None
+    normals: Array | None = None
+
+
 class Transcription:
     """The discrete action of one problem on one mesh.
 
-    Vectors z = (x, mu) hold the free coordinates in units of `lengths`, node by node, and the
-    multipliers of the rows in units of their own. `counts` says how often each function was
-    evaluated.
+    Vectors z = (x, mu) hold the free coordinates, measured from the problem's `origin` in units of
+    `lengths`, node by node, and the multipliers of the rows in units of their own. `counts` says
+    how often each function was evaluated.
 
     Parameters
     ----------
@@ -47,8 +61,8 @@ class Transcription:
     lengths : (n,) array
         Unit of each coordinate.
     like : Transcription, optional
-        One of a neighbouring problem on a mesh of the same shape, whose units of action and of
-        the rows are taken, so that vectors z mean the same to both.
+        One of a neighbouring problem on a mesh of the same shape, whose origin and units of action
+        and of the rows are taken, so that vectors z mean the same to both.
     """
 
     def __init__(
@@ -57,6 +71,7 @@ class Transcription:
         self.problem, self.mesh, self.lengths = problem, mesh, lengths
         self.layout = layout_for(problem, mesh)
         self.counts: Counter[str] = Counter()
+        self.watch: Callable[[int], None] | None = None  # called with each second derivative
         layout, n = self.layout, problem.system.n
         self.times = mesh.nodes[layout.node_of][:, None]
         self.half = mesh.lengths / 2
@@ -69,9 +84,9 @@ class Transcription:
         self.weight = weight[:, None]
         self.ends = self._ends()
         self.x_unit = lengths[layout.free % n]
-        self._point: tuple[Array, Array, Array, Array] | None = None
-        self._values: tuple[float, Array] | None = None
-        self._normals: Array | None = None
+        self.origin = problem.origin if like is None else like.origin
+        self.x_origin = None if self.origin is None else self.origin[layout.free % n]
+        self._point: _Point | None = None
         self._kept: dict[str, Any] = {}
         self.unfolded: dict[tuple[str, int], tuple[Array, Array]] = {}
         # Nonzeros of the mass matrix half way along the straight line, its upper triangle.
@@ -101,7 +116,7 @@ class Transcription:
         """Return that of a problem which differs in the values at its ends only, in these units."""
         other = copy(self)
         other.problem, other.counts, other._kept = problem, Counter(), {}
-        other._point = other._values = other._normals = None
+        other._point = None
         other.ends = other._ends()
         return other
 
@@ -113,8 +128,25 @@ class Transcription:
         other = copy(self)
         other.ends = self.ends.copy()
         other.ends[[0, -1]] = ends
-        other._point = other._values = other._normals = None
+        other._point = None
         return other
+
+    def misread(self, z: Array) -> Array:
+        """Return by how much `residual` changes if numbers are read as the floats next to them.
+
+        Times, and the coordinates whose origin is far from zero.
+        """
+
+        def away(values: Array) -> Array:  # no way is preferred
+            pattern = np.where(np.cos(np.arange(values.size)) > 0, np.inf, -np.inf)
+            return np.nextafter(values, pattern.reshape(values.shape))
+
+        other, Q = copy(self), self.place(z)[0]
+        other.times = away(self.times)
+        if self.origin is not None:
+            Q = np.where(self.origin != 0.0, away(Q), Q)
+        change = other.action_and_gradient(Q)[1] - self.action_and_gradient(self.place(z)[0])[1]
+        return np.concatenate([self.free_part(change), np.zeros(self.layout.rows)])
 
     def _units(self) -> tuple[float, Array]:
         """Return the unit of action and of each constraint's row, from typical curvatures."""
@@ -147,14 +179,17 @@ class Transcription:
         start, end = np.array([[x or 0.0 for x in pair] for pair in known]).T
         if self.problem.advance is not None:
             end = start + self.problem.advance
-        s = (self.mesh.nodes - self.problem.start.t) / self.problem.duration
+        s = self.mesh.nodes_since / self.mesh.duration
         return start + s[:, None] * (end - start)
 
     def pack(self, Q: Array, lam: Array | None = None) -> Array:
         """Return z for node coordinates Q (K, n) and multipliers lam (K, m) (zero if None)."""
         layout = self.layout
         z = np.zeros(layout.size)
-        z[: layout.unknowns] = Q.ravel()[layout.free] / self.x_unit
+        x = Q.ravel()[layout.free]
+        if self.x_origin is not None:
+            x = x - self.x_origin
+        z[: layout.unknowns] = x / self.x_unit
         if lam is not None and layout.rows:
             z[layout.unknowns :] = lam[layout.row_node, layout.row_constraint] / self.mu_unit
         return z
@@ -169,10 +204,31 @@ class Transcription:
     def coordinates(self, z: Array) -> Array:
         """Return the coordinates at the nodes, (K, n)."""
         Q = self.ends.copy()
-        Q.ravel()[self.layout.free] = z[: self.layout.unknowns] * self.x_unit
+        x = z[: self.layout.unknowns] * self.x_unit
+        Q.ravel()[self.layout.free] = x if self.x_origin is None else x + self.x_origin
         if self.problem.advance is not None:
             Q[-1] = Q[0] + self.problem.advance
         return Q
+
+    def measured(self, step: Array) -> float:
+        """Return the largest change of a coordinate by a step in z, in units of its own size.
+
+        That is the unit of z, but for coordinates whose origin is far from zero.
+        """
+        x = step[: self.layout.unknowns]
+        if not x.size:
+            return 0.0
+        if self.x_origin is None:
+            return float(np.abs(x).max())
+        return float((np.abs(x) / self.magnitudes[: x.size]).max())
+
+    @cached_property
+    def magnitudes(self) -> Array:
+        """Sizes of coordinates and multipliers in the units of z, (size,): one near zero."""
+        found = np.ones(self.layout.size)
+        if self.x_origin is not None:
+            found[: self.layout.unknowns] += np.abs(self.x_origin) / self.x_unit
+        return found
 
     # -- values and first derivatives ----------------------------------------------------------
 
@@ -187,26 +243,35 @@ class Transcription:
 
     def place(self, x: Array) -> tuple[Array, Array, Array]:
         """Return Q (K, n), and coordinates and velocities at the evaluations, for x."""
-        if self._point is None or not np.array_equal(self._point[0], x):
+        point = self._at(x)
+        return point.Q, point.at, point.v
+
+    def _at(self, x: Array) -> _Point:
+        """Return what is known for x: the last one is kept, for all who ask of it."""
+        point = self._point
+        if point is None or not np.array_equal(point.x, x):
             Q = self.coordinates(x)
             at = Q[self.layout.node_of]
-            self._point = (x.copy(), Q, at, self.velocities(at))
-            self._values = self._normals = None
-        return self._point[1:]
+            # Several threads may read one solution: what one found is never taken for another x.
+            self._point = point = _Point(x.copy(), Q, at, self.velocities(at))
+        return point
 
-    def _first(self, x: Array) -> tuple[float, Array]:
-        """Return S and its gradient (virtual work included) at all nodes, (K n), for x."""
-        _, at, v = self.place(x)
-        if self._values is None:
-            self._values = self._action_and_gradient(at, v)
-        return self._values
+    def _first(self, x: Array) -> tuple[float, Array, Array]:
+        """Return S, its gradient (virtual work included) at all nodes, (K n), and its parts, at x.
+
+        The parts (evaluations, n) are those of each element's nodes, before they are summed.
+        """
+        point = self._at(x)
+        if point.values is None:
+            point.values = self._action_and_gradient(point.at, point.v)
+        return point.values
 
     def action_and_gradient(self, Q: Array) -> tuple[float, Array]:
         """Return S and grad S + sum w Q over all nodes, (K n), in the user's units."""
         at = Q[self.layout.node_of]
-        return self._action_and_gradient(at, self.velocities(at))
+        return self._action_and_gradient(at, self.velocities(at))[:2]
 
-    def _action_and_gradient(self, at: Array, v: Array) -> tuple[float, Array]:
+    def _action_and_gradient(self, at: Array, v: Array) -> tuple[float, Array, Array]:
         system, layout, p = self.problem.system, self.layout, self.problem.packed
         Lq, Lv, L = system.pointwise("first")(at, v, self.times, p)
         self.counts["first"] += 1
@@ -224,7 +289,7 @@ class Transcription:
             pull[:, -1] += constant
             contribution[g.span] += pull.reshape(-1, at.shape[1])
         gradient = np.bincount(layout.scatter, contribution.ravel(), layout.node_count * system.n)
-        return float(self.weight[:, 0] @ L[:, 0]), gradient
+        return float(self.weight[:, 0] @ L[:, 0]), gradient, contribution
 
     def action(self, x: Array) -> float:
         """Return S in its own unit."""
@@ -233,6 +298,11 @@ class Transcription:
     def gradient(self, x: Array) -> Array:
         """Return dS/dx (with the virtual work of forces), in units of action."""
         return self.free_part(self._first(x)[1])
+
+    def work(self, x: Array) -> list[Array]:
+        """Return dS/dq (virtual work included) of the elements of each degree, (E, d + 1, n)."""
+        parts, n = self._first(x)[2], self.problem.system.n
+        return [parts[g.span].reshape(*g.nodes.shape, n) for g in self.layout.groups]
 
     def free_part(self, whole: Array) -> Array:
         """Return the derivatives by x, in units of action, of those by all coordinates (K n)."""
@@ -266,22 +336,36 @@ class Transcription:
         pull = np.bincount(J.col, self.jacobian(x) * z[layout.unknowns + J.row], layout.unknowns)
         return np.concatenate([g + pull, self.constraint(x)])
 
-    def missed(self, z: Array) -> Array:
+    @cached_property
+    def between_nodes(self) -> list[recheck.Batch]:
+        """Where else the equations are looked at."""
+        return recheck.batches(self)
+
+    def missed(self, z: Array) -> tuple[Array, float]:
         """Return the KKT residual that another quadrature adds to this one's, (size,).
 
-        It shows forces that are rougher than the path. That of the constraints is left out.
+        It shows forces that are rougher than the path. That of the constraints is left out. And
+        how far the momentum that goes with it carries a free body, in units of `lengths`.
         """
-        miss = recheck.missed(self, z[: self.layout.unknowns])
-        return np.concatenate([miss, np.zeros(self.layout.rows)]) if self.layout.rows else miss
+        miss, carried = recheck.missed(self, z[: self.layout.unknowns])
+        if self.layout.rows:
+            miss = np.concatenate([miss, np.zeros(self.layout.rows)])
+        return miss, carried
 
     def uneven(self, z: Array) -> Array:
         """Return how much of it is each element's, (N,)."""
         return recheck.uneven(self, z[: self.layout.unknowns])
 
+    def cuts(self, z: Array) -> list[Array]:
+        """Return for each element the times since the start at which to cut it to miss less."""
+        return recheck.cuts(self, z[: self.layout.unknowns])
+
     # -- second derivatives ----------------------------------------------------------------------
 
     def second(self, x: Array) -> list[Array]:
         """Return the nonzeros of L_qq, L_qv and L_vv at the evaluations."""
+        if self.watch is not None:
+            self.watch(self.mesh.elements)
         function, p = self.problem.system.pointwise("second"), self.problem.packed
         if self.problem.system.structure.steady:  # they are the same everywhere
             rest = np.zeros((1, self.problem.system.n))
@@ -294,6 +378,22 @@ class Transcription:
         self.counts["second"] += 1
         return function(at, v, self.times, p)
 
+    def turns(self, z: Array) -> float:
+        """Return the typical rate of change of motions near x, sqrt(L_qq / L_vv), times T.
+
+        The median along the path for each coordinate, and the largest of these.
+        """
+        A, _, C = self.second(z[: self.layout.unknowns])
+        n, rates = self.problem.system.n, []
+        for output, values in ((0, A), (2, C)):
+            rows, cols = sparsity_of(self.problem.system, "second", output)
+            full = np.zeros((len(values), n))
+            full[:, rows[rows == cols]] = np.abs(values[:, rows == cols])
+            rates.append(full)
+        with np.errstate(all="ignore"):
+            square = np.median(rates[0] / rates[1], axis=0)
+        return self.mesh.duration * math.sqrt(square[np.isfinite(square)].max(initial=0.0))
+
     def forces(self, x: Array) -> list[Array]:
         """Return the nonzeros of dQ/dq and dQ/dv at the evaluations."""
         _, at, v = self.place(x)
@@ -303,13 +403,13 @@ class Transcription:
 
     def normals(self, x: Array) -> Array:
         """Return the nonzeros of G at the rows' nodes, (R, nonzeros)."""
-        Q = self.place(x)[0]
-        if self._normals is None:
+        point = self._at(x)
+        if point.normals is None:
             self.counts["constraint_jacobian"] += 1
             function = self.problem.system.pointwise("constraint_jacobian")
-            at = Q[self.layout.row_nodes]
-            self._normals = function(at, self.row_times, self.problem.packed)[0].copy()
-        return self._normals
+            at = point.Q[self.layout.row_nodes]
+            point.normals = function(at, self.row_times, self.problem.packed)[0].copy()
+        return point.normals
 
     def constraint_curvature(self, z: Array) -> Array | None:
         """Return w times the second derivatives of lam f at the rows' nodes, if there are any."""
@@ -356,16 +456,17 @@ class Transcription:
 
     def forget(self) -> None:
         """Free what can be computed again."""
-        self._point = self._values = self._normals = None
-        self._kept.clear()
+        self._point = None
+        self._kept = {}
 
     def kept(self, name: str, made: Callable[[], Any]) -> Any:
         """Return what is made of the mass matrix: made once, if that is constant."""
         if not self.problem.system.structure.constant_mass:
             return made()
-        if name not in self._kept:
-            self._kept[name] = made()
-        return self._kept[name]
+        kept = self._kept
+        if name not in kept:
+            kept[name] = made()
+        return kept[name]
 
     # -- what follows at the ends ---------------------------------------------------------------
 

@@ -2,7 +2,8 @@
 
 Two problems are put to it. *Least*: minimise S subject to the constraint rows. *Stationary*: find
 a root of the KKT residual, a square system with zero objective. Both read their functions from
-the transcription that is bound to them, so the solver of a layout is built once.
+the transcription that is bound to them, so the solver of a layout is built once, by each thread
+that needs it. (MUMPS, which serves one thread at a time, is guarded by Ipopt itself.)
 
 Only the direction to a path is asked of Ipopt: Newton's method on the same KKT system ends the
 work, so its tolerance is loose.
@@ -17,6 +18,7 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 
+from actionopt.interrupts import raised_later
 from actionopt.quadrature import Array
 from actionopt.transcription.action import Transcription
 from actionopt.transcription.linear import compressed
@@ -70,11 +72,11 @@ class _Function(ca.Callback):
         inputs: Sequence[tuple[str, ca.Sparsity]],
         outputs: Sequence[tuple[str, ca.Sparsity]],
         evaluate: Callable[..., Sequence[Any]],
-        interrupted: list[bool],
+        raised: list[BaseException],
     ) -> None:
         ca.Callback.__init__(self)
         self.inputs, self.outputs, self.evaluate = inputs, outputs, evaluate
-        self.interrupted = interrupted
+        self.raised = raised
         self.construct(name, {})
 
     def get_n_in(self) -> int:
@@ -99,19 +101,18 @@ class _Function(ca.Callback):
         return True
 
     def eval_buffer(self, arg, res) -> int:
-        if self.interrupted:
+        if self.raised:
             return 1
         try:
             values = self.evaluate(*[None if a is None else np.frombuffer(a) for a in arg])
-        except KeyboardInterrupt:
-            # An exception cannot cross Ipopt: it is raised again when the solver has returned,
+            for memory, value in zip(res, values, strict=True):
+                if memory is not None and len(memory):
+                    np.frombuffer(memory)[:] = value
+        except BaseException as error:
+            # No exception can cross Ipopt: it is raised again when the solver has returned,
             # soon, as every evaluation fails from here on.
-            self.interrupted.append(True)
-            return 1
-        for memory, value in zip(res, values, strict=True):
-            if memory is not None and len(memory):
-                np.frombuffer(memory)[:] = value
-        return 0
+            self.raised.append(error)
+        return 1 if self.raised else 0
 
 
 class _Solver:
@@ -136,17 +137,17 @@ class _Solver:
         else:
             J, H = layout.kkt.sparsity, ca.Sparsity(size, size)
             functions = (self._root, self._root_gradient, self._root_rows, self._root_hessian)
-        self.interrupted: list[bool] = []  # shared by the functions
+        self.raised: list[BaseException] = []  # shared by the functions
         self.functions = [
-            _Function("nlp", [x, p], [f, g], functions[0], self.interrupted),
-            _Function("nlp_grad_f", [x, p], [f, grad], functions[1], self.interrupted),
-            _Function("nlp_jac_g", [x, p], [g, ("jac_g_x", J)], functions[2], self.interrupted),
+            _Function("nlp", [x, p], [f, g], functions[0], self.raised),
+            _Function("nlp_grad_f", [x, p], [f, grad], functions[1], self.raised),
+            _Function("nlp_jac_g", [x, p], [g, ("jac_g_x", J)], functions[2], self.raised),
             _Function(
                 "nlp_hess_l",
                 [x, p, *lam],
                 [("triu_hess_gamma_x_x", H)],
                 functions[3],
-                self.interrupted,
+                self.raised,
             ),
         ]
         options: dict[str, Any] = {
@@ -197,10 +198,7 @@ class _Solver:
 def find(tr: Transcription, z: Array, principle: Principle) -> Attempt:
     """Ask Ipopt for a path near z by the `principle`.
 
-    Raises
-    ------
-    KeyboardInterrupt
-        If the user interrupted it.
+    Whatever the transcription or a signal handler raises meanwhile is raised again, as it is.
     """
     solvers = tr.layout.solvers
     if principle not in solvers:
@@ -209,14 +207,10 @@ def find(tr: Transcription, z: Array, principle: Principle) -> Attempt:
     mine.bound = tr
     cut = tr.layout.unknowns
     bound = 0.0 if mine.functions[0].outputs[1][1].numel() else np.zeros(0)
-    with np.errstate(all="ignore"):
+    with np.errstate(all="ignore"), raised_later(mine.raised, stop=False):
         answer = mine.solver(x0=z[:cut] if principle != "stationary" else z, lbg=bound, ubg=bound)
-    stats = mine.solver.stats()
-    status = stats["return_status"]
-    if status == "NonIpopt_Exception_Thrown" or mine.interrupted:
-        mine.interrupted.clear()
-        raise KeyboardInterrupt
-    found = np.asarray(answer["x"]).ravel()
-    if principle != "stationary":
-        found = np.concatenate([found, np.asarray(answer["lam_g"]).ravel()])
-    return Attempt(found, status, int(stats["iter_count"]))
+        stats = mine.solver.stats()
+        found = answer["x"].full().ravel()
+        if principle != "stationary":
+            found = np.concatenate([found, answer["lam_g"].full().ravel()])
+    return Attempt(found, stats["return_status"], int(stats["iter_count"]))

@@ -6,6 +6,7 @@ matrix by one index array, so that assembly has no loop over elements.
 
 from __future__ import annotations
 
+import threading
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Literal
@@ -92,7 +93,12 @@ class Layout:
         self.row_node, self.row_constraint = np.nonzero(keep)
         self.row_number = np.full((self.node_count, m), -1, dtype=np.intp)
         self.row_number[keep] = np.arange(self.rows)
-        self.solvers: dict[str, Any] = {}  # compiled once for this shape, by kind
+        self._own = _Solvers()
+
+    @property
+    def solvers(self) -> dict[str, Any]:
+        """What was compiled for this shape, by kind; each thread has its own, memory included."""
+        return self._own.kinds
 
     @property
     def size(self) -> int:
@@ -104,6 +110,15 @@ class Layout:
         """Position in the full gradient (K n) of each evaluation's gradient, flattened."""
         n = self.system.n
         return (self.node_of[:, None] * n + np.arange(n)).ravel()
+
+    @cached_property
+    def probe(self) -> Array:
+        """A right-hand side (size,), as smooth as what hardly bends the action, of no symmetry."""
+        node, coordinate = np.divmod(self.free, self.system.n)
+        found = np.zeros(self.size)
+        s = node / self.node_count
+        found[: self.unknowns] = np.cos(1.0 + coordinate) * np.exp(2 * s)
+        return found
 
     @cached_property
     def storage(self) -> Literal["blocks", "sparse"]:
@@ -218,6 +233,11 @@ class Layout:
         return tuple(np.concatenate(side) for side in zip(*parts, strict=True))
 
 
+class _Solvers(threading.local):
+    def __init__(self) -> None:
+        self.kinds: dict[str, Any] = {}
+
+
 SMALL = 100  # unknowns and rows up to which a full matrix is the quickest
 INNER = 160  # unknowns and rows within an element up to which its block is
 _EMPTY = (np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp))
@@ -280,8 +300,9 @@ def layout_for(problem: Problem, mesh: Mesh) -> Layout:
     known = problem.system.layouts
     ends = problem.start.pinned, problem.end.pinned
     key = (mesh.degrees, *ends, problem.advance is not None)
-    layout = known.pop(key, None) or Layout(problem.system, mesh, *key[1:])
-    known[key] = layout
-    while len(known) > KEPT:
-        del known[next(iter(known))]
+    with problem.system.lock:
+        layout = known.pop(key, None) or Layout(problem.system, mesh, *key[1:])
+        known[key] = layout
+        while len(known) > KEPT:
+            del known[next(iter(known))]
     return layout

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
+import scipy.sparse as sp
 from scipy.integrate import solve_ivp
+from scipy.sparse.linalg import splu
 
 import actionopt as ao
 
 RTOL = 1e-12
+STEP = 1e-6  # of q and v, by which motions are differenced
 
 
 def miss(solution: ao.Solution) -> float:
@@ -33,3 +38,46 @@ def miss(solution: ao.Solution) -> float:
         return np.inf
     end = run.y[:, -1].reshape(2, n, -1)[0]
     return float(np.max(np.abs(end - solution(a + h))) / np.max(np.abs(solution.path.values)))
+
+
+def distance(solution: ao.Solution, acceleration: Callable) -> float:
+    """Return how far the nearest motion with the same ends is, in units of the largest |q|.
+
+    One Newton step of multiple shooting from the path's positions and velocities at the starts of
+    all elements; `acceleration(q, v, t)` is (n, K) of (n, K), (n, K) and (K,). Where the step is
+    small its square, by which it is wrong, is nothing.
+    """
+    mesh, n = solution.mesh, solution.problem.system.n
+    a, h = mesh.boundaries[:-1], np.diff(mesh.boundaries)
+    count, inside = a.size, 1e-10 * h
+    states = np.concatenate([solution(a), solution.velocity(a + inside)])  # (2 n, N)
+    size = np.max(np.abs(solution.path.values))
+    steps = STEP * np.concatenate([np.full(n, size), np.maximum(np.abs(states[n:]).max(1), size)])
+    off = np.concatenate([np.zeros((2 * n, 1)), np.diag(steps)], axis=1)  # the path, and beside
+    first = states[:, None, :] + off[:, :, None]  # (2 n, 1 + 2 n, N)
+    t, length = np.tile(a, 2 * n + 1), np.tile(h, 2 * n + 1)
+
+    def rhs(s, y):
+        q, v = y.reshape(2, n, -1)
+        return np.concatenate([length * v, length * acceleration(q, v, t + s * length)]).ravel()
+
+    run = solve_ivp(rhs, (0.0, 1.0), first.ravel(), "DOP853", rtol=RTOL, atol=RTOL, t_eval=[1.0])
+    if not run.success:
+        return np.inf
+    end = run.y[:, -1].reshape(2 * n, 2 * n + 1, count)
+    slope = (end[:, 1:] - end[:, :1]) / steps[:, None]  # (2 n, 2 n, N)
+    # Unknown: changes of q and v at all starts, and of v at the last end; q is kept at both.
+    goal = np.concatenate(
+        [states[:, 1:], np.r_[solution(mesh.boundaries[-1]), end[n:, 0, -1]][:, None]], axis=1
+    )
+    missed = (goal - end[:, 0]).T.ravel()
+    flow = sp.hstack(
+        [sp.block_diag(list(np.moveaxis(slope, 2, 0))), sp.csc_matrix((2 * n * count, 2 * n))]
+    )
+    carry = sp.hstack([sp.csc_matrix((2 * n * count, 2 * n)), sp.identity(2 * n * count)])
+    free = np.setdiff1d(
+        np.arange(2 * n * (count + 1)), np.r_[:n, 2 * n * count : 2 * n * count + n]
+    )
+    step = np.zeros(2 * n * (count + 1))
+    step[free] = splu(sp.csc_matrix(flow - carry)[:, free]).solve(missed)
+    return float(np.max(np.abs(step.reshape(-1, 2 * n)[:, :n])) / size)

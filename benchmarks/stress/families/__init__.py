@@ -2,13 +2,18 @@
 
 from benchmarks.stress.families import (
     bodies,
+    clocks,
     conjugate,
     constraints,
     kink,
     large,
     layers,
+    origins,
     pendulums,
+    pulses,
+    random_systems,
     repeats,
+    threads,
     turning,
     units,
 )
@@ -26,5 +31,10 @@ FAMILIES = {
         constraints,
         units,
         repeats,
+        pulses,
+        origins,
+        clocks,
+        threads,
+        random_systems,
     )
 }

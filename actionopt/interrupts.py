@@ -1,0 +1,94 @@
+"""What signal handlers raise while compiled code runs, which no exception can cross.
+
+Ctrl-C is one of them, a time limit by signal.alarm another. The compiled code asks Python for
+signals now and then, and takes whatever a handler raises for Ctrl-C, or loses it.
+"""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+# The functions that `signal` wraps: its conversions to enumerations take twenty times as long.
+try:
+    from _signal import getsignal as _get  # type: ignore
+    from _signal import signal as _set  # type: ignore
+except ImportError:
+    _get, _set = signal.getsignal, signal.signal
+
+_SIGNALS = tuple(int(number) for number in signal.valid_signals())
+
+
+@contextmanager
+def raised_later(raised: list[BaseException], *, stop: bool) -> Iterator[None]:
+    """Keep what signal handlers raise in the body, and raise the first of it at the end.
+
+    Parameters
+    ----------
+    raised : list
+        To which it is appended; what else is found there at the end is raised as well. It is
+        empty afterwards.
+    stop : bool
+        Whether a handler's exception goes on into the compiled code, which ends with an error of
+        its own. Else whoever is called back looks at `raised`.
+    """
+    # Python runs its handlers in one thread only, and lets no other set them.
+    mine = threading.current_thread() is threading.main_thread()
+    found = zip(_SIGNALS, map(_get, _SIGNALS), strict=True) if mine else ()
+    handlers = [(number, handler) for number, handler in found if callable(handler)]
+    stderr = sys.stderr
+
+    def kept(handler: Callable[[int, Any], Any]) -> Callable[[int, Any], None]:
+        def run(number: int, frame: Any) -> None:
+            try:
+                handler(number, frame)
+            except BaseException as error:
+                raised.append(error)
+                if stop:
+                    sys.stderr = _Others(stderr)  # it is told there, too
+                    raise
+
+        return run
+
+    changed = [(number, handler, kept(handler)) for number, handler in handlers]
+    first = None
+    try:
+        for number, _, handler in changed:
+            _set(number, handler)
+        yield
+    except Exception:
+        if not raised:
+            raise
+    finally:
+        for number, before, handler in changed:
+            if _get(number) is handler:  # and not one that a handler has set
+                _set(number, before)
+        if isinstance(sys.stderr, _Others):
+            sys.stderr = stderr
+        if raised:
+            first = raised[0]
+            raised.clear()
+    if first is not None:
+        try:
+            raise first
+        finally:
+            del first  # or it would refer to itself
+
+
+class _Others:
+    """Standard error for the other threads alone."""
+
+    def __init__(self, stream: Any) -> None:
+        self.stream, self.thread = stream, threading.get_ident()
+
+    def write(self, text: str) -> int:
+        if threading.get_ident() == self.thread:
+            return len(text)
+        return self.stream.write(text)
+
+    def flush(self) -> None:
+        self.stream.flush()

@@ -1,0 +1,114 @@
+"""Many solves of one kind as one row: how many were solved, and how many of those are wrong."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from time import perf_counter
+
+import numpy as np
+
+import actionopt as ao
+from benchmarks.stress.case import Criterion, Row
+
+FAR = 3.0  # times the claim, and times the tolerance: from there on an answer is wrong
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One solve.
+
+    Attributes
+    ----------
+    status : str
+    success : bool
+        Whether it called itself solved.
+    error : float
+        The true error; infinite or not a number where the path is near no motion at all.
+    estimate : float
+        The error claimed.
+    tol, time : float
+    accuracy : float
+        Of the reference: a smaller error is none.
+    """
+
+    status: str
+    success: bool
+    error: float
+    estimate: float
+    tol: float
+    time: float
+    accuracy: float = 0.0
+
+    @property
+    def wrong(self) -> bool:
+        """Whether it is called solved, and is not."""
+        return self.success and not self.error <= FAR * max(self.estimate, self.tol) + self.accuracy
+
+    @property
+    def beyond(self) -> float:
+        """The true error, less what the reference may have of it; infinite if there is none."""
+        return max(self.error - self.accuracy, 0.0) if self.error == self.error else np.inf
+
+
+def timed(
+    problem: ao.Problem, tol: float, seconds: float | None = None
+) -> tuple[ao.Solution, float]:
+    """Return the solution, found without a guess in so many seconds, and how long that took."""
+    problem.system.pointwise("second")  # deriving a system belongs to the system
+    clock = perf_counter()
+    solution = ao.solve(problem, tol=tol, seconds=seconds, throw=False)
+    return solution, perf_counter() - clock
+
+
+def judged(
+    solution: ao.Solution,
+    error: Callable[[ao.Solution], float],
+    tol: float,
+    time: float,
+    accuracy: float = 0.0,
+) -> Outcome:
+    """Return the outcome; `error` gives the true error of what is called solved."""
+    true = float(error(solution)) if solution.success else np.nan
+    claimed = float(solution.error)
+    return Outcome(solution.status.name, solution.success, true, claimed, tol, time, accuracy)
+
+
+def row(outcomes: Sequence[Outcome]) -> Row:
+    """Return the row; errors are the worst of those called solved."""
+    solved = [o for o in outcomes if o.success]
+    times = [o.time for o in outcomes]
+    return {
+        "status": "SOLVED" if len(solved) == len(outcomes) else "not all solved",
+        "endings": dict(Counter(o.status for o in outcomes)),
+        "success": len(solved) == len(outcomes),
+        "count": len(outcomes),
+        "solved": len(solved),
+        "wrong": sum(o.wrong for o in outcomes),
+        "of_tol": max((o.beyond / o.tol for o in solved), default=None),
+        "of_estimate": max((o.beyond / o.estimate for o in solved), default=None),
+        "time": float(np.median(times)),
+        "longest": max(times),
+    }
+
+
+def never_wrong(what: str, rows: Sequence[Row]) -> Criterion:
+    """Return the criterion that no answer called solved is wrong."""
+    count, solved, wrong = (sum(r[k] for r in rows) for k in ("count", "solved", "wrong"))
+    return Criterion(
+        f"{what}: wrong answers called solved",
+        f"0 of {count}",
+        f"{wrong}; solved {solved}",
+        wrong == 0,
+    )
+
+
+def all_solved(what: str, rows: Sequence[Row], most: int = 0) -> Criterion:
+    """Return the criterion that at most so many are not solved."""
+    count, solved = (sum(r[k] for r in rows) for k in ("count", "solved"))
+    others: Counter = Counter()
+    for r in rows:
+        others.update({k: n for k, n in r["endings"].items() if k != "SOLVED"})
+    found = f"{count - solved}" + "".join(f", {k} {n}" for k, n in others.items())
+    return Criterion(f"{what}: not solved", f"<= {most} of {count}", found, count - solved <= most)

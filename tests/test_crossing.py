@@ -1,0 +1,160 @@
+"""Lagrangians with branches: one that jumps in q or v where the path crosses is said to."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import actionopt as ao
+from actionopt.crossing import crossed
+
+JUMPS = {
+    "where": lambda q, v, t: np.where(q[0] > 0, 1.4, 1.0) * np.sqrt(1 + v[0] ** 2),
+    "if_else": lambda q, v, t: ca.if_else(q[0] > 0, 1.4, 1.0) * np.sqrt(1 + v[0] ** 2),
+    "comparison": lambda q, v, t: (1 + 0.4 * (q[0] > 0)) * np.sqrt(1 + v[0] ** 2),
+    "sign": lambda q, v, t: (1.2 + 0.2 * np.sign(q[0])) * np.sqrt(1 + v[0] ** 2),
+    "copysign": lambda q, v, t: (1.2 + np.copysign(0.2, q[0])) * np.sqrt(1 + v[0] ** 2),
+    "floor": lambda q, v, t: v[0] ** 2 / 2 - np.floor(q[0]),
+    "remainder": lambda q, v, t: v[0] ** 2 / 2 - np.fmod(q[0], 0.7),
+    "moving wall": lambda q, v, t: v[0] ** 2 / 2 - np.where(q[0] > t - 1, 0.5, 0.0),
+    "in the velocity": lambda q, v, t: v[0] ** 2 / 2 - q[0] * 3 + np.where(v[0] > 1, 0.5, 0.0),
+}
+MEETING = {
+    "abs": lambda q, v, t: v[0] ** 2 / 2 - abs(q[0]) / 4,
+    "where": lambda q, v, t: v[0] ** 2 / 2 - np.where(q[0] > 0, q[0], -q[0]) / 4,
+    "fmax": lambda q, v, t: v[0] ** 2 / 2 - np.fmax(q[0], 0.0) ** 2,
+    "in time": lambda q, v, t: v[0] ** 2 / 2 + np.where(t > 0.37, 5.0, 0.0) * q[0],
+    "mass in time": lambda q, v, t: np.where(t > 0.37, 5.0, 1.0) * v[0] ** 2 / 2,
+}
+
+
+def across(lagrangian, **choices):
+    system = ao.System(lagrangian, ["y"])
+    problem = ao.Problem(system, ao.Event(0.0, [-1.0]), ao.Event(2.0, [1.0]))
+    return ao.solve(problem, throw=False, **choices)
+
+
+@pytest.mark.parametrize("name", JUMPS)
+def test_a_jump_that_is_crossed_is_named(name):
+    solution = across(JUMPS[name])
+    assert solution.status is ao.Status.JUMP
+    assert not solution.success
+    # At once: no ladder is climbed for a path that has to cross.
+    assert sum(solution.stats["iterations"].values()) < 100
+
+
+def test_the_message_says_where_and_by_how_much():
+    problem = ao.Problem(
+        ao.System(JUMPS["where"], ["y"]), ao.Event(0.0, [-1.0]), ao.Event(2.0, [1.0])
+    )
+    with pytest.raises(ao.SolveError, match=r"L jumps by 0.566 at t = 1, q = \[.*\]"):
+        ao.solve(problem)
+    with pytest.raises(ao.SolveError, match="L jumps by"):
+        ao.solve(problem, guess=[[-1.0, -0.5, 1.0]])
+
+
+@pytest.mark.parametrize("name", MEETING)
+def test_branches_that_meet_or_part_in_time_are_solved(name):
+    solution = across(MEETING[name])
+    assert solution.status is ao.Status.SOLVED
+    assert solution.compare().agrees is not False
+
+
+def test_a_surface_that_is_not_crossed_does_no_harm():
+    system = ao.System(JUMPS["where"], ["y"])
+    solution = ao.solve(ao.Problem(system, ao.Event(0.0, [1.0]), ao.Event(2.0, [0.5])))
+    assert solution.action == pytest.approx(1.4 * np.sqrt(4.25), rel=1e-12)  # a straight line
+
+
+def test_a_path_may_go_round_what_the_straight_line_crosses():
+    hill = ao.System(
+        lambda q, v, t: v @ v / 2 - q @ q / 2 - np.where(q @ q < 0.01, 3.0, 0.0), ["x", "y"]
+    )
+    problem = ao.Problem(hill, ao.Event(0.0, [1.0, 0.0]), ao.Event(2.5, [np.cos(2.5), 1.0]))
+    solution = ao.solve(problem, guess=lambda t: np.stack([np.cos(t), np.sin(t) / np.sin(2.5)]))
+    assert np.min(np.linalg.norm(solution(np.linspace(0, 2.5, 500)), axis=0)) > 0.1
+    assert solution.status is ao.Status.SOLVED
+
+
+def test_snell_leg_by_leg():
+    """What the verdict tells to do: an event on the surface where the momentum is continuous."""
+    optics = [ao.System(lambda q, v, t, n=n: n * np.sqrt(1 + v[0] ** 2), ["y"]) for n in (1.0, 1.4)]
+
+    def legs(x):
+        first = ao.Problem(optics[0], ao.Event(0.0, [-1.0]), ao.Event(x, [0.0]))
+        second = ao.Problem(optics[1], ao.Event(x, [0.0]), ao.Event(2.0, [1.0]))
+        return ao.solve(first), ao.solve(second)
+
+    low, high = 0.5, 1.9  # the time along the surface is x, its momentum -H
+    for _ in range(40):
+        x = (low + high) / 2
+        one, two = legs(x)
+        low, high = (x, high) if -one.energy(x) < -two.energy(x) else (low, x)
+    one, two = legs(x)
+    sines = [1 / np.sqrt(1 + leg.start.v[0] ** 2) for leg in (one, two)]
+    assert sines[0] == pytest.approx(1.4 * sines[1], rel=1e-8)
+    assert one.action + two.action == pytest.approx(3.349, abs=1e-3)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("name", MEETING)
+def test_branches_meet_whatever_the_size_and_sign_of_the_lagrangian(name, sign):
+    """Rounding of a large L is no jump; and one that is negative throughout has a size."""
+    for level in (-10.0, 10.0):
+        solution = across(lambda q, v, t, c=level: sign * MEETING[name](q, v, t) + c)
+        assert solution.status is ao.Status.SOLVED
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize("step", [0.4, -0.4])
+def test_a_jump_has_its_height_from_either_side(way, step):
+    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 + np.where(q[0] > 0.2, step, 0.0), ["y"])
+    problem = ao.Problem(system, ao.Event(0.0, [-way]), ao.Event(2.0, [way]))
+    mesh = ao.Mesh.uniform(0.0, 2.0, 4, 4)
+    found = crossed(system.switches, problem, ao.Path.interpolate(lambda t: [way * (t - 1)], mesh))
+    assert found.height == pytest.approx(0.4, rel=1e-12)
+    assert found.t == pytest.approx(1 + 0.2 * way, abs=1e-12)
+    assert found.q == pytest.approx([0.2], abs=1e-12) and found.v == pytest.approx([way])
+    assert found.inevitable
+    back = crossed(
+        system.switches,
+        problem,
+        ao.Path.interpolate(lambda t: [1 - 0.9 * np.sin(np.pi * t / 2)], mesh),
+    )
+    assert back is not None and not back.inevitable  # it comes back to the first side
+
+
+@pytest.mark.parametrize("c", [0.7, -0.7])
+def test_a_lagrangian_with_its_steps_held_is_itself(c):
+    """The steps' own values put in give L again, everywhere; others give another branch."""
+    laws = {
+        **JUMPS,
+        **{k: f for k, f in MEETING.items() if k in ("where",)},
+        "a negative magnitude": lambda q, v, t: np.copysign(c * (1 + v[0] ** 2), q[0] - c),
+        "two at once": lambda q, v, t: np.sign(q[0]) * np.floor(3 * v[0]) + np.fmod(v[0], c),
+        "remainder of a step": lambda q, v, t: np.fmod(np.floor(4 * q[0]) * v[0], c),
+        "not and or": lambda q, v, t: ca.if_else(
+            ca.logic_or(ca.logic_not(q[0] > c), v[0] < 0), q[0], 2 + v[0]
+        ),
+    }
+    rng = np.random.default_rng(2)
+    q, v, t = (rng.uniform(-2, 2, (200, 1)) for _ in range(3))
+    for name, lagrangian in laws.items():
+        system = ao.System(lagrangian, ["y"])
+        found, p = system.switches, np.zeros((1, 0))
+        steps = found.values(q, v, t, p)[0].copy()
+        held = found.held(q, v, t, p, steps)[0][:, 0]
+        known = system.lagrangian(q.T, v.T, t[:, 0])
+        assert np.max(np.abs(held - known)) <= 1e-12, name
+        assert len({tuple(row) for row in steps.tolist()}) >= 2, name
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_branches_that_meet_steeply_are_told_from_jumps_by_the_size_of_l(sign):
+    """At the last time before 1.0123 the two branches of 1e6 |q| differ by rounding of time."""
+    system = ao.System(
+        lambda q, v, t: sign * (1 + v[0] ** 2 + 1e6 * np.where(q[0] > 0, q[0], -q[0])), ["y"]
+    )
+    problem = ao.Problem(system, ao.Event(0.0, [-1.0123]), ao.Event(2.0, [0.9877]))
+    mesh = ao.Mesh.uniform(0.0, 2.0, 4, 4)
+    path = ao.Path.interpolate(lambda t: [t - 1.0123], mesh)
+    assert crossed(system.switches, problem, path) is None

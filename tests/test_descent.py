@@ -1,0 +1,75 @@
+"""Descending to a least path: S falls at every step, and what there is at the end is told."""
+
+import numpy as np
+import pytest
+
+from actionopt import Event, Mesh, Problem, System
+from actionopt.descent import RUNAWAY, descend
+from actionopt.newton import follow
+from actionopt.transcription import Transcription
+
+SPRING = System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2 - q[0] ** 4 / 400, ["x"])
+PENDULUM = System(lambda q, v, t: v[0] ** 2 / 2 + 9.81 * np.cos(q[0]), ["theta"])
+
+
+def transcribed(system, ends, T, elements=8, degree=6):
+    problem = Problem(system, Event(0.0, ends[0]), Event(T, ends[1]))
+    return Transcription(problem, Mesh.uniform(0.0, T, elements, degree), problem.lengths)
+
+
+def test_a_start_that_is_the_minimum_already_is_found():
+    tr = transcribed(PENDULUM, ([0.3], [-0.2]), 0.6)
+    least = follow(tr, tr.pack(tr.straight())).z
+    result = descend(tr, least)
+    assert result.found and not result.runaway
+    assert result.iterations == 1
+    assert np.max(np.abs(result.z - least)) <= 1e-12
+
+
+def test_a_start_that_is_a_saddle_is_not_found():
+    """Past the conjugate time the path at rest is stationary, and no minimum."""
+    tr = transcribed(PENDULUM, ([0.0], [0.0]), 1.3)
+    result = descend(tr, tr.pack(tr.straight()))
+    assert not result.found and not result.runaway
+
+
+@pytest.mark.parametrize("T", [0.6, 0.9])
+@pytest.mark.parametrize("size", [0.5, 3.0, 20.0])
+def test_the_minimum_is_found_from_afar(T, size):
+    """Before the conjugate time, pi / sqrt(9.81) = 1.003, the pendulum's action is convex."""
+    tr = transcribed(PENDULUM, ([0.3], [-0.2]), T)
+    least = follow(tr, tr.pack(tr.straight()))
+    assert least.converged
+    bump = size * np.sin(np.pi * tr.mesh.nodes / T)[:, None]
+    for side in (1, -1):
+        start = tr.pack(tr.straight() + side * bump)
+        result = descend(tr, start)
+        assert result.found and not result.runaway
+        assert tr.action(result.z) < tr.action(start)
+        found = follow(tr, result.z)  # Newton's method contracts there
+        assert found.converged
+        assert np.max(np.abs(found.z - least.z)) <= 1e-11
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_an_action_without_a_lowest_value_runs_away(side):
+    """Past the conjugate time a stiffening spring's S falls with the fourth power of its size."""
+    tr = transcribed(SPRING, ([0.1 * side], [0.2 * side]), 7.5)
+    result = descend(tr, tr.pack(tr.straight()))
+    assert not result.found and result.runaway
+    assert np.max(np.abs(result.z)) >= RUNAWAY
+    assert tr.action(result.z) < tr.action(tr.pack(tr.straight()))
+
+
+def test_a_mass_that_is_not_positive_has_no_lowest_action():
+    light = System(lambda q, v, t: -(v[0] ** 2) / 2 - q[0] ** 2 / 2, ["x"])
+    tr = transcribed(light, ([1.0], [0.5]), 1.0)
+    result = descend(tr, tr.pack(tr.straight()))
+    assert not result.found and not result.runaway and result.iterations == 0
+
+
+def test_values_that_are_not_finite_end_it():
+    kepler = System(lambda q, v, t: v @ v / 2 + 1 / np.sqrt(q @ q), ["x", "y"])
+    tr = transcribed(kepler, ([-1.0, 0.0], [1.0, 0.0]), 1.0)
+    result = descend(tr, tr.pack(tr.straight()))  # through the centre
+    assert not result.found and not result.runaway and result.iterations == 0

@@ -1,0 +1,74 @@
+"""Ends that leave a family of paths: said at any tolerance, with its dimension."""
+
+import numpy as np
+import pytest
+
+import actionopt as ao
+
+SPHERE = ao.System(
+    lambda q, v, t: v @ v / 2, ["x", "y", "z"], constraint=lambda q, t: (q @ q - 1) / 2
+)
+SPACE = ao.System(lambda q, v, t: v @ v / 2 + 1 / np.sqrt(q @ q), ["x", "y", "z"])
+PLANE = ao.System(lambda q, v, t: (v @ v - q @ q) / 2, ["x", "y"])
+
+
+def antipodes(axis):
+    a = np.array(axis) / np.linalg.norm(axis)
+    return ao.Problem(SPHERE, ao.Event(0.0, a), ao.Event(1.0, -a))
+
+
+def half_an_orbit(r):
+    end = ao.Event(np.pi * ((1 + r) / 2) ** 1.5, [-r, 0.0, 0.0])
+    return ao.Problem(SPACE, ao.Event(0.0, [1.0, 0.0, 0.0]), end)
+
+
+FAMILIES = {
+    "antipodes": (antipodes([0.0, 0.0, 1.0]), 1),
+    "antipodes aslant": (antipodes([1.0, 2.0, 2.0]), 1),
+    "half a circle": (half_an_orbit(1.0), 1),
+    "half an ellipse": (half_an_orbit(1.52), 1),
+    "half a period": (ao.Problem(PLANE, ao.Event(0.0, [1, 0.5]), ao.Event(np.pi, [-1, -0.5])), 2),
+}
+
+
+@pytest.mark.parametrize("tol", [1e-3, 1e-4, 1e-6, 1e-8, 1e-12])
+@pytest.mark.parametrize("name", FAMILIES)
+def test_a_family_is_said_to_be_one(name, tol):
+    problem, dimension = FAMILIES[name]
+    solution = ao.solve(problem, tol=tol, throw=False)
+    assert solution.status is ao.Status.DEGENERATE
+    if "nullity" in solution.stats:  # else the linear equations themselves were singular
+        assert solution.stats["nullity"] == dimension
+        assert solution.kind == "degenerate"
+    assert solution.stats["condition"] > 1e8
+
+
+def test_the_message_has_the_dimension_and_the_condition():
+    with pytest.raises(ao.SolveError, match=r"condition about .*a family of dimension 1"):
+        ao.solve(antipodes([0.0, 0.0, 1.0]))
+
+
+def test_a_guess_in_a_plane_of_symmetry_does_not_hide_it():
+    """Nothing ever leaves the plane z = 0, in which the half ellipse is determined."""
+    r = 1.52
+    half = np.pi * ((1 + r) / 2) ** 1.5
+
+    def guess(t):
+        s = np.pi * t / half
+        radius = 2 * r / (1 + r) / (1 + (r - 1) / (1 + r) * np.cos(s))
+        return np.stack([radius * np.cos(s), radius * np.sin(s), 0 * s])
+
+    solution = ao.solve(half_an_orbit(r), guess=guess, throw=False)
+    assert solution.status is ao.Status.DEGENERATE
+    plane = ao.System(lambda q, v, t: v @ v / 2 + 1 / np.sqrt(q @ q), ["x", "y"])
+    problem = ao.Problem(plane, ao.Event(0.0, [1.0, 0.0]), ao.Event(half, [-r, 0.0]))
+    assert ao.solve(problem, guess=lambda t: guess(t)[:2]).kind == "minimum"
+
+
+@pytest.mark.parametrize("miss", [1e-2, 1e-3])
+def test_beside_the_antipode_there_is_one_path(miss):
+    angle = np.pi - miss
+    end = ao.Event(1.0, [np.sin(angle), 0.0, np.cos(angle)])
+    solution = ao.solve(ao.Problem(SPHERE, ao.Event(0.0, [0.0, 0.0, 1.0]), end))
+    assert solution.action == pytest.approx(angle**2 / 2, rel=1e-9)
+    assert solution.kind == "minimum"

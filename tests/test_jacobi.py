@@ -1,0 +1,116 @@
+"""Jacobi fields on the elements of a path, and the mesh that resolves them."""
+
+import numpy as np
+import pytest
+
+import actionopt as ao
+from actionopt import Event, Mesh, Problem, System
+from actionopt.jacobi import _stationary, fields, finer
+from actionopt.quadratic_form import form
+from actionopt.transcription import Transcription
+
+
+def at_rest(lagrangian, T=1.0, elements=5, degree=12, start=0.0):
+    """Return d2S at the path q = 0 of one coordinate."""
+    system = System(lagrangian, ["x"])
+    problem = Problem(system, Event(start, [0.0]), Event(start + T, [0.0]))
+    mesh = Mesh.uniform(start, start + T, elements, degree)
+    tr = Transcription(problem, mesh, np.ones(1))
+    return form(tr, tr.straight(), np.zeros((mesh.nodes.size, 0)))
+
+
+@pytest.mark.parametrize("push", [3.0, -3.0])
+@pytest.mark.parametrize("start", [0.0, -7.0])
+@pytest.mark.parametrize("element", range(5))
+def test_a_coefficient_that_varies_within_one_element_refines_that_one(element, start, push):
+    centre = start + (element + 0.5) / 5
+
+    def lagrangian(q, v, t):
+        return v[0] ** 2 / 2 - push * np.exp(-(((t - centre) / 0.02) ** 2)) * q[0] ** 2 / 2
+
+    found = at_rest(lagrangian, start=start)
+    mesh = finer(found.tr.mesh, 1e-4, form=found)
+    inside = (mesh.boundaries[:-1] >= start + element / 5 - 1e-9) & (
+        mesh.boundaries[1:] <= start + (element + 1) / 5 + 1e-9
+    )
+    changed = (np.array(mesh.degrees) != 12) | (mesh.lengths < 0.19)
+    assert np.array_equal(changed, inside)
+
+
+@pytest.mark.parametrize("w", [0.5, 2.0, 9.0])
+def test_fields_of_an_oscillator_are_sines(w):
+    found = at_rest(lambda q, v, t: (v[0] ** 2 - w**2 * q[0] ** 2) / 2, elements=4)
+    mesh = found.tr.mesh
+    last = None
+    for a, first, after in zip(fields(found), mesh.offsets[:-1], mesh.offsets[1:], strict=True):
+        sine = np.sin(w * mesh.nodes[first : after + 1])
+        field = a[:, 0, 0]
+        scale = (field @ sine) / (sine @ sine)
+        assert np.max(np.abs(field - scale * sine)) <= 1e-9 * abs(scale)
+        assert last is None or scale != 0
+        last = scale
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("element", range(4))
+def test_a_path_is_resolved_whatever_its_sign(side, element):
+    """Coefficients like 12^-k within one element; a polynomial in the others."""
+    mesh = Mesh.uniform(0.0, 4.0, 4, 8)
+    t = mesh.nodes[:, None]
+    inside = (t > element) & (t < element + 1)
+    Q = side * (t - 2.0) ** 2 + side * np.where(inside, np.cosh(6 * (t - element)), 0.0) / 100
+    Q = np.where((t == element) | (t == element + 1), side * (t - 2.0) ** 2, Q)
+    found = finer(mesh, 1e-9, Q=Q)
+    kept = found.boundaries[:-1][np.array(found.degrees) == 8]
+    assert set(kept.tolist()) >= {e for e in range(4) if e != element}
+    assert finer(mesh, 1e-9, Q=side * (t - 2.0) ** 2) is None
+
+
+def conjugate_ends(start, end):
+    system = System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
+    problem = Problem(system, Event(0.0, [start]), Event(np.pi, [end]))
+    return Transcription(problem, Mesh.uniform(0.0, np.pi, 6, 14), np.ones(1))
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("bump", [0.3, -0.3])
+def test_a_path_of_a_family_is_found_near_by(side, bump):
+    """Half a period from x to -x: what is no part of the family goes, the rest may stay."""
+    tr = conjugate_ends(side, -side)
+    t = tr.mesh.nodes[:, None]
+    near = tr.pack(side * np.cos(t) + bump * np.exp(-(((t - 1) / 0.3) ** 2)) * np.sin(t))
+    found = _stationary(tr, near, 1)
+    assert np.max(np.abs(tr.residual(found))) <= 1e-12
+    rest = tr.coordinates(found) - side * np.cos(t)
+    size = (rest * np.sin(t)).sum() / (np.sin(t) ** 2).sum()
+    assert np.max(np.abs(rest - size * np.sin(t))) <= 1e-11
+    far = tr.pack(side * np.cos(t) + 5 * bump * np.exp(-(((t - 1) / 0.3) ** 2)) * np.sin(t))
+    assert _stationary(tr, far, 1) is None  # another one, if any
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("miss", [1e-3, -1e-3])
+def test_no_path_is_found_where_there_is_none(side, miss):
+    tr = conjugate_ends(side, -side + miss)
+    assert _stationary(tr, tr.pack(side * np.cos(tr.mesh.nodes[:, None])), 1) is None
+
+
+@pytest.mark.parametrize("angle", [0.3, 2.0, 3.7, 5.5])
+@pytest.mark.parametrize("size", [0.95, 1.05])
+def test_a_nonlinear_family_is_approached_to_rounding(angle, size):
+    """From the centre of a quartic bowl and back: any direction will do, with one amplitude."""
+    bowl = System(lambda q, v, t: v @ v / 2 - (q @ q) ** 2 / 4, ["x", "y"])
+    line = System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 4 / 4, ["x"])
+    T, mesh = 2.0, Mesh.uniform(0.0, 2.0, 4, 12)
+    along = ao.solve(
+        Problem(line, Event(0.0, [0.0]), Event(T, [0.0])),
+        guess=lambda t: [1.854 * np.sin(np.pi * t / T)],
+        tol=1e-12,
+    )
+    known = along(mesh.nodes)[0]
+    assert np.max(known) == pytest.approx(7.4163 / 4, rel=1e-4)  # of a period 7.4163 / amplitude
+    problem = Problem(bowl, Event(0.0, [0.0, 0.0]), Event(T, [0.0, 0.0]))
+    tr = Transcription(problem, mesh, np.full(2, 1.854))
+    Q = size * known[:, None] * [np.cos(angle), np.sin(angle)]
+    found = tr.coordinates(_stationary(tr, tr.pack(Q), 1))
+    assert np.max(np.abs(np.linalg.norm(found, axis=1) - known)) <= 1e-9

@@ -1,0 +1,127 @@
+"""The time a solve may take, and what it tells on the way."""
+
+import io
+import sys
+
+import numpy as np
+import pytest
+
+import actionopt as ao
+from actionopt import scenes
+from actionopt.progress import waiting
+from actionopt.watch import OutOfTime, Watch
+
+LATTICE = ao.System(
+    lambda q, v, t: v @ v / 2 - np.sum((q[1:] - q[:-1]) ** 4) / 4 - q[0] ** 2 - q[-1] ** 2,
+    [f"q{k}" for k in range(8)],
+)
+
+
+def hard():
+    """Return a problem whose search takes seconds, and finds nothing."""
+    ends = np.random.default_rng(0).normal(0, 0.3, (2, 8))
+    return ao.Problem(LATTICE, ao.Event(0.0, ends[0]), ao.Event(60.0, ends[1]))
+
+
+def test_a_solve_ends_in_time_with_its_best_attempt():
+    solution = ao.solve(hard(), seconds=0.05, throw=False)
+    assert solution.status is ao.Status.OUT_OF_TIME
+    assert not solution.success
+    with pytest.raises(ao.SolveError, match="the time that was given ran out") as found:
+        ao.solve(hard(), seconds=1e-9)
+    assert found.value.solution(0.0) == pytest.approx(hard().start.q)
+
+
+def test_enough_time_changes_nothing():
+    problem = scenes.get("double_pendulum").problem
+    free, limited = ao.solve(problem), ao.solve(problem, seconds=1e3)
+    assert np.array_equal(free.path.values, limited.path.values)
+
+
+def test_time_that_runs_out_while_refining_leaves_the_path_that_was_found():
+    """Told by the evaluations, not by the clock: the watch is stopped at the last but one."""
+    problem = scenes.get("double_pendulum").problem
+    calls = []
+    ao.solve(problem, tol=1e-10, progress=lambda *told: calls.append(told))
+    count = 0
+
+    def stop(how, elements, iterations):
+        nonlocal count
+        count += 1
+        if count == len(calls) - 1:
+            raise OutOfTime
+
+    solution = ao.solve(problem, tol=1e-10, progress=stop, throw=False)
+    assert solution.status is ao.Status.OUT_OF_TIME
+    exact = ao.solve(problem, tol=1e-10)
+    t = np.linspace(problem.start.t, problem.end.t, 50)
+    apart = np.max(np.abs(solution(t) - exact(t)) / np.max(np.abs(exact(t)), axis=1)[:, None])
+    assert apart <= solution.error < 0.1
+
+
+def test_progress_names_the_way_the_elements_and_the_iterations():
+    calls = []
+    ao.solve(hard(), seconds=0.3, throw=False, progress=lambda *told: calls.append(told))
+    ways, elements, iterations = zip(*calls, strict=True)
+    assert len(set(ways)) > 1 and set(ways) <= {w for w in ways if isinstance(w, str) and w}
+    assert min(elements) >= 1
+    assert list(iterations) == list(range(1, len(calls) + 1))
+
+
+def test_what_progress_raises_ends_the_solve():
+    class Enough(Exception):
+        pass
+
+    def tell(how, elements, iterations):
+        if how == "least" or iterations > 60:
+            raise Enough
+
+    with pytest.raises(Enough):
+        ao.solve(hard(), progress=tell)
+
+
+@pytest.mark.parametrize("seconds", [0, -1.0, np.nan, "1"])
+def test_seconds_that_make_no_sense(seconds):
+    with pytest.raises(ValueError, match=r"seconds"):
+        ao.solve(hard(), seconds=seconds)
+
+
+def test_progress_that_cannot_be_called():
+    with pytest.raises(ValueError, match=r"progress\(how, elements, iterations\)"):
+        Watch(None, "bar")
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def test_a_line_is_shown_on_a_terminal_after_a_while_and_goes_away(monkeypatch):
+    screen, now = Terminal(), [0.0]
+    monkeypatch.setattr(sys, "stderr", screen)
+    monkeypatch.setattr("actionopt.progress.perf_counter", lambda: now[0])
+    with waiting() as told:
+        told("newton", 4, 1)
+        assert screen.getvalue() == ""
+        now[0] = 1.5
+        told("least", 8, 20)
+        assert "2 s: least, 8 elements, 20 iterations" in screen.getvalue()
+        now[0] = 1.51
+        told("least", 8, 21)
+        assert "21 iterations" not in screen.getvalue()
+    assert screen.getvalue().endswith("\r\x1b[K")
+
+
+def test_nothing_is_told_where_nobody_looks(monkeypatch):
+    monkeypatch.setattr(sys, "stderr", io.StringIO())
+    with waiting() as told:
+        assert told is None
+
+
+@pytest.mark.parametrize("error", [np.linalg.LinAlgError, ValueError, KeyboardInterrupt])
+def test_nothing_on_the_way_takes_what_progress_raises(error):
+    def tell(how, elements, iterations):
+        raise error("mine")
+
+    with pytest.raises(error, match="mine"):
+        ao.solve(scenes.get("kepler").problem, progress=tell)
