@@ -40,7 +40,7 @@ def raised_later(raised: list[BaseException], *, stop: bool) -> Iterator[None]:
     mine = threading.current_thread() is threading.main_thread()
     found = zip(_SIGNALS, map(_get, _SIGNALS), strict=True) if mine else ()
     handlers = [(number, handler) for number, handler in found if callable(handler)]
-    stderr = sys.stderr
+    stderr, silent = sys.stderr, _Others(sys.stderr)
 
     def kept(handler: Callable[[int, Any], Any]) -> Callable[[int, Any], None]:
         def run(number: int, frame: Any) -> None:
@@ -49,7 +49,7 @@ def raised_later(raised: list[BaseException], *, stop: bool) -> Iterator[None]:
             except BaseException as error:
                 raised.append(error)
                 if stop:
-                    sys.stderr = _Others(stderr)  # it is told there, too
+                    sys.stderr = silent  # it is told there, too
                     raise
 
         return run
@@ -67,7 +67,7 @@ def raised_later(raised: list[BaseException], *, stop: bool) -> Iterator[None]:
         for number, before, handler in changed:
             if _get(number) is handler:  # and not one that a handler has set
                 _set(number, before)
-        if isinstance(sys.stderr, _Others):
+        if sys.stderr is silent:  # another thread that ends here leaves it
             sys.stderr = stderr
         if raised:
             first = raised[0]
