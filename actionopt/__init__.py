@@ -1,27 +1,26 @@
 """Hamilton's principle as a boundary-value problem: a Lagrangian and two events in, a path out."""
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from actionopt.path import Mesh, Path
-from actionopt.problem import Event, Periodic, Problem, State
-from actionopt.solution import Solution
-from actionopt.solve import solve
-from actionopt.status import SolveError, Status
-from actionopt.system import System
-from actionopt.trace import trace
-
-if TYPE_CHECKING:
-    from actionopt.all_paths import solve_all
-    from actionopt.compare import Comparison
-    from actionopt.conjugate import conjugate_points
-    from actionopt.contact import contact_loss
-    from actionopt.forward import IntegrationError, integrate
-    from actionopt.index import second_variation
-    from actionopt.pfaffian import integrate_pfaffian
-    from actionopt.store import load
-    from actionopt.symmetry import find_symmetries, noether
-    from actionopt.varied import variation
+from actionopt.analysis.compare import Comparison
+from actionopt.analysis.conjugate import conjugate_points
+from actionopt.analysis.contact import contact_loss
+from actionopt.analysis.forward import IntegrationError, integrate
+from actionopt.analysis.index import second_variation
+from actionopt.analysis.solution import Solution
+from actionopt.analysis.status import SolveError, Status
+from actionopt.analysis.store import load
+from actionopt.analysis.variation import variation
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.path import Path
+from actionopt.families.all_paths import solve_all
+from actionopt.families.trace import trace
+from actionopt.mechanics.pfaffian import integrate_pfaffian
+from actionopt.mechanics.problem import Event, Periodic, Problem, State
+from actionopt.mechanics.symmetry import find_symmetries, noether
+from actionopt.mechanics.system import System
+from actionopt.solver.solve import solve
 
 __all__ = [
     "Comparison",
@@ -51,37 +50,14 @@ __all__ = [
 ]
 __version__ = "0.1.0"
 
-# What a solve does not need is imported when it is asked for. (A name that is a room's as well,
-# such as `trace`, cannot wait: the room would take its place.)
-_ON_DEMAND = {
-    "Comparison": "compare",
-    "IntegrationError": "forward",
-    "conjugate_points": "conjugate",
-    "contact_loss": "contact",
-    "find_symmetries": "symmetry",
-    "integrate": "forward",
-    "integrate_pfaffian": "pfaffian",
-    "load": "store",
-    "noether": "symmetry",
-    "second_variation": "index",
-    "solve_all": "all_paths",
-    "variation": "varied",
-}
-_ROOMS = ("chapter", "gallery", "plot", "scenes", "suite")
+_ROOMS = ("chapter", "gallery", "plot", "scenes", "suite")  # that users enter
 
 
 def __getattr__(name: str) -> Any:
-    """Return a public name, or a room such as `scenes` or `plot`, that is not imported yet."""
-    if name in _ON_DEMAND:
-        found = getattr(import_module(f"actionopt.{_ON_DEMAND[name]}"), name)
-        globals()[name] = found
-        return found
-    from importlib.util import find_spec
-
-    room = f"actionopt.{name}"
-    if name.startswith("_") or find_spec(room) is None:
+    """Return a room such as `scenes` or `plot` that is not imported yet."""
+    if name not in _ROOMS:
         raise AttributeError(f"module 'actionopt' has no attribute {name!r}")
-    return import_module(room)
+    return import_module(f"actionopt.{name}")
 
 
 def __dir__() -> list[str]:

@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING, Any
 from actionopt import __version__
 
 if TYPE_CHECKING:
+    from actionopt.analysis.solution import Solution
     from actionopt.chapter import Line
-    from actionopt.problem import Problem
+    from actionopt.mechanics.problem import Problem
     from actionopt.scenes import Scene
-    from actionopt.solution import Solution
 
 ABOUT = "A Lagrangian and two events in, the path of stationary action between them out."
 FILE_HELP = """\
@@ -229,12 +229,12 @@ def _compared(line: Line) -> tuple[str, str, str, str]:
 
 
 def _solve(options: argparse.Namespace) -> int:
-    from actionopt.progress import waiting
-    from actionopt.solve import solve
+    from actionopt.solver.solve import solve
+    from actionopt.tools.progress import waiting
 
     problem, guess = _question(options.scene, dict(options.settings))
     if options.save:
-        from actionopt.store import solution_file
+        from actionopt.analysis.store import solution_file
 
         solution_file(options.save)
     if options.plot:
@@ -287,7 +287,7 @@ def _question(name: str, settings: dict[str, Any]) -> tuple[Problem, Any]:
 
 
 def _from_file(file: Path, settings: dict[str, Any]) -> Problem | Scene:
-    from actionopt.problem import Problem
+    from actionopt.mechanics.problem import Problem
     from actionopt.scenes import Scene
 
     if not file.is_file():
@@ -318,7 +318,7 @@ def _from_file(file: Path, settings: dict[str, Any]) -> Problem | Scene:
 
 def _known(made: Callable[..., Any], settings: dict[str, Any]) -> None:
     """Raise ValueError if a function of the user's has no parameter of one of these names."""
-    from actionopt.tracing import suggestion
+    from actionopt.mechanics.tracing import suggestion
 
     parameters = inspect.signature(made).parameters
     if any(p.kind is p.VAR_KEYWORD for p in parameters.values()):

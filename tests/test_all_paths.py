@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.all_paths import detected_angles, solve_all
+from actionopt.families.all_paths import detected_angles, solve_all
 
 VELOCITY_TOLERANCE = 1e-6
 FILM = ao.System(lambda q, v, t: q[0] * np.sqrt(1 + v[0] ** 2), ["y"])
@@ -344,7 +344,7 @@ def test_defects_are_not_swallowed(monkeypatch, error):
     def broken(*_, **__):
         raise error
 
-    monkeypatch.setattr("actionopt.sweep.solve", broken)
+    monkeypatch.setattr("actionopt.families.searches.solve", broken)
     with pytest.raises(type(error), match=str(error)):
         solve_all(ao.Problem(PENDULUM, ao.Event(0.0, 0.5), ao.Event(2.0, -0.3)))
 
@@ -360,7 +360,7 @@ def test_a_solve_that_fails_is_left_out(monkeypatch, error):
             raise error
         return whole(problem, **options)
 
-    monkeypatch.setattr("actionopt.sweep.solve", fails_from_a_guess)
+    monkeypatch.setattr("actionopt.families.searches.solve", fails_from_a_guess)
     problem = ao.Problem(PENDULUM, ao.Event(0.0, 0.5), ao.Event(2.0, -0.3))
     found = solve_all(problem, windings=0, starts=2, continuations=0)
     assert set(found.found_by) == {"a straight line"}

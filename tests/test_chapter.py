@@ -7,9 +7,9 @@ import pytest
 
 import actionopt as ao
 from actionopt import chapter, cli, scenes
+from actionopt.analysis.conjugate import conjugate_points
 from actionopt.chapter import ROWS, Line, Row
 from actionopt.chapter._row import other_numbers, solved
-from actionopt.conjugate import conjugate_points
 
 TOL = 1e-11
 CLOSED_FORM = 1e-10  # of a path and its action, at tol = 1e-11

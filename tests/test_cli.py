@@ -233,7 +233,7 @@ def test_where_nothing_can_be_written_nothing_is_solved(
     capsys, monkeypatch, tmp_path, arguments, message
 ):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys.modules["actionopt.solve"], "solve", None)
+    monkeypatch.setattr(sys.modules["actionopt.solver.solve"], "solve", None)
     code, out, err = run(capsys, "solve", "pendulum", "--no-compare", *arguments)
     assert (code, out) == (1, "")
     assert err.startswith("actionopt: ") and re.search(message, err)
@@ -300,7 +300,7 @@ def test_a_path_that_is_no_motion_is_a_failure(capsys, monkeypatch):
         other = ao.Problem(problem.system, problem.start, problem.end, parameters={"g": 9.0})
         return dataclasses.replace(found, problem=other)
 
-    monkeypatch.setattr(sys.modules["actionopt.solve"], "solve", solve)
+    monkeypatch.setattr(sys.modules["actionopt.solver.solve"], "solve", solve)
     code, out, err = run(capsys, "solve", "pendulum")
     assert code == 1
     assert float(rows(out)["forward deviation"].split(",")[0]) > 1e-3
@@ -375,15 +375,14 @@ def test_a_place_that_is_not_there_is_named_as_it_was_given(capsys, tmp_path):
     assert str(missing) in err and "partial" not in err
 
 
-def test_public_names_are_all_there_and_cost_nothing_until_asked_for():
+def test_public_names_are_all_there_and_rooms_cost_nothing_until_asked_for():
     code = (
         "import sys, actionopt as ao\n"
-        "assert 'actionopt.all_paths' not in sys.modules\n"
+        "assert 'actionopt.plot' not in sys.modules\n"
         "assert all(callable(getattr(ao, name)) or name == 'Status' for name in ao.__all__)\n"
         "rooms = {'chapter', 'gallery', 'plot', 'scenes', 'suite'}\n"
         "assert set(dir(ao)) == {*ao.__all__, *rooms, '__version__'}\n"
         "assert all(hasattr(ao, name) for name in ao.__all__)\n"
-        "assert 'actionopt.all_paths' in sys.modules\n"
         "assert ao.scenes.get('pendulum').name == 'pendulum'\n"
         "assert 'matplotlib' not in sys.modules and ao.plot.save\n"
         "try:\n    ao.nothing\nexcept AttributeError as error:\n    print(error)\n"

@@ -13,8 +13,8 @@ from scipy.optimize import brentq
 from scipy.special import ellipj, ellipk, ndtr
 
 from actionopt import Event, Mesh, Path, Problem, Solution, State, System, solve
-from actionopt.compare import compare
-from actionopt.forward import integrate
+from actionopt.analysis.compare import compare
+from actionopt.analysis.forward import integrate
 
 ACCURATE = 3e-11  # what forward integration makes of these motions, as its own tests say
 

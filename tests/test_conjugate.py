@@ -7,8 +7,8 @@ from scipy.optimize import brentq
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.conjugate import conjugate_points
-from actionopt.index import inertia
+from actionopt.analysis.conjugate import conjugate_points
+from actionopt.analysis.index import inertia
 
 TIME_TOLERANCE = 1e-8  # relative to the duration: what conjugate points are promised to
 

@@ -7,7 +7,7 @@ from scipy.optimize import brentq
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.contact import contact_loss
+from actionopt.analysis.contact import contact_loss
 
 ROOT_TOLERANCE = 1e-9
 

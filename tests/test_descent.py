@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from actionopt import Event, Mesh, Problem, System
-from actionopt.descent import RUNAWAY, descend
-from actionopt.newton import follow
-from actionopt.transcription import Transcription
+from actionopt.discrete.newton import follow
+from actionopt.discrete.transcription import Transcription
+from actionopt.solver.descent import RUNAWAY, descend
 
 SPRING = System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2 - q[0] ** 4 / 400, ["x"])
 PENDULUM = System(lambda q, v, t: v[0] ** 2 / 2 + 9.81 * np.cos(q[0]), ["theta"])

@@ -9,8 +9,8 @@ from scipy.interpolate import CubicSpline
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.exploration import CONJUGATE, begin, bent, lasting, restarted, solved
-from actionopt.trial import SPANS, knots, moved, straight
+from actionopt.plot.data.exploration import CONJUGATE, begin, bent, lasting, restarted, solved
+from actionopt.plot.data.trial import SPANS, knots, moved, straight
 
 T, W = 2.5, 1.3  # the oscillator's duration, and its frequency
 

@@ -13,7 +13,7 @@ from matplotlib.backend_bases import KeyEvent, MouseEvent
 
 from actionopt import plot, scenes
 from actionopt.cli import main
-from actionopt.trial import knots
+from actionopt.plot.data.trial import knots
 
 
 @pytest.fixture(autouse=True)

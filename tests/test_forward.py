@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from scipy.special import ellipj, ellipk, ndtr
 
-from actionopt import Mesh, State, System, flow, forward
-from actionopt.forward import IntegrationError, integrate
+from actionopt import Mesh, State, System
+from actionopt.analysis import flow, forward
+from actionopt.analysis.forward import IntegrationError, integrate
 
 # At the default tol some thousand steps of CVODES make 5e-16 of error each, and the motions here
 # amplify errors some thirty times on their way; the polynomials add their tail of 1e-12.

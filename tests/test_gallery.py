@@ -19,7 +19,7 @@ from actionopt.gallery.index_page import SECTIONS, section
 from actionopt.gallery.page import Page, escape
 from actionopt.gallery.subject import Subject
 from actionopt.gallery.texts import texts
-from actionopt.solve import solve
+from actionopt.solver.solve import solve
 
 NAMES = ["drag_quadratic", "rod_pendulum"]
 VOID = {"meta", "link", "img", "input", "br"}

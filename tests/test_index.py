@@ -9,10 +9,10 @@ from scipy.optimize import brentq
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.index import inertia, kind, lowest, morse_index, second_variation
-from actionopt.jacobi import finer, resolved
-from actionopt.quadratic_form import condense
-from actionopt.transcription import compressed
+from actionopt.analysis.index import inertia, kind, lowest, morse_index, second_variation
+from actionopt.analysis.jacobi import finer, resolved
+from actionopt.analysis.second_variation import condense
+from actionopt.discrete.factors import compressed
 
 EIGENVALUE_TOLERANCE = 1e-9  # relative; the path and its modes are resolved to better than 1e-8
 MASS, STIFFNESS = 2.0, 8.0
@@ -387,7 +387,11 @@ def test_plain_solve_counts_nothing(monkeypatch):
     def asked(*arguments, **options):
         raise AssertionError("nobody asked for the second variation")
 
-    for name in ("actionopt.index.inertia", "actionopt.jacobi.resolved", "actionopt.jacobi.fields"):
+    for name in (
+        "actionopt.analysis.index.inertia",
+        "actionopt.analysis.jacobi.resolved",
+        "actionopt.analysis.jacobi.fields",
+    ):
         monkeypatch.setattr(name, asked)
     solution = oscillation(2.6)
     with pytest.raises(AssertionError, match="nobody asked"):

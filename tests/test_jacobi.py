@@ -5,9 +5,9 @@ import pytest
 
 import actionopt as ao
 from actionopt import Event, Mesh, Problem, System
-from actionopt.jacobi import _stationary, fields, finer
-from actionopt.quadratic_form import form
-from actionopt.transcription import Transcription
+from actionopt.analysis.jacobi import _stationary, fields, finer
+from actionopt.analysis.second_variation import form
+from actionopt.discrete.transcription import Transcription
 
 
 def at_rest(lagrangian, T=1.0, elements=5, degree=12, start=0.0):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from actionopt import Event, Problem, System
-from actionopt.fan import about, integrate
-from actionopt.meeting import TWICE, joined, meetings, nearest
+from actionopt.analysis.shooting import about, integrate
+from actionopt.solver.meeting import TWICE, joined, meetings, nearest
 
 OSCILLATOR = System(lambda q, v, t: (v @ v - q @ q) / 2, ["x", "y"])
 PENDULUM = System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]), ["angle"])

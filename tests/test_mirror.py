@@ -11,11 +11,11 @@ import pytest
 
 import actionopt as ao
 from actionopt import Event, Mesh, Periodic, Problem, State, System
-from actionopt.conjugate import conjugate_points
-from actionopt.index import inertia, second_variation
-from actionopt.path import Path
-from actionopt.sensitivity import sensitivity
-from actionopt.walk import Walk
+from actionopt.analysis.conjugate import conjugate_points
+from actionopt.analysis.index import inertia, second_variation
+from actionopt.analysis.sensitivity import sensitivity
+from actionopt.discrete.path import Path
+from actionopt.solver.iterate import Walk
 
 SAME = 1e-6  # of figures such as round-off, where a decomposition chooses its own signs
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from actionopt.newton import follow
-from actionopt.path import Mesh
-from actionopt.problem import Event, Problem
-from actionopt.system import System
-from actionopt.transcription import Transcription
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.newton import follow
+from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.problem import Event, Problem
+from actionopt.mechanics.system import System
 
 ROUNDING = 1e-12  # of a path of order one after a solve with a condition of some thousands
 

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from actionopt.path import Mesh, Path
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.path import Path
 
 EPS = np.finfo(float).eps
 MIXED = Mesh([0.0, 0.3, 1.0, 1.25, 4.0], [3, 5, 3, 1])  # two elements of one degree, apart
@@ -34,11 +35,11 @@ def test_nodes_of_mixed_degrees_increase_and_contain_the_boundaries_exactly():
 
 
 def test_groups_cover_every_element_once():
-    seen = np.concatenate([which for _, which, _ in MIXED.groups])
+    seen = np.concatenate([g.elements for g in MIXED.groups])
     assert sorted(seen.tolist()) == [0, 1, 2, 3]
-    for rule, which, index in MIXED.groups:
-        assert index.shape == (which.size, rule.degree + 1)
-        assert all(MIXED.degrees[e] == rule.degree for e in which)
+    for g in MIXED.groups:
+        assert g.nodes.shape == (g.elements.size, g.rule.degree + 1)
+        assert all(MIXED.degrees[e] == g.rule.degree for e in g.elements)
 
 
 def test_a_moved_mesh_keeps_its_proportions_and_meets_the_end_exactly():

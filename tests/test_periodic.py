@@ -7,7 +7,7 @@ from scipy.optimize import fsolve
 
 import actionopt as ao
 from actionopt import Periodic, plot, scenes
-from actionopt.index import inertia
+from actionopt.analysis.index import inertia
 
 CLOSED = 1e-10  # return of position and momentum
 

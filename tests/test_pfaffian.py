@@ -5,7 +5,7 @@ import pytest
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.pfaffian import frobenius, integrate_pfaffian
+from actionopt.mechanics.pfaffian import frobenius, integrate_pfaffian
 
 FORMULA_TOLERANCE = 1e-11
 

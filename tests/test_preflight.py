@@ -5,8 +5,9 @@ import pytest
 
 import actionopt as ao
 from actionopt import Event, Mesh, Problem, System, scenes
-from actionopt.preflight import check, project
-from actionopt.transcription import Transcription
+from actionopt.discrete.projection import project
+from actionopt.discrete.transcription import Transcription
+from actionopt.solver.preflight import check
 
 
 def kinetic(v):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from actionopt import scenes
-from actionopt.problem import Event, Periodic, Problem, State
-from actionopt.system import System
+from actionopt.mechanics.problem import Event, Periodic, Problem, State
+from actionopt.mechanics.system import System
 
 
 def free(q, v, t, *, m):

@@ -10,9 +10,9 @@ from scipy.optimize import brentq
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.path import Mesh
-from actionopt.quadrature import lgl
-from actionopt.transcription import Transcription
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.transcription import Transcription
+from actionopt.tools.lobatto import lgl
 
 FWHM = 2 * math.sqrt(math.log(2))  # of exp(-(t / w)^2), in units of w
 CENTRES = np.random.default_rng(13).uniform(0.06, 0.94, 6)

@@ -12,7 +12,7 @@ import actionopt as ao
 from actionopt import plot, scenes
 from actionopt.plot import _relaxation as figures
 from actionopt.plot import relaxation_data
-from actionopt.relaxation import FIRST, MEMORY
+from actionopt.plot.data.relaxation import FIRST, MEMORY
 
 T = {"minimum": 2.5, "saddle": 4.0}  # the first focus of the oscillator is at pi
 

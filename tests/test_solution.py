@@ -7,7 +7,7 @@ import pytest
 
 import actionopt as ao
 from actionopt import Event, Mesh, Problem, System, scenes
-from actionopt.status import Status
+from actionopt.analysis.status import Status
 
 FORMULA_TOLERANCE = 1e-10  # two ways to one number on a path that is good to 1e-12
 

@@ -12,9 +12,9 @@ from scipy.integrate import solve_bvp, solve_ivp
 
 import actionopt as ao
 from actionopt import Event, Mesh, Problem, SolveError, Status, System, scenes
-from actionopt.jacobi import resolved
-from actionopt.quadrature import lgl
-from actionopt.transcription import Transcription
+from actionopt.analysis.jacobi import resolved
+from actionopt.discrete.transcription import Transcription
+from actionopt.tools.lobatto import lgl
 
 EPS = np.finfo(float).eps
 TOLS = (1e-3, 1e-6, 1e-9, 1e-12)
@@ -639,7 +639,7 @@ INTERRUPTED = """
 import os, signal
 import actionopt as ao
 from actionopt import scenes
-from actionopt.transcription import Transcription
+from actionopt.discrete.transcription import Transcription
 
 signal.signal(signal.SIGINT, signal.default_int_handler)  # the parent process may ignore it
 real, calls = Transcription.gradient, []

@@ -12,7 +12,7 @@ import pytest
 
 import actionopt as ao
 from actionopt import Event, Periodic, Problem, System, scenes
-from actionopt.status import Status
+from actionopt.analysis.status import Status
 
 
 def swing(q, v, t, *, l, g):

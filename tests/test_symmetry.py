@@ -6,8 +6,8 @@ from scipy.integrate import solve_ivp
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.invariance import points_of
-from actionopt.symmetry import _echelon, cyclic, find_symmetries, is_mechanical, noether
+from actionopt.mechanics.noether import points_of
+from actionopt.mechanics.symmetry import _echelon, cyclic, find_symmetries, is_mechanical, noether
 
 FORMULA_TOLERANCE = 1e-12
 INTEGRATION_TOLERANCE = 1e-9

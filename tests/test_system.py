@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from actionopt.system import System
+from actionopt.mechanics.system import System
 
 K = 7
 ROUND_OFF = 1e-13  # a few hundred operations on numbers of order one to ten

@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 import actionopt as ao
-from actionopt.compare import compare
-from actionopt.path import Mesh
-from actionopt.problem import Event, Problem
-from actionopt.system import System
-from actionopt.transcription import Transcription, find, negative_eigenvalues
+from actionopt.analysis.compare import compare
+from actionopt.discrete.factors import negative_eigenvalues
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.problem import Event, Problem
+from actionopt.mechanics.system import System
+from actionopt.solver.ipopt import find
 
 THREADS = 6
 

@@ -5,8 +5,8 @@ import pytest
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.branch import Point
-from actionopt.trace import _Run, trace
+from actionopt.discrete.arclength import Point
+from actionopt.families.trace import _Run, trace
 
 
 def bratu(lam=1.0):

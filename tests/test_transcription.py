@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 from numpy.polynomial import Legendre, Polynomial
 
-from actionopt.path import Mesh
-from actionopt.problem import Event, Periodic, Problem
-from actionopt.system import System
-from actionopt.transcription import Transcription, compressed, find
+from actionopt.discrete.factors import compressed
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.problem import Event, Periodic, Problem
+from actionopt.mechanics.system import System
+from actionopt.solver.ipopt import find
 
 EPS = np.finfo(float).eps
 STEP = 1e-30  # of a complex step: its square is below rounding

@@ -8,8 +8,8 @@ import pytest
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.progress import waiting
-from actionopt.watch import OutOfTime, Watch
+from actionopt.tools.progress import waiting
+from actionopt.tools.watch import OutOfTime, Watch
 
 LATTICE = ao.System(
     lambda q, v, t: v @ v / 2 - np.sum((q[1:] - q[:-1]) ** 4) / 4 - q[0] ** 2 - q[-1] ** 2,
@@ -99,7 +99,7 @@ class Terminal(io.StringIO):
 def test_a_line_is_shown_on_a_terminal_after_a_while_and_goes_away(monkeypatch):
     screen, now = Terminal(), [0.0]
     monkeypatch.setattr(sys, "stderr", screen)
-    monkeypatch.setattr("actionopt.progress.perf_counter", lambda: now[0])
+    monkeypatch.setattr("actionopt.tools.progress.perf_counter", lambda: now[0])
     with waiting() as told:
         told("newton", 4, 1)
         assert screen.getvalue() == ""

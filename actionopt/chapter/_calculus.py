@@ -2,11 +2,11 @@
 
 import numpy as np
 
+from actionopt.analysis.variation import variation
 from actionopt.chapter._row import RATE, ROUNDING, Line, path, row, solved, states, times, worst
-from actionopt.problem import Event, Problem
-from actionopt.solve import solve
-from actionopt.system import System
-from actionopt.varied import variation
+from actionopt.mechanics.problem import Event, Problem
+from actionopt.mechanics.system import System
+from actionopt.solver.solve import solve
 
 
 @row("12.2", "varied path q + alpha eta of an oscillator, eta = sin(pi t / T)")

@@ -15,7 +15,7 @@ from actionopt.chapter._row import (
     times,
     worst,
 )
-from actionopt.symmetry import cyclic, find_symmetries, is_mechanical, noether
+from actionopt.mechanics.symmetry import cyclic, find_symmetries, is_mechanical, noether
 
 
 def _changes(name: str) -> bool:

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from actionopt.analysis.contact import contact_loss
+from actionopt.analysis.forward import integrate
 from actionopt.chapter._row import (
     CLOSE,
     RATE,
@@ -14,12 +16,10 @@ from actionopt.chapter._row import (
     states,
     worst,
 )
-from actionopt.contact import contact_loss
-from actionopt.forward import integrate
-from actionopt.pfaffian import integrate_pfaffian
-from actionopt.problem import Problem, State
-from actionopt.solve import solve
-from actionopt.system import System
+from actionopt.mechanics.pfaffian import integrate_pfaffian
+from actionopt.mechanics.problem import Problem, State
+from actionopt.mechanics.system import System
+from actionopt.solver.solve import solve
 
 
 @row("12.4", "block on a sliding wedge")

@@ -16,9 +16,9 @@ from actionopt.chapter._row import (
     times,
     worst,
 )
-from actionopt.problem import Event, Problem
-from actionopt.solve import solve
-from actionopt.system import System
+from actionopt.mechanics.problem import Event, Problem
+from actionopt.mechanics.system import System
+from actionopt.solver.solve import solve
 
 
 @row("12.3.1", "one motion in Cartesian, polar and spherical coordinates")

@@ -3,9 +3,9 @@
 import numpy as np
 
 from actionopt.chapter._row import TOL, Line, row, times, worst
-from actionopt.problem import Event, Periodic, Problem
-from actionopt.solve import solve
-from actionopt.system import System
+from actionopt.mechanics.problem import Event, Periodic, Problem
+from actionopt.mechanics.system import System
+from actionopt.solver.solve import solve
 
 
 def _driven() -> System:

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt import scenes
-from actionopt.quadrature import Array
+from actionopt.analysis.solution import Solution
 from actionopt.scenes import Scene
-from actionopt.solution import Solution
-from actionopt.solve import solve
+from actionopt.solver.solve import solve
+from actionopt.tools.types import Array
 
 TOL = 1e-11  # asked of every path
 CLOSE = 1e-10  # of its closed form, for what follows from the path itself

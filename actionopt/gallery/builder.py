@@ -21,7 +21,7 @@ from actionopt import scenes
 from actionopt.gallery.index_page import index_page
 from actionopt.gallery.keys import key, static
 from actionopt.gallery.page import Page
-from actionopt.writing import whole
+from actionopt.tools.files import whole
 
 MANIFEST = "manifest.json"
 STORY = "least"

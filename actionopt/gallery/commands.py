@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from actionopt.gallery.builder import build
-from actionopt.progress import progress
+from actionopt.tools.progress import progress
 
 
 def add_to(parser: argparse.ArgumentParser) -> None:

@@ -16,8 +16,9 @@ import numpy as np
 
 from actionopt import scenes
 from actionopt.gallery.page import escape
-from actionopt.quadrature import Array, lgl
 from actionopt.scenes import Scene
+from actionopt.tools.lobatto import lgl
+from actionopt.tools.types import Array
 
 SUMMED = 12  # degree of the rule on which the action is summed
 DRAWN = 81  # points of a curve

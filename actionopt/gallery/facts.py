@@ -11,9 +11,9 @@ from actionopt import scenes
 from actionopt.gallery import units
 from actionopt.gallery.page import escape, number
 from actionopt.gallery.subject import Subject
-from actionopt.quadrature import Array
 from actionopt.scenes._scene import MEANINGS
-from actionopt.solve import solve
+from actionopt.solver.solve import solve
+from actionopt.tools.types import Array
 
 DIGITS = 10
 ROUNDING = 1e-9  # what is smaller than this part of a size is zero

@@ -11,7 +11,7 @@ import numpy as np
 from actionopt.gallery.page import escape, number, rounded
 from actionopt.gallery.subject import Subject
 from actionopt.plot import motion, motion_data, svg
-from actionopt.relaxation import relaxation_data
+from actionopt.plot.data.relaxation import relaxation_data
 
 FRAMES = 121
 WIDE = 1.5  # of the height, for one coordinate against time

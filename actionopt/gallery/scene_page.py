@@ -10,6 +10,7 @@ from importlib import import_module
 import numpy as np
 
 from actionopt import scenes
+from actionopt.analysis.solution import Solution
 from actionopt.gallery import film, units
 from actionopt.gallery.facts import known
 from actionopt.gallery.figures import Figure, Kind, figures
@@ -18,7 +19,6 @@ from actionopt.gallery.page import Page, escape, frame, number, prose, table
 from actionopt.gallery.subject import Subject
 from actionopt.gallery.texts import Texts, callables, texts
 from actionopt.plot import SI
-from actionopt.solution import Solution
 
 PROGRAM = """\
 import actionopt as ao

@@ -15,7 +15,7 @@ from actionopt.gallery.film import relaxing
 from actionopt.gallery.page import Page, escape, frame, rounded
 from actionopt.gallery.subject import Subject
 from actionopt.plot import SI
-from actionopt.solve import solve
+from actionopt.solver.solve import solve
 
 SHORT, LONG = 0.7, 1.4  # durations of the two oscillators, in half periods
 TEMPLATE = Path(__file__).parent / "templates" / "least.html"

@@ -8,12 +8,12 @@ from functools import cached_property
 
 import numpy as np
 
-from actionopt.conjugate import ConjugatePoint, conjugate_points
+from actionopt.analysis.conjugate import ConjugatePoint, conjugate_points
+from actionopt.analysis.solution import Solution
 from actionopt.gallery.page import rounded
 from actionopt.plot import SI, motion_data, planar
-from actionopt.quadrature import Array
 from actionopt.scenes import Scene
-from actionopt.solution import Solution
+from actionopt.tools.types import Array
 
 TIMES = 201
 FLAT = 1e-9  # a range this small relative to the size is none

@@ -26,7 +26,7 @@ from actionopt.plot._spectrum import Spectrum, spectrum, spectrum_data
 from actionopt.plot._strobe import motion
 from actionopt.plot._style import SI, STYLE, Units, planar, symbol
 from actionopt.plot._svg import svg
-from actionopt.relaxation import Relaxation, relaxation_data
+from actionopt.plot.data.relaxation import Relaxation, relaxation_data
 
 __all__ = [
     "SI",

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.axes import Axes
 
+from actionopt.analysis.solution import Solution
+from actionopt.analysis.variation import variation
 from actionopt.plot._modes import directions
 from actionopt.plot._style import (
     COUNT,
@@ -26,9 +28,7 @@ from actionopt.plot._style import (
     times,
     traces,
 )
-from actionopt.quadrature import Array
-from actionopt.solution import Solution
-from actionopt.varied import variation
+from actionopt.tools.types import Array
 
 MODES = 3
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
+from actionopt.analysis.solution import Solution
 from actionopt.plot._style import (
     BLUE,
     COUNT,
@@ -27,8 +28,7 @@ from actionopt.plot._style import (
     symbol,
     times,
 )
-from actionopt.quadrature import Array
-from actionopt.solution import Solution
+from actionopt.tools.types import Array
 
 FLAT = 1e-6  # change relative to the size of what is drawn that is no change
 

@@ -15,13 +15,13 @@ from matplotlib.backend_bases import KeyEvent, MouseEvent
 from matplotlib.backends.registry import BackendFilter, backend_registry
 from matplotlib.widgets import Button, Slider
 
-from actionopt.arguments import Guess
-from actionopt.exploration import Exploration, begin, bent, lasting, restarted, solved
+from actionopt.mechanics.problem import Problem
 from actionopt.plot._explore_parts import ASIDE, LEFT, RIGHT, Missing, Panel, Words, fit, panels
 from actionopt.plot._style import BLUE, NONE, VERMILION, Units, heading, label, new_figure, styled
-from actionopt.problem import Problem
+from actionopt.plot.data.exploration import Exploration, begin, bent, lasting, restarted, solved
+from actionopt.plot.data.trial import Trial, knots
 from actionopt.scenes import Scene
-from actionopt.trial import Trial, knots
+from actionopt.solver.arguments import Guess
 
 REACH = 14  # pixels from a point at which it is taken hold of
 SHORTEST = 0.2  # of the duration

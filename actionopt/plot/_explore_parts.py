@@ -13,7 +13,6 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import Bbox
 
-from actionopt.exploration import Exploration
 from actionopt.plot._style import (
     BLUE,
     COLOURS,
@@ -28,8 +27,9 @@ from actionopt.plot._style import (
     planar,
     symbol,
 )
-from actionopt.quadrature import Array
-from actionopt.trial import Trial, free, knots
+from actionopt.plot.data.exploration import Exploration
+from actionopt.plot.data.trial import Trial, free, knots
+from actionopt.tools.types import Array
 
 LEFT, RIGHT, ASIDE = 0.085, 0.655, 0.705  # of the figure: the panels, and the words beside them
 MOST = 3  # coordinates against time, one panel each

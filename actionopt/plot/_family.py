@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.ticker import MaxNLocator
 
+from actionopt.analysis.solution import Solution
 from actionopt.plot._style import (
     BLUE,
     BOX,
@@ -34,8 +35,7 @@ from actionopt.plot._style import (
     times,
     traces,
 )
-from actionopt.quadrature import Array
-from actionopt.solution import Solution
+from actionopt.tools.types import Array
 
 
 def family_data(solutions: Iterable[Solution], count: int = COUNT) -> tuple[Array, Array, Array]:

@@ -15,9 +15,11 @@ from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.tri import Triangulation
 
-from actionopt.conjugate import ConjugatePoint, conjugate_points
-from actionopt.fan import motions
-from actionopt.path import Path
+from actionopt.analysis.conjugate import ConjugatePoint, conjugate_points
+from actionopt.analysis.shooting import motions
+from actionopt.analysis.solution import Solution
+from actionopt.discrete.path import Path
+from actionopt.mechanics.problem import Event, Problem
 from actionopt.plot._style import (
     COLOURS,
     COUNT,
@@ -40,9 +42,7 @@ from actionopt.plot._style import (
     styled,
     traces,
 )
-from actionopt.problem import Event, Problem
-from actionopt.quadrature import Array
-from actionopt.solution import Solution
+from actionopt.tools.types import Array
 
 SAME_TIMES = 8
 EVERY = 12  # motions, one is drawn

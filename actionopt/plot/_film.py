@@ -12,6 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
+from actionopt.analysis.solution import Solution
 from actionopt.plot._motion import Draw, motion_data
 from actionopt.plot._strobe import (
     TRAIL,
@@ -25,8 +26,7 @@ from actionopt.plot._strobe import (
     stage,
 )
 from actionopt.plot._style import NONE, Units, heading, styled
-from actionopt.solution import Solution
-from actionopt.writing import ready, whole
+from actionopt.tools.files import ready, whole
 
 SECONDS, FPS = 5.0, 25
 DPI, FINE_DPI = 100, 200  # of a film of images, and of one by ffmpeg, which presses it

@@ -8,6 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.axes import Axes
 
+from actionopt.analysis.solution import Solution
+from actionopt.analysis.variation import variation
+from actionopt.discrete.projection import project
 from actionopt.plot._modes import both_ways, directions
 from actionopt.plot._slices import LOWEST
 from actionopt.plot._style import (
@@ -23,10 +26,7 @@ from actionopt.plot._style import (
     signed,
     styled,
 )
-from actionopt.preflight import project
-from actionopt.quadrature import Array
-from actionopt.solution import Solution
-from actionopt.varied import variation
+from actionopt.tools.types import Array
 
 LEVELS = 14  # contours from 0 to the largest
 CLOSER = 1.5  # power by which the points of the map crowd in the middle, where S is flat

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from actionopt.index import second_variation
-from actionopt.path import Path
-from actionopt.quadrature import Array
-from actionopt.solution import Solution
+from actionopt.analysis.index import second_variation
+from actionopt.analysis.solution import Solution
+from actionopt.discrete.path import Path
+from actionopt.tools.types import Array
 
 
 def sizes(solution: Solution) -> Array:

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from actionopt.analysis.solution import Solution
 from actionopt.plot._modes import sizes
 from actionopt.plot._style import COUNT, times
-from actionopt.quadrature import Array
 from actionopt.scenes import Shape
-from actionopt.solution import Solution
+from actionopt.tools.types import Array
 
 Draw = Callable[[Array, float], Sequence[Shape]]
 

@@ -16,6 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.backend_bases import FigureCanvasBase
 from matplotlib.figure import Figure
 
+from actionopt.analysis.solution import Solution
 from actionopt.plot._style import (
     COUNT,
     FORWARD,
@@ -35,9 +36,8 @@ from actionopt.plot._style import (
     times,
     traces,
 )
-from actionopt.quadrature import Array
-from actionopt.solution import Solution
-from actionopt.writing import ready, whole
+from actionopt.tools.files import ready, whole
+from actionopt.tools.types import Array
 
 BOUND: Any = {"color": GREY, "linewidth": 1.2}
 

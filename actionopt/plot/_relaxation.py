@@ -12,7 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike
 
-from actionopt.path import Path
+from actionopt.analysis.solution import Solution
+from actionopt.discrete.path import Path
 from actionopt.plot._film import FPS, film_file, write
 from actionopt.plot._strobe import faded
 from actionopt.plot._style import (
@@ -30,9 +31,8 @@ from actionopt.plot._style import (
     styled,
     traces,
 )
-from actionopt.quadrature import Array
-from actionopt.relaxation import Relaxation, relaxation_data
-from actionopt.solution import Solution
+from actionopt.plot.data.relaxation import Relaxation, relaxation_data
+from actionopt.tools.types import Array
 
 SIZE = (9.6, 5.4)  # inches
 SHOWN, FAINTEST = 14, 0.15  # paths shown together, and how strong the first of them is

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.axes import Axes
 
-from actionopt.path import Path
+from actionopt.analysis.solution import Solution
+from actionopt.analysis.variation import variation
+from actionopt.discrete.path import Path
 from actionopt.plot._modes import both_ways, directions
 from actionopt.plot._style import COLOURS, EVENT, NONE, Units, heading, label, legend, on, styled
-from actionopt.quadrature import Array
-from actionopt.solution import Solution
-from actionopt.varied import variation
+from actionopt.tools.types import Array
 
 LOWEST = 12  # modes among which one that raises S is looked for
 

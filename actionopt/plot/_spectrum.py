@@ -8,16 +8,16 @@ from itertools import pairwise
 import numpy as np
 from matplotlib.axes import Axes
 
-from actionopt.conjugate import conjugate_points
-from actionopt.index import inertia_of, lowest
-from actionopt.path import Mesh
+from actionopt.analysis.conjugate import conjugate_points
+from actionopt.analysis.index import inertia_of, lowest
+from actionopt.analysis.second_variation import form
+from actionopt.analysis.solution import Solution
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.problem import Event
 from actionopt.plot._modes import sizes
 from actionopt.plot._style import COLOURS, GREY, NONE, Units, heading, label, legend, on, styled
-from actionopt.problem import Event
-from actionopt.quadratic_form import form
-from actionopt.quadrature import Array
-from actionopt.solution import Solution
-from actionopt.transcription import Transcription
+from actionopt.tools.types import Array
 
 DEGREE = 8
 ELEMENTS = 12

@@ -15,6 +15,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.lines import Line2D
 from matplotlib.quiver import Quiver
 
+from actionopt.analysis.solution import Solution
 from actionopt.plot._motion import STILL, Draw, Motion, motion_data
 from actionopt.plot._style import (
     BLUE,
@@ -30,8 +31,7 @@ from actionopt.plot._style import (
     on,
     styled,
 )
-from actionopt.quadrature import Array
-from actionopt.solution import Solution
+from actionopt.tools.types import Array
 
 BODIES = (BLUE, GREEN, PURPLE, ORANGE, SKY)  # vermilion is for forces
 DARK, SCENERY = "#222222", "#8c8c8c"

@@ -20,9 +20,9 @@ from matplotlib.colors import FuncNorm, LinearSegmentedColormap, ListedColormap,
 from matplotlib.rcsetup import cycler
 from matplotlib.ticker import MaxNLocator
 
-from actionopt.problem import Problem
-from actionopt.quadrature import Array
-from actionopt.solution import Solution
+from actionopt.analysis.solution import Solution
+from actionopt.mechanics.problem import Problem
+from actionopt.tools.types import Array
 
 BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY = (
     *("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"),

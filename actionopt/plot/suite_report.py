@@ -11,8 +11,8 @@ import numpy as np
 from matplotlib import rc_context
 
 from actionopt.plot._style import STYLE, strand
-from actionopt.quadrature import Array
-from actionopt.writing import whole
+from actionopt.tools.files import whole
+from actionopt.tools.types import Array
 
 
 def profiles(

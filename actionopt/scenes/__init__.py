@@ -15,9 +15,9 @@ import inspect
 import pkgutil
 from typing import Any
 
+from actionopt.mechanics.tracing import suggestion
 from actionopt.scenes._scene import Scene
 from actionopt.scenes._shapes import Shape, body, circle, ground, rod, spring
-from actionopt.tracing import suggestion
 
 __all__ = [
     "SCENES",

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from actionopt.quadrature import Array
+from actionopt.tools.types import Array
 
 
 def _means(k: float) -> list[tuple[float, float]]:

@@ -32,9 +32,9 @@ from typing import Any
 
 import numpy as np
 
-from actionopt.problem import Problem
-from actionopt.quadrature import Array
+from actionopt.mechanics.problem import Problem
 from actionopt.scenes._shapes import Shape
+from actionopt.tools.types import Array
 
 MEANINGS = (
     "velocity",

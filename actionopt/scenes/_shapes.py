@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from actionopt.quadrature import Array
+from actionopt.tools.types import Array
 
 Point = Sequence[float] | Array
 BACK = 0.35  # height at which a point at unit depth is seen

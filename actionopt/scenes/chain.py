@@ -18,11 +18,11 @@ from functools import cache
 
 import numpy as np
 
-from actionopt.problem import Event, Problem
-from actionopt.quadrature import Array
+from actionopt.mechanics.problem import Event, Problem
+from actionopt.mechanics.system import System
 from actionopt.scenes._scene import Scene, defaults
 from actionopt.scenes._shapes import body, ground, rod
-from actionopt.system import System
+from actionopt.tools.types import Array
 
 TITLE = "hanging chain of point masses, every link a constraint"
 SOURCE = "Routh, Dynamics of a System of Rigid Bodies, Advanced Part (6th ed. 1905), chapter 13"

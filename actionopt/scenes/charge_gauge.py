@@ -13,10 +13,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cache
 
-from actionopt.problem import Event, Problem
+from actionopt.mechanics.problem import Event, Problem
+from actionopt.mechanics.system import System
 from actionopt.scenes import charge_planar
 from actionopt.scenes._scene import Scene, defaults
-from actionopt.system import System
 
 TITLE = "charge in uniform E and B, in Landau's gauge"
 SOURCE = (

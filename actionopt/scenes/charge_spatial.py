@@ -15,11 +15,11 @@ from functools import cache
 
 import numpy as np
 
-from actionopt.problem import Event, Problem
+from actionopt.mechanics.problem import Event, Problem
+from actionopt.mechanics.system import System
 from actionopt.scenes._scene import Scene, curve, defaults
 from actionopt.scenes._shapes import body, ground, project
 from actionopt.scenes.charge_planar import drifting
-from actionopt.system import System
 
 TITLE = "charge in uniform E and B, in space"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.5.1, p. 642"

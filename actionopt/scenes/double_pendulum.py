@@ -18,10 +18,10 @@ from functools import cache
 
 import numpy as np
 
-from actionopt.problem import Event, Problem
+from actionopt.mechanics.problem import Event, Problem
+from actionopt.mechanics.system import System
 from actionopt.scenes._scene import Scene, defaults
 from actionopt.scenes._shapes import body, ground, rod
-from actionopt.system import System
 
 TITLE = "double pendulum"
 SOURCE = "Landau and Lifshitz, Mechanics (3rd ed. 1976), section 5, problem 1"

@@ -13,11 +13,11 @@ from functools import cache
 
 import numpy as np
 
-from actionopt.problem import Event, Problem
+from actionopt.mechanics.problem import Event, Problem
+from actionopt.mechanics.system import System
 from actionopt.scenes import oscillating_wall
 from actionopt.scenes._scene import Scene, defaults
 from actionopt.scenes.oscillator import draw
-from actionopt.system import System
 
 TITLE = "driven oscillator: the oscillating wall without total derivatives"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.3.2, p. 633"

@@ -14,10 +14,10 @@ from functools import cache
 
 import numpy as np
 
-from actionopt.problem import Event, Problem, State
+from actionopt.mechanics.problem import Event, Problem, State
+from actionopt.mechanics.system import System
 from actionopt.scenes._scene import Scene, curve, defaults
 from actionopt.scenes._shapes import body
-from actionopt.system import System
 
 TITLE = "three bodies on the figure-eight, a third of the way round"
 SOURCE = (

@@ -14,10 +14,10 @@ from functools import cache
 
 import numpy as np
 
-from actionopt.problem import Event, Problem
+from actionopt.mechanics.problem import Event, Problem
+from actionopt.mechanics.system import System
 from actionopt.scenes._scene import Scene, curve, defaults
 from actionopt.scenes._shapes import body, ground, project, rod
-from actionopt.system import System
 
 TITLE = "heavy symmetric top in steady precession"
 SOURCE = (

@@ -15,10 +15,10 @@ from functools import cache
 
 import numpy as np
 
-from actionopt.problem import Event, Problem
+from actionopt.mechanics.problem import Event, Problem
+from actionopt.mechanics.system import System
 from actionopt.scenes._scene import Scene, curve, defaults
 from actionopt.scenes._shapes import body, circle, ground
-from actionopt.system import System
 
 TITLE = "bead on a rotating hoop"
 SOURCE = (

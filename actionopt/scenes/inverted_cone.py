@@ -16,10 +16,10 @@ from functools import cache
 
 import numpy as np
 
-from actionopt.problem import Event, Problem
+from actionopt.mechanics.problem import Event, Problem
+from actionopt.mechanics.system import System
 from actionopt.scenes._scene import Scene, curve, defaults
 from actionopt.scenes._shapes import BACK, body, ground, project
-from actionopt.system import System
 
 TITLE = "particle circling inside an inverted cone"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.4, pp. 636-638"

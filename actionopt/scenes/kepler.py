@@ -15,11 +15,11 @@ from functools import cache
 
 import numpy as np
 
-from actionopt.problem import Event, Problem
-from actionopt.quadrature import Array
+from actionopt.mechanics.problem import Event, Problem
+from actionopt.mechanics.system import System
 from actionopt.scenes._scene import Scene, curve, defaults
 from actionopt.scenes._shapes import body, ground
-from actionopt.system import System
+from actionopt.tools.types import Array
 
 TITLE = "Kepler ellipse, an arc of it"
 SOURCE = (

@@ -13,11 +13,11 @@ from functools import cache
 
 import numpy as np
 
-from actionopt.problem import Event, Problem
+from actionopt.mechanics.problem import Event, Problem
+from actionopt.mechanics.system import System
 from actionopt.scenes import kepler
 from actionopt.scenes._scene import Scene, curve, defaults
 from actionopt.scenes._shapes import body, ground
-from actionopt.system import System
 
 TITLE = "Kepler ellipse in polar coordinates"
 SOURCE = (

@@ -15,11 +15,11 @@ from functools import cache
 
 import numpy as np
 
-from actionopt.problem import Event, Problem
+from actionopt.mechanics.problem import Event, Problem
+from actionopt.mechanics.system import System
 from actionopt.scenes import kepler
 from actionopt.scenes._scene import Scene, curve, defaults
 from actionopt.scenes._shapes import body, ground, project
-from actionopt.system import System
 
 TITLE = "Kepler ellipse in spherical coordinates, in a tilted plane"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.3.1, eq. (12.5), p. 629"

@@ -15,10 +15,10 @@ from functools import cache
 
 import numpy as np
 
-from actionopt.problem import Event, Problem
+from actionopt.mechanics.problem import Event, Problem
+from actionopt.mechanics.system import System
 from actionopt.scenes import pendulum
 from actionopt.scenes._scene import Scene, curve, defaults
-from actionopt.system import System
 
 TITLE = "pendulum with an accelerated pivot"
 SOURCE = (

@@ -13,10 +13,10 @@ from functools import cache
 
 import numpy as np
 
-from actionopt.problem import Event, Problem
+from actionopt.mechanics.problem import Event, Problem
+from actionopt.mechanics.system import System
 from actionopt.scenes._scene import Scene, curve, defaults
 from actionopt.scenes._shapes import body, ground, spring
-from actionopt.system import System
 
 TITLE = "harmonic oscillator, below or past its conjugate times"
 SOURCE = (

@@ -15,11 +15,11 @@ from functools import cache
 
 import numpy as np
 
-from actionopt.problem import Event, Problem
+from actionopt.mechanics.problem import Event, Problem
+from actionopt.mechanics.system import System
 from actionopt.scenes._scene import Scene, defaults
 from actionopt.scenes._shapes import body, ground, spring
 from actionopt.scenes.rotating_frame_bound import turned
-from actionopt.system import System
 
 TITLE = "two-dimensional oscillator"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.5.4, p. 646"

@@ -11,10 +11,10 @@ from __future__ import annotations
 
 from functools import cache
 
-from actionopt.problem import Event, Problem
+from actionopt.mechanics.problem import Event, Problem
+from actionopt.mechanics.system import System
 from actionopt.scenes import oscillator
 from actionopt.scenes._scene import Scene, defaults
-from actionopt.system import System
 
 TITLE = "oscillator, with a total time derivative in L"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.3.2, p. 633"

@@ -16,11 +16,11 @@ from functools import cache
 
 import numpy as np
 
-from actionopt.problem import Event, Problem
+from actionopt.mechanics.problem import Event, Problem
+from actionopt.mechanics.system import System
 from actionopt.scenes._elliptic import complete, jacobi
 from actionopt.scenes._scene import Scene, curve, defaults
 from actionopt.scenes._shapes import body, ground, rod
-from actionopt.system import System
 
 TITLE = "plane pendulum with a large swing"
 SOURCE = (

@@ -15,11 +15,11 @@ from functools import cache
 
 import numpy as np
 
-from actionopt.problem import Event, Problem
+from actionopt.mechanics.problem import Event, Problem
+from actionopt.mechanics.system import System
 from actionopt.scenes import pendulum
 from actionopt.scenes._scene import Scene, curve, defaults
 from actionopt.scenes._shapes import body, ground, rod
-from actionopt.system import System
 
 TITLE = "plane pendulum in Cartesian coordinates, with the tension of its rod"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.4, eqs. (12.7)-(12.9), p. 640"

@@ -15,10 +15,10 @@ from functools import cache
 
 import numpy as np
 
-from actionopt.problem import Event, Problem
+from actionopt.mechanics.problem import Event, Problem
+from actionopt.mechanics.system import System
 from actionopt.scenes._scene import Scene, curve, defaults, unit_sine
 from actionopt.scenes._shapes import body, ground, spring
-from actionopt.system import System
 
 TITLE = "oscillator in a rotating frame"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.3.1, pp. 631-633"

@@ -15,11 +15,11 @@ from functools import cache
 
 import numpy as np
 
-from actionopt.problem import Event, Problem
+from actionopt.mechanics.problem import Event, Problem
+from actionopt.mechanics.system import System
 from actionopt.scenes._scene import Scene, defaults
 from actionopt.scenes._shapes import body
 from actionopt.scenes.rotating_frame_bound import axes, rotate, turned
-from actionopt.system import System
 
 TITLE = "free particle in a rotating frame"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.3.1, pp. 631-633"

@@ -14,10 +14,10 @@ from functools import cache
 
 import numpy as np
 
-from actionopt.problem import Event, Problem
+from actionopt.mechanics.problem import Event, Problem
+from actionopt.mechanics.system import System
 from actionopt.scenes._scene import Scene, curve, defaults
 from actionopt.scenes._shapes import body, circle
-from actionopt.system import System
 
 TITLE = "mass sliding off a fixed circle"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.4, p. 641"

@@ -15,10 +15,10 @@ from functools import cache
 
 import numpy as np
 
-from actionopt.problem import Event, Problem
+from actionopt.mechanics.problem import Event, Problem
+from actionopt.mechanics.system import System
 from actionopt.scenes._scene import Scene, curve, defaults
 from actionopt.scenes._shapes import body, rod
-from actionopt.system import System
 
 TITLE = "bead on a turning wire, a moving constraint"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.4, eqs. (12.7)-(12.9), p. 638"

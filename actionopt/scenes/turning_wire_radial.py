@@ -15,10 +15,10 @@ from functools import cache
 
 import numpy as np
 
-from actionopt.problem import Event, Problem
+from actionopt.mechanics.problem import Event, Problem
+from actionopt.mechanics.system import System
 from actionopt.scenes import turning_wire
 from actionopt.scenes._scene import Scene, curve, defaults
-from actionopt.system import System
 
 TITLE = "bead on a turning wire, by its distance"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.5, p. 642"

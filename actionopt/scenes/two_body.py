@@ -16,11 +16,11 @@ from functools import cache
 
 import numpy as np
 
-from actionopt.problem import Event, Problem
+from actionopt.mechanics.problem import Event, Problem
+from actionopt.mechanics.system import System
 from actionopt.scenes._scene import Scene, curve, defaults
 from actionopt.scenes._shapes import body
 from actionopt.scenes.kepler import Ellipse
-from actionopt.system import System
 
 TITLE = "two bodies and their mutual gravity"
 SOURCE = (

@@ -12,9 +12,9 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import Any
 
+from actionopt.mechanics.tracing import suggestion
 from actionopt.suite.families import FAMILIES, Family
 from actionopt.suite.problem import TestProblem
-from actionopt.tracing import suggestion
 
 __all__ = ["FAMILIES", "Family", "TestProblem", "find", "get"]
 

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from typing import Any
 
 from actionopt import suite
-from actionopt.progress import progress
 from actionopt.suite import runner, solvers
 from actionopt.suite.cell import Cell
 from actionopt.suite.verdict import MEANING, VERDICTS
+from actionopt.tools.progress import progress
 
 SOLVERS = """\
 A solver is a plugin of CasADi's nlpsol (ipopt, fatrop, sqpmethod, sqpmethod:osqp, qrsqp, uno,

@@ -10,7 +10,7 @@ from typing import Any
 
 from actionopt.suite import nl
 from actionopt.suite.problem import TestProblem
-from actionopt.writing import whole
+from actionopt.tools.files import whole
 
 
 def dump(problems: Iterable[TestProblem], directory: str | Path) -> Path:

@@ -29,10 +29,10 @@ from typing import Any
 import numpy as np
 
 from actionopt import scenes
-from actionopt.problem import Event, Problem
-from actionopt.quadrature import Array
+from actionopt.mechanics.problem import Event, Problem
+from actionopt.mechanics.system import System
 from actionopt.scenes import Scene
-from actionopt.system import System
+from actionopt.tools.types import Array
 
 
 @dataclass(frozen=True, eq=False)

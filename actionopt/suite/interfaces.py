@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from actionopt.path import NDInt
-from actionopt.quadrature import Array
 from actionopt.suite.problem import TestProblem
+from actionopt.tools.types import Array, NDInt
 
 
 def _matrix(values: Array, structure: tuple[NDInt, NDInt], shape: tuple[int, int]):

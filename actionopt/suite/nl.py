@@ -17,10 +17,10 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 
-from actionopt.quadrature import Array
 from actionopt.suite.expression import nlp
 from actionopt.suite.problem import TestProblem
-from actionopt.writing import whole
+from actionopt.tools.files import whole
+from actionopt.tools.types import Array
 
 # CasADi's operation: the lines before its operands, and after them.
 OPERATIONS = {

@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from actionopt.path import Mesh, NDInt
-from actionopt.quadrature import Array
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.transcription import Transcription
 from actionopt.suite.families import Family, sample
 from actionopt.suite.stars import (
     Continuous,
@@ -31,7 +31,7 @@ from actionopt.suite.stars import (
     star,
     stationary_near,
 )
-from actionopt.transcription import Transcription
+from actionopt.tools.types import Array, NDInt
 
 SEED = 20  # of the perturbed starting points
 PERTURBATION, NEAR = 0.1, 1e-3  # in units of the coordinates' sizes

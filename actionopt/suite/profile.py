@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from actionopt.quadrature import Array
+from actionopt.tools.types import Array
 
 RIGHT = ("right",)
 STATIONARY = ("right", "other", "new")

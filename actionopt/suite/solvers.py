@@ -24,10 +24,10 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from actionopt.quadrature import Array
 from actionopt.suite.expression import nlp
 from actionopt.suite.interfaces import scipy_arguments
 from actionopt.suite.problem import TestProblem
+from actionopt.tools.types import Array
 
 QUIET = {"print_header": False, "print_iteration": False}
 SQP = {**QUIET, "print_status": False}

@@ -13,13 +13,15 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from actionopt.newton import follow
-from actionopt.quadrature import Array
+from actionopt.analysis.status import SolveError
+from actionopt.discrete.factors import negative_eigenvalues, product
+from actionopt.discrete.newton import follow
+from actionopt.discrete.transcription import Transcription
 from actionopt.scenes import Scene
-from actionopt.solve import solve
-from actionopt.status import SolveError
+from actionopt.solver.ipopt import find
+from actionopt.solver.solve import solve
 from actionopt.suite.families import sample
-from actionopt.transcription import Transcription, find, negative_eigenvalues, product
+from actionopt.tools.types import Array
 
 TIGHT = 1e-12  # tolerance of the solve, where there is no closed form
 STATIONARY = 1e-12  # relative KKT residual of what is called a star

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from actionopt.quadrature import Array
 from actionopt.suite.problem import TestProblem
+from actionopt.tools.types import Array
 
 VERDICTS = ("right", "other", "new", "wrong", "failed", "limit", "absent")
 MEANING = {

@@ -1,0 +1,1 @@
+"""What a path tells: its momenta, its index, its error, and the motion forward from its start."""

@@ -1,0 +1,446 @@
+"""Compare a solution with forward integration, to see whether a motion goes its way.
+
+A discrete problem can have solutions that are no paths at all, and its own residual does not
+tell. The equations of motion do: they know nothing of the mesh or of the second event. Followed
+from the solution's start they must stay on it and arrive. Where motions amplify small errors
+nothing stays on anything for long, so the solution is also asked piece by piece; and how much they
+amplify is told by motions with slightly other velocities. A motion that cannot be followed, as
+through a collision, neither contradicts a solution nor confirms it.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+
+from actionopt.analysis.flow import (
+    LONGEST,
+    NOISE,
+    Flow,
+    IntegrationError,
+    Integrator,
+    Units,
+    span_within,
+)
+from actionopt.analysis.forward import ALIKE, NARROWEST, entered, follow, restarts
+from actionopt.analysis.second_variation import tangent
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.path import Path
+from actionopt.mechanics.compiled import Pointwise
+from actionopt.mechanics.jumps import Instant, jumps
+from actionopt.mechanics.problem import Problem, State
+from actionopt.mechanics.system import System
+from actionopt.tools.checks import tolerance
+from actionopt.tools.types import Array
+
+if TYPE_CHECKING:
+    from actionopt.analysis.solution import Solution
+
+PIECES = 100  # at most; more say no more
+PIECEWISE = 1e-14  # local tolerance there
+EVEN = 17  # times at which the round-off is asked for
+CUTS = 2000  # at most, of pieces too unstable to say anything
+CUT = 0.38  # not in halves: a kink is where elements meet, and would hide between the parts
+UNSTABLE = 100.0  # amplification within a piece that is cut
+LOOSER = 10.0  # the second tolerance, relative to the first
+SHORTER = 0.6  # the second run's longest step, relative to the first's
+MARGIN = 100.0  # from an estimated error to a deviation that contradicts it
+EXCUSE = 10.0  # from what a motion makes of a small change to what needs none
+CERTAIN = 5e-2  # a deviation that no estimated error excuses
+RATE = 10.0  # of Baumgarte's terms in a piece: the drift off constraints has all of it to decay
+UNTOLD = "; piece by piece, as far as it can be followed, nothing contradicts the path"
+QUARTERS = np.array([0.25, 0.5, 0.75, 1.0])  # of a piece
+ROUGHLY = 1e-9  # tolerance of a motion that is drawn only
+NEARLY = (0.99, 0.9, 0.5)  # of the time that a motion lasts: parts of it that may be drawn
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """The distance between a solution and forward integration.
+
+    Positions are in units of each coordinate's own size, the largest |q| it reaches along the
+    path (as `tol` is), velocities in units of the largest |v|.
+
+    Where the motion cannot be followed to the end event, the numbers that would need it are NaN.
+
+    Attributes
+    ----------
+    position, velocity : float
+        Largest deviation over the whole time, of the motion from the solution's start. Velocities
+        are not compared where they may jump: in elements shorter than a ten-thousandth of the
+        duration, and where the Lagrangian jumps in time.
+    arrival : float
+        Deviation of that motion's position at the end event.
+    local : float
+        Largest deviation of position from motions that begin anew, on the solution, in the
+        middle of each element (or of each of a hundred groups of elements) and end in the
+        middle of the next. Unlike `position` it is not amplified by unstable motions, and a
+        kink where elements meet shows. What is more than `allowed` is looked at in shorter
+        pieces if these amplify errors, and divided by what is left of that beyond ten times.
+        None begins where velocities may jump; NaN if none of them could be followed.
+    energy_drift : float
+        Largest violation of the energy balance H(t) - H(t0) = work done since t0, at element
+        boundaries, along the solution, in units of the largest |v . p|. The work is zero and
+        H is conserved unless time or forces enter. Not asked where velocities may jump; for a
+        system at rest the unit is that of a velocity of |q| over the duration.
+    reference_error : float
+        Uncertainty of the forward integration: how far `path` is, in position, from an
+        integration with ten times its tolerance and other steps.
+    allowed : float
+        The deviation that is compatible with the solution's own estimate of its error.
+    amplified : float
+        What a relative change of the start's velocity by `allowed` makes of the position on the
+        way; zero where `position` is allowed anyway.
+    path : Path or None
+        The forward integration, velocities included: over the whole time, or as far as the motion
+        could be followed; None if not at all.
+    reason : str
+        Why it cannot be told whether the solution is a motion; empty where it can.
+    """
+
+    position: float
+    velocity: float
+    arrival: float
+    local: float
+    energy_drift: float
+    reference_error: float
+    allowed: float
+    amplified: float
+    path: Path | None
+    reason: str = ""
+
+    @property
+    def agrees(self) -> bool | None:
+        """Whether the solution is a motion: as a whole, or piece by piece with an excuse for it.
+
+        The excuse is that the motion amplifies a change that is allowed to what is found, or
+        to so much that the whole tells nothing, or that its integration is as uncertain. None if
+        nothing contradicts the solution, but the motion cannot be followed: `reason` says why.
+        """
+        if self.reason:
+            return None
+        return self.position <= self.allowed or (self.local <= self.allowed and self._excused)
+
+    @property
+    def _excused(self) -> bool:
+        """Whether a deviation of the whole says nothing."""
+        excuse = max(self.amplified, self.reference_error)
+        return excuse >= CERTAIN or self.position <= EXCUSE * excuse
+
+
+def compare(solution: Solution, *, tol: float = 1e-12) -> Comparison:
+    """Compare a solution with forward integrations from its own states.
+
+    The integration begins anew where the lengths of the solution's elements change much, and
+    where the Lagrangian jumps in time: so it passes kinks, and steps over nothing that the
+    solution has resolved.
+
+    Parameters
+    ----------
+    solution : Solution
+        The path to be judged.
+    tol : float
+        Of the forward integration; see `integrate`.
+
+    Returns
+    -------
+    Comparison
+        Where the motion from the solution's start cannot be followed to the end event, as at a
+        collision, the pieces decide; if none of them contradicts the solution, its `agrees` is
+        None.
+
+    Raises
+    ------
+    ValueError
+        If the tolerance is none.
+    """
+    tolerance(tol)
+    problem, start, mesh = solution.problem, solution.start, solution.mesh
+    flow, span = Flow(problem.system, problem.parameters), problem.duration
+    motion, reason, last = None, "", start.t
+    try:
+        motion = follow(flow, start, problem.end.t, tol=tol, mesh=mesh, bends=True)
+        rows = motion.legs[0].units.rows
+    except IntegrationError as error:
+        reason, last = str(error), error.t
+        rows = flow.first_units(start, span).rows
+    except ValueError as error:  # the constraints do not allow it, or no acceleration is finite
+        reason = f"the motion cannot be begun: {error}"
+        rows = np.ones(flow.system.n + flow.system.m)
+    t = (mesh if motion is None else motion.path.mesh).nodes
+    q, v = solution(t), solution.velocity(t)
+    units = _units(q, v, rows, span)
+    allowed = min(MARGIN * max(solution.error, tol), CERTAIN)
+    instants = jumps(flow.system, flow.parameters, t, q, v)
+    even = np.searchsorted(t, np.linspace(t[0], t[-1], EVEN))
+    noise = flow.round_off(q[:, even], v[:, even], t[even])
+    parts = _Parts.of(solution, flow, instants, units.above(noise, span * LONGEST, PIECEWISE))
+    local, unknown = _piece_by_piece(solution, parts, units, allowed)
+    if motion is None:
+        found = Comparison(
+            position=np.nan,
+            velocity=np.nan,
+            arrival=np.nan,
+            local=local,
+            energy_drift=np.nan,
+            reference_error=np.nan,
+            allowed=allowed,
+            amplified=np.nan,
+            path=_as_far(flow, start, mesh, last),
+        )
+        return found if local > allowed else replace(found, reason=reason + UNTOLD)
+    path, smooth = motion.path, parts.smooth(t)
+    assert path.velocities is not None
+    position = _deviation(q, path(t), units.q)  # at t as it is rounded
+    velocity = _deviation(v, path.velocities, units.v)
+
+    def again(state: State, looser: float, shorter: float) -> float:
+        """Return the largest deviation of another integration from the first."""
+        try:
+            other = motion.again(state, looser, shorter)
+        except IntegrationError:  # so near a singularity that nothing is certain
+            return np.inf
+        return float(_deviation(other, motion.q, units.q).max())
+
+    changed = position.max() > allowed
+    found = Comparison(
+        position=float(position.max()),
+        velocity=float(velocity[smooth].max(initial=0.0)),
+        arrival=float(position[-1]),
+        local=local,
+        energy_drift=_energy_drift(problem, path, q, v, smooth, units.v),
+        reference_error=again(start, LOOSER, SHORTER),
+        allowed=allowed,
+        amplified=again(_changed(problem, start, units, allowed), 1.0, 1.0) if changed else 0.0,
+        path=path,
+    )
+    if unknown and not found.agrees and not local > allowed and found._excused:
+        return replace(found, reason=unknown + UNTOLD)
+    return found
+
+
+def _units(q: Array, v: Array, rows: Array, span: float) -> Units:
+    """Return the sizes of q and v (n, K), for a system at rest those of q over the duration."""
+    units = Units.of(q, v, rows)
+    slow = units.q / span
+    return Units(units.q, slow, rows) if _at_rest(v, slow) else units
+
+
+def _at_rest(v: Array, speeds: Array) -> bool:
+    """Return whether velocities (n, K) are round-off beside the speeds (n,)."""
+    return bool(np.all(np.abs(v) <= NOISE * speeds[:, None]))
+
+
+def _as_far(flow: Flow, start: State, mesh: Mesh, last: float) -> Path | None:
+    """Return the motion nearly to the time `last`, beyond which it cannot be followed."""
+    for part in NEARLY:
+        end = start.t + part * (last - start.t)
+        inner = mesh.boundaries[mesh.boundaries < end]
+        with suppress(IntegrationError, ValueError):
+            until = Mesh([*inner, end], mesh.degrees[: inner.size])
+            return follow(flow, start, end, tol=ROUGHLY, mesh=until, bends=True).path
+    return None
+
+
+def _deviation(values: Array, others: Array, size: Array) -> Array:
+    """Return the largest difference of a row in units of its size, at each of K times, (K,)."""
+    return np.max(np.abs(values - others) / size[:, None], axis=0)
+
+
+def _changed(problem: Problem, state: State, units: Units, part: float) -> State:
+    """Return the state with the velocity changed by `part` of its size, as constraints allow."""
+    ones = np.ones(state.q.size)
+    basis = tangent(problem, state.q[None], np.array([[state.t]]), ones)[0]
+    # In no special direction: those of symmetry may be the stable ones.
+    change = part * units.v * np.cos(1.0 + np.arange(state.q.size))
+    return State(state.t, state.q, state.v + basis @ (basis.T @ change))
+
+
+@dataclass(frozen=True, eq=False)
+class _Parts:
+    """Motions over parts of the time, which stop where those over the whole do.
+
+    Attributes
+    ----------
+    flow : Flow
+    mesh : Mesh
+        Of the solution.
+    bends : (N,) array of bool
+        Elements in which velocities may jump, so that those of the solution mean nothing there.
+    stops : list of Instant
+        Where the integration begins anew.
+    times : (K + 1,) array
+        Where motions begin and end: in the middle of an element the velocity of a polynomial is
+        far better than at its ends.
+    units, tolerance
+        Of the integration.
+    """
+
+    flow: Flow
+    mesh: Mesh
+    bends: Array
+    stops: list[Instant]
+    times: Array
+    units: Units
+    tolerance: float
+
+    @classmethod
+    def of(
+        cls,
+        solution: Solution,
+        flow: Flow,
+        instants: list[Instant],
+        accuracy: tuple[Units, float],
+    ) -> _Parts:
+        """Return the parts of a solution, with units and tolerance for them."""
+        mesh, span = solution.mesh, solution.problem.duration
+        b = mesh.boundaries
+        bends = mesh.lengths < min(NARROWEST, 1 / (ALIKE * mesh.elements)) * span
+        for before, after in instants:
+            bends |= (b[:-1] < after) & (b[1:] > before)
+        groups = b[
+            np.linspace(0, mesh.elements, min(mesh.elements, PIECES) + 1).round().astype(int)
+        ]
+        parts = cls(flow, mesh, bends, restarts(mesh, instants), b[[0, -1]], *accuracy)
+        middles = (groups[:-1] + groups[1:]) / 2
+        smooth, times = parts.smooth(middles), [b[-1]]
+        # From a short element to a long one the error of the velocity has much time to grow.
+        for k in range(middles.size)[::-1]:
+            if smooth[k] and times[-1] - middles[k] <= ALIKE * (groups[k + 1] - groups[k]):
+                times.append(middles[k])
+        return replace(parts, times=np.array([*times, b[0]])[::-1])
+
+    def smooth(self, t: Array) -> Array:
+        """Return whether the solution's velocities mean something at the times t (K,)."""
+        at = np.searchsorted(self.mesh.boundaries, t, side="right") - 1
+        return ~self.bends[np.clip(at, 0, self.bends.size - 1)]
+
+    def cut(self, start: float, end: float) -> float | None:
+        """Return a time between the two at which a motion can begin, None if there is none."""
+        t = start + CUT * (end - start)
+        if not self.smooth(np.array([t]))[0]:
+            b = self.mesh.boundaries
+            later = np.flatnonzero(~self.bends & (b[:-1] > t))
+            t = (b[later[0]] + b[later[0] + 1]) / 2 if later.size else end
+        return float(t) if t < end else None
+
+    def follow(self, state: State, end: float) -> tuple[Array, Array]:
+        """Return times (K,) on the way to the end, and q (n, K) there."""
+        inside = [stop for stop in self.stops if state.t <= stop[0] and stop[1] < end]
+        if not inside:
+            return self._run(self._through, state, end, end - state.t)[:2]
+        times, tables, whole = [], [], end - state.t
+        for before, after in [*inside, (end, end)]:
+            if before > state.t:
+                t, q, state = self._run(self._stopping, state, before, whole)
+                times.append(t)
+                tables.append(q)
+            state = entered(self.flow, state, after)
+        return np.concatenate(times), np.concatenate(tables, axis=1)
+
+    def _run(
+        self, run: Integrator, state: State, end: float, whole: float
+    ) -> tuple[Array, Array, State]:
+        """Return times, q there, and the state at the end, of a part of the time `whole`."""
+        span = span_within(state.t, end)
+        q, v = run(state, span, self.units, RATE * span / whole)
+        t = state.t + QUARTERS * span
+        q += v * (t - state.t - QUARTERS * span)  # from the times meant to those there are
+        return t, q, State(end, q[:, -1], v[:, -1])
+
+    @cached_property
+    def _through(self) -> Integrator:
+        longest = min(LONGEST * min(self.mesh.elements, PIECES), QUARTERS[0])
+        return self.flow.integrator(QUARTERS, self.tolerance, longest)
+
+    @cached_property
+    def _stopping(self) -> Integrator:
+        return self.flow.integrator(QUARTERS, self.tolerance, LONGEST)
+
+
+def _piece_by_piece(
+    solution: Solution, parts: _Parts, units: Units, allowed: float
+) -> tuple[float, str]:
+    """Return the largest deviation of motions from the middle of a piece to that of the next.
+
+    And why not all of them could be followed.
+    """
+    pieces, cuts, worst, unknown = list(pairwise(parts.times.tolist())), 0, np.nan, ""
+    while pieces:
+        a, end = pieces.pop()
+        state = (
+            State(a, solution(a), solution.velocity(a)) if a > parts.times[0] else solution.start
+        )
+        try:
+            t, there = parts.follow(state, end)
+            found = _deviation(solution(t), there, units.q).max()
+            if found > allowed:
+                changed = _changed(solution.problem, state, units, allowed)
+                _, other = parts.follow(changed, end)
+                gain = _deviation(other, there, units.q).max() / allowed
+                cut = parts.cut(a, end) if gain > UNSTABLE and cuts < CUTS else None
+                if cut is not None:
+                    cuts += 1
+                    pieces += [(a, cut), (cut, end)]
+                    continue
+                found /= max(1.0, gain / EXCUSE)
+        except IntegrationError as error:
+            unknown = str(error)
+            continue
+        worst = float(np.fmax(worst, found))
+    return worst, unknown
+
+
+def _energy_drift(
+    problem: Problem, path: Path, q: Array, v: Array, smooth: Array, speeds: Array
+) -> float:
+    """Return the largest violation of H(t) - H(t0) = work, at the path's element boundaries.
+
+    The work is the integral of dH/dt = -L_t + Q . v - lam . f_t: the Lagrangian's own change,
+    non-conservative forces, and constraints that move. Where L jumps, H of the motion does. It is
+    not asked at nodes that are not `smooth` (K,), where the velocities v mean nothing. In units of
+    the largest |v . p|, or at rest of that at the `speeds` (n,).
+    """
+    system, parameters, mesh = problem.system, problem.parameters, path.mesh
+    t, ends = mesh.nodes, mesh.offsets
+    gained = system.energy(q[:, ends], v[:, ends], t[ends], parameters=parameters)
+    if system.structure.depends_on_time or system.structure.forced:
+        lam = system.multipliers(q, v, t, parameters=parameters)
+        power_at = system.made("power", lambda: _power(system))
+        power = power_at(q.T, v.T, t[:, None], problem.packed, lam.T)[0][:, 0]
+        work = np.empty(mesh.elements)
+        for g in mesh.groups:
+            work[g.elements] = mesh.lengths[g.elements] / 2 * (power[g.nodes] @ g.rule.weights)
+        jumped = np.flatnonzero(np.array(mesh.degrees) == 1)
+        if jumped.size:
+            assert path.velocities is not None
+            a, b = (
+                system.energy(path.values[:, k], path.velocities[:, k], t[k], parameters=parameters)
+                for k in (ends[jumped], ends[jumped + 1])
+            )
+            work[jumped] = b - a
+        gained[1:] -= np.cumsum(work)
+    if _at_rest(v, speeds):
+        v = np.broadcast_to(speeds[:, None], v.shape)
+    kinetic = np.sum(v * system.momentum(q, v, t, parameters=parameters), axis=0)
+    size = float(np.max(np.abs(kinetic)))
+    gained = gained[smooth[ends]]
+    drift = float(np.max(np.abs(gained - gained[0]))) if gained.size else 0.0
+    return drift / (size if size > 0 else 1.0)
+
+
+def _power(system: System) -> Pointwise:
+    """Return the function of dH/dt by the equations of motion; the multipliers come last."""
+    sym = system.symbols
+    lam = ca.SX.sym("lam", system.m)
+    power = -ca.jacobian(system.L, sym.t) - ca.dot(lam, ca.jacobian(system.f, sym.t))
+    if system.structure.forced:
+        power += ca.dot(system.Q, sym.v)
+    arguments = [sym.q, sym.v, sym.t, sym.p, lam]
+    return Pointwise(ca.Function("power", arguments, [ca.densify(power)]))

@@ -1,0 +1,210 @@
+"""Conjugate points: where neighbouring paths with the same start meet the path again.
+
+The r Jacobi fields J(t) that vanish at the start and their momenta P(t) span a Lagrangian plane.
+The eigenvalues of the unitary matrix (P + iJ)(P - iJ)^-1 are exp(2 i theta_k), and J(t) is
+singular, with multiplicity m, exactly where m of the phases theta_k are multiples of pi. With L
+convex in the velocities a phase passes a multiple of pi only upwards: roots of even multiplicity
+are counted like any other, and none is missed once the phases are followed closely enough. For
+one coordinate theta is Pruefer's angle.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from actionopt.analysis.jacobi import fields, resolved
+from actionopt.analysis.second_variation import Form, check_legendre, coefficients, tangent
+from actionopt.mechanics.problem import Periodic
+from actionopt.tools.types import Array
+
+if TYPE_CHECKING:
+    from actionopt.analysis.solution import Solution
+
+RESOLUTION = 1e-10  # of Jacobi fields and path
+NEARER = np.pi / 4  # phases that move by less between two times are surely matched
+SHORTEST = 1e-9  # of the duration: no closer times are compared
+BACKWARDS = 1e-6  # phases seem to pass a root backwards by rounding, and by no more
+TOGETHER = 1e-8  # of the duration: roots this close are one, of higher multiplicity
+ITERATIONS = 100
+
+
+class ConjugatePoint(NamedTuple):
+    """A time conjugate to the start, and how many independent fields vanish there."""
+
+    t: float
+    multiplicity: int
+
+
+def conjugate_points(solution: Solution) -> tuple[ConjugatePoint, ...]:
+    """Return all times t* in (t0, t1] conjugate to the start along a solution.
+
+    By Morse's theorem those before t1, each counted with its multiplicity, number the index of a
+    path whose ends are pinned. Where the start is free in a coordinate they are focal points:
+    the neighbours start with that momentum zero. A free end has no part in them.
+
+    Raises ValueError for a closed path, for non-conservative forces, where L is not convex in the
+    velocities, or where the constraints are not independent.
+
+    References
+    ----------
+    Gelfand and Fomin, *Calculus of Variations* (1963), sections 26-29; V. I. Arnold, *Funct.
+    Anal. Appl.* 1 (1967), p. 1, for the phases.
+    """
+    if isinstance(solution.problem.end, Periodic):
+        raise ValueError(
+            "expected a path from one event to another, found one that closes: its start varies "
+            "with its end, and no times conjugate to it number the index (`morse_index` counts "
+            "that); pin both ends, guess=solution, for those of the motion between them"
+        )
+    form = resolved(solution, RESOLUTION, polish=True)
+    if not form.freedom:
+        return ()
+    check_legendre(form)
+    roots = _roots(Phases(form))
+    start, end = solution.problem.start.t, solution.problem.end.t
+    close = TOGETHER * (end - start)
+    groups: list[list[float]] = []
+    for t in sorted(roots):
+        if groups and t - groups[-1][-1] <= close:
+            groups[-1].append(t)
+        else:
+            groups.append([t])
+    return tuple(ConjugatePoint(float(np.mean(g)), len(g)) for g in groups)
+
+
+class Phases:
+    """The phases theta_1 <= ... <= theta_r in [0, pi) of the Jacobi fields at any time."""
+
+    def __init__(self, form: Form) -> None:
+        self.form, self.mesh = form, form.tr.mesh
+        self.jacobi = fields(form)
+
+    def __call__(self, t: Array) -> Array:
+        """Return the phases at the times t (K,), shape (K, r)."""
+        form, mesh, tr = self.form, self.mesh, self.form.tr
+        b, n, r = mesh.boundaries, len(form.units), form.freedom
+        e = np.clip(np.searchsorted(b, t, side="left") - 1, 0, mesh.elements - 1)
+        q, v = np.empty((t.size, n)), np.empty((t.size, n))
+        J, rate = np.empty((t.size, n, r)), np.empty((t.size, n, r))
+        for g in mesh.groups:
+            at = np.full(mesh.elements, -1)
+            at[g.elements] = np.arange(g.elements.size)
+            mine = np.flatnonzero(at[e] >= 0)
+            if not mine.size:
+                continue
+            own = e[mine]
+            h = mesh.lengths[own]
+            xi = np.clip(((t[mine] - b[own]) - (b[own + 1] - t[mine])) / h, -1.0, 1.0)
+            weights = g.rule.interpolation(xi)
+            slopes = (weights @ g.rule.derivative) * (2 / h)[:, None]
+            node = g.nodes[at[own]]
+            q[mine] = np.einsum("tk,tkn->tn", weights, form.Q[node])
+            v[mine] = np.einsum("tk,tkn->tn", slopes, form.Q[node])
+            used, place = np.unique(own, return_inverse=True)
+            eta = np.stack(
+                [
+                    np.einsum("knr,krc->knc", form.basis[k], self.jacobi[i])
+                    for i, k in zip(used, g.nodes[at[used]], strict=True)
+                ]
+            )[place]
+            J[mine] = np.einsum("tk,tknc->tnc", weights, eta)
+            rate[mine] = np.einsum("tk,tknc->tnc", slopes, eta)
+        times = t[:, None]
+        _, B, C, _ = coefficients(tr.problem, q, v, times)
+        scale = form.units[:, None] * form.units
+        P = (C * scale) @ rate + np.swapaxes(B * scale, 1, 2) @ J
+        basis = tangent(tr.problem, q, times, form.units)
+        Z = np.swapaxes(basis, 1, 2)
+        # In units of mass and frequency all phases pass a root equally fast, and turn evenly.
+        try:
+            root = np.linalg.cholesky(Z @ (C * scale) @ basis * form.frequency)
+        except np.linalg.LinAlgError:
+            raise ValueError(
+                "expected d2L/dv2 positive definite on the motions allowed along the path, found "
+                f"that it is not between t = {t.min():.6g} and {t.max():.6g}, and the neighbours "
+                "not determined there"
+            ) from None
+        J, P = np.swapaxes(root, 1, 2) @ (Z @ J), np.linalg.solve(root, Z @ P)
+        # (P + iJ)(P - iJ)^-1 is similar to (P - iJ)^-1 (P + iJ).
+        values = np.linalg.eigvals(np.linalg.solve(P - 1j * J, P + 1j * J))
+        theta = np.mod(np.angle(values) / 2, np.pi)
+        return np.sort(theta, axis=1)
+
+
+def _lift(before: Array, now: Array) -> tuple[Array, float]:
+    """Return the phases `now` (r,) continued from `before`, and the largest move between them.
+
+    Sorted phases on a circle keep their order: only how many have passed pi is to be found. None
+    passes it backwards but by rounding, at a root, however near that seems.
+    """
+    r = before.size
+    best = None
+    for passed in range(-1, r + 1):
+        if passed < 0:
+            if now[-1] < np.pi - BACKWARDS:
+                continue
+            lifted = np.r_[now[-1] - np.pi, now[:-1]]
+        else:
+            lifted = np.r_[now[passed:], now[:passed] + np.pi]
+        move = float(np.max(np.abs(lifted - before)))
+        if best is None or move < best[1]:
+            best = (lifted, move)
+    assert best is not None
+    return best
+
+
+def _roots(phases: Phases) -> list[float]:
+    """Return each time at which a phase passes a multiple of pi, as often as phases do."""
+    mesh = phases.mesh
+    times = mesh.nodes
+    values = list(phases(times))
+    t0, t1 = times[0], times[-1]
+    # At the start as many phases are zero as directions are pinned; rounding may show them as pi.
+    held = phases.form.pinned[0]
+    near = np.argsort(np.sin(values[0]))
+    values[0] = np.r_[np.zeros(held), np.sort(values[0][near[held:]])]
+    shortest = SHORTEST * (t1 - t0)
+    roots: list[float] = []
+    for k in range(times.size - 1):
+        stack = [(times[k], values[k], times[k + 1], values[k + 1])]
+        while stack:
+            a, at_a, b, at_b = stack.pop()
+            lifted, move = _lift(at_a, at_b)
+            if move > NEARER and b - a > shortest:
+                middle = (a + b) / 2
+                at_middle = phases(np.array([middle]))[0]
+                stack += [(middle, at_middle, b, at_b), (a, at_a, middle, at_middle)]
+                continue
+            for i in np.flatnonzero(lifted >= np.pi):
+                roots.append(_root(phases, a, at_a, b, int(i), lifted[i] - np.pi))
+    # A root at the very end may fall behind it by rounding.
+    late = np.pi - values[-1]
+    before = phases(np.array([t1 - 1e-3 * (t1 - times[-2])]))[0]
+    speed = (values[-1] - before) / (1e-3 * (t1 - times[-2]))
+    beyond = (late > 0) & (speed > 0) & (late < TOGETHER * (t1 - t0) * np.maximum(speed, 1e-300))
+    return roots + [float(t1)] * int(np.sum(beyond))
+
+
+def _root(phases: Phases, a: float, at_a: Array, b: float, i: int, miss_b: float) -> float:
+    """Return the time in (a, b] at which phase i, continued from a, is pi (Illinois method)."""
+    low, high, miss_a = a, b, float(at_a[i] - np.pi)
+    side = 0
+    for _ in range(ITERATIONS):
+        if high - low <= 4e-16 * max(abs(low), abs(high)) or miss_b == 0:
+            break
+        t = (low * miss_b - high * miss_a) / (miss_b - miss_a)
+        t = t if low < t < high else (low + high) / 2
+        miss = float(_lift(at_a, phases(np.array([t]))[0])[0][i] - np.pi)
+        if miss >= 0:
+            high, miss_b = t, miss
+            miss_a = miss_a / 2 if side == 1 else miss_a
+            side = 1
+        else:
+            low, miss_a = t, miss
+            miss_b = miss_b / 2 if side == -1 else miss_b
+            side = -1
+        if abs(miss) < 1e-14:
+            return t
+    return high

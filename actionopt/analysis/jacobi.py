@@ -1,0 +1,268 @@
+"""Jacobi fields: how neighbouring paths with the same start leave a path.
+
+They solve the linearised equations of motion, on the same elements: with E the matrix of d2S on
+one element, its first rows are minus the momentum at the left node, its last rows the momentum
+at the right node, and the rows between are zero,
+
+    E_0 a = -p_left,    E_1 a = ... = E_(d-1) a = 0,    p_right = E_d a.
+
+A field that grows by many orders of magnitude would hide the others: at each element the r
+fields are replaced by an orthonormal frame that spans the same Lagrangian plane.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+
+from actionopt.analysis.second_variation import (
+    Form,
+    check_independent,
+    check_legendre,
+    coefficients,
+    dependent,
+    form,
+)
+from actionopt.discrete.factors import compressed
+from actionopt.discrete.mesh import MAX_DEGREE, Mesh
+from actionopt.discrete.newton import follow
+from actionopt.discrete.path import Path
+from actionopt.discrete.transcription import Transcription
+from actionopt.tools.lobatto import lgl
+from actionopt.tools.types import Array
+
+if TYPE_CHECKING:
+    from actionopt.analysis.solution import Solution
+
+ROUNDS = 12
+HIGHEST = 20  # degree above which an element is split instead
+LOW = 2  # degree
+SAMPLES = 120  # of the coefficients of d2S, at least: they may vary faster than path and fields
+SHORTEST = 1e-13  # of the duration: the shortest element that is still split
+NOISE = 1e-13  # in coefficients, of the largest
+NEAR = 0.5  # of the coordinates' sizes: a path further away is another one
+CORRECTIONS = 12
+CLOSE = 1e-11  # a step this small, in the coordinates' sizes, ends the corrections
+VANISHES = 1e-8  # of the unit of action, for a move of the coordinates by their size
+
+
+def fields(form: Form) -> list[Array]:
+    """Return r Jacobi fields on each element, at its nodes: (d + 1, r, r) in a_k, field last.
+
+    They vanish at the start along its pinned directions; along its free ones their momentum
+    vanishes there. From one element to the next they are recombined. Raises ValueError where the
+    start does not determine them.
+    """
+    r, unit = form.freedom, float(np.abs(form.legendre).mean()) * form.frequency or 1.0
+    held = np.arange(r) < form.pinned[0]
+    a, p = np.diag(1.0 * ~held), np.diag(1.0 * held)
+    result = []
+    for E in form.elements:
+        inner = len(E) - r
+        right = -E[:inner, :r] @ a
+        right[:r] -= unit * p
+        try:
+            later = np.linalg.solve(E[:inner, r:], right)
+        except np.linalg.LinAlgError:
+            check_legendre(form)  # the usual reason
+            raise ValueError(
+                "expected a path whose neighbours are determined by their start, found an element "
+                "along which they are not; try other elements (mesh=)"
+            ) from None
+        whole = np.concatenate([a, later])
+        result.append(whole.reshape(-1, r, r))
+        frame, _ = np.linalg.qr(np.concatenate([later[-r:], E[inner:] @ whole / unit]))
+        a, p = frame[:r], frame[r:]
+    return result
+
+
+def resolved(
+    solution: Solution, tol: float, *, units: Array | None = None, polish: bool = False
+) -> Form:
+    """Return d2S on a mesh that resolves the Jacobi fields to `tol`, and the path with `polish`.
+
+    A mesh that resolves the path need not resolve its neighbours: a body at rest may be passed
+    by any number of them, and a straight path may lead through a valley of any shape. Raises
+    ValueError for non-conservative forces, a path through a singularity, or one along which the
+    constraints are not independent.
+    """
+    tr, z = solution.discrete
+    Q, lam = tr.unpack(z)
+    if lam.size and not np.isfinite(lam).all():
+        # Pinned ends carry no rows; the equations of motion tell the multipliers there.
+        lam = np.where(np.isfinite(lam), lam, multipliers(solution, tr.mesh.nodes))
+    found = form(tr, Q, lam, units)
+    for _ in range(ROUNDS):
+        check_independent(found, solution.error)
+        mesh = finer(tr.mesh, tol, form=found, Q=Q / tr.lengths if polish else None)
+        if mesh is None:
+            break
+        tr = Transcription(solution.problem, mesh, tr.lengths)
+        Q, lam = solution.path.on(mesh).values.T, multipliers(solution, mesh.nodes)
+        if polish:
+            near = follow(tr, tr.pack(Q, lam))
+            if near.converged:
+                Q, rows = tr.unpack(near.z)
+                lam = np.where(np.isfinite(rows), rows, lam)
+        found = form(tr, Q, lam, units)
+    return found
+
+
+def polished(solution: Solution, tol: float, nullity: int) -> Form | None:
+    """Return d2S along a path improved on a mesh that resolves it and its Jacobi fields to `tol`.
+
+    Newton's method leaves the path where it is along `nullity` directions in which the action
+    hardly bends, if its own steps lead nowhere for them: in a family of paths any will do. None
+    where it finds no stationary path near. Raises ValueError as `resolved` does.
+    """
+    tr, z = solution.discrete
+    Q, lam = tr.unpack(z)
+    for _ in range(ROUNDS):
+        lam = np.where(np.isfinite(lam), lam, multipliers(solution, tr.mesh.nodes))
+        z = _stationary(tr, tr.pack(Q, lam), nullity)
+        if z is None:
+            return None
+        Q, rows = tr.unpack(z)
+        found = form(tr, Q, np.where(np.isfinite(rows), rows, lam))
+        check_independent(found, tol)
+        mesh = finer(tr.mesh, tol, form=found, Q=Q / tr.lengths)
+        if mesh is None:
+            return found
+        path = Path(tr.mesh, Q.T)
+        tr = Transcription(solution.problem, mesh, tr.lengths)
+        Q, lam = path(mesh.nodes).T, multipliers(solution, mesh.nodes)
+    return None
+
+
+def _stationary(tr: Transcription, z: Array, nullity: int) -> Array | None:
+    """Return the stationary path near z, or None.
+
+    Where Newton's matrix K is singular, [K B; B' 0] with as many columns B as K lacks in rank is
+    not: their multipliers vanish where there is a path, and tell where there is none.
+    """
+    near = follow(tr, z)
+    if near.converged and near.travelled < NEAR:
+        return near.z
+    cut, size, first = tr.layout.unknowns, tr.layout.size, z
+    border = np.zeros((size, nullity))
+    border[:cut] = np.random.default_rng(0).standard_normal((cut, nullity)) / np.sqrt(cut)
+    pattern = tr.layout.kkt
+    with np.errstate(all="ignore"):
+        for _ in range(CORRECTIONS):
+            entries, residual = compressed(tr.layout, tr.kkt(z)), tr.residual(z)
+            if not (np.isfinite(entries).all() and np.isfinite(residual).all()):
+                return None
+            K, B = ca.DM(pattern.sparsity, entries), ca.DM(border)
+            matrix = ca.blockcat([[K, B], [B.T, ca.DM(nullity, nullity)]])
+            right = ca.DM(np.r_[residual, np.zeros(nullity)])
+            try:
+                step = np.asarray(ca.solve(matrix, right, "csparse")).ravel()
+            except RuntimeError:  # singular all the same
+                return None
+            z = z - step[:size]
+            if not np.max(np.abs((z - first)[:cut]), initial=0.0) < NEAR:
+                return None
+            if np.max(np.abs(step[:cut])) < CLOSE:
+                return z if np.max(np.abs(step[size:])) < VANISHES else None
+    return None
+
+
+def multipliers(solution: Solution, t: Array) -> Array:
+    """Return a solution's multipliers at the times t, (K, m).
+
+    Raises ValueError where the constraints are not independent.
+    """
+    if not solution.problem.system.m:
+        return np.zeros((t.size, 0))
+    try:
+        return solution.multipliers(t).T
+    except np.linalg.LinAlgError:
+        for time in t:
+            try:
+                solution.multipliers(time)
+            except np.linalg.LinAlgError:
+                raise dependent(time) from None
+        raise
+
+
+def finer(
+    mesh: Mesh, tol: float, *, form: Form | None = None, Q: Array | None = None
+) -> Mesh | None:
+    """Return a finer mesh, or None where it resolves to `tol` what it should.
+
+    That is the Jacobi fields of `form`, relative to their size on each element, its
+    coefficients, and the nodal coordinates Q (K, n), in units of their sizes. Raises ValueError
+    where elements become too short to be split.
+    """
+    if form is not None and not form.freedom:
+        form = None
+    jacobi = fields(form) if form is not None else []
+    tail = np.zeros(mesh.elements) if form is None else _unresolved(form)
+    for g in mesh.groups:
+        tables = [] if Q is None else [Q[g.nodes]]
+        if form is not None:
+            a = np.stack([jacobi[e] for e in g.elements])
+            eta = np.einsum("eknr,ekrc->eknc", form.basis[g.nodes], a)
+            table = eta.reshape(*g.nodes.shape, -1)
+            tables.append(table / np.max(np.abs(table), axis=(1, 2), keepdims=True))
+        for table in tables:
+            size = np.abs(g.rule.to_legendre @ table)
+            last = size[:, -2:] if g.rule.degree > LOW else size
+            tail[g.elements] = np.maximum(tail[g.elements], np.max(last, axis=(1, 2)))
+    if np.max(tail) <= tol:
+        return None
+    degrees = np.array(mesh.degrees)
+    coarse = tail > tol
+    # Raise the degree where the coefficients decay; split where they do not, or it is high.
+    # Too low a degree has no coefficients that could decay.
+    split = coarse & (((tail > 1e-2) & (degrees > LOW)) | (degrees + 4 > HIGHEST))
+    if np.any(mesh.lengths[split] < SHORTEST * mesh.duration):
+        worst = mesh.boundaries[np.argmin(np.where(split, mesh.lengths, np.inf))]
+        raise ValueError(
+            f"expected a smooth path, found one that no elements resolve at t = {worst:.6g}: it "
+            "runs into a singularity there, such as a collision, or is not smooth, and its "
+            "neighbours are not determined"
+        )
+    degrees = np.where(coarse & ~split, degrees + 4, degrees)
+    parts = np.where(split, 2, 1)
+    b = mesh.since
+    pieces = [np.linspace(b[e], b[e + 1], k, endpoint=False) for e, k in enumerate(parts)]
+    return mesh.cut(np.concatenate([*pieces, b[-1:]]), np.repeat(degrees, parts))
+
+
+def _unresolved(form: Form) -> Array:
+    """Return what each element's degree leaves out of the coefficients of d2S, (N,).
+
+    Relative to L_vv, with the element's length as the unit of time. They are sampled between the
+    nodes: at the nodes alone, what varies faster looks smooth.
+    """
+    tr, mesh = form.tr, form.tr.mesh
+    least, tail = -(-SAMPLES // mesh.elements), np.zeros(mesh.elements)
+    for g in mesh.groups:
+        fine = lgl(min(max(2 * g.rule.degree + 2, least), 2 * MAX_DEGREE + 2))
+        weights = g.rule.interpolation(fine.nodes)
+        h = mesh.lengths[g.elements]
+        q = weights @ form.Q[g.nodes]
+        v = (weights @ g.rule.derivative) @ form.Q[g.nodes] * (2 / h)[:, None, None]
+        middle = (mesh.since[g.elements] + mesh.since[g.elements + 1]) / 2
+        t = mesh.boundaries[0] + (middle[:, None] + h[:, None] / 2 * fine.nodes)
+        n = q.shape[2]
+        A, B, C, _ = coefficients(tr.problem, q.reshape(-1, n), v.reshape(-1, n), t.reshape(-1, 1))
+        shape = (g.elements.size, fine.degree + 1, n, n)
+        mass = np.abs(np.einsum("ekaa->eka", C.reshape(shape))).max(axis=1)
+        mass = np.sqrt(np.maximum(mass, NOISE * mass.max(axis=1, keepdims=True)))
+        size = (mass[:, :, None] * mass[:, None, :]).reshape(g.elements.size, 1, -1)
+        for X, power in ((A, 2), (B, 1), (C, 0)):
+            table = (
+                X.reshape(g.elements.size, fine.degree + 1, n * n)
+                / size
+                * h[:, None, None] ** power
+            )
+            with np.errstate(invalid="ignore"):  # infinite ones are not resolved
+                beyond = np.abs(fine.to_legendre[max(g.rule.degree - 1, 0) :] @ table)
+            beyond = np.nan_to_num(beyond, nan=np.inf).max(axis=(1, 2))
+            noise = NOISE * np.abs(table).max(axis=(1, 2))
+            tail[g.elements] = np.maximum(tail[g.elements], np.where(beyond <= noise, 0.0, beyond))
+    return tail

@@ -1,0 +1,397 @@
+"""The second variation of the action along a path, element by element.
+
+    d2S[eta] = int (eta.L_qq eta + 2 eta.L_qv eta' + eta'.L_vv eta' + sum_i lam_i eta.f_i,qq eta) dt
+
+on variations that the constraints allow, G eta = 0. A total derivative dF(q, t)/dt in L adds
+d/dt(eta.F_qq eta), whose two terms may be as large as they like and vary as fast: only the
+continuous integral, no quadrature, cancels them. So they are taken away at each point, with
+S(q, t) the symmetric part of L_qv at rest,
+
+    int 2 eta.S eta' dt = [eta.S eta] - int eta.(dS/dt) eta dt,
+
+and what is left does not depend on F. The constraints restrict each node by itself,
+so a basis of their tangent space at each node reduces the quadratic form without coupling
+elements. Eliminating the path from its start to its end, one element after the other, then leaves
+the Hessian of the principal function S(q0, q1); the negative pivots on the way are the Morse
+index (Sylvester's law of inertia). The ends of a closed path vary together, eta(t1) = eta(t0),
+wherever its start is free: its start is kept until its end is reached, and goes with that.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.compiled import Pointwise
+from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.system import System
+from actionopt.tools.types import Array, NDInt
+
+SINGULAR = 1e-9  # pivots below this fraction of their block's largest wait for the next block
+BLURRED = 10.0  # times the path's error: smaller singular values of G say nothing
+UNKNOWN = 1e-3  # error of a path whose own is not known
+RANK = 1e-10  # singular values below this fraction of the largest are zero
+
+
+@dataclass(frozen=True, eq=False)
+class Form:
+    """The quadratic form d2S of a discrete path, in coordinates a_k of each node's variations.
+
+    Attributes
+    ----------
+    tr : Transcription
+    Q : (K, n) array
+        Coordinates of the path at the nodes.
+    units : (n,) array
+        The variation at node k is eta_k = units * (basis_k @ a_k).
+    basis : (K, n, r) array
+        Orthonormal columns that span the variations allowed at each node; at the end nodes
+        those along which the events are pinned come first.
+    pinned : tuple of int
+        Number of pinned directions at the start and at the end.
+    elements, kinetic : lists of ((d + 1) r, (d + 1) r) arrays
+        d2S and its part in L_vv on each element, in the user's units of action. Where neither
+        end pins all, int eta.L_vv eta dt / T^2 is added to that part: a constant eta has no rate.
+    legendre : (evaluations, r) array
+        Eigenvalues of L_vv on the variations allowed.
+    frequency : float
+        How fast variations may turn, on the whole: the root of L_qq over L_vv, at least one
+        over the duration.
+    """
+
+    tr: Transcription
+    Q: Array
+    units: Array
+    basis: Array
+    pinned: tuple[int, int]
+    elements: list[Array]
+    kinetic: list[Array]
+    legendre: Array
+    frequency: float
+
+    @property
+    def freedom(self) -> int:
+        """Number r of independent variations at a node."""
+        return self.basis.shape[2]
+
+    @property
+    def closed(self) -> bool:
+        """Whether the ends vary together: a_K = a_0 in the directions that are not pinned."""
+        return self.tr.layout.closed
+
+    @cached_property
+    def masses(self) -> list[Array]:
+        """The form int |eta / units|^2 dt on each element, ((d + 1) r,): it is diagonal."""
+        result: list[Array] = [np.empty(0)] * len(self.elements)
+        for g in self.tr.layout.groups:
+            for e in g.elements:
+                result[e] = np.repeat(self.tr.half[e] * g.rule.weights, self.freedom)
+        return result
+
+    def shifted(self, kinetic: float = 0.0, mass: float = 0.0) -> list[Array]:
+        """Return the matrices of d2S - kinetic (its part in L_vv) - mass int |eta|^2 dt."""
+        result = self.elements
+        if kinetic:
+            result = [E - kinetic * K for E, K in zip(result, self.kinetic, strict=True)]
+        if mass:
+            result = [E - np.diag(mass * m) for E, m in zip(result, self.masses, strict=True)]
+        return result
+
+
+def form(tr: Transcription, Q: Array, lam: Array, units: Array | None = None) -> Form:
+    """Return the second variation at node coordinates Q (K, n) and multipliers lam (K, m).
+
+    A path that closes needs no multipliers at its last node: they are those at the first. Raises
+    ValueError for a system with non-conservative forces, or a path along which L is not finite.
+    """
+    problem, layout = tr.problem, tr.layout
+    system = problem.system
+    if system.structure.forced:
+        raise ValueError(
+            "expected a system without non-conservative forces, found one with: its paths are not "
+            "stationary points of an action, so that they have no second variation or index"
+        )
+    given = units
+    units = tr.lengths if units is None else np.asarray(units, dtype=float)
+    at = Q[layout.node_of]
+    A, B, C, S = coefficients(problem, at, tr.velocities(at), tr.times)
+    if system.m:
+        lam = np.concatenate([lam[:-1], lam[:1]]) if layout.closed else lam
+        A = A + _curvature(problem, at, lam[layout.node_of], tr.times)
+    finite = np.isfinite([A, B, C]).all(axis=(0, 2, 3))
+    if not finite.all():
+        raise ValueError(
+            "expected finite second derivatives of L along the path, found none at t = "
+            f"{tr.times[np.argmin(finite), 0]:.6g}: it runs into a singularity there, such as a "
+            "collision, and its neighbours are not determined"
+        )
+    if given is None:
+        # Of equal inertia: a small coordinate has no less of it.
+        inertia = np.abs(np.diagonal(C, axis1=1, axis2=2)).mean(axis=0)
+        size = (units * np.sqrt(inertia)).max()
+        units = np.where(inertia > 0, size / np.sqrt(np.where(inertia > 0, inertia, 1.0)), units)
+    basis = tangent(problem, Q, tr.mesh.nodes[:, None], units).copy()
+    sides = []
+    for k, event in ((0, problem.start), (-1, problem.end)):
+        basis[k], count = _pinned_first(basis[k], event.pinned)
+        sides.append(count)
+    if layout.closed:
+        basis[-1] = basis[0]
+    pinned = (sides[0], sides[1])
+    loose = max(pinned) < basis.shape[2]
+    scale = units[:, None] * units
+    elements: list[Array] = [np.empty(0)] * tr.mesh.elements
+    kinetic: list[Array] = [np.empty(0)] * tr.mesh.elements
+    for g in layout.groups:
+        a, b, c = (x[g.span].reshape(*g.nodes.shape, *scale.shape) * scale for x in (A, B, C))
+        rate = _kinetic(g, c, tr.half[g.elements])
+        whole = rate + _rest(g, a, b, tr.half[g.elements])
+        if loose:
+            rate = rate + _rest(g, c / problem.duration**2, 0 * b, tr.half[g.elements])
+        Z = basis[g.nodes]
+        for target, local in ((elements, whole), (kinetic, rate)):
+            reduced = _reduce(local, Z)
+            for e, block in zip(g.elements, reduced, strict=True):
+                target[e] = block
+    if S is not None:
+        ends = [int(np.flatnonzero(layout.node_of == k)[0]) for k in (0, tr.mesh.offsets[-1])]
+        for e, k, sign in ((0, 0, -1.0), (-1, -1, 1.0)):
+            r = basis.shape[2]
+            block = slice(None, r) if k == 0 else slice(-r, None)
+            elements[e][block, block] += sign * basis[k].T @ (S[ends[k]] * scale) @ basis[k]
+    Z = basis[layout.node_of]
+    legendre, vectors = np.linalg.eigh(np.swapaxes(Z, 1, 2) @ (C * scale) @ Z)
+    mass = np.maximum(
+        np.abs(legendre), RANK * np.abs(legendre).max(axis=1, initial=0, keepdims=True)
+    )
+    unit = Z @ (vectors / np.sqrt(np.where(mass > 0, mass, 1.0))[:, None, :])
+    stiff, mixed = (
+        np.linalg.norm(np.swapaxes(unit, 1, 2) @ (X * scale) @ unit, axis=(1, 2)).mean()
+        for X in (A, B)
+    )
+    frequency = float(1 / problem.duration + np.sqrt(stiff) + mixed)
+    return Form(tr, Q, units, basis, pinned, elements, kinetic, legendre, frequency)
+
+
+def coefficients(
+    problem: Problem, q: Array, v: Array, t: Array
+) -> tuple[Array, Array, Array, Array | None]:
+    """Return L_qq - dS/dt, L_qv - S, L_vv and S, each (K, n, n), for q, v (K, n) and t (K, 1).
+
+    S is None where L has no terms linear in the velocities.
+    """
+    A, B, C = second_derivatives(problem, q, v, t)
+    system = problem.system
+    coupling = system.made("coupling", lambda: _coupling(system))
+    if coupling is None:
+        return A, B, C, None
+    # A Lagrangian that is singular at rest has none of which this S would be a part.
+    S, rate = (np.nan_to_num(x, posinf=0.0, neginf=0.0) for x in coupling(q, v, t, problem.packed))
+    S, rate = S.reshape(B.shape), rate.reshape(B.shape)
+    return A - rate, B - S, C, S
+
+
+def _coupling(system: System) -> Pointwise | None:
+    """Return the function of S(q, t) and dS/dt along a path; None where S is zero."""
+    s, n = system.symbols, system.n
+    mixed = ca.substitute(system.derivatives.Lqv, s.v, ca.SX.zeros(n))
+    S = ca.sparsify((mixed + mixed.T) / 2)
+    rate = ca.jtimes(ca.vec(S), s.q, s.v) + ca.jacobian(ca.vec(S), s.t)
+    outputs = [ca.densify(ca.vec(S)), ca.densify(rate)]
+    function = ca.Function("coupling", [s.q, s.v, s.t, s.p], outputs)
+    return Pointwise(function) if S.nnz() else None
+
+
+def second_derivatives(problem: Problem, q: Array, v: Array, t: Array) -> tuple[Array, ...]:
+    """Return L_qq, L_qv and L_vv, each (K, n, n), for q, v (K, n) and t (K, 1)."""
+    system = problem.system
+    second = system.pointwise("second")
+    values = second(q, v, t, problem.packed)
+    return tuple(second.full(i, values[i], symmetric=i != 1) for i in range(3))
+
+
+def tangent(problem: Problem, q: Array, t: Array, units: Array) -> Array:
+    """Return bases (K, n, n - m) of the null space of G at q (K, n), orthonormal in `units`."""
+    system = problem.system
+    if not system.m:
+        return np.broadcast_to(np.eye(system.n), (len(q), system.n, system.n))
+    _, _, right = np.linalg.svd(_normals(problem, q, t) * units)
+    return np.swapaxes(right[:, system.m :], 1, 2)
+
+
+def check_independent(form: Form, error: float) -> None:
+    """Raise ValueError where the constraints hardly are independent, for a path off by `error`.
+
+    There, as where a mechanism passes a flat position, G loses a singular value. Once this is as
+    small as the path is inaccurate, the tangent plane may have any direction.
+    """
+    tr, m = form.tr, form.tr.problem.system.m
+    if not m:
+        return
+    G = _normals(tr.problem, form.Q, tr.mesh.nodes[:, None]) * form.units
+    size = np.linalg.norm(G, axis=2).max(axis=0)
+    values = np.linalg.svd(G / np.where(size > 0, size, 1.0)[:, None], compute_uv=False)
+    least = values.min(axis=1)
+    known = max(RANK, BLURRED * min(error, UNKNOWN)) if np.isfinite(error) else BLURRED * UNKNOWN
+    if np.min(least) <= known * np.median(least):
+        raise dependent(float(tr.mesh.nodes[np.argmin(least)]))
+
+
+def dependent(t: float) -> ValueError:
+    """Return the error that says that the constraints restrict less at the time t."""
+    return ValueError(
+        f"expected independent constraints all along the path, found that they are not at "
+        f"t = {t:.6g}, as where a mechanism passes a flat position: multipliers and neighbours are "
+        "not determined there; try other elements (mesh=), whose nodes miss that time"
+    )
+
+
+def _normals(problem: Problem, q: Array, t: Array) -> Array:
+    """Return G at q (K, n), shape (K, m, n)."""
+    system = problem.system
+    jacobian = system.pointwise("constraint_jacobian")
+    return jacobian.full(0, jacobian(q, t, problem.packed)[0])
+
+
+def check_legendre(form: Form) -> None:
+    """Raise ValueError unless L_vv is positive definite on the variations allowed.
+
+    Without this (Legendre's strengthened condition) infinitely many variations lower the
+    action, and an index counts nothing.
+    """
+    # Node by node: along a path the mass may change by as many orders as it likes.
+    own, size = form.legendre.min(axis=1), np.abs(form.legendre).max(axis=1)
+    if not np.all(own > RANK * size):
+        worst = int(np.argmin(own - RANK * size))
+        t, least, largest = form.tr.times[worst, 0], own[worst], size[worst]
+        raise ValueError(
+            "expected d2L/dv2 positive definite on the motions allowed along the path, found the "
+            f"eigenvalue {least:.3g} at t = {t:.6g} (the largest is {largest:.3g}): no index "
+            "counts the variations that lower such an action"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Condensed:
+    """What is left when a path is eliminated.
+
+    Attributes
+    ----------
+    negative : int
+        Number of negative pivots.
+    hessian : (k0 + k1, k0 + k1) array
+        Second derivatives of the action by the pinned directions at the start and at the end.
+    """
+
+    negative: int
+    hessian: Array
+
+
+def condense(form: Form, elements: list[Array] | None = None) -> Condensed:
+    """Eliminate all variations of the path but those of its pinned ends.
+
+    Parameters
+    ----------
+    form : Form
+    elements : list of arrays, optional
+        Element matrices in place of those of d2S, as `Form.shifted` returns them.
+    """
+    elements = form.elements if elements is None else elements
+    r, (keep, keep_end) = form.freedom, form.pinned
+    first = r if form.closed else keep
+    front, negative = np.zeros((r, r)), 0
+    for e, E in enumerate(elements):
+        old = front.shape[0]
+        size = old + E.shape[0] - r
+        grown = np.zeros((size, size))
+        grown[:old, :old] = front
+        grown[old - r :, old - r :] += E
+        if e < len(elements) - 1:
+            front, count = _eliminate(grown, first, size - r, force=False)
+            negative += count
+            continue
+        if form.closed:
+            grown = _joined(grown, np.arange(keep, r), np.arange(size - r + keep, size))
+            last = np.arange(size - r, size - r + keep)
+        else:
+            last = np.arange(size - r, size - r + keep_end)
+        # The free directions of the last node go as well.
+        order = np.r_[:keep, np.setdiff1d(np.arange(keep, len(grown)), last), last]
+        grown = grown[np.ix_(order, order)]
+        front, count = _eliminate(grown, keep, len(grown) - last.size, force=True)
+        negative += count
+    return Condensed(negative, front)
+
+
+def _joined(M: Array, to: NDInt, gone: NDInt) -> Array:
+    """Return the quadratic form M where the variables `gone` are equal to those at `to`."""
+    joined = M.copy()
+    joined[to] += joined[gone]
+    joined[:, to] += joined[:, gone]
+    left = np.setdiff1d(np.arange(len(M)), gone)
+    return joined[np.ix_(left, left)]
+
+
+def _eliminate(M: Array, first: int, stop: int, force: bool) -> tuple[Array, int]:
+    """Return the Schur complement of M[first:stop, first:stop] and its negative eigenvalues.
+
+    A block that is close to singular waits for its neighbours, as a pivot of two rows waits in
+    the factorization of Bunch and Kaufman: a node conjugate to the start has such a block.
+    """
+    if stop <= first:
+        return M, 0
+    values, vectors = np.linalg.eigh(M[first:stop, first:stop])
+    size = np.abs(values)
+    if not force and size.min() < SINGULAR * size.max():
+        return M, 0
+    outer = np.r_[:first, stop : len(M)]
+    X = vectors.T @ M[first:stop, outer]
+    with np.errstate(all="ignore"):
+        rest = M[np.ix_(outer, outer)] - X.T @ (X / values[:, None])
+    return (rest + rest.T) / 2, int(np.sum(values < 0))
+
+
+def _kinetic(g, c: Array, half: Array) -> Array:
+    E, k = c.shape[:2]
+    n = c.shape[2]
+    rate = g.rule.stiffness @ (c / half[:, None, None, None]).reshape(E, k, n * n)
+    return rate.reshape(E, k, k, n, n).transpose(0, 1, 3, 2, 4)
+
+
+def _rest(g, a: Array, b: Array, half: Array) -> Array:
+    wD = g.rule.weighted
+    mixed = np.einsum("ejab,jl->ejalb", b, wD)
+    result = mixed + mixed.transpose(0, 3, 4, 1, 2)
+    j = np.arange(len(wD))
+    weighted = a * (half[:, None] * g.rule.weights)[:, :, None, None]
+    result[:, j, :, j, :] += weighted.transpose(1, 0, 2, 3)
+    return result
+
+
+def _reduce(local: Array, Z: Array) -> Array:
+    E, k, _, r = Z.shape
+    half = np.einsum("ejalb,elbs->ejals", local, Z, optimize=True)
+    return np.einsum("ejals,ejar->ejrls", half, Z, optimize=True).reshape(E, k * r, k * r)
+
+
+def _curvature(problem: Problem, q: Array, lam: Array, t: Array) -> Array:
+    """Return sum_i lam_i f_i,qq, (K, n, n)."""
+    system = problem.system
+    if system.structure.affine_constraint:
+        return np.zeros((len(q), system.n, system.n))
+    curvature = system.pointwise("constraint_curvature")
+    return curvature.full(0, curvature(q, lam, t, problem.packed)[0], symmetric=True)
+
+
+def _pinned_first(Z: Array, pinned: tuple[int, ...]) -> tuple[Array, int]:
+    """Return the basis Z (n, r) turned so that variations of pinned coordinates come first."""
+    if len(pinned) == len(Z):
+        return Z, Z.shape[1]
+    if not pinned:
+        return Z, 0
+    _, values, right = np.linalg.svd(Z[list(pinned)])
+    return Z @ right.T, int(np.sum(values > RANK))

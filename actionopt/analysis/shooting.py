@@ -1,0 +1,334 @@
+"""Fans of forward motions from one event, for guesses: many at once, none accurate.
+
+All motions are integrated together by the Runge-Kutta pair of Dormand and Prince, each with
+steps of its own, and all are aimed at their targets together, by Newton's method on their initial
+velocities. What arrives is a guess for a path between the two events.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from actionopt.analysis.second_variation import tangent
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.path import Path
+from actionopt.mechanics.problem import Problem
+from actionopt.tools.types import Array, NDInt
+
+ACCURACY = 1e-5  # of one step
+STEPS = 400  # most steps of one motion; what needs more comes too close to a singularity
+AIMS = 12
+NUDGE = 1e-6  # relative change of a velocity that tells the derivative
+ARRIVED = 1e-3  # of the coordinates' sizes: near enough for a guess
+DEGREE = 6  # of the elements of a guess; each spans three steps
+
+# Dormand and Prince, J. Comput. Appl. Math. 6 (1980), p. 19: times, stages, and the difference of
+# the two results. The last stage is the result of order five.
+TIMES = np.array([0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1, 1])
+STAGES = (
+    np.array([]),
+    np.array([1 / 5]),
+    np.array([3 / 40, 9 / 40]),
+    np.array([44 / 45, -56 / 15, 32 / 9]),
+    np.array([19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729]),
+    np.array([9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656]),
+    np.array([35 / 384, 0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84]),
+)
+ERROR = np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40])
+
+
+def shoot(problem: Problem, v0: Array) -> Array:
+    """Return where motions from the start event with velocities v0 (n, G, K) end, (n, G, K)."""
+    q0 = np.array(problem.start.q, dtype=float)[:, None, None]
+    return flown(problem, np.broadcast_to(q0, v0.shape), v0)[0]
+
+
+def flown(problem: Problem, q0: Array, v0: Array, track: list | None = None) -> tuple[Array, Array]:
+    """Return coordinates and velocities at the end of motions from q0 and v0, all (n, G, K).
+
+    K motions in groups of G that share their steps, so that differences within a group are
+    smooth. NaN where a motion does not stay finite. `track` receives (times (K,), q, v (n, K))
+    of the first of each group after every step.
+    """
+    t0, T = np.full(v0.shape[2], problem.start.t), np.full(v0.shape[2], problem.duration)
+    return integrate(problem, (t0, q0, v0), T, track=track)
+
+
+def integrate(
+    problem: Problem,
+    start: tuple[Array, Array, Array],
+    span: Array,
+    *,
+    accuracy: float = ACCURACY,
+    steps: int = STEPS,
+    track: list | None = None,
+    watch: Callable[[int], None] | None = None,
+) -> tuple[Array, Array]:
+    """Return (q, v) of motions after the times `span` (K,), back in time where it is negative.
+
+    They start at `start`, times (K,), coordinates and velocities (n, G, K), and make no more than
+    `steps` steps; `watch` is called before each, with 0 for the elements of a mesh. The rest is as
+    for `flown`.
+    """
+    begin, q0, v0 = start
+    n, group, count = v0.shape
+    unit = problem.lengths[:, None, None]
+    speed = np.maximum(
+        np.max(np.abs(v0), axis=(1, 2)), problem.lengths / np.max(np.abs(span), initial=0.0)
+    )[:, None, None]
+    q, v, t = q0.copy(), v0.copy(), np.zeros(count)
+    h, T, way = np.abs(span) / 50, np.abs(span), np.sign(span)
+    live, done, patience = np.arange(count), 0, steps
+    with np.errstate(all="ignore"):
+        while live.size and done < patience:
+            done += 1
+            if watch is not None:
+                watch(0)
+            if track is None and live.size <= count / 2 and patience == steps:
+                # What takes far longer than half of them is too close to a singularity.
+                patience = min(steps, 3 * done + 20)
+            y, forth = np.stack([q[:, :, live], v[:, :, live]]), way[live]
+            step = np.minimum(h[live], T[live] - t[live])
+            rates = []
+            for at, row in zip(TIMES, STAGES, strict=True):
+                here = y + step * np.tensordot(row, np.array(rates), 1) if rates else y
+                times = begin[live] + forth * (t[live] + at * step)
+                rates.append(forth * np.stack([here[1], _acceleration(problem, here, times)]))
+            error = step * np.tensordot(ERROR, np.array(rates), 1)
+            scale = accuracy * np.stack(
+                [
+                    np.maximum(np.abs(y[0] - q0[:, :, live]), 1e-2 * unit),
+                    np.maximum(np.abs(y[1]), 1e-2 * speed),
+                ]
+            )
+            size = np.sqrt(np.mean((error / scale) ** 2, axis=(0, 1, 2)))
+            lost = ~np.isfinite(here).all(axis=(0, 1, 2)) & (step < 1e-9 * T[live])
+            size = np.where(np.isfinite(size), size, 1e9)
+            good = size <= 1
+            kept = live[good]
+            q[:, :, kept], v[:, :, kept] = here[0][..., good], here[1][..., good]
+            t[kept] += step[good]
+            h[live] = step * np.clip(0.9 * (size + 1e-12) ** -0.2, 0.1, 5.0)
+            if track is not None:
+                track.append((begin + way * t, q[:, 0].copy(), v[:, 0].copy()))
+            live = live[~lost & (t[live] < T[live] * (1 - 1e-12))]
+    short = t < T * (1 - 1e-12)
+    q[:, :, short] = v[:, :, short] = np.nan
+    return q, v
+
+
+def _acceleration(problem: Problem, y: Array, t: Array) -> Array:
+    """Return the accelerations (n, G, K) at y = (q, v), each (n, G, K), and times t (K,)."""
+    system, n = problem.system, y.shape[1]
+    times = np.broadcast_to(t, y.shape[2:]).reshape(-1)
+    q, v = y[0].reshape(n, -1), y[1].reshape(n, -1)
+    try:
+        if system.m:
+            a = system.acceleration(q, v, times, parameters=problem.parameters)
+        else:
+            motion = system.pointwise("motion")
+            M, bias = motion(q.T, v.T, times[:, None], problem.packed)[:2]
+            a = bias.T / M.T if n == 1 else np.linalg.solve(M.reshape(-1, n, n), bias[..., None])
+            a = a if n == 1 else a[..., 0].T
+    except np.linalg.LinAlgError:  # one singular motion spoils the batch
+        return np.full(y.shape[1:], np.nan)
+    return np.asarray(a, dtype=float).reshape(y.shape[1:])
+
+
+def motions(problem: Problem, v0: Array, q0: Array | None = None) -> list[Path | None]:
+    """Return the motions with velocities v0 (n, K) as paths, on elements of three steps each.
+
+    They leave from q0 (n, K), by default the start event. None stands for one that does not
+    stay finite.
+    """
+    if q0 is None:
+        q0 = np.repeat(np.array(problem.start.q, dtype=float)[:, None], v0.shape[1], axis=1)
+    track: list[tuple[Array, Array, Array]] = [(np.full(v0.shape[1], problem.start.t), q0, v0)]
+    ends: Array = flown(problem, q0[:, None], v0[:, None], track)[0][:, 0]
+    finite = np.isfinite(ends).min(axis=0)
+    result: list[Path | None] = []
+    for k in range(v0.shape[1]):
+        if not bool(finite[k]):
+            result.append(None)
+            continue
+        times = np.array([row[0][k] for row in track])
+        keep = np.r_[True, np.diff(times) > 0]
+        times = times[keep]
+        q = np.array([row[1][:, k] for row in track])[keep].T
+        v = np.array([row[2][:, k] for row in track])[keep].T
+        times[-1] = problem.end.t
+        corners = times[np.unique(np.r_[0 : times.size - 1 : 3, times.size - 1])]
+        result.append(Path.interpolate(hermite(times, q, v), Mesh(corners, DEGREE)))
+    return result
+
+
+def hermite(times: Array, q: Array, v: Array):
+    """Return the cubic spline with the values q and slopes v (n, K) at the times (K,)."""
+
+    def curve(t: Array) -> Array:
+        i = np.clip(np.searchsorted(times, t, side="right") - 1, 0, times.size - 2)
+        h = times[i + 1] - times[i]
+        s = (t - times[i]) / h
+        a, b = q[:, i], q[:, i + 1]
+        rise = s * s * (3 - 2 * s)
+        return a + (b - a) * rise + h * s * (1 - s) * ((1 - s) * v[:, i] - s * v[:, i + 1])
+
+    return curve
+
+
+def aim(problem: Problem, v0: Array, targets: Array) -> tuple[Array, NDInt]:
+    """Change the velocities v0 (n, K) until the motions end at `targets` (n, K).
+
+    Returns the velocities of those that arrive and their positions in the list. Each motion
+    takes damped Newton steps of its own, least squares where constraints leave fewer velocities
+    than coordinates.
+    """
+    q = np.array([problem.start.q], dtype=float)
+    basis = tangent(problem, q, np.array([[problem.start.t]]), np.ones(len(v0)))[0]
+    apart = np.abs(targets - np.array(problem.start.q, dtype=float)[:, None])
+    unit = np.maximum(problem.lengths, np.max(apart, axis=1))[:, None, None]
+
+    def gap(v: Array, which: NDInt) -> Array:
+        return (shoot(problem, v) - targets[:, None, which]) / unit
+
+    return _newton(v0, basis, gap)
+
+
+def close(problem: Problem, q0: Array, v0: Array, units: Array) -> tuple[Array, Array, NDInt]:
+    """Change motions from q0 and v0 (n, K) until they close; return those that do, and which.
+
+    The coordinates that the start gives stay, and their velocities need not return. `units` (2 n,)
+    are those of coordinates and velocities.
+    """
+    n = len(v0)
+    free = np.setdiff1d(np.arange(n), problem.start.pinned)
+    asked = np.r_[np.arange(n), n + free]  # what has to return
+    varied = np.r_[free, n + np.arange(n)]
+    advance = np.r_[problem.advance, np.zeros(n)][:, None, None]
+
+    def gap(x: Array, which: NDInt) -> Array:
+        y = np.repeat(np.concatenate([q0, v0])[:, None, which], x.shape[1], axis=1)
+        y[varied] = x * units[varied, None, None]
+        miss = np.concatenate(flown(problem, y[:n], y[n:])) - y - advance
+        return miss[asked] / units[asked, None, None]
+
+    y = np.concatenate([q0, v0])
+    x, closed = _newton(y[varied] / units[varied, None], np.eye(varied.size), gap)
+    y = y[:, closed]
+    y[varied] = x * units[varied, None]
+    return y[:n], y[n:], closed
+
+
+def _newton(x: Array, basis: Array, gap) -> tuple[Array, NDInt]:
+    """Change x (d, K) along the basis (d, r) until the gaps vanish; each column by itself.
+
+    `gap(x, which)` returns those of x (d, G, A), groups beside the columns `which` (A,). Returns
+    the columns that arrive, and which they are.
+    """
+    count, r = x.shape[1], basis.shape[1]
+    nudge = NUDGE * np.max(np.abs(x), axis=0)
+    best, miss, part = x.copy(), np.full(count, np.inf), np.ones(count)
+    step, trial, active = np.zeros_like(x), x.copy(), np.arange(count)
+    for _ in range(AIMS):
+        h = nudge[active]
+        fan = np.stack([trial[:, active]] * (r + 1), axis=1)
+        fan[:, 1:] += basis[:, :, None] * h
+        gaps = gap(fan, active)
+        J = (gaps[:, 1:] - gaps[:, :1]) / h
+        size = np.linalg.norm(gaps[:, 0], axis=0)
+        good = np.isfinite(size) & (size < miss[active]) & np.isfinite(J).all(axis=(0, 1))
+        part[active] = np.where(good, np.minimum(1.0, 2 * part[active]), part[active] / 4)
+        for i in np.flatnonzero(good):
+            k = active[i]
+            best[:, k], miss[k] = trial[:, k], size[i]
+            change = -basis @ np.linalg.lstsq(J[:, :, i], gaps[:, 0, i], rcond=1e-12)[0]
+            # No farther at once than half the velocity itself: the fan should not collapse.
+            long = np.linalg.norm(change) / max(float(np.linalg.norm(best[:, k])), 1e-300)
+            step[:, k] = change / max(1.0, 2 * long)
+        trial = best + part * step
+        active = np.flatnonzero((miss > ARRIVED / 10) & (part > 1e-3))
+        if not active.size:
+            break
+    arrived = np.flatnonzero(miss < ARRIVED)
+    return best[:, arrived], arrived
+
+
+def speeds(problem: Problem, far: Array) -> tuple[Array, Array]:
+    """Return speeds (k,) that may matter, relative to the units (n,) of the coordinates.
+
+    They are those for the displacement `far` (n,) in the time there is, for the force to turn
+    within the coordinates' own size, and for the force to act over half the time.
+    """
+    units = np.maximum(problem.lengths, np.abs(far))
+    start, end = (np.array(e.q, dtype=float)[:, None] for e in (problem.start, problem.end))
+    rng = np.random.default_rng(0)
+    q = start + (end - start) * np.linspace(0.05, 0.95, 16)
+    q = q + 0.3 * units[:, None] * rng.standard_normal(q.shape)
+    times = np.full(q.shape[1], problem.start.t)
+    with np.errstate(all="ignore"):
+        a = _acceleration(problem, np.stack([q, 0 * q])[:, :, None], times)[:, 0]
+    a = np.abs(a) / units[:, None]
+    force = float(np.median(a[np.isfinite(a)])) if np.isfinite(a).any() else 0.0
+    T = problem.duration
+    scales = np.array([np.max(np.abs(far) / units) / T, np.sqrt(force), force * T / 2, 1 / T])
+    return scales[scales > 1e-3 * np.max(scales)], units
+
+
+def velocities(problem: Problem, far: Array, count: int, rng: np.random.Generator) -> Array:
+    """Return initial velocities (n, count) in all directions, from slow to fast."""
+    scales, units = speeds(problem, far)
+    if problem.system.n == 1:
+        fastest = 2.5 * np.max(scales)
+        speed = np.geomspace(np.min(scales) / 4, fastest, count // 4)
+        even = np.linspace(-fastest, fastest, count - 2 * speed.size)
+        return np.sort(np.concatenate([speed, -speed, even]))[None, :] * units[0]
+    speed = rng.choice(scales, count) * np.exp(rng.uniform(np.log(0.3), np.log(2.0), count))
+    return directed(problem, units[:, None] * speed, rng)
+
+
+def about(problem: Problem, count: int, rng: np.random.Generator) -> Array:
+    """Return initial velocities (n, count) about that of the straight line, near and far.
+
+    As far as the forces along that line would change it. For systems without constraints.
+    """
+    start, end = (np.array(e.q, dtype=float)[:, None] for e in (problem.start, problem.end))
+    n, T, sample = start.size, problem.duration, 64
+    mean = (end - start) / T
+    s = rng.uniform(0.0, 1.0, sample)
+    q = (
+        start
+        + (end - start) * s
+        + 0.1 * problem.lengths[:, None] * rng.standard_normal((n, sample))
+    )
+    times = problem.start.t + T * s
+    with np.errstate(all="ignore"):
+        v = np.repeat(mean, sample, axis=1)
+        a = np.abs(_acceleration(problem, np.stack([q, v])[:, :, None], times)[:, 0])
+    good = np.isfinite(a).all(axis=0)
+    force = np.median(a[:, good], axis=1) if good.any() else np.zeros(n)
+    width = force[:, None] * T / 2 + 0.3 * np.abs(mean)
+    reach = np.exp(rng.uniform(np.log(0.05), np.log(1.5), count))
+    return mean + width * reach * rng.standard_normal((n, count))
+
+
+def directed(problem: Problem, speed: Array, rng: np.random.Generator) -> Array:
+    """Return velocities (n, K) of given speeds (n or 1, K) in random directions.
+
+    They are tangent to the constraints, and move with them.
+    """
+    system = problem.system
+    if system.n == 2:  # evenly round the circle, by the golden section
+        turn = 2 * np.pi * (rng.random() + np.arange(speed.shape[1]) * 0.6180339887498949)
+        v = speed * np.stack([np.cos(turn), np.sin(turn)])
+    else:
+        direction = rng.standard_normal((system.n, speed.shape[1]))
+        v = speed * direction / np.linalg.norm(direction, axis=0)
+    if system.m:
+        q, t = np.array(problem.start.q, dtype=float), problem.start.t
+        G = system.constraint_jacobian(q, t, parameters=problem.parameters)
+        rate = system.pointwise("constraint_rate")
+        drift = rate(q[None], np.array([[t]]), problem.packed)[0][0]
+        v = v - np.linalg.pinv(G) @ (G @ v + drift[:, None])
+    return v

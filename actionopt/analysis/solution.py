@@ -1,0 +1,281 @@
+"""The answer: a path, and everything that follows from it."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from copy import deepcopy
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from actionopt.analysis.status import Status
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.path import Path
+from actionopt.discrete.resolution import resolution
+from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.problem import NEGLIGIBLE, Problem, State
+from actionopt.tools.types import Array
+
+if TYPE_CHECKING:
+    from actionopt.analysis.compare import Comparison
+    from actionopt.analysis.index import Inertia
+    from actionopt.analysis.sensitivity import Sensitivity
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """A stationary path between two events; call it with a time.
+
+    Attributes
+    ----------
+    problem : Problem
+        The question it answers.
+    path : Path
+        The curve q(t).
+    action : float
+        S along the path.
+    lam : (m, K) array
+        Multipliers of the discrete problem at the K nodes of the mesh, NaN at nodes without a
+        constraint row (pinned ends); `multipliers(t)` is as accurate anywhere.
+    error : float
+        Estimate of max over t of |q_h(t) - q(t)|, each coordinate in units of the largest |q|
+        it reaches along the path; the units of `tol`.
+    status : Status
+        The verdict, a sentence.
+    stats : dict
+        What was built, how often each function was evaluated, each refinement round, and how
+        the time divides.
+    """
+
+    problem: Problem
+    path: Path
+    action: float
+    lam: Array
+    error: float
+    status: Status
+    stats: dict[str, Any]
+
+    def __repr__(self) -> str:
+        """Show the verdict and the numbers that matter, not the arrays."""
+        return (
+            f"Solution({self.problem.name}: {self.status.name}, S = {self.action:.8g}, "
+            f"error {self.error:.1e}, elements {self.mesh.elements}, "
+            f"unknowns {self.stats.get('unknowns', 'not counted')})"
+        )
+
+    @cached_property
+    def momenta(self) -> tuple[Array, Array]:
+        """Momenta p0 = -dS/dq0 and p1 = +dS/dq1 at the events, each (n,): accurate to order 2d.
+
+        With constraints, those of the motions that the constraints allow. Hamilton and Jacobi's
+        identities; Marsden and West (2001), section 1.3.
+        """
+        system, parameters = self.problem.system, self.problem.parameters
+        if not system.m:
+            return self._free_momenta
+        p0, p1 = (
+            system.momentum(s.q, s.v, s.t, parameters=parameters) for s in (self.start, self.end)
+        )
+        return _fixed(p0, p1)
+
+    @cached_property
+    def start(self) -> State:
+        """State at the start event; its velocity comes from the momentum there.
+
+        It is accurate to order 2d, where the polynomial's derivative is only of order d.
+        """
+        return self._state(0)
+
+    @cached_property
+    def end(self) -> State:
+        """State at the end event, as accurate as `start`."""
+        return self._state(1)
+
+    @property
+    def success(self) -> bool:
+        """Whether the path can be used as it is."""
+        return self.status.success
+
+    @property
+    def mesh(self) -> Mesh:
+        """The mesh of the path."""
+        return self.path.mesh
+
+    def __call__(self, t: ArrayLike) -> Array:
+        """Return q(t): shape (n, K) for K times, (n,) for one time.
+
+        Raises ValueError for a time that is not between the events; so do the methods below.
+        """
+        return self.path(t)
+
+    def velocity(self, t: ArrayLike) -> Array:
+        """Return v(t), shape (n, K) or (n,)."""
+        return self.path.velocity(t)
+
+    def momentum(self, t: ArrayLike) -> Array:
+        """Return p(t) = dL/dv, shape (n, K) or (n,)."""
+        return self._pointwise("momentum", t)
+
+    def energy(self, t: ArrayLike) -> Array:
+        """Return the energy function H = v . dL/dv - L, shape (K,) or a 0-d array."""
+        return self._pointwise("energy", t)
+
+    def acceleration(self, t: ArrayLike) -> Array:
+        """Return the accelerations of the equations of motion at q(t), v(t): (n, K) or (n,)."""
+        return self._pointwise("acceleration", t)
+
+    def multipliers(self, t: ArrayLike) -> Array:
+        """Return lambda(t) of L' = L + sum lambda f, shape (m, K) or (m,).
+
+        From the index-1 form of the equations at q(t), v(t), and so as accurate as v.
+        """
+        return self._pointwise("multipliers", t)
+
+    def constraint_force(self, t: ArrayLike) -> Array:
+        """Return the generalized forces of constraint G' lambda, shape (n, K) or (n,)."""
+        return self._pointwise("constraint_force", t)
+
+    @cached_property
+    def inertia(self) -> Inertia:
+        """Index and nullity of the second variation, counted when first asked for."""
+        from actionopt.analysis.index import inertia
+
+        return inertia(self)
+
+    @property
+    def morse_index(self) -> int:
+        """Number of independent variations that lower the action; 0 is a (weak) minimum."""
+        return self.inertia.index
+
+    @property
+    def kind(self) -> str:
+        """What the action is at the path: "minimum", "saddle" or "degenerate"."""
+        return self.inertia.kind
+
+    @cached_property
+    def velocity_error(self) -> float:
+        """Estimate of max over t of |v_h(t) - v(t)|, in units of each coordinate's largest |v|.
+
+        A coordinate that hardly moves is measured by its size over the duration instead.
+
+        The first Legendre coefficient left out, differentiated: P'_k(1) = k (k + 1) / 2.
+        """
+        sizes = np.max(np.abs(self.path.values), axis=1)
+        speeds = np.max(np.abs(self.path.velocity(self.mesh.nodes)), axis=1)
+        sizes = np.where(sizes > 0, sizes, 1.0)
+        speeds = np.maximum(speeds, sizes / self.problem.duration)
+        found = resolution(self.mesh, self.path.values.T, sizes)
+        k = np.array(self.mesh.degrees) + 1
+        rates = (found.omitted + self.error / 4) * k * (k + 1) / self.mesh.lengths
+        return float(rates.max() * (sizes / speeds).max())
+
+    @cached_property
+    def multiplier_error(self) -> float:
+        """Estimate of the error of `multipliers(t)`, in units of the largest |lambda|; 0 if none.
+
+        Of several rows each counts by its force: |lambda_i| times the largest root of
+        sum_j G_ij^2 / M_jj, in units that all rows share. A row that vanishes, by a symmetry say,
+        is measured beside the others; where all of them do, they are measured beside the motion.
+
+        Eight times the distance of the discrete problem's multipliers, themselves less accurate,
+        from those of `multipliers` at the same nodes. Raises ValueError without constraints, or
+        where these are not independent.
+        """
+        from actionopt.analysis.jacobi import multipliers
+
+        problem, system = self.problem, self.problem.system
+        if not system.m:
+            raise ValueError("expected a system with constraints: this one has no multipliers")
+        t = self.mesh.nodes
+        exact = multipliers(self, t).T
+        q, times = self.path.values.T, t[:, None]
+        second = system.pointwise("second")
+        rows, cols = second.sparsity(2)
+        inertias = np.zeros((t.size, system.n))
+        mine = rows == cols
+        inertias[:, rows[mine]] = np.abs(
+            second(q, self.velocity(t).T, times, problem.packed)[2][:, mine]
+        )
+        jacobian = system.pointwise("constraint_jacobian")
+        rows, cols = jacobian.sparsity(0)
+        squares = jacobian(q, times, problem.packed)[0] ** 2
+        mass = inertias[:, cols]
+        shares = np.zeros((t.size, system.m))
+        np.add.at(shares.T, rows, np.where(mass > 0, squares / np.where(mass > 0, mass, 1.0), 0).T)
+        unit = np.sqrt(shares.max(axis=0))
+        unit = np.where(unit > 0, unit, 1.0)[:, None]  # a row of coordinates without inertia
+        size = np.max(unit * np.abs(exact))
+        motion = np.max(np.sqrt(inertias.max(axis=0)) * np.abs(q)) / problem.duration**2
+        size = size if size > NEGLIGIBLE * motion else motion or 1.0
+        return 8 * float(np.nanmax(unit * np.abs(self.lam - exact))) / float(size)
+
+    @cached_property
+    def discrete(self) -> tuple[Transcription, Array]:
+        """The transcription on the solution's mesh and the vector z of its unknowns there."""
+        sizes = np.max(np.abs(self.path.values), axis=1)
+        tr = Transcription(self.problem, self.mesh, np.where(sizes > 0, sizes, 1.0))
+        return tr, tr.pack(self.path.values.T, self.lam.T)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Solution:
+        """Return a copy with memory of its own; `discrete` is made again when asked for."""
+        kept = {name: value for name, value in vars(self).items() if name != "discrete"}
+        other = object.__new__(Solution)
+        vars(other).update(deepcopy(kept, memo))
+        return other
+
+    def compare(self) -> Comparison:
+        """Return the comparison with the forward integration from `start`, made once."""
+        return self._comparison
+
+    def sensitivity(self) -> Sensitivity:
+        """Return the derivatives of the action by the events and the parameters."""
+        from actionopt.analysis.sensitivity import sensitivity
+
+        return sensitivity(self)
+
+    def save(self, file: str | FilePath) -> None:
+        """Write the numbers to an .npz file, whole or not at all; `actionopt.load` reads it."""
+        from actionopt.analysis.store import save
+
+        save(self, file)
+
+    @cached_property
+    def _comparison(self) -> Comparison:
+        from actionopt.analysis.compare import compare
+
+        return compare(self)
+
+    @cached_property
+    def _free_momenta(self) -> tuple[Array, Array]:
+        tr, z = self.discrete
+        return _fixed(*tr.momenta(z))
+
+    def _state(self, k: int) -> State:
+        system, parameters = self.problem.system, self.problem.parameters
+        t, q = float(self.mesh.boundaries[-k]), self.path.values[:, -k]
+        v = self.path.velocity(t)
+        # A failed attempt may have no such velocity: the polynomial's stands.
+        with suppress(ValueError, np.linalg.LinAlgError):
+            v = system.velocity(q, self._free_momenta[k], t, v, parameters=parameters)
+        return State(t, q, v)
+
+    def _pointwise(self, name: str, t: ArrayLike) -> Array:
+        times = np.asarray(t, dtype=float)
+        method = getattr(self.problem.system, name)
+        parameters = self.problem.parameters
+        if times.ndim <= 1:
+            return method(self(times), self.velocity(times), times, parameters=parameters)
+        flat = times.ravel()
+        result = method(self(flat), self.velocity(flat), flat, parameters=parameters)
+        return result.reshape(*result.shape[:-1], *times.shape)
+
+
+def _fixed(p0: Array, p1: Array) -> tuple[Array, Array]:
+    """Return the arrays, read-only: they are kept."""
+    for p in (p0, p1):
+        p.setflags(write=False)
+    return p0, p1

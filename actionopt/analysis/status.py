@@ -1,0 +1,79 @@
+"""What came of a solve, in whole sentences, and the one exception of the package."""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from actionopt.analysis.solution import Solution
+
+
+class Status(Enum):
+    """The verdict on a solution; the value is the sentence a user reads."""
+
+    SOLVED = "the path is stationary and its error estimate meets the tolerance"
+    ON_MESH = (
+        "the path is stationary on the mesh that was given; its error is estimated, not controlled"
+    )
+    FLOOR = (
+        "the path is stationary, but round-off, amplified by the problem's own sensitivity to its "
+        "end points, forbids the tolerance: the error estimate is the best that can be had; "
+        "loosen tol"
+    )
+    DEGENERATE = (
+        "the end event is (numerically) conjugate to the start event: the path is not determined "
+        "by its end points, and no number here can be trusted; move an end point or the end time"
+    )
+    UNRESOLVED = (
+        "the path found on a coarse mesh did not settle under refinement: (a) the motion has a "
+        "collision or a singularity, (b) the first path was an artefact of the coarse mesh, or "
+        "(c) the guess was too far; try a guess nearer the motion, or a Mesh of your own"
+    )
+    UNBOUNDED = (
+        "the action is unbounded below, as it is past a conjugate point: there is no least path, "
+        "though there may be a stationary one; try principle='stationary' or 'auto'"
+    )
+    NOT_LEAST = (
+        "the path is stationary but not least: the second variation is negative on some "
+        "variation, as past a conjugate point; try principle='stationary' or 'auto'"
+    )
+    JUMP = (
+        "the Lagrangian jumps on a surface that the path crosses: the force there is infinite, no "
+        "derivative shows it, and this is no stationary path; replace the step by a smooth one "
+        "(np.tanh) of some width, or solve each side by itself with an event on the surface, which "
+        "lies right where the momentum along it is continuous"
+    )
+    OUT_OF_TIME = (
+        "the time that was given ran out: this is the best attempt so far, which may be no path; "
+        "give more seconds, a guess, a shorter duration or a larger tol"
+    )
+    NOT_FOUND = (
+        "no stationary path was found: (a) there may be none between these events, (b) the "
+        "straight line between them is too far from one, or (c) the Lagrangian is not smooth or "
+        "not finite on the way; try a guess, a shorter duration, principle='least', or `trace` "
+        "from a problem nearby that is solved"
+    )
+
+    def __str__(self) -> str:
+        """Return the sentence."""
+        return self.value
+
+    @property
+    def success(self) -> bool:
+        """Whether the path can be used as it is."""
+        return self in (Status.SOLVED, Status.ON_MESH)
+
+
+class SolveError(RuntimeError):
+    """A solve that did not succeed.
+
+    Attributes
+    ----------
+    solution : Solution
+        The best path so far, with its `status`.
+    """
+
+    def __init__(self, message: str, solution: Solution) -> None:
+        super().__init__(message)
+        self.solution = solution

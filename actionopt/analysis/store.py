@@ -1,0 +1,353 @@
+"""Solutions in files: numbers and plain text in an .npz, no pickled objects.
+
+A file holds the path, the ends, the parameters and the verdict. Physics is code and stays out:
+to evaluate momenta or energies again, the system (or the name of its scene) is supplied on
+loading.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path as FilePath
+from typing import Any, cast
+
+import numpy as np
+
+from actionopt import scenes
+from actionopt.analysis.solution import Solution
+from actionopt.analysis.status import Status
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.path import Path
+from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.problem import NEGLIGIBLE, Event, Periodic, Problem, State
+from actionopt.mechanics.system import System
+from actionopt.mechanics.tracing import ParameterTable
+from actionopt.tools.files import ready, whole
+from actionopt.tools.types import Array
+
+SAME = 1e-9  # relative difference of two evaluations of the action of one path
+SAME_ENDS = 1e-6  # of momenta and velocities at its ends, where a small mass amplifies round-off
+# How far velocities at the ends may be from the polynomial's, in units of the largest velocity:
+# 0.008 where L has a kink at an event; and this many times `velocity_error`, 0.42 on coarse meshes.
+SLOPE_ERROR, SLOPE_SAFETY = 0.1, 10.0
+ARRAYS = (
+    "boundaries",
+    "degrees",
+    "values",
+    "lam",
+    "action",
+    "error",
+    "velocities",
+    "momenta",
+)
+FORMAT = "actionopt solution 1"
+
+
+def save(solution: Solution, file: str | FilePath) -> None:
+    """Write `solution` to `file` (.npz), whole or not at all.
+
+    Raises
+    ------
+    ValueError
+        If the name does not end in .npz.
+    OSError
+        If the file cannot be written; an older file of that name is then unchanged.
+    """
+    target = solution_file(file)
+    problem = solution.problem
+    # A solution that was loaded without its system knows what the file said of it.
+    known = problem if isinstance(problem, Detached) else problem.system
+    about = {
+        "format": FORMAT,
+        "system": problem.name,
+        "coordinates": known.coordinates,
+        "parameters": {name: value.tolist() for name, value in problem.parameters.items()},
+        "events": [[e.t, list(e.q)] for e in (problem.start, problem.end)],
+        "advance": None if problem.advance is None else list(problem.advance),
+        "status": solution.status.name,
+        "stats": solution.stats,
+    }
+    arrays = {
+        "boundaries": solution.mesh.boundaries,
+        "degrees": np.array(solution.mesh.degrees),
+        "values": solution.path.values,
+        "lam": solution.lam,
+        "action": np.array(solution.action),
+        "error": np.array(solution.error),
+        "velocities": np.stack([solution.start.v, solution.end.v]),
+        "momenta": np.stack(solution.momenta),
+        "about": np.array(json.dumps(about)),
+    }
+    with whole(target) as part:
+        np.savez(part, allow_pickle=False, **arrays)
+
+
+def solution_file(file: str | FilePath) -> FilePath:
+    """Return where a solution goes. Raises as `save`, and before anything is written."""
+    target = FilePath(file)
+    if target.suffix != ".npz":
+        raise ValueError(f"expected a file name that ends in .npz, found {target.name!r}")
+    return ready(target)
+
+
+def load(file: str | FilePath, system: System | str | None = None) -> Solution:
+    """Read a solution that `save` wrote.
+
+    Parameters
+    ----------
+    file : str or path
+    system : System or str, optional
+        The system, or the name of the scene it belongs to. Without it a scene is looked up by
+        the name in the file; if there is none, the path, the ends and the verdict are there
+        but quantities that need the Lagrangian raise ValueError.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ValueError
+        If it is damaged or was not written by `save`, its numbers contradict one another, or the
+        system's coordinates or parameters are not those in the file.
+    """
+    if not (system is None or isinstance(system, (System, str))):
+        raise ValueError(f"expected a System or the name of a scene, found {system!r}")
+    try:
+        found = _read(FilePath(file))
+    except FileNotFoundError:
+        raise
+    except Exception as error:  # there is no end to the ways in which a file can be damaged
+        raise _damaged(file, error) from error
+    problem = _problem(found, system)
+    if problem is None:
+        return found
+    loaded = replace(found, problem=problem)
+    try:
+        _check_physics(replace(found, problem=problem), found)
+    except ValueError as error:
+        raise _damaged(file, error) from error
+    return _with_ends(loaded, (found.start.v, found.end.v), found.momenta)
+
+
+def _damaged(file: str | FilePath, error: Exception) -> ValueError:
+    why = str(error) if str(error).startswith("expected") else type(error).__name__
+    return ValueError(
+        f"expected an .npz file written by Solution.save, found {str(file)!r}, which is "
+        f"damaged or something else ({why}); solve and save again"
+    )
+
+
+class Detached:
+    """Stands for the problem of a solution loaded without its system: events and parameters."""
+
+    def __init__(self, about: dict[str, Any]) -> None:
+        self.name, self.coordinates = about["system"] or "problem", tuple(about["coordinates"])
+        (t0, q0), (t1, q1) = about["events"]
+        self.start, self.end = Event(t0, q0), Event(t1, q1)
+        if about["advance"] is not None:
+            self.end = Periodic(t1, about["advance"]).after(self.start)
+            if list(self.end.q) != q1:
+                raise ValueError(
+                    f"expected an end of a closed path after its advance, {self.end.q}, found {q1}"
+                )
+        self.parameters = ParameterTable(about["parameters"]).defaults
+
+    @property
+    def advance(self) -> Array | None:
+        """q(t1) - q(t0) where the end is `Periodic`, (n,), else None."""
+        return np.array(self.end.advance) if isinstance(self.end, Periodic) else None
+
+    @property
+    def duration(self) -> float:
+        """Time between the events."""
+        return self.end.t - self.start.t
+
+    @property
+    def system(self) -> System:
+        """Raise ValueError: there is no system."""
+        raise ValueError(
+            "this solution was loaded without its system, and a file holds no physics; load it "
+            "with load(file, system=...), a System of the coordinates "
+            f"{', '.join(self.coordinates)} or the name of a scene"
+        )
+
+
+def _read(file: FilePath) -> Solution:
+    """Return the solution in a file, its problem `Detached`; raise anything if there is none."""
+    with open(file, "rb") as stream:
+        if stream.read(2) != b"PK":  # numpy would advise to load it in another, unsafe way
+            raise ValueError("expected a zip archive")
+        stream.seek(0)
+        with np.load(stream, allow_pickle=False) as arrays:
+            data = {name: arrays[name] for name in (*ARRAYS, "about")}
+    about = json.loads(str(data["about"]))
+    if about["format"] != FORMAT:
+        raise ValueError(f"expected the format {FORMAT!r}, found {about['format']!r}")
+    for name in ARRAYS:
+        if data[name].dtype.kind not in "fiu":
+            raise ValueError(f"expected real numbers as {name}, found {data[name].dtype}")
+    if about["status"] not in Status.__members__:
+        raise ValueError(
+            f"expected one of the statuses {', '.join(Status.__members__)}, found "
+            f"{about['status']!r}"
+        )
+    problem = Detached(about)
+    mesh = Mesh(data["boundaries"], data["degrees"])
+    path = Path(mesh, data["values"])
+    n, nodes = len(problem.coordinates), mesh.nodes.size
+    shapes = [len(problem.start.q), len(problem.end.q), path.values.shape[0]]
+    ends = data["velocities"].shape == data["momenta"].shape == (2, n)
+    single = data["action"].shape == data["error"].shape == ()
+    if shapes != [n, n, n] or not ends or not single or data["lam"].shape[1:] != (nodes,):
+        raise ValueError("expected arrays of shapes that belong together")
+    solution = Solution(
+        cast(Problem, problem),
+        path,
+        float(data["action"]),
+        data["lam"],
+        float(data["error"]),
+        Status[about["status"]],
+        dict(about["stats"]),
+    )
+    _check_ends(solution)
+    found = _with_ends(solution, data["velocities"], data["momenta"])
+    if found.success:
+        _check_numbers(found)
+    return found
+
+
+def _check_ends(solution: Solution) -> None:
+    """Raise ValueError if a path does not begin and end at its events, or close as it should."""
+    problem, mesh, values = solution.problem, solution.mesh, solution.path.values
+    times = np.array([problem.start.t, problem.end.t])
+    if not np.all(np.abs(mesh.boundaries[[0, -1]] - times) <= SAME * problem.duration):
+        raise ValueError(
+            f"expected a path from t = {times[0]} to {times[1]}, the times of its events, found "
+            f"one from {mesh.boundaries[0]} to {mesh.boundaries[-1]}"
+        )
+    off = SAME * np.max(np.abs(values), axis=1)
+    for k, event in ((0, problem.start), (-1, problem.end)):
+        for i in event.pinned:
+            if not abs(values[i, k] - cast(float, event.q[i])) <= off[i]:
+                raise ValueError(
+                    f"expected a path through its events, found coordinate {i} = {values[i, k]} "
+                    f"where the event has {event.q[i]}"
+                )
+    if problem.advance is not None:
+        turned = values[:, -1] - values[:, 0]
+        if not np.all(np.abs(turned - problem.advance) <= off):
+            raise ValueError(
+                f"expected a path that closes with the advance {problem.advance}, found {turned}"
+            )
+
+
+def _check_numbers(found: Solution) -> None:
+    """Raise ValueError if the numbers of a successful solution cannot be true."""
+    if not (np.isfinite(found.action) and found.error >= 0):
+        raise ValueError(
+            "expected a finite action and an error estimate that is not negative, found "
+            f"{found.action} and {found.error}"
+        )
+    if not np.all(np.isfinite(found.momenta)):
+        raise ValueError(f"expected finite momenta, found {found.momenta}")
+    rows = found.stats.get("rows")
+    given = np.isfinite(found.lam).sum()
+    if np.any(np.isinf(found.lam)) or rows not in (None, given):
+        raise ValueError(f"expected multipliers of {rows} rows of constraints, found {given}")
+    if not isinstance(found.stats.get("gain", 1.0), (int, float)):
+        raise ValueError(f"expected a number as the gain, found {found.stats['gain']!r}")
+    ends = found.mesh.boundaries[[0, -1]]
+    slopes = found.velocity(ends).T
+    allowed = SLOPE_ERROR + SLOPE_SAFETY * found.velocity_error
+    velocities = np.array([found.start.v, found.end.v])
+    if np.any(np.abs(velocities - slopes) > allowed * _speeds(found)):
+        raise ValueError(
+            f"expected velocities at the ends near those of the path, {slopes.tolist()}, found "
+            f"{velocities.tolist()}"
+        )
+
+
+def _speeds(solution: Solution) -> Array:
+    """Return the largest velocity of each coordinate, (n,), or its size over the duration."""
+    values, nodes = solution.path.values, solution.mesh.nodes
+    sizes = np.max(np.abs(values), axis=1)
+    sizes = np.maximum(sizes, NEGLIGIBLE * np.max(sizes)) / solution.problem.duration
+    speeds = np.maximum(np.max(np.abs(solution.velocity(nodes)), axis=1), sizes)
+    return np.where(speeds > 0, speeds, 1 / solution.problem.duration)
+
+
+def _check_physics(fresh: Solution, found: Solution) -> None:
+    """Raise ValueError if multipliers, momenta and velocities are not those of the system.
+
+    `fresh` has nothing but the path and its system, and derives the rest from them.
+    """
+    m = fresh.problem.system.m
+    if found.lam.shape[0] != m:
+        raise ValueError(f"expected multipliers of {m} constraints, found {found.lam.shape[0]}")
+    if not found.success:
+        return
+    p = np.abs(fresh.momentum(fresh.mesh.nodes))
+    tr = fresh.discrete[0]
+    units = np.maximum(np.max(p, axis=1), tr.action_unit / tr.lengths)
+    speeds = _speeds(fresh)
+    for role, a, b, unit in (
+        ("momenta", fresh.momenta, found.momenta, units),
+        ("velocities", (fresh.start.v, fresh.end.v), (found.start.v, found.end.v), speeds),
+    ):
+        if not np.all(np.abs(np.subtract(a, b)) <= SAME_ENDS * unit):
+            raise ValueError(
+                f"expected the {role} of the system at the ends of the path, "
+                f"{np.array(a).tolist()}, found {np.array(b).tolist()}"
+            )
+
+
+def _with_ends(solution: Solution, velocities: Any, momenta: Any) -> Solution:
+    """Return the solution with what it would derive from its system: that is in the file as well.
+
+    Raises ValueError if the velocities are not two finite rows (n,).
+    """
+    b, values = solution.mesh.boundaries, solution.path.values
+    start, end = (
+        State(t, q, v) for t, q, v in zip(b[[0, -1]], values.T[[0, -1]], velocities, strict=True)
+    )
+    p0, p1 = (np.array(p, dtype=float) for p in momenta)
+    for p in (p0, p1):
+        p.setflags(write=False)
+    solution.__dict__.update(start=start, end=end, momenta=(p0, p1))
+    return solution
+
+
+def _problem(found: Solution, system: System | str | None) -> Problem | None:
+    """Return the problem of a solution whose system is given, or is the scene of the same name.
+
+    None where there is no such scene. Raises ValueError for the wrong system.
+    """
+    known = cast(Detached, found.problem)
+    guessed = system is None
+    if guessed:
+        system = known.name if known.name in scenes.SCENES else None
+    if isinstance(system, str):
+        system = scenes.get(system).problem.system
+    if system is None:
+        return None
+    try:
+        if system.coordinates != known.coordinates:
+            raise ValueError(
+                f"expected a system of the coordinates {', '.join(known.coordinates)} in the "
+                f"file, found {', '.join(system.coordinates)}"
+            )
+        problem = Problem(system, known.start, known.end, parameters=known.parameters)
+        tr = Transcription(problem, found.mesh, problem.lengths)
+        action, S = tr.action_and_gradient(found.path.values.T)[0], found.action
+        # A failed attempt may have an infinite one, or none.
+        alike = action == S or (np.isnan(action) and np.isnan(S))
+        if not (alike or abs(action - S) <= SAME * max(abs(S), tr.action_unit)):
+            raise ValueError(
+                f"expected the system of the file, whose action on its path is {S}, found "
+                f"a system that gives {action}"
+            )
+    except ValueError:
+        if guessed:  # another system of that name
+            return None
+        raise
+    return problem

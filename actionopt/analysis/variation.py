@@ -1,0 +1,202 @@
+"""A path and its neighbours: the action along q + alpha eta.
+
+The chapter's proof of the Euler-Lagrange equations as something to compute: S(alpha) of a varied
+path has a stationary point at alpha = 0, and its second derivative there is the second variation
+of eta. Both are those of the discrete action on a mesh that resolves eta as well as the path, so
+that the first derivative vanishes to rounding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from actionopt.analysis.second_variation import Form, form
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.newton import follow
+from actionopt.discrete.path import Path
+from actionopt.discrete.projection import project
+from actionopt.discrete.resolution import resolution
+from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.problem import Problem
+from actionopt.tools.types import Array
+
+if TYPE_CHECKING:
+    from actionopt.analysis.solution import Solution
+
+RESOLVED = 1e-10  # omitted Legendre coefficients of eta, relative to its size
+HALVINGS = 8  # of an element; a kink of eta is then closed in on to 1/256 of it
+VANISHES = 1e-10  # |eta| at a pinned end, relative to its size
+ON_SURFACE = 1e-12  # |f| of a varied path, relative to its change by the coordinates' own size
+
+
+@dataclass(frozen=True, eq=False)
+class Variation:
+    """The action S(alpha) along q + alpha eta; call it with alpha.
+
+    With constraints, eta is the part of the variation asked for that the constraints allow,
+    G eta = 0, and the varied path is moved back onto the surface: to first order in alpha it is
+    q + alpha eta.
+
+    Attributes
+    ----------
+    form : Form
+        The second variation on the mesh used.
+    lam : (K, m) array
+        Multipliers of the path at the nodes.
+    eta : Path
+        The variation.
+    """
+
+    form: Form = field(repr=False)
+    lam: Array = field(repr=False)
+    eta: Path
+
+    def __call__(self, alpha: ArrayLike) -> Array:
+        """Return S(alpha), of the shape of `alpha`.
+
+        Raises ValueError where no varied path on the constraint surface is near.
+        """
+        values = np.asarray(alpha, dtype=float)
+        tr = self.form.tr
+        actions = [tr.action_and_gradient(self.nodes(a))[0] for a in values.ravel()]
+        return np.array(actions).reshape(values.shape)
+
+    def path(self, alpha: float) -> Path:
+        """Return the varied path. Raises ValueError as a call does."""
+        return Path(self.form.tr.mesh, self.nodes(alpha).T)
+
+    @cached_property
+    def first(self) -> float:
+        """dS/dalpha at alpha = 0: int (eta . L_q + eta' . L_v) dt = 0."""
+        _, gradient = self.form.tr.action_and_gradient(self.form.Q)
+        return float(gradient @ self.eta.values.T.ravel())
+
+    @cached_property
+    def cancelling(self) -> float:
+        """Size of what cancels in `first`: int (|eta . L_q| + |eta' . L_v|) dt."""
+        tr, problem = self.form.tr, self.form.tr.problem
+        at, eta = (x[tr.layout.node_of] for x in (self.form.Q, self.eta.values.T))
+        v, rate = tr.velocities(at), tr.velocities(eta)
+        Lq, Lv, _ = problem.system.pointwise("first")(at, v, tr.times, problem.packed)
+        return float(np.sum(tr.weight * (np.abs(Lq * eta) + np.abs(Lv * rate))))
+
+    @cached_property
+    def second(self) -> float:
+        """d2S/dalpha2 at alpha = 0: the second variation d2S[eta]."""
+        form, offsets = self.form, self.form.tr.mesh.offsets
+        a = np.einsum("knr,kn->kr", form.basis, self.eta.values.T / form.units)
+        rows = [a[i : j + 1].ravel() for i, j in pairwise(offsets)]
+        return float(sum(x @ E @ x for x, E in zip(rows, form.elements, strict=True)))
+
+    def nodes(self, alpha: float) -> Array:
+        """Return the coordinates of the varied path at the nodes, (K, n)."""
+        tr = self.form.tr
+        Q = self.form.Q + alpha * self.eta.values.T
+        system, problem = tr.problem.system, tr.problem
+        if not system.m or alpha == 0:
+            return Q
+        moved = project(tr, Q)
+        f = system.pointwise("constraint")(moved, tr.mesh.nodes[:, None], problem.packed)[0]
+        if not np.max(np.abs(f) / tr.row_units) <= ON_SURFACE:
+            raise ValueError(
+                f"expected a path on the constraint surface near q + alpha eta, found none for "
+                f"alpha = {alpha}; try a smaller alpha"
+            )
+        return moved
+
+
+def variation(
+    solution: Solution, eta: Path | Callable[[Array], ArrayLike], *, unit: ArrayLike = 1.0
+) -> Variation:
+    """Return S(alpha) along q + alpha eta, with its first two derivatives at alpha = 0.
+
+    Parameters
+    ----------
+    solution : Solution
+        The path q.
+    eta : Path or callable
+        The variation, (n, K) for K times, in the coordinates' units; zero where the events pin
+        the path. Modes of `index.second_variation` are such paths.
+    unit : float or (n,) array
+        Units of the coordinates that decide, with constraints, which part of eta is along the
+        surface: one where all coordinates have the same unit.
+
+    Raises
+    ------
+    ValueError
+        If eta does not vanish at the pinned ends, close with a closed path or fit the
+        coordinates, or the system has non-conservative forces: its paths make no functional
+        stationary.
+
+    References
+    ----------
+    *Competitive Physics: Mechanics and Waves* (2018), section 12.2, p. 624; Gelfand and Fomin,
+    *Calculus of Variations* (1963), section 24.
+
+    Examples
+    --------
+    >>> from actionopt import scenes, solve
+    >>> problem = scenes.get("oscillator", duration=2.0).problem
+    >>> S = variation(solve(problem), lambda t: [t * (2.0 - t)])
+    >>> abs(S.first) < 1e-12, bool(S(0.1) > S(0.0))
+    (True, True)
+    """
+    problem = solution.problem
+    mesh = resolving(solution.mesh, eta)
+    lengths = solution.discrete[0].lengths
+    tr = Transcription(problem, mesh, lengths)
+    Q, lam = solution(mesh.nodes).T, solution.multipliers(mesh.nodes).T
+    near = follow(tr, tr.pack(Q, lam))
+    if near.converged:
+        Q, rows = tr.unpack(near.z)
+        lam = np.where(np.isfinite(rows), rows, lam)
+    found = form(tr, Q, lam, np.broadcast_to(np.asarray(unit, dtype=float), (problem.system.n,)))
+    return Variation(found, lam, Path(mesh, _allowed(found, Path.interpolate(eta, mesh)).T))
+
+
+def resolving(mesh: Mesh, eta) -> Mesh:
+    """Return the mesh with elements halved until it resolves eta as well."""
+    for _ in range(HALVINGS):
+        values = Path.interpolate(eta, mesh).values.T
+        size = float(np.max(np.abs(values))) or 1.0
+        coarse = resolution(mesh, values, np.full(values.shape[1], size)).omitted > RESOLVED
+        if not coarse.any():
+            break
+        b, parts = mesh.since, np.where(coarse, 2, 1)
+        pieces = [np.linspace(b[e], b[e + 1], k, endpoint=False) for e, k in enumerate(parts)]
+        mesh = mesh.cut(np.concatenate([*pieces, b[-1:]]), np.repeat(mesh.degrees, parts))
+    return mesh
+
+
+def _allowed(form: Form, eta: Path) -> Array:
+    """Return the part of eta that events and constraints allow at the nodes, (K, n)."""
+    problem: Problem = form.tr.problem
+    names, values = problem.system.coordinates, eta.values.T
+    if values.shape[1] != len(names):
+        raise ValueError(f"expected eta of {len(names)} coordinates, found {values.shape[1]}")
+    size = np.max(np.abs(values))
+    for k, event in ((0, problem.start), (-1, problem.end)):
+        for i in event.pinned:
+            if abs(values[k, i]) > VANISHES * size:
+                raise ValueError(
+                    f"expected eta({event.t}) = 0 in {names[i]}, which the event pins, found "
+                    f"{values[k, i]:.3g}; multiply eta by a function that vanishes at both ends"
+                )
+    open_by = np.abs(values[-1] - values[0])
+    if form.closed and np.any(open_by > VANISHES * size):
+        i = int(np.argmax(open_by))
+        raise ValueError(
+            f"expected eta(t1) = eta(t0) for a path that closes, found that {names[i]} differs by "
+            f"{open_by[i]:.3g}"
+        )
+    a = np.einsum("knr,kn->kr", form.basis, values / form.units)
+    for k, count in ((0, form.pinned[0]), (-1, form.pinned[1])):
+        a[k, :count] = 0.0
+    return form.units * np.einsum("knr,kr->kn", form.basis, a)

@@ -1,0 +1,393 @@
+"""The discrete action on a mesh: its value, its gradient, and what its derivatives are made of.
+
+On each element the path is the polynomial through d + 1 LGL nodes and the action is summed with
+the LGL weights,
+
+    S(Q) = sum_e (h_e / 2) sum_k w_k L(q_k, v_k, t_k),    v_k = (2 / h_e) sum_j D_kj q_j.
+
+Constraint rows f(q_k, t_k) = 0 carry the same weight, so that their multipliers are lambda(t_k).
+Stationary points solve
+
+    r(Q, lam) = grad S + sum_k w_k Q_k + sum_k w_k G_k' lam_k = 0,    w_k f(q_k, t_k) = 0.
+
+Derivatives of L are evaluated pointwise and scattered by index arrays that depend on the degrees
+alone: a `Layout` is shared by all meshes of one shape and all problems of one system. Unknowns are
+the coordinates in units of their own size, so that atoms and planets look alike.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from copy import copy
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Self
+
+import numpy as np
+
+from actionopt.discrete.layout import layout_for
+from actionopt.discrete.mesh import Mesh
+from actionopt.mechanics.problem import Problem
+from actionopt.tools.types import Array
+
+
+@dataclass(eq=False, slots=True)
+class _Point:
+    """What a transcription knows of its unknowns x, as far as it was asked."""
+
+    x: Array
+    Q: Array
+    at: Array
+    v: Array
+    values: tuple[float, Array, Array] | None = None
+    normals: Array | None = None
+
+
+class Action:
+    """The discrete action of one problem on one mesh.
+
+    Vectors z = (x, mu) hold the free coordinates, measured from the problem's `origin` in units of
+    `lengths`, node by node, and the multipliers of the rows in units of their own. `counts` says
+    how often each function was evaluated.
+
+    Parameters
+    ----------
+    problem : Problem
+    mesh : Mesh
+        Over the times of the problem's events.
+    lengths : (n,) array
+        Unit of each coordinate.
+    like : Action, optional
+        One of a neighbouring problem on a mesh of the same shape, whose origin and units of action
+        and of the rows are taken, so that vectors z mean the same to both.
+    """
+
+    def __init__(
+        self, problem: Problem, mesh: Mesh, lengths: Array, *, like: Action | None = None
+    ) -> None:
+        self.problem, self.mesh, self.lengths = problem, mesh, lengths
+        self.layout = layout_for(problem, mesh)
+        self.counts: Counter[str] = Counter()
+        self.watch: Callable[[int], None] | None = None  # called with each second derivative
+        layout, n = self.layout, problem.system.n
+        self.times = mesh.nodes[layout.node_of][:, None]
+        self.half = mesh.lengths / 2
+        self.halves = [self.half[g.elements][:, None, None] for g in layout.groups]
+        weights = [
+            (h[:, 0] * g.rule.weights).ravel()
+            for h, g in zip(self.halves, layout.groups, strict=True)
+        ]
+        weight = np.concatenate(weights)
+        self.weight = weight[:, None]
+        self.ends = self._ends()
+        self.x_unit = lengths[layout.free % n]
+        self.origin = problem.origin if like is None else like.origin
+        self.x_origin = None if self.origin is None else self.origin[layout.free % n]
+        self._point: _Point | None = None
+        self._kept: dict[str, Any] = {}
+        self.unfolded: dict[tuple[str, int], tuple[Array, Array]] = {}
+        # Nonzeros of the mass matrix half way along the straight line, its upper triangle.
+        self.inertia = np.zeros(0) if like is None else like.inertia
+        self.action_unit, self.row_units = (
+            self._units() if like is None else (like.action_unit, like.row_units)
+        )
+        if layout.rows:
+            node_weight = np.bincount(layout.node_of, weight, layout.node_count)
+            if layout.closed:
+                node_weight[0] += node_weight[-1]
+            self.row_weight = node_weight[layout.row_nodes][:, None]
+            # Rows w f are scaled to gradients of size one, whatever the element's length.
+            self.row_unit = node_weight[layout.row_node] * self.row_units[layout.row_constraint]
+        else:
+            self.row_weight, self.row_unit = np.zeros((0, 1)), np.zeros(0)
+        self.mu_unit = self.action_unit / self.row_unit
+
+    def _ends(self) -> Array:
+        """Return the coordinates that are given, (K, n), and zeros."""
+        ends = np.zeros((self.layout.node_count, self.problem.system.n))
+        for k, event in ((0, self.problem.start), (-1, self.problem.end)):
+            ends[k] = [0.0 if x is None else x for x in event.q]
+        return ends
+
+    def between(self, problem: Problem) -> Self:
+        """Return that of a problem which differs in the values at its ends only, in these units."""
+        other = copy(self)
+        other.problem, other.counts, other._kept = problem, Counter(), {}
+        other._point = None
+        other.ends = other._ends()
+        return other
+
+    def with_ends(self, ends: Array) -> Self:
+        """Return the same with other coordinates (2, n) at the first and the last node.
+
+        The problem, whose events they need not be, stays the same.
+        """
+        other = copy(self)
+        other.ends = self.ends.copy()
+        other.ends[[0, -1]] = ends
+        other._point = None
+        return other
+
+    def _units(self) -> tuple[float, Array]:
+        """Return the unit of action and of each constraint's row, from typical curvatures."""
+        system, problem = self.problem.system, self.problem
+        Q = self.straight()
+        duration = problem.duration
+        C = self.second(self.pack(Q))[2]
+        rows, cols = system.pointwise("second").sparsity(2)
+        self.inertia = C[len(C) // 2].copy()
+        mine = rows == cols
+        diagonal = np.abs(C[:, mine]) * self.lengths[rows[mine]] ** 2 / duration
+        good = diagonal[np.isfinite(diagonal) & (diagonal > 0)]
+        unit = float(np.partition(good, good.size // 2)[good.size // 2]) if good.size else 1.0
+        if not system.m:
+            return unit, np.ones(0)
+        layout = self.layout
+        nodes = self.mesh.nodes[layout.row_nodes][:, None]
+        G = system.pointwise("constraint_jacobian")(Q[layout.row_nodes], nodes, problem.packed)[0]
+        sizes = np.zeros(system.m)
+        largest = np.max(np.abs(G), axis=0, initial=0.0)
+        np.maximum.at(sizes, layout.G_rows, largest * self.lengths[layout.G_cols])
+        return unit, np.where(sizes > 0, sizes, 1.0)
+
+    # -- vectors -----------------------------------------------------------------------------
+
+    def straight(self) -> Array:
+        """Return the straight line between the events, (K, n); a free end keeps the other's."""
+        pairs = zip(self.problem.start.q, self.problem.end.q, strict=True)
+        known = [(b if a is None else a, a if b is None else b) for a, b in pairs]
+        start, end = np.array([[x or 0.0 for x in pair] for pair in known]).T
+        if self.problem.advance is not None:
+            end = start + self.problem.advance
+        s = self.mesh.nodes_since / self.mesh.duration
+        return start + s[:, None] * (end - start)
+
+    def pack(self, Q: Array, lam: Array | None = None) -> Array:
+        """Return z for node coordinates Q (K, n) and multipliers lam (K, m) (zero if None)."""
+        layout = self.layout
+        z = np.zeros(layout.size)
+        x = Q.ravel()[layout.free]
+        if self.x_origin is not None:
+            x = x - self.x_origin
+        z[: layout.unknowns] = x / self.x_unit
+        if lam is not None and layout.rows:
+            z[layout.unknowns :] = lam[layout.row_node, layout.row_constraint] / self.mu_unit
+        return z
+
+    def unpack(self, z: Array) -> tuple[Array, Array]:
+        """Return coordinates (K, n) and multipliers (K, m); NaN where there is no row."""
+        layout = self.layout
+        lam = np.full((layout.node_count, self.problem.system.m), np.nan)
+        lam[layout.row_node, layout.row_constraint] = z[layout.unknowns :] * self.mu_unit
+        return self.coordinates(z), lam
+
+    def coordinates(self, z: Array) -> Array:
+        """Return the coordinates at the nodes, (K, n)."""
+        Q = self.ends.copy()
+        x = z[: self.layout.unknowns] * self.x_unit
+        Q.ravel()[self.layout.free] = x if self.x_origin is None else x + self.x_origin
+        if self.problem.advance is not None:
+            Q[-1] = Q[0] + self.problem.advance
+        return Q
+
+    def measured(self, step: Array) -> float:
+        """Return the largest change of a coordinate by a step in z, in units of its own size.
+
+        That is the unit of z, but for coordinates whose origin is far from zero.
+        """
+        x = step[: self.layout.unknowns]
+        if not x.size:
+            return 0.0
+        if self.x_origin is None:
+            return float(np.abs(x).max())
+        return float((np.abs(x) / self.magnitudes[: x.size]).max())
+
+    @cached_property
+    def magnitudes(self) -> Array:
+        """Sizes of coordinates and multipliers in the units of z, (size,): one near zero."""
+        found = np.ones(self.layout.size)
+        if self.x_origin is not None:
+            found[: self.layout.unknowns] += np.abs(self.x_origin) / self.x_unit
+        return found
+
+    # -- values and first derivatives ----------------------------------------------------------
+
+    def velocities(self, at: Array) -> Array:
+        """Return the velocities at the evaluations, for coordinates `at` there, both (E, n)."""
+        parts = []
+        for g, half in zip(self.layout.groups, self.halves, strict=True):
+            q = at[g.span].reshape(*g.nodes.shape, -1)
+            q = q - q[:, :1]  # a constant has no velocity, nor the round-off of one
+            parts.append((g.rule.derivative @ q / half).reshape(-1, at.shape[1]))
+        return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+    def place(self, x: Array) -> tuple[Array, Array, Array]:
+        """Return Q (K, n), and coordinates and velocities at the evaluations, for x."""
+        point = self._at(x)
+        return point.Q, point.at, point.v
+
+    def _at(self, x: Array) -> _Point:
+        """Return what is known for x: the last one is kept, for all who ask of it."""
+        point = self._point
+        if point is None or not np.array_equal(point.x, x):
+            Q = self.coordinates(x)
+            at = Q[self.layout.node_of]
+            # Several threads may read one solution: what one found is never taken for another x.
+            self._point = point = _Point(x.copy(), Q, at, self.velocities(at))
+        return point
+
+    def _first(self, x: Array) -> tuple[float, Array, Array]:
+        """Return S, its gradient (virtual work included) at all nodes, (K n), and its parts, at x.
+
+        The parts (evaluations, n) are those of each element's nodes, before they are summed.
+        """
+        point = self._at(x)
+        if point.values is None:
+            point.values = self._action_and_gradient(point.at, point.v)
+        return point.values
+
+    def action_and_gradient(self, Q: Array) -> tuple[float, Array]:
+        """Return S and grad S + sum w Q over all nodes, (K n), in the user's units."""
+        at = Q[self.layout.node_of]
+        return self._action_and_gradient(at, self.velocities(at))[:2]
+
+    def _action_and_gradient(self, at: Array, v: Array) -> tuple[float, Array, Array]:
+        system, layout, p = self.problem.system, self.layout, self.problem.packed
+        Lq, Lv, L = system.pointwise("first")(at, v, self.times, p)
+        self.counts["first"] += 1
+        contribution = self.weight * Lq
+        if system.structure.forced:
+            contribution += self.weight * system.pointwise("force")(at, v, self.times, p)[0]
+            self.counts["force"] += 1
+        for g in layout.groups:
+            local = Lv[g.span].reshape(*g.nodes.shape, -1)
+            # A constant momentum works at the element's ends only: taken out of the sum, its
+            # round-off stays out of the nodes between.
+            constant = local[:, 0]
+            pull = g.rule.weighted.T @ (local - local[:, :1])
+            pull[:, 0] -= constant
+            pull[:, -1] += constant
+            contribution[g.span] += pull.reshape(-1, at.shape[1])
+        gradient = np.bincount(layout.scatter, contribution.ravel(), layout.node_count * system.n)
+        return float(self.weight[:, 0] @ L[:, 0]), gradient, contribution
+
+    def action(self, x: Array) -> float:
+        """Return S in its own unit."""
+        return self._first(x)[0] / self.action_unit
+
+    def gradient(self, x: Array) -> Array:
+        """Return dS/dx (with the virtual work of forces), in units of action."""
+        return self.free_part(self._first(x)[1])
+
+    def work(self, x: Array) -> list[Array]:
+        """Return dS/dq (virtual work included) of the elements of each degree, (E, d + 1, n)."""
+        parts, n = self._first(x)[2], self.problem.system.n
+        return [parts[g.span].reshape(*g.nodes.shape, n) for g in self.layout.groups]
+
+    def free_part(self, whole: Array) -> Array:
+        """Return the derivatives by x, in units of action, of those by all coordinates (K n)."""
+        free = whole[self.layout.free]
+        if self.layout.closed:  # the last node moves with the first
+            n = self.problem.system.n
+            free[self.layout.free < n] += whole[-n:][self.layout.free[self.layout.free < n]]
+        return free * (self.x_unit / self.action_unit)
+
+    def constraint(self, x: Array) -> Array:
+        """Return the weighted constraint rows w_k f(q_k, t_k)."""
+        layout, p = self.layout, self.problem.packed
+        Q = self.place(x)[0][layout.row_nodes]
+        f = self.problem.system.pointwise("constraint")(Q, self.row_times, p)[0]
+        self.counts["constraint"] += 1
+        return (self.row_weight * f).ravel()[layout.row_select] / self.row_unit
+
+    @cached_property
+    def row_times(self) -> Array:
+        """Times of the nodes with constraint rows, (R, 1)."""
+        return self.mesh.nodes[self.layout.row_nodes][:, None]
+
+    def residual(self, z: Array) -> Array:
+        """Return the KKT residual r(z), shape (size,), zero at a stationary path."""
+        layout = self.layout
+        x = z[: layout.unknowns]
+        g = self.gradient(x)
+        if not layout.rows:
+            return g
+        J = layout.jacobian
+        pull = np.bincount(J.col, self.jacobian(x) * z[layout.unknowns + J.row], layout.unknowns)
+        return np.concatenate([g + pull, self.constraint(x)])
+
+    # -- second derivatives ----------------------------------------------------------------------
+
+    def second(self, x: Array) -> list[Array]:
+        """Return the nonzeros of L_qq, L_qv and L_vv at the evaluations."""
+        if self.watch is not None:
+            self.watch(self.mesh.elements)
+        function, p = self.problem.system.pointwise("second"), self.problem.packed
+        if self.problem.system.structure.steady:  # they are the same everywhere
+            rest = np.zeros((1, self.problem.system.n))
+            count = self.layout.evaluations
+            return self.kept(
+                "second",
+                lambda: [x.repeat(count, axis=0) for x in function(rest, rest, self.times[:1], p)],
+            )
+        _, at, v = self.place(x)
+        self.counts["second"] += 1
+        return function(at, v, self.times, p)
+
+    def forces(self, x: Array) -> list[Array]:
+        """Return the nonzeros of dQ/dq and dQ/dv at the evaluations."""
+        _, at, v = self.place(x)
+        self.counts["force_jacobian"] += 1
+        function = self.problem.system.pointwise("force_jacobian")
+        return function(at, v, self.times, self.problem.packed)
+
+    def normals(self, x: Array) -> Array:
+        """Return the nonzeros of G at the rows' nodes, (R, nonzeros)."""
+        point = self._at(x)
+        if point.normals is None:
+            self.counts["constraint_jacobian"] += 1
+            function = self.problem.system.pointwise("constraint_jacobian")
+            at = point.Q[self.layout.row_nodes]
+            point.normals = function(at, self.row_times, self.problem.packed)[0].copy()
+        return point.normals
+
+    def constraint_curvature(self, z: Array) -> Array | None:
+        """Return w times the second derivatives of lam f at the rows' nodes, if there are any."""
+        layout, system = self.layout, self.problem.system
+        if not layout.rows or system.structure.affine_constraint:
+            return None
+        Q = self.place(z[: layout.unknowns])[0]
+        lam = np.zeros(layout.row_nodes.size * system.m)
+        lam[layout.row_select] = z[layout.unknowns :] * self.mu_unit
+        curvature = system.pointwise("constraint_curvature")(
+            Q[layout.row_nodes], lam.reshape(-1, system.m), self.row_times, self.problem.packed
+        )[0]
+        self.counts["constraint_curvature"] += 1
+        return self.row_weight * curvature
+
+    def jacobian(self, x: Array) -> Array:
+        """Return the nonzeros of the derivative of `constraint`."""
+        J = self.layout.jacobian
+        values = J.sum((self.row_weight * self.normals(x)).ravel())
+        return values * self.x_unit[J.col] / self.row_unit[J.row]
+
+    @cached_property
+    def hessian_unit(self) -> Array:
+        """Units of the nonzeros of `hessian`."""
+        H = self.layout.hessian
+        return self.x_unit[H.row] * self.x_unit[H.col] / self.action_unit
+
+    def kept(self, name: str, made: Callable[[], Any]) -> Any:
+        """Return what is made of the mass matrix: made once, if that is constant."""
+        if not self.problem.system.structure.constant_mass:
+            return made()
+        kept = self._kept
+        if name not in kept:
+            kept[name] = made()
+        return kept[name]
+
+    def forget(self) -> None:
+        """Free what can be computed again."""
+        self._point = None
+        self._kept = {}

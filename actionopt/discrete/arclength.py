@@ -1,0 +1,192 @@
+"""A branch of stationary paths (z, s), followed by its arclength.
+
+Where a path is degenerate the KKT matrix is singular, and the branch may turn back in s: a fold.
+The matrix bordered by the branch's own direction stays regular there (H. B. Keller, in
+*Applications of Bifurcation Theory* (1977), p. 359; Allgower and Georg, *Numerical Continuation
+Methods* (1990), chapters 6-10),
+
+    [ K    dr/ds ] [ dz ]     [ r ]
+    [ direction  ] [ ds ] = - [ 0 ].
+
+Lengths are measured in the root mean square of the coordinates, in units of their sizes, and in
+s relative to its range.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+
+from actionopt.discrete.factors import compressed
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.path import Path
+from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.problem import Problem
+from actionopt.tools.types import Array
+
+DENSE = 150  # unknowns below which a dense solver costs less than entering a sparse one
+CORRECTIONS = 6
+CLOSE = 1e-9  # a correction of this size ends the corrector: the next one would be round-off
+DIFFERENCE = 1e-6  # step in s, relative to its range, for dr/ds
+FAR = 1e4  # coordinates this many times their size are no path worth following
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """A point of a branch: its transcription, unknowns z, s, and the direction (dz, ds)."""
+
+    tr: Transcription
+    z: Array
+    s: float
+    direction: Array
+
+    @property
+    def path(self) -> Path:
+        """The path there."""
+        return Path(self.tr.mesh, self.tr.coordinates(self.z).T)
+
+
+@dataclass(eq=False)
+class Branch:
+    """A family of problems, one for each s, discretized alike.
+
+    Parameters
+    ----------
+    family : callable
+        Maps s to a Problem.
+    shape : Mesh
+        Over any times; it is stretched to those of each problem.
+    lengths : (n,) array
+        Units of the coordinates.
+    range : float
+        The unit of s.
+    """
+
+    family: Callable[[float], Problem]
+    shape: Mesh
+    lengths: Array
+    range: float
+    like: Transcription | None = None
+    solves: int = 0  # factorizations so far
+
+    def at(self, s: float) -> Transcription:
+        """Return the transcription at s; all share their units."""
+        problem = self.family(s)
+        mesh = self.shape.moved(problem.start.t, problem.end.t)
+        tr = Transcription(problem, mesh, self.lengths, like=self.like)
+        self.like = self.like or tr
+        return tr
+
+    def first(self, z: Array, s: float, sign: float) -> Point:
+        """Return the point at s, with the direction in which s grows (or falls)."""
+        unknowns = z.size
+        ahead = np.r_[np.zeros(unknowns), sign * self.range]
+        point = Point(self.at(s), z, s, ahead)
+        return replace(point, direction=self._direction(point))
+
+    def step(self, point: Point, length: float) -> tuple[Point, int] | None:
+        """Return the point at about `length` further along and the corrections it took, or None."""
+        y = np.r_[point.z, point.s] + length * point.direction
+        last = np.inf
+        with np.errstate(all="ignore"):
+            for k in range(1, CORRECTIONS + 1):
+                tr = self.at(y[-1])
+                miss = np.r_[tr.residual(y[:-1]), 0.0]
+                change = self._bordered(tr, y, point.direction, miss)
+                if change is None:
+                    return None
+                size = self.norm(tr, change)
+                if not np.isfinite(size) or size > max(0.5 * last, CLOSE):
+                    return None
+                y, last = y - change, size
+                if size < CLOSE:
+                    found = Point(tr, y[:-1], float(y[-1]), point.direction)
+                    # The transcription belongs to the s before the last, tiny correction.
+                    found = replace(found, tr=self.at(found.s))
+                    if not np.max(np.abs(found.z[: tr.layout.unknowns])) < FAR:
+                        return None
+                    return replace(found, direction=self._direction(found)), k
+        return None
+
+    def to(self, point: Point, s: float) -> Point | None:
+        """Return the point at exactly s, near `point`, by Newton's method there; or None."""
+        z, tr, last = point.z, self.at(s), np.inf
+        if point.direction[-1]:
+            z = z + (s - point.s) / point.direction[-1] * point.direction[:-1]
+        fixed = np.r_[np.zeros(z.size), 1.0]
+        with np.errstate(all="ignore"):
+            for _ in range(CORRECTIONS + 2):
+                miss = np.r_[tr.residual(z), 0.0]
+                change = self._bordered(tr, np.r_[z, s], fixed, miss)
+                if change is None:
+                    return None
+                size = self.norm(tr, change)
+                if not np.isfinite(size) or size > max(0.5 * last, CLOSE):
+                    return None
+                z, last = z - change[:-1], size
+                if size < CLOSE:
+                    found = Point(tr, z, s, point.direction)
+                    return replace(found, direction=self._direction(found))
+        return None
+
+    def norm(self, tr: Transcription, change: Array) -> float:
+        """Return the length of a change (dz, ds); multipliers do not count."""
+        return float(np.sqrt(self.inner(tr, change, change)))
+
+    def angle(self, one: Point, other: Point) -> float:
+        """Return the cosine of the angle between the directions of two points."""
+        return self.inner(one.tr, one.direction, other.direction)
+
+    def inner(self, tr: Transcription, a: Array, b: Array) -> float:
+        """Return the scalar product of two changes (dz, ds); multipliers do not count."""
+        cut = tr.layout.unknowns
+        return float(a[:cut] @ b[:cut] / max(cut, 1) + a[-1] * b[-1] / self.range**2)
+
+    def _direction(self, point: Point) -> Array:
+        """Return the unit vector along the branch, on the side of the point's own direction."""
+        right = np.r_[np.zeros(point.z.size), 1.0]
+        y = np.r_[point.z, point.s]
+        found = self._bordered(point.tr, y, point.direction, right)
+        if found is None or not np.all(np.isfinite(found)):
+            return point.direction
+        return found / self.norm(point.tr, found)
+
+    def _bordered(self, tr: Transcription, y: Array, row: Array, right: Array) -> Array | None:
+        """Solve the KKT matrix bordered by dr/ds and by `row`, in the metric of the branch."""
+        z, s = y[:-1], y[-1]
+        self.solves += 1
+        h = DIFFERENCE * self.range
+        column = (self.at(s + h).residual(z) - self.at(s - h).residual(z)) / (2 * h)
+        cut = tr.layout.unknowns
+        last = np.r_[row[:cut] / max(cut, 1), np.zeros(z.size - cut), row[-1] / self.range**2]
+        pattern, entries = tr.layout.kkt, compressed(tr.layout, tr.kkt(z))
+        if not (np.all(np.isfinite(entries)) and np.all(np.isfinite(column))):
+            return None
+        if z.size <= DENSE:
+            matrix = np.zeros((y.size, y.size))
+            matrix[pattern.row, pattern.col] = entries
+            matrix[:-1, -1], matrix[-1] = column, last
+            try:
+                return np.linalg.solve(matrix, right).astype(float)
+            except np.linalg.LinAlgError:
+                return None
+        size = z.size
+        dense = ca.Sparsity.dense
+        bordered = ca.blockcat(
+            [
+                [ca.DM(pattern.sparsity, entries), ca.DM(dense(size, 1), column)],
+                [ca.DM(dense(1, size), last[:-1]), ca.DM(dense(1, 1), last[-1])],
+            ]
+        )
+        solvers = tr.layout.solvers
+        if "bordered" not in solvers:
+            solvers["bordered"] = ca.Linsol("lu", "csparse", bordered.sparsity())
+            solvers["bordered"].sfact(bordered)
+        try:
+            solvers["bordered"].nfact(bordered)
+            return np.asarray(solvers["bordered"].solve(bordered, ca.DM(right))).ravel()
+        except RuntimeError:
+            return None

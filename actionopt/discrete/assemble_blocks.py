@@ -1,0 +1,105 @@
+"""Second derivatives element by element: the KKT matrix in the blocks of `blocks`."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from actionopt.discrete.action import Action
+from actionopt.tools.types import Array
+
+
+def kkt(tr: Action, z: Array) -> Array:
+    """Return the nonzeros of the KKT matrix in blocks."""
+    layout, n = tr.layout, tr.problem.system.n
+    x = z[: layout.unknowns]
+    A, B, C = tr.second(x)
+    stiff = tr.kept("blocks", lambda: _stiff(tr, C))
+    constant = tr.problem.system.structure.constant_mass  # then it is kept
+    slopes = [(_full(tr, "second", 0, A), _full(tr, "second", 1, B), True)]
+    if tr.problem.system.structure.forced:
+        Fq, Fv = (_full(tr, "force_jacobian", k, F) for k, F in enumerate(tr.forces(x)))
+        slopes.append((Fq, Fv, False))
+    at_nodes = _constraints(tr, z) if layout.rows else None
+    nonzeros = np.zeros(layout.blocks.count)
+    elements, between = layout.blocks.split(nonzeros)
+    for M, g, block in zip(elements, layout.groups, stiff, strict=True):
+        points = g.rule.degree + 1
+        pairs = block.copy() if constant else block  # (E, d + 1, d + 1, n, n)
+        same = pairs.reshape(len(M), -1, n, n)[:, :: points + 1]  # a node with itself: a view
+        for a, b, symmetric in slopes:
+            if b is not None:
+                mixed = g.rule.weighted[:, :, None, None] * b[g.span].reshape(-1, points, 1, n, n)
+                pairs += mixed
+                if symmetric:
+                    pairs += mixed.transpose(0, 2, 1, 4, 3)
+            if a is not None:
+                same += (tr.weight[g.span][:, :, None] * a[g.span]).reshape(-1, points, n, n)
+        M = M.reshape(len(M), points, layout.blocks.width, points, -1)
+        M[:, :, :n, :, :n] = pairs.transpose(0, 1, 3, 2, 4)
+        if at_nodes is not None:
+            inner = np.einsum("ejajb->ejab", M)[:, 1:-1]  # each node with itself: a view
+            inner += at_nodes[g.nodes[:, 1:-1]]
+    if at_nodes is not None:
+        between += at_nodes[layout.offsets]
+    return nonzeros
+
+
+def kinetic(tr: Action, z: Array) -> Array:
+    """Return the nonzeros of its kinetic part, for a system without constraints."""
+    stiff = [x.transpose(0, 1, 3, 2, 4).ravel() for x in _stiff(tr, tr.second(z)[2])]
+    between = np.zeros(tr.layout.offsets.size * tr.problem.system.n**2)
+    return np.concatenate([*stiff, between])
+
+
+def _stiff(tr: Action, C: Array) -> list[Array]:
+    """Return D' w C D for the elements of each degree, (E, d + 1, d + 1, n, n)."""
+    n = tr.problem.system.n
+    full = _full(tr, "second", 2, C)
+    assert full is not None  # a Lagrangian without any velocity is refused before
+    return [
+        (g.rule.stiffness @ (full[g.span].reshape(*g.nodes.shape, n * n) / half)).reshape(
+            -1, g.rule.degree + 1, g.rule.degree + 1, n, n
+        )
+        for g, half in zip(tr.layout.groups, tr.halves, strict=True)
+    ]
+
+
+def _full(tr: Action, function: str, output: int, values: Array) -> Array | None:
+    """Return the nonzeros of an output as matrices (E, n, n) in the units of the unknowns."""
+    if not values.shape[1]:
+        return None
+    n = tr.problem.system.n
+    key = function, output
+    if key not in tr.unfolded:
+        tr.unfolded[key] = _unfolded(tr, function, output)
+    index, unit = tr.unfolded[key]
+    return (values[:, index] * unit).reshape(-1, n, n)
+
+
+def _unfolded(tr: Action, function: str, output: int) -> tuple[Array, Array]:
+    """Return which nonzero stands at each place of the full matrix, and its unit; 0 for none."""
+    n = tr.problem.system.n
+    row, col = tr.problem.system.pointwise(function).sparsity(output)
+    index, unit = np.zeros((n, n), dtype=np.intp), np.zeros((n, n))
+    index[row, col] = np.arange(row.size)
+    unit[row, col] = tr.lengths[row] * tr.lengths[col] / tr.action_unit
+    if function == "second" and output != 1:  # upper triangles
+        index, unit = np.maximum(index, index.T), np.maximum(unit, unit.T)
+    return index.ravel(), unit.ravel()
+
+
+def _constraints(tr: Action, z: Array) -> Array:
+    """Return [w lam f_qq, G'; G, 0] at each node, (K, n + m, n + m)."""
+    layout, system = tr.layout, tr.problem.system
+    f = system.n + system.m
+    found = np.zeros((layout.node_count, f, f))
+    node, row, col = layout.row_nodes[:, None], layout.G_rows + system.n, layout.G_cols
+    # The units of the rows hold the nodes' weights already.
+    unit = tr.lengths[col] / tr.row_units[layout.G_rows]
+    found[node, row, col] = found[node, col, row] = tr.normals(z[: layout.unknowns]) * unit
+    bent = tr.constraint_curvature(z)
+    if bent is not None:
+        row, col = system.pointwise("constraint_curvature").sparsity(0)
+        bent = bent * (tr.lengths[row] * tr.lengths[col] / tr.action_unit)
+        found[node, row, col] = found[node, col, row] = bent
+    return found

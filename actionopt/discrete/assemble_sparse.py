@@ -1,0 +1,84 @@
+"""Second derivatives scattered: each contribution goes to its place in a sparse matrix.
+
+The contributions of all elements are computed in a fixed order; index arrays of the layout say
+where each goes, and what goes to one place is added up.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from actionopt.discrete.action import Action
+from actionopt.tools.types import Array
+
+NOTHING = np.zeros(0)
+
+
+def hessian(tr: Action, z: Array) -> Array:
+    """Return the upper triangle's nonzeros of the Hessian of S + sum w lam f."""
+    return tr.layout.hessian.sum(_curvatures(tr, z)) * tr.hessian_unit
+
+
+def kkt(tr: Action, z: Array) -> Array:
+    """Return the nonzeros of the KKT matrix on the pattern `layout.kkt`."""
+    x = z[: tr.layout.unknowns]
+    J = tr.jacobian(x) if tr.layout.rows else NOTHING
+    F = _forcing(tr, x) if tr.problem.system.structure.forced else NOTHING
+    return _matrix(tr, hessian(tr, z), J, F)
+
+
+def kinetic(tr: Action, z: Array) -> Array:
+    """Return the nonzeros of its kinetic part."""
+    stiff = _stiffness(tr, tr.second(z)[2])
+    contributions = np.zeros(tr.layout.hessian.slots.size)
+    contributions[-stiff.size :] = stiff
+    H = tr.layout.hessian.sum(contributions) * tr.hessian_unit
+    return _matrix(tr, H, NOTHING, NOTHING)
+
+
+def _curvatures(tr: Action, z: Array) -> Array:
+    """Return all contributions to the Hessian of S + sum w lam f, one after the other."""
+    A, B, C = tr.second(z[: tr.layout.unknowns])
+    stiff = tr.kept("contributions", lambda: _stiffness(tr, C))
+    parts = [(tr.weight * A).ravel(), *_mixed(tr, B, diagonal_twice=True), stiff]
+    bent = tr.constraint_curvature(z)
+    return np.concatenate(parts if bent is None else [*parts, bent.ravel()])
+
+
+def _stiffness(tr: Action, C: Array) -> Array:
+    parts = [
+        (g.rule.stiffness @ (C[g.span].reshape(*g.nodes.shape, -1) / half)).ravel()
+        for g, half in zip(tr.layout.groups, tr.halves, strict=True)
+    ]
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+
+def _mixed(tr: Action, B: Array, diagonal_twice: bool) -> list[Array]:
+    if not B.size:
+        return []
+    parts = []
+    for g in tr.layout.groups:
+        local = B[g.span].reshape(*g.nodes.shape, -1)
+        block = g.rule.weighted[None, :, :, None] * local[:, :, None, :]
+        if diagonal_twice:
+            rows, cols = tr.problem.system.pointwise("second").sparsity(1)
+            k = np.arange(g.rule.degree + 1)
+            # An entry on the diagonal receives B and its transpose.
+            block[:, k[:, None], k[:, None], np.flatnonzero(rows == cols)] *= 2
+        parts.append(block.ravel())
+    return parts
+
+
+def _forcing(tr: Action, x: Array) -> Array:
+    """Return the nonzeros of the derivative of the virtual work."""
+    Fq, Fv = tr.forces(x)
+    parts = [(tr.weight * Fq).ravel(), *_mixed(tr, Fv, diagonal_twice=False)]
+    F = tr.layout.forcing
+    unit = tr.x_unit[F.row] * tr.x_unit[F.col] / tr.action_unit
+    return F.sum(np.concatenate(parts)) * unit
+
+
+def _matrix(tr: Action, H: Array, J: Array, F: Array) -> Array:
+    """Return [H + F, J'; J, 0] from the nonzeros of its parts."""
+    parts = (H, J, F, np.zeros(1))
+    return tr.layout.kkt.sum(np.concatenate(parts)[tr.layout.kkt_source])

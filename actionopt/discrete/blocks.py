@@ -1,0 +1,310 @@
+"""The KKT matrix element by element: dense blocks, condensed onto the nodes between elements.
+
+Coordinates and multipliers of one node couple to those of its own element only. So the nodes inside
+each element are eliminated first, all elements of one degree at once, and what is left is a block
+tridiagonal matrix over the nodes between elements; every other node of it is eliminated in turn
+(cyclic reduction; Golub and Van Loan, *Matrix Computations* (4th ed. 2013), section 4.5) until the
+rest is small. Work and memory grow with the number of elements, no pattern is analysed, and every
+pivot is a block that LAPACK inverts with pivoting.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from actionopt.discrete.mesh import Group
+from actionopt.tools.types import Array, NDInt
+
+SMALL = 100  # rows of the matrix between elements that are inverted whole
+
+
+class Blocks:
+    """Where everything is in a matrix stored in blocks.
+
+    A node has f = n + m places, its coordinates first. The nonzeros of a matrix are the blocks of
+    the elements, (E, (d + 1) f, (d + 1) f) for each degree, and those of the nodes between them,
+    (N + 1, f, f), one after the other; they add up.
+
+    Parameters
+    ----------
+    width : int
+        f = n + m.
+    groups : list of Group
+    offsets : (N + 1,) array of int
+        The nodes between elements.
+    node_of : (evaluations,) array of int
+        The node of each evaluation.
+    places : (size,) array of int
+        Place of each unknown and row among the K f of all nodes.
+    """
+
+    def __init__(
+        self, width: int, groups: list[Group], offsets: NDInt, node_of: NDInt, places: NDInt
+    ) -> None:
+        self.width = f = width
+        self.groups, self.offsets, self.places = groups, offsets, places
+        self.nodes = int(offsets[-1]) + 1
+        self.shapes = [(*g.nodes.shape, f) for g in groups]
+        used = np.zeros(self.nodes * f, dtype=bool)
+        used[places] = True
+        self.absent = ~used.reshape(-1, f)[offsets]  # (N + 1, f): pinned, or no row
+        self._scatter = (node_of[:, None] * f + np.arange(f)).ravel()
+
+    @property
+    def count(self) -> int:
+        """Number of nonzeros stored."""
+        inside = sum(count * (nodes * f) ** 2 for count, nodes, f in self.shapes)
+        return inside + self.offsets.size * self.width**2
+
+    def split(self, nonzeros: Array) -> tuple[list[Array], Array]:
+        """Return the blocks of the elements, degree by degree, and those of the nodes, as views."""
+        parts, first = [], 0
+        for count, nodes, f in self.shapes:
+            size = count * (nodes * f) ** 2
+            parts.append(nonzeros[first : first + size].reshape(count, nodes * f, nodes * f))
+            first += size
+        return parts, nonzeros[first:].reshape(-1, self.width, self.width)
+
+    def product(self, nonzeros: Array, z: Array) -> Array:
+        """Return the matrix times z."""
+        elements, nodes = self.split(nonzeros)
+        full = self.spread(z)
+        parts = [
+            (M @ full[g.nodes].reshape(*M.shape[:2], 1)).ravel()
+            for M, g in zip(elements, self.groups, strict=True)
+        ]
+        total = np.bincount(self._scatter, np.concatenate(parts), full.size).reshape(full.shape)
+        total[self.offsets] += (nodes @ full[self.offsets][:, :, None])[:, :, 0]
+        return total.ravel()[self.places]
+
+    def full(self, nonzeros: Array) -> Array:
+        """Return the matrix itself, (size, size)."""
+        elements, nodes = self.split(nonzeros)
+        f = self.width
+        matrix = np.zeros((self.nodes * f, self.nodes * f))
+        for blocks, g in zip(elements, self.groups, strict=True):
+            for block, first in zip(blocks, (g.nodes[:, 0] * f).tolist(), strict=True):
+                part = slice(first, first + len(block))
+                matrix[part, part] += block
+        if nodes.any():
+            matrix.reshape(self.nodes, f, self.nodes, f)[self.offsets, :, self.offsets] += nodes
+        return matrix[self._whole]
+
+    @cached_property
+    def _whole(self) -> tuple[Any, ...]:
+        """What to take of the matrix over all places: a part of it where that does."""
+        first, size = self.places[:1].sum(), self.places.size
+        if np.array_equal(self.places, first + np.arange(size)):
+            return slice(first, first + size), slice(first, first + size)
+        return np.ix_(self.places, self.places)
+
+    def diagonal(self, values: Array) -> Array:
+        """Return the nonzeros of the matrix that has `values` (size,) on its diagonal."""
+        nonzeros, full = np.zeros(self.count), self.spread(values)
+        elements, nodes = self.split(nonzeros)
+        i = np.arange(self.width)
+        nodes[:, i, i] = full[self.offsets]
+        for M, g in zip(elements, self.groups, strict=True):
+            k = np.arange(self.width, M.shape[1] - self.width)
+            M[:, k, k] = full[g.nodes[:, 1:-1]].reshape(len(M), -1)
+        return nonzeros
+
+    def spread(self, z: Array) -> Array:
+        """Return z by node and place, (K, f), zero where there is nothing."""
+        full = np.zeros((self.nodes, self.width))
+        full.ravel()[self.places] = z
+        return full
+
+    @cached_property
+    def targets(self) -> tuple[NDInt, NDInt]:
+        """Rows and columns of all nonzeros; -1 where there is nothing."""
+        number = np.full(self.nodes * self.width, -1)
+        number[self.places] = np.arange(self.places.size)
+        number = number.reshape(self.nodes, -1)
+        rows, cols = [], []
+        for nodes in (*(g.nodes for g in self.groups), self.offsets[:, None]):
+            at = number[nodes].reshape(len(nodes), -1)
+            row, col = np.broadcast_arrays(at[:, :, None], at[:, None, :])
+            rows.append(row.ravel())
+            cols.append(col.ravel())
+        return np.concatenate(rows), np.concatenate(cols)
+
+
+class Condensed:
+    """A matrix in blocks, factorized.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If a pivot block is singular.
+    """
+
+    def __init__(self, blocks: Blocks, nonzeros: Array) -> None:
+        self.blocks = blocks
+        elements, nodes = blocks.split(nonzeros)
+        f = blocks.width
+        D = nodes.copy()
+        U, V = np.empty((2, len(D) - 1, f, f))  # to the right of D, and below it
+        self.inner: list[_Inner] = []
+        for M, g in zip(elements, blocks.groups, strict=True):
+            inner = _Inner.of(M, f)
+            self.inner.append(inner)
+            S = inner.condensed
+            D[g.elements] += S[:, :f, :f]
+            D[g.elements + 1] += S[:, f:, f:]
+            U[g.elements], V[g.elements] = S[:, :f, f:], S[:, f:, :f]
+        for node in (0, -1):
+            gone = blocks.absent[node]
+            D[node][gone], D[node][:, gone] = 0.0, 0.0
+            D[node][gone, gone] = 1.0
+            side = 0 if node == 0 else -1
+            (U if side == 0 else V)[side][gone] = 0.0
+            (V if side == 0 else U)[side][:, gone] = 0.0
+        self.levels: list[_Level] = []
+        while D.shape[0] * f > SMALL and D.shape[0] > 2:
+            level = _Level.of(D, U, V)
+            self.levels.append(level)
+            D, U, V = level.rest
+        self.last = _tridiagonal(D, U, V)
+        self.inverse = np.linalg.inv(self.last)
+
+    def solve(self, right: Array) -> Array:
+        """Return the solution for one right-hand side, (size,)."""
+        blocks, f = self.blocks, self.blocks.width
+        full = blocks.spread(right)
+        between = full[blocks.offsets]
+        kept = []
+        for inner, g in zip(self.inner, blocks.groups, strict=True):
+            y = inner.inverse @ full[g.nodes[:, 1:-1]].reshape(len(g.nodes), -1, 1)
+            pull = (inner.above @ y)[:, :, 0]
+            between[g.elements] -= pull[:, :f]
+            between[g.elements + 1] -= pull[:, f:]
+            kept.append(y)
+        between[blocks.absent] = 0.0
+        between = self._between(between, 0)
+        full[blocks.offsets] = between
+        for inner, g, y in zip(self.inner, blocks.groups, kept, strict=True):
+            ends = np.concatenate([between[g.elements], between[g.elements + 1]], axis=1)
+            y = y - inner.share @ ends[:, :, None]
+            full[g.nodes[:, 1:-1]] = y.reshape(len(g.nodes), -1, f)
+        return full.ravel()[blocks.places]
+
+    def _between(self, right: Array, depth: int) -> Array:
+        """Solve for the nodes (N + 1, f) that are left at this depth."""
+        if depth == len(self.levels):
+            return (self.inverse @ right.ravel()).reshape(right.shape)
+        level = self.levels[depth]
+        y, even = level.down(right)
+        return level.up(y, self._between(even, depth + 1))
+
+    def negative(self) -> int:
+        """Return the number of negative eigenvalues: the sum over the pivots (Haynsworth)."""
+        pivots = [inner.pivot for inner in self.inner] + [level.pivot for level in self.levels]
+        return sum(int(np.sum(np.linalg.eigvalsh(p) < 0)) for p in [*pivots, self.last])
+
+    def definite(self) -> bool:
+        """Return whether every pivot is positive definite."""
+        try:
+            for pivot in (*(i.pivot for i in self.inner), *(x.pivot for x in self.levels)):
+                np.linalg.cholesky(pivot)
+            np.linalg.cholesky(self.last)
+        except np.linalg.LinAlgError:
+            return False
+        return True
+
+
+@dataclass(frozen=True, eq=False)
+class _Inner:
+    """The inner nodes of all elements of one degree, eliminated; p places inside, 2 f at the ends.
+
+    Attributes
+    ----------
+    pivot, inverse : (E, p, p) arrays
+    above : (E, 2 f, p) array
+        Rows of the ends.
+    share : (E, p, 2 f) array
+        What the inner places follow the ends with, taken away.
+    condensed : (E, 2 f, 2 f) array
+    """
+
+    pivot: Array
+    inverse: Array
+    above: Array
+    share: Array
+    condensed: Array
+
+    @classmethod
+    def of(cls, M: Array, f: int) -> _Inner:
+        inside, last = slice(f, M.shape[1] - f), slice(M.shape[1] - f, None)
+        pivot = M[:, inside, inside]
+        inverse = np.linalg.inv(pivot)
+        above = np.concatenate([M[:, :f, inside], M[:, last, inside]], axis=1)
+        beside = np.concatenate([M[:, inside, :f], M[:, inside, last]], axis=2)
+        share = inverse @ beside
+        condensed = -(above @ share)
+        condensed[:, :f, :f] += M[:, :f, :f]
+        condensed[:, :f, f:] += M[:, :f, last]
+        condensed[:, f:, :f] += M[:, last, :f]
+        condensed[:, f:, f:] += M[:, last, last]
+        return cls(pivot, inverse, above, share, condensed)
+
+
+@dataclass(frozen=True, eq=False)
+class _Level:
+    """Every other node of a block tridiagonal matrix, eliminated."""
+
+    pivot: Array
+    inverse: Array
+    left: Array  # what an eliminated node follows its neighbours with, taken away
+    right: Array
+    above: Array  # rows of those neighbours
+    below: Array
+    rest: tuple[Array, Array, Array]
+
+    @classmethod
+    def of(cls, D: Array, U: Array, V: Array) -> _Level:
+        pivot = D[1::2]
+        inverse = np.linalg.inv(pivot)
+        above, below = U[0::2], V[1::2]
+        left, right = inverse @ V[0::2], inverse[: len(U[1::2])] @ U[1::2]
+        k = len(right)
+        rest = D[0::2].copy()
+        rest[: len(left)] -= above @ left
+        rest[1 : 1 + k] -= below @ right
+        return cls(
+            pivot, inverse, left, right, above, below,
+            (rest, -(above[:k] @ right), -(below @ left[:k])),
+        )  # fmt: skip
+
+    def down(self, right: Array) -> tuple[Array, Array]:
+        """Return what the eliminated nodes would be alone, and the right-hand side of the rest."""
+        y = (self.inverse @ right[1::2, :, None])[:, :, 0]
+        even = right[0::2].copy()
+        even[: len(y)] -= (self.above @ y[:, :, None])[:, :, 0]
+        k = len(self.below)
+        even[1 : 1 + k] -= (self.below @ y[:k, :, None])[:, :, 0]
+        return y, even
+
+    def up(self, y: Array, even: Array) -> Array:
+        """Return all nodes, from those of the rest."""
+        whole = np.empty((len(y) + len(even), y.shape[1]))
+        whole[0::2] = even
+        y = y - (self.left @ even[: len(y), :, None])[:, :, 0]
+        k = len(self.right)
+        y[:k] -= (self.right @ even[1 : 1 + k, :, None])[:, :, 0]
+        whole[1::2] = y
+        return whole
+
+
+def _tridiagonal(D: Array, U: Array, V: Array) -> Array:
+    count, f = D.shape[:2]
+    matrix = np.zeros((count, f, count, f))
+    i = np.arange(count)
+    matrix[i, :, i, :] = D
+    matrix[i[:-1], :, i[1:], :] = U
+    matrix[i[1:], :, i[:-1], :] = V
+    return matrix.reshape(count * f, count * f)

@@ -1,0 +1,204 @@
+"""Solve linear systems with the KKT matrix, and count its negative eigenvalues.
+
+Small matrices are made full, those of a few coordinates condensed block by block. The others are
+sparse, and factorized as L D L' without pivoting, ten times faster than with it; a tiny negative
+diagonal on the constraint rows makes that possible. The price is paid back by iterative
+refinement, whose residual also tells when factors are no good: then a sparse QR factorization
+serves instead.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from actionopt.discrete.blocks import Condensed
+from actionopt.discrete.layout import Layout
+from actionopt.tools.types import Array
+
+SLIM = 3  # coordinates and constraints up to which sparse factors take less time than blocks
+PATTERN = 2000  # unknowns and rows up to which finding their pattern takes little memory
+REGULAR = 1e-10  # on the rows' diagonal, whose gradients are of size one
+REFINEMENTS = 6
+ACCURATE = 1e-10  # residual relative to |b| that is enough: Newton's method corrects the rest
+USEFUL = 1e-8  # residual above which the factors are given up
+ROUNDOFF = 1e-13  # residual relative to |K| |x| that no refinement removes
+
+
+class Factors:
+    """A KKT matrix of one layout, ready to solve with; `solve` may be called many times.
+
+    Parameters
+    ----------
+    layout : Layout
+    nonzeros : array
+        As `Transcription.kkt` returns them.
+    many : bool
+        Whether many factorizations on this layout are to come: then finding the sparsity of very
+        few coordinates' blocks pays.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the matrix is singular or not finite; `solve` may raise it too.
+    """
+
+    def __init__(self, layout: Layout, nonzeros: Array, *, many: bool = False) -> None:
+        if not np.all(np.isfinite(nonzeros)):
+            raise np.linalg.LinAlgError("the matrix is not finite")
+        self.layout, self.nonzeros = layout, nonzeros
+        self._rough: Callable[[Array], Array] | None = None
+        self._sure = False  # whether a solution was accurate before it was refined
+        system = layout.system
+        slim = system.n + system.m <= SLIM and layout.size <= PATTERN
+        pays = many and slim and not system.structure.forced
+        if layout.small:
+            return
+        if layout.condensed and not pays:
+            with suppress(np.linalg.LinAlgError):  # a block may be singular where all are not
+                self._rough = self._condensed.solve
+        elif not system.structure.forced:
+            regular = _regular(layout, compressed(layout, nonzeros))
+            self._rough = lambda right: _solver(layout, "ldl")(regular, right)
+
+    @cached_property
+    def _condensed(self) -> Condensed:
+        return Condensed(self.layout.blocks, self.nonzeros)
+
+    @cached_property
+    def _full(self) -> Array:
+        return self.layout.blocks.full(self.nonzeros)
+
+    def solve(self, right: Array) -> Array:
+        """Return the solution for one right-hand side, (size,)."""
+        if self.layout.small:  # LAPACK factorizes faster than it inverts
+            return np.linalg.solve(self._full, right)
+        if self._rough is not None:
+            x = self._rough(right) if self._sure else self._refined(self._rough, right)
+            if x is not None:
+                return x
+            self._rough = None
+        x = _solver(self.layout, "qr")(compressed(self.layout, self.nonzeros), right)
+        if not np.all(np.isfinite(x)):
+            raise np.linalg.LinAlgError("the matrix is singular")
+        return x
+
+    def definite(self) -> bool:
+        """Return whether the matrix, one without constraint rows, is positive definite."""
+        if self.layout.storage == "sparse":
+            return self.negative() == 0
+        try:
+            if not self.layout.small:
+                return self._condensed.definite()
+            np.linalg.cholesky(self._full)
+        except np.linalg.LinAlgError:
+            return False
+        return True
+
+    def negative(self) -> int:
+        """Return the number of negative eigenvalues of a symmetric matrix (its inertia)."""
+        layout = self.layout
+        if layout.small:
+            if not layout.rows and self.definite():
+                return 0
+            return int(np.sum(np.linalg.eigvalsh(self._full) < 0))
+        if layout.storage == "blocks":
+            return self._condensed.negative()
+        matrix = ca.DM(layout.kkt.sparsity, _regular(layout, self.nonzeros))
+        if "inertia" not in layout.solvers:
+            layout.solvers["inertia"] = ca.Linsol("inertia", "ldl", layout.kkt.sparsity)
+            layout.solvers["inertia"].sfact(matrix)
+        layout.solvers["inertia"].nfact(matrix)
+        return int(layout.solvers["inertia"].neig(matrix))
+
+    def _refined(self, rough: Callable[[Array], Array], right: Array) -> Array | None:
+        """Return the solution by refinement of a rough one, or None if that does not converge."""
+        x, miss, last = np.zeros_like(right), right, np.inf
+        size = float(np.abs(right).max())
+        for _ in range(REFINEMENTS):
+            nearer = x + rough(miss)
+            miss = right - product(self.layout, self.nonzeros, nearer)
+            left = float(np.abs(miss).max())
+            if not left < last / 2:  # no better than before, or not a number
+                break
+            self._sure = left <= ACCURATE * size and last == np.inf
+            x, last = nearer, left
+            if left <= ACCURATE * size:
+                return x
+        norm = float(np.max(np.abs(self.nonzeros)))
+        return x if last <= USEFUL * size + ROUNDOFF * norm * float(np.max(np.abs(x))) else None
+
+
+def product(layout: Layout, nonzeros: Array, z: Array) -> Array:
+    """Return the matrix with these nonzeros times z."""
+    if layout.storage == "blocks":
+        return layout.blocks.product(nonzeros, z)
+    pattern = layout.kkt
+    return np.bincount(pattern.row, nonzeros * z[pattern.col], z.size)
+
+
+def diagonal(layout: Layout, values: Array) -> Array:
+    """Return the nonzeros of the matrix that has `values` (size,) on its diagonal."""
+    if layout.storage == "blocks":
+        return layout.blocks.diagonal(values)
+    pattern = layout.kkt
+    return np.where(pattern.row == pattern.col, values[pattern.row], 0.0)
+
+
+def compressed(layout: Layout, nonzeros: Array) -> Array:
+    """Return the nonzeros on the pattern `layout.kkt`."""
+    return layout.kkt.sum(nonzeros) if layout.storage == "blocks" else nonzeros
+
+
+class _Sparse:
+    """A sparse direct solver of CasADi's for one sparsity, fed and read in place.
+
+    CasADi's linear solvers factorize anew for every right-hand side; that costs less than handing
+    matrices over as objects, by an order of magnitude where they are small.
+    """
+
+    def __init__(self, layout: Layout, kind: str) -> None:
+        values = ca.MX.sym("values", layout.kkt.nnz)
+        right = ca.MX.sym("right", layout.size)
+        solved = ca.solve(ca.MX(layout.kkt.sparsity, values), right, kind)
+        self._function = ca.Function(kind, [values, right], [solved])
+        self._values, self._right = np.empty(layout.kkt.nnz), np.empty(layout.size)
+        self._solved = np.empty(layout.size)
+        self._buffer, self._trigger = self._function.buffer()
+        self._buffer.set_arg(0, memoryview(self._values))  # type: ignore
+        self._buffer.set_arg(1, memoryview(self._right))  # type: ignore
+        self._buffer.set_res(0, memoryview(self._solved))  # type: ignore
+
+    def __call__(self, nonzeros: Array, right: Array) -> Array:
+        self._values[:] = nonzeros
+        self._right[:] = right
+        self._solved[:] = np.nan  # what a failed factorization leaves behind
+        try:
+            self._trigger()
+        except RuntimeError as error:
+            raise np.linalg.LinAlgError("the matrix is singular") from error
+        return self._solved.copy()
+
+
+def negative_eigenvalues(layout: Layout, nonzeros: Array) -> int:
+    """Return the number of negative eigenvalues of a symmetric KKT matrix (its inertia)."""
+    return Factors(layout, nonzeros).negative()
+
+
+def _solver(layout: Layout, kind: str) -> _Sparse:
+    """Return the layout's sparse solver, analysed once for its sparsity."""
+    if kind not in layout.solvers:
+        layout.solvers[kind] = _Sparse(layout, kind)
+    return layout.solvers[kind]
+
+
+def _regular(layout: Layout, nonzeros: Array) -> Array:
+    if not layout.rows:
+        return nonzeros
+    shifted = nonzeros.copy()
+    shifted[layout.row_diagonal] -= REGULAR
+    return shifted

@@ -1,0 +1,295 @@
+"""Numbering and sparsity of the discrete problem: what depends on the mesh's shape alone.
+
+Contributions of elements are computed in a fixed order and summed into the nonzeros of a sparse
+matrix by one index array, so that assembly has no loop over elements.
+"""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal
+
+import casadi as ca
+import numpy as np
+
+from actionopt.discrete.blocks import Blocks
+from actionopt.discrete.mesh import Mesh
+from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.system import System
+from actionopt.tools.types import Array, NDInt
+
+
+class Layout:
+    """Numbering and sparsity of the discrete problem on all meshes of one shape.
+
+    Parameters
+    ----------
+    system : System
+    shape : Mesh
+        Its degrees count, its times do not.
+    start, end : tuple of int
+        Indices of the coordinates pinned at either end.
+    closed : bool
+        Whether the path closes: the last node has the first one's unknowns and no rows.
+
+    Raises
+    ------
+    ValueError
+        For a closed path of one element, which would meet itself in it.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        shape: Mesh,
+        start: tuple[int, ...],
+        end: tuple[int, ...],
+        closed: bool = False,
+    ) -> None:
+        self.system, self.closed = system, closed
+        if closed and shape.elements == 1:
+            raise ValueError("expected at least two elements for a path that closes, found one")
+        n, m = system.n, system.m
+        self.offsets = shape.offsets  # nodes between elements
+        self.node_count = int(shape.offsets[-1]) + 1
+        self.groups = shape.groups
+        self.evaluations = shape.groups[-1].span.stop
+        self.node_of = np.concatenate([g.nodes.ravel() for g in self.groups])
+
+        number = np.zeros((self.node_count, n), dtype=np.intp)
+        number[0, list(start)] = -1
+        number[-1, slice(None) if closed else list(end)] = -1
+        self.free = np.flatnonzero(number.ravel() == 0)
+        self.unknowns = self.free.size
+        number.ravel()[self.free] = np.arange(self.unknowns)
+        if closed:
+            number[-1] = number[0]
+        self.number = number
+
+        self.G_rows, self.G_cols = (
+            system.pointwise("constraint_jacobian").sparsity(0) if m else _EMPTY
+        )
+        keep = np.zeros((self.node_count, m), dtype=bool)
+        for i, a in zip(self.G_rows, self.G_cols, strict=True):
+            keep[:, i] |= number[:, a] >= 0
+        keep[-1] &= not closed
+        self.row_nodes = np.flatnonzero(keep.any(axis=1))
+        self.row_select = np.flatnonzero(keep[self.row_nodes].ravel())
+        self.rows = self.row_select.size
+        self.row_node, self.row_constraint = np.nonzero(keep)
+        self.row_number = np.full((self.node_count, m), -1, dtype=np.intp)
+        self.row_number[keep] = np.arange(self.rows)
+        self._own = _Solvers()
+
+    @property
+    def solvers(self) -> dict[str, Any]:
+        """What was compiled for this shape, by kind; each thread has its own, memory included."""
+        return self._own.kinds
+
+    @property
+    def size(self) -> int:
+        """Unknowns and multipliers together."""
+        return self.unknowns + self.rows
+
+    @cached_property
+    def scatter(self) -> NDInt:
+        """Position in the full gradient (K n) of each evaluation's gradient, flattened."""
+        n = self.system.n
+        return (self.node_of[:, None] * n + np.arange(n)).ravel()
+
+    @cached_property
+    def probe(self) -> Array:
+        """A right-hand side (size,), as smooth as what hardly bends the action, of no symmetry."""
+        node, coordinate = np.divmod(self.free, self.system.n)
+        found = np.zeros(self.size)
+        s = node / self.node_count
+        found[: self.unknowns] = np.cos(1.0 + coordinate) * np.exp(2 * s)
+        return found
+
+    @cached_property
+    def storage(self) -> Literal["blocks", "sparse"]:
+        """How the KKT matrix is stored: many coordinates make blocks large and mostly zeros."""
+        inner = (self.system.n + self.system.m) * (max(g.rule.degree for g in self.groups) - 1)
+        return "blocks" if inner <= INNER and not self.closed else "sparse"
+
+    @cached_property
+    def small(self) -> bool:
+        """Whether the blocks are best put together in one full matrix to solve with."""
+        return self.storage == "blocks" and self.size <= SMALL
+
+    @cached_property
+    def condensed(self) -> bool:
+        """Whether the blocks are condensed to solve with: then another solve costs little."""
+        return self.storage == "blocks" and not self.small
+
+    @cached_property
+    def blocks(self) -> Blocks:
+        """Where everything is in a matrix stored in blocks."""
+        f, n = self.system.n + self.system.m, self.system.n
+        node, coordinate = np.divmod(self.free, n)
+        rows = self.row_node * f + n + self.row_constraint
+        places = np.concatenate([node * f + coordinate, rows])
+        return Blocks(f, self.groups, self.offsets, self.node_of, places)
+
+    @cached_property
+    def hessian(self) -> Pattern:
+        """Upper triangle of the Hessian of S + sum w lam f in the unknowns."""
+        targets = [self._diagonal("second", 0), self._mixed("second", 1), self._stiff("second", 2)]
+        if self.system.m and not self.system.structure.affine_constraint:
+            rows, cols = self.system.pointwise("constraint_curvature").sparsity(0)
+            at = self.number[self.row_nodes]
+            targets.append(_pairs(at[:, rows], at[:, cols]))
+        row, col = (np.concatenate(side) for side in zip(*targets, strict=True))
+        upper = np.minimum(row, col), np.maximum(row, col)
+        return Pattern.build(self.unknowns, self.unknowns, [upper])
+
+    @cached_property
+    def jacobian(self) -> Pattern:
+        """Constraint rows against the unknowns."""
+        at_row = self.row_number[self.row_nodes][:, self.G_rows]
+        at_col = self.number[self.row_nodes][:, self.G_cols]
+        return Pattern.build(self.rows, self.unknowns, [_pairs(at_row, at_col)])
+
+    @cached_property
+    def forcing(self) -> Pattern:
+        """Derivative of the virtual work of the non-conservative forces."""
+        targets = [self._diagonal("force_jacobian", 0), self._mixed("force_jacobian", 1)]
+        return Pattern.build(self.unknowns, self.unknowns, targets)
+
+    @cached_property
+    def kkt(self) -> Pattern:
+        """The square system [H + F, G'; G, 0], scattered from the nonzeros of its parts."""
+        if self.storage == "blocks":
+            return Pattern.build(self.size, self.size, [self.blocks.targets])
+        H = self.hessian
+        off = H.row != H.col
+        ids = np.arange(H.nnz)
+        rows, cols, source = [H.row, H.col[off]], [H.col, H.row[off]], [ids, ids[off]]
+        first = H.nnz
+        if self.rows:
+            J = self.jacobian
+            ids = first + np.arange(J.nnz)
+            rows += [J.row + self.unknowns, J.col]
+            cols += [J.col, J.row + self.unknowns]
+            source += [ids, ids]
+            first += J.nnz
+            # A place on the diagonal of the rows, for factorizations that need one there.
+            diagonal = self.unknowns + np.arange(self.rows)
+            rows.append(diagonal)
+            cols.append(diagonal)
+            source.append(np.full(self.rows, -1))
+        if self.system.structure.forced:
+            F = self.forcing
+            rows.append(F.row)
+            cols.append(F.col)
+            source.append(first + np.arange(F.nnz))
+        pattern = Pattern.build(
+            self.size, self.size, [(np.concatenate(rows), np.concatenate(cols))]
+        )
+        self.kkt_source = np.concatenate(source)  # -1 is the zero behind the last nonzero
+        return pattern
+
+    @cached_property
+    def row_diagonal(self) -> NDInt:
+        """Positions of the rows' diagonal entries among the nonzeros of `kkt`."""
+        pattern = self.kkt
+        return np.flatnonzero((pattern.row == pattern.col) & (pattern.row >= self.unknowns))
+
+    def _diagonal(self, function: str, output: int):
+        rows, cols = self.system.pointwise(function).sparsity(output)
+        at = self.number[self.node_of]
+        return _pairs(at[:, rows], at[:, cols])
+
+    def _mixed(self, function: str, output: int):
+        """Targets of w_j D_jl B_j: row at node j, column at node l, order (E, j, l, nonzero)."""
+        rows, cols = self.system.pointwise(function).sparsity(output)
+        parts = []
+        for g in self.groups:
+            at = self.number[g.nodes]
+            parts.append(_pairs(at[:, :, None, rows], at[:, None, :, cols]))
+        return tuple(np.concatenate(side) for side in zip(*parts, strict=True))
+
+    def _stiff(self, function: str, output: int):
+        """Targets of D_kj C_k D_kl; for a diagonal entry of C the pair (j, l) only counts once."""
+        rows, cols = self.system.pointwise(function).sparsity(output)
+        parts = []
+        for g in self.groups:
+            at = self.number[g.nodes]
+            row = at[:, :, None, rows]
+            col = at[:, None, :, cols]
+            local = np.arange(g.rule.degree + 1)
+            twice = (local[:, None] > local)[None, :, :, None] & (rows == cols)
+            parts.append(_pairs(np.where(twice, -1, row), col))
+        return tuple(np.concatenate(side) for side in zip(*parts, strict=True))
+
+
+class _Solvers(threading.local):
+    def __init__(self) -> None:
+        self.kinds: dict[str, Any] = {}
+
+
+SMALL = 100  # unknowns and rows up to which a full matrix is the quickest
+INNER = 160  # unknowns and rows within an element up to which its block is
+_EMPTY = (np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp))
+
+
+def _pairs(rows: NDInt, cols: NDInt) -> tuple[NDInt, NDInt]:
+    rows, cols = np.broadcast_arrays(rows, cols)
+    return rows.ravel(), cols.ravel()
+
+
+@dataclass(frozen=True, eq=False)
+class Pattern:
+    """A sparse matrix in compressed columns, and where each contribution to it goes.
+
+    Contributions to pinned coordinates go to one slot past the end and are dropped.
+    """
+
+    shape: tuple[int, int]
+    row: NDInt
+    col: NDInt
+    slots: NDInt
+
+    @classmethod
+    def build(cls, rows: int, cols: int, targets) -> Pattern:
+        """Return the pattern of the contributions at `targets`, pairs of index arrays."""
+        row = np.concatenate([t[0] for t in targets])
+        col = np.concatenate([t[1] for t in targets])
+        key = np.where((row >= 0) & (col >= 0), col * max(rows, 1) + row, rows * cols)
+        unique, slots = np.unique(key, return_inverse=True)
+        nnz = unique.size - (1 if unique.size and unique[-1] == rows * cols else 0)
+        unique = unique[:nnz]
+        return cls((rows, cols), unique % max(rows, 1), unique // max(rows, 1), slots)
+
+    @property
+    def nnz(self) -> int:
+        """Number of structural nonzeros."""
+        return self.row.size
+
+    def sum(self, contributions: Array) -> Array:
+        """Return the nonzeros (nnz,), contributions to one entry added up."""
+        return np.bincount(self.slots, contributions, self.nnz + 1)[: self.nnz]
+
+    @cached_property
+    def sparsity(self) -> ca.Sparsity:
+        """The pattern for CasADi."""
+        colind = np.searchsorted(self.col, np.arange(self.shape[1] + 1))
+        return ca.Sparsity(*self.shape, colind.tolist(), self.row.tolist())
+
+
+KEPT = 32  # layouts of a system, the latest used: a large one holds much memory
+
+
+def layout_for(problem: Problem, mesh: Mesh) -> Layout:
+    """Return the layout shared by all problems of this system, mesh shape and kind of ends."""
+    known = problem.system.layouts
+    ends = problem.start.pinned, problem.end.pinned
+    key = (mesh.degrees, *ends, problem.advance is not None)
+    with problem.system.lock:
+        layout = known.pop(key, None) or Layout(problem.system, mesh, *key[1:])
+        known[key] = layout
+        while len(known) > KEPT:
+            del known[next(iter(known))]
+    return layout

@@ -1,0 +1,193 @@
+"""How time is discretized: element boundaries and the polynomial degree of each element."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from actionopt.tools.lobatto import Rule, lgl
+from actionopt.tools.types import Array, NDInt
+
+MAX_DEGREE = 64
+ROUNDOFF = 16 * np.finfo(float).eps
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """The E elements of one degree d, by their d + 1 nodes.
+
+    Attributes
+    ----------
+    rule : Rule
+    elements : (E,) array of int
+    nodes : (E, d + 1) array of int
+    span : slice
+        Where they are among the nodes of all elements, group by group: nodes between elements
+        stand there twice.
+    """
+
+    rule: Rule
+    elements: NDInt
+    nodes: NDInt
+    span: slice
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """How to discretize time: element boundaries and the polynomial degree of each element.
+
+    Parameters
+    ----------
+    boundaries : (N + 1,) array
+        Strictly increasing times; the ends are the times of the two events.
+    degrees : int or (N,) array of int
+        Polynomial degree of each element, from 1 to 64; one integer serves all.
+
+    Attributes
+    ----------
+    since : (N + 1,) array
+        The boundaries measured from the first of them. Far from zero, where times are rounded
+        coarsely, an element may be shorter than `boundaries` can tell.
+
+    Raises
+    ------
+    ValueError
+        If the boundaries do not increase or are not finite, or a degree is out of range.
+
+    Examples
+    --------
+    >>> mesh = Mesh.uniform(0.0, 1.0, elements=4, degree=6)
+    >>> mesh.elements, mesh.nodes.size
+    (4, 25)
+    """
+
+    boundaries: Array
+    degrees: tuple[int, ...]
+    since: Array
+
+    def __init__(self, boundaries: ArrayLike, degrees: int | ArrayLike) -> None:
+        times = np.array(boundaries, dtype=float)
+        since = times - times[0] if times.ndim == 1 and times.size else times
+        if times.ndim == 1 and np.all(np.diff(times) > 0):
+            # Nearer to zero than the first, times may be told apart that are not from there.
+            for k in np.flatnonzero(np.diff(since) <= 0):
+                since[k + 1] = np.nextafter(since[k], np.inf)
+        self._set(times, since, degrees)
+
+    def _set(self, boundaries: Array, since: Array, degrees: int | ArrayLike) -> None:
+        times = since
+        if times.ndim != 1 or times.size < 2 or not np.all(np.isfinite(times)):
+            raise ValueError(
+                "expected at least two finite element boundaries in one row, "
+                f"found an array of shape {times.shape}; give the N + 1 times of N elements"
+            )
+        if not np.all(np.diff(times) > 0):
+            raise ValueError("expected element boundaries that increase strictly; sort them")
+        count = times.size - 1
+        given = np.asarray(degrees)
+        if given.ndim > 1 or (given.ndim == 1 and given.size != count):
+            raise ValueError(
+                f"expected one degree or one for each of the {count} elements, "
+                f"found an array of shape {given.shape}"
+            )
+        if given.dtype.kind not in "iu" or given.min() < 1 or given.max() > MAX_DEGREE:
+            raise ValueError(
+                f"expected integer degrees from 1 to {MAX_DEGREE}, found {degrees!r}; "
+                "use more elements instead of a higher degree"
+            )
+        for name, row in (("boundaries", boundaries), ("since", since)):
+            row.setflags(write=False)
+            object.__setattr__(self, name, row)
+        object.__setattr__(
+            self, "degrees", tuple(np.broadcast_to(given, (count,)).astype(int).tolist())
+        )
+
+    def __repr__(self) -> str:
+        """Show the sizes, not the arrays."""
+        low, high = min(self.degrees), max(self.degrees)
+        degrees = f"degree {low}" if low == high else f"degrees {low} to {high}"
+        first, *_, last = self.boundaries.tolist()
+        return f"Mesh(elements {self.elements}, {degrees}, from t = {first:g} to {last:g})"
+
+    @classmethod
+    def uniform(cls, start: float, end: float, elements: int, degree: int) -> Mesh:
+        """Return `elements` equal elements of one degree over the times [start, end]."""
+        return cls.over(start, end, np.linspace(0.0, end - start, elements + 1), degree)
+
+    @classmethod
+    def over(cls, start: float, end: float, since: Array, degrees: int | ArrayLike) -> Mesh:
+        """Return a mesh over [start, end] whose boundaries (N + 1,) are measured from `start`.
+
+        They begin with 0 and end with the duration. Raises ValueError as the class does.
+        """
+        mesh = object.__new__(cls)
+        boundaries = start + since
+        boundaries[-1] = end
+        mesh._set(boundaries, np.array(since), degrees)
+        return mesh
+
+    def cut(self, since: Array, degrees: int | ArrayLike) -> Mesh:
+        """Return other elements over the same times; `since` as for `over`."""
+        return Mesh.over(self.boundaries[0], self.boundaries[-1], since, degrees)
+
+    @property
+    def elements(self) -> int:
+        """Number of elements N."""
+        return len(self.degrees)
+
+    @cached_property
+    def lengths(self) -> Array:
+        """Element lengths h, shape (N,)."""
+        return np.diff(self.since)
+
+    @property
+    def duration(self) -> float:
+        """Time from the first boundary to the last."""
+        return float(self.since[-1])
+
+    @cached_property
+    def offsets(self) -> NDInt:
+        """Index of each element's first node, and of the last node: shape (N + 1,)."""
+        return np.concatenate([[0], np.cumsum(self.degrees)])
+
+    @cached_property
+    def nodes(self) -> Array:
+        """All nodes in time order, shared ones once, shape (sum of degrees + 1,)."""
+        times = self.boundaries[0] + self.nodes_since
+        times[self.offsets] = self.boundaries
+        return times
+
+    @cached_property
+    def nodes_since(self) -> Array:
+        """The nodes measured from the first of them, as `since`."""
+        times = np.empty(self.offsets[-1] + 1)
+        for g in self.groups:
+            mid = (self.since[g.elements] + self.since[g.elements + 1])[:, None] / 2
+            times[g.nodes] = mid + self.lengths[g.elements][:, None] / 2 * g.rule.nodes
+        times[self.offsets] = self.since
+        return times
+
+    @cached_property
+    def groups(self) -> list[Group]:
+        """Elements of equal degree together."""
+        degrees, first = np.array(self.degrees), 0
+        result = []
+        for d in sorted(set(self.degrees)):
+            which = np.flatnonzero(degrees == d)
+            nodes = self.offsets[which][:, None] + np.arange(d + 1)
+            result.append(Group(lgl(d), which, nodes, slice(first, first + nodes.size)))
+            first += nodes.size
+        return result
+
+    def moved(self, start: float, end: float) -> Mesh:
+        """Return the same mesh stretched affinely onto the times [start, end]."""
+        b = self.boundaries
+        if b[0] == start and b[-1] == end:
+            return self
+        duration = end - start
+        since = self.since * (duration / self.duration)
+        since[-1] = duration
+        return Mesh.over(start, end, since, self.degrees)

@@ -1,0 +1,229 @@
+"""Newton's method on the KKT system: plain, to follow a path that is near; damped, to approach one.
+
+Every factorization is used twice: for the Newton step and for a simplified second step, whose
+ratio to the first measures how fast the iteration contracts (Deuflhard, *Newton Methods for
+Nonlinear Problems* (2011), section 2.1). `follow` has no globalisation and gives up where it does
+not contract; `approach` shortens the steps until they do (ibid. section 3.3). Lengths of steps, not
+residuals, decide: they mean the same on every mesh.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from actionopt.discrete.factors import Factors, product
+from actionopt.discrete.transcription import Transcription
+from actionopt.tools.types import Array
+
+CONTRACTION = 0.5  # a larger ratio of successive steps is not the neighbourhood of a path
+ROUNDOFF_STEP = 1e-9  # steps that stop contracting below this size are round-off
+ROUNDOFF = float(np.finfo(float).eps)
+SETTLING = 5  # steps that multipliers may take to come right
+SURELY = 0.1  # a ratio of steps that leaves no doubt of it
+DAMPED = 1e-3  # a shorter fraction of a step leads nowhere
+DIFFERENCE = 1e-5  # of the ends' movement, for a derivative that is good to as many digits
+CHORDS = 3  # simplified steps that cost less than a factorization where that is kept
+TARGET = 1e-14  # in units of the coordinates' sizes; one step past it costs next to nothing
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """Where Newton's method arrived.
+
+    Attributes
+    ----------
+    z : (size,) array
+        The last iterate.
+    converged : bool
+        Whether the steps contracted down to round-off.
+    noise : float
+        Size of the correction that the remaining residual still asks for, in units of the
+        coordinates' sizes: round-off amplified by the problem's own conditioning.
+    iterations : int
+        Factorizations used.
+    travelled : float
+        Distance from the first iterate, in the same units.
+    factors : Factors or None
+        Those of the last factorization, close to z.
+    """
+
+    z: Array
+    converged: bool
+    noise: float
+    iterations: int
+    travelled: float
+    factors: Factors | None = None
+
+
+def follow(
+    tr: Transcription,
+    z: Array,
+    *,
+    linear: bool = False,
+    many: bool = False,
+    target: float = TARGET,
+    enough: Callable[[Array], float] | None = None,
+    steps: int = 12,
+) -> Followed:
+    """Follow the stationary path near z in at most `steps` factorizations; one if it is `linear`.
+
+    What is left then is below `target`, in units of the coordinates' sizes, or round-off; or below
+    what `enough` returns for the path at hand, whose round-off is not measured. `many` is for
+    `Factors`; more simplified steps are taken then, as the sensitivity is known already.
+    """
+    cut, chords = tr.layout.unknowns, CHORDS if many and tr.layout.condensed else 1
+    first, rest = z, np.inf
+    with np.errstate(all="ignore"):
+        residual = tr.residual(z)
+        for k in range(1, steps + 1):
+            factors = None  # frees the last ones before the next are made
+            try:
+                factors = Factors(tr.layout, tr.kkt(z), many=many)
+                z, rest, ratio, settled = _steps(tr, factors, z, residual, chords, linear, target)
+            except np.linalg.LinAlgError:
+                return Followed(z, False, np.inf, k, np.inf)
+            if not np.isfinite(rest):
+                return Followed(z, False, np.inf, k, np.inf)
+            travelled = _size((z - first)[:cut])
+            if settled:
+                return Followed(z, True, rest, k, travelled, factors)
+            if enough is not None and ratio < CONTRACTION and rest * ratio <= enough(z):
+                return Followed(z, True, 0.0, k, travelled, factors)
+            residual = tr.residual(z)
+            # Multipliers far off disturb the first steps, and are right after them.
+            settling = tr.layout.rows > 0 and k <= SETTLING and ratio < 1 / CONTRACTION
+            if ratio > CONTRACTION and not settling:
+                break
+        # A residual of round-off leaves nothing to contract: the matrix is (nearly) singular and
+        # what is left of the step says how little the path is determined.
+        exhausted = _exhausted(tr, z, residual)
+    return Followed(z, exhausted, rest, k, _size((z - first)[:cut]))
+
+
+def _steps(
+    tr: Transcription,
+    factors: Factors,
+    z: Array,
+    residual: Array,
+    chords: int,
+    linear: bool,
+    target: float,
+) -> tuple[Array, float, float, bool]:
+    """Take Newton's step from z and up to `chords` simplified ones, as far as they will do.
+
+    Return where they lead, the length of the last one, its ratio to the one before, and whether
+    nothing is left: then the last one was not taken, and its length is the round-off.
+    """
+    settled, ratio = False, 0.0
+    step = factors.solve(residual)
+    for again in range(chords + 2):
+        z, size = z - step, tr.measured(step)
+        residual = tr.residual(z)
+        step = factors.solve(residual)
+        rest = tr.measured(step)
+        if settled or rest <= target:
+            if not residual.any():  # a path of zeros has no round-off of its own
+                rest = tr.measured(factors.solve(_roundoff(tr, factors)))
+            return z, rest, ratio, True
+        ratio = rest / size if size else 0.0
+        stopped = ratio > CONTRACTION and rest < ROUNDOFF_STEP
+        settled = linear or rest * ratio <= target or stopped
+        if not settled and not rest * min(ratio, 1.0) ** (chords - again) <= target:
+            break  # too many to come; or it is not a number
+    return z - step, rest, ratio, False
+
+
+def moved(tr: Transcription, z: Array, to: Transcription) -> Array:
+    """Return where the stationary path z of `tr` goes when its ends move to those of `to`.
+
+    Along the tangent of the family of paths, which bends smoothly where new ends alone would kink
+    the path, and by simplified steps as long as they contract. Raises numpy.linalg.LinAlgError if
+    the matrix is singular.
+    """
+    cut = tr.layout.unknowns
+    before = tr.ends[[0, -1]]
+    nearby = tr.with_ends(before + DIFFERENCE * (to.ends[[0, -1]] - before))
+    with np.errstate(all="ignore"):
+        factors = Factors(tr.layout, tr.kkt(z), many=True)
+        step = factors.solve(nearby.residual(z)) / DIFFERENCE  # that of z itself is zero
+        z = z - step
+        for _ in range(CHORDS - 1 if tr.layout.storage == "blocks" else 0):
+            last, step = _size(step[:cut]), factors.solve(to.residual(z))
+            if not _size(step[:cut]) < CONTRACTION * last:
+                break
+            z = z - step
+    return z
+
+
+def approach(
+    tr: Transcription, z: Array, steps: int, *, convex: bool = False
+) -> tuple[Array, int] | None:
+    """Return a point where Newton's method contracts, and the factorizations used; None if lost.
+
+    If `convex`, only where the action is so at z: from there it hardly ever is lost. The damping
+    factor comes from the curvature that the simplified step shows (Deuflhard, algorithm NLEQ-ERR).
+    """
+    cut = tr.layout.unknowns
+    damping, last, missed = 1.0, None, None
+    with np.errstate(all="ignore"):
+        residual = tr.residual(z)
+        for k in range(1, steps + 1):
+            try:
+                factors = Factors(tr.layout, tr.kkt(z))
+                if convex and k == 1 and not factors.definite():
+                    return None
+                step = -factors.solve(residual)
+            except np.linalg.LinAlgError:
+                return None
+            length = _norm(step[:cut])
+            if tr.measured(step) < ROUNDOFF_STEP:
+                return z, k
+            if last is not None and missed is not None:
+                bend = _norm((missed - step)[:cut]) * length
+                damping = min(1.0, damping * last * _norm(missed[:cut]) / bend) if bend else 1.0
+            while True:
+                if not damping > DAMPED:
+                    return None
+                trial = z + damping * step
+                residual = tr.residual(trial)
+                try:
+                    missed = -factors.solve(residual)
+                except np.linalg.LinAlgError:
+                    return None
+                rest = _norm(missed[:cut])
+                bend = _norm((missed - (1 - damping) * step)[:cut])
+                better = 0.5 * length * damping**2 / bend if bend else 1.0
+                if rest < (1 - damping / 4) * length:
+                    break
+                damping = min(better, damping / 2) if np.isfinite(rest) else damping / 4
+            z, last = trial, length
+            if damping == 1.0 and rest < CONTRACTION * length:  # near: the second step counts too
+                z, last = z + missed, None
+                if _size(missed[:cut]) < SURELY * _size(step[:cut]):
+                    return z, k
+                residual = tr.residual(z)
+    return None
+
+
+def _norm(step: Array) -> float:
+    return math.sqrt(float(step @ step) / step.size)
+
+
+def _roundoff(tr: Transcription, factors: Factors) -> Array:
+    """Return a residual of the size of round-off."""
+    terms = product(tr.layout, np.abs(factors.nonzeros), tr.magnitudes)
+    return ROUNDOFF * np.cos(np.arange(terms.size)) * terms
+
+
+def _exhausted(tr: Transcription, z: Array, residual: Array) -> bool:
+    """Whether the residual is no larger than the round-off of its own evaluation."""
+    magnitude = product(tr.layout, np.abs(tr.kkt(z)), np.abs(z) + tr.magnitudes - 1.0)
+    return bool(np.max(np.abs(residual)) <= 4 * np.finfo(float).eps * np.max(magnitude))
+
+
+def _size(step: Array) -> float:
+    return float(np.abs(step).max()) if step.size else 0.0

@@ -1,0 +1,139 @@
+"""Curves in configuration space: a mesh in time and a polynomial on each of its elements.
+
+Neighbouring elements share their boundary node, so a path is continuous by construction; its
+velocity is continuous only as far as the path is resolved. Guess, solution and forward reference
+are all paths.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from actionopt.discrete.mesh import Mesh
+from actionopt.tools.types import Array
+
+ROUNDOFF = 16 * np.finfo(float).eps
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """A continuous piecewise-polynomial curve q(t).
+
+    Parameters
+    ----------
+    mesh : Mesh
+        Elements and degrees.
+    values : (n, K) array
+        Coordinates at the K nodes of the mesh (`mesh.nodes`).
+    velocities : (n, K) array, optional
+        Velocities known at the nodes (a forward integration has them); without them the
+        velocity is the derivative of the polynomial, one order less accurate.
+
+    Raises
+    ------
+    ValueError
+        If the shapes do not fit the mesh or a value is not finite.
+    """
+
+    mesh: Mesh
+    values: Array
+    velocities: Array | None = None
+
+    def __post_init__(self) -> None:
+        count = self.mesh.offsets[-1] + 1
+        for name in ("values", "velocities"):
+            given = getattr(self, name)
+            if given is None:
+                continue
+            table = np.array(given, dtype=float, ndmin=2)
+            if table.ndim != 2 or table.shape[1] != count:
+                raise ValueError(
+                    f"expected {name} of shape (n, {count}), one column a node, found {table.shape}"
+                )
+            if not np.all(np.isfinite(table)):
+                raise ValueError(f"expected finite {name}, found NaN or infinity")
+            table.setflags(write=False)
+            object.__setattr__(self, name, table)
+
+    def __repr__(self) -> str:
+        """Show the sizes, not the arrays."""
+        return f"Path({self.values.shape[0]} x {self.values.shape[1]} values on {self.mesh})"
+
+    @classmethod
+    def interpolate(cls, curve: Callable[[Array], ArrayLike], mesh: Mesh) -> Path:
+        """Return the path through `curve(mesh.nodes)`, where `curve` maps (K,) times to (n, K).
+
+        A curve of one coordinate may return (K,). Raises ValueError for any other shape.
+        """
+        values = np.asarray(curve(mesh.nodes), dtype=float)
+        return cls(mesh, values[None, :] if values.ndim == 1 else values)
+
+    def __call__(self, t: ArrayLike) -> Array:
+        """Return q(t): shape (n, K) for K times, (n,) for one time.
+
+        Raises ValueError for a time outside the mesh.
+        """
+        return self._evaluate(self.values, 0, t)
+
+    def velocity(self, t: ArrayLike) -> Array:
+        """Return v(t) = dq/dt: shape (n, K) for K times, (n,) for one time."""
+        if self.velocities is not None:
+            return self._evaluate(self.velocities, 0, t)
+        return self._evaluate(self.values, 1, t)
+
+    def acceleration(self, t: ArrayLike) -> Array:
+        """Return dv/dt, the derivative of `velocity`: shape (n, K) or (n,)."""
+        if self.velocities is not None:
+            return self._evaluate(self.velocities, 1, t)
+        return self._evaluate(self.values, 2, t)
+
+    def on(self, mesh: Mesh) -> Path:
+        """Return this curve interpolated on another mesh over the same times."""
+        return Path(mesh, self._since(self.values, 0, mesh.nodes_since))
+
+    def legendre(self) -> list[Array]:
+        """Return each element's Legendre coefficients, shape (n, d + 1), in element order."""
+        result: list[Array] = [np.empty(0)] * self.mesh.elements
+        for g in self.mesh.groups:
+            block = self.values[:, g.nodes] @ g.rule.to_legendre.T
+            for k, e in enumerate(g.elements):
+                result[e] = block[:, k]
+        return result
+
+    def _evaluate(self, table: Array, derivatives: int, t: ArrayLike) -> Array:
+        times = np.asarray(t, dtype=float)
+        flat = times.reshape(-1)
+        b = self.mesh.boundaries
+        slack = ROUNDOFF * max(abs(b[0]), abs(b[-1]), b[-1] - b[0])
+        if flat.size and not (flat.min() >= b[0] - slack and flat.max() <= b[-1] + slack):
+            raise ValueError(
+                f"expected times within [{b[0]}, {b[-1]}], found "
+                f"{flat.min()} to {flat.max()}; a path is not extrapolated"
+            )
+        found = self._since(table, derivatives, flat - b[0])
+        return found.reshape(table.shape[0], *times.shape)
+
+    def _since(self, table: Array, derivatives: int, flat: Array) -> Array:
+        """Evaluate at times (K,) measured from the path's first: (n, K)."""
+        b = self.mesh.since
+        where = np.clip(np.searchsorted(b, flat, side="right") - 1, 0, self.mesh.elements - 1)
+        result = np.empty((table.shape[0], flat.size))
+        position = np.empty(self.mesh.elements, dtype=int)
+        for g in self.mesh.groups:
+            position[g.elements] = np.arange(g.elements.size)
+            mine = np.isin(where, g.elements) if len(self.mesh.groups) > 1 else slice(None)
+            e = where[mine]
+            if e.size == 0:
+                continue
+            h = self.mesh.lengths[e]
+            xi = np.clip(((flat[mine] - b[e]) - (b[e + 1] - flat[mine])) / h, -1.0, 1.0)
+            weights = g.rule.interpolation(xi)
+            for _ in range(derivatives):
+                weights = (weights @ g.rule.derivative) * (2 / h)[:, None]
+            local = table[:, g.nodes[position[e]]]
+            result[:, mine] = np.einsum("nkj,kj->nk", local, weights)
+        return result

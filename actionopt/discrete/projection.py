@@ -1,0 +1,46 @@
+"""Paths moved onto the constraint surface."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from actionopt.discrete.transcription import Transcription
+from actionopt.tools.types import Array
+
+PROJECTIONS = 12
+MANY = 300  # constraints above which dense projections cost more than a start off the surface
+
+
+def project(tr: Transcription, Q: Array) -> Array:
+    """Return the node coordinates Q (K, n) moved onto the constraint surface where that works.
+
+    Gauss-Newton steps of least length in units of the coordinates' sizes; a node that does not
+    get nearer (the centre of a circle, say) stays.
+    """
+    problem, layout = tr.problem, tr.layout
+    system = problem.system
+    at = layout.row_nodes
+    if system.m > MANY or not at.size:
+        return Q
+    t = tr.mesh.nodes[at][:, None]
+    free = (layout.number[at] >= 0) * tr.lengths  # pinned coordinates do not move
+    q = Q[at].copy()
+    jacobian = system.pointwise("constraint_jacobian")
+    miss = np.inf
+    for _ in range(PROJECTIONS):
+        f = system.pointwise("constraint")(q, t, problem.packed)[0].copy()
+        G = jacobian.full(0, jacobian(q, t, problem.packed)[0]) * free[:, None, :]
+        gram = G @ np.swapaxes(G, 1, 2)
+        ridge = 1e-10 * np.trace(gram, axis1=1, axis2=2)[:, None, None] + np.finfo(float).tiny
+        step = np.linalg.solve(gram + ridge * np.eye(system.m), f[..., None])
+        move = (np.swapaxes(G, 1, 2) @ step)[..., 0]
+        # No farther at once than the coordinates' own size: the surface may be nearly flat.
+        long = np.maximum(np.max(np.abs(move), axis=1, keepdims=True), 1.0)
+        q = q - free * move / long
+        last, miss = miss, float(np.max(np.abs(move)))
+        if miss < 1e-8 or miss > 2 * last:
+            break
+    moved = Q.copy()
+    good = np.isfinite(q).all(axis=1)
+    moved[at[good]] = q[good]
+    return moved

@@ -1,0 +1,199 @@
+"""The equations of a path once more, with another quadrature.
+
+A path is sampled where its nodes are. Forces that vary faster than it does (a narrow pulse, a kink
+where a node happens to be, a total time derivative that should cancel) may be missed there, and
+nothing in the path tells. Summed over other points its equations then no longer hold. The other
+points leave no gap in which a narrow feature could hide (`laws.SAMPLES`), whatever the elements are
+and the tolerance is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from actionopt.discrete.action import Action
+from actionopt.discrete.mesh import Group
+from actionopt.tools.lobatto import Sampling
+from actionopt.tools.types import Array, NDInt
+
+PANELS = np.unique([2**k * f for k in range(13) for f in (1, 3)])  # few kinds of elements
+SHARE, PARTS = 0.1, 4  # of what the worst element misses that one is cut for, and in how many
+PEAK = 0.05  # of what is missed at the worst panel of an element: more is part of what hides there
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """Elements of one degree that are looked at alike.
+
+    Attributes
+    ----------
+    elements : (E,) array of int
+    nodes : (E, d + 1) array of int
+    at : (E (d + 1) n,) array of int
+        Positions of the nodes' coordinates in the full gradient (K n).
+    half : (E, 1, 1) array
+        Half the elements' lengths.
+    rule, own : Sampling
+        Where they are looked at, and where their nodes are.
+    panels : int
+        Parts of each element, or 0 for a few points between the nodes.
+    times : (E points, 1) array
+    """
+
+    elements: NDInt
+    nodes: NDInt
+    at: NDInt
+    half: Array
+    rule: Sampling
+    own: Sampling
+    panels: int
+    times: Array
+
+
+def batches(tr: Action) -> list[Batch]:
+    """Return the elements with points between their nodes that leave no large gap."""
+    samples, mesh = tr.problem.system.structure.samples, tr.mesh
+    found = []
+    for g, half in zip(tr.layout.groups, tr.halves, strict=True):
+        count = half[:, 0, 0] * (2 * samples / mesh.duration)
+        least = PANELS[np.minimum(np.searchsorted(PANELS, count / g.rule.panel), PANELS.size - 1)]
+        panels = np.where(least > 1, least, 0)  # else a few points between the nodes will do
+        for p in np.unique(panels).tolist():
+            which = np.flatnonzero(panels == p)
+            rule = g.rule.dense(p) if p else g.rule.other
+            middle = mesh.since[g.elements[which], None] + half[which, 0]
+            times = mesh.boundaries[0] + (middle + half[which, 0] * rule.nodes).reshape(-1, 1)
+            found.append(_batch(tr, g, which, half[which], rule, p, times))
+    return found
+
+
+def _batch(
+    tr: Action,
+    g: Group,
+    which: NDInt,
+    half: Array,
+    rule: Sampling,
+    panels: int,
+    times: Array,
+) -> Batch:
+    n, nodes = tr.problem.system.n, g.nodes[which]
+    at = (nodes[:, :, None] * n + np.arange(n)).ravel()
+    return Batch(g.elements[which], nodes, at, half, rule, g.rule.same, panels, times)
+
+
+def missed(tr: Action, batches: list[Batch], x: Array) -> tuple[Array, float]:
+    """Return what another quadrature finds left of dS/dx, less what `tr` does, in its units.
+
+    And how far the body would be carried, in the units of x, by the momentum that is missed with
+    it, were there no other forces: where a feature in q is not resolved, nor is what holds the body
+    there. Zero where there can be no such feature.
+    """
+    works = [(b, _work(b, *values)) for b, values in _sampled(tr, x, batches)]
+    parts = [(b.at, work.ravel()) for b, work in works]
+    at, work = parts[0] if len(parts) == 1 else map(np.concatenate, zip(*parts, strict=True))
+    whole = np.bincount(at, work, tr.layout.node_count * tr.problem.system.n)
+    carried = 0.0
+    structure = tr.problem.system.structure
+    if structure.samples and not structure.linear:
+        momenta = np.zeros((tr.mesh.elements, tr.problem.system.n))
+        for b, work in works:
+            momenta[b.elements] = work.sum(axis=1)
+        for g, mine in zip(tr.layout.groups, tr.work(x), strict=True):
+            momenta[g.elements] -= mine.sum(axis=1)
+        # The unit of action is that of an inertia times a length squared over the duration.
+        unit = tr.lengths / tr.action_unit
+        if tr.origin is not None:  # as `measured` has it
+            unit = unit / (1.0 + np.abs(tr.origin) / tr.lengths)
+        carried = float(np.abs(np.cumsum(momenta, axis=0) * unit).max())
+    return tr.free_part(whole) - tr.gradient(x), carried
+
+
+def uneven(tr: Action, batches: list[Batch], x: Array) -> Array:
+    """Return how much each element has part in that, (N,)."""
+    unit = tr.lengths / tr.action_unit
+    here: dict[int, Array] = {}
+    for g, mine in zip(tr.layout.groups, tr.work(x), strict=True):
+        here.update(zip(g.elements.tolist(), mine, strict=True))
+    shares = np.zeros(tr.mesh.elements)
+    for b, values in _sampled(tr, x, batches):
+        for e, work in zip(b.elements.tolist(), _work(b, *values), strict=True):
+            shares[e] = np.abs((work - here[e]) * unit).max()
+    return shares
+
+
+def cuts(tr: Action, batches: list[Batch], x: Array) -> list[Array]:
+    """Return for each element the times since the start at which to cut it to miss less.
+
+    Around what stands out between its nodes, or in equal parts where nothing does, or where it may
+    be a kink: that of a motion with a symmetry is where two parts meet.
+    """
+    shares = uneven(tr, batches, x)
+    coarse = shares > SHARE * shares.max()
+    b = tr.mesh.since
+    found = [np.zeros(0)] * tr.mesh.elements
+    for e in np.flatnonzero(coarse):
+        found[e] = np.linspace(b[e], b[e + 1], PARTS + 1)[1:-1]
+    if not tr.problem.system.structure.smooth:
+        return found
+    for batch, values in _sampled(tr, x, batches):
+        if batch.panels < PARTS:
+            continue
+        hidden = _hidden(tr, x, batch, values)
+        for e, panels in zip(batch.elements, hidden, strict=True):
+            out = panels > PEAK * panels.max()
+            if coarse[e] and out.sum() <= batch.panels / PARTS:
+                edges = 1 + np.flatnonzero(np.diff(out))  # of what stands out
+                found[e] = b[e] + (b[e + 1] - b[e]) * edges / batch.panels
+    return found
+
+
+def _sampled(
+    tr: Action, x: Array, batches: list[Batch]
+) -> Iterator[tuple[Batch, tuple[Array, Array]]]:
+    """Yield dL/dq with the forces, and dL/dv, at the points of each batch: both (E, points, n)."""
+    system, p = tr.problem.system, tr.problem.packed
+    Q, n = tr.place(x)[0], tr.problem.system.n
+    q, v, t = [], [], []
+    for b in batches:
+        local = Q[b.nodes]
+        q.append((b.rule.values @ local).reshape(-1, n))
+        v.append((b.rule.slopes @ (local - local[:, :1]) / b.half).reshape(-1, n))
+        t.append(b.times)
+    at = [parts[0] if len(parts) == 1 else np.concatenate(parts) for parts in (q, v, t)]
+    force, momentum, _ = system.pointwise("first")(*at, p)
+    if system.structure.forced:
+        force = force + system.pointwise("force")(*at, p)[0]
+    first = 0
+    for b in batches:
+        shape = b.elements.size, b.rule.nodes.size, n
+        part = slice(first, first + shape[0] * shape[1])
+        first = part.stop
+        yield b, (force[part].reshape(shape), momentum[part].reshape(shape))
+
+
+def _work(batch: Batch, force: Array, momentum: Array) -> Array:
+    """Return dS/dq (virtual work included) of the elements, (E, d + 1, n)."""
+    constant = momentum[:, 0]  # its work is done at the element's ends alone
+    work = batch.rule.weighted_slopes @ (momentum - momentum[:, :1])
+    work += batch.half * (batch.rule.weighted_values @ force)
+    work[:, 0] -= constant
+    work[:, -1] += constant
+    return work
+
+
+def _hidden(tr: Action, x: Array, batch: Batch, values: tuple[Array, Array]) -> Array:
+    """Return what each panel holds that the polynomials through the nodes do not show, (E, panels).
+
+    That is the largest difference of forces there, and of momenta over the element's length.
+    """
+    own = replace(batch, rule=batch.own, times=tr.mesh.nodes[batch.nodes].reshape(-1, 1))
+    (_, known), *_ = list(_sampled(tr, x, [own]))
+    between = batch.rule.values
+    units = (tr.lengths, tr.lengths / (2 * batch.half))
+    total = np.zeros(values[0].shape[:2])
+    for there, here, unit in zip(values, known, units, strict=True):
+        total += np.abs((there - between @ here) * unit).max(axis=2)
+    return total.reshape(len(total), batch.panels, -1).max(axis=2)

@@ -1,0 +1,113 @@
+"""The discrete problem: the action with its KKT system, and how well a mesh resolves a path."""
+
+from __future__ import annotations
+
+import math
+from copy import copy
+from functools import cached_property
+
+import numpy as np
+
+from actionopt.discrete import assemble_blocks, assemble_sparse, second_quadrature
+from actionopt.discrete.action import Action
+from actionopt.tools.types import Array
+
+
+class Transcription(Action):
+    """A problem on one mesh, as a system of equations: r(z) = 0 and its derivative.
+
+    Parameters and vectors z are those of `Action`.
+    """
+
+    # -- second derivatives, put together --------------------------------------------------------
+
+    def hessian(self, z: Array) -> Array:
+        """Return the upper triangle's nonzeros of the Hessian of S + sum w lam f."""
+        return assemble_sparse.hessian(self, z)
+
+    def kkt(self, z: Array) -> Array:
+        """Return the nonzeros of the derivative of `residual`, stored as the layout says."""
+        return self._assembly.kkt(self, z)
+
+    def kinetic(self, z: Array) -> Array:
+        """Return the kinetic part of the KKT matrix, D' w M D alone, stored as `kkt` is.
+
+        Positive definite where the mass matrix is: the metric in which a step changes the
+        velocities least. Only for systems without constraints or forces.
+        """
+        return self.kept("kinetic", lambda: self._assembly.kinetic(self, z))
+
+    @property
+    def _assembly(self):
+        return assemble_blocks if self.layout.storage == "blocks" else assemble_sparse
+
+    # -- what the mesh may have missed -----------------------------------------------------------
+
+    @cached_property
+    def between_nodes(self) -> list[second_quadrature.Batch]:
+        """Where else the equations are looked at."""
+        return second_quadrature.batches(self)
+
+    def missed(self, z: Array) -> tuple[Array, float]:
+        """Return the KKT residual that another quadrature adds to this one's, (size,).
+
+        It shows forces that are rougher than the path. That of the constraints is left out. And
+        how far the momentum that goes with it carries a free body, in units of `lengths`.
+        """
+        miss, carried = second_quadrature.missed(
+            self, self.between_nodes, z[: self.layout.unknowns]
+        )
+        if self.layout.rows:
+            miss = np.concatenate([miss, np.zeros(self.layout.rows)])
+        return miss, carried
+
+    def uneven(self, z: Array) -> Array:
+        """Return how much of it is each element's, (N,)."""
+        return second_quadrature.uneven(self, self.between_nodes, z[: self.layout.unknowns])
+
+    def cuts(self, z: Array) -> list[Array]:
+        """Return for each element the times since the start at which to cut it to miss less."""
+        return second_quadrature.cuts(self, self.between_nodes, z[: self.layout.unknowns])
+
+    def misread(self, z: Array) -> Array:
+        """Return by how much `residual` changes if numbers are read as the floats next to them.
+
+        Times, and the coordinates whose origin is far from zero.
+        """
+
+        def away(values: Array) -> Array:  # no way is preferred
+            pattern = np.where(np.cos(np.arange(values.size)) > 0, np.inf, -np.inf)
+            return np.nextafter(values, pattern.reshape(values.shape))
+
+        other, Q = copy(self), self.place(z)[0]
+        other.times = away(self.times)
+        if self.origin is not None:
+            Q = np.where(self.origin != 0.0, away(Q), Q)
+        change = other.action_and_gradient(Q)[1] - self.action_and_gradient(self.place(z)[0])[1]
+        return np.concatenate([self.free_part(change), np.zeros(self.layout.rows)])
+
+    def turns(self, z: Array) -> float:
+        """Return the typical rate of change of motions near x, sqrt(L_qq / L_vv), times T.
+
+        The median along the path for each coordinate, and the largest of these.
+        """
+        A, _, C = self.second(z[: self.layout.unknowns])
+        n, rates = self.problem.system.n, []
+        for output, values in ((0, A), (2, C)):
+            rows, cols = self.problem.system.pointwise("second").sparsity(output)
+            full = np.zeros((len(values), n))
+            full[:, rows[rows == cols]] = np.abs(values[:, rows == cols])
+            rates.append(full)
+        with np.errstate(all="ignore"):
+            square = np.median(rates[0] / rates[1], axis=0)
+        return self.mesh.duration * math.sqrt(square[np.isfinite(square)].max(initial=0.0))
+
+    # -- what follows at the ends ---------------------------------------------------------------
+
+    def momenta(self, z: Array) -> tuple[Array, Array]:
+        """Return p(t0) = -dS/dq0 and p(t1) = +dS/dq1, each (n,): Hamilton and Jacobi's identities.
+
+        With constraints they are known only up to the constraints' normals.
+        """
+        gradient = self._first(z[: self.layout.unknowns])[1].reshape(self.layout.node_count, -1)
+        return -gradient[0], gradient[-1].copy()

@@ -1,0 +1,1 @@
+"""Many paths: along a parameter, and all between two events."""

@@ -1,0 +1,262 @@
+"""All the paths between two events, as far as they can be found.
+
+Stationary paths are sought in every way at hand: least paths from several coarse starts, forward
+motions in all directions bent to the second event, Newton's method that keeps away from what is
+known, and continuation of every path found through folds in the end time, where paths appear in
+pairs. Each is then solved to the tolerance and compared with the forward motion from its own
+start. No search of this kind proves that nothing is left.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+
+import numpy as np
+
+from actionopt.analysis.solution import Solution
+from actionopt.families.searches import Sweep
+from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.system import System
+from actionopt.solver.arguments import asked
+from actionopt.tools.checks import tolerance
+from actionopt.tools.types import Array
+
+PROBES = 16  # random points at which periodicity is checked
+
+
+@dataclass(frozen=True, eq=False)
+class Paths:
+    """Distinct stationary paths between the same events, by increasing action.
+
+    Attributes
+    ----------
+    solutions : tuple of Solution
+        Each agrees with the forward motion from its own start; `morse_index` and `kind` say
+        what each is. The end event of a solution with windings is the given one plus 2 pi each;
+        of a closed path, the advance.
+    windings : tuple of tuple of int
+        For each path, how many turns more than the events say each of `angles` makes.
+    found_by : tuple of str
+        How each was found first.
+    angles : tuple of str
+        The coordinates whose values count modulo 2 pi.
+    searched : dict
+        How often each way of searching was tried.
+    rejected : int
+        Discrete solutions left out because forward motion contradicts them.
+    families : tuple of Solution
+        Of each family of paths that the events do not tell apart one, by increasing action; they
+        are not among `solutions`. The verdict of such a path is DEGENERATE, or its `kind`
+        "degenerate": S changes along a family by nothing, or, at a fold, less than quadratically.
+    kinked : int
+        Paths left out that return to a coordinate which the start gives, but with another
+        momentum: they do not close.
+    complete : bool
+        Whether theory says that there are no others within the windings: linear equations of
+        motion have one path.
+    interrupted : bool
+    """
+
+    solutions: tuple[Solution, ...]
+    windings: tuple[tuple[int, ...], ...]
+    found_by: tuple[str, ...]
+    angles: tuple[str, ...]
+    searched: dict[str, int]
+    rejected: int
+    complete: bool
+    interrupted: bool
+    families: tuple[Solution, ...] = ()
+    kinked: int = 0
+
+    def __len__(self) -> int:
+        """Return the number of paths."""
+        return len(self.solutions)
+
+    def __iter__(self) -> Iterator[Solution]:
+        """Iterate over the solutions."""
+        return iter(self.solutions)
+
+    def __getitem__(self, k: int) -> Solution:
+        """Return path k, counted by increasing action."""
+        return self.solutions[k]
+
+    @property
+    def indices(self) -> tuple[int, ...]:
+        """Morse indices of the paths. Raises ValueError where the paths are forced."""
+        return tuple(s.morse_index for s in self.solutions)
+
+    def __str__(self) -> str:
+        """Say what was found and how it was sought, in sentences."""
+        lines = [f"{len(self)} paths"]
+        for s, turns, how in zip(self.solutions, self.windings, self.found_by, strict=True):
+            what = ""
+            with suppress(ValueError):  # forced paths have none
+                what = f"index {s.morse_index}, "
+            wound = f"windings {turns}, " if self.angles else ""
+            lines.append(f"  S = {s.action:.10g}, {what}{wound}found by {how}")
+        for s in self.families:
+            lines.append(f"  S = {s.action:.10g}, a family: its paths join the same events")
+        tried = ", ".join(f"{count} {how}" for how, count in self.searched.items())
+        lines.append(f"searched: {tried}" + (" (interrupted)" if self.interrupted else ""))
+        if self.rejected:
+            lines.append(f"left out: {self.rejected} that forward motion does not confirm")
+        if self.kinked:
+            lines.append(f"left out: {self.kinked} that return with another momentum, in a kink")
+        lines.append(
+            "there are no others: the equations of motion are linear"
+            if self.complete
+            else "there may be others: a search proves nothing about what it did not find"
+        )
+        return "\n".join(lines)
+
+
+def solve_all(
+    problem: Problem,
+    *,
+    tol: float = 1e-8,
+    angles: Sequence[str] | None = None,
+    windings: int = 1,
+    starts: int = 6,
+    shots: int = 100,
+    continuations: int = 20,
+    seed: int = 0,
+    progress: Callable[[str, int, int, int], object] | None = None,
+) -> Paths:
+    """Return the distinct stationary paths between the events of `problem` that were found.
+
+    Where the events do not determine the path, as between antipodal points of a sphere, one path
+    of the family is kept, apart from the others. Where the end is `Periodic` the paths close,
+    momenta included.
+
+    Parameters
+    ----------
+    problem : Problem
+    tol : float
+        As for `solve`, for each path.
+    angles : sequence of str, optional
+        Coordinates that count modulo 2 pi. By default those that L, f and Q contain and are
+        periodic in; an azimuth that they do not contain looks like any other coordinate and
+        must be named.
+    windings : int
+        Most additional turns of each angle, either way; of a closed path, in its advance.
+    starts : int
+        Curves, in each class of windings, from which least and deflated solves start.
+    shots : int
+        Forward motions in a fan; for one coordinate there is one fan, else fans are repeated
+        until four in a row have found nothing new.
+    continuations : int
+        Most paths to be followed through folds.
+    seed : int
+        Of the random directions.
+    progress : callable, optional
+        `progress(how, done, total, found)`. An interruption (KeyboardInterrupt) ends the search
+        and keeps what was found.
+
+    Raises
+    ------
+    ValueError
+        For an unknown angle, a tol that `solve` would refuse, or numbers that are negative; for
+        closed paths without a clock, of which there are families; where `solve` refuses the
+        problem and nothing was found.
+    """
+    asked(problem)
+    tolerance(tol)
+    _check_clock(problem)
+    names = problem.system.coordinates
+    if angles is None:
+        turning = detected_angles(problem)
+    else:
+        sequence = isinstance(angles, Sequence) and not isinstance(angles, str)
+        if not sequence or not all(a in names for a in angles):
+            raise ValueError(
+                f"expected a sequence of angles among {', '.join(names)}, found {angles!r}"
+            )
+        turning = tuple(names.index(a) for a in angles)
+    for count in (windings, starts, shots, continuations):
+        if not isinstance(count, (int, np.integer)) or count < 0:
+            raise ValueError(
+                "expected whole numbers >= 0 of windings, starts, shots and continuations, "
+                f"found {count!r}"
+            )
+    run = Sweep(problem, tol, turning, windings, seed, progress)
+    try:
+        run.straight()
+        if not run.linear:
+            run.least(starts)
+            run.fan(shots)
+            run.deflate(starts)
+            run.folds(continuations)
+    except KeyboardInterrupt:
+        run.interrupted = True
+    if run.refused is not None and not (run.found or run.families or run.interrupted):
+        raise run.refused
+    return _ordered(run)
+
+
+def _check_clock(problem: Problem) -> None:
+    """Raise ValueError if closed paths may start anywhere along themselves."""
+    structure = problem.system.structure
+    if problem.advance is None or problem.start.pinned:
+        return
+    if not (structure.depends_on_time or structure.linear):
+        raise ValueError(
+            "expected closed paths that have a clock, found a system that does not depend on t "
+            "and a start that gives no coordinate: each path may start anywhere along itself; "
+            "give one coordinate at the start"
+        )
+
+
+def _ordered(run: Sweep) -> Paths:
+    """Return what was found, by increasing action."""
+    ordered = sorted(run.found, key=lambda item: item[0].action)
+    names = run.problem.system.coordinates
+    return Paths(
+        tuple(s for s, _, _ in ordered),
+        tuple(k for _, k, _ in ordered),
+        tuple(how for _, _, how in ordered),
+        tuple(names[i] for i in run.turning),
+        dict(run.tried),
+        run.rejected,
+        run.linear and len(run.found) == len(run.classes) and not run.interrupted,
+        run.interrupted,
+        tuple(sorted((s for s, _ in run.families), key=lambda s: s.action)),
+        len(run.kinked),
+    )
+
+
+def detected_angles(problem: Problem) -> tuple[int, ...]:
+    """Return the coordinates in which L, f and Q are periodic with 2 pi, and not constant."""
+    system = problem.system
+    rng = np.random.default_rng(0)
+    known = [x for e in (problem.start, problem.end) for x in e.q if x is not None]
+    size = max(1.0, *(abs(x) for x in known)) if known else 1.0
+    q, v = size * rng.standard_normal((2, system.n, PROBES))
+    t = problem.start.t + problem.duration * rng.random(PROBES)
+    here = _everything(system, problem, q, v, t)
+    result = []
+    for i, name in enumerate(system.coordinates):
+        if name in system.structure.cyclic:
+            continue
+        shift = np.zeros((system.n, 1))
+        shift[i] = 1.0
+        turned = _everything(system, problem, q + 2 * np.pi * shift, v, t) - here
+        moved = _everything(system, problem, q + shift, v, t) - here
+        # A turn changes nothing, and a step of one radian something that is no rounding.
+        both = np.isfinite(turned) & np.isfinite(moved)
+        change = np.max(np.abs(moved[both]), initial=0.0)
+        known = change > 1e-9 * np.max(np.abs(here[both]), initial=0.0)
+        if known and np.max(np.abs(turned[both])) < 1e-6 * change:
+            result.append(i)
+    return tuple(result)
+
+
+def _everything(system: System, problem: Problem, q: Array, v: Array, t: Array) -> Array:
+    p = problem.parameters
+    with np.errstate(all="ignore"):
+        rows = [np.atleast_2d(system.lagrangian(q, v, t, parameters=p))]
+        if system.m:
+            rows.append(system.constraint(q, t, parameters=p))
+        rows.append(system.force(q, v, t, parameters=p))
+    return np.concatenate(rows)

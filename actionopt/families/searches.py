@@ -1,0 +1,454 @@
+"""Every way at hand to a stationary path between two events, and what came of each.
+
+Least paths from several coarse starts, forward motions in all directions bent to the second event,
+Newton's method that keeps away from what is known, and continuation of every path found through
+folds in the end time, where paths appear in pairs.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from itertools import product
+
+import numpy as np
+
+from actionopt.analysis.flow import IntegrationError
+from actionopt.analysis.shooting import aim, close, directed, motions, shoot, velocities
+from actionopt.analysis.solution import Solution
+from actionopt.analysis.status import SolveError, Status
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.path import Path
+from actionopt.discrete.projection import project
+from actionopt.discrete.transcription import Transcription
+from actionopt.families.deflation import deflated
+from actionopt.families.trace import trace
+from actionopt.mechanics.problem import Problem
+from actionopt.solver.ipopt import find
+from actionopt.solver.solve import solve
+from actionopt.tools.types import Array
+
+ELEMENTS, DEGREE = 24, 6  # of the mesh on which paths are sought
+SAME = 1e-6  # distance of two paths, in units of the coordinates' sizes, below which they are one
+SAME_COARSE = 1e-3
+SAME_VELOCITY = 1e-3
+SAME_ACTION = 1e-6  # relative difference of the actions of one family, all the same
+FARTHEST = 1e6  # sizes of the coordinates: what goes farther is carried off by round-off alone
+CLOSED = 1e-4  # difference of two momenta, in units of the largest, that is no kink
+BISECTIONS = 25
+ROUGH = 1e-5  # tolerance of paths on the way to another
+CONTINUED = 160  # most steps of a continuation
+FANS, DRY = 20, 4  # most fans, and how many in a row that find nothing new end the search
+CLOSINGS = 3  # most fans for closed paths: there may be larger and larger ones without end
+FAST = 4.0  # largest motions tried for closed paths, in the size of those that are known
+LONGER, SHORTER = 2.0, 0.2  # end times, relative to the duration, between which folds are sought
+
+
+@dataclass(eq=False)
+class Winding:
+    """The paths with the same windings."""
+
+    turns: tuple[int, ...]
+    problem: Problem
+    tr: Transcription
+    seen: list[Array] = field(default_factory=list)  # coarse z already dealt with
+
+
+@dataclass(eq=False)
+class Sweep:
+    """A search for all paths under way: what was found, and the ways to find more."""
+
+    problem: Problem
+    tol: float
+    turning: tuple[int, ...]
+    windings: int
+    seed: int
+    progress: Callable[[str, int, int, int], object] | None
+    found: list[tuple[Solution, tuple[int, ...], str]] = field(default_factory=list)
+    families: list[tuple[Solution, tuple[int, ...]]] = field(default_factory=list)
+    kinked: list[tuple[Solution, tuple[int, ...]]] = field(default_factory=list)
+    refused: ValueError | None = None  # why `solve` refuses the problem itself
+    tried: Counter[str] = field(default_factory=Counter)
+    rejected: int = 0
+    interrupted: bool = False
+
+    def __post_init__(self) -> None:
+        problem = self.problem
+        self.linear = problem.system.structure.linear
+        turns = range(-self.windings, self.windings + 1)
+        self.closed = problem.advance is not None
+        # One more turn is another path where both events say where it is, or it has to close; where
+        # neither says, the whole path may be a turn farther, and is the same one.
+        start, end = set(problem.start.pinned), set(problem.end.pinned)
+        self.loose = tuple(i for i in self.turning if i not in start | end)
+        self.turning = tuple(i for i in self.turning if self.closed or i in start & end)
+        mesh = Mesh.uniform(problem.start.t, problem.end.t, ELEMENTS, DEGREE)
+        self.far = np.zeros(problem.system.n)
+        self.classes: list[Winding] = []
+        for k in sorted(product(turns, repeat=len(self.turning)), key=lambda k: np.abs(k).sum()):
+            by = np.zeros(problem.system.n)
+            by[list(self.turning)] = 2 * np.pi * np.array(k)
+            mine = problem.replace(end=problem.end.shifted(by))
+            tr = Transcription(mine, mesh, mine.lengths)
+            Q = tr.straight()
+            self.far = np.maximum(self.far, np.abs(Q[-1] - Q[0]))
+            self.classes.append(Winding(k, mine, tr))
+
+    # -- ways of searching -----------------------------------------------------------------------
+
+    def straight(self) -> None:
+        """Solve as `solve` does, from the straight line."""
+        for k, c in enumerate(self.classes):
+            self._tell("straight line", k, len(self.classes))
+            solution = self._solved(c)
+            self._add(c, solution, "a straight line")
+            if solution is not None and not (self.problem.start.pinned or self.problem.end.pinned):
+                self._resize(c, solution)
+
+    def least(self, starts: int) -> None:
+        """Minimise from curves that wave about the straight line."""
+        if self.problem.system.structure.forced:
+            return
+        for k, (c, z) in enumerate(self._curves(starts)):
+            self._tell("least starts", k, starts * len(self.classes))
+            attempt = find(c.tr, z, "least")
+            if attempt.converged:
+                self._candidate(c, attempt.z, "a least start")
+
+    def fan(self, shots: int) -> None:
+        """Bend forward motions to the second event, whichever way they are wound."""
+        n, events = self.problem.system.n, (self.problem.start, self.problem.end)
+        if shots < 4:
+            return
+        if self.closed:
+            self._close(shots)
+            return
+        if any(len(e.pinned) < n for e in events):
+            return
+        if self.problem.system.degrees_of_freedom == 0:
+            return
+        rng = np.random.default_rng(self.seed)
+        if n == 1:
+            self._bracket(velocities(self.problem, self.far, 4 * shots, rng)[0])
+            return
+        self._aim(velocities(self.problem, self.far, shots, rng))
+        dry = 0
+        for _ in range(FANS):  # with speeds like those of the paths that are known by now
+            before = len(self.found)
+            known = [float(np.linalg.norm(s.start.v)) for s, _, _ in self.found] or [1.0]
+            speed = np.linspace(0.8 * min(known), 1.2 * max(known), shots)
+            speed += rng.random() * (speed[1] - speed[0])
+            self._aim(directed(self.problem, speed[None], rng))
+            dry = dry + 1 if len(self.found) == before else 0
+            if dry == DRY:
+                break
+
+    def _close(self, shots: int) -> None:
+        """Bend forward motions until they close."""
+        if self.problem.system.m:  # they would leave the constraints
+            return
+        rng = np.random.default_rng(self.seed)
+        for done, c in enumerate(self.classes):
+            for _ in range(CLOSINGS):  # as large and as fast as the paths that are known by now
+                self._tell("shots", done, len(self.classes))
+                before = len(self.found)
+                self._closing(c, shots, rng)
+                if len(self.found) == before:
+                    break
+
+    def _closing(self, c: Winding, shots: int, rng: np.random.Generator) -> None:
+        """Try one fan of motions from anywhere, slow and fast."""
+        n, T, advance = self.problem.system.n, c.problem.duration, c.problem.advance
+        assert advance is not None
+        rates = 2 * np.pi * (c.tr.lengths + np.abs(advance)) / T
+        units = np.concatenate([c.tr.lengths, rates])
+        for s, _, _ in self.found:
+            known = np.abs([s.path.values, s.velocity(s.mesh.nodes)]).max(axis=2).ravel()
+            units = np.maximum(units, known)
+        units[list(self.loose)] = np.pi
+        far = np.exp(rng.uniform(np.log(0.3), np.log(FAST), shots))
+        y = units[:, None] * far * rng.uniform(-1, 1, (2 * n, shots))
+        y[n:] += advance[:, None] / T
+        for i in c.problem.start.pinned:
+            y[i] = c.problem.start.q[i]
+        self.tried["forward shots"] += shots
+        q0, v0, closed = close(c.problem, y[:n], y[n:], units)
+        for path in motions(c.problem, v0, q0) if closed.size else []:
+            if path is None:
+                continue
+            s = (path.mesh.nodes - c.problem.start.t) / T
+            miss = path.values[:, 0] + advance - path.values[:, -1]
+            guess = Path(path.mesh, path.values + miss[:, None] * s)
+            self._candidate(c, c.tr.pack(guess(c.tr.mesh.nodes).T), "a forward shot", guess)
+
+    def _aim(self, v0: Array) -> None:
+        """Aim a fan of motions at the ends that they come near."""
+        self._tell("shots", 0, v0.shape[1])
+        ends = shoot(self.problem, v0[:, None])[:, 0]
+        usable = np.flatnonzero(np.isfinite(ends).all(axis=0))
+        targets = [self._nearest(ends[:, k]) for k in usable]
+        aimed = np.array([c is not None for c in targets], dtype=bool)
+        usable, targets = usable[aimed], [c for c in targets if c is not None]
+        self.tried["forward shots"] += usable.size
+        if not usable.size:
+            return
+        goals = np.array([c.problem.end.q for c in targets], dtype=float).T
+        v0, arrived = aim(self.problem, v0[:, usable], goals)
+        self._arrived([targets[i] for i in arrived], v0)
+
+    def _bracket(self, v0: Array) -> None:
+        """Find all changes of sign of the miss at the end, for one coordinate."""
+        self.tried["forward shots"] += v0.size
+        self._tell("shots", 0, v0.size)
+        ends = shoot(self.problem, v0[None, None])[0, 0]
+        classes, rows = [], []
+        for c in self.classes:
+            miss = ends - float(c.problem.end.q[0] or 0.0)
+            at = np.flatnonzero(miss[:-1] * miss[1:] <= 0)
+            classes += [c] * at.size
+            rows += [(v0[i], v0[i + 1], miss[i]) for i in at]
+        if not rows:
+            return
+        low, high, low_miss = np.array(rows).T
+        target = np.array([c.problem.end.q[0] for c in classes], dtype=float)
+        for _ in range(BISECTIONS):
+            middle = (low + high) / 2
+            left = (shoot(self.problem, middle[None, None])[0, 0] - target) * low_miss > 0
+            low, high = np.where(left, middle, low), np.where(left, high, middle)
+        self._arrived(classes, ((low + high) / 2)[None])
+
+    def _arrived(self, classes: list[Winding], v0: Array) -> None:
+        """Take motions with velocities v0 (n, K) that nearly arrive for guesses."""
+        size = np.max(np.abs(v0), axis=1, initial=1e-300)
+        known = [(c, s.start.v) for s, turns, _ in self.found
+                 for c in self.classes if c.turns == turns]  # fmt: skip
+        chosen = []
+        for i, c in enumerate(classes):
+            v = v0[:, i]
+            if all(np.max(np.abs(v - w) / size) > SAME_VELOCITY for d, w in known if d is c):
+                known.append((c, v))
+                chosen.append(i)
+        if not chosen:
+            return
+        for done, (i, path) in enumerate(
+            zip(chosen, motions(self.problem, v0[:, chosen]), strict=True)
+        ):
+            self._tell("shots", done, len(chosen))
+            if path is None:
+                continue
+            c, T = classes[i], self.problem.duration
+            s = (path.mesh.nodes - self.problem.start.t) / T
+            miss = np.array(c.problem.end.q, dtype=float) - path.values[:, -1]
+            self._polish(c, Path(path.mesh, path.values + miss[:, None] * s), "a forward shot")
+
+    def _nearest(self, q: Array) -> Winding | None:
+        """Return the class whose end is nearest to q, if any is near in its angles."""
+        turns = tuple(
+            int(np.round((q[i] - (self.problem.end.q[i] or 0.0)) / (2 * np.pi)))
+            for i in self.turning
+        )
+        return next((c for c in self.classes if c.turns == turns), None)
+
+    def deflate(self, starts: int) -> None:
+        """Run Newton's method away from every path known, until it finds no more."""
+        total = starts * len(self.classes)
+        for k, (c, z) in enumerate(self._curves(starts)):
+            self._tell("deflated starts", k, total)
+            for _ in range(4):
+                self.tried["deflated starts"] += 1
+                away = deflated(c.tr, z, c.seen)
+                if away is None or not self._candidate(c, away, "deflation"):
+                    break
+
+    def folds(self, most: int) -> None:
+        """Follow each path as the end time moves; behind a fold waits another one."""
+        t0, T = self.problem.start.t, self.problem.duration
+        followed: set[tuple[int, float]] = set()
+        for done, (solution, turns, _) in enumerate(self.found):  # grows on the way
+            if done >= most:
+                break
+            c = next(c for c in self.classes if c.turns == turns)
+            for factor in (SHORTER, LONGER):
+                if (id(solution), factor) in followed:
+                    continue
+                self._tell("continuations", done, min(most, len(self.found)))
+                self.tried["continuations"] += 1
+                options = {"tol": ROUGH, "steps": CONTINUED, "count": False}
+                try:
+                    guess = _coarser(solution.path)
+                    branch = trace(c.problem, "t1", t0 + factor * T, guess=guess, **options)
+                except (ValueError, SolveError) as error:
+                    _known(error)
+                    continue
+                if branch.interrupted:
+                    raise KeyboardInterrupt
+                if branch.returned:
+                    partner = self._polish(c, branch.paths[-1], "continuation")
+                    followed.add((id(partner), factor))  # it would only lead back
+
+    # -- what was found ----------------------------------------------------------------------------
+
+    def _curves(self, count: int):
+        """Yield (class, z) for curves that wave about the straight line, more and more."""
+        rng = np.random.default_rng(self.seed)
+        for c in self.classes:
+            tr = c.tr
+            s = (tr.mesh.nodes - tr.mesh.nodes[0]) / c.problem.duration
+            for k in range(count):
+                Q = tr.straight()
+                size = np.maximum(tr.lengths, np.ptp(Q, axis=0))
+                for wave in self._waves(s, rng):
+                    Q = Q + k / max(count - 1, 1) * 2 * size * wave
+                if self.problem.system.m:
+                    Q = project(tr, Q)
+                yield c, tr.pack(Q)
+
+    def _waves(self, s: Array, rng: np.random.Generator):
+        """Yield random waves (K, n) over the parts s (K,) of the time, the shorter the lower.
+
+        They vanish at the ends; those of closed paths close, and vanish where the start is given.
+        """
+        n = self.problem.system.n
+        if not self.closed:
+            for j in (1, 2, 3):
+                yield np.sin(j * np.pi * s)[:, None] * rng.standard_normal(n) / j
+            return
+        held = list(self.problem.start.pinned)
+        yield np.where(np.isin(np.arange(n), held), 0.0, rng.standard_normal(n)) + 0 * s[:, None]
+        for j in (1, 2, 3):
+            turn = 2 * np.pi * j * s[:, None]
+            wave = np.cos(turn) * rng.standard_normal(n) + np.sin(turn) * rng.standard_normal(n)
+            wave[:, held] -= wave[0, held]
+            yield wave / j
+
+    def _resize(self, c: Winding, solution: Solution) -> None:
+        """Measure the paths of a class in sizes of a first one, where the events tell none."""
+        size = np.max(np.abs(solution.path.values), axis=1)
+        size = np.where(np.isfinite(size) & (size > 0), size, c.problem.scales)
+        mesh = c.tr.mesh
+        c.tr = Transcription(c.problem, mesh, size)
+        c.seen = [c.tr.pack(s(mesh.nodes).T) for s, turns, _ in self.found if turns == c.turns]
+
+    def _candidate(self, c: Winding, z: Array, how: str, guess: Path | None = None) -> bool:
+        """Deal with a coarse solution; return whether it is a new one.
+
+        A `guess` is the same path, better resolved.
+        """
+        if not np.isfinite(z).all():
+            return False
+        Q = c.tr.coordinates(z).T
+        for other in c.seen:
+            apart = self._apart(Q, c.tr.coordinates(other).T)
+            if np.max(np.abs(apart) / c.tr.lengths[:, None]) < SAME_COARSE:
+                return False
+        c.seen.append(z)
+        self._polish(c, Path(c.tr.mesh, Q) if guess is None else guess, how)
+        return True
+
+    def _apart(self, q: Array, other: Array) -> Array:
+        """Return q - other, both (n, K), whole turns of angles that no event gives left out."""
+        apart = q - other
+        for i in self.loose:
+            apart[i] -= 2 * np.pi * np.round(apart[i, 0] / (2 * np.pi))
+        return apart
+
+    def _polish(self, c: Winding, guess: Path, how: str) -> Solution | None:
+        if self.loose:
+            guess = Path(guess.mesh, self._apart(guess.values, np.zeros_like(guess.values)))
+        return self._add(c, self._solved(c, guess), how)
+
+    def _solved(self, c: Winding, guess: Path | None = None) -> Solution | None:
+        """Return what `solve` finds; None where it refuses to begin from there."""
+        try:
+            return solve(c.problem, guess=guess, tol=self.tol, throw=False)
+        except ValueError as error:  # numpy's LinAlgError is one
+            _known(error)
+            if guess is None and not any(c.turns):
+                self.refused = error
+            return None
+
+    def _add(self, c: Winding, solution: Solution | None, how: str) -> Solution | None:
+        """Keep a solution that is new, closed and a motion; return it, or what it repeats."""
+        if solution is None or not (solution.success or solution.status is Status.DEGENERATE):
+            return None
+        nodes = c.tr.mesh.nodes
+        values = solution(nodes)
+        size = np.maximum(np.max(np.abs(values), axis=1), c.tr.lengths * 1e-3)[:, None]
+        for other, turns in [(s, turns) for s, turns, _ in self.found] + self.kinked:
+            apart = self._apart(other(nodes), values)
+            if turns == c.turns and np.max(np.abs(apart) / size) < SAME:
+                return other
+        family = not _determined(solution)
+        if family:
+            if not np.max(np.abs(values).T / np.maximum(c.problem.scales, c.tr.lengths)) < FARTHEST:
+                return None
+            for other, turns in self.families:
+                if turns == c.turns and self._same_action(c, other, solution):
+                    return other
+        if not _moves(solution):
+            self.rejected += 1
+            return None
+        if self.closed and not _closes(c, solution):
+            self.kinked.append((solution, c.turns))
+            return None
+        if family:
+            self.families.append((solution, c.turns))
+        else:
+            self.found.append((solution, c.turns, how))
+        z = c.tr.pack(values.T, solution.multipliers(nodes).T if solution.lam.size else None)
+        c.seen.append(z)
+        return solution
+
+    def _same_action(self, c: Winding, one: Solution, other: Solution) -> bool:
+        """Whether two paths may be of one family: along it S is the same, but under forces."""
+        if self.problem.system.structure.forced:
+            return True
+        size = max(abs(one.action), abs(other.action), c.tr.action_unit)
+        return abs(one.action - other.action) < SAME_ACTION * size
+
+    def _tell(self, how: str, done: int, total: int) -> None:
+        if how in ("straight line", "least starts"):
+            self.tried[how + "s" * (how[-1] != "s")] += 1
+        if self.progress is not None:
+            self.progress(how, done, total, len(self.found))
+
+
+def _determined(solution: Solution) -> bool:
+    """Whether the ends determine a path, to second order in its neighbours."""
+    if solution.status is Status.DEGENERATE:
+        return False
+    try:
+        return solution.inertia.nullity == 0
+    except ValueError:  # forced: there is no index, and the verdict alone tells
+        return True
+
+
+def _moves(solution: Solution) -> bool:
+    """Whether forward motion does not contradict a solution."""
+    try:
+        agrees = solution.compare().agrees
+    except (IntegrationError, ValueError):  # no motion leaves from its start, or none gets far
+        return False
+    return agrees is None or bool(agrees)
+
+
+def _closes(c: Winding, solution: Solution) -> bool:
+    """Whether the momenta return: where the start gives a coordinate, nothing asks that of its."""
+    unit = c.tr.action_unit / c.tr.lengths
+    size = np.max(np.abs(solution.momentum(solution.mesh.nodes)), axis=1)
+    p0, p1 = solution.momenta
+    return bool(np.all(np.abs(p1 - p0) <= CLOSED * np.maximum(size, 1e-3 * unit)))
+
+
+def _known(error: Exception) -> None:
+    """Raise an error again that is no verdict on a path or a problem, but a defect."""
+    verdict = isinstance(error, (SolveError, np.linalg.LinAlgError))
+    if not verdict and not str(error).startswith("expected"):
+        raise error
+
+
+def _coarser(path: Path) -> Path:
+    """Return the path with polynomials of two thirds their degree."""
+    degrees = np.maximum(np.array(path.mesh.degrees) * 2 // 3, 4)
+    return path.on(path.mesh.cut(path.mesh.since, degrees))

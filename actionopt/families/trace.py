@@ -1,0 +1,516 @@
+"""Follow a path as its question changes: an end point, an end time or a parameter moves.
+
+The branch of paths is followed by its arclength (`arclength`), through folds where it turns back. On
+the way the index is counted at every point; where it changes, or the branch turns, the point
+itself is located. At a fold two paths merge, and one is of index one more than the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from actionopt.analysis.index import inertia_of, lowest
+from actionopt.analysis.jacobi import finer, multipliers, resolved
+from actionopt.analysis.second_variation import Form, check_independent, form
+from actionopt.analysis.solution import Solution
+from actionopt.discrete.arclength import Branch, Point
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.path import Path
+from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.problem import Event, Periodic, Problem
+from actionopt.solver.solve import Guess, solve
+from actionopt.tools.types import Array
+
+Vary = str | tuple[str, str] | Callable[[float], Problem]
+
+FIRST_STEP, LONGEST, SHORTEST = 0.05, 0.25, 1e-7
+STRAIGHT = 0.95  # cosine of the angle between directions above which a step was short enough
+RESOLUTION = 1e-5  # of the Jacobi fields, for the index
+LOCATED = 1e-12  # change of arclength that ends the search for a point
+LOCATE = 60
+BESIDE = 1e-3  # of what a root is enclosed in: how near it a step is tried that fails on it
+GROWN = 2.0  # times the units of the coordinates: then these grow along, and steps with them
+FAR = 100.0  # times the size of the first path, from where a branch may be running away
+CLOSING = 1e-3  # of the range: nearer than this to where it would be infinite, it does
+INTERRUPTED = "it was interrupted"
+
+
+@dataclass(frozen=True, eq=False)
+class Mark:
+    """A point of a branch where something changes.
+
+    Attributes
+    ----------
+    kind : {"fold", "index"}
+        Whether the branch turns back there, or only the index changes.
+    value : float
+        Of the varied quantity.
+    path : Path
+        The (degenerate) path there.
+    before, after : int or None
+        Index on either side, in the order of the trace.
+    """
+
+    kind: Literal["fold", "index"]
+    value: float
+    path: Path
+    before: int | None
+    after: int | None
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """A family of stationary paths, in the order in which it was followed.
+
+    Attributes
+    ----------
+    values, actions : (P,) arrays
+        The varied quantity and the action.
+    indices : (P,) array of int
+        Morse indices; -1 where none was counted or, with non-conservative forces, exists.
+    paths : tuple of Path
+    marks : tuple of Mark
+        Folds and changes of the index.
+    stopped : str
+        Why it ended, a sentence; it says so where the value asked for was not reached.
+    family : callable
+        Maps a value to its Problem.
+    tol : float
+    stats : dict
+        Steps, factorizations and meshes used.
+    """
+
+    values: Array
+    actions: Array
+    indices: Array
+    paths: tuple[Path, ...]
+    marks: tuple[Mark, ...]
+    stopped: str
+    family: Callable[[float], Problem]
+    tol: float
+    stats: dict[str, int]
+
+    def __repr__(self) -> str:
+        """Show how far it went and what it met, not the arrays."""
+        found = f"{len(self.values)} paths from {self.values[0]:g} to {self.values[-1]:g}"
+        marks = ", ".join(f"{mark.kind} at {mark.value:g}" for mark in self.marks)
+        return f"Trace({found}; {marks or 'no marks'}; ended: {self.stopped})"
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether the user ended it."""
+        return self.stopped == INTERRUPTED
+
+    @property
+    def returned(self) -> bool:
+        """Whether the branch turned and came back to the first value, on another path."""
+        return len(self.values) > 1 and bool(self.values[-1] == self.values[0])
+
+    def solution(self, k: int) -> Solution:
+        """Return point k as a full solution. Raises SolveError if it is degenerate."""
+        return solve(self.family(float(self.values[k])), guess=self.paths[k], tol=self.tol)
+
+    def at(self, value: float) -> list[Solution]:
+        """Return the paths of the family at a value, one for each time the branch passes it."""
+        result = []
+        for k in range(len(self.values) - 1):
+            a, b = self.values[k], self.values[k + 1]
+            if not (min(a, b) <= value <= max(a, b)) or a == b or (value == a and k > 0):
+                continue
+            part = (value - a) / (b - a)
+            problem = self.family(value)
+            t0, T = problem.start.t, problem.duration
+            ends = []
+            for path in self.paths[k : k + 2]:
+                ends.append(Path(path.mesh.moved(t0, t0 + T), path.values))
+            mesh = ends[1].mesh
+            guess = Path(mesh, (1 - part) * ends[0](mesh.nodes) + part * ends[1].values)
+            result.append(solve(problem, guess=guess, tol=self.tol))
+        return result
+
+
+def trace(
+    problem: Problem,
+    vary: Vary,
+    to: float,
+    *,
+    start: float | None = None,
+    guess: Guess | None = None,
+    tol: float = 1e-8,
+    steps: int = 300,
+    count: bool = True,
+    progress: Callable[[float, float, int], object] | None = None,
+) -> Trace:
+    """Follow the path of `problem` as one quantity moves to the value `to`.
+
+    The branch may turn back on the way. It is followed until the quantity reaches `to`, or its
+    own first value again, or the paths grow without bound, as towards an end that is conjugate to
+    the start; `stopped` of what is returned says which.
+
+    Parameters
+    ----------
+    problem : Problem
+    vary : str, pair of str, or callable
+        What moves: the name of a parameter (one number); "t0" or "t1", the time of an event;
+        ("start", name) or ("end", name), a coordinate there; or a function from a number to a
+        Problem with the same system and kind of ends.
+    to : float
+        Where it goes.
+    start : float, optional
+        The number that stands for `problem` itself, where `vary` is a function.
+    guess, tol
+        As for `solve`, for the first path; `tol` bounds the Legendre tails on the way, too.
+    steps : int
+        Most points to compute.
+    count : bool
+        Count the index at every point. Without, the trace is faster; its folds are found all
+        the same.
+    progress : callable, optional
+        `progress(value, action, index)` after each point. An interruption (KeyboardInterrupt)
+        ends the trace and keeps what it has.
+
+    Raises
+    ------
+    ValueError
+        If `vary` names nothing, `to` is the present value, or the first path has no index that
+        could be counted.
+    SolveError
+        If there is no first path.
+    """
+    family, value = _family(problem, vary, start)
+    if not np.isfinite(to) or to == value:
+        raise ValueError(f"expected a finite value other than the present {value}, found {to}")
+    first = solve(family(value), guess=guess, tol=tol)
+    counting = count and not problem.system.structure.forced
+    run = _Run(family, value, float(to), tol, counting)
+    try:
+        run.begin(first)
+    except _Uncounted as error:
+        raise ValueError(str(error)) from None
+    try:
+        run.go(steps, progress)
+    except KeyboardInterrupt:
+        run.stopped = INTERRUPTED
+    except _Uncounted as error:
+        run.end(str(error))
+    return run.result()
+
+
+class _Uncounted(Exception):
+    """There is no index to count at a point, with the reason and what to try."""
+
+
+def _family(
+    problem: Problem, vary: Vary, start: float | None
+) -> tuple[Callable[[float], Problem], float]:
+    """Return the problem as a function of the varied quantity, and the quantity's present value."""
+    system = problem.system
+    known = problem.parameters
+    if callable(vary):
+        if start is None:
+            raise ValueError("expected start, the number that stands for the problem given")
+        return vary, float(start)
+    if vary in ("t0", "t1"):
+        if vary == "t0":
+            return lambda t: problem.replace(start=problem.start.at(t)), problem.start.t
+        return lambda t: problem.replace(end=problem.end.at(t)), problem.end.t
+    if isinstance(vary, tuple) and len(vary) == 2 and vary[0] in ("start", "end"):
+        if vary[0] == "end" and isinstance(problem.end, Periodic):
+            raise ValueError("expected an end of its own to vary: this one closes on the start")
+        event = problem.start if vary[0] == "start" else problem.end
+        i = system.coordinates.index(vary[1]) if vary[1] in system.coordinates else -1
+        at = event.q[i] if i >= 0 else None
+        if at is None:
+            raise ValueError(
+                f"expected a coordinate that the event gives, one of {system.coordinates}, "
+                f"found {vary[1]!r}"
+            )
+
+        def by_coordinate(x: float) -> Problem:
+            moved = Event(event.t, [x if j == i else y for j, y in enumerate(event.q)])
+            first = vary[0] == "start"
+            return problem.replace(start=moved) if first else problem.replace(end=moved)
+
+        return by_coordinate, at
+    if isinstance(vary, str) and vary in known and np.ndim(known[vary]) == 0:
+        return lambda x: problem.replace(parameters={vary: x}), float(np.asarray(known[vary]))
+    raise ValueError(
+        "expected the name of a parameter that is one number, 't0', 't1', ('start', coordinate), "
+        f"('end', coordinate) or a function, found {vary!r}; the parameters are "
+        f"{', '.join(known) or 'none'}"
+    )
+
+
+@dataclass(eq=False)
+class _Run:
+    """A trace under way."""
+
+    family: Callable[[float], Problem]
+    origin: float
+    goal: float
+    tol: float
+    counting: bool
+    branch: Branch = field(init=False)
+    points: list[Point] = field(default_factory=list)
+    indices: list[int] = field(default_factory=list)
+    marks: list[Mark] = field(default_factory=list)
+    sizes: Array = field(init=False)
+    stopped: str = ""
+    meshes: int = 1
+    solves: int = 0
+
+    def begin(self, solution: Solution) -> None:
+        """Start from a solution, on a mesh that resolves its Jacobi fields as well."""
+        if not self.counting:
+            tr, z = solution.discrete
+            Q, lam = tr.unpack(z)
+        else:
+            try:
+                found = resolved(solution, RESOLUTION, polish=True)
+                tr, Q = found.tr, found.Q
+                lam = multipliers(solution, tr.mesh.nodes)
+            except ValueError as error:
+                raise _Uncounted(_without(error)) from None
+        self.sizes = tr.lengths
+        self._set(tr.mesh, tr.lengths, Q, lam, self.origin, np.sign(self.goal - self.origin))
+
+    def _set(self, mesh: Mesh, lengths: Array, Q: Array, lam, s: float, sign: float) -> None:
+        self.branch = Branch(self.family, mesh, lengths, abs(self.goal - self.origin))
+        z = self.branch.at(s).pack(Q, None if lam is None else np.nan_to_num(lam))
+        point = self.branch.first(z, s, sign)
+        exact = self.branch.to(point, s)
+        self._append(exact or point)
+
+    def end(self, why: str) -> None:
+        """Say why it ended at the last point, short of the goal."""
+        self.stopped = f"it stopped at {self.points[-1].s:.9g}, short of {self.goal:g}: {why}"
+
+    def go(self, steps: int, progress) -> None:
+        """Step along the branch until it leaves the interval."""
+        length = FIRST_STEP
+        while len(self.points) < steps:
+            here = self.points[-1]
+            taken = self._try(here, length)
+            if taken is None:
+                length /= 2
+                if length < SHORTEST:
+                    self.end("no step, however short, led on: the paths end or run away")
+                    return
+                continue
+            there, corrections = taken
+            beyond = self._beyond(there.s)
+            if beyond is not None:
+                last = self.branch.to(there, beyond) or self.branch.to(here, beyond)
+                if last is None:
+                    length /= 2
+                    if length < SHORTEST:
+                        self.end("the last step to the end of the interval failed")
+                        return
+                    continue
+                there = last
+            self._mark(here, there)
+            self._append(there)
+            if progress is not None:
+                progress(there.s, self._action(there), self.indices[-1])
+            if beyond is not None:
+                ends = {self.goal: "the goal", self.origin: "the first value again"}
+                self.stopped = f"it reached {ends[beyond]}"
+                return
+            pole = self._pole(here, there)
+            if pole is not None:
+                self.end(
+                    f"the paths grow without bound as it approaches {pole:.6g}, as where the end "
+                    "is conjugate to the start, or a closed path in resonance; trace on from a "
+                    "problem on the other side"
+                )
+                return
+            if corrections <= 3:
+                length = min(1.5 * length, LONGEST)
+            self._refine()
+        self.end(f"the {steps} steps were used up; give more (steps=), or trace on from there")
+
+    def _size(self, point: Point) -> float:
+        """Return how many times larger a path is than the first one."""
+        return float(np.max(np.abs(point.path.values).max(axis=1) / self.sizes))
+
+    def _pole(self, here: Point, there: Point) -> float | None:
+        """Return the value close ahead at which the branch is infinite, or None.
+
+        Near a conjugate point the size grows like 1 / (pole - s), whose inverse is a line.
+        """
+        before, now = self._size(here), self._size(there)
+        if now < FAR or now <= before:
+            return None
+        left = (there.s - here.s) / (now / before - 1)
+        ahead = self.goal if left * (self.goal - self.origin) > 0 else self.origin
+        near = abs(left) < CLOSING * abs(self.goal - self.origin)
+        return there.s + left if near and abs(ahead - there.s) > 2 * abs(left) else None
+
+    def _try(self, here: Point, length: float) -> tuple[Point, int] | None:
+        taken = self.branch.step(here, length)
+        if taken is None or self.branch.angle(here, taken[0]) < STRAIGHT:
+            return None
+        return taken
+
+    def _beyond(self, s: float) -> float | None:
+        """Return the end of the interval that s has passed, if any."""
+        way = np.sign(self.goal - self.origin)
+        if way * (s - self.goal) >= 0:
+            return self.goal
+        return self.origin if way * (s - self.origin) < 0 else None
+
+    # -- what there is at a point ---------------------------------------------------------------
+
+    def _append(self, point: Point) -> None:
+        index = self._index(point)
+        self.points.append(point)
+        self.indices.append(index)
+
+    def _index(self, point: Point) -> int:
+        """Return the index; -1 where none is wanted. Raises _Uncounted where there is none."""
+        if not self.counting:
+            return -1
+        try:
+            found = _form(point)
+            check_independent(found, self.tol)
+            return inertia_of(found).index
+        except ValueError as error:
+            raise _Uncounted(_without(error)) from None
+
+    def _action(self, point: Point) -> float:
+        tr = point.tr
+        return tr.action(point.z[: tr.layout.unknowns]) * tr.action_unit
+
+    def _refine(self) -> None:
+        """Go on with a finer mesh, or larger units, where the last point asks for it."""
+        point = self.points[-1]
+        tr = point.tr
+        Q, lam = tr.unpack(point.z)
+        sizes = np.max(np.abs(Q), axis=0)
+        mesh = finer(tr.mesh, self.tol, Q=Q / np.maximum(sizes, tr.lengths))
+        if mesh is None and self.counting:
+            try:
+                mesh = finer(tr.mesh, RESOLUTION, form=_form(point))
+            except ValueError as error:
+                raise _Uncounted(_without(error)) from None
+        if mesh is None and not np.any(sizes > GROWN * tr.lengths):
+            return
+        self.meshes += mesh is not None
+        mesh = mesh or tr.mesh
+        self.solves += self.branch.solves
+        known = np.isfinite(lam)
+        table = np.zeros((mesh.nodes.size, lam.shape[1]))
+        for i, row in enumerate(lam.T):
+            own = known[:, i]
+            table[:, i] = np.interp(mesh.nodes, tr.mesh.nodes[own], row[own])
+        lengths = np.where(sizes > 1e-12 * np.max(sizes), sizes, tr.lengths)
+        sign = np.sign(point.direction[-1])
+        del self.points[-1], self.indices[-1]
+        self._set(mesh, lengths, point.path(mesh.nodes).T, table, point.s, sign)
+
+    def _mark(self, here: Point, there: Point) -> None:
+        """Locate what changed between two points."""
+        after = self._index(there)
+        before = self.indices[-1]
+        turned = here.direction[-1] * there.direction[-1] < 0
+        length = self._distance(here, there)
+        if turned:
+            found = self._locate(here, length, lambda p: p.direction[-1])
+            self._note("fold", found or there, before, after)
+        elif before != after:
+            for j in range(min(before, after), max(before, after)):
+                found = self._locate(here, length, lambda p, j=j: lowest(_form(p), j + 1)[0][j])
+                step = 1 if after > before else -1
+                low = j if step > 0 else j + 1
+                self._note("index", found or there, low, low + step)
+
+    def _note(self, kind, point: Point, before: int, after: int) -> None:
+        sides = (before, after) if self.counting else (None, None)
+        self.marks.append(Mark(kind, point.s, point.path, *sides))
+
+    def _distance(self, here: Point, there: Point) -> float:
+        """Return the arclength from one point to the other along the first one's direction."""
+        change = np.r_[there.z - here.z, there.s - here.s]
+        return self.branch.inner(here.tr, change, here.direction)
+
+    def _locate(
+        self, here: Point, length: float, function: Callable[[Point], float]
+    ) -> Point | None:
+        """Return the point within `length` of `here` at which `function` vanishes (Illinois).
+
+        Where another branch crosses there, no step leads to it: it is interpolated.
+        """
+        far = self.branch.step(here, length)
+        if far is None:
+            return None
+        low, high = (0.0, here), (length, far[0])
+        at_low, at_high, side = float(function(here)), float(function(far[0])), 0
+        if at_low * at_high > 0:
+            return None
+        for _ in range(LOCATE):
+            if at_low == 0 or high[0] - low[0] < LOCATED:
+                return low[1]
+            if at_high == 0:
+                return high[1]
+            a, b = low[0], high[0]
+            trial = (a * at_high - b * at_low) / (at_high - at_low)
+            trial = trial if a < trial < b else (a + b) / 2
+            taken, lost = self.branch.step(here, trial), False
+            if taken is None:
+                lost, aside = True, BESIDE * (b - a)
+                trial = trial - aside if trial - aside > a else trial + aside
+                taken = self.branch.step(here, trial)
+            if taken is None:
+                break
+            point, value = taken[0], float(function(taken[0]))
+            last = max(abs(at_low), abs(at_high))
+            if value * at_high > 0:
+                high, at_high = (trial, point), value
+                at_low = at_low / 2 if side == 1 else at_low
+                side = 1
+            else:
+                low, at_low = (trial, point), value
+                at_high = at_high / 2 if side == -1 else at_high
+                side = -1
+            if abs(value) <= 1e-13 * last:
+                return point
+            if lost:
+                break
+        at_low, at_high = float(function(low[1])), float(function(high[1]))
+        part = at_low / (at_low - at_high)
+        z = low[1].z + part * (high[1].z - low[1].z)
+        s = low[1].s + part * (high[1].s - low[1].s)
+        return Point(self.branch.at(s), z, s, low[1].direction)
+
+    def result(self) -> Trace:
+        return Trace(
+            np.array([p.s for p in self.points]),
+            np.array([self._action(p) for p in self.points]),
+            np.array(self.indices),
+            tuple(p.path for p in self.points),
+            tuple(self.marks),
+            self.stopped,
+            self.family,
+            self.tol,
+            {
+                "points": len(self.points),
+                "factorizations": self.solves + self.branch.solves,
+                "meshes": self.meshes,
+            },
+        )
+
+
+def _without(error: ValueError) -> str:
+    """Return why no index is counted, and what to do about it."""
+    return f"{error}; count=False follows the paths without their index"
+
+
+def _form(point: Point) -> Form:
+    tr: Transcription = point.tr
+    Q, lam = tr.unpack(point.z)
+    # Missing multipliers are those of pinned ends, where nothing varies, or of a closing one.
+    return form(tr, Q, np.nan_to_num(lam))

@@ -1,0 +1,124 @@
+"""Evaluate a CasADi function at many times at once, straight from numpy memory."""
+
+from __future__ import annotations
+
+import threading
+
+import casadi as ca
+import numpy as np
+
+from actionopt.tools.types import Array
+
+WHOLE = 2**18  # numbers up to which all times are evaluated in one call: 2 MB
+KEPT = 2**21  # numbers in the memory that a thread keeps for a function: 16 MB
+LEAST = 2**11  # that the smallest memory counts for: its CasADi function takes about as much
+
+
+class Pointwise:
+    """A function of one time, mapped over K times.
+
+    Converting arguments to CasADi matrices costs more than evaluating a small Lagrangian, so
+    the arguments are copied into memory that CasADi reads and writes directly. Each thread has
+    memory of its own: CasADi lets others run while it evaluates. It is kept for the numbers of
+    times K asked last, `KEPT` numbers of it at most.
+
+    Parameters
+    ----------
+    function : casadi.Function
+        Dense column inputs; outputs of any sparsity.
+    """
+
+    def __init__(self, function: ca.Function) -> None:
+        self.function = function
+        self._memory = _Memory()
+        self._sparsity: dict[int, tuple[Array, Array]] = {}
+        numbers = sum(map(function.numel_in, range(function.n_in())))
+        numbers += sum(map(function.nnz_out, range(function.n_out())))
+        self._numbers = max(numbers, 1)  # of one time
+        self._whole = max(WHOLE // self._numbers, 1)  # times
+
+    def __reduce__(self) -> tuple:
+        """Copy the function; the copy has memory of its own."""
+        return Pointwise, (self.function,)
+
+    def __call__(self, *arguments: Array) -> list[Array]:
+        """Return the nonzeros of every output, shape (K, nonzeros).
+
+        Arguments have shape (K, rows), or (1, rows) where they are the same at all times; K
+        is taken from the first. The arrays returned are overwritten by the thread's next call
+        with the same K.
+        """
+        count = len(arguments[0])
+        ready = self._memory.ready.get(count)
+        if ready is None:
+            if count == 0 or count > self._whole:
+                return self._in_parts(count, arguments)
+            ready = self._prepare(count)
+        inputs, outputs, trigger = ready[:3]
+        for slot, value in zip(inputs, arguments, strict=True):
+            slot[...] = value
+        trigger()
+        return outputs
+
+    def sparsity(self, output: int) -> tuple[Array, Array]:
+        """Return rows and columns of the nonzeros of an output."""
+        if output not in self._sparsity:
+            found = self.function.sparsity_out(output)
+            both = np.array(found.row(), dtype=np.intp), np.array(found.get_col(), dtype=np.intp)
+            self._sparsity[output] = both
+        return self._sparsity[output]
+
+    def full(self, output: int, nonzeros: Array, *, symmetric: bool = False) -> Array:
+        """Return matrices (K, rows, columns) for the nonzeros (K, nonzeros) of an output.
+
+        Where they are `symmetric`, the nonzeros may be those of a triangle.
+        """
+        rows, cols = self.sparsity(output)
+        matrices = np.zeros((len(nonzeros), *self.function.size_out(output)))
+        matrices[:, rows, cols] = nonzeros
+        if symmetric:
+            matrices[:, cols, rows] = nonzeros
+        return matrices
+
+    def _in_parts(self, count: int, arguments: tuple[Array, ...]) -> list[Array]:
+        """Evaluate at more times than memory is kept for, or at none, in memory for this once."""
+        f, part = self.function, self._whole
+        outputs = [np.empty((count, f.nnz_out(i))) for i in range(f.n_out())]
+        for first in range(0, count, part):
+            start = min(first, count - part)  # the last part is a whole one, too
+            here = slice(start, start + part)
+            values = self(*(x if len(x) == 1 else x[here] for x in arguments))
+            for output, value in zip(outputs, values, strict=True):
+                output[here] = value
+        return outputs
+
+    def _prepare(self, count: int) -> tuple:
+        f = self.function
+        mapped = f.map(count) if count > 1 else f
+        buffer, trigger = mapped.buffer()
+        inputs = [np.zeros((count, f.numel_in(i))) for i in range(f.n_in())]
+        outputs = [np.zeros((count, f.nnz_out(i))) for i in range(f.n_out())]
+        for i, slot in enumerate(inputs):
+            buffer.set_arg(i, memoryview(slot))  # type: ignore
+        for i, slot in enumerate(outputs):
+            buffer.set_res(i, memoryview(slot))  # type: ignore
+        ready = inputs, outputs, trigger, buffer, mapped  # the last two keep the memory alive
+        self._memory.keep(count, ready, self._numbers)
+        return ready
+
+
+class _Memory(threading.local):
+    """What one thread has ready, by the number of times; the oldest is given up first."""
+
+    def __init__(self) -> None:
+        self.ready: dict[int, tuple] = {}
+        self.size = 0
+
+    def keep(self, count: int, ready: tuple, numbers: int) -> None:
+        """Keep what is ready for `count` times, of so many numbers each."""
+        self.ready[count] = ready
+        self.size += max(count * numbers, LEAST)
+        while self.size > KEPT and len(self.ready) > 1:
+            oldest = next(iter(self.ready))
+            del self.ready[oldest]
+            self.size -= max(oldest * numbers, LEAST)

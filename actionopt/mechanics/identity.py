@@ -1,0 +1,81 @@
+"""Whether an expression vanishes identically.
+
+An expression that CasADi reduces to nothing vanishes. Any other is a sum of terms, and is
+evaluated, term by term, at points in general position: an analytic function that is not zero
+everywhere is zero there with probability zero, and what is zero leaves only the rounding of its
+terms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import casadi as ca
+import numpy as np
+
+from actionopt.tools.types import Array
+
+POINTS = 24
+DECADES = (-8, -4, 0, 4, 8)  # sizes of coordinates and velocities: atoms to planets, any units
+ROUNDING = 1e-10  # what a sum that is zero leaves of its terms, generously
+SEED = 20180612
+
+
+def general_points(count: int, points: int = POINTS) -> Array:
+    """Return the same points in general position every time, (points, count), of size one."""
+    return np.random.default_rng(SEED).standard_normal((points, count))
+
+
+def general_states(n: int, points: int = POINTS) -> tuple[Array, Array, Array]:
+    """Return q, v (K, n) and t (K, 1) in general position, the first `points` of size one.
+
+    Behind them come coordinates and velocities of all sizes: a term that is small beside the
+    others at one size is large beside them at another.
+    """
+    size = 10.0 ** np.array([(a, b) for a in DECADES for b in DECADES])
+    table = general_points(2 * n + 1, points + len(size))
+    size = np.concatenate([np.ones((points, 2)), size])
+    return table[:, :n] * size[:, :1], table[:, n:-1] * size[:, 1:], table[:, -1:]
+
+
+def mismatch(terms: ca.SX, arguments: Sequence[ca.SX], points: Sequence[Array]) -> Array:
+    """Return |sum of the terms| over the sum of their sizes, row by row: (rows, K).
+
+    Parameters
+    ----------
+    terms : SX, (rows, k)
+        Row i stands for the expression that is the sum of its entries.
+    arguments : sequence of SX
+    points : sequence of (K, size) arrays
+        Values of the arguments, one row a point; (1, size) for the same at all points.
+
+    Returns
+    -------
+    (rows, K) array
+        Numbers from 0 to 1, NaN where a term is not finite.
+    """
+    count = max(len(p) for p in points)
+    if ca.sparsify(ca.simplify(terms)).nnz() == 0:
+        return np.zeros((terms.shape[0], count))
+    function = ca.Function("terms", list(arguments), [ca.densify(terms)]).map(count)
+    columns = [ca.DM(np.broadcast_to(p, (count, np.shape(p)[1])).T) for p in points]
+    values = np.asarray(function(*columns)).reshape(terms.shape[0], count, terms.shape[1])
+    with np.errstate(all="ignore"):
+        size = np.sum(np.abs(values), axis=2)
+        result = np.abs(np.sum(values, axis=2)) / np.where(size > 0, size, 1.0)
+    return np.where(np.isfinite(size), result, np.nan)
+
+
+def vanishes(terms: ca.SX, arguments: Sequence[ca.SX], points: Sequence[Array]) -> bool:
+    """Return whether every row of `terms` sums to zero wherever it is finite.
+
+    Raises ValueError if it is finite at none of the points.
+    """
+    found = mismatch(terms, arguments, points)
+    known = np.isfinite(found).all(axis=0)
+    if not known.any():
+        raise ValueError(
+            "expected an expression that is finite at some points in general position, found none; "
+            "give the system in units in which coordinates and velocities are of size one"
+        )
+    return bool(np.all(found[:, known] <= ROUNDING))

@@ -1,0 +1,288 @@
+"""Laws as expressions, and all that is derived from them.
+
+Everything is derived once, symbolically and at one point in time, on first use, with the
+parameters left as symbols, and compiled to functions that are evaluated at many times at once.
+One thread at a time derives; the others wait for it.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar, overload
+
+import casadi as ca
+
+from actionopt.mechanics.compiled import Pointwise
+from actionopt.mechanics.switches import Switches, is_smooth_in_path, switches
+from actionopt.mechanics.tracing import Symbols, is_smooth, localized
+
+# At how many times the forces along a path are looked at before it is believed, by what they may
+# hide (`tracing.localized`). Between 2500 points the largest gap is 1 / 1600 of the duration: of a
+# Gaussian pulse whose width at half height is 1 / 1000 of it three quarters of the peak are seen at
+# the least. A feature with tails shows six times as far.
+SAMPLES = {"unseen": 2500, "tailed": 400}
+
+T = TypeVar("T")
+
+
+class Once(Generic[T]):
+    """An attribute of laws that is derived on first use, by one thread.
+
+    As functools.cached_property, but with the lock of the laws: two locks could be taken in
+    either order.
+    """
+
+    def __init__(self, build: Callable[[Any], T]) -> None:
+        self.build, self.name = build, build.__name__
+        self.__doc__ = build.__doc__
+
+    @overload
+    def __get__(self, laws: None, owner: type) -> Once[T]: ...
+    @overload
+    def __get__(self, laws: Laws, owner: type) -> T: ...
+    def __get__(self, laws: Laws | None, owner: type) -> Once[T] | T:
+        """Derive it; from then on it is found before this is asked."""
+        if laws is None:
+            return self
+        with laws.lock:
+            kept = vars(laws)
+            if self.name not in kept:
+                kept[self.name] = self.build(laws)
+            return kept[self.name]
+
+
+@dataclass(frozen=True)
+class Structure:
+    """What a system's derivatives depend on, read off their expressions once.
+
+    What is absent here is not built, evaluated or stored by the solver.
+    """
+
+    depends_on_time: bool
+    constant_mass: bool  # the mass matrix does not depend on q or v; so below: for smooth laws
+    constant_coupling: bool  # nor does the mixed derivative of L
+    constant_stiffness: bool  # nor does the second derivative of L in q
+    affine_constraint: bool  # f is affine in q
+    affine_force: bool  # Q is affine in (q, v)
+    constraints: int
+    forced: bool
+    cyclic: tuple[str, ...]  # coordinates that neither L, f nor Q contain
+    smooth: bool  # neither L nor Q have a kink or a jump in q or v
+    samples: int  # times over the whole duration at which the forces are looked at, at least
+
+    @property
+    def linear(self) -> bool:
+        """Whether the equations of motion, and so the discrete ones, are linear."""
+        quadratic = self.constant_mass and self.constant_coupling and self.constant_stiffness
+        return quadratic and self.affine_constraint and self.affine_force
+
+    @property
+    def steady(self) -> bool:
+        """Whether they are linear with coefficients that are constant in time."""
+        return self.linear and not self.depends_on_time
+
+
+@dataclass(frozen=True, eq=False)
+class Derivatives:
+    """Symbolic derivatives of L at one time; the symmetric ones as upper triangles."""
+
+    Lq: ca.SX
+    Lv: ca.SX
+    Lqq: ca.SX
+    Lqv: ca.SX
+    Lvv: ca.SX
+    G: ca.SX
+
+
+class Laws:
+    """A Lagrangian, holonomic constraints and non-conservative forces, as expressions.
+
+    Parameters
+    ----------
+    symbols : Symbols
+        What they are written in.
+    L, f, Q : casadi.SX
+        The Lagrangian; m constraints; n forces, or none.
+    coordinates : tuple of str
+        Names of the n coordinates.
+    """
+
+    def __init__(
+        self, symbols: Symbols, L: ca.SX, f: ca.SX, Q: ca.SX, coordinates: tuple[str, ...]
+    ) -> None:
+        self.symbols, self.coordinates = symbols, coordinates
+        self.L, self.f, self.Q = L, f, Q
+        self.lock = threading.RLock()  # of all that is derived and kept
+        self._pointwise: dict[str, Pointwise] = {}
+        self._made: dict[str, Any] = {}
+
+    @property
+    def n(self) -> int:
+        """Number of coordinates."""
+        return len(self.coordinates)
+
+    @property
+    def m(self) -> int:
+        """Number of constraint rows."""
+        return self.f.numel()
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Number of coordinates less the number of holonomic constraints (section 12.4)."""
+        return self.n - self.m
+
+    @property
+    def derived(self) -> tuple[str, ...]:
+        """Names of the functions derived so far; a re-solve adds none."""
+        return tuple(self._pointwise)
+
+    @Once
+    def structure(self) -> Structure:
+        """Return what the derivatives depend on, by the sparsity of their own derivatives."""
+        moved = (
+            self._depends("second", 2, (0, 1)),
+            self._depends("second", 1, (0, 1)),
+            self._depends("second", 0, (0, 1)),
+            self.m > 0 and self._depends("constraint_jacobian", 0, (0,)),
+            any(self._depends("force_jacobian", k, (0, 1)) for k in (0, 1) if self.Q.numel()),
+        )
+        s = self.symbols
+        smooth = all(moved[:3]) or is_smooth_in_path(s, self.L)  # if all move, it does not matter
+        laws = [("first", 2, 0, 2)]  # function, output, inputs of q and of t
+        if self.m:
+            laws.append(("constraint", 0, 0, 1))
+        if self.Q.numel():
+            laws.append(("force", 0, 0, 2))
+        seen: set[int] = set()
+        for name, output, q, _ in laws:
+            seen.update(self.pointwise(name).function.jac_sparsity(output, q).get_col())
+        timed = any(self._depends(name, k, (t,)) for name, k, _, t in laws)
+        p = self.symbols.p
+        narrow = max(localized(self.L, p), localized(self.Q, p))
+        unseen, tailed = narrow == 2 or (narrow and timed), narrow or timed
+        return Structure(
+            depends_on_time=timed,
+            constant_mass=smooth and not moved[0],
+            constant_coupling=smooth and not moved[1],
+            constant_stiffness=smooth and not moved[2],
+            affine_constraint=not moved[3] and is_smooth(self.f),
+            affine_force=not moved[4] and is_smooth_in_path(s, self.Q),
+            constraints=self.m,
+            forced=self.Q.numel() > 0,
+            cyclic=tuple(c for i, c in enumerate(self.coordinates) if i not in seen),
+            smooth=narrow < 2 or (is_smooth_in_path(s, self.L) and is_smooth_in_path(s, self.Q)),
+            samples=SAMPLES["unseen"] if unseen else SAMPLES["tailed"] if tailed else 0,
+        )
+
+    @Once
+    def switches(self) -> Switches | None:
+        """Return the branches of L, where they depend on q or v; None where there are none."""
+        return None if self.structure.smooth else switches(self.symbols, self.L)
+
+    def _depends(self, name: str, output: int, inputs: tuple[int, ...]) -> bool:
+        """Whether an output of a compiled function depends on any of these inputs."""
+        function = self.pointwise(name).function
+        return any(function.jac_sparsity(output, i).nnz() for i in inputs)
+
+    @Once
+    def derivatives(self) -> Derivatives:
+        """Symbolic first and second derivatives of L and the constraint Jacobian."""
+        s = self.symbols
+        n = self.n
+        hessian, gradient = ca.hessian(self.L, ca.vertcat(s.q, s.v))
+        return Derivatives(
+            Lq=gradient[:n],
+            Lv=gradient[n:],
+            Lqq=ca.triu(hessian[:n, :n]),
+            Lqv=hessian[:n, n:],
+            Lvv=ca.triu(hessian[n:, n:]),
+            G=ca.jacobian(self.f, s.q) if self.m else ca.SX(0, n),
+        )
+
+    def pointwise(self, name: str) -> Pointwise:
+        """Return the compiled function `name` of one time, deriving it on first use."""
+        found = self._pointwise.get(name)
+        if found is None:
+            with self.lock:
+                if name not in self._pointwise:
+                    inputs, outputs = getattr(self, f"_build_{name}")()
+                    self._pointwise[name] = Pointwise(ca.Function(name, inputs, outputs))
+                found = self._pointwise[name]
+        return found
+
+    def made(self, name: str, build: Callable[[], T]) -> T:
+        """Return what `build` makes of these laws, made once and kept as long as they are."""
+        with self.lock:
+            if name not in self._made:
+                self._made[name] = build()
+            return self._made[name]
+
+    @property
+    def _arguments(self) -> list[ca.SX]:
+        s = self.symbols
+        return [s.q, s.v, s.t, s.p]
+
+    def _build_value(self):
+        return self._arguments, [self.L]
+
+    def _build_first(self):
+        d = self.derivatives
+        return self._arguments, [_dense(d.Lq), _dense(d.Lv), self.L]
+
+    def _build_second(self):
+        d = self.derivatives
+        return self._arguments, [d.Lqq, d.Lqv, d.Lvv]
+
+    def _build_force(self):
+        return self._arguments, [self.Q]
+
+    def _build_force_jacobian(self):
+        s = self.symbols
+        return self._arguments, [ca.jacobian(self.Q, s.q), ca.jacobian(self.Q, s.v)]
+
+    def _build_constraint(self):
+        s = self.symbols
+        return [s.q, s.t, s.p], [self.f]
+
+    def _build_constraint_jacobian(self):
+        s = self.symbols
+        return [s.q, s.t, s.p], [self.derivatives.G]
+
+    def _build_constraint_rate(self):
+        s = self.symbols
+        return [s.q, s.t, s.p], [_dense(ca.jacobian(self.f, s.t))]
+
+    def _build_constraint_curvature(self):
+        s = self.symbols
+        lam = ca.SX.sym("lam", self.m)
+        curvature, _ = ca.hessian(ca.dot(lam, self.f), s.q)
+        return [s.q, lam, s.t, s.p], [ca.triu(curvature)]
+
+    def _build_energy(self):
+        return self._arguments, [ca.dot(self.symbols.v, self.derivatives.Lv) - self.L]
+
+    def _build_motion(self):
+        M, bias, G, gamma = self.motion
+        return self._arguments, [_dense(x) for x in (M, bias, G, gamma)]
+
+    @Once
+    def motion(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+        """Index-1 equations of motion as expressions: M a - G' lam = bias, G a = -gamma.
+
+        bias = L_q + Q - L_vq v - L_vt and gamma = d/dt (G v + f_t) at a = 0: twice the time
+        derivative of f, less its acceleration term.
+        """
+        s, d = self.symbols, self.derivatives
+        bias = d.Lq - ca.jtimes(d.Lv, s.q, s.v) - ca.jacobian(d.Lv, s.t)
+        if self.Q.numel():
+            bias += self.Q
+        M = d.Lvv + ca.triu(d.Lvv, False).T
+        rate = d.G @ s.v + ca.jacobian(self.f, s.t)
+        gamma = ca.jacobian(rate, s.q) @ s.v + ca.jacobian(rate, s.t)
+        return M, bias, d.G, gamma
+
+
+def _dense(expression: ca.SX) -> ca.SX:
+    return expression if expression.is_dense() else ca.densify(expression)

@@ -1,0 +1,341 @@
+"""What a symmetry of the action conserves (Noether's theorem).
+
+The transformation q -> q + xi(q, t) d, t -> t + tau(t) d changes the action to first order by
+the integral of
+
+    R = L_q . xi + L_v . (xi' - v tau') + L_t tau + L tau' + Q . (xi - v tau),
+
+Q being non-conservative forces. It is a symmetry if R is a total derivative dF/dt with F(q, t),
+and if it keeps the constraints, G xi + f_t tau = 0 where f = 0. Along every motion then
+
+    I = p . xi - H tau - F
+
+is constant.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from actionopt.mechanics.compiled import Pointwise
+from actionopt.mechanics.expressions import Expressions
+from actionopt.mechanics.identity import (
+    POINTS,
+    ROUNDING,
+    general_points,
+    general_states,
+    mismatch,
+    vanishes,
+)
+from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.system import System
+from actionopt.mechanics.tracing import call, column
+from actionopt.tools.types import Array
+
+Generator = Callable[..., Any] | Sequence[float] | Array
+
+NODES = 16  # of the Gauss-Legendre rule that integrates F: exact for polynomials up to t^31, q^31
+SURFACE_STEPS = 60
+FINITE = 4  # points at which an expression must be finite to be judged
+
+
+class Motion(Protocol):
+    """What `Conserved.drift` asks of a solution."""
+
+    @property
+    def problem(self) -> Problem: ...  # noqa: D102
+    def __call__(self, t: ArrayLike) -> Array: ...  # noqa: D102
+    def velocity(self, t: ArrayLike) -> Array: ...  # noqa: D102
+
+
+@dataclass(frozen=True, eq=False)
+class Conserved:
+    """A quantity I(q, v, t) that is constant along every motion; call it with them.
+
+    Attributes
+    ----------
+    system : System
+    terms : SX, (1, k)
+        I is the sum of these expressions in the system's symbols.
+    """
+
+    system: System
+    terms: ca.SX
+
+    def __post_init__(self) -> None:
+        s = self.system.symbols
+        function = ca.Function("conserved", [s.q, s.v, s.t, s.p], [ca.densify(self.terms)])
+        object.__setattr__(self, "_terms", Pointwise(function))
+
+    def __repr__(self) -> str:
+        """Show of what it is, not the expressions."""
+        return f"Conserved(I(q, v, t) of {self.terms.numel()} terms, {self.system})"
+
+    def __call__(
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        t: ArrayLike,
+        *,
+        parameters: Mapping[str, ArrayLike] | None = None,
+    ) -> Array:
+        """Return I, shape (K,) for q, v of shape (n, K), a 0-d array for (n,)."""
+        return np.sum(self._each(q, v, t, parameters), axis=-1)
+
+    def drift(self, solution: Motion, count: int = 201) -> float:
+        """Return max over time of |I(t) - I(t0)| along a solution, over the size of I's terms.
+
+        As large as the velocity's error; more means that I is not conserved with the
+        parameters of the solution's problem.
+        """
+        problem = solution.problem
+        t = np.linspace(problem.start.t, problem.end.t, count)
+        terms = self._each(solution(t), solution.velocity(t), t, problem.parameters)
+        size = float(np.max(np.sum(np.abs(terms), axis=1)))
+        value = np.sum(terms, axis=1)
+        return float(np.max(np.abs(value - value[0]))) / size if size else 0.0
+
+    def _each(self, q: ArrayLike, v: ArrayLike, t: ArrayLike, parameters) -> Array:
+        table, n = self.system.table, self.system.n
+        columns = [np.asarray(x, dtype=float).reshape(n, -1).T for x in (q, v)]
+        packed = table.pack(table.values(parameters))
+        times = np.asarray(t, dtype=float).reshape(-1, 1)
+        values = self._terms(*columns, times, packed)[0].copy()  # type: ignore[attr-defined]
+        return values[0] if np.ndim(q) == 1 else values
+
+
+def noether(
+    system: System,
+    generator: Generator,
+    *,
+    time: float | Callable[..., Any] = 0.0,
+    gauge: Callable[..., Any] | None = None,
+    parameters: Mapping[str, ArrayLike] | None = None,
+) -> Conserved:
+    """Return what a symmetry conserves, I = p . xi - H tau - F.
+
+    Parameters
+    ----------
+    system : System
+    generator : callable or sequence of n numbers
+        `generator(q, t, *, ...)` returns the n rates xi of q -> q + xi d; numbers are a
+        translation. It names the system's parameters it uses.
+    time : float or callable
+        The rate tau of t -> t + tau d: 1 for a translation in time, or `tau(t, *, ...)`.
+    gauge : callable, optional
+        F(q, t) where the Lagrangian changes by dF/dt. Without it F is found by integration
+        along straight lines from the origin, t first, by Gauss's rule with 16 points.
+    parameters : mapping, optional
+        The numbers for which the symmetry is checked, in place of the defaults: two springs
+        may have to be equal.
+
+    Raises
+    ------
+    ValueError
+        If the action changes, or the constraints are not kept; or for a generator of the wrong
+        shape.
+
+    References
+    ----------
+    *Competitive Physics: Mechanics and Waves* (2018), section 12.5.4; Arnold, *Mathematical
+    Methods of Classical Mechanics* (2nd ed. 1989), section 20.
+
+    Examples
+    --------
+    >>> def lagrangian(q, v, t):
+    ...     return (v @ v - q @ q) / 2
+    >>> oscillator = System(lagrangian, ["x", "y"])
+    >>> momentum = noether(oscillator, lambda q, t: [-q[1], q[0]])
+    >>> float(momentum([1.0, 2.0], [3.0, 5.0], 0.0))  # x y' - y x'
+    -1.0
+    """
+    s, n = system.symbols, system.n
+    xi = _traced(system, generator, "generator", n)
+    tau = _traced(system, time, "time", 1)
+    if ca.depends_on(tau, ca.vertcat(s.q, s.v)):
+        raise ValueError("expected a rate of time tau(t) that depends on t alone")
+    packed = system.table.pack(system.table.values(parameters))
+    points = [*points_of(system, packed), packed]
+    arguments = [s.q, s.v, s.t, s.p]
+    if system.m:
+        G = system.derivatives.G
+        kept = ca.horzcat(*[G[:, i] * xi[i] for i in range(n)], ca.jacobian(system.f, s.t) * tau)
+        worst = _worst(kept, arguments, points)
+        if not worst <= ROUNDING:
+            raise ValueError(
+                "expected a generator that keeps the constraints, G xi + f_t tau = 0, found that "
+                f"it leads off their surface (by {worst:.1e} of its terms)"
+            )
+    R = change(system, xi, tau)
+    if not np.isfinite(_worst(R, arguments, points)):
+        raise ValueError(
+            "expected a Lagrangian and a generator that are finite at some points in general "
+            "position, found none; give the system in units in which coordinates are of size one"
+        )
+    if gauge is not None:
+        candidates = [_traced(system, gauge, "gauge", 1)]
+    else:
+        candidates = [ca.SX(1, 1), *(_integral(system, R, base) for base in (0.0, 1.0))]
+    moderate = [points[0][:POINTS], points[1][:POINTS], points[2][:POINTS], packed]
+    found = np.inf
+    for k, F in enumerate(candidates):
+        rates = [-ca.jacobian(F, s.t), -(ca.jacobian(F, s.q) * s.v.T)]
+        # A numerical F is good at coordinates of size one only: at other sizes that there is
+        # an F is enough.
+        miss = _worst(ca.horzcat(R, *rates), arguments, moderate if k else points)
+        if k and miss <= ROUNDING:
+            miss = _worst_curl(system, R, points)
+        found = min(found, miss)
+        if found <= ROUNDING:
+            Lv, L = system.derivatives.Lv, system.L
+            return Conserved(system, ca.horzcat((Lv * xi).T, -tau * (Lv * s.v).T, tau * L, -F))
+    raise ValueError(
+        "expected a symmetry, found that the Lagrangian changes by what is no total derivative "
+        f"dF(q, t)/dt (by {found:.1e} of its terms); correct the generator, set `time` if it "
+        "moves events in time, or pass the parameters for which it is a symmetry"
+    )
+
+
+def cyclic(system: System) -> dict[str, Conserved]:
+    """Return the momenta of the cyclic coordinates, by the names of the coordinates.
+
+    They are found by themselves: those that neither L, nor the constraints, nor the forces
+    contain, and along which no force acts. Section 12.5.2.
+    """
+    result = {}
+    for name in system.structure.cyclic:
+        k = system.coordinates.index(name)
+        if not system.Q.numel() or ca.sparsify(system.Q[k]).nnz() == 0:
+            result[name] = noether(system, np.eye(system.n)[k])
+    return result
+
+
+def is_mechanical(system: System, kinetic: Callable[..., Any]) -> bool:
+    """Return whether H = T + V for the kinetic energy `kinetic(q, v, t, *, ...)`.
+
+    By Euler's theorem that is so where v . dT/dv = 2 T and V = T - L does not depend on v; not
+    with coordinates that move, or with magnetic fields. Checked symbolically; section 12.5.1.
+    """
+    s, packed = system.symbols, system.table.pack(system.parameters)
+    T = _traced(system, kinetic, "kinetic", 1)
+    points = [*points_of(system, packed), packed]
+    degree = ca.horzcat(ca.jacobian(T, s.v) * s.v.T, -2 * T)
+    rest = ca.horzcat(ca.gradient(T, s.v), -system.derivatives.Lv)
+    return all(vanishes(terms, [s.q, s.v, s.t, s.p], points) for terms in (degree, rest))
+
+
+def _traced(system: System, given: Any, role: str, rows: int) -> ca.SX:
+    """Return a user's function (or numbers) in the system's symbols, as a column."""
+    if not callable(given):
+        return ca.SX(column(np.array(given, dtype=float, ndmin=1).tolist(), role, rows))
+    s = system.symbols
+    fresh = system.table.symbols()
+    named = system.table.named(fresh)
+    arguments = {
+        "q": Expressions(s.q, 1),
+        "v": Expressions(s.v, 1),
+        "t": Expressions(s.t, 0),
+    }
+    for name in {"time": "qv", "kinetic": ""}.get(role, "v"):
+        del arguments[name]
+    result, _ = call(given, role, arguments, named)
+    traced = column(result, role, rows)
+    return ca.substitute(traced, fresh, s.p) if fresh.numel() else traced
+
+
+def change(system: System, xi: ca.SX, tau: ca.SX) -> ca.SX:
+    """Return the terms of R, one row."""
+    s, d, L = system.symbols, system.derivatives, system.L
+    slower = ca.jacobian(tau, s.t)
+    rate = ca.jacobian(xi, s.q) @ s.v + ca.jacobian(xi, s.t) - s.v * slower
+    terms = [(d.Lq * xi).T, (d.Lv * rate).T, ca.jacobian(L, s.t) * tau, L * slower]
+    if system.Q.numel():
+        terms += [(system.Q * xi).T, -(system.Q * s.v * tau).T]
+    return ca.horzcat(*terms)
+
+
+def euler(system: System, R: ca.SX, a: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Return d/dt R_v and -R_q, columns that add up to nothing where R = dF(q, t)/dt."""
+    s = system.symbols
+    Rv = ca.gradient(R, s.v)
+    rate = ca.jacobian(Rv, s.q) @ s.v + ca.jacobian(Rv, s.v) @ a + ca.jacobian(Rv, s.t)
+    return rate, -ca.gradient(R, s.q)
+
+
+def accelerations_of(q: Array, v: Array) -> Array:
+    """Return accelerations in general position, (K, n), as large as on a circle."""
+    size = np.linalg.norm(v, axis=1) ** 2 / np.linalg.norm(q, axis=1)
+    return general_points(q.shape[1], len(q)) * size[:, None]
+
+
+def _integral(system: System, R: ca.SX, base: float) -> ca.SX:
+    """Return the F with dF/dt = R if there is one, from F = 0 at q = base, t = 0."""
+    s = system.symbols
+    whole = ca.sum2(R)
+    at_rest = ca.substitute(whole, s.v, ca.SX.zeros(system.n))
+    slope = ca.substitute(ca.jacobian(whole, s.v), s.v, ca.SX.zeros(system.n))
+    x, w = np.polynomial.legendre.leggauss(NODES)
+    F = ca.SX(1, 1)
+    for at, weight in zip((x + 1) / 2, w / 2, strict=True):
+        along = ca.substitute(slope, s.q, base + at * (s.q - base)) @ (s.q - base)
+        start = ca.SX(ca.DM.ones(system.n) * base)
+        before = ca.substitute([at_rest], [s.q, s.t], [start, at * s.t])[0]
+        F += weight * (along + before * s.t)
+    return F
+
+
+def points_of(system: System, packed: Array, count: int = POINTS) -> tuple[Array, Array, Array]:
+    """Return q, v (K, n) and t (K, 1) in general position, on the constraints and their rates.
+
+    The first `count` of them are of size one, or nearly.
+    """
+    n, m = system.n, system.m
+    q, v, t = general_states(n, count)
+    if not m:
+        return q, v, t
+    q = general_points(n, len(q))  # surfaces have their own size
+    s, G = system.symbols, system.derivatives.G
+    functions = [system.f, G.T, G @ s.v + ca.jacobian(system.f, s.t)]
+    look = ca.Function("surface", [s.q, s.v, s.t, s.p], [ca.densify(x) for x in functions])
+    good = []
+    for k in range(len(q)):
+        for _ in range(SURFACE_STEPS):
+            f, GT, rate = (np.asarray(x) for x in look(q[k], v[k], t[k], packed))
+            if not np.isfinite(GT).all():
+                break
+            inverse = np.linalg.pinv(GT.T)
+            step = (inverse @ f).ravel()
+            q[k] -= step / max(1.0, float(np.max(np.abs(step))) / (10 * np.max(np.abs(q[k]))))
+            v[k] -= (inverse @ rate).ravel()
+            if np.max(np.abs(step)) < 1e-15 * np.max(np.abs(q[k])):
+                break
+        if np.max(np.abs(step)) < 1e-13 * np.max(np.abs(q[k])):
+            good.append(k)
+    if not good:
+        raise ValueError(
+            "expected constraints that coordinates in general position can be moved onto, found "
+            "none; give the system in units in which they are of size one"
+        )
+    return q[good], v[good], t[good]
+
+
+def _worst_curl(system: System, R: ca.SX, points) -> float:
+    """Return how far d/dt R_v - R_q is from zero, which R = dF/dt makes it identically."""
+    s, a = system.symbols, ca.SX.sym("a", system.n)
+    columns = [side for term in ca.horzsplit(R) for side in euler(system, term, a)]
+    q, v, t, packed = points
+    accelerations = accelerations_of(q, v)
+    arguments = [s.q, s.v, a, s.t, s.p]
+    return _worst(ca.horzcat(*columns), arguments, [q, v, accelerations, t, packed])
+
+
+def _worst(terms: ca.SX, arguments, points) -> float:
+    found = mismatch(terms, arguments, points)
+    known = np.isfinite(found).all(axis=0)
+    return float(np.max(found[:, known])) if np.sum(known) >= FINITE else np.inf

@@ -1,0 +1,401 @@
+"""The question: a system and the two events its path must join."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Never
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from actionopt.mechanics.system import System
+from actionopt.tools.checks import items, number, numbers
+from actionopt.tools.types import Array
+
+CLOSE = 1e-2  # events this much closer than their coordinates' size lie far from zero
+NARROW = 0.02  # of a coordinate's size, a motion that is better measured by itself
+FLAT = 1e-13  # of a coordinate's size, a motion of which the straight line tells nothing
+ALONG = np.array([0.1, 0.3, 0.5, 0.7, 0.9])  # of the straight line, where it is asked
+AMPLITUDES = 10.0  # |force / stiffness|, the distance to rest, that a motion may extend
+SMALL = 0.05  # of the largest coordinate, one whose size at the events may be an accident
+NEGLIGIBLE = 1e-12  # a coordinate this much smaller than another is zero up to rounding
+SHORTEST, LONGEST = 1e-100, 1e100  # durations T: neither T^2 nor 1 / T^2 is near a limit of floats
+SURFACE_TOLERANCE = 1e-8  # how far, relative to the surface's own scale, an event may lie off it
+
+
+@dataclass(frozen=True, eq=False)
+class Event:
+    """A point of configuration space-time: a time and the coordinates there.
+
+    Parameters
+    ----------
+    t : float
+        Time.
+    q : sequence of n numbers or None
+        Coordinates; None leaves that coordinate free, and the natural condition p = 0 holds.
+
+    Raises
+    ------
+    ValueError
+        If the time or a coordinate is not a finite number, or the coordinates are in a set or a
+        mapping, which have no order.
+    TypeError
+        For further arguments: a velocity cannot be given; see `actionopt.integrate`.
+    """
+
+    t: float
+    q: tuple[float | None, ...]
+
+    def __init__(
+        self, t: float, q: Sequence[float | None] | ArrayLike, *others: Never, **named: Never
+    ) -> None:
+        if others or named:
+            found = [*map(repr, others), *(f"{name}={x!r}" for name, x in named.items())]
+            raise TypeError(
+                "expected Event(t, q), a time and the coordinates there, found also "
+                f"{', '.join(found)}; None leaves a coordinate free, and a motion from initial "
+                "values is actionopt.integrate(system, State(t, q, v), t_end)"
+            )
+        object.__setattr__(self, "t", number(t, "the time of an event"))
+        row = tuple(
+            None if x is None else number(x, f"coordinate {i} of an event")
+            for i, x in enumerate(items(q, "the coordinates of an event"))
+        )
+        object.__setattr__(self, "q", row)
+
+    @property
+    def pinned(self) -> tuple[int, ...]:
+        """Indices of the coordinates that are given."""
+        return tuple(i for i, x in enumerate(self.q) if x is not None)
+
+    def at(self, t: float) -> Event:
+        """Return the same event at another time."""
+        return Event(t, self.q)
+
+    def shifted(self, by: Sequence[float] | ArrayLike) -> Event:
+        """Return the same event with its coordinates farther by `by` (n,); free ones stay so."""
+        pairs = zip(self.q, items(by, "a shift of an event"), strict=True)
+        return Event(self.t, [None if x is None else x + d for x, d in pairs])
+
+
+@dataclass(frozen=True, eq=False)
+class Periodic(Event):
+    """The end of a path that closes: q(t1) = q(t0) + advance, and p(t1) = p(t0).
+
+    A coordinate that the start gives is given here as well, and its momentum is left alone: so
+    a path without a clock, which may start anywhere along itself, is told from its copies.
+
+    Parameters
+    ----------
+    t : float
+        Time.
+    advance : sequence of n numbers, optional
+        Whole turns of coordinates that are angles, say; zero if None.
+
+    Raises
+    ------
+    ValueError
+        If a number is not finite.
+
+    Examples
+    --------
+    >>> end = Periodic(2.0, advance=[0.0, 6.5]).after(Event(0.0, [None, 0.5]))
+    >>> end.q
+    (None, 7.0)
+    """
+
+    advance: tuple[float, ...] | None
+
+    def __init__(self, t: float, advance: Sequence[float] | ArrayLike | None = None) -> None:
+        super().__init__(t, [])
+        given = () if advance is None else items(advance, "the advance of a periodic end")
+        row = tuple(number(x, f"advance {i} of a periodic end") for i, x in enumerate(given))
+        object.__setattr__(self, "advance", None if advance is None else row)
+
+    def after(self, start: Event) -> Periodic:
+        """Return the end of a path from `start`, with its coordinates."""
+        n = len(start.q)
+        advance = (0.0,) * n if self.advance is None else self.advance
+        if len(advance) != n:
+            raise ValueError(f"expected the advance of {n} coordinates, found {len(advance)}")
+        end = Periodic(self.t, advance)
+        pairs = zip(start.q, advance, strict=True)
+        object.__setattr__(end, "q", tuple(None if x is None else x + a for x, a in pairs))
+        return end
+
+    def at(self, t: float) -> Periodic:
+        """Return the end of a path that closes at another time; a problem gives it coordinates."""
+        return Periodic(t, self.advance)
+
+    def shifted(self, by: Sequence[float] | ArrayLike) -> Periodic:
+        """Return the end of a path that advances by `by` (n,) more."""
+        row = np.array(items(by, "a shift of an event"), dtype=float)
+        return Periodic(self.t, row if self.advance is None else self.advance + row)
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """A whole initial-value problem: time, coordinates (n,) and velocities (n,).
+
+    Raises ValueError if the shapes differ or a number is not finite.
+    """
+
+    t: float
+    q: Array
+    v: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "t", number(self.t, "the time of a state"))
+        for name in ("q", "v"):
+            row = np.atleast_1d(numbers(getattr(self, name), f"{name} of a state"))
+            if row.ndim != 1 or not np.all(np.isfinite(row)):
+                raise ValueError(f"expected finite {name} of shape (n,), found {row}")
+            row.setflags(write=False)
+            object.__setattr__(self, name, row)
+        if self.q.shape != self.v.shape:
+            raise ValueError(
+                f"expected q and v of one shape, found {self.q.shape} and {self.v.shape}"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A system and two events.
+
+    Parameters
+    ----------
+    system : System
+        The physics.
+    start, end : Event
+        Where the path begins and ends; `start.t < end.t`. The end may be `Periodic`.
+    parameters : mapping, optional
+        Overrides the system's default parameters by name; nothing is derived again. After
+        construction the attribute holds every parameter.
+
+    Raises
+    ------
+    ValueError
+        If the events do not fit the system, lie off its constraint surface, or the times do
+        not increase, by 1e-100 to 1e100; a parameter is unknown, a constraint contains no
+        coordinate, or there is no system.
+    """
+
+    system: System
+    start: Event
+    end: Event
+    parameters: Mapping[str, Any] = field(default=None, kw_only=True)  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.system, System):
+            raise ValueError(
+                f"expected a System(lagrangian, coordinates), found {self.system!r}; a Lagrangian "
+                "is made one by System"
+            )
+        values = self.system.table.values(self.parameters)
+        object.__setattr__(self, "parameters", values)
+        object.__setattr__(self, "packed", self.system.table.pack(values))
+        names = self.system.coordinates
+        if isinstance(self.end, Periodic) and isinstance(self.start, Event):
+            object.__setattr__(self, "end", self.end.after(self.start))
+        for role, event in (("start", self.start), ("end", self.end)):
+            if not isinstance(event, Event):
+                raise ValueError(f"expected an Event(t, q) as the {role}, found {event!r}")
+            if len(event.q) != len(names):
+                raise ValueError(
+                    f"expected {len(names)} coordinates ({', '.join(names)}) at the {role} "
+                    f"event, found {len(event.q)}"
+                )
+        if not self.start.t < self.end.t:
+            raise ValueError(
+                f"expected the end event after the start event, found t1 = {self.end.t} and "
+                f"t0 = {self.start.t}; exchange the events to run the motion backwards"
+            )
+        if not SHORTEST <= self.duration <= LONGEST:
+            raise ValueError(
+                f"expected a duration t1 - t0 from {SHORTEST:g} to {LONGEST:g}, whose square and "
+                f"its inverse are within the range of numbers, found {self.duration:g}; measure "
+                "time in another unit"
+            )
+        if self.system.m:
+            _check_rows(self.system)
+            _check_on_surface(self)
+
+    packed: Array = field(init=False, repr=False)
+
+    def replace(
+        self,
+        *,
+        start: Event | None = None,
+        end: Event | None = None,
+        parameters: Mapping[str, Any] | None = None,
+    ) -> Problem:
+        """Return the problem with another start, another end or some other parameters.
+
+        All else is kept: parameters that are not named, coordinates that are free, and an end
+        that is `Periodic`, which follows another start. Raises ValueError as a `Problem` does.
+
+        Examples
+        --------
+        >>> from actionopt import scenes
+        >>> problem = scenes.get("pendulum", l=2.0).problem
+        >>> later = problem.replace(end=problem.end.at(3.0), parameters={"g": 1.62})
+        >>> later.end.t, float(later.parameters["g"]), float(later.parameters["l"])
+        (3.0, 1.62, 2.0)
+        """
+        return Problem(
+            self.system,
+            self.start if start is None else start,
+            self.end if end is None else end,
+            parameters={**self.parameters, **(parameters or {})},
+        )
+
+    @cached_property
+    def advance(self) -> Array | None:
+        """q(t1) - q(t0) where the end is `Periodic`, (n,), else None."""
+        return np.array(self.end.advance) if isinstance(self.end, Periodic) else None
+
+    @property
+    def name(self) -> str:
+        """The system's name; "problem" if it has none."""
+        return self.system.name or "problem"
+
+    @property
+    def duration(self) -> float:
+        """Time between the events."""
+        return self.end.t - self.start.t
+
+    @cached_property
+    def scales(self) -> Array:
+        """Size of each coordinate as far as the events tell, shape (n,): always positive.
+
+        A coordinate that is zero or free at both events is given the size of the largest; so is
+        one that may be rounding of another, small beside it in whatever they are measured.
+        """
+        known = [[abs(x) if x is not None else 0.0 for x in e.q] for e in (self.start, self.end)]
+        size = np.max(known, axis=0)
+        largest = float(np.max(size))
+        if not largest > 0:
+            return np.ones(size.shape)
+        nothing = size <= NEGLIGIBLE * largest
+        if not nothing.any():
+            return size
+        if np.any(size[nothing]):  # small, or of another unit: an angle beside a distance
+            natural = size * np.sqrt(self._inertias())
+            nothing &= ~(natural > NEGLIGIBLE * np.max(natural))
+        return np.where(nothing, largest, size)
+
+    @cached_property
+    def lengths(self) -> Array:
+        """Size of the motion in each coordinate as far as the events tell, (n,): the solver's unit.
+
+        That of the coordinate, `scales`, unless the events lie close together and far from its
+        zero. Then it is how far they are apart, or how far the forces on the straight line lead
+        away from it if that is more, |a| T^2 / 8 or ten times the distance to rest: where zero is
+        has nothing to do with it. Nor is one far smaller than others of equal kinetic energy only
+        because the events lie that way.
+        """
+        return self._motion[0]
+
+    @cached_property
+    def origin(self) -> Array | None:
+        """From where the solver measures each coordinate, (n,); None for zero in all of them."""
+        return self._motion[1]
+
+    @cached_property
+    def _motion(self) -> tuple[Array, Array | None]:
+        scales = self.scales
+        pairs = list(zip(self.start.q, self.end.q, strict=True))
+        near = [_close(a, b) for a, b in pairs]
+        if not any(near) and (len(near) == 1 or scales.min() >= SMALL * scales.max()):
+            return scales, None
+        close = np.array(near)
+        inertia = self._inertias()
+        with np.errstate(all="ignore"):
+            units = 1 / np.sqrt(inertia)  # as much kinetic energy in each
+            size = np.where(close, self._extents(pairs, inertia), scales)
+            natural = size / units
+            least = np.where(close, 1.0, SMALL) * np.nanmax(natural[np.isfinite(natural)]) * units
+        size = np.fmax(size, np.where(np.isfinite(least), least, 0.0))
+        far = close & (size < NARROW * scales) & (size > FLAT * scales)
+        lengths = np.where(far | ~close, size, scales)
+        if not far.any():
+            return lengths, None
+        ends = np.array([[a or 0.0, b or 0.0] for a, b in pairs])
+        return lengths, np.where(far, ends.mean(axis=1), 0.0)
+
+    def _extents(self, pairs: list[tuple[float | None, float | None]], inertia: Array) -> Array:
+        """Return how far a motion near the straight line extends, (n,), as far as L tells."""
+        ends = np.array([[a or 0.0, b or 0.0] for a, b in pairs])
+        apart, system = ends[:, 1] - ends[:, 0], self.system
+        q = ends[:, 0] + ALONG[:, None] * apart
+        v = np.repeat(apart[None] / self.duration, ALONG.size, axis=0)
+        at = q, v, self.start.t + ALONG[:, None] * self.duration, self.packed
+        force = np.abs(system.pointwise("first")(*at)[0])
+        stiffness = _diagonal(system, 0, system.pointwise("second")(*at)[0])
+        rest = AMPLITUDES * force.max(axis=0) / stiffness.max(axis=0)
+        bend = np.fmin((force / inertia).max(axis=0) * self.duration**2 / 8, rest)
+        return np.fmax(np.abs(apart), bend)
+
+    def _inertias(self) -> Array:
+        """Return the magnitude of the diagonal of d2L/dv2 at the start, shape (n,)."""
+        q = np.array([[0.0 if x is None else x for x in e.q] for e in (self.start, self.end)])
+        second = self.system.pointwise("second")
+        v = (q[1:] - q[:1]) / self.duration
+        values = second(q[:1], v, np.array([[self.start.t]]), self.packed)[2][0]
+        return _diagonal(self.system, 2, values[None])[0]
+
+
+def _diagonal(system: System, output: int, values: Array) -> Array:
+    """Return the magnitudes (K, n) on the diagonal of L_qq (0) or L_vv (2) with these nonzeros."""
+    rows, cols = system.pointwise("second").sparsity(output)
+    found = np.zeros((len(values), system.n))
+    found[:, rows[rows == cols]] = np.abs(values[:, rows == cols])
+    return found
+
+
+def _close(a: float | None, b: float | None) -> bool:
+    """Whether two values lie together and far from zero."""
+    return a is not None and b is not None and abs(b - a) < CLOSE * max(abs(a), abs(b))
+
+
+def _check_rows(system: System) -> None:
+    """Raise ValueError for a constraint row that contains no coordinate."""
+    rows, _ = system.pointwise("constraint_jacobian").sparsity(0)
+    count = np.bincount(rows, minlength=system.m)
+    if not count.all():
+        raise ValueError(
+            "expected constraints that each restrict the coordinates, found that row "
+            f"{np.argmin(count)} does not depend on any of them; remove it, or correct it"
+        )
+
+
+def _check_on_surface(problem: Problem) -> None:
+    """Raise ValueError if a constraint that an event alone decides is not satisfied there."""
+    system = problem.system
+    events = {"start": problem.start, "end": problem.end}
+    q = np.array([[0.0 if x is None else x for x in e.q] for e in events.values()])
+    t = np.array([[e.t] for e in events.values()])
+    f = system.pointwise("constraint")(q, t, problem.packed)[0]
+    jacobian = system.pointwise("constraint_jacobian")
+    G = np.abs(jacobian(q, t, problem.packed)[0])
+    rows, cols = jacobian.sparsity(0)
+    # What f changes by when the coordinates and the time change by their own size: |f| alone has
+    # no scale.
+    scales = np.zeros(f.shape)
+    for k in range(len(events)):
+        np.add.at(scales[k], rows, G[k] * problem.scales[cols])
+    if system.structure.depends_on_time:
+        rate = system.pointwise("constraint_rate")(q, t, problem.packed)[0]
+        scales += np.abs(rate) * problem.duration
+    off = ~(np.abs(f) <= SURFACE_TOLERANCE * np.maximum(scales, np.finfo(float).tiny))
+    for k, (role, event) in enumerate(events.items()):
+        free = np.array([x is None for x in event.q])
+        off[k, rows[free[cols]]] = False  # decided along the path
+        for i in np.flatnonzero(off[k]):
+            raise ValueError(
+                f"expected the {role} event on the constraint surface, found constraint row "
+                f"{i} = {f[k, i]:.6g} at t = {event.t}, q = {event.q}; move the event, or "
+                "leave a coordinate free (None) for the constraint to decide"
+            )

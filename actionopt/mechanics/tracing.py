@@ -1,0 +1,306 @@
+"""Turn a user's callables into CasADi expressions, and say clearly when that cannot be done."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from actionopt.mechanics.expressions import Expressions, OutOfRange, Untraceable, said
+from actionopt.tools.checks import named, numbers
+from actionopt.tools.types import Array
+
+KINKED = "fabs|fmin|fmax|fmod|remainder|floor|ceil|sign|copysign"
+LOCALIZED = "exp|expm1|sinh|cosh|tanh|erf|fmin|fmax|fmod|remainder|floor|ceil|sign|copysign"
+TAILED = "fabs|sqrt|pow|log|log1p|hypot|asin|acos|atan|atan2|asinh|acosh|atanh"
+
+
+@dataclass(frozen=True, eq=False)
+class Symbols:
+    """The arguments of every traced expression: q, v, t and the parameters packed in one column."""
+
+    q: ca.SX
+    v: ca.SX
+    t: ca.SX
+    p: ca.SX
+
+
+class ParameterTable:
+    """Names, shapes and default values of a system's parameters, packed in a fixed order."""
+
+    def __init__(self, defaults: Mapping[str, ArrayLike] | None) -> None:
+        self.defaults: dict[str, Array] = {}
+        for name, value in named(defaults, "parameters").items():
+            self.defaults[name] = _finite(name, value)
+        self.shapes = {name: value.shape for name, value in self.defaults.items()}
+
+    def values(self, overrides: Mapping[str, ArrayLike] | None = None) -> dict[str, Array]:
+        """Return all parameters by name, `overrides` in place of the defaults.
+
+        Raises
+        ------
+        ValueError
+            For an unknown name (the nearest known one is suggested), a wrong shape, NaN or
+            infinity.
+        """
+        result = dict(self.defaults)
+        for name, value in named(overrides, "parameters").items():
+            if name not in result:
+                raise ValueError(
+                    f"unknown parameter {name!r}; the parameters are "
+                    f"{', '.join(result) or 'none'}{suggestion(name, result)}"
+                )
+            number = _finite(name, value)
+            if number.shape != self.shapes[name]:
+                raise ValueError(
+                    f"expected parameter {name!r} of shape {self.shapes[name]}, "
+                    f"found {number.shape}"
+                )
+            result[name] = number
+        return result
+
+    def pack(self, values: Mapping[str, Array]) -> Array:
+        """Return the parameters as one row (1, P), in the order of the symbols."""
+        parts = [values[name].reshape(-1) for name in self.defaults]
+        return np.concatenate(parts)[None, :] if parts else np.zeros((1, 0))
+
+    def symbols(self) -> ca.SX:
+        """Return the parameters packed in one column of symbols, (P, 1)."""
+        columns = [ca.SX.sym(name, int(np.prod(shape))) for name, shape in self.shapes.items()]
+        if len(columns) == 1:
+            return columns[0]
+        return ca.vertcat(*columns) if columns else ca.SX(0, 1)
+
+    def named(self, packed: ca.SX) -> dict[str, Expressions]:
+        """Return by name what the user's callables receive, from a column packed as `symbols`."""
+        found, first = {}, 0
+        for name, shape in self.shapes.items():
+            size = int(np.prod(shape))
+            part = packed[first : first + size]
+            if len(shape) == 2:  # row by row, as numpy stores it
+                part = ca.reshape(part, shape[1], shape[0]).T
+            found[name] = Expressions(part, len(shape))
+            first += size
+        return found
+
+
+def suggestion(name: str, known: Mapping[str, Any] | Sequence[str]) -> str:
+    """Return "; did you mean 'x'?" for the known name nearest to `name`, or nothing."""
+    import difflib  # slow to import, and needed for mistakes only
+
+    near = difflib.get_close_matches(name, list(known), n=1)
+    return f"; did you mean {near[0]!r}?" if near else ""
+
+
+def _finite(name: str, value: ArrayLike) -> Array:
+    """Return a copy, read-only: what was solved with it stays true."""
+    found = numbers(value, f"parameter {name!r}")
+    if found.ndim > 2:
+        raise ValueError(f"expected parameter {name!r} with at most two axes, found {found.ndim}")
+    if not np.all(np.isfinite(found)):
+        raise ValueError(f"expected a finite parameter {name!r}, found {value!r}")
+    found.setflags(write=False)
+    return found
+
+
+def requested(callable_: Callable[..., Any], role: str, positional: Sequence[str]) -> list[str]:
+    """Return the keyword-only names of `callable_`; ["**"] stands for every parameter.
+
+    Raises
+    ------
+    ValueError
+        If it does not take the `positional` arguments of its role.
+    """
+    want = f"{role}({', '.join(positional)}, *, parameters by name)"
+    if not callable(callable_):
+        raise ValueError(f"expected a callable {want}, found {callable_!r}")
+    kinds = inspect.Parameter
+    parameters = list(inspect.signature(callable_).parameters.values())
+    ahead = [
+        p for p in parameters if p.kind in (kinds.POSITIONAL_ONLY, kinds.POSITIONAL_OR_KEYWORD)
+    ]
+    starred = any(p.kind is kinds.VAR_POSITIONAL for p in parameters)
+    needed = [p for p in ahead if p.default is kinds.empty]
+    if not starred and not len(needed) <= len(positional) <= len(ahead):
+        hint = ""
+        if role == "constraint" and len(needed) >= 3:
+            hint = (
+                "; a holonomic constraint f(q, t) = 0 restricts positions, not velocities: "
+                "integrate the velocity condition to one on the coordinates if it can be integrated"
+            )
+        elif len(needed) > len(positional):
+            extra = ", ".join(p.name for p in needed[len(positional) :])
+            hint = f"; put a * before the parameters ({extra})"
+        raise ValueError(f"expected {want}, found {role}({', '.join(p.name for p in ahead)}){hint}")
+    names = [p.name for p in parameters if p.kind is kinds.KEYWORD_ONLY]
+    return [*names, "**"] if any(p.kind is kinds.VAR_KEYWORD for p in parameters) else names
+
+
+def call(
+    callable_: Callable[..., Any],
+    role: str,
+    arguments: Mapping[str, Any],
+    parameters: Mapping[str, Any],
+) -> tuple[Any, set[str]]:
+    """Call a user's function on symbols; return its result and the parameters it used.
+
+    Raises
+    ------
+    ValueError
+        If a parameter it names is missing, or it uses a function CasADi cannot trace.
+    """
+    names = requested(callable_, role, list(arguments))
+    kwargs = {}
+    for name in names:
+        if name == "**":
+            kwargs.update(parameters)
+        elif name in parameters:
+            kwargs[name] = parameters[name]
+        elif inspect.signature(callable_).parameters[name].default is inspect.Parameter.empty:
+            raise ValueError(
+                f"the {role} needs the parameter {name!r}, which is missing from parameters="
+                f"{{{', '.join(map(repr, parameters))}}}{suggestion(name, parameters)}"
+            )
+    try:
+        return callable_(*arguments.values(), **kwargs), set(kwargs)
+    except Exception as error:
+        why = _why(error, arguments, parameters)
+        raise ValueError(f"the {role} could not be traced{why}") from error
+
+
+def _why(error: Exception, arguments: Mapping[str, Any], parameters: Mapping[str, Any]) -> str:
+    """Return why a callable cannot be traced and what to write instead, behind "traced"."""
+    text = said(error)
+    if isinstance(error, OutOfRange):
+        return f": {_missing(error, arguments, parameters)}; indices begin at 0"
+    if isinstance(error, Untraceable):
+        return f": {text}"
+    q = arguments.get("q")
+    if isinstance(error, ValueError) and "values to unpack" in text and q is not None:
+        return f": {text}; q and v have one entry for each coordinate, and there are {len(q)}"
+    if isinstance(error, TypeError) and (name := _function_of_numbers(error)):
+        return f": {name} was given a list of expressions; make it an array by np.stack first"
+    return (
+        f" ({type(error).__name__}: {text}); write it with arithmetic and numpy or casadi "
+        "functions of its arguments: no math module, no branches on their values (use "
+        "casadi.if_else), no np.array of them (use np.stack), no float()"
+    )
+
+
+def _missing(error: OutOfRange, arguments: Mapping[str, Any], parameters: Mapping[str, Any]) -> str:
+    """Return what was asked for and how much there is: "1 coordinate, q[1] asked for"."""
+    for name, value in {**arguments, **parameters}.items():
+        if value is not error.whole:
+            continue
+        if value.ndim != 1:
+            there = f"{name} of shape {value.shape}"
+        elif name in ("q", "v") and name in arguments:
+            there = f"{len(value)} coordinate{'s' if len(value) > 1 else ''}"
+        else:
+            there = f"parameter {name!r} of length {len(value)}"
+        return f"{there}, {name}{error.part} asked for"
+    return f"an array of shape {error.whole.shape}, {error.part} of it asked for"
+
+
+def _function_of_numbers(error: TypeError) -> str:
+    """Return the function of numpy's that wanted numbers for expressions, or nothing."""
+    import traceback  # for mistakes only
+
+    frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
+    if not frames or frames[-1].f_code is not Expressions.__array__.__code__:
+        return ""
+    for frame in frames:
+        room = frame.f_globals.get("__name__", "")
+        name = frame.f_code.co_name
+        if room.partition(".")[0] == "numpy" and hasattr(np, name):
+            return f"np.{name}"
+    return ""
+
+
+def column(result: Any, role: str, rows: int | None = None) -> ca.SX:
+    """Return a user's result, one expression or a sequence of them, as an SX column.
+
+    Raises ValueError if it is no expression, or its length is not `rows`.
+    """
+    try:
+        if isinstance(result, (list, tuple)):
+            value = ca.vertcat(*[ca.vec(ca.SX(item)) for item in result]) if result else ca.SX(0, 1)
+        elif isinstance(result, Expressions) and result.ndim < 2:
+            value = result.sx
+        else:
+            value = ca.vec(ca.SX(result))
+    except Exception as error:
+        raise ValueError(
+            f"expected the {role} to return numbers or expressions, found {type(result).__name__}"
+        ) from error
+    if not value.is_dense():
+        value = ca.densify(value)
+    if _has_nan(value):
+        raise ValueError(
+            f"the {role} contains NaN: a function of the math module, or float(), cannot see a "
+            "symbol and gives NaN for it; use numpy or casadi functions"
+        )
+    if rows is not None and value.numel() != rows:
+        what = "a scalar" if rows == 1 else f"{rows} values"
+        raise ValueError(f"expected the {role} to return {what}, found {value.numel()}")
+    return value
+
+
+def scalar(result: Any, role: str) -> ca.SX:
+    """Return a user's result, one expression without axes, as SX of shape (1, 1).
+
+    Raises ValueError if it is no expression, or a list or an array of them, be it of one.
+    """
+    in_list = isinstance(result, (list, tuple))
+    # CasADi's own scalars are matrices of one entry.
+    if in_list or (getattr(result, "ndim", 0) and result.shape != (1, 1)):
+        what = f"a {type(result).__name__}" if in_list else f"an array of shape {result.shape}"
+        count = len(result) if in_list else result.size
+        raise ValueError(
+            f"expected the {role} to return a scalar, found {count} in {what}; return one "
+            "expression, such as v @ v / 2 or v[0] ** 2 / 2"
+        )
+    return column(result, role, 1)
+
+
+def is_smooth(expression: ca.SX) -> bool:
+    """Return whether no function with a kink or a jump is in the expression.
+
+    The derivatives of such functions hide what they depend on: fabs(q) has no second one.
+    """
+    if not expression.numel():
+        return True
+    return re.search(rf"\b({KINKED})\(|[<?!]|==", str(expression)) is None
+
+
+def localized(expression: ca.SX, parameters: ca.SX) -> int:
+    """Return how narrow a feature an expression can have: 0, 1 or 2.
+
+    0 for polynomials, sines and cosines, whose features are as wide as their periods; 1 for
+    quotients and powers, whose features have tails that are seen from afar; 2 for functions that
+    may vary in a moment and hardly at all elsewhere. Of no
+    account are quotients by a number or one of the `parameters` (a column of symbols).
+    """
+    if not expression.numel():
+        return 0
+    text = str(expression)
+    if re.search(rf"\b({LOCALIZED})\(|[<?!]|==", text):
+        return 2
+    if re.search(rf"\b({TAILED})\(", text):
+        return 1
+    if "/" not in text:
+        return 0
+    numbers = re.findall(r"@\d+(?==[-+.\de]+,)", text)  # common subexpressions that are constants
+    names = [re.escape(x.name()) + r"\b" for x in ca.vertsplit(parameters)]
+    return 1 if re.search(rf"/(?!{'|'.join([r'[0-9]', *numbers, *names])})", text) else 0
+
+
+def _has_nan(expression: ca.SX) -> bool:
+    text = str(expression)
+    return "nan" in text and re.search(r"\bnan\b", text) is not None

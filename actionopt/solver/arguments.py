@@ -1,0 +1,93 @@
+"""The arguments of a solve: checked before any solver runs, the guess made a curve."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from actionopt.analysis.solution import Solution
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.path import Path
+from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.system import System
+from actionopt.tools.checks import numbers, tolerance
+from actionopt.tools.types import Array
+
+Guess = Path | Solution | Callable[[Array], ArrayLike] | ArrayLike
+
+
+def checked(
+    problem: Problem, tol: float, guess: Guess | None, principle: str, mesh: Mesh | None
+) -> Callable[[Mesh], Path] | None:
+    """Raise ValueError for bad arguments; return the guess as a function of a default mesh."""
+    asked(problem)
+    tolerance(tol)
+    if principle not in ("auto", "least", "stationary"):
+        raise ValueError(f"expected principle 'auto', 'least' or 'stationary', found {principle!r}")
+    if principle == "least" and problem.system.structure.forced:
+        raise ValueError(
+            "expected principle 'stationary' or 'auto' for a system with non-conservative "
+            "forces, found 'least': they enter as virtual work, and no functional is minimised"
+        )
+    if mesh is not None:
+        if not isinstance(mesh, Mesh):
+            raise ValueError(f"expected a Mesh(boundaries, degrees), found {mesh!r}")
+        if mesh.boundaries[0] != problem.start.t or mesh.boundaries[-1] != problem.end.t:
+            raise ValueError(
+                f"expected a mesh from {problem.start.t} to {problem.end.t}, the times of the "
+                f"events, found {mesh.boundaries[0]} to {mesh.boundaries[-1]}; "
+                "use mesh.moved(start, end)"
+            )
+    return None if guess is None else curve(problem, guess)
+
+
+def asked(problem: Problem, others: Sequence[Any] = ()) -> None:
+    """Raise ValueError if there is no problem, TypeError for `others` given without their names."""
+    if not isinstance(problem, Problem):
+        hint = "; make one of the system and the events" if isinstance(problem, System) else ""
+        raise ValueError(f"expected a Problem(system, start, end), found {problem!r}{hint}")
+    if others:
+        raise TypeError(
+            "expected the problem, and whatever else by its name, such as tol=1e-8, found also "
+            f"{', '.join(map(repr, others))}"
+        )
+
+
+def curve(problem: Problem, guess: Guess) -> Callable[[Mesh], Path]:
+    """Return the guess as a path, a function of the mesh to use where it has none of its own.
+
+    Raises ValueError if its shape does not fit the problem, or it is not finite.
+    """
+    t0, t1, n = problem.start.t, problem.end.t, problem.system.n
+    if isinstance(guess, Solution):
+        guess = guess.path
+    if isinstance(guess, Path):
+        known = guess
+        if known.values.shape[0] != n:
+            raise ValueError(f"expected a guess of {n} coordinates, found {known.values.shape[0]}")
+        return lambda mesh: Path(known.mesh.moved(t0, t1), known.values)
+    if callable(guess):
+        wanted = guess
+
+        def sampled(mesh: Mesh) -> Path:
+            path = Path.interpolate(lambda t: numbers(wanted(t), "the guess at times t"), mesh)
+            if path.values.shape[0] != n:
+                raise ValueError(
+                    f"expected the guess to return ({n}, K) for K times, found {path.values.shape}"
+                )
+            return path
+
+        sampled(Mesh.uniform(t0, t1, 1, 2))
+        return sampled
+    points = np.atleast_2d(numbers(guess, "the guess, a callable or waypoints"))
+    if points.ndim != 2 or points.shape[0] != n or points.shape[1] < 2:
+        raise ValueError(f"expected waypoints of shape ({n}, K) with K >= 2, found {points.shape}")
+    if not np.all(np.isfinite(points)):
+        raise ValueError("expected finite waypoints, found NaN or infinity")
+    times = np.linspace(t0, t1, points.shape[1])
+    return lambda mesh: Path.interpolate(
+        lambda t: np.stack([np.interp(t, times, row) for row in points]), mesh
+    )

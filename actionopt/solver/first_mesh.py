@@ -1,0 +1,97 @@
+"""The first mesh for linear equations, from the rates at which their solutions turn and decay.
+
+Along one coordinate M a = L_qq q + Q_v v: solutions turn at the rate sqrt(-L_qq / M) where that is
+real, and decay from an end at the rate sqrt(L_qq / M) elsewhere, or by friction at |Q_v| / M. A
+mesh on which turns are lost, or layers, would have to be refined from nothing.
+"""
+
+from __future__ import annotations
+
+from math import lgamma
+
+import numpy as np
+
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.resolution import DEGREES
+from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.system import System
+from actionopt.tools.types import Array
+
+SHOWN = 2.5  # radians, or e-foldings, on an element of some ten degrees: a dozen digits
+LAYER = SHOWN * np.array([0, 1, 2, 3, 4, 6, 9, 14])  # e-foldings from an end; rounded away then
+MOST = 64  # elements for turns
+MARGIN = 5.0  # between a coefficient and the tolerance it has to meet
+TINY = 1e-6
+LOG_FACTORIALS = np.array([lgamma(d) for d in DEGREES])  # of d - 1
+ROUNDOFF = 1e3 * np.finfo(float).eps
+
+
+def planned(problem: Problem, tol: float, elements: int) -> Mesh:
+    """Return a mesh that resolves to `tol` whatever solves equations that do not depend on time."""
+    system, n = problem.system, problem.system.n
+    rest, now = np.zeros((1, n)), np.array([[problem.start.t]])
+    state = rest, rest, now, problem.packed
+    second = system.pointwise("second")(*state)
+    forces = system.pointwise("force_jacobian")(*state) if system.structure.forced else None
+    turns, folds = _rates(system, second, forces, problem.duration)
+    parts, fastest = _shown(turns, folds, elements), SHOWN
+    if parts is None:
+        parts, fastest = np.linspace(0.0, 1.0, elements + 1), max(turns, folds) / elements
+    # The Legendre coefficient k of exp(x t) is about (x / 2)^k / k!; the last two tell the error.
+    logarithms = (DEGREES - 1) * np.log(max(fastest, TINY) / 4) - LOG_FACTORIALS
+    good = logarithms < np.log(tol / MARGIN)
+    degree = DEGREES[np.argmax(good)] if good.any() else DEGREES[-1]
+    since = problem.duration * parts
+    return Mesh.over(problem.start.t, problem.end.t, since, int(degree))
+
+
+def paced(tr: Transcription, z: Array) -> Mesh | None:
+    """Return a mesh that shows turns and layers which that of `tr` does not, if there are any."""
+    problem, mesh, x = tr.problem, tr.mesh, z[: tr.layout.unknowns]
+    forces = tr.forces(x) if problem.system.structure.forced else None
+    rates = _rates(problem.system, tr.second(x), forces, problem.duration)
+    parts = _shown(*rates, mesh.elements)
+    return None if parts is None else mesh.cut(mesh.duration * parts, max(mesh.degrees))
+
+
+def _shown(turns: float, folds: float, elements: int) -> Array | None:
+    """Return boundaries that show so many radians and e-foldings, or None if `elements` do.
+
+    They are parts of the duration, from 0 to 1.
+
+    Uniform but for the ends, where the elements lengthen with their distance from a layer.
+    """
+    if max(turns, folds) <= SHOWN * elements:
+        return None
+    middle = int(np.clip(np.ceil(turns / SHOWN), elements, MOST))
+    layer = np.zeros(1)
+    if folds > SHOWN * elements:
+        layer = LAYER[0.4 * folds > LAYER] / folds  # something is left between
+    last = layer[-1]
+    parts = np.concatenate(
+        [layer[:-1], np.linspace(last, 1.0 - last, middle + 1), 1.0 - layer[-2::-1]]
+    )
+    parts[-1] = 1.0
+    # A layer as thin as that is left to refinement.
+    return None if np.diff(parts).min() < ROUNDOFF else parts
+
+
+def _rates(
+    system: System, second: list[Array], forces: list[Array] | None, duration: float
+) -> tuple[float, float]:
+    """Return the fastest turning, in radians, and decay, in e-foldings, over the whole time."""
+
+    def diagonal(name: str, output: int, values: Array) -> Array:
+        return np.einsum("kii->ki", system.pointwise(name).full(output, values))
+
+    stiffness, mass = (diagonal("second", k, second[k]) for k in (0, 2))
+    friction = np.zeros(1)
+    if forces is not None:
+        stiffness = stiffness + diagonal("force_jacobian", 0, forces[0])
+        friction = diagonal("force_jacobian", 1, forces[1])
+    with np.errstate(all="ignore"):
+        squares, decay = stiffness / mass * duration**2, np.abs(friction / mass) * duration
+    squares, decay = squares[np.isfinite(squares)], decay[np.isfinite(decay)]
+    slow, fast = squares.min(initial=0.0), squares.max(initial=0.0)
+    return float(np.sqrt(-slow)), float(max(np.sqrt(fast), decay.max(initial=0.0)))

@@ -1,0 +1,216 @@
+"""What Ipopt sees of the discrete action; no other module knows its conventions.
+
+Two problems are put to it. *Least*: minimise S subject to the constraint rows. *Stationary*: find
+a root of the KKT residual, a square system with zero objective. Both read their functions from
+the transcription that is bound to them, so the solver of a layout is built once, by each thread
+that needs it. (MUMPS, which serves one thread at a time, is guarded by Ipopt itself.)
+
+Only the direction to a path is asked of Ipopt: Newton's method on the same KKT system ends the
+work, so its tolerance is loose.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import casadi as ca
+import numpy as np
+
+from actionopt.discrete.factors import compressed
+from actionopt.discrete.transcription import Transcription
+from actionopt.tools.interrupts import raised_later
+from actionopt.tools.types import Array
+
+Principle = Literal["least", "patient least", "stationary"]
+
+TOLERANCE = 1e-6  # in the scaled residual; Newton's method takes over far above this
+RUNAWAY = 1e4  # coordinates this many times their own size: minimising has run away
+# A saddle is reached in tens of iterations or not at all; a minimum may lie in a long valley.
+ITERATIONS = {"least": 40, "patient least": 300, "stationary": 60}
+LARGE = 1500  # unknowns above which half of that has to do
+OPTIONS: dict[str, Any] = {
+    "print_time": 0,
+    "calc_lam_p": False,
+    "no_nlp_grad": True,
+    "show_eval_warnings": False,
+    "ipopt.print_level": 0,
+    "ipopt.sb": "yes",
+    "ipopt.tol": TOLERANCE,
+    "ipopt.nlp_scaling_method": "none",  # the transcription is scaled already
+    "ipopt.mumps_permuting_scaling": 0,  # MUMPS can stall for seconds on square systems with it
+    "ipopt.diverging_iterates_tol": RUNAWAY,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Attempt:
+    """What came of one call of Ipopt: the last iterate z, its word, and the iterations."""
+
+    z: Array
+    status: str
+    iterations: int
+
+    @property
+    def converged(self) -> bool:
+        """Whether Ipopt says it converged; the residual decides, not this."""
+        return self.status in ("Solve_Succeeded", "Solved_To_Acceptable_Level")
+
+    @property
+    def diverged(self) -> bool:
+        """Whether the action ran away to minus infinity."""
+        return self.status == "Diverging_Iterates" or bool(np.max(np.abs(self.z)) > RUNAWAY)
+
+
+class _Function(ca.Callback):
+    """A numpy function in CasADi's clothes; it reads and writes CasADi's memory directly."""
+
+    def __init__(
+        self,
+        name: str,
+        inputs: Sequence[tuple[str, ca.Sparsity]],
+        outputs: Sequence[tuple[str, ca.Sparsity]],
+        evaluate: Callable[..., Sequence[Any]],
+        raised: list[BaseException],
+    ) -> None:
+        ca.Callback.__init__(self)
+        self.inputs, self.outputs, self.evaluate = inputs, outputs, evaluate
+        self.raised = raised
+        self.construct(name, {})
+
+    def get_n_in(self) -> int:
+        return len(self.inputs)
+
+    def get_n_out(self) -> int:
+        return len(self.outputs)
+
+    def get_name_in(self, i: int) -> str:
+        return self.inputs[i][0]
+
+    def get_name_out(self, i: int) -> str:
+        return self.outputs[i][0]
+
+    def get_sparsity_in(self, i: int) -> ca.Sparsity:
+        return self.inputs[i][1]
+
+    def get_sparsity_out(self, i: int) -> ca.Sparsity:
+        return self.outputs[i][1]
+
+    def has_eval_buffer(self) -> bool:
+        return True
+
+    def eval_buffer(self, arg, res) -> int:
+        if self.raised:
+            return 1
+        try:
+            values = self.evaluate(*[None if a is None else np.frombuffer(a) for a in arg])
+            for memory, value in zip(res, values, strict=True):
+                if memory is not None and len(memory):
+                    np.frombuffer(memory)[:] = value
+        except BaseException as error:
+            # No exception can cross Ipopt: it is raised again when the solver has returned,
+            # soon, as every evaluation fails from here on.
+            self.raised.append(error)
+        return 1 if self.raised else 0
+
+
+class _Solver:
+    """Ipopt for one layout and one principle."""
+
+    def __init__(self, principle: Principle, tr: Transcription) -> None:
+        self.bound = tr
+        layout = tr.layout
+        size, rows = (
+            (layout.unknowns, layout.rows)
+            if principle != "stationary"
+            else (layout.size, layout.size)
+        )
+        dense = ca.Sparsity.dense
+        x, p = ("x", dense(size)), ("p", ca.Sparsity(0, 0))
+        lam = [("lam_f", dense(1)), ("lam_g", dense(rows))]
+        f, g, grad = ("f", dense(1)), ("g", dense(rows)), ("grad_f_x", dense(size))
+        if principle != "stationary":
+            J = layout.jacobian.sparsity if rows else ca.Sparsity(0, size)
+            H = layout.hessian.sparsity
+            functions = (self._least, self._least_gradient, self._least_rows, self._least_hessian)
+        else:
+            J, H = layout.kkt.sparsity, ca.Sparsity(size, size)
+            functions = (self._root, self._root_gradient, self._root_rows, self._root_hessian)
+        self.raised: list[BaseException] = []  # shared by the functions
+        self.functions = [
+            _Function("nlp", [x, p], [f, g], functions[0], self.raised),
+            _Function("nlp_grad_f", [x, p], [f, grad], functions[1], self.raised),
+            _Function("nlp_jac_g", [x, p], [g, ("jac_g_x", J)], functions[2], self.raised),
+            _Function(
+                "nlp_hess_l",
+                [x, p, *lam],
+                [("triu_hess_gamma_x_x", H)],
+                functions[3],
+                self.raised,
+            ),
+        ]
+        options: dict[str, Any] = {
+            **OPTIONS,
+            "ipopt.max_iter": ITERATIONS[principle] // (1 if size <= LARGE else 2),
+            "grad_f": self.functions[1],
+            "jac_g": self.functions[2],
+            "hess_lag": self.functions[3],
+        }
+        self.solver = ca.nlpsol("nlp", "ipopt", self.functions[0], options)
+
+    def _rows(self, x: Array) -> Array:
+        return self.bound.constraint(x) if self.bound.layout.rows else np.zeros(0)
+
+    def _least(self, x, p):
+        return self.bound.action(x), self._rows(x)
+
+    def _least_gradient(self, x, p):
+        return self.bound.action(x), self.bound.gradient(x)
+
+    def _least_rows(self, x, p):
+        return self._rows(x), self.bound.jacobian(x) if self.bound.layout.rows else np.zeros(0)
+
+    def _least_hessian(self, x, p, lam_f, lam_g):
+        # S and the rows enter with their own factors: H is linear in (lam_f, lam_g).
+        factor = 1.0 if lam_f is None else float(lam_f[0])
+        mu = np.zeros(0) if lam_g is None else lam_g
+        if factor == 1.0:
+            return (self.bound.hessian(np.concatenate([x, mu])),)
+        bare = self.bound.hessian(np.concatenate([x, np.zeros_like(mu)]))
+        if not mu.size:
+            return (factor * bare,)
+        return ((factor - 1) * bare + self.bound.hessian(np.concatenate([x, mu])),)
+
+    def _root(self, x, p):
+        return 0.0, self.bound.residual(x)
+
+    def _root_gradient(self, x, p):
+        return 0.0, 0.0
+
+    def _root_rows(self, x, p):
+        return self.bound.residual(x), compressed(self.bound.layout, self.bound.kkt(x))
+
+    def _root_hessian(self, x, p, lam_f, lam_g):
+        return (0.0,)
+
+
+def find(tr: Transcription, z: Array, principle: Principle) -> Attempt:
+    """Ask Ipopt for a path near z by the `principle`.
+
+    Whatever the transcription or a signal handler raises meanwhile is raised again, as it is.
+    """
+    solvers = tr.layout.solvers
+    if principle not in solvers:
+        solvers[principle] = _Solver(principle, tr)
+    mine = solvers[principle]
+    mine.bound = tr
+    cut = tr.layout.unknowns
+    bound = 0.0 if mine.functions[0].outputs[1][1].numel() else np.zeros(0)
+    with np.errstate(all="ignore"), raised_later(mine.raised, stop=False):
+        answer = mine.solver(x0=z[:cut] if principle != "stationary" else z, lbg=bound, ubg=bound)
+        stats = mine.solver.stats()
+        found = answer["x"].full().ravel()
+        if principle != "stationary":
+            found = np.concatenate([found, answer["lam_g"].full().ravel()])
+    return Attempt(found, stats["return_status"], int(stats["iter_count"]))

@@ -1,0 +1,190 @@
+"""What can be wrong with a question, found before any solver runs.
+
+The checks look at a few points of the first path: the constraint Jacobian must have full rank
+there and the mass matrix must be regular on the motions that the constraints allow.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.problem import Problem
+from actionopt.tools.types import Array
+
+SAMPLES = 3  # points looked at; a defect shows at all of them
+RANK = 1e-10  # singular values below this fraction of the largest are zero
+VELOCITIES = 4  # tried at an event
+BESIDE = 1e-3  # of the motion's size and of the duration: near an event, and not there
+
+
+def check(tr: Transcription, Q: Array) -> None:
+    """Look at the path with node coordinates Q (K, n).
+
+    Raises
+    ------
+    ValueError
+        If constraints are redundant or inconsistent (the rows are named), the mass matrix is
+        singular (the coordinate is named), or L is not finite: along the whole path, or at an event
+        (the coordinate is named).
+    """
+    problem = tr.problem
+    system = problem.system
+    nodes = tr.mesh.nodes
+    last = nodes.size - 1
+    chosen = sorted({k * last // (SAMPLES + 1) for k in range(SAMPLES + 2)})[1:-1] or [0]
+    q, t = Q[chosen], nodes[chosen][:, None]
+    with np.errstate(all="ignore"):
+        if not all(np.isfinite(part).all() for part in tr.action_and_gradient(Q)):
+            _check_events(tr, Q)
+            _check_finite(tr, Q)
+    G = None
+    if system.m:
+        jacobian = system.pointwise("constraint_jacobian")
+        G = jacobian.full(0, jacobian(q, t, problem.packed)[0])
+        _check_rank(problem, q, t, G * tr.lengths)
+    M = system.pointwise("second").full(2, tr.inertia[None], symmetric=True)[0]
+    if _definite(M):
+        return
+    # Generic velocities: a mass matrix such as that of v^4 is singular at rest only.
+    rates = tr.lengths / problem.duration
+    v = rates * (1 + 0.5 * np.cos(np.arange(q.size).reshape(q.shape)))
+    second = system.pointwise("second")
+    M = second.full(2, second(q, v, t, problem.packed)[2], symmetric=True)
+    M = M * tr.lengths[:, None] * tr.lengths
+    finite = np.isfinite(M).all(axis=(1, 2))
+    if not finite.any():
+        raise ValueError(
+            "expected a Lagrangian that is finite along the first path, found NaN or infinity at "
+            f"q = {q[0].tolist()}, t = {t[0, 0]}; give a guess that avoids the singularity"
+        )
+    _check_mass(system.coordinates, M[finite], None if G is None else (G * tr.lengths)[finite])
+
+
+def _check_finite(tr: Transcription, Q: Array) -> None:
+    """Raise ValueError if L is finite nowhere along the path with node coordinates Q (K, n)."""
+    at, problem = Q[tr.layout.node_of], tr.problem
+    L = problem.system.pointwise("first")(at, tr.velocities(at), tr.times, problem.packed)[2]
+    if not np.isfinite(L).any():
+        raise ValueError(
+            "expected a Lagrangian that is finite along the first path, found NaN or infinity at "
+            f"all of its times, such as at q = {at[0].tolist()}, t = {tr.times[0, 0]}; keep to "
+            "its domain, or give a guess that avoids the singularity"
+        )
+
+
+def _check_events(tr: Transcription, Q: Array) -> None:
+    """Raise ValueError if L or its derivatives are infinite at an event, whatever the velocity."""
+    problem, nodes = tr.problem, tr.mesh.nodes
+    n, first = problem.system.n, problem.system.pointwise("first")
+    rates = tr.lengths / problem.duration
+    waves = np.cos(np.arange(1.0, 1 + VELOCITIES * n)).reshape(VELOCITIES, n)
+    v = waves * rates * np.logspace(0, -6, VELOCITIES)[:, None]  # some stay below a limit
+
+    def found(q: Array, t: float) -> str:
+        """Return what is not finite there at any velocity, if anything is."""
+        at = np.repeat(q[None], VELOCITIES, axis=0)
+        values = first(at, v, np.full((VELOCITIES, 1), t), problem.packed)
+        finite = [np.isfinite(x).all(axis=1) for x in (values[2], values[1], values[0])]
+        if np.logical_and.reduce(finite).any():
+            return ""
+        names = ("L", "dL/dv", "dL/dq")
+        return next((x for x, good in zip(names, finite, strict=True) if not good.any()), "L")
+
+    for k, role, event in ((0, "start", problem.start), (-1, "end", problem.end)):
+        what = found(Q[k], nodes[k])
+        if not what:
+            continue
+        beside = tr.mesh.duration * BESIDE * (1 if k == 0 else -1)
+        where = [f"t = {event.t:g}"] if not found(Q[k], nodes[k] + beside) else []
+        for i in event.pinned:
+            name = problem.system.coordinates[i]
+            step = np.where(np.arange(n) == i, BESIDE * tr.lengths, 0.0)
+            if not (found(Q[k] + step, nodes[k]) and found(Q[k] - step, nodes[k])):
+                where.append(f"{name} = {Q[k, i]:g}")
+        if not where:  # nor is it beside the event
+            continue
+        raise ValueError(
+            f"expected a Lagrangian that is finite at the {role} event, found that {what} is not, "
+            f"where {' and '.join(where)}, whatever the velocity; put the event a "
+            "little beside (`trace` may then follow the path towards it), or use coordinates in "
+            "which the place is regular"
+        )
+
+
+def _check_rank(problem: Problem, q: Array, t: Array, G: Array) -> None:
+    system = problem.system
+    if system.m > system.n:
+        raise ValueError(
+            f"expected at most {system.n} constraints on {system.n} coordinates, found {system.m}"
+        )
+    size = np.linalg.norm(G, axis=2, keepdims=True)
+    if not np.isfinite(G).all():
+        return
+    unit = G / np.where(size > 0, size, 1.0)
+    if _definite(unit[0] @ unit[0].T):
+        return
+    left, values, _ = np.linalg.svd(unit, full_matrices=False)
+    if not np.all(values[:, -1] <= RANK * values[:, 0]):
+        return
+    null = np.abs(left[0, :, -1])
+    rows = np.flatnonzero(null > 1e-6 * null.max()).tolist()
+    f = system.pointwise("constraint")(q, t, problem.packed)[0]
+    miss = np.abs(f / np.maximum(size[..., 0], np.finfo(float).tiny))[:, rows].max()
+    if len(rows) == 1:
+        raise ValueError(
+            f"expected constraints that each restrict the coordinates, found that row {rows[0]} "
+            "does not depend on any of them there; remove it, or correct it"
+        )
+    verdict = "contradict each other" if miss > 1e-6 else "say the same thing"
+    raise ValueError(
+        f"expected independent constraints, found that rows {rows} {verdict} (their gradients are "
+        "linearly dependent along the path), so that their multipliers are not determined; "
+        f"remove one of rows {rows}"
+    )
+
+
+def _check_mass(names: tuple[str, ...], M: Array, G: Array | None) -> None:
+    for k in range(len(M)):
+        units = _equilibrating(M[k])
+        basis = np.eye(len(names))
+        if G is not None:
+            _, values, right = np.linalg.svd(G[k] * units)
+            basis = right[np.sum(values > RANK * values[0]) :].T
+        if basis.shape[1] == 0:
+            return
+        on_motions = basis.T @ (M[k] * units * units[:, None]) @ basis
+        _, values, right = np.linalg.svd(on_motions)
+        if values[-1] > RANK * values[0]:
+            return
+        direction = np.abs(basis @ right[-1])
+    worst = [names[i] for i in np.flatnonzero(direction > 0.1 * direction.max())]
+    raise ValueError(
+        f"expected a regular mass matrix d2L/dv2, found it singular in the direction of "
+        f"{', '.join(worst)}: L is not quadratic or convex in that velocity, so its motion is not "
+        "determined by two events. That is legitimate only in a direction that the constraints "
+        "fix; eliminate the coordinate where it is cyclic or has no inertia, give it a mass, or "
+        "use v . v / 2 in place of a length |v|"
+    )
+
+
+def _equilibrating(M: Array) -> Array:
+    """Return r so that diag(r) M diag(r) has rows of size one, whatever the coordinates' units.
+
+    A coordinate without inertia keeps its own unit, beside those of the largest inertia.
+    """
+    largest = np.max(np.abs(M))
+    r = np.full(len(M), 1 / np.sqrt(largest) if largest > 0 else 1.0)
+    for _ in range(5):  # Ruiz scaling
+        row = np.max(np.abs(M * r * r[:, None]), axis=1)
+        r /= np.sqrt(np.where(row > 0, row, 1.0))
+    return r
+
+
+def _definite(M: Array) -> bool:
+    """Whether M is plainly positive definite in any units, the ordinary case, quickly found out."""
+    try:
+        pivots = np.diagonal(np.linalg.cholesky(M)) ** 2
+    except np.linalg.LinAlgError:
+        return False
+    return bool((pivots > RANK * np.diagonal(M)).all())

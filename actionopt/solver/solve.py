@@ -1,0 +1,243 @@
+"""From a problem to a solution: find a path on a coarse mesh, then follow it to the tolerance.
+
+Finding (`ladder`) and following (`refine`) are different work, on the same path (`iterate`).
+*Finding* starts from the straight line, or from a guess. *Following* is Newton's: each refinement
+round carries the path to a better mesh and polishes it there, always the same path.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from time import perf_counter
+from typing import Any, Literal, Never
+
+import numpy as np
+
+from actionopt.analysis.solution import Solution
+from actionopt.analysis.status import SolveError, Status
+from actionopt.discrete.crossing import crossed
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.path import Path
+from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.problem import Problem
+from actionopt.solver.arguments import Guess, asked, checked
+from actionopt.solver.iterate import ROUNDOFF, Walk
+from actionopt.solver.ladder import COARSE_DEGREE, LINEAR, Search
+from actionopt.tools.watch import OutOfTime, Progress, Watch
+
+BEFORE_A_JUMP = 3  # rungs tried where the first path crosses a jump: seconds are lost there
+SENSITIVE = 1e-7  # amplified round-off of a path that may be one of many; 1e-9 on the scenes
+RESOLVED = 0.1  # of the motion's own size, errors of a path that is one: the largest tol
+
+
+def solve(
+    problem: Problem,
+    *others: Never,
+    tol: float = 1e-8,
+    guess: Guess | None = None,
+    principle: Literal["auto", "least", "stationary"] = "auto",
+    mesh: Mesh | None = None,
+    seconds: float | None = None,
+    progress: Progress | None = None,
+    throw: bool = True,
+) -> Solution:
+    """Return the path between the events of `problem` that makes its action stationary.
+
+    Parameters
+    ----------
+    problem : Problem
+        The system and the two events.
+    tol : float
+        Bound on the maximum over time of |q_h(t) - q(t)|, each coordinate in units of the
+        largest |q| it reaches; between 1e-14 and 0.1.
+    guess : Path, Solution, callable or array, optional
+        A curve near the path wanted: a callable of (K,) times returning (n, K), or waypoints
+        (n, K) at equal times. With a guess the stationary path near it is returned; without
+        one, a least path if there is one, else a stationary one.
+    principle : {"auto", "least", "stationary"}
+        What to ask of the action.
+    mesh : Mesh, optional
+        Solve on this mesh and do not refine.
+    seconds : float, optional
+        The time it may take, a little more where one evaluation takes long; then the best attempt
+        is what there is.
+    progress : callable, optional
+        `progress(how, elements, iterations)` at every iteration: the way that is being tried, the
+        elements of the mesh at hand, and the iterations so far. What it raises ends the solve.
+    throw : bool
+        Raise on failure; otherwise return the best attempt with its `status`.
+
+    Raises
+    ------
+    ValueError
+        For bad input, before any solver runs.
+    TypeError
+        For more than the problem without a name.
+    SolveError
+        If no path was found or the tolerance was not met; it carries the best attempt.
+    KeyboardInterrupt
+        If interrupted, also from within Ipopt; so for whatever else a signal handler raises.
+
+    References
+    ----------
+    *Competitive Physics: Mechanics and Waves* (2018), sections 12.1-12.4; Marsden and West,
+    *Discrete mechanics and variational integrators*, Acta Numerica 10 (2001), sections 1.2
+    and 2.2.
+    """
+    started = perf_counter()
+    if others:
+        asked(problem, others)
+    curve_of = checked(problem, tol, guess, principle, mesh)
+    watch = None if seconds is progress is None else Watch(seconds, progress)
+    system = problem.system
+    # Far from zero a path to `tol` may be none: its motion is to be resolved as well.
+    tol = min(tol, RESOLVED * float((problem.lengths / problem.scales).min()))
+    walk = Walk(problem, system.structure.linear, tol, refines=mesh is None, watch=watch)
+    for name in ("first", "second"):
+        system.pointwise(name)
+    walk.time["derive"] += perf_counter() - started
+    search = Search(walk, tol, principle, mesh)
+    try:
+        status = _found(search, guess, curve_of)
+    except OutOfTime:
+        walk.stop()
+        status = Status.OUT_OF_TIME
+    if watch is not None and watch.raised is not None and not isinstance(watch.raised, OutOfTime):
+        raise watch.raised
+    if principle == "least" and status.success and walk.index() > 0:
+        status = Status.UNBOUNDED if walk.linear else Status.NOT_LEAST
+    solution = _solution(walk, status, search.rung, started)
+    if _suspect(walk, status):
+        solution = _family(walk, solution)
+    if throw and not solution.success:
+        raise SolveError(_message(walk, solution.status, tol), solution)
+    return solution
+
+
+def _found(search: Search, guess: Guess | None, curve_of: Callable[[Mesh], Path] | None) -> Status:
+    """Find a path that crosses no jump of L."""
+    walk = search.walk
+    steps = walk.problem.system.switches
+    if steps is None:
+        return _sought(search, guess, curve_of)
+    mesh = Mesh.uniform(walk.problem.start.t, walk.problem.end.t, LINEAR, COARSE_DEGREE)
+    straight = Transcription(walk.problem, mesh, walk.problem.lengths).straight()
+    first = Path(mesh, straight.T) if curve_of is None else curve_of(mesh)
+    jump, status = crossed(steps, walk.problem, first), Status.JUMP
+    if jump is not None:
+        search.ladder = search.ladder[:BEFORE_A_JUMP]
+    if jump is None or not jump.inevitable:
+        status = _sought(search, guess, curve_of)
+        # What was lost on the way may have been lost at a jump that the first path crosses.
+        jump = crossed(steps, walk.problem, walk.path()) or (None if status.success else jump)
+    else:
+        walk.begin()
+        walk.place(mesh, first)
+        search.rung = "none"
+    if jump is None:
+        return status
+    walk.hint, walk.error = str(jump), np.inf
+    return Status.JUMP
+
+
+def _sought(search: Search, guess: Guess | None, curve_of: Callable[[Mesh], Path] | None) -> Status:
+    """Find a path, from a neighbour that is solved, from another guess, or from nothing."""
+    walk, problem, status = search.walk, search.walk.problem, Status.NOT_FOUND
+    if isinstance(guess, Solution) and isinstance(guess.problem, Problem) and guess.success:
+        walk.gain = guess.stats.get("gain", walk.gain)  # a neighbour is as sensitive
+        if guess.problem.system is problem.system:
+            walk.many = search.given is None or search.given is guess.mesh
+            if np.array_equal(problem.packed, guess.problem.packed):
+                walk.units, walk.checked = guess.discrete[0], True
+                status = search.from_neighbour(guess)
+    if status not in (Status.NOT_FOUND, Status.UNRESOLVED):
+        return status
+    if walk.linear:
+        return search.solve_linear(curve_of)
+    return search.from_nothing() if curve_of is None else search.from_guess(curve_of)
+
+
+def _suspect(walk: Walk, status: Status) -> bool:
+    """Whether the ends may leave a family of paths, or did so where one was lost."""
+    if walk.problem.system.structure.forced:
+        return False
+    if not status.success:
+        return walk.lost is not None and status in (Status.NOT_FOUND, Status.UNRESOLVED)
+    if walk.problem.system.n == 1:  # nothing is zero on one side of a symmetry
+        return walk.noise > SENSITIVE / 100
+    try:
+        return walk.amplification() > SENSITIVE
+    except np.linalg.LinAlgError:
+        return True
+
+
+def _family(walk: Walk, solution: Solution) -> Solution:
+    """Return the verdict DEGENERATE if the path is one of a family, else the solution as it is."""
+    from actionopt.analysis.index import TOLERANCE, inertia  # hardly ever needed
+
+    near = solution
+    if not solution.success and walk.lost is not None:
+        tr, z = walk.lost
+        path, lam = Path(tr.mesh, tr.coordinates(z).T), tr.unpack(z)[1].T
+        near = replace(solution, path=path, lam=lam, error=np.inf)
+        near.__dict__["discrete"] = walk.lost
+    try:
+        found = inertia(near)
+    except (ValueError, np.linalg.LinAlgError):
+        return solution
+    if not found.nullity or found.tolerance > TOLERANCE:
+        return solution
+    condition = 1 / max(found.smallest or 0.0, float(np.finfo(float).eps))
+    walk.hint = f"the paths between the ends are a family of dimension {found.nullity}"
+    walk.noise, walk.error = max(walk.noise, condition * ROUNDOFF), near.error
+    stats = near.stats | {"condition": condition, "nullity": found.nullity, "noise": walk.noise}
+    family = replace(near, status=Status.DEGENERATE, stats=stats)
+    family.__dict__["discrete"] = near.discrete
+    return family
+
+
+def _message(walk: Walk, status: Status, tol: float) -> str:
+    name = walk.problem.name
+    figures = f"tol = {tol:g}, error estimate {walk.error:.2g}"
+    if status in (Status.FLOOR, Status.DEGENERATE):
+        figures += f", condition about {walk.noise / ROUNDOFF:.1g}"
+    hint = f"; {walk.hint}" if walk.hint else ""
+    if walk.problem.origin is not None:
+        i = int(np.argmax(walk.problem.scales / walk.problem.lengths))
+        size = walk.problem.scales[i]
+        hint += (
+            f"; {walk.problem.system.coordinates[i]} is about {size:.3g} and known to "
+            f"{np.spacing(size):.1g} only: measure it from a point near the motion"
+        )
+    if walk.problem.advance is not None and not walk.problem.start.pinned:
+        hint += "; a closed path may start anywhere along itself: give one coordinate at the start"
+    return f"{name}: {status.value} ({figures}){hint}"
+
+
+def _solution(walk: Walk, status: Status, rung: str, started: float) -> Solution:
+    tr, z, layout = walk.tr, walk.z, walk.tr.layout
+    clock = perf_counter()
+    path = walk.path()
+    action = tr.action(z[: layout.unknowns]) * tr.action_unit
+    if status.success and not np.isfinite(action):
+        status = Status.UNRESOLVED
+    tr.forget()  # many solutions may be kept
+    walk.time["verify"] += perf_counter() - clock
+    walk.time["total"] = perf_counter() - started
+    stats: dict[str, Any] = {
+        "rung": rung,
+        "unknowns": layout.unknowns,
+        "rows": layout.rows,
+        "iterations": dict(walk.iterations),
+        "evaluations": dict(walk.evaluations),
+        "rounds": walk.rounds,
+        "gain": walk.gain,
+        "noise": walk.noise,
+        "condition": max(walk.noise / ROUNDOFF, 1.0),
+        "derived": walk.problem.system.derived,
+        "time": dict(walk.time),
+    }
+    solution = Solution(walk.problem, path, action, tr.unpack(z)[1].T, walk.error, status, stats)
+    solution.__dict__["discrete"] = (tr, z)  # at hand already: nothing to rebuild
+    return solution

@@ -1,0 +1,1 @@
+"""What knows no mechanics: quadrature rules, checks of input, files, signals, progress."""

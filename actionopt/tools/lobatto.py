@@ -1,0 +1,176 @@
+"""Legendre-Gauss-Lobatto (LGL) rules: the nodes on which a path lives and its action is summed.
+
+Everything is on the reference interval [-1, 1]. Nodes are the end points and the roots of P'_d;
+they are polished by Newton's method, because a differentiation matrix built from nodes that are
+good to 1e-12 is good to 1e-10 only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache, cached_property
+
+import numpy as np
+
+from actionopt.tools.types import Array
+
+MORE = 3  # degrees of the other quadrature of a rule: its points lie between the nodes
+
+
+@dataclass(frozen=True, eq=False)
+class Sampling:
+    """A quadrature with m + 1 points for the polynomials with given values at d + 1 nodes.
+
+    Attributes
+    ----------
+    nodes : (m + 1,) array
+    values, slopes : (m + 1, d + 1) arrays
+        Map nodal values to values and derivatives at the points.
+    weighted_values, weighted_slopes : (d + 1, m + 1) arrays
+        Their transposes, times the weights.
+    """
+
+    nodes: Array
+    values: Array
+    slopes: Array
+    weighted_values: Array
+    weighted_slopes: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Rule:
+    """The LGL rule of one polynomial degree d (d + 1 points, exact to degree 2d - 1).
+
+    Attributes
+    ----------
+    degree : int
+        Polynomial degree d >= 1.
+    nodes : (d + 1,) array
+        xi_k in [-1, 1], increasing, ends included.
+    weights : (d + 1,) array
+        w_k = 2 / (d (d + 1) P_d(xi_k)^2); they sum to 2.
+    barycentric : (d + 1,) array
+        Barycentric interpolation weights, scaled to a largest magnitude of one.
+    derivative : (d + 1, d + 1) array
+        D[k, j] = l_j'(xi_k) for the Lagrange polynomials l_j.
+    to_legendre : (d + 1, d + 1) array
+        Maps nodal values to the coefficients of P_0 ... P_d.
+    """
+
+    degree: int
+    nodes: Array
+    weights: Array
+    barycentric: Array
+    derivative: Array
+    to_legendre: Array
+
+    @cached_property
+    def weighted(self) -> Array:
+        """The matrix w_k D_kj, (d + 1, d + 1)."""
+        return self.weights[:, None] * self.derivative
+
+    @cached_property
+    def stiffness(self) -> Array:
+        """The matrices w_k D_kj D_kl, ((d + 1)^2, d + 1): row (j, l), column k."""
+        products = np.einsum("kj,kl->jlk", self.weighted, self.derivative)
+        return products.reshape(-1, self.degree + 1)
+
+    @cached_property
+    def same(self) -> Sampling:
+        """Sums over the nodes themselves."""
+        return self._sampled(self.nodes, self.weights)
+
+    @cached_property
+    def other(self) -> Sampling:
+        """Sums over other points, between the nodes."""
+        rule = lgl(self.degree + MORE)
+        return self._sampled(rule.nodes, rule.weights)
+
+    def dense(self, panels: int) -> Sampling:
+        """Return sums over Gauss's points, `panel` in each of so many equal parts."""
+        if panels not in self._dense:
+            x, w = np.polynomial.legendre.leggauss(self.panel)
+            middles = (2 * np.arange(panels)[:, None] + 1) / panels - 1
+            nodes = (middles + x / panels).ravel()
+            self._dense[panels] = self._sampled(nodes, np.tile(w / panels, panels))
+        return self._dense[panels]
+
+    @property
+    def panel(self) -> int:
+        """Points in a part of `dense`: exact for products of the polynomials, even in one part."""
+        return max(self.degree + 2, 8)
+
+    @cached_property
+    def _dense(self) -> dict[int, Sampling]:
+        return {}
+
+    def _sampled(self, nodes: Array, weights: Array) -> Sampling:
+        values = self.interpolation(nodes)
+        slopes = values @ self.derivative
+        return Sampling(nodes, values, slopes, values.T * weights, slopes.T * weights)
+
+    def interpolation(self, xi: Array) -> Array:
+        """Return the matrix (K, d + 1) that maps nodal values to values at the K points `xi`."""
+        gap = xi[:, None] - self.nodes
+        exact = gap == 0.0
+        with np.errstate(divide="ignore", invalid="ignore"):
+            terms = self.barycentric / gap
+            matrix = terms / terms.sum(axis=1, keepdims=True)
+        hit = exact.any(axis=1)
+        matrix[hit] = exact[hit]
+        return matrix
+
+
+def legendre(degree: int, x: Array) -> Array:
+    """Return P_0(x) ... P_degree(x) as an array (degree + 1, K) by the three-term recurrence."""
+    values = np.empty((degree + 1, x.size))
+    values[0] = 1.0
+    if degree:
+        values[1] = x
+    for k in range(1, degree):
+        values[k + 1] = ((2 * k + 1) * x * values[k] - k * values[k - 1]) / (k + 1)
+    return values
+
+
+@cache
+def lgl(degree: int) -> Rule:
+    """Return the LGL rule with `degree + 1` points.
+
+    Raises
+    ------
+    ValueError
+        If `degree` is not an integer >= 1.
+
+    References
+    ----------
+    Canuto, Hussaini, Quarteroni, Zang, *Spectral Methods: Fundamentals in Single Domains* (2006),
+    section 2.3.1; Berrut and Trefethen, *Barycentric Lagrange Interpolation*, SIAM Review 46
+    (2004), equations 4.2 and 9.4.
+    """
+    if int(degree) != degree or degree < 1:
+        raise ValueError(f"expected a polynomial degree >= 1, found {degree!r}")
+    d = int(degree)
+    x = -np.cos(np.pi * np.arange(d + 1) / d)
+    # Newton on (1 - x^2) P_d'(x) = d (P_{d-1} - x P_d), whose derivative is -d (d + 1) P_d.
+    for _ in range(50):
+        p = legendre(d, x)
+        step = (x * p[d] - p[d - 1]) / ((d + 1) * p[d])
+        x = x - step
+        if np.max(np.abs(step)) < 1e-16:
+            break
+    x = (x - x[::-1]) / 2  # exactly antisymmetric
+    x[0], x[-1] = -1.0, 1.0
+    p = legendre(d, x)
+    w = 2.0 / (d * (d + 1) * p[d] ** 2)
+    # For LGL points the barycentric weight is proportional to 1 / P_d(xi).
+    b = 1.0 / p[d]
+    b /= np.max(np.abs(b))
+    gap = x[:, None] - x
+    np.fill_diagonal(gap, 1.0)
+    D = (b / b[:, None]) / gap
+    np.fill_diagonal(D, 0.0)
+    np.fill_diagonal(D, -D.sum(axis=1))  # rows sum to zero: constants have no velocity
+    # Discrete orthogonality: sum_k w_k P_i P_j = 2/(2i + 1), except 2/d for i = j = d.
+    norm = 2.0 / (2 * np.arange(d + 1) + 1)
+    norm[d] = 2.0 / d
+    return Rule(d, x, w, b, D, p * w / norm[:, None])

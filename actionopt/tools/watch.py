@@ -1,0 +1,57 @@
+"""What watches over a search: the time it may take, and who wants to know how far it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from time import perf_counter
+
+from actionopt.tools.checks import number
+
+Progress = Callable[[str, int, int], object]
+
+
+class OutOfTime(Exception):
+    """The time that was given is used up; never seen outside the solver."""
+
+
+class Watch:
+    """Looked at whenever second derivatives are evaluated, which every iteration does.
+
+    Parameters
+    ----------
+    seconds : float or None
+        After which `OutOfTime` is raised; without a limit if None.
+    progress : callable or None
+        `progress(how, elements, iterations)`, called each time.
+
+    Raises
+    ------
+    ValueError
+        If the time is no positive number.
+    """
+
+    def __init__(self, seconds: float | None, progress: Progress | None) -> None:
+        self.end = None
+        if seconds is not None:
+            given = number(seconds, "the seconds a solve may take")
+            if given <= 0:
+                raise ValueError(f"expected a positive number of seconds, found {given:g}")
+            self.end = perf_counter() + given
+        if progress is not None and not callable(progress):
+            raise ValueError(f"expected progress(how, elements, iterations), found {progress!r}")
+        self.progress, self.how, self.iterations = progress, "", 0
+        self.raised: BaseException | None = None  # by progress: nobody on the way may take it
+
+    def __call__(self, elements: int) -> None:
+        """Raise OutOfTime, or report, when it is time to."""
+        self.iterations += 1
+        if self.raised is not None:
+            raise OutOfTime
+        if self.progress is not None:
+            try:
+                self.progress(self.how, elements, self.iterations)
+            except BaseException as error:
+                self.raised = error
+                raise
+        if self.end is not None and perf_counter() > self.end:
+            raise OutOfTime

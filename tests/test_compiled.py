@@ -1,0 +1,85 @@
+"""Functions at many times at once: memory that is kept, and memory that is not."""
+
+from copy import deepcopy
+
+import numpy as np
+import pytest
+
+from actionopt.mechanics import compiled
+from actionopt.mechanics.system import System
+
+
+def lagrangian(q, v, t, *, k):
+    return (v @ v) / 2 - k * np.cos(q[0] * q[1]) + np.sin(t) * q[1] * v[0]
+
+
+def new():
+    return System(lagrangian, ["x", "y"], parameters={"k": 2.0})
+
+
+def kept(function):
+    """Return the numbers in the memory that this thread keeps."""
+    entries = function._memory.ready.values()
+    return sum(x.size for inputs, outputs, *_ in entries for x in (*inputs, *outputs))
+
+
+def states(count):
+    random = np.random.default_rng(count)
+    return random.normal(size=(2, count)), random.normal(size=(2, count)), random.normal(size=count)
+
+
+def test_memory_of_large_numbers_of_times_is_not_kept():
+    system = new()
+    for count in range(400_000, 400_004):
+        q, v, t = states(count)
+        system.energy(q, v, t)
+        assert kept(system.pointwise("energy")) <= compiled.WHOLE
+
+
+@pytest.mark.parametrize("name", ["first", "energy", "second"])
+def test_memory_of_many_numbers_of_times_is_bounded(monkeypatch, name):
+    monkeypatch.setattr(compiled, "KEPT", 40_000)
+    system = new()
+    function, p = system.pointwise(name), system.table.pack(system.parameters)
+    asked = 0
+    for count in range(1, 200):
+        q, v, t = states(count)
+        values = function(q.T, v.T, t[:, None], p)
+        asked += q.size + v.size + t.size + sum(x.size for x in values)
+        assert kept(function) <= compiled.KEPT
+        assert len(function._memory.ready) <= compiled.KEPT // compiled.LEAST
+        assert count in function._memory.ready  # the latest is there to be used again
+    assert asked > 2 * compiled.KEPT
+
+
+def test_parts_give_what_the_whole_gives(monkeypatch):
+    q, v, t = states(1000)
+    arguments = q.T, v.T, t[:, None], np.array([[2.0]])
+    names = ("value", "first", "second", "energy")
+    whole = {name: new().pointwise(name)(*arguments) for name in names}
+    for size in (1, 17, 120):
+        monkeypatch.setattr(compiled, "WHOLE", size)
+        system = new()
+        for name in names:
+            function = system.pointwise(name)
+            for part, all_at_once in zip(function(*arguments), whole[name], strict=True):
+                assert np.array_equal(part, all_at_once)
+            assert list(function._memory.ready) == [max(size // function._numbers, 1)]
+
+    function = system.pointwise("first")
+    once = function(q.T, v.T, t[:1, None], arguments[3])[0].copy()  # one time for all
+    assert np.array_equal(once, function(q.T, v.T, t[:1, None].repeat(1000, 0), arguments[3])[0])
+
+
+def test_a_copy_has_memory_of_its_own():
+    function, (q, v, t) = new().pointwise("first"), states(5)
+    arguments = q.T, v.T, t[:, None], np.array([[2.0]])
+    values = function(*arguments)
+    copied = deepcopy(function)(*arguments)
+    for x, y in zip(values, copied, strict=True):
+        assert np.array_equal(x, y) and not np.shares_memory(x, y)
+
+
+def test_no_times():
+    system = new()
+    assert system.momentum(np.zeros((2, 0)), np.zeros((2, 0)), 0.0).shape == (2, 0)

@@ -1,0 +1,187 @@
+"""Factors of the KKT matrix, however it is stored, against dense linear algebra."""
+
+import numpy as np
+import pytest
+
+from actionopt.discrete.blocks import Condensed
+from actionopt.discrete.factors import Factors, compressed, diagonal, negative_eigenvalues, product
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.problem import Event, Problem
+from actionopt.mechanics.system import System
+
+# A backward stable solve is wrong by the condition of the matrix times rounding, some 1e2 of it.
+ROUNDING = 100 * np.finfo(float).eps
+
+
+def springs(q, v, t):
+    x, y, z = q
+    return (v[0] ** 2 + v[1] ** 2 + v[2] ** 2 - x**2 * y**2 - (y - z) ** 4) / 2
+
+
+def sphere(q, t):
+    return q[0] ** 2 + q[1] ** 2 - 2 * q[2]
+
+
+def drag(q, v, t):
+    return [-x * (1 + q[0] ** 2) for x in v]
+
+
+KINDS = {"plain": {}, "sphere": {"constraint": sphere}, "drag": {"force": drag}}
+# Elements, and rows within one up to which it is a block: made full, in blocks, condensed once more
+# and once more, sparse (L D L', or QR where forces make the matrix unsymmetric).
+STORED = {
+    "small": (2, None),
+    "blocks": (12, None),
+    "reduced": (41, None),
+    "reduced twice": (80, None),
+    "sparse": (12, 0),
+}
+
+
+@pytest.fixture(params=STORED)
+def stored(request, monkeypatch):
+    elements, inner = STORED[request.param]
+    if inner is not None:
+        monkeypatch.setattr("actionopt.discrete.layout.INNER", inner)
+    return request.param, elements
+
+
+def matrix_of(kind, stored, duration=2.0):
+    """Return layout, nonzeros and dense matrix at a generic point."""
+    name, elements = stored
+    system = System(springs, list("xyz"), **KINDS[kind])
+    problem = Problem(system, Event(0, [0, 0, 0]), Event(duration, [1, 1, 1]))
+    tr = Transcription(problem, Mesh.uniform(0, duration, elements, 4), np.ones(3))
+    assert tr.layout.storage == ("sparse" if name == "sparse" else "blocks")
+    assert tr.layout.small == (name == "small")
+    z = np.random.default_rng(elements).uniform(-1, 1, tr.layout.size)
+    nonzeros, pattern = tr.kkt(z), tr.layout.kkt
+    dense = np.zeros(pattern.shape)
+    dense[pattern.row, pattern.col] = compressed(tr.layout, nonzeros)
+    return tr.layout, nonzeros, dense
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("many", [False, True])
+def test_solutions_are_those_of_a_dense_solver(kind, stored, many):
+    layout, nonzeros, dense = matrix_of(kind, stored)
+    factors = Factors(layout, nonzeros, many=many)
+    rng = np.random.default_rng(1)
+    for right in rng.normal(size=(3, layout.size)):
+        known = np.linalg.solve(dense, right)
+        found = factors.solve(right)
+        tolerance = ROUNDING * np.linalg.cond(dense) * np.max(np.abs(known))
+        assert tolerance < 1e-6 * np.max(np.abs(known))  # the comparison says something
+        assert np.max(np.abs(found - known)) <= tolerance
+        residual = np.max(np.abs(dense @ found - right))
+        size = np.max(np.abs(right)) + np.linalg.norm(dense, np.inf) * np.max(np.abs(found))
+        assert residual <= 1e-13 * size
+    assert not np.allclose(dense @ (found * (1 + 1e-6)), right, rtol=1e-10, atol=1e-10)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("elements", [1, 2, 3, 12, 41, 80])
+def test_condensation_alone_solves_to_rounding(monkeypatch, kind, elements):
+    monkeypatch.setattr("actionopt.discrete.layout.SMALL", 0)
+    layout, nonzeros, dense = matrix_of(kind, ("blocks", elements))
+    right = np.random.default_rng(3).normal(size=layout.size)
+    found = Condensed(layout.blocks, nonzeros).solve(right)
+    assert np.max(np.abs(dense @ found - right)) <= 1e-9 * np.max(np.abs(dense))
+
+
+def test_a_right_hand_side_of_zero_has_the_solution_zero(stored):
+    layout, nonzeros, _ = matrix_of("sphere", stored)
+    assert np.all(Factors(layout, nonzeros).solve(np.zeros(layout.size)) == 0)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_products_are_those_of_the_dense_matrix(kind, stored):
+    layout, nonzeros, dense = matrix_of(kind, stored)
+    z = np.random.default_rng(2).normal(size=layout.size)
+    assert np.allclose(product(layout, nonzeros, z), dense @ z, rtol=1e-13, atol=1e-12)
+
+
+@pytest.mark.parametrize("mu", [-3.0, 0.0, 30.0])
+def test_definite_matrices_have_no_negative_eigenvalue(stored, mu):
+    layout, nonzeros, dense = matrix_of("plain", stored, duration=9.0)
+    shift = mu * np.max(np.abs(dense))
+    moved = nonzeros + diagonal(layout, np.full(layout.size, shift))
+    lowest = np.linalg.eigvalsh(dense)[0] + shift
+    assert Factors(layout, moved).definite() == (lowest > 0)
+    assert (negative_eigenvalues(layout, moved) == 0) == (lowest > 0)
+
+
+@pytest.mark.parametrize("kind", ["plain", "sphere"])
+@pytest.mark.parametrize("duration", [2.0, 9.0])
+def test_inertia_is_that_of_the_dense_eigenvalues(kind, stored, duration):
+    layout, nonzeros, dense = matrix_of(kind, stored, duration)
+    values = np.linalg.eigvalsh(dense)
+    assert np.min(np.abs(values)) > 1e-8 * np.max(np.abs(values))  # the count is determined
+    assert negative_eigenvalues(layout, nonzeros) == np.sum(values < 0)
+
+
+def test_inertia_of_many_signs():
+    # Past k conjugate times of x'' = -x the Hessian has k negative eigenvalues.
+    oscillator = System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2, ["x"])
+    for half_periods in (0.5, 3.5, 20.5):
+        T = half_periods * np.pi
+        problem = Problem(oscillator, Event(0, 0), Event(T, 1))
+        tr = Transcription(problem, Mesh.uniform(0, T, 50, 8), np.ones(1))
+        nonzeros = tr.kkt(np.zeros(tr.layout.size))
+        assert negative_eigenvalues(tr.layout, nonzeros) == int(half_periods)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_singular_matrices_are_refused(kind, stored):
+    layout, nonzeros, _ = matrix_of(kind, stored)
+    row, col = (
+        layout.blocks.targets if layout.storage == "blocks" else (layout.kkt.row, layout.kkt.col)
+    )
+    empty = np.where((row == 0) | (col == 0), 0.0, nonzeros)
+    with pytest.raises(np.linalg.LinAlgError):
+        Factors(layout, empty).solve(np.ones(layout.size))
+
+
+def test_matrices_that_are_not_finite_are_refused(stored):
+    layout, nonzeros, _ = matrix_of("plain", stored)
+    for bad in (np.nan, np.inf):
+        broken = nonzeros.copy()
+        broken[3] = bad
+        with pytest.raises(np.linalg.LinAlgError, match="not finite"):
+            Factors(layout, broken)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_factorization_outlives_the_next_one_of_its_layout(kind, stored):
+    layout, nonzeros, dense = matrix_of(kind, stored)
+    first = Factors(layout, nonzeros)
+    Factors(layout, 2 * nonzeros).solve(np.ones(layout.size))
+    known = np.linalg.solve(dense, np.ones(layout.size))
+    assert np.allclose(first.solve(np.ones(layout.size)), known, rtol=1e-8)
+
+
+def test_blocks_that_are_singular_do_not_make_the_matrix_so():
+    # x'' = -x on one element of half a period: its own ends are conjugate, the whole path's not.
+    oscillator = System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2, ["x"])
+    mesh = Mesh(np.r_[0.0, np.pi, np.pi + np.linspace(0.2, 1.0, 5)], 24)
+    problem = Problem(oscillator, Event(0, 1), Event(np.pi + 1, 0.3))
+    tr = Transcription(problem, mesh, np.ones(1))
+    assert tr.layout.storage == "blocks"
+    z = np.zeros(tr.layout.size)
+    factors = Factors(tr.layout, tr.kkt(z))
+    step = factors.solve(tr.residual(z))
+    # The motion with q(0) = 1 and q(pi + 1) = 0.3: q(pi) = -1 whatever its velocity.
+    amplitude = (0.3 - np.cos(np.pi + 1)) / np.sin(np.pi + 1)
+    q = np.cos(mesh.nodes) + amplitude * np.sin(mesh.nodes)
+    assert np.max(np.abs(tr.coordinates(z - step)[:, 0] - q)) < 1e-9
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_solution_has_the_sign_of_its_right_hand_side(kind, stored):
+    """And its size: how often it is refined, and whether it is, does not depend on either."""
+    layout, nonzeros, _ = matrix_of(kind, stored)
+    right = np.abs(np.random.default_rng(5).normal(size=layout.size))
+    found = [Factors(layout, nonzeros).solve(c * right) for c in (1.0, -1.0, 2.0**40)]
+    assert np.array_equal(found[0], -found[1])
+    assert np.array_equal(found[0], found[2] / 2.0**40)

@@ -1,0 +1,113 @@
+"""Releasing the force that holds a curve: the path at the other end, and its absence."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_bvp, solve_ivp
+
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.newton import follow
+from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.problem import Event, Problem
+from actionopt.mechanics.system import System
+from actionopt.solver.homotopy import release
+from actionopt.solver.ipopt import find
+
+PENDULUM = System(lambda q, v, t: v[0] ** 2 / 2 + 9.81 * np.cos(q[0]), ["theta"])
+
+
+def transcribed(system, ends, T, elements=16, degree=6, lengths=None):
+    problem = Problem(system, Event(0.0, ends[0]), Event(T, ends[1]))
+    lengths = problem.scales if lengths is None else np.array(lengths)
+    return Transcription(problem, Mesh.uniform(0.0, T, elements, degree), lengths)
+
+
+def is_motion(tr, z, flow, tolerance):
+    """Integrate from the discrete start momentum (unit masses), and compare at the end."""
+    n = tr.problem.system.n
+    state = np.concatenate([tr.coordinates(z)[0], tr.momenta(z)[0]])
+    run = solve_ivp(flow, (0, tr.problem.duration), state, "DOP853", rtol=1e-11, atol=1e-12)
+    return np.max(np.abs(run.y[:n, -1] - tr.coordinates(z)[-1])) <= tolerance
+
+
+def pendulum_flow(t, y):
+    return [y[1], -9.81 * np.sin(y[0])]
+
+
+# On the last way the force grows again before it vanishes: there are folds.
+@pytest.mark.parametrize(("end", "T"), [(0.5, 0.5), (2.5, 1.5), (-1.0, 5.0)])
+def test_from_the_straight_line_to_a_motion(end, T):
+    tr = transcribed(PENDULUM, ([1.0], [end]), T)
+    z = tr.pack(tr.straight())
+    found, count = release(tr, z)
+    assert count > 1
+    polished = follow(tr, found)
+    assert polished.converged
+    assert polished.travelled <= 1e-3  # release came near already
+    assert is_motion(tr, polished.z, pendulum_flow, 1e-4)
+    assert not is_motion(tr, z, pendulum_flow, 1e-2)  # the straight line is none
+
+
+def test_a_curve_that_is_a_path_stays():
+    tr = transcribed(PENDULUM, ([1.0], [0.5]), 0.5)
+    path = follow(tr, find(tr, tr.pack(tr.straight()), "stationary").z).z
+    found, count = release(tr, path)
+    assert np.max(np.abs(found - path)) <= 1e-9
+    assert count <= 60
+
+
+def test_each_of_two_solutions_is_reached():
+    # Bratu: x'' = -3 exp(x), x(0) = x(1) = 0, which has two solutions. Scaling the force of a
+    # guess down to nothing ends on one of them.
+    bratu = System(lambda q, v, t: v[0] ** 2 / 2 - 3.0 * np.exp(q[0]), ["x"])
+    tr = transcribed(bratu, ([0.0], [0.0]), 1.0, 8)
+    t = tr.mesh.nodes
+
+    def reference(height):
+        run = solve_bvp(
+            lambda s, y: np.stack([y[1], -3.0 * np.exp(y[0])]),
+            lambda a, b: np.array([a[0], b[0]]),
+            np.linspace(0, 1, 21),
+            np.stack([height * np.sin(np.pi * np.linspace(0, 1, 21)), np.zeros(21)]),
+            tol=1e-10,
+            max_nodes=100000,
+        )
+        assert run.success
+        return run.sol(t)[0]
+
+    low, high = reference(0.5), reference(2.0)
+    assert np.max(high) - np.max(low) > 0.5  # there are two
+    ends = set()
+    for height in (-1.0, 0.0, 0.3, 2.0, 3.0):
+        released = release(tr, tr.pack(height * np.sin(np.pi * t)[:, None]))
+        assert released is not None
+        x = tr.coordinates(follow(tr, released[0]).z)[:, 0]
+        misses = [np.max(np.abs(x - known)) for known in (low, high)]
+        assert min(misses) <= 1e-7
+        ends.add(np.argmin(misses))
+    assert ends == {0, 1}
+
+
+def test_with_a_constraint_on_the_way():
+    rod = System(
+        lambda q, v, t: (v[0] ** 2 + v[1] ** 2) / 2 - 9.81 * q[1],
+        ["x", "y"],
+        constraint=lambda q, t: q[0] ** 2 + q[1] ** 2 - 1,
+    )
+    a, b, T = 0.5, -0.7, 0.6
+    tr = transcribed(rod, [[np.sin(x), -np.cos(x)] for x in (a, b)], T, 8)
+    angle = np.linspace(a, b, tr.layout.node_count)
+    z = tr.pack(np.stack([np.sin(angle), -np.cos(angle)], axis=1))
+    found, _ = release(tr, z)
+    twin = transcribed(PENDULUM, ([a], [b]), T, 8, 12)
+    theta = twin.coordinates(follow(twin, release(twin, twin.pack(twin.straight()))[0]).z)[:, 0]
+    x, y = tr.coordinates(follow(tr, found).z).T
+    ends = tr.mesh.offsets
+    assert np.max(np.abs(np.hypot(x, y) - 1)) <= 1e-12
+    assert np.max(np.abs(np.arctan2(x, -y)[ends] - theta[twin.mesh.offsets])) <= 1e-7
+
+
+def test_no_path_is_said():
+    # Bratu beyond its fold, 3.51: there is no solution.
+    bratu = System(lambda q, v, t: v[0] ** 2 / 2 - 5.0 * np.exp(q[0]), ["x"])
+    tr = transcribed(bratu, ([0.0], [0.0]), 1.0, 4, lengths=[1.0])
+    assert release(tr, tr.pack(tr.straight())) is None

@@ -1,0 +1,101 @@
+"""How a first path is found: which ways are tried, in which order, and on which meshes."""
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.optimize import brentq
+
+import actionopt as ao
+from actionopt import Event, Path, Problem, System, scenes
+from actionopt.discrete.transcription import Transcription
+from actionopt.solver.iterate import Walk
+from actionopt.solver.ladder import LADDER, LEAST, NEAR_GUESS, Search
+
+
+def search_for(problem, tol=1e-8, principle="auto"):
+    return Search(Walk(problem), tol, principle, None)
+
+
+def test_the_ladder_names_each_way_once():
+    names = [name for name, _ in LADDER]
+    assert len(set(names)) == len(names)
+    assert set(LEAST) < set(names)
+
+
+@pytest.mark.parametrize(("tol", "degree"), [(1e-2, 6), (1e-5, 8), (1e-9, 12), (1e-13, 17)])
+def test_the_first_mesh_has_about_a_degree_for_each_digit(tol, degree):
+    assert search_for(scenes.get("pendulum").problem, tol)._fine_degree() == degree
+    # Many coordinates: a higher degree costs more than a second mesh.
+    assert search_for(scenes.get("figure_eight").problem, tol)._fine_degree() == 6
+
+
+def test_a_guess_is_tried_on_meshes_that_show_it():
+    kepler = scenes.get("kepler").problem
+    problem = Problem(kepler.system, Event(0.0, kepler.start.q), Event(100.0, kepler.end.q))
+
+    def turning(turns):
+        w = 2 * np.pi * turns / 100.0
+        curve = lambda t: np.array([np.cos(w * t), np.sin(w * t)])  # noqa: E731
+        return lambda mesh: Path.interpolate(curve, mesh)
+
+    search = search_for(problem)
+    assert search._fine_enough(turning(1)) == NEAR_GUESS
+    assert search._fine_enough(turning(10)) == NEAR_GUESS[1:]
+    assert search._fine_enough(turning(20)) == NEAR_GUESS[2:]
+    # What no mesh shows, kinks inside elements, is tried on all of them.
+    search_kinks = search._fine_enough(
+        lambda mesh: Path.interpolate(lambda t: np.abs((np.array([t, t]) * 0.37) % 2 - 1), mesh)
+    )
+    assert search_kinks == NEAR_GUESS
+
+
+@pytest.mark.parametrize(("duration", "least"), [(1.0, True), (2.5, True), (7.5, False)])
+def test_least_first_and_a_saddle_where_there_is_none(duration, least):
+    # A stiffening spring: past the first conjugate time the action is unbounded below.
+    spring = System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2 - q[0] ** 4 / 400, ["x"])
+    problem = Problem(spring, Event(0.0, [0.1]), Event(duration, [0.2]))
+    solution = ao.solve(problem)
+    assert solution.compare().agrees
+    assert (solution.morse_index == 0) == least
+    if not least:
+        with pytest.raises(ao.SolveError, match="unbounded below"):
+            ao.solve(problem, principle="least")
+
+
+def test_linear_equations_need_no_search():
+    solution = ao.solve(scenes.get("oscillator").problem)
+    assert solution.stats["rung"] == "linear"
+    assert solution.stats["iterations"] == {"newton": 1}
+
+
+def halves(q_from, amplitude):
+    """Return time, and int theta'^2 dt, from an angle up to a pendulum's amplitude (l = 1)."""
+    top = np.sqrt(amplitude - q_from)  # theta = amplitude - u^2: no singularity at the top
+
+    def speed(u):
+        return np.sqrt(2 * 9.81 * (np.cos(amplitude - u * u) - np.cos(amplitude)))
+
+    return [quad(f, 0, top)[0] for f in (lambda u: 2 * u / speed(u), lambda u: 2 * u * speed(u))]
+
+
+@pytest.mark.parametrize("principle", ["auto", "least"])
+def test_a_saddle_that_newton_finds_gives_way_to_a_least_path(principle):
+    """Up beyond the horizontal and back to the same angle: S from the pendulum's quadratures."""
+    angle, T = 0.1, 1.5
+    amplitude = brentq(lambda a: halves(angle, a)[0] - T / 2, 0.2, 3.1)
+    least = 2 * halves(angle, amplitude)[1] + 9.81 * np.cos(amplitude) * T
+    rod = scenes.get("rod_pendulum", m=1.0, l=1.0, g=9.81).problem.system
+    at = [np.sin(angle), -np.cos(angle)]
+    solution = ao.solve(Problem(rod, Event(0.0, at), Event(T, at)), principle=principle)
+    assert solution.action == pytest.approx(least, rel=1e-7)
+    assert solution.morse_index == 0
+
+
+def test_a_bent_line_stays_within_the_size_of_the_motion():
+    problem = scenes.get("kepler").problem
+    search = search_for(problem)
+    mesh = search._uniform(8, 6)
+    straight = Transcription(problem, mesh, problem.lengths).straight().T
+    bend = (search._bent(mesh).values - straight) / problem.lengths[:, None]
+    assert np.max(np.abs(bend[:, [0, -1]])) < 1e-15
+    assert 0.1 < np.max(np.abs(bend)) < 1.0

@@ -1,0 +1,156 @@
+"""Forces rougher than the path: seen by another quadrature, and refined for. Traps of symmetry."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import actionopt as ao
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.transcription import Transcription
+from actionopt.tools.lobatto import lgl
+
+
+def line(lagrangian, start, end, T=1.0):
+    return ao.Problem(ao.System(lagrangian, ["x"]), ao.Event(0.0, [start]), ao.Event(T, [end]))
+
+
+def relative(solution, exact, count=2001):
+    t = np.linspace(solution.problem.start.t, solution.problem.end.t, count)
+    return np.max(np.abs(solution(t)[0] - exact(t))) / np.max(np.abs(exact(t)))
+
+
+@pytest.mark.parametrize("degree", [1, 4, 9, 24])
+def test_other_points_integrate_the_same_polynomials(degree):
+    rule = lgl(degree)
+    rng = np.random.default_rng(degree)
+    values = rng.normal(size=degree + 1)
+    # int q phi_j and int q' phi_j for all j, by Gauss's rule with points enough.
+    x, w = np.polynomial.legendre.leggauss(degree + 2)
+    phi = rule.interpolation(x)
+    other = rule.other
+    assert np.allclose(other.values @ values, rule.interpolation(other.nodes) @ values, atol=1e-13)
+    exact = phi.T @ (w * (phi @ rule.derivative @ values))
+    assert np.allclose(other.weighted_values @ (other.slopes @ values), exact, atol=1e-11)
+    exact = (phi @ rule.derivative).T @ (w * (phi @ values))
+    assert np.allclose(other.weighted_slopes @ (other.values @ values), exact, atol=1e-11)
+    assert other.nodes.size > rule.nodes.size
+
+
+@pytest.mark.parametrize("tol", [1e-2, 1e-4, 1e-6, 1e-9])
+@pytest.mark.parametrize("w", [61.0, 124.0, 284.0, 300.0])
+def test_a_fast_force_is_not_mistaken_for_a_slow_one(w, tol):
+    exact = lambda t: t - np.cos(w * t)  # noqa: E731
+    problem = line(
+        lambda q, v, t: v[0] ** 2 / 2 + w**2 * np.cos(w * t) * q[0], exact(0.0), exact(1.0)
+    )
+    assert relative(ao.solve(problem, tol=tol), exact) <= tol
+
+
+def test_a_jump_at_a_boundary_of_elements_is_seen():
+    problem = line(lambda q, v, t: v[0] ** 2 / 2 + q[0] * ca.if_else(t > 1, 1, 0), 0.0, 1.5, T=2.0)
+    solution = ao.solve(problem, tol=1e-6)
+    exact = lambda t: t / 2 + np.where(t < 1, 0.0, (t - 1) ** 2 / 2)  # noqa: E731
+    assert relative(solution, exact) <= min(1e-6, solution.error)
+
+
+@pytest.mark.parametrize("tol", [1e-4, 1e-8])
+@pytest.mark.parametrize(("c", "w"), [(10.0, 50.0), (100.0, 300.0)])
+def test_a_total_time_derivative_changes_nothing(c, w, tol):
+    problem = line(  # d/dt (c q sin(w t)) beside an oscillator
+        lambda q, v, t: (
+            (v[0] ** 2 - q[0] ** 2) / 2 + c * (v[0] * np.sin(w * t) + w * q[0] * np.cos(w * t))
+        ),
+        1.0,
+        0.3,
+        T=2.0,
+    )
+    b = (0.3 - np.cos(2.0)) / np.sin(2.0)
+    assert relative(ao.solve(problem, tol=tol), lambda t: np.cos(t) + b * np.sin(t)) <= tol
+
+
+def test_nothing_is_evaluated_where_nothing_can_be_missed(monkeypatch):
+    """Linear equations with constant coefficients have forces as smooth as the path."""
+    asked = []
+    missed = Transcription.missed
+    monkeypatch.setattr(Transcription, "missed", lambda tr, z: asked.append(1) or missed(tr, z))
+    ao.solve(line(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, 1.0, 0.3))
+    assert not asked
+    ao.solve(line(lambda q, v, t: (v[0] ** 2 - q[0] ** 2 * (1 + 1e-9 * t)) / 2, 1.0, 0.3))
+    assert asked
+
+
+def test_what_is_missed_is_that_of_the_elements():
+    w = 80.0
+
+    def pushed(push, mesh):
+        def lagrangian(q, v, t):
+            return v[0] ** 2 / 2 + push * np.exp(-((w * (t - 0.6)) ** 2)) * q[0]
+
+        problem = line(lagrangian, 0.0, 1.0)
+        tr = Transcription(problem, mesh, problem.scales)
+        return tr, tr.pack(tr.straight())
+
+    tr, z = pushed(1.0, Mesh.uniform(0.0, 1.0, 5, 6))
+    assert np.max(np.abs(tr.missed(z)[0])) > 1e-3
+    shares = tr.uneven(z)  # the pulse is between the third and the fourth element
+    assert np.min(shares[2:4]) > 1e3 * np.max(np.abs(shares[[0, 1, 4]]))
+    assert shares[2] == pytest.approx(shares[3], rel=1e-6)  # and symmetric about the node
+    other, z = pushed(-1.0, tr.mesh)
+    assert other.uneven(z) == pytest.approx(shares, rel=1e-9, abs=1e-15)
+    fine, z = pushed(1.0, Mesh.uniform(0.0, 1.0, 200, 6))
+    assert np.max(np.abs(fine.missed(z)[0])) < 1e-9
+
+
+@pytest.mark.parametrize("push", [1.0, -1.0])
+@pytest.mark.parametrize("what", ["force", "momentum"])
+def test_elements_are_cut_around_what_hides_in_them(push, what):
+    """A pulse of a two-thousandth between two nodes, in the force or as a vector potential."""
+    c, w = 0.643, 1 / 2000
+
+    def lagrangian(q, v, t):
+        pulse = push * np.exp(-(((t - c) / w) ** 2))
+        return v[0] ** 2 / 2 + pulse * (50 * q[0] if what == "force" else v[0])
+
+    problem = line(lagrangian, 0.0, 1.0)
+    tr = Transcription(problem, Mesh.uniform(0.0, 1.0, 5, 6), problem.scales)
+    found = tr.cuts(tr.pack(tr.straight()))
+    assert [part.size > 0 for part in found] == [False, False, False, True, False]
+    inner = found[3]
+    assert inner.min() < c < inner.max()
+    assert np.ptp(inner) <= 30 * w  # of an element of 400 w
+    assert np.all((inner > 0.6) & (inner < 0.8))
+
+
+# -- lines that symmetry makes a trap -------------------------------------------------------------
+
+
+@pytest.mark.parametrize("tol", [1e-4, 1e-8])
+@pytest.mark.parametrize("r", [1.0, 1.2, 1.5])
+def test_half_an_ellipse_is_found_round_the_centre(r, tol):
+    """From (1, 0) to the opposite side in half a period: v is that of an apsis."""
+    kepler = ao.System(lambda q, v, t: v @ v / 2 + 1 / np.sqrt(q @ q), ["x", "y"])
+    a = (1 + r) / 2
+    problem = ao.Problem(kepler, ao.Event(0.0, [1, 0]), ao.Event(np.pi * a**1.5, [-r, 0]))
+    v = ao.solve(problem, tol=tol).start.v
+    assert np.allclose([v[0], abs(v[1])], [0.0, np.sqrt(2 - 1 / a)], atol=10 * tol)
+
+
+def test_a_pendulum_gets_to_the_top_on_either_side():
+    g = 9.81
+    rod = ao.System(
+        lambda q, v, t: v @ v / 2 - g * q[1], ["x", "y"], constraint=lambda q, t: q @ q - 1
+    )
+    angle = ao.System(lambda q, v, t: v[0] ** 2 / 2 + g * np.cos(q[0]), ["theta"])
+    found = ao.solve(ao.Problem(rod, ao.Event(0.0, [0, -1]), ao.Event(1.0, [0, 1])))
+    known = ao.solve(ao.Problem(angle, ao.Event(0.0, [0.0]), ao.Event(1.0, [np.pi])))
+    assert found.action == pytest.approx(known.action, rel=1e-8)
+    assert abs(found.start.v[0]) == pytest.approx(known.start.v[0], rel=1e-7)
+
+
+def test_a_bent_line_that_fails_leaves_the_first_attempt():
+    """Two rings too far apart for a soap film, and a free body beside it."""
+    film = ao.System(lambda q, v, t: q[0] * np.sqrt(1 + v[0] ** 2) + v[1] ** 2 / 2, ["radius", "x"])
+    problem = ao.Problem(film, ao.Event(-1.0, [1.0, 0.0]), ao.Event(1.0, [1.0, 1.0]))
+    solution = ao.solve(problem, throw=False)
+    assert not solution.success
+    assert np.max(np.abs(solution.path.values[0] - 1.0)) < 1e-6  # the straight line

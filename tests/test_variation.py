@@ -1,0 +1,152 @@
+"""S(alpha) against closed forms, finite differences and quadrature of the varied path."""
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+import actionopt as ao
+from actionopt import scenes
+from actionopt.analysis.index import second_variation
+from actionopt.analysis.variation import variation
+
+ROUNDING = 1e-13  # of `first`, relative to the terms that cancel in it
+CONSERVATIVE = ("oscillator", "kepler", "double_pendulum", "driven_oscillator", "charge_planar")
+CONSTRAINED = ("rod_pendulum", "polar_pendulum", "turning_wire", "sliding_off_circle")
+SUBSET = ("oscillator", "kepler", "rod_pendulum", "turning_wire")
+
+
+def bump(problem, k=0):
+    """A smooth variation that vanishes at both events, another one for each coordinate."""
+    t0, T, n = problem.start.t, problem.duration, problem.system.n
+
+    def eta(t):
+        s = (np.asarray(t) - t0) / T
+        return np.stack([np.sin((i + 1 + k) * np.pi * s) * np.exp(s * i) for i in range(n)])
+
+    return eta
+
+
+def varied(name, **parameters):
+    scene = scenes.get(name, **parameters)
+    solution = ao.solve(scene.problem, tol=1e-11, guess=scene.guess)
+    return solution, variation(solution, bump(scene.problem))
+
+
+def central(S, order, h):
+    """Second derivatives (and first ones) at zero by central differences of order six."""
+    weights = {
+        1: [(1, 3 / 4), (2, -3 / 20), (3, 1 / 60)],
+        2: [(1, 3 / 2), (2, -3 / 20), (3, 1 / 90)],
+    }[order]
+    if order == 1:
+        return sum(w * (S(k * h) - S(-k * h)) for k, w in weights) / h
+    return (sum(w * (S(k * h) + S(-k * h)) for k, w in weights) - 49 / 18 * S(0.0)) / h**2
+
+
+@pytest.mark.parametrize("name", CONSERVATIVE + CONSTRAINED)
+def test_first_derivative_vanishes_to_rounding(name):
+    _, S = varied(name)
+    assert abs(S.first) <= ROUNDING * S.cancelling
+    assert S.cancelling > 1e-3
+
+
+@pytest.mark.parametrize("name", SUBSET)
+def test_the_check_of_the_first_derivative_sees_a_path_that_is_none(name):
+    """The force of constraint alone makes a variation across the surface count."""
+    solution, S = varied(name)
+    off = S.nodes(1e-6)
+    _, gradient = S.form.tr.action_and_gradient(off)
+    assert abs(gradient @ S.eta.values.T.ravel()) > 1e3 * ROUNDING * S.cancelling
+
+
+@pytest.mark.parametrize("name", CONSERVATIVE + CONSTRAINED)
+def test_second_derivative_is_the_second_variation(name):
+    _, S = varied(name)
+    h = 5e-3  # rounding of S over h^2 and h^6 of the formula balance here
+    assert abs(central(S, 2, h) - S.second) <= 1e-8 * max(1.0, abs(S.second), S.cancelling)
+    assert abs(central(S, 1, h)) <= 1e-9 * max(1.0, S.cancelling)
+
+
+def test_action_of_a_varied_oscillator_in_closed_form():
+    """With eta = sin(k pi t / T): S = S0 + alpha^2 (m (k pi)^2 / T - K T) / 4, exactly."""
+    scene = scenes.get("oscillator")
+    problem, T = scene.problem, scene.problem.duration
+    m, K = (float(problem.parameters[x]) for x in ("m", "k"))
+    solution = ao.solve(problem, tol=1e-11)
+    for k in (1, 2, 23):  # the last one the path's own mesh does not resolve
+        S = variation(solution, lambda t, k=k: [np.sin(k * np.pi * t / T)])
+        second = (m * (k * np.pi) ** 2 / T - K * T) / 2
+        assert abs(S.second - second) <= 1e-10 * abs(second)
+        alpha = np.array([[-0.3, 0.0], [0.2, 0.7]])
+        expected = scene.action + alpha**2 / 2 * second
+        assert np.max(np.abs(S(alpha) - expected)) <= 1e-10 * np.max(np.abs(expected))
+
+
+def test_action_of_a_varied_path_is_the_integral_of_the_lagrangian():
+    scene = scenes.get("kepler")
+    problem = scene.problem
+    solution, S = varied("kepler")
+    path = S.path(0.1)
+    eta = bump(problem)
+    middle = problem.start.t + 0.4 * problem.duration
+    assert np.allclose(path(middle), solution(middle) + 0.1 * eta(middle), atol=1e-10)
+
+    def L(t):
+        h = 1e-4
+        rate = 8 * (eta(t + h) - eta(t - h)) - (eta(t + 2 * h) - eta(t - 2 * h))
+        v = scene.facts["velocity"](t) + 0.1 * rate / (12 * h)
+        q = scene.exact(t) + 0.1 * eta(t)
+        return float(problem.system.lagrangian(q, v, t, parameters=problem.parameters))
+
+    integral, _ = quad(L, problem.start.t, problem.end.t, epsabs=1e-11, epsrel=1e-11)
+    assert abs(integral - S(0.1)) < 1e-9
+
+
+def test_modes_are_variations():
+    solution = ao.solve(scenes.get("pendulum").problem, tol=1e-10)
+    found = second_variation(solution, 2)
+    for value, mode in zip(found.eigenvalues, found.modes, strict=True):
+        assert abs(variation(solution, mode).second - value) < 1e-7 * abs(value)
+
+
+def test_varied_paths_stay_on_the_surface():
+    solution, S = varied("rod_pendulum")
+    problem = solution.problem
+    path = S.path(0.2)
+    t = S.form.tr.mesh.nodes
+    q = path(t)
+    assert np.max(np.abs(problem.system.constraint(q, t, parameters=problem.parameters))) < 1e-14
+    assert np.max(np.abs(q - solution(t))) > 0.05
+    # eta is tangent: orthogonal to the rod
+    assert np.max(np.abs(np.sum(S.eta.values * S.form.Q.T, axis=0))) < 1e-12
+
+
+def test_a_varied_path_that_cannot_stay_on_the_surface_is_refused():
+    solution = ao.solve(scenes.get("turning_wire").problem, guess=scenes.get("turning_wire").guess)
+    wire = variation(solution, bump(solution.problem))
+    wire(100.0)  # the wire is straight: there is no end to it
+    circle = varied("rod_pendulum")[1]
+    with pytest.raises(ValueError, match="smaller alpha"):
+        circle(np.nan)
+
+
+def test_free_ends_may_vary():
+    def lagrangian(q, v, t):
+        return v[0] ** 2 / 2 - q[0] ** 2 / 2
+
+    system = ao.System(lagrangian, ["x"])
+    solution = ao.solve(ao.Problem(system, ao.Event(0, [1.0]), ao.Event(1, [None])), tol=1e-11)
+    S = variation(solution, lambda t: [t])
+    assert abs(S.first) <= ROUNDING * S.cancelling
+    assert abs(S.second - (1 - 1 / 3)) < 1e-12
+
+
+def test_what_is_no_variation_is_refused():
+    solution = ao.solve(scenes.get("kepler").problem)
+    with pytest.raises(ValueError, match="= 0 in x, which the event pins"):
+        variation(solution, lambda t: np.stack([1 + 0 * t, 0 * t]))
+    with pytest.raises(ValueError, match="2 coordinates, found 1"):
+        variation(solution, lambda t: [0 * t])
+    forced = ao.solve(scenes.get("damped_oscillator").problem)
+    with pytest.raises(ValueError, match="non-conservative"):
+        variation(forced, bump(forced.problem))
