@@ -1,6 +1,6 @@
 """Follow a path as its question changes: an end point, an end time or a parameter moves.
 
-The branch of paths is followed by its arclength (`arclength`), through folds where it turns back. On
+The branch of paths is followed by its arclength, through folds where it turns back. On
 the way the index is counted at every point; where it changes, or the branch turns, the point
 itself is located. At a fold two paths merge, and one is of index one more than the other.
 """
