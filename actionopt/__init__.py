@@ -7,9 +7,9 @@ from actionopt.analysis.compare import Comparison
 from actionopt.analysis.conjugate import conjugate_points
 from actionopt.analysis.contact import contact_loss
 from actionopt.analysis.forward import IntegrationError, integrate
-from actionopt.analysis.index import second_variation
-from actionopt.analysis.solution import Solution
-from actionopt.analysis.status import SolveError, Status
+from actionopt.analysis.modes import second_variation
+from actionopt.analysis.solution import Solution, SolveError
+from actionopt.analysis.status import Status
 from actionopt.analysis.store import load
 from actionopt.analysis.variation import variation
 from actionopt.discrete.mesh import Mesh

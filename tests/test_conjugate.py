@@ -8,7 +8,6 @@ from scipy.optimize import brentq
 import actionopt as ao
 from actionopt import scenes
 from actionopt.analysis.conjugate import conjugate_points
-from actionopt.analysis.index import inertia
 
 TIME_TOLERANCE = 1e-8  # relative to the duration: what conjugate points are promised to
 
@@ -51,7 +50,7 @@ def test_antipodes_of_a_sphere(dimension, angle):
     exact = np.arange(1, np.floor(angle / np.pi) + 1) * np.pi / angle
     assert [p.t for p in found] == pytest.approx(exact, abs=TIME_TOLERANCE)
     assert [p.multiplicity for p in found] == [dimension - 1] * exact.size
-    assert inertia(solution).index == (dimension - 1) * exact.size
+    assert solution.inertia.index == (dimension - 1) * exact.size
 
 
 @pytest.mark.parametrize("w", [2.0, 3.0])
@@ -134,7 +133,7 @@ def test_elliptic_arc_in_space(mu, short, index):
     problem = ao.Problem(system, ao.Event(0.0, orbit(0.0)), ao.Event(T, orbit(T)))
     solution = ao.solve(problem, guess=orbit)
     found = times_of(solution)
-    assert inertia(solution).index == index == len(found)
+    assert solution.inertia.index == index == len(found)
     assert found == pytest.approx([exact][:index], abs=TIME_TOLERANCE * T)
 
 
@@ -153,7 +152,7 @@ def test_soap_film(c, count):
     problem = ao.Problem(system, ao.Event(-h, 1.0), ao.Event(h, 1.0))
     solution = ao.solve(problem, guess=lambda x: c * np.cosh(x / c)[None], tol=1e-9)
     assert times_of(solution) == pytest.approx(exact, abs=TIME_TOLERANCE)
-    assert inertia(solution).index == count
+    assert solution.inertia.index == count
     if count:
         assert exact[0] == pytest.approx(0.15291143859845605, rel=1e-12)
 
@@ -235,7 +234,7 @@ def test_index_theorem_on_every_scene(name):
     solution = ao.solve(scene.problem, guess=scene.guess)
     found = times_of(solution)
     end = scene.problem.end.t
-    assert inertia(solution).index == sum(t < end for t in found)
+    assert solution.inertia.index == sum(t < end for t in found)
     known = scene.facts.get("conjugate_times")
     if known is not None and len(known):
         before = [t for t in known if t <= end]

@@ -9,8 +9,9 @@ from scipy.optimize import brentq
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.analysis.index import inertia, kind, lowest, morse_index, second_variation
+from actionopt.analysis.index import inertia
 from actionopt.analysis.jacobi import finer, resolved
+from actionopt.analysis.modes import lowest, second_variation
 from actionopt.analysis.second_variation import condense
 from actionopt.discrete.factors import compressed
 
@@ -64,20 +65,21 @@ def solved_along(system, q0, v0, T):
 @pytest.mark.parametrize("ends", [(1.0, 0.4), (0.0, 0.0)])
 def test_oscillator(half_periods, index, ends):
     solution = oscillation(half_periods, ends)
-    assert morse_index(solution) == index
-    assert kind(solution) == solution.kind == ("saddle" if index else "minimum")
+    assert solution.morse_index == index
+    assert solution.kind == ("saddle" if index else "minimum")
     assert solution.morse_index == index
 
 
 @pytest.mark.parametrize("ends", [(0.0, 0.0), (1.0, -1.0)])
 def test_end_conjugate_to_start_is_degenerate(ends):
-    found = inertia(oscillation(1.0, ends, throw=False))
+    found = oscillation(1.0, ends, throw=False).inertia
     assert (found.index, found.nullity, found.kind) == (0, 1, "degenerate")
     assert found.smallest is not None and found.smallest < 1e-10
 
 
 def test_size_of_a_nearly_vanishing_eigenvalue():
-    found = inertia(oscillation(1.0 - 5e-7, throw=False), tolerance=1e-5)
+    rough = oscillation(1.0 - 5e-7, throw=False)
+    found = inertia(rough.discrete, rough.error, tolerance=1e-5)
     # mu = 1 - (w T / pi)^2 = 1e-6
     assert found.nullity == 1 and found.smallest == pytest.approx(1e-6, rel=0.1)
 
@@ -179,7 +181,7 @@ def along_the_motion(system, T, end, **parameters):
 @pytest.mark.parametrize(("T", "index"), [(2.5, 0), (5.0, 1)])
 def test_total_derivatives_change_no_index(c, w, T, index):
     solution = along_the_motion(GAUGED, T, None, c=c, w=w)
-    assert morse_index(solution) == index
+    assert solution.morse_index == index
     lowest = second_variation(solution, 1)  # (pi / T)^2 - 1
     assert lowest.eigenvalues[0] == pytest.approx((np.pi / T) ** 2 - 1, rel=1e-7)
 
@@ -195,14 +197,15 @@ def test_total_derivatives_count_at_a_free_end(w, index):
         return (v[0] ** 2 - q[0] ** 2) / 2 + c * turn
 
     system = ao.System(lagrangian, ["x"], parameters={"c": c, "w": w})
-    assert morse_index(along_the_motion(system, T, [None], c=c, w=w)) == index
+    assert along_the_motion(system, T, [None], c=c, w=w).morse_index == index
 
 
 @pytest.mark.parametrize(("c", "w"), [(0.0, 3.0), (10.0, 3.0), (100.0, 20.0)])
 def test_total_derivatives_in_the_hessian_of_the_principal_function(c, w):
     # S(a, b) = ((a^2 + b^2) cos T - 2 a b) / (2 sin T) + F(b, T) - F(a, 0)
     T = 2.5
-    form = resolved(along_the_motion(GAUGED, T, None, c=c, w=w), 1e-8)
+    solution = along_the_motion(GAUGED, T, None, c=c, w=w)
+    form = resolved(solution.discrete, solution.error, 1e-8)
     exact = np.array([[np.cos(T), -1], [-1, np.cos(T)]]) / np.sin(T)
     b = 0.3 * np.cos(T) + 0.5 * np.sin(T)
     exact[0, 0] += c * w * np.sin(w * 0.3)
@@ -232,7 +235,7 @@ def test_total_derivatives_along_a_constraint(T, index):
     plain = rod(lambda q, v, t: (v[0] ** 2 + v[1] ** 2) / 2 - 9.81 * q[1])
     solution = ao.solve(ao.Problem(plain, *events), guess=on_the_rod, tol=1e-9)
     same = dataclasses.replace(solution, problem=ao.Problem(rod(lagrangian), *events))
-    assert morse_index(same) == index
+    assert same.morse_index == index
 
 
 def test_total_derivatives_leave_the_magnetic_field():
@@ -246,13 +249,13 @@ def test_total_derivatives_leave_the_magnetic_field():
 
     system = ao.System(lagrangian, ["x", "y"])
     for T, index in ((2, 0), (4, 2), (7, 4)):
-        assert morse_index(solved_along(system, [0.2, -0.1], [0.3, 0.2], float(T))) == index
+        assert solved_along(system, [0.2, -0.1], [0.3, 0.2], float(T)).morse_index == index
 
 
 def test_a_lagrangian_that_is_singular_at_rest():
     system = ao.System(lambda q, v, t: -(q[0] ** 2) * np.log(v[0]), ["x"])
     problem = ao.Problem(system, ao.Event(0.0, 1.0), ao.Event(1.0, 2.0))
-    assert kind(ao.solve(problem, principle="stationary")) in ("minimum", "saddle")
+    assert ao.solve(problem, principle="stationary").kind in ("minimum", "saddle")
 
 
 def valley(width):
@@ -278,7 +281,7 @@ def test_a_straight_path_through_a_valley(width, index):
         return np.tanh(u) * (u0 * np.tanh(u0) - 1) - (u * np.tanh(u) - 1) * np.tanh(u0)
 
     assert (field(u1) * field(u0 + 1e-3) < 0) == index
-    assert morse_index(valley(width)) == index
+    assert valley(width).morse_index == index
 
 
 @pytest.mark.parametrize("degree", [4, 5])  # with and without a node in the centre
@@ -290,7 +293,7 @@ def test_a_path_through_a_singularity(degree):
     x = np.cbrt(mesh.nodes) ** 2 * np.sign(mesh.nodes)
     path = ao.Path(mesh, np.stack([x, 0 * x]))
     with pytest.raises(ValueError, match="singularity"):
-        morse_index(claimed(problem, path))
+        _ = claimed(problem, path).morse_index
 
 
 def test_elements_that_cannot_be_split_any_more():
@@ -310,13 +313,13 @@ UNFORCED = [name for name in scenes.SCENES if not scenes.get(name).problem.syste
 def test_pivots_agree_with_dense_eigenvalues_on_every_scene(name):
     scene = scenes.get(name)
     solution = ao.solve(scene.problem, guess=scene.guess, tol=1e-7)
-    tr, z = solution.discrete
+    tr, z = solution.discrete.tr, solution.discrete.z
     pattern = tr.layout.kkt
     matrix = np.zeros(pattern.shape)
     matrix[pattern.row, pattern.col] = compressed(tr.layout, tr.kkt(z))
     # A KKT matrix has one negative eigenvalue a row, and those of the reduced Hessian.
     negative = np.sum(np.linalg.eigvalsh(matrix) < 0) - tr.layout.rows
-    found = inertia(solution)
+    found = solution.inertia
     assert found.nullity == 0
     assert found.index == negative
     known = scene.facts.get("morse_index")
@@ -329,7 +332,7 @@ def test_nodes_conjugate_to_the_start_are_no_bad_pivots():
     boundaries = np.r_[np.arange(9) * np.pi / W, T]
     problem = ao.Problem(OSCILLATOR, ao.Event(0.0, 1.0), ao.Event(T, 0.2))
     solution = ao.solve(problem, mesh=ao.Mesh(boundaries, 14))
-    form = resolved(solution, 1.0)
+    form = resolved(solution.discrete, solution.error, 1.0)
     values, _ = lowest(form, 30)
     found = condense(form)
     assert found.negative == np.sum(values < 0) == 8
@@ -349,7 +352,7 @@ def test_pendulum_released_horizontally(T, index):
         return v[0] ** 2 / 2 + 9.81 * np.cos(q[0])
 
     system = ao.System(lagrangian, ["theta"])
-    assert morse_index(solved_along(system, [-np.pi / 2], [0.0], float(T))) == index
+    assert solved_along(system, [-np.pi / 2], [0.0], float(T)).morse_index == index
 
 
 @pytest.mark.parametrize(("T", "index"), [(1, 0), (2, 0), (4, 2), (7, 4)])
@@ -360,7 +363,7 @@ def test_charge_in_a_magnetic_field(T, index):
 
     system = ao.System(lagrangian, ["x", "y"])
     problem = ao.Problem(system, ao.Event(0.0, [0.2, -0.1]), ao.Event(float(T), [1.0, 0.5]))
-    assert morse_index(ao.solve(problem)) == index
+    assert ao.solve(problem).morse_index == index
 
 
 @pytest.mark.parametrize(("eps", "index"), [(0.01, 2), (0.003, 4)])
@@ -371,7 +374,7 @@ def test_turning_point(eps, index):
 
     system = ao.System(lagrangian, ["y"], parameters={"eps": eps})
     problem = ao.Problem(system, ao.Event(-1.0, 1.0), ao.Event(1.0, 1.0))
-    assert morse_index(ao.solve(problem)) == index
+    assert ao.solve(problem).morse_index == index
 
 
 @pytest.mark.parametrize(("part", "index"), [(1 / 12, 0), (1 / 3, 0), (1 / 2, 0), (1, 2)])
@@ -380,7 +383,7 @@ def test_figure_eight(part, index):
     scene = scenes.get("figure_eight")
     start = scene.facts["start"]
     solution = solved_along(scene.problem.system, start.q, start.v, part * scene.facts["period"])
-    assert morse_index(solution) == index
+    assert solution.morse_index == index
 
 
 def test_plain_solve_counts_nothing(monkeypatch):
@@ -405,7 +408,7 @@ def test_forced_systems_have_no_index():
     system = ao.System(lambda q, v, t: v[0] ** 2 / 2, ["x"], force=lambda q, v, t: [-v[0]])
     solution = ao.solve(ao.Problem(system, ao.Event(0.0, 0.0), ao.Event(1.0, 1.0)))
     with pytest.raises(ValueError, match="non-conservative"):
-        morse_index(solution)
+        _ = solution.morse_index
 
 
 def test_legendre_condition():
@@ -413,7 +416,7 @@ def test_legendre_condition():
     events = ao.Event(0.0, [0.0, 0.0]), ao.Event(1.0, [1.0, 1.0])
     solution = ao.solve(ao.Problem(system, *events), principle="stationary")
     with pytest.raises(ValueError, match="positive definite"):
-        morse_index(solution)
+        _ = solution.morse_index
 
 
 def test_bad_arguments():
@@ -521,7 +524,7 @@ def test_nullity_of_families_of_paths(tol, tilt):
     cases.append((ao.Problem(plane, *ends), None, 2))
     for problem, guess, nullity in cases:
         solution = ao.solve(problem, guess=guess, tol=tol, throw=False)
-        found = inertia(solution)
+        found = solution.inertia
         assert (found.index, found.nullity, found.kind) == (0, nullity, "degenerate")
         assert found.tolerance == 1e-8  # of the family, not of the path at hand
 
@@ -536,7 +539,7 @@ def test_a_family_of_paths_given_roughly():
     path = ao.Path(mesh, arc(mesh.nodes) + np.stack([0 * shift, shift, shift]))
     lam = np.full((1, mesh.nodes.size), -(np.pi**2) / 2)
     rough = ao.Solution(problem, path, 0.0, lam, 1e-3, ao.Status.UNRESOLVED, {})
-    found = inertia(rough)
+    found = rough.inertia
     assert (found.index, found.nullity, found.tolerance) == (0, 1, 1e-8)
 
 

@@ -102,7 +102,7 @@ def test_a_path_found_again_elsewhere_is_another_one(part, kept, monkeypatch):
 def test_a_path_is_joined_as_long_as_it_does_not_grow_out_of_its_units(side):
     spring = System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2 - q[0] ** 4 / 400, ["x"])
     solution = ao.solve(Problem(spring, Event(0.0, [1.0]), Event(1.0, [side])))
-    tr, z = solution.discrete
+    tr, z = solution.discrete.tr, solution.discrete.z
     for factor, near in ((1.5, True), (10.0, False)):
         for a, b in ((factor, factor * side), (-factor, -factor)):
             walk = Walk(Problem(spring, Event(0.0, [a]), Event(1.0, [b])))

@@ -7,6 +7,8 @@ import actionopt as ao
 from actionopt import Event, Mesh, Problem, System
 from actionopt.analysis.jacobi import _stationary, fields, finer
 from actionopt.analysis.second_variation import form
+from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
 
 
@@ -15,8 +17,8 @@ def at_rest(lagrangian, T=1.0, elements=5, degree=12, start=0.0):
     system = System(lagrangian, ["x"])
     problem = Problem(system, Event(start, [0.0]), Event(start + T, [0.0]))
     mesh = Mesh.uniform(start, start + T, elements, degree)
-    tr = Transcription(problem, mesh, np.ones(1))
-    return form(tr, tr.straight(), np.zeros((mesh.nodes.size, 0)))
+    path = Path(mesh, np.zeros((1, mesh.nodes.size)))
+    return form(DiscretePath.of(problem, path, lengths=np.ones(1)))
 
 
 @pytest.mark.parametrize("push", [3.0, -3.0])

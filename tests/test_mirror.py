@@ -12,8 +12,7 @@ import pytest
 import actionopt as ao
 from actionopt import Event, Mesh, Periodic, Problem, State, System
 from actionopt.analysis.conjugate import conjugate_points
-from actionopt.analysis.index import inertia, second_variation
-from actionopt.analysis.sensitivity import sensitivity
+from actionopt.analysis.modes import second_variation
 from actionopt.discrete.path import Path
 from actionopt.solver.iterate import Walk
 
@@ -167,7 +166,7 @@ def test_the_comparison_is_the_same(name, both):
 @pytest.mark.parametrize("name", UNFORCED)
 def test_the_second_variation_is_the_same(name, both):
     here, there = both(name)
-    one, other = inertia(here), inertia(there)
+    one, other = here.inertia, there.inertia
     assert (one.index, one.nullity, one.tolerance) == (other.index, other.nullity, other.tolerance)
     low, high = (second_variation(solution, 3).eigenvalues for solution in (here, there))
     assert low == pytest.approx(high, rel=SAME, abs=SAME * np.max(np.abs(high)))
@@ -175,7 +174,7 @@ def test_the_second_variation_is_the_same(name, both):
         times = [conjugate_points(solution) for solution in (here, there)]
         assert [c.multiplicity for c in times[0]] == [c.multiplicity for c in times[1]]
         assert [c.t for c in times[0]] == pytest.approx([c.t for c in times[1]], rel=1e-9)
-    first, second = sensitivity(here), sensitivity(there)
+    first, second = here.sensitivity(), there.sensitivity()
     for row, sign in (("q0", -1), ("q1", -1), ("t0", 1), ("t1", 1), ("q0q1", 1), ("q1q1", 1)):
         a, b = np.array(getattr(first, row)), np.array(getattr(second, row))
         assert np.allclose(a, sign * b, rtol=SAME, atol=SAME * np.max(np.abs(a)))

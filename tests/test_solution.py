@@ -246,7 +246,7 @@ def test_a_deep_copy_says_the_same_and_shares_only_the_system(rod, kepler):
 
 
 def test_what_is_printed_is_short_and_says_what_matters(rod):
-    unknowns = rod.discrete[0].layout.unknowns
+    unknowns = rod.discrete.tr.layout.unknowns
     assert (
         str(rod)
         == repr(rod)

@@ -238,7 +238,7 @@ def test_another_solve_derives_nothing(monkeypatch):
     mesh = Mesh.uniform(0.0, 1.0, 5, 8)
     first = ao.solve(Problem(system, Event(0.0, 0.3), Event(1.0, -0.2)), mesh=mesh)
     assert relative_error(first, forward(first), times(first.problem)) <= 1e-8
-    derived, layout = system.derived, first.discrete[0].layout
+    derived, layout = system.derived, first.discrete.tr.layout
     assert set(first.stats["derived"]) <= set(derived)
 
     def forbidden(*args, **kwargs):
@@ -252,7 +252,7 @@ def test_another_solve_derives_nothing(monkeypatch):
     moved = ao.solve(Problem(system, Event(2.0, 0.1), Event(2.7, 0.2)), mesh=mesh.moved(2.0, 2.7))
     assert second.success and moved.success
     assert system.derived == derived
-    assert second.discrete[0].layout is layout and moved.discrete[0].layout is layout
+    assert second.discrete.tr.layout is layout and moved.discrete.tr.layout is layout
     t = times(other)
     assert relative_error(second, forward(second), t) <= 1e-8
 
@@ -724,7 +724,7 @@ def test_the_index_on_a_mesh_of_low_degree_takes_no_more_than_raising_it(degree)
     mesh = ao.Mesh.uniform(0.0, 4.0, 20, degree)
     solution = ao.solve(Problem(OSCILLATOR, Event(0, [1.0]), Event(4.0, [0.5])), mesh=mesh)
     assert solution.morse_index == 1
-    assert resolved(solution, 1e-8).tr.mesh.elements == 20
+    assert resolved(solution.discrete, solution.error, 1e-8).tr.mesh.elements == 20
 
 
 def test_a_solution_from_a_file_is_a_guess_without_its_system(tmp_path):

@@ -111,7 +111,7 @@ def numbers(solution):
     """Return what a solution tells, all of it computed now."""
     t = np.linspace(0, solution.problem.duration, 40)
     forced = [solution.multipliers(t), solution.constraint_force(t)] if solution.lam.size else []
-    tr, z = solution.discrete
+    tr, z = solution.discrete.tr, solution.discrete.z
     compared = compare(solution)
     steep = ao.second_variation(solution, 2)
     derived = solution.sensitivity()

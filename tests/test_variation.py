@@ -6,7 +6,7 @@ from scipy.integrate import quad
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.analysis.index import second_variation
+from actionopt.analysis.modes import second_variation
 from actionopt.analysis.variation import variation
 
 ROUNDING = 1e-13  # of `first`, relative to the terms that cancel in it
@@ -118,7 +118,7 @@ def test_varied_paths_stay_on_the_surface():
     assert np.max(np.abs(problem.system.constraint(q, t, parameters=problem.parameters))) < 1e-14
     assert np.max(np.abs(q - solution(t))) > 0.05
     # eta is tangent: orthogonal to the rod
-    assert np.max(np.abs(np.sum(S.eta.values * S.form.Q.T, axis=0))) < 1e-12
+    assert np.max(np.abs(np.sum(S.eta.values * S.form.at.Q.T, axis=0))) < 1e-12
 
 
 def test_a_varied_path_that_cannot_stay_on_the_surface_is_refused():

@@ -14,10 +14,11 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import casadi as ca
 import numpy as np
+from numpy.typing import ArrayLike
 
 from actionopt.analysis.flow import (
     LONGEST,
@@ -38,9 +39,6 @@ from actionopt.mechanics.problem import Problem, State
 from actionopt.mechanics.system import System
 from actionopt.tools.checks import tolerance
 from actionopt.tools.types import Array
-
-if TYPE_CHECKING:
-    from actionopt.analysis.solution import Solution
 
 PIECES = 100  # at most; more say no more
 PIECEWISE = 1e-14  # local tolerance there
@@ -134,7 +132,22 @@ class Comparison:
         return excuse >= CERTAIN or self.position <= EXCUSE * excuse
 
 
-def compare(solution: Solution, *, tol: float = 1e-12) -> Comparison:
+class Claim(Protocol):
+    """What is judged: a path that is said to be a motion, such as a solution."""
+
+    @property
+    def problem(self) -> Problem: ...  # noqa: D102
+    @property
+    def mesh(self) -> Mesh: ...  # noqa: D102
+    @property
+    def start(self) -> State: ...  # noqa: D102
+    @property
+    def error(self) -> float: ...  # noqa: D102
+    def __call__(self, t: ArrayLike) -> Array: ...  # noqa: D102
+    def velocity(self, t: ArrayLike) -> Array: ...  # noqa: D102
+
+
+def compare(solution: Claim, *, tol: float = 1e-12) -> Comparison:
     """Compare a solution with forward integrations from its own states.
 
     The integration begins anew where the lengths of the solution's elements change much, and
@@ -143,7 +156,7 @@ def compare(solution: Solution, *, tol: float = 1e-12) -> Comparison:
 
     Parameters
     ----------
-    solution : Solution
+    solution : Solution, or whatever says as much of itself
         The path to be judged.
     tol : float
         Of the forward integration; see `integrate`.
@@ -293,7 +306,7 @@ class _Parts:
     @classmethod
     def of(
         cls,
-        solution: Solution,
+        solution: Claim,
         flow: Flow,
         instants: list[Instant],
         accuracy: tuple[Units, float],
@@ -365,7 +378,7 @@ class _Parts:
 
 
 def _piece_by_piece(
-    solution: Solution, parts: _Parts, units: Units, allowed: float
+    solution: Claim, parts: _Parts, units: Units, allowed: float
 ) -> tuple[float, str]:
     """Return the largest deviation of motions from the middle of a piece to that of the next.
 

@@ -10,17 +10,15 @@ one coordinate theta is Pruefer's angle.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from actionopt.analysis.jacobi import fields, resolved
 from actionopt.analysis.second_variation import Form, check_legendre, coefficients, tangent
+from actionopt.analysis.solution import Solution
 from actionopt.mechanics.problem import Periodic
 from actionopt.tools.types import Array
-
-if TYPE_CHECKING:
-    from actionopt.analysis.solution import Solution
 
 RESOLUTION = 1e-10  # of Jacobi fields and path
 NEARER = np.pi / 4  # phases that move by less between two times are surely matched
@@ -58,7 +56,7 @@ def conjugate_points(solution: Solution) -> tuple[ConjugatePoint, ...]:
             "with its end, and no times conjugate to it number the index (`morse_index` counts "
             "that); pin both ends, guess=solution, for those of the motion between them"
         )
-    form = resolved(solution, RESOLUTION, polish=True)
+    form = resolved(solution.discrete, solution.error, RESOLUTION, polish=True)
     if not form.freedom:
         return ()
     check_legendre(form)
@@ -100,8 +98,8 @@ class Phases:
             weights = g.rule.interpolation(xi)
             slopes = (weights @ g.rule.derivative) * (2 / h)[:, None]
             node = g.nodes[at[own]]
-            q[mine] = np.einsum("tk,tkn->tn", weights, form.Q[node])
-            v[mine] = np.einsum("tk,tkn->tn", slopes, form.Q[node])
+            q[mine] = np.einsum("tk,tkn->tn", weights, form.at.Q[node])
+            v[mine] = np.einsum("tk,tkn->tn", slopes, form.at.Q[node])
             used, place = np.unique(own, return_inverse=True)
             eta = np.stack(
                 [

@@ -9,15 +9,12 @@ the body on the surface.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from actionopt.analysis.solution import Solution
 from actionopt.mechanics.problem import State
 from actionopt.tools.types import Array, NDInt
-
-if TYPE_CHECKING:
-    from actionopt.analysis.solution import Solution
 
 SAMPLES = 4  # looks at each node interval, for roots that lie close together
 BISECTIONS = 60  # the double-precision number line between two samples has no more halves

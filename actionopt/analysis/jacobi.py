@@ -12,8 +12,6 @@ fields are replaced by an orthonormal frame that spans the same Lagrangian plane
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import casadi as ca
 import numpy as np
 
@@ -22,19 +20,15 @@ from actionopt.analysis.second_variation import (
     check_independent,
     check_legendre,
     coefficients,
-    dependent,
     form,
 )
+from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import compressed
 from actionopt.discrete.mesh import MAX_DEGREE, Mesh
 from actionopt.discrete.newton import follow
-from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
 from actionopt.tools.lobatto import lgl
 from actionopt.tools.types import Array
-
-if TYPE_CHECKING:
-    from actionopt.analysis.solution import Solution
 
 ROUNDS = 12
 HIGHEST = 20  # degree above which an element is split instead
@@ -79,60 +73,50 @@ def fields(form: Form) -> list[Array]:
 
 
 def resolved(
-    solution: Solution, tol: float, *, units: Array | None = None, polish: bool = False
+    first: DiscretePath,
+    error: float,
+    tol: float,
+    *,
+    units: Array | None = None,
+    polish: bool = False,
 ) -> Form:
     """Return d2S on a mesh that resolves the Jacobi fields to `tol`, and the path with `polish`.
 
-    A mesh that resolves the path need not resolve its neighbours: a body at rest may be passed
-    by any number of them, and a straight path may lead through a valley of any shape. Raises
-    ValueError for non-conservative forces, a path through a singularity, or one along which the
-    constraints are not independent.
+    `error` is that of the path, which is stationary. A mesh that resolves the path need not
+    resolve its neighbours: a body at rest may be passed by any number of them, and a straight path
+    may lead through a valley of any shape. Raises ValueError for non-conservative forces, a path
+    through a singularity, or one along which the constraints are not independent.
     """
-    tr, z = solution.discrete
-    Q, lam = tr.unpack(z)
-    if lam.size and not np.isfinite(lam).all():
-        # Pinned ends carry no rows; the equations of motion tell the multipliers there.
-        lam = np.where(np.isfinite(lam), lam, multipliers(solution, tr.mesh.nodes))
-    found = form(tr, Q, lam, units)
+    found = form(first, units)
     for _ in range(ROUNDS):
-        check_independent(found, solution.error)
-        mesh = finer(tr.mesh, tol, form=found, Q=Q / tr.lengths if polish else None)
+        check_independent(found, error)
+        tr = found.tr
+        mesh = finer(tr.mesh, tol, form=found, Q=found.at.Q / tr.lengths if polish else None)
         if mesh is None:
             break
-        tr = Transcription(solution.problem, mesh, tr.lengths)
-        Q, lam = solution.path.on(mesh).values.T, multipliers(solution, mesh.nodes)
-        if polish:
-            near = follow(tr, tr.pack(Q, lam))
-            if near.converged:
-                Q, rows = tr.unpack(near.z)
-                lam = np.where(np.isfinite(rows), rows, lam)
-        found = form(tr, Q, lam, units)
+        at = first.on(mesh, first.multipliers(mesh.nodes))
+        found = form(at.polished() if polish else at, units)
     return found
 
 
-def polished(solution: Solution, tol: float, nullity: int) -> Form | None:
+def polished(first: DiscretePath, tol: float, nullity: int) -> Form | None:
     """Return d2S along a path improved on a mesh that resolves it and its Jacobi fields to `tol`.
 
     Newton's method leaves the path where it is along `nullity` directions in which the action
     hardly bends, if its own steps lead nowhere for them: in a family of paths any will do. None
     where it finds no stationary path near. Raises ValueError as `resolved` does.
     """
-    tr, z = solution.discrete
-    Q, lam = tr.unpack(z)
+    at = first
     for _ in range(ROUNDS):
-        lam = np.where(np.isfinite(lam), lam, multipliers(solution, tr.mesh.nodes))
-        z = _stationary(tr, tr.pack(Q, lam), nullity)
+        z = _stationary(at.tr, at.z, nullity)
         if z is None:
             return None
-        Q, rows = tr.unpack(z)
-        found = form(tr, Q, np.where(np.isfinite(rows), rows, lam))
+        found = form(DiscretePath(at.tr, z))
         check_independent(found, tol)
-        mesh = finer(tr.mesh, tol, form=found, Q=Q / tr.lengths)
+        mesh = finer(at.mesh, tol, form=found, Q=found.at.Q / at.tr.lengths)
         if mesh is None:
             return found
-        path = Path(tr.mesh, Q.T)
-        tr = Transcription(solution.problem, mesh, tr.lengths)
-        Q, lam = path(mesh.nodes).T, multipliers(solution, mesh.nodes)
+        at = found.at.on(mesh, first.multipliers(mesh.nodes))
     return None
 
 
@@ -167,24 +151,6 @@ def _stationary(tr: Transcription, z: Array, nullity: int) -> Array | None:
             if np.max(np.abs(step[:cut])) < CLOSE:
                 return z if np.max(np.abs(step[size:])) < VANISHES else None
     return None
-
-
-def multipliers(solution: Solution, t: Array) -> Array:
-    """Return a solution's multipliers at the times t, (K, m).
-
-    Raises ValueError where the constraints are not independent.
-    """
-    if not solution.problem.system.m:
-        return np.zeros((t.size, 0))
-    try:
-        return solution.multipliers(t).T
-    except np.linalg.LinAlgError:
-        for time in t:
-            try:
-                solution.multipliers(time)
-            except np.linalg.LinAlgError:
-                raise dependent(time) from None
-        raise
 
 
 def finer(
@@ -244,8 +210,8 @@ def _unresolved(form: Form) -> Array:
         fine = lgl(min(max(2 * g.rule.degree + 2, least), 2 * MAX_DEGREE + 2))
         weights = g.rule.interpolation(fine.nodes)
         h = mesh.lengths[g.elements]
-        q = weights @ form.Q[g.nodes]
-        v = (weights @ g.rule.derivative) @ form.Q[g.nodes] * (2 / h)[:, None, None]
+        q = weights @ form.at.Q[g.nodes]
+        v = (weights @ g.rule.derivative) @ form.at.Q[g.nodes] * (2 / h)[:, None, None]
         middle = (mesh.since[g.elements] + mesh.since[g.elements + 1]) / 2
         t = mesh.boundaries[0] + (middle[:, None] + h[:, None] / 2 * fine.nodes)
         n = q.shape[2]

@@ -25,6 +25,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
+from actionopt.discrete.discrete_path import DiscretePath, dependent
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.problem import Problem
@@ -43,9 +44,8 @@ class Form:
 
     Attributes
     ----------
-    tr : Transcription
-    Q : (K, n) array
-        Coordinates of the path at the nodes.
+    at : DiscretePath
+        The path.
     units : (n,) array
         The variation at node k is eta_k = units * (basis_k @ a_k).
     basis : (K, n, r) array
@@ -63,8 +63,7 @@ class Form:
         over the duration.
     """
 
-    tr: Transcription
-    Q: Array
+    at: DiscretePath
     units: Array
     basis: Array
     pinned: tuple[int, int]
@@ -72,6 +71,11 @@ class Form:
     kinetic: list[Array]
     legendre: Array
     frequency: float
+
+    @property
+    def tr(self) -> Transcription:
+        """The discrete action of the path."""
+        return self.at.tr
 
     @property
     def freedom(self) -> int:
@@ -102,13 +106,13 @@ class Form:
         return result
 
 
-def form(tr: Transcription, Q: Array, lam: Array, units: Array | None = None) -> Form:
-    """Return the second variation at node coordinates Q (K, n) and multipliers lam (K, m).
+def form(at: DiscretePath, units: Array | None = None) -> Form:
+    """Return the second variation along a path, the coordinates in `units` (n,).
 
-    A path that closes needs no multipliers at its last node: they are those at the first. Raises
-    ValueError for a system with non-conservative forces, or a path along which L is not finite.
+    Raises ValueError for a system with non-conservative forces, or a path along which L is not
+    finite.
     """
-    problem, layout = tr.problem, tr.layout
+    tr, Q, problem, layout = at.tr, at.Q, at.problem, at.tr.layout
     system = problem.system
     if system.structure.forced:
         raise ValueError(
@@ -117,11 +121,11 @@ def form(tr: Transcription, Q: Array, lam: Array, units: Array | None = None) ->
         )
     given = units
     units = tr.lengths if units is None else np.asarray(units, dtype=float)
-    at = Q[layout.node_of]
-    A, B, C, S = coefficients(problem, at, tr.velocities(at), tr.times)
+    q = Q[layout.node_of]
+    A, B, C, S = coefficients(problem, q, tr.velocities(q), tr.times)
     if system.m:
-        lam = np.concatenate([lam[:-1], lam[:1]]) if layout.closed else lam
-        A = A + _curvature(problem, at, lam[layout.node_of], tr.times)
+        lam = np.concatenate([at.lam[:-1], at.lam[:1]]) if layout.closed else at.lam
+        A = A + _curvature(problem, q, lam[layout.node_of], tr.times)
     finite = np.isfinite([A, B, C]).all(axis=(0, 2, 3))
     if not finite.all():
         raise ValueError(
@@ -174,7 +178,7 @@ def form(tr: Transcription, Q: Array, lam: Array, units: Array | None = None) ->
         for X in (A, B)
     )
     frequency = float(1 / problem.duration + np.sqrt(stiff) + mixed)
-    return Form(tr, Q, units, basis, pinned, elements, kinetic, legendre, frequency)
+    return Form(at, units, basis, pinned, elements, kinetic, legendre, frequency)
 
 
 def coefficients(
@@ -232,22 +236,13 @@ def check_independent(form: Form, error: float) -> None:
     tr, m = form.tr, form.tr.problem.system.m
     if not m:
         return
-    G = _normals(tr.problem, form.Q, tr.mesh.nodes[:, None]) * form.units
+    G = _normals(tr.problem, form.at.Q, tr.mesh.nodes[:, None]) * form.units
     size = np.linalg.norm(G, axis=2).max(axis=0)
     values = np.linalg.svd(G / np.where(size > 0, size, 1.0)[:, None], compute_uv=False)
     least = values.min(axis=1)
     known = max(RANK, BLURRED * min(error, UNKNOWN)) if np.isfinite(error) else BLURRED * UNKNOWN
     if np.min(least) <= known * np.median(least):
         raise dependent(float(tr.mesh.nodes[np.argmin(least)]))
-
-
-def dependent(t: float) -> ValueError:
-    """Return the error that says that the constraints restrict less at the time t."""
-    return ValueError(
-        f"expected independent constraints all along the path, found that they are not at "
-        f"t = {t:.6g}, as where a mechanism passes a flat position: multipliers and neighbours are "
-        "not determined there; try other elements (mesh=), whose nodes miss that time"
-    )
 
 
 def _normals(problem: Problem, q: Array, t: Array) -> Array:

@@ -14,19 +14,16 @@ With constraints L stands for L + sum lam f.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 
-from actionopt.analysis.jacobi import multipliers, resolved
+from actionopt.analysis.jacobi import resolved
 from actionopt.analysis.second_variation import Form, condense
+from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.system import System
 from actionopt.tools.types import Array
-
-if TYPE_CHECKING:
-    from actionopt.analysis.solution import Solution
 
 RESOLUTION = 1e-8  # of the Jacobi fields; second derivatives converge twice as fast
 
@@ -68,36 +65,32 @@ class Sensitivity:
         return float(np.linalg.det(-self.q0q1))
 
 
-def sensitivity(solution: Solution) -> Sensitivity:
-    """Return the derivatives of a solution's action by its ends and parameters.
+def sensitivity(at: DiscretePath, error: float, momenta: tuple[Array, Array]) -> Sensitivity:
+    """Return the derivatives of the action of a path by its ends and parameters.
 
-    Raises ValueError for non-conservative forces: S is then no function of the ends that the
-    momenta would be derivatives of.
+    `error` is the path's, `momenta` those at its ends, (n,) each. Raises ValueError for
+    non-conservative forces: S is then no function of the ends that the momenta would be
+    derivatives of.
 
     References
     ----------
     Goldstein, *Classical Mechanics* (3rd ed. 2002), sections 8.6 and 10.1; J. H. Van Vleck,
     *Proc. Natl. Acad. Sci.* 14 (1928), p. 178.
     """
-    form = resolved(solution, RESOLUTION)
-    tr, z = solution.discrete
-    problem, layout = solution.problem, tr.layout
-    system = problem.system
-    Q, lam = tr.unpack(z)
-    if system.m:
-        lam = np.where(np.isfinite(lam), lam, multipliers(solution, tr.mesh.nodes))
-    at = Q[layout.node_of]
-    v = tr.velocities(at)
-    _, p, L = (x.copy() for x in system.pointwise("first")(at, v, tr.times, problem.packed))
+    form = resolved(at, error, RESOLUTION)
+    tr, problem, node_of = at.tr, at.problem, at.tr.layout.node_of
+    system, q = problem.system, at.Q[node_of]
+    v = tr.velocities(q)
+    _, p, L = (x.copy() for x in system.pointwise("first")(q, v, tr.times, problem.packed))
     explicit = system.made("explicit", lambda: _explicit(system))
-    by_time, by_parameters = explicit(at, v, tr.times, problem.packed, lam[layout.node_of])
+    by_time, by_parameters = explicit(q, v, tr.times, problem.packed, at.lam[node_of])
     s = (tr.times - problem.start.t) / problem.duration
     stretch = float(np.sum(tr.weight * (L - np.sum(v * p, axis=1, keepdims=True))))
     stretch /= problem.duration
     t1 = stretch + float(np.sum(tr.weight * s * by_time))
     t0 = -stretch + float(np.sum(tr.weight * (1 - s) * by_time))
     packed = np.sum(tr.weight * by_parameters, axis=0)
-    q0, q1 = -solution.momenta[0], solution.momenta[1].copy()
+    q0, q1 = -momenta[0], momenta[1].copy()
     for row, event in ((q0, problem.start), (q1, problem.end)):
         row[[i for i, x in enumerate(event.q) if x is None]] = 0.0
     return Sensitivity(q0, q1, t0, t1, _unpack(system, packed), *_second(form))

@@ -4,26 +4,32 @@ from __future__ import annotations
 
 from contextlib import suppress
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from actionopt.analysis.compare import Comparison, compare
+from actionopt.analysis.index import Inertia, inertia
+from actionopt.analysis.sensitivity import Sensitivity, sensitivity
 from actionopt.analysis.status import Status
+from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import resolution
-from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import NEGLIGIBLE, Problem, State
 from actionopt.tools.types import Array
 
-if TYPE_CHECKING:
-    from actionopt.analysis.compare import Comparison
-    from actionopt.analysis.index import Inertia
-    from actionopt.analysis.sensitivity import Sensitivity
+
+@dataclass(frozen=True, eq=False)
+class Ends:
+    """States and momenta (n,) at the two events, of a solution whose system is not at hand."""
+
+    states: tuple[State, State]
+    momenta: tuple[Array, Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +55,10 @@ class Solution:
     stats : dict
         What was built, how often each function was evaluated, each refinement round, and how
         the time divides.
+    ends : Ends, optional
+        What is not to be derived from the system, but was read from a file.
+    known : DiscretePath, optional
+        The path as it was found, else made when asked for (`discrete`).
     """
 
     problem: Problem
@@ -58,6 +68,8 @@ class Solution:
     error: float
     status: Status
     stats: dict[str, Any]
+    ends: Ends | None = field(default=None, repr=False)
+    known: DiscretePath | None = field(default=None, repr=False)
 
     def __repr__(self) -> str:
         """Show the verdict and the numbers that matter, not the arrays."""
@@ -74,6 +86,8 @@ class Solution:
         With constraints, those of the motions that the constraints allow. Hamilton and Jacobi's
         identities; Marsden and West (2001), section 1.3.
         """
+        if self.ends is not None:
+            return self.ends.momenta
         system, parameters = self.problem.system, self.problem.parameters
         if not system.m:
             return self._free_momenta
@@ -82,18 +96,18 @@ class Solution:
         )
         return _fixed(p0, p1)
 
-    @cached_property
+    @property
     def start(self) -> State:
         """State at the start event; its velocity comes from the momentum there.
 
         It is accurate to order 2d, where the polynomial's derivative is only of order d.
         """
-        return self._state(0)
+        return self._states[0]
 
-    @cached_property
+    @property
     def end(self) -> State:
         """State at the end event, as accurate as `start`."""
-        return self._state(1)
+        return self._states[1]
 
     @property
     def success(self) -> bool:
@@ -142,9 +156,7 @@ class Solution:
     @cached_property
     def inertia(self) -> Inertia:
         """Index and nullity of the second variation, counted when first asked for."""
-        from actionopt.analysis.index import inertia
-
-        return inertia(self)
+        return inertia(self.discrete, self.error)
 
     @property
     def morse_index(self) -> int:
@@ -185,13 +197,11 @@ class Solution:
         from those of `multipliers` at the same nodes. Raises ValueError without constraints, or
         where these are not independent.
         """
-        from actionopt.analysis.jacobi import multipliers
-
         problem, system = self.problem, self.problem.system
         if not system.m:
             raise ValueError("expected a system with constraints: this one has no multipliers")
         t = self.mesh.nodes
-        exact = multipliers(self, t).T
+        exact = self.discrete.multipliers(t).T
         q, times = self.path.values.T, t[:, None]
         second = system.pointwise("second")
         rows, cols = second.sparsity(2)
@@ -214,18 +224,21 @@ class Solution:
         return 8 * float(np.nanmax(unit * np.abs(self.lam - exact))) / float(size)
 
     @cached_property
-    def discrete(self) -> tuple[Transcription, Array]:
-        """The transcription on the solution's mesh and the vector z of its unknowns there."""
-        sizes = np.max(np.abs(self.path.values), axis=1)
-        tr = Transcription(self.problem, self.mesh, np.where(sizes > 0, sizes, 1.0))
-        return tr, tr.pack(self.path.values.T, self.lam.T)
+    def discrete(self) -> DiscretePath:
+        """The path as unknowns on its mesh, with multipliers."""
+        known = self.known
+        if known is not None and known.path is self.path and known.problem is self.problem:
+            return known
+        return DiscretePath.of(self.problem, self.path, self.lam.T)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Solution:
-        """Return a copy with memory of its own; `discrete` is made again when asked for."""
-        kept = {name: value for name, value in vars(self).items() if name != "discrete"}
-        other = object.__new__(Solution)
-        vars(other).update(deepcopy(kept, memo))
-        return other
+        """Return a copy with memory of its own; what follows from it is made when asked for."""
+        copied = {f.name: deepcopy(getattr(self, f.name), memo) for f in fields(self)[:-1]}
+        if self.known is not None:
+            tr = self.known.tr.between(copied["problem"])
+            copied["known"] = known = DiscretePath(tr, self.known.z)
+            copied["path"] = known.path
+        return Solution(**copied)
 
     def compare(self) -> Comparison:
         """Return the comparison with the forward integration from `start`, made once."""
@@ -233,26 +246,25 @@ class Solution:
 
     def sensitivity(self) -> Sensitivity:
         """Return the derivatives of the action by the events and the parameters."""
-        from actionopt.analysis.sensitivity import sensitivity
-
-        return sensitivity(self)
+        return sensitivity(self.discrete, self.error, self.momenta)
 
     def save(self, file: str | FilePath) -> None:
         """Write the numbers to an .npz file, whole or not at all; `actionopt.load` reads it."""
-        from actionopt.analysis.store import save
+        from actionopt.analysis.store import save  # which reads solutions, too
 
         save(self, file)
 
     @cached_property
     def _comparison(self) -> Comparison:
-        from actionopt.analysis.compare import compare
-
         return compare(self)
 
     @cached_property
     def _free_momenta(self) -> tuple[Array, Array]:
-        tr, z = self.discrete
-        return _fixed(*tr.momenta(z))
+        return _fixed(*self.discrete.tr.momenta(self.discrete.z))
+
+    @cached_property
+    def _states(self) -> tuple[State, State]:
+        return self.ends.states if self.ends is not None else (self._state(0), self._state(1))
 
     def _state(self, k: int) -> State:
         system, parameters = self.problem.system, self.problem.parameters
@@ -272,6 +284,20 @@ class Solution:
         flat = times.ravel()
         result = method(self(flat), self.velocity(flat), flat, parameters=parameters)
         return result.reshape(*result.shape[:-1], *times.shape)
+
+
+class SolveError(RuntimeError):
+    """A solve that did not succeed.
+
+    Attributes
+    ----------
+    solution : Solution
+        The best path so far, with its `status`.
+    """
+
+    def __init__(self, message: str, solution: Solution) -> None:
+        super().__init__(message)
+        self.solution = solution
 
 
 def _fixed(p0: Array, p1: Array) -> tuple[Array, Array]:

@@ -1,12 +1,8 @@
-"""What came of a solve, in whole sentences, and the one exception of the package."""
+"""What came of a solve, in whole sentences."""
 
 from __future__ import annotations
 
 from enum import Enum
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from actionopt.analysis.solution import Solution
 
 
 class Status(Enum):
@@ -63,17 +59,3 @@ class Status(Enum):
     def success(self) -> bool:
         """Whether the path can be used as it is."""
         return self in (Status.SOLVED, Status.ON_MESH)
-
-
-class SolveError(RuntimeError):
-    """A solve that did not succeed.
-
-    Attributes
-    ----------
-    solution : Solution
-        The best path so far, with its `status`.
-    """
-
-    def __init__(self, message: str, solution: Solution) -> None:
-        super().__init__(message)
-        self.solution = solution

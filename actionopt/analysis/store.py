@@ -15,7 +15,7 @@ from typing import Any, cast
 import numpy as np
 
 from actionopt import scenes
-from actionopt.analysis.solution import Solution
+from actionopt.analysis.solution import Ends, Solution
 from actionopt.analysis.status import Status
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
@@ -121,12 +121,11 @@ def load(file: str | FilePath, system: System | str | None = None) -> Solution:
     problem = _problem(found, system)
     if problem is None:
         return found
-    loaded = replace(found, problem=problem)
     try:
-        _check_physics(replace(found, problem=problem), found)
+        _check_physics(replace(found, problem=problem, ends=None), found)
     except ValueError as error:
         raise _damaged(file, error) from error
-    return _with_ends(loaded, (found.start.v, found.end.v), found.momenta)
+    return replace(found, problem=problem)
 
 
 def _damaged(file: str | FilePath, error: Exception) -> ValueError:
@@ -200,7 +199,7 @@ def _read(file: FilePath) -> Solution:
     single = data["action"].shape == data["error"].shape == ()
     if shapes != [n, n, n] or not ends or not single or data["lam"].shape[1:] != (nodes,):
         raise ValueError("expected arrays of shapes that belong together")
-    solution = Solution(
+    found = Solution(
         cast(Problem, problem),
         path,
         float(data["action"]),
@@ -208,9 +207,9 @@ def _read(file: FilePath) -> Solution:
         float(data["error"]),
         Status[about["status"]],
         dict(about["stats"]),
+        _ends(path, data["velocities"], data["momenta"]),
     )
-    _check_ends(solution)
-    found = _with_ends(solution, data["velocities"], data["momenta"])
+    _check_ends(found)
     if found.success:
         _check_numbers(found)
     return found
@@ -287,7 +286,7 @@ def _check_physics(fresh: Solution, found: Solution) -> None:
     if not found.success:
         return
     p = np.abs(fresh.momentum(fresh.mesh.nodes))
-    tr = fresh.discrete[0]
+    tr = fresh.discrete.tr
     units = np.maximum(np.max(p, axis=1), tr.action_unit / tr.lengths)
     speeds = _speeds(fresh)
     for role, a, b, unit in (
@@ -301,20 +300,19 @@ def _check_physics(fresh: Solution, found: Solution) -> None:
             )
 
 
-def _with_ends(solution: Solution, velocities: Any, momenta: Any) -> Solution:
-    """Return the solution with what it would derive from its system: that is in the file as well.
+def _ends(path: Path, velocities: Array, momenta: Array) -> Ends:
+    """Return what a solution would derive from its system: that is in the file as well.
 
     Raises ValueError if the velocities are not two finite rows (n,).
     """
-    b, values = solution.mesh.boundaries, solution.path.values
+    b, values = path.mesh.boundaries, path.values
     start, end = (
         State(t, q, v) for t, q, v in zip(b[[0, -1]], values.T[[0, -1]], velocities, strict=True)
     )
     p0, p1 = (np.array(p, dtype=float) for p in momenta)
     for p in (p0, p1):
         p.setflags(write=False)
-    solution.__dict__.update(start=start, end=end, momenta=(p0, p1))
-    return solution
+    return Ends((start, end), (p0, p1))
 
 
 def _problem(found: Solution, system: System | str | None) -> Problem | None:

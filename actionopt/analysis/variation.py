@@ -12,23 +12,18 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt.analysis.second_variation import Form, form
+from actionopt.analysis.solution import Solution
 from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.newton import follow
 from actionopt.discrete.path import Path
 from actionopt.discrete.projection import project
 from actionopt.discrete.resolution import resolution
-from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
 from actionopt.tools.types import Array
-
-if TYPE_CHECKING:
-    from actionopt.analysis.solution import Solution
 
 RESOLVED = 1e-10  # omitted Legendre coefficients of eta, relative to its size
 HALVINGS = 8  # of an element; a kink of eta is then closed in on to 1/256 of it
@@ -75,14 +70,14 @@ class Variation:
     @cached_property
     def first(self) -> float:
         """dS/dalpha at alpha = 0: int (eta . L_q + eta' . L_v) dt = 0."""
-        _, gradient = self.form.tr.action_and_gradient(self.form.Q)
+        _, gradient = self.form.tr.action_and_gradient(self.form.at.Q)
         return float(gradient @ self.eta.values.T.ravel())
 
     @cached_property
     def cancelling(self) -> float:
         """Size of what cancels in `first`: int (|eta . L_q| + |eta' . L_v|) dt."""
         tr, problem = self.form.tr, self.form.tr.problem
-        at, eta = (x[tr.layout.node_of] for x in (self.form.Q, self.eta.values.T))
+        at, eta = (x[tr.layout.node_of] for x in (self.form.at.Q, self.eta.values.T))
         v, rate = tr.velocities(at), tr.velocities(eta)
         Lq, Lv, _ = problem.system.pointwise("first")(at, v, tr.times, problem.packed)
         return float(np.sum(tr.weight * (np.abs(Lq * eta) + np.abs(Lv * rate))))
@@ -98,7 +93,7 @@ class Variation:
     def nodes(self, alpha: float) -> Array:
         """Return the coordinates of the varied path at the nodes, (K, n)."""
         tr = self.form.tr
-        Q = self.form.Q + alpha * self.eta.values.T
+        Q = self.form.at.Q + alpha * self.eta.values.T
         system, problem = tr.problem.system, tr.problem
         if not system.m or alpha == 0:
             return Q
@@ -149,16 +144,10 @@ def variation(
     (True, True)
     """
     problem = solution.problem
-    mesh = resolving(solution.mesh, eta)
-    lengths = solution.discrete[0].lengths
-    tr = Transcription(problem, mesh, lengths)
-    Q, lam = solution(mesh.nodes).T, solution.multipliers(mesh.nodes).T
-    near = follow(tr, tr.pack(Q, lam))
-    if near.converged:
-        Q, rows = tr.unpack(near.z)
-        lam = np.where(np.isfinite(rows), rows, lam)
-    found = form(tr, Q, lam, np.broadcast_to(np.asarray(unit, dtype=float), (problem.system.n,)))
-    return Variation(found, lam, Path(mesh, _allowed(found, Path.interpolate(eta, mesh)).T))
+    mesh, known = resolving(solution.mesh, eta), solution.discrete
+    at = known.on(mesh, known.multipliers(mesh.nodes)).polished()
+    found = form(at, np.broadcast_to(np.asarray(unit, dtype=float), (problem.system.n,)))
+    return Variation(found, at.lam, Path(mesh, _allowed(found, Path.interpolate(eta, mesh)).T))
 
 
 def resolving(mesh: Mesh, eta) -> Mesh:

@@ -16,10 +16,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
+from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import compressed
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
@@ -43,10 +45,15 @@ class Point:
     s: float
     direction: Array
 
+    @cached_property
+    def at(self) -> DiscretePath:
+        """The path there, with its multipliers."""
+        return DiscretePath(self.tr, self.z)
+
     @property
     def path(self) -> Path:
         """The path there."""
-        return Path(self.tr.mesh, self.tr.coordinates(self.z).T)
+        return self.at.path
 
 
 @dataclass(eq=False)

@@ -16,8 +16,8 @@ import numpy as np
 
 from actionopt.analysis.flow import IntegrationError
 from actionopt.analysis.shooting import aim, close, directed, motions, shoot, velocities
-from actionopt.analysis.solution import Solution
-from actionopt.analysis.status import SolveError, Status
+from actionopt.analysis.solution import Solution, SolveError
+from actionopt.analysis.status import Status
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.projection import project

@@ -13,14 +13,13 @@ from typing import Literal
 
 import numpy as np
 
-from actionopt.analysis.index import inertia_of, lowest
-from actionopt.analysis.jacobi import finer, multipliers, resolved
-from actionopt.analysis.second_variation import Form, check_independent, form
+from actionopt.analysis.index import inertia_of
+from actionopt.analysis.jacobi import finer, resolved
+from actionopt.analysis.modes import lowest
+from actionopt.analysis.second_variation import check_independent, form
 from actionopt.analysis.solution import Solution
 from actionopt.discrete.arclength import Branch, Point
-from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
-from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Event, Periodic, Problem
 from actionopt.solver.solve import Guess, solve
 from actionopt.tools.types import Array
@@ -265,22 +264,19 @@ class _Run:
 
     def begin(self, solution: Solution) -> None:
         """Start from a solution, on a mesh that resolves its Jacobi fields as well."""
-        if not self.counting:
-            tr, z = solution.discrete
-            Q, lam = tr.unpack(z)
-        else:
+        at = solution.discrete
+        if self.counting:
             try:
-                found = resolved(solution, RESOLUTION, polish=True)
-                tr, Q = found.tr, found.Q
-                lam = multipliers(solution, tr.mesh.nodes)
+                at = resolved(at, solution.error, RESOLUTION, polish=True).at
             except ValueError as error:
                 raise _Uncounted(_without(error)) from None
-        self.sizes = tr.lengths
-        self._set(tr.mesh, tr.lengths, Q, lam, self.origin, np.sign(self.goal - self.origin))
+        self.sizes = at.tr.lengths
+        self._set(at.path, at.rows, at.tr.lengths, self.origin, np.sign(self.goal - self.origin))
 
-    def _set(self, mesh: Mesh, lengths: Array, Q: Array, lam, s: float, sign: float) -> None:
-        self.branch = Branch(self.family, mesh, lengths, abs(self.goal - self.origin))
-        z = self.branch.at(s).pack(Q, None if lam is None else np.nan_to_num(lam))
+    def _set(self, path: Path, rows: Array | None, lengths: Array, s: float, sign: float) -> None:
+        self.branch = Branch(self.family, path.mesh, lengths, abs(self.goal - self.origin))
+        lam = None if rows is None else np.nan_to_num(rows)
+        z = self.branch.at(s).pack(path.values.T, lam)
         point = self.branch.first(z, s, sign)
         exact = self.branch.to(point, s)
         self._append(exact or point)
@@ -375,26 +371,24 @@ class _Run:
         if not self.counting:
             return -1
         try:
-            found = _form(point)
+            found = form(point.at)
             check_independent(found, self.tol)
             return inertia_of(found).index
         except ValueError as error:
             raise _Uncounted(_without(error)) from None
 
     def _action(self, point: Point) -> float:
-        tr = point.tr
-        return tr.action(point.z[: tr.layout.unknowns]) * tr.action_unit
+        return point.at.action
 
     def _refine(self) -> None:
         """Go on with a finer mesh, or larger units, where the last point asks for it."""
         point = self.points[-1]
-        tr = point.tr
-        Q, lam = tr.unpack(point.z)
+        tr, Q = point.tr, point.at.Q
         sizes = np.max(np.abs(Q), axis=0)
         mesh = finer(tr.mesh, self.tol, Q=Q / np.maximum(sizes, tr.lengths))
         if mesh is None and self.counting:
             try:
-                mesh = finer(tr.mesh, RESOLUTION, form=_form(point))
+                mesh = finer(tr.mesh, RESOLUTION, form=form(point.at))
             except ValueError as error:
                 raise _Uncounted(_without(error)) from None
         if mesh is None and not np.any(sizes > GROWN * tr.lengths):
@@ -402,15 +396,11 @@ class _Run:
         self.meshes += mesh is not None
         mesh = mesh or tr.mesh
         self.solves += self.branch.solves
-        known = np.isfinite(lam)
-        table = np.zeros((mesh.nodes.size, lam.shape[1]))
-        for i, row in enumerate(lam.T):
-            own = known[:, i]
-            table[:, i] = np.interp(mesh.nodes, tr.mesh.nodes[own], row[own])
+        rows = point.at.rows_on(mesh)
         lengths = np.where(sizes > 1e-12 * np.max(sizes), sizes, tr.lengths)
         sign = np.sign(point.direction[-1])
         del self.points[-1], self.indices[-1]
-        self._set(mesh, lengths, point.path(mesh.nodes).T, table, point.s, sign)
+        self._set(point.path.on(mesh), rows, lengths, point.s, sign)
 
     def _mark(self, here: Point, there: Point) -> None:
         """Locate what changed between two points."""
@@ -423,7 +413,7 @@ class _Run:
             self._note("fold", found or there, before, after)
         elif before != after:
             for j in range(min(before, after), max(before, after)):
-                found = self._locate(here, length, lambda p, j=j: lowest(_form(p), j + 1)[0][j])
+                found = self._locate(here, length, lambda p, j=j: lowest(form(p.at), j + 1)[0][j])
                 step = 1 if after > before else -1
                 low = j if step > 0 else j + 1
                 self._note("index", found or there, low, low + step)
@@ -507,10 +497,3 @@ class _Run:
 def _without(error: ValueError) -> str:
     """Return why no index is counted, and what to do about it."""
     return f"{error}; count=False follows the paths without their index"
-
-
-def _form(point: Point) -> Form:
-    tr: Transcription = point.tr
-    Q, lam = tr.unpack(point.z)
-    # Missing multipliers are those of pinned ends, where nothing varies, or of a closing one.
-    return form(tr, Q, np.nan_to_num(lam))

@@ -64,7 +64,7 @@ def landscape_data(solution: Solution, reach: float = 0.5, count: int = 35) -> L
     if len(chosen) < 2:
         raise ValueError("expected a path with two independent variations, found one; try `slices`")
     S = variation(solution, modes[chosen[0]])
-    tr, Q = S.form.tr, S.form.Q
+    tr, Q = S.form.tr, S.form.at.Q
     first, second = (modes[k](tr.mesh.nodes).T for k in chosen)
     even = np.linspace(-1, 1, count)
     steps = reach * np.sign(even) * np.abs(even) ** CLOSER

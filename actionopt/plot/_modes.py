@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from actionopt.analysis.index import second_variation
+from actionopt.analysis.modes import second_variation
 from actionopt.analysis.solution import Solution
 from actionopt.discrete.path import Path
 from actionopt.tools.types import Array

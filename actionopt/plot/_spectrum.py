@@ -9,11 +9,13 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from actionopt.analysis.conjugate import conjugate_points
-from actionopt.analysis.index import inertia_of, lowest
+from actionopt.analysis.index import inertia_of
+from actionopt.analysis.modes import lowest
 from actionopt.analysis.second_variation import form
 from actionopt.analysis.solution import Solution
+from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.transcription import Transcription
+from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Event
 from actionopt.plot._modes import sizes
 from actionopt.plot._style import COLOURS, GREY, NONE, Units, heading, label, legend, on, styled
@@ -62,9 +64,8 @@ def spectrum_data(solution: Solution, count: int = 3, points: int = 60) -> Spect
         mesh = Mesh.uniform(t0, t0 + T, ELEMENTS, DEGREE)
         Q = solution(mesh.nodes).T
         part = problem.replace(start=Event(t0, Q[0]), end=Event(t0 + T, Q[-1]))
-        tr = Transcription(part, mesh, units)
-        lam = solution.multipliers(mesh.nodes).T if problem.system.m else np.zeros((len(Q), 0))
-        found = form(tr, Q, lam, units)
+        lam = solution.multipliers(mesh.nodes).T if problem.system.m else None
+        found = form(DiscretePath.of(part, Path(mesh, Q.T), lam, units), units)
         kinetic = float(np.mean(found.legendre))
         lowest_values = lowest(found, count)[0] * T**2 / (np.pi**2 * kinetic)
         values[: lowest_values.size, k] = lowest_values

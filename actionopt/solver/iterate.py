@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import Factors
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.newton import Followed, approach, follow, moved
@@ -404,7 +405,7 @@ class Walk:
         """
         old, before = self.path(), self.resolution()
         there = self.tr, self.z
-        lam = self._multipliers(mesh)
+        lam = DiscretePath(self.tr, self.z).rows_on(mesh)
         Q = self.tr.coordinates(self.z)
         self.measure(Q)
         self.place(mesh, old, lam)
@@ -443,18 +444,6 @@ class Walk:
     def _sensitivity(self) -> float:
         """Return how much amplified round-off says that other errors are amplified, at least."""
         return self.noise / (ORDINARY * ROUNDOFF)
-
-    def _multipliers(self, mesh: Mesh) -> Array | None:
-        """Return the multipliers carried to the nodes of `mesh`, (K, m)."""
-        if not self.tr.layout.rows:
-            return None
-        lam = self.tr.unpack(self.z)[1]
-        nodes, wanted = self.tr.mesh.nodes_since, mesh.nodes_since
-        table = np.empty((wanted.size, lam.shape[1]))
-        for i, row in enumerate(lam.T):
-            known = np.isfinite(row)
-            table[:, i] = np.interp(wanted, nodes[known], row[known])
-        return table
 
     def _record(self, seconds: float) -> None:
         mesh = self.tr.mesh

@@ -257,7 +257,7 @@ class Search:
     def from_neighbour(self, neighbour: Solution) -> Status:
         """Follow a path of the system as its ends move to these, where nothing else differs."""
         problem, old = self.walk.problem, neighbour.problem
-        tr, z = neighbour.discrete
+        tr, z = neighbour.discrete.tr, neighbour.discrete.z
         same = (
             (old.start.t, old.end.t) == (problem.start.t, problem.end.t)
             and (old.start.pinned, old.end.pinned) == (problem.start.pinned, problem.end.pinned)

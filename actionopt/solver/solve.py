@@ -14,9 +14,11 @@ from typing import Any, Literal, Never
 
 import numpy as np
 
-from actionopt.analysis.solution import Solution
-from actionopt.analysis.status import SolveError, Status
+from actionopt.analysis.index import TOLERANCE
+from actionopt.analysis.solution import Solution, SolveError
+from actionopt.analysis.status import Status
 from actionopt.discrete.crossing import crossed
+from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
@@ -149,7 +151,7 @@ def _sought(search: Search, guess: Guess | None, curve_of: Callable[[Mesh], Path
         if guess.problem.system is problem.system:
             walk.many = search.given is None or search.given is guess.mesh
             if np.array_equal(problem.packed, guess.problem.packed):
-                walk.units, walk.checked = guess.discrete[0], True
+                walk.units, walk.checked = guess.discrete.tr, True
                 status = search.from_neighbour(guess)
     if status not in (Status.NOT_FOUND, Status.UNRESOLVED):
         return status
@@ -174,16 +176,12 @@ def _suspect(walk: Walk, status: Status) -> bool:
 
 def _family(walk: Walk, solution: Solution) -> Solution:
     """Return the verdict DEGENERATE if the path is one of a family, else the solution as it is."""
-    from actionopt.analysis.index import TOLERANCE, inertia  # hardly ever needed
-
     near = solution
     if not solution.success and walk.lost is not None:
-        tr, z = walk.lost
-        path, lam = Path(tr.mesh, tr.coordinates(z).T), tr.unpack(z)[1].T
-        near = replace(solution, path=path, lam=lam, error=np.inf)
-        near.__dict__["discrete"] = walk.lost
+        lost = DiscretePath(*walk.lost)
+        near = replace(solution, path=lost.path, lam=lost.rows.T, error=np.inf, known=lost)
     try:
-        found = inertia(near)
+        found = near.inertia
     except (ValueError, np.linalg.LinAlgError):
         return solution
     if not found.nullity or found.tolerance > TOLERANCE:
@@ -192,9 +190,7 @@ def _family(walk: Walk, solution: Solution) -> Solution:
     walk.hint = f"the paths between the ends are a family of dimension {found.nullity}"
     walk.noise, walk.error = max(walk.noise, condition * ROUNDOFF), near.error
     stats = near.stats | {"condition": condition, "nullity": found.nullity, "noise": walk.noise}
-    family = replace(near, status=Status.DEGENERATE, stats=stats)
-    family.__dict__["discrete"] = near.discrete
-    return family
+    return replace(near, status=Status.DEGENERATE, stats=stats)
 
 
 def _message(walk: Walk, status: Status, tol: float) -> str:
@@ -216,13 +212,12 @@ def _message(walk: Walk, status: Status, tol: float) -> str:
 
 
 def _solution(walk: Walk, status: Status, rung: str, started: float) -> Solution:
-    tr, z, layout = walk.tr, walk.z, walk.tr.layout
+    found, layout = DiscretePath(walk.tr, walk.z), walk.tr.layout
     clock = perf_counter()
-    path = walk.path()
-    action = tr.action(z[: layout.unknowns]) * tr.action_unit
+    action = found.action
     if status.success and not np.isfinite(action):
         status = Status.UNRESOLVED
-    tr.forget()  # many solutions may be kept
+    found.tr.forget()  # many solutions may be kept
     walk.time["verify"] += perf_counter() - clock
     walk.time["total"] = perf_counter() - started
     stats: dict[str, Any] = {
@@ -238,6 +233,5 @@ def _solution(walk: Walk, status: Status, rung: str, started: float) -> Solution
         "derived": walk.problem.system.derived,
         "time": dict(walk.time),
     }
-    solution = Solution(walk.problem, path, action, tr.unpack(z)[1].T, walk.error, status, stats)
-    solution.__dict__["discrete"] = (tr, z)  # at hand already: nothing to rebuild
-    return solution
+    lam, error = found.rows.T, walk.error
+    return Solution(walk.problem, found.path, action, lam, error, status, stats, known=found)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from actionopt.analysis.status import SolveError
+from actionopt.analysis.solution import SolveError
 from actionopt.discrete.factors import negative_eigenvalues, product
 from actionopt.discrete.newton import follow
 from actionopt.discrete.transcription import Transcription

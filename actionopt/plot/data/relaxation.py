@@ -16,20 +16,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from actionopt.analysis.solution import Solution
 from actionopt.analysis.variation import resolving
 from actionopt.discrete.factors import Factors, diagonal
 from actionopt.discrete.newton import follow
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
 from actionopt.tools.types import Array
-
-if TYPE_CHECKING:
-    from actionopt.analysis.solution import Solution
 
 METHODS = ("descent", "newton")
 FIRST, GROWTH = 0.08, 1.08  # the first share, and what each next one is larger by, up to 1
@@ -132,7 +129,7 @@ def relaxation_data(
         )
     start = wild(solution) if start is None else start
     mesh = resolving(solution.mesh, start)
-    tr = Transcription(solution.problem, mesh, solution.discrete[0].lengths)
+    tr = Transcription(solution.problem, mesh, solution.discrete.tr.lengths)
     first = Path.interpolate(start, mesh).values.T
     goal, z = follow(tr, tr.pack(solution(mesh.nodes).T)).z, tr.pack(first)
     missed = float(np.max(np.abs(tr.coordinates(z) - first) / tr.lengths))
@@ -146,7 +143,7 @@ def relaxation_data(
 
 def wild(solution: Solution) -> Callable[[Array], Array]:
     """Return a path with waves on it, the same ones always, between the solution's events."""
-    lengths, t0 = solution.discrete[0].lengths, solution.problem.start.t
+    lengths, t0 = solution.discrete.tr.lengths, solution.problem.start.t
     i, k = np.arange(lengths.size)[:, None], np.arange(1, WAVES + 1)
     shares = WILD * lengths[:, None] * np.cos(2.4 * k + 1.9 * i) / k**0.25
 

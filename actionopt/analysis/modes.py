@@ -1,0 +1,166 @@
+"""The lowest modes of the second variation: the variations in which the action bends least."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from actionopt.analysis.index import RESOLUTION, Inertia
+from actionopt.analysis.jacobi import resolved
+from actionopt.analysis.second_variation import Form, condense
+from actionopt.analysis.solution import Solution
+from actionopt.discrete.path import Path
+from actionopt.tools.checks import numbers
+from actionopt.tools.types import Array, NDInt
+
+DENSE = 600  # free variations up to which all eigenvalues are computed at once
+SWEEPS = 200
+
+
+@dataclass(frozen=True, eq=False)
+class SecondVariation:
+    """The lowest eigenvalues and modes of the second variation.
+
+    Attributes
+    ----------
+    eigenvalues : (count,) array
+        d2S[eta] for the mode eta, units of action per time and per `units` squared.
+    modes : tuple of Path
+        eta(t) with int |eta / units|^2 dt = 1, orthogonal to one another; zero where the
+        events pin the path.
+    inertia : Inertia
+        Index and nullity.
+    units : (n,) array
+        Units of the coordinates in the norm.
+    """
+
+    eigenvalues: Array
+    modes: tuple[Path, ...]
+    inertia: Inertia
+    units: Array
+
+
+def second_variation(
+    solution: Solution, count: int = 6, *, units: Array | float = 1.0
+) -> SecondVariation:
+    """Return the `count` lowest eigenvalues and modes of d2S on the variations allowed.
+
+    Parameters
+    ----------
+    solution : Solution
+    count : int
+        How many; fewer are returned on a mesh that has fewer.
+    units : float or (n,) array
+        Units of the coordinates in the norm int |eta / units|^2 dt: one where all coordinates
+        have the same unit; a length for each where some are angles.
+
+    Raises
+    ------
+    ValueError
+        As `index.inertia` does, or for a count below one or units that are not positive.
+    """
+    n, asked = solution.problem.system.n, numbers(units, "the units")
+    whole = isinstance(count, (int, np.integer)) and count >= 1
+    if not whole or asked.shape not in ((), (1,), (n,)) or not np.all(asked > 0):
+        raise ValueError(
+            f"expected a whole count >= 1 and positive units, one or {n}, found count = {count!r}, "
+            f"units = {units!r}"
+        )
+    given = np.broadcast_to(asked, (n,))
+    found = solution.inertia
+    form = resolved(solution.discrete, solution.error, RESOLUTION / 100, units=given)
+    values, vectors = lowest(form, count)
+    nodes = np.zeros((len(form.basis), form.freedom, len(values)))
+    nodes.reshape(-1, len(values))[_free(form)] = vectors
+    if form.closed:
+        nodes[-1] = nodes[0]
+    eta = given[:, None] * np.einsum("knr,krc->knc", form.basis, nodes)
+    mesh = form.tr.mesh
+    modes = tuple(Path(mesh, eta[:, :, i].T) for i in range(len(values)))
+    return SecondVariation(values, modes, found, given)
+
+
+def lowest(form: Form, count: int) -> tuple[Array, Array]:
+    """Return the lowest eigenvalues (count,) and vectors (free, count) of d2S in the L2 norm.
+
+    The vectors hold the free coordinates of all nodes' variations, node by node.
+    """
+    free = _free(form)
+    count = min(count, free.size)
+    rows, cols, entries, mass = _assembled(form, free)
+    scale = 1 / np.sqrt(mass)
+    entries = entries * scale[rows] * scale[cols]
+    if free.size <= DENSE:
+        matrix = np.zeros((free.size, free.size))
+        matrix[rows, cols] = entries
+        values, vectors = np.linalg.eigh(matrix)
+        return values[:count], scale[:, None] * vectors[:, :count]
+    pattern = ca.Sparsity.triplet(free.size, free.size, rows.tolist(), cols.tolist())
+    matrix = ca.DM(pattern, entries)
+    values, vectors = _subspace(form, matrix, count)
+    return values, scale[:, None] * vectors
+
+
+def _free(form: Form) -> NDInt:
+    """Return the positions of the variations that the events leave free, all nodes in a row.
+
+    Those of a closed path's last node are the first one's, and have no place of their own.
+    """
+    K, r = len(form.basis), form.freedom
+    if form.closed:
+        return np.arange(form.pinned[0], K * r - r)
+    return np.r_[form.pinned[0] : K * r - r, K * r - r + form.pinned[1] : K * r]
+
+
+def _assembled(form: Form, free: NDInt) -> tuple[NDInt, NDInt, Array, Array]:
+    """Return rows, columns (by column) and entries of d2S over the free, and the masses there."""
+    K, r = len(form.basis), form.freedom
+    number = np.full(K * r, -1)
+    number[free] = np.arange(free.size)
+    if form.closed:
+        number[K * r - r :] = number[:r]
+    first = form.tr.mesh.offsets * r
+    keys, parts, mass = [], [], np.zeros(K * r)
+    for e, (E, m) in enumerate(zip(form.elements, form.masses, strict=True)):
+        at = np.arange(first[e], first[e + 1] + r)
+        mass[at] += m
+        mine = number[at]
+        key = mine[None, :] * free.size + mine[:, None]
+        keep = (mine[:, None] >= 0) & (mine >= 0)
+        keys.append(key[keep])
+        parts.append(E[keep])
+    if form.closed:
+        mass[:r] += mass[K * r - r :]
+    unique, slots = np.unique(np.concatenate(keys), return_inverse=True)
+    entries: Array = np.bincount(slots, np.concatenate(parts)).astype(float)
+    return unique % free.size, unique // free.size, entries, mass[free]
+
+
+def _subspace(form: Form, matrix: ca.DM, count: int) -> tuple[Array, Array]:
+    """Return the lowest eigenpairs by inverse iteration with a block of vectors.
+
+    The shift lies below the spectrum, which the pivots' signs tell, so that the matrix is
+    positive definite and its factorization needs no pivoting.
+    """
+    size = matrix.shape[0]
+    block = np.random.default_rng(0).standard_normal((size, min(2 * count + 6, size)))
+    gap = float(np.abs(np.asarray(form.tr.action_unit))) / form.tr.problem.duration
+    gap /= float(np.median(form.units / form.tr.lengths)) ** 2
+    while condense(form, form.shifted(mass=-gap)).negative:
+        gap *= 4
+    shifted = matrix + gap * ca.DM.eye(size)
+    solver = ca.Linsol("ldl", "ldl", shifted.sparsity())
+    solver.sfact(shifted)
+    solver.nfact(shifted)
+    values = np.full(count, np.inf)
+    for _ in range(SWEEPS):
+        block, _ = np.linalg.qr(np.asarray(solver.solve(shifted, ca.DM(block))))
+        ritz, turn = np.linalg.eigh(block.T @ np.asarray(matrix @ ca.DM(block)))
+        block = block @ turn
+        settled = np.max(np.abs(ritz[:count] - values)) < 1e-13 * (np.abs(ritz[count - 1]) + gap)
+        values = ritz[:count]
+        if settled:
+            break
+    return values, block[:, :count]

@@ -1,0 +1,154 @@
+"""A path on a mesh: the unknowns of a transcription, and the curve they stand for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.newton import follow
+from actionopt.discrete.path import Path
+from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.problem import Problem
+from actionopt.tools.types import Array
+
+
+@dataclass(frozen=True, eq=False)
+class DiscretePath:
+    """A path on a mesh, with the multipliers of its constraints.
+
+    Attributes
+    ----------
+    tr : Transcription
+        The discrete action on the mesh, and the units of the unknowns.
+    z : (size,) array
+        Coordinates x that are free, node by node, and multipliers mu of the rows, in units of
+        their own:
+
+            z = [ x_1 ... x_unknowns | mu_1 ... mu_rows ].
+    """
+
+    tr: Transcription
+    z: Array
+
+    @classmethod
+    def of(
+        cls, problem: Problem, path: Path, lam: Array | None = None, lengths: Array | None = None
+    ) -> DiscretePath:
+        """Return a path of `problem` on its own mesh, with multipliers lam (K, m) or none.
+
+        The units are the coordinates' largest values on the way, unless `lengths` (n,) are given.
+        """
+        if lengths is None:
+            largest = np.max(np.abs(path.values), axis=1)
+            lengths = np.where(largest > 0, largest, 1.0)
+        tr = Transcription(problem, path.mesh, lengths)
+        return cls(tr, tr.pack(path.values.T, lam))
+
+    @property
+    def problem(self) -> Problem:
+        """The question."""
+        return self.tr.problem
+
+    @property
+    def mesh(self) -> Mesh:
+        """The elements."""
+        return self.tr.mesh
+
+    @property
+    def x(self) -> Array:
+        """The free coordinates, (unknowns,): the first part of z."""
+        return self.z[: self.tr.layout.unknowns]
+
+    @cached_property
+    def Q(self) -> Array:
+        """Coordinates at the nodes, (K, n)."""
+        return self.tr.coordinates(self.z)
+
+    @cached_property
+    def path(self) -> Path:
+        """The curve."""
+        return Path(self.mesh, self.Q.T)
+
+    @property
+    def action(self) -> float:
+        """S, in the user's units."""
+        return self.tr.action(self.x) * self.tr.action_unit
+
+    @cached_property
+    def rows(self) -> Array:
+        """Multipliers of the constraint rows at the nodes, (K, m); NaN where there is no row."""
+        return self.tr.unpack(self.z)[1]
+
+    @cached_property
+    def lam(self) -> Array:
+        """Multipliers at all nodes, (K, m): `rows`, and `multipliers` where there is none.
+
+        Pinned ends have no rows. Raises ValueError as `multipliers` does.
+        """
+        missing = ~np.isfinite(self.rows).all(axis=1)
+        if not missing.any():
+            return self.rows
+        lam = self.rows.copy()
+        there = self.multipliers(self.mesh.nodes[missing])
+        lam[missing] = np.where(np.isfinite(lam[missing]), lam[missing], there)
+        return lam
+
+    def multipliers(self, t: Array) -> Array:
+        """Return the multipliers of the motion along the path at times t (K,), (K, m).
+
+        From the index-1 form of the equations of motion. Raises ValueError where the constraints
+        are not independent.
+        """
+        system, path = self.problem.system, self.path
+        if not system.m:
+            return np.zeros((t.size, 0))
+
+        def at(t: Array) -> Array:
+            parameters = self.problem.parameters
+            return system.multipliers(path(t), path.velocity(t), t, parameters=parameters).T
+
+        try:
+            return at(t)
+        except np.linalg.LinAlgError:
+            for time in t:
+                try:
+                    at(time)
+                except np.linalg.LinAlgError:
+                    raise dependent(time) from None
+            raise
+
+    def on(self, mesh: Mesh, lam: Array | None = None) -> DiscretePath:
+        """Return the curve interpolated on another mesh, in the same units of length.
+
+        Multipliers lam (K, m) at the new nodes that are not given are interpolated, linearly.
+        """
+        tr = Transcription(self.problem, mesh, self.tr.lengths)
+        return DiscretePath(tr, tr.pack(self.path.on(mesh).values.T, self.rows_on(mesh, lam)))
+
+    def rows_on(self, mesh: Mesh, lam: Array | None = None) -> Array | None:
+        """Return the multipliers `lam` or, interpolated, these at the nodes of `mesh`, (K, m)."""
+        if lam is not None or not self.tr.layout.rows:
+            return lam
+        nodes, wanted = self.mesh.nodes_since, mesh.nodes_since
+        table = np.empty((wanted.size, self.rows.shape[1]))
+        for i, row in enumerate(self.rows.T):
+            known = np.isfinite(row)
+            table[:, i] = np.interp(wanted, nodes[known], row[known])
+        return table
+
+    def polished(self) -> DiscretePath:
+        """Return the stationary path near, or this one where Newton's method finds none."""
+        near = follow(self.tr, self.z)
+        return DiscretePath(self.tr, near.z) if near.converged else self
+
+
+def dependent(t: float) -> ValueError:
+    """Return the error that says that the constraints restrict less at the time t."""
+    return ValueError(
+        f"expected independent constraints all along the path, found that they are not at "
+        f"t = {t:.6g}, as where a mechanism passes a flat position: multipliers and neighbours are "
+        "not determined there; try other elements (mesh=), whose nodes miss that time"
+    )
