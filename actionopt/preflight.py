@@ -37,7 +37,7 @@ def check(tr: Transcription, Q: Array) -> None:
     chosen = sorted({k * last // (SAMPLES + 1) for k in range(SAMPLES + 2)})[1:-1] or [0]
     q, t = Q[chosen], nodes[chosen][:, None]
     with np.errstate(all="ignore"):
-        if not all(np.isfinite(part).all() for part in tr.action_and_gradient(Q)):
+        if not tr.finite(tr.pack(Q)):
             _check_events(tr, Q)
             _check_finite(tr, Q)
     G = None

@@ -16,9 +16,11 @@ from actionopt.checks import named, numbers
 from actionopt.quadrature import Array
 from actionopt.symbolic import Expressions, OutOfRange, Untraceable, said
 
-KINKED = "fabs|fmin|fmax|fmod|remainder|floor|ceil|sign|copysign"
-LOCALIZED = "exp|expm1|sinh|cosh|tanh|erf|fmin|fmax|fmod|remainder|floor|ceil|sign|copysign"
-TAILED = "fabs|sqrt|pow|log|log1p|hypot|asin|acos|atan|atan2|asinh|acosh|atanh"
+ROUNDED = "fmin|fmax|fmod|remainder|floor|ceil|sign|copysign"
+KINKED = re.compile(rf"\b(fabs|{ROUNDED})\(|[<?!]|==")
+LOCALIZED = re.compile(rf"\b(exp|expm1|sinh|cosh|tanh|erf|{ROUNDED})\(|[<?!]|==")
+TAILED = re.compile(r"\b(fabs|sqrt|pow|log|log1p|hypot|asin|acos|atan|atan2|asinh|acosh|atanh)\(")
+QUOTIENT = re.compile(r"/(?![0-9])")  # by something else than a number
 
 
 @dataclass(frozen=True, eq=False)
@@ -276,7 +278,7 @@ def is_smooth(expression: ca.SX) -> bool:
     """
     if not expression.numel():
         return True
-    return re.search(rf"\b({KINKED})\(|[<?!]|==", str(expression)) is None
+    return KINKED.search(str(expression)) is None
 
 
 def localized(expression: ca.SX, parameters: ca.SX) -> int:
@@ -290,11 +292,11 @@ def localized(expression: ca.SX, parameters: ca.SX) -> int:
     if not expression.numel():
         return 0
     text = str(expression)
-    if re.search(rf"\b({LOCALIZED})\(|[<?!]|==", text):
+    if LOCALIZED.search(text):
         return 2
-    if re.search(rf"\b({TAILED})\(", text):
+    if TAILED.search(text):
         return 1
-    if "/" not in text:
+    if not QUOTIENT.search(text):
         return 0
     numbers = re.findall(r"@\d+(?==[-+.\de]+,)", text)  # common subexpressions that are constants
     names = [re.escape(x.name()) + r"\b" for x in ca.vertsplit(parameters)]

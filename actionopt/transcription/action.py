@@ -299,6 +299,11 @@ class Transcription:
         """Return dS/dx (with the virtual work of forces), in units of action."""
         return self.free_part(self._first(x)[1])
 
+    def finite(self, z: Array) -> bool:
+        """Return whether S and all its derivatives are finite, those at given ends included."""
+        S, gradient, _ = self._first(z[: self.layout.unknowns])
+        return math.isfinite(S) and bool(np.isfinite(gradient).all())
+
     def work(self, x: Array) -> list[Array]:
         """Return dS/dq (virtual work included) of the elements of each degree, (E, d + 1, n)."""
         parts, n = self._first(x)[2], self.problem.system.n
