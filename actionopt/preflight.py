@@ -33,21 +33,24 @@ def check(tr: Transcription, Q: Array) -> None:
     problem = tr.problem
     system = problem.system
     nodes = tr.mesh.nodes
-    last = nodes.size - 1
-    chosen = sorted({k * last // (SAMPLES + 1) for k in range(SAMPLES + 2)})[1:-1] or [0]
-    q, t = Q[chosen], nodes[chosen][:, None]
     with np.errstate(all="ignore"):
         if not tr.finite(tr.pack(Q)):
             _check_events(tr, Q)
             _check_finite(tr, Q)
+    rows, cols = sparsity_of(system, "second", 2)
+    M = np.zeros((system.n, system.n))
+    M[rows, cols] = M[cols, rows] = tr.inertia
+    regular = _definite(M)
+    if regular and not system.m:
+        return
+    last = nodes.size - 1
+    chosen = sorted({k * last // (SAMPLES + 1) for k in range(SAMPLES + 2)})[1:-1] or [0]
+    q, t = Q[chosen], nodes[chosen][:, None]
     G = None
     if system.m:
         G = _dense(system, "constraint_jacobian", 0, (q, t, problem.packed))
         _check_rank(problem, q, t, G * tr.lengths)
-    rows, cols = sparsity_of(system, "second", 2)
-    M = np.zeros((system.n, system.n))
-    M[rows, cols] = M[cols, rows] = tr.inertia
-    if _definite(M):
+    if regular:
         return
     # Generic velocities: a mass matrix such as that of v^4 is singular at rest only.
     rates = tr.lengths / problem.duration

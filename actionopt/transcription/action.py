@@ -35,14 +35,18 @@ from actionopt.transcription.layout import layout_for, sparsity_of
 
 
 @dataclass(eq=False, slots=True)
-class _Point:
-    """What a transcription knows of its unknowns x, as far as it was asked."""
+class Point:
+    """What a transcription knows of its unknowns x, as far as it was asked.
+
+    Coordinates Q (K, n) at the nodes; coordinates and velocities at the evaluations, `at` and `v`.
+    """
 
     x: Array
     Q: Array
     at: Array
     v: Array
     values: tuple[float, Array, Array] | None = None
+    second: list[Array] | None = None
     normals: Array | None = None
 
 
@@ -86,7 +90,7 @@ class Transcription:
         self.x_unit = lengths[layout.free % n]
         self.origin = problem.origin if like is None else like.origin
         self.x_origin = None if self.origin is None else self.origin[layout.free % n]
-        self._point: _Point | None = None
+        self._point: Point | None = None
         self._kept: dict[str, Any] = {}
         self.unfolded: dict[tuple[str, int], tuple[Array, Array]] = {}
         # Nonzeros of the mass matrix half way along the straight line, its upper triangle.
@@ -141,11 +145,11 @@ class Transcription:
             pattern = np.where(np.cos(np.arange(values.size)) > 0, np.inf, -np.inf)
             return np.nextafter(values, pattern.reshape(values.shape))
 
-        other, Q = copy(self), self.place(z)[0]
+        other, Q = copy(self), self.place(z).Q
         other.times = away(self.times)
         if self.origin is not None:
             Q = np.where(self.origin != 0.0, away(Q), Q)
-        change = other.action_and_gradient(Q)[1] - self.action_and_gradient(self.place(z)[0])[1]
+        change = other.action_and_gradient(Q)[1] - self.action_and_gradient(self.place(z).Q)[1]
         return np.concatenate([self.free_part(change), np.zeros(self.layout.rows)])
 
     def _units(self) -> tuple[float, Array]:
@@ -153,7 +157,11 @@ class Transcription:
         system, problem = self.problem.system, self.problem
         Q = self.straight()
         duration = problem.duration
-        C = self.second(self.pack(Q))[2]
+        x = self.pack(Q)[: self.layout.unknowns]
+        second = self.second(x)
+        C = second[2]
+        if not system.structure.steady:  # where a search begins they are asked for again
+            self.place(x).second = [values.copy() for values in second]
         rows, cols = sparsity_of(system, "second", 2)
         self.inertia = C[len(C) // 2].copy()
         mine = rows == cols
@@ -241,19 +249,14 @@ class Transcription:
             parts.append((g.rule.derivative @ q / half).reshape(-1, at.shape[1]))
         return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
-    def place(self, x: Array) -> tuple[Array, Array, Array]:
-        """Return Q (K, n), and coordinates and velocities at the evaluations, for x."""
-        point = self._at(x)
-        return point.Q, point.at, point.v
-
-    def _at(self, x: Array) -> _Point:
+    def place(self, x: Array) -> Point:
         """Return what is known for x: the last one is kept, for all who ask of it."""
         point = self._point
         if point is None or not np.array_equal(point.x, x):
             Q = self.coordinates(x)
             at = Q[self.layout.node_of]
             # Several threads may read one solution: what one found is never taken for another x.
-            self._point = point = _Point(x.copy(), Q, at, self.velocities(at))
+            self._point = point = Point(x.copy(), Q, at, self.velocities(at))
         return point
 
     def _first(self, x: Array) -> tuple[float, Array, Array]:
@@ -261,7 +264,7 @@ class Transcription:
 
         The parts (evaluations, n) are those of each element's nodes, before they are summed.
         """
-        point = self._at(x)
+        point = self.place(x)
         if point.values is None:
             point.values = self._action_and_gradient(point.at, point.v)
         return point.values
@@ -320,7 +323,7 @@ class Transcription:
     def constraint(self, x: Array) -> Array:
         """Return the weighted constraint rows w_k f(q_k, t_k)."""
         layout, p = self.layout, self.problem.packed
-        Q = self.place(x)[0][layout.row_nodes]
+        Q = self.place(x).Q[layout.row_nodes]
         f = self.problem.system.pointwise("constraint")(Q, self.row_times, p)[0]
         self.counts["constraint"] += 1
         return (self.row_weight * f).ravel()[layout.row_select] / self.row_unit
@@ -379,9 +382,11 @@ class Transcription:
                 "second",
                 lambda: [x.repeat(count, axis=0) for x in function(rest, rest, self.times[:1], p)],
             )
-        _, at, v = self.place(x)
+        point = self.place(x)
+        if point.second is not None:
+            return point.second
         self.counts["second"] += 1
-        return function(at, v, self.times, p)
+        return function(point.at, point.v, self.times, p)
 
     def turns(self, z: Array) -> float:
         """Return the typical rate of change of motions near x, sqrt(L_qq / L_vv), times T.
@@ -401,14 +406,14 @@ class Transcription:
 
     def forces(self, x: Array) -> list[Array]:
         """Return the nonzeros of dQ/dq and dQ/dv at the evaluations."""
-        _, at, v = self.place(x)
+        point = self.place(x)
         self.counts["force_jacobian"] += 1
         function = self.problem.system.pointwise("force_jacobian")
-        return function(at, v, self.times, self.problem.packed)
+        return function(point.at, point.v, self.times, self.problem.packed)
 
     def normals(self, x: Array) -> Array:
         """Return the nonzeros of G at the rows' nodes, (R, nonzeros)."""
-        point = self._at(x)
+        point = self.place(x)
         if point.normals is None:
             self.counts["constraint_jacobian"] += 1
             function = self.problem.system.pointwise("constraint_jacobian")
@@ -421,7 +426,7 @@ class Transcription:
         layout, system = self.layout, self.problem.system
         if not layout.rows or system.structure.affine_constraint:
             return None
-        Q = self.place(z[: layout.unknowns])[0]
+        Q = self.place(z[: layout.unknowns]).Q
         lam = np.zeros(layout.row_nodes.size * system.m)
         lam[layout.row_select] = z[layout.unknowns :] * self.mu_unit
         curvature = system.pointwise("constraint_curvature")(

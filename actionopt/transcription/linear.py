@@ -48,7 +48,7 @@ class Factors:
     """
 
     def __init__(self, layout: Layout, nonzeros: Array, *, many: bool = False) -> None:
-        if not np.all(np.isfinite(nonzeros)):
+        if not np.isfinite(nonzeros).all():
             raise np.linalg.LinAlgError("the matrix is not finite")
         self.layout, self.nonzeros = layout, nonzeros
         self._rough: Callable[[Array], Array] | None = None
@@ -86,6 +86,13 @@ class Factors:
         if not np.all(np.isfinite(x)):
             raise np.linalg.LinAlgError("the matrix is singular")
         return x
+
+    def solve_both(self, one: Array, other: Array) -> tuple[Array, Array]:
+        """Return the solutions for two right-hand sides; a small matrix is factorized once."""
+        if self.layout.small:
+            one, other = np.linalg.solve(self._full, np.stack([one, other], axis=1)).T
+            return one, other
+        return self.solve(one), self.solve(other)
 
     def definite(self) -> bool:
         """Return whether the matrix, one without constraint rows, is positive definite."""

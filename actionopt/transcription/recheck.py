@@ -150,7 +150,7 @@ def _sampled(
 ) -> Iterator[tuple[Batch, tuple[Array, Array]]]:
     """Yield dL/dq with the forces, and dL/dv, at the points of each batch: both (E, points, n)."""
     system, p = tr.problem.system, tr.problem.packed
-    Q, n = tr.place(x)[0], tr.problem.system.n
+    Q, n = tr.place(x).Q, tr.problem.system.n
     q, v, t = [], [], []
     for b in batches:
         local = Q[b.nodes]
