@@ -20,6 +20,7 @@ from actionopt.quadrature import Array
 from actionopt.transcription.blocks import Condensed
 from actionopt.transcription.layout import Layout
 
+TINY = 50  # unknowns and rows of a full matrix of which two solutions cost more than its inverse
 SLIM = 3  # coordinates and constraints up to which sparse factors take less time than blocks
 PATTERN = 2000  # unknowns and rows up to which finding their pattern takes little memory
 REGULAR = 1e-10  # on the rows' diagonal, whose gradients are of size one
@@ -73,8 +74,14 @@ class Factors:
     def _full(self) -> Array:
         return self.layout.blocks.full(self.nonzeros)
 
+    @cached_property
+    def _inverse(self) -> Array:
+        return np.linalg.inv(self._full)
+
     def solve(self, right: Array) -> Array:
         """Return the solution for one right-hand side, (size,)."""
+        if self.layout.size <= TINY:
+            return self._inverse @ right
         if self.layout.small:  # LAPACK factorizes faster than it inverts
             return np.linalg.solve(self._full, right)
         if self._rough is not None:
