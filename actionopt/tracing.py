@@ -20,7 +20,7 @@ ROUNDED = "fmin|fmax|fmod|remainder|floor|ceil|sign|copysign"
 KINKED = re.compile(rf"\b(fabs|{ROUNDED})\(|[<?!]|==")
 LOCALIZED = re.compile(rf"\b(exp|expm1|sinh|cosh|tanh|erf|{ROUNDED})\(|[<?!]|==")
 TAILED = re.compile(r"\b(fabs|sqrt|pow|log|log1p|hypot|asin|acos|atan|atan2|asinh|acosh|atanh)\(")
-QUOTIENT = re.compile(r"/(?![0-9])")  # by something else than a number
+DIVISOR = re.compile(r"/(@\d+|\w+|.)")  # the first of it
 
 
 @dataclass(frozen=True, eq=False)
@@ -296,11 +296,10 @@ def localized(expression: ca.SX, parameters: ca.SX) -> int:
         return 2
     if TAILED.search(text):
         return 1
-    if not QUOTIENT.search(text):
-        return 0
-    numbers = re.findall(r"@\d+(?==[-+.\de]+,)", text)  # common subexpressions that are constants
-    names = [re.escape(x.name()) + r"\b" for x in ca.vertsplit(parameters)]
-    return 1 if re.search(rf"/(?!{'|'.join([r'[0-9]', *numbers, *names])})", text) else 0
+    divisors = {found for found in DIVISOR.findall(text) if not found[0].isdigit()}
+    # Common subexpressions that are constants are written first: "@1=2, (sq(v)/@1)".
+    divisors = {x for x in divisors if not re.search(rf"{re.escape(x)}=[-+.\de]+,", text)}
+    return int(bool(divisors) and not divisors <= {x.name() for x in ca.vertsplit(parameters)})
 
 
 def _has_nan(expression: ca.SX) -> bool:
