@@ -192,14 +192,10 @@ class Laws:
         s = self.symbols
         n = self.n
         hessian, gradient = ca.hessian(self.L, ca.vertcat(s.q, s.v))
-        return Derivatives(
-            Lq=gradient[:n],
-            Lv=gradient[n:],
-            Lqq=ca.triu(hessian[:n, :n]),
-            Lqv=hessian[:n, n:],
-            Lvv=ca.triu(hessian[n:, n:]),
-            G=ca.jacobian(self.f, s.q) if self.m else ca.SX(0, n),
-        )
+        Lq, Lv = ca.vertsplit(gradient, n)
+        (Lqq, Lqv), (_, Lvv) = ca.blocksplit(ca.triu(hessian), n, n)
+        G = ca.jacobian(self.f, s.q) if self.m else ca.SX(0, n)
+        return Derivatives(Lq, Lv, Lqq, Lqv, Lvv, G)
 
     def pointwise(self, name: str) -> Pointwise:
         """Return the compiled function `name` of one time, deriving it on first use."""

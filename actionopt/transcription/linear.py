@@ -80,10 +80,9 @@ class Factors:
 
     def solve(self, right: Array) -> Array:
         """Return the solution for one right-hand side, (size,)."""
-        if self.layout.size <= TINY:
-            return self._inverse @ right
-        if self.layout.small:  # LAPACK factorizes faster than it inverts
-            return np.linalg.solve(self._full, right)
+        if self.layout.small:  # LAPACK factorizes faster than it inverts, if that is not tiny
+            tiny = self.layout.size <= TINY
+            return self._inverse @ right if tiny else np.linalg.solve(self._full, right)
         if self._rough is not None:
             x = self._rough(right) if self._sure else self._refined(self._rough, right)
             if x is not None:
