@@ -15,13 +15,12 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from actionopt.instants import Instant
 from actionopt.pointwise import Pointwise
 from actionopt.problem import State
 from actionopt.quadrature import Array, lgl
 from actionopt.system import System
 from actionopt.tracing import is_smooth
-
-Instant = tuple[float, float]  # the last time before a jump and the first one after it
 
 RULE = lgl(6)  # sums what changes smoothly between two times
 JUMP = 1e-9  # of the largest value: a smaller jump is none

@@ -68,7 +68,8 @@ def batches(tr: Transcription) -> list[Batch]:
             which = np.flatnonzero(panels == p)
             rule = g.rule.dense(p) if p else g.rule.other
             middle = mesh.since[g.elements[which], None] + half[which, 0]
-            times = mesh.boundaries[0] + (middle + half[which, 0] * rule.nodes).reshape(-1, 1)
+            times = mesh.boundaries[0] + (middle + half[which, 0] * rule.nodes)
+            times = tr.timed(g.elements[which], times)
             found.append(_batch(tr, g, which, half[which], rule, p, times))
     return found
 
@@ -192,7 +193,7 @@ def _hidden(tr: Transcription, x: Array, batch: Batch, values: tuple[Array, Arra
 
     That is the largest difference of forces there, and of momenta over the element's length.
     """
-    own = replace(batch, rule=batch.own, times=tr.mesh.nodes[batch.nodes].reshape(-1, 1))
+    own = replace(batch, rule=batch.own, times=tr.timed(batch.elements, tr.mesh.nodes[batch.nodes]))
     (_, known), *_ = list(_sampled(tr, x, [own]))
     between = batch.rule.values
     units = (tr.lengths, tr.lengths / (2 * batch.half))
