@@ -20,8 +20,8 @@ from actionopt.tracing import KINKED, Symbols
 Instant = tuple[float, float]  # the last time before it and the first one after it
 
 SAMPLES = 2500  # times that are looked at first
-INTERVALS = 5_000  # followed at once: more of them are round-off
-MOST = 500  # instants: more of them are something very fast
+INTERVALS = 10_000  # followed at once: more of them are round-off
+MOST = SAMPLES  # instants: more of them are something very fast, and some are missed
 SHORTEST = 1e-13  # of the duration: those closer together are one, no element lies between
 ROUNDOFF = 4 * float(np.finfo(float).eps)
 NEAR = 0.25  # of an element: a boundary that is nearer to an instant is moved there
@@ -142,11 +142,27 @@ def _followed(
         left, right = np.concatenate([left, there]), np.concatenate([there, right])
 
 
+def moved(
+    mesh: Mesh, old: tuple[Instant, ...], new: tuple[Instant, ...], start: float, end: float
+) -> Mesh:
+    """Return the mesh stretched onto [start, end], its boundaries at the instants taken along.
+
+    Affinely between them; altogether where there are more or fewer of them than there were.
+    """
+    b, reach = mesh.since, _slack(mesh)
+    at = _inside(old, mesh.boundaries[0], mesh.duration, reach)
+    to = _inside(new, start, end - start, reach)
+    k = np.minimum(np.searchsorted(b, at - reach), b.size - 1)
+    if not at.size or at.size != to.size or np.any(np.abs(b[k] - at) > reach):
+        return mesh.moved(start, end)
+    since = np.interp(b, b[np.r_[0, k, b.size - 1]], np.r_[0.0, to, end - start])
+    return Mesh.over(start, end, since, mesh.degrees)
+
+
 def bounded(mesh: Mesh, known: tuple[Instant, ...]) -> Mesh:
     """Return the mesh with boundaries at the instants; one that is close is moved there."""
     b, slack = mesh.since, _slack(mesh)
-    at = np.array([after for _, after in known]) - mesh.boundaries[0]
-    at = at[(at > slack) & (at < mesh.duration - slack)]
+    at = _inside(known, mesh.boundaries[0], mesh.duration, slack)
     apart = np.abs(at[:, None] - b)
     new = at[apart.min(axis=1, initial=np.inf) > slack]
     if not new.size:
@@ -168,6 +184,12 @@ def sides(mesh: Mesh, known: tuple[Instant, ...]) -> tuple[Array, Array]:
     low = np.where(at, np.maximum(after[k], b), b)[:-1]
     high = np.where(at, np.minimum(before[k], b), b)[1:]
     return low, high
+
+
+def _inside(known: tuple[Instant, ...], start: float, duration: float, slack: float) -> Array:
+    """Return the instants since the start that are not at either end."""
+    since = np.array([after for _, after in known]) - start
+    return since[(since > slack) & (since < duration - slack)]
 
 
 def _slack(mesh: Mesh) -> float:

@@ -76,13 +76,15 @@ def jumps(
 def across(
     system: System, parameters: Mapping[str, ArrayLike] | None, state: State, t: float
 ) -> State:
-    """Return the state at the time t, on the other side of a jump: q and momentum are the same.
+    """Return the state at the time t, on the other side of a jump: the momentum is the same.
+
+    So is q, but for how far it goes between two neighbouring times, which late are far apart.
 
     Raises ValueError if no velocity there has that momentum.
     """
     p = system.momentum(state.q, state.v, state.t, parameters=parameters)
     v = system.velocity(state.q, p, t, state.v, parameters=parameters)
-    return State(t, state.q, v)
+    return State(t, state.q + (t - state.t) * state.v, v)
 
 
 def _alone(found: list[Instant]) -> list[Instant]:
