@@ -26,7 +26,7 @@ SHORTEST = 1e-13  # of the duration: those closer together are one, no element l
 ROUNDOFF = 4 * float(np.finfo(float).eps)
 NEAR = 0.25  # of an element: a boundary that is nearer to an instant is moved there
 
-WRITTEN = rf"\b({KINKED}|atan2)\(|[<?!/]|=="  # as in an expression's text
+WRITTEN = rf"\b({KINKED}|atan2)\(|1\.?/|[<?!]|=="  # as in an expression's text
 DIFFERENCES = (ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_FMIN, ca.OP_FMAX)
 WHOLE = (ca.OP_FLOOR, ca.OP_CEIL)
 REMAINDERS = (ca.OP_FMOD, ca.OP_REMAINDER)
@@ -36,7 +36,6 @@ ZEROS = {
     ca.OP_FABS: 0,
     ca.OP_INV: 0,
     ca.OP_ATAN2: 0,
-    ca.OP_DIV: 1,
     ca.OP_COPYSIGN: 1,
 }
 
@@ -66,7 +65,7 @@ def clock(s: Symbols, *laws: ca.SX) -> Pointwise | None:
             known[out[0]] = ca.SX(f.instruction_constant(k)), False
             continue
         operands = [known[i] for i in into]
-        # What is divided by the time, or has its sign, may be of the path.
+        # What has the sign of the time may be of the path.
         asked = operands[ZEROS[code] : ZEROS[code] + 1] if code in ZEROS else operands
         x = [operand[0] for operand in asked if operand is not None]
         timed = len(x) == len(asked) and any(operand[1] for operand in asked if operand)
