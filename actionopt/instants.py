@@ -8,6 +8,7 @@ them, paths are as smooth as their elements need; no quadrature has to sum acros
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -40,12 +41,34 @@ ZEROS = {
 }
 
 
-def clock(s: Symbols, *laws: ca.SX) -> Pointwise | None:
-    """Return the function (t, p) of what switches with the time alone; None if nothing does.
+@dataclass(frozen=True, eq=False)
+class Clock:
+    """What switches with the time alone.
 
-    Its outputs (K, S) are steps, each constant but for the instants, and the signs of the slopes of
-    what they are the steps of: between two instants that are close together is an extremum.
+    Attributes
+    ----------
+    steps : Pointwise
+        Of (t, p): steps, each constant but for the instants, and the signs of the slopes of what
+        they are the steps of, both (K, S): between two instants close together is an extremum.
+    rates : Pointwise
+        Of (t, p): the derivatives by t, (K, S), and by p, (K, P S), of what they are the steps of.
     """
+
+    steps: Pointwise
+    rates: Pointwise
+
+    def moving(self, known: tuple[Instant, ...], packed: Array) -> Array:
+        """Return the derivatives of the instants (K,) by the parameters packed, (K, P)."""
+        before, after = (np.array(side)[:, None] for side in zip(*known, strict=True))
+        differ = self.steps(before, packed)[0].copy() != self.steps(after, packed)[0]
+        first, each = np.argmax(differ, axis=1), np.arange(len(after))  # others may depend on it
+        by_time, by_parameters = self.rates(after, packed)
+        by_parameters = by_parameters.reshape(len(after), packed.size, -1)
+        return -by_parameters[each, :, first] / by_time[each, first][:, None]
+
+
+def clock(s: Symbols, *laws: ca.SX) -> Clock | None:
+    """Return what switches with the time alone in these laws; None if nothing does."""
     if not any(re.search(WRITTEN, str(law)) for law in laws):
         return None
     arguments = [s.q, s.v, s.t, s.p]
@@ -89,19 +112,23 @@ def clock(s: Symbols, *laws: ca.SX) -> Pointwise | None:
             steps.append(ca.floor((x[0] - made[0]) / x[1] + 0.5))
     if not steps:
         return None
-    slopes = ca.sign(ca.jacobian(ca.vertcat(*smooth), s.t))
-    outputs = [ca.densify(ca.vertcat(*steps)), ca.densify(slopes)]
-    return Pointwise(ca.Function("clock", [s.t, s.p], outputs))
+    slopes = ca.densify(ca.jacobian(ca.vertcat(*smooth), s.t))
+    by_parameters = ca.densify(ca.jacobian(ca.vertcat(*smooth), s.p))
+    steps = [ca.densify(ca.vertcat(*steps)), ca.sign(slopes)]
+    return Clock(
+        Pointwise(ca.Function("clock", [s.t, s.p], steps)),
+        Pointwise(ca.Function("rates", [s.t, s.p], [slopes, by_parameters])),
+    )
 
 
-def instants(switched: Pointwise, start: float, end: float, packed: Array) -> tuple[Instant, ...]:
+def instants(known: Clock, start: float, end: float, packed: Array) -> tuple[Instant, ...]:
     """Return the instants from `start` to `end`, in order, found to neighbouring numbers.
 
     Wherever a step or the sign of a slope changes between two times it is followed by bisection.
     """
-    found = _followed(switched, start, end, packed, slopes=True)
+    found = _followed(known.steps, start, end, packed, slopes=True)
     if found is None:
-        found = _followed(switched, start, end, packed, slopes=False) or []
+        found = _followed(known.steps, start, end, packed, slopes=False) or []
     least = max(SHORTEST * (end - start), ROUNDOFF * max(abs(start), abs(end)))
     result: list[Instant] = []
     for before, after in sorted(found):

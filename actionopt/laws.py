@@ -14,7 +14,7 @@ from typing import Any, Generic, TypeVar, overload
 
 import casadi as ca
 
-from actionopt.instants import clock
+from actionopt.instants import Clock, clock
 from actionopt.pointwise import Pointwise
 from actionopt.switches import Switches, is_smooth_in_path, switches
 from actionopt.tracing import Symbols, is_smooth, localized
@@ -183,7 +183,7 @@ class Laws:
         return None if self.structure.smooth else switches(self.symbols, self.L)
 
     @Once
-    def clock(self) -> Pointwise | None:
+    def clock(self) -> Clock | None:
         """Return what switches with the time alone; None where nothing does."""
         timed = self.structure.depends_on_time
         return clock(self.symbols, self.L, self.f, self.Q) if timed else None

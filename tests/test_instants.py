@@ -205,3 +205,28 @@ def test_a_mesh_moves_with_its_instants():
     for old in ((), ((0.2, 0.2), (0.6, 0.6)), ((0.3, 0.3),)):  # others, or not of this mesh
         found = moved(mesh, old, ((2.5, 2.5),), 2.0, 4.0)
         assert found.boundaries == pytest.approx([2.0, 2.2, 2.4, 3.2, 4.0])
+
+
+@pytest.mark.parametrize(
+    "lagrangian",
+    [
+        lambda q, v, t, *, c: free(v) + np.where(t > c, 5.0, 0.0) * (q[0] + 0.3),
+        lambda q, v, t, *, c: np.where(t < c, 3.0, 1.0) * free(v) + 9.81 * np.cos(q[0]),
+        lambda q, v, t, *, c: free(v) + np.where(abs(t - 0.6) < c, 3.0, 1.0) * (q[0] + 1) ** 2,
+        lambda q, v, t, *, c: free(v) + np.floor(t / c + 0.5) * (q[0] + 1),
+        lambda q, v, t, *, c: free(v) + np.where(np.fmod(t, 0.4) > c / 2, 3.0, 1.0) * q[0],
+        lambda q, v, t, *, c: free(v) + abs(t - c) * q[0],
+        lambda q, v, t, *, c: free(v) + np.where(t > 0.5, c, 1.0) * q[0],
+    ],
+)
+def test_sensitivities_where_instants_move_or_stay(lagrangian):
+    def action(c=0.27, t0=0.0, t1=1.1):
+        return ao.solve(problem(lagrangian, t0, t1, parameters={"c": c}), tol=1e-12).action
+
+    h = 1e-5
+    slope = ao.solve(problem(lagrangian, 0.0, 1.1, parameters={"c": 0.27}), tol=1e-12).sensitivity()
+    by_c = (action(c=0.27 + h) - action(c=0.27 - h)) / (2 * h)
+    by_t0 = (action(t0=h) - action(t0=-h)) / (2 * h)
+    by_t1 = (action(t1=1.1 + h) - action(t1=1.1 - h)) / (2 * h)
+    assert slope.parameters["c"] == pytest.approx(by_c, rel=1e-6, abs=1e-7)
+    assert (slope.t0, slope.t1) == pytest.approx((by_t0, by_t1), rel=1e-6)
