@@ -180,7 +180,7 @@ class Laws:
     @Once
     def switches(self) -> Switches | None:
         """Return the branches of L, where they depend on q or v; None where there are none."""
-        return None if self.structure.smooth else switches(self.symbols, self.L)
+        return switches(self.symbols, self.L) if self.structure.samples else None
 
     @Once
     def clock(self) -> Clock | None:
