@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
+from actionopt.instants import Instant, moved
 from actionopt.path import Mesh, Path
 from actionopt.problem import Problem
 from actionopt.quadrature import Array
@@ -57,6 +58,8 @@ class Branch:
         Maps s to a Problem.
     shape : Mesh
         Over any times; it is stretched to those of each problem.
+    instants : tuple of Instant
+        Where the problem of that mesh switches by the clock.
     lengths : (n,) array
         Units of the coordinates.
     range : float
@@ -65,6 +68,7 @@ class Branch:
 
     family: Callable[[float], Problem]
     shape: Mesh
+    instants: tuple[Instant, ...]
     lengths: Array
     range: float
     like: Transcription | None = None
@@ -73,7 +77,8 @@ class Branch:
     def at(self, s: float) -> Transcription:
         """Return the transcription at s; all share their units."""
         problem = self.family(s)
-        mesh = self.shape.moved(problem.start.t, problem.end.t)
+        ends = problem.start.t, problem.end.t
+        mesh = moved(self.shape, self.instants, problem.instants, *ends)
         tr = Transcription(problem, mesh, self.lengths, like=self.like)
         self.like = self.like or tr
         return tr

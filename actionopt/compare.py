@@ -22,7 +22,8 @@ import numpy as np
 from actionopt.checks import tolerance
 from actionopt.flow import LONGEST, NOISE, Flow, IntegrationError, Integrator, Units, span_within
 from actionopt.forward import ALIKE, NARROWEST, entered, follow, restarts
-from actionopt.jumps import Instant, jumps
+from actionopt.instants import Instant
+from actionopt.jumps import jumps
 from actionopt.path import Mesh, Path
 from actionopt.pointwise import Pointwise
 from actionopt.problem import Problem, State

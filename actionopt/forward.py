@@ -16,7 +16,8 @@ from numpy.typing import ArrayLike
 
 from actionopt.checks import number, tolerance
 from actionopt.flow import LONGEST, NOISE, Flow, IntegrationError, Units, span_within
-from actionopt.jumps import Instant, across, jumps
+from actionopt.instants import Instant
+from actionopt.jumps import across, jumps
 from actionopt.path import ROUNDOFF, Mesh, NDInt, Path
 from actionopt.problem import SURFACE_TOLERANCE, State
 from actionopt.quadrature import Array

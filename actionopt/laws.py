@@ -14,6 +14,7 @@ from typing import Any, Generic, TypeVar, overload
 
 import casadi as ca
 
+from actionopt.instants import Clock, clock
 from actionopt.pointwise import Pointwise
 from actionopt.switches import Switches, is_smooth_in_path, switches
 from actionopt.tracing import Symbols, is_smooth, localized
@@ -179,7 +180,13 @@ class Laws:
     @Once
     def switches(self) -> Switches | None:
         """Return the branches of L, where they depend on q or v; None where there are none."""
-        return None if self.structure.smooth else switches(self.symbols, self.L)
+        return switches(self.symbols, self.L) if self.structure.samples else None
+
+    @Once
+    def clock(self) -> Clock | None:
+        """Return what switches with the time alone; None where nothing does."""
+        timed = self.structure.depends_on_time
+        return clock(self.symbols, self.L, self.f, self.Q) if timed else None
 
     def _depends(self, name: str, output: int, inputs: tuple[int, ...]) -> bool:
         """Whether an output of a compiled function depends on any of these inputs."""

@@ -20,7 +20,9 @@ import casadi as ca
 import numpy as np
 
 from actionopt.jacobi import multipliers, resolved
+from actionopt.jumps import across
 from actionopt.pointwise import Pointwise
+from actionopt.problem import State
 from actionopt.quadratic_form import Form, condense
 from actionopt.quadrature import Array
 from actionopt.system import System
@@ -97,10 +99,26 @@ def sensitivity(solution: Solution) -> Sensitivity:
     t1 = stretch + float(np.sum(tr.weight * s * by_time))
     t0 = -stretch + float(np.sum(tr.weight * (1 - s) * by_time))
     packed = np.sum(tr.weight * by_parameters, axis=0)
+    inner = tuple(i for i in problem.instants if problem.start.t < i[0] and i[1] < problem.end.t)
+    if inner:  # at rest while the times about them are stretched, and moved by parameters
+        jumps = np.array([_jump(solution, before, after) for before, after in inner])
+        s = (np.array(inner)[:, 1] - problem.start.t) / problem.duration
+        t1, t0 = t1 - float(s @ jumps), t0 - float((1 - s) @ jumps)
+        assert system.clock is not None
+        packed = packed + jumps @ system.clock.moving(inner, problem.packed)
     q0, q1 = -solution.momenta[0], solution.momenta[1].copy()
     for row, event in ((q0, problem.start), (q1, problem.end)):
         row[[i for i, x in enumerate(event.q) if x is None]] = 0.0
     return Sensitivity(q0, q1, t0, t1, _unpack(system, packed), *_second(form))
+
+
+def _jump(solution: Solution, before: float, after: float) -> float:
+    """Return dS/dt of an instant, which is by how much H jumps there: q and p do not."""
+    system, parameters = solution.problem.system, solution.problem.parameters
+    beyond = State(after, solution(after), solution.velocity(after))
+    at = across(system, parameters, beyond, before)
+    H = [system.energy(x.q, x.v, x.t, parameters=parameters) for x in (at, beyond)]
+    return float(H[1] - H[0])
 
 
 def _second(form: Form) -> tuple[Array, Array, Array]:

@@ -278,7 +278,8 @@ class _Run:
         self._set(tr.mesh, tr.lengths, Q, lam, self.origin, np.sign(self.goal - self.origin))
 
     def _set(self, mesh: Mesh, lengths: Array, Q: Array, lam, s: float, sign: float) -> None:
-        self.branch = Branch(self.family, mesh, lengths, abs(self.goal - self.origin))
+        instants = self.family(s).instants
+        self.branch = Branch(self.family, mesh, instants, lengths, abs(self.goal - self.origin))
         z = self.branch.at(s).pack(Q, None if lam is None else np.nan_to_num(lam))
         point = self.branch.first(z, s, sign)
         exact = self.branch.to(point, s)

@@ -16,6 +16,7 @@ import numpy as np
 
 from actionopt.continuation import release
 from actionopt.descent import descend
+from actionopt.instants import bounded
 from actionopt.newton import Followed, approach, follow, moved
 from actionopt.path import Mesh, Path
 from actionopt.preflight import check, project
@@ -159,6 +160,8 @@ class Walk:
         """
         clock = perf_counter()
         system = self.problem.system
+        if self.refines and self.problem.instants:
+            mesh = bounded(mesh, self.problem.instants)
         like = self.units if self.units is not None and self._alike(self.units.lengths) else None
         self.tr = self.units = Transcription(self.problem, mesh, self.lengths, like=like)
         self.evaluations.update(self.tr.counts)

@@ -18,7 +18,7 @@ RANKS = (
     ("checks", "interrupts"),
     ("progress", "quadrature", "status", "symbolic", "watch", "writing"),
     ("identity", "path", "pointwise", "tracing"),
-    ("switches",),
+    ("instants", "switches"),
     ("laws",),
     ("system",),
     ("invariance", "pfaffian", "problem"),

@@ -432,3 +432,15 @@ def test_the_event_that_gives_a_coordinate_is_the_one_that_is_named():
     system = System(lambda q, v, t: v[0] ** 2 / 2 - 1 / q[0], ["x"])
     with pytest.raises(ValueError, match=r"at the end event, .* where x = 0"):
         ao.solve(Problem(system, Event(0, [None]), Event(1, [0.0])))
+
+
+@pytest.mark.parametrize(
+    ("force", "where"),
+    [
+        (lambda q, v, t: [1 / q[0]], "start event, .* the force is not, where x = 0,"),
+        (lambda q, v, t: [1 / (q[0] - 1)], "end event, .* the force is not, where x = 1,"),
+        (lambda q, v, t: [-q[0] / t], "start event, .* the force is not, where t = 0,"),
+    ],
+)
+def test_an_event_where_a_force_is_infinite_is_named(force, where):
+    refused(System(lambda q, v, t: v[0] ** 2 / 2, ["x"], force=force), match=where)

@@ -27,7 +27,8 @@ from typing import Any
 
 import numpy as np
 
-from actionopt.path import Mesh
+from actionopt.instants import sides
+from actionopt.path import Mesh, NDInt
 from actionopt.problem import Problem
 from actionopt.quadrature import Array
 from actionopt.transcription import elements, recheck, scatter
@@ -77,7 +78,10 @@ class Transcription:
         self.counts: Counter[str] = Counter()
         self.watch: Callable[[int], None] | None = None  # called with each second derivative
         layout, n = self.layout, problem.system.n
-        self.times = mesh.nodes[layout.node_of][:, None]
+        self.sides = sides(mesh, problem.instants) if problem.instants else None
+        self.times = np.concatenate(
+            [self.timed(g.elements, mesh.nodes[g.nodes]) for g in layout.groups]
+        )
         self.half = mesh.lengths / 2
         self.halves = [self.half[g.elements][:, None, None] for g in layout.groups]
         weights = [
@@ -116,6 +120,13 @@ class Transcription:
             ends[k] = [0.0 if x is None else x for x in event.q]
         return ends
 
+    def timed(self, elements: NDInt, times: Array) -> Array:
+        """Return times in elements (E,), (E, K), in a column: on the elements' side of a switch."""
+        if self.sides is not None:
+            low, high = self.sides
+            times = np.clip(times, low[elements, None], high[elements, None])
+        return times.reshape(-1, 1)
+
     def between(self, problem: Problem) -> Transcription:
         """Return that of a problem which differs in the values at its ends only, in these units."""
         other = copy(self)
@@ -146,7 +157,10 @@ class Transcription:
             return np.nextafter(values, pattern.reshape(values.shape))
 
         other, Q = copy(self), self.place(z).Q
-        other.times = away(self.times)
+        other.times = times = away(self.times)
+        if self.sides is not None:
+            for g in self.layout.groups:
+                times[g.span] = self.timed(g.elements, times[g.span].reshape(g.nodes.shape))
         if self.origin is not None:
             Q = np.where(self.origin != 0.0, away(Q), Q)
         change = other.action_and_gradient(Q)[1] - self.action_and_gradient(self.place(z).Q)[1]

@@ -73,7 +73,8 @@ def batches(tr: Transcription) -> list[Batch]:
             rule, times = g.rule.dense(p) if p else g.rule.other, mesh.boundaries[:1]
             if structure.depends_on_time:
                 middle = mesh.since[g.elements[which], None] + half[which, 0]
-                times = times + (middle + half[which, 0] * rule.nodes).ravel()
+                times = times + (middle + half[which, 0] * rule.nodes)
+                times = tr.timed(g.elements[which], times)[:, 0]
             where = g.elements[which], g.nodes[which], at[which].ravel(), half[which]
             found.append(Batch(*where, rule, g.rule.same, p, times[:, None]))
     return found
@@ -185,7 +186,9 @@ def _hidden(tr: Transcription, x: Array, batch: Batch, values: tuple[Array, Arra
 
     That is the largest difference of forces there, and of momenta over the element's length.
     """
-    times = tr.mesh.nodes[batch.nodes].reshape(-1, 1) if batch.times.size > 1 else batch.times
+    times = batch.times
+    if times.size > 1:
+        times = tr.timed(batch.elements, tr.mesh.nodes[batch.nodes])
     own = replace(batch, rule=batch.own, times=times)
     (_, known), *_ = list(_sampled(tr, x, [own]))
     between = batch.rule.values
