@@ -21,6 +21,12 @@ def free(q, v, t):
     return sum(x * x for x in v) / 2
 
 
+def test_a_path_without_neighbours_has_no_conjugate_points():
+    rail = ao.System(free, ["x", "y"], constraint=lambda q, t: [q[0] - t, q[1] - t * t])
+    problem = ao.Problem(rail, ao.Event(0.0, [0.0, 0.0]), ao.Event(9.0, [9.0, 81.0]))
+    assert conjugate_points(ao.solve(problem)) == ()
+
+
 @pytest.mark.parametrize("half_periods", [0.5, 0.95, 1.0, 1.05, 1.4, 2.6, 10.5])
 @pytest.mark.parametrize("ends", [(1.0, 0.4), (0.0, 0.0)])
 def test_oscillator(half_periods, ends):
