@@ -183,10 +183,11 @@ def test_redundant_rows_are_named(case):
     refused(constrained(constraint), match=match)
 
 
-def test_rows_that_contradict_each_other_are_named():
+@pytest.mark.parametrize("scale", [1e-9, 1.0])
+def test_rows_that_contradict_each_other_are_named(scale):
     # Both hold at the events, t = 0 and 1, and not between.
     refused(
-        constrained(lambda q, t: [q[0] - q[1], q[0] - q[1] - t * (1 - t)]),
+        constrained(lambda q, t: [q[0] - q[1], scale * (q[0] - q[1] - t * (1 - t))]),
         match=r"rows \[0, 1\] contradict each other",
     )
 
