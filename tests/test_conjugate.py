@@ -41,6 +41,18 @@ def test_oscillator(half_periods, ends):
     assert found == pytest.approx(exact, abs=TIME_TOLERANCE * T)
 
 
+@pytest.mark.parametrize("start", [0.0, -2.0])
+def test_roots_together_are_one_wherever_time_begins(start):
+    """Frequencies that differ by 1e-10: too little to tell two times apart."""
+    beside = ao.System(
+        lambda q, v, t: (v @ v - q[0] ** 2 - (1 + 2e-10) * q[1] ** 2) / 2, ["x", "y"]
+    )
+    events = ao.Event(start, [1.0, 0.3]), ao.Event(start + 4.0, [0.2, -0.4])
+    (point,) = conjugate_points(ao.solve(ao.Problem(beside, *events)))
+    assert point.multiplicity == 2
+    assert point.t == pytest.approx(start + np.pi, abs=1e-8)
+
+
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("angle", [2.5, 4.0, 7.0])
 def test_antipodes_of_a_sphere(dimension, angle):
