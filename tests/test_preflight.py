@@ -139,6 +139,17 @@ def test_a_massless_coordinate_that_a_constraint_fixes_is_accepted():
     assert np.max(np.abs(solution(t) - [2 * t, 4 * t**2])) <= 1e-8
 
 
+def test_no_mass_is_needed_where_constraints_leave_no_motion():
+    rail = System(
+        lambda q, v, t: v[0] ** 2 / 2 - q[1],
+        ["x", "y"],
+        constraint=lambda q, t: [q[0] - t, q[1] - t * t],
+    )
+    solution = ao.solve(Problem(rail, Event(0.0, [0.0, 0.0]), Event(1.0, [1.0, 1.0])))
+    t = np.linspace(0, 1, 5)
+    assert np.max(np.abs(solution(t) - [t, t * t])) <= 1e-12
+
+
 def test_a_massless_coordinate_beside_a_constraint_is_not():
     refused(
         System(
