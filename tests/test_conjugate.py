@@ -41,6 +41,15 @@ def test_oscillator(half_periods, ends):
     assert found == pytest.approx(exact, abs=TIME_TOLERANCE * T)
 
 
+@pytest.mark.parametrize("w", [1e-8, 1e8])
+def test_the_unit_of_time_does_not_matter(w):
+    system = ao.System(lambda q, v, t: (v[0] ** 2 - (w * q[0]) ** 2) / 2, ["x"])
+    T = 2.6 * np.pi / w
+    solution = ao.solve(ao.Problem(system, ao.Event(0.0, 1.0), ao.Event(T, 0.4)))
+    assert times_of(solution) == pytest.approx([np.pi / w, 2 * np.pi / w], rel=1e-8)
+    assert inertia(solution).index == 2
+
+
 @pytest.mark.parametrize("start", [0.0, -2.0])
 def test_roots_together_are_one_wherever_time_begins(start):
     """Frequencies that differ by 1e-10: too little to tell two times apart."""

@@ -46,6 +46,16 @@ def test_a_path_that_goes_far_is_not_the_same_path():
     assert walk.rounds == []
 
 
+def test_how_much_round_off_is_amplified_is_told_of_the_path_at_hand():
+    _, walk = on_the_way()
+    assert walk.follow()
+    polished = walk.amplification()
+    walk.z = walk.z + 0.5
+    found = walk.amplification()
+    walk.factors = None
+    assert found == walk.amplification() != polished
+
+
 def test_units_are_kept_while_sizes_are_alike():
     scene, walk = on_the_way()
     first = walk.tr
