@@ -46,14 +46,15 @@ def test_a_path_that_goes_far_is_not_the_same_path():
     assert walk.rounds == []
 
 
-def test_how_much_round_off_is_amplified_is_told_of_the_path_at_hand():
+@pytest.mark.parametrize("told", [Walk.amplification, Walk.missed])
+def test_errors_are_told_of_the_path_at_hand(told):
     _, walk = on_the_way()
     assert walk.follow()
-    polished = walk.amplification()
+    polished = told(walk)
     walk.z = walk.z + 0.5
-    found = walk.amplification()
+    found = told(walk)
     walk.factors = None
-    assert found == walk.amplification() != polished
+    assert found == told(walk) != polished
 
 
 def test_units_are_kept_while_sizes_are_alike():
