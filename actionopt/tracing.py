@@ -233,8 +233,6 @@ def column(result: Any, role: str, rows: int | None = None) -> ca.SX:
     try:
         if isinstance(result, (list, tuple)):
             value = ca.vertcat(*[ca.vec(ca.SX(item)) for item in result]) if result else ca.SX(0, 1)
-        elif isinstance(result, Expressions) and result.ndim < 2:
-            value = result.sx
         else:
             value = ca.vec(ca.SX(result))
     except Exception as error:
