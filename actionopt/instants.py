@@ -16,7 +16,7 @@ import numpy as np
 from actionopt.path import Mesh
 from actionopt.pointwise import Pointwise
 from actionopt.quadrature import Array
-from actionopt.tracing import KINKED, Symbols
+from actionopt.tracing import ROUNDED, Symbols
 
 Instant = tuple[float, float]  # the last time before it and the first one after it
 
@@ -27,7 +27,7 @@ SHORTEST = 1e-13  # of the duration: those closer together are one, no element l
 ROUNDOFF = 4 * float(np.finfo(float).eps)
 NEAR = 0.25  # of an element: a boundary that is nearer to an instant is moved there
 
-WRITTEN = rf"\b({KINKED}|atan2)\(|1\.?/|[<?!]|=="  # as in an expression's text
+WRITTEN = rf"\b(fabs|{ROUNDED}|atan2)\(|1\.?/|[<?!]|=="  # as in an expression's text
 DIFFERENCES = (ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_FMIN, ca.OP_FMAX)
 WHOLE = (ca.OP_FLOOR, ca.OP_CEIL)
 REMAINDERS = (ca.OP_FMOD, ca.OP_REMAINDER)
