@@ -1,6 +1,7 @@
 """All the paths against independent searches: Lambert's problem, dense shooting, closed forms."""
 
 import signal
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -378,6 +379,16 @@ def test_a_path_a_turn_farther_is_the_same_where_an_end_is_free():
 
 
 # -- the search itself ---------------------------------------------------------------------------
+
+
+def test_the_summary_counts_what_was_left_out():
+    problem = ao.Problem(
+        ao.System(lambda q, v, t: v[0] ** 2 / 2, ["x"]), ao.Event(0.0, 0.0), ao.Event(1.0, 2.0)
+    )
+    found = solve_all(problem)
+    assert "left out" not in str(found)
+    assert "left out: 3 that forward motion" in str(replace(found, rejected=3))
+    assert "left out: 2 that return" in str(replace(found, kinked=2))
 
 
 def test_progress_and_interruption():

@@ -516,6 +516,14 @@ def test_a_force_that_is_switched_on(c, tol):
     judge(system, exact, late, 0.0, 1.0, tol=tol)
 
 
+def test_a_velocity_that_is_wrong_after_a_jump_is_told():
+    system, exact = stepped(0.25)
+    solution = solved(system, exact, 0.0, 1.0, tol=1e-8)
+    late = Claim(solution, lambda t: (exact(t)[0], exact(t)[1] + 0.01 * (np.asarray(t) > 0.9)))
+    fastest = np.max(np.abs(exact(1.0)[1]))
+    assert compare(late).velocity == pytest.approx(0.01 / fastest, rel=1e-2)
+
+
 @pytest.mark.parametrize("spring", [0.0, 4.0])
 @pytest.mark.parametrize("c", [0.3141592, 0.25, 0.5])
 def test_a_mass_that_jumps(c, spring):

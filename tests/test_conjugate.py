@@ -20,6 +20,12 @@ def free(q, v, t):
     return sum(x * x for x in v) / 2
 
 
+def test_a_path_without_neighbours_has_no_conjugate_points():
+    rail = ao.System(free, ["x", "y"], constraint=lambda q, t: [q[0] - t, q[1] - t * t])
+    problem = ao.Problem(rail, ao.Event(0.0, [0.0, 0.0]), ao.Event(9.0, [9.0, 81.0]))
+    assert conjugate_points(ao.solve(problem)) == ()
+
+
 @pytest.mark.parametrize("half_periods", [0.5, 0.95, 1.0, 1.05, 1.4, 2.6, 10.5])
 @pytest.mark.parametrize("ends", [(1.0, 0.4), (0.0, 0.0)])
 def test_oscillator(half_periods, ends):
@@ -32,6 +38,27 @@ def test_oscillator(half_periods, ends):
     exact = np.arange(1, np.floor(half_periods) + 1) * np.pi / w
     assert len(found) == exact.size
     assert found == pytest.approx(exact, abs=TIME_TOLERANCE * T)
+
+
+@pytest.mark.parametrize("w", [1e-8, 1e8])
+def test_the_unit_of_time_does_not_matter(w):
+    system = ao.System(lambda q, v, t: (v[0] ** 2 - (w * q[0]) ** 2) / 2, ["x"])
+    T = 2.6 * np.pi / w
+    solution = ao.solve(ao.Problem(system, ao.Event(0.0, 1.0), ao.Event(T, 0.4)))
+    assert times_of(solution) == pytest.approx([np.pi / w, 2 * np.pi / w], rel=1e-8)
+    assert solution.inertia.index == 2
+
+
+@pytest.mark.parametrize("start", [0.0, -2.0])
+def test_roots_together_are_one_wherever_time_begins(start):
+    """Frequencies that differ by 1e-10: too little to tell two times apart."""
+    beside = ao.System(
+        lambda q, v, t: (v @ v - q[0] ** 2 - (1 + 2e-10) * q[1] ** 2) / 2, ["x", "y"]
+    )
+    events = ao.Event(start, [1.0, 0.3]), ao.Event(start + 4.0, [0.2, -0.4])
+    (point,) = conjugate_points(ao.solve(ao.Problem(beside, *events)))
+    assert point.multiplicity == 2
+    assert point.t == pytest.approx(start + np.pi, abs=1e-8)
 
 
 @pytest.mark.parametrize("dimension", [2, 3])

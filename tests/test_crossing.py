@@ -13,12 +13,17 @@ JUMPS = {
     "comparison": lambda q, v, t: (1 + 0.4 * (q[0] > 0)) * np.sqrt(1 + v[0] ** 2),
     "sign": lambda q, v, t: (1.2 + 0.2 * np.sign(q[0])) * np.sqrt(1 + v[0] ** 2),
     "copysign": lambda q, v, t: (1.2 + np.copysign(0.2, q[0])) * np.sqrt(1 + v[0] ** 2),
+    "arctan2": lambda q, v, t: (3 + 0.1 * np.arctan2(q[0], -1.0)) * np.sqrt(1 + v[0] ** 2),
     "floor": lambda q, v, t: v[0] ** 2 / 2 - np.floor(q[0]),
     "remainder": lambda q, v, t: v[0] ** 2 / 2 - np.fmod(q[0], 0.7),
     "moving wall": lambda q, v, t: v[0] ** 2 / 2 - np.where(q[0] > t - 1, 0.5, 0.0),
     "in the velocity": lambda q, v, t: v[0] ** 2 / 2 - q[0] * 3 + np.where(v[0] > 1, 0.5, 0.0),
 }
 MEETING = {
+    "arctan2": lambda q, v, t: (3 + 0.1 * np.arctan2(q[0], 1.0)) * np.sqrt(1 + v[0] ** 2),
+    "arctan2 in a cosine": lambda q, v, t: (
+        (3 + 0.1 * np.cos(np.arctan2(q[0], -1.0))) * np.sqrt(1 + v[0] ** 2)
+    ),
     "abs": lambda q, v, t: v[0] ** 2 / 2 - abs(q[0]) / 4,
     "where": lambda q, v, t: v[0] ** 2 / 2 - np.where(q[0] > 0, q[0], -q[0]) / 4,
     "fmax": lambda q, v, t: v[0] ** 2 / 2 - np.fmax(q[0], 0.0) ** 2,

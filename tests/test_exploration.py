@@ -98,6 +98,8 @@ def test_only_coordinates_that_no_event_pins_move():
     last = knots(first)[-1]
     assert moved(first, last, {0: 0.7}).Q[-1, 0] == pytest.approx(0.7, abs=1e-15)
     assert solved(begin(problem)).trial.slope <= 1e-8 * first.slope  # p = 0 at the end as well
+    behind = straight(ao.Problem(system, ao.Event(0.0, [None]), ao.Event(0.5, [0.3])))
+    assert moved(behind, 0, {0: 0.7}).Q[0, 0] == pytest.approx(0.7, abs=1e-15)
 
 
 def test_with_constraints_the_path_stays_on_their_surface():

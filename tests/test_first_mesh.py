@@ -48,6 +48,10 @@ def test_layers_thinner_than_the_times_can_say_are_left():
     assert first_mesh(linear(1e28, start=1e4)) is None
 
 
+def test_the_highest_degree_is_planned_where_none_is_high_enough():
+    assert set(planned(linear(-9.0), 1e-40, 4).degrees) == {DEGREES.max()}
+
+
 def test_rates_are_those_of_the_units():
     """Twice the time at half the rate, or another unit of length and mass: the same mesh."""
     system = ao.System(

@@ -46,6 +46,17 @@ def test_a_path_that_goes_far_is_not_the_same_path():
     assert walk.rounds == []
 
 
+@pytest.mark.parametrize("told", [Walk.amplification, Walk.missed])
+def test_errors_are_told_of_the_path_at_hand(told):
+    _, walk = on_the_way()
+    assert walk.follow()
+    polished = told(walk)
+    walk.z = walk.z + 0.5
+    found = told(walk)
+    walk.factors = None
+    assert found == told(walk) != polished
+
+
 def test_units_are_kept_while_sizes_are_alike():
     scene, walk = on_the_way()
     first = walk.tr
@@ -138,3 +149,15 @@ def test_a_path_through_a_collision_is_torn_and_a_smooth_one_is_not(side):
     assert torn(lambda t: [side * (np.abs(t - c) ** (2 / 3) + 1e-12)])
     assert not torn(lambda t: [side * (2 + np.sin(3 * t))])
     assert not torn(lambda t: [side * (2 - np.sin(3 * t))])
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_steep_path_is_not_torn_whichever_way_it_goes(side):
+    def curve(t):
+        return [2 + side * np.tanh((t - 0.41) / 7e-3)]
+
+    mesh = Mesh([0.0, 0.005, 0.2, 0.3, 0.4, 0.5, 0.6, 1.0], 12)
+    free = System(lambda q, v, t: v[0] ** 2 / 2, ["x"])
+    walk = Walk(Problem(free, *[Event(t, curve(np.array(t))) for t in (0.0, 1.0)]))
+    walk.place(mesh, Path.interpolate(curve, mesh))
+    assert not walk.torn()

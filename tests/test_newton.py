@@ -65,6 +65,7 @@ def test_linear_systems_take_one_step_from_anywhere(name, elements):
         assert result.converged and result.iterations == 1
         assert np.max(np.abs(tr.residual(result.z))) <= ROUNDING * 100
         assert result.noise <= ROUNDING
+    assert follow(tr, start, linear=True, target=0.0).iterations == 1  # what is left is rounding
     cut = tr.layout.unknowns
     assert np.max(np.abs(far.z - near.z)[:cut]) <= 100 * ROUNDING
     assert far.travelled == pytest.approx(np.max(np.abs(far.z - 100 * start)[:cut]), rel=1e-12)

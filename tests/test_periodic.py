@@ -257,6 +257,17 @@ def test_closed_paths_without_a_clock_come_in_families():
     assert np.max(np.abs(rest.path.values)) < CLOSED
 
 
+def test_no_motion_is_shot_off_a_surface_to_close():
+    rod = ao.System(
+        lambda q, v, t: v @ v / 2 - q[1] + 0.1 * np.cos(3 * t) * q[0],
+        ["x", "y"],
+        constraint=lambda q, t: (q[0] - 2) ** 2 + q[1] ** 2 - 1,
+    )
+    problem = ao.Problem(rod, ao.Event(0.0, [None, None]), Periodic(2 * np.pi / 3))
+    found = ao.solve_all(problem, starts=0, shots=8, continuations=0)
+    assert len(found) and "forward shots" not in found.searched
+
+
 @pytest.fixture(scope="module")
 def steady():
     return ao.solve(ao.Problem(driven(), FREE, Periodic(2 * np.pi / 1.5)), tol=1e-10)

@@ -140,6 +140,17 @@ def test_a_massless_coordinate_that_a_constraint_fixes_is_accepted():
     assert np.max(np.abs(solution(t) - [2 * t, 4 * t**2])) <= 1e-8
 
 
+def test_no_mass_is_needed_where_constraints_leave_no_motion():
+    rail = System(
+        lambda q, v, t: v[0] ** 2 / 2 - q[1],
+        ["x", "y"],
+        constraint=lambda q, t: [q[0] - t, q[1] - t * t],
+    )
+    solution = ao.solve(Problem(rail, Event(0.0, [0.0, 0.0]), Event(1.0, [1.0, 1.0])))
+    t = np.linspace(0, 1, 5)
+    assert np.max(np.abs(solution(t) - [t, t * t])) <= 1e-12
+
+
 def test_a_massless_coordinate_beside_a_constraint_is_not():
     refused(
         System(
@@ -184,10 +195,11 @@ def test_redundant_rows_are_named(case):
     refused(constrained(constraint), match=match)
 
 
-def test_rows_that_contradict_each_other_are_named():
+@pytest.mark.parametrize("scale", [1e-9, 1.0])
+def test_rows_that_contradict_each_other_are_named(scale):
     # Both hold at the events, t = 0 and 1, and not between.
     refused(
-        constrained(lambda q, t: [q[0] - q[1], q[0] - q[1] - t * (1 - t)]),
+        constrained(lambda q, t: [q[0] - q[1], scale * (q[0] - q[1] - t * (1 - t))]),
         match=r"rows \[0, 1\] contradict each other",
     )
 
@@ -433,3 +445,15 @@ def test_the_event_that_gives_a_coordinate_is_the_one_that_is_named():
     system = System(lambda q, v, t: v[0] ** 2 / 2 - 1 / q[0], ["x"])
     with pytest.raises(ValueError, match=r"at the end event, .* where x = 0"):
         ao.solve(Problem(system, Event(0, [None]), Event(1, [0.0])))
+
+
+@pytest.mark.parametrize(
+    ("force", "where"),
+    [
+        (lambda q, v, t: [1 / q[0]], "start event, .* the force is not, where x = 0,"),
+        (lambda q, v, t: [1 / (q[0] - 1)], "end event, .* the force is not, where x = 1,"),
+        (lambda q, v, t: [-q[0] / t], "start event, .* the force is not, where t = 0,"),
+    ],
+)
+def test_an_event_where_a_force_is_infinite_is_named(force, where):
+    refused(System(lambda q, v, t: v[0] ** 2 / 2, ["x"], force=force), match=where)

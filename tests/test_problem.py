@@ -235,6 +235,23 @@ def test_the_size_of_a_motion_far_from_zero_is_told_by_forces(side):
         assert problem.scales.tolist() == [1e6]
 
 
+def test_a_stiff_coordinate_says_nothing_of_how_far_another_goes():
+    """A soft spring, 3e-4 from its rest, with or without a stiff one beside it that is at rest."""
+
+    def soft(q, v, t):
+        return v @ v / 2 - 1e4 * (q[0] - 1e6) ** 2 / 2 + 3 * q[0]
+
+    def springs(q, v, t):
+        return soft(q, v, t) - 1e8 * (q[1] - 1e6) ** 2 / 2
+
+    alone, beside = (
+        Problem(System(lagrangian, names), Event(0.0, q), Event(2.0, q))
+        for lagrangian, names, q in ((soft, ["x"], [1e6]), (springs, ["x", "y"], [1e6, 1e6]))
+    )
+    assert alone.lengths == pytest.approx([3e-3])  # ten times the distance to rest
+    assert beside.lengths[0] == alone.lengths[0]
+
+
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_events_that_are_not_close_are_measured_from_zero(side):
     for x0, x1 in ((1.0, 1.02), (1.0, -1.0), (0.0, 1e6), (5.0, None), (1e6, 2e6)):

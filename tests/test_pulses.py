@@ -171,20 +171,9 @@ def window(t, c, w):
     return np.where((t > c - w / 2) & (t < c + w / 2), 1.0, 0.0) / w
 
 
-AGREEING = pytest.mark.xfail(
-    reason="both sums across a jump agree by chance: 2.9 tol, and 80 times the claim", strict=True
-)
-
-
-@pytest.mark.parametrize(
-    ("c", "tol"),
-    [
-        *((c, tol) for c in (0.3391, 0.5154) for tol in (1e-3, 1e-6, 1e-9)),
-        (0.7, 1e-3),
-        pytest.param(0.7, 1e-6, marks=AGREEING),
-        (0.7, 1e-9),
-    ],
-)
+# With no boundary at the window two sums across it agree by chance for c = 0.7 and 1e-6.
+@pytest.mark.parametrize("c", [0.3391, 0.5154, 0.7])
+@pytest.mark.parametrize("tol", [1e-3, 1e-6, 1e-9])
 def test_a_window_is_a_kick_in_a_force_as_in_a_lagrangian(c, tol):
     w, kick = 0.003, 2.0
     forced = ao.System(
@@ -203,7 +192,8 @@ def test_a_window_is_a_kick_in_a_force_as_in_a_lagrangian(c, tol):
         solution = ao.solve(problem, tol=tol)
         assert solution.stats["rung"] == "linear"  # a branch in t alone leaves it so
         error = np.max(np.abs(solution(t)[0] - exact)) / np.max(np.abs(exact))
-        assert error <= max(tol, solution.error)
+        assert error <= min(tol, solution.error + 1e-13)  # the round-off of the formula
+        assert solution.mesh.elements <= 7
 
 
 def test_a_kick_may_move_a_forced_path_far_when_it_is_seen():

@@ -39,6 +39,18 @@ def test_ends_that_are_conjugate_are_told():
     assert settle(walk, 1e-8, least=False) is Status.DEGENERATE
 
 
+def test_a_tolerance_below_amplified_rounding_is_told_at_once():
+    """Swings that end a hair beyond the conjugate time: no mesh makes up for rounding."""
+    pendulum = System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]), ["theta"])
+    late = 1e-5
+    end = 1e-3 * (0.3 * late - 1)
+    problem = Problem(pendulum, Event(0.0, [1e-3]), Event(np.pi + late, [end]))
+    for tol in (1e-13, 1e-14):
+        solution = ao.solve(problem, tol=tol, throw=False)
+        assert solution.status is Status.FLOOR
+        assert len(solution.stats["rounds"]) <= 4
+
+
 def test_on_a_mesh_given_the_estimate_comes_from_a_finer_one():
     scene = scenes.get("pendulum")
     mesh = Mesh.uniform(0.0, 1.0, 3, 5)

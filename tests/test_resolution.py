@@ -127,6 +127,17 @@ def test_layers_take_few_elements(where):
     assert sums[2] < 1500
 
 
+def test_a_layer_is_cut_out_alike_in_every_element():
+    boundaries = []
+    for k in range(3):
+        found = resolved(lambda t, k=k: np.tanh((t - k - 0.3) / 1e-6), Mesh.uniform(0, 3, 3, 10))
+        boundaries.append(refined(found, 1e-12).boundaries - k)
+    inner = [b[(b >= 0) & (b <= 1)] for b in boundaries]
+    assert inner[0].size > 3
+    assert np.allclose(inner[1], inner[0], rtol=0, atol=1e-12)
+    assert np.allclose(inner[2], inner[0], rtol=0, atol=1e-12)
+
+
 def test_an_element_of_degree_one_or_two_is_refined_as_well():
     for degree in (1, 2):
         mesh, _ = meet(np.exp, Mesh.uniform(0, 1, 3, degree), 1e-9)

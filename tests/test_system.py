@@ -249,6 +249,15 @@ def test_a_callable_may_take_every_parameter_or_keep_a_default_of_its_own():
     close(system.acceleration([0.0], [1.0], 0.0), [-1.5])
 
 
+def test_a_callable_may_take_its_arguments_in_a_row():
+    system = System(lambda q, *rest: rest[0][0] ** 2 - rest[1] * q[0], ["x"])
+    close(system.acceleration([0.0], [1.0], 4.0), [-2.0])
+
+
+def test_what_is_derived_once_is_documented():
+    assert "sparsity" in System.structure.__doc__
+
+
 def test_one_time_gives_vectors_and_many_give_columns():
     q, v, t = points(2, seed=9)
     assert kepler.momentum(q[:, 0], v[:, 0], 0.0).shape == (2,)

@@ -244,6 +244,7 @@ def test_a_pole_is_noticed_from_either_side(to, side):
     assert not found.marks and set(found.indices.tolist()) == {1}
 
 
+@pytest.mark.parametrize("part", [0.0, -1.0])
 @pytest.mark.parametrize(
     ("before", "now", "goal", "pole"),
     [
@@ -257,9 +258,9 @@ def test_a_pole_is_noticed_from_either_side(to, side):
         ((0.999, 10.0), (0.9999, 99.0), 2.0, None),  # not grown enough to say so
     ],
 )
-def test_where_a_branch_will_be_infinite(before, now, goal, pole, monkeypatch):
+def test_where_a_branch_will_be_infinite(before, now, goal, pole, part, monkeypatch):
     run = object.__new__(_Run)
-    run.origin, run.goal = 0.0, goal
+    run.origin, run.goal = part * goal, goal
     sizes = dict([before, now])
     monkeypatch.setattr(_Run, "_size", lambda self, point: sizes[point.s])
     here, there = (Point(None, None, s, None) for s in (before[0], now[0]))

@@ -298,6 +298,21 @@ def test_a_row_stays_at_an_end_that_it_must_decide():
     assert tr.layout.unknowns == 2 * tr.layout.node_count - 2
 
 
+@pytest.mark.parametrize(
+    ("lagrangian", "turns"),
+    [
+        (lambda q, v, t: 3 * (v[0] ** 2 - 4 * q[0] ** 2 + v[1] ** 2 - 49 * q[1] ** 2), 14.0),
+        (lambda q, v, t: v[0] * v[1] - 4 * q[0] * q[1], 0.0),  # none of one coordinate alone
+    ],
+)
+def test_turns_are_the_largest_frequency_times_the_duration(lagrangian, turns):
+    problem = Problem(
+        System(lagrangian, ["x", "y"]), Event(1.0, [0.0, 1.0]), Event(3.0, [1.0, 0.0])
+    )
+    tr = Transcription(problem, Mesh.uniform(1.0, 3.0, 3, 4), np.ones(2))
+    assert tr.turns(tr.pack(tr.straight())) == pytest.approx(turns)
+
+
 def test_momenta_are_the_derivatives_of_the_action_by_the_end_points():
     tr = transcribed(system_of("shaken", "free", "conservative"))
     z = point(tr)

@@ -80,7 +80,7 @@ def test_what_progress_raises_ends_the_solve():
         ao.solve(hard(), progress=tell)
 
 
-@pytest.mark.parametrize("seconds", [0, -1.0, np.nan, "1"])
+@pytest.mark.parametrize("seconds", [0, -1.0, np.nan, "1", True])
 def test_seconds_that_make_no_sense(seconds):
     with pytest.raises(ValueError, match=r"seconds"):
         ao.solve(hard(), seconds=seconds)

@@ -34,7 +34,8 @@ from actionopt.analysis.second_variation import tangent
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.mechanics.compiled import Pointwise
-from actionopt.mechanics.jumps import Instant, jumps
+from actionopt.mechanics.instants import Instant
+from actionopt.mechanics.jumps import jumps
 from actionopt.mechanics.problem import Problem, State
 from actionopt.mechanics.system import System
 from actionopt.tools.checks import tolerance

@@ -17,7 +17,8 @@ from numpy.typing import ArrayLike
 from actionopt.analysis.flow import LONGEST, NOISE, Flow, IntegrationError, Units, span_within
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import ROUNDOFF, Path
-from actionopt.mechanics.jumps import Instant, across, jumps
+from actionopt.mechanics.instants import Instant
+from actionopt.mechanics.jumps import across, jumps
 from actionopt.mechanics.problem import SURFACE_TOLERANCE, State
 from actionopt.mechanics.system import System
 from actionopt.tools.checks import number, tolerance

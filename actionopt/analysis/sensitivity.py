@@ -22,6 +22,8 @@ from actionopt.analysis.jacobi import resolved
 from actionopt.analysis.second_variation import Form, condense
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.mechanics.compiled import Pointwise
+from actionopt.mechanics.jumps import across
+from actionopt.mechanics.problem import State
 from actionopt.mechanics.system import System
 from actionopt.tools.types import Array
 
@@ -90,10 +92,26 @@ def sensitivity(at: DiscretePath, error: float, momenta: tuple[Array, Array]) ->
     t1 = stretch + float(np.sum(tr.weight * s * by_time))
     t0 = -stretch + float(np.sum(tr.weight * (1 - s) * by_time))
     packed = np.sum(tr.weight * by_parameters, axis=0)
+    inner = tuple(i for i in problem.instants if problem.start.t < i[0] and i[1] < problem.end.t)
+    if inner:  # at rest while the times about them are stretched, and moved by parameters
+        jumps = np.array([_jump(at, before, after) for before, after in inner])
+        s = (np.array(inner)[:, 1] - problem.start.t) / problem.duration
+        t1, t0 = t1 - float(s @ jumps), t0 - float((1 - s) @ jumps)
+        assert system.clock is not None
+        packed = packed + jumps @ system.clock.moving(inner, problem.packed)
     q0, q1 = -momenta[0], momenta[1].copy()
     for row, event in ((q0, problem.start), (q1, problem.end)):
         row[[i for i, x in enumerate(event.q) if x is None]] = 0.0
     return Sensitivity(q0, q1, t0, t1, _unpack(system, packed), *_second(form))
+
+
+def _jump(at: DiscretePath, before: float, after: float) -> float:
+    """Return dS/dt of an instant, which is by how much H jumps there: q and p do not."""
+    system, parameters, path = at.problem.system, at.problem.parameters, at.path
+    beyond = State(after, path(after), path.velocity(after))
+    here = across(system, parameters, beyond, before)
+    H = [system.energy(x.q, x.v, x.t, parameters=parameters) for x in (here, beyond)]
+    return float(H[1] - H[0])
 
 
 def _second(form: Form) -> tuple[Array, Array, Array]:

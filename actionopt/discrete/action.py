@@ -17,6 +17,7 @@ the coordinates in units of their own size, so that atoms and planets look alike
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable
 from copy import copy
@@ -26,21 +27,26 @@ from typing import Any, Self
 
 import numpy as np
 
+from actionopt.discrete.boundaries import sides
 from actionopt.discrete.layout import layout_for
 from actionopt.discrete.mesh import Mesh
 from actionopt.mechanics.problem import Problem
-from actionopt.tools.types import Array
+from actionopt.tools.types import Array, NDInt
 
 
 @dataclass(eq=False, slots=True)
-class _Point:
-    """What a transcription knows of its unknowns x, as far as it was asked."""
+class Point:
+    """What a transcription knows of its unknowns x, as far as it was asked.
+
+    Coordinates Q (K, n) at the nodes; coordinates and velocities at the evaluations, `at` and `v`.
+    """
 
     x: Array
     Q: Array
     at: Array
     v: Array
     values: tuple[float, Array, Array] | None = None
+    second: list[Array] | None = None
     normals: Array | None = None
 
 
@@ -71,7 +77,10 @@ class Action:
         self.counts: Counter[str] = Counter()
         self.watch: Callable[[int], None] | None = None  # called with each second derivative
         layout, n = self.layout, problem.system.n
-        self.times = mesh.nodes[layout.node_of][:, None]
+        self.sides = sides(mesh, problem.instants) if problem.instants else None
+        self.times = np.concatenate(
+            [self.timed(g.elements, mesh.nodes[g.nodes]) for g in layout.groups]
+        )
         self.half = mesh.lengths / 2
         self.halves = [self.half[g.elements][:, None, None] for g in layout.groups]
         weights = [
@@ -84,7 +93,7 @@ class Action:
         self.x_unit = lengths[layout.free % n]
         self.origin = problem.origin if like is None else like.origin
         self.x_origin = None if self.origin is None else self.origin[layout.free % n]
-        self._point: _Point | None = None
+        self._point: Point | None = None
         self._kept: dict[str, Any] = {}
         self.unfolded: dict[tuple[str, int], tuple[Array, Array]] = {}
         # Nonzeros of the mass matrix half way along the straight line, its upper triangle.
@@ -110,6 +119,13 @@ class Action:
             ends[k] = [0.0 if x is None else x for x in event.q]
         return ends
 
+    def timed(self, elements: NDInt, times: Array) -> Array:
+        """Return times in elements (E,), (E, K), in a column: on the elements' side of a switch."""
+        if self.sides is not None:
+            low, high = self.sides
+            times = np.clip(times, low[elements, None], high[elements, None])
+        return times.reshape(-1, 1)
+
     def between(self, problem: Problem) -> Self:
         """Return that of a problem which differs in the values at its ends only, in these units."""
         other = copy(self)
@@ -134,7 +150,11 @@ class Action:
         system, problem = self.problem.system, self.problem
         Q = self.straight()
         duration = problem.duration
-        C = self.second(self.pack(Q))[2]
+        x = self.pack(Q)[: self.layout.unknowns]
+        second = self.second(x)
+        C = second[2]
+        if not system.structure.steady:  # where a search begins they are asked for again
+            self.place(x).second = [values.copy() for values in second]
         rows, cols = system.pointwise("second").sparsity(2)
         self.inertia = C[len(C) // 2].copy()
         mine = rows == cols
@@ -222,19 +242,14 @@ class Action:
             parts.append((g.rule.derivative @ q / half).reshape(-1, at.shape[1]))
         return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
-    def place(self, x: Array) -> tuple[Array, Array, Array]:
-        """Return Q (K, n), and coordinates and velocities at the evaluations, for x."""
-        point = self._at(x)
-        return point.Q, point.at, point.v
-
-    def _at(self, x: Array) -> _Point:
+    def place(self, x: Array) -> Point:
         """Return what is known for x: the last one is kept, for all who ask of it."""
         point = self._point
         if point is None or not np.array_equal(point.x, x):
             Q = self.coordinates(x)
             at = Q[self.layout.node_of]
             # Several threads may read one solution: what one found is never taken for another x.
-            self._point = point = _Point(x.copy(), Q, at, self.velocities(at))
+            self._point = point = Point(x.copy(), Q, at, self.velocities(at))
         return point
 
     def _first(self, x: Array) -> tuple[float, Array, Array]:
@@ -242,7 +257,7 @@ class Action:
 
         The parts (evaluations, n) are those of each element's nodes, before they are summed.
         """
-        point = self._at(x)
+        point = self.place(x)
         if point.values is None:
             point.values = self._action_and_gradient(point.at, point.v)
         return point.values
@@ -280,6 +295,11 @@ class Action:
         """Return dS/dx (with the virtual work of forces), in units of action."""
         return self.free_part(self._first(x)[1])
 
+    def finite(self, z: Array) -> bool:
+        """Return whether S and all its derivatives are finite, those at given ends included."""
+        S, gradient, _ = self._first(z[: self.layout.unknowns])
+        return math.isfinite(S) and bool(np.isfinite(gradient).all())
+
     def work(self, x: Array) -> list[Array]:
         """Return dS/dq (virtual work included) of the elements of each degree, (E, d + 1, n)."""
         parts, n = self._first(x)[2], self.problem.system.n
@@ -296,7 +316,7 @@ class Action:
     def constraint(self, x: Array) -> Array:
         """Return the weighted constraint rows w_k f(q_k, t_k)."""
         layout, p = self.layout, self.problem.packed
-        Q = self.place(x)[0][layout.row_nodes]
+        Q = self.place(x).Q[layout.row_nodes]
         f = self.problem.system.pointwise("constraint")(Q, self.row_times, p)[0]
         self.counts["constraint"] += 1
         return (self.row_weight * f).ravel()[layout.row_select] / self.row_unit
@@ -331,20 +351,22 @@ class Action:
                 "second",
                 lambda: [x.repeat(count, axis=0) for x in function(rest, rest, self.times[:1], p)],
             )
-        _, at, v = self.place(x)
+        point = self.place(x)
+        if point.second is not None:
+            return point.second
         self.counts["second"] += 1
-        return function(at, v, self.times, p)
+        return function(point.at, point.v, self.times, p)
 
     def forces(self, x: Array) -> list[Array]:
         """Return the nonzeros of dQ/dq and dQ/dv at the evaluations."""
-        _, at, v = self.place(x)
+        point = self.place(x)
         self.counts["force_jacobian"] += 1
         function = self.problem.system.pointwise("force_jacobian")
-        return function(at, v, self.times, self.problem.packed)
+        return function(point.at, point.v, self.times, self.problem.packed)
 
     def normals(self, x: Array) -> Array:
         """Return the nonzeros of G at the rows' nodes, (R, nonzeros)."""
-        point = self._at(x)
+        point = self.place(x)
         if point.normals is None:
             self.counts["constraint_jacobian"] += 1
             function = self.problem.system.pointwise("constraint_jacobian")
@@ -357,7 +379,7 @@ class Action:
         layout, system = self.layout, self.problem.system
         if not layout.rows or system.structure.affine_constraint:
             return None
-        Q = self.place(z[: layout.unknowns])[0]
+        Q = self.place(z[: layout.unknowns]).Q
         lam = np.zeros(layout.row_nodes.size * system.m)
         lam[layout.row_select] = z[layout.unknowns :] * self.mu_unit
         curvature = system.pointwise("constraint_curvature")(

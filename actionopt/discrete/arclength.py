@@ -21,11 +21,13 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
+from actionopt.discrete.boundaries import moved
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import compressed
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.instants import Instant
 from actionopt.mechanics.problem import Problem
 from actionopt.tools.types import Array
 
@@ -66,6 +68,8 @@ class Branch:
         Maps s to a Problem.
     shape : Mesh
         Over any times; it is stretched to those of each problem.
+    instants : tuple of Instant
+        Where the problem of that mesh switches by the clock.
     lengths : (n,) array
         Units of the coordinates.
     range : float
@@ -74,6 +78,7 @@ class Branch:
 
     family: Callable[[float], Problem]
     shape: Mesh
+    instants: tuple[Instant, ...]
     lengths: Array
     range: float
     like: Transcription | None = None
@@ -82,7 +87,8 @@ class Branch:
     def at(self, s: float) -> Transcription:
         """Return the transcription at s; all share their units."""
         problem = self.family(s)
-        mesh = self.shape.moved(problem.start.t, problem.end.t)
+        ends = problem.start.t, problem.end.t
+        mesh = moved(self.shape, self.instants, problem.instants, *ends)
         tr = Transcription(problem, mesh, self.lengths, like=self.like)
         self.like = self.like or tr
         return tr

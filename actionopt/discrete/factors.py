@@ -20,6 +20,7 @@ from actionopt.discrete.blocks import Condensed
 from actionopt.discrete.layout import Layout
 from actionopt.tools.types import Array
 
+TINY = 50  # unknowns and rows of a full matrix of which two solutions cost more than its inverse
 SLIM = 3  # coordinates and constraints up to which sparse factors take less time than blocks
 PATTERN = 2000  # unknowns and rows up to which finding their pattern takes little memory
 REGULAR = 1e-10  # on the rows' diagonal, whose gradients are of size one
@@ -48,7 +49,7 @@ class Factors:
     """
 
     def __init__(self, layout: Layout, nonzeros: Array, *, many: bool = False) -> None:
-        if not np.all(np.isfinite(nonzeros)):
+        if not np.isfinite(nonzeros).all():
             raise np.linalg.LinAlgError("the matrix is not finite")
         self.layout, self.nonzeros = layout, nonzeros
         self._rough: Callable[[Array], Array] | None = None
@@ -73,10 +74,15 @@ class Factors:
     def _full(self) -> Array:
         return self.layout.blocks.full(self.nonzeros)
 
+    @cached_property
+    def _inverse(self) -> Array:
+        return np.linalg.inv(self._full)
+
     def solve(self, right: Array) -> Array:
         """Return the solution for one right-hand side, (size,)."""
-        if self.layout.small:  # LAPACK factorizes faster than it inverts
-            return np.linalg.solve(self._full, right)
+        if self.layout.small:  # LAPACK factorizes faster than it inverts, if that is not tiny
+            tiny = self.layout.size <= TINY
+            return self._inverse @ right if tiny else np.linalg.solve(self._full, right)
         if self._rough is not None:
             x = self._rough(right) if self._sure else self._refined(self._rough, right)
             if x is not None:
@@ -86,6 +92,13 @@ class Factors:
         if not np.all(np.isfinite(x)):
             raise np.linalg.LinAlgError("the matrix is singular")
         return x
+
+    def solve_both(self, one: Array, other: Array) -> tuple[Array, Array]:
+        """Return the solutions for two right-hand sides; a small matrix is factorized once."""
+        if self.layout.small:
+            one, other = np.linalg.solve(self._full, np.stack([one, other], axis=1)).T
+            return one, other
+        return self.solve(one), self.solve(other)
 
     def definite(self) -> bool:
         """Return whether the matrix, one without constraint rows, is positive definite."""

@@ -257,11 +257,11 @@ class Pattern:
         """Return the pattern of the contributions at `targets`, pairs of index arrays."""
         row = np.concatenate([t[0] for t in targets])
         col = np.concatenate([t[1] for t in targets])
-        key = np.where((row >= 0) & (col >= 0), col * max(rows, 1) + row, rows * cols)
+        key = np.where((row >= 0) & (col >= 0), col * rows + row, rows * cols)
         unique, slots = np.unique(key, return_inverse=True)
         nnz = unique.size - (1 if unique.size and unique[-1] == rows * cols else 0)
         unique = unique[:nnz]
-        return cls((rows, cols), unique % max(rows, 1), unique // max(rows, 1), slots)
+        return cls((rows, cols), unique % rows, unique // rows, slots)
 
     @property
     def nnz(self) -> int:

@@ -78,32 +78,17 @@ class Mesh:
         self._set(times, since, degrees)
 
     def _set(self, boundaries: Array, since: Array, degrees: int | ArrayLike) -> None:
-        times = since
-        if times.ndim != 1 or times.size < 2 or not np.all(np.isfinite(times)):
+        if since.ndim != 1 or since.size < 2 or not np.isfinite(since).all():
             raise ValueError(
                 "expected at least two finite element boundaries in one row, "
-                f"found an array of shape {times.shape}; give the N + 1 times of N elements"
+                f"found an array of shape {since.shape}; give the N + 1 times of N elements"
             )
-        if not np.all(np.diff(times) > 0):
+        if not (since[1:] > since[:-1]).all():
             raise ValueError("expected element boundaries that increase strictly; sort them")
-        count = times.size - 1
-        given = np.asarray(degrees)
-        if given.ndim > 1 or (given.ndim == 1 and given.size != count):
-            raise ValueError(
-                f"expected one degree or one for each of the {count} elements, "
-                f"found an array of shape {given.shape}"
-            )
-        if given.dtype.kind not in "iu" or given.min() < 1 or given.max() > MAX_DEGREE:
-            raise ValueError(
-                f"expected integer degrees from 1 to {MAX_DEGREE}, found {degrees!r}; "
-                "use more elements instead of a higher degree"
-            )
         for name, row in (("boundaries", boundaries), ("since", since)):
             row.setflags(write=False)
             object.__setattr__(self, name, row)
-        object.__setattr__(
-            self, "degrees", tuple(np.broadcast_to(given, (count,)).astype(int).tolist())
-        )
+        object.__setattr__(self, "degrees", _degrees(degrees, since.size - 1))
 
     def __repr__(self) -> str:
         """Show the sizes, not the arrays."""
@@ -115,7 +100,10 @@ class Mesh:
     @classmethod
     def uniform(cls, start: float, end: float, elements: int, degree: int) -> Mesh:
         """Return `elements` equal elements of one degree over the times [start, end]."""
-        return cls.over(start, end, np.linspace(0.0, end - start, elements + 1), degree)
+        duration = end - start
+        since = np.arange(elements + 1) * (duration / elements)
+        since[-1] = duration
+        return cls.over(start, end, since, degree)
 
     @classmethod
     def over(cls, start: float, end: float, since: Array, degrees: int | ArrayLike) -> Mesh:
@@ -141,7 +129,7 @@ class Mesh:
     @cached_property
     def lengths(self) -> Array:
         """Element lengths h, shape (N,)."""
-        return np.diff(self.since)
+        return self.since[1:] - self.since[:-1]
 
     @property
     def duration(self) -> float:
@@ -191,3 +179,21 @@ class Mesh:
         since = self.since * (duration / self.duration)
         since[-1] = duration
         return Mesh.over(start, end, since, self.degrees)
+
+
+def _degrees(degrees: int | ArrayLike, count: int) -> tuple[int, ...]:
+    """Return one degree for each of `count` elements. Raises ValueError where there are none."""
+    if type(degrees) is int and 1 <= degrees <= MAX_DEGREE:
+        return (degrees,) * count
+    given = np.asarray(degrees)
+    if given.ndim > 1 or (given.ndim == 1 and given.size != count):
+        raise ValueError(
+            f"expected one degree or one for each of the {count} elements, "
+            f"found an array of shape {given.shape}"
+        )
+    if given.dtype.kind not in "iu" or given.min() < 1 or given.max() > MAX_DEGREE:
+        raise ValueError(
+            f"expected integer degrees from 1 to {MAX_DEGREE}, found {degrees!r}; "
+            "use more elements instead of a higher degree"
+        )
+    return tuple(np.broadcast_to(given, (count,)).tolist())

@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from actionopt.discrete.action import Action
-from actionopt.discrete.mesh import Group
 from actionopt.tools.lobatto import Sampling
 from actionopt.tools.types import Array, NDInt
 
@@ -41,6 +40,7 @@ class Batch:
     panels : int
         Parts of each element, or 0 for a few points between the nodes.
     times : (E points, 1) array
+        The first one alone, (1, 1), where nothing depends on it.
     """
 
     elements: NDInt
@@ -55,33 +55,26 @@ class Batch:
 
 def batches(tr: Action) -> list[Batch]:
     """Return the elements with points between their nodes that leave no large gap."""
-    samples, mesh = tr.problem.system.structure.samples, tr.mesh
+    structure, mesh, n = tr.problem.system.structure, tr.mesh, tr.problem.system.n
     found = []
     for g, half in zip(tr.layout.groups, tr.halves, strict=True):
-        count = half[:, 0, 0] * (2 * samples / mesh.duration)
-        least = PANELS[np.minimum(np.searchsorted(PANELS, count / g.rule.panel), PANELS.size - 1)]
-        panels = np.where(least > 1, least, 0)  # else a few points between the nodes will do
-        for p in np.unique(panels).tolist():
-            which = np.flatnonzero(panels == p)
-            rule = g.rule.dense(p) if p else g.rule.other
-            middle = mesh.since[g.elements[which], None] + half[which, 0]
-            times = mesh.boundaries[0] + (middle + half[which, 0] * rule.nodes).reshape(-1, 1)
-            found.append(_batch(tr, g, which, half[which], rule, p, times))
+        panels = np.zeros(half.size, dtype=int)  # a few points between the nodes will do
+        if structure.samples:
+            count = half.ravel() * (2 * structure.samples / (mesh.duration * g.rule.panel))
+            panels = PANELS[np.minimum(np.searchsorted(PANELS, count), PANELS.size - 1)]
+            panels = np.where(panels > 1, panels, 0)
+        kinds = set(panels.tolist())
+        at = tr.layout.scatter[n * g.span.start : n * g.span.stop].reshape(half.size, -1)
+        for p in sorted(kinds):
+            which = np.flatnonzero(panels == p) if len(kinds) > 1 else slice(None)
+            rule, times = g.rule.dense(p) if p else g.rule.other, mesh.boundaries[:1]
+            if structure.depends_on_time:
+                middle = mesh.since[g.elements[which], None] + half[which, 0]
+                times = times + (middle + half[which, 0] * rule.nodes)
+                times = tr.timed(g.elements[which], times)[:, 0]
+            where = g.elements[which], g.nodes[which], at[which].ravel(), half[which]
+            found.append(Batch(*where, rule, g.rule.same, p, times[:, None]))
     return found
-
-
-def _batch(
-    tr: Action,
-    g: Group,
-    which: NDInt,
-    half: Array,
-    rule: Sampling,
-    panels: int,
-    times: Array,
-) -> Batch:
-    n, nodes = tr.problem.system.n, g.nodes[which]
-    at = (nodes[:, :, None] * n + np.arange(n)).ravel()
-    return Batch(g.elements[which], nodes, at, half, rule, g.rule.same, panels, times)
 
 
 def missed(tr: Action, batches: list[Batch], x: Array) -> tuple[Array, float]:
@@ -155,13 +148,14 @@ def _sampled(
 ) -> Iterator[tuple[Batch, tuple[Array, Array]]]:
     """Yield dL/dq with the forces, and dL/dv, at the points of each batch: both (E, points, n)."""
     system, p = tr.problem.system, tr.problem.packed
-    Q, n = tr.place(x)[0], tr.problem.system.n
+    Q, n = tr.place(x).Q, tr.problem.system.n
     q, v, t = [], [], []
     for b in batches:
         local = Q[b.nodes]
         q.append((b.rule.values @ local).reshape(-1, n))
         v.append((b.rule.slopes @ (local - local[:, :1]) / b.half).reshape(-1, n))
         t.append(b.times)
+    t = t if system.structure.depends_on_time else t[:1]
     at = [parts[0] if len(parts) == 1 else np.concatenate(parts) for parts in (q, v, t)]
     force, momentum, _ = system.pointwise("first")(*at, p)
     if system.structure.forced:
@@ -189,7 +183,10 @@ def _hidden(tr: Action, x: Array, batch: Batch, values: tuple[Array, Array]) -> 
 
     That is the largest difference of forces there, and of momenta over the element's length.
     """
-    own = replace(batch, rule=batch.own, times=tr.mesh.nodes[batch.nodes].reshape(-1, 1))
+    times = batch.times
+    if times.size > 1:
+        times = tr.timed(batch.elements, tr.mesh.nodes[batch.nodes])
+    own = replace(batch, rule=batch.own, times=times)
     (_, known), *_ = list(_sampled(tr, x, [own]))
     between = batch.rule.values
     units = (tr.lengths, tr.lengths / (2 * batch.half))

@@ -79,11 +79,14 @@ class Transcription(Action):
             pattern = np.where(np.cos(np.arange(values.size)) > 0, np.inf, -np.inf)
             return np.nextafter(values, pattern.reshape(values.shape))
 
-        other, Q = copy(self), self.place(z)[0]
-        other.times = away(self.times)
+        other, Q = copy(self), self.place(z).Q
+        other.times = times = away(self.times)
+        if self.sides is not None:
+            for g in self.layout.groups:
+                times[g.span] = self.timed(g.elements, times[g.span].reshape(g.nodes.shape))
         if self.origin is not None:
             Q = np.where(self.origin != 0.0, away(Q), Q)
-        change = other.action_and_gradient(Q)[1] - self.action_and_gradient(self.place(z)[0])[1]
+        change = other.action_and_gradient(Q)[1] - self.action_and_gradient(self.place(z).Q)[1]
         return np.concatenate([self.free_part(change), np.zeros(self.layout.rows)])
 
     def turns(self, z: Array) -> float:

@@ -274,7 +274,8 @@ class _Run:
         self._set(at.path, at.rows, at.tr.lengths, self.origin, np.sign(self.goal - self.origin))
 
     def _set(self, path: Path, rows: Array | None, lengths: Array, s: float, sign: float) -> None:
-        self.branch = Branch(self.family, path.mesh, lengths, abs(self.goal - self.origin))
+        instants, reach = self.family(s).instants, abs(self.goal - self.origin)
+        self.branch = Branch(self.family, path.mesh, instants, lengths, reach)
         lam = None if rows is None else np.nan_to_num(rows)
         z = self.branch.at(s).pack(path.values.T, lam)
         point = self.branch.first(z, s, sign)

@@ -16,13 +16,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt.mechanics.compiled import Pointwise
+from actionopt.mechanics.instants import Instant
 from actionopt.mechanics.problem import State
 from actionopt.mechanics.system import System
 from actionopt.mechanics.tracing import is_smooth
 from actionopt.tools.lobatto import lgl
 from actionopt.tools.types import Array
-
-Instant = tuple[float, float]  # the last time before a jump and the first one after it
 
 RULE = lgl(6)  # sums what changes smoothly between two times
 JUMP = 1e-9  # of the largest value: a smaller jump is none
@@ -78,13 +77,15 @@ def jumps(
 def across(
     system: System, parameters: Mapping[str, ArrayLike] | None, state: State, t: float
 ) -> State:
-    """Return the state at the time t, on the other side of a jump: q and momentum are the same.
+    """Return the state at the time t, on the other side of a jump: the momentum is the same.
+
+    So is q, but for how far it goes between two neighbouring times, which late are far apart.
 
     Raises ValueError if no velocity there has that momentum.
     """
     p = system.momentum(state.q, state.v, state.t, parameters=parameters)
     v = system.velocity(state.q, p, t, state.v, parameters=parameters)
-    return State(t, state.q, v)
+    return State(t, state.q + (t - state.t) * state.v, v)
 
 
 def _alone(found: list[Instant]) -> list[Instant]:

@@ -15,6 +15,7 @@ from typing import Any, Generic, TypeVar, overload
 import casadi as ca
 
 from actionopt.mechanics.compiled import Pointwise
+from actionopt.mechanics.instants import Clock, clock
 from actionopt.mechanics.switches import Switches, is_smooth_in_path, switches
 from actionopt.mechanics.tracing import Symbols, is_smooth, localized
 
@@ -179,7 +180,13 @@ class Laws:
     @Once
     def switches(self) -> Switches | None:
         """Return the branches of L, where they depend on q or v; None where there are none."""
-        return None if self.structure.smooth else switches(self.symbols, self.L)
+        return switches(self.symbols, self.L) if self.structure.samples else None
+
+    @Once
+    def clock(self) -> Clock | None:
+        """Return what switches with the time alone; None where nothing does."""
+        timed = self.structure.depends_on_time
+        return clock(self.symbols, self.L, self.f, self.Q) if timed else None
 
     def _depends(self, name: str, output: int, inputs: tuple[int, ...]) -> bool:
         """Whether an output of a compiled function depends on any of these inputs."""
@@ -192,14 +199,10 @@ class Laws:
         s = self.symbols
         n = self.n
         hessian, gradient = ca.hessian(self.L, ca.vertcat(s.q, s.v))
-        return Derivatives(
-            Lq=gradient[:n],
-            Lv=gradient[n:],
-            Lqq=ca.triu(hessian[:n, :n]),
-            Lqv=hessian[:n, n:],
-            Lvv=ca.triu(hessian[n:, n:]),
-            G=ca.jacobian(self.f, s.q) if self.m else ca.SX(0, n),
-        )
+        Lq, Lv = ca.vertsplit(gradient, n)
+        (Lqq, Lqv), (_, Lvv) = ca.blocksplit(ca.triu(hessian), n, n)
+        G = ca.jacobian(self.f, s.q) if self.m else ca.SX(0, n)
+        return Derivatives(Lq, Lv, Lqq, Lqv, Lvv, G)
 
     def pointwise(self, name: str) -> Pointwise:
         """Return the compiled function `name` of one time, deriving it on first use."""

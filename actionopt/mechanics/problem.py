@@ -10,6 +10,7 @@ from typing import Any, Never
 import numpy as np
 from numpy.typing import ArrayLike
 
+from actionopt.mechanics.instants import Instant, instants
 from actionopt.mechanics.system import System
 from actionopt.tools.checks import items, number, numbers
 from actionopt.tools.types import Array
@@ -255,6 +256,13 @@ class Problem:
     def advance(self) -> Array | None:
         """q(t1) - q(t0) where the end is `Periodic`, (n,), else None."""
         return np.array(self.end.advance) if isinstance(self.end, Periodic) else None
+
+    @cached_property
+    def instants(self) -> tuple[Instant, ...]:
+        """The instants at which L, f or Q switch by the clock: a branch in t alone."""
+        clock = self.system.clock
+        ends = self.start.t, self.end.t
+        return () if clock is None else instants(clock, *ends, self.packed)
 
     @property
     def name(self) -> str:

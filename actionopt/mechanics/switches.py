@@ -17,7 +17,7 @@ from actionopt.mechanics.tracing import Symbols, is_smooth
 
 STEPS = (ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_SIGN, ca.OP_FLOOR, ca.OP_CEIL)
 KINKS = (*STEPS, ca.OP_FABS, ca.OP_FMIN, ca.OP_FMAX, ca.OP_FMOD, ca.OP_REMAINDER, ca.OP_COPYSIGN)
-WRITTEN = r"[<?!]|==|\b(sign|floor|ceil|copysign|fmod|remainder)\("  # as in an expression's text
+WRITTEN = r"[<?!]|==|\b(sign|floor|ceil|copysign|fmod|remainder|atan2)\("  # as text
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +70,9 @@ def switches(s: Symbols, L: ca.SX) -> Switches | None:
                 values[out[0]] = (made, step(made), True)
             elif moves and code == ca.OP_COPYSIGN:
                 values[out[0]] = (made, ca.fabs(kept[0]) * step(ca.sign(plain[1])), True)
+            elif moves and code == ca.OP_ATAN2:
+                side = ca.fabs(kept[0]) * step(ca.sign(plain[0]))  # of the branch cut
+                values[out[0]] = (made, ca.atan2(side, kept[1]), True)
             elif moves and code in (ca.OP_FMOD, ca.OP_REMAINDER):
                 whole = step((plain[0] - made) / plain[1])
                 values[out[0]] = (made, kept[0] - whole * kept[1], True)

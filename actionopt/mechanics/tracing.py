@@ -16,9 +16,11 @@ from actionopt.mechanics.expressions import Expressions, OutOfRange, Untraceable
 from actionopt.tools.checks import named, numbers
 from actionopt.tools.types import Array
 
-KINKED = "fabs|fmin|fmax|fmod|remainder|floor|ceil|sign|copysign"
-LOCALIZED = "exp|expm1|sinh|cosh|tanh|erf|fmin|fmax|fmod|remainder|floor|ceil|sign|copysign"
-TAILED = "fabs|sqrt|pow|log|log1p|hypot|asin|acos|atan|atan2|asinh|acosh|atanh"
+ROUNDED = "fmin|fmax|fmod|remainder|floor|ceil|sign|copysign"
+KINKED = re.compile(rf"\b(fabs|{ROUNDED})\(|[<?!]|==")
+LOCALIZED = re.compile(rf"\b(exp|expm1|sinh|cosh|tanh|erf|{ROUNDED})\(|[<?!]|==")
+TAILED = re.compile(r"\b(fabs|sqrt|pow|log|log1p|hypot|asin|acos|atan|atan2|asinh|acosh|atanh)\(")
+DIVISOR = re.compile(r"/(@\d+|\w+|.)")  # the first of it
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,8 +233,6 @@ def column(result: Any, role: str, rows: int | None = None) -> ca.SX:
     try:
         if isinstance(result, (list, tuple)):
             value = ca.vertcat(*[ca.vec(ca.SX(item)) for item in result]) if result else ca.SX(0, 1)
-        elif isinstance(result, Expressions) and result.ndim < 2:
-            value = result.sx
         else:
             value = ca.vec(ca.SX(result))
     except Exception as error:
@@ -276,7 +276,7 @@ def is_smooth(expression: ca.SX) -> bool:
     """
     if not expression.numel():
         return True
-    return re.search(rf"\b({KINKED})\(|[<?!]|==", str(expression)) is None
+    return KINKED.search(str(expression)) is None
 
 
 def localized(expression: ca.SX, parameters: ca.SX) -> int:
@@ -290,15 +290,14 @@ def localized(expression: ca.SX, parameters: ca.SX) -> int:
     if not expression.numel():
         return 0
     text = str(expression)
-    if re.search(rf"\b({LOCALIZED})\(|[<?!]|==", text):
+    if LOCALIZED.search(text):
         return 2
-    if re.search(rf"\b({TAILED})\(", text):
+    if TAILED.search(text):
         return 1
-    if "/" not in text:
-        return 0
-    numbers = re.findall(r"@\d+(?==[-+.\de]+,)", text)  # common subexpressions that are constants
-    names = [re.escape(x.name()) + r"\b" for x in ca.vertsplit(parameters)]
-    return 1 if re.search(rf"/(?!{'|'.join([r'[0-9]', *numbers, *names])})", text) else 0
+    divisors = {found for found in DIVISOR.findall(text) if not found[0].isdigit()}
+    # Common subexpressions that are constants are written first: "@1=2, (sq(v)/@1)".
+    divisors = {x for x in divisors if not re.search(rf"{re.escape(x)}=[-+.\de]+,", text)}
+    return int(bool(divisors) and not divisors <= {x.name() for x in ca.vertsplit(parameters)})
 
 
 def _has_nan(expression: ca.SX) -> bool:

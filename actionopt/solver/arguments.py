@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt.analysis.solution import Solution
+from actionopt.discrete.boundaries import moved
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Problem
@@ -62,13 +63,16 @@ def curve(problem: Problem, guess: Guess) -> Callable[[Mesh], Path]:
     Raises ValueError if its shape does not fit the problem, or it is not finite.
     """
     t0, t1, n = problem.start.t, problem.end.t, problem.system.n
+    old = new = ()
     if isinstance(guess, Solution):
+        if isinstance(guess.problem, Problem):
+            old, new = guess.problem.instants, problem.instants
         guess = guess.path
     if isinstance(guess, Path):
         known = guess
         if known.values.shape[0] != n:
             raise ValueError(f"expected a guess of {n} coordinates, found {known.values.shape[0]}")
-        return lambda mesh: Path(known.mesh.moved(t0, t1), known.values)
+        return lambda mesh: Path(moved(known.mesh, old, new, t0, t1), known.values)
     if callable(guess):
         wanted = guess
 

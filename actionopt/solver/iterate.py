@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from actionopt.discrete.boundaries import bounded
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import Factors
 from actionopt.discrete.mesh import Mesh
@@ -79,6 +80,7 @@ class Walk:
     lost: tuple[Transcription, Array] | None = None  # a path that was near, and not to be polished
     resolved: tuple[Array, Resolution] | None = None  # of the current z
     factors: tuple[Array, Factors] | None = None  # z, and those found close to it, if not large
+    probed: tuple[Array, Array] | None = None  # z, and how the `probe` of its layout moves it
     iterations: Counter[str] = field(default_factory=Counter)
     evaluations: Counter[str] = field(default_factory=Counter)
     rounds: list[dict[str, Any]] = field(default_factory=list)
@@ -158,6 +160,8 @@ class Walk:
         """
         clock = perf_counter()
         system = self.problem.system
+        if self.refines and self.problem.instants:
+            mesh = bounded(mesh, self.problem.instants)
         like = self.units if self.units is not None and self._alike(self.units.lengths) else None
         self.tr = self.units = Transcription(self.problem, mesh, self.lengths, like=like)
         self.evaluations.update(self.tr.counts)
@@ -333,11 +337,22 @@ class Walk:
         if self.problem.system.structure.steady:
             return 0.0
         clock = perf_counter()
-        if self.factors is None or self.factors[0] is not self.z:
-            self.factors = (self.z, Factors(self.tr.layout, self.tr.kkt(self.z), many=self.many))
-        found = _missed(self.tr, self.z, self.factors[1], self.tol / self._unit)
+        factors, tr = self._factors(), self.tr
+        residual, carried = _unseen(tr, self.z, self.tol / self._unit)
+        with np.errstate(all="ignore"):
+            if self.can_be_one_of_many and tr.layout.small:
+                step, probed = factors.solve_both(residual, self._probe(factors))
+                self.probed = self.z, probed
+            else:
+                step = factors.solve(residual)
         self.time["verify"] += perf_counter() - clock
-        return found * self._unit
+        return max(tr.measured(step), carried) * self._unit
+
+    @property
+    def can_be_one_of_many(self) -> bool:
+        """Whether ends may leave a family of paths that the path's own round-off does not show."""
+        system = self.problem.system
+        return system.n > 1 and not system.structure.forced
 
     def amplification(self) -> float:
         """Return how far round-off in every entry of the matrix may move the path.
@@ -345,11 +360,19 @@ class Walk:
         Without forces, or to one side of a symmetry, the residual of a path has no round-off of
         its own that would tell.
         """
+        if self.probed is None or self.probed[0] is not self.z:
+            factors = self._factors()
+            self.probed = self.z, factors.solve(self._probe(factors))
+        return self.tr.measured(self.probed[1]) * self._unit
+
+    def _probe(self, factors: Factors) -> Array:
+        return (ROUNDOFF * float(np.abs(factors.nonzeros).max())) * self.tr.layout.probe
+
+    def _factors(self) -> Factors:
+        """Return factors of the matrix at the path, or close to it."""
         if self.factors is None or self.factors[0] is not self.z:
             self.factors = (self.z, Factors(self.tr.layout, self.tr.kkt(self.z), many=self.many))
-        factors = self.factors[1]
-        right = (ROUNDOFF * float(np.abs(factors.nonzeros).max())) * self.tr.layout.probe
-        return self.tr.measured(factors.solve(right)) * self._unit
+        return self.factors[1]
 
     @property
     def late(self) -> bool:
@@ -423,8 +446,9 @@ class Walk:
             left = before.worst
             if change > UNLIKELY * left and not self.problem.system.structure.steady:
                 with suppress(np.linalg.LinAlgError):  # what was not seen moves the path as well
-                    factors = Factors(there[0].layout, there[0].kkt(there[1]))
-                    left += _missed(*there, factors, self.tol)
+                    tr, factors = there[0], Factors(there[0].layout, there[0].kkt(there[1]))
+                    residual, carried = _unseen(*there, self.tol)
+                    left += max(tr.measured(factors.solve(residual)), carried)
             self.gain = max(float(change) / left, 1.0)
         elif self.gain == UNKNOWN_GAIN:
             self.gain = 1.0
@@ -458,18 +482,18 @@ class Walk:
         )
 
 
-def _missed(tr: Transcription, z: Array, factors: Factors, tol: float) -> float:
-    """Return how far z would move if its forces were summed over other points.
+def _unseen(tr: Transcription, z: Array, tol: float) -> tuple[Array, float]:
+    """Return the residual of z if its forces are summed over other points, and how far z would go.
 
-    By what holds the path there, and by what holds it on the whole: where a feature in q is not
-    resolved, the curvature that one node happens to see there would hold it far too well. The
+    That is by what holds the path on the whole, beside what holds it there: where a feature in q is
+    not resolved, the curvature that one node happens to see there would hold it far too well. The
     momentum that is missed carries a body 1 / (1 + w T) as far as a free one, w the typical rate.
     """
     with np.errstate(all="ignore"):
         residual, carried = tr.missed(z)
         if SAFETY * carried > tol:
             carried /= 1.0 + tr.turns(z)
-        return max(tr.measured(factors.solve(residual)), carried)
+        return residual, carried
 
 
 def sizes(Q: Array, fallback: Array) -> Array:

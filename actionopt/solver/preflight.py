@@ -31,20 +31,22 @@ def check(tr: Transcription, Q: Array) -> None:
     problem = tr.problem
     system = problem.system
     nodes = tr.mesh.nodes
+    with np.errstate(all="ignore"):
+        if not tr.finite(tr.pack(Q)):
+            _check_events(tr, Q)
+            _check_finite(tr, Q)
+    regular = _definite(system.pointwise("second").full(2, tr.inertia[None], symmetric=True)[0])
+    if regular and not system.m:
+        return
     last = nodes.size - 1
     chosen = sorted({k * last // (SAMPLES + 1) for k in range(SAMPLES + 2)})[1:-1] or [0]
     q, t = Q[chosen], nodes[chosen][:, None]
-    with np.errstate(all="ignore"):
-        if not all(np.isfinite(part).all() for part in tr.action_and_gradient(Q)):
-            _check_events(tr, Q)
-            _check_finite(tr, Q)
     G = None
     if system.m:
         jacobian = system.pointwise("constraint_jacobian")
         G = jacobian.full(0, jacobian(q, t, problem.packed)[0])
         _check_rank(problem, q, t, G * tr.lengths)
-    M = system.pointwise("second").full(2, tr.inertia[None], symmetric=True)[0]
-    if _definite(M):
+    if regular:
         return
     # Generic velocities: a mass matrix such as that of v^4 is singular at rest only.
     rates = tr.lengths / problem.duration
@@ -74,9 +76,10 @@ def _check_finite(tr: Transcription, Q: Array) -> None:
 
 
 def _check_events(tr: Transcription, Q: Array) -> None:
-    """Raise ValueError if L or its derivatives are infinite at an event, whatever the velocity."""
+    """Raise ValueError if L, its derivatives or Q are infinite at an event at every velocity."""
     problem, nodes = tr.problem, tr.mesh.nodes
     n, first = problem.system.n, problem.system.pointwise("first")
+    force = problem.system.pointwise("force") if problem.system.structure.forced else None
     rates = tr.lengths / problem.duration
     waves = np.cos(np.arange(1.0, 1 + VELOCITIES * n)).reshape(VELOCITIES, n)
     v = waves * rates * np.logspace(0, -6, VELOCITIES)[:, None]  # some stay below a limit
@@ -84,11 +87,12 @@ def _check_events(tr: Transcription, Q: Array) -> None:
     def found(q: Array, t: float) -> str:
         """Return what is not finite there at any velocity, if anything is."""
         at = np.repeat(q[None], VELOCITIES, axis=0)
-        values = first(at, v, np.full((VELOCITIES, 1), t), problem.packed)
-        finite = [np.isfinite(x).all(axis=1) for x in (values[2], values[1], values[0])]
+        state = at, v, np.full((VELOCITIES, 1), t), problem.packed
+        values = first(*state)[::-1] + (force(*state) if force else [])
+        finite = [np.isfinite(x).all(axis=1) for x in values]
         if np.logical_and.reduce(finite).any():
             return ""
-        names = ("L", "dL/dv", "dL/dq")
+        names = ("L", "dL/dv", "dL/dq", "the force")[: len(values)]
         return next((x for x, good in zip(names, finite, strict=True) if not good.any()), "L")
 
     for k, role, event in ((0, "start", problem.start), (-1, "end", problem.end)):

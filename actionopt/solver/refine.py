@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from actionopt.analysis.status import Status
+from actionopt.discrete.boundaries import bounded
 from actionopt.discrete.mesh import MAX_DEGREE, Mesh
 from actionopt.discrete.resolution import SHORTEST, refined
 from actionopt.solver.iterate import MEASURABLE, SAFETY, Walk
@@ -93,7 +94,7 @@ def settle_on(walk: Walk, mesh: Mesh, *, least: bool) -> Status:
         return Status.UNRESOLVED
     tr, z = walk.tr, walk.z
     missed = walk.missed()
-    finer = _finer(mesh)
+    finer = bounded(_finer(mesh), walk.problem.instants)
     path = walk.path()
     ok = walk.carry(finer, least=least)
     change = np.max(np.abs(walk.path()(finer.nodes) - path(finer.nodes)).T / walk.sizes)

@@ -166,7 +166,7 @@ def _suspect(walk: Walk, status: Status) -> bool:
         return False
     if not status.success:
         return walk.lost is not None and status in (Status.NOT_FOUND, Status.UNRESOLVED)
-    if walk.problem.system.n == 1:  # nothing is zero on one side of a symmetry
+    if not walk.can_be_one_of_many:  # nothing is zero on one side of a symmetry
         return walk.noise > SENSITIVE / 100
     try:
         return walk.amplification() > SENSITIVE

@@ -34,8 +34,8 @@ class Watch:
         self.end = None
         if seconds is not None:
             given = number(seconds, "the seconds a solve may take")
-            if given <= 0:
-                raise ValueError(f"expected a positive number of seconds, found {given:g}")
+            if given <= 0 or isinstance(seconds, bool):
+                raise ValueError(f"expected a positive number of seconds, found {seconds!r}")
             self.end = perf_counter() + given
         if progress is not None and not callable(progress):
             raise ValueError(f"expected progress(how, elements, iterations), found {progress!r}")

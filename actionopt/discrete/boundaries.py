@@ -1,0 +1,67 @@
+"""Meshes with boundaries at the instants at which laws switch by the clock."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from actionopt.discrete.mesh import Mesh
+from actionopt.mechanics.instants import Instant
+from actionopt.tools.types import Array
+
+ROUNDOFF = 4 * float(np.finfo(float).eps)
+NEAR = 0.25  # of an element: a boundary that is nearer to an instant is moved there
+
+
+def moved(
+    mesh: Mesh, old: tuple[Instant, ...], new: tuple[Instant, ...], start: float, end: float
+) -> Mesh:
+    """Return the mesh stretched onto [start, end], its boundaries at the instants taken along.
+
+    Affinely between them; altogether where there are more or fewer of them than there were.
+    """
+    b, reach = mesh.since, _slack(mesh)
+    at = _inside(old, mesh.boundaries[0], mesh.duration, reach)
+    to = _inside(new, start, end - start, reach)
+    k = np.minimum(np.searchsorted(b, at - reach), b.size - 1)
+    if not at.size or at.size != to.size or np.any(np.abs(b[k] - at) > reach):
+        return mesh.moved(start, end)
+    since = np.interp(b, b[np.r_[0, k, b.size - 1]], np.r_[0.0, to, end - start])
+    return Mesh.over(start, end, since, mesh.degrees)
+
+
+def bounded(mesh: Mesh, known: tuple[Instant, ...]) -> Mesh:
+    """Return the mesh with boundaries at the instants; one that is close is moved there."""
+    b, slack = mesh.since, _slack(mesh)
+    at = _inside(known, mesh.boundaries[0], mesh.duration, slack)
+    apart = np.abs(at[:, None] - b)
+    new = at[apart.min(axis=1, initial=np.inf) > slack]
+    if not new.size:
+        return mesh
+    reach = NEAR * np.minimum(mesh.lengths[:-1], mesh.lengths[1:])
+    inner = np.abs(new[:, None] - b[1:-1]).min(axis=0) > reach
+    inner |= apart[:, 1:-1].min(axis=0) <= slack  # those at other instants stay
+    since = np.sort(np.concatenate([b[:1], b[1:-1][inner], new, b[-1:]]))
+    middle = (since[:-1] + since[1:]) / 2
+    return mesh.cut(since, np.array(mesh.degrees)[np.searchsorted(b, middle) - 1])
+
+
+def sides(mesh: Mesh, known: tuple[Instant, ...]) -> tuple[Array, Array]:
+    """Return the first and the last time on each element's own side of the instants, both (N,)."""
+    b, slack = mesh.boundaries, _slack(mesh)
+    before, after = np.array(known).T
+    k = np.minimum(np.searchsorted(after, b - slack), after.size - 1)
+    at = (before[k] <= b + slack) & (after[k] >= b - slack)
+    low = np.where(at, np.maximum(after[k], b), b)[:-1]
+    high = np.where(at, np.minimum(before[k], b), b)[1:]
+    return low, high
+
+
+def _inside(known: tuple[Instant, ...], start: float, duration: float, slack: float) -> Array:
+    """Return the instants since the start that are not at either end."""
+    since = np.array([after for _, after in known]) - start
+    return since[(since > slack) & (since < duration - slack)]
+
+
+def _slack(mesh: Mesh) -> float:
+    """Return the round-off of the times of boundaries."""
+    return ROUNDOFF * max(abs(mesh.boundaries[0]), abs(mesh.boundaries[-1]), mesh.duration)

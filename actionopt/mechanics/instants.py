@@ -1,0 +1,166 @@
+"""The instants at which laws switch by the clock: where a branch depends on the time alone.
+
+A force that is switched on, a kink in t, a coefficient that is floor(t): between these instants
+the laws are smooth. With the boundaries of elements there, and each element on its own side of
+them, paths are as smooth as their elements need; no quadrature has to sum across a jump.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from actionopt.mechanics.compiled import Pointwise
+from actionopt.mechanics.tracing import ROUNDED, Symbols
+from actionopt.tools.types import Array
+
+Instant = tuple[float, float]  # the last time before it and the first one after it
+
+SAMPLES = 2500  # times that are looked at first
+INTERVALS = 10_000  # followed at once: more of them are round-off
+MOST = SAMPLES  # instants: more of them are something very fast, and some are missed
+SHORTEST = 1e-13  # of the duration: those closer together are one, no element lies between
+ROUNDOFF = 4 * float(np.finfo(float).eps)
+
+WRITTEN = rf"\b(fabs|{ROUNDED}|atan2)\(|1\.?/|[<?!]|=="  # as in an expression's text
+DIFFERENCES = (ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_FMIN, ca.OP_FMAX)
+WHOLE = (ca.OP_FLOOR, ca.OP_CEIL)
+REMAINDERS = (ca.OP_FMOD, ca.OP_REMAINDER)
+# Operations that have a jump or a kink where one operand is zero: 1 / x is arctan's.
+ZEROS = {
+    ca.OP_SIGN: 0,
+    ca.OP_FABS: 0,
+    ca.OP_INV: 0,
+    ca.OP_ATAN2: 0,
+    ca.OP_COPYSIGN: 1,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Clock:
+    """What switches with the time alone.
+
+    Attributes
+    ----------
+    steps : Pointwise
+        Of (t, p): steps, each constant but for the instants, and the signs of the slopes of what
+        they are the steps of, both (K, S): between two instants close together is an extremum.
+    rates : Pointwise
+        Of (t, p): the derivatives by t, (K, S), and by p, (K, P S), of what they are the steps of.
+    """
+
+    steps: Pointwise
+    rates: Pointwise
+
+    def moving(self, known: tuple[Instant, ...], packed: Array) -> Array:
+        """Return the derivatives of the instants (K,) by the parameters packed, (K, P)."""
+        before, after = (np.array(side)[:, None] for side in zip(*known, strict=True))
+        differ = self.steps(before, packed)[0].copy() != self.steps(after, packed)[0]
+        first, each = np.argmax(differ, axis=1), np.arange(len(after))  # others may depend on it
+        by_time, by_parameters = self.rates(after, packed)
+        by_parameters = by_parameters.reshape(len(after), packed.size, -1)
+        return -by_parameters[each, :, first] / by_time[each, first][:, None]
+
+
+def clock(s: Symbols, *laws: ca.SX) -> Clock | None:
+    """Return what switches with the time alone in these laws; None if nothing does."""
+    if not any(re.search(WRITTEN, str(law)) for law in laws):
+        return None
+    arguments = [s.q, s.v, s.t, s.p]
+    f = ca.Function("laws", arguments, list(laws))
+    known: dict[int, tuple[ca.SX, bool] | None] = {}  # and whether of the time; None for the path's
+    steps: list[ca.SX] = []
+    smooth: list[ca.SX] = []
+    for k in range(f.n_instructions()):
+        code, out, into = f.instruction_id(k), f.instruction_output(k), f.instruction_input(k)
+        if code == ca.OP_OUTPUT:
+            continue
+        if code == ca.OP_INPUT:
+            of, row = into
+            known[out[0]] = None if of < 2 else (arguments[of][row], of == 2)
+            continue
+        if code == ca.OP_CONST:
+            known[out[0]] = ca.SX(f.instruction_constant(k)), False
+            continue
+        operands = [known[i] for i in into]
+        # What has the sign of the time may be of the path.
+        asked = operands[ZEROS[code] : ZEROS[code] + 1] if code in ZEROS else operands
+        x = [operand[0] for operand in asked if operand is not None]
+        timed = len(x) == len(asked) and any(operand[1] for operand in asked if operand)
+        made = None
+        if None not in operands:
+            plain = [operand[0] for operand in operands if operand is not None]
+            make = ca.SX.unary if len(plain) == 1 else ca.SX.binary
+            made = make(code, *plain), any(operand[1] for operand in operands if operand)
+        known[out[0]] = made
+        if not timed:
+            continue
+        if code in ZEROS or code in DIFFERENCES:
+            zero = x[0] if code in ZEROS else x[0] - x[1]
+            smooth.append(zero)
+            steps.append(ca.sign(zero))
+        elif code in WHOLE and made is not None:
+            smooth.append(x[0])
+            steps.append(made[0])
+        elif code in REMAINDERS and made is not None:
+            smooth.append(x[0] / x[1])
+            steps.append(ca.floor((x[0] - made[0]) / x[1] + 0.5))
+    if not steps:
+        return None
+    slopes = ca.densify(ca.jacobian(ca.vertcat(*smooth), s.t))
+    by_parameters = ca.densify(ca.jacobian(ca.vertcat(*smooth), s.p))
+    steps = [ca.densify(ca.vertcat(*steps)), ca.sign(slopes)]
+    return Clock(
+        Pointwise(ca.Function("clock", [s.t, s.p], steps)),
+        Pointwise(ca.Function("rates", [s.t, s.p], [slopes, by_parameters])),
+    )
+
+
+def instants(known: Clock, start: float, end: float, packed: Array) -> tuple[Instant, ...]:
+    """Return the instants from `start` to `end`, in order, found to neighbouring numbers.
+
+    Wherever a step or the sign of a slope changes between two times it is followed by bisection.
+    """
+    found = _followed(known.steps, start, end, packed, slopes=True)
+    if found is None:
+        found = _followed(known.steps, start, end, packed, slopes=False) or []
+    least = max(SHORTEST * (end - start), ROUNDOFF * max(abs(start), abs(end)))
+    result: list[Instant] = []
+    for before, after in sorted(found):
+        if result and before - result[-1][1] <= least:
+            result[-1] = result[-1][0], after
+        else:
+            result.append((before, after))
+    return tuple(result) if len(result) <= MOST else ()
+
+
+def _followed(
+    switched: Pointwise, start: float, end: float, packed: Array, *, slopes: bool
+) -> list[Instant] | None:
+    def pattern(t: Array) -> Array:
+        steps, signs = switched(t[:, None], packed)
+        return np.nan_to_num(np.hstack([steps, signs]) if slopes else steps)
+
+    times = np.linspace(start, end, SAMPLES)
+    there = pattern(times)
+    count = there.shape[1] // 2 if slopes else there.shape[1]
+    a, b, left, right = times[:-1], times[1:], there[:-1], there[1:]
+    found: list[Instant] = []
+    while True:
+        differ = (left != right).any(axis=1)
+        a, b, left, right = a[differ], b[differ], left[differ], right[differ]
+        middle = a + (b - a) / 2
+        whole = (middle <= a) | (middle >= b)
+        steps = whole & (left[:, :count] != right[:, :count]).any(axis=1)
+        found += zip(a[steps].tolist(), b[steps].tolist(), strict=True)
+        a, b, left, right, middle = (x[~whole] for x in (a, b, left, right, middle))
+        if not a.size:
+            return found
+        if a.size > INTERVALS:
+            return None
+        there = pattern(middle)
+        a, b = np.concatenate([a, middle]), np.concatenate([middle, b])
+        left, right = np.concatenate([left, there]), np.concatenate([there, right])
