@@ -44,8 +44,8 @@ import casadi as ca
 import numpy as np
 from numpy.polynomial import legendre
 
-Event = tuple[float, Sequence[float | None]]  # (t, q)
-Rows = Sequence[Any]
+Law = Callable[..., Any]
+Event = tuple[float, Sequence[float | None]]
 STEPS = 50
 SMALL = np.sqrt(np.finfo(float).eps)  # the square of such a step is lost in rounding
 
@@ -80,12 +80,7 @@ def lobatto(d: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def transcribe(
-    lagrangian: Callable[..., Any],
-    constraint: Callable[..., Rows] | None,
-    force: Callable[..., Rows] | None,
-    t: np.ndarray,
-    degree: int,
-    n: int,
+    lagrangian: Law, constraint: Law | None, force: Law | None, t: np.ndarray, degree: int, n: int
 ) -> ca.Function:
     """Return z -> (S, r, dr/dz), where z = (Q, lam), node by node, and r = 0 is to be solved.
 
@@ -113,20 +108,20 @@ def transcribe(
     return ca.Function("equations", [z], [ca.SX(S), r, ca.jacobian(r, z)])
 
 
-def dot(x: Any, y: Rows) -> Any:
+def dot(x: Any, y: Any) -> Any:
     """Return x . y."""
     return sum(a * b for a, b in zip(x, y, strict=True))
 
 
 def solve(
-    lagrangian: Callable[..., Any],
+    lagrangian: Law,
     start: Event,
     end: Event,
     *,
     elements: int = 8,
     degree: int = 6,
-    constraint: Callable[..., Rows] | None = None,
-    force: Callable[..., Rows] | None = None,
+    constraint: Law | None = None,
+    force: Law | None = None,
     guess: Callable[[np.ndarray], Any] | None = None,
 ) -> Answer:
     """Return the stationary path to which Newton's method leads.
@@ -173,22 +168,24 @@ def solve(
     free[0], free[-1] = np.isnan(a), np.isnan(b)
     if guess is not None:
         path = np.where(free, np.transpose(guess(t)), path)
+    cut = n * K
     z = np.zeros(equations.size1_in(0))
-    z[: n * K] = path.ravel()
+    z[:cut] = path.ravel()
 
     # Unknowns: coordinates that are free, and multipliers of rows with any of these in them.
-    unknown = np.append(free, np.zeros(z.size - n * K, dtype=bool))
+    unknown = np.append(free, np.zeros(z.size - cut, dtype=bool))
     depends = ca.DM(equations.sparsity_out(2), 1).full()
-    unknown[n * K :] = depends[n * K :, unknown].any(axis=1)
-    rows = np.count_nonzero(unknown[n * K :])
+    unknown[cut:] = depends[cut:, unknown].any(axis=1)
+    rows = np.count_nonzero(unknown[cut:])
     square = np.ix_(unknown, unknown)
 
     # Newton's method: near the path each step leaves about the square of the error before it.
     for _ in range(STEPS):
         _, r, derivative = map(ca.DM.full, equations(z))
-        before = z.copy()
-        z[unknown] -= np.linalg.solve(derivative[square], r[unknown, 0])
-        if np.abs(z - before)[: n * K].max() <= SMALL * np.abs(z[: n * K]).max():
+        step = np.zeros(z.size)
+        step[unknown] = -np.linalg.solve(derivative[square], r[unknown, 0])
+        z += step
+        if np.abs(step[:cut]).max() <= SMALL * np.abs(z[:cut]).max():
             break
     else:
         raise RuntimeError(
@@ -196,12 +193,12 @@ def solve(
             "try a guess nearer to one, or a shorter time"
         )
 
-    # Where forces do no work the derivative is symmetric: the Hessian of A. On paths that keep to
-    # the constraints it has as many negative eigenvalues as it has in all, but for one a row.
+    # Without forces the derivative is the Hessian of A. Each row of constraints brings a negative
+    # and a positive eigenvalue; the others are those of the variations that the rows allow.
     S, _, derivative = map(ca.DM.full, equations(z))
     index = None
     if force is None:
         index = int(np.sum(np.linalg.eigvalsh(derivative[square]) < 0)) - int(rows)
-    z[n * K :][~unknown[n * K :]] = np.nan
-    q, lam = z[: n * K].reshape(K, n).T, z[n * K :].reshape(K, -1).T
+    z[cut:][~unknown[cut:]] = np.nan
+    q, lam = z[:cut].reshape(K, n).T, z[cut:].reshape(K, -1).T
     return Answer(t, q, lam, S.item(), index)
