@@ -1,0 +1,46 @@
+"""Other paths than those known, where all of them are known in closed form."""
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.newton import follow
+from actionopt.discrete.transcription import Transcription
+from actionopt.families.deflation import deflated
+from actionopt.mechanics.problem import Event, Problem
+from actionopt.mechanics.system import System
+
+ACCURACY = 1e-8  # of degree 12 on four elements, for the steeper path
+SLIDE = System(lambda q, v, t: v[0] ** 2 / 2 - np.exp(q[0]), ["x"])
+
+
+def bratu(T):
+    """Return both solutions of q'' = -exp(q), q(0) = q(T) = 0: peaks of one formula.
+
+    q = -2 log(cosh((t / T - 1/2) k / 2) / cosh(k / 4)) with k = sqrt(2) T cosh(k / 4).
+    """
+
+    def gap(k):
+        return k - np.sqrt(2) * T * np.cosh(k / 4)
+
+    def peak(k):
+        return lambda t: -2 * np.log(np.cosh((t / T - 0.5) * k / 2) / np.cosh(k / 4))
+
+    top = 4 * np.arcsinh(4 / (np.sqrt(2) * T))
+    return peak(brentq(gap, 0.0, top, xtol=1e-14)), peak(brentq(gap, top, 60.0, xtol=1e-14))
+
+
+@pytest.mark.parametrize("T", [1.0, 1.7])
+def test_the_other_path_is_found_and_no_third(T):
+    mesh = Mesh.uniform(0.0, T, 4, 12)
+    tr = Transcription(Problem(SLIDE, Event(0.0, [0.0]), Event(T, [0.0])), mesh, np.ones(1))
+    low, high = bratu(T)
+    first = follow(tr, tr.pack(low(mesh.nodes)[:, None])).z
+    assert np.max(np.abs(tr.coordinates(first)[:, 0] - low(mesh.nodes))) <= ACCURACY
+    start = tr.pack((low(mesh.nodes) + 0.3 * np.sin(np.pi * mesh.nodes / T))[:, None])
+    assert deflated(tr, start, []) == pytest.approx(first, abs=1e-10)  # nothing keeps it away
+    second = deflated(tr, start, [first])
+    assert second is not None
+    assert np.max(np.abs(tr.coordinates(second)[:, 0] - high(mesh.nodes))) <= ACCURACY
+    assert deflated(tr, start, [first, second]) is None
