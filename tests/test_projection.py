@@ -55,3 +55,11 @@ def test_without_constraints_nothing_moves():
     tr = on(None, [0.0, 0.0], [1.0, 1.0])
     Q = path(tr)
     assert project(tr, Q) is Q
+
+
+def test_a_node_where_the_surface_is_not_defined_stays():
+    tr = on(lambda q, t: [np.log(q[0])], [None, None], [None, None])
+    Q = path(tr)
+    Q[:, 0] = np.linspace(-0.5, 1.2, len(Q))
+    known = np.where(Q[:, 0] > 0, 1.0, Q[:, 0])
+    assert np.max(np.abs(project(tr, Q)[:, 0] - known)) <= CLOSE
