@@ -19,7 +19,7 @@ PACKAGE = TOP / "actionopt"
 # Left to right. The package itself (`__init__`: the public names) stands where it may be imported.
 ROOMS = (
     *("tools", "mechanics", "scenes", "discrete", "analysis", "solver", "families"),
-    *("__init__", "plot", "chapter", "suite", "gallery", "cli", "__main__"),
+    *("__init__", "plot", "chapter", "suite", "gallery", "simple", "cli", "__main__"),
 )
 BEGIN, END = "<!-- made by docs/rooms.py -->", "<!-- to here -->"
 

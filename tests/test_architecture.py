@@ -32,6 +32,11 @@ def test_arrows_point_to_the_left(module):
         assert not right, f"{module} must not import {target}"
 
 
+def test_the_package_and_its_short_twin_know_nothing_of_each_other():
+    assert not ARROWS["actionopt.simple"]
+    assert not any("actionopt.simple" in found for found in ARROWS.values())
+
+
 @pytest.mark.parametrize("module", MODULES)
 def test_libraries_stay_in_their_rooms(module):
     for imported in rooms.imports(rooms.FILES[module]):

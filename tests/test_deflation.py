@@ -1,35 +1,54 @@
-"""Newton's method that keeps away from what is known, on a path with two partners."""
+"""Other paths than those known, where all of them are known in closed form."""
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
-from actionopt import Event, Mesh, Problem, System
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.newton import follow
 from actionopt.discrete.transcription import Transcription
 from actionopt.families.deflation import deflated
+from actionopt.mechanics.problem import Event, Problem
+from actionopt.mechanics.system import System
 
-# x'' = -x^3 between x(0) = x(1) = 0: the path at rest, and oscillations of either sign.
-QUARTIC = System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 4 / 4, ["x"])
-
-
-@pytest.fixture
-def tr():
-    problem = Problem(QUARTIC, Event(0.0, [0.0]), Event(4.0, [0.0]))
-    return Transcription(problem, Mesh.uniform(0.0, 4.0, 8, 8), np.ones(1))
+ACCURACY = 1e-8  # of degree 12 on four elements, for the steeper path
+SLIDE = System(lambda q, v, t: v[0] ** 2 / 2 - np.exp(q[0]), ["x"])
 
 
-def wave(tr, size):
-    return tr.pack(size * np.sin(np.pi * tr.mesh.nodes / 4)[:, None])
+def bratu(T):
+    """Return both solutions of q'' = -exp(q), q(0) = q(T) = 0: peaks of one formula.
+
+    q = -2 log(cosh((t / T - 1/2) k / 2) / cosh(k / 4)) with k = sqrt(2) T cosh(k / 4).
+    """
+
+    def gap(k):
+        return k - np.sqrt(2) * T * np.cosh(k / 4)
+
+    def peak(k):
+        return lambda t: -2 * np.log(np.cosh((t / T - 0.5) * k / 2) / np.cosh(k / 4))
+
+    top = 4 * np.arcsinh(4 / (np.sqrt(2) * T))
+    return peak(brentq(gap, 0.0, top, xtol=1e-14)), peak(brentq(gap, top, 60.0, xtol=1e-14))
 
 
-def test_what_is_found_is_stationary_to_rounding(tr):
-    found = deflated(tr, wave(tr, 1.5), [])
+@pytest.mark.parametrize("T", [1.0, 1.7])
+def test_the_other_path_is_found_and_no_third(T):
+    mesh = Mesh.uniform(0.0, T, 4, 12)
+    tr = Transcription(Problem(SLIDE, Event(0.0, [0.0]), Event(T, [0.0])), mesh, np.ones(1))
+    low, high = bratu(T)
+    first = follow(tr, tr.pack(low(mesh.nodes)[:, None])).z
+    assert np.max(np.abs(tr.coordinates(first)[:, 0] - low(mesh.nodes))) <= ACCURACY
+    start = tr.pack((low(mesh.nodes) + 0.3 * np.sin(np.pi * mesh.nodes / T))[:, None])
+    assert deflated(tr, start, []) == pytest.approx(first, abs=1e-10)  # nothing keeps it away
+    second = deflated(tr, start, [first])
+    assert second is not None
+    assert np.max(np.abs(tr.coordinates(second)[:, 0] - high(mesh.nodes))) <= ACCURACY
+    assert deflated(tr, start, [first, second]) is None
+
+
+def test_what_is_found_is_stationary_to_rounding():
+    mesh = Mesh.uniform(0.0, 1.0, 4, 12)
+    tr = Transcription(Problem(SLIDE, Event(0.0, [0.0]), Event(1.0, [0.0])), mesh, np.ones(1))
+    found = deflated(tr, tr.pack(0.3 * np.sin(np.pi * mesh.nodes)[:, None]), [])
     assert found is not None
     assert np.max(np.abs(tr.residual(found))) < 1e-12
-
-
-def test_a_known_path_is_not_found_again(tr):
-    first = deflated(tr, wave(tr, 1.5), [])
-    second = deflated(tr, wave(tr, 1.5), [first])
-    assert first is not None and second is not None
-    assert np.max(np.abs(second - first)) > 1e-2
-    assert np.max(np.abs(tr.residual(second))) < 1e-12

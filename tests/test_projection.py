@@ -1,0 +1,65 @@
+"""Paths moved onto surfaces for which the nearest point is a formula."""
+
+import numpy as np
+import pytest
+
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.projection import project
+from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.problem import Event, Problem
+from actionopt.mechanics.system import System
+
+CLOSE = 1e-9  # of the surface; a step below 1e-8 is the last
+NORMAL, LENGTHS = np.array([1.0, 2.0]), np.array([0.5, 3.0])
+
+
+def on(constraint, start, end, lengths=LENGTHS):
+    system = System(lambda q, v, t: v @ v / 2, ["x", "y"], constraint=constraint)
+    problem = Problem(system, Event(0.0, start), Event(1.0, end))
+    return Transcription(problem, Mesh.uniform(0.0, 1.0, 2, 3), lengths)
+
+
+def path(tr, seed=0):
+    return np.random.default_rng(seed).uniform(-1, 1, (tr.layout.node_count, 2))
+
+
+@pytest.mark.parametrize("rate", [0.0, 0.7])
+def test_a_line_is_reached_the_shortest_way_in_units_of_the_sizes(rate):
+    tr = on(lambda q, t: [NORMAL @ q - 1 - rate * t], [None, None], [None, None])
+    Q, t = path(tr), tr.mesh.nodes
+    way = LENGTHS**2 * NORMAL / (NORMAL @ (LENGTHS**2 * NORMAL))
+    known = Q - np.outer(Q @ NORMAL - 1 - rate * t, way)
+    assert np.max(np.abs(project(tr, Q) - known)) <= CLOSE
+
+
+def test_a_circle_is_reached_along_its_radii():
+    tr = on(lambda q, t: [q @ q - 1], [None, None], [None, None], np.ones(2))
+    Q = path(tr)
+    known = Q / np.linalg.norm(Q, axis=1, keepdims=True)
+    assert np.max(np.abs(project(tr, Q) - known)) <= CLOSE
+    Q[2] = 0.0  # its centre: no way is shorter than another
+    known[2] = 0.0
+    assert np.max(np.abs(project(tr, Q) - known)) <= CLOSE
+
+
+def test_what_is_given_stays():
+    tr = on(lambda q, t: [NORMAL @ q - 1], [-1.0, 1.0], [0.4, None])
+    Q = path(tr)
+    Q[0], Q[-1, 0] = [-1.0, 1.0], 0.4
+    moved = project(tr, Q)
+    assert np.array_equal(moved[0], [-1.0, 1.0])
+    assert moved[-1] == pytest.approx([0.4, 0.3], abs=CLOSE)
+
+
+def test_without_constraints_nothing_moves():
+    tr = on(None, [0.0, 0.0], [1.0, 1.0])
+    Q = path(tr)
+    assert project(tr, Q) is Q
+
+
+def test_a_node_where_the_surface_is_not_defined_stays():
+    tr = on(lambda q, t: [np.log(q[0])], [None, None], [None, None])
+    Q = path(tr)
+    Q[:, 0] = np.linspace(-0.5, 1.2, len(Q))
+    known = np.where(Q[:, 0] > 0, 1.0, Q[:, 0])
+    assert np.max(np.abs(project(tr, Q)[:, 0] - known)) <= CLOSE
