@@ -385,6 +385,7 @@ def test_elliptic_functions_satisfy_their_definitions(k):
     ("name", "parameters", "words"),
     [
         ("oscillator", {"duration": np.pi}, "conjugate"),
+        ("charge_planar", {"duration": np.pi}, "conjugate"),
         ("oscillating_wall", {"w": 2.0}, "resonance"),
         ("damped_oscillator", {"b": 2.0}, "critical"),
         ("pendulum", {"amplitude": 4.0}, "amplitude"),

@@ -41,6 +41,9 @@ def scene(*, m=1.0, R=0.2, inertia=0.5, angle=0.3, g=9.81, start=0.0, end=1.0, d
     a = g * np.sin(angle) / (1 + inertia)
     u = (end - start) / duration - a * duration / 2
 
+    def down(t):
+        return start + u * t + a * t**2 / 2
+
     def energy(q, v, t):
         return m * (v[0] ** 2 + inertia * (R * v[1]) ** 2) / 2 - m * g * q[0] * np.sin(angle)
 
@@ -59,12 +62,7 @@ def scene(*, m=1.0, R=0.2, inertia=0.5, angle=0.3, g=9.81, start=0.0, end=1.0, d
         duration,
         ends=([start, start / R], [end, end / R]),
         draw=draw,
-        exact=curve(
-            lambda t: (
-                start + u * t + a * t**2 / 2,
-                (start + u * t + a * t**2 / 2) / R,
-            )
-        ),
+        exact=curve(lambda t: (down(t), down(t) / R)),
         facts=Facts(
             velocity=curve(lambda t: (u + a * t, (u + a * t) / R)),
             acceleration=lambda q, v, t: np.stack([a + 0 * v[0], a / R + 0 * v[0]]),
