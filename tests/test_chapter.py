@@ -10,6 +10,7 @@ from actionopt import chapter, cli, scenes
 from actionopt.analysis.conjugate import conjugate_points
 from actionopt.chapter import ROWS, Line, Row
 from actionopt.chapter._row import other_numbers, solved
+from actionopt.scenes._scene import system as derived
 
 TOL = 1e-11
 CLOSED_FORM = 1e-10  # of a path and its action, at tol = 1e-11
@@ -103,8 +104,8 @@ def test_other_numbers_are_other_numbers():
 )
 def test_what_a_scene_does_not_use_costs_nothing(name, spared, paid):
     """Neither derived nor evaluated; on a system of its own, that nothing else has asked."""
-    system = importlib.import_module(f"actionopt.scenes.{name}").system.__wrapped__()
-    scene = scenes.get(name)
+    scene, file = scenes.get(name), importlib.import_module(f"actionopt.scenes.{name}")
+    system = derived.__wrapped__(file, scene.problem.system.coordinates)
     events = scene.problem.start, scene.problem.end
     stats = ao.solve(ao.Problem(system, *events), tol=TOL, guess=scene.guess).stats
     for used in (stats["derived"], stats["evaluations"]):

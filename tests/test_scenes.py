@@ -14,7 +14,6 @@ from scipy.integrate import solve_ivp
 
 from actionopt import Mesh, Path, scenes
 from actionopt.scenes._elliptic import complete, jacobi
-from actionopt.scenes._scene import MEANINGS
 
 # An interpolant of degree 16 on 16 elements resolves these curves to rounding; its derivative
 # loses about d^2 N = 4e3 units of rounding, and as much again leaves room.
@@ -105,8 +104,6 @@ def test_the_catalogue_is_the_list_of_files():
     assert list(scenes.SCENES) == sorted(scenes.SCENES)
     for name in scenes.SCENES:
         scene = scenes.get(name)
-        assert scene.name == name
-        assert scene.title == scenes.title(name)
         assert scene.source and "\n" not in scene.title + scene.source
 
 
@@ -141,12 +138,27 @@ def test_other_numbers_reuse_the_derived_system():
     )
 
 
-def test_facts_keep_to_their_vocabulary(scene):
-    for name, fact in scene.facts.items():
-        if name not in MEANINGS:
-            assert np.isfinite(fact), name
-    if scene.exact is not None:
-        assert "velocity" in scene.facts
+def test_facts_are_attributes_and_a_mapping_of_what_is_known(scene):
+    facts = scene.facts
+    assert all(map(np.isfinite, facts.numbers.values()))
+    assert (facts.velocity is None) == (scene.exact is None)
+    assert len(facts) == len(set(facts)) and set(facts.numbers) <= set(facts)
+    for name, fact in facts.items():
+        own = name in facts.numbers
+        assert fact is not None and fact is (facts.numbers[name] if own else getattr(facts, name))
+    assert "numbers" not in facts and facts.get("flat") is None
+
+
+def test_names_and_defaults_are_those_of_one_signature():
+    assert scenes.parameters("chain")["fraction"] == 0.24
+    assert scenes.parameters("kepler_polar") == scenes.parameters("kepler")
+    twin, gauged = scenes.parameters("oscillator"), scenes.parameters("oscillator_gauge")
+    assert list(gauged.items()) == [*twin.items(), ("c", 0.6)]
+    for name in scenes.SCENES:
+        problem, given = scenes.get(name).problem, scenes.parameters(name)
+        assert [p for p in given if p in problem.parameters] == list(problem.parameters)
+        assert all(problem.parameters[p] == given[p] for p in problem.parameters)
+        assert problem.parameters == problem.system.parameters
 
 
 def test_exact_passes_through_the_events(solved):
@@ -373,6 +385,7 @@ def test_elliptic_functions_satisfy_their_definitions(k):
     ("name", "parameters", "words"),
     [
         ("oscillator", {"duration": np.pi}, "conjugate"),
+        ("charge_planar", {"duration": np.pi}, "conjugate"),
         ("oscillating_wall", {"w": 2.0}, "resonance"),
         ("damped_oscillator", {"b": 2.0}, "critical"),
         ("pendulum", {"amplitude": 4.0}, "amplitude"),

@@ -11,7 +11,6 @@ from actionopt import scenes
 from actionopt.gallery import units
 from actionopt.gallery.page import escape, number
 from actionopt.gallery.subject import Subject
-from actionopt.scenes._scene import MEANINGS
 from actionopt.solver.solve import solve
 from actionopt.tools.types import Array
 
@@ -51,8 +50,8 @@ Rows = Iterator[Known]
 def _path(s: Subject) -> Rows:
     if s.scene.exact is not None:
         yield _curve("path", s.scene.exact(s.t), s.q)
-    if "velocity" in s.scene.facts:
-        yield _curve("velocity", s.scene.facts["velocity"](s.t), s.v, least=_sizes(s) / s.duration)
+    if velocity := s.scene.facts.velocity:
+        yield _curve("velocity", velocity(s.t), s.v, least=_sizes(s) / s.duration)
 
 
 def _action(s: Subject) -> Rows:
@@ -61,18 +60,18 @@ def _action(s: Subject) -> Rows:
 
 
 def _energy(s: Subject) -> Rows:
-    if "energy" in s.scene.facts:
+    if s.scene.facts.energy is not None:
         found = float(s.solution.energy(s.t[0]))
-        yield _numbers("energy function H", s.scene.facts["energy"], found, "J")
+        yield _numbers("energy function H", s.scene.facts.energy, found, "J")
 
 
 def _index(s: Subject) -> Rows:
     facts, end = s.scene.facts, s.t[-1]
-    if "morse_index" in facts and not s.forced:
-        yield Known("Morse index", str(facts["morse_index"]), str(s.solution.morse_index))
-    if "conjugate_times" in facts:
+    if facts.morse_index is not None and not s.forced:
+        yield Known("Morse index", str(facts.morse_index), str(s.solution.morse_index))
+    if facts.conjugate_times is not None:
         found = [p.t for p in s.conjugate for _ in range(p.multiplicity)]
-        times = np.asarray(facts["conjugate_times"], dtype=float)
+        times = facts.conjugate_times
         for k, (a, b) in enumerate(zip(times[times <= end], found, strict=False)):
             yield _numbers(f"conjugate time {k + 1}", float(a), b, "s")
         later = times[times > end]
@@ -82,18 +81,18 @@ def _index(s: Subject) -> Rows:
 
 def _rates(s: Subject) -> Rows:
     facts, system = s.scene.facts, s.solution.problem.system
-    if "acceleration" in facts:
-        expected = facts["acceleration"](s.q, s.v, s.t)
+    if facts.acceleration:
+        expected = facts.acceleration(s.q, s.v, s.t)
         found = s.solution.acceleration(s.t)
         least = _sizes(s) / s.duration**2
         yield _curve("acceleration", expected, found, "equation of motion", least=least)
-    if "multipliers" in facts and system.m:
-        expected = facts["multipliers"](s.q, s.v, s.t)
+    if facts.multipliers and system.m:
+        expected = facts.multipliers(s.q, s.v, s.t)
         yield _curve("multiplier", expected, s.solution.multipliers(s.t))
 
 
 def _conserved(s: Subject) -> Rows:
-    for name, quantity in s.scene.facts.get("conserved", {}).items():
+    for name, quantity in (s.scene.facts.conserved or {}).items():
         values = quantity(s.q, s.v, s.t)
         with np.errstate(all="ignore"):  # where bodies would meet
             terms = quantity(np.abs(s.q), np.abs(s.v), s.t)  # they may cancel in what is conserved
@@ -105,21 +104,21 @@ def _conserved(s: Subject) -> Rows:
 
 
 def _start(s: Subject) -> Rows:
-    if "start" in s.scene.facts:
-        yield _curve("velocity at the start", s.scene.facts["start"].v, s.solution.start.v)
+    if start := s.scene.facts.start:
+        yield _curve("velocity at the start", np.array(start.v), s.solution.start.v)
 
 
 def _twin(s: Subject) -> Rows:
     facts = s.scene.facts
-    if "twin" not in facts:
+    if not (facts.twin and facts.gauge):
         return
-    twin = scenes.get(facts["twin"])
+    twin = scenes.get(facts.twin)
     other = solve(twin.problem, tol=1e-10, guess=twin.guess)
-    what = f"path of <code>{facts['twin']}</code>"
+    what = f"path of <code>{facts.twin}</code>"
     yield _curve(what, other(s.t), s.q, "the same")
-    F = np.asarray(facts["gauge"](s.q[:, [0, -1]], s.t[[0, -1]]), dtype=float)
+    F = np.asarray(facts.gauge(s.q[:, [0, -1]], s.t[[0, -1]]), dtype=float)
     yield _numbers(
-        f"action less that of <code>{facts['twin']}</code>: F at the end less F at the start",
+        f"action less that of <code>{facts.twin}</code>: F at the end less F at the start",
         float(F[1] - F[0]),
         s.solution.action - other.action,
         "J s",
@@ -127,10 +126,9 @@ def _twin(s: Subject) -> Rows:
 
 
 def _others(s: Subject) -> Rows:
-    for name, value in s.scene.facts.items():
-        if name not in MEANINGS and np.ndim(value) == 0 and not callable(value):
-            unit = units.html(units.FACTS.get(name, ""))
-            yield Known(name.replace("_", " "), f"{number(float(value), DIGITS)} {unit}", "")
+    for name, value in s.scene.facts.numbers.items():
+        unit = units.html(units.FACTS.get(name, ""))
+        yield Known(name.replace("_", " "), f"{number(float(value), DIGITS)} {unit}", "")
 
 
 def _numbers(what: str, expected: float, found: float, unit: str) -> Known:

@@ -11,16 +11,17 @@ scene is asked for, and its system is derived once: `get` with other numbers reu
 from __future__ import annotations
 
 import importlib
-import inspect
 import pkgutil
 from typing import Any
 
 from actionopt.mechanics.tracing import suggestion
-from actionopt.scenes._scene import Scene
+from actionopt.scenes import _scene
+from actionopt.scenes._scene import Facts, Scene
 from actionopt.scenes._shapes import Shape, body, circle, ground, rod, spring
 
 __all__ = [
     "SCENES",
+    "Facts",
     "Scene",
     "Shape",
     "body",
@@ -47,8 +48,8 @@ def get(name: str, **parameters: Any) -> Scene:
         If there is no such scene or it has no such parameter (the nearest name is suggested),
         or the values do not make sense for it.
     """
-    build = _module(name).scene
-    known = _defaults(build)
+    file = _module(name)
+    known = _scene.parameters(file.scene)
     for key in parameters:
         if key not in known:
             raise ValueError(
@@ -56,7 +57,7 @@ def get(name: str, **parameters: Any) -> Scene:
                 f"{', '.join(known)}{suggestion(key, known)}"
             )
     try:
-        return build(**parameters)
+        return _scene.build(file, known | parameters)
     except TypeError as error:
         given = ", ".join(f"{key}={value!r}" for key, value in parameters.items())
         raise ValueError(
@@ -66,16 +67,12 @@ def get(name: str, **parameters: Any) -> Scene:
 
 def parameters(name: str) -> dict[str, Any]:
     """Return the parameters of the scene `name` and their defaults, deriving nothing."""
-    return _defaults(_module(name).scene)
+    return _scene.parameters(_module(name).scene)
 
 
 def title(name: str) -> str:
     """Return the scene's title, one line, deriving nothing."""
     return _module(name).TITLE
-
-
-def _defaults(build) -> dict[str, Any]:
-    return {key: p.default for key, p in inspect.signature(build).parameters.items()}
 
 
 def _module(name: str):

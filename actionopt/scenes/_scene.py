@@ -1,56 +1,94 @@
-"""What a scene is, and what can be known exactly about one.
+"""What a scene is, what can be known exactly about one, and how its file says both.
 
-A scene's facts are a mapping from names to what is known, in closed form, from its source.
-These names mean the same in every scene; K times, n coordinates, m constraint rows:
-
-=================  ===============================================================================
-`velocity`         function of t: the velocity along `exact`, (n, K) or (n,)
-`action`           number: S between the events, along `exact` or the motion from `start`
-`energy`           number: the energy function H along the same
-`conjugate_times`  row of times: the first ones conjugate to the start along `exact`, before the
-                   end or after it, each as often as its multiplicity
-`morse_index`      integer: number of conjugate times before the end
-`conserved`        mapping from names to functions of (q, v, t) that are constant along every
-                   motion, (K,); `energy` among them is T + V, and equal to H
-`acceleration`     function of (q, v, t): the equations of motion as the book has them, (n, K)
-`multipliers`      function of (q, v, t): lambda as the book has it, (m, K)
-`start`            the State from which the motion through both events sets out
-`twin`, `gauge`    name of a scene with the same path for the same parameters, and the F(q, t)
-                   with L = L(twin) + dF/dt, a function of q and t, (K,)
-=================  ===============================================================================
-
-A name not in `MEANINGS` is a number, explained in the file of its scene.
+A scene's file has a docstring with a sketch, `TITLE` and `SOURCE` (one line each: what it is, and
+the section, page or equation it is taken from), `lagrangian`, `constraint` and `force` if it has
+them, and `scene`. The signature of `scene` has the names and defaults of all parameters, those of
+the system among them; called with numbers, it returns a `Setup`.
 """
 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from functools import cache, cached_property, wraps
+from types import ModuleType
 from typing import Any
 
 import numpy as np
 
-from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.problem import Event, Problem, State
+from actionopt.mechanics.system import System
 from actionopt.scenes._shapes import Shape
 from actionopt.tools.types import Array
 
-MEANINGS = (
-    "velocity",
-    "action",
-    "energy",
-    "conjugate_times",
-    "morse_index",
-    "conserved",
-    "acceleration",
-    "multipliers",
-    "start",
-    "twin",
-    "gauge",
-)
-
 PANELS, POINTS = 64, 20  # Gauss-Legendre rule for `Scene.action`: exact to rounding here
+
+Curve = Callable[[Any], Array]  # of t: (n, K) for K times, (n,) for one time
+Along = Callable[[Array, Array, Any], Array]  # of q, v (n, K) and t
+
+
+@dataclass(frozen=True, eq=False)
+class Facts(Mapping[str, Any]):
+    """What is known exactly about a scene, from its source; None is what is not known.
+
+    A mapping as well, of what is known by name: `facts["period"]` is one of the `numbers`.
+    K times, n coordinates, m constraint rows.
+
+    Parameters
+    ----------
+    velocity : callable, optional
+        Of t: the velocity along `exact`, (n, K) or (n,).
+    acceleration, multipliers : callable, optional
+        Of (q, v, t): the equations of motion as the book has them, (n, K), and lambda, (m, K).
+    action, energy : float, optional
+        S between the events, along `exact` or the motion from `start`, and the energy function H.
+    conjugate_times : row of times, optional
+        The first ones conjugate to the start along `exact`, before the end or after it, each as
+        often as its multiplicity.
+    morse_index : int, optional
+        Number of conjugate times before the end.
+    conserved : mapping, optional
+        From names to functions of (q, v, t) that are constant along every motion, (K,); `energy`
+        among them is T + V, and equal to H.
+    start : State, optional
+        From which the motion through both events sets out.
+    twin, gauge : str and callable, optional
+        Name of a scene with the same path for the same parameters, and the F(q, t) with
+        L = L(twin) + dF/dt, (K,).
+    flat : callable, optional
+        Of t: a variation (n, K) along which S does not change, where the end is conjugate.
+    numbers : mapping
+        Of this scene alone, explained in its file.
+    """
+
+    velocity: Curve | None = None
+    acceleration: Along | None = None
+    multipliers: Along | None = None
+    action: float | None = None
+    energy: float | None = None
+    conjugate_times: Array | None = None
+    morse_index: int | None = None
+    conserved: Mapping[str, Along] | None = None
+    start: State | None = None
+    twin: str | None = None
+    gauge: Callable[[Array, Any], Array] | None = None
+    flat: Curve | None = None
+    numbers: Mapping[str, float] = field(default_factory=dict)
+
+    @cached_property
+    def _known(self) -> dict[str, Any]:
+        named = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "numbers"}
+        return {name: x for name, x in named.items() if x is not None} | dict(self.numbers)
+
+    def __getitem__(self, name: str) -> Any:
+        return self._known[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._known)
+
+    def __len__(self) -> int:
+        return len(self._known)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,8 +105,8 @@ class Scene:
         `draw(q, t)` for q of shape (n,): the shapes of the picture at one time, back to front.
     exact : callable, optional
         The path in closed form: (n, K) for K times, (n,) for one time.
-    facts : mapping, optional
-        What is known exactly; names as in this module's docstring.
+    facts : Facts, optional
+        What is known exactly.
     guess : callable, optional
         A rough path of the same shapes as `exact`, where the straight line between the events
         leads elsewhere or nowhere.
@@ -78,9 +116,9 @@ class Scene:
     title: str
     source: str
     draw: Callable[[Array, float], list[Shape]]
-    exact: Callable[[Any], Array] | None = None
-    facts: Mapping[str, Any] = field(default_factory=dict)
-    guess: Callable[[Any], Array] | None = None
+    exact: Curve | None = None
+    facts: Facts = field(default_factory=Facts)
+    guess: Curve | None = None
 
     @property
     def name(self) -> str:
@@ -111,7 +149,77 @@ class Scene:
         return float(h / 2 * np.tile(w, PANELS) @ L)
 
 
-def curve(formula: Callable[[Array], Sequence[Any]]) -> Callable[[Any], Array]:
+@dataclass(frozen=True, eq=False)
+class Setup:
+    """What a scene's file returns for given numbers: a `Scene` but for its system and its words.
+
+    The events are at the times 0 and `duration`, with the coordinates `ends`; those of `exact` if
+    they are not given.
+    """
+
+    coordinates: Sequence[str]
+    duration: float
+    draw: Callable[[Any, float], list[Shape]]
+    exact: Curve | None = None
+    ends: tuple[Any, Any] | None = None
+    guess: Curve | None = None
+    facts: Facts = field(default_factory=Facts)
+
+
+def build(file: ModuleType, numbers: Mapping[str, Any]) -> Scene:
+    """Return the scene of a file for the values of all its parameters."""
+    found: Setup = file.scene(**numbers)
+    y = system(file, tuple(found.coordinates))
+    times = (0.0, found.duration)
+    ends = found.ends or [found.exact(t) for t in times]  # type: ignore[misc]
+    start, end = (Event(t, q) for t, q in zip(times, ends, strict=True))
+    problem = Problem(y, start, end, parameters={name: numbers[name] for name in y.parameters})
+    return Scene(
+        problem, file.TITLE, file.SOURCE, found.draw, found.exact, found.facts, found.guess
+    )
+
+
+@cache
+def system(file: ModuleType, coordinates: tuple[str, ...]) -> System:
+    """Return the system of a scene's file, derived once for each set of coordinates."""
+    roles = ("lagrangian", "constraint", "force")
+    laws = {role: getattr(file, role) for role in roles if hasattr(file, role)}
+    named = {name for law in laws.values() for name in inspect.signature(law).parameters}
+    values = {name: x for name, x in parameters(file.scene).items() if name in named}
+    name = file.__name__.rpartition(".")[2]
+    return System(coordinates=coordinates, parameters=values, name=name, **laws)
+
+
+def parameters(scene: Callable[..., Setup]) -> dict[str, Any]:
+    """Return the names and defaults in the signature of a file's `scene`."""
+    named = inspect.signature(scene).parameters.values()
+    return {p.name: p.default for p in named if p.kind is p.KEYWORD_ONLY}
+
+
+def like(file: ModuleType) -> Callable[[Callable[..., Setup]], Callable[..., Setup]]:
+    """Give a scene the parameters of another file's, and the setup of that as first argument.
+
+    Of the other's parameters the signature names those that are used, without a default.
+    """
+
+    def decorate(scene: Callable[..., Setup]) -> Callable[..., Setup]:
+        theirs, ours = parameters(file.scene), parameters(scene)
+        merged = theirs | ours | theirs  # its names first, and its defaults
+
+        @wraps(scene)
+        def with_twin(**numbers: Any) -> Setup:
+            twin = file.scene(**{name: numbers[name] for name in theirs})
+            return scene(twin, **{name: numbers[name] for name in ours})
+
+        kind = inspect.Parameter.KEYWORD_ONLY
+        named = [inspect.Parameter(name, kind, default=x) for name, x in merged.items()]
+        with_twin.__signature__ = inspect.Signature(named)  # type: ignore[attr-defined]
+        return with_twin
+
+    return decorate
+
+
+def curve(formula: Callable[[Array], Sequence[Any]]) -> Curve:
     """Make n formulas in t a curve: (n, K) for K times, (n,) for one time."""
 
     def evaluate(t: Any) -> Array:
@@ -121,10 +229,19 @@ def curve(formula: Callable[[Array], Sequence[Any]]) -> Callable[[Any], Array]:
     return evaluate
 
 
-def defaults(scene: Callable[..., Scene], *names: str) -> dict[str, float]:
-    """Return the default values of a scene's parameters `names`, for its system."""
-    signature = inspect.signature(scene).parameters
-    return {name: signature[name].default for name in names}
+def conjugates(w: float, duration: float, multiplicity: int = 1) -> dict[str, Any]:
+    """Return the facts `conjugate_times`, the multiples of pi / w, and `morse_index`.
+
+    Raises ValueError if the duration is such a multiple: then no path or infinitely many join
+    the events.
+    """
+    if abs(np.sin(w * duration)) < 1e-12:
+        raise ValueError(
+            f"expected a duration that is no multiple of pi / {w}, found {duration}: there the "
+            "end is conjugate to the start; choose a slightly different duration"
+        )
+    times = np.repeat(np.pi / w * np.arange(1, 4 + int(w * duration / np.pi)), multiplicity)
+    return {"conjugate_times": times, "morse_index": int(np.sum(times < duration))}
 
 
 def unit_sine(w: float, t: Any) -> Array:

@@ -14,13 +14,10 @@ All links have the length l and all masses are m.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cache
 
 import numpy as np
 
-from actionopt.mechanics.problem import Event, Problem
-from actionopt.mechanics.system import System
-from actionopt.scenes._scene import Scene, defaults
+from actionopt.scenes._scene import Facts, Setup
 from actionopt.scenes._shapes import body, ground, rod
 from actionopt.tools.types import Array
 
@@ -41,29 +38,7 @@ def constraint(q, t, *, l):
     return dx**2 + dy**2 - l**2
 
 
-@cache
-def system(links: int) -> System:
-    """Return the system of so many links, derived once for each number."""
-    return System(
-        lagrangian,
-        [f"{axis}{i}" for i in range(1, links + 1) for axis in "xy"],
-        parameters=defaults(scene, "m", "l", "g"),
-        constraint=constraint,
-        name="chain",
-    )
-
-
-def scene(
-    *,
-    links: int = 5,
-    m: float = 1.0,
-    l: float = 0.2,
-    g: float = 9.81,
-    amplitude: float = 0.4,
-    fraction: float = 0.24,
-    start: Sequence[float] | None = None,
-    end: Sequence[float] | None = None,
-) -> Scene:
+def scene(*, links=5, m=1.0, l=0.2, g=9.81, amplitude=0.4, fraction=0.24, start=None, end=None):
     """Swing a chain of `links` links for a `fraction` of its slowest period (`period`, s).
 
     Coordinates are x1, y1, x2, y2, ... from the origin, y up; m in kg, l in m. `start` and
@@ -95,18 +70,13 @@ def scene(
         string = rod((0.0, 0.0), *points)
         return [ground((0.0, 0.0)), string, *(body(point) for point in points)]
 
-    return Scene(
-        Problem(
-            system(int(links)),
-            Event(0.0, positions(l, first)),
-            Event(T, positions(l, last)),
-            parameters={"m": m, "l": l, "g": g},
-        ),
-        TITLE,
-        SOURCE,
+    return Setup(
+        [f"{axis}{i}" for i in range(1, int(links) + 1) for axis in "xy"],
+        T,
+        ends=(positions(l, first), positions(l, last)),
         draw=draw,
         guess=guess,
-        facts={"period": float(2 * np.pi / w), "conserved": {"energy": energy}},
+        facts=Facts(conserved={"energy": energy}, numbers={"period": float(2 * np.pi / w)}),
     )
 
 

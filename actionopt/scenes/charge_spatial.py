@@ -10,14 +10,9 @@ Along the magnetic field the charge falls freely in the electric one.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import cache
-
 import numpy as np
 
-from actionopt.mechanics.problem import Event, Problem
-from actionopt.mechanics.system import System
-from actionopt.scenes._scene import Scene, curve, defaults
+from actionopt.scenes._scene import Facts, Setup, conjugates, curve
 from actionopt.scenes._shapes import body, ground, project
 from actionopt.scenes.charge_planar import drifting
 
@@ -33,63 +28,43 @@ def lagrangian(q, v, t, *, m, e, B, Ex, Ez):
     return m * (vx**2 + vy**2 + vz**2) / 2 + magnetic + e * (Ex * x + Ez * z)
 
 
-@cache
-def system() -> System:
-    """Return the system, derived once."""
-    return System(
-        lagrangian,
-        ["x", "y", "z"],
-        parameters=defaults(scene, "m", "e", "B", "Ex", "Ez"),
-        name="charge_spatial",
-    )
-
-
 def scene(
     *,
-    m: float = 1.0,
-    e: float = 1.0,
-    B: float = 2.0,
-    Ex: float = 0.3,
-    Ez: float = -0.2,
-    start: Sequence[float] = (0.2, -0.1, 0.0),
-    end: Sequence[float] = (1.0, 0.5, 1.5),
-    duration: float = 2.0,
-) -> Scene:
+    m=1.0,
+    e=1.0,
+    B=2.0,
+    Ex=0.3,
+    Ez=-0.2,
+    start=(0.2, -0.1, 0.0),
+    end=(1.0, 0.5, 1.5),
+    duration=2.0,
+):
     """Join two points (m) in `duration` (s): charge e (C), B (T) along z, Ex and Ez (V/m).
 
     Raises ValueError if the duration is a multiple of 2 pi m / (e B).
     """
     T, w, a = duration, e * B / m, e * Ez / m
     (*flat0, z0), (*flat1, z1) = start, end
+    foci = conjugates(abs(w) / 2, T, multiplicity=2)
     across, rate = drifting(w, Ex / B, flat0, flat1, T)
     u = (z1 - z0) / T - a * T / 2
-    times = np.repeat(2 * np.pi / abs(w) * np.arange(1, 4 + int(abs(w) * T / (2 * np.pi))), 2)
-    return Scene(
-        Problem(
-            system(),
-            Event(0.0, start),
-            Event(T, end),
-            parameters={"m": m, "e": e, "B": B, "Ex": Ex, "Ez": Ez},
-        ),
-        TITLE,
-        SOURCE,
+    return Setup(
+        ["x", "y", "z"],
+        T,
+        ends=(start, end),
         draw=lambda q, t: [ground(project(*start)), ground(project(*end)), body(project(*q))],
         exact=curve(lambda t: (*across(t), z0 + u * t + a * t**2 / 2)),
-        facts={
-            "velocity": curve(lambda t: (*rate(t), u + a * t)),
-            "acceleration": lambda q, v, t: np.stack(
-                [e * Ex / m + w * v[1], -w * v[0], a + 0 * v[2]]
-            ),
-            "conjugate_times": times,
-            "morse_index": int(np.sum(times < T)),
-            "cyclotron": w,
-            "drift": Ex / B,
-            "conserved": {
+        facts=Facts(
+            velocity=curve(lambda t: (*rate(t), u + a * t)),
+            acceleration=lambda q, v, t: np.stack([e * Ex / m + w * v[1], -w * v[0], a + 0 * v[2]]),
+            **foci,
+            conserved={
                 "energy": lambda q, v, t: (
                     m * np.sum(v**2, axis=0) / 2 - e * (Ex * q[0] + Ez * q[2])
                 ),
                 "momentum of translations along y": lambda q, v, t: m * v[1] + e * B * q[0],
                 "momentum along z": lambda q, v, t: m * v[2] - e * Ez * t,
             },
-        },
+            numbers={"cyclotron": w, "drift": Ex / B},
+        ),
     )

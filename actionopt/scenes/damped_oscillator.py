@@ -9,17 +9,15 @@ The drag is -b x'.
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
 
-from actionopt.mechanics.problem import Event, Problem
-from actionopt.mechanics.system import System
-from actionopt.scenes._scene import Scene, curve, defaults
-from actionopt.scenes.oscillator import draw, lagrangian
+from actionopt.scenes import oscillator
+from actionopt.scenes._scene import Facts, Setup, curve
 
 TITLE = "oscillator with viscous drag"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.3, eq. (12.3), p. 627"
+
+lagrangian = oscillator.lagrangian
 
 
 def force(q, v, t, *, b):
@@ -27,27 +25,7 @@ def force(q, v, t, *, b):
     return [-b * v[0]]
 
 
-@cache
-def system() -> System:
-    """Return the system, derived once."""
-    return System(
-        lagrangian,
-        ["x"],
-        parameters=defaults(scene, "m", "k", "b"),
-        force=force,
-        name="damped_oscillator",
-    )
-
-
-def scene(
-    *,
-    m: float = 1.0,
-    k: float = 1.0,
-    b: float = 0.4,
-    start: float = 1.0,
-    end: float = 0.5,
-    duration: float = 2.5,
-) -> Scene:
+def scene(*, m=1.0, k=1.0, b=0.4, start=1.0, end=0.5, duration=2.5):
     """Join `start` and `end` (m) in `duration` (s) against the drag b (kg/s), weak or strong.
 
     Raises ValueError if the damping is critical, b^2 = 4 m k, or the ends are conjugate.
@@ -72,20 +50,18 @@ def scene(
     def decaying(q, v, t):
         return m * v[0] ** 2 / 2 + k * q[0] ** 2 / 2 + b * q[0] * v[0] / 2
 
-    return Scene(
-        Problem(
-            system(), Event(0.0, [start]), Event(T, [end]), parameters={"m": m, "k": k, "b": b}
-        ),
-        TITLE,
-        SOURCE,
-        draw=lambda q, t: draw(q[0], reach=max(abs(start), abs(end))),
+    return Setup(
+        ["x"],
+        T,
+        ends=([start], [end]),
+        draw=lambda q, t: oscillator.draw(q[0], reach=max(abs(start), abs(end))),
         exact=curve(lambda t: [position(t)]),
-        facts={
-            "velocity": curve(lambda t: [velocity(t)]),
-            "acceleration": lambda q, v, t: -(k * q + b * v) / m,
+        facts=Facts(
+            velocity=curve(lambda t: [velocity(t)]),
+            acceleration=lambda q, v, t: -(k * q + b * v) / m,
             # The energy of x exp(decay t), which is an undamped oscillator of frequency w.
-            "conserved": {
+            conserved={
                 "undamped energy": lambda q, v, t: np.exp(2 * decay * t) * decaying(q, v, t)
             },
-        },
+        ),
     )

@@ -13,14 +13,9 @@ Both angles are measured from straight down.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import cache
-
 import numpy as np
 
-from actionopt.mechanics.problem import Event, Problem
-from actionopt.mechanics.system import System
-from actionopt.scenes._scene import Scene, defaults
+from actionopt.scenes._scene import Facts, Setup
 from actionopt.scenes._shapes import body, ground, rod
 
 TITLE = "double pendulum"
@@ -41,35 +36,15 @@ def lagrangian(q, v, t, *, m1, m2, l1, l2, g):
     return first + second + m2 * l1 * l2 * u * w * np.cos(a - b)
 
 
-@cache
-def system() -> System:
-    """Return the system, derived once."""
-    return System(
-        lagrangian,
-        ["theta1", "theta2"],
-        parameters=defaults(scene, "m1", "m2", "l1", "l2", "g"),
-        name="double_pendulum",
-    )
-
-
 def scene(
-    *,
-    m1: float = 1.0,
-    m2: float = 1.0,
-    l1: float = 1.0,
-    l2: float = 1.0,
-    g: float = 9.81,
-    start: Sequence[float] = (1.0, 0.5),
-    end: Sequence[float] = (-0.2, 0.05),
-    duration: float = 2.0,
-) -> Scene:
+    *, m1=1.0, m2=1.0, l1=1.0, l2=1.0, g=9.81, start=(1.0, 0.5), end=(-0.2, 0.05), duration=2.0
+):
     """Join two pairs of angles (rad) in `duration` (s); masses in kg, lengths in m.
 
     No closed form is known. The default end is, rounded, where a release from rest at the
     default start arrives after two seconds. That motion is a saddle of the action; other paths
     join the same ends, least ones among them, and one of those is found without a guess.
     """
-    values = {"m1": m1, "m2": m2, "l1": l1, "l2": l2, "g": g}
 
     def energy(q, v, t):
         (a, b), (u, w) = q, v
@@ -82,10 +57,10 @@ def scene(
         tip = joint + l2 * np.array([np.sin(q[1]), -np.cos(q[1])])
         return [ground((0.0, 0.0)), rod((0.0, 0.0), joint, tip), body(joint), body(tip)]
 
-    return Scene(
-        Problem(system(), Event(0.0, start), Event(duration, end), parameters=values),
-        TITLE,
-        SOURCE,
+    return Setup(
+        ["theta1", "theta2"],
+        duration,
+        ends=(start, end),
         draw=draw,
-        facts={"conserved": {"energy": energy}},
+        facts=Facts(conserved={"energy": energy}),
     )

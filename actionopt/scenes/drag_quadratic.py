@@ -9,13 +9,9 @@ The drag enters as virtual work.
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
 
-from actionopt.mechanics.problem import Event, Problem
-from actionopt.mechanics.system import System
-from actionopt.scenes._scene import Scene, curve, defaults
+from actionopt.scenes._scene import Facts, Setup, curve
 from actionopt.scenes._shapes import body, ground
 
 TITLE = "fall with quadratic drag"
@@ -32,26 +28,7 @@ def force(q, v, t, *, c):
     return [-c * v[0] * np.abs(v[0])]
 
 
-@cache
-def system() -> System:
-    """Return the system, derived once."""
-    return System(
-        lagrangian,
-        ["s"],
-        parameters=defaults(scene, "m", "g", "c"),
-        force=force,
-        name="drag_quadratic",
-    )
-
-
-def scene(
-    *,
-    m: float = 1.0,
-    g: float = 9.81,
-    c: float = 0.2,
-    since: float = 0.1,
-    duration: float = 1.5,
-) -> Scene:
+def scene(*, m=1.0, g=9.81, c=0.2, since=0.1, duration=1.5):
     """Fall for `duration` (s) from `since` (s) after being let go; c in kg/m.
 
     The facts have the `terminal_speed` sqrt(m g / c) (m/s).
@@ -60,25 +37,19 @@ def scene(
     rate = g / terminal
     exact = curve(lambda t: [m / c * np.log(np.cosh(rate * (t + since)))])
     depth = 1.1 * float(exact(duration)[0])
-    return Scene(
-        Problem(
-            system(),
-            Event(0.0, exact(0.0)),
-            Event(duration, exact(duration)),
-            parameters={"m": m, "g": g, "c": c},
-        ),
-        TITLE,
-        SOURCE,
+    return Setup(
+        ["s"],
+        duration,
         draw=lambda q, t: [ground((0.0, 0.0), (0.0, -depth)), body((0.0, -q[0]))],
         exact=exact,
-        facts={
-            "velocity": curve(lambda t: [terminal * np.tanh(rate * (t + since))]),
-            "acceleration": lambda q, v, t: g - c / m * v * np.abs(v),
-            "terminal_speed": terminal,
-            "conserved": {  # while it falls
+        facts=Facts(
+            velocity=curve(lambda t: [terminal * np.tanh(rate * (t + since))]),
+            acceleration=lambda q, v, t: g - c / m * v * np.abs(v),
+            conserved={  # while it falls
                 "exp(2 c s / m) (terminal^2 - s'^2)": lambda q, v, t: (
                     np.exp(2 * c * q[0] / m) * (terminal**2 - v[0] ** 2)
                 ),
             },
-        },
+            numbers={"terminal_speed": terminal},
+        ),
     )

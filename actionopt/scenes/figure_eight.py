@@ -10,13 +10,10 @@ A third of the period later each body stands where another stood.
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
 
-from actionopt.mechanics.problem import Event, Problem, State
-from actionopt.mechanics.system import System
-from actionopt.scenes._scene import Scene, curve, defaults
+from actionopt.mechanics.problem import State
+from actionopt.scenes._scene import Facts, Setup, curve
 from actionopt.scenes._shapes import body
 
 TITLE = "three bodies on the figure-eight, a third of the way round"
@@ -38,18 +35,7 @@ def lagrangian(q, v, t, *, m, G):
     return m * np.sum(v**2) / 2 + G * m**2 * near
 
 
-@cache
-def system() -> System:
-    """Return the system, derived once."""
-    return System(
-        lagrangian,
-        ["x1", "y1", "x2", "y2", "x3", "y3"],
-        parameters=defaults(scene, "m", "G"),
-        name="figure_eight",
-    )
-
-
-def scene(*, m: float = 1.0, G: float = 1.0, length: float = 1.0) -> Scene:
+def scene(*, m=1.0, G=1.0, length=1.0):
     """Move three masses m (kg) by a third of the period; `length` (m) is the outer distance.
 
     Bodies 1 and 2 start at -length and length on the x axis, 3 in the middle. A straight guess
@@ -79,24 +65,23 @@ def scene(*, m: float = 1.0, G: float = 1.0, length: float = 1.0) -> Scene:
         return m * np.sum(q[0::2] * v[1::2] - q[1::2] * v[0::2], axis=0)
 
     whole = m * speed * length * ACTION
-    return Scene(
-        Problem(system(), Event(0.0, q0), Event(T, q1), parameters={"m": m, "G": G}),
-        TITLE,
-        SOURCE,
+    return Setup(
+        ["x1", "y1", "x2", "y2", "x3", "y3"],
+        T,
+        ends=(q0, q1),
         draw=lambda q, t: [body(q[i : i + 2]) for i in (0, 2, 4)],
         guess=curve(guess),
-        facts={
-            "start": State(0.0, q0, v0),
-            "action": whole / 3,
-            "energy": m * speed**2 * ENERGY,
-            "morse_index": 0,  # 2 over a whole period: Fukuda, Fujiwara, Ozaki, arXiv:1710.04834
-            "period": 3 * T,
-            "period_action": whole,
-            "conserved": {
+        facts=Facts(
+            start=State(0.0, q0, v0),
+            action=whole / 3,
+            energy=m * speed**2 * ENERGY,
+            morse_index=0,  # 2 over a whole period: Fukuda, Fujiwara, Ozaki, arXiv:1710.04834
+            conserved={
                 "energy": energy,
                 "momentum, x": lambda q, v, t: m * np.sum(v[0::2], axis=0),
                 "momentum, y": lambda q, v, t: m * np.sum(v[1::2], axis=0),
                 "angular momentum": turning,
             },
-        },
+            numbers={"period": 3 * T, "period_action": whole},
+        ),
     )

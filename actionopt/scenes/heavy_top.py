@@ -10,13 +10,9 @@ Neither phi nor psi appears in L: their momenta are constant.
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
 
-from actionopt.mechanics.problem import Event, Problem
-from actionopt.mechanics.system import System
-from actionopt.scenes._scene import Scene, curve, defaults
+from actionopt.scenes._scene import Facts, Setup, curve
 from actionopt.scenes._shapes import body, ground, project, rod
 
 TITLE = "heavy symmetric top in steady precession"
@@ -39,28 +35,7 @@ def lagrangian(q, v, t, *, I1, I3, m, l, g):
     return tilt + I3 * (z + u * np.cos(theta)) ** 2 / 2 - m * g * l * np.cos(theta)
 
 
-@cache
-def system() -> System:
-    """Return the system, derived once."""
-    return System(
-        lagrangian,
-        ["phi", "theta", "psi"],
-        parameters=defaults(scene, "I1", "I3", "m", "l", "g"),
-        name="heavy_top",
-    )
-
-
-def scene(
-    *,
-    I1: float = 0.005,
-    I3: float = 0.002,
-    m: float = 0.5,
-    l: float = 0.08,
-    g: float = 9.81,
-    theta: float = 1.0,
-    precession: float = 2.5,
-    duration: float = 0.4,
-) -> Scene:
+def scene(*, I1=0.005, I3=0.002, m=0.5, l=0.08, g=9.81, theta=1.0, precession=2.5, duration=0.4):
     """Precess at the rate `precession` (rad/s) with the axis at `theta` (rad).
 
     Moments of inertia about the tip in kg m^2, l from the tip to the centre of mass. The facts
@@ -68,7 +43,6 @@ def scene(
     """
     sine, cosine = np.sin(theta), np.cos(theta)
     spin = m * g * l / (I3 * precession) + (I1 - I3) / I3 * precession * cosine
-    exact = curve(lambda t: (precession * t, theta + 0 * t, spin * t))
 
     def spin_momentum(q, v, t):
         return I3 * (v[2] + v[0] * np.cos(q[1]))
@@ -101,26 +75,20 @@ def scene(
 
     total = spin + precession * cosine
     kinetic = I1 * (precession * sine) ** 2 / 2 + I3 * total**2 / 2
-    return Scene(
-        Problem(
-            system(),
-            Event(0.0, exact(0.0)),
-            Event(duration, exact(duration)),
-            parameters={"I1": I1, "I3": I3, "m": m, "l": l, "g": g},
-        ),
-        TITLE,
-        SOURCE,
+    return Setup(
+        ["phi", "theta", "psi"],
+        duration,
         draw=draw,
-        exact=exact,
-        facts={
-            "velocity": curve(lambda t: (precession + 0 * t, 0 * t, spin + 0 * t)),
-            "action": (kinetic - m * g * l * cosine) * duration,
-            "energy": kinetic + m * g * l * cosine,
-            "spin": spin,
-            "conserved": {
+        exact=curve(lambda t: (precession * t, theta + 0 * t, spin * t)),
+        facts=Facts(
+            velocity=curve(lambda t: (precession + 0 * t, 0 * t, spin + 0 * t)),
+            action=(kinetic - m * g * l * cosine) * duration,
+            energy=kinetic + m * g * l * cosine,
+            conserved={
                 "energy": energy,
                 "momentum about the axis": spin_momentum,
                 "momentum about the vertical": vertical,
             },
-        },
+            numbers={"spin": spin},
+        ),
     )

@@ -11,13 +11,9 @@ H is constant, but it is not the energy: whatever turns the hoop does work.
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
 
-from actionopt.mechanics.problem import Event, Problem
-from actionopt.mechanics.system import System
-from actionopt.scenes._scene import Scene, curve, defaults
+from actionopt.scenes._scene import Facts, Setup, curve
 from actionopt.scenes._shapes import body, circle, ground
 
 TITLE = "bead on a rotating hoop"
@@ -33,23 +29,7 @@ def lagrangian(q, v, t, *, m, R, g, w):
     return m * R**2 * (u**2 + (w * np.sin(theta)) ** 2) / 2 + m * g * R * np.cos(theta)
 
 
-@cache
-def system() -> System:
-    """Return the system, derived once."""
-    return System(
-        lagrangian, ["theta"], parameters=defaults(scene, "m", "R", "g", "w"), name="hoop_bead"
-    )
-
-
-def scene(
-    *,
-    m: float = 1.0,
-    R: float = 0.5,
-    g: float = 9.81,
-    w: float = 6.0,
-    since: float = -0.4,
-    duration: float = 0.7,
-) -> Scene:
+def scene(*, m=1.0, R=0.5, g=9.81, w=6.0, since=-0.4, duration=0.7):
     """Climb out of the bottom and fall back, from `since` (s) after the highest point.
 
     tan(theta / 2) = n / p sech(n t), n^2 = w^2 - g / R and p^2 = g / R: the motion that left
@@ -67,36 +47,28 @@ def scene(
     def rate(t):  # d tan(theta / 2) = (1 + tan^2) theta' / 2 dt
         return -n * np.tanh(n * (t + since)) * np.sin(theta(t))
 
-    exact = curve(lambda t: [theta(t)])
     knots = np.sort(np.clip([0.0, -since, duration], 0.0, duration))
     rest = np.arccos(g / (R * w**2))
-    return Scene(
-        Problem(
-            system(),
-            Event(0.0, exact(0.0)),
-            Event(duration, exact(duration)),
-            parameters={"m": m, "R": R, "g": g, "w": w},
-        ),
-        TITLE,
-        SOURCE,
+    return Setup(
+        ["theta"],
+        duration,
         draw=lambda q, t: [
             circle(R),
             ground((0.0, -1.2 * R), (0.0, 1.2 * R)),
             body((R * np.sin(q[0]), -R * np.cos(q[0]))),
         ],
-        exact=exact,
-        facts={
-            "velocity": curve(lambda t: [rate(t)]),
-            "acceleration": lambda q, v, t: (w**2 * np.cos(q) - g / R) * np.sin(q),
-            "energy": -m * g * R,
-            "rest_angle": rest,
-            "oscillation": w * np.sin(rest),
-            "conserved": {
+        exact=curve(lambda t: [theta(t)]),
+        facts=Facts(
+            velocity=curve(lambda t: [rate(t)]),
+            acceleration=lambda q, v, t: (w**2 * np.cos(q) - g / R) * np.sin(q),
+            energy=-m * g * R,
+            conserved={
                 "energy in the turning frame": lambda q, v, t: (
                     m * R**2 * (v[0] ** 2 - (w * np.sin(q[0])) ** 2) / 2 - m * g * R * np.cos(q[0])
                 ),
             },
-        },
+            numbers={"rest_angle": rest, "oscillation": w * np.sin(rest)},
+        ),
         # Less of an arc has less action: a lower path joins the events as well.
         guess=curve(lambda t: [np.interp(t, knots, theta(knots))]),
     )

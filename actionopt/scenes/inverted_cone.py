@@ -12,13 +12,9 @@ Without friction; the surface of the cone is built into the coordinates.
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
 
-from actionopt.mechanics.problem import Event, Problem
-from actionopt.mechanics.system import System
-from actionopt.scenes._scene import Scene, curve, defaults
+from actionopt.scenes._scene import Facts, Setup, curve
 from actionopt.scenes._shapes import BACK, body, ground, project
 
 TITLE = "particle circling inside an inverted cone"
@@ -32,25 +28,7 @@ def lagrangian(q, v, t, *, m, angle, g):
     return m * (u**2 + (l * np.sin(angle) * w) ** 2) / 2 - m * g * l * np.cos(angle)
 
 
-@cache
-def system() -> System:
-    """Return the system, derived once."""
-    return System(
-        lagrangian,
-        ["l", "phi"],
-        parameters=defaults(scene, "m", "angle", "g"),
-        name="inverted_cone",
-    )
-
-
-def scene(
-    *,
-    m: float = 1.0,
-    angle: float = 0.5,
-    g: float = 9.81,
-    w: float = 4.0,
-    duration: float = 0.7,
-) -> Scene:
+def scene(*, m=1.0, angle=0.5, g=9.81, w=4.0, duration=0.7):
     """Circle at w (rad/s) for `duration` (s) in a cone of half-angle `angle` (rad).
 
     The facts have the distance `circle` = g cos(angle) / (w sin(angle))^2 (m) of the circle
@@ -59,7 +37,6 @@ def scene(
     """
     sine, cosine = np.sin(angle), np.cos(angle)
     circle = g * cosine / (w * sine) ** 2
-    exact = curve(lambda t: (circle + 0 * t, w * t))
 
     def acceleration(q, v, t):
         (l, _), (u, z) = q, v
@@ -78,26 +55,19 @@ def scene(
         sides = [place(1.3 * circle, phi) for phi in (-edge, np.pi + edge)]
         return [ground(*rim), ground(sides[0], (0.0, 0.0), sides[1]), body(place(*q))]
 
-    return Scene(
-        Problem(
-            system(),
-            Event(0.0, exact(0.0)),
-            Event(duration, exact(duration)),
-            parameters={"m": m, "angle": angle, "g": g},
-        ),
-        TITLE,
-        SOURCE,
+    return Setup(
+        ["l", "phi"],
+        duration,
         draw=draw,
-        exact=exact,
-        facts={
-            "velocity": curve(lambda t: (0 * t, w + 0 * t)),
-            "acceleration": acceleration,
-            "action": (m * (circle * sine * w) ** 2 / 2 - m * g * circle * cosine) * duration,
-            "circle": circle,
-            "oscillation": np.sqrt(3) * sine * abs(w),
-            "conserved": {
+        exact=curve(lambda t: (circle + 0 * t, w * t)),
+        facts=Facts(
+            velocity=curve(lambda t: (0 * t, w + 0 * t)),
+            acceleration=acceleration,
+            action=(m * (circle * sine * w) ** 2 / 2 - m * g * circle * cosine) * duration,
+            conserved={
                 "energy": energy,
                 "angular momentum": lambda q, v, t: m * (q[0] * sine) ** 2 * v[1],
             },
-        },
+            numbers={"circle": circle, "oscillation": np.sqrt(3) * sine * abs(w)},
+        ),
     )

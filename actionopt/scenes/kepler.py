@@ -11,13 +11,9 @@ The attracting body rests at the origin, the perihelion lies on the x axis.
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
 
-from actionopt.mechanics.problem import Event, Problem
-from actionopt.mechanics.system import System
-from actionopt.scenes._scene import Scene, curve, defaults
+from actionopt.scenes._scene import Facts, Setup, curve
 from actionopt.scenes._shapes import body, ground
 from actionopt.tools.types import Array
 
@@ -36,20 +32,7 @@ def lagrangian(q, v, t, *, mu):
     return (vx**2 + vy**2) / 2 + mu / np.sqrt(x**2 + y**2)
 
 
-@cache
-def system() -> System:
-    """Return the system, derived once."""
-    return System(lagrangian, ["x", "y"], parameters=defaults(scene, "mu"), name="kepler")
-
-
-def scene(
-    *,
-    mu: float = 1.0,
-    a: float = 1.0,
-    eccentricity: float = 0.6,
-    start: float = 0.0,
-    fraction: float = 0.4,
-) -> Scene:
+def scene(*, mu=1.0, a=1.0, eccentricity=0.6, start=0.0, fraction=0.4):
     """Follow an ellipse for a `fraction` of its period, from `start` periods past perihelion.
 
     mu = G M (m^3/s^2), semi-major axis a (m). The facts have the `period` (s). Raises
@@ -57,24 +40,22 @@ def scene(
     """
     orbit = Ellipse(mu, a, eccentricity, start)
     T = fraction * orbit.period
-    exact, E = curve(orbit.position), orbit.anomaly(np.array([0.0, T]))
-    return Scene(
-        Problem(system(), Event(0.0, exact(0.0)), Event(T, exact(T)), parameters={"mu": mu}),
-        TITLE,
-        SOURCE,
+    E = orbit.anomaly(np.array([0.0, T]))
+    return Setup(
+        ["x", "y"],
+        T,
         draw=lambda q, t: [ground((0.0, 0.0)), body(q)],
-        exact=exact,
-        facts={
-            "velocity": curve(orbit.velocity),
-            "acceleration": lambda q, v, t: -mu * q / np.hypot(*q) ** 3,
+        exact=curve(orbit.position),
+        facts=Facts(
+            velocity=curve(orbit.velocity),
+            acceleration=lambda q, v, t: -mu * q / np.hypot(*q) ** 3,
             # L = H + 2 mu / r, and r dE = sqrt(mu a) dt, E the eccentric anomaly.
-            "action": orbit.energy * T + 2 * np.sqrt(mu * a) * (E[1] - E[0]),
-            "energy": orbit.energy,
-            "period": orbit.period,
+            action=orbit.energy * T + 2 * np.sqrt(mu * a) * (E[1] - E[0]),
+            energy=orbit.energy,
             # All ellipses of one energy return together; for fixed times nothing does before.
-            "conjugate_times": np.array([orbit.period]),
-            **({"morse_index": 0} if fraction < 1 else {}),
-            "conserved": {
+            conjugate_times=np.array([orbit.period]),
+            morse_index=0 if fraction < 1 else None,
+            conserved={
                 "energy": lambda q, v, t: (v[0] ** 2 + v[1] ** 2) / 2 - mu / np.hypot(*q),
                 "angular momentum": lambda q, v, t: q[0] * v[1] - q[1] * v[0],
                 "Laplace vector, x": lambda q, v, t: (
@@ -84,7 +65,8 @@ def scene(
                     -v[0] * (q[0] * v[1] - q[1] * v[0]) - mu * q[1] / np.hypot(*q)
                 ),
             },
-        },
+            numbers={"period": orbit.period},
+        ),
     )
 
 

@@ -11,14 +11,12 @@ The plane of the orbit is turned about the x axis.
 
 from __future__ import annotations
 
-from functools import cache
+from dataclasses import replace
 
 import numpy as np
 
-from actionopt.mechanics.problem import Event, Problem
-from actionopt.mechanics.system import System
 from actionopt.scenes import kepler
-from actionopt.scenes._scene import Scene, curve, defaults
+from actionopt.scenes._scene import curve, like
 from actionopt.scenes._shapes import body, ground, project
 
 TITLE = "Kepler ellipse in spherical coordinates, in a tilted plane"
@@ -32,30 +30,10 @@ def lagrangian(q, v, t, *, mu):
     return (u**2 + (r * np.sin(theta) * z) ** 2 + (r * w) ** 2) / 2 + mu / r
 
 
-@cache
-def system() -> System:
-    """Return the system, derived once."""
-    return System(
-        lagrangian,
-        ["r", "theta", "phi"],
-        parameters=defaults(scene, "mu"),
-        name="kepler_spherical",
-    )
-
-
-def scene(
-    *,
-    mu: float = 1.0,
-    a: float = 1.0,
-    eccentricity: float = 0.6,
-    start: float = 0.0,
-    fraction: float = 0.4,
-    inclination: float = 0.7,
-) -> Scene:
+@like(kepler)
+def scene(twin, *, mu, a, eccentricity, start, inclination=0.7):
     """Follow the ellipse of the scene `kepler`, tilted by the `inclination` (rad, below pi / 2)."""
-    twin = kepler.scene(mu=mu, a=a, eccentricity=eccentricity, start=start, fraction=fraction)
     orbit = kepler.Ellipse(mu, a, eccentricity, start)
-    T = twin.problem.duration
     sine, cosine = np.sin(inclination), np.cos(inclination)
 
     def position(t):
@@ -95,23 +73,23 @@ def scene(
             body(project(flat * np.cos(phi), flat * np.sin(phi), r * np.cos(theta))),
         ]
 
-    exact = curve(position)
-    return Scene(
-        Problem(system(), Event(0.0, exact(0.0)), Event(T, exact(T)), parameters={"mu": mu}),
-        TITLE,
-        SOURCE,
+    return replace(
+        twin,
+        coordinates=["r", "theta", "phi"],
         draw=draw,
-        exact=exact,
-        facts={
-            **{key: twin.facts[key] for key in ("action", "energy", "period")},
-            "velocity": curve(velocity),
-            "acceleration": acceleration,
-            "conserved": {
+        exact=curve(position),
+        facts=replace(
+            twin.facts,
+            conjugate_times=None,
+            morse_index=None,
+            velocity=curve(velocity),
+            acceleration=acceleration,
+            conserved={
                 "energy": energy,
                 "angular momentum about z": lambda q, v, t: (q[0] * np.sin(q[1])) ** 2 * v[2],
                 "angular momentum, squared": lambda q, v, t: (
                     q[0] ** 4 * (v[1] ** 2 + (np.sin(q[1]) * v[2]) ** 2)
                 ),
             },
-        },
+        ),
     )

@@ -9,13 +9,9 @@ x is measured from where the spring is slack.
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
 
-from actionopt.mechanics.problem import Event, Problem
-from actionopt.mechanics.system import System
-from actionopt.scenes._scene import Scene, curve, defaults
+from actionopt.scenes._scene import Facts, Setup, conjugates, curve
 from actionopt.scenes._shapes import body, ground, spring
 
 TITLE = "harmonic oscillator, below or past its conjugate times"
@@ -30,20 +26,7 @@ def lagrangian(q, v, t, *, m, k):
     return m * v[0] ** 2 / 2 - k * q[0] ** 2 / 2
 
 
-@cache
-def system() -> System:
-    """Return the system, derived once."""
-    return System(lagrangian, ["x"], parameters=defaults(scene, "m", "k"), name="oscillator")
-
-
-def scene(
-    *,
-    m: float = 1.0,
-    k: float = 1.0,
-    start: float = 1.0,
-    end: float = 0.5,
-    duration: float = 2.5,
-) -> Scene:
+def scene(*, m=1.0, k=1.0, start=1.0, end=0.5, duration=2.5):
     """Carry a mass m (kg) on a spring k (N/m) from `start` to `end` (m) in `duration` (s).
 
     With w = sqrt(k / m), the path is a minimum of the action for durations below pi / w and a
@@ -51,30 +34,22 @@ def scene(
     infinitely many join the events.
     """
     T, w = duration, float(np.sqrt(k / m))
+    foci = conjugates(w, T)
     c, s = np.cos(w * T), np.sin(w * T)
-    if abs(s) < 1e-12:
-        raise ValueError(
-            f"expected a duration that is no multiple of pi / w = {np.pi / w}, found {T}: there "
-            "the end is conjugate to the start; choose a slightly different duration"
-        )
-    times = np.pi / w * np.arange(1, 4 + int(w * T / np.pi))
-    return Scene(
-        Problem(system(), Event(0.0, [start]), Event(T, [end]), parameters={"m": m, "k": k}),
-        TITLE,
-        SOURCE,
+    return Setup(
+        ["x"],
+        T,
+        ends=([start], [end]),
         draw=lambda q, t: draw(q[0], reach=max(abs(start), abs(end))),
         exact=curve(lambda t: [(start * np.sin(w * (T - t)) + end * np.sin(w * t)) / s]),
-        facts={
-            "velocity": curve(
-                lambda t: [w * (end * np.cos(w * t) - start * np.cos(w * (T - t))) / s]
-            ),
-            "acceleration": lambda q, v, t: -(k / m) * q,
-            "action": m * w / (2 * s) * ((start**2 + end**2) * c - 2 * start * end),
-            "energy": k / 2 * (start**2 + end**2 - 2 * start * end * c) / s**2,
-            "conjugate_times": times,
-            "morse_index": int(np.sum(times < T)),
-            "conserved": {"energy": lambda q, v, t: m * v[0] ** 2 / 2 + k * q[0] ** 2 / 2},
-        },
+        facts=Facts(
+            velocity=curve(lambda t: [w * (end * np.cos(w * t) - start * np.cos(w * (T - t))) / s]),
+            acceleration=lambda q, v, t: -(k / m) * q,
+            action=m * w / (2 * s) * ((start**2 + end**2) * c - 2 * start * end),
+            energy=k / 2 * (start**2 + end**2 - 2 * start * end * c) / s**2,
+            **foci,
+            conserved={"energy": lambda q, v, t: m * v[0] ** 2 / 2 + k * q[0] ** 2 / 2},
+        ),
     )
 
 

@@ -9,12 +9,10 @@ L changes by dF/dt with F = c t x^2 / 2: the path does not, S by the end values 
 
 from __future__ import annotations
 
-from functools import cache
+from dataclasses import replace
 
-from actionopt.mechanics.problem import Event, Problem
-from actionopt.mechanics.system import System
 from actionopt.scenes import oscillator
-from actionopt.scenes._scene import Scene, defaults
+from actionopt.scenes._scene import like
 
 TITLE = "oscillator, with a total time derivative in L"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.3.2, p. 633"
@@ -25,43 +23,17 @@ def lagrangian(q, v, t, *, m, k, c):
     return m * v[0] ** 2 / 2 - k * q[0] ** 2 / 2 + c * q[0] ** 2 / 2 + c * t * q[0] * v[0]
 
 
-@cache
-def system() -> System:
-    """Return the system, derived once."""
-    return System(
-        lagrangian, ["x"], parameters=defaults(scene, "m", "k", "c"), name="oscillator_gauge"
-    )
-
-
-def scene(
-    *,
-    m: float = 1.0,
-    k: float = 1.0,
-    start: float = 1.0,
-    end: float = 0.5,
-    duration: float = 2.5,
-    c: float = 0.6,
-) -> Scene:
+@like(oscillator)
+def scene(twin, *, m, k, c=0.6):
     """Follow the path of the scene `oscillator`; c is in kg/s^2."""
-    twin = oscillator.scene(m=m, k=k, start=start, end=end, duration=duration)
-    kept = ("velocity", "acceleration", "conjugate_times", "morse_index")
-    return Scene(
-        Problem(
-            system(),
-            Event(0.0, [start]),
-            Event(duration, [end]),
-            parameters={"m": m, "k": k, "c": c},
+    return replace(
+        twin,
+        facts=replace(
+            twin.facts,
+            action=None,
+            energy=None,
+            twin="oscillator",
+            gauge=lambda q, t: c * t * q[0] ** 2 / 2,
+            conserved={"energy of the twin": lambda q, v, t: m * v[0] ** 2 / 2 + k * q[0] ** 2 / 2},
         ),
-        TITLE,
-        SOURCE,
-        draw=twin.draw,
-        exact=twin.exact,
-        facts={
-            **{name: twin.facts[name] for name in kept},
-            "twin": "oscillator",
-            "gauge": lambda q, t: c * t * q[0] ** 2 / 2,
-            "conserved": {
-                "energy of the twin": lambda q, v, t: m * v[0] ** 2 / 2 + k * q[0] ** 2 / 2
-            },
-        },
     )

@@ -12,14 +12,10 @@ Gravity g points downward; theta is measured from straight down.
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
 
-from actionopt.mechanics.problem import Event, Problem
-from actionopt.mechanics.system import System
 from actionopt.scenes._elliptic import complete, jacobi
-from actionopt.scenes._scene import Scene, curve, defaults
+from actionopt.scenes._scene import Facts, Setup, curve
 from actionopt.scenes._shapes import body, ground, rod
 
 TITLE = "plane pendulum with a large swing"
@@ -34,21 +30,9 @@ def lagrangian(q, v, t, *, m, l, g):
     return m * (l * v[0]) ** 2 / 2 + m * g * l * np.cos(q[0])
 
 
-@cache
-def system() -> System:
-    """Return the system, derived once."""
-    return System(lagrangian, ["theta"], parameters=defaults(scene, "m", "l", "g"), name="pendulum")
-
-
 def scene(
-    *,
-    m: float = 1.0,
-    l: float = 1.0,
-    g: float = 9.81,
-    amplitude: float = 0.7916850338091145,
-    since: float = 0.12755488176729738,
-    duration: float = 1.0,
-) -> Scene:
+    *, m=1.0, l=1.0, g=9.81, amplitude=0.7916850338091145, since=0.12755488176729738, duration=1.0
+):
     """Swing with the given `amplitude` (rad), from `since` (s) after the lowest point upward.
 
     m in kg, l in m, g in m/s^2. By default from 0.3 to -0.2 rad in one second, as far as
@@ -57,31 +41,24 @@ def scene(
     theta, rate = motion(g / l, amplitude, since)
     T, k, w = duration, np.sin(amplitude / 2), np.sqrt(g / l)
     integral = np.diff(jacobi(w * (since + np.array([0.0, T])), k)[3])[0]
-    exact = curve(lambda t: [theta(t)])
     energy = -m * g * l * np.cos(amplitude)
     # T = 2 m g l k^2 cn^2, and k^2 cn^2 = dn^2 - (1 - k^2); S is the integral of 2 T - H.
     doubled = 4 * m * g * l * (integral / w - (1 - k**2) * T)
-    return Scene(
-        Problem(
-            system(),
-            Event(0.0, exact(0.0)),
-            Event(T, exact(T)),
-            parameters={"m": m, "l": l, "g": g},
-        ),
-        TITLE,
-        SOURCE,
+    return Setup(
+        ["theta"],
+        T,
         draw=lambda q, t: draw(l, q[0]),
-        exact=exact,
-        facts={
-            "velocity": curve(lambda t: [rate(t)]),
-            "acceleration": lambda q, v, t: -(g / l) * np.sin(q),
-            "action": doubled - energy * T,
-            "energy": energy,
-            "period": 4 * complete(k) / w,
-            "conserved": {
+        exact=curve(lambda t: [theta(t)]),
+        facts=Facts(
+            velocity=curve(lambda t: [rate(t)]),
+            acceleration=lambda q, v, t: -(g / l) * np.sin(q),
+            action=doubled - energy * T,
+            energy=energy,
+            conserved={
                 "energy": lambda q, v, t: m * (l * v[0]) ** 2 / 2 - m * g * l * np.cos(q[0])
             },
-        },
+            numbers={"period": 4 * complete(k) / w},
+        ),
     )
 
 

@@ -10,13 +10,9 @@ Rolling along one line integrates to a condition on positions; friction is its m
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
 
-from actionopt.mechanics.problem import Event, Problem
-from actionopt.mechanics.system import System
-from actionopt.scenes._scene import Scene, curve, defaults
+from actionopt.scenes._scene import Facts, Setup, curve
 from actionopt.scenes._shapes import body, circle, ground, rod
 
 TITLE = "cylinder rolling down a slope without slipping"
@@ -36,29 +32,7 @@ def constraint(q, t, *, R):
     return x - R * phi
 
 
-@cache
-def system() -> System:
-    """Return the system, derived once."""
-    return System(
-        lagrangian,
-        ["x", "phi"],
-        parameters=defaults(scene, "m", "R", "inertia", "angle", "g"),
-        constraint=constraint,
-        name="rolling_cylinder",
-    )
-
-
-def scene(
-    *,
-    m: float = 1.0,
-    R: float = 0.2,
-    inertia: float = 0.5,
-    angle: float = 0.3,
-    g: float = 9.81,
-    start: float = 0.0,
-    end: float = 1.0,
-    duration: float = 1.2,
-) -> Scene:
+def scene(*, m=1.0, R=0.2, inertia=0.5, angle=0.3, g=9.81, start=0.0, end=1.0, duration=1.2):
     """Roll from `start` to `end` (m) in `duration` (s); moment of inertia `inertia` m R^2.
 
     The facts have the uniform `rolling_acceleration` (m/s^2) and the `friction` (N), which is
@@ -66,6 +40,9 @@ def scene(
     """
     a = g * np.sin(angle) / (1 + inertia)
     u = (end - start) / duration - a * duration / 2
+
+    def down(t):
+        return start + u * t + a * t**2 / 2
 
     def energy(q, v, t):
         return m * (v[0] ** 2 + inertia * (R * v[1]) ** 2) / 2 - m * g * q[0] * np.sin(angle)
@@ -80,29 +57,18 @@ def scene(
         rim = rod(*circle(R, center).points.T)
         return [slope, rim, rod(center - spoke, center + spoke), body(center)]
 
-    return Scene(
-        Problem(
-            system(),
-            Event(0.0, [start, start / R]),
-            Event(duration, [end, end / R]),
-            parameters={"m": m, "R": R, "inertia": inertia, "angle": angle, "g": g},
-        ),
-        TITLE,
-        SOURCE,
+    return Setup(
+        ["x", "phi"],
+        duration,
+        ends=([start, start / R], [end, end / R]),
         draw=draw,
-        exact=curve(
-            lambda t: (
-                start + u * t + a * t**2 / 2,
-                (start + u * t + a * t**2 / 2) / R,
-            )
+        exact=curve(lambda t: (down(t), down(t) / R)),
+        facts=Facts(
+            velocity=curve(lambda t: (u + a * t, (u + a * t) / R)),
+            acceleration=lambda q, v, t: np.stack([a + 0 * v[0], a / R + 0 * v[0]]),
+            multipliers=lambda q, v, t: (-m * inertia * a + 0 * v[0])[None],
+            morse_index=0,
+            conserved={"energy": energy},
+            numbers={"rolling_acceleration": a, "friction": -m * inertia * a},
         ),
-        facts={
-            "velocity": curve(lambda t: (u + a * t, (u + a * t) / R)),
-            "acceleration": lambda q, v, t: np.stack([a + 0 * v[0], a / R + 0 * v[0]]),
-            "multipliers": lambda q, v, t: (-m * inertia * a + 0 * v[0])[None],
-            "morse_index": 0,
-            "rolling_acceleration": a,
-            "friction": -m * inertia * a,
-            "conserved": {"energy": energy},
-        },
     )

@@ -11,13 +11,10 @@ The Coriolis and centrifugal forces follow from writing T in the turning coordin
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cache
 
 import numpy as np
 
-from actionopt.mechanics.problem import Event, Problem
-from actionopt.mechanics.system import System
-from actionopt.scenes._scene import Scene, curve, defaults, unit_sine
+from actionopt.scenes._scene import Facts, Setup, conjugates, curve, unit_sine
 from actionopt.scenes._shapes import body, ground, spring
 
 TITLE = "oscillator in a rotating frame"
@@ -32,38 +29,14 @@ def lagrangian(q, v, t, *, m, k, w):
     return kinetic - k * (X**2 + Y**2) / 2
 
 
-@cache
-def system() -> System:
-    """Return the system, derived once."""
-    return System(
-        lagrangian,
-        ["X", "Y"],
-        parameters=defaults(scene, "m", "k", "w"),
-        name="rotating_frame_bound",
-    )
-
-
-def scene(
-    *,
-    m: float = 1.0,
-    k: float = 2.0,
-    w: float = 0.8,
-    start: Sequence[float] = (1.0, 0.0),
-    end: Sequence[float] = (0.2, 0.7),
-    duration: float = 1.5,
-) -> Scene:
+def scene(*, m=1.0, k=2.0, w=0.8, start=(1.0, 0.0), end=(0.2, 0.7), duration=1.5):
     """Join two points (X, Y) (m) of a frame turning at w (rad/s) in `duration` (s).
 
     Raises ValueError if the duration is a multiple of pi / sqrt(k / m).
     """
     w0 = float(np.sqrt(k / m))
-    if abs(np.sin(w0 * duration)) < 1e-12:
-        raise ValueError(
-            f"expected a duration that is no multiple of pi / {w0}, found {duration}: there the "
-            "end is conjugate to the start; choose a slightly different duration"
-        )
+    foci = conjugates(w0, duration, multiplicity=2)
     exact, velocity = turned(w0, w, start, end, duration)
-    times = np.pi / w0 * np.arange(1, 4 + int(w0 * duration / np.pi))
 
     def acceleration(q, v, t):  # m a_rot = F - 2 m w x v_rot - m w x (w x r)
         coriolis = 2 * w * np.stack([v[1], -v[0]])
@@ -73,33 +46,27 @@ def scene(
         (X, Y), (U, V) = q, v
         return m * ((U - w * Y) ** 2 + (V + w * X) ** 2) / 2 + k * (X**2 + Y**2) / 2
 
-    return Scene(
-        Problem(
-            system(),
-            Event(0.0, start),
-            Event(duration, end),
-            parameters={"m": m, "k": k, "w": w},
-        ),
-        TITLE,
-        SOURCE,
+    return Setup(
+        ["X", "Y"],
+        duration,
+        ends=(start, end),
         draw=lambda q, t: [
             *axes(w * t, 1.2 * float(np.linalg.norm(start))),
             spring((0.0, 0.0), rotate(q, w * t)),
             body(rotate(q, w * t)),
         ],
         exact=exact,
-        facts={
-            "velocity": velocity,
-            "acceleration": acceleration,
-            "conjugate_times": np.repeat(times, 2),
-            "morse_index": 2 * int(np.sum(times < duration)),
-            "conserved": {
+        facts=Facts(
+            velocity=velocity,
+            acceleration=acceleration,
+            **foci,
+            conserved={
                 "energy in the frame at rest": mechanical,
                 "angular momentum": lambda q, v, t: (
                     m * (q[0] * v[1] - q[1] * v[0] + w * (q[0] ** 2 + q[1] ** 2))
                 ),
             },
-        },
+        ),
     )
 
 

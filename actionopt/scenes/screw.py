@@ -11,14 +11,10 @@ Turning and climbing together, (phi, z) -> (phi + c d, z + d), changes nothing.
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
 
-from actionopt.mechanics.problem import Event, Problem
-from actionopt.mechanics.system import System
 from actionopt.scenes import pendulum
-from actionopt.scenes._scene import Scene, curve, defaults
+from actionopt.scenes._scene import Facts, Setup, curve
 from actionopt.scenes._shapes import body, ground, project, rod
 
 TITLE = "particle on a cylinder with a helical potential"
@@ -32,28 +28,7 @@ def lagrangian(q, v, t, *, m, R, k, c):
     return m * ((R * u) ** 2 + w**2) / 2 + k * np.cos(phi - c * z)
 
 
-@cache
-def system() -> System:
-    """Return the system, derived once."""
-    return System(
-        lagrangian,
-        ["phi", "z"],
-        parameters=defaults(scene, "m", "R", "k", "c"),
-        name="screw",
-    )
-
-
-def scene(
-    *,
-    m: float = 1.0,
-    R: float = 0.5,
-    k: float = 1.0,
-    c: float = 1.5,
-    amplitude: float = 1.2,
-    since: float = 0.2,
-    climb: float = 0.8,
-    duration: float = 0.8,
-) -> Scene:
+def scene(*, m=1.0, R=0.5, k=1.0, c=1.5, amplitude=1.2, since=0.2, climb=0.8, duration=0.8):
     """Swing across the thread as it climbs at `climb` (m/s); k in J, c in rad/m.
 
     phi - c z swings as a pendulum does, by `amplitude` (rad) from `since` (s) after crossing
@@ -83,22 +58,16 @@ def scene(
         groove = rod(*(place(c * z, z) for z in np.linspace(low, high, 60)))
         return [*ends, *sides, groove, body(place(*q))]
 
-    return Scene(
-        Problem(
-            system(),
-            Event(0.0, exact(0.0)),
-            Event(duration, exact(duration)),
-            parameters={"m": m, "R": R, "k": k, "c": c},
-        ),
-        TITLE,
-        SOURCE,
+    return Setup(
+        ["phi", "z"],
+        duration,
         draw=draw,
         exact=exact,
-        facts={
-            "velocity": curve(lambda t: split(rate(t), climb + 0 * t)),
-            "conserved": {
+        facts=Facts(
+            velocity=curve(lambda t: split(rate(t), climb + 0 * t)),
+            conserved={
                 "energy": energy,
                 "screw momentum": lambda q, v, t: m * (c * R**2 * v[0] + v[1]),
             },
-        },
+        ),
     )

@@ -10,13 +10,9 @@ The multiplier is the normal force: once it is negative the surface would have t
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
 
-from actionopt.mechanics.problem import Event, Problem
-from actionopt.mechanics.system import System
-from actionopt.scenes._scene import Scene, curve, defaults
+from actionopt.scenes._scene import Facts, Setup, curve
 from actionopt.scenes._shapes import body, circle
 
 TITLE = "mass sliding off a fixed circle"
@@ -35,26 +31,7 @@ def constraint(q, t, *, R):
     return q[0] - R
 
 
-@cache
-def system() -> System:
-    """Return the system, derived once."""
-    return System(
-        lagrangian,
-        ["r", "theta"],
-        parameters=defaults(scene, "m", "R", "g"),
-        constraint=constraint,
-        name="sliding_off_circle",
-    )
-
-
-def scene(
-    *,
-    m: float = 1.0,
-    R: float = 1.0,
-    g: float = 9.81,
-    start: float = 0.1,
-    duration: float = 0.75,
-) -> Scene:
+def scene(*, m=1.0, R=1.0, g=9.81, start=0.1, duration=0.75):
     """Pass the angle `start` (rad), having left the top at rest long ago, and slide on.
 
     tan(theta / 4) grows as exp(t sqrt(g / R)): the motion on which theta'^2 =
@@ -74,24 +51,19 @@ def scene(
     def energy(q, v, t):
         return m * (v[0] ** 2 + (q[0] * v[1]) ** 2) / 2 + m * g * q[0] * np.cos(q[1])
 
-    exact = curve(lambda t: (R + 0 * t, theta(t)))
-    return Scene(
-        Problem(
-            system(),
-            Event(0.0, exact(0.0)),
-            Event(duration, exact(duration)),
-            parameters={"m": m, "R": R, "g": g},
-        ),
-        TITLE,
-        SOURCE,
+    return Setup(
+        ["r", "theta"],
+        duration,
         draw=lambda q, t: [circle(R), body((q[0] * np.sin(q[1]), q[0] * np.cos(q[1])))],
-        exact=exact,
-        facts={
-            "velocity": curve(lambda t: (0 * t, 2 * W * np.sin(theta(t) / 2))),
-            "multipliers": normal,
-            "energy": m * g * R,
-            "contact_angle": lost,
-            "contact_time": float(np.log(np.tan(lost / 4) / first) / W),
-            "conserved": {"energy": energy},
-        },
+        exact=curve(lambda t: (R + 0 * t, theta(t))),
+        facts=Facts(
+            velocity=curve(lambda t: (0 * t, 2 * W * np.sin(theta(t) / 2))),
+            multipliers=normal,
+            energy=m * g * R,
+            conserved={"energy": energy},
+            numbers={
+                "contact_angle": lost,
+                "contact_time": float(np.log(np.tan(lost / 4) / first) / W),
+            },
+        ),
     )

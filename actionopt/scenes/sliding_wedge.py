@@ -12,14 +12,9 @@ The wedge slides without friction on the ground, as the block does on the wedge.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import cache
-
 import numpy as np
 
-from actionopt.mechanics.problem import Event, Problem
-from actionopt.mechanics.system import System
-from actionopt.scenes._scene import Scene, curve, defaults
+from actionopt.scenes._scene import Facts, Setup, curve
 from actionopt.scenes._shapes import body, ground, rod
 
 TITLE = "block on a movable wedge"
@@ -34,27 +29,7 @@ def lagrangian(q, v, t, *, m, M, angle, g):
     return kinetic + m * g * s * np.sin(angle)
 
 
-@cache
-def system() -> System:
-    """Return the system, derived once."""
-    return System(
-        lagrangian,
-        ["x", "s"],
-        parameters=defaults(scene, "m", "M", "angle", "g"),
-        name="sliding_wedge",
-    )
-
-
-def scene(
-    *,
-    m: float = 1.0,
-    M: float = 2.0,
-    angle: float = 0.5,
-    g: float = 9.81,
-    start: Sequence[float] = (0.0, 0.0),
-    end: Sequence[float] = (-0.3, 1.5),
-    duration: float = 0.8,
-) -> Scene:
+def scene(*, m=1.0, M=2.0, angle=0.5, g=9.81, start=(0.0, 0.0), end=(-0.3, 1.5), duration=0.8):
     """Join two pairs (x, s) (m) in `duration` (s); masses in kg, `angle` of the slope in rad.
 
     Both accelerations are uniform; the facts have them as `wedge_acceleration` and
@@ -81,26 +56,20 @@ def scene(
         return [ground((left, 0.0), (right, 0.0)), wedge, body(top + s * slope)]
 
     slope = np.array([cosine, -sine])
-    return Scene(
-        Problem(
-            system(),
-            Event(0.0, start),
-            Event(T, end),
-            parameters={"m": m, "M": M, "angle": angle, "g": g},
-        ),
-        TITLE,
-        SOURCE,
+    return Setup(
+        ["x", "s"],
+        T,
+        ends=(start, end),
         draw=draw,
         exact=curve(lambda t: (x0 + ux * t + ax * t**2 / 2, s0 + us * t + as_ * t**2 / 2)),
-        facts={
-            "velocity": curve(lambda t: (ux + ax * t, us + as_ * t)),
-            "acceleration": lambda q, v, t: np.stack([0 * v[0] + ax, 0 * v[1] + as_]),
-            "morse_index": 0,
-            "wedge_acceleration": ax,
-            "block_acceleration": as_,
-            "conserved": {
+        facts=Facts(
+            velocity=curve(lambda t: (ux + ax * t, us + as_ * t)),
+            acceleration=lambda q, v, t: np.stack([0 * v[0] + ax, 0 * v[1] + as_]),
+            morse_index=0,
+            conserved={
                 "horizontal momentum": lambda q, v, t: (M + m) * v[0] + m * v[1] * cosine,
                 "energy": energy,
             },
-        },
+            numbers={"wedge_acceleration": ax, "block_acceleration": as_},
+        ),
     )

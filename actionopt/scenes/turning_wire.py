@@ -11,13 +11,9 @@ The constraint moves: its force, across the wire, does work, and H = T is not co
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
 
-from actionopt.mechanics.problem import Event, Problem
-from actionopt.mechanics.system import System
-from actionopt.scenes._scene import Scene, curve, defaults
+from actionopt.scenes._scene import Facts, Setup, curve
 from actionopt.scenes._shapes import body, rod
 
 TITLE = "bead on a turning wire, a moving constraint"
@@ -36,26 +32,7 @@ def constraint(q, t, *, w):
     return y * np.cos(w * t) - x * np.sin(w * t)
 
 
-@cache
-def system() -> System:
-    """Return the system, derived once."""
-    return System(
-        lagrangian,
-        ["x", "y"],
-        parameters=defaults(scene, "m", "w"),
-        constraint=constraint,
-        name="turning_wire",
-    )
-
-
-def scene(
-    *,
-    m: float = 1.0,
-    w: float = 1.5,
-    start: float = 0.5,
-    end: float = 0.8,
-    duration: float = 1.0,
-) -> Scene:
+def scene(*, m=1.0, w=1.5, start=0.5, end=0.8, duration=1.0):
     """Go from the distance `start` to `end` (m) in `duration` (s) on a wire at w t (rad).
 
     The multiplier is the force across the wire (N), 2 m w r'. The guess follows the wire.
@@ -72,33 +49,26 @@ def scene(
     def outward(v, t):
         return v[0] * np.cos(w * t) + v[1] * np.sin(w * t)
 
-    exact = curve(on_wire(distance))
     reach = 1.3 * max(abs(start), abs(end))
-    return Scene(
-        Problem(
-            system(),
-            Event(0.0, exact(0.0)),
-            Event(duration, exact(duration)),
-            parameters={"m": m, "w": w},
-        ),
-        TITLE,
-        SOURCE,
+    return Setup(
+        ["x", "y"],
+        duration,
         draw=lambda q, t: [
             rod((0.0, 0.0), (reach * np.cos(w * t), reach * np.sin(w * t))),
             body(q),
         ],
-        exact=exact,
+        exact=curve(on_wire(distance)),
         guess=curve(on_wire(lambda t: start + (end - start) * t / duration)),
-        facts={
-            "velocity": curve(velocity),
-            "multipliers": lambda q, v, t: (2 * m * w * outward(v, t))[None],
-            "morse_index": 0,
-            "conserved": {
+        facts=Facts(
+            velocity=curve(velocity),
+            multipliers=lambda q, v, t: (2 * m * w * outward(v, t))[None],
+            morse_index=0,
+            conserved={
                 "r'^2 - w^2 r^2": lambda q, v, t: (
                     outward(v, t) ** 2 - w**2 * (q[0] ** 2 + q[1] ** 2)
                 ),
             },
-        },
+        ),
     )
 
 

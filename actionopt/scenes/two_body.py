@@ -11,14 +11,9 @@ The relative position moves on a Kepler ellipse.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import cache
-
 import numpy as np
 
-from actionopt.mechanics.problem import Event, Problem
-from actionopt.mechanics.system import System
-from actionopt.scenes._scene import Scene, curve, defaults
+from actionopt.scenes._scene import Facts, Setup, curve
 from actionopt.scenes._shapes import body
 from actionopt.scenes.kepler import Ellipse
 
@@ -37,28 +32,9 @@ def lagrangian(q, v, t, *, m1, m2, G):
     return kinetic + G * m1 * m2 / np.sqrt((x1 - x2) ** 2 + (y1 - y2) ** 2)
 
 
-@cache
-def system() -> System:
-    """Return the system, derived once."""
-    return System(
-        lagrangian,
-        ["x1", "y1", "x2", "y2"],
-        parameters=defaults(scene, "m1", "m2", "G"),
-        name="two_body",
-    )
-
-
 def scene(
-    *,
-    m1: float = 1.0,
-    m2: float = 0.5,
-    G: float = 1.0,
-    a: float = 1.0,
-    eccentricity: float = 0.4,
-    start: float = 0.1,
-    fraction: float = 0.4,
-    drift: Sequence[float] = (0.2, 0.1),
-) -> Scene:
+    *, m1=1.0, m2=0.5, G=1.0, a=1.0, eccentricity=0.4, start=0.1, fraction=0.4, drift=(0.2, 0.1)
+):
     """Follow both bodies for a `fraction` of the period, from `start` periods past periastron.
 
     Masses in kg, G in m^3/(kg s^2), semi-major axis a (m) of the relative motion, velocity
@@ -87,32 +63,25 @@ def scene(
     def turning(q, v, t):
         return m1 * (q[0] * v[1] - q[1] * v[0]) + m2 * (q[2] * v[3] - q[3] * v[2])
 
-    exact = curve(position)
     centre = M * (cx**2 + cy**2) / 2
     reduced = m1 * m2 / M
     relative = orbit.energy * T + 2 * np.sqrt(orbit.mu * a) * (E[1] - E[0])  # as in `kepler`
-    return Scene(
-        Problem(
-            system(),
-            Event(0.0, exact(0.0)),
-            Event(T, exact(T)),
-            parameters={"m1": m1, "m2": m2, "G": G},
-        ),
-        TITLE,
-        SOURCE,
+    return Setup(
+        ["x1", "y1", "x2", "y2"],
+        T,
         draw=lambda q, t: [body(q[:2]), body(q[2:])],
-        exact=exact,
-        facts={
-            "velocity": curve(velocity),
-            "action": centre * T + reduced * relative,
-            "energy": centre + reduced * orbit.energy,
-            "period": orbit.period,
-            "conjugate_times": np.array([orbit.period]),
-            "conserved": {
+        exact=curve(position),
+        facts=Facts(
+            velocity=curve(velocity),
+            action=centre * T + reduced * relative,
+            energy=centre + reduced * orbit.energy,
+            conjugate_times=np.array([orbit.period]),
+            conserved={
                 "energy": energy,
                 "momentum, x": lambda q, v, t: m1 * v[0] + m2 * v[2],
                 "momentum, y": lambda q, v, t: m1 * v[1] + m2 * v[3],
                 "angular momentum": turning,
             },
-        },
+            numbers={"period": orbit.period},
+        ),
     )

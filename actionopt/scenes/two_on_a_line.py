@@ -8,14 +8,9 @@ U depends on a q1 + b q2 only, so (q1, q2) -> (q1 + b d, q2 - a d) changes nothi
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import cache
-
 import numpy as np
 
-from actionopt.mechanics.problem import Event, Problem
-from actionopt.mechanics.system import System
-from actionopt.scenes._scene import Scene, curve, defaults
+from actionopt.scenes._scene import Facts, Setup, conjugates, curve
 from actionopt.scenes._shapes import body, ground
 
 TITLE = "two particles with U(a q1 + b q2)"
@@ -29,27 +24,7 @@ def lagrangian(q, v, t, *, m, k, a, b):
     return m * (u1**2 + u2**2) / 2 - k * (a * q1 + b * q2) ** 2 / 2
 
 
-@cache
-def system() -> System:
-    """Return the system, derived once."""
-    return System(
-        lagrangian,
-        ["q1", "q2"],
-        parameters=defaults(scene, "m", "k", "a", "b"),
-        name="two_on_a_line",
-    )
-
-
-def scene(
-    *,
-    m: float = 1.0,
-    k: float = 1.0,
-    a: float = 1.0,
-    b: float = -0.5,
-    start: Sequence[float] = (0.3, 1.0),
-    end: Sequence[float] = (0.8, 1.6),
-    duration: float = 2.0,
-) -> Scene:
+def scene(*, m=1.0, k=1.0, a=1.0, b=-0.5, start=(0.3, 1.0), end=(0.8, 1.6), duration=2.0):
     """Join two pairs (q1, q2) (m) in `duration` (s); a and b are pure numbers.
 
     a q1 + b q2 oscillates at sqrt(k (a^2 + b^2) / m), b q1 - a q2 moves uniformly. Raises
@@ -57,11 +32,9 @@ def scene(
     """
     T, c = duration, a**2 + b**2
     w = float(np.sqrt(k * c / m))
+    foci = conjugates(w, T)
     s = np.sin(w * T)
-    if abs(s) < 1e-12:
-        raise ValueError(f"expected a duration that is no multiple of {np.pi / w}, found {T}")
     (u0, w0), (u1, w1) = ((a * x + b * y, b * x - a * y) for x, y in (start, end))
-    times = np.pi / w * np.arange(1, 4 + int(w * T / np.pi))
 
     def pair(u, x):
         return (a * u + b * x) / c, (b * u - a * x) / c
@@ -77,28 +50,22 @@ def scene(
         return m * (v[0] ** 2 + v[1] ** 2) / 2 + k * (a * q[0] + b * q[1]) ** 2 / 2
 
     reach = 1.3 * max(np.max(np.abs(start)), np.max(np.abs(end)))
-    return Scene(
-        Problem(
-            system(),
-            Event(0.0, start),
-            Event(T, end),
-            parameters={"m": m, "k": k, "a": a, "b": b},
-        ),
-        TITLE,
-        SOURCE,
+    return Setup(
+        ["q1", "q2"],
+        T,
+        ends=(start, end),
         draw=lambda q, t: [
             ground((-reach, 0.0), (reach, 0.0)),
             body((q[0], 0.0)),
             body((q[1], 0.0)),
         ],
         exact=curve(position),
-        facts={
-            "velocity": curve(velocity),
-            "conjugate_times": times,
-            "morse_index": int(np.sum(times < T)),
-            "conserved": {
+        facts=Facts(
+            velocity=curve(velocity),
+            **foci,
+            conserved={
                 "energy": energy,
                 "b p1 - a p2": lambda q, v, t: m * (b * v[0] - a * v[1]),
             },
-        },
+        ),
     )

@@ -31,7 +31,7 @@ import numpy as np
 from actionopt import scenes
 from actionopt.mechanics.problem import Event, Problem
 from actionopt.mechanics.system import System
-from actionopt.scenes import Scene
+from actionopt.scenes import Facts, Scene
 from actionopt.tools.types import Array
 
 
@@ -93,13 +93,13 @@ class Family:
 def _stated_twice(name: str) -> System:
     """Return the system of the scene `name` with its constraint stated twice, in two units."""
     module = importlib.import_module(f"actionopt.scenes.{name}")
+    plain = scenes.get(name).problem.system
 
     @functools.wraps(module.constraint)  # the parameters are read off the signature
     def twice(q, t, **parameters):
         f = module.constraint(q, t, **parameters)
         return f, 2 * f
 
-    plain = module.system()
     return System(
         module.lagrangian,
         plain.coordinates,
@@ -126,11 +126,11 @@ def conjugate(scene: Scene) -> Scene:
     w = float(np.sqrt(asked.parameters["k"] / asked.parameters["m"]))
     x = float(asked.start.q[0])  # type: ignore[arg-type]
     problem = asked.replace(end=Event(np.pi / w, [-x]))
-    facts = {
-        "velocity": lambda t: -w * x * np.sin(w * np.asarray(t))[None],
-        "action": 0.0,
-        "flat": lambda t: np.sin(w * np.asarray(t))[None],
-    }
+    facts = Facts(
+        velocity=lambda t: -w * x * np.sin(w * np.asarray(t))[None],
+        action=0.0,
+        flat=lambda t: np.sin(w * np.asarray(t))[None],
+    )
     return replace(
         scene, problem=problem, exact=lambda t: x * np.cos(w * np.asarray(t))[None], facts=facts
     )

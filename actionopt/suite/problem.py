@@ -312,7 +312,7 @@ class TestProblem:
 
         Raises ValueError if the mesh is too coarse to have one.
         """
-        return star(self._plain, self.continuous.path, polish="flat" not in self.scene.facts)
+        return star(self._plain, self.continuous.path, polish=not self.scene.facts.flat)
 
     @property
     def x_star(self) -> Array:
@@ -337,7 +337,7 @@ class TestProblem:
     @property
     def index_star(self) -> int | None:
         """Number of directions that lower f there along c = 0; None where it is degenerate."""
-        return None if "flat" in self.scene.facts else self.star.index
+        return None if self.scene.facts.flat else self.star.index
 
     @property
     def kind(self) -> str:
@@ -357,9 +357,9 @@ class TestProblem:
     @cached_property
     def flat(self) -> Array:
         """Directions along which the optimum is undetermined, orthonormal in `unit`: (n, k)."""
-        if "flat" not in self.scene.facts:
+        if not self.scene.facts.flat:
             return np.zeros((self.n, 0))
-        Q = sample(self.scene.facts["flat"], self.mesh.nodes, self.scene.problem.system.n)
+        Q = sample(self.scene.facts.flat, self.mesh.nodes, self.scene.problem.system.n)
         direction = Q.ravel()[self.transcription.layout.free] / self.transcription.x_unit
         return (direction / np.linalg.norm(direction))[:, None]
 

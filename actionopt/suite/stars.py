@@ -90,8 +90,8 @@ def continuous(scene: Scene, waypoints: tuple[tuple[float, ...], ...] = ()) -> C
         if solution is None or not solution.error < 1e-8:
             raise
     digits = int(-np.log10(max(solution.error, 1e-15)))
-    if "action" in scene.facts:
-        return Continuous(solution, scene.facts["action"], "literature", digits, scene.source)
+    if scene.facts.action is not None:
+        return Continuous(solution, scene.facts.action, "literature", digits, scene.source)
     return Continuous(solution, solution.action, "high precision", digits, scene.source)
 
 
