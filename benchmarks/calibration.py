@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import datetime
 import importlib.metadata
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +19,8 @@ import numpy as np
 
 import actionopt as ao
 from actionopt import scenes
-from benchmarks.runner import Progress
+from actionopt.tools.files import write
+from actionopt.tools.progress import steps
 from benchmarks.stress.case import deviation
 from benchmarks.stress.families import bodies, kink, layers, turning
 
@@ -217,14 +217,12 @@ def main(arguments: list[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     problems = known(options.quick)
     cells = {}
-    for name in Progress(list(problems)):
+    for name in steps(list(problems)):
         k = problems[name]()
         cells[name] = [measure(k, tol) for tol in TOLERANCES]
     print("\n".join(summary(cells)))
     if not options.quick:
-        new = PAGE.with_suffix(".part")
-        new.write_text(page(cells) + "\n")
-        os.replace(new, PAGE)
+        write(PAGE, page(cells))
 
 
 if __name__ == "__main__":

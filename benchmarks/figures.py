@@ -10,7 +10,9 @@ matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt
 import numpy as np
+from PIL import Image
 
+from actionopt.tools.files import whole
 from benchmarks import analysis as an
 from benchmarks import peers
 
@@ -26,6 +28,7 @@ LABELS = {
     "mpopt_": "mpopt",
     "lamberthub_": "lamberthub",
 }
+COLOURS = 64  # of a picture: ten lines on white, and what lies between
 MARKS = "osD^v<>PX*"
 
 
@@ -90,7 +93,7 @@ def work_precision(rows: an.Rows, titles: dict[str, str], kind: str, file: Path)
         frameon=False,
     )
     figure.tight_layout(rect=(0, 0.09 / lines + 0.01, 1, 1))
-    _save(figure, file)
+    save(figure, file)
 
 
 def profiles(rows: an.Rows, file: Path) -> None:
@@ -113,10 +116,13 @@ def profiles(rows: an.Rows, file: Path) -> None:
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="lower center", ncols=5, fontsize=8, frameon=False)
     figure.tight_layout(rect=(0, 0.07, 1, 1))
-    _save(figure, file)
+    save(figure, file)
 
 
-def _save(figure, file: Path) -> None:
-    for ending in (".svg", ".png"):
-        figure.savefig(file.with_suffix(ending), dpi=110)
+def save(figure, file: Path) -> None:
+    """Write a figure with a palette, as few colours are in it: a third of the size."""
+    figure.canvas.draw()
+    picture = Image.fromarray(np.asarray(figure.canvas.buffer_rgba())).convert("RGB")
+    with whole(file.with_suffix(".png")) as part:
+        picture.quantize(COLOURS).save(part, optimize=True)
     plt.close(figure)

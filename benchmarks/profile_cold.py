@@ -17,7 +17,7 @@ import os
 import pstats
 import statistics
 
-from benchmarks.runner import ONE_THREAD
+from actionopt.tools.process import ONE_THREAD
 
 PROBLEMS = ("pendulum", "double_pendulum", "chain_angles")
 REPEATS = 9

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 import numpy as np
 
+from actionopt.tools.files import write as write_file
 from benchmarks import analysis as an
 from benchmarks import figures, problems
 from benchmarks.results import Results
@@ -28,13 +28,11 @@ def write(results: Results) -> None:
     page = "\n".join(
         [*_head(results, name), *_summary(rows), *_ahead(rows, titles), *_tables(rows, titles)]
     )
-    new = folder / f"{name}.md.part"
-    new.write_text(page + "\n")
-    shutil.move(new, folder / f"{name}.md")
+    write_file(folder / f"{name}.md", page)
 
 
 def _head(results: Results, name: str) -> list[str]:
-    machine, versions = results.data["machine"], results.data["versions"]
+    machine, versions = results.about["machine"], results.about["versions"]
     return [
         "# Run time against error",
         "",
@@ -55,8 +53,8 @@ def _head(results: Results, name: str) -> list[str]:
         "- machine: " + ", ".join(f"{k} {v}" for k, v in machine.items()),
         "- versions: " + ", ".join(f"{k} {v}" for k, v in sorted(versions.items())),
         "",
-        *[f"![{kind}]({name}_{kind}.svg)\n" for kind in an.KINDS],
-        f"![performance profiles]({name}_profile.svg)",
+        *[f"![{kind}]({name}_{kind}.png)\n" for kind in an.KINDS],
+        f"![performance profiles]({name}_profile.png)",
         "",
     ]
 
@@ -139,7 +137,7 @@ def _tables(rows: an.Rows, titles: dict[str, str]) -> list[str]:
     lines += ["| problem | " + " | ".join(figures.label(p) for p in names) + " |"]
     lines += ["|---|" + "---|" * len(names)]
     for case, by_peer in rows.items():
-        cells = [_brief(an.outcome(by_peer[p])) if p in by_peer else "not run" for p in names]
+        cells = [an.outcome(by_peer[p]) if p in by_peer else "not run" for p in names]
         lines += [f"| {titles[case]} | " + " | ".join(cells) + " |"]
     solved = [
         sum(bool(np.isfinite(an.time_at(r.get(p, []), "cold", 1e-6))) for r in rows.values())
@@ -154,8 +152,3 @@ def _cell(seconds: float, best: float) -> str:
         return "-"
     text = f"{seconds * 1e3:.3g}" if seconds < 1 else f"{seconds * 1e3:.0f}"
     return f"**{text}**" if seconds == best else text
-
-
-def _brief(text: str) -> str:
-    text = text.replace("|", "/").replace("\n", " ")
-    return text if len(text) <= 90 else text[:87] + "..."

@@ -9,20 +9,11 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
+from actionopt.tools.process import ONE_THREAD
 from benchmarks import problems
 
-ONE_THREAD = {
-    name: "1"
-    for name in (
-        "OMP_NUM_THREADS",
-        "OPENBLAS_NUM_THREADS",
-        "MKL_NUM_THREADS",
-        "NUMEXPR_NUM_THREADS",
-        "VECLIB_MAXIMUM_THREADS",
-    )
-}
 START_LIMIT = 120.0  # seconds for a peer's imports
 
 
@@ -117,22 +108,3 @@ class Bench:
         """End all processes."""
         for worker in self.workers.values():
             worker.close()
-
-
-class Progress:
-    """Go through items and draw a bar on stderr."""
-
-    def __init__(self, items: Sequence[str]) -> None:
-        self.items = items
-
-    def __iter__(self) -> Iterator[str]:
-        """Yield the items."""
-        count, started = len(self.items), time.perf_counter()
-        for k, item in enumerate(self.items):
-            done = int(30 * k / count)
-            spent = time.perf_counter() - started
-            bar = f"[{'#' * done}{'.' * (30 - done)}] {k}/{count} {spent:4.0f} s  {item}"
-            print(f"\r\033[K{bar}", end="", file=sys.stderr, flush=True)
-            yield item
-        spent = time.perf_counter() - started
-        print(f"\r\033[K[{'#' * 30}] {count}/{count} {spent:4.0f} s", file=sys.stderr)

@@ -13,9 +13,10 @@ from __future__ import annotations
 import argparse
 from itertools import zip_longest
 
+from actionopt.tools.progress import steps
 from benchmarks import peers, problems, report
-from benchmarks.results import Results
-from benchmarks.runner import Bench, Progress
+from benchmarks.results import Results, brief
+from benchmarks.runner import Bench
 
 SLOW = 0.3  # seconds above which a measurement is not repeated
 USEFUL = 1e-2  # a larger error is another path, or none
@@ -29,7 +30,7 @@ def main(arguments: list[str] | None = None) -> None:
         bench = Bench(options.peers, options.limit)
         try:
             results.describe(bench.versions())
-            for case in Progress(options.problems):
+            for case in steps(options.problems):
                 measure(bench, results, case, options.rounds)
         finally:
             bench.close()
@@ -59,7 +60,7 @@ class Job:
         self.peer, self.kind = peer, kind
         self.request = {"case_name": case, "start": start, "setting": setting, "kind": kind}
         self.times: list[float] = []
-        self.error, self.status, self.memory = float("inf"), "", 0
+        self.error, self.status = float("inf"), ""
 
     def run(self, bench: Bench) -> bool:
         """Measure once more; return whether it came to an answer of use."""
@@ -67,7 +68,6 @@ class Job:
         self.times.append(reply["time"])
         self.status = reply["status"]
         self.error = reply.get("error", float("inf"))
-        self.memory = reply.get("memory", 0)
         if not self.status and not self.error < USEFUL:
             self.status = f"another path (error {self.error:.1e})"
         return not self.status
@@ -83,10 +83,8 @@ class Job:
         return {
             **rest,
             "time": self.seconds,
-            "times": self.times,
             "error": self.error if self.error < float("inf") else None,
-            "status": self.status,
-            "memory": self.memory,
+            "status": brief(self.status),
         }
 
 

@@ -86,7 +86,7 @@ def write(records: Sequence[Mapping[str, Any]], directory: str | Path) -> Path:
 
     Raises ValueError if there are no records.
     """
-    from actionopt.plot import suite_report as draw  # matplotlib only where something is drawn
+    from actionopt.plot import profiles as draw  # matplotlib only where something is drawn
 
     if not records:
         raise ValueError("expected results of at least one run, found none; `actionopt suite run`")

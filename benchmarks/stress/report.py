@@ -45,19 +45,17 @@ def page(families: dict) -> str:
     ]
     for name in known:
         module = FAMILIES[name]
-        for c in module.criteria(families[name]["rows"]):
+        for c in module.criteria(families[name][1]):
             cells = (module.TITLE, c.what, c.expected, c.found, "yes" if c.met else "**no**")
             lines.append("| " + " | ".join(x.replace("|", "/") for x in cells) + " |")
     for name in known:
-        lines += ["", *_section(name, families[name])]
+        lines += ["", *_section(name, *families[name])]
     return "\n".join(lines)
 
 
-def _section(name: str, family: dict) -> list[str]:
-    module, rows = FAMILIES[name], family["rows"]
-    story = module.__doc__.strip().split("\n")
-    used = ", ".join(f"{k} {v}" for k, v in family["versions"].items())
-    lines = [f"## {module.TITLE}", "", *story, "", f"{family['date']}; {used}.", ""]
+def _section(name: str, about: str, rows: list[dict]) -> list[str]:
+    module = FAMILIES[name]
+    lines = [f"## {module.TITLE}", "", *module.__doc__.strip().split("\n"), "", about, ""]
     lines += ["| solver | solved | median time | longest | how it ended |", "|---|---|---|---|---|"]
     for solver, count, solved, median, longest, how in _solvers(rows):
         lines.append(f"| {solver} | {solved} of {count} | {median} | {longest} | {how} |")
@@ -81,8 +79,8 @@ def _tallies(rows: list[dict]) -> list[str]:
     head = "case | solver | solved | wrong | error / tol | error / estimate | median time | longest"
     lines = [f"| {head} |", "|---" * 8 + "|"]
     for r in rows:
-        errors = ["" if r[k] is None else f"{r[k]:.2g}" for k in ("of_tol", "of_estimate")]
-        counts = [f"{r['solved']} of {r['count']}", "" if r["wrong"] is None else str(r["wrong"])]
+        errors = [f"{r[k]:.2g}" if k in r else "" for k in ("of_tol", "of_estimate")]
+        counts = [f"{r['solved']} of {r['count']}", str(r.get("wrong", ""))]
         times = [_time(r), _time({"time": r["longest"]})]
         lines.append("| " + " | ".join([r["case"], r["solver"], *counts, *errors, *times]) + " |")
     return lines
@@ -92,7 +90,7 @@ def _solvers(rows: list[dict]):
     """Yield (solver, cases, solved, median time, longest time, how it ended)."""
     for solver in dict.fromkeys(r["solver"] for r in rows):
         own = [r for r in rows if r["solver"] == solver]
-        timed = [r for r in own if r["time"] is not None]
+        timed = [r for r in own if "time" in r]
         median = {"time": float(np.median([r["time"] for r in timed]))} if timed else {}
         longest = {"time": max(r.get("longest", r["time"]) for r in timed)} if timed else {}
         how: Counter = Counter()

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from time import perf_counter
 
 import numpy as np
 
@@ -50,16 +49,6 @@ class Outcome:
     def beyond(self) -> float:
         """The true error, less what the reference may have of it; infinite if there is none."""
         return max(self.error - self.accuracy, 0.0) if self.error == self.error else np.inf
-
-
-def timed(
-    problem: ao.Problem, tol: float, seconds: float | None = None
-) -> tuple[ao.Solution, float]:
-    """Return the solution, found without a guess in so many seconds, and how long that took."""
-    problem.system.pointwise("second")  # deriving a system belongs to the system
-    clock = perf_counter()
-    solution = ao.solve(problem, tol=tol, seconds=seconds, throw=False)
-    return solution, perf_counter() - clock
 
 
 def judged(

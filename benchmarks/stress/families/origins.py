@@ -18,8 +18,8 @@ import numpy as np
 
 import actionopt as ao
 from actionopt import Event, Problem, System
-from benchmarks.stress.case import Case, Criterion, Row, mine
-from benchmarks.stress.tally import all_solved, judged, never_wrong, row, timed
+from benchmarks.stress.case import Case, Criterion, Row, mine, timed
+from benchmarks.stress.tally import all_solved, judged, never_wrong, row
 
 TITLE = "Far origins"
 SHIFTS = (0.0, 1e2, 1e4, 1e5, 1e6, 1e7)

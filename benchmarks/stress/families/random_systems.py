@@ -22,9 +22,9 @@ from scipy.integrate import solve_ivp
 import actionopt as ao
 from actionopt import Event, Problem, System
 from benchmarks.stress import peers
-from benchmarks.stress.case import Case, Criterion, Question, Row, mine
+from benchmarks.stress.case import Case, Criterion, Question, Row, mine, timed
 from benchmarks.stress.forward import distance
-from benchmarks.stress.tally import judged, never_wrong, row, timed
+from benchmarks.stress.tally import judged, never_wrong, row
 
 TITLE = "Random systems"
 BINS = {
@@ -201,7 +201,7 @@ def measure(which: int, count: int, compared: int) -> list[Row]:
     """Return the rows of a range of durations: ours, and that of collocation."""
     outcomes, others, times = [], [], []
     for k, (case, problem) in enumerate(draws(which, count)):
-        solution, spent = timed(problem, TOL, SECONDS)
+        solution, spent = timed(problem, TOL, seconds=SECONDS)
         outcomes.append(judged(solution, lambda s, c=case: off(s, c), TOL, spent, ACCURACY))
         if k < compared:
             clock = perf_counter()
