@@ -7,7 +7,7 @@ import json
 import os
 import platform
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Container, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +52,7 @@ def unpacked(table: dict[str, Any]) -> list[dict]:
 
 
 def table(
-    head: Sequence[str], rows: Iterable[Sequence[str]], right: Iterable[int] = ()
+    head: Sequence[str], rows: Iterable[Sequence[str]], right: Container[int] = ()
 ) -> list[str]:
     """Return the lines of a table in Markdown; the columns `right` are set to the right."""
     marks = ["---:" if k in right else "---" for k in range(len(head))]

@@ -134,10 +134,8 @@ def page(rows: Rows) -> str:
             if "unknowns" not in p:
                 cells.append([*head, *[""] * 6, p["status"]])
                 continue
-            u, count = (
-                max(p["unknowns"], 1),
-                ", ".join(f"{k} {v}" for k, v in p["iterations"].items()),
-            )
+            u = max(p["unknowns"], 1)
+            count = ", ".join(f"{k} {v}" for k, v in p["iterations"].items())
             sizes = (p["time"], p["time"] / u * 1e3, p["memory"] / 1e6, p["memory"] / u / 1e3)
             cells.append([*head, f"{u}", *(f"{x:.3g}" for x in sizes), count, p["status"]])
     columns = ("study", "", "unknowns", "time, s", "ms an unknown", "MB", "kB an unknown")

@@ -1,4 +1,4 @@
-"""A function in a process of its own, which may crash or hang: `python -m actionopt.tools.process`."""
+"""Call a function in a process of its own, which may crash, hang or take too much memory."""
 
 from __future__ import annotations
 
