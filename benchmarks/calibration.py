@@ -222,7 +222,7 @@ def main(arguments: list[str] | None = None) -> None:
         cells[name] = [measure(k, tol) for tol in TOLERANCES]
     print("\n".join(summary(cells)))
     if not options.quick:
-        write(PAGE, page(cells))
+        write(PAGE, page(cells) + "\n")
 
 
 if __name__ == "__main__":

@@ -67,7 +67,7 @@ def main() -> None:
         if old and ratio < old / SLACK:
             slower.append(name)
     if options.update:
-        write(FILE, json.dumps({k: round(v, 3) for k, v in now.items()}, indent=1))
+        write(FILE, json.dumps({k: round(v, 3) for k, v in now.items()}, indent=1) + "\n")
     elif slower:
         raise SystemExit(f"slower than the baseline: {', '.join(slower)}")
 

@@ -105,7 +105,7 @@ class Results:
             case: {peer: packed(r, COLUMNS)["rows"] for peer, r in by_peer.items()}
             for case, by_peer in self.rows.items()
         }
-        write(self.file, text({**self.about, "columns": COLUMNS, "rows": rows}, 4))
+        write(self.file, text({**self.about, "columns": COLUMNS, "rows": rows}, 4) + "\n")
 
     def describe(self, versions: dict[str, str]) -> None:
         """Record machine, date and the versions of packages."""

@@ -163,8 +163,8 @@ def main() -> None:
     if options.quick:
         print(page(rows))
         return
-    write(file, text(rows, 2))
-    write(file.with_suffix(".md"), page(rows))
+    write(file, text(rows, 2) + "\n")
+    write(file.with_suffix(".md"), page(rows) + "\n")
     figure(rows, file)
 
 

@@ -128,10 +128,12 @@ def _options(arguments: list[str] | None) -> argparse.Namespace:
     options.fresh = options.fresh or (quick and not options.report_only)
     options.rounds = options.rounds or (3 if quick else 5)
     options.limit = options.limit or (5.0 if quick else 20.0)
-    for kind, every in (("problems", problems), ("peers", peers)):
-        known = every.ORDER if kind == "problems" else every.NAMES
+    for kind, known, few in (
+        ("problems", list(problems.load()), problems.QUICK),
+        ("peers", peers.NAMES, peers.QUICK),
+    ):
         given = getattr(options, kind)
-        chosen = given.split(",") if given else list(every.QUICK if quick else known)
+        chosen = given.split(",") if given else list(few if quick else known)
         unknown = [name for name in chosen if name not in known]
         if unknown:
             parser.error(f"unknown {kind} {', '.join(unknown)}; known are {', '.join(known)}")

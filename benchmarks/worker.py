@@ -107,7 +107,6 @@ def main() -> None:
     gc.freeze()  # what is imported need not be searched before every measurement
     hello = {
         "ready": True,
-        "name": peer.name,
         "settings": list(peer.settings),
         "versions": {p: _version(p) for p in ("numpy", *peer.packages)},
     }

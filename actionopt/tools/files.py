@@ -56,11 +56,11 @@ def whole(file: str | Path) -> Iterator[Path]:
 
 
 def write(file: str | Path, text: str) -> None:
-    """Write a file of text, a line's end at its end, and the folder it belongs in."""
+    """Write a file of text, whole or not at all, and make the folder it belongs in."""
     target = Path(file)
     target.parent.mkdir(parents=True, exist_ok=True)
     with whole(target) as part:
-        part.write_text(text.rstrip("\n") + "\n", encoding="utf-8", newline="\n")
+        part.write_text(text, encoding="utf-8", newline="\n")
 
 
 def rounded(value: Any, digits: int = 6) -> Any:

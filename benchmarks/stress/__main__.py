@@ -29,11 +29,11 @@ def main(arguments: list[str] | None = None) -> None:
         rows = packed(measure(name, options.quick, options.limit))
         about = f"{datetime.date.today().isoformat()}; {versions()}."
         families[name] = {"about": about, **rows}
-        write(file, text(families, 3))
+        write(file, text(families, 3) + "\n")
         print(report.table(name, unpacked(rows)))
     if not options.quick:
         known = {name: (f["about"], unpacked(f)) for name, f in families.items()}
-        write(file.with_suffix(".md"), report.page(known))
+        write(file.with_suffix(".md"), report.page(known) + "\n")
 
 
 def measure(name: str, quick: bool, limit: float) -> list[dict]:
