@@ -1,6 +1,5 @@
 """The stress families' judgement: an answer that is a little off is counted as wrong."""
 
-from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -123,7 +122,6 @@ def test_one_different_bit_in_one_thread_is_counted():
     solution = ao.solve(threads.problems("rod", 1)[0])
     bits, other = threads.digest(solution), threads.digest(moved(solution, 1e-15))
     assert threads.compared([bits, bits], [[bits, bits], [bits, other]]) == 1
-    assert threads.told(Counter(SOLVED=4), 1, [0.0])[0]["wrong"] == 1
 
 
 def test_few_threads_find_the_same_bits():

@@ -167,10 +167,15 @@ def mine(rows: list[Row], prefix: str = "") -> list[Row]:
     return [r for r in rows if r["solver"] == "actionopt" and r["case"].startswith(prefix)]
 
 
-def within(rows: list[Row], tol: float) -> Criterion:
+def every(what: str, good: int, count: int) -> Criterion:
+    """Return the criterion that all are good."""
+    return Criterion(what, f"{count} of {count}", f"{good} of {count}", good == count)
+
+
+def within(rows: list[Row], tol: float, what: str = "true error") -> Criterion:
     """Return the criterion that all rows succeed with a true error of at most `tol`."""
     worst = max((r.get("error") or 0.0) if r.get("success") else np.inf for r in rows)
     good = sum(bool(r.get("success")) and r["error"] <= tol for r in rows)
     names = ", ".join(r["case"] for r in rows if not (r.get("success") and r["error"] <= tol))
     found = f"{good} of {len(rows)}, worst {worst:.1e}" + (f"; not: {names}" if names else "")
-    return Criterion("true error", f"{len(rows)} of {len(rows)} within {tol:.0e}", found, not names)
+    return Criterion(what, f"{len(rows)} of {len(rows)} within {tol:.0e}", found, not names)

@@ -15,6 +15,23 @@ RTOL = 1e-12
 STEP = 1e-6  # of q and v, by which motions are differenced
 
 
+def motion(acceleration: Callable, q0, v0, T: float, tol: float) -> Callable:
+    """Return q(t), (n,) or (n, K), of the motion from q0 (n,) with v0 (n,) up to T.
+
+    `acceleration(q, v, t)` is (n,). Raises ValueError where the motion ends before.
+    """
+    n = len(q0)
+
+    def rhs(t, y):
+        return np.concatenate([y[n:], acceleration(y[:n], y[n:], t)])
+
+    first = np.concatenate([q0, v0])
+    run = solve_ivp(rhs, (0.0, T), first, "DOP853", rtol=tol, atol=tol, dense_output=True)
+    if not run.success:
+        raise ValueError(run.message)
+    return lambda t: run.sol(t)[:n]
+
+
 def miss(solution: ao.Solution) -> float:
     """Return how far motions that set out along the path leave it within an element.
 

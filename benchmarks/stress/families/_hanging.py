@@ -5,9 +5,9 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from actionopt.scenes.chain import slowest
+from benchmarks.stress.forward import motion
 
 GRAVITY = 9.81
 AMPLITUDE, FRACTION = 0.4, 0.2  # of the last link (rad); of the slowest small oscillation's period
@@ -26,14 +26,11 @@ def release(links: int) -> tuple[np.ndarray, np.ndarray, float]:
     i = np.arange(links)
     carried = links - np.maximum.outer(i, i)
 
-    def flow(t, y):
-        a, rate = np.split(y, 2)
+    def acceleration(a, rate, t):
         between = np.subtract.outer(a, a)
         pull = (carried * np.sin(between)) @ rate**2
         weight = (links - i) * links * GRAVITY * np.sin(a)
-        return np.concatenate([rate, np.linalg.solve(carried * np.cos(between), -pull - weight)])
+        return np.linalg.solve(carried * np.cos(between), -pull - weight)
 
-    T = FRACTION * 2 * np.pi / w
-    first = np.concatenate([AMPLITUDE * shape, 0 * shape])
-    run = solve_ivp(flow, (0, T), first, "DOP853", rtol=1e-10, atol=1e-10)
-    return AMPLITUDE * shape, run.y[:links, -1], float(T)
+    T, first = float(FRACTION * 2 * np.pi / w), AMPLITUDE * shape
+    return first, motion(acceleration, first, 0 * shape, T, 1e-10)(T), T

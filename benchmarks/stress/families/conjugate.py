@@ -43,10 +43,9 @@ def cases(quick: bool) -> list[Case]:
 def criteria(rows) -> list[Criterion]:
     """Return them."""
     long, none, family = mine(rows)
-    solved = within([long], 1e-10)
     said = (none["status"], family["status"])
     return [
-        Criterion("30.5 pi", solved.expected, solved.found, solved.met),
+        within([long], 1e-10, "30.5 pi"),
         Criterion(
             "exactly 3 pi: a diagnosis, not a number",
             "DEGENERATE",

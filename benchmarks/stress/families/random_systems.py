@@ -11,7 +11,6 @@ what is missed there one step of multiple shooting gives the distance to the mot
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
 from time import perf_counter
@@ -24,7 +23,7 @@ from actionopt import Event, Problem, System
 from benchmarks.stress import peers
 from benchmarks.stress.case import Case, Criterion, Question, Row, mine, timed
 from benchmarks.stress.forward import distance
-from benchmarks.stress.tally import judged, never_wrong, row
+from benchmarks.stress.tally import counted, judged, never_wrong, row
 
 TITLE = "Random systems"
 BINS = {
@@ -46,7 +45,6 @@ PROFILES = {
     "hill": (lambda s: 1 / (1 + s**2), lambda s: -2 * s / (1 + s**2) ** 2),
     "step": (lambda s: 1 + np.tanh(s), lambda s: 1 / np.cosh(s) ** 2),
 }
-QUADRATIC = (lambda s: s**2 / 2, lambda s: s)
 
 
 @dataclass(frozen=True)
@@ -211,25 +209,7 @@ def measure(which: int, count: int, compared: int) -> list[Row]:
             except peers.Failed as failure:
                 others.append(str(failure))
             times.append(perf_counter() - clock)
-    return [row(outcomes), collocation(others, times)]
-
-
-def collocation(endings: list[str], times: list[float]) -> Row:
-    """Return the row of `solve_bvp`, whose answers nobody checks."""
-    solved = endings.count("SOLVED")
-    return {
-        "solver": "solve_bvp",
-        "status": "SOLVED" if solved == len(endings) else "not all solved",
-        "endings": dict(Counter(endings)),
-        "success": solved == len(endings),
-        "count": len(endings),
-        "solved": solved,
-        "wrong": None,
-        "of_tol": None,
-        "of_estimate": None,
-        "time": float(np.median(times)),
-        "longest": max(times),
-    }
+    return [row(outcomes), {"solver": "solve_bvp", **counted(others, times)}]
 
 
 def cases(quick: bool) -> list[Case]:

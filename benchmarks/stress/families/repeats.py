@@ -8,7 +8,7 @@ import numpy as np
 
 import actionopt as ao
 from benchmarks.child import run
-from benchmarks.stress.case import Case, Criterion, mine
+from benchmarks.stress.case import Case, Criterion, every, mine
 from benchmarks.stress.families import bodies, pendulums
 
 TITLE = "Repeats"
@@ -46,11 +46,4 @@ def criteria(rows) -> list[Criterion]:
     """Return them."""
     own = mine(rows)
     same = sum(r["different"] == 1 for r in own)
-    return [
-        Criterion(
-            "twice here and in two fresh processes",
-            f"{len(own)} of {len(own)} the same bits",
-            f"{same} of {len(own)}",
-            same == len(own),
-        )
-    ]
+    return [every("the same bits twice here and in two fresh processes", same, len(own))]

@@ -9,7 +9,6 @@ counts the answers that differ in any bit from those of one thread.
 from __future__ import annotations
 
 import sys
-from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -21,6 +20,7 @@ import numpy as np
 import actionopt as ao
 from actionopt import Event, Problem, System
 from benchmarks.stress.case import Case, Criterion, Row, mine
+from benchmarks.stress.tally import counted
 
 TITLE = "Threads"
 THREADS, SOLVES, READS = 8, 200, 4000
@@ -104,25 +104,6 @@ def compared(alone: Sequence[bytes], found: Sequence[Sequence[bytes]]) -> int:
     return sum(a != b for thread in found for a, b in zip(alone, thread, strict=True))
 
 
-def told(endings: Counter, wrong: int, times: Sequence[float]) -> list[Row]:
-    """Return the row."""
-    count, solved = sum(endings.values()), endings["SOLVED"]
-    return [
-        {
-            "status": "SOLVED" if solved == count else "not all solved",
-            "endings": dict(endings),
-            "success": solved == count,
-            "count": count,
-            "solved": solved,
-            "wrong": wrong,
-            "of_tol": None,
-            "of_estimate": None,
-            "time": float(np.median(times)),
-            "longest": max(times),
-        }
-    ]
-
-
 def solving(name: str, count: int, threads: int = THREADS) -> list[Row]:
     """Return the row of one system solved in several threads; times are of one solve there."""
 
@@ -135,7 +116,7 @@ def solving(name: str, count: int, threads: int = THREADS) -> list[Row]:
     found = at_once(work, problems(name, count), threads)
     every = [x for thread in found for x in thread]
     wrong = compared(alone, [[x[0] for x in thread] for thread in found])
-    return told(Counter(x[1] for x in every), wrong, [x[2] for x in every])
+    return [{**counted([x[1] for x in every], [x[2] for x in every]), "wrong": wrong}]
 
 
 def reading(name: str, count: int) -> list[Row]:
@@ -151,8 +132,8 @@ def reading(name: str, count: int) -> list[Row]:
 
     with often(), ThreadPoolExecutor(2) as pool:
         found = list(pool.map(work, range(2)))
-    wrong = sum(x[0] for x in found)
-    return told(Counter(SOLVED=2 * count), wrong, [x[1] for x in found])
+    alike = counted(["SOLVED"] * 2 * count, [x[1] for x in found])
+    return [{**alike, "wrong": sum(x[0] for x in found)}]
 
 
 def cases(quick: bool) -> list[Case]:
@@ -171,7 +152,6 @@ def criteria(rows) -> list[Criterion]:
     for kind, what in (("solving", "8 threads x 200 solves"), ("energies of", "two readers")):
         own = mine(rows, kind)
         count, wrong = (sum(r[k] for r in own) for k in ("count", "wrong"))
-        out.append(
-            Criterion(f"{what}: other bits than one thread", f"0 of {count}", f"{wrong}", not wrong)
-        )
+        what = f"{what}: other bits than one thread"
+        out.append(Criterion(what, f"0 of {count}", f"{wrong}", not wrong))
     return out

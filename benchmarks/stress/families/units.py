@@ -80,12 +80,8 @@ def criteria(rows) -> list[Criterion]:
         own = mine(rows, name)
         kinds = {str((r["status"], r["unknowns"], sorted(r["detail"].items()))) for r in own}
         good = sum(r["success"] for r in own)
-        out.append(
-            Criterion(
-                f"{name}: one iteration count in all units",
-                f"{len(own)} solved alike",
-                f"{good} solved, in {len(kinds)} way{'s' if len(kinds) > 1 else ''}",
-                good == len(own) and len(kinds) == 1,
-            )
-        )
+        found = f"{good} solved, in {len(kinds)} way{'s' if len(kinds) > 1 else ''}"
+        alike = good == len(own) and len(kinds) == 1
+        what = f"{name}: one iteration count in all units"
+        out.append(Criterion(what, f"{len(own)} solved alike", found, alike))
     return out
