@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from actionopt.scenes import chain
+from benchmarks.arithmetic import NUMPY
 from benchmarks.problems._case import Case, Ends
 from benchmarks.reference import stored
 
@@ -46,8 +47,6 @@ def acceleration(q, v, t, x):
 
 def partials(q, v, t):
     """Differentiate M acc = f: M dacc = df - dM acc."""
-    from benchmarks.arithmetic import NUMPY
-
     apart = q[:, None] - q[None]
     C, S = CARRIED[:, :, None] * np.cos(apart), CARRIED[:, :, None] * np.sin(apart)
     acc = acceleration(q, v, t, NUMPY)
@@ -63,24 +62,13 @@ def partials(q, v, t):
 # In x and y, unit masses, d_k the links: a = -g + sum of +-lam_k d_k, d_k . d_k'' = -|d_k'|^2.
 
 
-def _differences():
-    """Return B (LINKS, LINKS) with links = B positions, and B B'."""
-    B = np.eye(LINKS) - np.eye(LINKS, k=-1)
-    return B, B @ B.T
-
-
-B, BB = _differences()
+B = np.eye(LINKS) - np.eye(LINKS, k=-1)  # links = B positions
+BB = B @ B.T
 
 
 def _links(q):
     places = q.reshape(LINKS, 2, *q.shape[1:])
     return np.concatenate([places[:1], places[1:] - places[:-1]])
-
-
-def _gravity(shape):
-    a = np.zeros((LINKS, 2, *shape))
-    a[:, 1] = -G
-    return a
 
 
 def cartesian_acceleration(q, v, t, x):
