@@ -57,7 +57,7 @@ def table(
     """Return the lines of a table in Markdown; the columns `right` are set to the right."""
     marks = ["---:" if k in right else "---" for k in range(len(head))]
     lines = ["| " + " | ".join(head) + " |", "|" + "|".join(marks) + "|"]
-    return lines + ["| " + " | ".join(row) + " |" for row in rows]
+    return lines + ["| " + " | ".join(c.replace("|", "/") for c in row) + " |" for row in rows]
 
 
 def brief(said: str) -> str:

@@ -14,7 +14,7 @@ import argparse
 from itertools import zip_longest
 
 from actionopt.tools.progress import steps
-from benchmarks import peers, problems, report
+from benchmarks import peers, problems
 from benchmarks.results import Results, brief
 from benchmarks.runner import Bench
 
@@ -24,6 +24,8 @@ USEFUL = 1e-2  # a larger error is another path, or none
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the command."""
+    from benchmarks import report  # here, as the peers' processes import this module too
+
     options = _options(arguments)
     results = Results.open(report.FOLDER / options.data, fresh=options.fresh)
     if not options.report_only:

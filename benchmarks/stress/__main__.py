@@ -30,7 +30,7 @@ def main(arguments: list[str] | None = None) -> None:
         about = f"{datetime.date.today().isoformat()}; {versions()}."
         families[name] = {"about": about, **rows}
         write(file, text(families, 3) + "\n")
-        print(report.table(name, unpacked(rows)))
+        print(report.told(name, unpacked(rows)))
     if not options.quick:
         known = {name: (f["about"], unpacked(f)) for name, f in families.items()}
         write(file.with_suffix(".md"), report.page(known) + "\n")

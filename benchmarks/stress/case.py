@@ -31,12 +31,16 @@ class Question:
     guess : optional
         As `solve` takes it; the peers start from it too.
     tol : float
+    velocity, multipliers : callable, optional
+        Of the path wanted, (K,) times to (n, K) and (m, K).
     """
 
     problem: ao.Problem
     exact: Curve | None = None
     guess: Any = None
     tol: float = 1e-9
+    velocity: Curve | None = None
+    multipliers: Curve | None = None
 
 
 @dataclass(frozen=True, eq=False)
