@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 import datetime
-import importlib.metadata
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -22,11 +21,12 @@ import actionopt as ao
 from actionopt import scenes
 from actionopt.tools.files import write
 from actionopt.tools.progress import steps
-from benchmarks.results import table
+from benchmarks.results import table, versions
 from benchmarks.stress.case import Question, deviation
 from benchmarks.stress.families import bodies, kink, layers, turning
 
 PAGE = Path(__file__).parents[1] / "docs" / "calibration.md"
+PACKAGES = ("actionopt", "casadi", "numpy")
 TOLERANCES = (1e-3, 1e-6, 1e-9, 1e-12)
 SAMPLES = 801
 MEASURABLE = 1e-15  # a smaller true error is none that could be told from rounding
@@ -119,13 +119,12 @@ def _relative(found, exact, least=0.0) -> float:
 
 def page(cells: dict[str, list[Cell]]) -> str:
     """Return the page."""
-    packages = ", ".join(f"{p} {importlib.metadata.version(p)}" for p in ("casadi", "numpy"))
     head = ["problem", *(f"tol {t:.0e}" for t in TOLERANCES)]
     lines = [
         "# Error estimates against true errors",
         "",
         "Made by `python -m benchmarks.calibration`, "
-        f"{datetime.date.today().isoformat()}; actionopt {ao.__version__}, {packages}.",
+        f"{datetime.date.today().isoformat()}; {versions(*PACKAGES)}.",
         "",
         "The true error is the largest over time of |q - exact|, each coordinate in units of the",
         "largest |q| it reaches: what `tol` bounds and `solution.error` estimates. Velocities are",

@@ -17,19 +17,27 @@ FOLDER = Path(__file__).parents[1] / "docs" / "benchmarks"
 
 def write(results: Results) -> None:
     """Write figures and page beside the results."""
-    titles = {case: c.title for case, c in problems.load().items()}
-    rows = {case: results.rows[case] for case in titles if case in results.rows}
+    rows, titles = _shown(results)
     if not rows:
         return
-    name = results.file.stem
-    folder = results.file.parent
+    folder, name = results.file.parent, results.file.stem
     for kind in an.KINDS:
         figures.work_precision(rows, titles, kind, folder / f"{name}_{kind}")
     figures.profiles(rows, folder / f"{name}_profile")
-    page = "\n".join(
-        [*_head(results, name), *_summary(rows), *_ahead(rows, titles), *_tables(rows, titles)]
-    )
-    write_file(folder / f"{name}.md", page + "\n")
+    write_file(folder / f"{name}.md", page(results))
+
+
+def page(results: Results) -> str:
+    """Return the page."""
+    rows, titles = _shown(results)
+    head = _head(results, results.file.stem)
+    return "\n".join([*head, *_summary(rows), *_ahead(rows, titles), *_tables(rows, titles)])
+
+
+def _shown(results: Results) -> tuple[an.Rows, dict[str, str]]:
+    """Return the rows in the order of the problems, and their titles."""
+    titles = {case: c.title for case, c in problems.load().items()}
+    return {case: results.rows[case] for case in titles if case in results.rows}, titles
 
 
 def _head(results: Results, name: str) -> list[str]:

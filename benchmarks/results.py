@@ -8,9 +8,11 @@ import os
 import platform
 import sys
 from collections.abc import Container, Iterable, Sequence
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+import actionopt
 from actionopt.tools.files import rounded, write
 
 COLUMNS = ("start", "setting", "kind", "time", "error", "status")
@@ -58,6 +60,18 @@ def table(
     marks = ["---:" if k in right else "---" for k in range(len(head))]
     lines = ["| " + " | ".join(head) + " |", "|" + "|".join(marks) + "|"]
     return lines + ["| " + " | ".join(c.replace("|", "/") for c in row) + " |" for row in rows]
+
+
+def version(package: str) -> str:
+    """Return the version of a package, or of Python."""
+    if package == "python":
+        return platform.python_version()
+    return actionopt.__version__ if package == "actionopt" else metadata.version(package)
+
+
+def versions(*packages: str) -> str:
+    """Return the versions of what was used."""
+    return ", ".join(f"{name} {version(name)}" for name in packages)
 
 
 def brief(said: str) -> str:

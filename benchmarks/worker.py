@@ -13,9 +13,9 @@ import time
 import warnings
 from contextlib import suppress
 from functools import cache
-from importlib import metadata
 
 from benchmarks import peers, problems
+from benchmarks.results import version
 
 AGAIN = 6  # solves in a row, end points back and forth
 ENOUGH = 1.0  # seconds of them
@@ -83,14 +83,6 @@ def measure(peer: peers.Peer, case_name: str, start: str, setting, kind: str) ->
     return {"status": "", "time": sorted(times)[len(times) // 2], "error": max(errors)}
 
 
-def _version(package: str) -> str:
-    if package == "actionopt":
-        import actionopt
-
-        return actionopt.__version__
-    return metadata.version(package)
-
-
 def serve(pipe, name: str) -> None:
     """Answer requests to the peer `name` until the other end is closed."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # solvers talk
@@ -103,7 +95,7 @@ def serve(pipe, name: str) -> None:
         return
     _cases()
     gc.freeze()  # what is imported need not be searched before every measurement
-    versions = {p: _version(p) for p in ("numpy", *peer.packages)}
+    versions = {p: version(p) for p in ("numpy", *peer.packages)}
     pipe.send({"ready": True, "settings": peer.settings, "versions": versions})
     with suppress(EOFError):
         while True:

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import argparse
 import datetime
-import importlib.metadata
 import json
-import platform
 from pathlib import Path
 
-import actionopt
 from actionopt.tools.files import write
 from actionopt.tools.progress import steps
-from benchmarks.results import packed, text, unpacked
+from benchmarks.results import packed, text, unpacked, versions
 from benchmarks.stress import report
 from benchmarks.stress.families import FAMILIES
 
 DOCS = Path(__file__).parents[2] / "docs"
-PACKAGES = ("casadi", "numpy", "scipy")
+PACKAGES = ("actionopt", "python", "casadi", "numpy", "scipy")
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -27,7 +24,7 @@ def main(arguments: list[str] | None = None) -> None:
     families = json.loads(file.read_text()) if file.exists() else {}
     for name in () if options.report_only else options.family or FAMILIES:
         rows = packed(measure(name, options.quick, options.limit))
-        about = f"{datetime.date.today().isoformat()}; {versions()}."
+        about = f"{datetime.date.today().isoformat()}; {versions(*PACKAGES)}."
         families[name] = {"about": about, **rows}
         write(file, text(families, 3) + "\n")
         print(report.told(name, unpacked(rows)))
@@ -43,13 +40,6 @@ def measure(name: str, quick: bool, limit: float) -> list[dict]:
     for case in steps(list(todo)):
         rows += todo[case].rows(limit)
     return rows
-
-
-def versions() -> str:
-    """Return the versions of what was used."""
-    found = {"actionopt": actionopt.__version__, "python": platform.python_version()}
-    found |= {name: importlib.metadata.version(name) for name in PACKAGES}
-    return ", ".join(f"{k} {v}" for k, v in found.items())
 
 
 def _options(arguments):

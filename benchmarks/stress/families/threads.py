@@ -19,6 +19,7 @@ import numpy as np
 
 import actionopt as ao
 from actionopt import Event, Problem, System
+from actionopt.scenes import rod_pendulum
 from benchmarks.stress.case import Case, Criterion, Row, mine
 from benchmarks.stress.tally import counted
 
@@ -41,12 +42,9 @@ def driven() -> System:
 
 def rod() -> System:
     """Return a new pendulum with its rod as a constraint."""
-    return System(
-        lambda q, v, t, *, g: v @ v / 2 - g * q[1],
-        ["x", "y"],
-        parameters={"g": 9.81},
-        constraint=lambda q, t: q @ q - 1,
-    )
+    values = {"m": 1.0, "l": 1.0, "g": 9.81}
+    L, f = rod_pendulum.lagrangian, rod_pendulum.constraint
+    return System(L, ["x", "y"], parameters=values, constraint=f)
 
 
 SYSTEMS = {"driven pendulum": driven, "rod": rod}
