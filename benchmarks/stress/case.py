@@ -114,6 +114,13 @@ def told(question: Question, solution: ao.Solution, spent: float) -> Row:
     }
 
 
+def digest(solution: ao.Solution) -> bytes:
+    """Return all bits of the answer."""
+    numbers = [solution.path.values.ravel(), solution.mesh.boundaries]
+    numbers.append([solution.action, solution.error])
+    return np.concatenate(numbers).tobytes()
+
+
 def condition(solution: ao.Solution) -> Row:
     """Return the entry of the condition number."""
     return {"condition": solution.stats["condition"]}

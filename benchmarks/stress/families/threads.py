@@ -20,7 +20,7 @@ import numpy as np
 import actionopt as ao
 from actionopt import Event, Problem, System
 from actionopt.scenes import rod_pendulum
-from benchmarks.stress.case import Case, Criterion, Row, mine
+from benchmarks.stress.case import Case, Criterion, Row, digest, mine
 from benchmarks.stress.tally import counted
 
 TITLE = "Threads"
@@ -59,13 +59,6 @@ def problems(name: str, count: int) -> list[Problem]:
             q0, q1 = ([np.sin(q[0]), -np.cos(q[0])] for q in (q0, q1))
         out.append(Problem(system, Event(0.0, q0), Event(random.uniform(0.4, 1.2), q1)))
     return out
-
-
-def digest(solution: ao.Solution) -> bytes:
-    """Return all bits of the answer."""
-    numbers = [solution.path.values.ravel(), solution.mesh.boundaries]
-    numbers.append([solution.action, solution.error])
-    return np.concatenate(numbers).tobytes()
 
 
 @contextmanager
