@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from actionopt.scenes import chain
@@ -16,11 +18,20 @@ DURATION = 0.5
 RELEASES = ((_MODE, 0 * _MODE), (_MODE, 0.2 * _MODE))  # angles and rates at time 0
 
 i = np.arange(LINKS)
-CARRIED = LINKS - np.maximum.outer(i, i)  # masses below both joints
-WEIGHT = (LINKS - i) * G / L
 
-# In angles, divided by m l^2, with M_ij = CARRIED_ij cos(th_i - th_j):
-#   sum_j M_ij th_j'' = -sum_j CARRIED_ij sin(th_i - th_j) th_j'^2 - WEIGHT_i sin th_i
+
+@cache
+def masses(links: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return C_ij, the masses below both joints, and W_i, their weights, on links of 1 m together.
+
+    In angles, divided by m l^2, with M_ij = C_ij cos(th_i - th_j):
+    sum_j M_ij th_j'' = -sum_j C_ij sin(th_i - th_j) th_j'^2 - W_i sin th_i.
+    """
+    i = np.arange(links)
+    return links - np.maximum.outer(i, i), (links - i) * G * links
+
+
+CARRIED, WEIGHT = masses(LINKS)
 
 
 def lagrangian(q, v, t, *, l, g):
@@ -38,8 +49,9 @@ def lagrangian(q, v, t, *, l, g):
 def acceleration(q, v, t, x):
     """Solve for the angular accelerations."""
     apart = q[:, None] - q[None]
-    carried = CARRIED.reshape(LINKS, LINKS, *[1] * (q.ndim - 1))
-    weight = WEIGHT.reshape(LINKS, *[1] * (q.ndim - 1))
+    carried, weight = masses(len(q))
+    carried = carried.reshape(*carried.shape, *[1] * (q.ndim - 1))
+    weight = weight.reshape(-1, *[1] * (q.ndim - 1))
     M = carried * x.cos(apart)
     swirl = (carried * x.sin(apart) * (v * v)[None]).sum(axis=1)
     return x.solve(M, -swirl - weight * x.sin(q))

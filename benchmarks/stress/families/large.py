@@ -14,8 +14,9 @@ import numpy as np
 import actionopt as ao
 from actionopt import Event, Problem, System, scenes
 from benchmarks import child
+from benchmarks.problems.chain import G
 from benchmarks.stress.case import Case, Criterion, Question, mine, told
-from benchmarks.stress.families._hanging import GRAVITY, release
+from benchmarks.stress.families._hanging import release
 
 TITLE = "Long and large"
 MASSES = (125, 250, 500, 1000)
@@ -63,7 +64,7 @@ def pendulum_chain(links: int) -> System:
             y = y - np.cos(q[i]) / links
             kinetic = kinetic + (x_rate**2 + y_rate**2) / 2
             height = height + y
-        return kinetic - GRAVITY * height
+        return kinetic - G * height
 
     return System(lagrangian, [f"a{i}" for i in range(links)], name="pendulum chain")
 
