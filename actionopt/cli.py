@@ -16,6 +16,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 from actionopt import __version__
+from actionopt.tools.table import print_table
 
 if TYPE_CHECKING:
     from actionopt.analysis.solution import Solution
@@ -164,7 +165,7 @@ def _list(options: argparse.Namespace) -> int:
         scene = scenes.get(name)
         system = scene.problem.system
         rows.append((name, _some(system.coordinates), str(system.m or ""), scene.title))
-    _print_table([("scene", "coordinates", "constraints", "what it is"), *rows])
+    print_table([("scene", "coordinates", "constraints", "what it is"), *rows])
     return 0
 
 
@@ -176,7 +177,7 @@ def _tell(name: str) -> int:
     known = (["the path"] if scene.exact is not None else []) + sorted(scene.facts)
     settings = [f"{key}={value!r}" for key, value in scenes.parameters(name).items()]
     print(f"{name}: {scene.title}")
-    _print_table(
+    print_table(
         [
             ("source", scene.source),
             ("coordinates", ", ".join(scene.problem.system.coordinates)),
@@ -212,7 +213,7 @@ def _chapter(options: argparse.Namespace) -> int:
         count += len(lines)
         missed += sum(not line.agrees for line in lines)
         print(f"\n{row.section}  {row.system}")
-        _print_table([("", "expected", "found", "error"), *map(_compared, lines)])
+        print_table([("", "expected", "found", "error"), *map(_compared, lines)])
     print(f"\n{count} comparisons, {missed} missed, {_seconds(perf_counter() - clock)}")
     return 1 if missed else 0
 
@@ -406,7 +407,7 @@ def _print_report(found: dict[str, Any]) -> None:
         ("time", ", ".join(times)),
     ]
     print(f"{found['name'] or 'problem'}: {found['verdict']}")
-    _print_table(rows)
+    print_table(rows)
 
 
 def _judged(forward: dict[str, Any]) -> str:
@@ -420,13 +421,6 @@ def _judged(forward: dict[str, Any]) -> str:
     )
     because = f": {forward['reason']}" if forward["reason"] else ""
     return f"{found}: {verdict[forward['agrees']]}{because}"
-
-
-def _print_table(rows: Sequence[Sequence[str]]) -> None:
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for row in rows:
-        cells = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))
-        print("  ".join(cells).rstrip())
 
 
 def _seconds(time: float) -> str:

@@ -76,7 +76,7 @@ def test_the_report_says_what_the_records_say(tmp_path):
 
 
 def test_profiles_are_drawn_as_they_are(tmp_path):
-    from actionopt.plot.suite_report import profiles, save
+    from actionopt.plot.profiles import profiles, save
 
     ax = profiles({"a": (np.array([1.0, 3.0]), np.array([0.5, 1.0])), "b": (np.empty(0),) * 2})
     x, y = ax.lines[0].get_data()

@@ -21,7 +21,7 @@ from actionopt import scenes
 from actionopt.gallery.index_page import index_page
 from actionopt.gallery.keys import key, static
 from actionopt.gallery.page import Page
-from actionopt.tools.files import whole
+from actionopt.tools.files import write
 
 MANIFEST = "manifest.json"
 STORY = "least"
@@ -66,12 +66,12 @@ def build(
     keys = {name: key(name) for name in wanted}
     ahead = [name for name in wanted if not _stands(target, written.get(name), keys[name])]
     for name, text in static().items():
-        _write(target / name, text)
+        write(target / name, text)
     done = len(wanted) - len(ahead)
     with closing(_made(ahead, jobs)) as made:
         for name, page in made:
             for file, text in page.files.items():
-                _write(target / file, text)
+                write(target / file, text)
             before = written.get(name, {}).get("files", [])
             for file in set(before) - set(page.files):
                 (target / file).unlink(missing_ok=True)
@@ -86,7 +86,7 @@ def build(
             if show is not None:
                 show(done, len(wanted), name)
     there = {name: entry for name, entry in written.items() if name in scenes.SCENES}
-    _write(target / "index.html", index_page(there))
+    write(target / "index.html", index_page(there))
     return ahead
 
 
@@ -145,7 +145,7 @@ def _manifest(target: Path) -> dict[str, Any]:
 
 
 def _keep(target: Path, written: Mapping[str, Any]) -> None:
-    _write(target / MANIFEST, json.dumps(written, indent=1, sort_keys=True))
+    write(target / MANIFEST, json.dumps(written, indent=1, sort_keys=True))
 
 
 def _stands(target: Path, entry: Mapping[str, Any] | None, wanted: str) -> bool:
@@ -155,10 +155,3 @@ def _stands(target: Path, entry: Mapping[str, Any] | None, wanted: str) -> bool:
         and entry["key"] == wanted
         and all((target / file).is_file() for file in entry["files"])
     )
-
-
-def _write(file: Path, text: str) -> None:
-    """Write a file, whole or not at all."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    with whole(file) as part:
-        part.write_text(text, encoding="utf-8", newline="\n")
