@@ -83,6 +83,7 @@ class Checked(HTMLParser):
 
 def test_pages_are_whole(gallery):
     assert len(pages(gallery)) == 2 + len(NAMES)
+    shown = set()
     for file in pages(gallery):
         page = Checked()
         page.feed(file.read_text(encoding="utf-8"))
@@ -97,9 +98,11 @@ def test_pages_are_whole(gallery):
             elif link != "data:,":
                 assert not re.match(r"\w+:|//", link), f"{link} leaves the gallery"
                 assert (file.parent / link).is_file(), f"{file} wants {link}"
+                shown.add((file.parent / link).resolve())
         for picture in page.pictures:
             assert re.search(r"\d", picture["alt"])  # a description, with numbers
         assert "nan" not in page.words.lower().split()
+    assert shown >= {picture.resolve() for picture in gallery.rglob("*.svg")}
 
 
 def test_nothing_comes_from_elsewhere(gallery):
