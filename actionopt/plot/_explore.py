@@ -26,6 +26,7 @@ from actionopt.solver.arguments import Guess
 
 REACH = 14  # pixels from a point at which it is taken hold of
 SHORTEST = 0.2  # of the duration
+STEPS = {"enter": solved, "0": restarted}
 SNAP = 0.006  # of the slider: nearer than this to a conjugate time it is that time
 NO_WINDOW = (
     "no window can be opened: {reason}; run this on a desktop with tkinter, or after `pip install "
@@ -160,10 +161,8 @@ class Explorer:
 
     def _key(self, event: Gesture) -> None:
         assert isinstance(event, KeyEvent)
-        if event.key == "enter":
-            self._become(solved(self.now))
-        elif event.key == "0":
-            self._become(restarted(self.now))
+        if event.key in STEPS:
+            self._become(STEPS[event.key](self.now))
 
     def _slide(self, t: float) -> None:
         if self.now.motion is not None:

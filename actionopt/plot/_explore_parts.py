@@ -87,7 +87,7 @@ def panels(figure: Figure, names: tuple[str, ...], units: Units) -> list[Panel]:
     if pairs:
         ax = figure.add_axes((LEFT, low, RIGHT - LEFT, high - low))
         style.plane(ax, names, units)
-        found = [Panel(ax, i, j, _colour(k)) for k, (i, j) in enumerate(pairs)]
+        found = [Panel(ax, i, j, style.colour(k)) for k, (i, j) in enumerate(pairs)]
     else:
         found = []
         shown = names[:MOST]
@@ -97,7 +97,7 @@ def panels(figure: Figure, names: tuple[str, ...], units: Units) -> list[Panel]:
             ax = figure.add_axes(box)
             ax.tick_params(labelbottom=False)
             ax.set_ylabel(label(symbol(name), units.coordinate(name)))
-            found.append(Panel(ax, None, k, _colour(k)))
+            found.append(Panel(ax, None, k, style.colour(k)))
     first = found[0]
     figure.legend(
         [first.trial, first.exact, first.beyond, first.foci],
@@ -133,11 +133,11 @@ class Missing:
         self.ax = ax = figure.add_axes((LEFT, 0.165, RIGHT - LEFT, 0.13))
         self.reach = 0.0
         ax.axhline(0, color="black", linewidth=0.8)
-        looks: dict[int, dict[str, Any]] = {i: {"color": _colour(i)} for i in range(len(names))}
+        looks: list[dict[str, Any]] = [{"color": style.colour(i)} for i in range(len(names))]
         for k, (i, j) in enumerate(planar(names)):  # as the orbits are coloured
-            looks[i] = {"color": _colour(k)}
-            looks[j] = {"color": _colour(k), "linestyle": (0, (4, 2))}
-        self.lines = [ax.plot([], [], linewidth=1.6, **looks[i])[0] for i in range(len(names))]
+            looks[i] = {"color": style.colour(k)}
+            looks[j] = {"color": style.colour(k), "linestyle": (0, (4, 2))}
+        self.lines = [ax.plot([], [], **look, linewidth=1.6)[0] for look in looks]
         self.when = ax.axvline(0, color=style.GREY, linewidth=0.8, linestyle=":")
         ax.set_xlabel(label("time $t$", units.time))
         used = (units.momentum(name).removesuffix(units.time).strip() for name in names)
@@ -216,10 +216,6 @@ class Words:
             text = text if len(passed) > 1 else "a conjugate point passed "
             text += f"at $t$ = {_number(passed[-1], 4, self.units.time)}"
         return f"{kind}, index {index}", SIGNS[kind], text
-
-
-def _colour(k: int) -> str:
-    return style.COLOURS[k % len(style.COLOURS)]
 
 
 def _number(value: float, digits: int, unit: str) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
@@ -15,6 +17,10 @@ from actionopt.tools.types import Array
 
 SAME_TIMES = 8
 EVERY = 12  # motions, one is drawn
+FOCUS: Any = {
+    "marker": "D", "linestyle": "none", "color": "white", "markeredgecolor": "black",
+    "markersize": 7, "zorder": 6,
+}  # fmt: skip
 
 
 @style.styled
@@ -51,10 +57,8 @@ def fan(
         look = {"color": colours[arc], "linewidth": 3.4}
         style.draw(ax, names, data.t[part], data.q[:, part], at, f"index {arc}", **look)
     foci = np.array([point.t for point in data.conjugate])
-    look = {"color": "white", "markeredgecolor": "black", "markersize": 7, "zorder": 6}
-    for k, t in enumerate(foci[:, None]):
-        text = None if k else "kinetic focus"
-        style.draw(ax, names, t, solution(t), at, text, marker="D", linestyle="none", **look)
+    if foci.size:
+        style.draw(ax, names, foci, solution(foci), at, "kinetic focus", **FOCUS)
     style.frame(ax, solution, units, at)
     found = "refocusing" if foci.size else "no focus before the end"
     ax.set_title(f"{style.heading(solution)}: paths from one event, {found}")

@@ -48,11 +48,5 @@ def save(solution: Solution, file: str | Path, *, compare: bool = True) -> None:
 
 def picture(file: str | Path) -> Path:
     """Return where a picture goes. Raises as `save`, and before anything is drawn."""
-    target = ready(file)
-    endings = [f".{ending}" for ending in sorted(FigureCanvasBase.get_supported_filetypes())]
-    if target.suffix.lower() not in endings:
-        found = f"{target.name!r}" + ("" if target.suffix else ", which has no ending")
-        raise ValueError(
-            f"expected a picture file that ends in {', '.join(endings)}, found {found}"
-        )
-    return target
+    endings = sorted(FigureCanvasBase.get_supported_filetypes())
+    return ready(file, *(f".{ending}" for ending in endings))

@@ -88,12 +88,8 @@ def frames(seconds: float, fps: int) -> int:
 
 def film_file(file: str | Path) -> Path:
     """Return where a film goes. Raises as `film`, and before anything is drawn."""
-    target = ready(file)
+    target = ready(file, *IMAGES, *CODECS)
     ending = target.suffix.lower()
-    if ending not in (*IMAGES, *CODECS):
-        raise ValueError(
-            f"expected a file that ends in {', '.join([*IMAGES, *CODECS])}, found {target.name!r}"
-        )
     if ending in CODECS and not FFMpegWriter.isAvailable():
         raise ValueError(
             f"expected ffmpeg on the path to write {ending}, found none; install it, or write "

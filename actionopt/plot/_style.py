@@ -161,10 +161,14 @@ def colour_bar(ax: Axes, values: Array, norm: Normalize, colours: Any, text: str
     bar.set_label(text)
 
 
+def colour(i: int) -> str:
+    """Return the colour of the i-th of many things."""
+    return COLOURS[i % len(COLOURS)]
+
+
 def strand(i: int) -> dict[str, Any]:
     """Return colour and dashes of the i-th of many lines."""
-    kind = i // len(COLOURS) % len(DASHES)
-    return {"color": COLOURS[i % len(COLOURS)], "linestyle": DASHES[kind]}
+    return {"color": colour(i), "linestyle": DASHES[i // len(COLOURS) % len(DASHES)]}
 
 
 def legend(ax: Axes, *, beside: bool = False) -> None:

@@ -160,11 +160,12 @@ def over_plane(solution: Solution, data: Fronts) -> tuple[Triangulation, Array, 
     q, S = data.q[:, :, -1].T, data.action[:, -1]
     v = (3 * data.q[:, :, -1] - 4 * data.q[:, :, -2] + data.q[:, :, -3]).T / (2 * h)
     p = problem.system.momentum(q, v, data.t[-1], parameters=problem.parameters)
-    corners = Triangulation(*data.velocity.T).triangles
+    disc = Triangulation(*data.velocity.T)
+    corners = disc.triangles
     a, b = corners, np.roll(corners, 1, axis=1)
     rise = np.sum((p[:, a] + p[:, b]) / 2 * (q[:, b] - q[:, a]), axis=0)
     coarse = np.max(np.abs(S[b] - S[a] - rise), axis=1) > COARSE * np.ptp(S) / LEVELS
-    mask = _lone(corners, coarse | np.any(_turned(x, y, corners)[FIRST:], axis=0))
+    mask = _lone(disc.neighbors, coarse | np.any(_turned(x, y, corners)[FIRST:], axis=0))
     return Triangulation(q[0], q[1], corners, mask), S, p
 
 
@@ -178,22 +179,19 @@ def _turned(x: Array, y: Array, corners: Array) -> Array:
     return across <= (y[..., b] - y[..., a]) * (x[..., c] - x[..., a])
 
 
-def _lone(corners: Array, mask: Array) -> Array:
+def _lone(neighbours: Array, mask: Array) -> Array:
     """Return the mask with all triangles masked as well that do not hang together with most.
 
-    Triangles that share an edge hang together; one with two masked neighbours is ragged.
+    `neighbours`, (T, 3), share an edge with each, -1 where there is none. Such hang together; one
+    with two masked neighbours is ragged.
     """
-    edges = np.sort(np.stack([corners, np.roll(corners, 1, axis=1)], axis=-1), axis=-1)
-    _, edge = np.unique(edges.reshape(-1, 2), axis=0, return_inverse=True)
-    edge = edge.reshape(-1, 3)
     for _ in range(RAGGED):
-        shared = np.bincount(edge[~mask].ravel(), minlength=edge.max() + 1)
-        mask = mask | (np.sum(shared[edge] > 1, axis=1) < 2)
-    piece = np.arange(len(corners))
+        mask = mask | (np.sum((neighbours >= 0) & ~mask[neighbours], axis=1) < 2)
+    beside = (neighbours >= 0) & ~mask[neighbours]
+    piece = np.arange(len(mask))
     while True:  # every triangle takes the least number around it
-        least = np.full(edge.max() + 1, len(corners))
-        np.minimum.at(least, edge[~mask], piece[~mask, None])
-        now = np.where(mask, piece, least[edge].min(axis=1))
+        least = np.where(beside, piece[neighbours], len(mask)).min(axis=1)
+        now = np.where(mask, piece, np.minimum(piece, least))
         if np.array_equal(now, piece):
             break
         piece = now
