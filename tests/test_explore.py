@@ -204,7 +204,7 @@ def test_a_backend_that_cannot_be_loaded_says_so(monkeypatch):
     def broken(**options):
         raise ImportError("Cannot load backend 'QtAgg'")
 
-    monkeypatch.setattr("actionopt.plot._explore.new_figure", broken)
+    monkeypatch.setattr("actionopt.plot._style.new_figure", broken)
     with pytest.raises(RuntimeError, match=r"no window can be opened: Cannot load backend 'QtAgg'"):
         plot.explore(scenes.get("oscillator"))
 

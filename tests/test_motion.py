@@ -355,7 +355,7 @@ def test_a_film_that_fails_leaves_what_was_there(solved, tmp_path, monkeypatch):
     def stop(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(_film, "outline", stop)
+    monkeypatch.setattr(_film.strobe, "outline", stop)
     with pytest.raises(KeyboardInterrupt):
         plot.film(solution, scene.draw, file, **SHORT)
     assert [(f.name, f.read_text()) for f in tmp_path.iterdir()] == [("film.gif", "old")]

@@ -12,7 +12,7 @@ from matplotlib.text import Text
 
 import actionopt as ao
 from actionopt import plot, scenes
-from actionopt.plot._modes import sizes
+from actionopt.plot.data.variations import directions, sizes
 
 PARAMETERS = {"oscillator_saddle": ("oscillator", {"duration": 4.0})}
 FIGURES = {
@@ -151,7 +151,7 @@ def test_slices_bundle_and_landscape_of_an_oscillator_are_parabolas(solved, name
     first, second = np.meshgrid(land.a**2 / 2 * rises[0], land.b**2 / 2 * rises[1])
     np.testing.assert_allclose(land.rise, first + second, atol=1e-9)
 
-    _, modes = plot._modes.directions(solution, 2)
+    _, modes = directions(solution, 2)
     for mode, rise in zip(modes, rises, strict=False):
         data = plot.slice_data(solution, mode, reach=0.3, count=5)
         assert data.second == pytest.approx(rise, rel=1e-6)

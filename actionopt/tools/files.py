@@ -10,14 +10,20 @@ from pathlib import Path
 from typing import Any
 
 
-def ready(file: str | Path) -> Path:
-    """Return where `file` is to be written. Raises FileNotFoundError if its folder is missing."""
+def ready(file: str | Path, *endings: str) -> Path:
+    """Return where `file` is to be written.
+
+    Raises FileNotFoundError if its folder is missing, ValueError if it has none of the endings.
+    """
     target = Path(file)
     if not target.parent.is_dir():
         raise FileNotFoundError(
             f"expected a folder that is there to write {str(target)!r} in, found none; make it, or "
             "correct the name"
         )
+    if endings and target.suffix.lower() not in endings:
+        found = f"{target.name!r}" + ("" if target.suffix else ", which has no ending")
+        raise ValueError(f"expected a file that ends in {', '.join(endings)}, found {found}")
     return target
 
 
