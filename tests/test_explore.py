@@ -6,20 +6,12 @@ from itertools import pairwise
 import matplotlib
 import numpy as np
 import pytest
-
-matplotlib.use("Agg")
 from matplotlib import pyplot
 from matplotlib.backend_bases import KeyEvent, MouseEvent
 
 from actionopt import plot, scenes
 from actionopt.cli import main
 from actionopt.plot.data.trial import knots
-
-
-@pytest.fixture(autouse=True)
-def no_figure_left():
-    yield
-    pyplot.close("all")
 
 
 def mouse(window, kind, at, button=1):
