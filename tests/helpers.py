@@ -39,8 +39,9 @@ def motion(system, q, v, t0, t1, parameters=None, rtol=1e-13):
 
 def forward(solution, factor=1.0):
     """Return the motion that sets out as the solution does, with `factor` times its velocity."""
-    problem, (t, q, v) = solution.problem, solution.start
-    return motion(problem.system, q, factor * v, t, problem.end.t, problem.parameters)
+    problem, start = solution.problem, solution.start
+    ends = start.t, problem.end.t
+    return motion(problem.system, start.q, factor * start.v, *ends, problem.parameters)
 
 
 def relative_error(curve, exact, t):
@@ -54,5 +55,5 @@ def relative_error(curve, exact, t):
 def transcribed(system, ends, T, elements=8, degree=6, lengths=None):
     """Return the action between two places in the time T, on equal elements."""
     problem = Problem(system, Event(0.0, ends[0]), Event(T, ends[1]))
-    lengths = problem.scales if lengths is None else np.array(lengths)
+    lengths = problem.lengths if lengths is None else np.array(lengths)
     return Transcription(problem, Mesh.uniform(0.0, T, elements, degree), lengths)

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from helpers import integrated, motion
 from scipy.optimize import brentq
 
 import actionopt as ao
@@ -32,22 +32,9 @@ def oscillation(half_periods, ends=(1.0, 0.4), **options):
     return ao.solve(problem, **options)
 
 
-def forward(system, q0, v0, T):
-    """Integrate independently of the package's own integrator: a function of (K,) times."""
-    n = len(q0)
-
-    def rate(t, y):
-        return np.r_[y[n:], system.acceleration(y[:n], y[n:], t)]
-
-    run = solve_ivp(
-        rate, (0, T), np.r_[q0, v0], "DOP853", rtol=1e-12, atol=1e-13, dense_output=True
-    )
-    return lambda t: run.sol(t)[:n]
-
-
 def solved_along(system, q0, v0, T):
     """Solve the boundary-value problem whose answer starts with (q0, v0)."""
-    curve = forward(system, q0, v0, T)
+    curve = motion(system, q0, v0, 0.0, T)
     problem = ao.Problem(system, ao.Event(0.0, curve(0.0)), ao.Event(T, curve(T)))
     solution = ao.solve(problem, guess=curve, tol=1e-9)
     times = np.linspace(0, T, 50)
@@ -219,7 +206,7 @@ def test_total_derivatives_along_a_constraint(T, index):
         return (v[0] ** 2 + v[1] ** 2) / 2 - 9.81 * q[1] + turn + drive
 
     angle = ao.System(lambda q, v, t: v[0] ** 2 / 2 + 9.81 * np.cos(q[0]), ["theta"])
-    swing = forward(angle, [-np.pi / 2], [0.0], float(T))
+    swing = motion(angle, [-np.pi / 2], [0.0], 0.0, float(T))
 
     def on_the_rod(t):
         theta = swing(t)[0]
@@ -577,24 +564,16 @@ def four_bars(N, T):
         return cranks + [(x[i + 1] - x[i]) ** 2 + (y[i + 1] - y[i]) ** 2 - 1 for i in range(N)]
 
     M, G = (N + 1) / 3 + N, g * ((N + 1) / 2 + N)
-    run = solve_ivp(
-        lambda t, y: [y[1], -G / M * np.cos(y[0])],
-        (0, T),
-        [np.pi / 2, -1.0],
-        "DOP853",
-        rtol=1e-13,
-        atol=1e-14,
-        dense_output=True,
-    )
+    run = integrated(lambda t, y: [y[1], -G / M * np.cos(y[0])], [np.pi / 2, -1.0], 0.0, T)
 
     def curve(t):
-        angle = run.sol(t)[0]
+        angle = run(t)[0]
         return np.concatenate([np.stack([i + np.cos(angle), np.sin(angle)]) for i in range(N + 1)])
 
     names = [f"{a}{i}" for i in range(N + 1) for a in "xy"]
     system = ao.System(lagrangian, names, constraint=rods)
     problem = ao.Problem(system, ao.Event(0.0, curve(0.0)), ao.Event(T, curve(T)))
-    flat = brentq(lambda t: run.sol(t)[0], 0.1, T, xtol=1e-15) if run.sol(T)[0] < 0 else None
+    flat = brentq(lambda t: run(t)[0], 0.1, T, xtol=1e-15) if run(T)[0] < 0 else None
     return problem, curve, flat
 
 

@@ -8,7 +8,8 @@ from functools import cache
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_bvp, solve_ivp
+from helpers import forward, relative_error, solved, times
+from scipy.integrate import solve_bvp
 
 import actionopt as ao
 from actionopt import Event, Mesh, Problem, SolveError, Status, System, scenes
@@ -19,36 +20,6 @@ from actionopt.tools.lobatto import lgl
 EPS = np.finfo(float).eps
 TOLS = (1e-3, 1e-6, 1e-9, 1e-12)
 FORWARD = 1e-9  # agreement with a forward integration that is good to 1e-11 or so
-
-
-def times(problem, count=401):
-    return np.linspace(problem.start.t, problem.end.t, count)
-
-
-def relative_error(curve, exact, t):
-    """Largest |q_h - q|, each coordinate in units of the largest it reaches: what tol bounds."""
-    known = exact(t)
-    size = np.max(np.abs(known), axis=1)
-    size = np.where(size > 1e-12 * size.max(), size, size.max())
-    return float(np.max(np.max(np.abs(curve(t) - known), axis=1) / size))
-
-
-def forward(solution, factor=1.0, rtol=1e-13):
-    """Integrate from the solution's own start, independently: a function of (K,) times.
-
-    The start velocity is multiplied by `factor`.
-    """
-    problem = solution.problem
-    n = problem.system.n
-
-    def flow(t, y):
-        a = problem.system.acceleration(y[:n], y[n:], t, parameters=problem.parameters)
-        return np.concatenate([y[n:], a])
-
-    start = np.concatenate([solution.start.q, factor * solution.start.v])
-    span = problem.start.t, problem.end.t
-    run = solve_ivp(flow, span, start, "DOP853", rtol=rtol, atol=rtol / 10, dense_output=True)
-    return lambda t: run.sol(t)[:n]
 
 
 # -- linear equations of motion -------------------------------------------------------------------
@@ -140,11 +111,10 @@ def test_double_pendulum_continued_forward():
 
 @pytest.mark.parametrize("parameters", [{}, {"m": 2.5, "l": 0.7, "g": 1.62, "duration": 1.7}])
 def test_rod_pendulum_is_the_angle_formulation(parameters):
-    rod, twin = (scenes.get(name, **parameters) for name in ("rod_pendulum", "pendulum"))
-    m, l, g = (float(rod.problem.parameters[name]) for name in "mlg")
-    solution = ao.solve(rod.problem, tol=1e-12)
-    angle = ao.solve(twin.problem, tol=1e-12)
-    t = times(rod.problem)
+    names = "rod_pendulum", "pendulum"
+    solution, angle = (solved(name, tol=1e-12, **parameters) for name in names)
+    m, l, g = (float(solution.problem.parameters[name]) for name in "mlg")
+    t = times(solution.problem)
     theta, rate = angle(t)[0], angle.velocity(t)[0]
     x, y = solution(t)
     assert np.max(np.abs(x - l * np.sin(theta))) <= 1e-11 * l
@@ -153,7 +123,7 @@ def test_rod_pendulum_is_the_angle_formulation(parameters):
     assert np.max(np.abs(-2 * l * solution.multipliers(t)[0] - tension)) <= 1e-8 * m * g
     inward = -np.sum(solution.constraint_force(t) * solution(t), axis=0) / l
     assert np.max(np.abs(inward - tension)) <= 1e-8 * m * g
-    assert np.max(np.abs(theta - twin.exact(t)[0])) <= 1e-11
+    assert np.max(np.abs(theta - scenes.get("pendulum", **parameters).exact(t)[0])) <= 1e-11
 
 
 @pytest.mark.parametrize("parameters", [{}, {"m": 0.2, "M": 5.0, "angle": 1.1, "g": 1.62}])
@@ -266,7 +236,7 @@ def test_a_plain_system_pays_for_nothing_else():
 
 
 def test_what_was_done_is_said():
-    solution = ao.solve(scenes.get("rod_pendulum").problem)
+    solution = solved("rod_pendulum")
     stats = solution.stats
     assert {"rung", "unknowns", "rows", "iterations", "evaluations"} <= set(stats)
     assert {"derive", "assemble", "solve", "verify", "total"} <= set(stats["time"])
@@ -583,13 +553,6 @@ def test_no_path_is_said_and_the_best_attempt_comes_along():
     assert attempt(0.5).shape == (1,)
     assert np.isfinite(attempt(times(impossible()))).all()
     assert attempt.stats["rounds"] == [] or attempt.stats["rung"]
-
-
-def test_without_throwing_the_verdict_is_on_the_solution():
-    solution = ao.solve(impossible(), throw=False)
-    assert not solution.success and solution.status is Status.NOT_FOUND
-    good = ao.solve(scenes.get("pendulum").problem, throw=False)
-    assert good.success and good.status is Status.SOLVED
 
 
 def test_a_saddle_is_not_least():

@@ -272,9 +272,9 @@ def test_a_file_with_any_one_byte_changed_is_refused_or_whole(own, tmp_path):
     file = tmp_path / "damaged.npz"
     own.save(file)
     content, rng = file.read_bytes(), np.random.default_rng(0)
-    ends = [*range(40), *range(len(content) - 600, len(content))]  # headers and the directory
+    ends = [*range(0, 40, 2), *range(len(content) - 600, len(content), 4)]  # of the archive
     refused = 0
-    for at in [*rng.choice(len(content), 200, replace=False), *ends]:
+    for at in [*rng.choice(len(content), 60, replace=False), *ends]:
         changed = bytearray(content)
         changed[at] ^= int(rng.integers(1, 256))
         file.write_bytes(changed)
@@ -285,7 +285,7 @@ def test_a_file_with_any_one_byte_changed_is_refused_or_whole(own, tmp_path):
             assert str(error).startswith("expected an .npz file") and "pickle" not in str(error)
         else:
             assert_same(loaded, own)  # it was a time stamp, say
-    assert refused > 400
+    assert refused > 110
 
 
 WRONG = {
