@@ -33,7 +33,13 @@ FAMILIES = {
 
 @pytest.mark.parametrize(
     ("name", "tol"),
-    [*((name, tol) for name in FAMILIES for tol in (1e-3, 1e-12)), ("antipodes", 1e-6)],
+    [
+        *(("antipodes", tol) for tol in (1e-3, 1e-6, 1e-12)),
+        ("antipodes aslant", 1e-3),
+        ("half a circle", 1e-3),
+        ("half an ellipse", 1e-12),
+        *(("half a period", tol) for tol in (1e-3, 1e-8)),
+    ],
 )
 def test_a_family_is_said_to_be_one(name, tol):
     problem, dimension = FAMILIES[name]

@@ -197,7 +197,7 @@ def inside(ax):
     """Check that lines and arrows are within the axes, markers included."""
     pyplot.close("all")
     figure = ax.figure
-    figure.canvas.draw()
+    figure.draw_without_rendering()
     box = ax.get_window_extent()
     for line in ax.lines:
         points = ax.transData.transform(np.transpose(line.get_data()))

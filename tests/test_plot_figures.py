@@ -44,22 +44,22 @@ def second_variation(k, T, amplitude, w=1.0):
 # -- words -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("figure", FIGURES)
+LABELLED = {
+    "oscillator_saddle": tuple(FIGURES),
+    "rod_pendulum": ("overview", "bundle", "landscape", "spectrum"),
+    "figure_eight": tuple(figure for figure in FIGURES if figure not in ("wavefronts", "spectrum")),
+    "damped_oscillator": ("overview", "energies", "conserved"),
+}
+
+
 @pytest.mark.parametrize(
-    "name", ["oscillator_saddle", "rod_pendulum", "figure_eight", "damped_oscillator"]
+    ("name", "figure"), [(name, figure) for name in LABELLED for figure in LABELLED[name]]
 )
 def test_every_figure_is_labelled_and_nothing_is_clipped(figure, name):
     solution = solved(name)
-    try:
-        drawn = FIGURES[figure](solution, units=plot.SI)
-    except ValueError as error:
-        assert str(error).startswith("expected")
-        assert "found" in str(error)
-        assert name != "oscillator_saddle"
-        return
-    axes = np.ravel(drawn)
+    axes = np.ravel(FIGURES[figure](solution, units=plot.SI))
     picture = axes[0].figure
-    picture.canvas.draw()
+    picture.draw_without_rendering()
     renderer = picture.canvas.get_renderer()
     box = picture.get_tightbbox(renderer)
     width, height = picture.get_size_inches()
