@@ -178,6 +178,7 @@ def test_all_steady_oscillations_of_a_linear_one():
     assert found.indices == (3,) and "index 3" in str(found)  # a constant, and one turn
 
 
+@pytest.mark.slow
 def test_all_responses_of_a_bistable_oscillator():
     """Two stable and one unstable, against the fixed points of the Poincare map."""
     w, b, a = 1.4, 0.1, 0.3
