@@ -230,13 +230,6 @@ def test_past_thirty_conjugate_points():
     assert solution.morse_index == 30
 
 
-@pytest.mark.parametrize("end", [0.3, -1.0])
-def test_an_end_that_is_conjugate_is_diagnosed(end):
-    with pytest.raises(ao.SolveError, match="conjugate") as caught:
-        ao.solve(oscillator(3 * np.pi, end))
-    assert caught.value.solution.status is Status.DEGENERATE
-
-
 # -- constraints ----------------------------------------------------------------------------------
 
 

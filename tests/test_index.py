@@ -339,28 +339,6 @@ def test_pendulum_released_horizontally(T, index):
     assert morse_index(solved_along(system, [-np.pi / 2], [0.0], float(T))) == index
 
 
-@pytest.mark.parametrize(("T", "index"), [(1, 0), (2, 0), (4, 2), (7, 4)])
-def test_charge_in_a_magnetic_field(T, index):
-    # Feynman and Hibbs, problem 3-10, w = 2: conjugate points 2 pi k / w, each double.
-    def lagrangian(q, v, t):
-        return (v[0] ** 2 + v[1] ** 2) / 2 + (q[0] * v[1] - q[1] * v[0])
-
-    system = ao.System(lagrangian, ["x", "y"])
-    problem = ao.Problem(system, ao.Event(0.0, [0.2, -0.1]), ao.Event(float(T), [1.0, 0.5]))
-    assert morse_index(ao.solve(problem)) == index
-
-
-@pytest.mark.parametrize(("eps", "index"), [(0.01, 2), (0.003, 4)])
-def test_turning_point(eps, index):
-    # Cash and Mazzia, problem 15: eps y'' = x y on [-1, 1].
-    def lagrangian(q, v, t, *, eps):
-        return eps * v[0] ** 2 / 2 + t * q[0] ** 2 / 2
-
-    system = ao.System(lagrangian, ["y"], parameters={"eps": eps})
-    problem = ao.Problem(system, ao.Event(-1.0, 1.0), ao.Event(1.0, 1.0))
-    assert morse_index(ao.solve(problem)) == index
-
-
 @pytest.mark.parametrize(("part", "index"), [(1 / 12, 0), (1 / 3, 0), (1 / 2, 0), (1, 2)])
 def test_figure_eight(part, index):
     # Fukuda, Fujiwara, Ozaki, arXiv:1710.04834; Chenciner and Montgomery, Ann. Math. 152 (2000).
