@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from helpers import integrated
 
 import actionopt as ao
 from actionopt import scenes
@@ -23,8 +23,7 @@ def motion(system, parameters=None, seed=0):
         return np.concatenate([y[n:], a])
 
     t = np.linspace(0.1, 0.9, 15)
-    run = solve_ivp(flow, (0.0, 1.0), y, "DOP853", t, rtol=1e-12, atol=1e-13)
-    return *np.split(run.y, 2), t
+    return *np.split(integrated(flow, y, 0.0, 1.0)(t), 2), t
 
 
 def spread(quantity, q, v, t, parameters=None):
