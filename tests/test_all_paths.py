@@ -391,7 +391,7 @@ def test_progress_and_interruption():
 
 
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="no timers that send signals")
-@pytest.mark.parametrize("after", [0.02, 0.1, 0.3, 1.0])
+@pytest.mark.parametrize("after", [0.02, 0.3])
 def test_an_interruption_ends_the_search_and_keeps_what_it_has(after):
     """Wherever it comes, the signal is no failure of what it interrupts."""
     problem = ao.Problem(PENDULUM, ao.Event(0.0, 0.5), ao.Event(14.0, -0.3))

@@ -419,7 +419,7 @@ def test_a_force_that_is_switched_on(c, tol):
     judge(system, exact, late, 0.0, 1.0, tol=tol)
 
 
-@pytest.mark.parametrize(("c", "spring"), [(0.3141592, 0.0), (0.25, 4.0), (0.5, 4.0)])
+@pytest.mark.parametrize(("c", "spring"), [(0.3141592, 0.0), (0.25, 4.0)])
 def test_a_mass_that_jumps(c, spring):
     """The momentum is continuous. With a spring, oscillations of two frequencies."""
     masses = 1.0, 3.0

@@ -161,7 +161,9 @@ def test_sliding_the_end_time_through_pi_changes_the_index():
     assert window.marks.get_xdata() == pytest.approx([np.pi, 2 * np.pi], abs=1e-9)
 
 
-@pytest.mark.parametrize(("name", "panels"), [("heavy_top", 3), ("kepler_polar", 2)])
+@pytest.mark.parametrize(
+    ("name", "panels"), [("kepler_polar", 2), pytest.param("heavy_top", 3, marks=pytest.mark.slow)]
+)
 def test_systems_of_many_coordinates_have_panels(name, panels):
     window = plot.explore(scenes.get(name))
     click(window, window.solve)

@@ -44,7 +44,6 @@ def missed(solution):
 @pytest.mark.parametrize(
     ("T", "count"),
     [
-        (2.0, 20),
         (4.0, 20),
         pytest.param(1.0, 100, marks=pytest.mark.slow),
         pytest.param(4.0, 100, marks=pytest.mark.slow),

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from functools import cache
 
 import numpy as np
 import pytest
@@ -36,10 +37,14 @@ def other_parameters(name):
     return result
 
 
+@cache
+def made(name, changed):
+    return scenes.get(name, **(other_parameters(name) if changed else {}))
+
+
 @pytest.fixture(params=ROWS, ids=lambda row: f"{row[0]}-{'changed' if row[1] else 'default'}")
 def scene(request):
-    name, changed = request.param
-    return scenes.get(name, **(other_parameters(name) if changed else {}))
+    return made(*request.param)
 
 
 @pytest.fixture
@@ -74,6 +79,7 @@ def residual(scene, exact, velocity):
     return mismatch(acceleration, derivative(scene, velocity))
 
 
+@cache
 def states(scene):
     """Return q, v, t along a motion of the scene's system that is not the scene's path."""
     problem = scene.problem

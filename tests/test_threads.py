@@ -123,7 +123,7 @@ def numbers(solution):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("make", [rod, double, driven])
+@pytest.mark.parametrize("make", [rod, driven])
 def test_reading_solutions_of_one_system(make):
     alone = [numbers(ao.solve(problem)) for problem in problems(make)[:3]]
     solutions = [ao.solve(problem) for problem in problems(make)[:3]]
@@ -205,12 +205,12 @@ def test_sparse_factors_in_several_threads():
 
 def test_a_branch_in_several_threads():
     def follow(k):
-        family = ao.trace(problems[k], "t1", 1.2, tol=1e-6)
+        family = ao.trace(problems[k], "t1", 0.8, tol=1e-6)
         return bits(family.values)
 
     system = double()
     ends = [([0.1, 0.2], [0.3, 0.1]), ([0.2, -0.1], [-0.2, 0.3])]
     problems = [Problem(system, Event(0.0, a), Event(0.5, b)) for a, b in ends]
     alone = [follow(k) for k in range(2)]
-    for found in at_once(follow, range(2), threads=4):
+    for found in at_once(follow, range(2), threads=2):
         assert found == alone
