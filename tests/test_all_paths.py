@@ -209,18 +209,6 @@ def test_both_ways_in_space():
         assert solution.morse_index == index
 
 
-@pytest.mark.slow
-def test_vallado():
-    # Vallado, Fundamentals of Astrodynamics, example 7-5, short way; km and s.
-    q = (15945.34, 0.0, 0.0), (12214.83899, 10249.46731, 0.0)
-    problem = ao.Problem(kepler(3, 398600.4418), ao.Event(0.0, q[0]), ao.Event(4560.0, q[1]))
-    found = solve_all(problem, starts=2, shots=16, continuations=0)
-    v = (2.0589133537073095, 2.9159643516499399, 0.0)
-    assert found[0].start.v == pytest.approx(v, abs=1e-6)
-    assert found[0].action == pytest.approx(123496.2554912745, rel=1e-9)
-    assert found.indices[0] == 0
-
-
 # -- two angles ------------------------------------------------------------------------------------
 
 

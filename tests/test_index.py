@@ -330,16 +330,6 @@ def test_nodes_conjugate_to_the_start_are_no_bad_pivots():
 # -- published values ----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("T", "index"), [(0.5, 0), (1, 0), (2, 1), (5, 4), (10, 8)])
-def test_pendulum_released_horizontally(T, index):
-    # IFToMM benchmark A01; conjugate points at multiples of half the period 2.36784: floor(2 T / P)
-    def lagrangian(q, v, t):
-        return v[0] ** 2 / 2 + 9.81 * np.cos(q[0])
-
-    system = ao.System(lagrangian, ["theta"])
-    assert morse_index(solved_along(system, [-np.pi / 2], [0.0], float(T))) == index
-
-
 @pytest.mark.parametrize(("part", "index"), [(1 / 12, 0), (1 / 3, 0), (1 / 2, 0), (1, 2)])
 def test_figure_eight(part, index):
     # Fukuda, Fujiwara, Ozaki, arXiv:1710.04834; Chenciner and Montgomery, Ann. Math. 152 (2000).
