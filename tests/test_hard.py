@@ -311,7 +311,13 @@ FAR_MOTIONS = {
 }
 
 
-@pytest.mark.parametrize("name", FAR_MOTIONS)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.slow if name == "a slope between two walls" else ())
+        for name in FAR_MOTIONS
+    ],
+)
 def test_motions_far_from_the_straight_line_are_found(name):
     T, (start, end), kinetic, potential = FAR_MOTIONS[name]
     system = System(lambda q, v, t: kinetic(*v) / 2 - potential(*q), ["x", "y"])

@@ -23,7 +23,7 @@ def motion(system, parameters=None, seed=0):
         return np.concatenate([y[n:], a])
 
     t = np.linspace(0.1, 0.9, 15)
-    return *np.split(integrated(flow, y, 0.0, 1.0)(t), 2), t
+    return *np.split(integrated(flow, y, 0.0, 1.0, rtol=1e-12)(t), 2), t
 
 
 def spread(quantity, q, v, t, parameters=None):
