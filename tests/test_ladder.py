@@ -30,7 +30,7 @@ def test_the_first_mesh_has_about_a_degree_for_each_digit(tol, degree):
 
     assert set(first("pendulum")["degrees"]) == {degree}
     # Many coordinates: a higher degree costs more than a second mesh.
-    assert set(first("chain")["degrees"]) == {6}
+    assert set(first("two_body")["degrees"]) == {6}
 
 
 def test_a_guess_is_tried_on_meshes_that_show_it():
