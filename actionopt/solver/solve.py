@@ -30,7 +30,9 @@ from actionopt.solver.workspace import Workspace
 from actionopt.tools.watch import OutOfTime, Progress, Watch
 
 BEFORE_A_JUMP = 3  # rungs tried where the first path crosses a jump: seconds are lost there
-SENSITIVE = 1e-7  # amplified round-off of a path that may be one of many; 1e-9 on the scenes
+# Amplified round-off of a path that may be one of many: families show 4e-5 and more, at any tol; the
+# stiffest chain that was tried, of 30 links, 2e-7. And that of one coordinate: 1e-11 on the scenes.
+SENSITIVE, NOISY = 2e-6, 1e-9
 RESOLVED = 0.1  # of the motion's own size, errors of a path that is one: the largest tol
 
 
@@ -174,7 +176,7 @@ def _suspect(ws: Workspace, status: Status) -> bool:
     if not status.success:
         return ws.lost is not None and status in (Status.NOT_FOUND, Status.UNRESOLVED)
     if not ws.here.can_be_one_of_many:  # nothing is zero on one side of a symmetry
-        return ws.here.noise > SENSITIVE / 100
+        return ws.here.noise > NOISY
     try:
         return ws.here.amplification(ws.many) > SENSITIVE
     except np.linalg.LinAlgError:
