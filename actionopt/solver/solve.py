@@ -30,8 +30,8 @@ from actionopt.solver.workspace import Workspace
 from actionopt.tools.watch import OutOfTime, Progress, Watch
 
 BEFORE_A_JUMP = 3  # rungs tried where the first path crosses a jump: seconds are lost there
-# Amplified round-off of a path that may be one of many: families show 4e-5 and more, at any tol; the
-# stiffest chain that was tried, of 30 links, 2e-7. And that of one coordinate: 1e-11 on the scenes.
+# Amplified round-off of a path that may be one of many: families show 4e-5 and more, at any tol;
+# the stiffest chain that was tried, of 30 links, 2e-7. Of one coordinate the noise itself tells.
 SENSITIVE, NOISY = 2e-6, 1e-9
 RESOLVED = 0.1  # of the motion's own size, errors of a path that is one: the largest tol
 
