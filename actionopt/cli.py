@@ -238,7 +238,7 @@ def _solve(options: argparse.Namespace) -> int:
 
     problem, guess = _question(options.scene, dict(options.settings))
     if options.save:
-        from actionopt.analysis.store import solution_file
+        from actionopt.analysis.saved import solution_file
 
         solution_file(options.save)
     if options.plot:

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from actionopt.analysis.compare import Comparison, compare
 from actionopt.analysis.index import Inertia, inertia
+from actionopt.analysis.saved import save
 from actionopt.analysis.sensitivity import Sensitivity, sensitivity
 from actionopt.analysis.status import Status
 from actionopt.discrete.discrete_path import DiscretePath
@@ -250,9 +251,19 @@ class Solution:
 
     def save(self, file: str | FilePath) -> None:
         """Write the numbers to an .npz file, whole or not at all; `actionopt.load` reads it."""
-        from actionopt.analysis.store import save  # which reads solutions, too
-
-        save(self, file)
+        save(
+            file,
+            self.problem,
+            {"status": self.status.name, "stats": self.stats},
+            boundaries=self.mesh.boundaries,
+            degrees=np.array(self.mesh.degrees),
+            values=self.path.values,
+            lam=self.lam,
+            action=self.action,
+            error=self.error,
+            velocities=np.stack([self.start.v, self.end.v]),
+            momenta=np.stack(self.momenta),
+        )
 
     @cached_property
     def _comparison(self) -> Comparison:

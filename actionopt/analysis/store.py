@@ -1,4 +1,4 @@
-"""Solutions in files: numbers and plain text in an .npz, no pickled objects.
+"""Solutions read from files, and not believed before their numbers agree with one another.
 
 A file holds the path, the ends, the parameters and the verdict. Physics is code and stays out:
 to evaluate momenta or energies again, the system (or the name of its scene) is supplied on
@@ -10,20 +10,19 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path as FilePath
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 
 from actionopt import scenes
+from actionopt.analysis.saved import ARRAYS, FORMAT, Detached
 from actionopt.analysis.solution import Ends, Solution
 from actionopt.analysis.status import Status
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.problem import NEGLIGIBLE, Event, Periodic, Problem, State
+from actionopt.mechanics.problem import NEGLIGIBLE, Problem, State
 from actionopt.mechanics.system import System
-from actionopt.mechanics.tracing import ParameterTable
-from actionopt.tools.files import ready, whole
 from actionopt.tools.types import Array
 
 SAME = 1e-9  # relative difference of two evaluations of the action of one path
@@ -31,64 +30,6 @@ SAME_ENDS = 1e-6  # of momenta and velocities at its ends, where a small mass am
 # How far velocities at the ends may be from the polynomial's, in units of the largest velocity:
 # 0.008 where L has a kink at an event; and this many times `velocity_error`, 0.42 on coarse meshes.
 SLOPE_ERROR, SLOPE_SAFETY = 0.1, 10.0
-ARRAYS = (
-    "boundaries",
-    "degrees",
-    "values",
-    "lam",
-    "action",
-    "error",
-    "velocities",
-    "momenta",
-)
-FORMAT = "actionopt solution 1"
-
-
-def save(solution: Solution, file: str | FilePath) -> None:
-    """Write `solution` to `file` (.npz), whole or not at all.
-
-    Raises
-    ------
-    ValueError
-        If the name does not end in .npz.
-    OSError
-        If the file cannot be written; an older file of that name is then unchanged.
-    """
-    target = solution_file(file)
-    problem = solution.problem
-    # A solution that was loaded without its system knows what the file said of it.
-    known = problem if isinstance(problem, Detached) else problem.system
-    about = {
-        "format": FORMAT,
-        "system": problem.name,
-        "coordinates": known.coordinates,
-        "parameters": {name: value.tolist() for name, value in problem.parameters.items()},
-        "events": [[e.t, list(e.q)] for e in (problem.start, problem.end)],
-        "advance": None if problem.advance is None else list(problem.advance),
-        "status": solution.status.name,
-        "stats": solution.stats,
-    }
-    arrays = {
-        "boundaries": solution.mesh.boundaries,
-        "degrees": np.array(solution.mesh.degrees),
-        "values": solution.path.values,
-        "lam": solution.lam,
-        "action": np.array(solution.action),
-        "error": np.array(solution.error),
-        "velocities": np.stack([solution.start.v, solution.end.v]),
-        "momenta": np.stack(solution.momenta),
-        "about": np.array(json.dumps(about)),
-    }
-    with whole(target) as part:
-        np.savez(part, allow_pickle=False, **arrays)
-
-
-def solution_file(file: str | FilePath) -> FilePath:
-    """Return where a solution goes. Raises as `save`, and before anything is written."""
-    target = FilePath(file)
-    if target.suffix != ".npz":
-        raise ValueError(f"expected a file name that ends in .npz, found {target.name!r}")
-    return ready(target)
 
 
 def load(file: str | FilePath, system: System | str | None = None) -> Solution:
@@ -134,41 +75,6 @@ def _damaged(file: str | FilePath, error: Exception) -> ValueError:
         f"expected an .npz file written by Solution.save, found {str(file)!r}, which is "
         f"damaged or something else ({why}); solve and save again"
     )
-
-
-class Detached:
-    """Stands for the problem of a solution loaded without its system: events and parameters."""
-
-    def __init__(self, about: dict[str, Any]) -> None:
-        self.name, self.coordinates = about["system"] or "problem", tuple(about["coordinates"])
-        (t0, q0), (t1, q1) = about["events"]
-        self.start, self.end = Event(t0, q0), Event(t1, q1)
-        if about["advance"] is not None:
-            self.end = Periodic(t1, about["advance"]).after(self.start)
-            if list(self.end.q) != q1:
-                raise ValueError(
-                    f"expected an end of a closed path after its advance, {self.end.q}, found {q1}"
-                )
-        self.parameters = ParameterTable(about["parameters"]).defaults
-
-    @property
-    def advance(self) -> Array | None:
-        """q(t1) - q(t0) where the end is `Periodic`, (n,), else None."""
-        return np.array(self.end.advance) if isinstance(self.end, Periodic) else None
-
-    @property
-    def duration(self) -> float:
-        """Time between the events."""
-        return self.end.t - self.start.t
-
-    @property
-    def system(self) -> System:
-        """Raise ValueError: there is no system."""
-        raise ValueError(
-            "this solution was loaded without its system, and a file holds no physics; load it "
-            "with load(file, system=...), a System of the coordinates "
-            f"{', '.join(self.coordinates)} or the name of a scene"
-        )
 
 
 def _read(file: FilePath) -> Solution:

@@ -1,0 +1,102 @@
+"""What is kept of a solution: numbers and plain text in an .npz file, no pickled objects."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+
+from actionopt.mechanics.problem import Event, Periodic, Problem
+from actionopt.mechanics.system import System
+from actionopt.mechanics.tracing import ParameterTable
+from actionopt.tools.files import ready, whole
+from actionopt.tools.types import Array
+
+ARRAYS = (
+    "boundaries",
+    "degrees",
+    "values",
+    "lam",
+    "action",
+    "error",
+    "velocities",
+    "momenta",
+)
+FORMAT = "actionopt solution 1"
+
+
+def save(
+    file: str | FilePath,
+    problem: Problem | Detached,
+    found: Mapping[str, Any],
+    **arrays: Array | float,
+) -> None:
+    """Write the `arrays` of `ARRAYS`, and what was `found` of `problem`, whole or not at all.
+
+    Raises
+    ------
+    ValueError
+        If the name does not end in .npz.
+    OSError
+        If the file cannot be written; an older file of that name is then unchanged.
+    """
+    target = solution_file(file)
+    # A solution that was loaded without its system knows what the file said of it.
+    known = problem if isinstance(problem, Detached) else problem.system
+    about = {
+        "format": FORMAT,
+        "system": problem.name,
+        "coordinates": known.coordinates,
+        "parameters": {name: value.tolist() for name, value in problem.parameters.items()},
+        "events": [[e.t, list(e.q)] for e in (problem.start, problem.end)],
+        "advance": None if problem.advance is None else list(problem.advance),
+        **found,
+    }
+    with whole(target) as part:
+        np.savez(part, allow_pickle=False, about=np.array(json.dumps(about)), **arrays)
+
+
+def solution_file(file: str | FilePath) -> FilePath:
+    """Return where a solution goes. Raises as `save`, and before anything is written."""
+    target = FilePath(file)
+    if target.suffix != ".npz":
+        raise ValueError(f"expected a file name that ends in .npz, found {target.name!r}")
+    return ready(target)
+
+
+class Detached:
+    """Stands for the problem of a solution loaded without its system: events and parameters."""
+
+    def __init__(self, about: dict[str, Any]) -> None:
+        self.name, self.coordinates = about["system"] or "problem", tuple(about["coordinates"])
+        (t0, q0), (t1, q1) = about["events"]
+        self.start, self.end = Event(t0, q0), Event(t1, q1)
+        if about["advance"] is not None:
+            self.end = Periodic(t1, about["advance"]).after(self.start)
+            if list(self.end.q) != q1:
+                raise ValueError(
+                    f"expected an end of a closed path after its advance, {self.end.q}, found {q1}"
+                )
+        self.parameters = ParameterTable(about["parameters"]).defaults
+
+    @property
+    def advance(self) -> Array | None:
+        """q(t1) - q(t0) where the end is `Periodic`, (n,), else None."""
+        return np.array(self.end.advance) if isinstance(self.end, Periodic) else None
+
+    @property
+    def duration(self) -> float:
+        """Time between the events."""
+        return self.end.t - self.start.t
+
+    @property
+    def system(self) -> System:
+        """Raise ValueError: there is no system."""
+        raise ValueError(
+            "this solution was loaded without its system, and a file holds no physics; load it "
+            "with load(file, system=...), a System of the coordinates "
+            f"{', '.join(self.coordinates)} or the name of a scene"
+        )
