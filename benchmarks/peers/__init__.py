@@ -10,6 +10,7 @@ __all__ = ["LABELS", "NAMES", "QUICK", "Answer", "Failed", "Peer", "Unable", "ge
 
 LABELS = {  # in figures and tables, in the order of legends
     "actionopt_": "actionopt",
+    "ipopt_alone": "actionopt, Ipopt alone",
     "scipy_bvp": "solve_bvp",
     "dop853": "shooting, DOP853",
     "heyoka_": "shooting, heyoka",
