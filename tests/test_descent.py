@@ -73,3 +73,36 @@ def test_values_that_are_not_finite_end_it():
     tr = transcribed(kepler, ([-1.0, 0.0], [1.0, 0.0]), 1.0)
     result = descend(tr, tr.pack(tr.straight()))  # through the centre
     assert not result.found and not result.runaway and result.iterations == 0
+
+
+class Told:
+    """A transcription whose action at the first trial fell by `share` of what the slope promises.
+
+    The gradient is asked for at steps that were taken.
+    """
+
+    def __init__(self, tr, share):
+        self.tr, self.share, self.trials, self.taken = tr, share, [], []
+
+    def __getattr__(self, name):
+        return getattr(self.tr, name)
+
+    def gradient(self, z):
+        self.taken.append(z)
+        return self.tr.gradient(z)
+
+    def action(self, z):
+        self.trials.append(z)
+        if len(self.trials) != 2:
+            return self.tr.action(z)
+        start = self.trials[0]
+        return self.tr.action(start) + self.share * float(self.tr.gradient(start) @ (z - start))
+
+
+@pytest.mark.parametrize(("share", "enough"), [(-0.005, False), (0.005, False), (0.02, True)])
+def test_a_step_must_bring_a_hundredth_of_what_the_slope_promises(share, enough):
+    tr = transcribed(PENDULUM, ([0.3], [-0.2]), 0.6)
+    bump = 0.3 * np.sin(np.pi * tr.mesh.nodes / 0.6)[:, None]
+    told = Told(tr, share)
+    descend(told, tr.pack(tr.straight() + bump))
+    assert np.array_equal(told.taken[1], told.trials[1]) == enough
