@@ -11,11 +11,13 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 from actionopt import __version__
+from actionopt.tools.table import print_table
 
 if TYPE_CHECKING:
     from actionopt.analysis.solution import Solution
@@ -33,6 +35,12 @@ two and passes keywords to the last.
   actionopt solve kepler --tol 1e-12 --json
   actionopt solve my_scene.py --set "masses=[1, 2]" --save path.npz
 """
+
+
+FORWARD = (  # of a comparison, as --json has it
+    *("agrees", "position", "velocity", "arrival", "local", "allowed"),
+    *("energy_drift", "reference_error", "reason"),
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -69,74 +77,70 @@ def _parser(asked: Sequence[str] = ()) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="actionopt", description=ABOUT)
     parser.add_argument("--version", action="version", version=f"actionopt {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    command = commands.add_parser("list", help="name the scenes, or tell of one")
+    for name, (text, add_to) in COMMANDS.items():
+        command = commands.add_parser(name, help=text)
+        if add_to is not None:
+            add_to(command)
+        elif name in asked:
+            import_module(f"actionopt.{name}.commands").add_to(command)
+    return parser
+
+
+def _add_list(command: argparse.ArgumentParser) -> None:
     command.set_defaults(run=_list)
     command.add_argument("scene", nargs="?", help="its parameters, its source, what is known")
-    command = commands.add_parser(
-        "solve",
-        help="solve a scene or a file",
-        description="Solve a scene or a file, and compare the path with forward integration.",
-        epilog=FILE_HELP,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+
+
+def _add_solve(command: argparse.ArgumentParser) -> None:
+    command.description = "Solve a scene or a file, and compare the path with forward integration."
+    command.epilog, command.formatter_class = FILE_HELP, argparse.RawDescriptionHelpFormatter
     command.set_defaults(run=_solve)
     add = command.add_argument
     add("scene", metavar="SCENE|FILE.py", help="name of a scene, or a Python file")
     add("--tol", type=float, default=1e-8, help="bound on the relative error of the path (1e-8)")
     _add_set(command)
-    add(
-        "--principle",
-        choices=("auto", "least", "stationary"),
-        default="auto",
-        help="what to ask of the action: least, only stationary, or least if it can be (auto)",
-    )
+    what = "what to ask of the action: least, only stationary, or least if it can be (auto)"
+    add("--principle", choices=("auto", "least", "stationary"), default="auto", help=what)
     add("--plot", metavar="FILE", help="draw the path and the deviation (png, pdf, svg, ...)")
     add("--save", metavar="FILE.npz", help="write the solution")
     add("--json", action="store_true", help="print JSON instead of a table")
     add("--no-compare", action="store_false", dest="compare", help="no forward integration")
     add("--seconds", type=float, help="time it may take; then the best attempt is reported")
-    command = commands.add_parser(
-        "explore",
-        help="open a window: drag a path, see its action, slide the end time",
-        description="Open a window on a trial path of a scene or a file: drag its points, see the "
-        "action and the missing force change, solve, and slide the end time through conjugate "
-        "points.",
+
+
+def _add_explore(command: argparse.ArgumentParser) -> None:
+    command.description = (
+        "Open a window on a trial path of a scene or a file: drag its points, see the action and "
+        "the missing force change, solve, and slide the end time through conjugate points."
     )
     command.set_defaults(run=_explore)
-    add = command.add_argument
-    add("scene", metavar="SCENE|FILE.py", help="name of a scene, or a Python file")
+    command.add_argument("scene", metavar="SCENE|FILE.py", help="name of a scene, or a Python file")
     _add_set(command)
-    command = commands.add_parser(
-        "chapter",
-        help="run the chapter on Lagrangian mechanics",
-        description="Solve every system of chapter 12, Lagrangian mechanics, of Competitive "
-        "Physics: Mechanics and Waves (2018), and compare what comes out with what it says.",
+
+
+def _add_chapter(command: argparse.ArgumentParser) -> None:
+    command.description = (
+        "Solve every system of chapter 12, Lagrangian mechanics, of Competitive Physics: Mechanics "
+        "and Waves (2018), and compare what comes out with what it says."
     )
     command.set_defaults(run=_chapter)
     command.add_argument("section", nargs="?", default="", help="only this section, as in 12.4")
-    command = commands.add_parser("suite", help="test problems for optimisers")
-    if "suite" in asked:
-        from actionopt.suite import commands as suite
 
-        suite.add_to(command)
-    command = commands.add_parser("gallery", help="write the scenes as web pages")
-    if "gallery" in asked:
-        from actionopt.gallery import commands as gallery
 
-        gallery.add_to(command)
-    return parser
+COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None] | None]] = {
+    "list": ("name the scenes, or tell of one", _add_list),
+    "solve": ("solve a scene or a file", _add_solve),
+    "explore": ("open a window: drag a path, see its action, slide the end time", _add_explore),
+    "chapter": ("run the chapter on Lagrangian mechanics", _add_chapter),
+    "suite": ("test problems for optimisers", None),
+    "gallery": ("write the scenes as web pages", None),
+}
 
 
 def _add_set(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "--set",
-        type=_setting,
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        dest="settings",
-        help="a parameter by name; may be repeated (`actionopt list SCENE` names them)",
-    )
+    what = "a parameter by name; may be repeated (`actionopt list SCENE` names them)"
+    look: Any = {"metavar": "NAME=VALUE", "dest": "settings", "help": what}
+    command.add_argument("--set", type=_setting, action="append", default=[], **look)
 
 
 def _setting(text: str) -> tuple[str, Any]:
@@ -164,7 +168,7 @@ def _list(options: argparse.Namespace) -> int:
         scene = scenes.get(name)
         system = scene.problem.system
         rows.append((name, _some(system.coordinates), str(system.m or ""), scene.title))
-    _print_table([("scene", "coordinates", "constraints", "what it is"), *rows])
+    print_table([("scene", "coordinates", "constraints", "what it is"), *rows])
     return 0
 
 
@@ -176,7 +180,7 @@ def _tell(name: str) -> int:
     known = (["the path"] if scene.exact is not None else []) + sorted(scene.facts)
     settings = [f"{key}={value!r}" for key, value in scenes.parameters(name).items()]
     print(f"{name}: {scene.title}")
-    _print_table(
+    print_table(
         [
             ("source", scene.source),
             ("coordinates", ", ".join(scene.problem.system.coordinates)),
@@ -212,7 +216,7 @@ def _chapter(options: argparse.Namespace) -> int:
         count += len(lines)
         missed += sum(not line.agrees for line in lines)
         print(f"\n{row.section}  {row.system}")
-        _print_table([("", "expected", "found", "error"), *map(_compared, lines)])
+        print_table([("", "expected", "found", "error"), *map(_compared, lines)])
     print(f"\n{count} comparisons, {missed} missed, {_seconds(perf_counter() - clock)}")
     return 1 if missed else 0
 
@@ -238,18 +242,12 @@ def _solve(options: argparse.Namespace) -> int:
 
         solution_file(options.save)
     if options.plot:
-        from actionopt.plot._paths import picture
+        from actionopt.plot._files import picture
 
         picture(options.plot)
     with waiting() as progress:
-        solution = solve(
-            problem,
-            tol=options.tol,
-            guess=guess,
-            principle=options.principle,
-            seconds=options.seconds,
-            progress=progress,
-        )
+        asked = {name: getattr(options, name) for name in ("tol", "principle", "seconds")}
+        solution = solve(problem, guess=guess, progress=progress, **asked)
     found = report(solution, compare=options.compare)
     if options.save:
         solution.save(options.save)
@@ -279,10 +277,8 @@ def _question(name: str, settings: dict[str, Any]) -> tuple[Problem, Any]:
     """Return the problem of a scene or of a user's file, and a guess if it has one."""
     from actionopt import scenes
 
-    if name.endswith(".py"):
-        found = _from_file(Path(name), settings)
-    else:
-        found = scenes.get(name, **settings)
+    own = name.endswith(".py")
+    found = _from_file(Path(name), settings) if own else scenes.get(name, **settings)
     return (found.problem, found.guess) if isinstance(found, scenes.Scene) else (found, None)
 
 
@@ -310,10 +306,8 @@ def _from_file(file: Path, settings: dict[str, Any]) -> Problem | Scene:
             f"expected {file} to define `problem` or `scene`, a Problem, a Scene or a function "
             f"that returns one, found {'neither' if found is None else repr(found)}"
         )
-    if not settings:
-        return found
     asked = found.problem if isinstance(found, Scene) else found
-    return asked.replace(parameters=settings)
+    return asked.replace(parameters=settings) if settings else found
 
 
 def _known(made: Callable[..., Any], settings: dict[str, Any]) -> None:
@@ -373,11 +367,7 @@ def report(solution: Solution, *, compare: bool = True) -> dict[str, Any]:
             found["kind"], found["morse_index"] = solution.kind, solution.morse_index
         clock = perf_counter()
         comparison = solution.compare()
-        names = (
-            *("agrees", "position", "velocity", "arrival", "local", "allowed"),
-            *("energy_drift", "reference_error", "reason"),
-        )
-        found["forward"] = {name: getattr(comparison, name) for name in names}
+        found["forward"] = {name: getattr(comparison, name) for name in FORWARD}
         found["time"] = found["time"] | {"compare": perf_counter() - clock}
     return found
 
@@ -406,7 +396,7 @@ def _print_report(found: dict[str, Any]) -> None:
         ("time", ", ".join(times)),
     ]
     print(f"{found['name'] or 'problem'}: {found['verdict']}")
-    _print_table(rows)
+    print_table(rows)
 
 
 def _judged(forward: dict[str, Any]) -> str:
@@ -420,13 +410,6 @@ def _judged(forward: dict[str, Any]) -> str:
     )
     because = f": {forward['reason']}" if forward["reason"] else ""
     return f"{found}: {verdict[forward['agrees']]}{because}"
-
-
-def _print_table(rows: Sequence[Sequence[str]]) -> None:
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for row in rows:
-        cells = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))
-        print("  ".join(cells).rstrip())
 
 
 def _seconds(time: float) -> str:

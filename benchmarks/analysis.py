@@ -69,20 +69,11 @@ def against(rows: Rows, kind: str, target: float, peers: Iterable[str] | None = 
     return ratios
 
 
-def profile(rows: Rows, kind: str, target: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Return Dolan and More's performance profile.
-
-    For factors tau (F,), the share of the problems that each peer solves to the target within
-    tau times the fastest one's time. Mathematical Programming 91 (2002) 201-213.
-    """
+def costs(rows: Rows, kind: str, target: float) -> dict[str, np.ndarray]:
+    """Return each peer's times of all problems, infinite where it did not come to the target."""
     times = table(rows, kind, target)
     names = sorted({p for by_peer in times.values() for p in by_peer})
-    matrix = np.array([[t.get(p, np.inf) for p in names] for t in times.values()])
-    fastest = matrix.min(axis=1, keepdims=True)
-    with np.errstate(invalid="ignore"):
-        ratio = np.where(np.isfinite(matrix), matrix / fastest, np.inf)
-    tau = np.logspace(0, 4, 400)
-    return tau, {p: np.mean(ratio[:, k][:, None] <= tau, axis=0) for k, p in enumerate(names)}
+    return {p: np.array([t.get(p, np.inf) for t in times.values()]) for p in names}
 
 
 def outcome(rows: Iterable[dict], target: float = 1e-6) -> str:

@@ -10,36 +10,27 @@ from __future__ import annotations
 
 import argparse
 import datetime
-import importlib.metadata
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 import actionopt as ao
 from actionopt import scenes
-from benchmarks.runner import Progress
-from benchmarks.stress.case import deviation
+from actionopt.tools.files import write
+from actionopt.tools.progress import steps
+from benchmarks.results import table, versions
+from benchmarks.stress.case import Question, deviation
 from benchmarks.stress.families import bodies, kink, layers, turning
 
 PAGE = Path(__file__).parents[1] / "docs" / "calibration.md"
+PACKAGES = ("actionopt", "casadi", "numpy")
 TOLERANCES = (1e-3, 1e-6, 1e-9, 1e-12)
 SAMPLES = 801
 MEASURABLE = 1e-15  # a smaller true error is none that could be told from rounding
 FAR = 10.0  # times the tolerance: never, unless the status says so
-
-
-@dataclass(frozen=True)
-class Known:
-    """A problem with its path, velocities and multipliers, functions of (K,) times or None."""
-
-    problem: ao.Problem
-    exact: Callable
-    guess: object = None
-    velocity: Callable | None = None
-    multipliers: Callable | None = None
 
 
 @dataclass(frozen=True)
@@ -62,8 +53,8 @@ class Cell:
         return self.pairs["position"][1]
 
 
-def scene(name: str, **parameters) -> Known:
-    """Return what is known of a scene."""
+def scene(name: str, **parameters) -> Question:
+    """Return the question of a scene, with all that is known of its path."""
     s = scenes.get(name, **parameters)
     velocity, forces = s.facts.get("velocity"), s.facts.get("multipliers")
     multipliers = None
@@ -72,21 +63,13 @@ def scene(name: str, **parameters) -> Known:
         def multipliers(t):
             return forces(s.exact(t), velocity(t), t)
 
-    return Known(s.problem, s.exact, s.guess, velocity, multipliers)
+    return Question(s.problem, s.exact, s.guess, velocity=velocity, multipliers=multipliers)
 
 
-def known(quick: bool) -> dict[str, Callable[[], Known]]:
+def known(quick: bool) -> dict[str, Callable[[], Question]]:
     """Return all problems by name, each built when called."""
-
-    def asked(build, *arguments):
-        def make():
-            q = build(*arguments)
-            return Known(q.problem, q.exact, q.guess)
-
-        return make
-
     names = [n for n in scenes.SCENES if scenes.get(n).exact is not None]
-    found = {name: lambda name=name: scene(name) for name in names}
+    found = {name: partial(scene, name) for name in names}
     if quick:
         return dict(list(found.items())[:5])
     for label, name, parameters in (
@@ -97,17 +80,17 @@ def known(quick: bool) -> dict[str, Callable[[], Known]]:
         ("Kepler, e = 0.9", "kepler", {"eccentricity": 0.9}),
         ("Kepler, e = 0.97", "kepler", {"eccentricity": 0.97}),
     ):
-        found[label] = lambda name=name, parameters=parameters: scene(name, **parameters)
-    found |= {f"perihelion, e = {e}": asked(bodies.perihelion, e) for e in (0.6, 0.95, 0.99)}
-    found |= {f"layer, {e:g}": asked(layers.layer, e) for e in (1e-1, *layers.WIDTHS)}
-    found |= {f"P15, {e:g}": asked(turning.p15, e) for e in (1e-2, 1e-3, 1e-4)}
-    found |= {f"P20, {e:g}": asked(turning.p20, e) for e in (0.5, 0.1, 0.06)}
-    found |= {f"Bratu, {w}": asked(turning.bratu, w) for w in turning.BRATU}
-    found |= {f"kink, {e:g}": asked(kink.kink, e) for e in (0.2, 0.1, 0.02)}
+        found[label] = partial(scene, name, **parameters)
+    found |= {f"perihelion, e = {e}": partial(bodies.perihelion, e) for e in (0.6, 0.95, 0.99)}
+    found |= {f"layer, {e:g}": partial(layers.layer, e) for e in (1e-1, *layers.WIDTHS)}
+    found |= {f"P15, {e:g}": partial(turning.p15, e) for e in (1e-2, 1e-3, 1e-4)}
+    found |= {f"P20, {e:g}": partial(turning.p20, e) for e in (0.5, 0.1, 0.06)}
+    found |= {f"Bratu, {w}": partial(turning.bratu, w) for w in turning.BRATU}
+    found |= {f"kink, {e:g}": partial(kink.kink, e) for e in (0.2, 0.1, 0.02)}
     return found
 
 
-def measure(k: Known, tol: float) -> Cell:
+def measure(k: Question, tol: float) -> Cell:
     """Solve once and compare."""
     problem = k.problem
     solution = ao.solve(problem, tol=tol, guess=k.guess, throw=False)
@@ -136,12 +119,12 @@ def _relative(found, exact, least=0.0) -> float:
 
 def page(cells: dict[str, list[Cell]]) -> str:
     """Return the page."""
-    packages = ", ".join(f"{p} {importlib.metadata.version(p)}" for p in ("casadi", "numpy"))
+    head = ["problem", *(f"tol {t:.0e}" for t in TOLERANCES)]
     lines = [
         "# Error estimates against true errors",
         "",
         "Made by `python -m benchmarks.calibration`, "
-        f"{datetime.date.today().isoformat()}; actionopt {ao.__version__}, {packages}.",
+        f"{datetime.date.today().isoformat()}; {versions(*PACKAGES)}.",
         "",
         "The true error is the largest over time of |q - exact|, each coordinate in units of the",
         "largest |q| it reaches: what `tol` bounds and `solution.error` estimates. Velocities are",
@@ -154,11 +137,8 @@ def page(cells: dict[str, list[Cell]]) -> str:
         "",
         "True error / estimate. Where the verdict is not SOLVED it is given.",
         "",
-        "| problem | " + " | ".join(f"tol {t:.0e}" for t in TOLERANCES) + " |",
-        "|---|" + "---|" * len(TOLERANCES),
+        *table(head, [[name, *map(_cell, row)] for name, row in cells.items()]),
     ]
-    for name, row in cells.items():
-        lines.append(f"| {name} | " + " | ".join(_cell(c) for c in row) + " |")
     return "\n".join(lines)
 
 
@@ -170,44 +150,37 @@ def _cell(c: Cell) -> str:
 
 def summary(cells: dict[str, list[Cell]]) -> list[str]:
     """Return what the cells say together, with what is expected of them."""
-    all_cells = [c for row in cells.values() for c in row]
-    good = [c for c in all_cells if c.success]
-    met = sum(c.true <= c.tol for c in good)
+    named = [(name, c) for name, row in cells.items() for c in row]
+    good = [c for _, c in named if c.success]
+    warned = [f"{name} {c.tol:.0e} {c.status}" for name, c in named if not c.success]
+    met, count = sum(c.true <= c.tol for c in good), len(named)
     far = sum(c.true > FAR * c.tol for c in good)
-    lines = ["| | expected | found |", "|---|---|---|"]
-    lines.append(
-        f"| true error <= tol, of all cells | >= 95 % | {met} of {len(all_cells)}, "
-        f"{100 * met / len(all_cells):.1f} % |"
-    )
-    lines.append(f"| true error > {FAR:g} tol without a warning | never | {far} |")
-    lines.append(
-        f"| cells with a warning in `status` | | {len(all_cells) - len(good)}: "
-        + ", ".join(
-            f"{n} {c.tol:.0e} {c.status}" for n, r in cells.items() for c in r if not c.success
-        )
-        + " |"
-    )
+    share = f"{met} of {count}, {100 * met / count:.1f} %"
+    rows = [
+        ["true error <= tol, of all cells", ">= 95 %", share],
+        [f"true error > {FAR:g} tol without a warning", "never", f"{far}"],
+        ["cells with a warning in `status`", "", f"{len(warned)}: {', '.join(warned)}"],
+    ]
     for name in ("position", "velocity", "multiplier"):
-        pairs = np.array([c.pairs[name] for c in good if name in c.pairs])
-        if not pairs.size:
+        own = [c for c in good if name in c.pairs]
+        if not own:
             continue
-        estimate, true = pairs.T
+        estimate, true = np.array([c.pairs[name] for c in own]).T
         safe = np.mean(true <= np.maximum(estimate, MEASURABLE))
         ratio = estimate / np.maximum(true, MEASURABLE)
-        expected = ">= 95 %" if name == "position" else ""
-        lines.append(
-            f"| {name}: true error <= estimate | {expected} | {100 * safe:.1f} % of {len(pairs)} |"
-        )
-        by_tol = ", ".join(
-            f"{t:.0e}: {np.median(ratio[[c.tol == t for c in good if name in c.pairs]]):.2g}"
-            for t in TOLERANCES
-        )
-        expected = "< 100" if name == "position" else ""
-        lines.append(
-            f"| {name}: median of estimate / true | {expected} | {np.median(ratio):.2g} "
-            f"({by_tol}); smallest {ratio.min():.2g}, largest {ratio.max():.1e} |"
-        )
-    return lines
+        medians = {t: np.median(ratio[[c.tol == t for c in own]]) for t in TOLERANCES}
+        by_tol = ", ".join(f"{t:.0e}: {m:.2g}" for t, m in medians.items())
+        spread = f"smallest {ratio.min():.2g}, largest {ratio.max():.1e}"
+        wanted = (">= 95 %", "< 100") if name == "position" else ("", "")
+        rows += [
+            [f"{name}: true error <= estimate", wanted[0], f"{100 * safe:.1f} % of {len(own)}"],
+            [
+                f"{name}: median of estimate / true",
+                wanted[1],
+                f"{np.median(ratio):.2g} ({by_tol}); {spread}",
+            ],
+        ]
+    return table(["", "expected", "found"], rows)
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -217,14 +190,12 @@ def main(arguments: list[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     problems = known(options.quick)
     cells = {}
-    for name in Progress(list(problems)):
+    for name in steps(list(problems)):
         k = problems[name]()
         cells[name] = [measure(k, tol) for tol in TOLERANCES]
     print("\n".join(summary(cells)))
     if not options.quick:
-        new = PAGE.with_suffix(".part")
-        new.write_text(page(cells) + "\n")
-        os.replace(new, PAGE)
+        write(PAGE, page(cells) + "\n")
 
 
 if __name__ == "__main__":

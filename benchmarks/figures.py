@@ -10,28 +10,21 @@ matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt
 import numpy as np
+from PIL import Image
 
+from actionopt.plot import profiles as draw
+from actionopt.suite.profile import performance
+from actionopt.tools.files import whole
 from benchmarks import analysis as an
 from benchmarks import peers
 
-LABELS = {
-    "actionopt_": "actionopt",
-    "scipy_bvp": "solve_bvp",
-    "dop853": "shooting, DOP853",
-    "heyoka_": "shooting, heyoka",
-    "casadi_collocation": "CasADi collocation",
-    "rockit_": "rockit",
-    "opty_": "opty",
-    "dymos_": "dymos",
-    "mpopt_": "mpopt",
-    "lamberthub_": "lamberthub",
-}
+COLOURS = 160  # of a picture: ten lines on white, and what lies between
 MARKS = "osD^v<>PX*"
 
 
 def label(peer: str) -> str:
     """Return a peer's name in figures and tables."""
-    return LABELS.get(peer, peer)
+    return peers.LABELS[peer]
 
 
 def rank(peer: str) -> int:
@@ -90,33 +83,34 @@ def work_precision(rows: an.Rows, titles: dict[str, str], kind: str, file: Path)
         frameon=False,
     )
     figure.tight_layout(rect=(0, 0.09 / lines + 0.01, 1, 1))
-    _save(figure, file)
+    save(figure, file)
 
 
 def profiles(rows: an.Rows, file: Path) -> None:
     """Draw the performance profiles at 1e-6 and 1e-9, cold and again."""
-    figure, axes = plt.subplots(2, 2, figsize=(9, 6.5), sharex=True, sharey=True)
+    figure, axes = plt.subplots(2, 2, figsize=(9, 6.5), sharex="row", sharey=True)
     for line, kind in zip(axes, an.KINDS, strict=True):
         for ax, target in zip(line, (1e-6, 1e-9), strict=True):
-            tau, shares = an.profile(rows, kind, target)
-            for peer in sorted(shares, key=rank):
+            steps = performance(an.costs(rows, kind, target))
+            order = sorted(steps, key=rank)
+            draw.profiles({label(p): steps[p] for p in order}, ax=ax)
+            ax.get_legend().remove()
+            for peer, stairs in zip(order, ax.lines, strict=True):
                 style = {k: v for k, v in _style(peer).items() if "mark" not in k}
-                ax.step(tau, shares[peer], where="post", label=label(peer), **style)
-            ax.set_xscale("log")
-            ax.set_ylim(-0.02, 1.02)
+                stairs.set(linestyle="-", **style)
             ax.set_title(f"{kind}, error at most {target:.0e}", fontsize=10)
-            ax.grid(True, alpha=0.3)
     for ax in axes[-1]:
         ax.set_xlabel("within this factor of the fastest")
-    for ax in axes[:, 0]:
-        ax.set_ylabel("share of problems")
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="lower center", ncols=5, fontsize=8, frameon=False)
     figure.tight_layout(rect=(0, 0.07, 1, 1))
-    _save(figure, file)
+    save(figure, file)
 
 
-def _save(figure, file: Path) -> None:
-    for ending in (".svg", ".png"):
-        figure.savefig(file.with_suffix(ending), dpi=110)
+def save(figure, file: Path) -> None:
+    """Write a figure with a palette, as few colours are in it: a third of the size."""
+    figure.canvas.draw()
+    picture = Image.fromarray(np.asarray(figure.canvas.buffer_rgba())).convert("RGB")
+    with whole(file.with_suffix(".png")) as part:
+        picture.quantize(COLOURS, Image.Quantize.MAXCOVERAGE).save(part, optimize=True)
     plt.close(figure)

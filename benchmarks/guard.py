@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import statistics
 from pathlib import Path
 
+from actionopt.tools.files import write
 from benchmarks.runner import Bench
 
 FILE = Path(__file__).with_name("baseline.json")
@@ -67,9 +67,7 @@ def main() -> None:
         if old and ratio < old / SLACK:
             slower.append(name)
     if options.update:
-        part = FILE.with_suffix(".part")
-        part.write_text(json.dumps({k: round(v, 3) for k, v in now.items()}, indent=1) + "\n")
-        os.replace(part, FILE)
+        write(FILE, json.dumps({k: round(v, 3) for k, v in now.items()}, indent=1) + "\n")
     elif slower:
         raise SystemExit(f"slower than the baseline: {', '.join(slower)}")
 

@@ -14,9 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
+from actionopt.tools.files import write
 from benchmarks import peers, problems
 from benchmarks.peers.dop853 import shoot
 from benchmarks.peers.scipy_bvp import solve
+from benchmarks.results import text
 
 FILE = Path(__file__).with_name("others.json")
 ASKED = ("actionopt_", "scipy_bvp", "dop853")
@@ -98,7 +100,7 @@ def main() -> None:
         search(case, found)
         if any(found):
             every[name] = found
-        FILE.write_text(json.dumps(every, indent=1))
+        write(FILE, text(every, 3) + "\n")
 
 
 if __name__ == "__main__":

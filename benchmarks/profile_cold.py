@@ -17,7 +17,7 @@ import os
 import pstats
 import statistics
 
-from benchmarks.runner import ONE_THREAD
+from actionopt.tools.process import ONE_THREAD
 
 PROBLEMS = ("pendulum", "double_pendulum", "chain_angles")
 REPEATS = 9
@@ -52,11 +52,11 @@ def shares(work) -> dict[str, float]:
 def rows(names, tol: float) -> list[str]:
     """Return the table's lines."""
     from benchmarks import peers, problems
+    from benchmarks.results import table
     from benchmarks.worker import _attempt
 
     columns = ("derive and build", "evaluate and Ipopt", "factorize", "numpy", "our Python")
-    lines = ["| problem | cold, ms | " + " | ".join(columns) + " |"]
-    lines += ["|---|---:|" + "---:|" * len(columns)]
+    cells = []
     peer, cases = peers.get("actionopt_"), problems.load()
     for name in names:
         case = cases[name]
@@ -69,9 +69,9 @@ def rows(names, tol: float) -> list[str]:
         every = [shares(lambda work=work: _attempt(work)) for _ in range(REPEATS)]
         mean = {c: statistics.median(s.get(c, 0.0) for s in every) for c in columns}
         whole = sum(mean.values())
-        cells = " | ".join(f"{mean[c] / whole:.0%}" for c in columns)
-        lines.append(f"| {case.title} | {total * 1e3:.1f} | {cells} |")
-    return lines
+        parts = (f"{mean[c] / whole:.0%}" for c in columns)
+        cells.append([case.title, f"{total * 1e3:.1f}", *parts])
+    return table(["problem", "cold, ms", *columns], cells, right=range(1, 7))
 
 
 def main() -> None:

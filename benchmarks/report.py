@@ -2,39 +2,46 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 import numpy as np
 
+from actionopt.tools.files import write as write_file
 from benchmarks import analysis as an
 from benchmarks import figures, problems
-from benchmarks.results import Results
+from benchmarks.results import Results, table
 
+TARGETS = [f"{t:.0e}" for t in an.TARGETS]
 FOLDER = Path(__file__).parents[1] / "docs" / "benchmarks"
 
 
 def write(results: Results) -> None:
     """Write figures and page beside the results."""
-    rows = {case: results.rows[case] for case in problems.ORDER if case in results.rows}
+    rows, titles = _shown(results)
     if not rows:
         return
-    name = results.file.stem
-    folder = results.file.parent
-    titles = {case: c.title for case, c in problems.load().items()}
+    folder, name = results.file.parent, results.file.stem
     for kind in an.KINDS:
         figures.work_precision(rows, titles, kind, folder / f"{name}_{kind}")
     figures.profiles(rows, folder / f"{name}_profile")
-    page = "\n".join(
-        [*_head(results, name), *_summary(rows), *_ahead(rows, titles), *_tables(rows, titles)]
-    )
-    new = folder / f"{name}.md.part"
-    new.write_text(page + "\n")
-    shutil.move(new, folder / f"{name}.md")
+    write_file(folder / f"{name}.md", page(results))
+
+
+def page(results: Results) -> str:
+    """Return the page."""
+    rows, titles = _shown(results)
+    head = _head(results, results.file.stem)
+    return "\n".join([*head, *_summary(rows), *_ahead(rows, titles), *_tables(rows, titles)])
+
+
+def _shown(results: Results) -> tuple[an.Rows, dict[str, str]]:
+    """Return the rows in the order of the problems, and their titles."""
+    titles = {case: c.title for case, c in problems.load().items()}
+    return {case: results.rows[case] for case in titles if case in results.rows}, titles
 
 
 def _head(results: Results, name: str) -> list[str]:
-    machine, versions = results.data["machine"], results.data["versions"]
+    machine, versions = results.about["machine"], results.about["versions"]
     return [
         "# Run time against error",
         "",
@@ -55,36 +62,43 @@ def _head(results: Results, name: str) -> list[str]:
         "- machine: " + ", ".join(f"{k} {v}" for k, v in machine.items()),
         "- versions: " + ", ".join(f"{k} {v}" for k, v in sorted(versions.items())),
         "",
-        *[f"![{kind}]({name}_{kind}.svg)\n" for kind in an.KINDS],
-        f"![performance profiles]({name}_profile.svg)",
+        *[f"![{kind}]({name}_{kind}.png)\n" for kind in an.KINDS],
+        f"![performance profiles]({name}_profile.png)",
         "",
     ]
 
 
 def _summary(rows: an.Rows) -> list[str]:
-    lines = ["## Against the fastest peer of each problem", ""]
-    lines += ["Ratio of its time to actionopt's, above 1 where actionopt is faster; geometric"]
-    lines += ["mean over the problems that both solve.", ""]
-    lines += ["| | " + " | ".join(f"{t:.0e}" for t in an.TARGETS) + " |"]
-    lines += ["|---|" + "---|" * len(an.TARGETS)]
     names = sorted({p for by_peer in rows.values() for p in by_peer} - {an.OURS})
-    for kind in an.KINDS:
-        groups = [("fastest peer", set(names)), ("fastest general peer", {*names} - {*an.SPECIAL})]
-        groups += [(figures.label(p), {p}) for p in names]
-        for label, peers in groups:
-            cells = []
-            for target in an.TARGETS:
-                ratios = an.against(rows, kind, target, peers)
-                both = [r for r, _ in ratios.values() if 0 < r < np.inf]
-                only = sum(r == np.inf for r, _ in ratios.values())
-                lost = sum(r == 0 for r, _ in ratios.values())
-                cell = f"{an.geometric_mean(both):.2f} ({len(both)})" if both else "-"
-                cell += f", +{only}" if only else ""
-                cell += f", -{lost}" if lost else ""
-                cells.append(cell)
-            lines.append(f"| {kind}, {label} | " + " | ".join(cells) + " |")
-    lines += ["", "In brackets the number of problems; +k: solved by actionopt alone; -k: by the"]
-    return [*lines, "peer alone.", ""]
+    groups = [("fastest peer", set(names)), ("fastest general peer", {*names} - {*an.SPECIAL})]
+    groups += [(figures.label(p), {p}) for p in names]
+    return [
+        "## Against the fastest peer of each problem",
+        "",
+        "Ratio of its time to actionopt's, above 1 where actionopt is faster; geometric",
+        "mean over the problems that both solve.",
+        "",
+        *table(
+            ["", *TARGETS],
+            [
+                [f"{kind}, {name}", *(_ratios(rows, kind, t, peers) for t in an.TARGETS)]
+                for kind in an.KINDS
+                for name, peers in groups
+            ],
+        ),
+        "",
+        "In brackets the number of problems; +k: solved by actionopt alone; -k: by the",
+        "peer alone.",
+        "",
+    ]
+
+
+def _ratios(rows: an.Rows, kind: str, target: float, peers: set[str]) -> str:
+    ratios = [r for r, _ in an.against(rows, kind, target, peers).values()]
+    both = [r for r in ratios if 0 < r < np.inf]
+    only, lost = ratios.count(np.inf), ratios.count(0.0)
+    cell = f"{an.geometric_mean(both):.2f} ({len(both)})" if both else "-"
+    return cell + (f", +{only}" if only else "") + (f", -{lost}" if lost else "")
 
 
 WHY = """\
@@ -100,21 +114,27 @@ to another stationary path of less action; solvers that eliminate the multiplier
 
 
 def _ahead(rows: an.Rows, titles: dict[str, str]) -> list[str]:
-    lines = ["## Where a peer is ahead", "", "Ratio of actionopt's time to the peer's.", ""]
-    lines += ["| | " + " | ".join(f"{t:.0e}" for t in an.TARGETS) + " |"]
-    lines += ["|---|" + "---|" * len(an.TARGETS)]
-    for kind in an.KINDS:
-        found = {case: [_faster(rows, kind, t, case) for t in an.TARGETS] for case in rows}
-        for case, cells in found.items():
-            if any(cells):
-                lines.append(f"| {kind}, {titles[case]} | " + " | ".join(cells) + " |")
-    return [*lines, "", *WHY.splitlines(), ""]
+    found = [
+        [f"{kind}, {titles[case]}", *(_faster(rows, kind, t, case) for t in an.TARGETS)]
+        for kind in an.KINDS
+        for case in rows
+    ]
+    return [
+        "## Where a peer is ahead",
+        "",
+        "Ratio of actionopt's time to the peer's.",
+        "",
+        *table(["", *TARGETS], [row for row in found if any(row[1:])]),
+        "",
+        *WHY.splitlines(),
+        "",
+    ]
 
 
 def _faster(rows: an.Rows, kind: str, target: float, case: str) -> str:
     times = an.table(rows, kind, target)[case]
-    ours = times.get("actionopt_", np.inf)
-    ahead = [(ours / t, p) for p, t in times.items() if t < ours and p != "actionopt_"]
+    ours = times.get(an.OURS, np.inf)
+    ahead = [(ours / t, p) for p, t in times.items() if t < ours and p != an.OURS]
     return ", ".join(
         f"{figures.label(p)} {r:.1f}" if np.isfinite(r) else f"{figures.label(p)} alone"
         for r, p in sorted(ahead, reverse=True)
@@ -124,29 +144,30 @@ def _faster(rows: an.Rows, kind: str, target: float, case: str) -> str:
 def _tables(rows: an.Rows, titles: dict[str, str]) -> list[str]:
     lines = []
     names = sorted({p for by_peer in rows.values() for p in by_peer}, key=figures.rank)
+    head = ["problem", *map(figures.label, names)]
     for kind in an.KINDS:
         for target in an.TARGETS:
+            cells = [
+                [titles[case], *(_cell(times.get(p, np.inf), min(times.values())) for p in names)]
+                for case, times in an.table(rows, kind, target).items()
+            ]
             lines += [f"## Time in ms to an error of {target:.0e}, {kind}", ""]
-            lines += ["| problem | " + " | ".join(figures.label(p) for p in names) + " |"]
-            lines += ["|---|" + "---:|" * len(names)]
-            for case, times in an.table(rows, kind, target).items():
-                best = min(times.values())
-                cells = [_cell(times.get(p, np.inf), best) for p in names]
-                lines += [f"| {titles[case]} | " + " | ".join(cells) + " |"]
-            lines += [""]
-    lines += ["## How they fared (cold, to 1e-6)", ""]
-    lines += ["Empty: solved from the straight line. Otherwise what it took, or what it said.", ""]
-    lines += ["| problem | " + " | ".join(figures.label(p) for p in names) + " |"]
-    lines += ["|---|" + "---|" * len(names)]
-    for case, by_peer in rows.items():
-        cells = [_brief(an.outcome(by_peer[p])) if p in by_peer else "not run" for p in names]
-        lines += [f"| {titles[case]} | " + " | ".join(cells) + " |"]
-    solved = [
-        sum(bool(np.isfinite(an.time_at(r.get(p, []), "cold", 1e-6))) for r in rows.values())
-        for p in names
+            lines += [*table(head, cells, right=range(1, len(head))), ""]
+    cells = [
+        [titles[case], *(an.outcome(by_peer[p]) if p in by_peer else "not run" for p in names)]
+        for case, by_peer in rows.items()
     ]
-    lines += ["| **solved** | " + " | ".join(f"{s} of {len(rows)}" for s in solved) + " |"]
-    return [*lines, ""]
+    times = an.costs(rows, "cold", 1e-6)  # of those that can express any
+    solved = [np.isfinite(times.get(p, [])).sum() for p in names]
+    return [
+        *lines,
+        "## How they fared (cold, to 1e-6)",
+        "",
+        "Empty: solved from the straight line. Otherwise what it took, or what it said.",
+        "",
+        *table(head, [*cells, ["**solved**", *(f"{s} of {len(rows)}" for s in solved)]]),
+        "",
+    ]
 
 
 def _cell(seconds: float, best: float) -> str:
@@ -154,8 +175,3 @@ def _cell(seconds: float, best: float) -> str:
         return "-"
     text = f"{seconds * 1e3:.3g}" if seconds < 1 else f"{seconds * 1e3:.0f}"
     return f"**{text}**" if seconds == best else text
-
-
-def _brief(text: str) -> str:
-    text = text.replace("|", "/").replace("\n", " ")
-    return text if len(text) <= 90 else text[:87] + "..."

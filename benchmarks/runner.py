@@ -2,27 +2,15 @@
 
 from __future__ import annotations
 
-import json
+import multiprocessing
 import os
-import queue
-import subprocess
-import sys
-import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from contextlib import suppress
 
-from benchmarks import problems
+from actionopt.tools.process import ONE_THREAD
+from benchmarks import problems, worker
 
-ONE_THREAD = {
-    name: "1"
-    for name in (
-        "OMP_NUM_THREADS",
-        "OPENBLAS_NUM_THREADS",
-        "MKL_NUM_THREADS",
-        "NUMEXPR_NUM_THREADS",
-        "VECLIB_MAXIMUM_THREADS",
-    )
-}
 START_LIMIT = 120.0  # seconds for a peer's imports
 
 
@@ -30,40 +18,30 @@ class Worker:
     """One peer's process."""
 
     def __init__(self, peer: str) -> None:
-        self.process = subprocess.Popen(
-            [sys.executable, "-m", "benchmarks.worker", peer],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-            env={**os.environ, **ONE_THREAD},
-        )
-        self.lines: queue.Queue[str] = queue.Queue()
-        threading.Thread(target=self._listen, daemon=True).start()
+        spawn = multiprocessing.get_context("spawn")
+        self.pipe, theirs = spawn.Pipe()
+        self.process = spawn.Process(target=worker.serve, args=(theirs, peer))
+        self.process.start()
+        theirs.close()
         self.hello = self.reply(START_LIMIT)
-
-    def _listen(self) -> None:
-        for line in self.process.stdout:
-            self.lines.put(line)
-        self.lines.put("")
 
     def ask(self, request: dict, limit: float) -> dict | None:
         """Return the reply, or None if it did not come in time."""
-        self.process.stdin.write(json.dumps(request) + "\n")
-        self.process.stdin.flush()
+        with suppress(OSError):
+            self.pipe.send(request)
         return self.reply(limit)
 
     def reply(self, limit: float) -> dict | None:
-        """Wait for a line."""
+        """Return what comes within `limit` seconds, None if that is nothing."""
         try:
-            line = self.lines.get(timeout=limit)
-        except queue.Empty:
+            return self.pipe.recv() if self.pipe.poll(limit) else None
+        except (EOFError, OSError):  # it ended
             return None
-        return json.loads(line) if line else None
 
     def close(self) -> None:
         """End the process."""
         self.process.kill()
-        self.process.wait()
+        self.process.join()
 
 
 class Bench:
@@ -72,6 +50,7 @@ class Bench:
     def __init__(self, names: Sequence[str], limit: float) -> None:
         self.names, self.limit = list(names), limit
         self.workers: dict[str, Worker] = {}
+        os.environ.update(ONE_THREAD)  # of the processes that are started
         self.cases = problems.load()
 
     def starts(self, case: str) -> Sequence[str]:
@@ -92,18 +71,18 @@ class Bench:
 
     def ask(self, peer: str, request: dict) -> dict:
         """Run one request; a peer that takes too long is ended and says so."""
-        worker = self._worker(peer)
-        if not worker.hello or not worker.hello["ready"]:
-            said = worker.hello["status"] if worker.hello else "its process ended"
+        mine = self._worker(peer)
+        if not mine.hello or not mine.hello["ready"]:
+            said = mine.hello["status"] if mine.hello else "its process ended"
             return {"status": f"unable: {said}", "time": 0.0}
         clock = time.perf_counter()
         # "Again" means a cold solve and several more.
         limit = self.limit * (1 if request["kind"] == "cold" else 3)
-        reply = worker.ask(request, limit)
+        reply = mine.ask(request, limit)
         if reply is not None:
             return reply
         seconds = time.perf_counter() - clock
-        worker.close()
+        mine.close()
         del self.workers[peer]
         what = f"no answer in {limit:g} s" if seconds >= limit else "its process ended"
         return {"status": what, "time": seconds}
@@ -115,24 +94,5 @@ class Bench:
 
     def close(self) -> None:
         """End all processes."""
-        for worker in self.workers.values():
-            worker.close()
-
-
-class Progress:
-    """Go through items and draw a bar on stderr."""
-
-    def __init__(self, items: Sequence[str]) -> None:
-        self.items = items
-
-    def __iter__(self) -> Iterator[str]:
-        """Yield the items."""
-        count, started = len(self.items), time.perf_counter()
-        for k, item in enumerate(self.items):
-            done = int(30 * k / count)
-            spent = time.perf_counter() - started
-            bar = f"[{'#' * done}{'.' * (30 - done)}] {k}/{count} {spent:4.0f} s  {item}"
-            print(f"\r\033[K{bar}", end="", file=sys.stderr, flush=True)
-            yield item
-        spent = time.perf_counter() - started
-        print(f"\r\033[K[{'#' * 30}] {count}/{count} {spent:4.0f} s", file=sys.stderr)
+        for each in self.workers.values():
+            each.close()

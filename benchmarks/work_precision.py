@@ -13,9 +13,10 @@ from __future__ import annotations
 import argparse
 from itertools import zip_longest
 
-from benchmarks import peers, problems, report
-from benchmarks.results import Results
-from benchmarks.runner import Bench, Progress
+from actionopt.tools.progress import steps
+from benchmarks import peers, problems
+from benchmarks.results import Results, brief
+from benchmarks.runner import Bench
 
 SLOW = 0.3  # seconds above which a measurement is not repeated
 USEFUL = 1e-2  # a larger error is another path, or none
@@ -23,13 +24,15 @@ USEFUL = 1e-2  # a larger error is another path, or none
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the command."""
+    from benchmarks import report  # here, as the peers' processes import this module too
+
     options = _options(arguments)
     results = Results.open(report.FOLDER / options.data, fresh=options.fresh)
     if not options.report_only:
         bench = Bench(options.peers, options.limit)
         try:
             results.describe(bench.versions())
-            for case in Progress(options.problems):
+            for case in steps(options.problems):
                 measure(bench, results, case, options.rounds)
         finally:
             bench.close()
@@ -59,7 +62,7 @@ class Job:
         self.peer, self.kind = peer, kind
         self.request = {"case_name": case, "start": start, "setting": setting, "kind": kind}
         self.times: list[float] = []
-        self.error, self.status, self.memory = float("inf"), "", 0
+        self.error, self.status = float("inf"), ""
 
     def run(self, bench: Bench) -> bool:
         """Measure once more; return whether it came to an answer of use."""
@@ -67,7 +70,6 @@ class Job:
         self.times.append(reply["time"])
         self.status = reply["status"]
         self.error = reply.get("error", float("inf"))
-        self.memory = reply.get("memory", 0)
         if not self.status and not self.error < USEFUL:
             self.status = f"another path (error {self.error:.1e})"
         return not self.status
@@ -83,10 +85,8 @@ class Job:
         return {
             **rest,
             "time": self.seconds,
-            "times": self.times,
             "error": self.error if self.error < float("inf") else None,
-            "status": self.status,
-            "memory": self.memory,
+            "status": brief(self.status),
         }
 
 
@@ -130,10 +130,12 @@ def _options(arguments: list[str] | None) -> argparse.Namespace:
     options.fresh = options.fresh or (quick and not options.report_only)
     options.rounds = options.rounds or (3 if quick else 5)
     options.limit = options.limit or (5.0 if quick else 20.0)
-    for kind, every in (("problems", problems), ("peers", peers)):
-        known = every.ORDER if kind == "problems" else every.NAMES
+    for kind, known, few in (
+        ("problems", list(problems.load()), problems.QUICK),
+        ("peers", peers.NAMES, peers.QUICK),
+    ):
         given = getattr(options, kind)
-        chosen = given.split(",") if given else list(every.QUICK if quick else known)
+        chosen = given.split(",") if given else list(few if quick else known)
         unknown = [name for name in chosen if name not in known]
         if unknown:
             parser.error(f"unknown {kind} {', '.join(unknown)}; known are {', '.join(known)}")

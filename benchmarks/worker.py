@@ -1,4 +1,4 @@
-"""A process that runs one peer: requests come in as JSON lines, answers go out as JSON lines.
+"""What runs one peer: requests come in by a pipe, and answers go out.
 
 Each peer has a process of its own, so that a slow one can be ended, and what it prints is not
 mistaken for an answer.
@@ -7,16 +7,15 @@ mistaken for an answer.
 from __future__ import annotations
 
 import gc
-import json
 import os
 import resource
-import sys
 import time
 import warnings
+from contextlib import suppress
 from functools import cache
-from importlib import metadata
 
 from benchmarks import peers, problems
+from benchmarks.results import version
 
 AGAIN = 6  # solves in a row, end points back and forth
 ENOUGH = 1.0  # seconds of them
@@ -84,40 +83,20 @@ def measure(peer: peers.Peer, case_name: str, start: str, setting, kind: str) ->
     return {"status": "", "time": sorted(times)[len(times) // 2], "error": max(errors)}
 
 
-def _version(package: str) -> str:
-    if package == "actionopt":
-        import actionopt
-
-        return actionopt.__version__
-    return metadata.version(package)
-
-
-def main() -> None:
-    """Serve requests until the input ends."""
-    replies = os.fdopen(os.dup(1), "w")
+def serve(pipe, name: str) -> None:
+    """Answer requests to the peer `name` until the other end is closed."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # solvers talk
     os.dup2(1, 2)
     warnings.simplefilter("ignore")
     try:
-        peer = peers.get(sys.argv[1])
+        peer = peers.get(name)
     except ImportError as error:
-        print(json.dumps({"ready": False, "status": f"cannot be imported: {error}"}), file=replies)
+        pipe.send({"ready": False, "status": f"cannot be imported: {error}"})
         return
     _cases()
     gc.freeze()  # what is imported need not be searched before every measurement
-    hello = {
-        "ready": True,
-        "name": peer.name,
-        "settings": list(peer.settings),
-        "versions": {p: _version(p) for p in ("numpy", *peer.packages)},
-    }
-    print(json.dumps(hello), file=replies, flush=True)
-    for line in sys.stdin:
-        request = json.loads(line)
-        result = measure(peer, **request)
-        result["memory"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
-        print(json.dumps(result), file=replies, flush=True)
-
-
-if __name__ == "__main__":
-    main()
+    versions = {p: version(p) for p in ("numpy", *peer.packages)}
+    pipe.send({"ready": True, "settings": peer.settings, "versions": versions})
+    with suppress(EOFError):
+        while True:
+            pipe.send(measure(peer, **pipe.recv()))

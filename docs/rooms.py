@@ -12,6 +12,7 @@ from __future__ import annotations
 import ast
 import sys
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 TOP = Path(__file__).resolve().parent.parent
@@ -38,8 +39,13 @@ def room(module: str) -> str:
 FILES = {dotted(file): file for file in sorted(PACKAGE.rglob("*.py"))}
 
 
-def imports(file: Path) -> Iterator[str]:
-    """Yield the modules that a file imports, anywhere in it."""
+@cache
+def imports(file: Path) -> frozenset[str]:
+    """Return the modules that a file imports, anywhere in it."""
+    return frozenset(_imports(file))
+
+
+def _imports(file: Path) -> Iterator[str]:
     for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from helpers import integrated
 from scipy.optimize import brentq
 
 import actionopt as ao
@@ -39,7 +39,8 @@ def test_projectile_has_one_path():
 @pytest.mark.parametrize(
     ("lam", "actions"),
     [(1.0, [-1.0465167047946651, 16.440013090858122]),
-     (3.4, [-4.2594654167377802, -4.1830776405135700]), (3.6, [])],
+     (3.4, [-4.2594654167377802, -4.1830776405135700]),
+     pytest.param(3.6, [], marks=pytest.mark.slow)],
 )  # fmt: skip
 def test_bratu(lam, actions):
     # Two paths up to lam = 3.513830719, none beyond; actions by quadrature of the closed form.
@@ -51,7 +52,11 @@ def test_bratu(lam, actions):
 
 
 @pytest.mark.parametrize(
-    ("h", "areas"), [(0.5, [5.99179697580228191, 6.84565539431063018]), (0.67, [])]
+    ("h", "areas"),
+    [
+        (0.5, [5.99179697580228191, 6.84565539431063018]),
+        pytest.param(0.67, [], marks=pytest.mark.slow),
+    ],
 )
 def test_soap_film(h, areas):
     # Catenoids between rings of radius 1 at -+h exist up to h = 0.662743419349.
@@ -63,56 +68,45 @@ def test_soap_film(h, areas):
 # -- windings --------------------------------------------------------------------------------------
 
 
-def shooting(a, b, T, windings, fastest):
+def shooting(a, b, T, windings, fastest, steps=200):
     """Find all swings from a to b + 2 pi k by dense shooting: (k, v0, action, index), sorted."""
 
-    def end(v0):
-        w0 = np.atleast_1d(v0)
-        y = np.stack([np.full(w0.size, a), w0])
-        for _ in range(STEPS):  # RK4, fixed steps: only brackets are taken from it
-            h = T / STEPS
+    def rate(t, y):
+        q, v, _, eta, slope = y
+        bend = -9.81 * np.cos(q) * eta
+        return np.stack([v, -9.81 * np.sin(q), v**2 / 2 + 9.81 * np.cos(q), slope, bend])
 
-            def rate(y):
-                return np.stack([y[1], -9.81 * np.sin(y[0])])
+    def run(v0):
+        return integrated(rate, [a, v0, 0, 0, 1], 0, T, rtol=1e-11)
 
-            k1 = rate(y)
-            k2 = rate(y + h / 2 * k1)
-            k3 = rate(y + h / 2 * k2)
-            y = y + h / 6 * (k1 + 2 * k2 + 2 * k3 + rate(y + h * k3))
-        return y[0]
-
-    STEPS = 400
-    grid = np.linspace(-fastest, fastest, 40001)
-    ends = end(grid)
+    grid, h = np.linspace(-fastest, fastest, 8001), T / steps
+    y = np.zeros((5, grid.size))
+    y[:2] = np.full(grid.size, a), grid
+    for _ in range(steps):  # RK4, fixed steps: only brackets are taken from it
+        k1 = rate(0, y)
+        k2 = rate(0, y + h / 2 * k1)
+        k3 = rate(0, y + h / 2 * k2)
+        y = y + h / 6 * (k1 + 2 * k2 + 2 * k3 + rate(0, y + h * k3))
     result = []
     for k in range(-windings, windings + 1):
-        gap = ends - (b + 2 * np.pi * k)
-        for i in np.flatnonzero(gap[:-1] * gap[1:] < 0):
-
-            def rate(t, y):
-                lagrangian = y[1] ** 2 / 2 + 9.81 * np.cos(y[0])
-                return [y[1], -9.81 * np.sin(y[0]), lagrangian, y[4], -9.81 * np.cos(y[0]) * y[3]]
-
-            def run(v0, rate=rate):
-                options = {"rtol": 1e-11, "atol": 1e-12, "dense_output": True}
-                return solve_ivp(rate, (0, T), [a, v0, 0, 0, 1], "DOP853", **options)
-
-            def miss(v0, target=b + 2 * np.pi * k, run=run):
-                return run(v0).y[0, -1] - target
-
-            v0 = brentq(miss, grid[i], grid[i + 1], xtol=1e-12)
+        target = b + 2 * np.pi * k
+        for i in np.flatnonzero((y[0, :-1] - target) * (y[0, 1:] - target) < 0):
+            ends = grid[i], grid[i + 1]
+            v0 = brentq(lambda v0, target=target: run(v0)(T)[0] - target, *ends, xtol=1e-12)
             motion = run(v0)
-            J = motion.sol(np.linspace(0, T, 4001)[1:])[3]
-            result.append((k, v0, motion.y[2, -1], int(np.sum(J[:-1] * J[1:] < 0))))
+            J = motion(np.linspace(0, T, 4001)[1:])[3]
+            result.append((k, v0, motion(T)[2], int(np.sum(J[:-1] * J[1:] < 0))))
     return sorted(result, key=lambda row: row[2])
 
 
-@pytest.mark.parametrize(("a", "b", "T"), [(0.5, -0.3, 2.0), (0.0, 1.0, 3.1)])
+@pytest.mark.parametrize(
+    ("a", "b", "T"), [(0.5, -0.3, 2.0), pytest.param(0.0, 1.0, 3.1, marks=pytest.mark.slow)]
+)
 def test_pendulum_with_windings(a, b, T):
     problem = ao.Problem(PENDULUM, ao.Event(0.0, a), ao.Event(T, b))
-    found = solve_all(problem, windings=3, starts=3, continuations=4)
-    expected = shooting(a, b, T, 3, 25.0)
-    assert {k for k, *_ in expected} == set(range(-3, 4))
+    found = solve_all(problem, windings=2, starts=2, continuations=2)
+    expected = shooting(a, b, T, 2, 25.0)
+    assert {k for k, *_ in expected} == set(range(-2, 3))
     assert found.angles == ("theta",)
     assert [w for (w,) in found.windings] == [k for k, *_ in expected]
     assert [s.action for s in found] == pytest.approx([S for *_, S, _ in expected], abs=1e-7)
@@ -179,18 +173,21 @@ def lambert(r1, r2, T, mu=1.0):
 
 
 @pytest.mark.parametrize(
-    ("T", "revolutions"),
-    [(3.0, 0), pytest.param(10.0, 1, marks=pytest.mark.slow),
-     pytest.param(16.0, 2, marks=pytest.mark.slow),
-     pytest.param(22.0, 3, marks=pytest.mark.slow)],
-)  # fmt: skip
-def test_all_transfers_of_lamberts_problem(T, revolutions):
+    ("T", "revolutions", "options"),
+    [
+        (3.0, 0, {"starts": 1, "shots": 16, "continuations": 0}),
+        pytest.param(10.0, 1, {}, marks=pytest.mark.slow),
+        pytest.param(16.0, 2, {}, marks=pytest.mark.slow),
+        pytest.param(22.0, 3, {}, marks=pytest.mark.slow),
+    ],
+)
+def test_all_transfers_of_lamberts_problem(T, revolutions, options):
     r1, r2 = [1.0, 0.0], [0.0, 1.2]
     expected = lambert(r1, r2, T)
     assert max(N for N, _ in expected) == revolutions
     assert len(expected) == 2 + 4 * revolutions
     problem = ao.Problem(kepler(2), ao.Event(0.0, r1), ao.Event(T, r2))
-    found = solve_all(problem)
+    found = solve_all(problem, **options)
     for _, v in expected:
         assert min(np.max(np.abs(s.start.v - v)) for s in found) < VELOCITY_TOLERANCE
     assert len(found) == len(expected)
@@ -215,17 +212,6 @@ def test_both_ways_in_space():
         assert solution.start.v == pytest.approx(v, abs=1e-6)
         assert solution.action == pytest.approx(S, rel=1e-9)
         assert solution.morse_index == index
-
-
-def test_vallado():
-    # Vallado, Fundamentals of Astrodynamics, example 7-5, short way; km and s.
-    q = (15945.34, 0.0, 0.0), (12214.83899, 10249.46731, 0.0)
-    problem = ao.Problem(kepler(3, 398600.4418), ao.Event(0.0, q[0]), ao.Event(4560.0, q[1]))
-    found = solve_all(problem, starts=2, shots=16, continuations=0)
-    v = (2.0589133537073095, 2.9159643516499399, 0.0)
-    assert found[0].start.v == pytest.approx(v, abs=1e-6)
-    assert found[0].action == pytest.approx(123496.2554912745, rel=1e-9)
-    assert found.indices[0] == 0
 
 
 # -- two angles ------------------------------------------------------------------------------------
@@ -309,7 +295,7 @@ def test_oscillations_of_half_a_period_are_a_family():
     ("system", "start", "end"),
     [
         (SPHERE, [1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]),
-        (POLAR, [np.pi / 2, 0.0], [np.pi / 2, np.pi]),
+        pytest.param(POLAR, [np.pi / 2, 0.0], [np.pi / 2, np.pi], marks=pytest.mark.slow),
     ],
 )
 def test_great_circles_between_antipodes_are_a_family(system, start, end):
@@ -408,7 +394,7 @@ def test_progress_and_interruption():
 
 
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="no timers that send signals")
-@pytest.mark.parametrize("after", [0.02, 0.1, 0.3, 1.0])
+@pytest.mark.parametrize("after", [0.02, 0.3])
 def test_an_interruption_ends_the_search_and_keeps_what_it_has(after):
     """Wherever it comes, the signal is no failure of what it interrupts."""
     problem = ao.Problem(PENDULUM, ao.Event(0.0, 0.5), ao.Event(14.0, -0.3))
@@ -430,7 +416,7 @@ def test_an_interruption_ends_the_search_and_keeps_what_it_has(after):
 
 def test_each_path_agrees_with_forward_motion():
     problem = ao.Problem(PENDULUM, ao.Event(0.0, 0.0), ao.Event(1.0, 1.0))
-    for solution in solve_all(problem):
+    for solution in solve_all(problem, starts=2, continuations=0):
         assert solution.compare().agrees
 
 

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from helpers import integrated
+from motions import ellipse
 from scipy.optimize import brentq
 
 import actionopt as ao
@@ -112,16 +113,15 @@ def test_kinetic_foci_against_a_jacobi_field_integrated_alone(name, start):
         return [y[1], -force(y[0]), y[3], -stiffness(y[0]) * y[2]]
 
     T = 6.0 if name == "pendulum" else 14.0
-    run = solve_ivp(rate, (0, T), [start, speed, 0, 1], "DOP853", rtol=1e-13, atol=1e-14,
-                    dense_output=True)  # fmt: skip
+    run = integrated(rate, [start, speed, 0, 1], 0, T)
     grid = np.linspace(0, T, 2001)[1:]
-    J = run.sol(grid)[2]
+    J = run(grid)[2]
     change = np.flatnonzero(J[1:] * J[:-1] < 0)
-    exact = [brentq(lambda t: run.sol(t)[2], grid[i], grid[i + 1], xtol=1e-14) for i in change]
+    exact = [brentq(lambda t: run(t)[2], grid[i], grid[i + 1], xtol=1e-14) for i in change]
     assert len(exact) >= 3
 
     system = ao.System(lambda q, v, t: v[0] ** 2 / 2 - V(q[0]), ["x"])
-    curve = lambda t: run.sol(t)[:1]  # noqa: E731
+    curve = lambda t: run(t)[:1]  # noqa: E731
     problem = ao.Problem(system, ao.Event(0.0, curve(0.0)), ao.Event(T, curve(T)))
     found = times_of(ao.solve(problem, guess=curve))
     assert found == pytest.approx(exact, abs=TIME_TOLERANCE * T)
@@ -133,21 +133,13 @@ def test_elliptic_arc_in_space(mu, short, index):
     # Orbits tilted about the radius at the start meet the path again half a turn later: at 180
     # degrees of true anomaly, by Kepler's equation.
     a, e = 1.3, 0.4
-    n = np.sqrt(mu / a**3)
-
-    def anomaly(t):
-        M = n * t + 0.5
-        E = M + e * np.sin(M)
-        for _ in range(50):
-            E = E - (E - e * np.sin(E) - M) / (1 - e * np.cos(E))
-        return E
+    n, flat = np.sqrt(mu / a**3), ellipse(a, e, mu)
 
     def orbit(t):
-        E = anomaly(t)
-        x, y = a * (np.cos(E) - e), a * np.sqrt(1 - e * e) * np.sin(E)
+        x, y = flat(t + 0.5 / n)[0]
         return np.stack([x, 0.8 * y, 0.6 * y])
 
-    E0 = float(anomaly(np.array(0.0)))
+    E0 = np.arccos(orbit(0.0)[0] / a + e)
     true = 2 * np.arctan(np.sqrt((1 + e) / (1 - e)) * np.tan(E0 / 2)) + np.pi
     E1 = 2 * np.arctan(np.sqrt((1 - e) / (1 + e)) * np.tan(true / 2)) % (2 * np.pi)
     exact = (E1 - e * np.sin(E1) - 0.5) / n

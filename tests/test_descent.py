@@ -2,19 +2,14 @@
 
 import numpy as np
 import pytest
+from helpers import transcribed
 
-from actionopt import Event, Mesh, Problem, System
+from actionopt import System
 from actionopt.discrete.newton import follow
-from actionopt.discrete.transcription import Transcription
 from actionopt.solver.descent import RUNAWAY, descend
 
 SPRING = System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2 - q[0] ** 4 / 400, ["x"])
 PENDULUM = System(lambda q, v, t: v[0] ** 2 / 2 + 9.81 * np.cos(q[0]), ["theta"])
-
-
-def transcribed(system, ends, T, elements=8, degree=6):
-    problem = Problem(system, Event(0.0, ends[0]), Event(T, ends[1]))
-    return Transcription(problem, Mesh.uniform(0.0, T, elements, degree), problem.lengths)
 
 
 def test_a_start_that_is_the_minimum_already_is_found():

@@ -6,20 +6,12 @@ from itertools import pairwise
 import matplotlib
 import numpy as np
 import pytest
-
-matplotlib.use("Agg")
 from matplotlib import pyplot
 from matplotlib.backend_bases import KeyEvent, MouseEvent
 
 from actionopt import plot, scenes
 from actionopt.cli import main
 from actionopt.plot.data.trial import knots
-
-
-@pytest.fixture(autouse=True)
-def no_figure_left():
-    yield
-    pyplot.close("all")
 
 
 def mouse(window, kind, at, button=1):
@@ -169,7 +161,9 @@ def test_sliding_the_end_time_through_pi_changes_the_index():
     assert window.marks.get_xdata() == pytest.approx([np.pi, 2 * np.pi], abs=1e-9)
 
 
-@pytest.mark.parametrize(("name", "panels"), [("heavy_top", 3), ("chain", 5), ("kepler_polar", 2)])
+@pytest.mark.parametrize(
+    ("name", "panels"), [("kepler_polar", 2), pytest.param("heavy_top", 3, marks=pytest.mark.slow)]
+)
 def test_systems_of_many_coordinates_have_panels(name, panels):
     window = plot.explore(scenes.get(name))
     click(window, window.solve)
@@ -204,7 +198,7 @@ def test_a_backend_that_cannot_be_loaded_says_so(monkeypatch):
     def broken(**options):
         raise ImportError("Cannot load backend 'QtAgg'")
 
-    monkeypatch.setattr("actionopt.plot._explore.new_figure", broken)
+    monkeypatch.setattr("actionopt.plot._style.new_figure", broken)
     with pytest.raises(RuntimeError, match=r"no window can be opened: Cannot load backend 'QtAgg'"):
         plot.explore(scenes.get("oscillator"))
 

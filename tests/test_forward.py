@@ -8,7 +8,7 @@ import threading
 
 import numpy as np
 import pytest
-from scipy.special import ellipj, ellipk, ndtr
+from motions import damped, ellipse, growing, kicked, pendulum, turning_wire
 
 from actionopt import Mesh, State, System
 from actionopt.analysis import flow, forward
@@ -27,34 +27,7 @@ def kepler_lagrangian(q, v, t, *, m, k):
 
 
 KEPLER = System(kepler_lagrangian, ["x", "y"], parameters={"m": 1.0, "k": 1.0})
-
-
-def kepler(t, a, e, mu):
-    """Position and velocity (2, K) on an ellipse from pericentre, by Kepler's equation."""
-    n = np.sqrt(mu / a**3)
-    mean = n * np.asarray(t, dtype=float)
-    E = mean + e * np.sin(mean)
-    for _ in range(100):
-        E = E - (E - e * np.sin(E) - mean) / (1 - e * np.cos(E))
-    b, rate = np.sqrt(1 - e * e), n / (1 - e * np.cos(E))
-    q = a * np.stack([np.cos(E) - e, b * np.sin(E)])
-    return q, a * rate * np.stack([-np.sin(E), b * np.cos(E)])
-
-
-def rod_pendulum(l, g):
-    return System(
-        lambda q, v, t, *, l, g: (v[0] ** 2 + v[1] ** 2) / 2 - g * q[1],
-        ["x", "y"],
-        parameters={"l": l, "g": g},
-        constraint=lambda q, t, *, l: q[0] ** 2 + q[1] ** 2 - l**2,
-    )
-
-
-def swing(t, theta, l, g):
-    """Angle and its rate, (K,), of a pendulum let go at the angle `theta`."""
-    k, w = np.sin(theta / 2), np.sqrt(g / l)
-    sn, cn, _, _ = ellipj(w * t + ellipk(k**2), k**2)
-    return 2 * np.arcsin(k * sn), 2 * k * w * cn
+PERICENTRE = State(0.0, *ellipse(1.0, 0.6, 1.0)(0.0))
 
 
 def deviation(path, exact):
@@ -72,21 +45,18 @@ def deviation(path, exact):
 
 @pytest.mark.parametrize(("a", "e", "mu"), [(1.0, 0.6, 1.0), (2.5, 0.3, 39.5)])
 def test_kepler_ellipse(a, e, mu):
-    def exact(t):
-        return kepler(t, a, e, mu)
-
-    q, v = exact(0.0)
-    path = integrate(KEPLER, State(0.0, q, v), 7.0, parameters={"k": mu})
+    exact = ellipse(a, e, mu)
+    path = integrate(KEPLER, State(0.0, *exact(0.0)), 7.0, parameters={"k": mu})
     assert deviation(path, exact) < ACCURATE
-    assert deviation(path, lambda t: kepler(t, a, e, mu * (1 + 1e-9))) > 10 * ACCURATE
+    assert deviation(path, ellipse(a, e, mu * (1 + 1e-9))) > 10 * ACCURATE
 
 
 def test_near_collision_arc():
     # A delay dt is an error of velocity a dt / v ~ dt / (1 - e)^1.5 = 90 dt at pericentre.
     e = 0.95
-    q, v = kepler(-2.0, 1.0, e, 1.0)
-    path = integrate(KEPLER, State(-2.0, q, v), 2.0)
-    assert deviation(path, lambda t: kepler(t, 1.0, e, 1.0)) < 10 * ACCURATE
+    exact = ellipse(1.0, e, 1.0)
+    path = integrate(KEPLER, State(-2.0, *exact(-2.0)), 2.0)
+    assert deviation(path, exact) < 10 * ACCURATE
     lengths = path.mesh.lengths
     assert lengths.max() > 20 * lengths.min()  # elements are where the motion is
 
@@ -125,60 +95,19 @@ def test_projectile_with_a_coordinate_that_stays_zero():
     assert np.allclose(path(t), [3 * t, 0 * t, 1 + 4 * t - 9.81 * t**2 / 2], rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize(("gamma", "w"), [(0.3, 2.0), (1.0, 3.0)])
-def test_lagrangian_that_depends_on_time(gamma, w):
-    """L = exp(gamma t)(v^2 - w^2 x^2)/2 is the damped oscillator (Caldirola, Kanai)."""
-    system = System(
-        lambda q, v, t, *, gamma, w: np.exp(gamma * t) * (v[0] ** 2 - (w * q[0]) ** 2) / 2,
-        ["x"],
-        parameters={"gamma": gamma, "w": w},
-    )
-    root = -gamma / 2 + 1j * np.sqrt(w**2 - gamma**2 / 4)
-
-    def exact(t):
-        z = np.exp(root * t)
-        return z.real[None], (root * z).real[None]
-
-    assert deviation(integrate(system, State(0.0, [1.0], [root.real]), 6.0), exact) < ACCURATE
-
-
-@pytest.mark.parametrize(("c", "drive"), [(0.4, 1.3), (1.5, 3.0)])
-def test_forced_and_damped_oscillator(c, drive):
-    system = System(
-        lambda q, v, t, *, c, drive: v[0] ** 2 / 2 - 2 * q[0] ** 2,
-        ["x"],
-        parameters={"c": c, "drive": drive},
-        force=lambda q, v, t, *, c, drive: [np.cos(drive * t) - c * v[0]],
-    )
-    root = -c / 2 + 1j * np.sqrt(4 - c**2 / 4)
-    steady = 1 / (4 - drive**2 + 1j * c * drive)
-
-    def exact(t):
-        own, forced = 0.5 * np.exp(root * t), steady * np.exp(1j * drive * t)
-        x, rate = own + forced, root * own + 1j * drive * forced
-        return x.real[None], rate.real[None]
-
-    q, v = exact(np.zeros(1))
-    assert deviation(integrate(system, State(0.0, q[:, 0], v[:, 0]), 8.0), exact) < ACCURATE
-
-
-def kicked(width, centre):
-    """A free body that gets the momentum one at `centre`, within a time `width`; its motion."""
-    system = System(
-        lambda q, v, t, *, d, c: (
-            v[0] ** 2 / 2 + q[0] * np.exp(-(((t - c) / d) ** 2) / 2) / (d * np.sqrt(2 * np.pi))
-        ),
-        ["x"],
-        parameters={"d": width, "c": centre},
-    )
-
-    def exact(t, speed=0.0):
-        u = (np.asarray(t) - centre) / width
-        passed = ndtr(u)
-        bell = np.exp(-(u**2) / 2) / np.sqrt(2 * np.pi)
-        return (speed * t + width * (u * passed + bell))[None], (speed + passed)[None]
-
-    return system, exact
+@pytest.mark.parametrize(
+    ("motion", "T"),
+    [
+        (growing(0.3, 2.0), 6.0),
+        (growing(1.0, 3.0), 6.0),
+        (damped(0.4, 1.3), 8.0),
+        (damped(1.5, 3.0), 8.0),
+        (turning_wire(1.3), 3.0),
+    ],
+)
+def test_motions_that_time_forces_and_constraints_drive(motion, T):
+    system, exact = motion
+    assert deviation(integrate(system, State(0.0, *exact(0.0)), T), exact) < ACCURATE
 
 
 @pytest.mark.parametrize("width", [0.1, 0.03, 0.01, 0.001])
@@ -224,41 +153,14 @@ def test_twelve_masses_on_springs_with_a_full_mass_matrix():
 
 @pytest.mark.parametrize(("theta", "l", "g"), [(1.0, 1.0, 9.81), (3.0, 0.4, 1.6)])
 def test_cartesian_pendulum_against_its_angle_and_tension(theta, l, g):
-    system = rod_pendulum(l, g)
-
-    def exact(t):
-        a, rate = swing(t, theta, l, g)
-        along = np.stack([np.cos(a), np.sin(a)])
-        return l * np.stack([np.sin(a), -np.cos(a)]), l * rate * along
-
-    q, v = exact(0.0)
-    path = integrate(system, State(0.0, q, v), 4.0)
+    system, exact = pendulum(theta, l, g)
+    path = integrate(system, State(0.0, *exact(0.0)), 4.0)
     assert deviation(path, exact) < ACCURATE
     t = path.mesh.nodes
     force = system.constraint_force(path(t), path.velocity(t), t)
-    a, _ = swing(t, theta, l, g)
-    tension = g * (3 * np.cos(a) - 2 * np.cos(theta))
+    tension = -g * (3 * exact(t)[0][1] / l + 2 * np.cos(theta))
     inward = -np.sum(force * path(t), axis=0) / l
     assert np.allclose(inward, tension, rtol=0, atol=10 * ACCURATE * g)
-
-
-def test_bead_on_a_turning_wire():
-    """The constraint moves: x sin(w t) = y cos(w t), and the bead flies out as cosh(w t)."""
-    w = 1.3
-    system = System(
-        lambda q, v, t, *, w: (v[0] ** 2 + v[1] ** 2) / 2,
-        ["x", "y"],
-        parameters={"w": w},
-        constraint=lambda q, t, *, w: q[0] * np.sin(w * t) - q[1] * np.cos(w * t),
-    )
-
-    def exact(t):
-        along = np.stack([np.cos(w * t), np.sin(w * t)])
-        across = np.stack([-np.sin(w * t), np.cos(w * t)])
-        return np.cosh(w * t) * along, w * (np.sinh(w * t) * along + np.cosh(w * t) * across)
-
-    q, v = exact(0.0)
-    assert deviation(integrate(system, State(0.0, q, v), 3.0), exact) < ACCURATE
 
 
 def test_drift_off_the_surface_stays_at_round_off():
@@ -285,9 +187,10 @@ def test_drift_off_the_surface_stays_at_round_off():
 def test_atoms_and_planets_are_followed_equally_well(length, time, mass):
     e, mu = 0.6, length**3 / time**2
     given = {"m": mass, "k": mass * mu}
-    q, v = kepler(0.0, length, e, mu)
+    orbit = ellipse(length, e, mu)
+    q, v = orbit(0.0)
     path = integrate(KEPLER, State(0.0, q, v), 5 * time, parameters=given)
-    assert deviation(path, lambda t: kepler(t, length, e, mu)) < ACCURATE
+    assert deviation(path, orbit) < ACCURATE
 
     polar = System(
         lambda q, v, t, *, m, k: m * (v[0] ** 2 + (q[0] * v[1]) ** 2) / 2 + k / q[0],
@@ -298,7 +201,7 @@ def test_atoms_and_planets_are_followed_equally_well(length, time, mass):
     path = integrate(polar, here, 5 * time)
 
     def exact(t):
-        (x, y), (vx, vy) = kepler(t, length, e, mu)
+        (x, y), (vx, vy) = orbit(t)
         r = np.hypot(x, y)
         return (
             np.stack([r, np.unwrap(np.arctan2(y, x))]),
@@ -332,18 +235,17 @@ def test_long_motion_is_measured_in_its_own_size():
 
 
 def test_error_follows_tol():
-    q, v = kepler(0.0, 1.0, 0.6, 1.0)
     errors = []
     for tol in (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12):
-        path = integrate(KEPLER, State(0.0, q, v), 6.0, tol=tol)
-        errors.append(deviation(path, lambda t: kepler(t, 1.0, 0.6, 1.0)) / tol)
+        path = integrate(KEPLER, PERICENTRE, 6.0, tol=tol)
+        errors.append(deviation(path, ellipse(1.0, 0.6, 1.0)) / tol)
     # A tail of one tol can stand for a few at points between, and pericentre amplifies ten times.
     assert max(errors) < 30
     assert errors[0] > 1e-5  # it is not simply always exact
 
 
 def test_a_second_integration_derives_nothing(monkeypatch):
-    system = rod_pendulum(1.0, 9.81)
+    system, _ = pendulum(1.0, 1.0, 9.81)
     state = State(0.0, [0.6, -0.8], [0.0, 0.0])
     integrate(system, state, 1.0)
     derived = system.derived
@@ -400,7 +302,7 @@ def test_other_arguments_that_are_none():
 
 
 def test_state_off_the_surface_or_leaving_it():
-    system = rod_pendulum(1.0, 9.81)
+    system, _ = pendulum(1.0, 1.0, 9.81)
     with pytest.raises(ValueError, match=r"f = 0\.0001.* row 0"):
         integrate(system, State(0.0, [0.0, -1.00005], [1.0, 0.0]), 1.0)
     with pytest.raises(ValueError, match=r"df/dt = -0\.02 in constraint row 0"):
@@ -438,9 +340,8 @@ def test_a_force_that_is_not_smooth_ends_soon():
 
 def test_what_does_not_fit_into_memory_is_refused(monkeypatch):
     monkeypatch.setattr(forward, "NUMBERS", 1000)
-    q, v = kepler(0.0, 1.0, 0.6, 1.0)
     with pytest.raises(IntegrationError, match="not resolved by"):
-        integrate(KEPLER, State(0.0, q, v), 100.0)
+        integrate(KEPLER, PERICENTRE, 100.0)
 
 
 @pytest.mark.parametrize("backwards", [False, True])
@@ -551,8 +452,7 @@ def test_round_off_of_time_is_not_split(monkeypatch):
     calls = []
     call = flow.Integrator.__call__
     monkeypatch.setattr(flow.Integrator, "__call__", lambda *a: calls.append(1) or call(*a))
-    q, v = kepler(0.0, 1.0, 0.6, 1.0)
-    integrate(KEPLER, State(0.0, q, v), 4000.0)
+    integrate(KEPLER, PERICENTRE, 4000.0)
     assert len(calls) <= 5  # two for the units, one to see and one or two to split
 
 
@@ -567,10 +467,9 @@ def keyboard():
 @pytest.mark.usefixtures("keyboard")
 def test_interruption_is_passed_on(capfd):
     timer = threading.Timer(0.3, _thread.interrupt_main)
-    q, v = kepler(0.0, 1.0, 0.6, 1.0)
     timer.start()
     with pytest.raises(KeyboardInterrupt):
-        integrate(KEPLER, State(0.0, q, v), 1e5)  # some twenty seconds
+        integrate(KEPLER, PERICENTRE, 1e5)  # some twenty seconds
     timer.join()
     assert capfd.readouterr() == ("", "")
 
@@ -584,12 +483,11 @@ def test_a_time_limit_is_passed_on(capfd):
     def late(number, frame):
         raise Late
 
-    q, v = kepler(0.0, 1.0, 0.6, 1.0)
     stderr, before = sys.stderr, signal.signal(signal.SIGALRM, late)
     try:
         signal.setitimer(signal.ITIMER_REAL, 0.2)
         with pytest.raises(Late):
-            integrate(KEPLER, State(0.0, q, v), 1e5)  # some twenty seconds
+            integrate(KEPLER, PERICENTRE, 1e5)  # some twenty seconds
         assert signal.getsignal(signal.SIGALRM) is late and sys.stderr is stderr
     finally:
         signal.signal(signal.SIGALRM, before)
@@ -599,12 +497,11 @@ def test_a_time_limit_is_passed_on(capfd):
 @pytest.mark.usefixtures("keyboard")
 def test_other_threads_keep_standard_error(capfd):
     """Integrations in several threads, one interrupted: each may write, and all is as before."""
-    q, v = kepler(0.0, 1.0, 0.6, 1.0)
     stderr, stop = sys.stderr, threading.Event()
 
     def others():
         while not stop.is_set():
-            integrate(KEPLER, State(0.0, q, v), 1.0)
+            integrate(KEPLER, PERICENTRE, 1.0)
 
     threads = [threading.Thread(target=others) for _ in range(3)]
     for thread in threads:
@@ -612,7 +509,7 @@ def test_other_threads_keep_standard_error(capfd):
     timer = threading.Timer(0.3, _thread.interrupt_main)
     timer.start()
     with pytest.raises(KeyboardInterrupt):
-        integrate(KEPLER, State(0.0, q, v), 1e5)
+        integrate(KEPLER, PERICENTRE, 1e5)
     stop.set()
     for thread in (*threads, timer):
         thread.join()

@@ -12,7 +12,7 @@ import pytest
 
 from actionopt import scenes
 from actionopt.cli import main
-from actionopt.gallery import build, builder, keys
+from actionopt.gallery import build, builder
 from actionopt.gallery.explorer import EXPLORERS, OSCILLATOR, PROJECTILE
 from actionopt.gallery.facts import known
 from actionopt.gallery.index_page import SECTIONS, section
@@ -83,6 +83,7 @@ class Checked(HTMLParser):
 
 def test_pages_are_whole(gallery):
     assert len(pages(gallery)) == 2 + len(NAMES)
+    shown = set()
     for file in pages(gallery):
         page = Checked()
         page.feed(file.read_text(encoding="utf-8"))
@@ -97,9 +98,11 @@ def test_pages_are_whole(gallery):
             elif link != "data:,":
                 assert not re.match(r"\w+:|//", link), f"{link} leaves the gallery"
                 assert (file.parent / link).is_file(), f"{file} wants {link}"
+                shown.add((file.parent / link).resolve())
         for picture in page.pictures:
             assert re.search(r"\d", picture["alt"])  # a description, with numbers
         assert "nan" not in page.words.lower().split()
+    assert shown >= {picture.resolve() for picture in gallery.rglob("*.svg")}
 
 
 def test_nothing_comes_from_elsewhere(gallery):
@@ -201,7 +204,7 @@ def test_an_interrupted_build_goes_on(tmp_path, quick):
 def test_a_page_that_cannot_be_written_leaves_the_old_one(tmp_path, quick, monkeypatch):
     build(tmp_path, ["projectile"], jobs=1)
     before = files(tmp_path)
-    monkeypatch.setattr(builder, "key", lambda name: "new")
+    monkeypatch.setattr(builder, "sources", lambda: "new")
     monkeypatch.setattr(builder.os, "replace", lambda a, b: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         build(tmp_path, ["projectile"], jobs=1)
@@ -237,16 +240,18 @@ def test_help_loads_no_matplotlib():
     assert "OUTDIR" in found.stdout and found.stdout.endswith("False\n")
 
 
-def test_a_key_follows_the_sources(monkeypatch):
-    own, other = keys.key("rod_pendulum"), keys.key("projectile")
-    source = keys._source
+def test_pages_follow_their_sources(tmp_path):
+    digests = []
+    for name, text in (("a.py", "1"), ("a.py", "2"), ("b.html", "2"), ("notes.txt", "1")):
+        (tmp_path / name).write_text(text)
+        digests.append(builder.sources(tmp_path))
+    assert len(set(digests)) == 3 and digests[2] == digests[3]
 
-    def changed(name):
-        return source(name) + (b"#" if name == "pendulum" else b"")
 
-    monkeypatch.setattr(keys, "_source", changed)
-    assert keys.key("rod_pendulum") != own  # it imports the pendulum
-    assert keys.key("projectile") == other
+def test_pages_made_from_other_sources_are_made_again(tmp_path, quick, monkeypatch):
+    build(tmp_path, ["projectile"], jobs=1)
+    monkeypatch.setattr(builder, "sources", lambda: "new")
+    assert build(tmp_path, ["projectile"], jobs=1) == ["least", "projectile"]
 
 
 def test_a_scene_that_is_not_there(tmp_path):

@@ -1,8 +1,11 @@
 """The formulas that pages typeset are the Lagrangians that are solved."""
 
+import ast
 import importlib
 import inspect
 import itertools
+import operator
+import re
 import xml.etree.ElementTree as ET
 
 import numpy as np
@@ -15,8 +18,20 @@ from actionopt.gallery.mathml import mathml
 from actionopt.gallery.texts import texts
 from actionopt.plot import SI
 
+OPERATORS = {
+    ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv
+}  # fmt: skip
 POINTS = 7
 STEP = 1e-30  # of a complex step: derivatives without cancellation
+
+
+def parts(node):
+    """Return name, index and number of time derivatives of a symbol."""
+    index = ast.unparse(node.slice) if isinstance(node, ast.Subscript) else ""
+    name, digits, primes = re.fullmatch(
+        f"([A-Za-z]+)(\\d*)({F.PRIME}*)", ast.unparse(node).partition("[")[0]
+    ).groups()
+    return name, index or digits, len(primes)
 
 
 class Values:
@@ -32,42 +47,35 @@ class Values:
         self.rates = dict(zip(self.names, v, strict=True))
         self.scene = scene
         for symbol, node in definitions:
-            self.known[symbol.name + symbol.index] = self(node)
+            self.known["".join(parts(symbol)[:2])] = self(node)
 
     def __call__(self, node):
         match node:
-            case F.Number(text):
-                return float(text)
-            case F.Symbol(name, index, primes):
-                return self.symbol(name, index, primes)
-            case F.Sum(terms):
-                return sum(-self(x) if minus else self(x) for minus, x in terms)
-            case F.Product(factors):
-                values = [self(x) for x in factors]
-                return np.prod(np.broadcast_arrays(*values), axis=0)
-            case F.Fraction(top, bottom):
-                return self(top) / self(bottom)
-            case F.Power(base, F.Number("2")):
+            case ast.Constant(value):
+                return value
+            case ast.Name() | ast.Subscript():
+                return self.symbol(*parts(node))
+            case ast.BinOp(base, ast.Pow(), ast.Constant(2)):
                 value = self(base)
                 return np.sum(value**2, axis=0) if np.ndim(value) == 2 else value**2
-            case F.Power(base, exponent):
-                return self(base) ** self(exponent)
-            case F.Call(function, argument):
-                return getattr(np, function)(self(argument))
-            case F.Size(argument):
+            case ast.BinOp(a, operator, b):
+                return OPERATORS[type(operator)](self(a), self(b))
+            case ast.Call(ast.Name("size"), [argument]):
                 value = self(argument)
                 return np.sqrt(np.sum(value**2, axis=0)) if np.ndim(value) == 2 else np.abs(value)
-            case F.Rate(argument):
+            case ast.Call(ast.Name("rate"), [argument]):
                 moved = self.q + 1j * STEP * self.v, self.v, self.t + 1j * STEP
                 return Values(self.scene, *moved)(argument).imag / STEP
-            case F.Over(over, term):
-                letters = over.replace("<", "").split()
+            case ast.Call(ast.Name("over"), [over, term]):
+                letters = ast.unparse(over).split(" < ")
                 bodies = [n[1:] for n in self.names if n[0] == "x"]
                 total = 0.0
                 for chosen in itertools.combinations(bodies, len(letters)):
                     self.indices = dict(zip(letters, chosen, strict=True))
                     total = total + self(term)
                 return total
+            case ast.Call(ast.Name(function), [argument]):
+                return getattr(np, function)(self(argument))
         raise AssertionError(node)
 
     def symbol(self, name, index, primes):
@@ -104,7 +112,7 @@ def test_the_formulas_are_what_is_solved(name):
             values = value(found.sides[-1])
         elif function == "constraint":
             wanted = system.constraint(q, t, parameters=given)
-            assert found.sides[-1] == F.Number("0")
+            assert ast.unparse(found.sides[-1]) == "0"
             values = []
             for i in range(system.m):
                 value.indices = {"i": i + 1}
@@ -132,10 +140,10 @@ def test_mathml_is_well_formed_and_says_the_same(name):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("L = m (x", "expected '\\)', found 'the end'"),
-        ("L = m x'^", "expected a symbol or a bracket"),
-        ("L = m % 2", "expected a formula, found ' % 2'"),
-        ("L = m x) / 2", "expected the end, found '\\)'"),
+        ("L = m (x", "expected a formula, found 'm \\(x': '\\(' was never closed"),
+        ("L = m x'^", 'expected a formula, found "m x\'\\^": invalid syntax'),
+        ("L = m % 2", "expected a formula, found 'm % 2'"),
+        ("L = m x) / 2", "unmatched '\\)'"),
     ],
 )
 def test_what_is_no_formula(text, message):
@@ -144,12 +152,10 @@ def test_what_is_no_formula(text, message):
 
 
 def test_order_of_operations():
-    tree = F.formula("L = -k x^2 / 2 + m g l cos theta1").sides[1]
-    x = F.Power(F.Symbol("x"), F.Number("2"))
-    first = F.Fraction(F.Product((F.Symbol("k"), x)), F.Number("2"))
-    cosine = F.Call("cos", F.Symbol("theta", "1"))
-    second = F.Product((*map(F.Symbol, "mgl"), cosine))
-    assert tree == F.Sum(((True, first), (False, second)))
+    side = F.formula("L = -k x^2 / 2 + m g l cos theta1 / 3 b").sides[1]
+    assert ast.dump(side) == ast.dump(
+        ast.parse("(0 - (k * x**2) / 2) + (m * g * l * cos(theta1) / 3) * b", mode="eval").body
+    )
 
 
 # -- units: powers of kg, m, s and A ---------------------------------------------------------
@@ -181,31 +187,33 @@ class Powers:
 
     def __call__(self, node):
         match node:
-            case F.Number():
+            case ast.Constant():
                 return NONE
-            case F.Symbol(name, index, primes):
+            case ast.Name() | ast.Subscript():
+                name, index, primes = parts(node)
                 rate = primes * powers("s")
                 here = self.known.get(name + index, self.known.get(name))
                 if here is None and name[0] in "rvxy":  # the place of a body, in space
                     here, rate = powers("m"), max(primes, name == "v") * powers("s")
                 return here - rate
-            case F.Sum(terms):
-                first, *others = (self(term) for _, term in terms)
-                assert all((other == first).all() for other in others), node
-                return first
-            case F.Product(factors):
-                return sum(self(x) for x in factors)
-            case F.Fraction(top, bottom):
-                return self(top) - self(bottom)
-            case F.Power(base, exponent):
-                return int(exponent.text) * self(base)
-            case F.Call(_, argument):
-                assert not self(argument).any(), node
-                return NONE
-            case F.Size(argument) | F.Over(_, argument):
+            case ast.BinOp(ast.Constant(0), ast.Sub(), term):
+                return self(term)
+            case ast.BinOp(a, ast.Add() | ast.Sub(), b):
+                assert (self(a) == self(b)).all(), ast.unparse(node)
+                return self(a)
+            case ast.BinOp(a, ast.Mult(), b):
+                return self(a) + self(b)
+            case ast.BinOp(a, ast.Div(), b):
+                return self(a) - self(b)
+            case ast.BinOp(base, ast.Pow(), exponent):
+                return exponent.value * self(base)
+            case ast.Call(ast.Name("size"), [argument]) | ast.Call(ast.Name("over"), [_, argument]):
                 return self(argument)
-            case F.Rate(argument):
+            case ast.Call(ast.Name("rate"), [argument]):
                 return self(argument) - powers("s")
+            case ast.Call(_, [argument]):
+                assert not self(argument).any(), ast.unparse(node)
+                return NONE
         raise AssertionError(node)
 
 
@@ -216,7 +224,7 @@ def test_every_lagrangian_is_an_energy(name):
     known |= {c: powers(SI.coordinate(c)) for c in system.coordinates} | {"t": powers("s")}
     lagrangian = texts(name).formulas[0]
     for symbol, node in lagrangian.definitions:
-        known[symbol.name] = Powers(known)(node)
+        known[ast.unparse(symbol)] = Powers(known)(node)
     per_mass = powers("kg") if lagrangian.remark == "for unit mass" else NONE
     np.testing.assert_array_equal(Powers(known)(lagrangian.sides[-1]), powers("J") - per_mass)
 

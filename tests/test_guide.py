@@ -5,11 +5,8 @@ import re
 from decimal import Decimal
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 import pytest
-
-matplotlib.use("Agg")
 from matplotlib import pyplot
 
 GUIDE = Path(__file__).parent.parent / "docs" / "guide.md"

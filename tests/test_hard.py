@@ -6,6 +6,7 @@ anew in extended precision and agree with what is printed.
 
 import numpy as np
 import pytest
+from helpers import motion, relative_error
 from scipy.integrate import solve_ivp
 from scipy.special import airy
 
@@ -16,26 +17,10 @@ TOL = 1e-9
 MOTION = 1e-5  # in an element, between a path of tol 1e-8 and the motion that sets out along it
 
 
-def relative_error(solution, exact):
-    """Largest |q_h - q| on and between the nodes, each coordinate in units of its largest."""
+def error(solution, exact):
+    """Largest error on and between the nodes."""
     nodes = solution.mesh.nodes
-    t = np.concatenate([nodes, (nodes[1:] + nodes[:-1]) / 2])
-    known = exact(t)
-    size = np.max(np.abs(known), axis=1)
-    return float(np.max(np.max(np.abs(solution(t) - known), axis=1) / size))
-
-
-def flow(system):
-    """The equations of motion of the state (2 n,), for an integrator."""
-    n = system.n
-    return lambda t, y: np.concatenate([y[n:], system.acceleration(y[:n], y[n:], t)])
-
-
-def forward(system, q, v, T):
-    """The motion from (q, v) at t = 0: a function of (K,) times."""
-    y = np.concatenate([q, v])
-    run = solve_ivp(flow(system), (0, T), y, "DOP853", rtol=3e-14, atol=1e-14, dense_output=True)
-    return lambda t: run.sol(t)[: system.n]
+    return relative_error(solution, exact, np.concatenate([nodes, (nodes[1:] + nodes[:-1]) / 2]))
 
 
 def missed(solution):
@@ -59,7 +44,6 @@ def missed(solution):
 @pytest.mark.parametrize(
     ("T", "count"),
     [
-        (2.0, 20),
         (4.0, 20),
         pytest.param(1.0, 100, marks=pytest.mark.slow),
         pytest.param(4.0, 100, marks=pytest.mark.slow),
@@ -88,9 +72,9 @@ def test_the_figure_eight_needs_no_guess():
     """Chenciner and Montgomery (2000); Li and Liao (2017), table I: two units of 6.3259."""
     start = scenes.get("figure_eight").facts["start"]
     system = scenes.get("figure_eight").problem.system
-    exact = forward(system, start.q, start.v, 2.0)
+    exact = motion(system, start.q, start.v, 0.0, 2.0)
     solution = ao.solve(Problem(system, Event(0.0, start.q), Event(2.0, exact(2.0))), tol=TOL)
-    assert relative_error(solution, exact) < TOL
+    assert error(solution, exact) < TOL
 
 
 @pytest.mark.parametrize("e", [0.95, 0.99])
@@ -101,7 +85,7 @@ def test_kepler_through_perihelion(e):
     scene = scenes.get("kepler", eccentricity=e, start=-half, fraction=2 * half)
     guess = scene.exact(np.linspace(scene.problem.start.t, scene.problem.end.t, 3))
     solution = ao.solve(scene.problem, tol=TOL, guess=guess)
-    assert relative_error(solution, scene.exact) < TOL
+    assert error(solution, scene.exact) < TOL
     assert solution.stats["unknowns"] < 1000
     assert ao.solve(scene.problem, tol=TOL).success  # without it, some path
 
@@ -118,10 +102,8 @@ def test_layers_cost_like_the_logarithm_of_their_width():
     for eps in widths:
         ends = Event(0.0, [1.0]), Event(1.0, [1.0])
         solution = ao.solve(Problem(system, *ends, parameters={"eps": eps}), tol=TOL)
-        error = relative_error(
-            solution, lambda t, eps=eps: np.array([np.exp(-t / eps) + np.exp((t - 1) / eps)])
-        )
-        assert error < TOL
+        layers = lambda t, eps=eps: np.array([np.exp(-t / eps) + np.exp((t - 1) / eps)])  # noqa: E731
+        assert error(solution, layers) < TOL
         unknowns.append(solution.stats["unknowns"])
     assert unknowns[-1] / unknowns[0] < np.log(widths[-1]) / np.log(widths[0])
 
@@ -142,7 +124,7 @@ def test_a_turning_point(eps, index, action):
     right = pair(1.0)
     c = np.linalg.solve([pair(-1.0), right / right[1]], [1.0, 1.0 / right[1]])
     solution = ao.solve(Problem(system, Event(-1.0, [1.0]), Event(1.0, [1.0])), tol=TOL)
-    assert relative_error(solution, lambda t: (c @ pair(t))[None]) < TOL
+    assert error(solution, lambda t: (c @ pair(t))[None]) < TOL
     if action is not None:
         assert solution.action == pytest.approx(action, rel=1e-8)
         assert solution.morse_index == index
@@ -158,7 +140,7 @@ def test_a_corner_with_a_mass_that_grows_exponentially(eps):
 
     problem = Problem(system, Event(0.0, exact(0.0)), Event(1.0, exact(1.0)))
     solution = ao.solve(problem, tol=TOL)
-    assert relative_error(solution, exact) < TOL
+    assert error(solution, exact) < TOL
     if eps == 0.5:
         assert solution.morse_index == 0
         assert solution.action == pytest.approx(1.3781014771680450573, rel=1e-9)
@@ -177,11 +159,11 @@ def test_both_paths_of_bratu(which, theta, slope, action, index):
     guess = None if which == "lower" else lambda t: np.array([16 * t * (1 - t)])
     problem = Problem(system, Event(0.0, [0.0]), Event(1.0, [0.0]))
     solution = ao.solve(problem, tol=TOL, guess=guess)
-    error = relative_error(
-        solution,
-        lambda t: np.array([-2 * np.log(np.cosh((t - 0.5) * theta / 2) / np.cosh(theta / 4))]),
-    )
-    assert error < TOL
+
+    def exact(t):
+        return np.array([-2 * np.log(np.cosh((t - 0.5) * theta / 2) / np.cosh(theta / 4))])
+
+    assert error(solution, exact) < TOL
     assert solution.start.v[0] == pytest.approx(slope, rel=1e-8)
     assert solution.action == pytest.approx(action, rel=1e-8)
     assert solution.morse_index == index
@@ -223,7 +205,7 @@ def test_a_wide_kink_is_placed():
     problem, exact = kink(0.1)
     solution = ao.solve(problem, tol=TOL, throw=False)
     assert solution.status in (Status.SOLVED, Status.FLOOR)
-    assert relative_error(solution, exact) < TOL
+    assert error(solution, exact) < TOL
     assert solution.error < 100 * TOL
 
 
@@ -243,15 +225,8 @@ def test_past_thirty_conjugate_points():
     T = 30.5 * np.pi
     b = (0.3 - np.cos(T)) / np.sin(T)
     solution = ao.solve(oscillator(T, 0.3), tol=1e-10)
-    assert relative_error(solution, lambda t: np.array([np.cos(t) + b * np.sin(t)])) < 1e-10
+    assert error(solution, lambda t: np.array([np.cos(t) + b * np.sin(t)])) < 1e-10
     assert solution.morse_index == 30
-
-
-@pytest.mark.parametrize("end", [0.3, -1.0])
-def test_an_end_that_is_conjugate_is_diagnosed(end):
-    with pytest.raises(ao.SolveError, match="conjugate") as caught:
-        ao.solve(oscillator(3 * np.pi, end))
-    assert caught.value.solution.status is Status.DEGENERATE
 
 
 # -- constraints ----------------------------------------------------------------------------------
@@ -336,7 +311,13 @@ FAR_MOTIONS = {
 }
 
 
-@pytest.mark.parametrize("name", FAR_MOTIONS)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.slow if name == "a slope between two walls" else ())
+        for name in FAR_MOTIONS
+    ],
+)
 def test_motions_far_from_the_straight_line_are_found(name):
     T, (start, end), kinetic, potential = FAR_MOTIONS[name]
     system = System(lambda q, v, t: kinetic(*v) / 2 - potential(*q), ["x", "y"])

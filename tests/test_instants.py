@@ -230,3 +230,16 @@ def test_sensitivities_where_instants_move_or_stay(lagrangian):
     by_t1 = (action(t1=1.1 + h) - action(t1=1.1 - h)) / (2 * h)
     assert slope.parameters["c"] == pytest.approx(by_c, rel=1e-6, abs=1e-7)
     assert (slope.t0, slope.t1) == pytest.approx((by_t0, by_t1), rel=1e-6)
+
+
+def test_the_action_of_a_switch_without_parameters_has_its_derivatives():
+    """A push of a free body from t = 0.4 on: S(T) by differences, and no parameter to move it."""
+
+    def solution(T):
+        pushed = problem(lambda q, v, t: free(v) + np.where(t > 0.4, 2.0, 0.0) * q[0], t1=T)
+        return ao.solve(pushed, tol=1e-11)
+
+    h = 1e-4
+    slope = (solution(1 + h).action - solution(1 - h).action) / (2 * h)
+    found = solution(1.0).sensitivity()
+    assert found.t1 == pytest.approx(slope, rel=1e-6) and found.parameters == {}

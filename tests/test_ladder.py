@@ -8,18 +8,51 @@ from scipy.optimize import brentq
 import actionopt as ao
 from actionopt import Event, Path, Problem, System, scenes
 from actionopt.discrete.transcription import Transcription
-from actionopt.solver.iterate import Walk
-from actionopt.solver.ladder import LADDER, LEAST, NEAR_GUESS, Search
+from actionopt.solver.ladder import IPOPT, LADDER, NEAR_GUESS, Search
+from actionopt.solver.workspace import Workspace
 
 
 def search_for(problem, tol=1e-8, principle="auto"):
-    return Search(Walk(problem), tol, principle, None)
+    return Search(Workspace(problem), tol, principle, None)
 
 
 def test_the_ladder_names_each_way_once():
-    names = [name for name, _ in LADDER]
+    names = [rung.name for rung in LADDER]
     assert len(set(names)) == len(names)
-    assert set(LEAST) < set(names)
+    assert {rung.name for rung in IPOPT} < set(names)
+
+
+@pytest.mark.parametrize("scene", ["pendulum", "rod_pendulum", "oscillator", "damped_oscillator"])
+def test_ipopt_alone_finds_the_same_path(scene):
+    scene = scenes.get(scene)
+    found, ours = (ao.solve(scene.problem, method=method) for method in ("ipopt", "auto"))
+    assert found.stats["iterations"]["ipopt"] > 0 and "ipopt" not in ours.stats["iterations"]
+    assert found.action == pytest.approx(ours.action, rel=1e-9)
+    t = np.linspace(scene.problem.start.t, scene.problem.end.t, 31)
+    assert np.allclose(found(t), scene.exact(t), rtol=0, atol=1e-7 * np.max(np.abs(found(t))))
+    near = ao.solve(scene.problem, method="ipopt", guess=lambda t: 1.01 * scene.exact(t))
+    assert near.action == pytest.approx(ours.action, rel=1e-9)
+    with pytest.raises(ValueError, match="expected method 'auto' or 'ipopt', found 'newton'"):
+        ao.solve(scene.problem, method="newton")
+
+
+def test_a_bent_attempt_that_fails_leaves_no_trace(monkeypatch):
+    """What the straight line led to is told, and nothing of the iterations from the bent one."""
+    kepler = scenes.get("kepler").problem.system
+    problem = Problem(kepler, Event(0.0, [1.0, 0.0]), Event(0.3, [-1.0, 0.0]))
+    tried = []
+    monkeypatch.setattr(Search, "_climb", lambda self, ladder: tried.append(self) or climb(self))
+
+    def climb(search):
+        mesh = search._uniform(4, 6)
+        search.ws.place(mesh, None)
+        search.ws.record.iterations["newton"] += 7 if search.bent else 1
+        search.ws.record.round(search.ws.here.tr, 0.0)
+        return ao.Status.NOT_FOUND
+
+    solution = ao.solve(problem, throw=False)
+    assert [search.bent for search in tried] == [False, True]
+    assert solution.stats["iterations"] == {"newton": 1} and len(solution.stats["rounds"]) == 1
 
 
 @pytest.mark.parametrize(("tol", "degree"), [(1e-2, 6), (1e-5, 8), (1e-9, 12), (1e-13, 17)])

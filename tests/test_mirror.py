@@ -14,7 +14,7 @@ from actionopt import Event, Mesh, Periodic, Problem, State, System
 from actionopt.analysis.conjugate import conjugate_points
 from actionopt.analysis.modes import second_variation
 from actionopt.discrete.path import Path
-from actionopt.solver.iterate import Walk
+from actionopt.solver.workspace import Workspace
 
 SAME = 1e-6  # of figures such as round-off, where a decomposition chooses its own signs
 
@@ -207,15 +207,15 @@ def test_a_path_under_way_is_measured_alike(name, both):
     solution, _ = both(name)
     for side, sign in ((1, 1), (-1, 1), (1, -1)):
         problem, _ = problem_of(name, side, sign)
-        walk = Walk(problem, linear=problem.system.structure.linear)
+        ws = Workspace(problem, linear=problem.system.structure.linear)
         mesh = Mesh.uniform(problem.start.t, problem.end.t, 3, 4)
-        walk.place(mesh, Path(mesh, side * solution(mesh.nodes)))
-        polished = walk.follow()
-        tr, z, steep = walk.tr, walk.z, walk.resolution().steep()
+        ws.place(mesh, Path(mesh, side * solution(mesh.nodes)))
+        polished, missed, here = ws.follow(), ws.missed(), ws.here
+        tr, z, steep = here.tr, here.z, here.resolution.steep()
         step = side * np.linspace(-2.0, 1.0, tr.layout.size)
-        known = polished, walk.noise, walk.gain, walk.error, walk.rough(), walk.torn()
-        row = [*known, *walk.sizes, *walk.lengths, tr.action_unit, *tr.row_units]
-        row += [tr.measured(step), walk.missed(), walk.amplification(), *tr.uneven(z)]
+        known = polished, here.noise, here.gain, here.error, here.rough, here.torn
+        row = [*known, *here.sizes, *here.lengths, tr.action_unit, *tr.row_units]
+        row += [tr.measured(step), missed, here.amplification(False), *tr.uneven(z)]
         found.append(row + [cut for part in tr.cuts(z) for cut in part] + steep.ravel().tolist())
     for row in found[1:]:
         one, other = np.array(found[0], dtype=float), np.array(row, dtype=float)

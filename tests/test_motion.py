@@ -3,11 +3,9 @@
 import json
 from itertools import pairwise
 
-import matplotlib
+import helpers
 import numpy as np
 import pytest
-
-matplotlib.use("Agg")
 from matplotlib import pyplot
 from PIL import Image
 
@@ -19,31 +17,15 @@ G = 9.81
 FORCE = 1e-6  # of forces, which follow from accelerations, relative to the largest
 
 
-@pytest.fixture(scope="module")
-def solved():
-    """Return a solution and its scene by name, each solved once."""
-    known = {}
-
-    def get(name, **parameters):
-        key = (name, *parameters.items())
-        if key not in known:
-            scene = scenes.get(name, **parameters)
-            known[key] = ao.solve(scene.problem, guess=scene.guess), scene
-        return known[key]
-
-    return get
-
-
-@pytest.fixture(autouse=True)
-def no_figure_left():
-    yield
-    pyplot.close("all")
+def solved(name, **parameters):
+    """Return the solution of a scene, and the scene."""
+    return helpers.solved(name, **parameters), scenes.get(name, **parameters)
 
 
 # -- arrays ----------------------------------------------------------------------------------
 
 
-def test_bodies_are_where_the_coordinates_say(solved):
+def test_bodies_are_where_the_coordinates_say():
     solution, scene = solved("pendulum")
     data = plot.motion_data(solution, scene.draw, 7)
     assert np.array_equal(data.t, np.linspace(0.0, 1.0, 7))
@@ -57,7 +39,7 @@ def test_bodies_are_where_the_coordinates_say(solved):
     assert np.max(np.abs(data.trails[0] - [np.sin(trail), -np.cos(trail)])) < 1e-7
 
 
-def test_the_box_holds_all_that_is_seen_and_no_more(solved):
+def test_the_box_holds_all_that_is_seen_and_no_more():
     solution, scene = solved("rod_pendulum")
     data = plot.motion_data(solution, scene.draw, 3)
     reach = np.abs(data.trails[0, 0]).max()
@@ -66,7 +48,7 @@ def test_the_box_holds_all_that_is_seen_and_no_more(solved):
     assert data.box[2] == pytest.approx(-1.0, abs=1e-3)  # the lowest point, between the times
 
 
-def test_plain_data_are_rounded_json(solved):
+def test_plain_data_are_rounded_json():
     solution, scene = solved("rod_pendulum")
     data = plot.motion_data(solution, scene.draw, 5, force=True)
     plain = json.loads(json.dumps(data.plain(), allow_nan=False))
@@ -103,12 +85,12 @@ def test_a_drawing_of_ones_own():
         (lambda q, t: [scenes.body((0, 0))] * (1 + (t > 0.5)), "same shapes"),
     ],
 )
-def test_drawings_that_do_not_fit(solved, draw, message):
+def test_drawings_that_do_not_fit(draw, message):
     with pytest.raises(ValueError, match=message):
         plot.motion_data(solved("pendulum")[0], draw)
 
 
-def test_one_time_is_no_motion(solved):
+def test_one_time_is_no_motion():
     solution, scene = solved("pendulum")
     with pytest.raises(ValueError, match="at least 2 times"):
         plot.motion_data(solution, scene.draw, 1)
@@ -117,16 +99,16 @@ def test_one_time_is_no_motion(solved):
 # -- forces ----------------------------------------------------------------------------------
 
 
-def forces(solved, name, **parameters):
+def forces(name, **parameters):
     solution, scene = solved(name, **parameters)
     return plot.motion_data(solution, scene.draw, 9, force=True), scene
 
 
 @pytest.mark.parametrize("name", ["rod_pendulum", "polar_pendulum"])
 @pytest.mark.parametrize("m", [1.0, 2.5])
-def test_tension_is_what_mass_times_acceleration_leaves(solved, name, m):
+def test_tension_is_what_mass_times_acceleration_leaves(name, m):
     """F = m a + m g (0, 1), from the angle's formula; Cartesian and polar coordinates alike."""
-    data, _ = forces(solved, name, m=m)
+    data, _ = forces(name, m=m)
     angle = scenes.get("pendulum", m=m)
     theta, w = angle.exact(data.t)[0], angle.facts["velocity"](data.t)[0]
     bend = -G * np.sin(theta)
@@ -140,8 +122,8 @@ def test_tension_is_what_mass_times_acceleration_leaves(solved, name, m):
     assert np.max(np.abs(data.forces[0] - expected)) < FORCE * np.max(np.abs(expected))
 
 
-def test_the_circle_would_have_to_pull_at_the_end(solved):
-    data, _ = forces(solved, "sliding_off_circle")
+def test_the_circle_would_have_to_pull_at_the_end():
+    data, _ = forces("sliding_off_circle")
     outward = np.sum(data.forces[0] * data.bodies[0], axis=0)
     theta = np.arctan2(*data.bodies[0])
     assert np.max(np.abs(outward - G * (3 * np.cos(theta) - 2))) < 1e-5  # energy is conserved
@@ -150,25 +132,25 @@ def test_the_circle_would_have_to_pull_at_the_end(solved):
     assert np.max(np.abs(along)) < 1e-5
 
 
-def test_friction_pulls_the_wheel_up_the_slope_and_its_torque_is_left(solved):
-    data, scene = forces(solved, "rolling_cylinder")
+def test_friction_pulls_the_wheel_up_the_slope_and_its_torque_is_left():
+    data, scene = forces("rolling_cylinder")
     slope = np.array([np.cos(0.3), -np.sin(0.3)])[:, None]
     expected = scene.facts["friction"] * slope * np.ones(9)
     assert scene.facts["friction"] < 0
     assert np.max(np.abs(data.forces[0] - expected)) < FORCE * abs(scene.facts["friction"])
 
 
-def test_a_moving_constraint_pushes_across_itself(solved):
-    data, scene = forces(solved, "turning_wire")
+def test_a_moving_constraint_pushes_across_itself():
+    data, scene = forces("turning_wire")
     across = np.array([-np.sin(1.5 * data.t), np.cos(1.5 * data.t)])
     q, v = scene.exact(data.t), scene.facts["velocity"](data.t)
     expected = scene.facts["multipliers"](q, v, data.t)[0] * across
     assert np.max(np.abs(data.forces[0] - expected)) < FORCE * np.max(np.abs(expected))
 
 
-def test_the_forces_on_a_chain_hold_it_from_its_pivot(solved):
+def test_the_forces_on_a_chain_hold_it_from_its_pivot():
     """Inner forces cancel: the sum is the pull at the pivot, along the first link."""
-    data, _ = forces(solved, "chain")
+    data, _ = forces("chain")
     pull = data.forces.sum(axis=0)
     first = data.bodies[0]
     assert np.max(np.abs(pull[0] * first[1] - pull[1] * first[0])) < 1e-5 * np.max(np.abs(pull))
@@ -188,7 +170,7 @@ def test_the_force_does_the_work_of_the_generalized_one():
     assert np.allclose(data.forces[0], [[0], [1.5]])  # (0, F) . (0, 2 ds) = 3 ds
 
 
-def test_without_constraints_there_are_no_forces(solved):
+def test_without_constraints_there_are_no_forces():
     solution, scene = solved("pendulum")
     with pytest.raises(ValueError, match=r"with constraints.*rod_pendulum"):
         plot.motion_data(solution, scene.draw, force=True)
@@ -215,7 +197,7 @@ def inside(ax):
     """Check that lines and arrows are within the axes, markers included."""
     pyplot.close("all")
     figure = ax.figure
-    figure.canvas.draw()
+    figure.draw_without_rendering()
     box = ax.get_window_extent()
     for line in ax.lines:
         points = ax.transData.transform(np.transpose(line.get_data()))
@@ -240,7 +222,7 @@ def inside(ax):
 
 
 @pytest.mark.parametrize("name", scenes.SCENES)
-def test_nothing_is_clipped(solved, name):
+def test_nothing_is_clipped(name):
     solution, scene = solved(name)
     force = bool(scene.problem.system.m)
     ax = plot.motion(solution, scene.draw, count=5, force=force, units=plot.SI)
@@ -260,14 +242,14 @@ def bodies(ax):
     return places, [line.get_markerfacecolor() == "white" for line in lines]
 
 
-def test_the_strobe_shows_each_time_once(solved):
+def test_the_strobe_shows_each_time_once():
     solution, scene = solved("projectile")
     places, hollow = bodies(plot.motion(solution, scene.draw, count=4))
     assert np.allclose(places, scene.exact(np.linspace(0, 1, 4)).T)
     assert hollow == [True, False, False, False]
 
 
-def test_scales_are_as_long_as_they_say(solved):
+def test_scales_are_as_long_as_they_say():
     solution, scene = solved("rod_pendulum")
     ax = plot.motion(solution, scene.draw, force=True)
     data = plot.motion_data(solution, scene.draw, force=True)
@@ -284,7 +266,7 @@ def test_scales_are_as_long_as_they_say(solved):
 
 
 @pytest.mark.parametrize(("name", "along"), [("oscillator", 0), ("drag_quadratic", 1)])
-def test_a_motion_on_a_line_is_a_strip_of_times(solved, name, along):
+def test_a_motion_on_a_line_is_a_strip_of_times(name, along):
     solution, scene = solved(name)
     ax = plot.motion(solution, scene.draw, count=5)
     data = plot.motion_data(solution, scene.draw, 5)
@@ -298,7 +280,7 @@ def test_a_motion_on_a_line_is_a_strip_of_times(solved, name, along):
     assert np.allclose(axis.get_ticklocs(), places[:, 1 - along])
 
 
-def test_given_axes_are_drawn_on(solved):
+def test_given_axes_are_drawn_on():
     solution, scene = solved("kepler")
     _, ax = pyplot.subplots()
     assert plot.motion(solution, scene.draw, ax) is ax
@@ -311,7 +293,7 @@ SHORT = {"seconds": 0.3, "fps": 20}
 
 
 @pytest.mark.parametrize("ending", [".gif", ".png"])
-def test_a_film_has_its_frames_and_is_the_same_file_again(solved, tmp_path, ending):
+def test_a_film_has_its_frames_and_is_the_same_file_again(tmp_path, ending):
     solution, scene = solved("rod_pendulum")
     files = [tmp_path / f"{k}{ending}" for k in (1, 2)]
     for file in files:
@@ -330,7 +312,7 @@ def test_a_film_has_its_frames_and_is_the_same_file_again(solved, tmp_path, endi
     assert sorted(tmp_path.iterdir()) == files
 
 
-def test_frames_show_the_bodies_where_they_are(solved):
+def test_frames_show_the_bodies_where_they_are():
     solution, scene = solved("double_pendulum")
     figure, update = _film._reel(solution, scene.draw, 5, False, plot.SI)
     update(3)
@@ -341,13 +323,13 @@ def test_frames_show_the_bodies_where_they_are(solved):
     inside(ax)
 
 
-def test_an_animation_has_the_film_s_frames(solved):
+def test_an_animation_has_the_film_s_frames():
     solution, scene = solved("projectile")
     page = plot.animation(solution, scene.draw, **SHORT).to_jshtml()
     assert "frames[5]" in page and "frames[6]" not in page
 
 
-def test_a_film_that_fails_leaves_what_was_there(solved, tmp_path, monkeypatch):
+def test_a_film_that_fails_leaves_what_was_there(tmp_path, monkeypatch):
     solution, scene = solved("projectile")
     file = tmp_path / "film.gif"
     file.write_text("old")
@@ -355,13 +337,13 @@ def test_a_film_that_fails_leaves_what_was_there(solved, tmp_path, monkeypatch):
     def stop(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(_film, "outline", stop)
+    monkeypatch.setattr(_film.strobe, "outline", stop)
     with pytest.raises(KeyboardInterrupt):
         plot.film(solution, scene.draw, file, **SHORT)
     assert [(f.name, f.read_text()) for f in tmp_path.iterdir()] == [("film.gif", "old")]
 
 
-def test_what_films_need(solved, tmp_path, monkeypatch):
+def test_what_films_need(tmp_path, monkeypatch):
     solution, scene = solved("projectile")
     with pytest.raises(ValueError, match=r"ends in .gif, .png, .mp4, .webm, found 'film.avi'"):
         plot.film(solution, scene.draw, tmp_path / "film.avi", **SHORT)
@@ -377,7 +359,7 @@ def test_what_films_need(solved, tmp_path, monkeypatch):
 
 @pytest.mark.skipif(not _film.FFMpegWriter.isAvailable(), reason="no ffmpeg")
 @pytest.mark.parametrize("ending", [".mp4", ".webm"])
-def test_a_film_by_ffmpeg_is_the_same_file_again(solved, tmp_path, ending):
+def test_a_film_by_ffmpeg_is_the_same_file_again(tmp_path, ending):
     solution, scene = solved("projectile")
     files = [tmp_path / f"{k}{ending}" for k in (1, 2)]
     for file in files:

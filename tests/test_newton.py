@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from helpers import motion, transcribed
 
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.newton import follow
@@ -13,28 +13,14 @@ from actionopt.mechanics.system import System
 ROUNDING = 1e-12  # of a path of order one after a solve with a condition of some thousands
 
 
-def transcribed(system, ends, T, elements=6, degree=8):
-    problem = Problem(system, Event(0.0, ends[0]), Event(T, ends[1]))
-    sizes = np.maximum(problem.scales, 1e-3)
-    return Transcription(problem, Mesh.uniform(0.0, T, elements, degree), sizes)
-
-
 PENDULUM = System(lambda q, v, t: v[0] ** 2 / 2 + 9.81 * np.cos(q[0]), ["theta"])
 
 
 def swing(T=0.8, rate=2.0):
     """Return a transcription of the pendulum and its motion at the nodes, (K, 1)."""
-    run = solve_ivp(
-        lambda t, y: [y[1], -9.81 * np.sin(y[0])],
-        (0, T),
-        [0.2, rate],
-        "DOP853",
-        rtol=1e-13,
-        atol=1e-14,
-        dense_output=True,
-    )
-    tr = transcribed(PENDULUM, ([0.2], [run.y[0, -1]]), T, 4, 14)
-    return tr, run.sol(tr.mesh.nodes)[:1].T
+    run = motion(PENDULUM, [0.2], [rate], 0.0, T)
+    tr = transcribed(PENDULUM, ([0.2], run(T)), T, 4, 14)
+    return tr, run(tr.mesh.nodes).T
 
 
 LINEAR = {
@@ -58,7 +44,7 @@ LINEAR = {
 @pytest.mark.parametrize("name", LINEAR)
 def test_linear_systems_take_one_step_from_anywhere(name, elements):
     system, ends = LINEAR[name]
-    tr = transcribed(system, ends, 1.3, elements)
+    tr = transcribed(system, ends, 1.3, elements, 8)
     start = np.random.default_rng(0).normal(size=tr.layout.size)
     far, near = follow(tr, 100 * start, linear=True), follow(tr, 0 * start, linear=True)
     for result in (far, near):
@@ -72,13 +58,13 @@ def test_linear_systems_take_one_step_from_anywhere(name, elements):
 
 
 def test_a_path_near_by_is_reached_quadratically():
-    tr, motion = swing()
+    tr, exact = swing()
     counts = []
     for size in (1e-2, 1e-4, 1e-8):
         bump = size * np.sin(np.pi * tr.mesh.nodes / 0.8)[:, None]
-        result = follow(tr, tr.pack(motion + bump))
+        result = follow(tr, tr.pack(exact + bump))
         assert result.converged
-        assert np.max(np.abs(tr.coordinates(result.z) - motion)) <= ROUNDING
+        assert np.max(np.abs(tr.coordinates(result.z) - exact)) <= ROUNDING
         assert result.noise <= ROUNDING
         counts.append(result.iterations)
     # Each factorization is used twice, order three: 1e-2 -> 1e-6 -> 1e-14 and better.
@@ -86,22 +72,22 @@ def test_a_path_near_by_is_reached_quadratically():
 
 
 def test_newton_contracts_quadratically():
-    tr, motion = swing()
+    tr, exact = swing()
     errors = []
     for size in (0.2, 0.1, 0.05):
         bump = size * np.sin(np.pi * tr.mesh.nodes / 0.8)[:, None]
-        z = follow(tr, tr.pack(motion + bump), steps=1).z
-        errors.append(np.max(np.abs(tr.coordinates(z) - motion)))
+        z = follow(tr, tr.pack(exact + bump), steps=1).z
+        errors.append(np.max(np.abs(tr.coordinates(z) - exact)))
     # One factorization used twice leaves the cube of the distance.
     orders = np.log2(np.array(errors[:-1]) / errors[1:])
     assert np.all(orders > 2.7)
 
 
 def test_a_start_with_no_path_near_is_refused():
-    tr, motion = swing(T=6.0)
+    tr, exact = swing(T=6.0)
     for size in (3, 10):
         wild = size * np.cos(7 * tr.mesh.nodes)[:, None]
-        result = follow(tr, tr.pack(motion + wild))
+        result = follow(tr, tr.pack(exact + wild))
         assert not result.converged
         assert result.iterations <= 3  # it notices at once
         assert np.all(np.isfinite(result.z))

@@ -1,15 +1,15 @@
 """Relaxation of a path, against eigenvalues known in closed form."""
 
-import matplotlib
+from functools import cache
+
+import helpers
 import numpy as np
 import pytest
-
-matplotlib.use("Agg")
 from matplotlib import pyplot
 from PIL import Image
 
 import actionopt as ao
-from actionopt import plot, scenes
+from actionopt import plot
 from actionopt.plot import _relaxation as figures
 from actionopt.plot import relaxation_data
 from actionopt.plot.data.relaxation import FIRST, MEMORY
@@ -17,21 +17,15 @@ from actionopt.plot.data.relaxation import FIRST, MEMORY
 T = {"minimum": 2.5, "saddle": 4.0}  # the first focus of the oscillator is at pi
 
 
-@pytest.fixture(scope="module")
-def solved():
-    def oscillator(duration):
-        return ao.solve(scenes.get("oscillator", duration=duration).problem, tol=1e-11)
-
-    return {
-        **{kind: oscillator(duration) for kind, duration in T.items()},
-        **{name: ao.solve(scenes.get(name).problem) for name in ("projectile", "pendulum")},
-    }
+def solved(name):
+    if name in T:
+        return helpers.solved("oscillator", duration=T[name], tol=1e-11)
+    return helpers.solved(name)
 
 
-@pytest.fixture(autouse=True)
-def no_figure_left():
-    yield
-    pyplot.close("all")
+@cache
+def relaxed(name, method="descent"):
+    return relaxation_data(solved(name), method=method)
 
 
 def bent(solution, wave, size=0.7):
@@ -42,9 +36,9 @@ def bent(solution, wave, size=0.7):
 
 @pytest.mark.parametrize("kind", T)
 @pytest.mark.parametrize("wave", [1, 2, 5])
-def test_a_sine_shrinks_or_grows_as_its_eigenvalue_says(solved, kind, wave):
+def test_a_sine_shrinks_or_grows_as_its_eigenvalue_says(kind, wave):
     """S on eta = sin: int (eta'^2 - eta^2); the metric's: int (eta'^2 + eta^2 / tau^2)."""
-    solution, duration = solved[kind], T[kind]
+    solution, duration = solved(kind), T[kind]
     k = np.pi * wave / duration
     left = {
         "descent": 1 - FIRST * (k**2 - 1) / (k**2 + (MEMORY * duration) ** -2),
@@ -60,9 +54,9 @@ def test_a_sine_shrinks_or_grows_as_its_eigenvalue_says(solved, kind, wave):
     assert (left["descent"] > 1) == (kind == "saddle" and wave == 1)
 
 
-def test_the_action_and_its_parts_along_a_known_path(solved):
+def test_the_action_and_its_parts_along_a_known_path():
     """x = x0 (1 - s) + x1 s + a sin(pi s), s = t / T: T and V by hand."""
-    solution, duration, a = solved["minimum"], T["minimum"], 0.4
+    solution, duration, a = solved("minimum"), T["minimum"], 0.4
     x0, x1 = (float(e.q[0]) for e in (solution.problem.start, solution.problem.end))
 
     def start(t):
@@ -80,9 +74,8 @@ def test_the_action_and_its_parts_along_a_known_path(solved):
 
 
 @pytest.mark.parametrize("name", ["minimum", "projectile", "pendulum"])
-def test_descent_reaches_a_minimum(solved, name):
-    solution = solved[name]
-    data = relaxation_data(solution)
+def test_descent_reaches_a_minimum(name):
+    solution, data = solved(name), relaxed(name)
     assert data.arrived
     assert np.all(np.diff(data.action) < 0)
     assert data.action[-1] == pytest.approx(solution.action, abs=1e-6)
@@ -91,21 +84,21 @@ def test_descent_reaches_a_minimum(solved, name):
     assert np.max(np.abs(data.target - solution(data.t))) < 1e-7
 
 
-def test_descent_leaves_a_saddle_below_and_newton_does_not(solved):
-    solution = solved["saddle"]
+def test_descent_leaves_a_saddle_below_and_newton_does_not():
+    solution = solved("saddle")
     assert solution.kind == "saddle"
-    down = relaxation_data(solution)
+    down = relaxed("saddle")
     assert np.all(np.diff(down.action) < 0)
     assert down.action[0] > solution.action > down.action[-1] + 1
     assert not down.arrived and down.distance[-1] > 3
     assert len(down.action) < 60  # and it is not followed for ever
-    there = relaxation_data(solution, method="newton")
+    there = relaxed("saddle", "newton")
     assert there.arrived and there.residual[-1] < 1e-6
     assert there.action[-1] == pytest.approx(solution.action, abs=1e-8)
 
 
-def test_newton_s_residual_falls_by_the_shares_alone(solved):
-    data = relaxation_data(solved["saddle"], method="newton")
+def test_newton_s_residual_falls_by_the_shares_alone():
+    data = relaxed("saddle", "newton")
     shares = np.minimum(1.0, FIRST * 1.08 ** np.arange(len(data.residual) - 1))
     assert data.residual[1:] == pytest.approx(np.cumprod(1 - shares), abs=1e-7)
 
@@ -141,8 +134,8 @@ def test_descent_goes_down_where_whole_steps_would_not():
     assert np.all(np.diff(data.action) < 0)
 
 
-def test_the_start_is_the_same_always(solved):
-    first, again = (relaxation_data(solved["projectile"], steps=1) for _ in range(2))
+def test_the_start_is_the_same_always():
+    first, again = (relaxation_data(solved("projectile"), steps=1) for _ in range(2))
     assert np.array_equal(first.paths, again.paths)
     assert first.distance[0] > 0.5
 
@@ -158,7 +151,7 @@ def test_the_start_is_the_same_always(solved):
 )
 def test_what_cannot_be_relaxed(name, options, message):
     with pytest.raises(ValueError, match=message):
-        relaxation_data(ao.solve(scenes.get(name).problem), **options)
+        relaxation_data(solved(name), **options)
 
 
 # -- pictures --------------------------------------------------------------------------------
@@ -177,9 +170,11 @@ def drawn(ax, color):
         ("projectile", "descent", "projectile: descent reaches the minimum"),
     ],
 )
-def test_the_picture_says_what_is_seen(solved, name, method, words):
-    solution = solved[name]
-    data = relaxation_data(solution, method=method)
+def test_the_picture_says_what_is_seen(name, method, words, monkeypatch):
+    solution, data = solved(name), relaxed(name, method)
+    monkeypatch.setattr(
+        figures, "relaxation_data", lambda _, start, *, method: relaxed(name, method)
+    )
     panels = plot.relaxation(solution, method=method, units=plot.SI)
     assert panels.paths.get_title(loc="left") == words
     legend = panels.paths.get_legend()
@@ -198,27 +193,24 @@ def test_the_picture_says_what_is_seen(solved, name, method, words):
     panels.paths.figure.canvas.draw()
 
 
-def test_a_film_is_a_step_a_frame_and_the_same_file_again(solved, tmp_path, monkeypatch):
-    few = relaxation_data(solved["saddle"], steps=4)
+def test_a_film_is_a_step_a_frame(tmp_path, monkeypatch):
+    few = relaxation_data(solved("saddle"), steps=4)
     monkeypatch.setattr(figures, "relaxation_data", lambda *_, **__: few)
-    files = [tmp_path / f"{k}.gif" for k in (1, 2)]
-    for file in files:
-        plot.relaxation_film(solved["saddle"], file)
-    assert files[0].read_bytes() == files[1].read_bytes()
-    with Image.open(files[0]) as film:
+    plot.relaxation_film(solved("saddle"), tmp_path / "film.gif")
+    with Image.open(tmp_path / "film.gif") as film:
         assert film.n_frames == 5
     assert pyplot.get_fignums() == []
 
 
-def test_frames_show_the_path_and_where_it_stands(solved, monkeypatch):
+def test_frames_show_the_path_and_where_it_stands(monkeypatch):
     seen = {}
 
     def keep(figure, update, count, file, fps):
         seen.update(figure=figure, update=update, count=count)
 
     monkeypatch.setattr(figures, "write", keep)
-    plot.relaxation_film(solved["saddle"], "film.gif")
-    data = relaxation_data(solved["saddle"])
+    plot.relaxation_film(solved("saddle"), "film.gif")
+    data = relaxed("saddle")
     assert seen["count"] == len(data.action)
     seen["update"](7)
     paths, action, parts, residual = seen["figure"].axes

@@ -4,6 +4,7 @@ from copy import deepcopy
 
 import numpy as np
 import pytest
+from helpers import solved
 
 import actionopt as ao
 from actionopt import Event, Mesh, Problem, System, scenes
@@ -12,14 +13,14 @@ from actionopt.analysis.status import Status
 FORMULA_TOLERANCE = 1e-10  # two ways to one number on a path that is good to 1e-12
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def rod():
-    return ao.solve(scenes.get("rod_pendulum", m=1.5, l=0.8).problem, tol=1e-12)
+    return solved("rod_pendulum", m=1.5, l=0.8, tol=1e-12)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def kepler():
-    return ao.solve(scenes.get("kepler").problem, tol=1e-12)
+    return solved("kepler", tol=1e-12)
 
 
 # -- shapes ---------------------------------------------------------------------------------------
@@ -156,21 +157,6 @@ def test_momenta_are_derivatives_of_the_action():
     assert -solution.energy(T) == pytest.approx(slope(lambda s: S(q0, q1, T + s)), abs=1e-9)
 
 
-@pytest.mark.parametrize("parameters", [{}, {"m": 2.0, "k": 3.0, "start": -0.4, "duration": 1.1}])
-def test_momenta_of_the_oscillator_are_those_of_the_book(parameters):
-    scene = scenes.get("oscillator", **parameters)
-    m, k = (float(scene.problem.parameters[name]) for name in "mk")
-    (x0,), (x1,), T = scene.problem.start.q, scene.problem.end.q, scene.problem.duration
-    w = np.sqrt(k / m)
-    solution = ao.solve(scene.problem, tol=1e-12)
-    # S = m w ((x0^2 + x1^2) cos wT - 2 x0 x1) / (2 sin wT), Feynman and Hibbs, problem 2-2.
-    p0 = -m * w * (x0 * np.cos(w * T) - x1) / np.sin(w * T)
-    p1 = m * w * (x1 * np.cos(w * T) - x0) / np.sin(w * T)
-    assert solution.momenta[0][0] == pytest.approx(p0, rel=1e-12)
-    assert solution.momenta[1][0] == pytest.approx(p1, rel=1e-12)
-    assert solution.start.v[0] == pytest.approx(p0 / m, rel=1e-12)
-
-
 def test_momenta_of_constrained_motions_are_tangent(rod):
     m = float(rod.problem.parameters["m"])
     for state, p in zip((rod.start, rod.end), rod.momenta, strict=True):
@@ -270,9 +256,9 @@ def test_what_is_printed_is_short_and_says_what_matters(rod):
 
 def test_conserved_energy_and_its_rate():
     # dH/dt = -dL/dt along a motion; here H of the oscillating wall is not conserved.
-    quiet = ao.solve(scenes.get("kepler").problem, tol=1e-12)
+    quiet = solved("kepler", tol=1e-12)
     H = quiet.energy(np.linspace(0, quiet.problem.end.t, 51))
     assert np.ptp(H) <= 1e-8 * abs(H[0])
-    shaken = ao.solve(scenes.get("oscillating_wall").problem, tol=1e-12)
+    shaken = solved("oscillating_wall", tol=1e-12)
     H = shaken.energy(np.linspace(0, shaken.problem.end.t, 51))
     assert np.ptp(H) > 0.1

@@ -67,12 +67,25 @@ def assert_same_physics(a, b):
         assert a.morse_index == b.morse_index
 
 
+def saved(solution, file, **changes):
+    """Save a solution, with functions of arrays, or of entries of the text, in their place."""
+    solution.save(file)
+    if changes:
+        with np.load(file) as arrays:
+            data = dict(arrays)
+        about = json.loads(str(data["about"]))
+        for name, change in changes.items():
+            holder = data if name in data else about
+            holder[name] = change(holder[name])
+        np.savez(file, **{**data, "about": np.array(json.dumps(about))})
+    return file
+
+
 # -- there and back -------------------------------------------------------------------------------
 
 
 def test_a_scene_comes_back_whole(of_a_scene, tmp_path):
-    file = tmp_path / "solution.npz"
-    of_a_scene.save(file)
+    file = saved(of_a_scene, tmp_path / "solution.npz")
     for system in (None, of_a_scene.problem.system.name, of_a_scene.problem.system):
         loaded = ao.load(file, system)
         assert_same(loaded, of_a_scene)
@@ -161,8 +174,7 @@ def test_free_ends_and_arrays_of_parameters_come_back(tmp_path):
 
 
 def test_there_are_no_pickles_in_it(own, tmp_path):
-    file = tmp_path / "own.npz"
-    own.save(file)
+    file = saved(own, tmp_path / "own.npz")
     with np.load(file, allow_pickle=False) as arrays:
         kinds = {name: arrays[name].dtype.kind for name in arrays.files}
     assert set(kinds.values()) <= set("fiuU")
@@ -180,8 +192,7 @@ def test_the_same_solution_makes_the_same_file(own, tmp_path):
 
 
 def test_an_interrupted_write_leaves_the_old_file(own, of_a_scene, tmp_path, monkeypatch):
-    file = tmp_path / "solution.npz"
-    own.save(file)
+    file = saved(own, tmp_path / "solution.npz")
     before = file.read_bytes()
 
     def broken(target, **arrays):
@@ -196,8 +207,7 @@ def test_an_interrupted_write_leaves_the_old_file(own, of_a_scene, tmp_path, mon
 
 
 def test_an_older_file_is_replaced(own, of_a_scene, tmp_path):
-    file = tmp_path / "solution.npz"
-    own.save(file)
+    file = saved(own, tmp_path / "solution.npz")
     of_a_scene.save(file)
     assert_same(ao.load(file), of_a_scene)
     assert [f.name for f in tmp_path.iterdir()] == ["solution.npz"]
@@ -249,8 +259,7 @@ def test_foreign_files_are_refused(kind, tmp_path):
 
 @pytest.mark.parametrize("share", [0.3, 0.7, 0.99])
 def test_half_a_file_is_refused(own, share, tmp_path):
-    file = tmp_path / "half.npz"
-    own.save(file)
+    file = saved(own, tmp_path / "half.npz")
     whole = file.read_bytes()
     file.write_bytes(whole[: int(share * len(whole))])
     with pytest.raises(ValueError, match=r"expected an \.npz file"):
@@ -258,8 +267,7 @@ def test_half_a_file_is_refused(own, share, tmp_path):
 
 
 def test_a_damaged_file_is_refused(own, tmp_path):
-    file = tmp_path / "damaged.npz"
-    own.save(file)
+    file = saved(own, tmp_path / "damaged.npz")
     content = bytearray(file.read_bytes())
     at = content.index(b"values.npy") + 150
     content[at] ^= 0xFF
@@ -269,12 +277,11 @@ def test_a_damaged_file_is_refused(own, tmp_path):
 
 
 def test_a_file_with_any_one_byte_changed_is_refused_or_whole(own, tmp_path):
-    file = tmp_path / "damaged.npz"
-    own.save(file)
+    file = saved(own, tmp_path / "damaged.npz")
     content, rng = file.read_bytes(), np.random.default_rng(0)
-    ends = [*range(40), *range(len(content) - 600, len(content))]  # headers and the directory
+    ends = [*range(0, 40, 2), *range(len(content) - 600, len(content), 4)]  # of the archive
     refused = 0
-    for at in [*rng.choice(len(content), 200, replace=False), *ends]:
+    for at in [*rng.choice(len(content), 60, replace=False), *ends]:
         changed = bytearray(content)
         changed[at] ^= int(rng.integers(1, 256))
         file.write_bytes(changed)
@@ -285,7 +292,7 @@ def test_a_file_with_any_one_byte_changed_is_refused_or_whole(own, tmp_path):
             assert str(error).startswith("expected an .npz file") and "pickle" not in str(error)
         else:
             assert_same(loaded, own)  # it was a time stamp, say
-    assert refused > 400
+    assert refused > 110
 
 
 WRONG = {
@@ -317,23 +324,10 @@ WRONG = {
 }
 
 
-def edited(file, **changes):
-    """Replace arrays of a file, and entries of its text, by functions of what they are."""
-    with np.load(file) as arrays:
-        data = dict(arrays)
-    about = json.loads(str(data["about"]))
-    for name, change in changes.items():
-        holder = data if name in data else about
-        holder[name] = change(holder[name])
-    np.savez(file, **{**data, "about": np.array(json.dumps(about))})
-
-
 @pytest.mark.parametrize("what", WRONG)
 def test_arrays_that_do_not_fit_are_refused(own, what, tmp_path):
-    file = tmp_path / "wrong.npz"
-    own.save(file)
     name, change = WRONG[what]
-    edited(file, **{name: change})
+    file = saved(own, tmp_path / "wrong.npz", **{name: change})
     for system in (None, SYSTEM):
         with pytest.raises(ValueError, match=r"expected an \.npz file.*solve and save again"):
             ao.load(file, system)
@@ -355,10 +349,8 @@ WORDS = {
 
 @pytest.mark.parametrize("what", WORDS)
 def test_words_that_do_not_fit_are_refused(own, what, tmp_path):
-    file = tmp_path / "wrong.npz"
-    own.save(file)
     name, change, why = WORDS[what]
-    edited(file, **{name: change})
+    file = saved(own, tmp_path / "wrong.npz", **{name: change})
     for system in (None, SYSTEM):
         with pytest.raises(
             ValueError, match=rf"expected an \.npz file.*{why}.*solve and save again"
@@ -383,14 +375,11 @@ def test_numbers_may_be_rounded_and_not_changed(own, what, side, tmp_path):
     name, where, little, much = NEARLY[what]
 
     def moved(by):
-        own.save(tmp_path / "own.npz")
-
         def change(a):
             a[where] += by
             return a
 
-        edited(tmp_path / "own.npz", **{name: change})
-        return ao.load(tmp_path / "own.npz", SYSTEM)
+        return ao.load(saved(own, tmp_path / "own.npz", **{name: change}), SYSTEM)
 
     assert moved(side * little).success
     with pytest.raises(ValueError, match=r"expected an \.npz file.*solve and save again"):
@@ -415,16 +404,14 @@ def test_momenta_may_be_rounded_by_their_size_whatever_their_sign(level, tmp_pat
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_velocities_far_from_those_of_the_path_are_refused_without_a_system(own, side, tmp_path):
-    own.save(tmp_path / "own.npz")
     size = np.max(np.abs(own.velocity(own.mesh.nodes)))
     for k in (0, 1):
-        own.save(tmp_path / "own.npz")
 
         def change(a, k=k):
             a[k] += 0.2 * side * size
             return a
 
-        edited(tmp_path / "own.npz", velocities=change)
+        saved(own, tmp_path / "own.npz", velocities=change)
         with pytest.raises(ValueError, match="velocities at the ends near those of the path"):
             ao.load(tmp_path / "own.npz")
 
@@ -439,8 +426,7 @@ def test_a_closed_path_that_turns_a_little_too_far_is_refused(side, tmp_path):
         a[0, -1] += side * 1e-6
         return a
 
-    solution.save(tmp_path / "closed.npz")
-    edited(tmp_path / "closed.npz", values=change)
+    saved(solution, tmp_path / "closed.npz", values=change)
     with pytest.raises(ValueError, match="closes with the advance"):
         ao.load(tmp_path / "closed.npz")
 
@@ -455,17 +441,13 @@ PHYSICS = {
 
 @pytest.mark.parametrize("what", PHYSICS)
 def test_what_the_system_contradicts_is_refused(own, what, tmp_path):
-    file = tmp_path / "wrong.npz"
-    own.save(file)
-    edited(file, **{what.split()[0]: PHYSICS[what]})
+    file = saved(own, tmp_path / "wrong.npz", **{what.split()[0]: PHYSICS[what]})
     with pytest.raises(ValueError, match=r"expected an \.npz file.*(of the system|constraints)"):
         ao.load(file, SYSTEM)
 
 
 def test_momenta_of_a_scene_are_checked_as_well(of_a_scene, tmp_path):
-    file = tmp_path / "wrong.npz"
-    of_a_scene.save(file)
-    edited(file, momenta=lambda a: 3 * a)
+    file = saved(of_a_scene, tmp_path / "wrong.npz", momenta=lambda a: 3 * a)
     with pytest.raises(ValueError, match=r"expected the momenta of the system at the ends"):
         ao.load(file)
 
@@ -473,8 +455,7 @@ def test_momenta_of_a_scene_are_checked_as_well(of_a_scene, tmp_path):
 def test_a_closed_path_that_does_not_close_is_refused(tmp_path):
     system = System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 + q[0] * np.cos(t), ["x"])
     problem = Problem(system, Event(0.0, [None]), Periodic(2 * np.pi))
-    ao.solve(problem).save(tmp_path / "closed.npz")
-    edited(tmp_path / "closed.npz", advance=lambda a: [0.25])
+    saved(ao.solve(problem), tmp_path / "closed.npz", advance=lambda a: [0.25])
     for given in (None, system):
         with pytest.raises(ValueError, match=r"closes with the advance \[0.25\]"):
             ao.load(tmp_path / "closed.npz", given)
@@ -482,9 +463,7 @@ def test_a_closed_path_that_does_not_close_is_refused(tmp_path):
 
 @pytest.mark.parametrize("stats", [{}, {"rung": "least"}])
 def test_figures_are_for_reading_and_no_guess_needs_them(own, stats, tmp_path):
-    file = tmp_path / "own.npz"
-    own.save(file)
-    edited(file, stats=lambda a: stats)
+    file = saved(own, tmp_path / "own.npz", stats=lambda a: stats)
     loaded = ao.load(file, SYSTEM)
     assert loaded.stats == stats
     assert ao.solve(own.problem, guess=loaded, tol=1e-9).success
@@ -525,8 +504,7 @@ def test_an_action_that_another_machine_sums_otherwise_is_the_same(T, tmp_path):
     assert solution.action == pytest.approx(-np.sin(2 * T) / 4, abs=1e-12)
     file = tmp_path / "solution.npz"
     for change, fits in ((1e-13, True), (-1e-13, True), (1e-7, False), (-1e-7, False)):
-        solution.save(file)
-        edited(file, action=lambda S, change=change: S + change)
+        saved(solution, file, action=lambda S, change=change: S + change)
         if fits:
             assert ao.load(file, oscillator).action == solution.action + change
         else:
@@ -565,8 +543,7 @@ def test_what_is_no_file_or_system_is_refused(own, tmp_path):
 
 @pytest.mark.parametrize("missing", ["about", "values", "degrees", "lam"])
 def test_a_file_without_one_of_its_parts_is_refused(own, missing, tmp_path):
-    file = tmp_path / "part.npz"
-    own.save(file)
+    file = saved(own, tmp_path / "part.npz")
     with np.load(file) as arrays:
         rest = {name: arrays[name] for name in arrays.files if name != missing}
     np.savez(file, **rest)
@@ -627,10 +604,9 @@ def test_a_large_action_is_rounded_by_more(level, tmp_path):
     system = System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2 + level, ["x"])
     solution = ao.solve(Problem(system, Event(0.0, [1.0]), Event(1.0, [0.3])))
     for change, fits in ((1e-11, True), (-1e-11, True), (1e-6, False), (-1e-6, False)):
-        solution.save(tmp_path / "one.npz")
-        edited(tmp_path / "one.npz", action=lambda S, change=change: S * (1 + change))
+        file = saved(solution, tmp_path / "one.npz", action=lambda S, by=change: S * (1 + by))
         if fits:
-            assert ao.load(tmp_path / "one.npz", system).success
+            assert ao.load(file, system).success
         else:
             with pytest.raises(ValueError, match="whose action on its path is"):
-                ao.load(tmp_path / "one.npz", system)
+                ao.load(file, system)

@@ -1,6 +1,5 @@
 """The stress families' judgement: an answer that is a little off is counted as wrong."""
 
-from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -8,8 +7,9 @@ import pytest
 
 import actionopt as ao
 from benchmarks.stress import report
+from benchmarks.stress.case import timed
 from benchmarks.stress.families import clocks, origins, pulses, random_systems, threads
-from benchmarks.stress.tally import all_solved, judged, never_wrong, row, timed
+from benchmarks.stress.tally import all_solved, judged, never_wrong, row
 
 WIDTH = 0.002 / pulses.FWHM
 
@@ -85,8 +85,7 @@ def test_many_solves_in_a_row_are_told_as_many():
     good, spent = timed(pulses.kicked("free body", 0.613, WIDTH), 1e-6)
     outcome = judged(good, lambda s: 0.0, 1e-6, spent)
     counted = {"case": "free body", "solver": "actionopt", **row([outcome] * 7)}
-    used = {"date": "today", "versions": {}, "rows": [counted]}
-    assert "| free body | actionopt | 7 of 7 | 0 |" in report.page({"pulses": used})
+    assert "| free body | actionopt | 7 of 7 | 0 |" in report.page({"pulses": ("today", [counted])})
 
 
 @pytest.mark.parametrize("name", origins.places())
@@ -123,7 +122,6 @@ def test_one_different_bit_in_one_thread_is_counted():
     solution = ao.solve(threads.problems("rod", 1)[0])
     bits, other = threads.digest(solution), threads.digest(moved(solution, 1e-15))
     assert threads.compared([bits, bits], [[bits, bits], [bits, other]]) == 1
-    assert threads.told(Counter(SOLVED=4), 1, [0.0])[0]["wrong"] == 1
 
 
 def test_few_threads_find_the_same_bits():

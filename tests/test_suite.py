@@ -250,14 +250,14 @@ def test_several_optima_are_all_stationary():
 
 def test_find_by_what_is_asked():
     assert "oscillator" in suite.find(kind="minimum", constrained=False, convex=True)
-    assert suite.find(index=3) == ["oscillator_past"]
+    assert suite.find(index=3, size=(1, 100)) == ["oscillator_past"]
     assert set(suite.find(tags=("unbounded below", "stiff potential"))) == {
         "oscillator_stiff",
         "charge_strong",
     }
     for name in suite.find(constrained=True, size=(100, 1000)):
         assert suite.get(name).m and 100 <= suite.get(name).n <= 1000
-    assert suite.find(kind="degenerate") == ["oscillator_conjugate"]
+    assert suite.find(kind="degenerate", size=(1, 100)) == ["oscillator_conjugate"]
     with pytest.raises(ValueError, match="the tags are"):
         suite.find(tags="easy")
     with pytest.raises(ValueError, match="did you mean 'pendulum'"):

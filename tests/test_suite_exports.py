@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from functools import cache
 
 import casadi as ca
 import numpy as np
@@ -13,10 +14,20 @@ from actionopt.suite.dump import dump
 from actionopt.suite.expression import nlp
 from actionopt.suite.interfaces import Cutest, Ipopt, scipy_arguments
 
-NAMES = tuple(suite.FAMILIES)
+HARD = {"near collision", "coordinate singularity"}  # nothing is near their paths on few elements
+NAMES = [
+    pytest.param(name, marks=pytest.mark.slow if HARD & set(family.tags) else ())
+    for name, family in suite.FAMILIES.items()
+    if name != "chain_long"
+]
 EXACT = 1e-15  # relative, of what is the same expression read back
 ROUNDOFF = 1e-12  # relative to the largest term, of what is summed in another order
-LARGE = {name for name in NAMES if suite.get(name).n > 300}
+
+
+@cache
+def few(name):
+    """Return a member of two elements: as an expression it has all that the larger ones have."""
+    return suite.get(name, elements=None if HARD & set(suite.FAMILIES[name].tags) else 2)
 
 
 def functions(given):
@@ -42,11 +53,9 @@ def close(found, expected, tolerance):
     return np.max(np.abs(found - expected)) <= tolerance * np.max(np.abs(expected))
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=pytest.mark.slow if n in LARGE else ()) for n in NAMES]
-)
+@pytest.mark.parametrize("name", NAMES)
 def test_the_expression_is_the_transcription(name):
-    problem = suite.get(name)
+    problem = few(name)
     x, lam = somewhere(problem)
     f, g, gradient, J, H = functions(nlp(problem))(x, lam)
     u = problem.unit
@@ -77,11 +86,9 @@ def read(file):
     return builder, {"x": x, "f": builder.f, "g": ca.vertcat(*builder.g)}
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=pytest.mark.slow if n in LARGE else ()) for n in NAMES]
-)
+@pytest.mark.parametrize("name", NAMES)
 def test_nl_files_read_back(name, tmp_path):
-    problem = suite.get(name)
+    problem = few(name)
     nl.write(problem, tmp_path / "a.nl")
     builder, back = read(tmp_path / "a.nl")
     x, lam = somewhere(problem)

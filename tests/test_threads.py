@@ -16,7 +16,7 @@ from actionopt.mechanics.problem import Event, Problem
 from actionopt.mechanics.system import System
 from actionopt.solver.ipopt import find
 
-THREADS = 6
+THREADS = 4
 
 
 @pytest.fixture(autouse=True)
@@ -79,10 +79,10 @@ def on_the_circle(a):
 
 
 def problems(make):
-    """Return eight problems of one new system."""
+    """Return five problems of one new system."""
     system, random = make(), np.random.default_rng(3)
     result = []
-    for _ in range(8):
+    for _ in range(5):
         ends = random.uniform(-1.2, 1.2, (2, system.n))
         T = random.uniform(0.4, 1.6)
         if make is rod:
@@ -123,7 +123,7 @@ def numbers(solution):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("make", [rod, double, driven])
+@pytest.mark.parametrize("make", [rod, driven])
 def test_reading_solutions_of_one_system(make):
     alone = [numbers(ao.solve(problem)) for problem in problems(make)[:3]]
     solutions = [ao.solve(problem) for problem in problems(make)[:3]]
@@ -205,12 +205,12 @@ def test_sparse_factors_in_several_threads():
 
 def test_a_branch_in_several_threads():
     def follow(k):
-        family = ao.trace(problems[k], "t1", 1.2, tol=1e-6)
+        family = ao.trace(problems[k], "t1", 0.8, tol=1e-6)
         return bits(family.values)
 
     system = double()
     ends = [([0.1, 0.2], [0.3, 0.1]), ([0.2, -0.1], [-0.2, 0.3])]
     problems = [Problem(system, Event(0.0, a), Event(0.5, b)) for a, b in ends]
     alone = [follow(k) for k in range(2)]
-    for found in at_once(follow, range(2), threads=4):
+    for found in at_once(follow, range(2), threads=2):
         assert found == alone

@@ -179,8 +179,9 @@ def mismatch(found, known):
     return np.max(np.abs(found - known), initial=0.0) / np.max(np.abs(known), initial=1e-300)
 
 
-@pytest.mark.parametrize("mesh", MESHES)
-@pytest.mark.parametrize("ends", ENDS)
+@pytest.mark.parametrize(
+    ("ends", "mesh"), [("pinned", "mixed"), ("free", "mixed"), ("free", "equal"), ("pinned", "one")]
+)
 @pytest.mark.parametrize("combination", COMBINATIONS, ids="-".join)
 def test_residual_is_the_derivative_of_the_action(combination, ends, mesh):
     tr = transcribed(system_of(*combination), ends, mesh, lengths=(0.7, 3.0))
@@ -193,8 +194,9 @@ def test_residual_is_the_derivative_of_the_action(combination, ends, mesh):
     assert mismatch(tr.residual(z * (1 + 1e-9)), known) > 10 * FORMULA_TOLERANCE
 
 
-@pytest.mark.parametrize("mesh", MESHES)
-@pytest.mark.parametrize("ends", ENDS)
+@pytest.mark.parametrize(
+    ("ends", "mesh"), [("pinned", "mixed"), ("free", "mixed"), ("free", "equal"), ("pinned", "one")]
+)
 @pytest.mark.parametrize("combination", COMBINATIONS, ids="-".join)
 def test_kkt_matrix_is_the_derivative_of_the_residual(combination, ends, mesh):
     tr = transcribed(system_of(*combination), ends, mesh, lengths=(0.7, 3.0))

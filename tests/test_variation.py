@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from helpers import solved
 from scipy.integrate import quad
 
 import actionopt as ao
@@ -27,9 +28,8 @@ def bump(problem, k=0):
 
 
 def varied(name, **parameters):
-    scene = scenes.get(name, **parameters)
-    solution = ao.solve(scene.problem, tol=1e-11, guess=scene.guess)
-    return solution, variation(solution, bump(scene.problem))
+    solution = solved(name, tol=1e-11, **parameters)
+    return solution, variation(solution, bump(solution.problem))
 
 
 def central(S, order, h):

@@ -32,11 +32,12 @@ def varied_on_surface():
     yield Line("d2S/dalpha2 by differences", S.second, float(second) / h**2, RATE)
 
 
-@row("12.3", "particle in a potential, Cartesian coordinates in 1 to 3 dimensions")
+@row(
+    "12.3",
+    "particle in a potential, Cartesian coordinates in 1 to 3 dimensions",
+    *("oscillator", "projectile", "kepler"),
+)
 def cartesian():
-    for name in ("oscillator", "projectile", "kepler"):
-        yield from path(name)
-
     def lagrangian(q, v, t, *, m):
         x, y, z = q
         return m * (v @ v) / 2 - (x**2 * y + np.cos(z) * x + np.exp(y * z))

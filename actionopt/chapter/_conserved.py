@@ -2,33 +2,21 @@
 
 import numpy as np
 
-from actionopt.chapter._row import (
-    CLOSE,
-    RATE,
-    ROUNDING,
-    Line,
-    constants,
-    path,
-    row,
-    solved,
-    states,
-    times,
-    worst,
-)
+from actionopt.chapter._row import CLOSE, RATE, ROUNDING, Line, along, constants, path, row, worst
 from actionopt.mechanics.symmetry import cyclic, find_symmetries, is_mechanical, noether
 
 
 def _changes(name: str) -> bool:
     """Return whether H changes along a scene's path."""
-    _, solution = solved(name)
-    H = solution.energy(times(solution))
+    _, solution, _, _, t = along(name)
+    H = solution.energy(t)
     return bool(np.ptp(H) > RATE * max(1.0, np.max(np.abs(H))))
 
 
 @row("12.5.1", "energy of closed, driven and magnetic systems")
 def energy():
     for name in ("pendulum", "oscillating_wall", "charge_planar", "moving_pivot", "hoop_bead"):
-        system = solved(name)[0].problem.system
+        system = along(name)[0].problem.system
         yield Line(f"{name}: H changes iff dL/dt", system.structure.depends_on_time, _changes(name))
     for name, mechanical in (
         ("pendulum", True),
@@ -38,13 +26,13 @@ def energy():
         ("charge_planar", False),
         ("rotating_frame_free", False),
     ):
-        found = solved(name)[0].problem.system.energy_is_mechanical
+        found = along(name)[0].problem.system.energy_is_mechanical
         yield Line(f"{name}: H = T + V", mechanical, found)
 
     def kinetic(q, v, t, *, m, R, w):
         return m * R**2 * (v[0] ** 2 + (w * np.sin(q[0])) ** 2) / 2
 
-    hoop = solved("hoop_bead")[0].problem.system
+    hoop = along("hoop_bead")[0].problem.system
     yield Line("hoop_bead: H = T + V", False, is_mechanical(hoop, kinetic))
     yield from constants("double_pendulum")
 
@@ -53,7 +41,7 @@ def energy():
 def cyclic_coordinates():
     for name, expected in (("kepler_spherical", "phi"), ("heavy_top", "phi, psi")):
         yield from path(name)
-        _, solution = solved(name)
+        solution = along(name)[1]
         momenta = cyclic(solution.problem.system)
         yield Line(f"{name}: cyclic", expected, ", ".join(momenta))
         for coordinate, momentum in momenta.items():
@@ -61,37 +49,34 @@ def cyclic_coordinates():
         yield from constants(name)
 
 
-@row("12.5.3", "two particles on a line, U(a q1 + b q2)")
+@row("12.5.3", "two particles on a line, U(a q1 + b q2)", "two_on_a_line")
 def two_on_a_line():
-    yield from path("two_on_a_line")
-    scene, solution = solved("two_on_a_line")
-    q, v, t = states(solution)
+    scene, solution, q, v, t = along("two_on_a_line")
     found = noether(scene.problem.system, lambda q, t, *, a, b: [b, -a])
     book = scene.facts["conserved"]["b p1 - a p2"](q, v, t)
     yield worst("b p1 - a p2", book, found(q, v, t), ROUNDING)
     yield Line("its drift", 0.0, found.drift(solution), RATE)
 
 
-@row("12.5.4", "Noether: oscillator in the plane, N bodies, a screw, energy from time")
+@row(
+    "12.5.4",
+    "Noether: oscillator in the plane, N bodies, a screw, energy from time",
+    *("oscillator_2d", "two_body", "screw"),
+)
 def symmetries():
-    for name in ("oscillator_2d", "two_body", "screw"):
-        yield from path(name)
-    turn = noether(solved("oscillator_2d")[0].problem.system, lambda q, t: [-q[1], q[0]])
-    scene, solution = solved("oscillator_2d")
-    q, v, t = states(solution)
+    scene, _, q, v, t = along("oscillator_2d")
+    turn = noether(scene.problem.system, lambda q, t: [-q[1], q[0]])
     book = scene.facts["conserved"]["angular momentum"](q, v, t)
     yield worst("oscillator_2d: m (x y' - y x')", book, turn(q, v, t), ROUNDING)
-    scene, solution = solved("screw")
-    q, v, t = states(solution)
+    scene, _, q, v, t = along("screw")
     found = noether(scene.problem.system, lambda q, t, *, c: [c, 1.0])
     book = scene.facts["conserved"]["screw momentum"](q, v, t)
     yield worst("screw: screw momentum", book, found(q, v, t), ROUNDING)
-    _, solution = solved("pendulum")
-    q, v, t = states(solution)
+    _, solution, q, v, t = along("pendulum")
     H = noether(solution.problem.system, [0.0], time=-1.0)
     yield worst("pendulum: H of t -> t + d", solution.energy(t), H(q, v, t), ROUNDING)
     for name in ("two_body", "figure_eight"):
-        scene, solution = solved(name)
+        scene, solution, q, v, t = along(name)
         system, n = scene.problem.system, scene.problem.system.n
         move = noether(system, [1.0, 0.0] * (n // 2))
 
@@ -99,13 +84,12 @@ def symmetries():
             return [(-1) ** (i + 1) * q[i + 1 - 2 * (i % 2)] for i in range(n)]
 
         spin = noether(system, turning)
-        q, v, t = states(solution)
         facts = scene.facts["conserved"]
         for what, I in (("momentum, x", move), ("angular momentum", spin)):
             yield worst(f"{name}: {what}", facts[what](q, v, t), I(q, v, t), ROUNDING)
             yield Line(f"{name}: its drift", 0.0, I.drift(solution), RATE)
     try:
-        noether(solved("kepler")[0].problem.system, [1.0, 0.0])
+        noether(along("kepler")[0].problem.system, [1.0, 0.0])
         verdict = "accepted"
     except ValueError:
         verdict = "refused"
@@ -122,40 +106,41 @@ def found_symmetries():
         ("turning_wire", "x: -1.5 y, y: 1.5 x, t: 1"),
         ("oscillating_wall", "none"),
     ):
-        _, solution = solved(name)
+        solution = along(name)[1]
         found = find_symmetries(solution.problem.system, parameters=solution.problem.parameters)
         yield Line(f"{name}: d/dd of", expected, "; ".join(map(str, found)) or "none")
         for symmetry in found:
             yield Line(f"{name}: drift", 0.0, symmetry.conserved.drift(solution), RATE)
 
 
-@row("12.5.1", "charge in uniform E and B, in the plane and in space, in two gauges")
+@row(
+    "12.5.1",
+    "charge in uniform E and B, in the plane and in space, in two gauges",
+    *("charge_planar", "charge_spatial", "charge_gauge"),
+)
 def charge():
-    for name in ("charge_planar", "charge_spatial", "charge_gauge"):
-        yield from path(name)
-    scene, solution = solved("charge_planar")
-    _, v, t = states(solution)
+    scene, solution, _, v, t = along("charge_planar")
     speed = np.hypot(v[0], v[1] + scene.facts["drift"])  # in the frame that drifts along -y
     turning = np.hypot(*solution.acceleration(t)) / speed
     yield worst("charge_planar: cyclotron frequency e B / m", scene.facts["cyclotron"], turning)
-    gauged, other = solved("charge_gauge")
+    gauged, other, _, _, _ = along("charge_gauge")
     yield worst("other A: same path", solution(t), other(t), 1e-11)
     F = gauged.facts["gauge"](other(t[[0, -1]]), t[[0, -1]])
     yield Line("other A: action", float(F[1] - F[0]), other.action - solution.action, 1e-11)
 
 
-@row("12.5.1", "moving constraints: rotating hoop, turning wire, moving pivot")
+@row(
+    "12.5.1",
+    "moving constraints: rotating hoop, turning wire, moving pivot",
+    *("hoop_bead", "turning_wire", "turning_wire_radial", "moving_pivot"),
+)
 def moving():
-    for name in ("hoop_bead", "turning_wire", "turning_wire_radial", "moving_pivot"):
-        yield from path(name)
     yield Line("turning_wire: energy changes", True, _changes("turning_wire"))
     yield Line("turning_wire_radial: H changes", False, _changes("turning_wire_radial"))
     yield Line("hoop_bead: H changes", False, _changes("hoop_bead"))
     yield Line("moving_pivot: H changes", True, _changes("moving_pivot"))
-    scene, solution = solved("turning_wire")
-    _, _, t = states(solution)
-    radial = solved("turning_wire_radial")[1]
+    scene, solution, q, v, t = along("turning_wire")
+    radial = along("turning_wire_radial")[1]
     yield worst("the wire in r: same motion", np.hypot(*solution(t)), radial(t)[0], CLOSE)
-    q, v, t = states(solution)
     book = scene.facts["multipliers"](q, v, t)
     yield worst("turning_wire: multiplier", book, solution.multipliers(t), RATE)

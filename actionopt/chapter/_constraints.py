@@ -4,39 +4,25 @@ import numpy as np
 
 from actionopt.analysis.contact import contact_loss
 from actionopt.analysis.forward import integrate
-from actionopt.chapter._row import (
-    CLOSE,
-    RATE,
-    ROUNDING,
-    TOL,
-    Line,
-    path,
-    row,
-    solved,
-    states,
-    worst,
-)
+from actionopt.chapter._row import CLOSE, RATE, ROUNDING, TOL, Line, along, row, worst
 from actionopt.mechanics.pfaffian import integrate_pfaffian
 from actionopt.mechanics.problem import Problem, State
 from actionopt.mechanics.system import System
 from actionopt.solver.solve import solve
 
 
-@row("12.4", "block on a sliding wedge")
+@row("12.4", "block on a sliding wedge", "sliding_wedge")
 def wedge():
-    yield from path("sliding_wedge")
-    _, solution = solved("sliding_wedge")
+    _, solution, _, _, t = along("sliding_wedge")
     m, M, angle, g = (float(solution.problem.parameters[x]) for x in ("m", "M", "angle", "g"))
     s, c = np.sin(angle), np.cos(angle)
-    _, _, t = states(solution)
     expected = -m * g * s * c / (M + m * s**2)
     yield worst("acceleration of the wedge", expected, solution.acceleration(t)[0], ROUNDING)
 
 
-@row("12.4", "particle in an inverted cone")
+@row("12.4", "particle in an inverted cone", "inverted_cone")
 def cone():
-    yield from path("inverted_cone")
-    scene, solution = solved("inverted_cone")
+    scene, solution, _, _, _ = along("inverted_cone")
     system, values = scene.problem.system, scene.problem.parameters
     angle, g = float(values["angle"]), float(values["g"])
     w = float(solution.start.v[1])
@@ -67,38 +53,35 @@ def cone():
     yield Line("sqrt(3) sin w, perturbed motion", expected, float(limit), 1e-6)
 
 
-@row("12.4", "pendulum with the multiplier of r = l, and in Cartesian coordinates")
+@row(
+    "12.4",
+    "pendulum with the multiplier of r = l, and in Cartesian coordinates",
+    *("polar_pendulum", "rod_pendulum"),
+)
 def pendulum():
-    for name in ("polar_pendulum", "rod_pendulum"):
-        yield from path(name)
-    _, polar = solved("polar_pendulum")
-    (r, theta), (_, rate), t = states(polar)
+    _, polar, (r, theta), (_, rate), t = along("polar_pendulum")
     m, g = (float(polar.problem.parameters[x]) for x in "mg")
     tension = -(m * r * rate**2 + m * g * np.cos(theta))
     yield worst("tension -(m r theta'^2 + m g cos)", tension, polar.multipliers(t)[0], RATE)
     yield worst("Q_r = lambda df/dr (12.9)", tension, polar.constraint_force(t)[0], RATE)
     yield worst("Q_theta = 0", 0.0, polar.constraint_force(t)[1], RATE)
-    _, rod = solved("rod_pendulum")
-    along = np.stack([np.sin(theta), -np.cos(theta)])
-    yield worst("Cartesian: the same force", tension * along, rod.constraint_force(t), RATE)
+    rod = along("rod_pendulum")[1]
+    radial = np.stack([np.sin(theta), -np.cos(theta)])
+    yield worst("Cartesian: the same force", tension * radial, rod.constraint_force(t), RATE)
 
 
-@row("12.4", "cylinder rolling down a slope: friction, a force and a torque")
+@row("12.4", "cylinder rolling down a slope: friction, a force and a torque", "rolling_cylinder")
 def rolling():
-    yield from path("rolling_cylinder")
-    scene, solution = solved("rolling_cylinder")
+    scene, solution, _, _, t = along("rolling_cylinder")
     R = float(scene.problem.parameters["R"])
-    _, _, t = states(solution)
     force, torque = solution.constraint_force(t)
     yield worst("friction", scene.facts["friction"], force, RATE)
     yield worst("torque of the friction", -R * scene.facts["friction"], torque, RATE)
 
 
-@row("12.4", "mass sliding off a fixed circle")
+@row("12.4", "mass sliding off a fixed circle", "sliding_off_circle")
 def sliding():
-    yield from path("sliding_off_circle")
-    scene, solution = solved("sliding_off_circle")
-    (_, theta), (_, rate), t = states(solution)
+    scene, solution, (_, theta), (_, rate), t = along("sliding_off_circle")
     m, R, g = (float(scene.problem.parameters[x]) for x in "mRg")
     normal = m * g * np.cos(theta) - m * R * rate**2
     yield worst("normal force", normal, solution.multipliers(t)[0], RATE)
@@ -109,7 +92,7 @@ def sliding():
 
 @row("12.4", "degrees of freedom: conditions on velocities")
 def freedom():
-    scene, solution = solved("rolling_cylinder")
+    scene, solution, _, _, t = along("rolling_cylinder")
     problem = scene.problem
     yield Line("rolling cylinder", 1.0, float(problem.system.degrees_of_freedom))
     values = dict(problem.parameters)
@@ -121,7 +104,6 @@ def freedom():
 
     system = System(lagrangian, ["x", "phi"], parameters=values, constraint=f)
     found = solve(Problem(system, problem.start, problem.end), tol=TOL)
-    _, _, t = states(solution)
     yield worst("x' - R phi' = 0 given: same path", solution(t), found(t), CLOSE)
 
     def sphere(q, *, R):  # no slipping; Euler angles phi (about z), theta, psi

@@ -3,32 +3,20 @@
 import numpy as np
 
 from actionopt import scenes
-from actionopt.chapter._row import (
-    CLOSE,
-    RATE,
-    ROUNDING,
-    TOL,
-    Line,
-    path,
-    row,
-    solved,
-    states,
-    times,
-    worst,
-)
+from actionopt.chapter._row import CLOSE, RATE, ROUNDING, TOL, Line, along, path, row, worst
 from actionopt.mechanics.problem import Event, Problem
 from actionopt.mechanics.system import System
 from actionopt.solver.solve import solve
 
 
-@row("12.3.1", "one motion in Cartesian, polar and spherical coordinates")
+@row(
+    "12.3.1",
+    "one motion in Cartesian, polar and spherical coordinates",
+    *("kepler_polar", "kepler_spherical"),
+)
 def coordinates():
-    for name in ("kepler_polar", "kepler_spherical"):
-        yield from path(name)
-    flat = solved("kepler")[1]
-    t = times(flat)
-    x, y = flat(t)
-    polar, spherical = solved("kepler_polar")[1], solved("kepler_spherical")[1]
+    _, flat, (x, y), _, t = along("kepler")
+    polar, spherical = along("kepler_polar")[1], along("kepler_spherical")[1]
     r, phi = polar(t)
     yield worst("polar: same path", [x, y], [r * np.cos(phi), r * np.sin(phi)])
     yield Line("polar: same action", flat.action, polar.action, 1e-11)
@@ -74,7 +62,7 @@ def spherical_forces():
 def rotating_frame():
     for name in ("rotating_frame_free", "rotating_frame_bound"):
         yield from path(name)
-        _, solution = solved(name)
+        _, solution, q, v, t = along(name)
         problem = solution.problem
         w, m = (float(problem.parameters[x]) for x in "wm")
         k = float(problem.parameters.get("k", 0.0))
@@ -90,7 +78,6 @@ def rotating_frame():
         )
         ends = [Event(e.t, turned(np.array(e.q), e.t)) for e in (problem.start, problem.end)]
         inertial = solve(Problem(still, *ends), tol=TOL)
-        q, v, t = states(solution)
         yield worst(f"{name}: maps onto the frame at rest", inertial(t), turned(q, t))
         yield Line(f"{name}: same action", inertial.action, solution.action, CLOSE)
         # m a = F - 2 m w x v - m w x (w x r)
@@ -103,23 +90,20 @@ def rotating_frame():
 def gauge():
     for name in ("oscillator_gauge", "driven_oscillator"):
         yield from path(name)
-        scene, solution = solved(name)
-        twin = solved(scene.facts["twin"])[1]
-        t = times(solution)
+        scene, solution, _, _, t = along(name)
+        twin = along(scene.facts["twin"])[1]
         yield worst(f"{name}: path of {scene.facts['twin']}", twin(t), solution(t), 1e-11)
         F = scene.facts["gauge"](solution(t[[0, -1]]), t[[0, -1]])
         difference = solution.action - twin.action
         yield Line(f"{name}: action differs by F2 - F1", float(F[1] - F[0]), difference, 1e-11)
 
 
-@row("12.3.2", "spring on an oscillating wall")
+@row("12.3.2", "spring on an oscillating wall", "oscillating_wall")
 def oscillating_wall():
     """Find x'' + w0^2 x = A w^2 cos wt, whether the term in sin^2 wt is kept or dropped."""
-    yield from path("oscillating_wall")
-    _, solution = solved("oscillating_wall")
+    _, solution, q, v, t = along("oscillating_wall")
     problem = solution.problem
     m, k, A, w = (float(problem.parameters[x]) for x in "mkAw")
-    q, v, t = states(solution)
     found = solution.acceleration(t) + k / m * q
     yield worst("B = A w^2", A * w**2 * np.cos(w * t), found[0], ROUNDING)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
+from itertools import chain
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -71,9 +72,13 @@ class Row:
     check: Callable[[], Lines]
 
 
-def row(section: str, system: str) -> Callable[[Callable[[], Lines]], Row]:
-    """Make the decorated function a row of the chapter."""
-    return lambda check: Row(section, system, check)
+def row(section: str, system: str, *names: str) -> Callable[[Callable[[], Lines]], Row]:
+    """Make the decorated function a row of the chapter, after the paths of the scenes `names`."""
+
+    def made(check: Callable[[], Lines]) -> Row:
+        return Row(section, system, lambda: chain(*map(path, names), check()))
+
+    return made
 
 
 def other_numbers(name: str) -> dict[str, Array]:
@@ -103,6 +108,12 @@ def states(solution: Solution) -> tuple[Array, Array, Array]:
     return solution(t), solution.velocity(t), t
 
 
+def along(name: str) -> tuple[Scene, Solution, Array, Array, Array]:
+    """Return a scene, its solution, and `states` along it."""
+    scene, solution = solved(name)
+    return scene, solution, *states(solution)
+
+
 def worst(quantity: str, expected: ArrayLike, found: ArrayLike, tolerance: float = CLOSE) -> Line:
     """Return the comparison of two tables where they differ most, relative to their size."""
     a, b = np.broadcast_arrays(np.asarray(expected, dtype=float), np.asarray(found, dtype=float))
@@ -128,8 +139,7 @@ def path(name: str) -> Lines:
 
 def constants(name: str) -> Lines:
     """Compare the conserved quantities of a scene at the end of its path with the start."""
-    scene, solution = solved(name)
-    q, v, t = states(solution)
+    scene, _, q, v, t = along(name)
     for what, quantity in scene.facts["conserved"].items():
         values = quantity(q, v, t)
         yield worst(f"{name}: {what} constant", values[0], values, RATE)

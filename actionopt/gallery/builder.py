@@ -1,7 +1,7 @@
-"""Write the pages: those whose sources have changed, two at a time, each file whole or not at all.
+"""Write the pages, two at a time, each file whole or not at all; what stands is not made again.
 
-The manifest keeps the key of every page written. It is written after each page, so that an
-interrupted build goes on where it stopped.
+The manifest keeps with every page written a digest of all that it was made from. It is written
+after each page, so that an interrupted build goes on where it stopped.
 """
 
 from __future__ import annotations
@@ -14,15 +14,19 @@ from collections.abc import Callable, Generator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import closing, contextmanager
 from functools import partial
+from hashlib import sha256
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from actionopt import scenes
 from actionopt.gallery.index_page import index_page
-from actionopt.gallery.keys import key, static
 from actionopt.gallery.page import Page
-from actionopt.tools.files import whole
+from actionopt.tools.files import write
 
+PACKAGE = Path(scenes.__file__).parent.parent
+STATIC = Path(__file__).parent / "static"  # what all pages share
+LIBRARIES = ("casadi", "matplotlib", "numpy")
 MANIFEST = "manifest.json"
 STORY = "least"
 JOBS = 2
@@ -63,20 +67,20 @@ def build(
     written = _manifest(target)
     _keep(target, written)
     wanted = [STORY, *dict.fromkeys(names or scenes.SCENES)]
-    keys = {name: key(name) for name in wanted}
-    ahead = [name for name in wanted if not _stands(target, written.get(name), keys[name])]
-    for name, text in static().items():
-        _write(target / name, text)
+    key = sources()
+    ahead = [name for name in wanted if not _stands(target, written.get(name), key)]
+    for file in STATIC.iterdir():
+        write(target / file.name, file.read_text(encoding="utf-8"))
     done = len(wanted) - len(ahead)
     with closing(_made(ahead, jobs)) as made:
         for name, page in made:
             for file, text in page.files.items():
-                _write(target / file, text)
+                write(target / file, text)
             before = written.get(name, {}).get("files", [])
             for file in set(before) - set(page.files):
                 (target / file).unlink(missing_ok=True)
             written[name] = {
-                "key": keys[name],
+                "key": key,
                 "files": sorted(page.files),
                 "tags": page.tags,
                 "motion": page.motion,
@@ -86,8 +90,17 @@ def build(
             if show is not None:
                 show(done, len(wanted), name)
     there = {name: entry for name, entry in written.items() if name in scenes.SCENES}
-    _write(target / "index.html", index_page(there))
+    write(target / "index.html", index_page(there))
     return ahead
+
+
+def sources(folder: Path = PACKAGE) -> str:
+    """Return a digest of all that pages are made from: the package's files, and the libraries."""
+    digest = sha256("".join(f"{name} {version(name)}\n" for name in LIBRARIES).encode())
+    for file in sorted(folder.rglob("*")):
+        if file.suffix in (".py", ".html"):
+            digest.update(f"{file.relative_to(folder)}\n".encode() + file.read_bytes())
+    return digest.hexdigest()
 
 
 def make(name: str) -> Page:
@@ -145,20 +158,13 @@ def _manifest(target: Path) -> dict[str, Any]:
 
 
 def _keep(target: Path, written: Mapping[str, Any]) -> None:
-    _write(target / MANIFEST, json.dumps(written, indent=1, sort_keys=True))
+    write(target / MANIFEST, json.dumps(written, indent=1, sort_keys=True))
 
 
-def _stands(target: Path, entry: Mapping[str, Any] | None, wanted: str) -> bool:
+def _stands(target: Path, entry: Mapping[str, Any] | None, key: str) -> bool:
     """Return whether a page has this key and all its files."""
     return (
         entry is not None
-        and entry["key"] == wanted
+        and entry["key"] == key
         and all((target / file).is_file() for file in entry["files"])
     )
-
-
-def _write(file: Path, text: str) -> None:
-    """Write a file, whole or not at all."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    with whole(file) as part:
-        part.write_text(text, encoding="utf-8", newline="\n")

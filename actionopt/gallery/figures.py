@@ -7,110 +7,135 @@ from dataclasses import dataclass
 from typing import Any
 
 from actionopt import plot
-from actionopt.gallery.page import rounded
+from actionopt.gallery.page import escape, rounded
 from actionopt.gallery.subject import Subject, span
 from actionopt.plot import SI
 
-NO_FUNCTIONAL = "A force that no potential gives leaves no action to compare."
-
-
-@dataclass(frozen=True)
-class Kind:
-    """A kind of figure.
-
-    Attributes
-    ----------
-    name, title, caption : str
-        The file's name, the heading, and what there is to see in any such figure.
-    draw : callable
-        Draws a subject on an empty matplotlib figure.
-    alt : callable
-        Says what is to be seen in this one, with numbers.
-    unless : callable
-        Says why a subject has no such figure, or nothing.
-    size : (float, float)
-        Inches.
-    """
-
-    name: str
-    title: str
-    caption: str
-    draw: Callable[[Subject, Any], Any]
-    alt: Callable[[Subject], str]
-    unless: Callable[[Subject], str] = lambda s: ""
-    size: tuple[float, float] = (6.4, 4.4)
+Rule = tuple[Callable[[Subject], bool], str]
 
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure drawn."""
+    """A figure drawn: its file's name, SVG and size (inches), and its words."""
 
-    kind: Kind
-    alt: str
+    name: str
     svg: str
+    size: tuple[float, float]
+    alt: str
+    caption: str
+    title: str = ""
+
+    def html(self, folder: str = "") -> str:
+        """Return the picture in `folder` and its caption as HTML, the end of a <figure>."""
+        width, height = (round(100 * side) for side in self.size)
+        return (
+            f'<img src="{folder}{self.name}.svg" alt="{escape(self.alt)}" width="{width}" '
+            f'height="{height}" loading="lazy">\n<figcaption>{self.caption}</figcaption></figure>'
+        )
 
 
-def figures(subject: Subject) -> tuple[list[Figure], list[tuple[Kind, str]]]:
-    """Return the figures of a subject, and the kinds it has not, each with the reason."""
+def figures(subject: Subject) -> tuple[list[Figure], list[tuple[str, str]]]:
+    """Return the figures of a subject, and the titles of those it has not, each with the reason."""
     drawn, without = [], []
-    for kind in KINDS:
-        reason = kind.unless(subject)
+    for title, unless, made in KINDS:
+        reason = next((why for holds, why in unless if holds(subject)), "")
         if not reason:
             try:
-                svg = plot.svg(lambda figure, k=kind: k.draw(subject, figure), kind.size)
-                drawn.append(Figure(kind, kind.alt(subject), svg))
+                drawn.append(made(subject))
                 continue
             except ValueError as error:
                 reason = f"{str(error)[0].upper()}{str(error)[1:]}."
-        without.append((kind, reason))
+        without.append((title, reason))
     return drawn, without
 
 
-# -- rules -----------------------------------------------------------------------------------
+# -- rules: what keeps a subject from having a figure, and why ---------------------------------
+
+FORCED: Rule = (lambda s: s.forced, "A force that no potential gives leaves no action to compare.")
+DRAG: Rule = (
+    lambda s: s.forced,
+    "A force takes energy from the motion: H falls, as the energy function shows.",
+)
+NOT_MECHANICAL: Rule = (
+    lambda s: not s.solution.problem.system.energy_is_mechanical,
+    "The energy function is not T + V here, so that T and V do not share it out.",
+)
+SEVERAL: Rule = (
+    lambda s: s.freedom > 1,
+    "With several degrees of freedom the landscape tells more.",
+)
+CROWDED: Rule = (
+    lambda s: not s.plane,
+    "Neighbouring paths of several coordinates do not fit in one plane.",
+)
+HELD: Rule = (
+    lambda s: bool(s.solution.problem.system.m),
+    "Fronts need places all around the path, and a constraint leaves only a surface.",
+)
 
 
-def _forced(s: Subject) -> str:
-    return NO_FUNCTIONAL if s.forced else ""
+# -- figures ---------------------------------------------------------------------------------
+
+Draw = Callable[[Subject, Any], str]
+KINDS: list[tuple[str, tuple[Rule, ...], Callable[[Subject], Figure]]] = []
 
 
-def _not_mechanical(s: Subject) -> str:
-    if s.forced:
-        return "A force takes energy from the motion: H falls, as the energy function shows."
-    if not s.solution.problem.system.energy_is_mechanical:
-        return "The energy function is not T + V here, so that T and V do not share it out."
-    return ""
+def _kind(
+    title: str, caption: str, *unless: Rule, size: tuple[float, float] = (6.4, 4.4)
+) -> Callable[[Draw], None]:
+    """Make the decorated function a kind of figure, the file of its own name.
+
+    It draws a subject on an empty matplotlib figure of `size` (inches), and says what is to be
+    seen in this one, with numbers; `caption`, what in any such figure. A subject that is what
+    the rules `unless` say has none.
+    """
+
+    def add(draw: Draw) -> None:
+        def made(subject: Subject) -> Figure:
+            said: list[str] = []
+            svg = plot.svg(lambda figure: said.append(draw(subject, figure)), size)
+            return Figure(draw.__name__.strip("_"), svg, size, said[0], caption, title)
+
+        KINDS.append((title, unless, made))
+
+    return add
 
 
-def _several(s: Subject) -> str:
-    several = "With several degrees of freedom the landscape tells more."
-    return _forced(s) or (several if s.freedom > 1 else "")
+@_kind(
+    "The motion, as a strobe would show it",
+    "What stands where at equal times, earlier ones fainter; arrows, where there are any, are "
+    "forces of constraint.",
+)
+def _motion(s: Subject, figure: Any) -> str:
+    plot.motion(s.solution, s.scene.draw, figure.subplots(), force=s.arrows, units=SI)
+    return f"{s.scene.title}, at nine equal times {s.motion}."
 
 
-def _no_plane(s: Subject) -> str:
-    crowded = "Neighbouring paths of several coordinates do not fit in one plane."
-    return _forced(s) or ("" if s.plane else crowded)
-
-
-def _no_fronts(s: Subject) -> str:
-    held = "Fronts need places all around the path, and a constraint leaves only a surface."
-    return _no_plane(s) or (held if s.solution.problem.system.m else "")
-
-
-# -- what is to be seen ----------------------------------------------------------------------
-
-
-def _paths_alt(s: Subject) -> str:
+@_kind(
+    "The path, and the motion integrated forward",
+    "Where the two agree, the path that makes the action stationary is the motion that "
+    "Newton's equations give from its own start.",
+    size=(6.4, 6.0),
+)
+def _path(s: Subject, figure: Any) -> str:
+    plot.overview(s.solution, figure.subplots(2, height_ratios=(3, 2)), units=SI)
     found = s.solution.compare()
     most = found.reason or f"at most {rounded(found.position, 2)}"
     return (
         f"Above, the path {s.motion}, action {s.solution.action:.8g} J s, with the forward "
         f"integration over it; below, their deviation on a logarithmic axis, {most}, beside an "
-        "error estimate of "
-        f"{rounded(s.solution.error, 2)}."
+        f"error estimate of {rounded(s.solution.error, 2)}."
     )
 
 
-def _energies_alt(s: Subject) -> str:
+@_kind(
+    "Kinetic and potential energy",
+    "The action is the area under T less the area under V.",
+    DRAG,
+    NOT_MECHANICAL,
+)
+def _energies(s: Subject, figure: Any) -> str:
+    plot.energies(s.solution, figure.subplots(), units=SI)
     data = plot.energies_data(s.solution)
     return (
         f"Kinetic energy {span(data.kinetic, 'J')} and potential energy "
@@ -119,7 +144,11 @@ def _energies_alt(s: Subject) -> str:
     )
 
 
-def _conserved_alt(s: Subject) -> str:
+@_kind(
+    "Energy function and momenta", "What is conserved is a broad straight line.", size=(6.4, 5.4)
+)
+def _conserved(s: Subject, figure: Any) -> str:
+    plot.conserved(s.solution, figure.subplots(2, sharex=True), units=SI)
     data = plot.conserved_data(s.solution)
     names = ["H", *(f"p of {name}" for name in s.solution.problem.system.coordinates)]
     flat = [name for name, same in zip(names, data.flat, strict=True) if same]
@@ -127,24 +156,15 @@ def _conserved_alt(s: Subject) -> str:
     return f"Energy function H, {span(data.energy, 'J')}, and momenta against time; {kept}."
 
 
-def _kind(s: Subject) -> str:
-    return f"The path is a {s.solution.kind} of Morse index {s.solution.morse_index}."
-
-
-def _slices_alt(s: Subject) -> str:
-    how = "both rise like bowls" if s.solution.kind == "minimum" else "the first falls both ways"
-    return f"The action along two variations of the path: {how}. {_kind(s)}"
-
-
-def _landscape_alt(s: Subject) -> str:
-    how = "the bottom of a bowl" if s.solution.kind == "minimum" else "a pass between two valleys"
-    return (
-        f"Contours of the action over two variations; the path, in the middle, is at {how}. "
-        f"{_kind(s)}"
-    )
-
-
-def _bundle_alt(s: Subject) -> str:
+@_kind(
+    "The path among its neighbours",
+    "Varied paths between the same two events: vermilion where the action is higher, blue "
+    "where it is lower.",
+    FORCED,
+    CROWDED,
+)
+def _bundle(s: Subject, figure: Any) -> str:
+    plot.bundle(s.solution, figure.subplots(), units=SI)
     rise = plot.bundle_data(s.solution).rise
     return (
         f"The path {s.motion} in black among {rise.size} neighbours between the same events; "
@@ -152,25 +172,80 @@ def _bundle_alt(s: Subject) -> str:
     )
 
 
-def _fan_alt(s: Subject) -> str:
+@_kind(
+    "The action along two variations",
+    "At a stationary path the slope vanishes; whether it is least, the curvature tells.",
+    FORCED,
+    SEVERAL,
+)
+def _slices(s: Subject, figure: Any) -> str:
+    plot.slices(s.solution, figure.subplots(), units=SI)
+    how = "both rise like bowls" if s.solution.kind == "minimum" else "the first falls both ways"
+    return f"The action along two variations of the path: {how}. {_index(s)}"
+
+
+@_kind(
+    "The action as a landscape",
+    "The two variations that tell most: a bowl at a minimum, a pass at a saddle.",
+    FORCED,
+)
+def _landscape(s: Subject, figure: Any) -> str:
+    plot.landscape(s.solution, figure.subplots(), units=SI)
+    how = "the bottom of a bowl" if s.solution.kind == "minimum" else "a pass between two valleys"
+    contours = "Contours of the action over two variations; the path, in the middle, is at"
+    return f"{contours} {how}. {_index(s)}"
+
+
+def _index(s: Subject) -> str:
+    return f"The path is a {s.solution.kind} of Morse index {s.solution.morse_index}."
+
+
+@_kind(
+    "Paths from one event",
+    "Where neighbouring motions meet the path again, it ceases to be least.",
+    FORCED,
+    CROWDED,
+)
+def _fan(s: Subject, figure: Any) -> str:
+    plot.fan(s.solution, figure.subplots(), units=SI)
     return f"Motions that leave the start with slightly different velocities, {s.motion}; {s.foci}."
 
 
-def _spectrum_alt(s: Subject) -> str:
+@_kind(
+    "The second variation as the path grows",
+    "An eigenvalue below zero is a variation that lowers the action.",
+    FORCED,
+)
+def _spectrum(s: Subject, figure: Any) -> str:
+    plot.spectrum(s.solution, figure.subplots(), units=SI)
     return (
         f"The three lowest eigenvalues of the second variation against the duration; {s.foci}. "
         f"{s.solution.morse_index} of all are negative at the full duration."
     )
 
 
-def _fronts_alt(s: Subject) -> str:
+@_kind(
+    "Fronts of equal action",
+    "The momentum is the gradient of the action: paths cross its fronts as rays cross waves.",
+    FORCED,
+    CROWDED,
+    HELD,
+)
+def _fronts(s: Subject, figure: Any) -> str:
+    plot.wavefronts(s.solution, figure.subplots(), units=SI)
     return (
         "Lines of equal action from the start, crossed by the motions that leave it in other "
         f"directions; the path goes {s.motion}."
     )
 
 
-def _mesh_alt(s: Subject) -> str:
+@_kind(
+    "How it was computed",
+    "Polynomials on elements in time; their degrees follow the motion.",
+    size=(6.4, 5.2),
+)
+def _mesh(s: Subject, figure: Any) -> str:
+    plot.mesh(s.solution, figure.subplots(2, sharex=True, height_ratios=(3, 2)), units=SI)
     mesh = s.solution.mesh
     low, high = min(mesh.degrees), max(mesh.degrees)
     degrees = f"of degree {low}" if low == high else f"of degrees {low} to {high}"
@@ -178,99 +253,3 @@ def _mesh_alt(s: Subject) -> str:
         f"The coordinates with the nodes on them, {mesh.elements} elements {degrees}; estimated "
         f"error {rounded(s.solution.error, 2)}."
     )
-
-
-KINDS = (
-    Kind(
-        "motion",
-        "The motion, as a strobe would show it",
-        "What stands where at equal times, earlier ones fainter; arrows, where there are any, are "
-        "forces of constraint.",
-        lambda s, f: plot.motion(s.solution, s.scene.draw, f.subplots(), force=s.arrows, units=SI),
-        lambda s: f"{s.scene.title}, at nine equal times {s.motion}.",
-    ),
-    Kind(
-        "path",
-        "The path, and the motion integrated forward",
-        "Where the two agree, the path that makes the action stationary is the motion that "
-        "Newton's equations give from its own start.",
-        lambda s, f: plot.overview(s.solution, f.subplots(2, height_ratios=(3, 2)), units=SI),
-        _paths_alt,
-        size=(6.4, 6.0),
-    ),
-    Kind(
-        "energies",
-        "Kinetic and potential energy",
-        "The action is the area under T less the area under V.",
-        lambda s, f: plot.energies(s.solution, f.subplots(), units=SI),
-        _energies_alt,
-        _not_mechanical,
-    ),
-    Kind(
-        "conserved",
-        "Energy function and momenta",
-        "What is conserved is a broad straight line.",
-        lambda s, f: plot.conserved(s.solution, f.subplots(2, sharex=True), units=SI),
-        _conserved_alt,
-        size=(6.4, 5.4),
-    ),
-    Kind(
-        "bundle",
-        "The path among its neighbours",
-        "Varied paths between the same two events: vermilion where the action is higher, blue "
-        "where it is lower.",
-        lambda s, f: plot.bundle(s.solution, f.subplots(), units=SI),
-        _bundle_alt,
-        _no_plane,
-    ),
-    Kind(
-        "slices",
-        "The action along two variations",
-        "At a stationary path the slope vanishes; whether it is least, the curvature tells.",
-        lambda s, f: plot.slices(s.solution, f.subplots(), units=SI),
-        _slices_alt,
-        _several,
-    ),
-    Kind(
-        "landscape",
-        "The action as a landscape",
-        "The two variations that tell most: a bowl at a minimum, a pass at a saddle.",
-        lambda s, f: plot.landscape(s.solution, f.subplots(), units=SI),
-        _landscape_alt,
-        _forced,
-    ),
-    Kind(
-        "fan",
-        "Paths from one event",
-        "Where neighbouring motions meet the path again, it ceases to be least.",
-        lambda s, f: plot.fan(s.solution, f.subplots(), units=SI),
-        _fan_alt,
-        _no_plane,
-    ),
-    Kind(
-        "spectrum",
-        "The second variation as the path grows",
-        "An eigenvalue below zero is a variation that lowers the action.",
-        lambda s, f: plot.spectrum(s.solution, f.subplots(), units=SI),
-        _spectrum_alt,
-        _forced,
-    ),
-    Kind(
-        "fronts",
-        "Fronts of equal action",
-        "The momentum is the gradient of the action: paths cross its fronts as rays cross waves.",
-        lambda s, f: plot.wavefronts(s.solution, f.subplots(), units=SI),
-        _fronts_alt,
-        _no_fronts,
-    ),
-    Kind(
-        "mesh",
-        "How it was computed",
-        "Polynomials on elements in time; their degrees follow the motion.",
-        lambda s, f: plot.mesh(
-            s.solution, f.subplots(2, sharex=True, height_ratios=(3, 2)), units=SI
-        ),
-        _mesh_alt,
-        size=(6.4, 5.2),
-    ),
-)

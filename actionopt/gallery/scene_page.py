@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import inspect
 import io
 from contextlib import redirect_stdout, suppress
-from importlib import import_module
 
 import numpy as np
 
@@ -13,11 +11,11 @@ from actionopt import scenes
 from actionopt.analysis.solution import Solution
 from actionopt.gallery import film, units
 from actionopt.gallery.facts import known
-from actionopt.gallery.figures import Figure, Kind, figures
+from actionopt.gallery.figures import figures
 from actionopt.gallery.mathml import mathml, symbol
 from actionopt.gallery.page import Page, escape, frame, number, prose, table
 from actionopt.gallery.subject import Subject
-from actionopt.gallery.texts import Texts, callables, texts
+from actionopt.gallery.texts import Texts, texts
 from actionopt.plot import SI
 
 PROGRAM = """\
@@ -40,6 +38,7 @@ def scene_page(name: str) -> Page:
     program, output, solution = run(name, scene.problem.system.structure.forced)
     s = Subject(scene, solution)
     drawn, without = figures(s)
+    pictures = "".join(f"<figure><h3>{f.title}</h3>\n{f.html()}\n" for f in drawn)
     title = scene.title[0].upper() + scene.title[1:]
     main = f"""<article class="scene">
 <header class="title">
@@ -73,7 +72,7 @@ def scene_page(name: str) -> Page:
 </section>
 <section><h2>Figures</h2>
 <div class="figures">
-{"".join(_figure(figure) for figure in drawn)}
+{pictures}
 {_relaxing(s)}
 </div>
 {_without(without)}
@@ -83,13 +82,13 @@ def scene_page(name: str) -> Page:
 {_code("Program", program)}
 {_code("Output", output)}
 <p>The system it solves:</p>
-{_code("System", _system(name))}
+{_code("System", words.source)}
 </section>
 </article>"""
     html = frame(
         f"{title} - actionopt", main, root="../", description=scene.title, scripts=["film.js"]
     )
-    files = {f"{name}/{figure.kind.name}.svg": figure.svg for figure in drawn}
+    files = {f"{name}/{figure.name}.svg": figure.svg for figure in drawn}
     files[f"{name}/thumbnail.svg"] = film.thumbnail(s)
     return Page({f"{name}/index.html": html, **files}, tags(s), s.motion)
 
@@ -133,11 +132,7 @@ def _parameters(s: Subject) -> str:
     name, problem = s.scene.name, s.solution.problem
     values = problem.system.table.values(problem.parameters)
     rows = [
-        (
-            symbol(key),
-            number(float(value), 8),
-            units.html(units.unit(name, key)),
-        )
+        (symbol(key), number(float(value), 8), units.html(units.unit(name, key)))
         for key, value in values.items()
     ]
     return table("Parameters", ("", "value", "unit"), rows)
@@ -194,15 +189,6 @@ def _pair(a: float, b: float, unit: str) -> str:
     return f"{number(float(a), 10)} and {number(float(b), 10)} {units.html(unit)}"
 
 
-def _figure(figure: Figure) -> str:
-    kind, name = figure.kind, figure.kind.name
-    width, height = (round(100 * side) for side in kind.size)
-    return f"""<figure><h3>{kind.title}</h3>
-<img src="{name}.svg" alt="{escape(figure.alt)}" width="{width}" height="{height}" loading="lazy">
-<figcaption>{kind.caption}</figcaption></figure>
-"""
-
-
 def _relaxing(s: Subject) -> str:
     """Return the film of a relaxation, where one plane shows it and there is one."""
     with suppress(ValueError):
@@ -211,13 +197,13 @@ def _relaxing(s: Subject) -> str:
     return ""
 
 
-def _without(kinds: list[tuple[Kind, str]]) -> str:
+def _without(reasons: list[tuple[str, str]]) -> str:
     """Return the figures left out, those with the same reason together."""
-    if not kinds:
+    if not reasons:
         return ""
     titles: dict[str, list[str]] = {}
-    for kind, reason in kinds:
-        titles.setdefault(reason, []).append(kind.title)
+    for title, reason in reasons:
+        titles.setdefault(reason, []).append(title)
     rows = "".join(
         f"<dt>{'; '.join(named)}</dt><dd>{escape(reason)}</dd>" for reason, named in titles.items()
     )
@@ -229,9 +215,3 @@ def _code(label: str, text: str) -> str:
         f'<pre class="{label.lower()}" tabindex="0" role="region" aria-label="{label}">'
         f"<code>{escape(text)}</code></pre>"
     )
-
-
-def _system(name: str) -> str:
-    """Return the source of the functions that define the system."""
-    module = import_module(f"actionopt.scenes.{name}")
-    return "\n\n".join(inspect.getsource(function) for function in callables(module)).rstrip()

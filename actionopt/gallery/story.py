@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
 from pathlib import Path
 from string import Template
 
@@ -11,8 +10,9 @@ import numpy as np
 
 from actionopt import plot, scenes
 from actionopt.gallery.explorer import OSCILLATOR, PROJECTILE
+from actionopt.gallery.figures import Figure
 from actionopt.gallery.film import relaxing
-from actionopt.gallery.page import Page, escape, frame, rounded
+from actionopt.gallery.page import Page, frame, rounded
 from actionopt.gallery.subject import Subject
 from actionopt.plot import SI
 from actionopt.solver.solve import solve
@@ -22,34 +22,13 @@ TEMPLATE = Path(__file__).parent / "templates" / "least.html"
 TITLE = "Is it really least?"
 
 
-@dataclass(frozen=True)
-class Picture:
-    """A figure of the page: its file, its shape, its words."""
-
-    name: str
-    svg: str
-    size: tuple[float, float]
-    alt: str
-    caption: str
-
-    @property
-    def html(self) -> str:
-        """The figure as HTML."""
-        width, height = (round(100 * side) for side in self.size)
-        return (
-            f'<figure class="wide"><img src="least/{self.name}.svg" alt="{escape(self.alt)}" '
-            f'width="{width}" height="{height}" loading="lazy">\n'
-            f"<figcaption>{self.caption}</figcaption></figure>"
-        )
-
-
 def story() -> Page:
     """Return the page."""
     short, long = (_oscillator(share) for share in (SHORT, LONG))
     found = [_landscapes(short, long), _slices(short, long), _fan(long), _spectrum(long)]
     text = TEMPLATE.read_text(encoding="utf-8")
     main = Template(text).substitute(
-        {picture.name: picture.html for picture in found},
+        {f.name: f'<figure class="wide">{f.html("least/")}' for f in found},
         title=TITLE,
         half=f"{np.pi:.4g}",  # of the scene's mass and spring
         short=f"{SHORT:g}",
@@ -82,9 +61,9 @@ def _oscillator(share: float) -> Subject:
     return Subject(scene, solve(scene.problem, tol=1e-10))
 
 
-def _landscapes(short: Subject, long: Subject) -> Picture:
+def _landscapes(short: Subject, long: Subject) -> Figure:
     both, size = [short.solution, long.solution], (10.4, 4.4)
-    return Picture(
+    return Figure(
         "landscapes",
         plot.svg(lambda f: plot.landscapes(both, list(f.subplots(1, 2)), units=SI), size),
         size,
@@ -96,14 +75,14 @@ def _landscapes(short: Subject, long: Subject) -> Picture:
     )
 
 
-def _slices(short: Subject, long: Subject) -> Picture:
+def _slices(short: Subject, long: Subject) -> Figure:
     size = (10.4, 4.2)
 
     def draw(figure):
         for s, ax in zip((short, long), figure.subplots(1, 2), strict=True):
             plot.slices(s.solution, ax, units=SI)
 
-    return Picture(
+    return Figure(
         "slices",
         plot.svg(draw, size),
         size,
@@ -115,9 +94,9 @@ def _slices(short: Subject, long: Subject) -> Picture:
     )
 
 
-def _fan(long: Subject) -> Picture:
+def _fan(long: Subject) -> Figure:
     (focus,), size = long.conjugate, (6.4, 4.4)
-    return Picture(
+    return Figure(
         "fan",
         plot.svg(lambda f: plot.fan(long.solution, f.subplots(), units=SI), size),
         size,
@@ -127,10 +106,10 @@ def _fan(long: Subject) -> Picture:
     )
 
 
-def _spectrum(long: Subject) -> Picture:
+def _spectrum(long: Subject) -> Figure:
     (focus,), size = long.conjugate, (6.4, 4.4)
     lowest = plot.spectrum_data(long.solution).eigenvalues[0]
-    return Picture(
+    return Figure(
         "spectrum",
         plot.svg(lambda f: plot.spectrum(long.solution, f.subplots(), units=SI), size),
         size,

@@ -6,8 +6,6 @@ import importlib
 import inspect
 import re
 from dataclasses import dataclass
-from types import ModuleType
-from typing import Any
 
 from actionopt.gallery.formula import Formula, formula
 
@@ -29,6 +27,8 @@ class Texts:
     formulas : tuple of Formula
         Of the functions that define the system: Lagrangian, and constraint and force if it has
         them.
+    source : str
+        The source of these functions.
     """
 
     statement: str
@@ -36,6 +36,7 @@ class Texts:
     remarks: str
     usage: str
     formulas: tuple[Formula, ...]
+    source: str
 
 
 def texts(name: str) -> Texts:
@@ -47,11 +48,8 @@ def texts(name: str) -> Texts:
     remarks = "\n\n".join(parts[1:first] + parts[last + 1 :])
     sketch = inspect.cleandoc("\n" + "\n\n".join(parts[first : last + 1]))
     usage = re.sub(r"\s*Raises ValueError.*", "", inspect.getdoc(module.scene) or "", flags=re.S)
-    formulas = tuple(formula(inspect.getdoc(f) or "") for f in callables(module))
-    return Texts(parts[0], sketch, remarks, usage, formulas)
-
-
-def callables(module: ModuleType) -> list[Any]:
-    """Return the functions of a scene's file that define its system."""
-    found = (getattr(module, name, None) for name in ("lagrangian", "constraint", "force"))
-    return [f for f in found if f is not None]
+    defined = (getattr(module, what, None) for what in ("lagrangian", "constraint", "force"))
+    functions = [f for f in defined if f is not None]
+    formulas = tuple(formula(inspect.getdoc(f) or "") for f in functions)
+    source = "\n\n".join(map(inspect.getsource, functions)).rstrip()
+    return Texts(parts[0], sketch, remarks, usage, formulas, source)

@@ -61,7 +61,7 @@ class Clock:
         differ = self.steps(before, packed)[0].copy() != self.steps(after, packed)[0]
         first, each = np.argmax(differ, axis=1), np.arange(len(after))  # others may depend on it
         by_time, by_parameters = self.rates(after, packed)
-        by_parameters = by_parameters.reshape(len(after), packed.size, -1)
+        by_parameters = by_parameters.reshape(len(after), packed.size, by_time.shape[1])
         return -by_parameters[each, :, first] / by_time[each, first][:, None]
 
 

@@ -4,29 +4,40 @@ Every figure is a function of a solution: it takes axes or makes them, returns t
 nothing. Next to it is a function that returns the arrays it draws.
 """
 
-from actionopt.plot._bundle import Bundle, bundle, bundle_data
-from actionopt.plot._energies import (
-    Conserved,
-    Energies,
-    conserved,
-    conserved_data,
-    energies,
-    energies_data,
-)
+from actionopt.plot._energies import conserved, energies
 from actionopt.plot._explore import Explorer, explore
-from actionopt.plot._family import family, family_data, mesh, mesh_data
-from actionopt.plot._fan import Fan, Fronts, fan, fan_data, fronts_data, wavefronts
+from actionopt.plot._fan import fan, wavefronts
+from actionopt.plot._files import save, svg
 from actionopt.plot._film import animation, film
-from actionopt.plot._landscape import Landscape, landscape, landscape_data, landscapes
-from actionopt.plot._motion import Motion, motion_data
-from actionopt.plot._paths import Curves, curves, deviation, overview, paths, save
+from actionopt.plot._names import SI, Units, planar, symbol
+from actionopt.plot._paths import deviation, family, mesh, overview, paths
 from actionopt.plot._relaxation import Panels, relaxation, relaxation_film
-from actionopt.plot._slices import Slice, slice_data, slices
-from actionopt.plot._spectrum import Spectrum, spectrum, spectrum_data
 from actionopt.plot._strobe import motion
-from actionopt.plot._style import SI, STYLE, Units, planar, symbol
-from actionopt.plot._svg import svg
+from actionopt.plot._style import STYLE
+from actionopt.plot._variations import bundle, landscape, landscapes, slices, spectrum
+from actionopt.plot.data.along import (
+    Conserved,
+    Curves,
+    Energies,
+    conserved_data,
+    curves,
+    energies_data,
+    family_data,
+    mesh_data,
+)
+from actionopt.plot.data.fan import Fan, Fronts, fan_data, fronts_data
+from actionopt.plot.data.motion import Motion, motion_data
 from actionopt.plot.data.relaxation import Relaxation, relaxation_data
+from actionopt.plot.data.variations import (
+    Bundle,
+    Landscape,
+    Slice,
+    Spectrum,
+    bundle_data,
+    landscape_data,
+    slice_data,
+    spectrum_data,
+)
 
 __all__ = [
     "SI",

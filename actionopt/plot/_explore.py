@@ -16,8 +16,9 @@ from matplotlib.backends.registry import BackendFilter, backend_registry
 from matplotlib.widgets import Button, Slider
 
 from actionopt.mechanics.problem import Problem
+from actionopt.plot import _style as style
 from actionopt.plot._explore_parts import ASIDE, LEFT, RIGHT, Missing, Panel, Words, fit, panels
-from actionopt.plot._style import BLUE, NONE, VERMILION, Units, heading, label, new_figure, styled
+from actionopt.plot._names import NONE, Units, label
 from actionopt.plot.data.exploration import Exploration, begin, bent, lasting, restarted, solved
 from actionopt.plot.data.trial import Trial, knots
 from actionopt.scenes import Scene
@@ -25,6 +26,7 @@ from actionopt.solver.arguments import Guess
 
 REACH = 14  # pixels from a point at which it is taken hold of
 SHORTEST = 0.2  # of the duration
+STEPS = {"enter": solved, "0": restarted}
 SNAP = 0.006  # of the slider: nearer than this to a conjugate time it is that time
 NO_WINDOW = (
     "no window can be opened: {reason}; run this on a desktop with tkinter, or after `pip install "
@@ -64,8 +66,7 @@ def explore(
         question = question.problem
     first = begin(question, guess)
     try:
-        with styled():
-            return Explorer(first, units)
+        return Explorer(first, units)
     except ImportError as error:
         raise RuntimeError(NO_WINDOW.format(reason=error)) from error
 
@@ -73,6 +74,7 @@ def explore(
 class Explorer:
     """A window; `now` is the `Exploration` that it shows, `figure` what it is drawn on."""
 
+    @style.styled
     def __init__(self, first: Exploration, units: Units) -> None:
         self.now = first
         self.held: tuple[Panel, int, Trial] | None = None
@@ -80,18 +82,18 @@ class Explorer:
         problem = first.trial.tr.problem
         names, t0, t1 = problem.system.coordinates, problem.start.t, problem.end.t
         self.right = t1  # the latest end seen: the axis of time does not shrink again
-        self.figure = new_figure(figsize=(10.6, 6.6), layout=None)
+        self.figure = style.new_figure(figsize=(10.6, 6.6), layout=None)
         self.figure.explorer = self  # lives as long as its figure
         self.panels = panels(self.figure, names, units)
         self.missing = Missing(self.figure, names, units)
-        self.words = Words(self.figure, heading(problem), units)
+        self.words = Words(self.figure, style.heading(problem), units)
         self.slider = Slider(
             self.figure.add_axes((LEFT + 0.075, 0.03, RIGHT - LEFT - 0.145, 0.03)),
             label("end time", units.time), t0 + SHORTEST * (t1 - t0), first.latest, valinit=t1,
-            valfmt="%.4g", color=BLUE, track_color="#e6e6e6", initcolor="none",
+            valfmt="%.4g", color=style.BLUE, track_color="#e6e6e6", initcolor="none",
         )  # fmt: skip
         (self.marks,) = self.slider.ax.plot(
-            [], [], "v", color=VERMILION, markersize=6, clip_on=False,
+            [], [], "v", color=style.VERMILION, markersize=6, clip_on=False,
             transform=self.slider.ax.get_xaxis_transform(),
         )  # fmt: skip
         self.slider.on_changed(self._slide)
@@ -159,10 +161,8 @@ class Explorer:
 
     def _key(self, event: Gesture) -> None:
         assert isinstance(event, KeyEvent)
-        if event.key == "enter":
-            self._become(solved(self.now))
-        elif event.key == "0":
-            self._become(restarted(self.now))
+        if event.key in STEPS:
+            self._become(STEPS[event.key](self.now))
 
     def _slide(self, t: float) -> None:
         if self.now.motion is not None:

@@ -13,20 +13,8 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import Bbox
 
-from actionopt.plot._style import (
-    BLUE,
-    COLOURS,
-    END,
-    GREEN,
-    GREY,
-    PATH,
-    START,
-    VERMILION,
-    Units,
-    label,
-    planar,
-    symbol,
-)
+from actionopt.plot import _style as style
+from actionopt.plot._names import Units, label, planar, symbol
 from actionopt.plot.data.exploration import Exploration
 from actionopt.plot.data.trial import Trial, free, knots
 from actionopt.tools.types import Array
@@ -35,7 +23,7 @@ LEFT, RIGHT, ASIDE = 0.085, 0.655, 0.705  # of the figure: the panels, and the w
 MOST = 3  # coordinates against time, one panel each
 LEAST = 0.05  # of a coordinate's size, that its panel shows
 ROOM = 0.3  # of what is drawn, around it, to drag into
-SIGNS = {"minimum": GREEN, "saddle": BLUE, "degenerate": VERMILION}
+SIGNS = {"minimum": style.GREEN, "saddle": style.BLUE, "degenerate": style.VERMILION}
 
 
 @dataclass(eq=False)
@@ -55,14 +43,14 @@ class Panel:
             return self.lines[-1]
 
         self.beyond = line(color="#9a9a9a", linewidth=1.0, linestyle=":")
-        self.trial = line(color=self.colour, **PATH)
+        self.trial = line(color=self.colour, **style.PATH)
         self.exact = line(color="black", linewidth=1.3)
-        self.foci = line("D", color=VERMILION, markersize=5, zorder=4.5)
+        self.foci = line("D", color=style.VERMILION, markersize=5, zorder=4.5)
         self.points = line(
             "o", color=self.colour, markerfacecolor="white", markersize=8, markeredgewidth=1.8,
             zorder=6,
         )  # fmt: skip
-        self.start, self.end = line(**START), line(**END)
+        self.start, self.end = line(**style.START), line(**style.EVENT)
 
     def project(self, t: Array, q: Array) -> tuple[Array, Array]:
         """Return what is drawn of the coordinates q (n, K) at the times t."""
@@ -98,12 +86,8 @@ def panels(figure: Figure, names: tuple[str, ...], units: Units) -> list[Panel]:
     low = 0.395 if pairs else 0.36
     if pairs:
         ax = figure.add_axes((LEFT, low, RIGHT - LEFT, high - low))
-        ax.set(
-            xlabel=label(f"${names[pairs[0][0]][0]}$", units.length),
-            ylabel=label(f"${names[pairs[0][1]][0]}$", units.length),
-        )
-        ax.set_aspect("equal", adjustable="datalim")
-        found = [Panel(ax, i, j, _colour(k)) for k, (i, j) in enumerate(pairs)]
+        style.plane(ax, names, units)
+        found = [Panel(ax, i, j, style.colour(k)) for k, (i, j) in enumerate(pairs)]
     else:
         found = []
         shown = names[:MOST]
@@ -113,7 +97,7 @@ def panels(figure: Figure, names: tuple[str, ...], units: Units) -> list[Panel]:
             ax = figure.add_axes(box)
             ax.tick_params(labelbottom=False)
             ax.set_ylabel(label(symbol(name), units.coordinate(name)))
-            found.append(Panel(ax, None, k, _colour(k)))
+            found.append(Panel(ax, None, k, style.colour(k)))
     first = found[0]
     figure.legend(
         [first.trial, first.exact, first.beyond, first.foci],
@@ -149,16 +133,16 @@ class Missing:
         self.ax = ax = figure.add_axes((LEFT, 0.165, RIGHT - LEFT, 0.13))
         self.reach = 0.0
         ax.axhline(0, color="black", linewidth=0.8)
-        looks: dict[int, dict[str, Any]] = {i: {"color": _colour(i)} for i in range(len(names))}
+        looks: list[dict[str, Any]] = [{"color": style.colour(i)} for i in range(len(names))]
         for k, (i, j) in enumerate(planar(names)):  # as the orbits are coloured
-            looks[i] = {"color": _colour(k)}
-            looks[j] = {"color": _colour(k), "linestyle": (0, (4, 2))}
-        self.lines = [ax.plot([], [], linewidth=1.6, **looks[i])[0] for i in range(len(names))]
-        self.when = ax.axvline(0, color=GREY, linewidth=0.8, linestyle=":")
+            looks[i] = {"color": style.colour(k)}
+            looks[j] = {"color": style.colour(k), "linestyle": (0, (4, 2))}
+        self.lines = [ax.plot([], [], **look, linewidth=1.6)[0] for look in looks]
+        self.when = ax.axvline(0, color=style.GREY, linewidth=0.8, linestyle=":")
         ax.set_xlabel(label("time $t$", units.time))
-        used = {units.momentum(name).removesuffix(units.time).strip() for name in names}
-        what = r"missing force  $dp/dt - \partial L/\partial q$"
-        ax.set_title(label(what, ", ".join(sorted(used))), fontsize=9.5, color=GREY)
+        used = (units.momentum(name).removesuffix(units.time).strip() for name in names)
+        text = label(r"missing force  $dp/dt - \partial L/\partial q$", *used)
+        ax.set_title(text, fontsize=9.5, color=style.GREY)
         ax.yaxis.set_major_locator(MaxNLocator(3))
 
     def show(self, trial: Trial, held: int | None) -> None:
@@ -183,7 +167,7 @@ class Words:
         def write(y: float, size: float, text: str = "", **look: Any) -> Any:
             return figure.text(ASIDE, y, text, fontsize=size, va="top", linespacing=1.4, **look)
 
-        self.units, small = units, {"color": GREY}
+        self.units, small = units, {"color": style.GREY}
         figure.text(LEFT, 0.975, name, fontsize=14, va="top")
         write(0.915, 9.5, "ACTION OF THE TRIAL", **small)
         self.action, self.rise = write(0.88, 20), write(0.805, 13)
@@ -191,7 +175,7 @@ class Words:
         self.slope, self.meaning = write(0.68, 16), write(0.625, 9.5, **small)
         write(0.505, 9.5, "THE STATIONARY PATH", **small)
         self.kind, self.passed = write(0.47, 16), write(0.415, 9.5, **small)
-        self.message = write(0.345, 9.5, color=VERMILION)
+        self.message = write(0.345, 9.5, color=style.VERMILION)
         self.numbers = self.action, self.rise, self.slope, self.meaning, self.message
         write(0.155, 9.5, "Drag a point to bend the path there,\nthe line to bend the whole path.")
 
@@ -205,11 +189,11 @@ class Words:
             f"the path changes $S$ by at most {_number(slope / 100, 2, unit)}"
         )
         if now.stationary is None:
-            self.rise.set(text="not compared: press Solve", color=GREY)
+            self.rise.set(text="not compared: press Solve", color=style.GREY)
         else:
             rise = S - now.stationary.action
             rise = 0.0 if abs(rise) <= 1e-9 * abs(S) else rise
-            colour = VERMILION if rise > 0 else BLUE if rise < 0 else "black"
+            colour = style.VERMILION if rise > 0 else style.BLUE if rise < 0 else "black"
             number = ("+" if rise > 0 else "") + _number(rise, 4, unit)
             self.rise.set(text=f"$S - S^*$ = {number}", color=colour)
         kind, colour, passed = self._kind(now)
@@ -220,11 +204,11 @@ class Words:
     def _kind(self, now: Exploration) -> tuple[str, str, str]:
         """Return what the stationary path is, its colour, and which conjugate points it passed."""
         if now.motion is None:
-            return "not sought yet", GREY, ""
+            return "not sought yet", style.GREY, ""
         problem = now.trial.tr.problem
         if now.verdict is None:
             why = "with forces that have no potential" if problem.system.structure.forced else ""
-            return "no index", GREY, why
+            return "no index", style.GREY, why
         kind, index = now.verdict
         passed, text = now.motion.before(problem.end.t), "no conjugate point passed"
         if passed:
@@ -232,10 +216,6 @@ class Words:
             text = text if len(passed) > 1 else "a conjugate point passed "
             text += f"at $t$ = {_number(passed[-1], 4, self.units.time)}"
         return f"{kind}, index {index}", SIGNS[kind], text
-
-
-def _colour(k: int) -> str:
-    return COLOURS[k % len(COLOURS)]
 
 
 def _number(value: float, digits: int, unit: str) -> str:

@@ -13,19 +13,10 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from actionopt.analysis.solution import Solution
-from actionopt.plot._motion import Draw, motion_data
-from actionopt.plot._strobe import (
-    TRAIL,
-    arrows,
-    body_colour,
-    faded,
-    inches,
-    outline,
-    prepare,
-    shape,
-    stage,
-)
-from actionopt.plot._style import NONE, Units, heading, styled
+from actionopt.plot import _strobe as strobe
+from actionopt.plot import _style as style
+from actionopt.plot._names import NONE, Units
+from actionopt.plot.data.motion import Draw, motion_data
 from actionopt.tools.files import ready, whole
 
 SECONDS, FPS = 5.0, 25
@@ -97,12 +88,8 @@ def frames(seconds: float, fps: int) -> int:
 
 def film_file(file: str | Path) -> Path:
     """Return where a film goes. Raises as `film`, and before anything is drawn."""
-    target = ready(file)
+    target = ready(file, *IMAGES, *CODECS)
     ending = target.suffix.lower()
-    if ending not in (*IMAGES, *CODECS):
-        raise ValueError(
-            f"expected a file that ends in {', '.join([*IMAGES, *CODECS])}, found {target.name!r}"
-        )
     if ending in CODECS and not FFMpegWriter.isAvailable():
         raise ValueError(
             f"expected ffmpeg on the path to write {ending}, found none; install it, or write "
@@ -160,31 +147,31 @@ def _images(figure: Figure, update: Update, count: int, few: bool) -> Iterator[I
         )
 
 
+@style.styled
 def _reel(
     solution: Solution, draw: Draw, count: int, force: bool, units: Units
 ) -> tuple[Figure, Update]:
     """Return a figure, and the function that turns it to the k-th of `count` times."""
     data = motion_data(solution, draw, count, force)
-    view = stage(data)
+    view = strobe.stage(data)
     at = np.linspace(0.0, 1.0, data.trails.shape[2])
     decimals = max(0, int(np.ceil(2 - np.log10(data.t[-1] - data.t[0]))))
-    with styled():
-        figure = Figure(inches(view), layout="constrained")
-        ax = figure.subplots()
-        prepare(ax, data, view, units)
-        trails = []
-        for b, trail in enumerate(data.trails):
-            ax.plot(*trail, color=faded(body_colour(b), AHEAD), **TRAIL)
-            trails += ax.plot([], [], color=body_colour(b), **TRAIL)
-        lines = [shape(ax, data, s, 0) for s in range(len(data.kinds))]
-        pulls = arrows(ax, data, 0) if force else None
-        words = ax.set_title(" ")
-        figure.draw_without_rendering()
-        figure.set_layout_engine("none")  # nothing shifts from frame to frame
+    figure = Figure(strobe.inches(view), layout="constrained")
+    ax = figure.subplots()
+    strobe.prepare(ax, data, view, units)
+    trails = []
+    for b, trail in enumerate(data.trails):
+        colour = strobe.body_colour(b)
+        ax.plot(*trail, color=strobe.faded(colour, AHEAD), **strobe.TRAIL)
+        trails += ax.plot([], [], color=colour, **strobe.TRAIL)
+    lines = [strobe.shape(ax, data, s, 0) for s in range(len(data.kinds))]
+    pulls = strobe.arrows(ax, data, 0) if force else None
+    words = ax.set_title(" ")
+    style.freeze_layout(figure)
 
     def update(k: int) -> None:
         for s, line in enumerate(lines):
-            line.set_data(*outline(data, s, k))
+            line.set_data(*strobe.outline(data, s, k))
         past = at <= k / (count - 1)
         for line, trail, place in zip(trails, data.trails, data.bodies, strict=True):
             line.set_data(*np.c_[trail[:, past], place[:, k]])
@@ -192,6 +179,6 @@ def _reel(
             pulls.set_offsets(data.bodies[:, :, k])
             pulls.set_UVC(*data.forces[:, :, k].T)
         time = f"{data.t[k]:.{decimals}f} {units.time}".rstrip()
-        words.set_text(f"{heading(solution)}: $t$ = {time}")
+        words.set_text(f"{style.heading(solution)}: $t$ = {time}")
 
     return figure, update

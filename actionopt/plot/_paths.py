@@ -1,100 +1,39 @@
 """Pictures of a solution: its path, the forward integration over it, and how far they are apart.
 
-Every function takes axes or makes them, returns them, and shows nothing. What is drawn can be had
-as arrays from `curves`.
+Then all the paths between two events, and the mesh of one. Every function takes axes or makes
+them, returns them, and shows nothing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from pathlib import Path as FilePath
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backend_bases import FigureCanvasBase
-from matplotlib.figure import Figure
+from matplotlib.colors import Normalize
+from matplotlib.ticker import MaxNLocator
 
 from actionopt.analysis.solution import Solution
-from actionopt.plot._style import (
-    COUNT,
-    FORWARD,
-    GREY,
-    NONE,
-    PATH,
-    Units,
-    frame,
-    heading,
-    label,
-    legend,
-    legend_above,
-    new_figure,
-    number,
-    on,
-    styled,
-    times,
-    traces,
-)
-from actionopt.tools.files import ready, whole
-from actionopt.tools.types import Array
+from actionopt.plot import _style as style
+from actionopt.plot._names import NONE, Units, label, symbol
+from actionopt.plot.data.along import curves, family_data, followed, mesh_data, times
 
-BOUND: Any = {"color": GREY, "linewidth": 1.2}
+BOUND: Any = {"color": style.GREY, "linewidth": 1.2}
 
 
-@dataclass(frozen=True, eq=False)
-class Curves:
-    """What the pictures show, at K times.
-
-    Attributes
-    ----------
-    t : (K,) array
-        Times, both events' included.
-    q, forward : (n, K) arrays
-        The solution, and the forward integration from its start; NaN where that cannot be followed.
-    deviation : (K,) array
-        Largest |forward - q| of all coordinates, each in units of the largest |q| it reaches.
-    """
-
-    t: Array
-    q: Array
-    forward: Array
-    deviation: Array
-
-
-def curves(solution: Solution, count: int = COUNT) -> Curves:
-    """Return the arrays behind the pictures at `count` equal times; the comparison is made."""
-    t = times(solution, count)
-    q, forward = solution(t), followed(solution, t)
-    size = np.max(np.abs(q), axis=1, keepdims=True)
-    size[size <= 1e-12 * np.max(size)] = np.max(size) or 1.0  # zero but for round-off
-    return Curves(t, q, forward, np.max(np.abs(forward - q) / size, axis=0))
-
-
-def followed(solution: Solution, t: Array) -> Array:
-    """Return the forward integration at the times t (K,), NaN beyond where it ends: (n, K)."""
-    path = solution.compare().path
-    result = np.full((solution.problem.system.n, t.size), np.nan)
-    if path is not None:
-        there = t <= path.mesh.boundaries[-1]
-        result[:, there] = path(t[there])
-    return result
-
-
+@style.styled
 def overview(
     solution: Solution, axes: Sequence[Axes] | None = None, *, units: Units = NONE
 ) -> tuple[Axes, Axes]:
     """Draw `paths` above `deviation`, on two axes or in a figure of their own."""
-    with styled():
-        pair = (
-            new_figure(figsize=(6.4, 6.4)).subplots(2, height_ratios=(3, 2))
-            if axes is None
-            else axes
-        )
-        above, below = pair
-        return paths(solution, above, units=units), deviation(solution, below, units=units)
+    if axes is None:
+        axes = style.new_figure(figsize=(6.4, 6.4)).subplots(2, height_ratios=(3, 2))
+    above, below = axes  # type: ignore[misc]
+    return paths(solution, above, units=units), deviation(solution, below, units=units)
 
 
+@style.styled
 def paths(
     solution: Solution, ax: Axes | None = None, *, compare: bool = True, units: Units = NONE
 ) -> Axes:
@@ -103,69 +42,112 @@ def paths(
     Cartesian coordinates, pairs named x and y with the same ending, are drawn as orbits in the
     plane; any others against time.
     """
-    names = solution.problem.system.coordinates
-    t = times(solution, COUNT)
-    with styled():
-        ax = on(ax)
-        for x, y, what in traces(names, t, solution(t)):
-            ax.plot(x, y, **PATH, label=what)
-        if compare:
-            what = "forward integration"
-            for x, y, _ in traces(names, t, followed(solution, t)):
-                ax.plot(x, y, **FORWARD, label=what)
-                what = None  # one entry in the legend stands for all
-        frame(ax, solution, units)
-        S = f"{number(solution.action, 8)} {units.action}".rstrip()
-        ax.set_title(f"{heading(solution)}: $S$ = {S}")
-        legend(ax)
+    names, t = solution.problem.system.coordinates, times(solution)
+    ax = style.on(ax)
+    for x, y, what in style.traces(names, t, solution(t)):
+        ax.plot(x, y, **style.PATH, label=what)
+    if compare:
+        forward = followed(solution, t)
+        style.draw(ax, names, t, forward, None, "forward integration", **style.FORWARD)
+    style.frame(ax, solution, units)
+    S = f"{style.number(solution.action, 8)} {units.action}".rstrip()
+    ax.set_title(f"{style.heading(solution)}: $S$ = {S}")
+    style.legend(ax)
     return ax
 
 
+@style.styled
 def deviation(solution: Solution, ax: Axes | None = None, *, units: Units = NONE) -> Axes:
     """Draw the deviation of the forward integration against time, on a logarithmic axis.
 
     With it the solution's error estimate and the uncertainty of the integration itself: below
     the latter the deviation means nothing.
     """
-    data = curves(solution)
+    data, ax = curves(solution), style.on(ax)
     seen = np.where(data.deviation > 0, data.deviation, np.nan)
-    with styled():
-        ax = on(ax)
-        ax.semilogy(data.t, seen, color="black", linewidth=1.2, label="deviation")
-        for value, look, text in (
-            (solution.error, "--", "error estimate"),
-            (solution.compare().reference_error, ":", "uncertainty of integration"),
-        ):
-            if np.isfinite(value) and value > 0:
-                ax.axhline(value, **BOUND, linestyle=look, label=text)
-        ax.set(xlabel=label("time $t$", units.time), ylabel="relative deviation")
-        legend_above(ax, 3)
+    ax.semilogy(data.t, seen, color="black", linewidth=1.2, label="deviation")
+    for value, look, text in (
+        (solution.error, "--", "error estimate"),
+        (solution.compare().reference_error, ":", "uncertainty of integration"),
+    ):
+        if np.isfinite(value) and value > 0:
+            ax.axhline(value, **BOUND, linestyle=look, label=text)
+    ax.set(xlabel=label("time $t$", units.time), ylabel="relative deviation")
+    style.legend_above(ax, 3)
     return ax
 
 
-def save(solution: Solution, file: str | FilePath, *, compare: bool = True) -> None:
-    """Write `overview`, or `paths` alone if `compare` is False, to a picture file.
+@style.styled
+def family(
+    solutions: Iterable[Solution],
+    ax: Axes | None = None,
+    *,
+    coordinate: int | None = None,
+    units: Units = NONE,
+) -> Axes:
+    """Draw all the paths between two events, coloured by action and labelled by index.
 
-    Raises ValueError for an ending that matplotlib does not know, OSError if it cannot write.
+    `solutions` is what `solve_all` returns, or any solutions between the same events. Orbits for
+    Cartesian coordinates, else one `coordinate` against time.
     """
-    picture(file)
-    with styled():
-        figure = Figure((6.4, 6.4), layout="constrained")  # not pyplot's: it needs no display
-        if compare:
-            overview(solution, figure.subplots(2, height_ratios=(3, 2)))
-        else:
-            paths(solution, figure.subplots(), compare=False)
-        with whole(file) as part:
-            figure.savefig(part)
+    found = list(solutions)
+    t, paths, actions = family_data(found)
+    system = found[0].problem.system
+    names, forced = system.coordinates, system.structure.forced
+    place = style.shown(found[0], coordinate)
+    norm = Normalize(actions.min(), actions.max() if np.ptp(actions) else actions.min() + 1.0)
+    ax = style.on(ax)
+    for k, (solution, q, S) in enumerate(zip(found, paths, actions, strict=True)):
+        style.draw(ax, names, t, q, place, color=style.UNSIGNED(norm(S)), linewidth=2.4)
+        style.frame(ax, solution, units, place)  # a path with windings has an end of its own
+        if forced:
+            continue
+        rows = style.traces(names, t, q, place)
+        x, y, _ = max(rows, key=lambda row: np.hypot(np.ptp(row[0]), np.ptp(row[1])))
+        # Labels stand at different times, so that they do not lie on one another.
+        at = int(t.size * (0.3 + 0.4 * (k + 0.5) / len(found)))
+        ax.annotate(
+            str(solution.morse_index), (x[at], y[at]), ha="center", va="center", zorder=6,
+            fontsize="small",
+            bbox={"boxstyle": "circle,pad=0.2", "facecolor": "white", "edgecolor": style.GREY},
+        )  # fmt: skip
+    if len(found) > 1:
+        text = label("action $S$", units.action)
+        style.colour_bar(ax, actions, norm, style.UNSIGNED, text)
+    many = "1 path" if len(found) == 1 else f"{len(found)} paths"
+    numbered = "" if forced else ", numbered by index"
+    ax.set_title(f"{style.heading(found[0])}: {many}{numbered}")
+    return ax
 
 
-def picture(file: str | FilePath) -> FilePath:
-    """Return where a picture goes. Raises as `save`, and before anything is drawn."""
-    target = ready(file)
-    endings = [f".{ending}" for ending in sorted(FigureCanvasBase.get_supported_filetypes())]
-    if target.suffix.lower() not in endings:
-        found = f"{target.name!r}" + ("" if target.suffix else ", which has no ending")
-        raise ValueError(
-            f"expected a picture file that ends in {', '.join(endings)}, found {found}"
-        )
-    return target
+@style.styled
+def mesh(
+    solution: Solution, axes: Sequence[Axes] | None = None, *, units: Units = NONE
+) -> tuple[Axes, Axes]:
+    """Draw the path with its nodes, and below it the degree of each element."""
+    boundaries, degrees = mesh_data(solution)
+    names = solution.problem.system.coordinates
+    t, nodes = times(solution), solution.mesh.nodes
+    if axes is None:
+        figure = style.new_figure(figsize=(6.4, 5.2))
+        axes = figure.subplots(2, sharex=True, height_ratios=(3, 2))
+    above, below = axes  # type: ignore[misc]
+    for i, (name, q, dots) in enumerate(zip(names, solution(t), solution(nodes), strict=True)):
+        look = style.strand(i)
+        above.plot(t, q, **{**style.PATH, "linewidth": 2.5}, **look, label=symbol(name))
+        above.plot(nodes, dots, ".", color=look["color"], markersize=4)
+    below.stairs(degrees, boundaries, fill=True, color=style.BLUE, alpha=0.25)
+    below.stairs(degrees, boundaries, color=style.BLUE, linewidth=1.5)
+    for ax in (above, below):
+        for b in boundaries:
+            ax.axvline(b, color=style.PALE, linewidth=0.6, zorder=1)
+        ax.margins(x=0)
+        ax.grid(visible=False, axis="x")
+    below.set_ylim(0, 1.15 * degrees.max())
+    below.yaxis.set_major_locator(MaxNLocator(5, integer=True))
+    below.set(xlabel=label("time $t$", units.time), ylabel="degree")
+    above.set_ylabel(label("coordinates", *map(units.coordinate, names)))
+    style.legend(above, beside=True)
+    error = style.number(solution.error, 1)
+    above.set_title(f"{style.heading(solution)}: {degrees.size} elements, error about {error}")
+    return above, below

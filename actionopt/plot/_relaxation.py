@@ -9,35 +9,21 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike
 
 from actionopt.analysis.solution import Solution
 from actionopt.discrete.path import Path
-from actionopt.plot._film import FPS, film_file, write
+from actionopt.plot import _style as style
+from actionopt.plot._film import FPS, Update, film_file, write
+from actionopt.plot._names import NONE, Units, label
 from actionopt.plot._strobe import faded
-from actionopt.plot._style import (
-    BLUE,
-    GREY,
-    NONE,
-    TRUE,
-    VERMILION,
-    Units,
-    frame,
-    heading,
-    label,
-    new_figure,
-    shown,
-    styled,
-    traces,
-)
 from actionopt.plot.data.relaxation import Relaxation, relaxation_data
 from actionopt.tools.types import Array
 
 SIZE = (9.6, 5.4)  # inches
 SHOWN, FAINTEST = 14, 0.15  # paths shown together, and how strong the first of them is
-START: Any = {"color": "#9a9a9a", "linewidth": 1.4}
-NOW: Any = {"color": BLUE, "linewidth": 4.0, "zorder": 3.5}  # the true path shows upon it
+FIRST: Any = {"color": "#9a9a9a", "linewidth": 1.4}
+NOW: Any = {"color": style.BLUE, "linewidth": 4.0, "zorder": 3.5}  # the true path shows upon it
 DOT: Any = {"marker": "o", "markersize": 7, "color": "black", "linestyle": "none", "zorder": 6}
 NAMES = {"descent": "descent", "newton": "Newton's method"}
 
@@ -53,6 +39,7 @@ class Panels(NamedTuple):
     residual: Axes
 
 
+@style.styled
 def relaxation(
     solution: Solution,
     start: Start = None,
@@ -67,17 +54,15 @@ def relaxation(
     Orbits for Cartesian coordinates, else one coordinate against time. Start, method and what is
     raised are explained at `relaxation_data`.
     """
-    data, at = relaxation_data(solution, start, method=method), shown(solution, coordinate)
-    last = len(data.action) - 1
-    with styled():
-        panels = _panels(new_figure(figsize=SIZE)) if axes is None else Panels(*axes)
-        picked = np.unique(np.rint(last * np.linspace(0, 1, SHOWN) ** 2).astype(int))[1:]
-        for k, strength in zip(picked, np.linspace(FAINTEST, 1, picked.size), strict=True):
-            look = {**NOW, "linewidth": 1.4, "color": faded(BLUE, strength)}
-            what = "last path" if k == last else None
-            _draw(panels.paths, solution, data, data.paths[k], at, look, what)
-        _prepare(panels, solution, data, at, units)
-        panels.paths.legend()
+    data, at = relaxation_data(solution, start, method=method), style.shown(solution, coordinate)
+    names, last = solution.problem.system.coordinates, len(data.action) - 1
+    panels = _panels(style.new_figure(figsize=SIZE)) if axes is None else Panels(*axes)
+    picked = np.unique(np.rint(last * np.linspace(0, 1, SHOWN) ** 2).astype(int))[1:]
+    for k, strength in zip(picked, np.linspace(FAINTEST, 1, picked.size), strict=True):
+        look = {**NOW, "linewidth": 1.4, "color": faded(style.BLUE, strength)}
+        text = "last path" if k == last else None
+        style.draw(panels.paths, names, data.t, data.paths[k], at, text, **look)
+    _prepare(panels, solution, data, at, units)
     return panels
 
 
@@ -93,27 +78,34 @@ def relaxation_film(
 ) -> None:
     """Write the relaxation to a film, one step a frame; files and what is raised as in `film`."""
     film_file(file)
-    data, at = relaxation_data(solution, start, method=method), shown(solution, coordinate)
-    with styled():
-        figure = Figure(SIZE, layout="constrained")
-        panels = _panels(figure)
-        lines = _draw(panels.paths, solution, data, data.paths[0], at, NOW, "now")
-        curves = (data.action, data.kinetic, data.potential, data.residual)
-        axes = (panels.action, panels.parts, panels.parts, panels.residual)
-        dots = [ax.plot(0, y[0], **DOT)[0] for ax, y in zip(axes, curves, strict=True)]
-        _prepare(panels, solution, data, at, units)
-        panels.paths.legend()
-        figure.draw_without_rendering()
-        figure.set_layout_engine("none")  # nothing shifts from frame to frame
+    data, at = relaxation_data(solution, start, method=method), style.shown(solution, coordinate)
+    figure, update = _reel(solution, data, at, units)
+    write(figure, update, len(data.action), file, fps)
+
+
+@style.styled
+def _reel(
+    solution: Solution, data: Relaxation, at: int | None, units: Units
+) -> tuple[Figure, Update]:
+    """Return a figure, and the function that turns it to the k-th step."""
+    names = solution.problem.system.coordinates
+    figure = Figure(SIZE, layout="constrained")
+    panels = _panels(figure)
+    lines = style.draw(panels.paths, names, data.t, data.paths[0], at, "now", **NOW)
+    curves = (data.action, data.kinetic, data.potential, data.residual)
+    axes = (panels.action, panels.parts, panels.parts, panels.residual)
+    dots = [ax.plot(0, y[0], **DOT)[0] for ax, y in zip(axes, curves, strict=True)]
+    _prepare(panels, solution, data, at, units)
+    style.freeze_layout(figure)
 
     def update(k: int) -> None:
-        now = _traces(solution, data, data.paths[k], at)
+        now = style.traces(names, data.t, data.paths[k], at)
         for line, (x, y, _) in zip(lines, now, strict=True):
             line.set_data(x, y)
         for dot, values in zip(dots, curves, strict=True):
             dot.set_data([k], [values[k]])
 
-    write(figure, update, len(data.action), file, fps)
+    return figure, update
 
 
 def _panels(figure: Figure) -> Panels:
@@ -124,54 +116,32 @@ def _panels(figure: Figure) -> Panels:
     return Panels(*(mosaic[name] for name in "qapr"))
 
 
-def _traces(solution: Solution, data: Relaxation, q: Array, at: int | None) -> Any:
-    return traces(solution.problem.system.coordinates, data.t, q, at)
-
-
-def _draw(
-    ax: Axes,
-    solution: Solution,
-    data: Relaxation,
-    q: Array,
-    at: int | None,
-    look: Any,
-    what: str | None,
-) -> list[Line2D]:
-    """Draw the path q, one word in the legend for all its lines."""
-    lines = [ax.plot(x, y, **look)[0] for x, y, _ in _traces(solution, data, q, at)]
-    lines[0].set_label(what)
-    return lines
-
-
 def _prepare(
     panels: Panels, solution: Solution, data: Relaxation, at: int | None, units: Units
 ) -> None:
     """Draw what all frames share: the start and the true path, the curves, labels."""
-    steps = np.arange(len(data.action))
+    names, steps = solution.problem.system.coordinates, np.arange(len(data.action))
     paths, action, parts, residual = panels
-    for q, look, what in ((data.paths[0], START, "start"), (data.target, TRUE, "true path")):
-        _draw(paths, solution, data, q, at, look, what)
+    style.draw(paths, names, data.t, data.paths[0], at, "start", **FIRST)
+    style.draw(paths, names, data.t, data.target, at, "true path", **style.TRUE)
     for q in data.paths:  # room for all, also in a film
-        for x, y, _ in _traces(solution, data, q, at):
+        for x, y, _ in style.traces(names, data.t, q, at):
             paths.update_datalim(np.c_[x, y])
-    count = len(paths.lines)
-    frame(paths, solution, units, at)
-    for line in paths.lines[count:]:  # the events need no words here
-        line.set_label(None)
-    paths.set_title(f"{heading(solution)}: {verdict(data, solution.kind)}")
+    entries = paths.get_legend_handles_labels()
+    style.frame(paths, solution, units, at)
+    paths.legend(*entries)  # the events need no words here
+    paths.set_title(f"{style.heading(solution)}: {verdict(data, solution.kind)}")
 
-    action.axhline(data.target_action, color=GREY, linestyle=":", linewidth=1.6)
+    action.axhline(data.target_action, color=style.GREY, linestyle=":", linewidth=1.6)
     action.plot(steps, data.action, color="black", linewidth=2.2)
     action.set_ylabel(label("$S$", units.action))
-    parts.plot(steps, data.kinetic, color=BLUE, linewidth=2.2, label=r"$\int T\,dt$")
-    look = {"color": VERMILION, "linewidth": 2.2, "linestyle": (0, (6, 2))}
-    parts.plot(steps, data.potential, **look, label=r"$\int V\,dt$")
+    action.set_title("$S$ and its true value (dotted), step by step")
+    parts.plot(steps, data.kinetic, color=style.BLUE, linewidth=2.2, label=r"$\int T\,dt$")
+    parts.plot(steps, data.potential, **style.POTENTIAL, label=r"$\int V\,dt$")
     parts.set_ylabel(label("parts of $S$", units.action))
     parts.legend()
     residual.semilogy(steps, data.residual, color="black", linewidth=2.2)
     residual.set(xlabel="step", ylabel="residual", xlim=np.array([-0.03, 1.03]) * max(1, steps[-1]))
-    what = "$S$ and its true value (dotted), step by step"
-    action.set_title(what)
 
 
 def verdict(data: Relaxation, kind: str) -> str:

@@ -16,24 +16,12 @@ from matplotlib.lines import Line2D
 from matplotlib.quiver import Quiver
 
 from actionopt.analysis.solution import Solution
-from actionopt.plot._motion import STILL, Draw, Motion, motion_data
-from actionopt.plot._style import (
-    BLUE,
-    GREEN,
-    NONE,
-    ORANGE,
-    PURPLE,
-    SKY,
-    VERMILION,
-    Units,
-    heading,
-    label,
-    on,
-    styled,
-)
+from actionopt.plot import _style as style
+from actionopt.plot._names import NONE, Units, label
+from actionopt.plot.data.motion import STILL, Draw, Motion, motion_data
 from actionopt.tools.types import Array
 
-BODIES = (BLUE, GREEN, PURPLE, ORANGE, SKY)  # vermilion is for forces
+BODIES = (style.BLUE, style.GREEN, style.PURPLE, style.ORANGE, style.SKY)  # vermilion is for forces
 DARK, SCENERY = "#222222", "#8c8c8c"
 LOOKS: dict[str, Any] = {
     "ground": {"linewidth": 2.2},
@@ -61,6 +49,7 @@ INCHES = 6.4  # the longer side of a picture of its own
 WORDS = 0.6  # inches above and below it
 
 
+@style.styled
 def motion(
     solution: Solution,
     draw: Draw,
@@ -78,27 +67,26 @@ def motion(
     data = motion_data(solution, draw, count, force)
     strip = _strip(data)
     shares = np.linspace(0.0, 1.0, count)
-    with styled():
-        view = stage(data, strip)
-        ax = on(ax, figsize=inches(view))
-        prepare(ax, data, view, units)
-        along = np.outer(strip, np.linspace(0.0, 1.0, data.trails.shape[2]))
-        for b, trail in enumerate(data.trails):
-            ax.plot(*(trail + along), color=faded(body_colour(b), PALE), **TRAIL)
-        for k, share in enumerate(shares):
-            strength = FAINTEST + (1 - FAINTEST) * share
-            for s, still in enumerate(data.still):
-                if not still or strip.any() or k == count - 1:  # what stays is drawn once
-                    shape(ax, data, s, k, share * strip, strength, hollow=k == 0)
-            if force:
-                arrows(ax, data, k, share * strip, strength)
-        if strip.any():
-            _times(ax, data, strip, units)
-        step = f"{(data.t[-1] - data.t[0]) / (count - 1):.3g} {units.time}".rstrip()
-        first = ax.plot([], [], color=SCENERY, markerfacecolor="white", **LOOKS["body"])
-        at = {"bbox_to_anchor": (1.0, _row(view)), "bbox_transform": ax.get_yaxis_transform()}
-        ax.legend(first, ["start"], loc="center right", handletextpad=0, borderaxespad=0, **at)
-        ax.set_title(f"{heading(solution)}: {count} times, {step} apart")
+    view = stage(data, strip)
+    ax = style.on(ax, figsize=inches(view))
+    prepare(ax, data, view, units)
+    along = np.outer(strip, np.linspace(0.0, 1.0, data.trails.shape[2]))
+    for b, trail in enumerate(data.trails):
+        ax.plot(*(trail + along), color=faded(body_colour(b), PALE), **TRAIL)
+    for k, share in enumerate(shares):
+        strength = FAINTEST + (1 - FAINTEST) * share
+        for s, still in enumerate(data.still):
+            if not still or strip.any() or k == count - 1:  # what stays is drawn once
+                shape(ax, data, s, k, share * strip, strength, hollow=k == 0)
+        if force:
+            arrows(ax, data, k, share * strip, strength)
+    if strip.any():
+        _times(ax, data, strip, units)
+    step = f"{(data.t[-1] - data.t[0]) / (count - 1):.3g} {units.time}".rstrip()
+    first = ax.plot([], [], color=SCENERY, markerfacecolor="white", **LOOKS["body"])
+    at = {"bbox_to_anchor": (1.0, _row(view)), "bbox_transform": ax.get_yaxis_transform()}
+    ax.legend(first, ["start"], loc="center right", handletextpad=0, borderaxespad=0, **at)
+    ax.set_title(f"{style.heading(solution)}: {count} times, {step} apart")
     return ax
 
 
@@ -137,7 +125,7 @@ def prepare(ax: Axes, data: Motion, view: Array, units: Units) -> None:
         strongest = float(np.max(np.linalg.norm(data.forces, axis=1)))
         force = nice(min(strongest, SCALE * (right - left) / data.arrow))
         x = left + BEGIN[1] * (right - left)
-        ax.quiver(x, y, force, 0.0, color=VERMILION, scale=1 / data.arrow, **ARROWS)
+        ax.quiver(x, y, force, 0.0, color=style.VERMILION, scale=1 / data.arrow, **ARROWS)
         _words(ax, x + data.arrow * force, y, f"force {force:g} {units.force}")
 
 
@@ -189,7 +177,7 @@ def arrows(
     assert data.forces is not None
     x, y = data.bodies[:, :, k].T + np.reshape(shift, (-1, 1))
     scale = 1 / data.arrow if data.arrow else 1.0
-    colour = faded(VERMILION, strength)
+    colour = faded(style.VERMILION, strength)
     return ax.quiver(x, y, *data.forces[:, :, k].T, color=colour, scale=scale, **ARROWS)
 
 

@@ -7,9 +7,7 @@ on white or in print.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,11 +15,13 @@ from matplotlib import colormaps, rc_context
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import FuncNorm, LinearSegmentedColormap, ListedColormap, Normalize
+from matplotlib.lines import Line2D
 from matplotlib.rcsetup import cycler
 from matplotlib.ticker import MaxNLocator
 
 from actionopt.analysis.solution import Solution
 from actionopt.mechanics.problem import Problem
+from actionopt.plot._names import NONE, Units, label, planar, symbol
 from actionopt.tools.types import Array
 
 BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY = (
@@ -49,6 +49,7 @@ STYLE: Any = {
     "savefig.dpi": 150,
     "svg.hashsalt": "actionopt",  # the same picture is the same file
 }
+styled = rc_context(STYLE)  # the decorator of whatever draws
 SIGNED = LinearSegmentedColormap.from_list(
     "signed", [BLUE, "#6fb1d8", "#b5b5b5", ORANGE, "#b84a00"]
 )
@@ -56,91 +57,11 @@ UNSIGNED = ListedColormap(colormaps["cividis"](np.linspace(0.0, 0.86, 256)), "un
 PATH: Any = {"linewidth": 4.5, "alpha": 0.5}  # broad: the forward integration lies within it
 TRUE: Any = {"color": "black", "linewidth": 2.2, "zorder": 4}  # the stationary path, among others
 FORWARD: Any = {"linewidth": 1.0, "color": "black", "linestyle": (0, (5, 3))}
+POTENTIAL: Any = {"color": VERMILION, "linewidth": 2.2, "linestyle": (0, (6, 2))}
 EVENT: Any = {"marker": "o", "color": "black", "markersize": 6, "linestyle": "none", "zorder": 5}
-START = {**EVENT, "markerfacecolor": "white", "label": "start"}
-END = {**EVENT, "label": "end"}
-BOX: Any = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
+START = {**EVENT, "markerfacecolor": "white"}
 SHORT = 0.06  # of a bar of colours
 MANY = 5  # entries of a legend: more stand beside the picture
-COUNT = 600  # times at which a curve is drawn: more than a picture has columns for
-
-GREEK = (
-    "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma tau "
-    "upsilon phi chi psi omega"
-).split()
-
-
-@dataclass(frozen=True)
-class Units:
-    """Words for the units in labels; an empty word writes none. Greek coordinates are angles.
-
-    >>> SI.coordinate("theta1"), SI.coordinate("x"), SI.momentum("theta1"), SI.action
-    ('rad', 'm', 'J s', 'J s')
-    >>> Units().action
-    ''
-    """
-
-    time: str = ""
-    length: str = ""
-    energy: str = ""
-    force: str = ""
-
-    @property
-    def action(self) -> str:
-        """Energy times time."""
-        return f"{self.energy} {self.time}" if self.energy else ""
-
-    def coordinate(self, name: str) -> str:
-        """Return the unit of a coordinate."""
-        return ("rad" if _word(name) in GREEK else self.length) if self.time else ""
-
-    def momentum(self, name: str) -> str:
-        """Return the unit of a coordinate's momentum: action per unit of the coordinate."""
-        if _word(name) in GREEK:
-            return self.action
-        return f"{self.force} {self.time}" if self.force else ""
-
-
-NONE = Units()
-SI = Units("s", "m", "J", "N")
-
-
-def label(text: str, unit: str = "") -> str:
-    """Return an axis label, the unit in brackets.
-
-    >>> label("time $t$", "s"), label("time $t$")
-    ('time $t$ (s)', 'time $t$')
-    """
-    return f"{text} ({unit})" if unit else text
-
-
-def symbol(name: str) -> str:
-    r"""Return a coordinate's name as mathematics: theta1 becomes theta with index 1.
-
-    >>> symbol("theta1"), symbol("x"), symbol("speed")
-    ('$\\theta_{1}$', '$x$', '$\\mathrm{speed}$')
-    """
-    word, index = re.fullmatch(r"(.*?)_?(\d*)", name, re.DOTALL).groups()  # type: ignore[union-attr]
-    if word in GREEK:
-        word = f"\\{word}"
-    elif len(word) > 1:
-        word = f"\\mathrm{{{word}}}".replace("_", r"\_")
-    return f"${word}_{{{index}}}$" if index else f"${word}$"
-
-
-def planar(names: Sequence[str]) -> list[tuple[int, int]]:
-    """Return the indices of the pairs (x, y) if all coordinates are Cartesian, else nothing.
-
-    >>> planar(["x1", "y1", "x2", "y2"]), planar(["x", "s"])
-    ([(0, 1), (2, 3)], [])
-    """
-    partner = {"x": "y", "X": "Y"}
-    pairs = [
-        (i, names.index(partner[name[0]] + name[1:]))
-        for i, name in enumerate(names)
-        if name[0] in partner and partner[name[0]] + name[1:] in names
-    ]
-    return pairs if 2 * len(pairs) == len(names) else []
 
 
 def traces(
@@ -155,6 +76,23 @@ def traces(
         return [(q[i], q[j], f"({symbol(names[i])}, {symbol(names[j])})") for i, j in pairs]
     chosen = range(len(names)) if coordinate is None else [coordinate]
     return [(t, q[i], symbol(names[i])) for i in chosen]
+
+
+def draw(
+    ax: Axes,
+    names: Sequence[str],
+    t: Array,
+    q: Array,
+    at: int | None = None,
+    text: str | None = None,
+    **look: Any,
+) -> list[Line2D]:
+    """Draw paths q, (n, K) or (B, n, K), as `traces`; one entry in the legend stands for all."""
+    paths = q.reshape(-1, *q.shape[-2:])
+    lines = [ax.plot(x, y, **look)[0] for path in paths for x, y, _ in traces(names, t, path, at)]
+    for line in lines[:1]:
+        line.set_label(text)
+    return lines
 
 
 def shown(solution: Solution, coordinate: int | None) -> int | None:
@@ -175,27 +113,22 @@ def frame(ax: Axes, solution: Solution, units: Units = NONE, coordinate: int | N
     """Label the axes of `traces` and mark the two events."""
     problem = solution.problem
     names = problem.system.coordinates
-    for event, look in ((problem.start, START), (problem.end, END)):
+    for event, text, look in ((problem.start, "start", START), (problem.end, "end", EVENT)):
         given = np.array([event.q], dtype=float).T  # NaN, not drawn, where it is free
-        for x, y, _ in traces(names, np.array([event.t]), given, coordinate):
-            ax.plot(x, y, **look)
-            look = {**look, "label": None}  # one entry in the legend stands for all
+        draw(ax, names, np.array([event.t]), given, coordinate, text, **look)
     if planar(names) and coordinate is None:
-        i, j = planar(names)[0]
-        ax.set(
-            xlabel=label(f"${names[i][0]}$", units.length),
-            ylabel=label(f"${names[j][0]}$", units.length),
-        )
-        ax.set_aspect("equal", adjustable="datalim")
+        plane(ax, names, units)
         return
     chosen = names if coordinate is None else [names[coordinate]]
     words = ", ".join(label(symbol(name), units.coordinate(name)) for name in chosen)
     ax.set(xlabel=label("time $t$", units.time), ylabel=words)
 
 
-def times(solution: Solution, count: int = COUNT) -> Array:
-    """Return equal times over the solution, both events' included."""
-    return np.linspace(solution.problem.start.t, solution.problem.end.t, count)
+def plane(ax: Axes, names: Sequence[str], units: Units) -> None:
+    """Label the axes of orbits, lengths the same in both directions."""
+    x, y = (label(f"${names[i][0]}$", units.length) for i in planar(names)[0])
+    ax.set(xlabel=x, ylabel=y)
+    ax.set_aspect("equal", adjustable="datalim")
 
 
 def heading(of: Solution | Problem) -> str:
@@ -219,9 +152,8 @@ def colour_bar(ax: Axes, values: Array, norm: Normalize, colours: Any, text: str
     low, high = (float(np.clip(f(values), norm.vmin, norm.vmax)) for f in (np.nanmin, np.nanmax))
     if low < high:
         bar.ax.set_ylim(low, high)
-    if (
-        isinstance(norm, FuncNorm) and low < 0 < high
-    ):  # either side has ticks of its own, unless it is short
+    if isinstance(norm, FuncNorm) and low < 0 < high:
+        # Either side has ticks of its own, unless it is short.
         sides = [(low, 0.0), (0.0, high)]
         long = [s for s in sides if norm(s[1]) - norm(s[0]) > SHORT]
         ticks = np.unique(np.concatenate([MaxNLocator(3).tick_values(*s) for s in long]))
@@ -229,10 +161,14 @@ def colour_bar(ax: Axes, values: Array, norm: Normalize, colours: Any, text: str
     bar.set_label(text)
 
 
+def colour(i: int) -> str:
+    """Return the colour of the i-th of many things."""
+    return COLOURS[i % len(COLOURS)]
+
+
 def strand(i: int) -> dict[str, Any]:
     """Return colour and dashes of the i-th of many lines."""
-    kind = i // len(COLOURS) % len(DASHES)
-    return {"color": COLOURS[i % len(COLOURS)], "linestyle": DASHES[kind]}
+    return {"color": colour(i), "linestyle": DASHES[i // len(COLOURS) % len(DASHES)]}
 
 
 def legend(ax: Axes, *, beside: bool = False) -> None:
@@ -266,11 +202,6 @@ def number(x: float, digits: int = 6) -> str:
     return f"${mantissa}\\times10^{{{int(exponent)}}}$" if exponent else f"${mantissa}$"
 
 
-def styled() -> Any:
-    """Return the context in which everything is drawn."""
-    return rc_context(STYLE)
-
-
 def new_figure(**options: Any) -> Any:
     """Return a new figure of pyplot."""
     from matplotlib import pyplot  # a second of import, for interactive use only
@@ -283,5 +214,7 @@ def on(ax: Axes | None, **options: Any) -> Axes:
     return new_figure(**options).subplots() if ax is None else ax
 
 
-def _word(name: str) -> str:
-    return re.sub(r"_?\d*$", "", name)
+def freeze_layout(figure: Any) -> None:
+    """Lay out a figure once, so that nothing in it shifts from frame to frame."""
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")

@@ -6,13 +6,16 @@ it. What does not settle is either no path of the continuous problem, or not det
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from actionopt.analysis.status import Status
 from actionopt.discrete.boundaries import bounded
 from actionopt.discrete.mesh import MAX_DEGREE, Mesh
 from actionopt.discrete.resolution import SHORTEST, refined
-from actionopt.solver.iterate import MEASURABLE, SAFETY, Walk
+from actionopt.solver.iterate import SAFETY
+from actionopt.solver.workspace import MEASURABLE, Workspace
 
 ROUNDS = 20
 STALLED = 8  # rounds that bring nothing: a layer of 1e-6 is closed in on in six
@@ -25,89 +28,90 @@ SENSITIVE = 1e-10  # amplified round-off at which a path that does not settle is
 UNDETERMINED = 1e-6  # amplified round-off above which the end points do not determine a path
 
 
-def settle(walk: Walk, tol: float, *, least: bool) -> Status:
+def settle(ws: Workspace, tol: float, *, least: bool) -> Status:
     """Carry the path from mesh to mesh until the tolerance is met or cannot be."""
     stalled, missed, most = 0, np.inf, MOST
     for _ in range(ROUNDS):
-        before = walk.resolution()
-        resolved = walk.error <= tol
+        before = ws.here.resolution
+        resolved = ws.here.error <= tol
         if resolved:
-            last, missed = missed, walk.missed()
-            walk.error = max(walk.error, SAFETY * missed)
-            misread = walk.misread() if walk.late else 0.0
-            walk.error += misread
-            if walk.error <= tol:
-                return Status.UNRESOLVED if walk.torn() else Status.SOLVED
+            last, missed = missed, ws.missed()
+            here = ws.here
+            error = max(here.error, SAFETY * missed) + (here.misread() if here.late else 0.0)
+            here = ws.here = replace(here, error=error)
+            if error <= tol:
+                return Status.UNRESOLVED if here.torn else Status.SOLVED
             stalled = stalled + 1 if missed > last / 2 else 0
-            mesh = _split(walk)
+            mesh = _split(ws)
             # What is left may be the round-off of times or coordinates; many average it out.
-            if stalled or _size(walk, mesh) > AVERAGING:
-                misread = walk.misread()
+            if stalled or _size(ws, mesh) > AVERAGING:
+                misread = here.misread()
                 if missed <= EXPLAINED * misread:
-                    walk.hint = _misread(walk, misread) if walk.late else ""
+                    ws.hint = _misread(ws, misread) if here.late else ""
                     return Status.FLOOR
             if stalled == STALLED:
-                return _lost(walk)
+                return _lost(ws)
         else:
-            mesh = refined(before, tol / (2 * SAFETY * walk.gain))
+            mesh = refined(before, tol / (2 * SAFETY * ws.here.gain))
         if stalled == 0:
-            most = min(GROWTH * _size(walk, mesh), MOST)
-        if MOST > _size(walk, mesh) > most:  # more elements and nothing gained
-            return _lost(walk)
-        if _size(walk, mesh) > MOST:
-            walk.hint = (
+            most = min(GROWTH * _size(ws, mesh), MOST)
+        if MOST > _size(ws, mesh) > most:  # more elements and nothing gained
+            return _lost(ws)
+        if _size(ws, mesh) > MOST:
+            ws.hint = (
                 f"the next mesh, of {mesh.elements} elements, would have more than {MOST:,} "
                 "unknowns; give a Mesh of your own if it is worth that"
             )
-            return _lost(walk)
-        if not walk.carry(mesh, least=least, missed=missed if resolved else 0.0):
-            return _lost(walk)
+            return _lost(ws)
+        if not ws.carry(mesh, least=least, missed=missed if resolved else 0.0):
+            return _lost(ws)
         if resolved:
             continue
-        worst = walk.resolution().worst
-        rounded = worst < MEASURABLE or walk.gain * worst < walk.noise
-        if rounded and SAFETY * walk.noise > tol:
-            return Status.DEGENERATE if walk.noise > UNDETERMINED else Status.FLOOR
+        here, worst = ws.here, ws.here.resolution.worst
+        rounded = worst < MEASURABLE or here.gain * worst < here.noise
+        if rounded and SAFETY * here.noise > tol:
+            return Status.DEGENERATE if here.noise > UNDETERMINED else Status.FLOOR
         stalled = stalled + 1 if worst > before.worst / 2 else 0
         if stalled == STALLED:
-            return _lost(walk)
-    return _lost(walk)
+            return _lost(ws)
+    return _lost(ws)
 
 
-def _size(walk: Walk, mesh: Mesh) -> int:
+def _size(ws: Workspace, mesh: Mesh) -> int:
     """Return the number of coordinates and multipliers at the nodes of `mesh`."""
-    system = walk.problem.system
+    system = ws.problem.system
     return int(mesh.offsets[-1] + 1) * (system.n + system.m)
 
 
-def _misread(walk: Walk, misread: float) -> str:
-    t = max(abs(walk.problem.start.t), abs(walk.problem.end.t))
+def _misread(ws: Workspace, misread: float) -> str:
+    t = max(abs(ws.problem.start.t), abs(ws.problem.end.t))
     return (
         f"times near {t:.6g} are known to {np.spacing(t):.1g} only, which alone moves the path by "
         f"about {misread:.1g}; measure time from the start"
     )
 
 
-def settle_on(walk: Walk, mesh: Mesh, *, least: bool) -> Status:
+def settle_on(ws: Workspace, mesh: Mesh, *, least: bool) -> Status:
     """Solve on the user's mesh; a finer one tells the error."""
-    if walk.tr.mesh is not mesh and not walk.carry(mesh, least=least):
+    if ws.here.mesh is not mesh and not ws.carry(mesh, least=least):
         return Status.UNRESOLVED
-    tr, z = walk.tr, walk.z
-    missed = walk.missed()
-    finer = bounded(_finer(mesh), walk.problem.instants)
-    path = walk.path()
-    ok = walk.carry(finer, least=least)
-    change = np.max(np.abs(walk.path()(finer.nodes) - path(finer.nodes)).T / walk.sizes)
-    walk.tr, walk.z = tr, z
+    if not np.isfinite(ws.here.error):  # Ipopt's, which is less accurate
+        ws.follow()
+    missed, finer = ws.missed(), bounded(_finer(mesh), ws.problem.instants)
+    kept = ws.here
+    ok = ws.carry(finer, least=least)
+    there = ws.here
+    change = np.max(np.abs(there.path(finer.nodes) - kept.path(finer.nodes)).T / there.sizes)
     # What is left on the finer mesh is less than half of what it changed, where that is little.
     known = ok and change < UNKNOWN
-    walk.error = 2 * float(change) + SAFETY * (walk.noise + missed) if known else np.inf
+    error = 2 * float(change) + SAFETY * (there.noise + missed) if known else np.inf
+    ws.here = replace(kept, gain=there.gain, noise=there.noise, error=error)
     return Status.ON_MESH
 
 
-def _split(walk: Walk) -> Mesh:
+def _split(ws: Workspace) -> Mesh:
     """Return the mesh with those elements cut whose forces are missed."""
-    mesh, cuts = walk.tr.mesh, walk.tr.cuts(walk.z)
+    mesh, cuts = ws.here.mesh, ws.here.tr.cuts(ws.here.z)
     long = mesh.lengths > SHORTEST * mesh.duration
     cuts = [inner if enough else inner[:0] for inner, enough in zip(cuts, long, strict=True)]
     parts = [np.append(b, inner) for b, inner in zip(mesh.since, cuts, strict=False)]
@@ -124,6 +128,6 @@ def _finer(mesh: Mesh) -> Mesh:
     return mesh.cut(np.concatenate([starts, b[-1:]]), degrees)
 
 
-def _lost(walk: Walk) -> Status:
+def _lost(ws: Workspace) -> Status:
     """Say why a path does not settle: it is not determined, or it was none."""
-    return Status.DEGENERATE if walk.noise > SENSITIVE else Status.UNRESOLVED
+    return Status.DEGENERATE if ws.here.noise > SENSITIVE else Status.UNRESOLVED

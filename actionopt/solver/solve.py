@@ -24,8 +24,9 @@ from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import Guess, asked, checked
-from actionopt.solver.iterate import ROUNDOFF, Walk
-from actionopt.solver.ladder import COARSE_DEGREE, LINEAR, Search
+from actionopt.solver.iterate import ROUNDOFF
+from actionopt.solver.ladder import COARSE_DEGREE, IPOPT, LADDER, LINEAR, Search
+from actionopt.solver.workspace import Workspace
 from actionopt.tools.watch import OutOfTime, Progress, Watch
 
 BEFORE_A_JUMP = 3  # rungs tried where the first path crosses a jump: seconds are lost there
@@ -39,6 +40,7 @@ def solve(
     tol: float = 1e-8,
     guess: Guess | None = None,
     principle: Literal["auto", "least", "stationary"] = "auto",
+    method: Literal["auto", "ipopt"] = "auto",
     mesh: Mesh | None = None,
     seconds: float | None = None,
     progress: Progress | None = None,
@@ -59,6 +61,10 @@ def solve(
         one, a least path if there is one, else a stationary one.
     principle : {"auto", "least", "stationary"}
         What to ask of the action.
+    method : {"auto", "ipopt"}
+        Which ways lead to a first path: "auto" tries our own (Newton's method, a descent, a
+        homotopy, motions that meet) and Ipopt, each where it is best; "ipopt" asks Ipopt alone. It
+        is followed from mesh to mesh by Newton's method.
     mesh : Mesh, optional
         Solve on this mesh and do not refine.
     seconds : float, optional
@@ -90,95 +96,96 @@ def solve(
     started = perf_counter()
     if others:
         asked(problem, others)
-    curve_of = checked(problem, tol, guess, principle, mesh)
+    curve_of = checked(problem, tol, guess, principle, mesh, method)
     watch = None if seconds is progress is None else Watch(seconds, progress)
     system = problem.system
     # Far from zero a path to `tol` may be none: its motion is to be resolved as well.
     tol = min(tol, RESOLVED * float((problem.lengths / problem.scales).min()))
-    walk = Walk(problem, system.structure.linear, tol, refines=mesh is None, watch=watch)
+    ws = Workspace(problem, system.structure.linear, tol, refines=mesh is None, watch=watch)
     for name in ("first", "second"):
         system.pointwise(name)
-    walk.time["derive"] += perf_counter() - started
-    search = Search(walk, tol, principle, mesh)
+    ws.record.time["derive"] += perf_counter() - started
+    search = Search(ws, tol, principle, mesh, IPOPT if method == "ipopt" else LADDER)
     try:
         status = _found(search, guess, curve_of)
     except OutOfTime:
-        walk.stop()
+        search.ws.stop()
         status = Status.OUT_OF_TIME
+    ws = search.ws
     if watch is not None and watch.raised is not None and not isinstance(watch.raised, OutOfTime):
         raise watch.raised
-    if principle == "least" and status.success and walk.index() > 0:
-        status = Status.UNBOUNDED if walk.linear else Status.NOT_LEAST
-    solution = _solution(walk, status, search.rung, started)
-    if _suspect(walk, status):
-        solution = _family(walk, solution)
+    if principle == "least" and status.success and ws.here.index > 0:
+        status = Status.UNBOUNDED if ws.linear else Status.NOT_LEAST
+    solution = _solution(ws, status, search.found_by, started)
+    if _suspect(ws, status):
+        solution = _family(ws, solution)
     if throw and not solution.success:
-        raise SolveError(_message(walk, solution.status, tol), solution)
+        raise SolveError(_message(ws, solution.status, tol), solution)
     return solution
 
 
 def _found(search: Search, guess: Guess | None, curve_of: Callable[[Mesh], Path] | None) -> Status:
     """Find a path that crosses no jump of L."""
-    walk = search.walk
-    steps = walk.problem.system.switches
+    ws = search.ws
+    steps = ws.problem.system.switches
     if steps is None:
         return _sought(search, guess, curve_of)
-    mesh = Mesh.uniform(walk.problem.start.t, walk.problem.end.t, LINEAR, COARSE_DEGREE)
-    straight = Transcription(walk.problem, mesh, walk.problem.lengths).straight()
+    mesh = Mesh.uniform(ws.problem.start.t, ws.problem.end.t, LINEAR, COARSE_DEGREE)
+    straight = Transcription(ws.problem, mesh, ws.problem.lengths).straight()
     first = Path(mesh, straight.T) if curve_of is None else curve_of(mesh)
-    jump, status = crossed(steps, walk.problem, first), Status.JUMP
+    jump, status = crossed(steps, ws.problem, first), Status.JUMP
     if jump is not None:
         search.ladder = search.ladder[:BEFORE_A_JUMP]
     if jump is None or not jump.inevitable:
         status = _sought(search, guess, curve_of)
         # What was lost on the way may have been lost at a jump that the first path crosses.
-        jump = crossed(steps, walk.problem, walk.path()) or (None if status.success else jump)
+        jump = crossed(steps, ws.problem, search.ws.here.path) or (None if status.success else jump)
     else:
-        walk.begin()
-        walk.place(mesh, first)
-        search.rung = "none"
+        ws.place(mesh, first)
+        search.found_by = "none"
     if jump is None:
         return status
-    walk.hint, walk.error = str(jump), np.inf
+    ws = search.ws
+    ws.hint, ws.here = str(jump), replace(ws.here, error=np.inf)
     return Status.JUMP
 
 
 def _sought(search: Search, guess: Guess | None, curve_of: Callable[[Mesh], Path] | None) -> Status:
     """Find a path, from a neighbour that is solved, from another guess, or from nothing."""
-    walk, problem, status = search.walk, search.walk.problem, Status.NOT_FOUND
+    ws, problem, status = search.ws, search.ws.problem, Status.NOT_FOUND
     if isinstance(guess, Solution) and isinstance(guess.problem, Problem) and guess.success:
-        walk.gain = guess.stats.get("gain", walk.gain)  # a neighbour is as sensitive
+        ws.gain = guess.stats.get("gain", ws.gain)  # a neighbour is as sensitive
         if guess.problem.system is problem.system:
-            walk.many = search.given is None or search.given is guess.mesh
+            ws.many = search.given is None or search.given is guess.mesh
             if np.array_equal(problem.packed, guess.problem.packed):
-                walk.units, walk.checked = guess.discrete.tr, True
+                ws.units, ws.checked = guess.discrete.tr, True
                 status = search.from_neighbour(guess)
     if status not in (Status.NOT_FOUND, Status.UNRESOLVED):
         return status
-    if walk.linear:
+    if ws.linear and search.ladder is not IPOPT:
         return search.solve_linear(curve_of)
     return search.from_nothing() if curve_of is None else search.from_guess(curve_of)
 
 
-def _suspect(walk: Walk, status: Status) -> bool:
+def _suspect(ws: Workspace, status: Status) -> bool:
     """Whether the ends may leave a family of paths, or did so where one was lost."""
-    if walk.problem.system.structure.forced:
+    if ws.problem.system.structure.forced:
         return False
     if not status.success:
-        return walk.lost is not None and status in (Status.NOT_FOUND, Status.UNRESOLVED)
-    if not walk.can_be_one_of_many:  # nothing is zero on one side of a symmetry
-        return walk.noise > SENSITIVE / 100
+        return ws.lost is not None and status in (Status.NOT_FOUND, Status.UNRESOLVED)
+    if not ws.here.can_be_one_of_many:  # nothing is zero on one side of a symmetry
+        return ws.here.noise > SENSITIVE / 100
     try:
-        return walk.amplification() > SENSITIVE
+        return ws.here.amplification(ws.many) > SENSITIVE
     except np.linalg.LinAlgError:
         return True
 
 
-def _family(walk: Walk, solution: Solution) -> Solution:
+def _family(ws: Workspace, solution: Solution) -> Solution:
     """Return the verdict DEGENERATE if the path is one of a family, else the solution as it is."""
     near = solution
-    if not solution.success and walk.lost is not None:
-        lost = DiscretePath(*walk.lost)
+    if not solution.success and ws.lost is not None:
+        lost = ws.lost
         near = replace(solution, path=lost.path, lam=lost.rows.T, error=np.inf, known=lost)
     try:
         found = near.inertia
@@ -187,51 +194,52 @@ def _family(walk: Walk, solution: Solution) -> Solution:
     if not found.nullity or found.tolerance > TOLERANCE:
         return solution
     condition = 1 / max(found.smallest or 0.0, float(np.finfo(float).eps))
-    walk.hint = f"the paths between the ends are a family of dimension {found.nullity}"
-    walk.noise, walk.error = max(walk.noise, condition * ROUNDOFF), near.error
-    stats = near.stats | {"condition": condition, "nullity": found.nullity, "noise": walk.noise}
+    ws.hint = f"the paths between the ends are a family of dimension {found.nullity}"
+    noise = max(ws.here.noise, condition * ROUNDOFF)
+    ws.here = replace(ws.here, noise=noise, error=near.error)
+    stats = near.stats | {"condition": condition, "nullity": found.nullity, "noise": noise}
     return replace(near, status=Status.DEGENERATE, stats=stats)
 
 
-def _message(walk: Walk, status: Status, tol: float) -> str:
-    name = walk.problem.name
-    figures = f"tol = {tol:g}, error estimate {walk.error:.2g}"
+def _message(ws: Workspace, status: Status, tol: float) -> str:
+    name = ws.problem.name
+    figures = f"tol = {tol:g}, error estimate {ws.here.error:.2g}"
     if status in (Status.FLOOR, Status.DEGENERATE):
-        figures += f", condition about {walk.noise / ROUNDOFF:.1g}"
-    hint = f"; {walk.hint}" if walk.hint else ""
-    if walk.problem.origin is not None:
-        i = int(np.argmax(walk.problem.scales / walk.problem.lengths))
-        size = walk.problem.scales[i]
+        figures += f", condition about {ws.here.noise / ROUNDOFF:.1g}"
+    hint = f"; {ws.hint}" if ws.hint else ""
+    if ws.problem.origin is not None:
+        i = int(np.argmax(ws.problem.scales / ws.problem.lengths))
+        size = ws.problem.scales[i]
         hint += (
-            f"; {walk.problem.system.coordinates[i]} is about {size:.3g} and known to "
+            f"; {ws.problem.system.coordinates[i]} is about {size:.3g} and known to "
             f"{np.spacing(size):.1g} only: measure it from a point near the motion"
         )
-    if walk.problem.advance is not None and not walk.problem.start.pinned:
+    if ws.problem.advance is not None and not ws.problem.start.pinned:
         hint += "; a closed path may start anywhere along itself: give one coordinate at the start"
     return f"{name}: {status.value} ({figures}){hint}"
 
 
-def _solution(walk: Walk, status: Status, rung: str, started: float) -> Solution:
-    found, layout = DiscretePath(walk.tr, walk.z), walk.tr.layout
-    clock = perf_counter()
-    action = found.action
-    if status.success and not np.isfinite(action):
-        status = Status.UNRESOLVED
-    found.tr.forget()  # many solutions may be kept
-    walk.time["verify"] += perf_counter() - clock
-    walk.time["total"] = perf_counter() - started
+def _solution(ws: Workspace, status: Status, found_by: str, started: float) -> Solution:
+    here, record = ws.here, ws.record
+    found, layout = DiscretePath(here.tr, here.z), here.tr.layout
+    with record.clock("verify"):
+        action = found.action
+        if status.success and not np.isfinite(action):
+            status = Status.UNRESOLVED
+        found.tr.forget()  # many solutions may be kept
+    record.time["total"] = perf_counter() - started
     stats: dict[str, Any] = {
-        "rung": rung,
+        "rung": found_by,
         "unknowns": layout.unknowns,
         "rows": layout.rows,
-        "iterations": dict(walk.iterations),
-        "evaluations": dict(walk.evaluations),
-        "rounds": walk.rounds,
-        "gain": walk.gain,
-        "noise": walk.noise,
-        "condition": max(walk.noise / ROUNDOFF, 1.0),
-        "derived": walk.problem.system.derived,
-        "time": dict(walk.time),
+        "iterations": dict(record.iterations),
+        "evaluations": dict(record.evaluations),
+        "rounds": record.rounds,
+        "gain": here.gain,
+        "noise": here.noise,
+        "condition": max(here.noise / ROUNDOFF, 1.0),
+        "derived": ws.problem.system.derived,
+        "time": dict(record.time),
     }
-    lam, error = found.rows.T, walk.error
-    return Solution(walk.problem, found.path, action, lam, error, status, stats, known=found)
+    lam, error = found.rows.T, here.error
+    return Solution(ws.problem, found.path, action, lam, error, status, stats, known=found)

@@ -1,16 +1,9 @@
-"""One solver on one problem, in a process of its own: `python -m actionopt.suite.cell`.
-
-The two arguments are the cell, as JSON, and the file the result is written to: what solvers print
-stays apart from it. A process that dies writes none.
-"""
+"""One solver on one problem, as it runs in a process of its own."""
 
 from __future__ import annotations
 
-import json
 import signal
-import sys
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 from actionopt import suite
@@ -32,7 +25,7 @@ class Cell:
 def evaluate(cell: Cell) -> dict[str, Any]:
     """Run the solver and judge its answer; return the result as plain data."""
     problem = suite.get(cell.problem, cell.elements, cell.degree)
-    about = {"class": problem.classification, "n": problem.n, "m": problem.m}
+    about = {"class": problem.classification, "n": problem.n}
     try:
         answer = solvers.run(cell.solver, problem, problem.start(cell.start))
     except solvers.Absent as error:
@@ -46,12 +39,10 @@ def evaluate(cell: Cell) -> dict[str, Any]:
     fresh = suite.get(cell.problem, cell.elements, cell.degree)
     return {
         **about,
-        "kind": fresh.kind,
         **asdict(judge(fresh, answer.x, answer.claimed)),
-        "claimed": answer.claimed,
         "word": answer.word,
         "seconds": answer.seconds,
-        "evaluations": dict(answer.evaluations),
+        "evaluations": {k: count for k, count in answer.evaluations.items() if count},
     }
 
 
@@ -69,13 +60,7 @@ def limit(memory: float, seconds: float) -> None:
     signal.alarm(int(seconds) + 5)  # should whoever started it be gone by then
 
 
-def main(arguments: list[str]) -> None:
-    """Evaluate the cell given as JSON and write the result."""
-    asked = json.loads(arguments[0])
-    limit(asked.pop("memory"), asked.pop("seconds"))
-    result = evaluate(Cell(**asked))
-    Path(arguments[1]).write_text(json.dumps(result), encoding="utf-8")
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])
+def bounded(asked: dict[str, Any], memory: float, seconds: float) -> dict[str, Any]:
+    """Evaluate a cell, given as plain data, within these bounds."""
+    limit(memory, seconds)
+    return evaluate(Cell(**asked))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
 from typing import Any
 
 from actionopt import suite
@@ -11,6 +10,7 @@ from actionopt.suite import runner, solvers
 from actionopt.suite.cell import Cell
 from actionopt.suite.verdict import MEANING, VERDICTS
 from actionopt.tools.progress import progress
+from actionopt.tools.table import print_table
 
 SOLVERS = """\
 A solver is a plugin of CasADi's nlpsol (ipopt, fatrop, sqpmethod, sqpmethod:osqp, qrsqp, uno,
@@ -137,11 +137,3 @@ def report(options: argparse.Namespace) -> int:
 
     print(write(runner.load(options.output), options.to))
     return 0
-
-
-def print_table(rows: Sequence[Sequence[str]]) -> None:
-    """Print rows of text in columns."""
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for row in rows:
-        cells = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))
-        print("  ".join(cells).rstrip())

@@ -10,7 +10,7 @@ from typing import Any
 
 from actionopt.suite import nl
 from actionopt.suite.problem import TestProblem
-from actionopt.tools.files import whole
+from actionopt.tools.files import write
 
 
 def dump(problems: Iterable[TestProblem], directory: str | Path) -> Path:
@@ -25,8 +25,7 @@ def dump(problems: Iterable[TestProblem], directory: str | Path) -> Path:
     for problem in problems:
         model, answers = folder / f"{problem.name}.nl", folder / f"{problem.name}.json"
         nl.write(problem, model)
-        with whole(answers) as part:
-            part.write_text(json.dumps(facts(problem), indent=1) + "\n", encoding="utf-8")
+        write(answers, json.dumps(facts(problem), indent=1) + "\n")
         entries.append(
             {
                 **summary(problem),
@@ -36,8 +35,7 @@ def dump(problems: Iterable[TestProblem], directory: str | Path) -> Path:
             }
         )
     manifest = folder / "manifest.json"
-    with whole(manifest) as part:
-        part.write_text(json.dumps(entries, indent=1) + "\n", encoding="utf-8")
+    write(manifest, json.dumps(entries, indent=1) + "\n")
     return manifest
 
 

@@ -148,38 +148,20 @@ OVER_THE_TOP = (
 )
 # fmt: on
 
-EASY = (
-    Family("oscillator", "oscillator"),
-    Family("oscillator_2d", "oscillator_2d"),
-    Family("oscillator_gauge", "oscillator_gauge"),
-    Family("oscillating_wall", "oscillating_wall"),
-    Family("driven_oscillator", "driven_oscillator"),
-    Family("two_on_a_line", "two_on_a_line"),
-    Family("projectile", "projectile"),
-    Family("pendulum", "pendulum"),
-    Family("rod_pendulum", "rod_pendulum"),
-    Family("polar_pendulum", "polar_pendulum"),
-    Family("kepler", "kepler", 12, 6),
-    Family("kepler_polar", "kepler_polar", 12, 6),
-    Family("kepler_spherical", "kepler_spherical", 12, 6),
-    Family("two_body", "two_body", 8, 6),
-    Family("figure_eight", "figure_eight", 12, 6),
-    Family("charge_planar", "charge_planar"),
-    Family("charge_gauge", "charge_gauge"),
-    Family("charge_spatial", "charge_spatial"),
-    Family("hoop_bead", "hoop_bead", 8, 6, bends=((1.5,), (-1.5,))),
-    Family("inverted_cone", "inverted_cone"),
-    Family("heavy_top", "heavy_top", 8, 6),
-    Family("moving_pivot", "moving_pivot"),
-    Family("rotating_frame_bound", "rotating_frame_bound"),
-    Family("rotating_frame_free", "rotating_frame_free"),
-    Family("screw", "screw"),
-    Family("sliding_wedge", "sliding_wedge"),
-    Family("sliding_off_circle", "sliding_off_circle"),
-    Family("rolling_cylinder", "rolling_cylinder"),
-    Family("turning_wire", "turning_wire"),
-    Family("turning_wire_radial", "turning_wire_radial"),
-)
+# Scenes as they are.
+PLAIN = (
+    "oscillator oscillator_2d oscillator_gauge oscillating_wall driven_oscillator two_on_a_line "
+    "projectile pendulum rod_pendulum polar_pendulum kepler kepler_polar kepler_spherical "
+    "two_body figure_eight charge_planar charge_gauge charge_spatial hoop_bead inverted_cone "
+    "heavy_top moving_pivot rotating_frame_bound rotating_frame_free screw sliding_wedge "
+    "sliding_off_circle rolling_cylinder turning_wire turning_wire_radial"
+).split()
+MESHES = {  # elements and degree where 8 of degree 4 are too few
+    **dict.fromkeys(("kepler", "kepler_polar", "kepler_spherical", "figure_eight"), (12, 6)),
+    **dict.fromkeys(("two_body", "hoop_bead", "heavy_top"), (8, 6)),
+}
+BENDS = {"hoop_bead": ((1.5,), (-1.5,))}
+EASY = tuple(Family(name, name, *MESHES.get(name, ()), bends=BENDS.get(name, ())) for name in PLAIN)
 
 SEVERAL = ("several optima",)
 PAST = ("unbounded below", "saddle only")

@@ -22,35 +22,17 @@ from actionopt.suite.problem import TestProblem
 from actionopt.tools.files import whole
 from actionopt.tools.types import Array
 
-# CasADi's operation: the lines before its operands, and after them.
+# CasADi's operation: its opcode, and where the format has none of its own, more lines about the
+# operands: before them, and after.
+CODES = {"ADD": 0, "SUB": 1, "MUL": 2, "DIV": 3, "POW": 5, "CONSTPOW": 5, "NEG": 16, "FABS": 15}
+CODES |= {"TANH": 37, "TAN": 38, "SQRT": 39, "SINH": 40, "SIN": 41, "LOG": 43, "EXP": 44}
+CODES |= {"COSH": 45, "COS": 46, "ATANH": 47, "ATAN2": 48, "ATAN": 49, "ASINH": 50, "ASIN": 51}
+CODES |= {"ACOSH": 52, "ACOS": 53}
 OPERATIONS = {
-    ca.OP_ADD: ("o0", ""),
-    ca.OP_SUB: ("o1", ""),
-    ca.OP_MUL: ("o2", ""),
-    ca.OP_DIV: ("o3", ""),
-    ca.OP_POW: ("o5", ""),
-    ca.OP_CONSTPOW: ("o5", ""),
+    **{getattr(ca, f"OP_{name}"): (f"o{code}", "") for name, code in CODES.items()},
     ca.OP_SQ: ("o5", "n2"),
     ca.OP_TWICE: ("o2\nn2", ""),
     ca.OP_INV: ("o3\nn1", ""),
-    ca.OP_NEG: ("o16", ""),
-    ca.OP_FABS: ("o15", ""),
-    ca.OP_TANH: ("o37", ""),
-    ca.OP_TAN: ("o38", ""),
-    ca.OP_SQRT: ("o39", ""),
-    ca.OP_SINH: ("o40", ""),
-    ca.OP_SIN: ("o41", ""),
-    ca.OP_LOG: ("o43", ""),
-    ca.OP_EXP: ("o44", ""),
-    ca.OP_COSH: ("o45", ""),
-    ca.OP_COS: ("o46", ""),
-    ca.OP_ATANH: ("o47", ""),
-    ca.OP_ATAN2: ("o48", ""),
-    ca.OP_ATAN: ("o49", ""),
-    ca.OP_ASINH: ("o50", ""),
-    ca.OP_ASIN: ("o51", ""),
-    ca.OP_ACOSH: ("o52", ""),
-    ca.OP_ACOS: ("o53", ""),
 }
 
 

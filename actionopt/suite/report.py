@@ -53,31 +53,15 @@ Linear or Other.</p>
 
 ALLOWED = Limits().seconds
 
-# File, title, measure, accepted verdicts, profile.
+RATIO = {"seconds": "time over that of the fastest", "evaluations": "evaluations over the fewest"}
+SHARE = "evaluations per unknown"
+# File, measure (of a performance profile, or a data profile's), accepted verdicts.
 FIGURES = (
-    ("performance_time", "time over that of the fastest", "seconds", profile.RIGHT, False),
-    ("performance_time_any", "time over that of the fastest", "seconds", profile.STATIONARY, False),
-    (
-        "performance_evaluations",
-        "evaluations over the fewest",
-        "evaluations",
-        profile.RIGHT,
-        False,
-    ),
-    (
-        "data",
-        "evaluations per unknown and one",
-        "evaluations per unknown",
-        profile.RIGHT,
-        True,
-    ),
-    (
-        "data_any",
-        "evaluations per unknown and one",
-        "evaluations per unknown",
-        profile.STATIONARY,
-        True,
-    ),
+    ("performance_time", "seconds", profile.RIGHT),
+    ("performance_time_any", "seconds", profile.STATIONARY),
+    ("performance_evaluations", "evaluations", profile.RIGHT),
+    ("data", SHARE, profile.RIGHT),
+    ("data_any", SHARE, profile.STATIONARY),
 )
 
 
@@ -86,7 +70,7 @@ def write(records: Sequence[Mapping[str, Any]], directory: str | Path) -> Path:
 
     Raises ValueError if there are no records.
     """
-    from actionopt.plot import suite_report as draw  # matplotlib only where something is drawn
+    from actionopt.plot import profiles as draw  # matplotlib only where something is drawn
 
     if not records:
         raise ValueError("expected results of at least one run, found none; `actionopt suite run`")
@@ -95,10 +79,10 @@ def write(records: Sequence[Mapping[str, Any]], directory: str | Path) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     images = []
     ran = [r for r in records if r["verdict"] != "absent"]
-    for name, title, measure, accepted, is_data in FIGURES:
-        table = profile.costs(ran, measure, accepted)
-        steps = profile.data(table) if is_data else profile.performance(table)
-        least = 0.01 if is_data else 1.0
+    for name, measure, accepted in FIGURES:
+        table, title = profile.costs(ran, measure, accepted), RATIO.get(measure, f"{SHARE} and one")
+        steps = profile.performance(table) if measure in RATIO else profile.data(table)
+        least = 1.0 if measure in RATIO else 0.01
         what = "right" if accepted is profile.RIGHT else "any stationary point"
         ax = draw.profiles(steps, xlabel=f"{title} ({what})", least=least)
         draw.save(ax, folder / f"{name}.svg")
@@ -152,31 +136,30 @@ def _classes(records: Sequence[Mapping[str, Any]]) -> str:
     letters = {r["problem"]: r["class"][:2] for r in records if "class" in r}
     classes = sorted(set(letters.values()))
     rows = []
-    for solver in dict.fromkeys(r["solver"] for r in records):
-        row = [solver]
-        for kind in classes:
-            mine = [
-                r["verdict"] == "right"
-                for r in records
-                if r["solver"] == solver and letters.get(r["problem"]) == kind
-            ]
-            row.append(f"{sum(mine)} / {len(mine)}")
-        rows.append(row)
+    for solver, mine in _by_solver(records).items():
+        kinds = [(letters.get(r["problem"]), r["verdict"] == "right") for r in mine]
+        counts = ([right for kind, right in kinds if kind == wanted] for wanted in classes)
+        rows.append([solver, *(f"{sum(c)} / {len(c)}" for c in counts)])
     return _table(["solver", *classes], rows)
 
 
 def _evaluations(records: Sequence[Mapping[str, Any]]) -> str:
     rows = []
-    for solver in dict.fromkeys(r["solver"] for r in records):
-        mine = [r for r in records if r["solver"] == solver and r["verdict"] == "right"]
-        if not mine:
-            rows.append([solver, "", "", ""])
-            continue
-        counts = [profile.evaluations(r) for r in mine]
-        share = [c / (r["n"] + 1) for c, r in zip(counts, mine, strict=True)]
-        seconds = median(r["seconds"] for r in mine)
-        rows.append([solver, f"{median(counts):.0f}", f"{median(share):.2g}", f"{seconds:.2g}"])
+    for solver, every in _by_solver(records).items():
+        mine = [r for r in every if r["verdict"] == "right"]
+        cells = ["", "", ""]
+        if mine:
+            counts = [profile.evaluations(r) for r in mine]
+            share = [c / (r["n"] + 1) for c, r in zip(counts, mine, strict=True)]
+            seconds = median(r["seconds"] for r in mine)
+            cells = [f"{median(counts):.0f}", f"{median(share):.2g}", f"{seconds:.2g}"]
+        rows.append([solver, *cells])
     return _table(["solver", "evaluations", "per unknown", "seconds"], rows)
+
+
+def _by_solver(records: Sequence[Mapping[str, Any]]) -> dict[str, list[Mapping[str, Any]]]:
+    names = dict.fromkeys(r["solver"] for r in records)
+    return {name: [r for r in records if r["solver"] == name] for name in names}
 
 
 def _matrix(records: Sequence[Mapping[str, Any]]) -> str:

@@ -7,11 +7,6 @@ that an interrupted run is resumed by starting it anew.
 from __future__ import annotations
 
 import json
-import os
-import signal
-import subprocess
-import sys
-import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
@@ -21,8 +16,10 @@ from time import perf_counter
 from typing import Any
 
 from actionopt.suite.cell import Cell
+from actionopt.tools import process
+from actionopt.tools.files import rounded
 
-HOME = str(Path(__file__).parents[2])
+DIGITS = 4  # of what is kept: times differ in the second
 
 
 @dataclass(frozen=True)
@@ -70,54 +67,19 @@ def run(
 
 def run_one(cell: Cell, limits: Limits) -> dict[str, Any]:
     """Run one cell in a process of its own; return its record, whatever becomes of it."""
-    asked = asdict(cell) | asdict(limits)
-    environment = {
-        **os.environ,
-        "OMP_NUM_THREADS": "1",
-        "OPENBLAS_NUM_THREADS": "1",
-        # This very package, wherever it was found.
-        "PYTHONPATH": os.pathsep.join(filter(None, [HOME, os.environ.get("PYTHONPATH")])),
-    }
-    with tempfile.TemporaryDirectory() as folder:
-        result = Path(folder, "result.json")
-        command = [sys.executable, "-m", "actionopt.suite.cell", json.dumps(asked), str(result)]
-        clock = perf_counter()
-        process = subprocess.Popen(
-            command,
-            env=environment,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            start_new_session=True,  # so that children of its own die with it
-        )
-        try:
-            _, said = process.communicate(timeout=limits.seconds)
-            outcome = _outcome(process.returncode, said.decode(errors="replace"), result)
-        except subprocess.TimeoutExpired:
-            outcome = {"verdict": "limit", "word": f"no answer in {limits.seconds:g} s"}
-        finally:
-            _end(process)
-    return asdict(cell) | outcome | {"wall": perf_counter() - clock, "allowed": limits.seconds}
-
-
-def _outcome(code: int, said: str, result: Path) -> dict[str, Any]:
-    if result.is_file():
-        return json.loads(result.read_text(encoding="utf-8"))
-    if "MemoryError" in said or "bad_alloc" in said:
-        return {"verdict": "limit", "word": "out of memory"}
-    how = f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
-    last = said.strip().splitlines()[-1:] or [""]
-    return {"verdict": "failed", "word": f"the process died with {how}; {last[0]}"[:300]}
-
-
-def _end(process: subprocess.Popen) -> None:
-    """End the process and its children, and wait for it."""
-    if process.poll() is None:
-        if hasattr(os, "killpg"):
-            os.killpg(process.pid, signal.SIGKILL)
-        else:
-            process.kill()
-        process.communicate()
+    clock = perf_counter()
+    try:
+        arguments = asdict(cell), limits.memory, limits.seconds
+        outcome = process.run("actionopt.suite.cell:bounded", *arguments, limit=limits.seconds)
+    except TimeoutError as error:
+        outcome = {"verdict": "limit", "word": str(error)}
+    except process.Died as error:
+        outcome = {"verdict": "failed", "word": str(error)[:300]}
+        if "MemoryError" in error.said or "bad_alloc" in error.said:
+            outcome = {"verdict": "limit", "word": "out of memory"}
+    wall = perf_counter() - clock
+    record = asdict(cell) | outcome | {"wall": wall, "allowed": limits.seconds}
+    return rounded({k: v for k, v in record.items() if v not in (None, "")}, DIGITS)
 
 
 def key(record: dict[str, Any]) -> tuple:

@@ -53,7 +53,6 @@ PLUGINS: dict[str, dict[str, Any]] = {
     "uno": {},
 }
 WITH_QP = ("sqpmethod", "feasiblesqpmethod")
-SCIPY = ("trust-constr", "SLSQP")
 
 
 class Absent(RuntimeError):

@@ -7,16 +7,23 @@ import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 
-def ready(file: str | Path) -> Path:
-    """Return where `file` is to be written. Raises FileNotFoundError if its folder is missing."""
+def ready(file: str | Path, *endings: str) -> Path:
+    """Return where `file` is to be written.
+
+    Raises FileNotFoundError if its folder is missing, ValueError if it has none of the endings.
+    """
     target = Path(file)
     if not target.parent.is_dir():
         raise FileNotFoundError(
             f"expected a folder that is there to write {str(target)!r} in, found none; make it, or "
             "correct the name"
         )
+    if endings and target.suffix.lower() not in endings:
+        found = f"{target.name!r}" + ("" if target.suffix else ", which has no ending")
+        raise ValueError(f"expected a file that ends in {', '.join(endings)}, found {found}")
     return target
 
 
@@ -52,3 +59,24 @@ def whole(file: str | Path) -> Iterator[Path]:
         raise
     finally:
         part.unlink(missing_ok=True)
+
+
+def write(file: str | Path, text: str) -> None:
+    """Write a file of text, whole or not at all, and make the folder it belongs in."""
+    target = Path(file)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with whole(target) as part:
+        part.write_text(text, encoding="utf-8", newline="\n")
+
+
+def rounded(value: Any, digits: int = 6) -> Any:
+    """Return plain data with its numbers rounded to significant digits.
+
+    >>> rounded({"time": 0.123456789, "count": 3, "setting": [1e-9, None]})
+    {'time': 0.123457, 'count': 3, 'setting': [1e-09, None]}
+    """
+    if isinstance(value, dict):
+        return {k: rounded(v, digits) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [rounded(v, digits) for v in value]
+    return float(f"{value:.{digits}g}") if isinstance(value, float) else value

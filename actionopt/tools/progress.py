@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from time import perf_counter
+from typing import TypeVar
 
+T = TypeVar("T")
 BAR = 24  # characters
 PATIENCE, PACE = 1.0, 0.1  # seconds before anything is said, and between two lines
 
@@ -20,6 +22,14 @@ def progress(done: int, total: int, what: str) -> None:
         print(f"\r\x1b[K{line}", end=end, file=sys.stderr, flush=True)
     else:
         print(line, file=sys.stderr, flush=True)
+
+
+def steps(items: Sequence[T]) -> Iterator[T]:
+    """Yield the items, and show how many are done and which one is under way."""
+    for k, item in enumerate(items):
+        progress(k, len(items), str(item))
+        yield item
+    progress(len(items), len(items), "")
 
 
 @contextmanager

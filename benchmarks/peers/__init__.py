@@ -6,20 +6,21 @@ import importlib
 
 from benchmarks.peers._peer import Answer, Failed, Peer, Unable
 
-__all__ = ["NAMES", "QUICK", "Answer", "Failed", "Peer", "Unable", "get"]
+__all__ = ["LABELS", "NAMES", "QUICK", "Answer", "Failed", "Peer", "Unable", "get"]
 
-NAMES = (
-    "actionopt_",
-    "scipy_bvp",
-    "dop853",
-    "heyoka_",
-    "casadi_collocation",
-    "rockit_",
-    "mpopt_",
-    "dymos_",
-    "opty_",
-    "lamberthub_",
-)
+LABELS = {  # in figures and tables, in the order of legends
+    "actionopt_": "actionopt",
+    "scipy_bvp": "solve_bvp",
+    "dop853": "shooting, DOP853",
+    "heyoka_": "shooting, heyoka",
+    "casadi_collocation": "CasADi collocation",
+    "rockit_": "rockit",
+    "mpopt_": "mpopt",
+    "dymos_": "dymos",
+    "opty_": "opty",
+    "lamberthub_": "lamberthub",
+}
+NAMES = tuple(LABELS)
 QUICK = ("actionopt_", "scipy_bvp")
 
 

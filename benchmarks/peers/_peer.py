@@ -14,6 +14,12 @@ from benchmarks.problems import Case, Ends
 TOLERANCES = tuple(10.0**-k for k in (2, 3, 4, 6, 7, 8, 9, 10, 11, 12, 13))
 
 
+# Ipopt without a word, as it is given to all who use it.
+IPOPT = {"ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False, "ipopt.tol": 1e-10}
+# Of shooting; a miss, relative to the end points' size, beyond which a step is halved.
+ITERATIONS, HALVINGS, RUNAWAY = 25, 8, 10.0
+
+
 class Unable(Exception):
     """The peer cannot express this problem; the message says why."""
 
@@ -36,8 +42,6 @@ class Peer:
 
     Attributes
     ----------
-    name : str
-        In tables and figures.
     packages : sequence of str
         Distributions whose versions are reported.
     settings : sequence
@@ -49,7 +53,6 @@ class Peer:
         `again(answer, case, ends, setting) -> Answer`: the same problem, other end points.
     """
 
-    name: str
     packages: Sequence[str]
     settings: Sequence[Any]
     cold: Callable[[Case, Ends, str, Any], Answer]
@@ -78,6 +81,37 @@ def first_velocity(case: Case, ends: Ends, start: str) -> np.ndarray:
     v = waypoints(case, ends, start, np.zeros(1))[1][:, 0]
     Z = tangent(case, ends)
     return Z @ (Z.T @ v)
+
+
+def meeting(fly: Callable, v: np.ndarray, Z: np.ndarray, tol: float, roundoff: float):
+    """Return the first velocity near v (n,) that meets the end, by damped Newton steps along Z.
+
+    `fly(v)` returns the largest miss relative to the end points' size, infinite if the integration
+    fails, the miss (n,) and its derivatives along the columns of Z.
+    """
+    size, miss, slope = fly(v)
+    for _ in range(ITERATIONS):
+        if not np.isfinite(size):
+            raise Failed("the first trajectory cannot be integrated")
+        step = Z @ np.linalg.lstsq(slope, miss, rcond=None)[0]
+        for halving in range(HALVINGS):
+            tried = v - step / 2**halving
+            new, miss, slope = fly(tried)
+            if new < max(RUNAWAY, size):
+                break
+        else:
+            raise Failed("shooting: no step brings the end nearer")
+        v, size = tried, new
+        small = np.max(np.abs(step)) < tol * np.max(np.abs(v))
+        if size < max(tol, roundoff) or (small and halving == 0):
+            return v
+    raise Failed(f"no convergence in {ITERATIONS} iterations, the end missed by {size:.0e}")
+
+
+def succeeded(status: str) -> None:
+    """Raise Failed unless Ipopt says that it has a point."""
+    if status not in ("Solve_Succeeded", "Solved_To_Acceptable_Level"):
+        raise Failed(status)
 
 
 def piecewise(nodes: np.ndarray, q: np.ndarray, degree: int, times: np.ndarray) -> np.ndarray:

@@ -39,4 +39,4 @@ def again(answer: Answer, case: Case, ends: Ends, tol: float) -> Answer:
     return _solve(answer.state.problem.system, case, ends, tol, answer.state)
 
 
-PEER = Peer("actionopt", ("actionopt", "casadi"), TOLERANCES, cold, again)
+PEER = Peer(("actionopt", "casadi"), TOLERANCES, cold, again)

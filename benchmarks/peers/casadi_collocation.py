@@ -12,12 +12,11 @@ import inspect
 import casadi as ca
 import numpy as np
 
-from benchmarks.peers._peer import Answer, Failed, Peer, waypoints
+from benchmarks.peers._peer import IPOPT, Answer, Peer, succeeded, waypoints
 from benchmarks.problems import Case, Ends
 
 # Elements and degree; the manual's example has degree 3.
 MESHES = (*((N, 3) for N in (10, 20, 40)), *((N, 6) for N in (5, 10, 20, 40, 80, 160)))
-OPTIONS = {"ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False, "ipopt.tol": 1e-10}
 
 
 def equations(case: Case) -> ca.Function:
@@ -97,16 +96,14 @@ class Collocation:
         rows.append(x[:n] - end)
         w = ca.veccat(*X, *Z)
         nlp = {"x": w, "f": 0, "g": ca.veccat(*rows), "p": ca.vertcat(start, end)}
-        self.solver = ca.nlpsol("collocation", "ipopt", nlp, OPTIONS)
+        self.solver = ca.nlpsol("collocation", "ipopt", nlp, IPOPT)
         self.n, self.elements, self.h, self.tau = n, elements, h, np.array([*tau, 1.0])
         self.times, self.multipliers = np.array(times), m * len(Z)
 
     def solve(self, case: Case, ends: Ends, w) -> Answer:
         """Solve from the vector w."""
         answer = self.solver(x0=w, lbg=0, ubg=0, p=np.concatenate([ends.start, ends.end]))
-        status = self.solver.stats()["return_status"]
-        if status not in ("Solve_Succeeded", "Solved_To_Acceptable_Level"):
-            raise Failed(status)
+        succeeded(self.solver.stats()["return_status"])
         w = answer["x"].full().ravel()
         states = w[: self.times.size * 2 * self.n].reshape(-1, 2 * self.n)
         return Answer(lambda t: self.interpolate(states[:, : self.n].T, t), (self, w))
@@ -138,4 +135,4 @@ def again(answer: Answer, case: Case, ends: Ends, mesh) -> Answer:
     return program.solve(case, ends, w)
 
 
-PEER = Peer("CasADi collocation", ("casadi",), MESHES, cold, again)
+PEER = Peer(("casadi",), MESHES, cold, again)

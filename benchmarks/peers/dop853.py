@@ -5,12 +5,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from benchmarks.peers._peer import TOLERANCES, Answer, Failed, Peer, first_velocity, tangent
+from benchmarks.peers._peer import TOLERANCES, Answer, Peer, first_velocity, meeting, tangent
 from benchmarks.problems import Case, Ends
 
-ITERATIONS, HALVINGS = 25, 8
 ROUNDOFF = 1e-13
-RUNAWAY = 10.0  # a miss, relative to the end points' size, beyond which a step is halved
 
 
 def _limits(ends: Ends, tol: float) -> dict:
@@ -43,34 +41,12 @@ def end_and_slope(case: Case, ends: Ends, v, Z, tol: float):
 
 def shoot(case: Case, ends: Ends, v: np.ndarray, tol: float) -> Answer:
     """Return the path with the first velocity near v (n,) that meets the end."""
-    Z = tangent(case, ends)  # columns span the velocities allowed at the start
-    size, miss, slope = end_and_slope(case, ends, v, Z, tol)
-    for _ in range(ITERATIONS):
-        if not np.isfinite(size):
-            raise Failed("the first trajectory cannot be integrated")
-        step = Z @ np.linalg.lstsq(slope, miss, rcond=None)[0]
-        for halving in range(HALVINGS):
-            tried = v - step / 2**halving
-            new, miss, slope = end_and_slope(case, ends, tried, Z, tol)
-            if new < max(RUNAWAY, size):
-                break
-        else:
-            raise Failed("shooting: no step brings the end nearer")
-        v, size = tried, new
-        small = np.max(np.abs(step)) < tol * np.max(np.abs(v))
-        if size < max(tol, ROUNDOFF) or (small and halving == 0):
-            break
-    else:
-        raise Failed(f"no convergence in {ITERATIONS} iterations, the end missed by {size:.0e}")
-    n = case.n
-    out = solve_ivp(
-        case.rhs,
-        (0.0, case.duration),
-        np.concatenate([ends.start, v]),
-        dense_output=True,
-        **_limits(ends, tol),
-    )
-    return Answer(lambda t: out.sol(t)[:n], v)
+    Z = tangent(case, ends)
+    v = meeting(lambda v: end_and_slope(case, ends, v, Z, tol), v, Z, tol, ROUNDOFF)
+    first = np.concatenate([ends.start, v])
+    span = (0.0, case.duration)
+    out = solve_ivp(case.rhs, span, first, dense_output=True, **_limits(ends, tol))
+    return Answer(lambda t: out.sol(t)[: case.n], v)
 
 
 def cold(case: Case, ends: Ends, start: str, tol: float) -> Answer:
@@ -83,4 +59,4 @@ def again(answer: Answer, case: Case, ends: Ends, tol: float) -> Answer:
     return shoot(case, ends, answer.state, tol)
 
 
-PEER = Peer("shooting, DOP853", ("scipy",), TOLERANCES, cold, again)
+PEER = Peer(("scipy",), TOLERANCES, cold, again)

@@ -99,4 +99,4 @@ def again(answer: Answer, case: Case, ends: Ends, mesh) -> Answer:
     return _solve(p, phase, case, ends, t, q, v, mesh)
 
 
-PEER = Peer("dymos", ("dymos", "openmdao"), MESHES, cold, again)
+PEER = Peer(("dymos", "openmdao"), MESHES, cold, again)

@@ -53,4 +53,4 @@ def again(answer: Answer, case: Case, ends: Ends, tol: float) -> Answer:
 # Compiled by numba at the first call: done on import, and so not counted.
 izzo2015(1.0, np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.1, 0.0]), 1.5)
 
-PEER = Peer("lamberthub", ("lamberthub",), TOLERANCES, cold, again)
+PEER = Peer(("lamberthub",), TOLERANCES, cold, again)

@@ -9,12 +9,11 @@ from __future__ import annotations
 import numpy as np
 from mpopt import mp
 
-from benchmarks.peers._peer import Answer, Failed, Peer, Unable, piecewise
+from benchmarks.peers._peer import IPOPT, Answer, Peer, Unable, piecewise, succeeded
 from benchmarks.peers.casadi_collocation import accelerations
 from benchmarks.problems import Case, Ends
 
 MESHES = ((1, 10), (1, 20), (4, 10), (16, 10))
-OPTIONS = {"ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": 0, "ipopt.tol": 1e-10}
 
 
 def _solve(case: Case, ends: Ends, mesh, last) -> Answer:
@@ -39,10 +38,8 @@ def _solve(case: Case, ends: Ends, mesh, last) -> Answer:
     ocp.validate()
     mpo = mp.mpopt(ocp, segments, [degree] * segments)
     mpo._MUTE_ = True
-    solution = mpo.solve(last, nlp_solver_options=OPTIONS)
-    status = mpo.nlp_solver.stats()["return_status"]
-    if status not in ("Solve_Succeeded", "Solved_To_Acceptable_Level"):
-        raise Failed(status)
+    solution = mpo.solve(last, nlp_solver_options=IPOPT)
+    succeeded(mpo.nlp_solver.stats()["return_status"])
     x, _, t, *_ = mpo.init_trajectories(0)(solution["x"], mpo._nlp_sw_params)
     nodes, q = t.full().ravel(), x.full()[:, :n].T
     return Answer(lambda times: piecewise(nodes, q, degree, times), {"x": solution["x"]})
@@ -60,4 +57,4 @@ def again(answer: Answer, case: Case, ends: Ends, mesh) -> Answer:
     return _solve(case, ends, mesh, answer.state)
 
 
-PEER = Peer("mpopt", ("mpopt",), MESHES, cold, again)
+PEER = Peer(("mpopt",), MESHES, cold, again)

@@ -68,4 +68,4 @@ def again(answer: Answer, case: Case, ends: Ends, nodes: int) -> Answer:
     return _solve(build(case, ends, nodes), case, answer.state)
 
 
-PEER = Peer("opty", ("opty", "cyipopt", "sympy"), NODES, cold, again)
+PEER = Peer(("opty", "cyipopt", "sympy"), NODES, cold, again)

@@ -9,12 +9,11 @@ import casadi as ca
 import numpy as np
 import rockit
 
-from benchmarks.peers._peer import Answer, Failed, Peer, waypoints
+from benchmarks.peers._peer import IPOPT, Answer, Failed, Peer, waypoints
 from benchmarks.peers.casadi_collocation import accelerations
 from benchmarks.problems import Case, Ends
 
 MESHES = (*((N, 4) for N in (5, 20, 80)), *((N, 8) for N in (10, 20, 40)))
-OPTIONS = {"ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False, "ipopt.tol": 1e-10}
 
 
 def _curve(grid, row) -> ca.Function:
@@ -51,7 +50,7 @@ def cold(case: Case, ends: Ends, start: str, mesh) -> Answer:
     ocp.set_der(v, motion(q, v, ocp.t if motion.jac_sparsity(0, 2).nnz() else 0.0))
     ocp.subject_to(ocp.at_t0(q) == first)
     ocp.subject_to(ocp.at_tf(q) == last)
-    ocp.solver("ipopt", OPTIONS)
+    ocp.solver("ipopt", IPOPT)
     ocp.method(rockit.DirectCollocation(N=N, degree=degree, scheme="legendre"))
     grid = np.linspace(0.0, case.duration, 17)
     _guess(ocp, (q, v), grid, waypoints(case, ends, start, grid))
@@ -69,4 +68,4 @@ def again(answer: Answer, case: Case, ends: Ends, mesh) -> Answer:
     return _solve(ocp, case, ends)
 
 
-PEER = Peer("rockit", ("rockit-meco",), MESHES, cold, again)
+PEER = Peer(("rockit-meco",), MESHES, cold, again)

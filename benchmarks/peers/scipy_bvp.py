@@ -68,4 +68,4 @@ def again(answer: Answer, case: Case, ends: Ends, tol: float) -> Answer:
     return solve(case, ends, mesh, last(mesh), tol, keep=mesh)
 
 
-PEER = Peer("scipy solve_bvp", ("scipy",), TOLERANCES, cold, again)
+PEER = Peer(("scipy",), TOLERANCES, cold, again)

@@ -8,32 +8,16 @@ from benchmarks.problems import chain, double_pendulum, lattice, plane, single, 
 from benchmarks.problems._case import Case, Ends
 from benchmarks.reference import others
 
-__all__ = ["INTEGRATED", "ORDER", "QUICK", "Case", "Ends", "load"]
+__all__ = ["INTEGRATED", "QUICK", "Case", "Ends", "load"]
 
 INTEGRATED = (double_pendulum, three_bodies, chain, lattice)  # references come from a file
-ORDER = (
-    "projectile",
-    "oscillator",
-    "oscillator_long",
-    "pendulum",
-    "oscillating_wall",
-    "layer",
-    "kepler",
-    "kepler_collision",
-    "rod_pendulum",
-    "double_pendulum",
-    "three_bodies",
-    "chain_angles",
-    "chain_cartesian",
-    "lattice",
-)
 QUICK = ("oscillator_long", "pendulum", "kepler", "rod_pendulum", "double_pendulum")
 
 
 def load() -> dict[str, Case]:
-    """Return every case by name."""
-    found = {c.name: c for module in (single, plane, *INTEGRATED) for c in module.cases()}
-    return {name: _with_others(found[name]) for name in ORDER}
+    """Return every case by name, in the order of the report."""
+    modules = (single, plane, *INTEGRATED)
+    return {c.name: _with_others(c) for module in modules for c in module.cases()}
 
 
 def _with_others(case: Case) -> Case:

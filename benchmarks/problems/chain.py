@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from actionopt.scenes import chain
+from benchmarks.arithmetic import NUMPY
 from benchmarks.problems._case import Case, Ends
 from benchmarks.reference import stored
 
@@ -15,11 +18,20 @@ DURATION = 0.5
 RELEASES = ((_MODE, 0 * _MODE), (_MODE, 0.2 * _MODE))  # angles and rates at time 0
 
 i = np.arange(LINKS)
-CARRIED = LINKS - np.maximum.outer(i, i)  # masses below both joints
-WEIGHT = (LINKS - i) * G / L
 
-# In angles, divided by m l^2, with M_ij = CARRIED_ij cos(th_i - th_j):
-#   sum_j M_ij th_j'' = -sum_j CARRIED_ij sin(th_i - th_j) th_j'^2 - WEIGHT_i sin th_i
+
+@cache
+def masses(links: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return C_ij, the masses below both joints, and W_i, their weights, on links of 1 m together.
+
+    In angles, divided by m l^2, with M_ij = C_ij cos(th_i - th_j):
+    sum_j M_ij th_j'' = -sum_j C_ij sin(th_i - th_j) th_j'^2 - W_i sin th_i.
+    """
+    i = np.arange(links)
+    return links - np.maximum.outer(i, i), (links - i) * G * links
+
+
+CARRIED, WEIGHT = masses(LINKS)
 
 
 def lagrangian(q, v, t, *, l, g):
@@ -37,8 +49,9 @@ def lagrangian(q, v, t, *, l, g):
 def acceleration(q, v, t, x):
     """Solve for the angular accelerations."""
     apart = q[:, None] - q[None]
-    carried = CARRIED.reshape(LINKS, LINKS, *[1] * (q.ndim - 1))
-    weight = WEIGHT.reshape(LINKS, *[1] * (q.ndim - 1))
+    carried, weight = masses(len(q))
+    carried = carried.reshape(*carried.shape, *[1] * (q.ndim - 1))
+    weight = weight.reshape(-1, *[1] * (q.ndim - 1))
     M = carried * x.cos(apart)
     swirl = (carried * x.sin(apart) * (v * v)[None]).sum(axis=1)
     return x.solve(M, -swirl - weight * x.sin(q))
@@ -46,8 +59,6 @@ def acceleration(q, v, t, x):
 
 def partials(q, v, t):
     """Differentiate M acc = f: M dacc = df - dM acc."""
-    from benchmarks.arithmetic import NUMPY
-
     apart = q[:, None] - q[None]
     C, S = CARRIED[:, :, None] * np.cos(apart), CARRIED[:, :, None] * np.sin(apart)
     acc = acceleration(q, v, t, NUMPY)
@@ -63,24 +74,13 @@ def partials(q, v, t):
 # In x and y, unit masses, d_k the links: a = -g + sum of +-lam_k d_k, d_k . d_k'' = -|d_k'|^2.
 
 
-def _differences():
-    """Return B (LINKS, LINKS) with links = B positions, and B B'."""
-    B = np.eye(LINKS) - np.eye(LINKS, k=-1)
-    return B, B @ B.T
-
-
-B, BB = _differences()
+B = np.eye(LINKS) - np.eye(LINKS, k=-1)  # links = B positions
+BB = B @ B.T
 
 
 def _links(q):
     places = q.reshape(LINKS, 2, *q.shape[1:])
     return np.concatenate([places[:1], places[1:] - places[:-1]])
-
-
-def _gravity(shape):
-    a = np.zeros((LINKS, 2, *shape))
-    a[:, 1] = -G
-    return a
 
 
 def cartesian_acceleration(q, v, t, x):

@@ -20,7 +20,6 @@ def _kepler_partials(q, v, t):
 def _kepler(name: str, title: str, first: dict, other: dict, **rest) -> Case:
     return of_scene(
         kepler,
-        "kepler",
         first,
         other,
         name=name,
@@ -69,10 +68,8 @@ def _rod_partials(q, v, t):
 def _rod() -> Case:
     return of_scene(
         rod_pendulum,
-        "rod_pendulum",
         {},
         {"amplitude": 1.1, "since": 0.2},
-        name="rod_pendulum",
         title="rod pendulum, x and y",
         acceleration=_rod_acceleration,
         partials=_rod_partials,

@@ -9,12 +9,15 @@ from actionopt.scenes import oscillating_wall, oscillator, pendulum, projectile
 from benchmarks.problems._case import Case, along, no_partials, sample_times
 
 
-def of_scene(module, scene_name: str, first: dict, other: dict, **rest) -> Case:
+def of_scene(module, first: dict, other: dict, *, name="", title="", **rest) -> Case:
     """Return the case of a scene of the package at two sets of end points."""
-    scene, again = scenes.get(scene_name, **first), scenes.get(scene_name, **other)
+    called = module.__name__.rsplit(".", 1)[1]
+    scene, again = scenes.get(called, **first), scenes.get(called, **other)
     problem = scene.problem
     T = problem.duration
     return Case(
+        name=name or called,
+        title=title or called.replace("_", " "),
         lagrangian=module.lagrangian,
         coordinates=problem.system.coordinates,
         parameters=problem.parameters,
@@ -22,64 +25,6 @@ def of_scene(module, scene_name: str, first: dict, other: dict, **rest) -> Case:
         duration=T,
         ends=lambda: (along(scene.exact, sample_times(T)), along(again.exact, sample_times(T))),
         **rest,
-    )
-
-
-def _projectile() -> Case:
-    def acceleration(q, v, t, x):
-        return np.stack([0 * v[0], 0 * v[1] - 9.81])
-
-    return of_scene(
-        projectile,
-        "projectile",
-        {},
-        {"end": (2.5, -1.0)},
-        name="projectile",
-        title="projectile",
-        acceleration=acceleration,
-        partials=lambda q, v, t: (no_partials(q), no_partials(q)),
-    )
-
-
-def _oscillator(name: str, duration: float) -> Case:
-    return of_scene(
-        oscillator,
-        "oscillator",
-        {"duration": duration},
-        {"duration": duration, "start": 0.8, "end": -0.4},
-        name=name,
-        title=f"oscillator, T = {duration:g}",
-        acceleration=lambda q, v, t, x: -1.0 * q,
-        partials=lambda q, v, t: (no_partials(q) - 1.0, no_partials(q)),
-    )
-
-
-def _pendulum() -> Case:
-    return of_scene(
-        pendulum,
-        "pendulum",
-        {},
-        {"amplitude": 1.1, "since": 0.2},
-        name="pendulum",
-        title="pendulum",
-        acceleration=lambda q, v, t, x: -9.81 * x.sin(q),
-        partials=lambda q, v, t: (-9.81 * np.cos(q)[None], no_partials(q)),
-    )
-
-
-def _wall() -> Case:
-    def acceleration(q, v, t, x):
-        return -4.0 * q + 0.3 * 9.0 * x.cos(3.0 * t)
-
-    return of_scene(
-        oscillating_wall,
-        "oscillating_wall",
-        {},
-        {"start": 0.3, "end": 0.2},
-        name="oscillating_wall",
-        title="oscillating wall",
-        acceleration=acceleration,
-        partials=lambda q, v, t: (no_partials(q) - 4.0, no_partials(q)),
     )
 
 
@@ -107,13 +52,43 @@ def _layer(eps: float = 1e-3) -> Case:
     )
 
 
+def _oscillator(name: str, duration: float) -> Case:
+    return of_scene(
+        oscillator,
+        {"duration": duration},
+        {"duration": duration, "start": 0.8, "end": -0.4},
+        name=name,
+        title=f"oscillator, T = {duration:g}",
+        acceleration=lambda q, v, t, x: -1.0 * q,
+        partials=lambda q, v, t: (no_partials(q) - 1.0, no_partials(q)),
+    )
+
+
 def cases() -> list[Case]:
     """Return the cases of this file."""
     return [
-        _projectile(),
+        of_scene(
+            projectile,
+            {},
+            {"end": (2.5, -1.0)},
+            acceleration=lambda q, v, t, x: np.stack([0 * v[0], 0 * v[1] - 9.81]),
+            partials=lambda q, v, t: (no_partials(q), no_partials(q)),
+        ),
         _oscillator("oscillator", 2.5),
         _oscillator("oscillator_long", 10.0),
-        _pendulum(),
-        _wall(),
+        of_scene(
+            pendulum,
+            {},
+            {"amplitude": 1.1, "since": 0.2},
+            acceleration=lambda q, v, t, x: -9.81 * x.sin(q),
+            partials=lambda q, v, t: (-9.81 * np.cos(q)[None], no_partials(q)),
+        ),
+        of_scene(
+            oscillating_wall,
+            {},
+            {"start": 0.3, "end": 0.2},
+            acceleration=lambda q, v, t, x: -4.0 * q + 0.3 * 9.0 * x.cos(3.0 * t),
+            partials=lambda q, v, t: (no_partials(q) - 4.0, no_partials(q)),
+        ),
         _layer(),
     ]

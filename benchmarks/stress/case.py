@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from benchmarks.stress import peers
 
 Curve = Callable[[np.ndarray], np.ndarray]
 Row = dict[str, Any]
+More = Callable[[ao.Solution], Row]
 SAMPLES = 2001
 LARGE = 40  # coordinates above which the peers' dense matrices take too long to be tried
 
@@ -30,12 +31,16 @@ class Question:
     guess : optional
         As `solve` takes it; the peers start from it too.
     tol : float
+    velocity, multipliers : callable, optional
+        Of the path wanted, (K,) times to (n, K) and (m, K).
     """
 
     problem: ao.Problem
     exact: Curve | None = None
     guess: Any = None
     tol: float = 1e-9
+    velocity: Curve | None = None
+    multipliers: Curve | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +62,7 @@ class Case:
 
     name: str
     build: Callable[[], Question] | None = None
-    more: Callable[[ao.Solution], Row] = field(default=lambda solution: {})
+    more: More | None = None
     peers: bool = True
     measure: Callable[[], list[Row]] | None = None
 
@@ -73,32 +78,52 @@ class Case:
         return [{"case": self.name, **row} for row in rows]
 
 
-def ours(question: Question, more: Callable[[ao.Solution], Row]) -> Row:
+def ours(question: Question, more: More | None = None) -> Row:
     """Solve with this package."""
-    problem = question.problem
-    problem.system.pointwise("second")  # deriving a system belongs to the system
     clock = time.perf_counter()
     try:
-        solution = ao.solve(problem, tol=question.tol, guess=question.guess, throw=False)
+        solution, spent = timed(question.problem, question.tol, guess=question.guess)
     except ValueError as error:
         spent = time.perf_counter() - clock
         return {"solver": "actionopt", "status": "refused", "said": str(error), "time": spent}
-    spent = time.perf_counter() - clock
+    return {**told(question, solution, spent), **(more(solution) if more else {})}
+
+
+def timed(problem: ao.Problem, tol: float, **options: Any) -> tuple[ao.Solution, float]:
+    """Return the solution, and how long finding it took."""
+    problem.system.pointwise("second")  # deriving a system belongs to the system
+    clock = time.perf_counter()
+    solution = ao.solve(problem, tol=tol, throw=False, **options)
+    return solution, time.perf_counter() - clock
+
+
+def told(question: Question, solution: ao.Solution, spent: float) -> Row:
+    """Return the row of a solution."""
     stats = solution.stats
     return {
         "solver": "actionopt",
         "status": solution.status.name,
         "success": solution.success,
-        "error": deviation(solution, question.exact, problem, solution.mesh.nodes),
+        "error": deviation(solution, question.exact, question.problem, solution.mesh.nodes),
         "estimate": float(solution.error),
         "rung": stats["rung"],
         "iterations": sum(stats["iterations"].values()),
         "rounds": len(stats["rounds"]),
         "unknowns": stats["unknowns"],
-        "condition": stats["condition"],
         "time": spent,
-        **more(solution),
     }
+
+
+def digest(solution: ao.Solution) -> bytes:
+    """Return all bits of the answer."""
+    numbers = [solution.path.values.ravel(), solution.mesh.boundaries]
+    numbers.append([solution.action, solution.error])
+    return np.concatenate(numbers).tobytes()
+
+
+def condition(solution: ao.Solution) -> Row:
+    """Return the entry of the condition number."""
+    return {"condition": solution.stats["condition"]}
 
 
 def other(question: Question, name: str, limit: float) -> Row:
@@ -153,10 +178,15 @@ def mine(rows: list[Row], prefix: str = "") -> list[Row]:
     return [r for r in rows if r["solver"] == "actionopt" and r["case"].startswith(prefix)]
 
 
-def within(rows: list[Row], tol: float) -> Criterion:
+def every(what: str, good: int, count: int) -> Criterion:
+    """Return the criterion that all are good."""
+    return Criterion(what, f"{count} of {count}", f"{good} of {count}", good == count)
+
+
+def within(rows: list[Row], tol: float, what: str = "true error") -> Criterion:
     """Return the criterion that all rows succeed with a true error of at most `tol`."""
     worst = max((r.get("error") or 0.0) if r.get("success") else np.inf for r in rows)
     good = sum(bool(r.get("success")) and r["error"] <= tol for r in rows)
     names = ", ".join(r["case"] for r in rows if not (r.get("success") and r["error"] <= tol))
     found = f"{good} of {len(rows)}, worst {worst:.1e}" + (f"; not: {names}" if names else "")
-    return Criterion("true error", f"{len(rows)} of {len(rows)} within {tol:.0e}", found, not names)
+    return Criterion(what, f"{len(rows)} of {len(rows)} within {tol:.0e}", found, not names)

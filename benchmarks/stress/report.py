@@ -6,13 +6,15 @@ from collections import Counter
 
 import numpy as np
 
+from benchmarks.results import table
 from benchmarks.stress.families import FAMILIES
 
 MANY = 20  # cases of a family above which they are not listed one by one
+COUNTS = ("unknowns", "iterations", "rounds")
 SENTENCE = 60  # characters of what a solver said
 
 
-def table(name: str, rows: list[dict]) -> str:
+def told(name: str, rows: list[dict]) -> str:
     """Return the criteria and how the solvers fared, for the terminal."""
     lines = ["", FAMILIES[name].TITLE]
     for c in FAMILIES[name].criteria(rows):
@@ -40,59 +42,56 @@ def page(families: dict) -> str:
         "solves, the largest errors of those called solved are given in units of what was asked",
         "and of what was claimed; one is *wrong* that exceeds three times both.",
         "",
-        "| family | what | expected | found | met |",
-        "|---|---|---|---|---|",
+        *table(
+            ["family", "what", "expected", "found", "met"],
+            [
+                [FAMILIES[name].TITLE, c.what, c.expected, c.found, "yes" if c.met else "**no**"]
+                for name in known
+                for c in FAMILIES[name].criteria(families[name][1])
+            ],
+        ),
     ]
     for name in known:
-        module = FAMILIES[name]
-        for c in module.criteria(families[name]["rows"]):
-            cells = (module.TITLE, c.what, c.expected, c.found, "yes" if c.met else "**no**")
-            lines.append("| " + " | ".join(x.replace("|", "/") for x in cells) + " |")
-    for name in known:
-        lines += ["", *_section(name, families[name])]
+        lines += ["", *_section(name, *families[name])]
     return "\n".join(lines)
 
 
-def _section(name: str, family: dict) -> list[str]:
-    module, rows = FAMILIES[name], family["rows"]
-    story = module.__doc__.strip().split("\n")
-    used = ", ".join(f"{k} {v}" for k, v in family["versions"].items())
-    lines = [f"## {module.TITLE}", "", *story, "", f"{family['date']}; {used}.", ""]
-    lines += ["| solver | solved | median time | longest | how it ended |", "|---|---|---|---|---|"]
-    for solver, count, solved, median, longest, how in _solvers(rows):
-        lines.append(f"| {solver} | {solved} of {count} | {median} | {longest} | {how} |")
+def _section(name: str, about: str, rows: list[dict]) -> list[str]:
+    module = FAMILIES[name]
+    lines = [f"## {module.TITLE}", "", *module.__doc__.strip().split("\n"), "", about, ""]
+    fared = [[name, f"{solved} of {n}", *rest] for name, n, solved, *rest in _solvers(rows)]
+    lines += table(["solver", "solved", "median time", "longest", "how it ended"], fared)
     if any("count" in r for r in rows):
         return lines + ["", *_tallies([r for r in rows if "count" in r])]
     own = [r for r in rows if r["solver"] == "actionopt"]
     if len(own) > MANY:
         return lines
-    lines += ["", "| case | verdict | error | estimate | unknowns | iterations | rounds | time |"]
-    lines += ["|---|---|---|---|---|---|---|---|"]
+    cells = []
     for r in own:
         verdict = r["status"] + (f", {r['rung']}" if "rung" in r else "")
         numbers = [_power(r.get("error")), _power(r.get("estimate"))]
-        counts = [str(r.get(k, "")) for k in ("unknowns", "iterations", "rounds")]
-        lines.append("| " + " | ".join([r["case"], verdict, *numbers, *counts, _time(r)]) + " |")
-    return lines
+        counts = [str(r.get(k, "")) for k in COUNTS]
+        cells.append([r["case"], verdict, *numbers, *counts, _time(r)])
+    return [*lines, "", *table(["case", "verdict", "error", "estimate", *COUNTS, "time"], cells)]
 
 
 def _tallies(rows: list[dict]) -> list[str]:
     """Return the table of rows that stand for many solves each."""
-    head = "case | solver | solved | wrong | error / tol | error / estimate | median time | longest"
-    lines = [f"| {head} |", "|---" * 8 + "|"]
+    cells = []
     for r in rows:
-        errors = ["" if r[k] is None else f"{r[k]:.2g}" for k in ("of_tol", "of_estimate")]
-        counts = [f"{r['solved']} of {r['count']}", "" if r["wrong"] is None else str(r["wrong"])]
+        errors = [f"{r[k]:.2g}" if k in r else "" for k in ("of_tol", "of_estimate")]
+        counts = [f"{r['solved']} of {r['count']}", str(r.get("wrong", ""))]
         times = [_time(r), _time({"time": r["longest"]})]
-        lines.append("| " + " | ".join([r["case"], r["solver"], *counts, *errors, *times]) + " |")
-    return lines
+        cells.append([r["case"], r["solver"], *counts, *errors, *times])
+    head = "case | solver | solved | wrong | error / tol | error / estimate | median time | longest"
+    return table(head.split(" | "), cells)
 
 
 def _solvers(rows: list[dict]):
     """Yield (solver, cases, solved, median time, longest time, how it ended)."""
     for solver in dict.fromkeys(r["solver"] for r in rows):
         own = [r for r in rows if r["solver"] == solver]
-        timed = [r for r in own if r["time"] is not None]
+        timed = [r for r in own if "time" in r]
         median = {"time": float(np.median([r["time"] for r in timed]))} if timed else {}
         longest = {"time": max(r.get("longest", r["time"]) for r in timed)} if timed else {}
         how: Counter = Counter()

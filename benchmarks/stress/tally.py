@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from time import perf_counter
 
 import numpy as np
 
@@ -52,16 +51,6 @@ class Outcome:
         return max(self.error - self.accuracy, 0.0) if self.error == self.error else np.inf
 
 
-def timed(
-    problem: ao.Problem, tol: float, seconds: float | None = None
-) -> tuple[ao.Solution, float]:
-    """Return the solution, found without a guess in so many seconds, and how long that took."""
-    problem.system.pointwise("second")  # deriving a system belongs to the system
-    clock = perf_counter()
-    solution = ao.solve(problem, tol=tol, seconds=seconds, throw=False)
-    return solution, perf_counter() - clock
-
-
 def judged(
     solution: ao.Solution,
     error: Callable[[ao.Solution], float],
@@ -78,16 +67,23 @@ def judged(
 def row(outcomes: Sequence[Outcome]) -> Row:
     """Return the row; errors are the worst of those called solved."""
     solved = [o for o in outcomes if o.success]
-    times = [o.time for o in outcomes]
     return {
-        "status": "SOLVED" if len(solved) == len(outcomes) else "not all solved",
-        "endings": dict(Counter(o.status for o in outcomes)),
-        "success": len(solved) == len(outcomes),
-        "count": len(outcomes),
-        "solved": len(solved),
+        **counted([o.status for o in outcomes], [o.time for o in outcomes]),
         "wrong": sum(o.wrong for o in outcomes),
         "of_tol": max((o.beyond / o.tol for o in solved), default=None),
         "of_estimate": max((o.beyond / o.estimate for o in solved), default=None),
+    }
+
+
+def counted(endings: Sequence[str], times: Sequence[float]) -> Row:
+    """Return the row of solves of which only the verdicts and times are known."""
+    count, solved = len(endings), endings.count("SOLVED")
+    return {
+        "status": "SOLVED" if solved == count else "not all solved",
+        "endings": dict(Counter(endings)),
+        "success": solved == count,
+        "count": count,
+        "solved": solved,
         "time": float(np.median(times)),
         "longest": max(times),
     }
@@ -96,12 +92,8 @@ def row(outcomes: Sequence[Outcome]) -> Row:
 def never_wrong(what: str, rows: Sequence[Row]) -> Criterion:
     """Return the criterion that no answer called solved is wrong."""
     count, solved, wrong = (sum(r[k] for r in rows) for k in ("count", "solved", "wrong"))
-    return Criterion(
-        f"{what}: wrong answers called solved",
-        f"0 of {count}",
-        f"{wrong}; solved {solved}",
-        wrong == 0,
-    )
+    what = f"{what}: wrong answers called solved"
+    return Criterion(what, f"0 of {count}", f"{wrong}; solved {solved}", wrong == 0)
 
 
 def all_solved(what: str, rows: Sequence[Row], most: int = 0) -> Criterion:

@@ -1,1 +1,1 @@
-"""The arrays behind the pictures that take a computation of their own."""
+"""The arrays behind the pictures."""

@@ -26,6 +26,7 @@ from actionopt.discrete.factors import Factors, diagonal
 from actionopt.discrete.newton import follow
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
+from actionopt.plot.data.trial import weights
 from actionopt.tools.types import Array
 
 METHODS = ("descent", "newton")
@@ -194,21 +195,13 @@ def metric(tr: Transcription, z: Array) -> Array:
     )
     masses = np.einsum("iik,k->i", M, tr.weight[:, 0]) / problem.duration
     node, coordinate = np.divmod(tr.layout.free, n)
-    W = _weights(tr)[node] * masses[coordinate] * tr.x_unit**2 / tr.action_unit
+    W = weights(tr)[node] * masses[coordinate] * tr.x_unit**2 / tr.action_unit
     return tr.kinetic(z) + diagonal(tr.layout, W / (MEMORY * problem.duration) ** 2)
-
-
-def _weights(tr: Transcription) -> Array:
-    """Return the weight of each node in S; a path that closes has its last node in its first."""
-    weights = np.bincount(tr.layout.node_of, tr.weight[:, 0], tr.layout.node_count)
-    if tr.layout.closed:
-        weights[0] += weights[-1]
-    return weights
 
 
 def _unfulfilled(tr: Transcription, z: Array) -> Array:
     """Return dL/dq - d/dt dL/dv at the unknowns, times the root of their weights."""
-    return tr.gradient(z) / np.sqrt(_weights(tr)[tr.layout.free // tr.problem.system.n])
+    return tr.gradient(z) / np.sqrt(weights(tr)[tr.layout.free // tr.problem.system.n])
 
 
 def _described(tr: Transcription, visited: list[Array], goal: Array, method: str) -> Relaxation:

@@ -68,7 +68,7 @@ class Trial:
         if tr.problem.system.m:
             Z = tangent(tr.problem, self.Q, tr.mesh.nodes[:, None], tr.lengths)
             g = np.einsum("kir,ki->kr", Z, g)
-        mass = _weights(tr) / tr.problem.duration
+        mass = weights(tr) / tr.problem.duration
         mass[[0, -1]] += [
             len(e.pinned) < tr.problem.system.n for e in (tr.problem.start, tr.problem.end)
         ]
@@ -82,7 +82,7 @@ class Trial:
         themselves is not missing.
         """
         tr, problem = self.tr, self.tr.problem
-        force = -self._gradient / _weights(tr)[:, None]
+        force = -self._gradient / weights(tr)[:, None]
         if problem.system.m:
             t = tr.mesh.nodes[:, None]
             Z = tr.lengths[:, None] * tangent(problem, self.Q, t, tr.lengths)
@@ -163,9 +163,15 @@ def placed(tr: Transcription, Q: Array) -> Trial:
     return Trial(tr, Q)
 
 
-def _weights(tr: Transcription) -> Array:
-    """Return the quadrature weights of the nodes, (K,), times."""
-    return np.bincount(tr.layout.node_of, tr.weight[:, 0], tr.layout.node_count)
+def weights(tr: Transcription) -> Array:
+    """Return the quadrature weights of the nodes, (K,), times.
+
+    A path that closes has its last node in its first.
+    """
+    found = np.bincount(tr.layout.node_of, tr.weight[:, 0], tr.layout.node_count)
+    if tr.layout.closed:
+        found[0] += found[-1]
+    return found
 
 
 def _cardinal(knot: int) -> Array:

@@ -5,11 +5,12 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from actionopt.scenes.chain import slowest
+from benchmarks.arithmetic import NUMPY
+from benchmarks.problems.chain import G, acceleration
+from benchmarks.stress.forward import motion
 
-GRAVITY = 9.81
 AMPLITUDE, FRACTION = 0.4, 0.2  # of the last link (rad); of the slowest small oscillation's period
 
 
@@ -17,23 +18,9 @@ AMPLITUDE, FRACTION = 0.4, 0.2  # of the last link (rad); of the slowest small o
 def release(links: int) -> tuple[np.ndarray, np.ndarray, float]:
     """Return the links' angles from straight down at the start and at the end, and the time.
 
-    The shape at the start is the slowest small oscillation's. Equations of motion: with
-    c_ij = n - max(i, j) and i = 0 ... n - 1, sum_j c_ij (cos(a_i - a_j) a_j'' +
-    sin(a_i - a_j) a_j'^2) = -(n - i) n g sin a_i.
+    The shape at the start is the slowest small oscillation's.
     """
     w, shape = slowest(links)
-    w *= np.sqrt(GRAVITY * links)
-    i = np.arange(links)
-    carried = links - np.maximum.outer(i, i)
-
-    def flow(t, y):
-        a, rate = np.split(y, 2)
-        between = np.subtract.outer(a, a)
-        pull = (carried * np.sin(between)) @ rate**2
-        weight = (links - i) * links * GRAVITY * np.sin(a)
-        return np.concatenate([rate, np.linalg.solve(carried * np.cos(between), -pull - weight)])
-
-    T = FRACTION * 2 * np.pi / w
-    first = np.concatenate([AMPLITUDE * shape, 0 * shape])
-    run = solve_ivp(flow, (0, T), first, "DOP853", rtol=1e-10, atol=1e-10)
-    return AMPLITUDE * shape, run.y[:links, -1], float(T)
+    T, first = float(FRACTION * 2 * np.pi / (w * np.sqrt(G * links))), AMPLITUDE * shape
+    fall = motion(lambda q, v, t: acceleration(q, v, t, NUMPY), first, 0 * shape, T, 1e-10)
+    return first, fall(T), T

@@ -16,7 +16,7 @@ import numpy as np
 
 import actionopt as ao
 from actionopt import Event, Problem, System
-from benchmarks.stress.case import Case, Criterion, Row, mine
+from benchmarks.stress.case import Case, Criterion, Row, every, mine
 from benchmarks.stress.tally import judged, never_wrong, row
 
 TITLE = "Far clocks"
@@ -140,10 +140,7 @@ def criteria(rows) -> list[Criterion]:
             ("true error within the claim, solved or not", "within"),
             ("solved, or FLOOR for the resolution of time", "explained"),
         ):
-            good = sum(r[key] for r in own)
-            out.append(
-                Criterion(f"{what}: {name}", f"{count} of {count}", f"{good}", good == count)
-            )
+            out.append(every(f"{what}: {name}", sum(r[key] for r in own), count))
         most = max(r["unknowns"] for r in own)
         out.append(Criterion(f"{what}: unknowns", f"<= {MOST}", f"{most}", most <= MOST))
     return out

@@ -11,7 +11,7 @@ from functools import cache
 import numpy as np
 
 from actionopt import Event, Problem, System
-from benchmarks.stress.case import Case, Criterion, Question, mine
+from benchmarks.stress.case import Case, Criterion, Question, condition, mine
 
 TITLE = "A kink"
 WIDTHS = (0.1, 0.02)
@@ -43,7 +43,7 @@ def kink(eps: float) -> Question:
 
 def cases(quick: bool) -> list[Case]:
     """Return them."""
-    return [Case(f"eps = {eps}", lambda eps=eps: kink(eps)) for eps in WIDTHS]
+    return [Case(f"eps = {eps}", lambda eps=eps: kink(eps), condition) for eps in WIDTHS]
 
 
 def criteria(rows) -> list[Criterion]:

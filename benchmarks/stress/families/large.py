@@ -6,22 +6,22 @@ size; a power of one is linear growth.
 
 from __future__ import annotations
 
-import time
 from functools import cache
+from time import perf_counter
 
 import numpy as np
 
 import actionopt as ao
 from actionopt import Event, Problem, System, scenes
-from benchmarks.stress.case import Case, Criterion, Question, deviation, mine
-from benchmarks.stress.child import run
-from benchmarks.stress.families._hanging import GRAVITY, release
+from benchmarks import child
+from benchmarks.problems.chain import G
+from benchmarks.stress.case import Case, Criterion, Question, mine, told
+from benchmarks.stress.families._hanging import release
 
 TITLE = "Long and large"
 MASSES = (125, 250, 500, 1000)
 REVOLUTIONS = (2.5, 5, 10, 20)
 PENDULUMS = (10, 50)
-LIMIT = 60.0  # s
 LINEAR = 1.3  # largest power that counts as linear growth: meshes differ a little
 MEMORY_FLOOR = 8e6  # bytes: less than this is noise of the allocator
 
@@ -64,7 +64,7 @@ def pendulum_chain(links: int) -> System:
             y = y - np.cos(q[i]) / links
             kinetic = kinetic + (x_rate**2 + y_rate**2) / 2
             height = height + y
-        return kinetic - GRAVITY * height
+        return kinetic - G * height
 
     return System(lagrangian, [f"a{i}" for i in range(links)], name="pendulum chain")
 
@@ -78,33 +78,17 @@ def swing(links: int) -> Question:
 QUESTIONS = {"revolutions": revolutions, "lattice": lattice, "swing": swing}
 
 
-def solve(name: str, *size: float) -> dict:
-    """Solve a question in this process and return what a row says of it."""
-    asked = QUESTIONS[name](*size)
-    clock = time.perf_counter()
+def solve(name: str, size: float) -> dict:
+    """Return the row of a question solved in this process, the derivation included."""
+    asked = QUESTIONS[name](size)
+    clock = perf_counter()
     solution = ao.solve(asked.problem, tol=asked.tol, guess=asked.guess, throw=False)
-    spent = time.perf_counter() - clock
-    return {
-        "status": solution.status.name,
-        "success": solution.success,
-        "error": deviation(solution, asked.exact, asked.problem),
-        "estimate": float(solution.error),
-        "rung": solution.stats["rung"],
-        "iterations": sum(solution.stats["iterations"].values()),
-        "rounds": len(solution.stats["rounds"]),
-        "unknowns": solution.stats["unknowns"],
-        "condition": solution.stats["condition"],
-        "time": spent,
-    }
+    return told(asked, solution, perf_counter() - clock)
 
 
-def measure(name: str, *size: float) -> list[dict]:
+def measure(name: str, size: float) -> list[dict]:
     """Solve in a fresh process."""
-    try:
-        row, memory = run(solve, name, *size, limit=LIMIT)
-    except (TimeoutError, EOFError) as failure:
-        row, memory = {"status": str(failure), "success": False, "time": LIMIT}, None
-    return [{**row, "memory": memory, "size": float(size[-1])}]
+    return [{**child.row(f"{__name__}:solve", name, size), "size": size}]
 
 
 def cases(quick: bool) -> list[Case]:
@@ -124,7 +108,7 @@ def criteria(rows) -> list[Criterion]:
     for prefix in ("Kepler", "lattice", "pendulum chain"):
         own = mine(rows, prefix)
         good = [r for r in own if r["success"]]
-        errors = [r["error"] for r in good if r["error"] is not None]
+        errors = [r["error"] for r in good if "error" in r]
         wrong = any(e > 1e-8 for e in errors)
         found = f"{len(good)}" + (f", true error {max(errors):.0e}" if errors else "")
         label = {

@@ -7,11 +7,10 @@ motion is chaotic, and there are many paths between two ends: any motion is an a
 from __future__ import annotations
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from actionopt import Event, Problem, scenes
 from benchmarks.stress.case import Case, Criterion, Question, mine, solved
-from benchmarks.stress.forward import miss
+from benchmarks.stress.forward import miss, motion
 
 TITLE = "Random double pendulums"
 DURATIONS = (0.5, 1.0, 2.0, 4.0, 8.0)  # s
@@ -30,12 +29,8 @@ def starts(count: int = COUNT) -> list[tuple[np.ndarray, np.ndarray]]:
 def question(q0, v0, T: float) -> Question:
     """Return the question whose ends one motion meets."""
     system = scenes.get("double_pendulum").problem.system  # m = l = 1, g = 9.81
-
-    def flow(t, y):
-        return np.concatenate([y[2:], system.acceleration(y[:2], y[2:], t)])
-
-    run = solve_ivp(flow, (0, T), np.concatenate([q0, v0]), "DOP853", rtol=1e-10, atol=1e-10)
-    return Question(Problem(system, Event(0.0, q0), Event(T, run.y[:2, -1])), tol=1e-8)
+    end = motion(system.acceleration, q0, v0, T, 1e-10)(T)
+    return Question(Problem(system, Event(0.0, q0), Event(T, end)), tol=1e-8)
 
 
 def cases(quick: bool) -> list[Case]:

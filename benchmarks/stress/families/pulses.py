@@ -22,8 +22,8 @@ from scipy.special import erf
 
 import actionopt as ao
 from actionopt import Event, Problem, System
-from benchmarks.stress.case import Case, Criterion, Row, deviation, mine
-from benchmarks.stress.tally import Outcome, all_solved, judged, never_wrong, row, timed
+from benchmarks.stress.case import Case, Criterion, Row, deviation, mine, timed
+from benchmarks.stress.tally import Outcome, all_solved, judged, never_wrong, row
 
 TITLE = "Pulses and walls"
 WIDTHS = (0.001, 0.002, 0.0033, 0.005, 0.0067)  # full widths at half maximum

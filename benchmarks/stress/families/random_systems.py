@@ -11,7 +11,6 @@ what is missed there one step of multiple shooting gives the distance to the mot
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
 from time import perf_counter
@@ -22,9 +21,9 @@ from scipy.integrate import solve_ivp
 import actionopt as ao
 from actionopt import Event, Problem, System
 from benchmarks.stress import peers
-from benchmarks.stress.case import Case, Criterion, Question, Row, mine
+from benchmarks.stress.case import Case, Criterion, Question, Row, mine, timed
 from benchmarks.stress.forward import distance
-from benchmarks.stress.tally import judged, never_wrong, row, timed
+from benchmarks.stress.tally import counted, judged, never_wrong, row
 
 TITLE = "Random systems"
 BINS = {
@@ -46,7 +45,6 @@ PROFILES = {
     "hill": (lambda s: 1 / (1 + s**2), lambda s: -2 * s / (1 + s**2) ** 2),
     "step": (lambda s: 1 + np.tanh(s), lambda s: 1 / np.cosh(s) ** 2),
 }
-QUADRATIC = (lambda s: s**2 / 2, lambda s: s)
 
 
 @dataclass(frozen=True)
@@ -201,7 +199,7 @@ def measure(which: int, count: int, compared: int) -> list[Row]:
     """Return the rows of a range of durations: ours, and that of collocation."""
     outcomes, others, times = [], [], []
     for k, (case, problem) in enumerate(draws(which, count)):
-        solution, spent = timed(problem, TOL, SECONDS)
+        solution, spent = timed(problem, TOL, seconds=SECONDS)
         outcomes.append(judged(solution, lambda s, c=case: off(s, c), TOL, spent, ACCURACY))
         if k < compared:
             clock = perf_counter()
@@ -211,25 +209,7 @@ def measure(which: int, count: int, compared: int) -> list[Row]:
             except peers.Failed as failure:
                 others.append(str(failure))
             times.append(perf_counter() - clock)
-    return [row(outcomes), collocation(others, times)]
-
-
-def collocation(endings: list[str], times: list[float]) -> Row:
-    """Return the row of `solve_bvp`, whose answers nobody checks."""
-    solved = endings.count("SOLVED")
-    return {
-        "solver": "solve_bvp",
-        "status": "SOLVED" if solved == len(endings) else "not all solved",
-        "endings": dict(Counter(endings)),
-        "success": solved == len(endings),
-        "count": len(endings),
-        "solved": solved,
-        "wrong": None,
-        "of_tol": None,
-        "of_estimate": None,
-        "time": float(np.median(times)),
-        "longest": max(times),
-    }
+    return [row(outcomes), {"solver": "solve_bvp", **counted(others, times)}]
 
 
 def cases(quick: bool) -> list[Case]:

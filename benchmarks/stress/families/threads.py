@@ -9,7 +9,6 @@ counts the answers that differ in any bit from those of one thread.
 from __future__ import annotations
 
 import sys
-from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -20,7 +19,9 @@ import numpy as np
 
 import actionopt as ao
 from actionopt import Event, Problem, System
-from benchmarks.stress.case import Case, Criterion, Row, mine
+from actionopt.scenes import rod_pendulum
+from benchmarks.stress.case import Case, Criterion, Row, digest, mine
+from benchmarks.stress.tally import counted
 
 TITLE = "Threads"
 THREADS, SOLVES, READS = 8, 200, 4000
@@ -41,12 +42,9 @@ def driven() -> System:
 
 def rod() -> System:
     """Return a new pendulum with its rod as a constraint."""
-    return System(
-        lambda q, v, t, *, g: v @ v / 2 - g * q[1],
-        ["x", "y"],
-        parameters={"g": 9.81},
-        constraint=lambda q, t: q @ q - 1,
-    )
+    values = {"m": 1.0, "l": 1.0, "g": 9.81}
+    L, f = rod_pendulum.lagrangian, rod_pendulum.constraint
+    return System(L, ["x", "y"], parameters=values, constraint=f)
 
 
 SYSTEMS = {"driven pendulum": driven, "rod": rod}
@@ -61,13 +59,6 @@ def problems(name: str, count: int) -> list[Problem]:
             q0, q1 = ([np.sin(q[0]), -np.cos(q[0])] for q in (q0, q1))
         out.append(Problem(system, Event(0.0, q0), Event(random.uniform(0.4, 1.2), q1)))
     return out
-
-
-def digest(solution: ao.Solution) -> bytes:
-    """Return all bits of the answer."""
-    numbers = [solution.path.values.ravel(), solution.mesh.boundaries]
-    numbers.append([solution.action, solution.error])
-    return np.concatenate(numbers).tobytes()
 
 
 @contextmanager
@@ -104,25 +95,6 @@ def compared(alone: Sequence[bytes], found: Sequence[Sequence[bytes]]) -> int:
     return sum(a != b for thread in found for a, b in zip(alone, thread, strict=True))
 
 
-def told(endings: Counter, wrong: int, times: Sequence[float]) -> list[Row]:
-    """Return the row."""
-    count, solved = sum(endings.values()), endings["SOLVED"]
-    return [
-        {
-            "status": "SOLVED" if solved == count else "not all solved",
-            "endings": dict(endings),
-            "success": solved == count,
-            "count": count,
-            "solved": solved,
-            "wrong": wrong,
-            "of_tol": None,
-            "of_estimate": None,
-            "time": float(np.median(times)),
-            "longest": max(times),
-        }
-    ]
-
-
 def solving(name: str, count: int, threads: int = THREADS) -> list[Row]:
     """Return the row of one system solved in several threads; times are of one solve there."""
 
@@ -135,7 +107,7 @@ def solving(name: str, count: int, threads: int = THREADS) -> list[Row]:
     found = at_once(work, problems(name, count), threads)
     every = [x for thread in found for x in thread]
     wrong = compared(alone, [[x[0] for x in thread] for thread in found])
-    return told(Counter(x[1] for x in every), wrong, [x[2] for x in every])
+    return [{**counted([x[1] for x in every], [x[2] for x in every]), "wrong": wrong}]
 
 
 def reading(name: str, count: int) -> list[Row]:
@@ -151,8 +123,8 @@ def reading(name: str, count: int) -> list[Row]:
 
     with often(), ThreadPoolExecutor(2) as pool:
         found = list(pool.map(work, range(2)))
-    wrong = sum(x[0] for x in found)
-    return told(Counter(SOLVED=2 * count), wrong, [x[1] for x in found])
+    alike = counted(["SOLVED"] * 2 * count, [x[1] for x in found])
+    return [{**alike, "wrong": sum(x[0] for x in found)}]
 
 
 def cases(quick: bool) -> list[Case]:
@@ -171,7 +143,6 @@ def criteria(rows) -> list[Criterion]:
     for kind, what in (("solving", "8 threads x 200 solves"), ("energies of", "two readers")):
         own = mine(rows, kind)
         count, wrong = (sum(r[k] for r in own) for k in ("count", "wrong"))
-        out.append(
-            Criterion(f"{what}: other bits than one thread", f"0 of {count}", f"{wrong}", not wrong)
-        )
+        what = f"{what}: other bits than one thread"
+        out.append(Criterion(what, f"0 of {count}", f"{wrong}", not wrong))
     return out

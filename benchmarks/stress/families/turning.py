@@ -141,9 +141,8 @@ def criteria(rows) -> list[Criterion]:
     bounds = {"P15": 1e-9, "P20": 1e-9, "Troesch": SLOPES, "Bratu": 1e-9}
     out = []
     for name, bound in bounds.items():
-        c = within(mine(rows, name), bound)
         what = "Troesch, velocities at the ends" if name == "Troesch" else name
-        out.append(Criterion(what, c.expected, c.found, c.met))
+        out.append(within(mine(rows, name), bound, what))
     (extreme,) = mine(rows, "extreme")
     honest = not extreme["success"] or extreme["error"] <= bounds["P20"]
     said = f"{extreme['status']}, error {extreme['error']:.0e}"

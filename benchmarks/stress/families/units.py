@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 
 from actionopt import Event, Problem, System
+from actionopt.scenes import rod_pendulum
 from benchmarks.stress.case import Case, Criterion, Question, mine
 
 TITLE = "Units"
@@ -32,18 +33,6 @@ def well() -> System:
     )
 
 
-@cache
-def rod() -> System:
-    """Return a pendulum with its rod as a constraint."""
-    return System(
-        lambda q, v, t, *, m, g, l: m * (v @ v) / 2 - m * g * q[1],
-        ["x", "y"],
-        parameters={"m": 1.0, "g": 9.81, "l": 1.0},
-        constraint=lambda q, t, *, l: q[0] ** 2 + q[1] ** 2 - l**2,
-        name="rod",
-    )
-
-
 def in_well(L: float, T: float, M: float) -> Question:
     """Return the crossing of the well in these units."""
     ends = Event(0.0, [0.5 * L]), Event(2 * T, [1.2 * L])
@@ -56,7 +45,9 @@ def on_rod(L: float, T: float, M: float) -> Question:
     """Return a swing of the pendulum in these units."""
     a, b = ([L * np.sin(x), -L * np.cos(x)] for x in (0.5, -0.9))
     parameters = {"m": M, "g": 9.81 * L / T**2, "l": L}
-    return Question(Problem(rod(), Event(0.0, a), Event(0.8 * T, b), parameters=parameters))
+    return Question(
+        Problem(rod_pendulum.system(), Event(0.0, a), Event(0.8 * T, b), parameters=parameters)
+    )
 
 
 def cases(quick: bool) -> list[Case]:
@@ -80,12 +71,8 @@ def criteria(rows) -> list[Criterion]:
         own = mine(rows, name)
         kinds = {str((r["status"], r["unknowns"], sorted(r["detail"].items()))) for r in own}
         good = sum(r["success"] for r in own)
-        out.append(
-            Criterion(
-                f"{name}: one iteration count in all units",
-                f"{len(own)} solved alike",
-                f"{good} solved, in {len(kinds)} way{'s' if len(kinds) > 1 else ''}",
-                good == len(own) and len(kinds) == 1,
-            )
-        )
+        found = f"{good} solved, in {len(kinds)} way{'s' if len(kinds) > 1 else ''}"
+        alike = good == len(own) and len(kinds) == 1
+        what = f"{name}: one iteration count in all units"
+        out.append(Criterion(what, f"{len(own)} solved alike", found, alike))
     return out

@@ -6,15 +6,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib import rc_context
+from matplotlib.figure import Figure
 
-from actionopt.plot._style import STYLE, strand
+from actionopt.plot import _style as style
 from actionopt.tools.files import whole
 from actionopt.tools.types import Array
 
 
+@style.styled
 def profiles(
     steps: Mapping[str, tuple[Array, Array]],
     *,
@@ -38,29 +39,22 @@ def profiles(
     -------
     Axes
     """
-    with rc_context(STYLE):
-        if ax is None:
-            _, ax = plt.subplots(layout="constrained")
-        reach = max((x[-1] for x, _ in steps.values() if x.size), default=10 * least)
-        reach = max(reach, 2 * least)
-        for i, (name, (x, y)) in enumerate(steps.items()):
-            ends = np.concatenate([[least], np.maximum(x, least), [reach]])
-            heights = np.concatenate([[0.0], y, [y[-1] if y.size else 0.0]])
-            ax.step(
-                ends,
-                heights,
-                where="post",
-                label=name,
-                **strand(i),
-            )
-        ax.set(xscale="log", xlim=(least, reach), ylim=(0, 1.02), ylabel="fraction solved")
-        ax.set_xlabel(xlabel)
-        ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    if ax is None:
+        ax = Figure(layout="constrained").add_subplot()  # not pyplot's: it needs no display
+    reach = max((x[-1] for x, _ in steps.values() if x.size), default=10 * least)
+    reach = max(reach, 2 * least)
+    for i, (name, (x, y)) in enumerate(steps.items()):
+        ends = np.concatenate([[least], np.maximum(x, least), [reach]])
+        heights = np.concatenate([[0.0], y, [y[-1] if y.size else 0.0]])
+        ax.step(ends, heights, where="post", label=name, **style.strand(i))
+    ax.set(xscale="log", xlim=(least, reach), ylim=(0, 1.02), ylabel="fraction solved")
+    ax.set_xlabel(xlabel)
+    ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
     return ax
 
 
+@style.styled
 def save(ax: Any, file: str | Path) -> None:
-    """Write the figure of `ax` and close it; the same data give the same file."""
-    with rc_context(STYLE), whole(file) as part:
+    """Write the figure of `ax`; the same data give the same file, with its words as text."""
+    with rc_context({"svg.fonttype": "none"}), whole(file) as part:
         ax.figure.savefig(part, metadata={"Date": None})
-    plt.close(ax.figure)

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from actionopt.analysis.solution import Solution
-from actionopt.plot._modes import sizes
-from actionopt.plot._style import COUNT, times
+from actionopt.plot.data.along import COUNT, times
+from actionopt.plot.data.variations import sizes
 from actionopt.scenes import Shape
 from actionopt.tools.types import Array
 

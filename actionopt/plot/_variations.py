@@ -1,0 +1,169 @@
+"""What S does around a path: its neighbours, slices, landscapes, and the spectrum of d2S."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from actionopt.analysis.solution import Solution
+from actionopt.discrete.path import Path
+from actionopt.plot import _style as style
+from actionopt.plot._names import NONE, Units, label
+from actionopt.plot.data.variations import (
+    LOWEST,
+    both_ways,
+    bundle_data,
+    directions,
+    landscape_data,
+    slice_data,
+    spectrum_data,
+)
+
+LEVELS = 14  # contours from 0 to the largest
+ABOVE = 2.5  # times the most along either mode: higher is no part of the bowl, but a singularity
+SIZE = (5.8, 4.2)  # of one map
+NARROW = 0.02  # of the duration: an arc too short for a number
+
+
+@style.styled
+def bundle(
+    solution: Solution,
+    ax: Axes | None = None,
+    *,
+    coordinate: int | None = None,
+    units: Units = NONE,
+    count: int = 8,
+    size: float = 0.25,
+) -> Axes:
+    """Draw the stationary path among its neighbours, blue where S is lower, vermilion where higher.
+
+    Orbits for Cartesian coordinates, else one `coordinate` against time.
+    """
+    at = style.shown(solution, coordinate)
+    data, names = bundle_data(solution, count, size), solution.problem.system.coordinates
+    norm = style.signed(float(np.max(np.abs(data.rise), initial=0.0)) or 1.0)
+    ax = style.on(ax)
+    for k in np.argsort(-np.abs(data.rise)):  # those that differ most lie at the back
+        colour = style.SIGNED(norm(data.rise[k]))
+        style.draw(ax, names, data.t, data.varied[k], at, color=colour, linewidth=1.3)
+    style.draw(ax, names, data.t, data.q, at, "stationary path", **style.TRUE)
+    style.frame(ax, solution, units, at)
+    occurring, text = np.append(data.rise, 0.0), label("$S - S^*$", units.action)
+    style.colour_bar(ax, occurring, norm, style.SIGNED, text)
+    ax.set_title(f"{style.heading(solution)}: the path and its neighbours")
+    style.legend(ax)
+    return ax
+
+
+@style.styled
+def slices(
+    solution: Solution,
+    ax: Axes | None = None,
+    *,
+    etas: Sequence[Path] | None = None,
+    reach: float = 0.5,
+    units: Units = NONE,
+) -> Axes:
+    """Draw S - S* along variations, each with the parabola of its second variation.
+
+    By default along two modes of d2S: the lowest, and the next, or where the lowest goes down
+    the first that goes up. alpha is then the largest displacement, in units of how far the
+    coordinates range.
+    """
+    if etas is None:
+        values, modes = directions(solution, LOWEST)
+        named = [(f"mode {k + 1}", modes[k]) for k in both_ways(values)]
+    else:
+        named = [(f"variation {k + 1}", eta) for k, eta in enumerate(etas)]
+    ax, dashed = style.on(ax), {"linewidth": 1.2, "linestyle": "--"}
+    for (name, eta), colour in zip(named, style.COLOURS, strict=False):
+        data = slice_data(solution, eta, reach)
+        middle = data.parabola[data.alpha.size // 2]
+        text = f"{name}: {'up' if data.second > 0 else 'down'}"
+        broad = {"color": colour, "linewidth": 4, "alpha": 0.55}
+        ax.plot(data.alpha, data.action - middle, **broad, label=text)
+        ax.plot(data.alpha, data.parabola - middle, color=colour, **dashed)
+    ax.plot([], [], color="black", **dashed, label=r"$\alpha^2\delta^2S/2$")
+    ax.plot(0, 0, **style.EVENT)
+    ax.set_xlabel(r"variation $\alpha$ (of the path's size)")
+    ax.set_ylabel(label("$S - S^*$", units.action))
+    ax.set_title(f"{style.heading(solution)}: a {solution.kind}, index {solution.morse_index}")
+    style.legend(ax)
+    return ax
+
+
+@style.styled
+def landscape(
+    solution: Solution, ax: Axes | None = None, *, reach: float = 0.5, units: Units = NONE
+) -> Axes:
+    """Draw S - S* over two modes as a contour map, the stationary path in its middle."""
+    data = landscape_data(solution, reach)
+    ax, places = style.on(ax, figsize=SIZE), (data.a, data.b, data.rise)
+    middle = data.rise.shape[0] // 2
+    along = np.abs(np.concatenate([data.rise[middle], data.rise[:, middle]]))
+    reach = min(float(np.nanmax(np.abs(data.rise))), ABOVE * float(np.nanmax(along))) or 1.0
+    norm, even = style.signed(reach), np.linspace(-1, 1, 2 * LEVELS + 1)
+    levels = reach * even * np.abs(even)
+    ax.contourf(*places, levels, cmap=style.SIGNED, norm=norm, extend="both")
+    lines = ax.contour(*places, levels[::2], colors="white", linewidths=0.6, linestyles="-")
+    lines.set_alpha(0.6)
+    if data.rise.min() < 0 < data.rise.max():
+        ax.contour(*places, [0.0], colors="black", linewidths=1.2)
+    ax.plot(0, 0, **style.EVENT)
+    style.colour_bar(ax, data.rise, norm, style.SIGNED, label("$S - S^*$", units.action))
+    x, y = (f"mode {k + 1} (of the path's size)" for k in data.modes)
+    ax.set(xlabel=x, ylabel=y, aspect="equal")
+    ax.grid(False)
+    ax.set_title(f"{style.heading(solution)}: {solution.kind}, index {solution.morse_index}")
+    return ax
+
+
+@style.styled
+def landscapes(
+    solutions: Sequence[Solution], axes: Sequence[Axes] | None = None, *, units: Units = NONE
+) -> list[Axes]:
+    """Draw the landscapes of several solutions side by side."""
+    count = len(solutions)
+    if not count:
+        raise ValueError("expected at least one solution, found none")
+    if axes is None:
+        figure = style.new_figure(figsize=(SIZE[0] * count, SIZE[1]))
+        axes = list(figure.subplots(1, count, squeeze=False).ravel())
+    return [landscape(s, ax, units=units) for s, ax in zip(solutions, axes, strict=True)]
+
+
+@style.styled
+def spectrum(
+    solution: Solution, ax: Axes | None = None, *, count: int = 3, units: Units = NONE
+) -> Axes:
+    """Draw the lowest eigenvalues against duration; dotted lines are the conjugate times.
+
+    Above each arc between them stands the index.
+    """
+    data = spectrum_data(solution, count)
+    ax, foci = style.on(ax), np.unique(data.conjugate)
+    for k, row in enumerate(data.eigenvalues):
+        ax.plot(data.durations, row, color=style.COLOURS[k], linewidth=2.2, label=f"mode {k + 1}")
+    ax.axhline(0, color="black", linewidth=1)
+    for k, t in enumerate(foci):
+        text = None if k else "conjugate times"
+        ax.axvline(t, color=style.GREY, linestyle=":", linewidth=1.4, label=text)
+    low, high = float(np.nanmin(data.eigenvalues)), float(np.nanmax(data.eigenvalues))
+    low = min(low, -0.08 * high)  # zero is seen, and room for the words
+    ax.set_ylim(low - 0.04 * (high - low), high + 0.1 * (high - low))
+    ends = [data.durations[0], *foci, data.durations[-1]]
+    for k, (begin, end) in enumerate(pairwise(ends)):  # number the arcs
+        if end - begin >= NARROW * ends[-1]:
+            index = int(np.sum(data.conjugate <= begin))
+            ax.text(
+                (begin + end) / 2, 0.98, f"{index}" if k else f"index {index}", color=style.GREY,
+                fontsize="small", ha="center", va="top", transform=ax.get_xaxis_transform(),
+            )  # fmt: skip
+    ax.set_xlabel(label("duration $T$", units.time))
+    ax.set_ylabel(r"eigenvalue of $\delta^2S$  ($\times\,T^2/\pi^2M$)")
+    ax.set_title(f"{style.heading(solution)}: index {data.index[-1]} at the full duration")
+    style.legend(ax, beside=True)
+    return ax

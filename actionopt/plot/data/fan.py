@@ -1,0 +1,237 @@
+"""Paths that leave one event together, refocus at its conjugate points, and carry fronts of S.
+
+A path is least as far as the first focus; past each focus one more variation lowers the action.
+Crossing the paths are the fronts on which S from the event is constant; in the plane the paths
+meet them in the direction p = dS/dq.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.tri import Triangulation
+
+from actionopt.analysis.conjugate import ConjugatePoint, conjugate_points
+from actionopt.analysis.shooting import motions
+from actionopt.analysis.solution import Solution
+from actionopt.discrete.path import Path
+from actionopt.mechanics.problem import Event, Problem
+from actionopt.plot.data.along import COUNT, times
+from actionopt.tools.types import Array
+
+SPREAD = 0.8  # of the largest speed: how far velocities of fronts differ
+BEFORE = 0.8  # of the way to the first focus, where all fronts of a plane meet in a point
+LEVELS = 17  # fronts drawn
+COARSE = 0.25  # of a level: dS = p dq fails by more on a triangle too large to draw fronts on
+FIRST = 6  # of 121 times: motions are too near each other before
+RAGGED = 4  # times that triangles which hang on by one edge are taken away
+GAUSS = np.polynomial.legendre.leggauss(3)
+
+
+@dataclass(frozen=True, eq=False)
+class Fan:
+    """Motions from one event at K times.
+
+    Attributes
+    ----------
+    t : (K,) array
+    q : (n, K) array
+        The solution.
+    neighbours : (B, n, K) array
+        Motions from the same event with other velocities, NaN where one ends early.
+    conjugate : tuple of ConjugatePoint
+        Times conjugate to the event along the solution.
+    index : (K,) array of int
+        Index of the solution up to each time: the number of conjugate times before it.
+    """
+
+    t: Array
+    q: Array
+    neighbours: Array
+    conjugate: tuple[ConjugatePoint, ...]
+    index: Array
+
+
+def fan_data(solution: Solution, count: int = 12, spread: float = 0.15) -> Fan:
+    """Return motions whose first velocities differ from the solution's by up to `spread` of it.
+
+    They differ in the direction that refocuses at the first conjugate point, or where there is
+    none most slowly leaves the path. Raises ValueError for non-conservative forces.
+    """
+    points = conjugate_points(solution)
+    problem, start = solution.problem, solution.start
+    t = times(solution, COUNT // 2)
+    speed = float(np.linalg.norm(start.v)) or float(np.linalg.norm(problem.scales))
+    if len(start.q) == 1:
+        # Velocities of one coordinate: relative to the largest, as the first may be small.
+        speed = float(np.max(np.abs(solution.velocity(t))))
+        direction = np.ones(1)
+    else:
+        focus = points[0].t if points else problem.end.t
+        direction = _refocusing(solution, focus, 1e-3 * speed)
+    offsets = np.linspace(-spread, spread, count + count % 2) * speed
+    v0 = start.v[:, None] + direction[:, None] * offsets
+    nowhere = np.full((len(start.q), t.size), np.nan)
+    found = motions(_until(solution, problem.end.t), v0)
+    q = np.array([nowhere if path is None else path(t) for path in found])
+    index = np.zeros(t.size, dtype=int)
+    for point in points:
+        index += point.multiplicity * (t > point.t)
+    return Fan(t, solution(t), q, points, index)
+
+
+@dataclass(frozen=True, eq=False)
+class Fronts:
+    """The action of motions from one event.
+
+    Attributes
+    ----------
+    t : (K,) array
+    q : (B, n, K) array
+        B motions.
+    action : (B, K) array
+        S along each from the event to the time t.
+    velocity : (B, n) array
+        The first velocity of each.
+    """
+
+    t: Array
+    q: Array
+    action: Array
+    velocity: Array
+
+
+def fronts_data(
+    solution: Solution, count: int = 41, spread: float = SPREAD, until: float | None = None
+) -> Fronts:
+    """Return motions from the start event in all directions, and S along them.
+
+    One coordinate: first velocities within `spread` of the solution's largest on either side of
+    its first, up to the time `until` (by default the first conjugate time, or the end). Two:
+    a disc of velocities about the solution's, of half that radius, and by default a time well
+    before the conjugate one.
+
+    Raises ValueError for non-conservative forces and for constraints: S is no function then of
+    all the places around the path.
+    """
+    problem, start = solution.problem, solution.start
+    if problem.system.m:
+        raise ValueError("expected a system without constraints, found one with; try `fan`")
+    first = min((p.t for p in conjugate_points(solution)), default=None)
+    end = until or problem.end.t
+    if until is None and first is not None:
+        end = first if len(start.q) == 1 else start.t + BEFORE * (first - start.t)
+    t = np.linspace(start.t, end, 121)
+    speed = spread * float(np.max(np.linalg.norm(solution.velocity(t), axis=0)))
+    if len(start.q) == 1:
+        offsets = np.linspace(-speed, speed, count)[None]
+    else:
+        k = np.arange(6 * count) + 0.5  # evenly over a disc, by the golden section
+        turn, radius = 2 * np.pi * 0.6180339887498949 * k, speed / 2 * np.sqrt(k / k[-1])
+        offsets = np.zeros((len(start.q), k.size))
+        offsets[:2] = radius * np.cos(turn), radius * np.sin(turn)
+    v0 = start.v[:, None] + offsets
+    found = [
+        (p, v)
+        for p, v in zip(motions(_until(solution, end), v0), v0.T, strict=True)
+        if p is not None
+    ]
+    q = np.array([path(t) for path, _ in found])
+    action = np.array([action_along(problem, path, t) for path, _ in found])
+    return Fronts(t, q, action, np.array([v for _, v in found]))
+
+
+def over_time(data: Fronts) -> tuple[Triangulation, Array]:
+    """Return triangles over time and one coordinate, masked where S is not unique, and S there."""
+    keep = np.flatnonzero(data.t > data.t[0] + 0.06 * (data.t[-1] - data.t[0]))  # singular at t0
+    t, v = (x.ravel() for x in np.meshgrid(data.t[keep], data.velocity[:, 0]))
+    q, corners = data.q[:, 0, keep].ravel(), Triangulation(t, v).triangles
+    return Triangulation(t, q, corners, _turned(t, q, corners)), data.action[:, keep].ravel()
+
+
+def over_plane(solution: Solution, data: Fronts) -> tuple[Triangulation, Array, Array]:
+    """Return triangles over the places reached last, S there, (B,), and the momenta, (2, B).
+
+    Masked are those that have passed a focus, or are too large for dS = p dq to hold on them.
+    """
+    problem, h = solution.problem, data.t[-1] - data.t[-2]
+    x, y = data.q.transpose(1, 2, 0)
+    q, S = data.q[:, :, -1].T, data.action[:, -1]
+    v = (3 * data.q[:, :, -1] - 4 * data.q[:, :, -2] + data.q[:, :, -3]).T / (2 * h)
+    p = problem.system.momentum(q, v, data.t[-1], parameters=problem.parameters)
+    disc = Triangulation(*data.velocity.T)
+    corners = disc.triangles
+    a, b = corners, np.roll(corners, 1, axis=1)
+    rise = np.sum((p[:, a] + p[:, b]) / 2 * (q[:, b] - q[:, a]), axis=0)
+    coarse = np.max(np.abs(S[b] - S[a] - rise), axis=1) > COARSE * np.ptp(S) / LEVELS
+    mask = _lone(disc.neighbors, coarse | np.any(_turned(x, y, corners)[FIRST:], axis=0))
+    return Triangulation(q[0], q[1], corners, mask), S, p
+
+
+def _turned(x: Array, y: Array, corners: Array) -> Array:
+    """Return which triangles of neighbouring motions are turned over, (..., T).
+
+    Such a triangle has passed a focus: there S has one value no more.
+    """
+    a, b, c = np.moveaxis(corners, -1, 0)
+    across = (x[..., b] - x[..., a]) * (y[..., c] - y[..., a])
+    return across <= (y[..., b] - y[..., a]) * (x[..., c] - x[..., a])
+
+
+def _lone(neighbours: Array, mask: Array) -> Array:
+    """Return the mask with all triangles masked as well that do not hang together with most.
+
+    `neighbours`, (T, 3), share an edge with each, -1 where there is none. Such hang together; one
+    with two masked neighbours is ragged.
+    """
+    for _ in range(RAGGED):
+        mask = mask | (np.sum((neighbours >= 0) & ~mask[neighbours], axis=1) < 2)
+    beside = (neighbours >= 0) & ~mask[neighbours]
+    piece = np.arange(len(mask))
+    while True:  # every triangle takes the least number around it
+        least = np.where(beside, piece[neighbours], len(mask)).min(axis=1)
+        now = np.where(mask, piece, np.minimum(piece, least))
+        if np.array_equal(now, piece):
+            break
+        piece = now
+    counts = np.bincount(piece[~mask], minlength=1)
+    return mask | (piece != np.argmax(counts))
+
+
+def action_along(problem: Problem, path: Path, t: Array) -> Array:
+    """Return the action of `path` from t[0] to each time of t, by Gauss's rule between them."""
+    xi, w = GAUSS
+    h = np.diff(t)
+    at = (t[:-1, None] + h[:, None] * (xi + 1) / 2).ravel()
+    L = problem.system.lagrangian(path(at), path.velocity(at), at, parameters=problem.parameters)
+    return np.r_[0.0, np.cumsum(h / 2 * (L.reshape(h.size, xi.size) @ w))]
+
+
+def _until(solution: Solution, end: float) -> Problem:
+    """Return the problem with the solution's start and nothing asked of the end."""
+    problem, start = solution.problem, solution.start
+    free = Event(end, [None] * len(start.q))
+    return problem.replace(start=Event(start.t, start.q), end=free)
+
+
+def _refocusing(solution: Solution, t: float, step: float) -> Array:
+    """Return the direction of first velocity, (n,), that moves the path least at time t."""
+    start, n = solution.start, len(solution.start.q)
+    basis = np.eye(n)
+    if solution.problem.system.m:
+        G = solution.problem.system.constraint_jacobian(
+            start.q, start.t, parameters=solution.problem.parameters
+        )
+        basis = np.linalg.svd(G)[2][G.shape[0] :].T
+    if basis.shape[1] == 1:
+        return basis[:, 0]
+    if t <= start.t:
+        return basis[:, -1]
+    v0 = start.v[:, None] + step * np.c_[np.zeros(n), basis]
+    ends = [None if p is None else p(t) for p in motions(_until(solution, t), v0)]
+    known = [e for e in ends if e is not None]
+    if len(known) < len(ends):
+        return basis[:, -1]
+    change = np.array([e - known[0] for e in known[1:]]).T
+    return basis @ np.linalg.svd(change)[2][-1]

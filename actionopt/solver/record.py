@@ -1,0 +1,69 @@
+"""What was done on the way to a path: counts, rounds of refinement, and where the time went."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from time import perf_counter
+from typing import Any
+
+from actionopt.discrete.transcription import Transcription
+
+
+@dataclass(eq=False)
+class Record:
+    """What is told of a search in `Solution.stats`; nothing is decided by it.
+
+    Attributes
+    ----------
+    iterations : Counter
+        By method: "newton", "descent", "ipopt", "continuation".
+    evaluations : Counter
+        By function.
+    rounds : list of dict
+        One for each mesh on which the path was found: elements, degrees, unknowns, the estimate of
+        the error if there was one, and the seconds.
+    time : dict
+        Seconds, by what they were spent on.
+    """
+
+    iterations: Counter[str] = field(default_factory=Counter)
+    evaluations: Counter[str] = field(default_factory=Counter)
+    rounds: list[dict[str, Any]] = field(default_factory=list)
+    time: dict[str, float] = field(default_factory=lambda: defaultdict(float))
+
+    @contextmanager
+    def clock(self, name: str) -> Iterator[None]:
+        """Add the time that the body takes to `name`."""
+        started = perf_counter()
+        try:
+            yield
+        finally:
+            self.time[name] += perf_counter() - started
+
+    def round(self, tr: Transcription, seconds: float, estimate: float | None = None) -> None:
+        """Note that a path was found on a mesh."""
+        degrees = tr.mesh.degrees
+        self.rounds.append(
+            {
+                "elements": tr.mesh.elements,
+                "degrees": [min(degrees), max(degrees)],
+                "unknowns": tr.layout.size,
+                "estimate": estimate,
+                "time": seconds,
+            }
+        )
+
+    def after(self, earlier: Record) -> Record:
+        """Return the record of both, the rounds of this one alone."""
+        time = defaultdict(float, earlier.time)
+        for name, seconds in self.time.items():
+            time[name] += seconds
+        return Record(
+            earlier.iterations + self.iterations,
+            earlier.evaluations + self.evaluations,
+            self.rounds,
+            time,
+        )

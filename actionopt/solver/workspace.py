@@ -1,0 +1,384 @@
+"""What a search works on: the iterate at hand, the ways to move it, and the record of it all."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from time import perf_counter
+
+import numpy as np
+
+from actionopt.discrete.boundaries import bounded
+from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.factors import Factors
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.newton import approach, follow, moved
+from actionopt.discrete.path import Path
+from actionopt.discrete.projection import project
+from actionopt.discrete.resolution import resolution
+from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.problem import Problem
+from actionopt.solver.descent import descend
+from actionopt.solver.homotopy import release
+from actionopt.solver.ipopt import Principle, find
+from actionopt.solver.iterate import (
+    ORDINARY,
+    ROUNDOFF,
+    SAFETY,
+    SHORT,
+    UNKNOWN_GAIN,
+    Iterate,
+    measured,
+    sizes,
+    unseen,
+)
+from actionopt.solver.preflight import check
+from actionopt.solver.record import Record
+from actionopt.tools.types import Array
+from actionopt.tools.watch import Watch
+
+FEW = 3  # coordinates up to which descending costs less than entering Ipopt
+ALIKE = 4.0  # ratio of coordinates' sizes within which the units of action are kept
+DENSE_MOTION = 400  # coordinates and constraints up to which the equations are solved as they are
+LARGE = 1500  # unknowns above which Ipopt takes too long over a square system
+QUICK = 12  # damped steps before something else is tried
+PASSABLE = 0.01  # of the coefficients a mesh leaves out, what Newton's method may leave there
+NEAR = 0.1  # a path that moves farther than this when refined, in its own size, is another one
+EXPECTED = 2.0  # times what is missed, to first order, that a path may move when it is seen
+SHOWN = 2e-2  # omitted coefficients of a path that is worth a second look
+MEASURABLE = 1e-12  # coefficients below this are too near to rounding to measure a gain
+UNLIKELY = 100.0  # ratio of global to local error that has another reason as a rule
+
+
+@dataclass(eq=False)
+class Workspace:
+    """The iterate at hand (`here`) and the ways to move it.
+
+    A way that leads nowhere says so and leaves the iterate where it was, or where it was lost:
+    iterates do not change, so that going back is keeping the old one.
+
+    Attributes
+    ----------
+    problem : Problem
+    linear : bool
+        Whether its equations are.
+    tol : float
+        To which the path is wanted.
+    refines : bool
+        Whether a path that is not resolved goes on to another mesh.
+    many : bool
+        Whether it is one of many such paths, on meshes of the same shapes.
+    gain : float
+        Ratio of global to local error to begin with.
+    units : Transcription or None
+        Whose units of action and constraints serve again.
+    checked : bool
+        Whether the question was found to be in order.
+    unbounded : bool
+        Whether the last minimisation found the action unbounded.
+    hint : str
+        What to add to the verdict.
+    best : Iterate or None
+        Where it was polished last, if time may run out.
+    lost : DiscretePath or None
+        A path that was near, and not to be polished.
+    """
+
+    problem: Problem
+    linear: bool = False
+    tol: float = 0.0
+    refines: bool = True
+    many: bool = False
+    watch: Watch | None = None
+    record: Record = field(default_factory=Record)
+    gain: float = UNKNOWN_GAIN
+    units: Transcription | None = None
+    checked: bool = False
+    unbounded: bool = False
+    hint: str = ""
+    best: Iterate | None = None
+    lost: DiscretePath | None = None
+    placed: Iterate | None = None
+
+    @property
+    def here(self) -> Iterate:
+        """The iterate at hand. There is none before `place`."""
+        assert self.placed is not None
+        return self.placed
+
+    @here.setter
+    def here(self, iterate: Iterate) -> None:
+        self.placed = iterate
+
+    @property
+    def large(self) -> bool:
+        """Whether the problem on the mesh at hand is too large for what takes long."""
+        return self.here.tr.layout.size > LARGE
+
+    @property
+    def can_descend(self) -> bool:
+        """Whether descending is open to the problem, and costs less than entering Ipopt."""
+        return self.problem.system.m == 0 and self.problem.system.n <= FEW
+
+    def again(self) -> Workspace:
+        """Return one for another search for a path of the same problem."""
+        return replace(
+            self, record=Record(), gain=UNKNOWN_GAIN, hint="", best=None, lost=None, placed=None
+        )
+
+    # -- where it begins -----------------------------------------------------------------------
+
+    def place(
+        self,
+        mesh: Mesh,
+        path: Path | None,
+        lam: Array | None = None,
+        *,
+        like: Path | None = None,
+    ) -> None:
+        """Transcribe on `mesh`, starting from `path` there, or from the straight line.
+
+        Sizes are those of the path `like`, or as the events tell. Multipliers (K, m) that are not
+        given are those that the motion along the path would need.
+        """
+        with self.record.clock("assemble"):
+            system, mesh = self.problem.system, self._bounded(mesh)
+            size, lengths = measured(self.problem, None if like is None else like.values.T)
+            units = self.units if self.units is not None and _alike(lengths, self.units) else None
+            tr = self.units = Transcription(self.problem, mesh, lengths, like=units)
+            self._attach(tr)
+            if path is None:
+                Q = tr.straight()
+            else:
+                Q = path.values.T if path.mesh is mesh else path.on(mesh).values.T
+            if system.m and lam is None:
+                Q = project(tr, Q)
+            if not self.checked:
+                check(tr, Q)
+                self.checked = True
+            if system.m and lam is None and system.n + system.m <= DENSE_MOTION:
+                lam = self._motion_multipliers(mesh, Q)
+            self.here = Iterate(tr, tr.pack(Q, lam), size, lengths, self.gain)
+
+    def join(self, neighbour: DiscretePath) -> bool:
+        """Stand where a path of a problem goes when its ends move to this one's.
+
+        They may differ in nothing else. False if the path is lost, or grows out of its units.
+        """
+        tr, z = neighbour.tr, neighbour.z
+        with self.record.clock("assemble"):
+            mine = tr.between(self.problem)
+            ends = mine.ends[[0, -1]]
+            origin = 0.0 if tr.origin is None else tr.origin
+            lengths = np.maximum(tr.lengths, np.max(np.abs(ends - origin), axis=0))
+            if not _alike(lengths, tr):
+                return False
+            if not self.linear:
+                try:
+                    z = moved(tr, z, mine)
+                except np.linalg.LinAlgError:
+                    return False
+                finally:
+                    tr.forget()
+            self.units = mine
+            self._attach(mine)
+            size = np.maximum(tr.lengths, np.max(np.abs(ends), axis=0))
+            self.here = Iterate(mine, z, size, lengths, self.gain)
+        return bool(np.all(np.isfinite(z)))
+
+    def restart(self) -> None:
+        """Forget what was found out about a path that is given up."""
+        self.gain, self.best = UNKNOWN_GAIN, None
+
+    def stop(self) -> None:
+        """Go back to where it was polished last, for want of time; watched no more."""
+        self.watch = None
+        if self.best is not None:
+            self.here = self.best
+        elif self.placed is None:
+            self.checked = True
+            self.place(Mesh.uniform(self.problem.start.t, self.problem.end.t, 4, 6), None)
+        else:
+            self.here = replace(self.here, error=np.inf)
+        self.here.tr.watch = None
+
+    def _bounded(self, mesh: Mesh) -> Mesh:
+        """Return the mesh with boundaries where laws switch, if it is not the user's."""
+        instants = self.problem.instants
+        return bounded(mesh, instants) if self.refines and instants else mesh
+
+    def _attach(self, tr: Transcription) -> None:
+        """Count what is evaluated from now on."""
+        self.record.evaluations.update(tr.counts)
+        tr.counts, tr.watch = self.record.evaluations, self.watch
+
+    def _motion_multipliers(self, mesh: Mesh, Q: Array) -> Array | None:
+        """Return the multipliers (K, m) of the index-1 equations of motion along Q (K, n)."""
+        v = Path(mesh, Q.T).velocity(mesh.nodes)
+        parameters = self.problem.parameters
+        try:
+            lam = self.problem.system.multipliers(Q.T, v, mesh.nodes, parameters=parameters).T
+        except np.linalg.LinAlgError:
+            return None
+        return np.nan_to_num(lam, posinf=0.0, neginf=0.0)
+
+    # -- ways to move ----------------------------------------------------------------------------
+
+    def find(self, principle: Principle) -> bool:
+        """Ask Ipopt for a path; False if it finds none."""
+        started = perf_counter()
+        with self.record.clock("solve"):
+            attempt = find(self.here.tr, self.here.z, principle)
+        self.record.iterations["ipopt"] += attempt.iterations
+        self.unbounded = attempt.diverged
+        if attempt.converged:
+            self.here = self.here.moved(attempt.z)
+            self.record.round(self.here.tr, perf_counter() - started)
+        return attempt.converged
+
+    def root(self) -> bool:
+        """Ask Ipopt for a root of the stationarity conditions, unless that takes too long."""
+        if self.large:
+            return False
+        before = self.here
+        self.here = before.moved(_unheld(before))
+        if self.find("stationary"):
+            return True
+        self.here = before
+        return False
+
+    def release(self) -> bool:
+        """Continue from the path at hand by releasing the force that makes it a motion."""
+        with self.record.clock("solve"):
+            released = release(self.here.tr, self.here.z)
+        return self._reached("continuation", released)
+
+    def descend(self) -> bool:
+        """Minimise the action from the path at hand."""
+        with self.record.clock("solve"):
+            result = descend(self.here.tr, self.here.z)
+        self.unbounded = result.runaway
+        if not result.found:
+            self.record.iterations["descent"] += result.iterations
+            return False
+        return self._reached("descent", (result.z, result.iterations))
+
+    def approach(self, steps: int = QUICK, *, convex: bool = False) -> bool:
+        """Go to a path by damped Newton steps; if `convex`, only from where the action is that.
+
+        Near a resonance the multipliers of the motion along the first path make the matrix
+        nearly singular there; without any it is stiff, and the way may be open.
+        """
+        tr = self.here.tr
+        with self.record.clock("solve"):
+            near = approach(tr, self.here.z, steps, convex=convex)
+            if near is None and tr.layout.rows:
+                near = approach(tr, _unheld(self.here), steps)
+        return self._reached("newton", near)
+
+    def _reached(self, method: str, found: tuple[Array, int] | None) -> bool:
+        """Polish what a method reached; where that does not work, keep in mind where it was."""
+        if found is None:
+            return False
+        self.here = self.here.moved(found[0])
+        self.record.iterations[method] += found[1]
+        if self.follow():
+            return True
+        self._lose(self.here)
+        return False
+
+    def _lose(self, path: DiscretePath) -> None:
+        """Keep a path in mind that was near, unless it runs through a singularity."""
+        mesh, Q = path.mesh, path.Q
+        shown = resolution(mesh, Q, sizes(Q, self.problem.scales)).worst < SHOWN
+        if shown and mesh.lengths.min() > SHORT * mesh.duration:
+            self.lost = DiscretePath(path.tr, path.z)
+
+    def follow(self, reach: float = np.inf) -> bool:
+        """Polish the path where it is; False if it is not there, or farther than `reach`."""
+        started = perf_counter()
+        here = self.here = self.here.bare()  # frees factors before others are made
+        first = self.refines and reach == np.inf and not self.many  # others are resolved already
+        # What is left of a linear problem after one step is round-off, none of it a lack of steps.
+        negligible = (UNKNOWN_GAIN if self.linear else 1.0) * ORDINARY * ROUNDOFF
+
+        def passable(z: Array) -> float:
+            """Return how far a path may be from stationary that goes on to another mesh."""
+            worst = here.moved(z).resolution.worst
+            return PASSABLE * worst if SAFETY * here.gain * worst > self.tol else 0.0
+
+        with self.record.clock("solve"):
+            result = follow(
+                here.tr,
+                here.z,
+                linear=self.linear,
+                many=self.many,
+                target=min(self.tol / (10 * SAFETY), negligible),
+                enough=passable if first else None,
+            )
+        self.record.iterations["newton"] += result.iterations
+        if not (result.converged and (self.linear or result.travelled < reach)):
+            return False
+        self.here = here.arrived(result)
+        self.record.round(here.tr, perf_counter() - started)
+        if self.watch is not None:
+            self.best = self.here.bare()
+        return True
+
+    def missed(self) -> float:
+        """Return how far the path would move if its forces were summed over other points."""
+        with self.record.clock("verify"):
+            found, self.here = self.here.missed(self.tol, self.many)
+        return found
+
+    def carry(self, mesh: Mesh, *, least: bool, missed: float = 0.0) -> bool:
+        """Take the path to another mesh and polish it there; False if it was lost.
+
+        It may move as far as what was `missed` on the last mesh lets expect. What was found as a
+        `least` path may be found again by minimising.
+        """
+        old, mesh = self.here.bare(), self._bounded(mesh)
+        self.place(mesh, old.path, old.rows_on(mesh), like=old.path)
+        placed = replace(self.here, gain=old.gain, noise=old.noise, error=old.error)
+        self.here, reach = placed, max(NEAR, EXPECTED * missed)
+        if not self.follow(reach=reach):
+            if not self._recover(least):
+                self._lose(old)
+                return False
+            moved = np.max(np.abs(self.here.Q - placed.Q) / self.here.lengths)
+            if not least and moved > reach:
+                return False
+        here = self.here
+        change, gain = float(np.max(np.abs(here.Q - placed.Q) / here.sizes)), here.gain
+        if old.resolution.worst > MEASURABLE:
+            left = old.resolution.worst
+            if change > UNLIKELY * left and not self.problem.system.structure.steady:
+                with suppress(np.linalg.LinAlgError):  # what was not seen moves the path as well
+                    factors = Factors(old.tr.layout, old.tr.kkt(old.z))
+                    residual, carried = unseen(old, self.tol)
+                    left += max(old.tr.measured(factors.solve(residual)), carried)
+            gain = max(change / left, 1.0)
+        elif gain == UNKNOWN_GAIN:
+            gain = 1.0
+        self.here = here.estimated(gain)
+        self.record.rounds[-1]["estimate"] = self.here.error
+        return True
+
+    def _recover(self, least: bool) -> bool:
+        """Find the path again on a mesh where following it did not work."""
+        if not least:
+            return self.root() and self.follow()
+        if self.can_descend and self.descend():
+            return True
+        return self.find("patient least") and self.follow()
+
+
+def _unheld(path: DiscretePath) -> Array:
+    """Return the unknowns of a path without multipliers."""
+    return np.concatenate([path.x, np.zeros(path.z.size - path.x.size)])
+
+
+def _alike(lengths: Array, tr: Transcription) -> bool:
+    """Whether units of a transcription serve for coordinates of these lengths as well."""
+    ratio = lengths / tr.lengths
+    return bool(ratio.max() < ALIKE and ratio.min() > 1 / ALIKE)

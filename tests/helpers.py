@@ -1,0 +1,59 @@
+"""What the tests of several modules need: solutions solved once, and motions not by the package."""
+
+from functools import cache
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+import actionopt as ao
+from actionopt import Event, Mesh, Problem, scenes
+from actionopt.discrete.transcription import Transcription
+
+
+@cache
+def solved(name, *, tol=1e-8, **parameters):
+    """Return the solution of a scene, near its guess if it has one."""
+    scene = scenes.get(name, **parameters)
+    return ao.solve(scene.problem, guess=scene.guess, tol=tol)
+
+
+def times(problem, count=401):
+    return np.linspace(problem.start.t, problem.end.t, count)
+
+
+def integrated(rate, y, t0, t1, rtol=1e-13):
+    """Integrate y' = rate(t, y) independently of the package: a function of (K,) times."""
+    return solve_ivp(rate, (t0, t1), y, "DOP853", rtol=rtol, atol=rtol / 10, dense_output=True).sol
+
+
+def motion(system, q, v, t0, t1, parameters=None, rtol=1e-13):
+    """Integrate the equations of motion from a state: a function of (K,) times, q (n, K)."""
+
+    def rate(t, y):
+        q, v = np.split(y, 2)
+        return np.concatenate([v, system.acceleration(q, v, t, parameters=parameters)])
+
+    run = integrated(rate, np.concatenate([q, v]), t0, t1, rtol)
+    return lambda t: run(t)[: system.n]
+
+
+def forward(solution, factor=1.0):
+    """Return the motion that sets out as the solution does, with `factor` times its velocity."""
+    problem, start = solution.problem, solution.start
+    ends = start.t, problem.end.t
+    return motion(problem.system, start.q, factor * start.v, *ends, problem.parameters)
+
+
+def relative_error(curve, exact, t):
+    """Largest |q_h - q|, each coordinate in units of the largest it reaches: what tol bounds."""
+    known = exact(t)
+    size = np.max(np.abs(known), axis=1)
+    size = np.where(size > 1e-12 * size.max(), size, size.max())
+    return float(np.max(np.max(np.abs(curve(t) - known), axis=1) / size))
+
+
+def transcribed(system, ends, T, elements=8, degree=6, lengths=None):
+    """Return the action between two places in the time T, on equal elements."""
+    problem = Problem(system, Event(0.0, ends[0]), Event(T, ends[1]))
+    lengths = problem.lengths if lengths is None else np.array(lengths)
+    return Transcription(problem, Mesh.uniform(0.0, T, elements, degree), lengths)
