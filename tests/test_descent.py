@@ -73,22 +73,24 @@ def test_values_that_are_not_finite_end_it():
 class Told:
     """A transcription whose action at the first trial fell by `share` of what the slope promises.
 
-    The gradient is asked for at steps that were taken.
+    The gradient is asked for at steps that were taken: at the first it is `left` of what it was.
     """
 
-    def __init__(self, tr, share):
-        self.tr, self.share, self.trials, self.taken = tr, share, [], []
+    def __init__(self, tr, share=None, left=None):
+        self.tr, self.share, self.left, self.trials, self.taken = tr, share, left, [], []
 
     def __getattr__(self, name):
         return getattr(self.tr, name)
 
     def gradient(self, z):
         self.taken.append(z)
-        return self.tr.gradient(z)
+        if len(self.taken) != 2 or self.left is None:
+            return self.tr.gradient(z)
+        return self.left * self.tr.gradient(self.taken[0])
 
     def action(self, z):
         self.trials.append(z)
-        if len(self.trials) != 2:
+        if len(self.trials) != 2 or self.share is None:
             return self.tr.action(z)
         start = self.trials[0]
         return self.tr.action(start) + self.share * float(self.tr.gradient(start) @ (z - start))
@@ -101,3 +103,12 @@ def test_a_step_must_bring_a_hundredth_of_what_the_slope_promises(share, enough)
     told = Told(tr, share)
     descend(told, tr.pack(tr.straight() + bump))
     assert np.array_equal(told.taken[1], told.trials[1]) == enough
+
+
+@pytest.mark.parametrize(("left", "near"), [(0.45, True), (0.55, False), (-0.55, False)])
+def test_a_path_is_near_where_the_next_step_is_less_than_half_as_long(left, near):
+    """With the same Hessian a gradient of `left` of what it was leads on by `left` of the step."""
+    tr = transcribed(PENDULUM, ([0.3], [-0.2]), 0.6)
+    bump = 0.3 * np.sin(np.pi * tr.mesh.nodes / 0.6)[:, None]
+    result = descend(Told(tr, left=left), tr.pack(tr.straight() + bump))
+    assert (result.found and result.iterations == 1) == near

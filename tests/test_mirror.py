@@ -13,6 +13,7 @@ import actionopt as ao
 from actionopt import Event, Mesh, Periodic, Problem, State, System
 from actionopt.analysis.conjugate import conjugate_points
 from actionopt.analysis.modes import second_variation
+from actionopt.analysis.second_variation import form
 from actionopt.discrete.path import Path
 from actionopt.solver.workspace import Workspace
 
@@ -200,6 +201,9 @@ def test_an_action_of_the_other_sign_has_the_same_stationary_paths(name):
     assert (here.action, here.error) == (-there.action, there.error)
     assert flat(figures(here)) == flat(figures(there))
     one, other = (solution.compare() for solution in found)
+    if name in UNFORCED:
+        rates = [form(solution.discrete).frequency for solution in found]
+        assert rates[1] == pytest.approx(rates[0], rel=SAME)
     if name in EXACT:
         assert [getattr(one, key) for key in NUMBERS] == [getattr(other, key) for key in NUMBERS]
 

@@ -393,9 +393,8 @@ def test_momenta_may_be_rounded_by_their_size_whatever_their_sign(level, tmp_pat
     solution = ao.solve(Problem(system, Event(0.0, 0.3), Event(1.0, -0.2)))
 
     def moved(by):
-        solution.save(tmp_path / "level.npz")
-        edited(tmp_path / "level.npz", momenta=lambda p: p * (1 + by))
-        return ao.load(tmp_path / "level.npz", system)
+        file = saved(solution, tmp_path / "level.npz", momenta=lambda p: p * (1 + by))
+        return ao.load(file, system)
 
     assert moved(1e-7).success
     with pytest.raises(ValueError, match="expected the momenta of the system"):
