@@ -1,5 +1,7 @@
 """Descending to a least path: S falls at every step, and what there is at the end is told."""
 
+from itertools import count
+
 import numpy as np
 import pytest
 from helpers import transcribed
@@ -112,3 +114,12 @@ def test_a_path_is_near_where_the_next_step_is_less_than_half_as_long(left, near
     bump = 0.3 * np.sin(np.pi * tr.mesh.nodes / 0.6)[:, None]
     result = descend(Told(tr, left=left), tr.pack(tr.straight() + bump))
     assert (result.found and result.iterations == 1) == near
+
+
+def test_an_action_that_never_falls_is_no_runaway():
+    tr = transcribed(PENDULUM, ([0.3], [-0.2]), 0.6)
+    told, heights = Told(tr), count()
+    told.action = lambda z: float(next(heights))
+    bump = 0.3 * np.sin(np.pi * tr.mesh.nodes / 0.6)[:, None]
+    result = descend(told, tr.pack(tr.straight() + bump))
+    assert not result.found and not result.runaway and len(told.taken) == 1
