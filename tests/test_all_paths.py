@@ -11,6 +11,7 @@ from scipy.optimize import brentq
 import actionopt as ao
 from actionopt import scenes
 from actionopt.families.all_paths import detected_angles, solve_all
+from actionopt.families.searches import Sweep
 
 VELOCITY_TOLERANCE = 1e-6
 FILM = ao.System(lambda q, v, t: q[0] * np.sqrt(1 + v[0] ** 2), ["y"])
@@ -452,3 +453,15 @@ def test_bad_arguments():
     for nothing in (None, PENDULUM):
         with pytest.raises(ValueError, match="expected a Problem"):
             solve_all(nothing)
+
+
+def test_between_two_shots_on_either_side_of_the_end_is_one_that_meets_it(monkeypatch):
+    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]), ["angle"])
+    problem = ao.Problem(system, ao.Event(0.0, [0.2]), ao.Event(3.0, [0.5]))
+    sweep, met = Sweep(problem, 1e-8, (), 0, 0, None), []
+    monkeypatch.setattr(sweep, "_arrived", lambda classes, v0: met.extend(v0[0]))
+    sweep._bracket(np.linspace(-3.0, 3.0, 7))
+    assert met
+    for v in met:
+        angle, _ = integrated(lambda t, y: [y[1], -np.sin(y[0])], [0.2, v], 0.0, 3.0)(3.0)
+        assert angle == pytest.approx(0.5, abs=0.02)

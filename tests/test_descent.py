@@ -1,5 +1,7 @@
 """Descending to a least path: S falls at every step, and what there is at the end is told."""
 
+from itertools import count
+
 import numpy as np
 import pytest
 from helpers import transcribed
@@ -68,3 +70,56 @@ def test_values_that_are_not_finite_end_it():
     tr = transcribed(kepler, ([-1.0, 0.0], [1.0, 0.0]), 1.0)
     result = descend(tr, tr.pack(tr.straight()))  # through the centre
     assert not result.found and not result.runaway and result.iterations == 0
+
+
+class Told:
+    """A transcription whose action at the first trial fell by `share` of what the slope promises.
+
+    The gradient is asked for at steps that were taken: at the first it is `left` of what it was.
+    """
+
+    def __init__(self, tr, share=None, left=None):
+        self.tr, self.share, self.left, self.trials, self.taken = tr, share, left, [], []
+
+    def __getattr__(self, name):
+        return getattr(self.tr, name)
+
+    def gradient(self, z):
+        self.taken.append(z)
+        if len(self.taken) != 2 or self.left is None:
+            return self.tr.gradient(z)
+        return self.left * self.tr.gradient(self.taken[0])
+
+    def action(self, z):
+        self.trials.append(z)
+        if len(self.trials) != 2 or self.share is None:
+            return self.tr.action(z)
+        start = self.trials[0]
+        return self.tr.action(start) + self.share * float(self.tr.gradient(start) @ (z - start))
+
+
+@pytest.mark.parametrize(("share", "enough"), [(-0.005, False), (0.005, False), (0.02, True)])
+def test_a_step_must_bring_a_hundredth_of_what_the_slope_promises(share, enough):
+    tr = transcribed(PENDULUM, ([0.3], [-0.2]), 0.6)
+    bump = 0.3 * np.sin(np.pi * tr.mesh.nodes / 0.6)[:, None]
+    told = Told(tr, share)
+    descend(told, tr.pack(tr.straight() + bump))
+    assert np.array_equal(told.taken[1], told.trials[1]) == enough
+
+
+@pytest.mark.parametrize(("left", "near"), [(0.45, True), (0.55, False), (-0.55, False)])
+def test_a_path_is_near_where_the_next_step_is_less_than_half_as_long(left, near):
+    """With the same Hessian a gradient of `left` of what it was leads on by `left` of the step."""
+    tr = transcribed(PENDULUM, ([0.3], [-0.2]), 0.6)
+    bump = 0.3 * np.sin(np.pi * tr.mesh.nodes / 0.6)[:, None]
+    result = descend(Told(tr, left=left), tr.pack(tr.straight() + bump))
+    assert (result.found and result.iterations == 1) == near
+
+
+def test_an_action_that_never_falls_is_no_runaway():
+    tr = transcribed(PENDULUM, ([0.3], [-0.2]), 0.6)
+    told, heights = Told(tr), count()
+    told.action = lambda z: float(next(heights))
+    bump = 0.3 * np.sin(np.pi * tr.mesh.nodes / 0.6)[:, None]
+    result = descend(told, tr.pack(tr.straight() + bump))
+    assert not result.found and not result.runaway and len(told.taken) == 1

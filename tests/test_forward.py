@@ -315,6 +315,23 @@ def test_coordinate_without_kinetic_energy():
         integrate(system, State(0.0, [1.0, 1.0], [0.0, 0.0]), 1.0)
 
 
+NO_ACCELERATIONS = {
+    "one mass for two": System(lambda q, v, t: (v[0] + v[1]) ** 2 / 2 - q @ q, ["x", "y"]),
+    "rows alike but for rounding": System(
+        lambda q, v, t: v @ v / 2 - q[0] ** 2 / 2,
+        ["x", "y", "z"],
+        constraint=lambda q, t: [q[0] - q[1] + q[2], 3 * (q[0] - q[1] + q[2]) / 7],
+    ),
+}
+
+
+@pytest.mark.parametrize("name", NO_ACCELERATIONS)
+def test_equations_that_give_no_accelerations_are_refused(name):
+    system = NO_ACCELERATIONS[name]
+    with pytest.raises(ValueError, match=r"singular mass matrix \(or dependent constraints\)"):
+        integrate(system, State(0.0, [0.0] * system.n, [1.0, 1.0, 0.0][: system.n]), 1.0)
+
+
 def test_start_outside_the_domain():
     with pytest.raises(ValueError, match="finite accelerations"):
         integrate(KEPLER, State(0.0, [0.0, 0.0], [0.0, 1.0]), 1.0)

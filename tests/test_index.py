@@ -593,3 +593,19 @@ def test_multipliers_are_measured_alike_in_any_unit_of_their_rows(unit):
     assert pendulum(unit).multiplier_error == pytest.approx(
         pendulum(1.0).multiplier_error, rel=1e-4
     )
+
+
+def test_the_error_of_multipliers_is_relative_to_the_largest():
+    """With one row its unit cancels: eight times how far they are off, over the largest."""
+    system = ao.System(
+        lambda q, v, t: v @ v / 2 - 981.0 * q[1],
+        ["x", "y"],
+        constraint=lambda q, t: q[0] ** 2 + q[1] ** 2 - 1,
+    )
+    ends = [[np.sin(a), -np.cos(a)] for a in (0.3, -0.2)]
+    problem = ao.Problem(system, ao.Event(0.0, ends[0]), ao.Event(0.1, ends[1]))
+    solution = ao.solve(problem, mesh=ao.Mesh.uniform(0.0, 0.1, 2, 5))
+    exact = solution.discrete.multipliers(solution.mesh.nodes).T
+    off = np.nanmax(np.abs(solution.lam - exact)) / np.max(np.abs(exact))
+    assert off > 1e-9
+    assert solution.multiplier_error == pytest.approx(8 * off, rel=1e-6)

@@ -202,7 +202,9 @@ def test_a_mesh_moves_with_its_instants():
     mesh = Mesh([0.0, 0.1, 0.2, 0.6, 1.0], 4)
     found = moved(mesh, ((0.2, 0.2),), ((2.5, 2.5),), 2.0, 4.0)
     assert found.boundaries == pytest.approx([2.0, 2.25, 2.5, 3.25, 4.0])
-    for old in ((), ((0.2, 0.2), (0.6, 0.6)), ((0.3, 0.3),)):  # others, or not of this mesh
+    # Others, not of this mesh, or at an end of it.
+    others = (), ((0.2, 0.2), (0.6, 0.6)), ((0.3, 0.3),), ((0.0, 0.0),), ((1.0, 1.0),)
+    for old in others:
         found = moved(mesh, old, ((2.5, 2.5),), 2.0, 4.0)
         assert found.boundaries == pytest.approx([2.0, 2.2, 2.4, 3.2, 4.0])
 

@@ -13,6 +13,7 @@ import actionopt as ao
 from actionopt import Event, Mesh, Periodic, Problem, State, System
 from actionopt.analysis.conjugate import conjugate_points
 from actionopt.analysis.modes import second_variation
+from actionopt.analysis.second_variation import form
 from actionopt.discrete.path import Path
 from actionopt.solver.workspace import Workspace
 
@@ -82,25 +83,32 @@ CASES = {
 }  # fmt: skip
 
 
-def problem_of(name, side, sign=1, way=1):
-    """Return a problem and what `solve` is told; for side = -1 its mirror image.
+def problem_of(name, side=1.0, sign=1.0, way=1.0):
+    """Return a problem and what `solve` is told, in other units of q, L and t.
 
-    For sign = -1 that of -L, and for way = -1 that of a motion run backwards.
+    For side = -1 it is the mirror image, for sign = -1 that of -L, and for way = -1 that of a
+    motion run backwards.
     """
     lagrangian, n, start, end, T, constraint, force, options = CASES[name]
+    side = np.broadcast_to(side, (n,))
 
     def image(row):
-        return [None if x is None else side * x for x in row]
+        return [None if x is None else unit * x for unit, x in zip(side, row, strict=True)]
 
     def pushed(q, v, t):
-        return [sign * side * x for x in force(side * q, way * side * v, way * t)]
+        given = force(q / side, v * (way / side), t / way)
+        return [sign / unit * x for unit, x in zip(side, given, strict=True)]
 
     system = System(
-        lambda q, v, t: sign * lagrangian(side * q, way * side * v, way * t),
+        lambda q, v, t: sign * lagrangian(q / side, v * (way / side), t / way),
         ["x", "y", "z"][:n],
-        constraint=None if constraint is None else lambda q, t: constraint(side * q, way * t),
+        constraint=None if constraint is None else lambda q, t: constraint(q / side, t / way),
         force=None if force is None else pushed,
     )
+    if "mesh" in options:
+        mesh = options["mesh"]
+        options = {"mesh": Mesh(abs(way) * mesh.boundaries, mesh.degrees)}
+    T = abs(way) * T
     last = Periodic(T) if end is None else Event(T, image(end))
     return Problem(system, Event(0.0, image(start)), last), options
 
@@ -193,8 +201,75 @@ def test_an_action_of_the_other_sign_has_the_same_stationary_paths(name):
     assert (here.action, here.error) == (-there.action, there.error)
     assert flat(figures(here)) == flat(figures(there))
     one, other = (solution.compare() for solution in found)
+    if name in UNFORCED:
+        rates = [form(solution.discrete).frequency for solution in found]
+        assert rates[1] == pytest.approx(rates[0], rel=SAME)
     if name in EXACT:
         assert [getattr(one, key) for key in NUMBERS] == [getattr(other, key) for key in NUMBERS]
+
+
+UNITS = {
+    # name: of the coordinates, L and time; powers of four for L, which change no digit of a root
+    "small": (2.0 ** np.array([-20, 13, 5]), 2.0**-40, 2.0**-30),
+    "large": (2.0 ** np.array([30, -5, 11]), 2.0**24, 2.0**20),
+}
+# What is closed has no size that its ends could tell, and a decomposition rounds as it likes.
+IN_UNITS = [name for name in EXACT if name not in ("closed", "pulse", "valley")]
+
+
+@pytest.mark.parametrize("units", UNITS)
+@pytest.mark.parametrize("name", IN_UNITS)
+def test_in_other_units_all_that_was_done_is_the_same(name, units, both):
+    side, sign, way = UNITS[units]
+    here, n = both(name)[0], CASES[name][1]
+    side = side[:n]
+    problem, options = problem_of(name, side, sign, way)
+    there = ao.solve(problem, tol=1e-8, **options)
+    assert here.status is there.status and here.mesh.degrees == there.mesh.degrees
+    assert np.array_equal(here.mesh.boundaries * way, there.mesh.boundaries)
+    assert np.array_equal(here.path.values * side[:, None], there.path.values)
+    assert (here.action * sign * way, here.error) == (there.action, there.error)
+    assert flat(figures(here)) == flat(figures(there))
+    one, other = here.compare(), there.compare()
+    assert [getattr(one, key) for key in NUMBERS] == [getattr(other, key) for key in NUMBERS]
+    if name not in UNFORCED:
+        return
+    assert (here.inertia.index, here.inertia.nullity) == (
+        there.inertia.index,
+        there.inertia.nullity,
+    )
+    low = second_variation(here, 3).eigenvalues
+    high = second_variation(there, 3, units=side).eigenvalues / sign
+    assert high == pytest.approx(low, rel=SAME, abs=SAME * np.max(np.abs(low)))
+    assert [c.t / way for c in conjugate_points(there)] == pytest.approx(
+        [c.t for c in conjugate_points(here)], rel=1e-9
+    )
+    first, second = here.sensitivity(), there.sensitivity()
+    action = sign * way
+    for row, unit in (("q0", side), ("q1", side), ("t0", way), ("t1", way)):
+        a, b = getattr(first, row), np.array(getattr(second, row)) * unit / action
+        assert np.allclose(a, b, rtol=SAME, atol=SAME * np.max(np.abs(a)))
+    for row in ("q0q0", "q0q1", "q1q1"):
+        a, b = getattr(first, row), getattr(second, row) * np.outer(side, side) / action
+        assert np.allclose(a, b, rtol=SAME, atol=SAME * np.max(np.abs(a)))
+
+
+@pytest.mark.parametrize("units", UNITS)
+@pytest.mark.parametrize("name", ["pendulum", "step", "far", "drag", "sphere"])
+def test_a_motion_is_followed_alike_in_other_units(name, units, both):
+    side, sign, way = UNITS[units]
+    solution, n = both(name)[0], CASES[name][1]
+    side = np.full(n, side[0]) if name == "sphere" else side[:n]  # its row is made of all of them
+    paths = []
+    for units in ((np.ones(n), 1.0, 1.0), (side, sign, way)):
+        system = problem_of(name, *units)[0].system
+        start = State(0.0, units[0] * solution.start.q, units[0] / units[2] * solution.start.v)
+        paths.append(ao.integrate(system, start, units[2] * solution.problem.duration, tol=1e-9))
+    one, other = paths
+    assert one.mesh.degrees == other.mesh.degrees
+    assert np.allclose(one.mesh.boundaries * way, other.mesh.boundaries, rtol=1e-14, atol=0)
+    apart = np.abs(one.values - other.values / side[:, None])
+    assert np.max(apart) <= 1e-10 * np.max(np.abs(one.values))
 
 
 # -- parts of a search and of a comparison ---------------------------------------------------

@@ -161,3 +161,8 @@ def test_boundaries_nearer_to_zero_than_the_first_may_be_next_to_each_other():
     mesh = Mesh([-3.0, np.nextafter(a, 0.0), a, 4.0], 2)
     assert np.all(np.diff(mesh.since) > 0)
     assert mesh.boundaries[1] < mesh.boundaries[2] == a
+
+
+def test_a_mesh_shows_its_lowest_and_highest_degree():
+    assert "degree 4," in repr(Mesh([0.0, 1.0, 2.0], [4, 4]))
+    assert "degrees 3 to 5," in repr(Mesh([0.0, 1.0, 2.0, 3.0], [4, 5, 3]))

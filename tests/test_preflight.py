@@ -222,6 +222,15 @@ def test_redundant_rows_of_any_units():
         )
 
 
+def test_rows_that_depend_on_each_other_at_one_time_pass():
+    """The first one looked at, a quarter on the way, where both gradients are the same."""
+    system = constrained(lambda q, t: [q[0] - q[1], q[0] - q[1] + (t - 0.25) * (q[2] - t)])
+    problem = Problem(system, *line(3))
+    tr = Transcription(problem, Mesh.uniform(0.0, 1.0, 4, 4), problem.lengths)
+    assert tr.mesh.nodes[4] == 0.25
+    check(tr, tr.straight())
+
+
 def test_independent_rows_pass():
     solution = ao.solve(
         Problem(constrained(lambda q, t: [q[0] - q[1], 1e6 * (q[1] + q[2] - 2 * t)]), *line(3))

@@ -262,3 +262,14 @@ def test_conserved_energy_and_its_rate():
     shaken = solved("oscillating_wall", tol=1e-12)
     H = shaken.energy(np.linspace(0, shaken.problem.end.t, 51))
     assert np.ptp(H) > 0.1
+
+
+def test_errors_of_velocities_are_relative_to_the_largest():
+    """x = cos t over three turns is fast where it passes zero and at rest where it turns."""
+    system = System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
+    T = 6 * np.pi + 0.5
+    problem = Problem(system, Event(0.0, [1.0]), Event(T, [np.cos(T)]))
+    solution = ao.solve(problem, mesh=Mesh.uniform(0.0, T, 12, 8))
+    t = np.linspace(0.0, T, 400)
+    true = np.max(np.abs(solution.velocity(t)[0] + np.sin(t)))
+    assert true <= solution.velocity_error <= 100 * true

@@ -386,6 +386,21 @@ def test_numbers_may_be_rounded_and_not_changed(own, what, side, tmp_path):
         moved(side * much)
 
 
+@pytest.mark.parametrize("level", [1e3, -1e3])
+def test_momenta_may_be_rounded_by_their_size_whatever_their_sign(level, tmp_path):
+    """A total time derivative adds a constant to all momenta and nothing to the action's unit."""
+    system = System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2 + level * v[0], ["x"])
+    solution = ao.solve(Problem(system, Event(0.0, 0.3), Event(1.0, -0.2)))
+
+    def moved(by):
+        file = saved(solution, tmp_path / "level.npz", momenta=lambda p: p * (1 + by))
+        return ao.load(file, system)
+
+    assert moved(1e-7).success
+    with pytest.raises(ValueError, match="expected the momenta of the system"):
+        moved(1e-5)
+
+
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_velocities_far_from_those_of_the_path_are_refused_without_a_system(own, side, tmp_path):
     size = np.max(np.abs(own.velocity(own.mesh.nodes)))

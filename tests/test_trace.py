@@ -266,3 +266,14 @@ def test_where_a_branch_will_be_infinite(before, now, goal, pole, part, monkeypa
     here, there = (Point(None, None, s, None) for s in (before[0], now[0]))
     found = run._pole(here, there)
     assert found == (None if pole is None else pytest.approx(pole, abs=1e-7))
+
+
+def test_paths_that_end_on_the_way_end_the_trace():
+    system = ao.System(
+        lambda q, v, t, *, a: v[0] ** 2 / 2 - np.sqrt(1 - a) * q[0] ** 2 / 2,
+        ["x"],
+        parameters={"a": 0.9},
+    )
+    found = ao.trace(ao.Problem(system, ao.Event(0.0, [1.0]), ao.Event(1.0, [0.5])), "a", 2.0)
+    assert "no step, however short" in found.stopped
+    assert found.values[-1] == pytest.approx(1.0, abs=1e-3) and found.values[-1] <= 1

@@ -589,3 +589,16 @@ def test_a_signal_handler_may_return_and_may_be_replaced(monkeypatch):
     finally:
         signal.signal(signal.SIGALRM, before)
     assert heard[:2] == ["first", "again"]
+
+
+def test_magnitudes_are_those_of_coordinates_far_from_zero_and_one_of_multipliers():
+    system = System(
+        lambda q, v, t: (v[0] ** 2 + v[1] ** 2) / 2,
+        ["x", "y"],
+        constraint=lambda q, t: q[0] - q[1],
+    )
+    problem = Problem(system, Event(0.0, [-1e6, -1e6]), Event(1.0, [-1e6 + 1, -1e6 + 1]))
+    tr = Transcription(problem, Mesh.uniform(0.0, 1.0, 2, 4), problem.lengths)
+    far = tr.magnitudes[: tr.layout.unknowns]
+    assert far == pytest.approx(1 + 1e6 / np.tile(tr.lengths, far.size // 2), rel=1e-5)
+    assert np.all(tr.magnitudes[tr.layout.unknowns :] == 1) and tr.layout.size > far.size

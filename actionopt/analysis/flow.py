@@ -171,7 +171,9 @@ class Flow:
         K = np.block([[M, -G.T], [G, np.zeros((m, m))]])
         r = np.ones(n + m)
         if np.all(np.isfinite(K)) and np.all(np.any(K != 0, axis=1)):
-            for _ in range(5):  # Ruiz scaling
+            # Ruiz's scaling stops where each row has one large entry, be M ever so small in it.
+            r[n:] = (np.max(np.abs(M)) or 1.0) / np.max(np.abs(G), axis=1)
+            for _ in range(5):
                 r /= np.sqrt(np.max(np.abs(K * r * r[:, None]), axis=1))
             if np.linalg.cond(K * r * r[:, None]) < CONDITION:
                 return r
