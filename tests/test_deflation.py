@@ -52,3 +52,23 @@ def test_what_is_found_is_stationary_to_rounding():
     found = deflated(tr, tr.pack(0.3 * np.sin(np.pi * mesh.nodes)[:, None]), [])
     assert found is not None
     assert np.max(np.abs(tr.residual(found))) < 1e-12
+
+
+def test_steps_are_those_of_newtons_method_for_the_deflated_residual(monkeypatch):
+    """(1 + 1 / |z - known|^2) R(z), linearised by differences, with the mean square for a norm."""
+    mesh = Mesh.uniform(0.0, 1.0, 2, 5)
+    tr = Transcription(Problem(SLIDE, Event(0.0, [0.0]), Event(1.0, [0.0])), mesh, np.ones(1))
+    first = follow(tr, tr.pack(bratu(1.0)[0](mesh.nodes)[:, None])).z
+    asked = []
+    residual = tr.residual
+    monkeypatch.setattr(tr, "residual", lambda z: asked.append(z) or residual(z))
+    deflated(tr, first + 0.3 * np.sin(np.arange(1.0, first.size + 1)), [first])
+    z, then = asked[:2]
+
+    def held(z):
+        return (1 + 1 / np.mean((z - first) ** 2)) * residual(z)
+
+    sides = [held(z + 1e-6 * row) - held(z - 1e-6 * row) for row in np.eye(z.size)]
+    step = -np.linalg.solve(np.transpose(sides) / 2e-6, held(z))
+    assert np.max(np.abs(step)) < 1.0  # longer ones are cut
+    assert then - z == pytest.approx(step, rel=1e-5, abs=1e-8)

@@ -272,6 +272,53 @@ def test_a_motion_is_followed_alike_in_other_units(name, units, both):
     assert np.max(apart) <= 1e-10 * np.max(np.abs(one.values))
 
 
+def told(problem, tol=1e-8):
+    """Return all that is told of a path, of its neighbours and of the motion, as numbers."""
+    found = ao.solve(problem, tol=tol)
+    compared, sensitive = found.compare(), found.sensitivity()
+    t = np.linspace(0.0, problem.duration, 6).reshape(2, 3)
+    given = dict(problem.parameters)
+    start = State(0.0, found.start.q, found.start.v)
+    motion = ao.integrate(problem.system, start, problem.duration, parameters=given)
+    row = [found.action, found.error, found.velocity_error, found.energy(t), found.momentum(t)]
+    row += [found.acceleration(t), found.inertia.index, found.inertia.tolerance]
+    row += [compared.position, compared.velocity, compared.local, compared.energy_drift]
+    row += [compared.allowed, compared.amplified]
+    row += [second_variation(found, 2).eigenvalues, [c.t for c in conjugate_points(found)]]
+    row += [getattr(sensitive, x) for x in ("q0", "q1", "t0", "t1", "q0q1", "q1q1")]
+    row += [sensitive.parameters["g"], sensitive.parameters["m"], motion.values]
+    if problem.system.m:
+        row += [found.multipliers(t), found.multiplier_error, found.constraint_force(t)]
+    return np.concatenate([np.ravel(x) for x in row])
+
+
+@pytest.mark.parametrize("rod", [False, True], ids=["swing", "rod"])
+def test_parameters_of_the_problem_are_told_of_as_if_they_were_the_systems_own(rod):
+    """Where one is not handed on, the system's own value is taken."""
+
+    def swing(q, v, t, *, m, g):
+        return m * v[0] ** 2 * (1 + q[0] ** 2 / 10) / 2 + g * np.cos(q[0] + 0.1 * t)
+
+    def hung(q, v, t, *, m, g):
+        return m * (v @ v) / 2 - m * g * q[1] * (1 + 0.1 * t)
+
+    a, b = 0.3, -1.1
+    if rod:
+        laws = hung, ["x", "y"], lambda q, t, *, g: q @ q - (g / 10 + t / 9) ** 2
+        ends = [[r * np.sin(x), -r * np.cos(x)] for r, x in ((0.9, a), (0.9 + 1.5 / 9, b))]
+    else:
+        laws, ends = (swing, ["angle"], None), ([a], [b])
+
+    def problem(own, given):
+        system = System(laws[0], laws[1], parameters=own, constraint=laws[2])
+        return Problem(system, Event(0.0, ends[0]), Event(1.5, ends[1]), parameters=given)
+
+    asked = {"m": 1.7, "g": 9.0}
+    assert told(problem({"m": 1.0, "g": 4.0}, asked)) == pytest.approx(
+        told(problem(asked, {})), rel=1e-9, abs=1e-14, nan_ok=True
+    )
+
+
 # -- parts of a search and of a comparison ---------------------------------------------------
 
 

@@ -166,3 +166,13 @@ def test_boundaries_nearer_to_zero_than_the_first_may_be_next_to_each_other():
 def test_a_mesh_shows_its_lowest_and_highest_degree():
     assert "degree 4," in repr(Mesh([0.0, 1.0, 2.0], [4, 4]))
     assert "degrees 3 to 5," in repr(Mesh([0.0, 1.0, 2.0, 3.0], [4, 5, 3]))
+
+
+def test_tables_of_a_path_are_read_only_and_its_own():
+    mesh, given = Mesh([0.0, 1.0], 2), np.array([[0.0, 1.0, 2.0]])
+    path = Path(mesh, given, velocities=2 * given)
+    given[0, 1] = 5.0
+    assert path.values[0, 1] == 1.0
+    for table in (path.values, path.velocities):
+        with pytest.raises(ValueError, match="read-only"):
+            table[0, 0] = 1.0

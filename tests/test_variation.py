@@ -150,3 +150,12 @@ def test_what_is_no_variation_is_refused():
     forced = ao.solve(scenes.get("damped_oscillator").problem)
     with pytest.raises(ValueError, match="non-conservative"):
         variation(forced, bump(forced.problem))
+
+
+@pytest.mark.parametrize("torn", [0, 1])
+def test_every_coordinate_of_a_closed_path_has_to_close(torn):
+    system = ao.System(lambda q, v, t: (v @ v - 2 * q @ q) / 2 + np.cos(t) * q[0], ["x", "y"])
+    problem = ao.Problem(system, ao.Event(0.0, [None, None]), ao.Periodic(2 * np.pi))
+    solution = ao.solve(problem)
+    with pytest.raises(ValueError, match=f"found that {'xy'[torn]} differs by"):
+        variation(solution, lambda t: np.stack([np.cos(t) + (k == torn) * t / 3 for k in (0, 1)]))

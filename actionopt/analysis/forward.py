@@ -475,7 +475,7 @@ def _check_on_surface(flow: Flow, state: State, span: float) -> None:
     length = np.where(state.q != 0, np.abs(state.q), np.max(np.abs(state.q)))
     scale = np.abs(G) @ length + np.abs(f_t * span)
     rate = G @ state.v + f_t
-    rate_scale = np.abs(G) @ np.abs(state.v) + np.abs(f_t) + scale / abs(span)
+    rate_scale = np.abs(G) @ np.abs(state.v) + scale / abs(span)
     for what, found, size, remedy in (
         ("on the constraint surface", f, scale, "move it onto f(q, t) = 0"),
         ("moving along it", rate, rate_scale, "choose v with G v = -df/dt"),

@@ -75,7 +75,7 @@ def descend(tr: Transcription, z: Array) -> Descended:
                 if lower <= action + DECREASE * float(gradient @ step):
                     break
                 mu = max(RAISE * mu, FIRST)
-                if mu > LARGEST or count > STEPS:
+                if mu > LARGEST:
                     return Descended(z, False, False, count)
                 factors = Factors(tr.layout, H + mu * K)
             z, action, gradient = trial, lower, tr.gradient(trial)
