@@ -33,7 +33,7 @@ def test_memory_of_large_numbers_of_times_is_not_kept():
     for count in range(400_000, 400_004):
         q, v, t = states(count)
         system.energy(q, v, t)
-        assert kept(system.pointwise("energy")) <= compiled.WHOLE
+        assert kept(system.pointwise("energy")) <= compiled.AT_ONCE
 
 
 @pytest.mark.parametrize("name", ["first", "energy", "second"])
@@ -47,7 +47,7 @@ def test_memory_of_many_numbers_of_times_is_bounded(monkeypatch, name):
         values = function(q.T, v.T, t[:, None], p)
         asked += q.size + v.size + t.size + sum(x.size for x in values)
         assert kept(function) <= compiled.KEPT
-        assert len(function._memory.ready) <= compiled.KEPT // compiled.LEAST
+        assert len(function._memory.ready) <= compiled.KEPT // compiled.OVERHEAD
         assert count in function._memory.ready  # the latest is there to be used again
     assert asked > 2 * compiled.KEPT
 
@@ -58,7 +58,7 @@ def test_parts_give_what_the_whole_gives(monkeypatch):
     names = ("value", "first", "second", "energy")
     whole = {name: new().pointwise(name)(*arguments) for name in names}
     for size in (1, 17, 120):
-        monkeypatch.setattr(compiled, "WHOLE", size)
+        monkeypatch.setattr(compiled, "AT_ONCE", size)
         system = new()
         for name in names:
             function = system.pointwise(name)

@@ -43,7 +43,7 @@ STORED = {
 def stored(request, monkeypatch):
     elements, inner = STORED[request.param]
     if inner is not None:
-        monkeypatch.setattr("actionopt.discrete.layout.INNER", inner)
+        monkeypatch.setattr("actionopt.discrete.layout.BLOCK_SIZE", inner)
     return request.param, elements
 
 
@@ -83,7 +83,7 @@ def test_solutions_are_those_of_a_dense_solver(kind, stored, many):
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("elements", [1, 2, 3, 12, 41, 80])
 def test_condensation_alone_solves_to_rounding(monkeypatch, kind, elements):
-    monkeypatch.setattr("actionopt.discrete.layout.SMALL", 0)
+    monkeypatch.setattr("actionopt.discrete.layout.FULL_SIZE", 0)
     layout, nonzeros, dense = matrix_of(kind, ("blocks", elements))
     right = np.random.default_rng(3).normal(size=layout.size)
     found = Condensed(layout.blocks, nonzeros).solve(right)

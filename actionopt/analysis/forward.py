@@ -16,13 +16,13 @@ from numpy.typing import ArrayLike
 
 from actionopt.analysis.flow import LONGEST, NOISE, Flow, IntegrationError, Units, span_within
 from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.path import ROUNDOFF, Path
+from actionopt.discrete.path import Path
 from actionopt.mechanics.instants import Instant
 from actionopt.mechanics.jumps import across, jumps
 from actionopt.mechanics.problem import SURFACE_TOLERANCE, State
 from actionopt.mechanics.system import System
 from actionopt.tools.checks import number, tolerance
-from actionopt.tools.types import Array, NDInt
+from actionopt.tools.types import EPS, Array, NDInt
 
 DEGREE = 12  # of the elements of the path
 ROUNDS = 12  # of splitting elements before giving up
@@ -426,7 +426,7 @@ def _tails(mesh: Mesh, table: Array) -> Array:
         rates = np.max(np.abs(values @ g.rule.derivative.T), axis=2) * (
             2 / mesh.lengths[g.elements]
         )
-        tails[g.elements] = np.max(last - ROUNDOFF * rates, axis=0, initial=0.0)
+        tails[g.elements] = np.max(last - 16 * EPS * rates, axis=0, initial=0.0)
     return tails
 
 

@@ -19,7 +19,9 @@ import numpy as np
 from actionopt.discrete.mesh import Group
 from actionopt.tools.types import Array, NDInt
 
-SMALL = 100  # rows of the matrix between elements that are inverted whole
+# Rows up to which one full matrix is quicker than blocks, n^3 in LAPACK against calls from Python:
+# where two costs cross, never timed with care.
+FULL_SIZE = 100
 
 
 class Blocks:
@@ -165,7 +167,7 @@ class Condensed:
             (U if side == 0 else V)[side][gone] = 0.0
             (V if side == 0 else U)[side][:, gone] = 0.0
         self.levels: list[_Level] = []
-        while D.shape[0] * f > SMALL and D.shape[0] > 2:
+        while D.shape[0] * f > FULL_SIZE and D.shape[0] > 2:
             level = _Level.of(D, U, V)
             self.levels.append(level)
             D, U, V = level.rest

@@ -6,10 +6,9 @@ import numpy as np
 
 from actionopt.discrete.mesh import Mesh
 from actionopt.mechanics.instants import Instant
-from actionopt.tools.types import Array
+from actionopt.tools.types import EPS, Array
 
-ROUNDOFF = 4 * float(np.finfo(float).eps)
-NEAR = 0.25  # of an element: a boundary that is nearer to an instant is moved there
+SNAPPED = 0.25  # of an element: a boundary that is nearer to an instant is moved there; ad hoc
 
 
 def moved(
@@ -37,7 +36,7 @@ def bounded(mesh: Mesh, known: tuple[Instant, ...]) -> Mesh:
     new = at[apart.min(axis=1, initial=np.inf) > slack]
     if not new.size:
         return mesh
-    reach = NEAR * np.minimum(mesh.lengths[:-1], mesh.lengths[1:])
+    reach = SNAPPED * np.minimum(mesh.lengths[:-1], mesh.lengths[1:])
     inner = np.abs(new[:, None] - b[1:-1]).min(axis=0) > reach
     inner |= apart[:, 1:-1].min(axis=0) <= slack  # those at other instants stay
     since = np.sort(np.concatenate([b[:1], b[1:-1][inner], new, b[-1:]]))
@@ -64,4 +63,4 @@ def _inside(known: tuple[Instant, ...], start: float, duration: float, slack: fl
 
 def _slack(mesh: Mesh) -> float:
     """Return the round-off of the times of boundaries."""
-    return ROUNDOFF * max(abs(mesh.boundaries[0]), abs(mesh.boundaries[-1]), mesh.duration)
+    return 4 * EPS * max(abs(mesh.boundaries[0]), abs(mesh.boundaries[-1]), mesh.duration)

@@ -13,11 +13,11 @@ import numpy as np
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.switches import Switches
+from actionopt.mechanics.tracing import SAMPLES
 from actionopt.tools.types import Array
 
-SAMPLES = 2500  # of a path, where it may cross
-BISECTIONS = 60
-CONTINUOUS = 1e-9  # of the largest |L| along the path: branches this close meet
+BISECTIONS = 60  # between two samples there are no more floats to halve
+CONTINUOUS = 1e-9  # of the largest |L| along the path: branches this close meet; ad hoc
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,14 +20,16 @@ from actionopt.discrete.blocks import Condensed
 from actionopt.discrete.layout import Layout
 from actionopt.tools.types import Array
 
+# The first three are where two costs cross, never timed with care. The others are ad hoc: a third
+# of each or three times as much (but `REFINEMENTS`) changes no iteration on any scene.
 TINY = 50  # unknowns and rows of a full matrix of which two solutions cost more than its inverse
 SLIM = 3  # coordinates and constraints up to which sparse factors take less time than blocks
 PATTERN = 2000  # unknowns and rows up to which finding their pattern takes little memory
 REGULAR = 1e-10  # on the rows' diagonal, whose gradients are of size one
-REFINEMENTS = 6
+REFINEMENTS = 6  # each leaves half of the residual at most
 ACCURATE = 1e-10  # residual relative to |b| that is enough: Newton's method corrects the rest
 USEFUL = 1e-8  # residual above which the factors are given up
-ROUNDOFF = 1e-13  # residual relative to |K| |x| that no refinement removes
+RESIDUAL_FLOOR = 1e-13  # residual relative to |K| |x| that no refinement removes
 
 
 class Factors:
@@ -143,7 +145,9 @@ class Factors:
             if left <= ACCURATE * size:
                 return x
         norm = float(np.max(np.abs(self.nonzeros)))
-        return x if last <= USEFUL * size + ROUNDOFF * norm * float(np.max(np.abs(x))) else None
+        return (
+            x if last <= USEFUL * size + RESIDUAL_FLOOR * norm * float(np.max(np.abs(x))) else None
+        )
 
 
 def product(layout: Layout, nonzeros: Array, z: Array) -> Array:

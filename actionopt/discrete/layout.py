@@ -14,7 +14,7 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 
-from actionopt.discrete.blocks import Blocks
+from actionopt.discrete.blocks import FULL_SIZE, Blocks
 from actionopt.discrete.mesh import Mesh
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
@@ -112,12 +112,12 @@ class Layout:
     def storage(self) -> Literal["blocks", "sparse"]:
         """How the KKT matrix is stored: many coordinates make blocks large and mostly zeros."""
         inner = (self.system.n + self.system.m) * (max(g.rule.degree for g in self.groups) - 1)
-        return "blocks" if inner <= INNER and not self.closed else "sparse"
+        return "blocks" if inner <= BLOCK_SIZE and not self.closed else "sparse"
 
     @cached_property
     def small(self) -> bool:
         """Whether the blocks are best put together in one full matrix to solve with."""
-        return self.storage == "blocks" and self.size <= SMALL
+        return self.storage == "blocks" and self.size <= FULL_SIZE
 
     @cached_property
     def condensed(self) -> bool:
@@ -230,8 +230,8 @@ class _Solvers(threading.local):
         self.kinds: dict[str, Any] = {}
 
 
-SMALL = 100  # unknowns and rows up to which a full matrix is the quickest
-INNER = 160  # unknowns and rows within an element up to which its block is
+# Unknowns and rows within an element up to which its block is worth its zeros. Ad hoc.
+BLOCK_SIZE = 160
 _EMPTY = (np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp))
 
 
@@ -279,7 +279,7 @@ class Pattern:
         return ca.Sparsity(*self.shape, colind.tolist(), self.row.tolist())
 
 
-KEPT = 32  # layouts of a system, the latest used: a large one holds much memory
+LAYOUTS_KEPT = 32  # of a system, the latest used: a large one holds much memory; ad hoc
 
 
 def layout_for(problem: Problem, mesh: Mesh) -> Layout:
@@ -290,6 +290,6 @@ def layout_for(problem: Problem, mesh: Mesh) -> Layout:
     with problem.system.lock:
         layout = known.pop(key, None) or Layout(problem.system, mesh, *key[1:])
         known[key] = layout
-        while len(known) > KEPT:
+        while len(known) > LAYOUTS_KEPT:
             del known[next(iter(known))]
     return layout

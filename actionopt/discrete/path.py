@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt.discrete.mesh import Mesh
-from actionopt.tools.types import Array
+from actionopt.tools.types import EPS, Array
 
-ROUNDOFF = 16 * np.finfo(float).eps
+# A time that a user computes from the ends in a few operations may miss them by some spacings.
+TIME_SLACK = 16 * EPS
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +109,7 @@ class Path:
         times = np.asarray(t, dtype=float)
         flat = times.reshape(-1)
         b = self.mesh.boundaries
-        slack = ROUNDOFF * max(abs(b[0]), abs(b[-1]), b[-1] - b[0])
+        slack = TIME_SLACK * max(abs(b[0]), abs(b[-1]), b[-1] - b[0])
         if flat.size and not (flat.min() >= b[0] - slack and flat.max() <= b[-1] + slack):
             raise ValueError(
                 f"expected times within [{b[0]}, {b[-1]}], found "

@@ -7,8 +7,11 @@ import numpy as np
 from actionopt.discrete.transcription import Transcription
 from actionopt.tools.types import Array
 
-PROJECTIONS = 12
-MANY = 300  # constraints above which dense projections cost more than a start off the surface
+# Ad hoc, all of them.
+PROJECTIONS = 12  # Gauss-Newton steps, which converge quadratically where they do
+RIDGE = 1e-10  # of the trace of G G': dependent constraints leave their common direction alone
+PROJECTED = 1e-8  # a step of this size is the last: the next would be its square
+DENSE_ROWS = 300  # constraints above which dense projections cost more than a start off the surface
 
 
 def project(tr: Transcription, Q: Array) -> Array:
@@ -20,7 +23,7 @@ def project(tr: Transcription, Q: Array) -> Array:
     problem, layout = tr.problem, tr.layout
     system = problem.system
     at = layout.row_nodes
-    if system.m > MANY or not at.size:
+    if system.m > DENSE_ROWS or not at.size:
         return Q
     t = tr.mesh.nodes[at][:, None]
     free = (layout.number[at] >= 0) * tr.lengths  # pinned coordinates do not move
@@ -31,14 +34,14 @@ def project(tr: Transcription, Q: Array) -> Array:
         f = system.pointwise("constraint")(q, t, problem.packed)[0].copy()
         G = jacobian.full(0, jacobian(q, t, problem.packed)[0]) * free[:, None, :]
         gram = G @ np.swapaxes(G, 1, 2)
-        ridge = 1e-10 * np.trace(gram, axis1=1, axis2=2)[:, None, None] + np.finfo(float).tiny
+        ridge = RIDGE * np.trace(gram, axis1=1, axis2=2)[:, None, None] + np.finfo(float).tiny
         step = np.linalg.solve(gram + ridge * np.eye(system.m), f[..., None])
         move = (np.swapaxes(G, 1, 2) @ step)[..., 0]
         # No farther at once than the coordinates' own size: the surface may be nearly flat.
         long = np.maximum(np.max(np.abs(move), axis=1, keepdims=True), 1.0)
         q = q - free * move / long
         last, miss = miss, float(np.max(np.abs(move)))
-        if miss < 1e-8 or miss > 2 * last:
+        if miss < PROJECTED or miss > 2 * last:
             break
     moved = Q.copy()
     good = np.isfinite(q).all(axis=1)

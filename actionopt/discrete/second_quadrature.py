@@ -3,8 +3,8 @@
 A path is sampled where its nodes are. Forces that vary faster than it does (a narrow pulse, a kink
 where a node happens to be, a total time derivative that should cancel) may be missed there, and
 nothing in the path tells. Summed over other points its equations then no longer hold. The other
-points leave no gap in which a narrow feature could hide (`laws.SAMPLES`), whatever the elements are
-and the tolerance is.
+points leave no gap in which a narrow feature could hide (`tracing.SAMPLES`), whatever the elements
+and the tolerance are.
 """
 
 from __future__ import annotations
@@ -18,9 +18,12 @@ from actionopt.discrete.action import Action
 from actionopt.tools.lobatto import Sampling
 from actionopt.tools.types import Array, NDInt
 
-PANELS = np.unique([2**k * f for k in range(13) for f in (1, 3)])  # few kinds of elements
-SHARE, PARTS = 0.1, 4  # of what the worst element misses that one is cut for, and in how many
-PEAK = 0.05  # of what is missed at the worst panel of an element: more is part of what hides there
+PANEL_COUNTS = np.unique([2**k * f for k in range(13) for f in (1, 3)])  # few kinds of elements
+# Ad hoc. A third of the shares or three times as much, or 2 to 8 parts: 2 % of the unknowns and two
+# meshes of a hundred on the scenes.
+CUT_SHARE = 0.1  # of what the worst element misses, for which one is cut
+CUT_PARTS = 4  # in so many
+PEAK_SHARE = 0.05  # of the worst panel of an element: one that misses more is of the same feature
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +64,9 @@ def batches(tr: Action) -> list[Batch]:
         panels = np.zeros(half.size, dtype=int)  # a few points between the nodes will do
         if structure.samples:
             count = half.ravel() * (2 * structure.samples / (mesh.duration * g.rule.panel))
-            panels = PANELS[np.minimum(np.searchsorted(PANELS, count), PANELS.size - 1)]
+            panels = PANEL_COUNTS[
+                np.minimum(np.searchsorted(PANEL_COUNTS, count), PANEL_COUNTS.size - 1)
+            ]
             panels = np.where(panels > 1, panels, 0)
         kinds = set(panels.tolist())
         at = tr.layout.scatter[n * g.span.start : n * g.span.stop].reshape(half.size, -1)
@@ -124,20 +129,20 @@ def cuts(tr: Action, batches: list[Batch], x: Array) -> list[Array]:
     be a kink: that of a motion with a symmetry is where two parts meet.
     """
     shares = uneven(tr, batches, x)
-    coarse = shares > SHARE * shares.max()
+    coarse = shares > CUT_SHARE * shares.max()
     b = tr.mesh.since
     found = [np.zeros(0)] * tr.mesh.elements
     for e in np.flatnonzero(coarse):
-        found[e] = np.linspace(b[e], b[e + 1], PARTS + 1)[1:-1]
+        found[e] = np.linspace(b[e], b[e + 1], CUT_PARTS + 1)[1:-1]
     if not tr.problem.system.structure.smooth:
         return found
     for batch, values in _sampled(tr, x, batches):
-        if batch.panels < PARTS:
+        if batch.panels < CUT_PARTS:
             continue
         hidden = _hidden(tr, x, batch, values)
         for e, panels in zip(batch.elements, hidden, strict=True):
-            out = panels > PEAK * panels.max()
-            if coarse[e] and out.sum() <= batch.panels / PARTS:
+            out = panels > PEAK_SHARE * panels.max()
+            if coarse[e] and out.sum() <= batch.panels / CUT_PARTS:
                 edges = 1 + np.flatnonzero(np.diff(out))  # of what stands out
                 found[e] = b[e] + (b[e + 1] - b[e]) * edges / batch.panels
     return found

@@ -11,10 +11,12 @@ import numpy as np
 
 from actionopt.tools.types import Array
 
-WHOLE = 2**18  # numbers up to which all times are evaluated in one call: 2 MB
+# Ad hoc, as sizes of memory: what fits a processor's cache, and what nobody misses.
+AT_ONCE = 2**18  # numbers up to which all times are evaluated in one call: 2 MB
 KEPT = 2**21  # numbers in the memory that a thread keeps for a function: 16 MB
-LEAST = 2**11  # that the smallest memory counts for: its CasADi function takes about as much
-PART, PARTED = 32, 256  # times mapped first, of how many: built in half the time, as fast to call
+OVERHEAD = 2**11  # that the smallest memory counts for: its CasADi function takes about as much
+# Measured: times mapped first, of how many or more: built in half the time, as fast to call.
+PART, PARTED = 32, 256
 
 
 class Pointwise:
@@ -93,7 +95,7 @@ class Pointwise:
     @cached_property
     def _whole(self) -> int:
         """How many times are evaluated in one call."""
-        return max(WHOLE // self._numbers, 1)
+        return max(AT_ONCE // self._numbers, 1)
 
     def _in_parts(self, count: int, arguments: tuple[Array, ...]) -> list[Array]:
         """Evaluate at more times than memory is kept for, or at none, in memory for this once."""
@@ -132,8 +134,8 @@ class _Memory(threading.local):
     def keep(self, count: int, ready: tuple, numbers: int) -> None:
         """Keep what is ready for `count` times, of so many numbers each."""
         self.ready[count] = ready
-        self.size += max(count * numbers, LEAST)
+        self.size += max(count * numbers, OVERHEAD)
         while self.size > KEPT and len(self.ready) > 1:
             oldest = next(iter(self.ready))
             del self.ready[oldest]
-            self.size -= max(oldest * numbers, LEAST)
+            self.size -= max(oldest * numbers, OVERHEAD)

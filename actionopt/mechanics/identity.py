@@ -15,24 +15,26 @@ import numpy as np
 
 from actionopt.tools.types import Array
 
-POINTS = 24
-DECADES = (-8, -4, 0, 4, 8)  # sizes of coordinates and velocities: atoms to planets, any units
-ROUNDING = 1e-10  # what a sum that is zero leaves of its terms, generously
-SEED = 20180612
+GENERIC = 24  # points; ad hoc: one would do for a function that is analytic and finite there
+SIZE_DECADES = (-8, -4, 0, 4, 8)  # sizes of coordinates and velocities: atoms to planets, any units
+# What a sum that is zero leaves of its terms. Confessed: the geometric middle of the round-off of
+# some thousand operations, 1e-13, and a term of another that is meant, 1e-7.
+CANCELLED = 1e-10
+POINTS_SEED = 20180612  # any number
 
 
-def general_points(count: int, points: int = POINTS) -> Array:
+def general_points(count: int, points: int = GENERIC) -> Array:
     """Return the same points in general position every time, (points, count), of size one."""
-    return np.random.default_rng(SEED).standard_normal((points, count))
+    return np.random.default_rng(POINTS_SEED).standard_normal((points, count))
 
 
-def general_states(n: int, points: int = POINTS) -> tuple[Array, Array, Array]:
+def general_states(n: int, points: int = GENERIC) -> tuple[Array, Array, Array]:
     """Return q, v (K, n) and t (K, 1) in general position, the first `points` of size one.
 
     Behind them come coordinates and velocities of all sizes: a term that is small beside the
     others at one size is large beside them at another.
     """
-    size = 10.0 ** np.array([(a, b) for a in DECADES for b in DECADES])
+    size = 10.0 ** np.array([(a, b) for a in SIZE_DECADES for b in SIZE_DECADES])
     table = general_points(2 * n + 1, points + len(size))
     size = np.concatenate([np.ones((points, 2)), size])
     return table[:, :n] * size[:, :1], table[:, n:-1] * size[:, 1:], table[:, -1:]
@@ -78,4 +80,4 @@ def vanishes(terms: ca.SX, arguments: Sequence[ca.SX], points: Sequence[Array]) 
             "expected an expression that is finite at some points in general position, found none; "
             "give the system in units in which coordinates and velocities are of size one"
         )
-    return bool(np.all(found[:, known] <= ROUNDING))
+    return bool(np.all(found[:, known] <= CANCELLED))

@@ -14,20 +14,19 @@ import casadi as ca
 import numpy as np
 
 from actionopt.mechanics.compiled import Pointwise
-from actionopt.mechanics.tracing import ROUNDED, Symbols
-from actionopt.tools.types import Array
+from actionopt.mechanics.tracing import ROUNDED, SAMPLES, Symbols
+from actionopt.tools.types import EPS, Array
 
 Instant = tuple[float, float]  # the last time before it and the first one after it
 
-SAMPLES = 2500  # times that are looked at first
-INTERVALS = 10_000  # followed at once: more of them are round-off
-MOST = SAMPLES  # instants: more of them are something very fast, and some are missed
-SHORTEST = 1e-13  # of the duration: those closer together are one, no element lies between
-ROUNDOFF = 4 * float(np.finfo(float).eps)
+INTERVALS = 10_000  # followed at once: more of them are round-off; ad hoc, four times `SAMPLES`
+# Of the duration: instants closer together are one, and no element is shorter. Derived: 450
+# spacings of times, so that the nodes of an element of degree 10 stay apart.
+SHORTEST = 1e-13
 
-WRITTEN = rf"\b(fabs|{ROUNDED}|atan2)\(|1\.?/|[<?!]|=="  # as in an expression's text
+CLOCKED = rf"\b(fabs|{ROUNDED}|atan2)\(|1\.?/|[<?!]|=="  # as in an expression's text
 DIFFERENCES = (ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_FMIN, ca.OP_FMAX)
-WHOLE = (ca.OP_FLOOR, ca.OP_CEIL)
+ROUNDING_CODES = (ca.OP_FLOOR, ca.OP_CEIL)
 REMAINDERS = (ca.OP_FMOD, ca.OP_REMAINDER)
 # Operations that have a jump or a kink where one operand is zero: 1 / x is arctan's.
 ZEROS = {
@@ -67,7 +66,7 @@ class Clock:
 
 def clock(s: Symbols, *laws: ca.SX) -> Clock | None:
     """Return what switches with the time alone in these laws; None if nothing does."""
-    if not any(re.search(WRITTEN, str(law)) for law in laws):
+    if not any(re.search(CLOCKED, str(law)) for law in laws):
         return None
     arguments = [s.q, s.v, s.t, s.p]
     f = ca.Function("laws", arguments, list(laws))
@@ -102,7 +101,7 @@ def clock(s: Symbols, *laws: ca.SX) -> Clock | None:
             zero = x[0] if code in ZEROS else x[0] - x[1]
             smooth.append(zero)
             steps.append(ca.sign(zero))
-        elif code in WHOLE and made is not None:
+        elif code in ROUNDING_CODES and made is not None:
             smooth.append(x[0])
             steps.append(made[0])
         elif code in REMAINDERS and made is not None:
@@ -127,14 +126,16 @@ def instants(known: Clock, start: float, end: float, packed: Array) -> tuple[Ins
     found = _followed(known.steps, start, end, packed, slopes=True)
     if found is None:
         found = _followed(known.steps, start, end, packed, slopes=False) or []
-    least = max(SHORTEST * (end - start), ROUNDOFF * max(abs(start), abs(end)))
+    least = max(SHORTEST * (end - start), 4 * EPS * max(abs(start), abs(end)))
     result: list[Instant] = []
     for before, after in sorted(found):
         if result and before - result[-1][1] <= least:
             result[-1] = result[-1][0], after
         else:
             result.append((before, after))
-    return tuple(result) if len(result) <= MOST else ()
+    return (
+        tuple(result) if len(result) <= SAMPLES else ()
+    )  # more of them are something very fast: some are missed
 
 
 def _followed(

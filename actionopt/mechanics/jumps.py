@@ -16,16 +16,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt.mechanics.compiled import Pointwise
-from actionopt.mechanics.instants import Instant
+from actionopt.mechanics.instants import INTERVALS, Instant
 from actionopt.mechanics.problem import State
 from actionopt.mechanics.system import System
 from actionopt.mechanics.tracing import is_smooth
 from actionopt.tools.lobatto import lgl
 from actionopt.tools.types import Array
 
-RULE = lgl(6)  # sums what changes smoothly between two times
-JUMP = 1e-9  # of the largest value: a smaller jump is none
-INTERVALS = 10_000  # more than these are not jumps but something very fast
+RULE = lgl(6)  # sums what changes smoothly between two times; ad hoc, of order h^12
+JUMP = 1e-9  # of the largest value: a smaller jump is none; ad hoc, above the rule's own error
 
 
 def jumps(

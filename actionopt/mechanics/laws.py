@@ -17,13 +17,13 @@ import casadi as ca
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.instants import Clock, clock
 from actionopt.mechanics.switches import Switches, is_smooth_in_path, switches
-from actionopt.mechanics.tracing import Symbols, is_smooth, localized
-
-# At how many times the forces along a path are looked at before it is believed, by what they may
-# hide (`tracing.localized`). Between 2500 points the largest gap is 1 / 1600 of the duration: of a
-# Gaussian pulse whose width at half height is 1 / 1000 of it three quarters of the peak are seen at
-# the least. A feature with tails shows six times as far.
-SAMPLES = {"unseen": 2500, "tailed": 400}
+from actionopt.mechanics.tracing import (
+    SAMPLES,
+    TAILED_SAMPLES,
+    Symbols,
+    is_smooth,
+    localized,
+)
 
 T = TypeVar("T")
 
@@ -174,7 +174,7 @@ class Laws:
             forced=self.Q.numel() > 0,
             cyclic=tuple(c for i, c in enumerate(self.coordinates) if i not in seen),
             smooth=narrow < 2 or (is_smooth_in_path(s, self.L) and is_smooth_in_path(s, self.Q)),
-            samples=SAMPLES["unseen"] if unseen else SAMPLES["tailed"] if tailed else 0,
+            samples=SAMPLES if unseen else TAILED_SAMPLES if tailed else 0,
         )
 
     @Once

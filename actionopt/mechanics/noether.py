@@ -26,8 +26,8 @@ from numpy.typing import ArrayLike
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.expressions import Expressions
 from actionopt.mechanics.identity import (
-    POINTS,
-    ROUNDING,
+    CANCELLED,
+    GENERIC,
     general_points,
     general_states,
     mismatch,
@@ -40,9 +40,10 @@ from actionopt.tools.types import Array
 
 Generator = Callable[..., Any] | Sequence[float] | Array
 
-NODES = 16  # of the Gauss-Legendre rule that integrates F: exact for polynomials up to t^31, q^31
-SURFACE_STEPS = 60
-FINITE = 4  # points at which an expression must be finite to be judged
+# Of the Gauss-Legendre rule that integrates F: exact for polynomials up to t^31, q^31. Ad hoc.
+GAUGE_POINTS = 16
+SURFACE_STEPS = 60  # Newton's method onto the constraints, from far away; ad hoc
+FINITE = 4  # points at which an expression must be finite to be judged; ad hoc
 
 
 class Motion(Protocol):
@@ -167,7 +168,7 @@ def noether(
         G = system.derivatives.G
         kept = ca.horzcat(*[G[:, i] * xi[i] for i in range(n)], ca.jacobian(system.f, s.t) * tau)
         worst = _worst(kept, arguments, points)
-        if not worst <= ROUNDING:
+        if not worst <= CANCELLED:
             raise ValueError(
                 "expected a generator that keeps the constraints, G xi + f_t tau = 0, found that "
                 f"it leads off their surface (by {worst:.1e} of its terms)"
@@ -182,17 +183,17 @@ def noether(
         candidates = [_traced(system, gauge, "gauge", 1)]
     else:
         candidates = [ca.SX(1, 1), *(_integral(system, R, base) for base in (0.0, 1.0))]
-    moderate = [points[0][:POINTS], points[1][:POINTS], points[2][:POINTS], packed]
+    moderate = [points[0][:GENERIC], points[1][:GENERIC], points[2][:GENERIC], packed]
     found = np.inf
     for k, F in enumerate(candidates):
         rates = [-ca.jacobian(F, s.t), -(ca.jacobian(F, s.q) * s.v.T)]
         # A numerical F is good at coordinates of size one only: at other sizes that there is
         # an F is enough.
         miss = _worst(ca.horzcat(R, *rates), arguments, moderate if k else points)
-        if k and miss <= ROUNDING:
+        if k and miss <= CANCELLED:
             miss = _worst_curl(system, R, points)
         found = min(found, miss)
-        if found <= ROUNDING:
+        if found <= CANCELLED:
             Lv, L = system.derivatives.Lv, system.L
             return Conserved(system, ca.horzcat((Lv * xi).T, -tau * (Lv * s.v).T, tau * L, -F))
     raise ValueError(
@@ -280,7 +281,7 @@ def _integral(system: System, R: ca.SX, base: float) -> ca.SX:
     whole = ca.sum2(R)
     at_rest = ca.substitute(whole, s.v, ca.SX.zeros(system.n))
     slope = ca.substitute(ca.jacobian(whole, s.v), s.v, ca.SX.zeros(system.n))
-    x, w = np.polynomial.legendre.leggauss(NODES)
+    x, w = np.polynomial.legendre.leggauss(GAUGE_POINTS)
     F = ca.SX(1, 1)
     for at, weight in zip((x + 1) / 2, w / 2, strict=True):
         along = ca.substitute(slope, s.q, base + at * (s.q - base)) @ (s.q - base)
@@ -290,7 +291,7 @@ def _integral(system: System, R: ca.SX, base: float) -> ca.SX:
     return F
 
 
-def points_of(system: System, packed: Array, count: int = POINTS) -> tuple[Array, Array, Array]:
+def points_of(system: System, packed: Array, count: int = GENERIC) -> tuple[Array, Array, Array]:
     """Return q, v (K, n) and t (K, 1) in general position, on the constraints and their rates.
 
     The first `count` of them are of size one, or nearly.

@@ -22,19 +22,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt.mechanics.expressions import Expressions
-from actionopt.mechanics.identity import general_points
+from actionopt.mechanics.identity import CANCELLED, general_points
 from actionopt.mechanics.tracing import ParameterTable, call, column, requested
 from actionopt.tools.lobatto import lgl
 from actionopt.tools.types import Array
 
 Rows = Callable[..., Any]
 
-ROUNDING = 1e-10  # what a derivative that is zero leaves of its terms
-RANK = 1e-10
-NODES = 24  # Gauss-Legendre points of a line integral: exact for coefficients up to q^47
-PANELS = (1, 2, 4)  # of the integration of a leaf: as many as it takes
-DEGREE, SWEEPS = 10, 12  # on each panel; see `_leaf`
-ACCURATE = 1e-12  # of the leaf's slope, at a distance `reach`
+# Ad hoc, all of them; what a leaf's error comes to is checked (`_miss`).
+RANK = 1e-10  # of the largest singular value or entry: less is zero
+LINE_POINTS = 24  # Gauss-Legendre points of a line integral: exact for coefficients up to q^47
+LEAF_PANELS = (1, 2, 4)  # of the integration of a leaf: as many as it takes
+LEAF_DEGREE, PICARD_SWEEPS = 10, 12  # on each panel: a sweep gains an order, and two to be sure
+LEAF_ACCURACY = 1e-12  # of the leaf's slope, at a distance `reach`: as accurate as `exact` rows
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ def frobenius(
         for i in range(m):
             slope = J[i * n : (i + 1) * n]
             curl, size = slope - slope.T, float(np.max(np.abs(slope))) or 1.0
-            exact = exact and bool(np.max(np.abs(curl)) <= ROUNDING * size)
+            exact = exact and bool(np.max(np.abs(curl)) <= CANCELLED * size)
             around = np.max(np.abs(Z.T @ curl @ Z), initial=0.0) / size
             defects[i] = max(defects[i], float(around))
     worst = float(np.max(defects))
@@ -106,9 +106,9 @@ def frobenius(
             "expected coefficients that are finite at some coordinates of size one, found none; "
             "give the rows in units in which they are"
         )
-    if worst <= ROUNDING:
+    if worst <= CANCELLED:
         return Frobenius(exact, True, None, 0.0)
-    return Frobenius(False, False, int(np.flatnonzero(defects > ROUNDING)[0]), worst)
+    return Frobenius(False, False, int(np.flatnonzero(defects > CANCELLED)[0]), worst)
 
 
 def integrate_pfaffian(
@@ -179,12 +179,12 @@ def integrate_pfaffian(
     if found.exact:
         return _constraint(rows, n, lambda matrix, q: _line_integral(matrix, start, q))
     dependent = _pivots(_numbers(rows, start, parameters))
-    for panels in PANELS:
+    for panels in LEAF_PANELS:
         constraint = _constraint(
             rows, n, lambda matrix, q, k=panels: _leaf(matrix, start, dependent, q, k)
         )
         miss = _miss(constraint, rows, start, dependent, reach, parameters)
-        if miss <= ACCURATE:
+        if miss <= LEAF_ACCURACY:
             return constraint
     raise ValueError(
         f"expected an integral of the rows as far as {reach} from {start.tolist()}, found that it "
@@ -227,7 +227,7 @@ def _matrix(rows: Rows, q: ca.SX, values: Mapping[str, Any]) -> ca.SX:
 
 def _line_integral(matrix: Callable[[ca.SX], ca.SX], start: Array, q: ca.SX) -> ca.SX:
     """Return f_i = int a_i . dq along the straight line from `start` to q."""
-    x, w = np.polynomial.legendre.leggauss(NODES)
+    x, w = np.polynomial.legendre.leggauss(LINE_POINTS)
     step = q - start
     at = zip((x + 1) / 2, w / 2, strict=True)
     return sum((weight * (matrix(start + s * step) @ step) for s, weight in at), ca.SX(0))
@@ -244,14 +244,14 @@ def _leaf(
     """
     n = start.size
     independent = [i for i in range(n) if i not in dependent]
-    rule = lgl(DEGREE)
+    rule = lgl(LEAF_DEGREE)
     integrate = np.linalg.inv(2 * panels * rule.derivative[1:, 1:])
     step = q[independent] - start[independent]
     y = ca.SX(start[dependent])
     for panel in range(panels):
         nodes = (panel + (rule.nodes[1:] + 1) / 2) / panels
-        values = [y] * DEGREE
-        for _ in range(SWEEPS):
+        values = [y] * LEAF_DEGREE
+        for _ in range(PICARD_SWEEPS):
             slopes = []
             for s, value in zip(nodes, values, strict=True):
                 at = ca.SX(n, 1)

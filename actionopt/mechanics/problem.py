@@ -15,15 +15,21 @@ from actionopt.mechanics.system import System
 from actionopt.tools.checks import items, number, numbers
 from actionopt.tools.types import Array
 
-CLOSE = 1e-2  # events this much closer than their coordinates' size lie far from zero
-NARROW = 0.02  # of a coordinate's size, a motion that is better measured by itself
-FLAT = 1e-13  # of a coordinate's size, a motion of which the straight line tells nothing
+# What the solver measures coordinates in. Ad hoc: a unit need not be right but in its order of
+# magnitude. `NEARBY`, `SHORT_MOTION`, `AMPLITUDES` and `ACCIDENTAL` a third or three times as
+# large change no iteration on any scene.
+NEARBY = 1e-2  # of their coordinates' size: events closer together lie far from zero
+SHORT_MOTION = 0.02  # of a coordinate's size, a motion that is better measured by itself
+MOTIONLESS = 1e-13  # of a coordinate's size, a motion of which the straight line tells nothing
 ALONG = np.array([0.1, 0.3, 0.5, 0.7, 0.9])  # of the straight line, where it is asked
 AMPLITUDES = 10.0  # |force / stiffness|, the distance to rest, that a motion may extend
-SMALL = 0.05  # of the largest coordinate, one whose size at the events may be an accident
+ACCIDENTAL = 0.05  # of the largest coordinate, one whose size at the events may be an accident
 NEGLIGIBLE = 1e-12  # a coordinate this much smaller than another is zero up to rounding
-SHORTEST, LONGEST = 1e-100, 1e100  # durations T: neither T^2 nor 1 / T^2 is near a limit of floats
-SURFACE_TOLERANCE = 1e-8  # how far, relative to the surface's own scale, an event may lie off it
+# Durations T: derived so that neither T^2 nor 1 / T^2, times a mass, is near a limit of floats.
+SHORTEST_DURATION, LONGEST_DURATION = 1e-100, 1e100
+# How far, relative to the surface's own scale, an event may lie off it: numbers that a user writes
+# with nine digits lie on it. Ad hoc.
+SURFACE_TOLERANCE = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,11 +219,11 @@ class Problem:
                 f"expected the end event after the start event, found t1 = {self.end.t} and "
                 f"t0 = {self.start.t}; exchange the events to run the motion backwards"
             )
-        if not SHORTEST <= self.duration <= LONGEST:
+        if not SHORTEST_DURATION <= self.duration <= LONGEST_DURATION:
             raise ValueError(
-                f"expected a duration t1 - t0 from {SHORTEST:g} to {LONGEST:g}, whose square and "
-                f"its inverse are within the range of numbers, found {self.duration:g}; measure "
-                "time in another unit"
+                f"expected a duration t1 - t0 from {SHORTEST_DURATION:g} to {LONGEST_DURATION:g}, "
+                f"whose square and its inverse are within the range of numbers, found "
+                f"{self.duration:g}; measure time in another unit"
             )
         if self.system.m:
             _check_rows(self.system)
@@ -316,7 +322,7 @@ class Problem:
         scales = self.scales
         pairs = list(zip(self.start.q, self.end.q, strict=True))
         near = [_close(a, b) for a, b in pairs]
-        if not any(near) and (len(near) == 1 or scales.min() >= SMALL * scales.max()):
+        if not any(near) and (len(near) == 1 or scales.min() >= ACCIDENTAL * scales.max()):
             return scales, None
         close = np.array(near)
         inertia = self._inertias()
@@ -324,9 +330,11 @@ class Problem:
             units = 1 / np.sqrt(inertia)  # as much kinetic energy in each
             size = np.where(close, self._extents(pairs, inertia), scales)
             natural = size / units
-            least = np.where(close, 1.0, SMALL) * np.nanmax(natural[np.isfinite(natural)]) * units
+            least = (
+                np.where(close, 1.0, ACCIDENTAL) * np.nanmax(natural[np.isfinite(natural)]) * units
+            )
         size = np.fmax(size, np.where(np.isfinite(least), least, 0.0))
-        far = close & (size < NARROW * scales) & (size > FLAT * scales)
+        far = close & (size < SHORT_MOTION * scales) & (size > MOTIONLESS * scales)
         lengths = np.where(far | ~close, size, scales)
         if not far.any():
             return lengths, None
@@ -365,7 +373,7 @@ def _diagonal(system: System, output: int, values: Array) -> Array:
 
 def _close(a: float | None, b: float | None) -> bool:
     """Whether two values lie together and far from zero."""
-    return a is not None and b is not None and abs(b - a) < CLOSE * max(abs(a), abs(b))
+    return a is not None and b is not None and abs(b - a) < NEARBY * max(abs(a), abs(b))
 
 
 def _check_rows(system: System) -> None:

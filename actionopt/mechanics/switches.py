@@ -15,9 +15,17 @@ import casadi as ca
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.tracing import Symbols, is_smooth
 
-STEPS = (ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_SIGN, ca.OP_FLOOR, ca.OP_CEIL)
-KINKS = (*STEPS, ca.OP_FABS, ca.OP_FMIN, ca.OP_FMAX, ca.OP_FMOD, ca.OP_REMAINDER, ca.OP_COPYSIGN)
-WRITTEN = r"[<?!]|==|\b(sign|floor|ceil|copysign|fmod|remainder|atan2)\("  # as text
+STEP_CODES = (ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_SIGN, ca.OP_FLOOR, ca.OP_CEIL)
+KINKS = (
+    *STEP_CODES,
+    ca.OP_FABS,
+    ca.OP_FMIN,
+    ca.OP_FMAX,
+    ca.OP_FMOD,
+    ca.OP_REMAINDER,
+    ca.OP_COPYSIGN,
+)
+STEPPED = r"[<?!]|==|\b(sign|floor|ceil|copysign|fmod|remainder|atan2)\("  # as text
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +46,7 @@ class Switches:
 
 def switches(s: Symbols, L: ca.SX) -> Switches | None:
     """Return the steps of the Lagrangian L; None where it has none in q or v."""
-    if re.search(WRITTEN, str(L)) is None:
+    if re.search(STEPPED, str(L)) is None:
         return None
     arguments = [s.q, s.v, s.t, s.p]
     f = ca.Function("L", arguments, [L])
@@ -66,7 +74,7 @@ def switches(s: Symbols, L: ca.SX) -> Switches | None:
             plain, kept, of_path = zip(*[values[i] for i in into], strict=True)
             made = _made(code, plain)
             moves = any(of_path)
-            if moves and code in STEPS:
+            if moves and code in STEP_CODES:
                 values[out[0]] = (made, step(made), True)
             elif moves and code == ca.OP_COPYSIGN:
                 values[out[0]] = (made, ca.fabs(kept[0]) * step(ca.sign(plain[1])), True)

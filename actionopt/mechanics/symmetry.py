@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from actionopt.mechanics.identity import POINTS
+from actionopt.mechanics.identity import GENERIC
 from actionopt.mechanics.noether import (
     Conserved,
     accelerations_of,
@@ -29,9 +29,10 @@ from actionopt.tools.types import Array
 
 __all__ = ["Conserved", "Symmetry", "cyclic", "find_symmetries", "is_mechanical", "noether"]
 
+# Confessed. What is found is verified by `noether`: a wrong guess loses a symmetry, and makes none.
 SINGULAR = 1e-11  # singular values below this fraction of the largest are zero
 PIVOT = 1e-6  # entries below this are zero in vectors of size one
-WHOLE = 1e-9  # entries this near to an integer are that integer
+INTEGER = 1e-9  # entries this near to an integer are that integer
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +113,7 @@ def find_symmetries(
         rows.append(system.derivatives.G @ xi + ca.jacobian(system.f, s.t) * tau)
     matrix = ca.jacobian(ca.vertcat(*rows), c)
     packed = system.table.pack(system.table.values(parameters))
-    count = max(POINTS, 3 * c.numel() // n)
+    count = max(GENERIC, 3 * c.numel() // n)
     q, v, t = points_of(system, packed, count)
     function = ca.Function("matrix", [s.q, s.v, a, s.t, s.p], [ca.densify(matrix)]).map(len(q))
     accelerations = accelerations_of(q, v)
@@ -166,7 +167,7 @@ def _echelon(rows: Array) -> Array:
         rows[others] -= rows[others, k][:, None] * rows[done]
         done += 1
     whole = np.round(rows)
-    return np.where(np.abs(rows - whole) < WHOLE, whole, rows) + 0.0
+    return np.where(np.abs(rows - whole) < INTEGER, whole, rows) + 0.0
 
 
 def _sum(terms) -> str:

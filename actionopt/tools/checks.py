@@ -8,7 +8,9 @@ from typing import Any
 
 import numpy as np
 
-FINEST, COARSEST = 1e-14, 0.1  # tolerances: round-off, and what is hardly a path
+# Tolerances: below 1e-14 is the round-off of S itself, some 50 spacings of floats; above 0.1 (ad
+# hoc) an answer has not one digit.
+FINEST, COARSEST = 1e-14, 0.1
 TOLERANCE = f"tol between {FINEST:g} (round-off) and {COARSEST:g}"
 
 

@@ -2,11 +2,11 @@
 
 import re
 
-LETTERS = (
+ALPHABET = (
     "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi omicron pi rho "
     "- sigma tau upsilon phi chi psi omega"  # - for the sigma that ends a word
 ).split()
-GREEK = {name: chr(0x3B1 + k) for k, name in enumerate(LETTERS)}
+GREEK = {name: chr(0x3B1 + k) for k, name in enumerate(ALPHABET)}
 
 
 def split(name: str) -> tuple[str, str]:

@@ -14,7 +14,9 @@ import numpy as np
 
 from actionopt.tools.types import Array
 
-MORE = 3  # degrees of the other quadrature of a rule: its points lie between the nodes
+# Degrees more of the other quadrature of a rule, whose points lie between the nodes. Odd, or both
+# rules of an even degree would have the middle; which odd number is ad hoc.
+EXTRA_DEGREES = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +85,7 @@ class Rule:
     @cached_property
     def other(self) -> Sampling:
         """Sums over other points, between the nodes."""
-        rule = lgl(self.degree + MORE)
+        rule = lgl(self.degree + EXTRA_DEGREES)
         return self._sampled(rule.nodes, rule.weights)
 
     def dense(self, panels: int) -> Sampling:

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 HOME = str(Path(__file__).parents[2])
-LIBRARIES = ("OMP_NUM", "OPENBLAS_NUM", "MKL_NUM", "NUMEXPR_NUM", "VECLIB_MAXIMUM")
-ONE_THREAD = {f"{library}_THREADS": "1" for library in LIBRARIES}
+THREADED = ("OMP_NUM", "OPENBLAS_NUM", "MKL_NUM", "NUMEXPR_NUM", "VECLIB_MAXIMUM")
+ONE_THREAD = {f"{library}_THREADS": "1" for library in THREADED}
 
 
 class Died(RuntimeError):

@@ -9,14 +9,14 @@ from time import perf_counter
 from typing import TypeVar
 
 T = TypeVar("T")
-BAR = 24  # characters
-PATIENCE, PACE = 1.0, 0.1  # seconds before anything is said, and between two lines
+BAR_WIDTH = 24  # characters: a third of a narrow terminal
+PATIENCE, PACE = 1.0, 0.1  # seconds before anything is said, and between two lines: ad hoc
 
 
 def progress(done: int, total: int, what: str) -> None:
     """Write how much is done and what was done last; over itself on a terminal."""
-    filled = BAR * done // max(total, 1)
-    line = f"[{'#' * filled}{'.' * (BAR - filled)}] {done}/{total} {what}"
+    filled = BAR_WIDTH * done // max(total, 1)
+    line = f"[{'#' * filled}{'.' * (BAR_WIDTH - filled)}] {done}/{total} {what}"
     if sys.stderr.isatty():
         end = "\n" if done == total else ""
         print(f"\r\x1b[K{line}", end=end, file=sys.stderr, flush=True)
@@ -50,8 +50,8 @@ def waiting() -> Iterator[Callable[[str, int, int], None] | None]:
         if now - shown < PACE:
             return
         shown = now
-        filled = int((now - started) / PACE) % (BAR + 1)  # how long it will take is not known
-        bar = "#" * filled + "." * (BAR - filled)
+        filled = int((now - started) / PACE) % (BAR_WIDTH + 1)  # how long it will take is not known
+        bar = "#" * filled + "." * (BAR_WIDTH - filled)
         line = f"[{bar}] {now - started:.0f} s: {how}, {elements} elements, {iterations} iterations"
         print(f"\r\x1b[K{line}", end="", file=sys.stderr, flush=True)
 

@@ -1,4 +1,4 @@
-"""Names for what numpy's own stubs do not tell apart."""
+"""Names for what numpy's own stubs do not tell apart, and the spacing of floats."""
 
 from typing import Any
 
@@ -7,3 +7,4 @@ from numpy.typing import NDArray
 
 Array = NDArray[Any]  # of floats
 NDInt = np.ndarray  # of integers
+EPS = float(np.finfo(float).eps)  # relative spacing of floats, 2^-52
