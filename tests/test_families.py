@@ -53,6 +53,14 @@ def test_a_family_is_said_to_be_one(name, tol):
     assert solution.stats["condition"] > 1e8
 
 
+@pytest.mark.parametrize("tol", [1e-2, pytest.param(1e-6, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seed", [3, 4])
+def test_a_family_is_one_in_every_direction(seed, tol):
+    """Newton's method stops at another distance from singular matrices in each of them."""
+    axis = np.random.default_rng(seed).normal(size=3)
+    assert ao.solve(antipodes(axis), tol=tol, throw=False).status is ao.Status.DEGENERATE
+
+
 def test_the_message_has_the_dimension_and_the_condition():
     with pytest.raises(ao.SolveError, match=r"condition about .*a family of dimension 1"):
         ao.solve(antipodes([0.0, 0.0, 1.0]))

@@ -153,6 +153,12 @@ class Iterate(DiscretePath):
             probed = here.factors.solve(here._probe())
         return self.tr.measured(probed) * self.unit
 
+    def polished(self) -> Iterate:
+        """Return it after one more of Newton's steps."""
+        factors = Factors(self.tr.layout, self.tr.kkt(self.z))
+        step = factors.solve(self.tr.residual(self.z))
+        return replace(self.moved(self.z - step), sizes=self.sizes, lengths=self.lengths)
+
     def _probe(self) -> Array:
         assert self.factors is not None
         return (ROUNDOFF * float(np.abs(self.factors.nonzeros).max())) * self.tr.layout.probe

@@ -30,9 +30,11 @@ from actionopt.solver.workspace import Workspace
 from actionopt.tools.watch import OutOfTime, Progress, Watch
 
 BEFORE_A_JUMP = 3  # rungs tried where the first path crosses a jump: seconds are lost there
-# Amplified round-off of a path that may be one of many: families show 4e-5 and more, at any tol;
-# the stiffest chain that was tried, of 30 links, 2e-7. Of one coordinate the noise itself tells.
-SENSITIVE, NOISY = 2e-6, 1e-9
+# Amplified round-off above which ends may leave a family of paths, and above which they do or the
+# path is worth a look: the least that was seen of a family is 2.4e-7, of 240 in all directions at
+# any tol; stiff chains of 30 links show 1.6e-7. Of one coordinate the noise itself tells.
+SENSITIVE, SINGULAR, NOISY = 1e-9, 2e-6, 1e-9
+CHANGED = 2.0  # times the amplification after one more step: 1.0 of single paths, families 20
 RESOLVED = 0.1  # of the motion's own size, errors of a path that is one: the largest tol
 
 
@@ -173,14 +175,20 @@ def _suspect(ws: Workspace, status: Status) -> bool:
     """Whether the ends may leave a family of paths, or did so where one was lost."""
     if ws.problem.system.structure.forced:
         return False
-    if not status.success:
+    if not status.success and status is not Status.FLOOR:
         return ws.lost is not None and status in (Status.NOT_FOUND, Status.UNRESOLVED)
-    if not ws.here.can_be_one_of_many:  # nothing is zero on one side of a symmetry
-        return ws.here.noise > NOISY
+    here = ws.here
+    if not here.can_be_one_of_many:  # nothing is zero on one side of a symmetry
+        return here.noise > NOISY
     try:
-        return ws.here.amplification(ws.many) > SENSITIVE
+        before = here.amplification(ws.many)
+        if not SENSITIVE < before < SINGULAR:
+            return before >= SINGULAR
+        # What is nearly singular by chance stays so; in a family the last step decides.
+        after = here.polished().amplification(ws.many)
     except np.linalg.LinAlgError:
         return True
+    return not before / CHANGED < after < before * CHANGED
 
 
 def _family(ws: Workspace, solution: Solution) -> Solution:
