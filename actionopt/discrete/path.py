@@ -106,6 +106,7 @@ class Path:
         return result
 
     def _evaluate(self, table: Array, derivatives: int, t: ArrayLike) -> Array:
+        """Evaluate nodal values (n, nodes), or a derivative of them, at times t: (n, *t.shape)."""
         times = np.asarray(t, dtype=float)
         flat = times.reshape(-1)
         b = self.mesh.boundaries
@@ -119,7 +120,7 @@ class Path:
         return found.reshape(table.shape[0], *times.shape)
 
     def _since(self, table: Array, derivatives: int, flat: Array) -> Array:
-        """Evaluate at times (K,) measured from the path's first: (n, K)."""
+        """Evaluate the same at times (K,) measured from the path's first: (n, K)."""
         b = self.mesh.since
         where = np.clip(np.searchsorted(b, flat, side="right") - 1, 0, self.mesh.elements - 1)
         result = np.empty((table.shape[0], flat.size))

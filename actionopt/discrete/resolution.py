@@ -67,9 +67,9 @@ class Resolution:
         for g in self.mesh.groups:
             moves = np.abs(np.diff(self.scaled[g.nodes], axis=1)).max(axis=2)
             left = g.nodes[np.arange(g.elements.size), np.argmax(moves, axis=1)]
-            alone = moves.max(axis=1) > LAYER * moves.sum(axis=1)
+            steepest = moves.max(axis=1) > LAYER * moves.sum(axis=1)
             nodes = self.mesh.nodes_since
-            steep[:, g.elements] = np.where(alone, [nodes[left], nodes[left + 1]], np.nan)
+            steep[:, g.elements] = np.where(steepest, [nodes[left], nodes[left + 1]], np.nan)
         return steep
 
 
@@ -145,7 +145,7 @@ def _around(left: float, right: float, steep: Array) -> Array:
 def _cheapest(
     degrees: NDInt, found: Resolution, steep: Array, target: float, n: int
 ) -> tuple[NDInt, NDInt]:
-    """Return for each element the number of equal parts and their degree.
+    """Return for each element the number of equal parts and their degree, both (N,).
 
     No parts at all stand for an element in which nothing decays: it is cut where it is steepest.
     """
@@ -172,8 +172,7 @@ def _cheapest(
     choice = np.argmin(price, axis=1)
     each = np.arange(degrees.size)
     short = found.mesh.lengths < SHORTEST * found.mesh.duration
-    hopeless = ~usable.any(axis=1)
+    unresolved = ~usable.any(axis=1)
     layer = (found.rate < DECAYING) & np.isfinite(steep[0])
-    parts = np.where(hopeless, np.where(short, 1, np.where(layer, 0, 4)), SPLITS[choice])
-    kept = np.clip(degrees, 6, 12)
-    return parts, np.where(hopeless, kept, need[each, choice])
+    parts = np.where(unresolved, np.where(short, 1, np.where(layer, 0, 4)), SPLITS[choice])
+    return parts, np.where(unresolved, np.clip(degrees, 6, 12), need[each, choice])

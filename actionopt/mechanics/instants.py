@@ -141,6 +141,11 @@ def instants(known: Clock, start: float, end: float, packed: Array) -> tuple[Ins
 def _followed(
     switched: Pointwise, start: float, end: float, packed: Array, *, slopes: bool
 ) -> list[Instant] | None:
+    """Return the instants, found by bisection of all intervals at once; None where too many differ.
+
+    Where the signs of `slopes` differ, too, there may be two between.
+    """
+
     def pattern(t: Array) -> Array:
         steps, signs = switched(t[:, None], packed)
         return np.nan_to_num(np.hstack([steps, signs]) if slopes else steps)

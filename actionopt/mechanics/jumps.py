@@ -63,14 +63,14 @@ def jumps(
         change = np.abs(change - half * np.einsum("ekr,k->er", rates, RULE.weights))
         if size is None:
             size = JUMP * np.max(np.abs(values), axis=(0, 1))
-        bad = np.any(change > size, axis=1)
+        jumped = np.any(change > size, axis=1)
         middle = a + (b - a) / 2
-        whole = bad & ((middle <= a) | (middle >= b))
+        whole = jumped & ((middle <= a) | (middle >= b))
         found += zip(a[whole].tolist(), b[whole].tolist(), strict=True)
-        cut = bad & ~whole
+        cut = jumped & ~whole
         a, b = np.concatenate([a[cut], middle[cut]]), np.concatenate([middle[cut], b[cut]])
         state = np.tile(state[cut], 2)
-    return _alone(sorted(found))
+    return _merged(sorted(found))
 
 
 def across(
@@ -87,8 +87,8 @@ def across(
     return State(t, state.q + (t - state.t) * state.v, v)
 
 
-def _alone(found: list[Instant]) -> list[Instant]:
-    """Return the instants with those that share a time made one."""
+def _merged(found: list[Instant]) -> list[Instant]:
+    """Return the instants with those that share a time merged."""
     result: list[Instant] = []
     for before, after in found:
         if result and before <= result[-1][1]:

@@ -319,6 +319,7 @@ class Problem:
 
     @cached_property
     def _motion(self) -> tuple[Array, Array | None]:
+        """`lengths` and `origin`."""
         scales = self.scales
         pairs = list(zip(self.start.q, self.end.q, strict=True))
         near = [_close(a, b) for a, b in pairs]
@@ -351,8 +352,8 @@ class Problem:
         force = np.abs(system.pointwise("first")(*at)[0])
         stiffness = _diagonal(system, 0, system.pointwise("second")(*at)[0])
         rest = AMPLITUDES * force.max(axis=0) / stiffness.max(axis=0)
-        bend = np.fmin((force / inertia).max(axis=0) * self.duration**2 / 8, rest)
-        return np.fmax(np.abs(apart), bend)
+        deflection = np.fmin((force / inertia).max(axis=0) * self.duration**2 / 8, rest)
+        return np.fmax(np.abs(apart), deflection)
 
     def _inertias(self) -> Array:
         """Return the magnitude of the diagonal of d2L/dv2 at the start, shape (n,)."""

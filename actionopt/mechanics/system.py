@@ -265,6 +265,7 @@ class System(Laws):
         )
 
     def _dynamics(self, q, v, t, parameters) -> tuple[Array, Array]:
+        """Return accelerations (n, ...) and multipliers (m, ...) of the index-1 equations."""
         n, m = self.n, self.m
         M, bias, G, gamma = self._at("motion", q, v, t, parameters)
         shape = bias.shape[1:]
@@ -313,6 +314,7 @@ def _names(coordinates: Sequence[str]) -> tuple[str, ...]:
 
 
 def _as_columns(values: ArrayLike, n: int, what: str) -> tuple[Array, bool]:
+    """Return values of shape (n, K) and whether they were given as (n,)."""
     array = numbers(values, what)
     if array.ndim not in (1, 2) or array.shape[0] != n:
         raise ValueError(
