@@ -30,7 +30,7 @@ import numpy as np
 from actionopt.discrete.boundaries import sides
 from actionopt.discrete.layout import layout_for
 from actionopt.discrete.mesh import Mesh
-from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.problem import Problem, diagonal
 from actionopt.tools.types import Array, NDInt
 
 
@@ -156,11 +156,9 @@ class Action:
         C = second[2]
         if not system.structure.steady:  # where a search begins they are asked for again
             self.place(x).second = [values.copy() for values in second]
-        rows, cols = system.pointwise("second").sparsity(2)
         self.inertia = C[len(C) // 2].copy()
-        mine = rows == cols
-        diagonal = np.abs(C[:, mine]) * self.lengths[rows[mine]] ** 2 / duration
-        good = diagonal[np.isfinite(diagonal) & (diagonal > 0)]
+        inertias = diagonal(system, 2, C) * self.lengths**2 / duration
+        good = inertias[np.isfinite(inertias) & (inertias > 0)]
         unit = float(np.partition(good, good.size // 2)[good.size // 2]) if good.size else 1.0
         if not system.m:
             return unit, np.ones(0)

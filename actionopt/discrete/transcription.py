@@ -10,6 +10,7 @@ import numpy as np
 
 from actionopt.discrete import assemble_blocks, assemble_sparse, second_quadrature
 from actionopt.discrete.action import Action
+from actionopt.mechanics.problem import diagonal
 from actionopt.tools.types import Array
 
 
@@ -92,15 +93,10 @@ class Transcription(Action):
 
         The median along the path for each coordinate, and the largest of these.
         """
+        system = self.problem.system
         A, _, C = self.second(z[: self.layout.unknowns])
-        n, rates = self.problem.system.n, []
-        for output, values in ((0, A), (2, C)):
-            rows, cols = self.problem.system.pointwise("second").sparsity(output)
-            full = np.zeros((len(values), n))
-            full[:, rows[rows == cols]] = np.abs(values[:, rows == cols])
-            rates.append(full)
         with np.errstate(all="ignore"):
-            square = np.median(rates[0] / rates[1], axis=0)
+            square = np.median(diagonal(system, 0, A) / diagonal(system, 2, C), axis=0)
         return self.mesh.duration * math.sqrt(square[np.isfinite(square)].max(initial=0.0))
 
     # -- what follows at the ends ---------------------------------------------------------------

@@ -35,9 +35,9 @@ def general_states(n: int, points: int = GENERIC) -> tuple[Array, Array, Array]:
     others at one size is large beside them at another.
     """
     size = 10.0 ** np.array([(a, b) for a in SIZE_DECADES for b in SIZE_DECADES])
-    table = general_points(2 * n + 1, points + len(size))
+    values = general_points(2 * n + 1, points + len(size))
     size = np.concatenate([np.ones((points, 2)), size])
-    return table[:, :n] * size[:, :1], table[:, n:-1] * size[:, 1:], table[:, -1:]
+    return values[:, :n] * size[:, :1], values[:, n:-1] * size[:, 1:], values[:, -1:]
 
 
 def mismatch(terms: ca.SX, arguments: Sequence[ca.SX], points: Sequence[Array]) -> Array:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt.mechanics.compiled import Pointwise
-from actionopt.mechanics.instants import INTERVALS, Instant
+from actionopt.mechanics.instants import INTERVALS, Instant, merged
 from actionopt.mechanics.problem import State
 from actionopt.mechanics.system import System
 from actionopt.mechanics.tracing import is_smooth
@@ -56,8 +56,8 @@ def jumps(
         nodes[:, -1] = b
         columns = np.repeat(state, nodes.shape[1])
         values, rates = (
-            table.reshape(*nodes.shape, -1)
-            for table in function(q.T[columns], v.T[columns], nodes.reshape(-1, 1), packed)
+            each.reshape(*nodes.shape, -1)
+            for each in function(q.T[columns], v.T[columns], nodes.reshape(-1, 1), packed)
         )
         change = values[:, -1] - values[:, 0]
         change = np.abs(change - half * np.einsum("ekr,k->er", rates, RULE.weights))
@@ -70,7 +70,7 @@ def jumps(
         cut = jumped & ~whole
         a, b = np.concatenate([a[cut], middle[cut]]), np.concatenate([middle[cut], b[cut]])
         state = np.tile(state[cut], 2)
-    return _merged(sorted(found))
+    return merged(found)
 
 
 def across(
@@ -85,13 +85,3 @@ def across(
     p = system.momentum(state.q, state.v, state.t, parameters=parameters)
     v = system.velocity(state.q, p, t, state.v, parameters=parameters)
     return State(t, state.q + (t - state.t) * state.v, v)
-
-
-def _merged(found: list[Instant]) -> list[Instant]:
-    """Return the instants with those that share a time merged."""
-    result: list[Instant] = []
-    for before, after in found:
-        if result and before <= result[-1][1]:
-            before, _ = result.pop()
-        result.append((before, after))
-    return result

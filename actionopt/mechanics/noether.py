@@ -315,9 +315,9 @@ def points_of(system: System, packed: Array, count: int = GENERIC) -> tuple[Arra
             step = (inverse @ f).ravel()
             q[k] -= step / max(1.0, float(np.max(np.abs(step))) / (10 * np.max(np.abs(q[k]))))
             v[k] -= (inverse @ rate).ravel()
-            if np.max(np.abs(step)) < 1e-15 * np.max(np.abs(q[k])):
+            if np.max(np.abs(step)) < 1e-15 * np.max(np.abs(q[k])):  # five spacings of floats
                 break
-        if np.max(np.abs(step)) < 1e-13 * np.max(np.abs(q[k])):
+        if np.max(np.abs(step)) < 1e-13 * np.max(np.abs(q[k])):  # on it, but for round-off
             good.append(k)
     if not good:
         raise ValueError(

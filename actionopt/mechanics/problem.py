@@ -350,7 +350,7 @@ class Problem:
         v = np.repeat(apart[None] / self.duration, ALONG.size, axis=0)
         at = q, v, self.start.t + ALONG[:, None] * self.duration, self.packed
         force = np.abs(system.pointwise("first")(*at)[0])
-        stiffness = _diagonal(system, 0, system.pointwise("second")(*at)[0])
+        stiffness = diagonal(system, 0, system.pointwise("second")(*at)[0])
         rest = AMPLITUDES * force.max(axis=0) / stiffness.max(axis=0)
         deflection = np.fmin((force / inertia).max(axis=0) * self.duration**2 / 8, rest)
         return np.fmax(np.abs(apart), deflection)
@@ -361,10 +361,10 @@ class Problem:
         second = self.system.pointwise("second")
         v = (q[1:] - q[:1]) / self.duration
         values = second(q[:1], v, np.array([[self.start.t]]), self.packed)[2][0]
-        return _diagonal(self.system, 2, values[None])[0]
+        return diagonal(self.system, 2, values[None])[0]
 
 
-def _diagonal(system: System, output: int, values: Array) -> Array:
+def diagonal(system: System, output: int, values: Array) -> Array:
     """Return the magnitudes (K, n) on the diagonal of L_qq (0) or L_vv (2) with these nonzeros."""
     rows, cols = system.pointwise("second").sparsity(output)
     found = np.zeros((len(values), system.n))
