@@ -34,7 +34,7 @@ RANK = 1e-10  # of the largest singular value or entry: less is zero
 LINE_POINTS = 24  # Gauss-Legendre points of a line integral: exact for coefficients up to q^47
 LEAF_PANELS = (1, 2, 4)  # of the integration of a leaf: as many as it takes
 LEAF_DEGREE, PICARD_SWEEPS = 10, 12  # on each panel: a sweep gains an order, and two to be sure
-LEAF_ACCURACY = 1e-12  # of the leaf's slope, at a distance `reach`: as accurate as `exact` rows
+LEAF_ACCURACY = 1e-12  # of the leaf's slope, at a distance `reach`
 
 
 @dataclass(frozen=True)

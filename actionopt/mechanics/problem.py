@@ -25,7 +25,7 @@ ALONG = np.array([0.1, 0.3, 0.5, 0.7, 0.9])  # of the straight line, where it is
 AMPLITUDES = 10.0  # |force / stiffness|, the distance to rest, that a motion may extend
 ACCIDENTAL = 0.05  # of the largest coordinate, one whose size at the events may be an accident
 NEGLIGIBLE = 1e-12  # a coordinate this much smaller than another is zero up to rounding
-# Durations T: derived so that neither T^2 nor 1 / T^2, times a mass, is near a limit of floats.
+# Durations T: T^2 and 1 / T^2 leave 100 decades to the limits of floats, 1e-308 and 1e308.
 SHORTEST_DURATION, LONGEST_DURATION = 1e-100, 1e100
 # How far, relative to the surface's own scale, an event may lie off it: numbers that a user writes
 # with nine digits lie on it. Ad hoc.
