@@ -4,6 +4,7 @@ import ast
 import importlib.util
 import subprocess
 import sys
+from collections import Counter
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -16,6 +17,7 @@ SPEC.loader.exec_module(rooms)
 # Library: its only room. PIL comes with matplotlib. scipy is no dependency: the suite compares
 # its solvers where it is there.
 THIRD_PARTY = {"casadi": None, "numpy": None, "matplotlib": "plot", "PIL": "plot", "scipy": "suite"}
+ONE_NAME = ("tools", "mechanics", "discrete")  # where a constant's name is no other's
 SOLVERS = ("actionopt.solver.ipopt", "actionopt.suite")  # the suite compares all there are
 
 
@@ -57,6 +59,22 @@ def test_one_module_knows_the_interface_of_ipopt():
                 assert node.attr not in ("nlpsol", "qpsol"), module
             if isinstance(node, ast.Constant) and isinstance(node.value, str):
                 assert not node.value.startswith(("ipopt.", "nlpsol")), module
+
+
+def constants(file):
+    """Yield the names in capitals that a module assigns."""
+    for node in ast.parse(file.read_text(encoding="utf-8")).body:
+        if isinstance(node, (ast.Assign, ast.AnnAssign)):
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            names = (x for target in targets for x in ast.walk(target) if isinstance(x, ast.Name))
+            yield from (x.id for x in names if x.id.isupper() and len(x.id) > 1)
+
+
+def test_a_constant_is_defined_once():
+    files = [f for m, f in rooms.FILES.items() if rooms.room(m) in ONE_NAME]
+    found = Counter(name for file in files for name in constants(file))
+    assert found["EPS"] == 1
+    assert not [name for name, count in found.items() if count > 1]
 
 
 def test_the_map_is_the_one_in_contributing():

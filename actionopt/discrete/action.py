@@ -30,15 +30,16 @@ import numpy as np
 from actionopt.discrete.boundaries import sides
 from actionopt.discrete.layout import layout_for
 from actionopt.discrete.mesh import Mesh
-from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.problem import Problem, diagonal
 from actionopt.tools.types import Array, NDInt
 
 
 @dataclass(eq=False, slots=True)
 class Point:
-    """What a transcription knows of its unknowns x, as far as it was asked.
+    """What was computed for the unknowns x (unknowns,), to be used again.
 
-    Coordinates Q (K, n) at the nodes; coordinates and velocities at the evaluations, `at` and `v`.
+    Coordinates Q (K, n) at the nodes; coordinates and velocities at the evaluations, `at` and `v`,
+    both (evaluations, n).
     """
 
     x: Array
@@ -155,11 +156,9 @@ class Action:
         C = second[2]
         if not system.structure.steady:  # where a search begins they are asked for again
             self.place(x).second = [values.copy() for values in second]
-        rows, cols = system.pointwise("second").sparsity(2)
         self.inertia = C[len(C) // 2].copy()
-        mine = rows == cols
-        diagonal = np.abs(C[:, mine]) * self.lengths[rows[mine]] ** 2 / duration
-        good = diagonal[np.isfinite(diagonal) & (diagonal > 0)]
+        inertias = diagonal(system, 2, C) * self.lengths**2 / duration
+        good = inertias[np.isfinite(inertias) & (inertias > 0)]
         unit = float(np.partition(good, good.size // 2)[good.size // 2]) if good.size else 1.0
         if not system.m:
             return unit, np.ones(0)
@@ -243,7 +242,7 @@ class Action:
         return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
     def place(self, x: Array) -> Point:
-        """Return what is known for x: the last one is kept, for all who ask of it."""
+        """Return what is known for x (unknowns,): the last one is kept."""
         point = self._point
         if point is None or not np.array_equal(point.x, x):
             Q = self.coordinates(x)
@@ -268,6 +267,7 @@ class Action:
         return self._action_and_gradient(at, self.velocities(at))[:2]
 
     def _action_and_gradient(self, at: Array, v: Array) -> tuple[float, Array, Array]:
+        """Return S, gradient (K n) and its parts (evaluations, n) for q and v (evaluations, n)."""
         system, layout, p = self.problem.system, self.layout, self.problem.packed
         Lq, Lv, L = system.pointwise("first")(at, v, self.times, p)
         self.counts["first"] += 1
@@ -280,10 +280,10 @@ class Action:
             # A constant momentum works at the element's ends only: taken out of the sum, its
             # round-off stays out of the nodes between.
             constant = local[:, 0]
-            pull = g.rule.weighted.T @ (local - local[:, :1])
-            pull[:, 0] -= constant
-            pull[:, -1] += constant
-            contribution[g.span] += pull.reshape(-1, at.shape[1])
+            work = g.rule.weighted.T @ (local - local[:, :1])
+            work[:, 0] -= constant
+            work[:, -1] += constant
+            contribution[g.span] += work.reshape(-1, at.shape[1])
         gradient = np.bincount(layout.scatter, contribution.ravel(), layout.node_count * system.n)
         return float(self.weight[:, 0] @ L[:, 0]), gradient, contribution
 
@@ -292,7 +292,7 @@ class Action:
         return self._first(x)[0] / self.action_unit
 
     def gradient(self, x: Array) -> Array:
-        """Return dS/dx (with the virtual work of forces), in units of action."""
+        """Return dS/dx (virtual work included), (unknowns,), in units of action."""
         return self.free_part(self._first(x)[1])
 
     def finite(self, z: Array) -> bool:
@@ -314,7 +314,7 @@ class Action:
         return free * (self.x_unit / self.action_unit)
 
     def constraint(self, x: Array) -> Array:
-        """Return the weighted constraint rows w_k f(q_k, t_k)."""
+        """Return the weighted constraint rows w_k f(q_k, t_k), (rows,), in units of `row_unit`."""
         layout, p = self.layout, self.problem.packed
         Q = self.place(x).Q[layout.row_nodes]
         f = self.problem.system.pointwise("constraint")(Q, self.row_times, p)[0]
@@ -334,13 +334,15 @@ class Action:
         if not layout.rows:
             return g
         J = layout.jacobian
-        pull = np.bincount(J.col, self.jacobian(x) * z[layout.unknowns + J.row], layout.unknowns)
-        return np.concatenate([g + pull, self.constraint(x)])
+        reaction = np.bincount(
+            J.col, self.jacobian(x) * z[layout.unknowns + J.row], layout.unknowns
+        )
+        return np.concatenate([g + reaction, self.constraint(x)])
 
     # -- second derivatives ----------------------------------------------------------------------
 
     def second(self, x: Array) -> list[Array]:
-        """Return the nonzeros of L_qq, L_qv and L_vv at the evaluations."""
+        """Return the nonzeros of L_qq, L_qv and L_vv, each (evaluations, nonzeros)."""
         if self.watch is not None:
             self.watch(self.mesh.elements)
         function, p = self.problem.system.pointwise("second"), self.problem.packed
@@ -358,7 +360,7 @@ class Action:
         return function(point.at, point.v, self.times, p)
 
     def forces(self, x: Array) -> list[Array]:
-        """Return the nonzeros of dQ/dq and dQ/dv at the evaluations."""
+        """Return the nonzeros of dQ/dq and dQ/dv, each (evaluations, nonzeros)."""
         point = self.place(x)
         self.counts["force_jacobian"] += 1
         function = self.problem.system.pointwise("force_jacobian")
@@ -375,7 +377,7 @@ class Action:
         return point.normals
 
     def constraint_curvature(self, z: Array) -> Array | None:
-        """Return w times the second derivatives of lam f at the rows' nodes, if there are any."""
+        """Return the nonzeros of w lam f_qq at the rows' nodes, (R, nonzeros); else None."""
         layout, system = self.layout, self.problem.system
         if not layout.rows or system.structure.affine_constraint:
             return None
@@ -389,19 +391,19 @@ class Action:
         return self.row_weight * curvature
 
     def jacobian(self, x: Array) -> Array:
-        """Return the nonzeros of the derivative of `constraint`."""
+        """Return the nonzeros of the derivative of `constraint`, (nnz,) of `layout.jacobian`."""
         J = self.layout.jacobian
         values = J.sum((self.row_weight * self.normals(x)).ravel())
         return values * self.x_unit[J.col] / self.row_unit[J.row]
 
     @cached_property
     def hessian_unit(self) -> Array:
-        """Units of the nonzeros of `hessian`."""
+        """Units of the nonzeros (nnz,) of `layout.hessian`."""
         H = self.layout.hessian
         return self.x_unit[H.row] * self.x_unit[H.col] / self.action_unit
 
     def kept(self, name: str, made: Callable[[], Any]) -> Any:
-        """Return what is made of the mass matrix: made once, if that is constant."""
+        """Return what `made` makes of the mass matrix: made once, if that is constant."""
         if not self.problem.system.structure.constant_mass:
             return made()
         kept = self._kept

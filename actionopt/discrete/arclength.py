@@ -31,11 +31,12 @@ from actionopt.mechanics.instants import Instant
 from actionopt.mechanics.problem import Problem
 from actionopt.tools.types import Array
 
-# Ad hoc, all of them.
+# Ad hoc, but for `DIFFERENCE`.
 DENSE = 150  # unknowns below which a dense solver costs less than entering a sparse one
 CORRECTIONS = 6  # of Newton's method: a step that takes more was too long
 CLOSE = 1e-9  # a correction of this size ends the corrector: the next one would be round-off
-DIFFERENCE = 1e-6  # step in s, relative to its range, for dr/ds by central differences
+# Step in s, relative to its range, for dr/ds: near EPS^(1/3), as central differences ask.
+DIFFERENCE = 1e-6
 FAR = 1e4  # coordinates this many times their size are no path worth following
 
 

@@ -9,7 +9,7 @@ from actionopt.tools.types import Array
 
 
 def kkt(tr: Action, z: Array) -> Array:
-    """Return the nonzeros of the KKT matrix in blocks."""
+    """Return the nonzeros of the KKT matrix in blocks, (`layout.blocks.count`,)."""
     layout, n = tr.layout, tr.problem.system.n
     x = z[: layout.unknowns]
     A, B, C = tr.second(x)
@@ -77,7 +77,7 @@ def _full(tr: Action, function: str, output: int, values: Array) -> Array | None
 
 
 def _unfolded(tr: Action, function: str, output: int) -> tuple[Array, Array]:
-    """Return which nonzero stands at each place of the full matrix, and its unit; 0 for none."""
+    """Return which nonzero is each entry of the (n, n) matrix, (n^2,), and its unit; 0 for none."""
     n = tr.problem.system.n
     row, col = tr.problem.system.pointwise(function).sparsity(output)
     index, unit = np.zeros((n, n), dtype=np.intp), np.zeros((n, n))
@@ -97,9 +97,9 @@ def _constraints(tr: Action, z: Array) -> Array:
     # The units of the rows hold the nodes' weights already.
     unit = tr.lengths[col] / tr.row_units[layout.G_rows]
     found[node, row, col] = found[node, col, row] = tr.normals(z[: layout.unknowns]) * unit
-    bent = tr.constraint_curvature(z)
-    if bent is not None:
+    curvature = tr.constraint_curvature(z)
+    if curvature is not None:
         row, col = system.pointwise("constraint_curvature").sparsity(0)
-        bent = bent * (tr.lengths[row] * tr.lengths[col] / tr.action_unit)
-        found[node, row, col] = found[node, col, row] = bent
+        curvature = curvature * (tr.lengths[row] * tr.lengths[col] / tr.action_unit)
+        found[node, row, col] = found[node, col, row] = curvature
     return found

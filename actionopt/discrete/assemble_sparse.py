@@ -41,11 +41,12 @@ def _curvatures(tr: Action, z: Array) -> Array:
     A, B, C = tr.second(z[: tr.layout.unknowns])
     stiff = tr.kept("contributions", lambda: _stiffness(tr, C))
     parts = [(tr.weight * A).ravel(), *_mixed(tr, B, diagonal_twice=True), stiff]
-    bent = tr.constraint_curvature(z)
-    return np.concatenate(parts if bent is None else [*parts, bent.ravel()])
+    curvature = tr.constraint_curvature(z)
+    return np.concatenate(parts if curvature is None else [*parts, curvature.ravel()])
 
 
 def _stiffness(tr: Action, C: Array) -> Array:
+    """Return D' w C D, flattened in the order of `Layout._stiff`."""
     parts = [
         (g.rule.stiffness @ (C[g.span].reshape(*g.nodes.shape, -1) / half)).ravel()
         for g, half in zip(tr.layout.groups, tr.halves, strict=True)
@@ -54,6 +55,7 @@ def _stiffness(tr: Action, C: Array) -> Array:
 
 
 def _mixed(tr: Action, B: Array, diagonal_twice: bool) -> list[Array]:
+    """Return w_j D_jl B_j of each degree, flattened in the order of `Layout._mixed`."""
     if not B.size:
         return []
     parts = []

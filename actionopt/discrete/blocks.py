@@ -25,7 +25,7 @@ FULL_SIZE = 100
 
 
 class Blocks:
-    """Where everything is in a matrix stored in blocks.
+    """Numbering of a matrix stored in blocks.
 
     A node has f = n + m places, its coordinates first. The nonzeros of a matrix are the blocks of
     the elements, (E, (d + 1) f, (d + 1) f) for each degree, and those of the nodes between them,
@@ -160,12 +160,12 @@ class Condensed:
             D[g.elements + 1] += S[:, f:, f:]
             U[g.elements], V[g.elements] = S[:, :f, f:], S[:, f:, :f]
         for node in (0, -1):
-            gone = blocks.absent[node]
-            D[node][gone], D[node][:, gone] = 0.0, 0.0
-            D[node][gone, gone] = 1.0
+            pinned = blocks.absent[node]
+            D[node][pinned], D[node][:, pinned] = 0.0, 0.0
+            D[node][pinned, pinned] = 1.0
             side = 0 if node == 0 else -1
-            (U if side == 0 else V)[side][gone] = 0.0
-            (V if side == 0 else U)[side][:, gone] = 0.0
+            (U if side == 0 else V)[side][pinned] = 0.0
+            (V if side == 0 else U)[side][:, pinned] = 0.0
         self.levels: list[_Level] = []
         while D.shape[0] * f > FULL_SIZE and D.shape[0] > 2:
             level = _Level.of(D, U, V)
@@ -179,19 +179,19 @@ class Condensed:
         blocks, f = self.blocks, self.blocks.width
         full = blocks.spread(right)
         between = full[blocks.offsets]
-        kept = []
+        inside = []
         for inner, g in zip(self.inner, blocks.groups, strict=True):
             y = inner.inverse @ full[g.nodes[:, 1:-1]].reshape(len(g.nodes), -1, 1)
-            pull = (inner.above @ y)[:, :, 0]
-            between[g.elements] -= pull[:, :f]
-            between[g.elements + 1] -= pull[:, f:]
-            kept.append(y)
+            condensed = (inner.above @ y)[:, :, 0]
+            between[g.elements] -= condensed[:, :f]
+            between[g.elements + 1] -= condensed[:, f:]
+            inside.append(y)
         between[blocks.absent] = 0.0
         between = self._between(between, 0)
         full[blocks.offsets] = between
-        for inner, g, y in zip(self.inner, blocks.groups, kept, strict=True):
+        for inner, g, y in zip(self.inner, blocks.groups, inside, strict=True):
             ends = np.concatenate([between[g.elements], between[g.elements + 1]], axis=1)
-            y = y - inner.share @ ends[:, :, None]
+            y = y - inner.response @ ends[:, :, None]
             full[g.nodes[:, 1:-1]] = y.reshape(len(g.nodes), -1, f)
         return full.ravel()[blocks.places]
 
@@ -227,16 +227,17 @@ class _Inner:
     ----------
     pivot, inverse : (E, p, p) arrays
     above : (E, 2 f, p) array
-        Rows of the ends.
-    share : (E, p, 2 f) array
-        What the inner places follow the ends with, taken away.
+        Rows of the ends, columns inside.
+    response : (E, p, 2 f) array
+        The inverse times the columns of the ends: less what the inner places change with them.
     condensed : (E, 2 f, 2 f) array
+        Schur's complement at the ends.
     """
 
     pivot: Array
     inverse: Array
     above: Array
-    share: Array
+    response: Array
     condensed: Array
 
     @classmethod
@@ -246,24 +247,28 @@ class _Inner:
         inverse = np.linalg.inv(pivot)
         above = np.concatenate([M[:, :f, inside], M[:, last, inside]], axis=1)
         beside = np.concatenate([M[:, inside, :f], M[:, inside, last]], axis=2)
-        share = inverse @ beside
-        condensed = -(above @ share)
+        response = inverse @ beside
+        condensed = -(above @ response)
         condensed[:, :f, :f] += M[:, :f, :f]
         condensed[:, :f, f:] += M[:, :f, last]
         condensed[:, f:, :f] += M[:, last, :f]
         condensed[:, f:, f:] += M[:, last, last]
-        return cls(pivot, inverse, above, share, condensed)
+        return cls(pivot, inverse, above, response, condensed)
 
 
 @dataclass(frozen=True, eq=False)
 class _Level:
-    """Every other node of a block tridiagonal matrix, eliminated."""
+    """Every other node of a block tridiagonal matrix, the k odd ones, eliminated: blocks (k, f, f).
+
+    `left` and `right` are the inverse times the blocks beside the pivot, `above` and `below` the
+    blocks that the neighbours' rows have in its columns, `rest` the matrix that is left.
+    """
 
     pivot: Array
     inverse: Array
-    left: Array  # what an eliminated node follows its neighbours with, taken away
+    left: Array
     right: Array
-    above: Array  # rows of those neighbours
+    above: Array
     below: Array
     rest: tuple[Array, Array, Array]
 
@@ -283,7 +288,7 @@ class _Level:
         )  # fmt: skip
 
     def down(self, right: Array) -> tuple[Array, Array]:
-        """Return what the eliminated nodes would be alone, and the right-hand side of the rest."""
+        """Return the eliminated nodes (k, f) with zero neighbours; the right side of the rest."""
         y = (self.inverse @ right[1::2, :, None])[:, :, 0]
         even = right[0::2].copy()
         even[: len(y)] -= (self.above @ y[:, :, None])[:, :, 0]
@@ -292,7 +297,7 @@ class _Level:
         return y, even
 
     def up(self, y: Array, even: Array) -> Array:
-        """Return all nodes, from those of the rest."""
+        """Return all nodes, from those of the rest, `even`."""
         whole = np.empty((len(y) + len(even), y.shape[1]))
         whole[0::2] = even
         y = y - (self.left @ even[: len(y), :, None])[:, :, 0]
@@ -303,6 +308,7 @@ class _Level:
 
 
 def _tridiagonal(D: Array, U: Array, V: Array) -> Array:
+    """Return the full matrix with blocks D (N, f, f) and U, V (N - 1, f, f) beside them."""
     count, f = D.shape[:2]
     matrix = np.zeros((count, f, count, f))
     i = np.arange(count)

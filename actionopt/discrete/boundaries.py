@@ -56,7 +56,7 @@ def sides(mesh: Mesh, known: tuple[Instant, ...]) -> tuple[Array, Array]:
 
 
 def _inside(known: tuple[Instant, ...], start: float, duration: float, slack: float) -> Array:
-    """Return the instants since the start that are not at either end."""
+    """Return the times of the instants since the start, (K,), but for those at either end."""
     since = np.array([after for _, after in known]) - start
     return since[(since > slack) & (since < duration - slack)]
 

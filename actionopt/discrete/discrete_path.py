@@ -133,11 +133,11 @@ class DiscretePath:
         if lam is not None or not self.tr.layout.rows:
             return lam
         nodes, wanted = self.mesh.nodes_since, mesh.nodes_since
-        table = np.empty((wanted.size, self.rows.shape[1]))
+        found = np.empty((wanted.size, self.rows.shape[1]))
         for i, row in enumerate(self.rows.T):
             known = np.isfinite(row)
-            table[:, i] = np.interp(wanted, nodes[known], row[known])
-        return table
+            found[:, i] = np.interp(wanted, nodes[known], row[known])
+        return found
 
     def polished(self) -> DiscretePath:
         """Return the stationary path near, or this one where Newton's method finds none."""

@@ -2,9 +2,9 @@
 
 Small matrices are made full, those of a few coordinates condensed block by block. The others are
 sparse, and factorized as L D L' without pivoting, ten times faster than with it; a tiny negative
-diagonal on the constraint rows makes that possible. The price is paid back by iterative
-refinement, whose residual also tells when factors are no good: then a sparse QR factorization
-serves instead.
+diagonal on the constraint rows makes that possible. The error of that is taken away by iterative
+refinement, whose residual also shows when factors fail: then a sparse QR factorization serves
+instead.
 """
 
 from __future__ import annotations
@@ -54,8 +54,8 @@ class Factors:
         if not np.isfinite(nonzeros).all():
             raise np.linalg.LinAlgError("the matrix is not finite")
         self.layout, self.nonzeros = layout, nonzeros
-        self._rough: Callable[[Array], Array] | None = None
-        self._sure = False  # whether a solution was accurate before it was refined
+        self._direct: Callable[[Array], Array] | None = None
+        self._accurate = False  # whether a solution was accurate before it was refined
         system = layout.system
         slim = system.n + system.m <= SLIM and layout.size <= PATTERN
         pays = many and slim and not system.structure.forced
@@ -63,10 +63,10 @@ class Factors:
             return
         if layout.condensed and not pays:
             with suppress(np.linalg.LinAlgError):  # a block may be singular where all are not
-                self._rough = self._condensed.solve
+                self._direct = self._condensed.solve
         elif not system.structure.forced:
             regular = _regular(layout, compressed(layout, nonzeros))
-            self._rough = lambda right: _solver(layout, "ldl")(regular, right)
+            self._direct = lambda right: _solver(layout, "ldl")(regular, right)
 
     @cached_property
     def _condensed(self) -> Condensed:
@@ -85,11 +85,11 @@ class Factors:
         if self.layout.small:  # LAPACK factorizes faster than it inverts, if that is not tiny
             tiny = self.layout.size <= TINY
             return self._inverse @ right if tiny else np.linalg.solve(self._full, right)
-        if self._rough is not None:
-            x = self._rough(right) if self._sure else self._refined(self._rough, right)
+        if self._direct is not None:
+            x = self._direct(right) if self._accurate else self._refined(self._direct, right)
             if x is not None:
                 return x
-            self._rough = None
+            self._direct = None
         x = _solver(self.layout, "qr")(compressed(self.layout, self.nonzeros), right)
         if not np.all(np.isfinite(x)):
             raise np.linalg.LinAlgError("the matrix is singular")
@@ -130,17 +130,17 @@ class Factors:
         layout.solvers["inertia"].nfact(matrix)
         return int(layout.solvers["inertia"].neig(matrix))
 
-    def _refined(self, rough: Callable[[Array], Array], right: Array) -> Array | None:
-        """Return the solution by refinement of a rough one, or None if that does not converge."""
+    def _refined(self, direct: Callable[[Array], Array], right: Array) -> Array | None:
+        """Return the solution by refinement of a direct one, or None if that does not converge."""
         x, miss, last = np.zeros_like(right), right, np.inf
         size = float(np.abs(right).max())
         for _ in range(REFINEMENTS):
-            nearer = x + rough(miss)
+            nearer = x + direct(miss)
             miss = right - product(self.layout, self.nonzeros, nearer)
             left = float(np.abs(miss).max())
             if not left < last / 2:  # no better than before, or not a number
                 break
-            self._sure = left <= ACCURATE * size and last == np.inf
+            self._accurate = left <= ACCURATE * size and last == np.inf
             x, last = nearer, left
             if left <= ACCURATE * size:
                 return x
@@ -151,7 +151,7 @@ class Factors:
 
 
 def product(layout: Layout, nonzeros: Array, z: Array) -> Array:
-    """Return the matrix with these nonzeros times z."""
+    """Return the matrix with these nonzeros times z, (size,)."""
     if layout.storage == "blocks":
         return layout.blocks.product(nonzeros, z)
     pattern = layout.kkt
@@ -167,7 +167,7 @@ def diagonal(layout: Layout, values: Array) -> Array:
 
 
 def compressed(layout: Layout, nonzeros: Array) -> Array:
-    """Return the nonzeros on the pattern `layout.kkt`."""
+    """Return the nonzeros (nnz,) on the pattern `layout.kkt`."""
     return layout.kkt.sum(nonzeros) if layout.storage == "blocks" else nonzeros
 
 
@@ -214,6 +214,7 @@ def _solver(layout: Layout, kind: str) -> _Sparse:
 
 
 def _regular(layout: Layout, nonzeros: Array) -> Array:
+    """Return the nonzeros with `REGULAR` taken off the diagonal of the constraint rows."""
     if not layout.rows:
         return nonzeros
     shifted = nonzeros.copy()

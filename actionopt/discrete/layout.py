@@ -101,7 +101,7 @@ class Layout:
 
     @cached_property
     def probe(self) -> Array:
-        """A right-hand side (size,), as smooth as what hardly bends the action, of no symmetry."""
+        """A right-hand side (size,), as smooth as the lowest modes are, of no symmetry."""
         node, coordinate = np.divmod(self.free, self.system.n)
         found = np.zeros(self.size)
         s = node / self.node_count
@@ -198,6 +198,7 @@ class Layout:
         return np.flatnonzero((pattern.row == pattern.col) & (pattern.row >= self.unknowns))
 
     def _diagonal(self, function: str, output: int):
+        """Targets of w_k A_k: both at node k, order (evaluation, nonzero)."""
         rows, cols = self.system.pointwise(function).sparsity(output)
         at = self.number[self.node_of]
         return _pairs(at[:, rows], at[:, cols])
@@ -236,6 +237,7 @@ _EMPTY = (np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp))
 
 
 def _pairs(rows: NDInt, cols: NDInt) -> tuple[NDInt, NDInt]:
+    """Return rows and columns, broadcast to one shape and flattened."""
     rows, cols = np.broadcast_arrays(rows, cols)
     return rows.ravel(), cols.ravel()
 
@@ -245,6 +247,11 @@ class Pattern:
     """A sparse matrix in compressed columns, and where each contribution to it goes.
 
     Contributions to pinned coordinates go to one slot past the end and are dropped.
+
+    Attributes
+    ----------
+    row, col : (nnz,) arrays of int
+    slots : (contributions,) array of int
     """
 
     shape: tuple[int, int]

@@ -77,6 +77,7 @@ class Mesh:
         self._set(times, since, degrees)
 
     def _set(self, boundaries: Array, since: Array, degrees: int | ArrayLike) -> None:
+        """Set the attributes, read-only, and raise what the class raises."""
         if since.ndim != 1 or since.size < 2 or not np.isfinite(since).all():
             raise ValueError(
                 "expected at least two finite element boundaries in one row, "

@@ -86,13 +86,13 @@ def follow(
             factors = None  # frees the last ones before the next are made
             try:
                 factors = Factors(tr.layout, tr.kkt(z), many=many)
-                z, rest, ratio, settled = _steps(tr, factors, z, residual, chords, linear, target)
+                z, rest, ratio, converged = _steps(tr, factors, z, residual, chords, linear, target)
             except np.linalg.LinAlgError:
                 return Followed(z, False, np.inf, k, np.inf)
             if not np.isfinite(rest):
                 return Followed(z, False, np.inf, k, np.inf)
             travelled = _size((z - first)[:cut])
-            if settled:
+            if converged:
                 return Followed(z, True, rest, k, travelled, factors)
             if enough is not None and ratio < CONTRACTION and rest * ratio <= enough(z):
                 return Followed(z, True, 0.0, k, travelled, factors)
@@ -103,8 +103,8 @@ def follow(
                 break
         # A residual of round-off leaves nothing to contract: the matrix is (nearly) singular and
         # what is left of the step says how little the path is determined.
-        exhausted = _exhausted(tr, z, residual)
-    return Followed(z, exhausted, rest, k, _size((z - first)[:cut]))
+        at_roundoff = _at_roundoff(tr, z, residual)
+    return Followed(z, at_roundoff, rest, k, _size((z - first)[:cut]))
 
 
 def _steps(
@@ -118,24 +118,24 @@ def _steps(
 ) -> tuple[Array, float, float, bool]:
     """Take Newton's step from z and up to `chords` simplified ones, as far as they will do.
 
-    Return where they lead, the length of the last one, its ratio to the one before, and whether
-    nothing is left: then the last one was not taken, and its length is the round-off.
+    Return the last iterate (size,), the length of the last step, its ratio to the one before, and
+    whether they converged: then the last step was not taken, and its length is the round-off.
     """
-    settled, ratio = False, 0.0
+    converged, ratio = False, 0.0
     step = factors.solve(residual)
     for again in range(chords + 2):
         z, size = z - step, tr.measured(step)
         residual = tr.residual(z)
         step = factors.solve(residual)
         rest = tr.measured(step)
-        if settled or rest <= target:
+        if converged or rest <= target:
             if not residual.any():  # a path of zeros has no round-off of its own
                 rest = tr.measured(factors.solve(_roundoff(tr, factors)))
             return z, rest, ratio, True
         ratio = rest / size if size else 0.0
         stopped = ratio > CONTRACTION and rest < ROUNDOFF_STEP
-        settled = linear or rest * ratio <= target or stopped
-        if not settled and not rest * min(ratio, 1.0) ** (chords - again) <= target:
+        converged = linear or rest * ratio <= target or stopped
+        if not converged and not rest * min(ratio, 1.0) ** (chords - again) <= target:
             break  # too many to come; or it is not a number
     return z - step, rest, ratio, False
 
@@ -143,8 +143,8 @@ def _steps(
 def moved(tr: Transcription, z: Array, to: Transcription) -> Array:
     """Return where the stationary path z of `tr` goes when its ends move to those of `to`.
 
-    Along the tangent of the family of paths, which bends smoothly where new ends alone would kink
-    the path, and by simplified steps as long as they contract. Raises numpy.linalg.LinAlgError if
+    Along the tangent of the family of paths, which is smooth where new ends alone would kink the
+    path, and by simplified steps as long as they contract. Raises numpy.linalg.LinAlgError if
     the matrix is singular.
     """
     cut = tr.layout.unknowns
@@ -165,13 +165,13 @@ def moved(tr: Transcription, z: Array, to: Transcription) -> Array:
 def approach(
     tr: Transcription, z: Array, steps: int, *, convex: bool = False
 ) -> tuple[Array, int] | None:
-    """Return a point where Newton's method contracts, and the factorizations used; None if lost.
+    """Return a point where Newton's method contracts, and the factorizations used; else None.
 
-    If `convex`, only where the action is so at z: from there it hardly ever is lost. The damping
+    If `convex`, only where the action is so at z: from there it hardly ever fails. The damping
     factor comes from the curvature that the simplified step shows (Deuflhard, algorithm NLEQ-ERR).
     """
     cut = tr.layout.unknowns
-    damping, last, missed = 1.0, None, None
+    damping, last, simplified = 1.0, None, None
     with np.errstate(all="ignore"):
         residual = tr.residual(z)
         for k in range(1, steps + 1):
@@ -185,48 +185,52 @@ def approach(
             length = _norm(step[:cut])
             if tr.measured(step) < ROUNDOFF_STEP:
                 return z, k
-            if last is not None and missed is not None:
-                bend = _norm((missed - step)[:cut]) * length
-                damping = min(1.0, damping * last * _norm(missed[:cut]) / bend) if bend else 1.0
+            if last is not None and simplified is not None:
+                second = _norm((simplified - step)[:cut]) * length
+                damping = (
+                    min(1.0, damping * last * _norm(simplified[:cut]) / second) if second else 1.0
+                )
             while True:
                 if not damping > DAMPED:
                     return None
                 trial = z + damping * step
                 residual = tr.residual(trial)
                 try:
-                    missed = -factors.solve(residual)
+                    simplified = -factors.solve(residual)
                 except np.linalg.LinAlgError:
                     return None
-                rest = _norm(missed[:cut])
-                bend = _norm((missed - (1 - damping) * step)[:cut])
-                better = 0.5 * length * damping**2 / bend if bend else 1.0
+                rest = _norm(simplified[:cut])
+                second = _norm((simplified - (1 - damping) * step)[:cut])
+                better = 0.5 * length * damping**2 / second if second else 1.0
                 if rest < (1 - damping / 4) * length:
                     break
                 damping = min(better, damping / 2) if np.isfinite(rest) else damping / 4
             z, last = trial, length
             if damping == 1.0 and rest < CONTRACTION * length:  # near: the second step counts too
-                z, last = z + missed, None
-                if _size(missed[:cut]) < SURELY * _size(step[:cut]):
+                z, last = z + simplified, None
+                if _size(simplified[:cut]) < SURELY * _size(step[:cut]):
                     return z, k
                 residual = tr.residual(z)
     return None
 
 
 def _norm(step: Array) -> float:
+    """Return the root mean square."""
     return math.sqrt(float(step @ step) / step.size)
 
 
 def _roundoff(tr: Transcription, factors: Factors) -> Array:
-    """Return a residual of the size of round-off."""
+    """Return a residual (size,) of the size of round-off, of no preferred sign."""
     terms = product(tr.layout, np.abs(factors.nonzeros), tr.magnitudes)
     return EPS * np.cos(np.arange(terms.size)) * terms
 
 
-def _exhausted(tr: Transcription, z: Array, residual: Array) -> bool:
+def _at_roundoff(tr: Transcription, z: Array, residual: Array) -> bool:
     """Whether the residual is no larger than the round-off of its own evaluation."""
     magnitude = product(tr.layout, np.abs(tr.kkt(z)), np.abs(z) + tr.magnitudes - 1.0)
     return bool(np.max(np.abs(residual)) <= 4 * EPS * np.max(magnitude))
 
 
 def _size(step: Array) -> float:
+    """Return the largest magnitude."""
     return float(np.abs(step).max()) if step.size else 0.0

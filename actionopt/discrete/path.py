@@ -50,15 +50,15 @@ class Path:
             given = getattr(self, name)
             if given is None:
                 continue
-            table = np.array(given, dtype=float, ndmin=2)
-            if table.ndim != 2 or table.shape[1] != count:
+            given = np.array(given, dtype=float, ndmin=2)
+            if given.ndim != 2 or given.shape[1] != count:
                 raise ValueError(
-                    f"expected {name} of shape (n, {count}), one column a node, found {table.shape}"
+                    f"expected {name} of shape (n, {count}), one column a node, found {given.shape}"
                 )
-            if not np.all(np.isfinite(table)):
+            if not np.all(np.isfinite(given)):
                 raise ValueError(f"expected finite {name}, found NaN or infinity")
-            table.setflags(write=False)
-            object.__setattr__(self, name, table)
+            given.setflags(write=False)
+            object.__setattr__(self, name, given)
 
     def __repr__(self) -> str:
         """Show the sizes, not the arrays."""
@@ -105,7 +105,8 @@ class Path:
                 result[e] = block[:, k]
         return result
 
-    def _evaluate(self, table: Array, derivatives: int, t: ArrayLike) -> Array:
+    def _evaluate(self, values: Array, derivatives: int, t: ArrayLike) -> Array:
+        """Evaluate nodal values (n, nodes), or a derivative of them, at times t: (n, *t.shape)."""
         times = np.asarray(t, dtype=float)
         flat = times.reshape(-1)
         b = self.mesh.boundaries
@@ -115,14 +116,14 @@ class Path:
                 f"expected times within [{b[0]}, {b[-1]}], found "
                 f"{flat.min()} to {flat.max()}; a path is not extrapolated"
             )
-        found = self._since(table, derivatives, flat - b[0])
-        return found.reshape(table.shape[0], *times.shape)
+        found = self._since(values, derivatives, flat - b[0])
+        return found.reshape(values.shape[0], *times.shape)
 
-    def _since(self, table: Array, derivatives: int, flat: Array) -> Array:
-        """Evaluate at times (K,) measured from the path's first: (n, K)."""
+    def _since(self, values: Array, derivatives: int, flat: Array) -> Array:
+        """Evaluate the same at times (K,) measured from the path's first: (n, K)."""
         b = self.mesh.since
         where = np.clip(np.searchsorted(b, flat, side="right") - 1, 0, self.mesh.elements - 1)
-        result = np.empty((table.shape[0], flat.size))
+        result = np.empty((values.shape[0], flat.size))
         position = np.empty(self.mesh.elements, dtype=int)
         for g in self.mesh.groups:
             position[g.elements] = np.arange(g.elements.size)
@@ -135,6 +136,6 @@ class Path:
             weights = g.rule.interpolation(xi)
             for _ in range(derivatives):
                 weights = (weights @ g.rule.derivative) * (2 / h)[:, None]
-            local = table[:, g.nodes[position[e]]]
+            local = values[:, g.nodes[position[e]]]
             result[:, mine] = np.einsum("nkj,kj->nk", local, weights)
         return result

@@ -27,6 +27,8 @@ SPLITS = np.array([1, 2, 3, 4, 6, 8])
 LAYER = 0.6  # share of an element's movement between two nodes that makes it a layer
 TOO_FINE = 1e-3  # coefficients this far below their target need not be there
 DECAYING = 0.2  # a slower rate says nothing but that the element is far too long
+SLOWEST = 0.05  # rate that is reckoned with, so that predictions are finite
+UNKNOWN_DEGREES, UNKNOWN_PARTS = (6, 12), 4  # of an element in which nothing decays
 MORE_NODES = 1.3  # times the nodes is little for fewer kinds of elements
 COEFFICIENT_FLOOR = 2e-16  # about a spacing of floats: nothing smaller is seen
 LOWEST_TARGET = 5e-16  # round-off in the coefficients themselves
@@ -67,9 +69,9 @@ class Resolution:
         for g in self.mesh.groups:
             moves = np.abs(np.diff(self.scaled[g.nodes], axis=1)).max(axis=2)
             left = g.nodes[np.arange(g.elements.size), np.argmax(moves, axis=1)]
-            alone = moves.max(axis=1) > LAYER * moves.sum(axis=1)
+            steepest = moves.max(axis=1) > LAYER * moves.sum(axis=1)
             nodes = self.mesh.nodes_since
-            steep[:, g.elements] = np.where(alone, [nodes[left], nodes[left + 1]], np.nan)
+            steep[:, g.elements] = np.where(steepest, [nodes[left], nodes[left + 1]], np.nan)
         return steep
 
 
@@ -145,11 +147,11 @@ def _around(left: float, right: float, steep: Array) -> Array:
 def _cheapest(
     degrees: NDInt, found: Resolution, steep: Array, target: float, n: int
 ) -> tuple[NDInt, NDInt]:
-    """Return for each element the number of equal parts and their degree.
+    """Return for each element the number of equal parts and their degree, both (N,).
 
     No parts at all stand for an element in which nothing decays: it is cut where it is steepest.
     """
-    rate = np.maximum(found.rate, 0.05)[:, None]
+    rate = np.maximum(found.rate, SLOWEST)[:, None]
     # Splitting in s parts brings the nearest singularity s times as far away, in units of the
     # part's length; for a singularity beside the element that is rho_s = s b + sqrt((s b)^2 + 1)
     # with b = (rho - 1 / rho) / 2.
@@ -166,14 +168,16 @@ def _cheapest(
     usable = need <= DEGREES[-1]
     usable[found.mesh.lengths < SHORTEST * found.mesh.duration, 1:] = False  # hardly a time in it
     need = DEGREES[np.minimum(np.searchsorted(DEGREES, need), DEGREES.size - 1)]
+    # Ad hoc: nodes, times the dense products on an element and the cost of L by coordinate.
     price = SPLITS * (need * (need + 2.0) * (need + 4.0 / n + 4.0))
     price = np.where(usable, price, np.inf)
     price[found.omitted <= target, 1:] = np.inf
     choice = np.argmin(price, axis=1)
     each = np.arange(degrees.size)
     short = found.mesh.lengths < SHORTEST * found.mesh.duration
-    hopeless = ~usable.any(axis=1)
+    unresolved = ~usable.any(axis=1)
     layer = (found.rate < DECAYING) & np.isfinite(steep[0])
-    parts = np.where(hopeless, np.where(short, 1, np.where(layer, 0, 4)), SPLITS[choice])
-    kept = np.clip(degrees, 6, 12)
-    return parts, np.where(hopeless, kept, need[each, choice])
+    parts = np.where(
+        unresolved, np.where(short, 1, np.where(layer, 0, UNKNOWN_PARTS)), SPLITS[choice]
+    )
+    return parts, np.where(unresolved, np.clip(degrees, *UNKNOWN_DEGREES), need[each, choice])

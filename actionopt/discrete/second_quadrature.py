@@ -28,7 +28,7 @@ PEAK_SHARE = 0.05  # of the worst panel of an element: one that misses more is o
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """Elements of one degree that are looked at alike.
+    """Elements of one degree that are sampled alike.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class Batch:
     half : (E, 1, 1) array
         Half the elements' lengths.
     rule, own : Sampling
-        Where they are looked at, and where their nodes are.
+        Where they are sampled, and where their nodes are.
     panels : int
         Parts of each element, or 0 for a few points between the nodes.
     times : (E points, 1) array
@@ -85,15 +85,15 @@ def batches(tr: Action) -> list[Batch]:
 def missed(tr: Action, batches: list[Batch], x: Array) -> tuple[Array, float]:
     """Return what another quadrature finds left of dS/dx, less what `tr` does, in its units.
 
-    And how far the body would be carried, in the units of x, by the momentum that is missed with
-    it, were there no other forces: where a feature in q is not resolved, nor is what holds the body
-    there. Zero where there can be no such feature.
+    And the drift, in the units of x, that the momentum missed with it gives to a free body: where a
+    feature in q is not resolved, nor is what would hold the body there. Zero where there can be no
+    such feature.
     """
     works = [(b, _work(b, *values)) for b, values in _sampled(tr, x, batches)]
     parts = [(b.at, work.ravel()) for b, work in works]
     at, work = parts[0] if len(parts) == 1 else map(np.concatenate, zip(*parts, strict=True))
     whole = np.bincount(at, work, tr.layout.node_count * tr.problem.system.n)
-    carried = 0.0
+    drift = 0.0
     structure = tr.problem.system.structure
     if structure.samples and not structure.linear:
         momenta = np.zeros((tr.mesh.elements, tr.problem.system.n))
@@ -105,12 +105,12 @@ def missed(tr: Action, batches: list[Batch], x: Array) -> tuple[Array, float]:
         unit = tr.lengths / tr.action_unit
         if tr.origin is not None:  # as `measured` has it
             unit = unit / (1.0 + np.abs(tr.origin) / tr.lengths)
-        carried = float(np.abs(np.cumsum(momenta, axis=0) * unit).max())
-    return tr.free_part(whole) - tr.gradient(x), carried
+        drift = float(np.abs(np.cumsum(momenta, axis=0) * unit).max())
+    return tr.free_part(whole) - tr.gradient(x), drift
 
 
 def uneven(tr: Action, batches: list[Batch], x: Array) -> Array:
-    """Return how much each element has part in that, (N,)."""
+    """Return the largest part of `missed` that is each element's, (N,)."""
     unit = tr.lengths / tr.action_unit
     here: dict[int, Array] = {}
     for g, mine in zip(tr.layout.groups, tr.work(x), strict=True):
@@ -125,8 +125,8 @@ def uneven(tr: Action, batches: list[Batch], x: Array) -> Array:
 def cuts(tr: Action, batches: list[Batch], x: Array) -> list[Array]:
     """Return for each element the times since the start at which to cut it to miss less.
 
-    Around what stands out between its nodes, or in equal parts where nothing does, or where it may
-    be a kink: that of a motion with a symmetry is where two parts meet.
+    Around a peak between its nodes, or in equal parts where there is none, or where it may be a
+    kink: that of a motion with a symmetry is where two parts meet.
     """
     shares = uneven(tr, batches, x)
     coarse = shares > CUT_SHARE * shares.max()
@@ -143,7 +143,7 @@ def cuts(tr: Action, batches: list[Batch], x: Array) -> list[Array]:
         for e, panels in zip(batch.elements, hidden, strict=True):
             out = panels > PEAK_SHARE * panels.max()
             if coarse[e] and out.sum() <= batch.panels / CUT_PARTS:
-                edges = 1 + np.flatnonzero(np.diff(out))  # of what stands out
+                edges = 1 + np.flatnonzero(np.diff(out))  # of the peak
                 found[e] = b[e] + (b[e + 1] - b[e]) * edges / batch.panels
     return found
 
@@ -184,7 +184,7 @@ def _work(batch: Batch, force: Array, momentum: Array) -> Array:
 
 
 def _hidden(tr: Action, x: Array, batch: Batch, values: tuple[Array, Array]) -> Array:
-    """Return what each panel holds that the polynomials through the nodes do not show, (E, panels).
+    """Return what the polynomials through the nodes miss in each panel, (E, panels).
 
     That is the largest difference of forces there, and of momenta over the element's length.
     """

@@ -10,6 +10,7 @@ import numpy as np
 
 from actionopt.discrete import assemble_blocks, assemble_sparse, second_quadrature
 from actionopt.discrete.action import Action
+from actionopt.mechanics.problem import diagonal
 from actionopt.tools.types import Array
 
 
@@ -22,7 +23,7 @@ class Transcription(Action):
     # -- second derivatives, put together --------------------------------------------------------
 
     def hessian(self, z: Array) -> Array:
-        """Return the upper triangle's nonzeros of the Hessian of S + sum w lam f."""
+        """Return the upper triangle's nonzeros (nnz,) of the Hessian of S + sum w lam f."""
         return assemble_sparse.hessian(self, z)
 
     def kkt(self, z: Array) -> Array:
@@ -45,21 +46,19 @@ class Transcription(Action):
 
     @cached_property
     def between_nodes(self) -> list[second_quadrature.Batch]:
-        """Where else the equations are looked at."""
+        """Where else the equations are summed."""
         return second_quadrature.batches(self)
 
     def missed(self, z: Array) -> tuple[Array, float]:
         """Return the KKT residual that another quadrature adds to this one's, (size,).
 
-        It shows forces that are rougher than the path. That of the constraints is left out. And
-        how far the momentum that goes with it carries a free body, in units of `lengths`.
+        It shows forces that vary faster than the path. That of the constraints is left out. And the
+        drift that the momentum missed with it gives to a free body, in units of `lengths`.
         """
-        miss, carried = second_quadrature.missed(
-            self, self.between_nodes, z[: self.layout.unknowns]
-        )
+        miss, drift = second_quadrature.missed(self, self.between_nodes, z[: self.layout.unknowns])
         if self.layout.rows:
             miss = np.concatenate([miss, np.zeros(self.layout.rows)])
-        return miss, carried
+        return miss, drift
 
     def uneven(self, z: Array) -> Array:
         """Return how much of it is each element's, (N,)."""
@@ -70,7 +69,7 @@ class Transcription(Action):
         return second_quadrature.cuts(self, self.between_nodes, z[: self.layout.unknowns])
 
     def misread(self, z: Array) -> Array:
-        """Return by how much `residual` changes if numbers are read as the floats next to them.
+        """Return the change of `residual`, (size,), if numbers are read as the floats next to them.
 
         Times, and the coordinates whose origin is far from zero.
         """
@@ -94,15 +93,10 @@ class Transcription(Action):
 
         The median along the path for each coordinate, and the largest of these.
         """
+        system = self.problem.system
         A, _, C = self.second(z[: self.layout.unknowns])
-        n, rates = self.problem.system.n, []
-        for output, values in ((0, A), (2, C)):
-            rows, cols = self.problem.system.pointwise("second").sparsity(output)
-            full = np.zeros((len(values), n))
-            full[:, rows[rows == cols]] = np.abs(values[:, rows == cols])
-            rates.append(full)
         with np.errstate(all="ignore"):
-            square = np.median(rates[0] / rates[1], axis=0)
+            square = np.median(diagonal(system, 0, A) / diagonal(system, 2, C), axis=0)
         return self.mesh.duration * math.sqrt(square[np.isfinite(square)].max(initial=0.0))
 
     # -- what follows at the ends ---------------------------------------------------------------

@@ -110,6 +110,7 @@ class Pointwise:
         return outputs
 
     def _prepare(self, count: int) -> tuple:
+        """Return memory for `count` times and what evaluates the function there; keep them."""
         mapped, part = self.function, math.gcd(count, PART) if count >= PARTED else 1
         for times in (part, count // part):
             mapped = mapped.map(times) if times > 1 else mapped

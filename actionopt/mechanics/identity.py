@@ -17,8 +17,8 @@ from actionopt.tools.types import Array
 
 GENERIC = 24  # points; ad hoc: one would do for a function that is analytic and finite there
 SIZE_DECADES = (-8, -4, 0, 4, 8)  # sizes of coordinates and velocities: atoms to planets, any units
-# What a sum that is zero leaves of its terms. Confessed: the geometric middle of the round-off of
-# some thousand operations, 1e-13, and a term of another that is meant, 1e-7.
+# What a sum that is zero leaves of its terms, at the most. Ad hoc: far above the round-off of a
+# thousand operations, 1e-13, and below any term that somebody writes.
 CANCELLED = 1e-10
 POINTS_SEED = 20180612  # any number
 
@@ -35,9 +35,9 @@ def general_states(n: int, points: int = GENERIC) -> tuple[Array, Array, Array]:
     others at one size is large beside them at another.
     """
     size = 10.0 ** np.array([(a, b) for a in SIZE_DECADES for b in SIZE_DECADES])
-    table = general_points(2 * n + 1, points + len(size))
+    values = general_points(2 * n + 1, points + len(size))
     size = np.concatenate([np.ones((points, 2)), size])
-    return table[:, :n] * size[:, :1], table[:, n:-1] * size[:, 1:], table[:, -1:]
+    return values[:, :n] * size[:, :1], values[:, n:-1] * size[:, 1:], values[:, -1:]
 
 
 def mismatch(terms: ca.SX, arguments: Sequence[ca.SX], points: Sequence[Array]) -> Array:

@@ -127,20 +127,29 @@ def instants(known: Clock, start: float, end: float, packed: Array) -> tuple[Ins
     if found is None:
         found = _followed(known.steps, start, end, packed, slopes=False) or []
     least = max(SHORTEST * (end - start), 4 * EPS * max(abs(start), abs(end)))
+    found = merged(found, least)
+    # More of them are something very fast, of which some are missed.
+    return tuple(found) if len(found) <= SAMPLES else ()
+
+
+def merged(found: list[Instant], least: float = 0.0) -> list[Instant]:
+    """Return the instants in order, those that are no more than `least` apart as one."""
     result: list[Instant] = []
     for before, after in sorted(found):
         if result and before - result[-1][1] <= least:
-            result[-1] = result[-1][0], after
-        else:
-            result.append((before, after))
-    return (
-        tuple(result) if len(result) <= SAMPLES else ()
-    )  # more of them are something very fast: some are missed
+            before, _ = result.pop()
+        result.append((before, after))
+    return result
 
 
 def _followed(
     switched: Pointwise, start: float, end: float, packed: Array, *, slopes: bool
 ) -> list[Instant] | None:
+    """Return the instants, found by bisection of all intervals at once; None where too many differ.
+
+    Where the signs of `slopes` differ, too, there may be two between.
+    """
+
     def pattern(t: Array) -> Array:
         steps, signs = switched(t[:, None], packed)
         return np.nan_to_num(np.hstack([steps, signs]) if slopes else steps)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt.mechanics.compiled import Pointwise
-from actionopt.mechanics.instants import INTERVALS, Instant
+from actionopt.mechanics.instants import INTERVALS, Instant, merged
 from actionopt.mechanics.problem import State
 from actionopt.mechanics.system import System
 from actionopt.mechanics.tracing import is_smooth
@@ -24,7 +24,7 @@ from actionopt.tools.lobatto import lgl
 from actionopt.tools.types import Array
 
 RULE = lgl(6)  # sums what changes smoothly between two times; ad hoc, of order h^12
-JUMP = 1e-9  # of the largest value: a smaller jump is none; ad hoc, above the rule's own error
+JUMP = 1e-9  # of the largest value: a smaller jump is none; ad hoc
 
 
 def jumps(
@@ -56,21 +56,21 @@ def jumps(
         nodes[:, -1] = b
         columns = np.repeat(state, nodes.shape[1])
         values, rates = (
-            table.reshape(*nodes.shape, -1)
-            for table in function(q.T[columns], v.T[columns], nodes.reshape(-1, 1), packed)
+            each.reshape(*nodes.shape, -1)
+            for each in function(q.T[columns], v.T[columns], nodes.reshape(-1, 1), packed)
         )
         change = values[:, -1] - values[:, 0]
         change = np.abs(change - half * np.einsum("ekr,k->er", rates, RULE.weights))
         if size is None:
             size = JUMP * np.max(np.abs(values), axis=(0, 1))
-        bad = np.any(change > size, axis=1)
+        jumped = np.any(change > size, axis=1)
         middle = a + (b - a) / 2
-        whole = bad & ((middle <= a) | (middle >= b))
+        whole = jumped & ((middle <= a) | (middle >= b))
         found += zip(a[whole].tolist(), b[whole].tolist(), strict=True)
-        cut = bad & ~whole
+        cut = jumped & ~whole
         a, b = np.concatenate([a[cut], middle[cut]]), np.concatenate([middle[cut], b[cut]])
         state = np.tile(state[cut], 2)
-    return _alone(sorted(found))
+    return merged(found)
 
 
 def across(
@@ -85,13 +85,3 @@ def across(
     p = system.momentum(state.q, state.v, state.t, parameters=parameters)
     v = system.velocity(state.q, p, t, state.v, parameters=parameters)
     return State(t, state.q + (t - state.t) * state.v, v)
-
-
-def _alone(found: list[Instant]) -> list[Instant]:
-    """Return the instants with those that share a time made one."""
-    result: list[Instant] = []
-    for before, after in found:
-        if result and before <= result[-1][1]:
-            before, _ = result.pop()
-        result.append((before, after))
-    return result

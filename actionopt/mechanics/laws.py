@@ -71,7 +71,7 @@ class Structure:
     forced: bool
     cyclic: tuple[str, ...]  # coordinates that neither L, f nor Q contain
     smooth: bool  # neither L nor Q have a kink or a jump in q or v
-    samples: int  # times over the whole duration at which the forces are looked at, at least
+    samples: int  # times over the whole duration at which the forces are sampled, at least
 
     @property
     def linear(self) -> bool:

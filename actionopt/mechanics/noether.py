@@ -103,6 +103,7 @@ class Conserved:
         return float(np.max(np.abs(value - value[0]))) / size if size else 0.0
 
     def _each(self, q: ArrayLike, v: ArrayLike, t: ArrayLike, parameters) -> Array:
+        """Return the terms of I, (K, terms) or (terms,)."""
         table, n = self.system.table, self.system.n
         columns = [np.asarray(x, dtype=float).reshape(n, -1).T for x in (q, v)]
         packed = table.pack(table.values(parameters))
@@ -303,20 +304,20 @@ def points_of(system: System, packed: Array, count: int = GENERIC) -> tuple[Arra
     q = general_points(n, len(q))  # surfaces have their own size
     s, G = system.symbols, system.derivatives.G
     functions = [system.f, G.T, G @ s.v + ca.jacobian(system.f, s.t)]
-    look = ca.Function("surface", [s.q, s.v, s.t, s.p], [ca.densify(x) for x in functions])
+    evaluate = ca.Function("surface", [s.q, s.v, s.t, s.p], [ca.densify(x) for x in functions])
     good = []
     for k in range(len(q)):
         for _ in range(SURFACE_STEPS):
-            f, GT, rate = (np.asarray(x) for x in look(q[k], v[k], t[k], packed))
+            f, GT, rate = (np.asarray(x) for x in evaluate(q[k], v[k], t[k], packed))
             if not np.isfinite(GT).all():
                 break
             inverse = np.linalg.pinv(GT.T)
             step = (inverse @ f).ravel()
             q[k] -= step / max(1.0, float(np.max(np.abs(step))) / (10 * np.max(np.abs(q[k]))))
             v[k] -= (inverse @ rate).ravel()
-            if np.max(np.abs(step)) < 1e-15 * np.max(np.abs(q[k])):
+            if np.max(np.abs(step)) < 1e-15 * np.max(np.abs(q[k])):  # five spacings of floats
                 break
-        if np.max(np.abs(step)) < 1e-13 * np.max(np.abs(q[k])):
+        if np.max(np.abs(step)) < 1e-13 * np.max(np.abs(q[k])):  # on it, but for round-off
             good.append(k)
     if not good:
         raise ValueError(
@@ -337,6 +338,7 @@ def _worst_curl(system: System, R: ca.SX, points) -> float:
 
 
 def _worst(terms: ca.SX, arguments, points) -> float:
+    """Return the largest `mismatch`, infinity where too few points are finite."""
     found = mismatch(terms, arguments, points)
     known = np.isfinite(found).all(axis=0)
     return float(np.max(found[:, known])) if np.sum(known) >= FINITE else np.inf

@@ -29,12 +29,12 @@ from actionopt.tools.types import Array
 
 Rows = Callable[..., Any]
 
-# Ad hoc, all of them; what a leaf's error comes to is checked (`_miss`).
+# Ad hoc, all of them; what a leaf's error comes to is checked (`_defect`).
 RANK = 1e-10  # of the largest singular value or entry: less is zero
 LINE_POINTS = 24  # Gauss-Legendre points of a line integral: exact for coefficients up to q^47
 LEAF_PANELS = (1, 2, 4)  # of the integration of a leaf: as many as it takes
 LEAF_DEGREE, PICARD_SWEEPS = 10, 12  # on each panel: a sweep gains an order, and two to be sure
-LEAF_ACCURACY = 1e-12  # of the leaf's slope, at a distance `reach`: as accurate as `exact` rows
+LEAF_ACCURACY = 1e-12  # of the leaf's slope, at a distance `reach`
 
 
 @dataclass(frozen=True)
@@ -80,11 +80,11 @@ def frobenius(
     """
     q, p, A, packed = _symbols(rows, n, parameters)
     slopes = ca.vertcat(*[ca.jacobian(A[i, :], q) for i in range(A.shape[0])])
-    look = ca.Function("frobenius", [q, p], [ca.densify(A), ca.densify(slopes)])
+    evaluate = ca.Function("frobenius", [q, p], [ca.densify(A), ca.densify(slopes)])
     m = A.shape[0]
     exact, defects = True, np.full(m, -1.0)
     for point in general_points(n):
-        a, J = (np.asarray(x) for x in look(point, packed))
+        a, J = (np.asarray(x) for x in evaluate(point, packed))
         if not (np.isfinite(a).all() and np.isfinite(J).all()):
             continue
         _, values, right = np.linalg.svd(a)
@@ -183,13 +183,13 @@ def integrate_pfaffian(
         constraint = _constraint(
             rows, n, lambda matrix, q, k=panels: _leaf(matrix, start, dependent, q, k)
         )
-        miss = _miss(constraint, rows, start, dependent, reach, parameters)
-        if miss <= LEAF_ACCURACY:
+        defect = _defect(constraint, rows, start, dependent, reach, parameters)
+        if defect <= LEAF_ACCURACY:
             return constraint
     raise ValueError(
         f"expected an integral of the rows as far as {reach} from {start.tolist()}, found that it "
-        f"can be followed only to {miss:.1e} of its slope; give a smaller reach, or the constraint "
-        "as f(q, t) = 0 if it is known"
+        f"can be followed only to {defect:.1e} of its slope; give a smaller reach, or the "
+        "constraint as f(q, t) = 0 if it is known"
     )
 
 
@@ -268,17 +268,17 @@ def _leaf(
 
 def _pivots(A: Array) -> list[int]:
     """Return m columns of A (m, n) that are independent, by elimination with full pivoting."""
-    rest, chosen = A.copy(), []
+    remainder, chosen = A.copy(), []
     for _ in range(len(A)):
-        i, j = np.unravel_index(np.argmax(np.abs(rest)), rest.shape)
-        if not abs(rest[i, j]) > RANK * np.max(np.abs(A)):
+        i, j = np.unravel_index(np.argmax(np.abs(remainder)), remainder.shape)
+        if not abs(remainder[i, j]) > RANK * np.max(np.abs(A)):
             raise ValueError(
                 "expected independent rows at the configuration `through`, found that they are "
                 "dependent or zero there; choose another one that the motion passes"
             )
         chosen.append(int(j))
-        rest = rest - np.outer(rest[:, j], rest[i] / rest[i, j])
-        rest[i] = 0.0
+        remainder = remainder - np.outer(remainder[:, j], remainder[i] / remainder[i, j])
+        remainder[i] = 0.0
     return sorted(chosen)
 
 
@@ -288,18 +288,18 @@ def _numbers(rows: Rows, at: Array, parameters) -> Array:
     return np.asarray(ca.Function("rows", [q, p], [ca.densify(A)])(at, packed))
 
 
-def _miss(constraint, rows: Rows, start: Array, dependent: list[int], reach, parameters) -> float:
+def _defect(constraint, rows: Rows, start: Array, dependent: list[int], reach, parameters) -> float:
     """Return the slope of f along allowed motions, relative to its largest, at some distance."""
     q, t = ca.SX.sym("q", start.size), ca.SX.sym("t")
     table = ParameterTable(parameters)
     values = {k: x for k, x in table.values().items() if k in requested(constraint, "", ["q", "t"])}
     f = ca.vertcat(*constraint(q, t, **values))
-    look = ca.Function("leaf", [q], [f, ca.densify(ca.jacobian(f, q))])
+    evaluate = ca.Function("leaf", [q], [f, ca.densify(ca.jacobian(f, q))])
     worst = 0.0
     for shift in general_points(start.size, 6):
         at = start + reach * shift / np.linalg.norm(shift)
-        at[dependent] -= np.asarray(look(at)[0]).ravel()  # onto the leaf: f = y - Y(x)
-        G, A = np.asarray(look(at)[1]), _numbers(rows, at, parameters)
+        at[dependent] -= np.asarray(evaluate(at)[0]).ravel()  # onto the leaf: f = y - Y(x)
+        G, A = np.asarray(evaluate(at)[1]), _numbers(rows, at, parameters)
         if not (np.isfinite(A).all() and np.isfinite(G).all()):
             return np.inf
         along = np.linalg.svd(A)[2][len(A) :].T

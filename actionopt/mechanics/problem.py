@@ -25,7 +25,7 @@ ALONG = np.array([0.1, 0.3, 0.5, 0.7, 0.9])  # of the straight line, where it is
 AMPLITUDES = 10.0  # |force / stiffness|, the distance to rest, that a motion may extend
 ACCIDENTAL = 0.05  # of the largest coordinate, one whose size at the events may be an accident
 NEGLIGIBLE = 1e-12  # a coordinate this much smaller than another is zero up to rounding
-# Durations T: derived so that neither T^2 nor 1 / T^2, times a mass, is near a limit of floats.
+# Durations T: T^2 and 1 / T^2 leave 100 decades to the limits of floats, 1e-308 and 1e308.
 SHORTEST_DURATION, LONGEST_DURATION = 1e-100, 1e100
 # How far, relative to the surface's own scale, an event may lie off it: numbers that a user writes
 # with nine digits lie on it. Ad hoc.
@@ -319,6 +319,7 @@ class Problem:
 
     @cached_property
     def _motion(self) -> tuple[Array, Array | None]:
+        """`lengths` and `origin`."""
         scales = self.scales
         pairs = list(zip(self.start.q, self.end.q, strict=True))
         near = [_close(a, b) for a, b in pairs]
@@ -349,10 +350,10 @@ class Problem:
         v = np.repeat(apart[None] / self.duration, ALONG.size, axis=0)
         at = q, v, self.start.t + ALONG[:, None] * self.duration, self.packed
         force = np.abs(system.pointwise("first")(*at)[0])
-        stiffness = _diagonal(system, 0, system.pointwise("second")(*at)[0])
+        stiffness = diagonal(system, 0, system.pointwise("second")(*at)[0])
         rest = AMPLITUDES * force.max(axis=0) / stiffness.max(axis=0)
-        bend = np.fmin((force / inertia).max(axis=0) * self.duration**2 / 8, rest)
-        return np.fmax(np.abs(apart), bend)
+        deflection = np.fmin((force / inertia).max(axis=0) * self.duration**2 / 8, rest)
+        return np.fmax(np.abs(apart), deflection)
 
     def _inertias(self) -> Array:
         """Return the magnitude of the diagonal of d2L/dv2 at the start, shape (n,)."""
@@ -360,10 +361,10 @@ class Problem:
         second = self.system.pointwise("second")
         v = (q[1:] - q[:1]) / self.duration
         values = second(q[:1], v, np.array([[self.start.t]]), self.packed)[2][0]
-        return _diagonal(self.system, 2, values[None])[0]
+        return diagonal(self.system, 2, values[None])[0]
 
 
-def _diagonal(system: System, output: int, values: Array) -> Array:
+def diagonal(system: System, output: int, values: Array) -> Array:
     """Return the magnitudes (K, n) on the diagonal of L_qq (0) or L_vv (2) with these nonzeros."""
     rows, cols = system.pointwise("second").sparsity(output)
     found = np.zeros((len(values), system.n))

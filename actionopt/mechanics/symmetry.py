@@ -119,12 +119,12 @@ def find_symmetries(
     accelerations = accelerations_of(q, v)
     p = np.broadcast_to(packed, (len(q), packed.size))
     values = np.asarray(function(q.T, v.T, accelerations.T, t.T, p.T))
-    table = values.reshape(matrix.shape[0], len(q), -1).reshape(-1, c.numel())
-    table = table[np.isfinite(table).all(axis=1)]
-    size = np.max(np.abs(table), axis=1, initial=0.0, keepdims=True)
-    table = table / np.where(size > 0, size, 1.0)
+    equations = values.reshape(matrix.shape[0], len(q), -1).reshape(-1, c.numel())
+    equations = equations[np.isfinite(equations).all(axis=1)]
+    size = np.max(np.abs(equations), axis=1, initial=0.0, keepdims=True)
+    equations = equations / np.where(size > 0, size, 1.0)
     result = []
-    for x in _echelon(_null_space(table)):
+    for x in _echelon(_null_space(equations)):
         b, boost, A = x[:n], x[n + 1 : 2 * n + 1], x[2 * n + 1 : -1].reshape(n, n, order="F")
 
         def generator(q, t, b=b, boost=boost, A=A):
@@ -145,9 +145,9 @@ def find_symmetries(
     return tuple(result)
 
 
-def _null_space(table: Array) -> Array:
+def _null_space(equations: Array) -> Array:
     """Return an orthonormal basis of the null space, one row a vector."""
-    _, values, right = np.linalg.svd(table)
+    _, values, right = np.linalg.svd(equations)
     rank = int(np.sum(values > SINGULAR * max(values[0], np.finfo(float).tiny)))
     return right[rank:]
 

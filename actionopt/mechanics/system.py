@@ -21,6 +21,12 @@ from actionopt.mechanics.tracing import ParameterTable, Symbols, call, column, s
 from actionopt.tools.checks import numbers
 from actionopt.tools.types import Array
 
+# Of Newton's method in `velocity`; ad hoc.
+NEWTON_STEPS = 50
+DAMPED_STEP = 1e-8  # of the velocity: a longer one is shortened where it leads away
+LAST_STEP = 1e-15  # of the velocity: some spacings of floats
+STALLED_STEP = 1e-10  # in the velocity's own unit: one that stops contracting is round-off
+
 
 class System(Laws):
     """A mechanical system given by its Lagrangian L(q, v, t).
@@ -238,7 +244,7 @@ class System(Laws):
             )
 
         miss, last = mismatch(v), np.inf
-        for _ in range(50):
+        for _ in range(NEWTON_STEPS):
             M = self.mass_matrix(q, v, t, parameters=parameters)
             K = np.block([[M, -G.T], [G, np.zeros((m, m))]])
             step = np.linalg.solve(K, miss)[:n]
@@ -249,14 +255,14 @@ class System(Laws):
                     f"at q = {q}, t = {t}, v = {v}, found NaN or infinity; move away from there"
                 )
             # Away from the answer a full step may leave the domain of L (|v| < c, say).
-            while size > 1e-8 * np.max(np.abs(v)):
+            while size > DAMPED_STEP * np.max(np.abs(v)):
                 ahead = mismatch(v + step)
                 if m or np.linalg.norm(ahead) < np.linalg.norm(miss):
                     break
                 step, size = step / 2, size / 2
             v = v + step
             miss = mismatch(v)
-            if size <= 1e-15 * np.max(np.abs(v)) or (size >= last / 2 and size < 1e-10):
+            if size <= LAST_STEP * np.max(np.abs(v)) or (size >= last / 2 and size < STALLED_STEP):
                 return v
             last = size
         raise ValueError(
@@ -265,6 +271,7 @@ class System(Laws):
         )
 
     def _dynamics(self, q, v, t, parameters) -> tuple[Array, Array]:
+        """Return accelerations (n, ...) and multipliers (m, ...) of the index-1 equations."""
         n, m = self.n, self.m
         M, bias, G, gamma = self._at("motion", q, v, t, parameters)
         shape = bias.shape[1:]
@@ -313,6 +320,7 @@ def _names(coordinates: Sequence[str]) -> tuple[str, ...]:
 
 
 def _as_columns(values: ArrayLike, n: int, what: str) -> tuple[Array, bool]:
+    """Return values of shape (n, K) and whether they were given as (n,)."""
     array = numbers(values, what)
     if array.ndim not in (1, 2) or array.shape[0] != n:
         raise ValueError(

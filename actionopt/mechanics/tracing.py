@@ -21,11 +21,11 @@ KINKED = re.compile(rf"\b(fabs|{ROUNDED})\(|[<?!]|==")
 LOCALIZED = re.compile(rf"\b(exp|expm1|sinh|cosh|tanh|erf|{ROUNDED})\(|[<?!]|==")
 TAILED = re.compile(r"\b(fabs|sqrt|pow|log|log1p|hypot|asin|acos|atan|atan2|asinh|acosh|atanh)\(")
 DIVISOR = re.compile(r"/(@\d+|\w+|.)")  # the first of it
-# At how many times the forces along a path are looked at before it is believed, by what they may
-# hide (`localized`). Derived for Gauss's points in panels (`second_quadrature`): between 2500 the
-# largest gap is 1 / 1600 of the duration, and of a Gaussian pulse whose width at half height is
-# 1 / 1000 of it three quarters of the peak are seen at the least. A feature with tails is seen six
-# times as far away.
+# At how many times the forces along a path are sampled before it is a solution, by how narrow a
+# feature they may have (`localized`). Derived for Gauss's points in panels (`second_quadrature`):
+# between 2500 the largest gap is 1 / 1600 of the duration, and of a Gaussian pulse whose width at
+# half height is 1 / 1000 of it three quarters of the peak are seen at the least. A feature with
+# tails is seen six times as far away.
 SAMPLES, TAILED_SAMPLES = 2500, 400
 
 

@@ -154,7 +154,7 @@ def lgl(degree: int) -> Rule:
     d = int(degree)
     x = -np.cos(np.pi * np.arange(d + 1) / d)
     # Newton on (1 - x^2) P_d'(x) = d (P_{d-1} - x P_d), whose derivative is -d (d + 1) P_d.
-    for _ in range(50):
+    for _ in range(50):  # five do; the last one's step is round-off, or as good as that
         p = legendre(d, x)
         step = (x * p[d] - p[d - 1]) / ((d + 1) * p[d])
         x = x - step
