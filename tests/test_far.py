@@ -51,7 +51,7 @@ def test_the_resolution_of_time_is_said_where_it_forbids_the_tolerance():
 
 
 def test_meshes_are_bounded(monkeypatch):
-    monkeypatch.setattr(refine, "MOST", 60)
+    monkeypatch.setattr(refine, "MAX_UNKNOWNS", 60)
     pendulum = ao.System(lambda q, v, t: v[0] ** 2 / 2 + 9.81 * np.cos(q[0]), ["x"])
     problem = ao.Problem(pendulum, ao.Event(0.0, [0.3]), ao.Event(20.0, [-0.2]))
     with pytest.raises(ao.SolveError, match="more than 60 unknowns"):

@@ -356,7 +356,7 @@ def test_a_force_that_is_not_smooth_ends_soon():
 
 
 def test_what_does_not_fit_into_memory_is_refused(monkeypatch):
-    monkeypatch.setattr(forward, "NUMBERS", 1000)
+    monkeypatch.setattr(forward, "MAX_NUMBERS", 1000)
     with pytest.raises(IntegrationError, match="not resolved by"):
         integrate(KEPLER, PERICENTRE, 100.0)
 

@@ -7,7 +7,7 @@ from scipy.integrate import solve_bvp
 
 from actionopt.discrete.newton import follow
 from actionopt.mechanics.system import System
-from actionopt.solver.homotopy import release
+from actionopt.solver.homotopy import newton_homotopy
 from actionopt.solver.ipopt import find
 
 PENDULUM = System(lambda q, v, t: v[0] ** 2 / 2 + 9.81 * np.cos(q[0]), ["theta"])
@@ -29,11 +29,11 @@ def pendulum_flow(t, y):
 def test_from_the_straight_line_to_a_motion(end, T):
     tr = transcribed(PENDULUM, ([1.0], [end]), T, 16)
     z = tr.pack(tr.straight())
-    found, count = release(tr, z)
+    found, count = newton_homotopy(tr, z)
     assert count > 1
     polished = follow(tr, found)
     assert polished.converged
-    assert polished.travelled <= 1e-3  # release came near already
+    assert polished.travelled <= 1e-3  # the homotopy came near already
     assert is_motion(tr, polished.z, pendulum_flow, 1e-4)
     assert not is_motion(tr, z, pendulum_flow, 1e-2)  # the straight line is none
 
@@ -41,7 +41,7 @@ def test_from_the_straight_line_to_a_motion(end, T):
 def test_a_curve_that_is_a_path_stays():
     tr = transcribed(PENDULUM, ([1.0], [0.5]), 0.5, 16)
     path = follow(tr, find(tr, tr.pack(tr.straight()), "stationary").z).z
-    found, count = release(tr, path)
+    found, count = newton_homotopy(tr, path)
     assert np.max(np.abs(found - path)) <= 1e-9
     assert count <= 60
 
@@ -69,7 +69,7 @@ def test_each_of_two_solutions_is_reached():
     assert np.max(high) - np.max(low) > 0.5  # there are two
     ends = set()
     for height in (-1.0, 0.0, 0.3, 2.0, 3.0):
-        released = release(tr, tr.pack(height * np.sin(np.pi * t)[:, None]))
+        released = newton_homotopy(tr, tr.pack(height * np.sin(np.pi * t)[:, None]))
         assert released is not None
         x = tr.coordinates(follow(tr, released[0]).z)[:, 0]
         misses = [np.max(np.abs(x - known)) for known in (low, high)]
@@ -88,9 +88,10 @@ def test_with_a_constraint_on_the_way():
     tr = transcribed(rod, [[np.sin(x), -np.cos(x)] for x in (a, b)], T, 8)
     angle = np.linspace(a, b, tr.layout.node_count)
     z = tr.pack(np.stack([np.sin(angle), -np.cos(angle)], axis=1))
-    found, _ = release(tr, z)
+    found, _ = newton_homotopy(tr, z)
     twin = transcribed(PENDULUM, ([a], [b]), T, 8, 12)
-    theta = twin.coordinates(follow(twin, release(twin, twin.pack(twin.straight()))[0]).z)[:, 0]
+    there, _ = newton_homotopy(twin, twin.pack(twin.straight()))
+    theta = twin.coordinates(follow(twin, there).z)[:, 0]
     x, y = tr.coordinates(follow(tr, found).z).T
     ends = tr.mesh.offsets
     assert np.max(np.abs(np.hypot(x, y) - 1)) <= 1e-12
@@ -101,4 +102,4 @@ def test_no_path_is_said():
     # Bratu beyond its fold, 3.51: there is no solution.
     bratu = System(lambda q, v, t: v[0] ** 2 / 2 - 5.0 * np.exp(q[0]), ["x"])
     tr = transcribed(bratu, ([0.0], [0.0]), 1.0, 4, lengths=[1.0])
-    assert release(tr, tr.pack(tr.straight())) is None
+    assert newton_homotopy(tr, tr.pack(tr.straight())) is None

@@ -37,22 +37,22 @@ def test_ipopt_alone_finds_the_same_path(scene):
         ao.solve(scene.problem, method="newton")
 
 
-def test_a_bent_attempt_that_fails_leaves_no_trace(monkeypatch):
-    """What the straight line led to is told, and nothing of the iterations from the bent one."""
+def test_a_curved_attempt_that_fails_leaves_no_trace(monkeypatch):
+    """What the straight line led to is told, and nothing of the iterations from the curved one."""
     kepler = scenes.get("kepler").problem.system
     problem = Problem(kepler, Event(0.0, [1.0, 0.0]), Event(0.3, [-1.0, 0.0]))
     tried = []
-    monkeypatch.setattr(Search, "_climb", lambda self, ladder: tried.append(self) or climb(self))
+    monkeypatch.setattr(Search, "_try", lambda self, ladder: tried.append(self) or found(self))
 
-    def climb(search):
+    def found(search):
         mesh = search._uniform(4, 6)
-        search.ws.place(mesh, None)
-        search.ws.record.iterations["newton"] += 7 if search.bent else 1
+        search.ws.transcribe(mesh, None)
+        search.ws.record.iterations["newton"] += 7 if search.curved else 1
         search.ws.record.round(search.ws.here.tr, 0.0)
         return ao.Status.NOT_FOUND
 
     solution = ao.solve(problem, throw=False)
-    assert [search.bent for search in tried] == [False, True]
+    assert [search.curved for search in tried] == [False, True]
     assert solution.stats["iterations"] == {"newton": 1} and len(solution.stats["rounds"]) == 1
 
 
@@ -128,11 +128,11 @@ def test_a_saddle_that_newton_finds_gives_way_to_a_least_path(principle):
     assert solution.morse_index == 0
 
 
-def test_a_bent_line_stays_within_the_size_of_the_motion():
+def test_a_curved_line_stays_within_the_size_of_the_motion():
     problem = scenes.get("kepler").problem
     search = search_for(problem)
     mesh = search._uniform(8, 6)
     straight = Transcription(problem, mesh, problem.lengths).straight().T
-    bend = (search._bent(mesh).values - straight) / problem.lengths[:, None]
+    bend = (search._curved(mesh).values - straight) / problem.lengths[:, None]
     assert np.max(np.abs(bend[:, [0, -1]])) < 1e-15
     assert 0.1 < np.max(np.abs(bend)) < 1.0

@@ -5,7 +5,7 @@ import pytest
 
 from actionopt import Event, Problem, System
 from actionopt.analysis.shooting import about, integrate
-from actionopt.solver.meeting import TWICE, joined, meetings, nearest
+from actionopt.solver.meeting import MOST_PAIRS, joined, meetings, nearest
 
 OSCILLATOR = System(lambda q, v, t: (v @ v - q @ q) / 2, ["x", "y"])
 PENDULUM = System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]), ["angle"])
@@ -41,7 +41,7 @@ def test_nearest_pairs_by_trying_all():
     b[0, 7] = np.inf
     i, j = nearest(a, b, 12)
     distance = np.linalg.norm(a[:, :, None] - b[:, None], axis=0)
-    free, expected = (np.full(30, TWICE), np.full(20, TWICE)), []
+    free, expected = (np.full(30, MOST_PAIRS), np.full(20, MOST_PAIRS)), []
     for k in np.argsort(np.where(np.isfinite(distance), distance, np.inf).ravel()):
         one, other = divmod(int(k), 20)
         if free[0][one] and free[1][other]:

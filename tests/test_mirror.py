@@ -324,18 +324,18 @@ def test_parameters_of_the_problem_are_told_of_as_if_they_were_the_systems_own(r
 
 @pytest.mark.parametrize("name", [name for name in CASES if name != "closed"])
 def test_a_path_under_way_is_measured_alike(name, both):
-    """How sensitive, how torn, what is missed: on a coarse mesh, where there is something left."""
+    """How sensitive, whether singular, what is missed: on a coarse mesh with something left."""
     found = []
     solution, _ = both(name)
     for side, sign in ((1, 1), (-1, 1), (1, -1)):
         problem, _ = problem_of(name, side, sign)
         ws = Workspace(problem, linear=problem.system.structure.linear)
         mesh = Mesh.uniform(problem.start.t, problem.end.t, 3, 4)
-        ws.place(mesh, Path(mesh, side * solution(mesh.nodes)))
+        ws.transcribe(mesh, Path(mesh, side * solution(mesh.nodes)))
         polished, missed, here = ws.follow(), ws.missed(), ws.here
         tr, z, steep = here.tr, here.z, here.resolution.steep()
         step = side * np.linspace(-2.0, 1.0, tr.layout.size)
-        known = polished, here.noise, here.gain, here.error, here.rough, here.torn
+        known = polished, here.noise, here.gain, here.error, here.rough, here.singular
         row = [*known, *here.sizes, *here.lengths, tr.action_unit, *tr.row_units]
         row += [tr.measured(step), missed, here.amplification(False), *tr.uneven(z)]
         found.append(row + [cut for part in tr.cuts(z) for cut in part] + steep.ravel().tolist())

@@ -5,14 +5,14 @@ import pytest
 
 import actionopt as ao
 from actionopt import Event, Mesh, Problem, Status, System, scenes
-from actionopt.solver.refine import _finer, settle, settle_on
+from actionopt.solver.refine import _finer, refine, solve_on
 from actionopt.solver.workspace import Workspace
 
 
 def found(problem, elements=4, degree=6):
     """Return a ws at the path found from the straight line on a coarse mesh."""
     ws = Workspace(problem, linear=problem.system.structure.linear)
-    ws.place(Mesh.uniform(problem.start.t, problem.end.t, elements, degree), None)
+    ws.transcribe(Mesh.uniform(problem.start.t, problem.end.t, elements, degree), None)
     assert ws.follow() or ws.approach()
     return ws
 
@@ -21,7 +21,7 @@ def found(problem, elements=4, degree=6):
 def test_the_tolerance_is_met(tol):
     scene = scenes.get("pendulum")
     ws = found(scene.problem)
-    assert settle(ws, tol, least=False) is Status.SOLVED
+    assert refine(ws, tol, least=False) is Status.SOLVED
     t = np.linspace(0.0, 1.0, 101)
     assert np.max(np.abs(ws.here.path(t) - scene.exact(t))) <= tol
     assert ws.here.error <= tol
@@ -29,14 +29,14 @@ def test_the_tolerance_is_met(tol):
 
 def test_nothing_is_refined_that_is_good_enough():
     ws = found(scenes.get("projectile").problem)  # a parabola is a polynomial of degree 2
-    assert settle(ws, 1e-12, least=False) is Status.SOLVED
+    assert refine(ws, 1e-12, least=False) is Status.SOLVED
     assert len(ws.record.rounds) == 1
 
 
 def test_ends_that_are_conjugate_are_told():
     oscillator = System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2, ["x"])
     ws = found(Problem(oscillator, Event(0.0, [1.0]), Event(3 * np.pi, [-1.0])))
-    assert settle(ws, 1e-8, least=False) is Status.DEGENERATE
+    assert refine(ws, 1e-8, least=False) is Status.DEGENERATE
 
 
 def test_a_tolerance_below_amplified_rounding_is_told_at_once():
@@ -55,7 +55,7 @@ def test_on_a_mesh_given_the_estimate_comes_from_a_finer_one():
     scene = scenes.get("pendulum")
     mesh = Mesh.uniform(0.0, 1.0, 3, 5)
     ws = found(scene.problem)
-    assert settle_on(ws, mesh, least=False) is Status.ON_MESH
+    assert solve_on(ws, mesh, least=False) is Status.ON_MESH
     assert ws.here.tr.mesh is mesh
     t = np.linspace(0.0, 1.0, 101)
     error = np.max(np.abs(ws.here.path(t) - scene.exact(t))) / np.max(np.abs(scene.exact(t)))

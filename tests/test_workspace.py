@@ -5,8 +5,8 @@ import pytest
 
 import actionopt as ao
 from actionopt import Event, Mesh, Path, Problem, System, scenes
-from actionopt.solver.iterate import ORDINARY, ROUNDOFF, sizes
-from actionopt.solver.workspace import NEAR, Workspace
+from actionopt.solver.iterate import ORDINARY, POLYNOMIAL_ROUNDOFF, sizes
+from actionopt.solver.workspace import FOLLOWED_REACH, Workspace
 
 
 def on_the_way(name="pendulum", elements=4, degree=6):
@@ -16,7 +16,7 @@ def on_the_way(name="pendulum", elements=4, degree=6):
     ws = Workspace(p, linear=p.system.structure.linear)
     mesh = Mesh.uniform(p.start.t, p.end.t, elements, degree)
     bent = Path.interpolate(lambda t: 1.001 * scene.exact(t), mesh)
-    ws.place(mesh, bent)
+    ws.transcribe(mesh, bent)
     return scene, ws
 
 
@@ -33,7 +33,7 @@ def test_a_path_is_followed_where_it_is_and_carried_to_a_finer_mesh(name):
     coarse = error(scene, ws)
     assert 1e-13 < coarse < 1e-3
     p = scene.problem
-    assert ws.carry(Mesh.uniform(p.start.t, p.end.t, 6, 12), least=False)
+    assert ws.transfer(Mesh.uniform(p.start.t, p.end.t, 6, 12), least=False)
     assert error(scene, ws) < 1e-4 * coarse
     assert error(scene, ws) <= ws.here.error  # the estimate, by the change from mesh to mesh
     assert [row["elements"] for row in ws.record.rounds] == [4, 6]
@@ -42,8 +42,8 @@ def test_a_path_is_followed_where_it_is_and_carried_to_a_finer_mesh(name):
 
 def test_a_path_that_goes_far_is_not_the_same_path():
     _, ws = on_the_way()
-    ws.here = ws.here.moved(ws.here.z + 3 * NEAR)
-    assert not ws.follow(reach=NEAR)
+    ws.here = ws.here.moved(ws.here.z + 3 * FOLLOWED_REACH)
+    assert not ws.follow(reach=FOLLOWED_REACH)
     assert ws.record.rounds == []
 
 
@@ -67,7 +67,7 @@ def test_units_are_kept_while_sizes_are_alike():
     first, path = ws.here.tr, ws.here.path
     for factor, kept in ((2.0, True), (100.0, False)):
         size = factor * first.lengths / np.max(np.abs(path.values))
-        ws.place(first.mesh, path, like=Path(first.mesh, size * path.values))
+        ws.transcribe(first.mesh, path, like=Path(first.mesh, size * path.values))
         assert (ws.here.tr.action_unit == first.action_unit) == kept
 
 
@@ -88,7 +88,7 @@ def test_the_index_on_a_mesh_counts_conjugate_times():
     for half_periods in (0.5, 2.5):
         T = half_periods * np.pi
         ws = Workspace(Problem(oscillator, Event(0.0, [1.0]), Event(T, [0.3])), linear=True)
-        ws.place(Mesh.uniform(0.0, T, 8, 8), None)
+        ws.transcribe(Mesh.uniform(0.0, T, 8, 8), None)
         assert ws.follow()
         assert ws.here.index == int(half_periods)
 
@@ -103,13 +103,13 @@ def test_a_path_found_again_elsewhere_is_another_one(part, kept, monkeypatch):
     def elsewhere(least):
         here = ws.here
         s = (here.mesh.nodes - p.start.t) / p.duration
-        bump = part * NEAR * here.lengths * np.sin(np.pi * s)[:, None]
+        bump = part * FOLLOWED_REACH * here.lengths * np.sin(np.pi * s)[:, None]
         ws.here = here.moved(here.tr.pack(here.Q + bump))
         return True
 
     monkeypatch.setattr(ws, "follow", lambda reach: False)
     monkeypatch.setattr(ws, "_recover", elsewhere)
-    assert ws.carry(Mesh.uniform(p.start.t, p.end.t, 6, 8), least=False) == kept
+    assert ws.transfer(Mesh.uniform(p.start.t, p.end.t, 6, 8), least=False) == kept
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
@@ -120,7 +120,7 @@ def test_a_path_is_joined_as_long_as_it_does_not_grow_out_of_its_units(side):
     for factor, near in ((1.5, True), (10.0, False)):
         for a, b in ((factor, factor * side), (-factor, -factor)):
             ws = Workspace(Problem(spring, Event(0.0, [a]), Event(1.0, [b])))
-            assert ws.join(known) == near
+            assert ws.continue_from(known) == near
             if near:
                 # The unit of errors, on either side.
                 assert ws.here.sizes == max(known.tr.lengths, factor)
@@ -130,10 +130,10 @@ def test_what_a_polynomial_leaves_is_rounding_alone():
     """A parabola: nothing is left out on any mesh, so errors are not held to be amplified."""
     p = scenes.get("projectile").problem
     ws = Workspace(p, linear=True)
-    ws.place(Mesh.uniform(p.start.t, p.end.t, 4, 6), None)
+    ws.transcribe(Mesh.uniform(p.start.t, p.end.t, 4, 6), None)
     assert ws.follow()
-    assert ws.carry(Mesh.uniform(p.start.t, p.end.t, 6, 6), least=False)
-    assert ws.here.gain == max(1.0, ws.here.noise / (ORDINARY * ROUNDOFF))
+    assert ws.transfer(Mesh.uniform(p.start.t, p.end.t, 6, 6), least=False)
+    assert ws.here.gain == max(1.0, ws.here.noise / (ORDINARY * POLYNOMIAL_ROUNDOFF))
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
@@ -144,16 +144,16 @@ def test_a_path_through_a_collision_is_torn_and_a_smooth_one_is_not(side):
     mesh = Mesh([0.0, *(c - steps), *(c + steps[::-1]), 1.0], 12)
     fall = System(lambda q, v, t: v[0] ** 2 / 2 + 2 / 9 / abs(q[0]), ["x"])
 
-    def torn(curve):
+    def singular(curve):
         ends = [Event(t, curve(np.array(t))) for t in (0.0, 1.0)]
         ws = Workspace(Problem(fall, *ends))
         path = Path.interpolate(curve, mesh)
-        ws.place(mesh, path, like=path)
-        return ws.here.torn
+        ws.transcribe(mesh, path, like=path)
+        return ws.here.singular
 
-    assert torn(lambda t: [side * (np.abs(t - c) ** (2 / 3) + 1e-12)])
-    assert not torn(lambda t: [side * (2 + np.sin(3 * t))])
-    assert not torn(lambda t: [side * (2 - np.sin(3 * t))])
+    assert singular(lambda t: [side * (np.abs(t - c) ** (2 / 3) + 1e-12)])
+    assert not singular(lambda t: [side * (2 + np.sin(3 * t))])
+    assert not singular(lambda t: [side * (2 - np.sin(3 * t))])
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
@@ -164,5 +164,5 @@ def test_a_steep_path_is_not_torn_whichever_way_it_goes(side):
     mesh = Mesh([0.0, 0.005, 0.2, 0.3, 0.4, 0.5, 0.6, 1.0], 12)
     free = System(lambda q, v, t: v[0] ** 2 / 2, ["x"])
     ws = Workspace(Problem(free, *[Event(t, curve(np.array(t))) for t in (0.0, 1.0)]))
-    ws.place(mesh, Path.interpolate(curve, mesh))
-    assert not ws.here.torn
+    ws.transcribe(mesh, Path.interpolate(curve, mesh))
+    assert not ws.here.singular

@@ -21,15 +21,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt.analysis.flow import (
-    LONGEST,
-    NOISE,
+    CVODES_LONGEST,
+    ZERO_SIZE,
     Flow,
     IntegrationError,
     Integrator,
     Units,
     span_within,
 )
-from actionopt.analysis.forward import ALIKE, NARROWEST, entered, follow, restarts
+from actionopt.analysis.forward import LENGTH_RATIO, NARROWEST_PART, entered, follow, restarts
 from actionopt.analysis.second_variation import tangent
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
@@ -41,21 +41,23 @@ from actionopt.mechanics.system import System
 from actionopt.tools.checks import tolerance
 from actionopt.tools.types import Array
 
+# Ad hoc, each within a factor of some, where nothing else is said.
 PIECES = 100  # at most; more say no more
-PIECEWISE = 1e-14  # local tolerance there
+PIECE_TOL = 1e-14  # local tolerance there
 EVEN = 17  # times at which the round-off is asked for
-CUTS = 2000  # at most, of pieces too unstable to say anything
+CUTS = 2000  # at most, of pieces too unstable to say anything: bounds the time it takes
 CUT = 0.38  # not in halves: a kink is where elements meet, and would hide between the parts
 UNSTABLE = 100.0  # amplification within a piece that is cut
-LOOSER = 10.0  # the second tolerance, relative to the first
-SHORTER = 0.6  # the second run's longest step, relative to the first's
-MARGIN = 100.0  # from an estimated error to a deviation that contradicts it
+# The second run: of another tolerance, and steps in no simple ratio to the first one's.
+LOOSER_TOL, SHORTER_STEPS = 10.0, 0.6
+ERROR_MARGIN = 100.0  # from an estimated error to a deviation that contradicts it
 EXCUSE = 10.0  # from what a motion makes of a small change to what needs none
 CERTAIN = 5e-2  # a deviation that no estimated error excuses
-RATE = 10.0  # of Baumgarte's terms in a piece: the drift off constraints has all of it to decay
+# Of Baumgarte's terms in a piece: drift off the constraints has all of it to decay, by exp(-10).
+BAUMGARTE_RATE = 10.0
 UNTOLD = "; piece by piece, as far as it can be followed, nothing contradicts the path"
 QUARTERS = np.array([0.25, 0.5, 0.75, 1.0])  # of a piece
-ROUGHLY = 1e-9  # tolerance of a motion that is drawn only
+DRAWN_TOL = 1e-9  # of a motion that is drawn only: far below a pixel
 NEARLY = (0.99, 0.9, 0.5)  # of the time that a motion lasts: parts of it that may be drawn
 
 
@@ -179,7 +181,7 @@ def compare(solution: Claim, *, tol: float = 1e-12) -> Comparison:
     flow, span = Flow(problem.system, problem.parameters), problem.duration
     motion, reason, last = None, "", start.t
     try:
-        motion = follow(flow, start, problem.end.t, tol=tol, mesh=mesh, bends=True)
+        motion = follow(flow, start, problem.end.t, tol=tol, mesh=mesh, kinks=True)
         rows = motion.legs[0].units.rows
     except IntegrationError as error:
         reason, last = str(error), error.t
@@ -190,11 +192,13 @@ def compare(solution: Claim, *, tol: float = 1e-12) -> Comparison:
     t = (mesh if motion is None else motion.path.mesh).nodes
     q, v = solution(t), solution.velocity(t)
     units = _units(q, v, rows, span)
-    allowed = min(MARGIN * max(solution.error, tol), CERTAIN)
+    allowed = min(ERROR_MARGIN * max(solution.error, tol), CERTAIN)
     instants = jumps(flow.system, flow.parameters, t, q, v)
     even = np.searchsorted(t, np.linspace(t[0], t[-1], EVEN))
     noise = flow.round_off(q[:, even], v[:, even], t[even])
-    parts = _Parts.of(solution, flow, instants, units.above(noise, span * LONGEST, PIECEWISE))
+    parts = _Parts.of(
+        solution, flow, instants, units.above(noise, span * CVODES_LONGEST, PIECE_TOL)
+    )
     local, unknown = _piece_by_piece(solution, parts, units, allowed)
     if motion is None:
         found = Comparison(
@@ -229,7 +233,7 @@ def compare(solution: Claim, *, tol: float = 1e-12) -> Comparison:
         arrival=float(position[-1]),
         local=local,
         energy_drift=_energy_drift(problem, path, q, v, smooth, units.v),
-        reference_error=again(start, LOOSER, SHORTER),
+        reference_error=again(start, LOOSER_TOL, SHORTER_STEPS),
         allowed=allowed,
         amplified=again(_changed(problem, start, units, allowed), 1.0, 1.0) if changed else 0.0,
         path=path,
@@ -248,7 +252,7 @@ def _units(q: Array, v: Array, rows: Array, span: float) -> Units:
 
 def _at_rest(v: Array, speeds: Array) -> bool:
     """Return whether velocities (n, K) are round-off beside the speeds (n,)."""
-    return bool(np.all(np.abs(v) <= NOISE * speeds[:, None]))
+    return bool(np.all(np.abs(v) <= ZERO_SIZE * speeds[:, None]))
 
 
 def _as_far(flow: Flow, start: State, mesh: Mesh, last: float) -> Path | None:
@@ -258,7 +262,7 @@ def _as_far(flow: Flow, start: State, mesh: Mesh, last: float) -> Path | None:
         inner = mesh.boundaries[mesh.boundaries < end]
         with suppress(IntegrationError, ValueError):
             until = Mesh([*inner, end], mesh.degrees[: inner.size])
-            return follow(flow, start, end, tol=ROUGHLY, mesh=until, bends=True).path
+            return follow(flow, start, end, tol=DRAWN_TOL, mesh=until, kinks=True).path
     return None
 
 
@@ -285,7 +289,7 @@ class _Parts:
     flow : Flow
     mesh : Mesh
         Of the solution.
-    bends : (N,) array of bool
+    kinked : (N,) array of bool
         Elements in which velocities may jump, so that those of the solution mean nothing there.
     stops : list of Instant
         Where the integration begins anew.
@@ -298,7 +302,7 @@ class _Parts:
 
     flow: Flow
     mesh: Mesh
-    bends: Array
+    kinked: Array
     stops: list[Instant]
     times: Array
     units: Units
@@ -315,32 +319,32 @@ class _Parts:
         """Return the parts of a solution, with units and tolerance for them."""
         mesh, span = solution.mesh, solution.problem.duration
         b = mesh.boundaries
-        bends = mesh.lengths < min(NARROWEST, 1 / (ALIKE * mesh.elements)) * span
+        kinked = mesh.lengths < min(NARROWEST_PART, 1 / (LENGTH_RATIO * mesh.elements)) * span
         for before, after in instants:
-            bends |= (b[:-1] < after) & (b[1:] > before)
+            kinked |= (b[:-1] < after) & (b[1:] > before)
         groups = b[
             np.linspace(0, mesh.elements, min(mesh.elements, PIECES) + 1).round().astype(int)
         ]
-        parts = cls(flow, mesh, bends, restarts(mesh, instants), b[[0, -1]], *accuracy)
+        parts = cls(flow, mesh, kinked, restarts(mesh, instants), b[[0, -1]], *accuracy)
         middles = (groups[:-1] + groups[1:]) / 2
         smooth, times = parts.smooth(middles), [b[-1]]
         # From a short element to a long one the error of the velocity has much time to grow.
         for k in range(middles.size)[::-1]:
-            if smooth[k] and times[-1] - middles[k] <= ALIKE * (groups[k + 1] - groups[k]):
+            if smooth[k] and times[-1] - middles[k] <= LENGTH_RATIO * (groups[k + 1] - groups[k]):
                 times.append(middles[k])
         return replace(parts, times=np.array([*times, b[0]])[::-1])
 
     def smooth(self, t: Array) -> Array:
         """Return whether the solution's velocities mean something at the times t (K,)."""
         at = np.searchsorted(self.mesh.boundaries, t, side="right") - 1
-        return ~self.bends[np.clip(at, 0, self.bends.size - 1)]
+        return ~self.kinked[np.clip(at, 0, self.kinked.size - 1)]
 
     def cut(self, start: float, end: float) -> float | None:
         """Return a time between the two at which a motion can begin, None if there is none."""
         t = start + CUT * (end - start)
         if not self.smooth(np.array([t]))[0]:
             b = self.mesh.boundaries
-            later = np.flatnonzero(~self.bends & (b[:-1] > t))
+            later = np.flatnonzero(~self.kinked & (b[:-1] > t))
             t = (b[later[0]] + b[later[0] + 1]) / 2 if later.size else end
         return float(t) if t < end else None
 
@@ -363,19 +367,19 @@ class _Parts:
     ) -> tuple[Array, Array, State]:
         """Return times, q there, and the state at the end, of a part of the time `whole`."""
         span = span_within(state.t, end)
-        q, v = run(state, span, self.units, RATE * span / whole)
+        q, v = run(state, span, self.units, BAUMGARTE_RATE * span / whole)
         t = state.t + QUARTERS * span
         q += v * (t - state.t - QUARTERS * span)  # from the times meant to those there are
         return t, q, State(end, q[:, -1], v[:, -1])
 
     @cached_property
     def _through(self) -> Integrator:
-        longest = min(LONGEST * min(self.mesh.elements, PIECES), QUARTERS[0])
+        longest = min(CVODES_LONGEST * min(self.mesh.elements, PIECES), QUARTERS[0])
         return self.flow.integrator(QUARTERS, self.tolerance, longest)
 
     @cached_property
     def _stopping(self) -> Integrator:
-        return self.flow.integrator(QUARTERS, self.tolerance, LONGEST)
+        return self.flow.integrator(QUARTERS, self.tolerance, CVODES_LONGEST)
 
 
 def _piece_by_piece(

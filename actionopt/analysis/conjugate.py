@@ -20,12 +20,15 @@ from actionopt.analysis.solution import Solution
 from actionopt.mechanics.problem import Periodic
 from actionopt.tools.types import Array
 
-RESOLUTION = 1e-10  # of Jacobi fields and path
-NEARER = np.pi / 4  # phases that move by less between two times are surely matched
-SHORTEST = 1e-9  # of the duration: no closer times are compared
+CONJUGATE_RESOLUTION = 1e-10  # of Jacobi fields and path; ad hoc, below `TOGETHER`
+# Phases that move by less between two times are surely matched: derived, they are known modulo pi,
+# and one that moved by more than pi / 2 may as well have moved the other way; half of that.
+NEARER = np.pi / 4
+# Ad hoc, between round-off and the next root; in parts of the duration where it is a time.
+CLOSEST_TIMES = 1e-9  # no closer ones are compared
 BACKWARDS = 1e-6  # phases seem to pass a root backwards by rounding, and by no more
-TOGETHER = 1e-8  # of the duration: roots this close are one, of higher multiplicity
-ITERATIONS = 100
+TOGETHER = 1e-8  # roots this close are one, of higher multiplicity
+ILLINOIS_STEPS = 100  # never reached: superlinear, ten are many
 
 
 class ConjugatePoint(NamedTuple):
@@ -56,7 +59,7 @@ def conjugate_points(solution: Solution) -> tuple[ConjugatePoint, ...]:
             "with its end, and no times conjugate to it number the index (`morse_index` counts "
             "that); pin both ends, guess=solution, for those of the motion between them"
         )
-    form = resolved(solution.discrete, solution.error, RESOLUTION, polish=True)
+    form = resolved(solution.discrete, solution.error, CONJUGATE_RESOLUTION, polish=True)
     if not form.freedom:
         return ()
     check_legendre(form)
@@ -163,7 +166,7 @@ def _roots(phases: Phases) -> list[float]:
     held = phases.form.pinned[0]
     near = np.argsort(np.sin(values[0]))
     values[0] = np.r_[np.zeros(held), np.sort(values[0][near[held:]])]
-    shortest = SHORTEST * (t1 - t0)
+    shortest = CLOSEST_TIMES * (t1 - t0)
     roots: list[float] = []
     for k in range(times.size - 1):
         stack = [(times[k], values[k], times[k + 1], values[k + 1])]
@@ -189,7 +192,7 @@ def _root(phases: Phases, a: float, at_a: Array, b: float, i: int, miss_b: float
     """Return the time in (a, b] at which phase i, continued from a, is pi (Illinois method)."""
     low, high, miss_a = a, b, float(at_a[i] - np.pi)
     side = 0
-    for _ in range(ITERATIONS):
+    for _ in range(ILLINOIS_STEPS):
         if high - low <= 4e-16 * max(abs(low), abs(high)) or miss_b == 0:
             break
         t = (low * miss_b - high * miss_a) / (miss_b - miss_a)

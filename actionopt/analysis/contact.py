@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from actionopt.analysis.solution import Solution
+from actionopt.discrete.crossing import BISECTIONS
 from actionopt.mechanics.problem import State
 from actionopt.tools.types import Array, NDInt
 
-SAMPLES = 4  # looks at each node interval, for roots that lie close together
-BISECTIONS = 60  # the double-precision number line between two samples has no more halves
+SAMPLES_PER_INTERVAL = 4  # of the nodes; ad hoc: roots that lie closer together pass unseen
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +67,7 @@ def contact_loss(solution: Solution) -> tuple[Contact, ...]:
             "only where a constraint stands for it; give the surface as f(q, t) = 0"
         )
     nodes = solution.mesh.nodes
-    s = np.arange(SAMPLES) / SAMPLES
+    s = np.arange(SAMPLES_PER_INTERVAL) / SAMPLES_PER_INTERVAL
     times = np.append((nodes[:-1, None] + np.diff(nodes)[:, None] * s).ravel(), nodes[-1])
     table = solution.multipliers(times)
     found = []
@@ -82,6 +82,7 @@ def contact_loss(solution: Solution) -> tuple[Contact, ...]:
 
 
 def _bisected(solution: Solution, row: int, times: Array, change: NDInt) -> list[float]:
+    """Return the roots of a multiplier in the intervals `change` of the `times` (K,)."""
     low, high = times[change], times[change + 1]
     if not low.size:
         return []

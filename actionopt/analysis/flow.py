@@ -20,13 +20,16 @@ from actionopt.mechanics.system import System
 from actionopt.tools.interrupts import raised_later
 from actionopt.tools.types import Array
 
-LONGEST = 1 / 200  # of the duration: a longer step might pass over a force that acts for a moment
-STEPS = 50_000  # of CVODES between two outputs; a regular motion needs some tens
-NOISE = 1e-10  # a coordinate this much smaller than the others is zero
-FEW = 16  # states of a motion tell its round-off, at least
-MOST = 0.9  # of them
-UNHEARD = 0.1  # of the noise of a step is what CVODES sees of it at high orders
-CONDITION = 1e13  # of the equilibrated equations: accelerations beyond it are round-off
+# Ad hoc. A longer step, in parts of the duration, might pass over a force that acts for a moment;
+# between two outputs a regular motion needs some tens of steps.
+CVODES_LONGEST, CVODES_STEPS = 1 / 200, 50_000
+# A coordinate this much smaller than the others is zero; ad hoc: a motion integrated roughly
+# leaves more than round-off (`problem.NEGLIGIBLE`) in it.
+ZERO_SIZE = 1e-10
+NOISE_STATES, NOISE_QUANTILE = 16, 0.9  # states that tell the round-off, and which; ad hoc
+STEP_NOISE = 0.1  # of the noise of a step is what CVODES sees of it at high orders; ad hoc
+# Of the equilibrated equations; derived: accelerations have 1e13 eps = 0.2% left of their digits.
+MAX_CONDITION = 1e13
 
 
 class IntegrationError(RuntimeError):
@@ -69,7 +72,7 @@ class Units:
         coordinates by noise * step^2 in a step. Where CVODES is asked for much less, it takes
         ever shorter steps in vain.
         """
-        noise = noise * UNHEARD
+        noise = noise * STEP_NOISE
         tolerance = max(tolerance, float(np.max(noise * step**2 / self.q)))
         v = np.maximum(self.v, noise * step / tolerance)
         return Units(self.q, v, self.rows), tolerance
@@ -83,13 +86,13 @@ class Units:
 def sizes(values: Array, metric: Array) -> Array:
     """Return the largest magnitude of each row of (n, K), shape (n,): always positive.
 
-    A row that is zero up to `NOISE` is given the size of the largest row instead, or 1.
+    A row that is zero up to `ZERO_SIZE` is given the size of the largest row instead, or 1.
     Coordinates may differ in unit and in mass, so it must be that small both as it stands and
     divided by the `metric` (n,), the inverse root of the inertias.
     """
     size = np.max(np.abs(values), axis=1)
     natural = size / metric
-    zero = (size <= NOISE * size.max()) & (natural <= NOISE * natural.max())
+    zero = (size <= ZERO_SIZE * size.max()) & (natural <= ZERO_SIZE * natural.max())
     return np.where(zero, size.max() if size.max() > 0 else 1.0, size)
 
 
@@ -112,7 +115,7 @@ class Flow:
     system: System
     parameters: Mapping[str, ArrayLike] | None = None
 
-    def integrator(self, s: Array, tolerance: float, longest: float = LONGEST) -> Integrator:
+    def integrator(self, s: Array, tolerance: float, longest: float = CVODES_LONGEST) -> Integrator:
         """Return the integrator from s = 0 with output at the K increasing times `s` <= 1.
 
         It takes no steps longer than `longest`.
@@ -122,7 +125,7 @@ class Flow:
             "reltol": tolerance,
             "linear_multistep_method": "adams",
             "nonlinear_solver_iteration": "functional",
-            "max_num_steps": STEPS,
+            "max_num_steps": CVODES_STEPS,
             "max_step_size": longest,
             "disable_internal_warnings": True,
             "show_eval_warnings": False,
@@ -153,7 +156,7 @@ class Flow:
 
         At most of some states along the motion: at few of them a force may be about to jump.
         """
-        some = slice(None, None, max(1, q.shape[1] // FEW))
+        some = slice(None, None, max(1, q.shape[1] // NOISE_STATES))
         q, v, t = q[:, some], v[:, some], t[some]
         both = [np.concatenate([x, x + np.spacing(x)], axis=-1) for x in (q, v, t)]
         try:
@@ -161,7 +164,7 @@ class Flow:
         except (ValueError, np.linalg.LinAlgError):  # not finite or singular: CVODES will tell
             return np.zeros(len(q))
         change = np.sort(np.nan_to_num(np.abs(a[:, t.size :] - a[:, : t.size]), posinf=0.0))
-        return change[:, int(MOST * (t.size - 1))]
+        return change[:, int(NOISE_QUANTILE * (t.size - 1))]
 
     def _equilibrate(self, state: State) -> Array:
         """Return r so that diag(r) K diag(r) has rows of size one, K the index-1 matrix."""
@@ -175,7 +178,7 @@ class Flow:
             r[n:] = (np.max(np.abs(M)) or 1.0) / np.max(np.abs(G), axis=1)
             for _ in range(5):
                 r /= np.sqrt(np.max(np.abs(K * r * r[:, None]), axis=1))
-            if np.linalg.cond(K * r * r[:, None]) < CONDITION:
+            if np.linalg.cond(K * r * r[:, None]) < MAX_CONDITION:
                 return r
         raise ValueError(
             f"expected equations of motion that give the accelerations {_of(state)}, found a "

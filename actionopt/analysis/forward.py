@@ -14,7 +14,14 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from actionopt.analysis.flow import LONGEST, NOISE, Flow, IntegrationError, Units, span_within
+from actionopt.analysis.flow import (
+    CVODES_LONGEST,
+    ZERO_SIZE,
+    Flow,
+    IntegrationError,
+    Units,
+    span_within,
+)
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.mechanics.instants import Instant
@@ -24,17 +31,18 @@ from actionopt.mechanics.system import System
 from actionopt.tools.checks import number, tolerance
 from actionopt.tools.types import EPS, Array, NDInt
 
-DEGREE = 12  # of the elements of the path
-ROUNDS = 12  # of splitting elements before giving up
+# Ad hoc, where nothing else is said.
+MOTION_DEGREE = 12  # of the elements of the path
+MOTION_ROUNDS = 12  # of splitting elements, or of finding units, before giving up
 ENOUGH = 8.0  # times finer than predicted: a round costs more than some elements
-NUMBERS = 30_000_000  # coordinates and velocities at all nodes: more do not fit into memory
-NARROWEST = 1e-4  # of a leg: no element given asks for steps shorter than that
-ALIKE = 64.0  # the longest element of a leg to its shortest: as many steps cost little
-DISTINCT = 64  # times that can be told apart, in an element that is split
-LOCAL = 1e-3  # CVODES bounds the error of one step; some hundred of them add up
-FINEST = 5e-16  # below this local tolerance CVODES gains nothing
-SAMPLES = 65  # along the motion, to find the sizes
-ROUGH = 1e-8  # local tolerance of the run that finds the sizes
+MAX_NUMBERS = 30_000_000  # coordinates and velocities at all nodes: 240 MB, a few copies of which
+NARROWEST_PART = 1e-4  # of a leg: no element given asks for steps shorter than that
+LENGTH_RATIO = 64.0  # the longest element of a leg to its shortest: as many steps cost little
+DISTINCT = 64  # times that can be told apart, in an element that is split: some for each node
+LOCAL_SHARE = 1e-3  # of tol: CVODES bounds the error of one step; some hundred of them add up
+FINEST_LOCAL = 5e-16  # below this local tolerance CVODES gains nothing: two eps
+SIZE_SAMPLES = 65  # along the motion, to find the sizes
+ROUGH_LOCAL = 1e-8  # local tolerance of the run that finds the sizes
 
 
 def integrate(
@@ -200,25 +208,27 @@ def follow(
     *,
     tol: float,
     mesh: Mesh | None = None,
-    bends: bool = False,
+    kinks: bool = False,
 ) -> Motion:
     """Return the motion from `state` to `t_end`: what `integrate` says, and what it raises.
 
     The integration begins anew after each jump of the Lagrangian in time, and where the lengths
     of the elements of the mesh change much, so that steps are as short as they are there, and
-    not elsewhere. If it `bends`, coordinates alone are resolved in elements shorter than
-    `NARROWEST` of the duration: velocities may have a kink there.
+    not elsewhere. With `kinks`, coordinates alone are resolved in elements shorter than
+    `NARROWEST_PART` of the duration: velocities may have a kink there.
     """
     span = _check(flow.system, state, t_end, tol)
     units = flow.first_units(state, span)
     _check_on_surface(flow, state, span)
     first, last = sorted([state.t, t_end])
-    elements = Mesh.uniform(first, last, 1, DEGREE) if mesh is None else _moved(mesh, first, last)
+    elements = (
+        Mesh.uniform(first, last, 1, MOTION_DEGREE) if mesh is None else _moved(mesh, first, last)
+    )
     seen = _look_ahead(flow, state, _legs(elements, [], span < 0), units)
     if mesh is None:
-        elements = Mesh.uniform(first, last, max(4, seen.steps // DEGREE), DEGREE)
+        elements = Mesh.uniform(first, last, max(4, seen.steps // MOTION_DEGREE), MOTION_DEGREE)
     legs, tables, at = [], [], state
-    resolve = _Resolve(flow, seen, tol, abs(span), bends)
+    resolve = _Resolve(flow, seen, tol, abs(span), kinks)
     for times, degrees in _legs(elements, seen.instants, span < 0):
         leg, q, v = resolve(at, times, degrees)
         at = State(leg.times[-1], q[:, -1], v[:, -1])
@@ -274,18 +284,20 @@ class _Rough:
 
 def _look_ahead(flow: Flow, state: State, legs: list[tuple[Array, NDInt]], units: Units) -> _Rough:
     """Integrate roughly, leg by leg, until the units are those of the motion."""
-    s = np.linspace(0.0, 1.0, SAMPLES)
+    s = np.linspace(0.0, 1.0, SIZE_SAMPLES)
     spans = [span_within(times[0], times[-1]) for times, _ in legs]
-    runs = [flow.integrator(s[1:], ROUGH, _longest(times)) for times, _ in legs]
+    runs = [flow.integrator(s[1:], ROUGH_LOCAL, _longest(times)) for times, _ in legs]
     places = [
         np.append(times[0] + s[:-1] * span, times[-1])
         for (times, _), span in zip(legs, spans, strict=True)
     ]
-    if np.all(units.v * abs(sum(spans)) <= NOISE * units.q):  # at rest, and nothing else is known
+    if np.all(
+        units.v * abs(sum(spans)) <= ZERO_SIZE * units.q
+    ):  # at rest, and nothing else is known
         noise = flow.round_off(state.q[:, None], state.v[:, None], places[0][:1])
-        units, _ = units.above(noise, abs(spans[0]) * LONGEST, ROUGH)
+        units, _ = units.above(noise, abs(spans[0]) * CVODES_LONGEST, ROUGH_LOCAL)
     own, tables, noises, lengths = units, [], [], []
-    for _ in range(ROUNDS):
+    for _ in range(MOTION_ROUNDS):
         last, at, tables, noises, lengths = units, state, [], [], []
         for run, span, t in zip(runs, spans, places, strict=True):
             q, v = run(at, span, units)
@@ -297,7 +309,7 @@ def _look_ahead(flow: Flow, state: State, legs: list[tuple[Array, NDInt]], units
         q, v = np.concatenate(tables, axis=2)
         own = units = Units.of(q, v, units.rows)
         for noise, step in zip(noises, lengths, strict=True):
-            units, _ = units.above(noise, step, ROUGH)
+            units, _ = units.above(noise, step, ROUGH_LOCAL)
         if units.agree(last):
             break
     instants = []
@@ -312,15 +324,15 @@ def _look_ahead(flow: Flow, state: State, legs: list[tuple[Array, NDInt]], units
 def _longest(times: Array) -> float:
     """Return a part of a leg that passes over none of its elements."""
     lengths = np.abs(np.diff(times))
-    return float(min(max(lengths.min() / lengths.sum(), NARROWEST), LONGEST))
+    return float(min(max(lengths.min() / lengths.sum(), NARROWEST_PART), CVODES_LONGEST))
 
 
 def _legs(mesh: Mesh, instants: list[Instant], backwards: bool) -> list[tuple[Array, NDInt]]:
-    """Return boundaries and degrees of legs, of elements of at least `DEGREE` and alike in length.
+    """Return boundaries and degrees of legs in the order of integration.
 
-    In the order of integration. None has an instant within.
+    Their elements are of at least `MOTION_DEGREE` and alike in length; none has an instant within.
     """
-    parts = [(mesh.boundaries, np.maximum(mesh.degrees, DEGREE))]
+    parts = [(mesh.boundaries, np.maximum(mesh.degrees, MOTION_DEGREE))]
     for before, after in instants:
         times, degrees = parts.pop()
         i, j = np.searchsorted(times, before), np.searchsorted(times, after, side="right")
@@ -329,11 +341,11 @@ def _legs(mesh: Mesh, instants: list[Instant], backwards: bool) -> list[tuple[Ar
     legs = []
     for times, degrees in parts:
         lengths, cuts = np.diff(times), [0]
-        if lengths.size and lengths.max() > ALIKE * lengths.min():
+        if lengths.size and lengths.max() > LENGTH_RATIO * lengths.min():
             low, high = np.inf, 0.0
             for e, h in enumerate(lengths.tolist()):
                 low, high = min(low, h), max(high, h)
-                if high > ALIKE * low:
+                if high > LENGTH_RATIO * low:
                     cuts.append(e)
                     low = high = h
         legs += [
@@ -371,23 +383,25 @@ def entered(flow: Flow, state: State, t: float) -> State:
 class _Resolve:
     """Integrates legs, and splits their elements until these resolve q and v.
 
-    If the motion `bends`, v is not asked for in elements shorter than `NARROWEST`.
+    With `kinks`, v is not asked for in elements shorter than `NARROWEST_PART`.
     """
 
     flow: Flow
     seen: _Rough
     tol: float
     duration: float
-    bends: bool
+    kinks: bool
 
     def __call__(self, state: State, times: Array, degrees: NDInt) -> tuple[Leg, Array, Array]:
         """Return the leg with its elements, and q and v (n, K) at their nodes."""
-        units, local = self.seen.within((times[0] + times[-1]) / 2, max(LOCAL * self.tol, FINEST))
+        units, local = self.seen.within(
+            (times[0] + times[-1]) / 2, max(LOCAL_SHARE * self.tol, FINEST_LOCAL)
+        )
         leg = Leg(times, degrees, units, local, _longest(times))
-        short = NARROWEST * self.duration if self.bends else 0.0
+        short = NARROWEST_PART * self.duration if self.kinks else 0.0
         apart = DISTINCT * np.spacing(np.max(np.abs(times)))
         goal = max(self.tol, 200 * leg.local)
-        for _ in range(ROUNDS):
+        for _ in range(MOTION_ROUNDS):
             q, v = _run(self.flow, state, leg, self.duration)
             mesh, lengths = leg.mesh, np.abs(np.diff(leg.times))
             tails = np.where(lengths < short, 0.0, _tails(mesh, v / leg.units.v[:, None]))
@@ -404,7 +418,7 @@ class _Resolve:
             if lengths[unresolved].min() < apart:
                 break
             leg = leg.split(pieces)
-            if 2 * q.shape[0] * leg.mesh.nodes.size > NUMBERS:
+            if 2 * q.shape[0] * leg.mesh.nodes.size > MAX_NUMBERS:
                 break
         raise IntegrationError(
             f"the motion from t = {first:.6g} on is not resolved by {leg.mesh.elements} elements: "

@@ -24,11 +24,12 @@ from actionopt.analysis.jacobi import polished, resolved
 from actionopt.analysis.second_variation import Form, check_legendre, condense
 from actionopt.discrete.discrete_path import DiscretePath
 
-RESOLUTION = 1e-6  # of the Jacobi fields; eigenvalues converge twice as fast
-POLISHED = 1e-10  # of the path as well, where its error leaves a sign open
-TOLERANCE = 1e-8  # least |mu| that has a sign
-LOOSEST = 1e-2  # |mu| moved by a path whose error is not known
-ERROR_GAIN = 10.0  # |mu| moved by an error of the path, for coefficients of order one
+# Of the Jacobi fields; derived: eigenvalues converge twice as fast, to 1e-12, far below the
+# tolerance. And of the path, where its error leaves a sign open: a tenth of the tolerance in |mu|.
+INDEX_RESOLUTION, POLISHED = 1e-6, 1e-10
+INDEX_TOLERANCE = 1e-8  # least |mu| that has a sign; ad hoc: the default `tol` of a path
+LOOSEST = 1e-2  # |mu| moved by a path whose error is not known; ad hoc
+ERROR_GAIN = 10.0  # |mu| moved by an error of the path; ad hoc, for coefficients of order one
 
 
 @dataclass(frozen=True)
@@ -78,19 +79,19 @@ def inertia(at: DiscretePath, error: float, *, tolerance: float | None = None) -
     Gelfand and Fomin, *Calculus of Variations* (1963), sections 24-29; Milnor, *Morse Theory*
     (1963), section 15.
     """
-    form = resolved(at, error, RESOLUTION)
+    form = resolved(at, error, INDEX_RESOLUTION)
     if tolerance is not None:
         return inertia_of(form, tolerance)
     error = np.fmin(error, 1.0)  # unknown ones are not finite
-    found = inertia_of(form, float(np.clip(ERROR_GAIN * error, TOLERANCE, LOOSEST)))
-    if found.nullity and found.tolerance > TOLERANCE:
+    found = inertia_of(form, float(np.clip(ERROR_GAIN * error, INDEX_TOLERANCE, LOOSEST)))
+    if found.nullity and found.tolerance > INDEX_TOLERANCE:
         with suppress(ValueError):  # a path that is none may be resolved on no mesh
             form = polished(at, POLISHED, found.nullity)
             return inertia_of(form) if form is not None else found
     return found
 
 
-def inertia_of(form: Form, tolerance: float = TOLERANCE) -> Inertia:
+def inertia_of(form: Form, tolerance: float = INDEX_TOLERANCE) -> Inertia:
     """Return the index and the nullity of a discrete second variation."""
     if not form.freedom:
         return Inertia(0, 0, None, tolerance)

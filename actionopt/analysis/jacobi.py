@@ -26,20 +26,21 @@ from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import compressed
 from actionopt.discrete.mesh import MAX_DEGREE, Mesh
 from actionopt.discrete.newton import follow
+from actionopt.discrete.resolution import SHORTEST
 from actionopt.discrete.transcription import Transcription
 from actionopt.tools.lobatto import lgl
 from actionopt.tools.types import Array
 
-ROUNDS = 12
-HIGHEST = 20  # degree above which an element is split instead
-LOW = 2  # degree
-SAMPLES = 120  # of the coefficients of d2S, at least: they may vary faster than path and fields
-SHORTEST = 1e-13  # of the duration: the shortest element that is still split
-NOISE = 1e-13  # in coefficients, of the largest
-NEAR = 0.5  # of the coordinates' sizes: a path further away is another one
-CORRECTIONS = 12
-CLOSE = 1e-11  # a step this small, in the coordinates' sizes, ends the corrections
-VANISHES = 1e-8  # of the unit of action, for a move of the coordinates by their size
+# Ad hoc, where nothing else is said.
+FIELD_ROUNDS = 12  # of refinement: a singularity is found out by then, see `SHORTEST`
+HIGHEST_DEGREE = 20  # an element of more is split instead
+LOW_DEGREE = 2  # has no coefficients that could decay
+COEFFICIENT_SAMPLES = 120  # of d2S, at least: it may vary faster than path and fields
+COEFFICIENT_NOISE = 1e-13  # of the largest: some hundred eps
+# Newton's method with a border: how far the path may move, in the coordinates' sizes, and still be
+# the one; most steps; the step that ends them; and what may be left of the border's multipliers,
+# in units of action for a move of the coordinates by their size.
+POLISH_REACH, BORDERED_STEPS, BORDERED_TOL, FREE_FORCE = 0.5, 12, 1e-11, 1e-8
 
 
 def fields(form: Form) -> list[Array]:
@@ -88,7 +89,7 @@ def resolved(
     through a singularity, or one along which the constraints are not independent.
     """
     found = form(first, units)
-    for _ in range(ROUNDS):
+    for _ in range(FIELD_ROUNDS):
         check_independent(found, error)
         tr = found.tr
         mesh = finer(tr.mesh, tol, form=found, Q=found.at.Q / tr.lengths if polish else None)
@@ -107,7 +108,7 @@ def polished(first: DiscretePath, tol: float, nullity: int) -> Form | None:
     where it finds no stationary path near. Raises ValueError as `resolved` does.
     """
     at = first
-    for _ in range(ROUNDS):
+    for _ in range(FIELD_ROUNDS):
         z = _stationary(at.tr, at.z, nullity)
         if z is None:
             return None
@@ -121,20 +122,20 @@ def polished(first: DiscretePath, tol: float, nullity: int) -> Form | None:
 
 
 def _stationary(tr: Transcription, z: Array, nullity: int) -> Array | None:
-    """Return the stationary path near z, or None.
+    """Return the stationary path near z, (size,), or None.
 
     Where Newton's matrix K is singular, [K B; B' 0] with as many columns B as K lacks in rank is
     not: their multipliers vanish where there is a path, and tell where there is none.
     """
     near = follow(tr, z)
-    if near.converged and near.travelled < NEAR:
+    if near.converged and near.travelled < POLISH_REACH:
         return near.z
     cut, size, first = tr.layout.unknowns, tr.layout.size, z
     border = np.zeros((size, nullity))
     border[:cut] = np.random.default_rng(0).standard_normal((cut, nullity)) / np.sqrt(cut)
     pattern = tr.layout.kkt
     with np.errstate(all="ignore"):
-        for _ in range(CORRECTIONS):
+        for _ in range(BORDERED_STEPS):
             entries, residual = compressed(tr.layout, tr.kkt(z)), tr.residual(z)
             if not (np.isfinite(entries).all() and np.isfinite(residual).all()):
                 return None
@@ -146,10 +147,10 @@ def _stationary(tr: Transcription, z: Array, nullity: int) -> Array | None:
             except RuntimeError:  # singular all the same
                 return None
             z = z - step[:size]
-            if not np.max(np.abs((z - first)[:cut]), initial=0.0) < NEAR:
+            if not np.max(np.abs((z - first)[:cut]), initial=0.0) < POLISH_REACH:
                 return None
-            if np.max(np.abs(step[:cut])) < CLOSE:
-                return z if np.max(np.abs(step[size:])) < VANISHES else None
+            if np.max(np.abs(step[:cut])) < BORDERED_TOL:
+                return z if np.max(np.abs(step[size:])) < FREE_FORCE else None
     return None
 
 
@@ -175,7 +176,7 @@ def finer(
             tables.append(table / np.max(np.abs(table), axis=(1, 2), keepdims=True))
         for table in tables:
             size = np.abs(g.rule.to_legendre @ table)
-            last = size[:, -2:] if g.rule.degree > LOW else size
+            last = size[:, -2:] if g.rule.degree > LOW_DEGREE else size
             tail[g.elements] = np.maximum(tail[g.elements], np.max(last, axis=(1, 2)))
     if np.max(tail) <= tol:
         return None
@@ -183,7 +184,7 @@ def finer(
     coarse = tail > tol
     # Raise the degree where the coefficients decay; split where they do not, or it is high.
     # Too low a degree has no coefficients that could decay.
-    split = coarse & (((tail > 1e-2) & (degrees > LOW)) | (degrees + 4 > HIGHEST))
+    split = coarse & (((tail > 1e-2) & (degrees > LOW_DEGREE)) | (degrees + 4 > HIGHEST_DEGREE))
     if np.any(mesh.lengths[split] < SHORTEST * mesh.duration):
         worst = mesh.boundaries[np.argmin(np.where(split, mesh.lengths, np.inf))]
         raise ValueError(
@@ -205,7 +206,7 @@ def _unresolved(form: Form) -> Array:
     nodes: at the nodes alone, what varies faster looks smooth.
     """
     tr, mesh = form.tr, form.tr.mesh
-    least, tail = -(-SAMPLES // mesh.elements), np.zeros(mesh.elements)
+    least, tail = -(-COEFFICIENT_SAMPLES // mesh.elements), np.zeros(mesh.elements)
     for g in mesh.groups:
         fine = lgl(min(max(2 * g.rule.degree + 2, least), 2 * MAX_DEGREE + 2))
         weights = g.rule.interpolation(fine.nodes)
@@ -218,7 +219,7 @@ def _unresolved(form: Form) -> Array:
         A, B, C, _ = coefficients(tr.problem, q.reshape(-1, n), v.reshape(-1, n), t.reshape(-1, 1))
         shape = (g.elements.size, fine.degree + 1, n, n)
         mass = np.abs(np.einsum("ekaa->eka", C.reshape(shape))).max(axis=1)
-        mass = np.sqrt(np.maximum(mass, NOISE * mass.max(axis=1, keepdims=True)))
+        mass = np.sqrt(np.maximum(mass, COEFFICIENT_NOISE * mass.max(axis=1, keepdims=True)))
         size = (mass[:, :, None] * mass[:, None, :]).reshape(g.elements.size, 1, -1)
         for X, power in ((A, 2), (B, 1), (C, 0)):
             table = (
@@ -229,6 +230,6 @@ def _unresolved(form: Form) -> Array:
             with np.errstate(invalid="ignore"):  # infinite ones are not resolved
                 beyond = np.abs(fine.to_legendre[max(g.rule.degree - 1, 0) :] @ table)
             beyond = np.nan_to_num(beyond, nan=np.inf).max(axis=(1, 2))
-            noise = NOISE * np.abs(table).max(axis=(1, 2))
+            noise = COEFFICIENT_NOISE * np.abs(table).max(axis=(1, 2))
             tail[g.elements] = np.maximum(tail[g.elements], np.where(beyond <= noise, 0.0, beyond))
     return tail

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from actionopt.analysis.index import RESOLUTION, Inertia
+from actionopt.analysis.index import INDEX_RESOLUTION, Inertia
 from actionopt.analysis.jacobi import resolved
 from actionopt.analysis.second_variation import Form, condense
 from actionopt.analysis.solution import Solution
@@ -15,8 +15,8 @@ from actionopt.discrete.path import Path
 from actionopt.tools.checks import numbers
 from actionopt.tools.types import Array, NDInt
 
-DENSE = 600  # free variations up to which all eigenvalues are computed at once
-SWEEPS = 200
+DENSE_EIGENPROBLEM = 600  # free variations up to which all eigenvalues are computed at once; ad hoc
+SUBSPACE_STEPS = 200  # of inverse iteration, most; ad hoc, it ends by itself in some tens
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +70,7 @@ def second_variation(
         )
     given = np.broadcast_to(asked, (n,))
     found = solution.inertia
-    form = resolved(solution.discrete, solution.error, RESOLUTION / 100, units=given)
+    form = resolved(solution.discrete, solution.error, INDEX_RESOLUTION / 100, units=given)
     values, vectors = lowest(form, count)
     nodes = np.zeros((len(form.basis), form.freedom, len(values)))
     nodes.reshape(-1, len(values))[_free(form)] = vectors
@@ -92,7 +92,7 @@ def lowest(form: Form, count: int) -> tuple[Array, Array]:
     rows, cols, entries, mass = _assembled(form, free)
     scale = 1 / np.sqrt(mass)
     entries = entries * scale[rows] * scale[cols]
-    if free.size <= DENSE:
+    if free.size <= DENSE_EIGENPROBLEM:
         matrix = np.zeros((free.size, free.size))
         matrix[rows, cols] = entries
         values, vectors = np.linalg.eigh(matrix)
@@ -139,7 +139,7 @@ def _assembled(form: Form, free: NDInt) -> tuple[NDInt, NDInt, Array, Array]:
 
 
 def _subspace(form: Form, matrix: ca.DM, count: int) -> tuple[Array, Array]:
-    """Return the lowest eigenpairs by inverse iteration with a block of vectors.
+    """Return the lowest eigenvalues (count,) and vectors (size, count) by inverse iteration.
 
     The shift lies below the spectrum, which the pivots' signs tell, so that the matrix is
     positive definite and its factorization needs no pivoting.
@@ -155,7 +155,7 @@ def _subspace(form: Form, matrix: ca.DM, count: int) -> tuple[Array, Array]:
     solver.sfact(shifted)
     solver.nfact(shifted)
     values = np.full(count, np.inf)
-    for _ in range(SWEEPS):
+    for _ in range(SUBSPACE_STEPS):
         block, _ = np.linalg.qr(np.asarray(solver.solve(shifted, ca.DM(block))))
         ritz, turn = np.linalg.eigh(block.T @ np.asarray(matrix @ ca.DM(block)))
         block = block @ turn

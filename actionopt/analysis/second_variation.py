@@ -32,9 +32,10 @@ from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
 from actionopt.tools.types import Array, NDInt
 
-SINGULAR = 1e-9  # pivots below this fraction of their block's largest wait for the next block
+# Ad hoc, between round-off and what a path is known to.
+DELAYED_PIVOT = 1e-9  # pivots below this fraction of their block's largest wait for the next block
 BLURRED = 10.0  # times the path's error: smaller singular values of G say nothing
-UNKNOWN = 1e-3  # error of a path whose own is not known
+ASSUMED_ERROR = 1e-3  # of a path whose own is not known
 RANK = 1e-10  # singular values below this fraction of the largest are zero
 
 
@@ -240,7 +241,11 @@ def check_independent(form: Form, error: float) -> None:
     size = np.linalg.norm(G, axis=2).max(axis=0)
     values = np.linalg.svd(G / np.where(size > 0, size, 1.0)[:, None], compute_uv=False)
     least = values.min(axis=1)
-    known = max(RANK, BLURRED * min(error, UNKNOWN)) if np.isfinite(error) else BLURRED * UNKNOWN
+    known = (
+        max(RANK, BLURRED * min(error, ASSUMED_ERROR))
+        if np.isfinite(error)
+        else BLURRED * ASSUMED_ERROR
+    )
     if np.min(least) <= known * np.median(least):
         raise dependent(float(tr.mesh.nodes[np.argmin(least)]))
 
@@ -332,7 +337,7 @@ def _joined(M: Array, to: NDInt, gone: NDInt) -> Array:
 
 
 def _eliminate(M: Array, first: int, stop: int, force: bool) -> tuple[Array, int]:
-    """Return the Schur complement of M[first:stop, first:stop] and its negative eigenvalues.
+    """Eliminate the variables first to stop of M; return the rest and the number of negative ones.
 
     A block that is close to singular waits for its neighbours, as a pivot of two rows waits in
     the factorization of Bunch and Kaufman: a node conjugate to the start has such a block.
@@ -341,7 +346,7 @@ def _eliminate(M: Array, first: int, stop: int, force: bool) -> tuple[Array, int
         return M, 0
     values, vectors = np.linalg.eigh(M[first:stop, first:stop])
     size = np.abs(values)
-    if not force and size.min() < SINGULAR * size.max():
+    if not force and size.min() < DELAYED_PIVOT * size.max():
         return M, 0
     outer = np.r_[:first, stop : len(M)]
     X = vectors.T @ M[first:stop, outer]
@@ -351,6 +356,10 @@ def _eliminate(M: Array, first: int, stop: int, force: bool) -> tuple[Array, int
 
 
 def _kinetic(g, c: Array, half: Array) -> Array:
+    """Return int eta'.c eta' dt of the elements of a group, (E, d + 1, n, d + 1, n).
+
+    c (E, d + 1, n, n) is L_vv at the nodes, `half` (E,) half the lengths. As D'W D of the rule.
+    """
     E, k = c.shape[:2]
     n = c.shape[2]
     rate = g.rule.stiffness @ (c / half[:, None, None, None]).reshape(E, k, n * n)
@@ -358,6 +367,7 @@ def _kinetic(g, c: Array, half: Array) -> Array:
 
 
 def _rest(g, a: Array, b: Array, half: Array) -> Array:
+    """Return int (eta.a eta + 2 eta.b eta') dt alike; the half lengths of b's term cancel."""
     wD = g.rule.weighted
     mixed = np.einsum("ejab,jl->ejalb", b, wD)
     result = mixed + mixed.transpose(0, 3, 4, 1, 2)
@@ -368,6 +378,7 @@ def _rest(g, a: Array, b: Array, half: Array) -> Array:
 
 
 def _reduce(local: Array, Z: Array) -> Array:
+    """Return Z'local Z, (E, (d + 1) r, (d + 1) r), for the bases Z (E, d + 1, n, r) of nodes."""
     E, k, _, r = Z.shape
     half = np.einsum("ejalb,elbs->ejals", local, Z, optimize=True)
     return np.einsum("ejals,ejar->ejrls", half, Z, optimize=True).reshape(E, k * r, k * r)

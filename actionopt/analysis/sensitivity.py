@@ -27,7 +27,8 @@ from actionopt.mechanics.problem import State
 from actionopt.mechanics.system import System
 from actionopt.tools.types import Array
 
-RESOLUTION = 1e-8  # of the Jacobi fields; second derivatives converge twice as fast
+# Of the Jacobi fields; derived: second derivatives converge twice as fast, to round-off.
+SENSITIVITY_RESOLUTION = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +80,7 @@ def sensitivity(at: DiscretePath, error: float, momenta: tuple[Array, Array]) ->
     Goldstein, *Classical Mechanics* (3rd ed. 2002), sections 8.6 and 10.1; J. H. Van Vleck,
     *Proc. Natl. Acad. Sci.* 14 (1928), p. 178.
     """
-    form = resolved(at, error, RESOLUTION)
+    form = resolved(at, error, SENSITIVITY_RESOLUTION)
     tr, problem, node_of = at.tr, at.problem, at.tr.layout.node_of
     system, q = problem.system, at.Q[node_of]
     v = tr.velocities(q)

@@ -1,4 +1,4 @@
-"""Fans of forward motions from one event, for guesses: many at once, none accurate.
+"""Shooting: forward motions from one event, for guesses: many at once, none accurate.
 
 All motions are integrated together by the Runge-Kutta pair of Dormand and Prince, each with
 steps of its own, and all are aimed at their targets together, by Newton's method on their initial
@@ -17,17 +17,18 @@ from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Problem
 from actionopt.tools.types import Array, NDInt
 
-ACCURACY = 1e-5  # of one step
-STEPS = 400  # most steps of one motion; what needs more comes too close to a singularity
-AIMS = 12
-NUDGE = 1e-6  # relative change of a velocity that tells the derivative
-ARRIVED = 1e-3  # of the coordinates' sizes: near enough for a guess
-DEGREE = 6  # of the elements of a guess; each spans three steps
+# Ad hoc: what comes of it is a guess, and Newton's method does the rest.
+STEP_ERROR = 1e-5  # of one step
+MOTION_STEPS = 400  # most, of one motion; what needs more comes too close to a singularity
+AIMS = 12  # Newton steps towards a target
+NUDGE = 1e-6  # relative change of a velocity that tells the derivative, to a hundredth
+ARRIVAL_TOL = 1e-3  # of the coordinates' sizes: near enough for a guess
+GUESS_DEGREE = 6  # of the elements of a guess, of three steps each; what they say, three cubics
 
 # Dormand and Prince, J. Comput. Appl. Math. 6 (1980), p. 19: times, stages, and the difference of
 # the two results. The last stage is the result of order five.
-TIMES = np.array([0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1, 1])
-STAGES = (
+DOPRI_TIMES = np.array([0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1, 1])
+DOPRI_STAGES = (
     np.array([]),
     np.array([1 / 5]),
     np.array([3 / 40, 9 / 40]),
@@ -36,7 +37,7 @@ STAGES = (
     np.array([9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656]),
     np.array([35 / 384, 0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84]),
 )
-ERROR = np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40])
+DOPRI_ERROR = np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40])
 
 
 def shoot(problem: Problem, v0: Array) -> Array:
@@ -61,8 +62,8 @@ def integrate(
     start: tuple[Array, Array, Array],
     span: Array,
     *,
-    accuracy: float = ACCURACY,
-    steps: int = STEPS,
+    accuracy: float = STEP_ERROR,
+    steps: int = MOTION_STEPS,
     track: list | None = None,
     watch: Callable[[int], None] | None = None,
 ) -> tuple[Array, Array]:
@@ -92,11 +93,11 @@ def integrate(
             y, forth = np.stack([q[:, :, live], v[:, :, live]]), way[live]
             step = np.minimum(h[live], T[live] - t[live])
             rates = []
-            for at, row in zip(TIMES, STAGES, strict=True):
+            for at, row in zip(DOPRI_TIMES, DOPRI_STAGES, strict=True):
                 here = y + step * np.tensordot(row, np.array(rates), 1) if rates else y
                 times = begin[live] + forth * (t[live] + at * step)
                 rates.append(forth * np.stack([here[1], _acceleration(problem, here, times)]))
-            error = step * np.tensordot(ERROR, np.array(rates), 1)
+            error = step * np.tensordot(DOPRI_ERROR, np.array(rates), 1)
             scale = accuracy * np.stack(
                 [
                     np.maximum(np.abs(y[0] - q0[:, :, live]), 1e-2 * unit),
@@ -160,7 +161,7 @@ def motions(problem: Problem, v0: Array, q0: Array | None = None) -> list[Path |
         v = np.array([row[2][:, k] for row in track])[keep].T
         times[-1] = problem.end.t
         corners = times[np.unique(np.r_[0 : times.size - 1 : 3, times.size - 1])]
-        result.append(Path.interpolate(hermite(times, q, v), Mesh(corners, DEGREE)))
+        result.append(Path.interpolate(hermite(times, q, v), Mesh(corners, GUESS_DEGREE)))
     return result
 
 
@@ -233,9 +234,9 @@ def _newton(x: Array, basis: Array, gap) -> tuple[Array, NDInt]:
     step, trial, active = np.zeros_like(x), x.copy(), np.arange(count)
     for _ in range(AIMS):
         h = nudge[active]
-        fan = np.stack([trial[:, active]] * (r + 1), axis=1)
-        fan[:, 1:] += basis[:, :, None] * h
-        gaps = gap(fan, active)
+        trials = np.stack([trial[:, active]] * (r + 1), axis=1)
+        trials[:, 1:] += basis[:, :, None] * h
+        gaps = gap(trials, active)
         J = (gaps[:, 1:] - gaps[:, :1]) / h
         size = np.linalg.norm(gaps[:, 0], axis=0)
         good = np.isfinite(size) & (size < miss[active]) & np.isfinite(J).all(axis=(0, 1))
@@ -244,14 +245,14 @@ def _newton(x: Array, basis: Array, gap) -> tuple[Array, NDInt]:
             k = active[i]
             best[:, k], miss[k] = trial[:, k], size[i]
             change = -basis @ np.linalg.lstsq(J[:, :, i], gaps[:, 0, i], rcond=1e-12)[0]
-            # No farther at once than half the velocity itself: the fan should not collapse.
+            # No farther at once than half the velocity itself: the trials should not collapse.
             long = np.linalg.norm(change) / max(float(np.linalg.norm(best[:, k])), 1e-300)
             step[:, k] = change / max(1.0, 2 * long)
         trial = best + part * step
-        active = np.flatnonzero((miss > ARRIVED / 10) & (part > 1e-3))
+        active = np.flatnonzero((miss > ARRIVAL_TOL / 10) & (part > 1e-3))
         if not active.size:
             break
-    arrived = np.flatnonzero(miss < ARRIVED)
+    arrived = np.flatnonzero(miss < ARRIVAL_TOL)
     return best[:, arrived], arrived
 
 

@@ -278,6 +278,7 @@ class Solution:
         return self.ends.states if self.ends is not None else (self._state(0), self._state(1))
 
     def _state(self, k: int) -> State:
+        """Return the state at the start (k = 0) or the end (-1), its velocity by the momentum."""
         system, parameters = self.problem.system, self.problem.parameters
         t, q = float(self.mesh.boundaries[-k]), self.path.values[:, -k]
         v = self.path.velocity(t)
@@ -287,6 +288,7 @@ class Solution:
         return State(t, q, v)
 
     def _pointwise(self, name: str, t: ArrayLike) -> Array:
+        """Return what a method of the system says along the path, (..., *t.shape)."""
         times = np.asarray(t, dtype=float)
         method = getattr(self.problem.system, name)
         parameters = self.problem.parameters

@@ -25,8 +25,9 @@ from actionopt.mechanics.problem import NEGLIGIBLE, Problem, State
 from actionopt.mechanics.system import System
 from actionopt.tools.types import Array
 
-SAME = 1e-9  # relative difference of two evaluations of the action of one path
-SAME_ENDS = 1e-6  # of momenta and velocities at its ends, where a small mass amplifies round-off
+# What a file must say twice, relative to its size. Ad hoc: far above the round-off of another
+# machine's, far below what another problem would say; for velocities a small mass amplifies it.
+SAME_EVALUATION, SAME_ENDS = 1e-9, 1e-6
 # How far velocities at the ends may be from the polynomial's, in units of the largest velocity:
 # 0.008 where L has a kink at an event; and this many times `velocity_error`, 0.42 on coarse meshes.
 SLOPE_ERROR, SLOPE_SAFETY = 0.1, 10.0
@@ -70,6 +71,7 @@ def load(file: str | FilePath, system: System | str | None = None) -> Solution:
 
 
 def _damaged(file: str | FilePath, error: Exception) -> ValueError:
+    """Return what to raise for a file that is not one of these, or was cut short."""
     why = str(error) if str(error).startswith("expected") else type(error).__name__
     return ValueError(
         f"expected an .npz file written by Solution.save, found {str(file)!r}, which is "
@@ -125,12 +127,12 @@ def _check_ends(solution: Solution) -> None:
     """Raise ValueError if a path does not begin and end at its events, or close as it should."""
     problem, mesh, values = solution.problem, solution.mesh, solution.path.values
     times = np.array([problem.start.t, problem.end.t])
-    if not np.all(np.abs(mesh.boundaries[[0, -1]] - times) <= SAME * problem.duration):
+    if not np.all(np.abs(mesh.boundaries[[0, -1]] - times) <= SAME_EVALUATION * problem.duration):
         raise ValueError(
             f"expected a path from t = {times[0]} to {times[1]}, the times of its events, found "
             f"one from {mesh.boundaries[0]} to {mesh.boundaries[-1]}"
         )
-    off = SAME * np.max(np.abs(values), axis=1)
+    off = SAME_EVALUATION * np.max(np.abs(values), axis=1)
     for k, event in ((0, problem.start), (-1, problem.end)):
         for i in event.pinned:
             if not abs(values[i, k] - cast(float, event.q[i])) <= off[i]:
@@ -245,7 +247,7 @@ def _problem(found: Solution, system: System | str | None) -> Problem | None:
         action, S = tr.action_and_gradient(found.path.values.T)[0], found.action
         # A failed attempt may have an infinite one, or none.
         alike = action == S or (np.isnan(action) and np.isnan(S))
-        if not (alike or abs(action - S) <= SAME * max(abs(S), tr.action_unit)):
+        if not (alike or abs(action - S) <= SAME_EVALUATION * max(abs(S), tr.action_unit)):
             raise ValueError(
                 f"expected the system of the file, whose action on its path is {S}, found "
                 f"a system that gives {action}"

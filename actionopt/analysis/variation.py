@@ -25,10 +25,11 @@ from actionopt.discrete.resolution import resolution
 from actionopt.mechanics.problem import Problem
 from actionopt.tools.types import Array
 
-RESOLVED = 1e-10  # omitted Legendre coefficients of eta, relative to its size
+# Ad hoc: near round-off.
+ETA_RESOLUTION = 1e-10  # omitted Legendre coefficients of eta, relative to its size
 HALVINGS = 8  # of an element; a kink of eta is then closed in on to 1/256 of it
-VANISHES = 1e-10  # |eta| at a pinned end, relative to its size
-ON_SURFACE = 1e-12  # |f| of a varied path, relative to its change by the coordinates' own size
+PINNED_ETA = 1e-10  # |eta| at a pinned end, relative to its size
+PROJECTED = 1e-12  # |f| of a varied path, relative to its change by the coordinates' own size
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +100,7 @@ class Variation:
             return Q
         moved = project(tr, Q)
         f = system.pointwise("constraint")(moved, tr.mesh.nodes[:, None], problem.packed)[0]
-        if not np.max(np.abs(f) / tr.row_units) <= ON_SURFACE:
+        if not np.max(np.abs(f) / tr.row_units) <= PROJECTED:
             raise ValueError(
                 f"expected a path on the constraint surface near q + alpha eta, found none for "
                 f"alpha = {alpha}; try a smaller alpha"
@@ -155,7 +156,7 @@ def resolving(mesh: Mesh, eta) -> Mesh:
     for _ in range(HALVINGS):
         values = Path.interpolate(eta, mesh).values.T
         size = float(np.max(np.abs(values))) or 1.0
-        coarse = resolution(mesh, values, np.full(values.shape[1], size)).omitted > RESOLVED
+        coarse = resolution(mesh, values, np.full(values.shape[1], size)).omitted > ETA_RESOLUTION
         if not coarse.any():
             break
         b, parts = mesh.since, np.where(coarse, 2, 1)
@@ -173,13 +174,13 @@ def _allowed(form: Form, eta: Path) -> Array:
     size = np.max(np.abs(values))
     for k, event in ((0, problem.start), (-1, problem.end)):
         for i in event.pinned:
-            if abs(values[k, i]) > VANISHES * size:
+            if abs(values[k, i]) > PINNED_ETA * size:
                 raise ValueError(
                     f"expected eta({event.t}) = 0 in {names[i]}, which the event pins, found "
                     f"{values[k, i]:.3g}; multiply eta by a function that vanishes at both ends"
                 )
     open_by = np.abs(values[-1] - values[0])
-    if form.closed and np.any(open_by > VANISHES * size):
+    if form.closed and np.any(open_by > PINNED_ETA * size):
         i = int(np.argmax(open_by))
         raise ValueError(
             f"expected eta(t1) = eta(t0) for a path that closes, found that {names[i]} differs by "

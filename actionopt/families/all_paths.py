@@ -1,7 +1,7 @@
 """All the paths between two events, as far as they can be found.
 
 Stationary paths are sought in every way at hand: least paths from several coarse starts, forward
-motions in all directions bent to the second event, Newton's method that keeps away from what is
+motions in all directions aimed at the second event, Newton's method that keeps away from what is
 known, and continuation of every path found through folds in the end time, where paths appear in
 pairs. Each is then solved to the tolerance and compared with the forward motion from its own
 start. No search of this kind proves that nothing is left.
@@ -23,7 +23,7 @@ from actionopt.solver.arguments import asked
 from actionopt.tools.checks import tolerance
 from actionopt.tools.types import Array
 
-PROBES = 16  # random points at which periodicity is checked
+PROBES = 16  # random points at which periodicity is checked; ad hoc: one would do, as a rule
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +144,7 @@ def solve_all(
     starts : int
         Curves, in each class of windings, from which least and deflated solves start.
     shots : int
-        Forward motions in a fan; for one coordinate there is one fan, else fans are repeated
+        Forward motions in a batch; for one coordinate there is one, else batches are repeated
         until four in a row have found nothing new.
     continuations : int
         Most paths to be followed through folds.
@@ -185,7 +185,7 @@ def solve_all(
         run.straight()
         if not run.linear:
             run.least(starts)
-            run.fan(shots)
+            run.forward_shots(shots)
             run.deflate(starts)
             run.folds(continuations)
     except KeyboardInterrupt:
@@ -253,6 +253,7 @@ def detected_angles(problem: Problem) -> tuple[int, ...]:
 
 
 def _everything(system: System, problem: Problem, q: Array, v: Array, t: Array) -> Array:
+    """Return L, f and Q at q, v (n, K) and t (K,), one below the other, (1 + m + n, K)."""
     p = problem.parameters
     with np.errstate(all="ignore"):
         rows = [np.atleast_2d(system.lagrangian(q, v, t, parameters=p))]

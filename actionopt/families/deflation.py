@@ -13,16 +13,15 @@ from actionopt.discrete.factors import Factors
 from actionopt.discrete.transcription import Transcription
 from actionopt.tools.types import Array
 
-STEPS = 60
-LONGEST = 1.0  # in units of the coordinates' sizes
-CLOSE = 1e-7
+# Ad hoc; lengths in units of the coordinates' sizes.
+DEFLATED_STEPS, DEFLATED_REACH, DEFLATED_TOL = 60, 1.0, 1e-7
 
 
 def deflated(tr: Transcription, z: Array, known: list[Array]) -> Array | None:
     """Return a stationary path other than those `known` (as vectors z), from z; None if lost."""
     cut = tr.layout.unknowns
     with np.errstate(all="ignore"):
-        for _ in range(STEPS):
+        for _ in range(DEFLATED_STEPS):
             try:
                 step = -Factors(tr.layout, tr.kkt(z)).solve(tr.residual(z))
             except np.linalg.LinAlgError:
@@ -30,7 +29,7 @@ def deflated(tr: Transcription, z: Array, known: list[Array]) -> Array | None:
             size = float(np.max(np.abs(step[:cut])))
             if not np.isfinite(size):
                 return None
-            if size < CLOSE:
+            if size < DEFLATED_TOL:
                 return z + step
             slope = 0.0  # (grad M . step) / M
             for other in known:
@@ -38,5 +37,5 @@ def deflated(tr: Transcription, z: Array, known: list[Array]) -> Array | None:
                 square = float(gap @ gap) / cut
                 slope -= 2 * float(gap @ step[:cut]) / cut / (square * (1 + square) + 1e-300)
             factor = 1 / (1 - slope) if slope != 1 else 1e3
-            z = z + factor * min(1.0, LONGEST / (abs(factor) * size)) * step
+            z = z + factor * min(1.0, DEFLATED_REACH / (abs(factor) * size)) * step
     return None

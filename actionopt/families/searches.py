@@ -1,6 +1,6 @@
 """Every way at hand to a stationary path between two events, and what came of each.
 
-Least paths from several coarse starts, forward motions in all directions bent to the second event,
+Least paths from several coarse starts, forward motions in all directions aimed at the second event,
 Newton's method that keeps away from what is known, and continuation of every path found through
 folds in the end time, where paths appear in pairs.
 """
@@ -29,20 +29,22 @@ from actionopt.solver.ipopt import find
 from actionopt.solver.solve import solve
 from actionopt.tools.types import Array
 
-ELEMENTS, DEGREE = 24, 6  # of the mesh on which paths are sought
-SAME = 1e-6  # distance of two paths, in units of the coordinates' sizes, below which they are one
-SAME_COARSE = 1e-3
+# Ad hoc: how much is enough to find all paths cannot be derived, and what is found more, costs
+# more. Lengths are in units of the coordinates' sizes, velocities and momenta in the largest's.
+SEARCH_ELEMENTS, SEARCH_DEGREE = 24, 6  # of the mesh on which paths are sought
+SAME_PATH = 1e-6  # distance of two paths below which they are one: far above the default `tol`
+SAME_COARSE_PATH = 1e-3
 SAME_VELOCITY = 1e-3
 SAME_ACTION = 1e-6  # relative difference of the actions of one family, all the same
-FARTHEST = 1e6  # sizes of the coordinates: what goes farther is carried off by round-off alone
-CLOSED = 1e-4  # difference of two momenta, in units of the largest, that is no kink
-BISECTIONS = 25
-ROUGH = 1e-5  # tolerance of paths on the way to another
-CONTINUED = 160  # most steps of a continuation
-FANS, DRY = 20, 4  # most fans, and how many in a row that find nothing new end the search
-CLOSINGS = 3  # most fans for closed paths: there may be larger and larger ones without end
-FAST = 4.0  # largest motions tried for closed paths, in the size of those that are known
-LONGER, SHORTER = 2.0, 0.2  # end times, relative to the duration, between which folds are sought
+FAMILY_REACH = 1e6  # what goes farther does so by round-off alone
+CLOSED_MOMENTUM = 1e-4  # difference of two momenta that is no kink
+VELOCITY_BISECTIONS = 25  # to a guess as good as single precision
+CONTINUATION_TOL = 1e-5  # of paths on the way to another
+CONTINUATION_STEPS = 160
+SHOT_BATCHES, FRUITLESS_BATCHES = 20, 4  # most, and how many in a row that find nothing end them
+CLOSED_BATCHES = 3  # most for closed paths: there may be larger and larger ones without end
+CLOSED_REACH = 4.0  # largest motions tried for closed paths, in the size of those that are known
+LATEST_FOLD, EARLIEST_FOLD = 2.0, 0.2  # end times, relative to the duration
 
 
 @dataclass(eq=False)
@@ -83,7 +85,7 @@ class Sweep:
         start, end = set(problem.start.pinned), set(problem.end.pinned)
         self.loose = tuple(i for i in self.turning if i not in start | end)
         self.turning = tuple(i for i in self.turning if self.closed or i in start & end)
-        mesh = Mesh.uniform(problem.start.t, problem.end.t, ELEMENTS, DEGREE)
+        mesh = Mesh.uniform(problem.start.t, problem.end.t, SEARCH_ELEMENTS, SEARCH_DEGREE)
         self.far = np.zeros(problem.system.n)
         self.classes: list[Winding] = []
         for k in sorted(product(turns, repeat=len(self.turning)), key=lambda k: np.abs(k).sum()):
@@ -116,8 +118,8 @@ class Sweep:
             if attempt.converged:
                 self._candidate(c, attempt.z, "a least start")
 
-    def fan(self, shots: int) -> None:
-        """Bend forward motions to the second event, whichever way they are wound."""
+    def forward_shots(self, shots: int) -> None:
+        """Aim forward motions at the second event, with any windings."""
         n, events = self.problem.system.n, (self.problem.start, self.problem.end)
         if shots < 4:
             return
@@ -134,23 +136,25 @@ class Sweep:
             return
         self._aim(velocities(self.problem, self.far, shots, rng))
         dry = 0
-        for _ in range(FANS):  # with speeds like those of the paths that are known by now
+        for _ in range(SHOT_BATCHES):  # with speeds like those of the paths that are known by now
             before = len(self.found)
             known = [float(np.linalg.norm(s.start.v)) for s, _, _ in self.found] or [1.0]
             speed = np.linspace(0.8 * min(known), 1.2 * max(known), shots)
             speed += rng.random() * (speed[1] - speed[0])
             self._aim(directed(self.problem, speed[None], rng))
             dry = dry + 1 if len(self.found) == before else 0
-            if dry == DRY:
+            if dry == FRUITLESS_BATCHES:
                 break
 
     def _close(self, shots: int) -> None:
-        """Bend forward motions until they close."""
+        """Change forward motions until they close."""
         if self.problem.system.m:  # they would leave the constraints
             return
         rng = np.random.default_rng(self.seed)
         for done, c in enumerate(self.classes):
-            for _ in range(CLOSINGS):  # as large and as fast as the paths that are known by now
+            for _ in range(
+                CLOSED_BATCHES
+            ):  # as large and as fast as the paths that are known by now
                 self._tell("shots", done, len(self.classes))
                 before = len(self.found)
                 self._closing(c, shots, rng)
@@ -158,7 +162,7 @@ class Sweep:
                     break
 
     def _closing(self, c: Winding, shots: int, rng: np.random.Generator) -> None:
-        """Try one fan of motions from anywhere, slow and fast."""
+        """Try some motions from anywhere, slow and fast."""
         n, T, advance = self.problem.system.n, c.problem.duration, c.problem.advance
         assert advance is not None
         rates = 2 * np.pi * (c.tr.lengths + np.abs(advance)) / T
@@ -167,7 +171,7 @@ class Sweep:
             known = np.abs([s.path.values, s.velocity(s.mesh.nodes)]).max(axis=2).ravel()
             units = np.maximum(units, known)
         units[list(self.loose)] = np.pi
-        far = np.exp(rng.uniform(np.log(0.3), np.log(FAST), shots))
+        far = np.exp(rng.uniform(np.log(0.3), np.log(CLOSED_REACH), shots))
         y = units[:, None] * far * rng.uniform(-1, 1, (2 * n, shots))
         y[n:] += advance[:, None] / T
         for i in c.problem.start.pinned:
@@ -183,7 +187,7 @@ class Sweep:
             self._candidate(c, c.tr.pack(guess(c.tr.mesh.nodes).T), "a forward shot", guess)
 
     def _aim(self, v0: Array) -> None:
-        """Aim a fan of motions at the ends that they come near."""
+        """Aim motions at the ends that they come near."""
         self._tell("shots", 0, v0.shape[1])
         ends = shoot(self.problem, v0[:, None])[:, 0]
         usable = np.flatnonzero(np.isfinite(ends).all(axis=0))
@@ -212,7 +216,7 @@ class Sweep:
             return
         low, high, low_miss = np.array(rows).T
         target = np.array([c.problem.end.q[0] for c in classes], dtype=float)
-        for _ in range(BISECTIONS):
+        for _ in range(VELOCITY_BISECTIONS):
             middle = (low + high) / 2
             left = (shoot(self.problem, middle[None, None])[0, 0] - target) * low_miss > 0
             low, high = np.where(left, middle, low), np.where(left, high, middle)
@@ -269,12 +273,12 @@ class Sweep:
             if done >= most:
                 break
             c = next(c for c in self.classes if c.turns == turns)
-            for factor in (SHORTER, LONGER):
+            for factor in (EARLIEST_FOLD, LATEST_FOLD):
                 if (id(solution), factor) in followed:
                     continue
                 self._tell("continuations", done, min(most, len(self.found)))
                 self.tried["continuations"] += 1
-                options = {"tol": ROUGH, "steps": CONTINUED, "count": False}
+                options = {"tol": CONTINUATION_TOL, "steps": CONTINUATION_STEPS, "count": False}
                 try:
                     guess = _coarser(solution.path)
                     branch = trace(c.problem, "t1", t0 + factor * T, guess=guess, **options)
@@ -340,7 +344,7 @@ class Sweep:
         Q = c.tr.coordinates(z).T
         for other in c.seen:
             apart = self._apart(Q, c.tr.coordinates(other).T)
-            if np.max(np.abs(apart) / c.tr.lengths[:, None]) < SAME_COARSE:
+            if np.max(np.abs(apart) / c.tr.lengths[:, None]) < SAME_COARSE_PATH:
                 return False
         c.seen.append(z)
         self._polish(c, Path(c.tr.mesh, Q) if guess is None else guess, how)
@@ -377,11 +381,14 @@ class Sweep:
         size = np.maximum(np.max(np.abs(values), axis=1), c.tr.lengths * 1e-3)[:, None]
         for other, turns in [(s, turns) for s, turns, _ in self.found] + self.kinked:
             apart = self._apart(other(nodes), values)
-            if turns == c.turns and np.max(np.abs(apart) / size) < SAME:
+            if turns == c.turns and np.max(np.abs(apart) / size) < SAME_PATH:
                 return other
         family = not _determined(solution)
         if family:
-            if not np.max(np.abs(values).T / np.maximum(c.problem.scales, c.tr.lengths)) < FARTHEST:
+            if (
+                not np.max(np.abs(values).T / np.maximum(c.problem.scales, c.tr.lengths))
+                < FAMILY_REACH
+            ):
                 return None
             for other, turns in self.families:
                 if turns == c.turns and self._same_action(c, other, solution):
@@ -438,7 +445,7 @@ def _closes(c: Winding, solution: Solution) -> bool:
     unit = c.tr.action_unit / c.tr.lengths
     size = np.max(np.abs(solution.momentum(solution.mesh.nodes)), axis=1)
     p0, p1 = solution.momenta
-    return bool(np.all(np.abs(p1 - p0) <= CLOSED * np.maximum(size, 1e-3 * unit)))
+    return bool(np.all(np.abs(p1 - p0) <= CLOSED_MOMENTUM * np.maximum(size, 1e-3 * unit)))
 
 
 def _known(error: Exception) -> None:

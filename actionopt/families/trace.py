@@ -26,15 +26,18 @@ from actionopt.tools.types import Array
 
 Vary = str | tuple[str, str] | Callable[[float], Problem]
 
-FIRST_STEP, LONGEST, SHORTEST = 0.05, 0.25, 1e-7
-STRAIGHT = 0.95  # cosine of the angle between directions above which a step was short enough
-RESOLUTION = 1e-5  # of the Jacobi fields, for the index
+# Ad hoc, where nothing else is said. Steps are of arclength, the range of values as the unit.
+FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 0.05, 0.25, 1e-7
+STRAIGHT_STEP = 0.95  # cosine of the angle between directions (18 degrees): short enough
+# Of the Jacobi fields; derived: eigenvalues converge twice as fast, and signs are asked, no more.
+TRACE_RESOLUTION = 1e-5
 LOCATED = 1e-12  # change of arclength that ends the search for a point
-LOCATE = 60
-BESIDE = 1e-3  # of what a root is enclosed in: how near it a step is tried that fails on it
-GROWN = 2.0  # times the units of the coordinates: then these grow along, and steps with them
-FAR = 100.0  # times the size of the first path, from where a branch may be running away
-CLOSING = 1e-3  # of the range: nearer than this to where it would be infinite, it does
+LOCATE_STEPS = 60
+STEP_ASIDE = 1e-3  # of what a root is enclosed in: how near it a step is tried that fails on it
+GROWN_UNITS = 2.0  # times the units of the coordinates: then these grow along, and steps with them
+# A branch is infinite at a value where it has grown so many times, nearer to it than this part of
+# the range.
+POLE_SIZE, POLE_DISTANCE = 100.0, 1e-3
 INTERRUPTED = "it was interrupted"
 
 
@@ -267,13 +270,14 @@ class _Run:
         at = solution.discrete
         if self.counting:
             try:
-                at = resolved(at, solution.error, RESOLUTION, polish=True).at
+                at = resolved(at, solution.error, TRACE_RESOLUTION, polish=True).at
             except ValueError as error:
                 raise _Uncounted(_without(error)) from None
         self.sizes = at.tr.lengths
         self._set(at.path, at.rows, at.tr.lengths, self.origin, np.sign(self.goal - self.origin))
 
     def _set(self, path: Path, rows: Array | None, lengths: Array, s: float, sign: float) -> None:
+        """Begin a branch at a path at s, multipliers `rows` (K, m), towards the sign of ds."""
         instants, reach = self.family(s).instants, abs(self.goal - self.origin)
         self.branch = Branch(self.family, path.mesh, instants, lengths, reach)
         lam = None if rows is None else np.nan_to_num(rows)
@@ -294,7 +298,7 @@ class _Run:
             taken = self._try(here, length)
             if taken is None:
                 length /= 2
-                if length < SHORTEST:
+                if length < SHORTEST_STEP:
                     self.end("no step, however short, led on: the paths end or run away")
                     return
                 continue
@@ -304,7 +308,7 @@ class _Run:
                 last = self.branch.to(there, beyond) or self.branch.to(here, beyond)
                 if last is None:
                     length /= 2
-                    if length < SHORTEST:
+                    if length < SHORTEST_STEP:
                         self.end("the last step to the end of the interval failed")
                         return
                     continue
@@ -326,7 +330,7 @@ class _Run:
                 )
                 return
             if corrections <= 3:
-                length = min(1.5 * length, LONGEST)
+                length = min(1.5 * length, LONGEST_STEP)
             self._refine()
         self.end(f"the {steps} steps were used up; give more (steps=), or trace on from there")
 
@@ -340,16 +344,17 @@ class _Run:
         Near a conjugate point the size grows like 1 / (pole - s), whose inverse is a line.
         """
         before, now = self._size(here), self._size(there)
-        if now < FAR or now <= before:
+        if now < POLE_SIZE or now <= before:
             return None
         left = (there.s - here.s) / (now / before - 1)
         ahead = self.goal if left * (self.goal - self.origin) > 0 else self.origin
-        near = abs(left) < CLOSING * abs(self.goal - self.origin)
+        near = abs(left) < POLE_DISTANCE * abs(self.goal - self.origin)
         return there.s + left if near and abs(ahead - there.s) > 2 * abs(left) else None
 
     def _try(self, here: Point, length: float) -> tuple[Point, int] | None:
+        """Return the point a step ahead and the corrections it took; None if it was too long."""
         taken = self.branch.step(here, length)
-        if taken is None or self.branch.angle(here, taken[0]) < STRAIGHT:
+        if taken is None or self.branch.angle(here, taken[0]) < STRAIGHT_STEP:
             return None
         return taken
 
@@ -389,10 +394,10 @@ class _Run:
         mesh = finer(tr.mesh, self.tol, Q=Q / np.maximum(sizes, tr.lengths))
         if mesh is None and self.counting:
             try:
-                mesh = finer(tr.mesh, RESOLUTION, form=form(point.at))
+                mesh = finer(tr.mesh, TRACE_RESOLUTION, form=form(point.at))
             except ValueError as error:
                 raise _Uncounted(_without(error)) from None
-        if mesh is None and not np.any(sizes > GROWN * tr.lengths):
+        if mesh is None and not np.any(sizes > GROWN_UNITS * tr.lengths):
             return
         self.meshes += mesh is not None
         mesh = mesh or tr.mesh
@@ -442,7 +447,7 @@ class _Run:
         at_low, at_high, side = float(function(here)), float(function(far[0])), 0
         if at_low * at_high > 0:
             return None
-        for _ in range(LOCATE):
+        for _ in range(LOCATE_STEPS):
             if at_low == 0 or high[0] - low[0] < LOCATED:
                 return low[1]
             if at_high == 0:
@@ -452,7 +457,7 @@ class _Run:
             trial = trial if a < trial < b else (a + b) / 2
             taken, lost = self.branch.step(here, trial), False
             if taken is None:
-                lost, aside = True, BESIDE * (b - a)
+                lost, aside = True, STEP_ASIDE * (b - a)
                 trial = trial - aside if trial - aside > a else trial + aside
                 taken = self.branch.step(here, trial)
             if taken is None:
@@ -478,6 +483,7 @@ class _Run:
         return Point(self.branch.at(s), z, s, low[1].direction)
 
     def result(self) -> Trace:
+        """Return what is known so far."""
         return Trace(
             np.array([p.s for p in self.points]),
             np.array([self._action(p) for p in self.points]),

@@ -1,4 +1,4 @@
-"""Minimise the discrete action by Newton's method with a metric, where Newton's alone would climb.
+"""Minimise the discrete action by Newton's method with a metric, where plain Newton would raise it.
 
 Where the Hessian H of S is not positive definite a multiple of its kinetic part K is added,
 (H + mu K) step = -grad S. K measures velocities (the H1 metric), so that mu means the same on
@@ -18,11 +18,14 @@ from actionopt.discrete.newton import CONTRACTION
 from actionopt.discrete.transcription import Transcription
 from actionopt.tools.types import Array
 
-STEPS = 60
-FIRST, RAISE, LOWER, LARGEST = 0.01, 3.0, 0.3, 1e6  # of mu, in units of K
-DECREASE = 1e-2  # share of the decrease that the gradient promises which a step must bring
-LONGEST = 1.0  # a step longer than this many times the path jumps over what lies between
-ARRIVED = 1e-10  # a shorter step is too near to round-off for S to decrease
+# Ad hoc, as in any method of this kind, where nothing else is said.
+DESCENT_STEPS = 60
+FIRST_MU, RAISE_MU, LOWER_MU, LARGEST_MU = 0.01, 3.0, 0.3, 1e6  # in units of K
+SUFFICIENT_DECREASE = 1e-2  # Armijo's: share of what the gradient promises that a step must bring
+DESCENT_REACH = 1.0  # a step longer than this many times the path jumps over what lies between
+# A shorter step changes S by its square, 1e-20, which is round-off of S: derived, and on the safe
+# side for curvatures far from one.
+SHORTEST_DESCENT = 1e-10
 RUNAWAY = 1e3  # coordinates this many times their own size, still going down
 
 
@@ -53,14 +56,14 @@ def descend(tr: Transcription, z: Array) -> Descended:
     mu, count = 0.0, 0
     with np.errstate(all="ignore"):
         action, gradient = tr.action(z), tr.gradient(z)
-        while count < STEPS and np.abs(z).max() < RUNAWAY:
-            farthest = LONGEST * max(1.0, float(np.abs(z).max()))
+        while count < DESCENT_STEPS and np.abs(z).max() < RUNAWAY:
+            farthest = DESCENT_REACH * max(1.0, float(np.abs(z).max()))
             H, K = tr.kkt(z), tr.kinetic(z)
             if not np.all(np.isfinite(H)):
                 break
             while not (factors := Factors(tr.layout, H + mu * K)).definite():
-                mu = max(RAISE * mu, FIRST)
-                if mu > LARGEST:  # a mass matrix that is not positive has no lowest action
+                mu = max(RAISE_MU * mu, FIRST_MU)
+                if mu > LARGEST_MU:  # a mass matrix that is not positive has no lowest action
                     return Descended(z, False, False, count)
             while True:
                 count += 1
@@ -68,14 +71,14 @@ def descend(tr: Transcription, z: Array) -> Descended:
                     step = -factors.solve(gradient)
                 except np.linalg.LinAlgError:
                     step = np.full_like(z, np.nan)
-                if np.abs(step).max() < ARRIVED:
+                if np.abs(step).max() < SHORTEST_DESCENT:
                     return Descended(z, mu == 0.0, False, count)
                 trial = z + step
                 lower = tr.action(trial) if np.abs(step).max() < farthest else np.nan
-                if lower <= action + DECREASE * float(gradient @ step):
+                if lower <= action + SUFFICIENT_DECREASE * float(gradient @ step):
                     break
-                mu = max(RAISE * mu, FIRST)
-                if mu > LARGEST:
+                mu = max(RAISE_MU * mu, FIRST_MU)
+                if mu > LARGEST_MU:
                     return Descended(z, False, False, count)
                 factors = Factors(tr.layout, H + mu * K)
             z, action, gradient = trial, lower, tr.gradient(trial)
@@ -83,5 +86,5 @@ def descend(tr: Transcription, z: Array) -> Descended:
                 second = factors.solve(gradient)
                 if np.linalg.norm(second) < CONTRACTION * np.linalg.norm(step):
                     return Descended(z - second, True, False, count)
-            mu = LOWER * mu if LOWER * mu > FIRST / 2 else 0.0
+            mu = LOWER_MU * mu if LOWER_MU * mu > FIRST_MU / 2 else 0.0
     return Descended(z, False, bool(np.abs(z).max() >= RUNAWAY), count)

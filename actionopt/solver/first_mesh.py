@@ -18,13 +18,17 @@ from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
 from actionopt.tools.types import Array
 
-SHOWN = 2.5  # radians, or e-foldings, on an element of some ten degrees: a dozen digits
-LAYER = SHOWN * np.array([0, 1, 2, 3, 4, 6, 9, 14])  # e-foldings from an end; rounded away then
-MOST = 64  # elements for turns
-MARGIN = 5.0  # between a coefficient and the tolerance it has to meet
-TINY = 1e-6
+# Radians, or e-foldings, on an element: by the formula in `planned` twelve digits at degree 13.
+# Derived so far; that few elements of this degree are better than many of another is ad hoc.
+PHASE_PER_ELEMENT = 2.5
+# E-foldings from an end at which elements meet; elements lengthen as the layer decays, and beyond
+# 35 it is below round-off (derived; the steps between are ad hoc).
+LAYER_PHASES = PHASE_PER_ELEMENT * np.array([0, 1, 2, 3, 4, 6, 9, 14])
+MOST_ELEMENTS = 64  # for turns; ad hoc: more are left to refinement
+TAIL_MARGIN = 5.0  # between a coefficient and the tolerance it has to meet: `SAFETY`, and a little
+SLOWEST = 1e-6  # rate over the whole time, in place of none: of that the first degree is enough
 LOG_FACTORIALS = np.array([lgamma(d) for d in DEGREES])  # of d - 1
-ROUNDOFF = 1e3 * np.finfo(float).eps
+THINNEST_ELEMENT = 1e3 * np.finfo(float).eps  # in parts of the time; ad hoc: its nodes are distinct
 
 
 def planned(problem: Problem, tol: float, elements: int) -> Mesh:
@@ -35,12 +39,12 @@ def planned(problem: Problem, tol: float, elements: int) -> Mesh:
     second = system.pointwise("second")(*state)
     forces = system.pointwise("force_jacobian")(*state) if system.structure.forced else None
     turns, folds = _rates(system, second, forces, problem.duration)
-    parts, fastest = _shown(turns, folds, elements), SHOWN
+    parts, fastest = _boundaries(turns, folds, elements), PHASE_PER_ELEMENT
     if parts is None:
         parts, fastest = np.linspace(0.0, 1.0, elements + 1), max(turns, folds) / elements
     # The Legendre coefficient k of exp(x t) is about (x / 2)^k / k!; the last two tell the error.
-    logarithms = (DEGREES - 1) * np.log(max(fastest, TINY) / 4) - LOG_FACTORIALS
-    good = logarithms < np.log(tol / MARGIN)
+    logarithms = (DEGREES - 1) * np.log(max(fastest, SLOWEST) / 4) - LOG_FACTORIALS
+    good = logarithms < np.log(tol / TAIL_MARGIN)
     degree = DEGREES[np.argmax(good)] if good.any() else DEGREES[-1]
     since = problem.duration * parts
     return Mesh.over(problem.start.t, problem.end.t, since, int(degree))
@@ -51,30 +55,29 @@ def paced(tr: Transcription, z: Array) -> Mesh | None:
     problem, mesh, x = tr.problem, tr.mesh, z[: tr.layout.unknowns]
     forces = tr.forces(x) if problem.system.structure.forced else None
     rates = _rates(problem.system, tr.second(x), forces, problem.duration)
-    parts = _shown(*rates, mesh.elements)
+    parts = _boundaries(*rates, mesh.elements)
     return None if parts is None else mesh.cut(mesh.duration * parts, max(mesh.degrees))
 
 
-def _shown(turns: float, folds: float, elements: int) -> Array | None:
-    """Return boundaries that show so many radians and e-foldings, or None if `elements` do.
+def _boundaries(turns: float, folds: float, elements: int) -> Array | None:
+    """Return boundaries (N + 1,) for so many radians and e-foldings, None if `elements` do.
 
-    They are parts of the duration, from 0 to 1.
-
-    Uniform but for the ends, where the elements lengthen with their distance from a layer.
+    They are parts of the duration, from 0 to 1: uniform but for the ends, where the elements
+    lengthen with their distance from a layer.
     """
-    if max(turns, folds) <= SHOWN * elements:
+    if max(turns, folds) <= PHASE_PER_ELEMENT * elements:
         return None
-    middle = int(np.clip(np.ceil(turns / SHOWN), elements, MOST))
+    middle = int(np.clip(np.ceil(turns / PHASE_PER_ELEMENT), elements, MOST_ELEMENTS))
     layer = np.zeros(1)
-    if folds > SHOWN * elements:
-        layer = LAYER[0.4 * folds > LAYER] / folds  # something is left between
+    if folds > PHASE_PER_ELEMENT * elements:
+        layer = LAYER_PHASES[0.4 * folds > LAYER_PHASES] / folds  # something is left between
     last = layer[-1]
     parts = np.concatenate(
         [layer[:-1], np.linspace(last, 1.0 - last, middle + 1), 1.0 - layer[-2::-1]]
     )
     parts[-1] = 1.0
     # A layer as thin as that is left to refinement.
-    return None if np.diff(parts).min() < ROUNDOFF else parts
+    return None if np.diff(parts).min() < THINNEST_ELEMENT else parts
 
 
 def _rates(

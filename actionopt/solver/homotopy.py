@@ -11,27 +11,29 @@ from __future__ import annotations
 
 import numpy as np
 
+from actionopt.discrete.arclength import FAR
 from actionopt.discrete.factors import Factors
 from actionopt.discrete.transcription import Transcription
 from actionopt.tools.types import Array
 
-STEPS, FEWEST = 400, 20
-ORDINARY = 5000  # unknowns up to which all the steps are taken; fewer in proportion above
-FIRST_STEP, LONGEST, SHORTEST = 0.05, 0.5, 1e-6
-CORRECTIONS = 5
-CLOSE = 1e-6  # correction, in units of the coordinates' sizes, that ends a corrector
-FAR = 1e4  # coordinates this many times their size are no path worth following
+# Ad hoc. Steps at most, and for any number of unknowns; all are taken up to some unknowns, above
+# fewer in proportion.
+HOMOTOPY_STEPS, FEWEST_STEPS, ALL_STEPS_SIZE = 400, 20, 5000
+# Of arclength in s and the root mean square of the coordinates; halved where the corrector fails.
+FIRST_ARC, LONGEST_ARC, SHORTEST_ARC = 0.05, 0.5, 1e-6
+CORRECTOR_STEPS = 5
+CORRECTOR_TOL = 1e-6  # correction, in units of the coordinates' sizes, that ends a corrector
 
 
-def release(tr: Transcription, z: Array) -> tuple[Array, int] | None:
-    """Return a point near a stationary path and the factorizations used, or None if lost.
+def newton_homotopy(tr: Transcription, z: Array) -> tuple[Array, int] | None:
+    """Return a point (size,) near a stationary path and the factorizations used, or None.
 
     `z` is the curve at which the applied force starts.
     """
     cut = tr.layout.unknowns
     force = tr.residual(z)
-    steps = min(STEPS, STEPS * ORDINARY // tr.layout.size + FEWEST)
-    s, direction, ds, length, count = 0.0, None, 1.0, FIRST_STEP, 0
+    steps = min(HOMOTOPY_STEPS, HOMOTOPY_STEPS * ALL_STEPS_SIZE // tr.layout.size + FEWEST_STEPS)
+    s, direction, ds, length, count = 0.0, None, 1.0, FIRST_ARC, 0
     for _ in range(steps):
         try:
             slope = -Factors(tr.layout, tr.kkt(z), many=True).solve(force)  # dz/ds
@@ -50,7 +52,7 @@ def release(tr: Transcription, z: Array) -> tuple[Array, int] | None:
             if trial is not None:
                 break
             length /= 2
-            if length < SHORTEST:
+            if length < SHORTEST_ARC:
                 return None
         z, s = trial[0], trial[1]
         if not np.max(np.abs(z[:cut])) < FAR:
@@ -58,7 +60,7 @@ def release(tr: Transcription, z: Array) -> tuple[Array, int] | None:
         if s >= 1.0 - 1e-9:
             return z, count
         if trial[2] <= 2:
-            length = min(2 * length, LONGEST)
+            length = min(2 * length, LONGEST_ARC)
     return None
 
 
@@ -67,7 +69,7 @@ def _correct(tr, z, s, force, direction, ds) -> tuple[Array, float, int] | None:
     cut = tr.layout.unknowns
     last = np.inf
     with np.errstate(all="ignore"):
-        for k in range(1, CORRECTIONS + 1):
+        for k in range(1, CORRECTOR_STEPS + 1):
             try:
                 factors = Factors(tr.layout, tr.kkt(z), many=True)
                 miss = factors.solve(tr.residual(z) - (1.0 - s) * force)
@@ -82,6 +84,6 @@ def _correct(tr, z, s, force, direction, ds) -> tuple[Array, float, int] | None:
             if not np.isfinite(size) or size > 2 * last:
                 return None
             z, s, last = z + step, s + change, size
-            if size < CLOSE:
+            if size < CORRECTOR_TOL:
                 return z, s, k
     return None

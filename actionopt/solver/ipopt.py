@@ -25,11 +25,12 @@ from actionopt.tools.types import Array
 
 Principle = Literal["least", "patient least", "stationary"]
 
-TOLERANCE = 1e-6  # in the scaled residual; Newton's method takes over far above this
-RUNAWAY = 1e4  # coordinates this many times their own size: minimising has run away
-# A saddle is reached in tens of iterations or not at all; a minimum may lie in a long valley.
-ITERATIONS = {"least": 40, "patient least": 300, "stationary": 60}
-LARGE = 1500  # unknowns above which half of that has to do
+IPOPT_TOLERANCE = 1e-6  # in the scaled residual; ad hoc, Newton's method takes over far above this
+DIVERGING_ITERATES = 1e4  # coordinates this many times their own size: minimising has run away
+# Ad hoc: a saddle is reached in tens of iterations or not at all; a minimum may lie in a long
+# valley. Above so many unknowns half of that has to do.
+IPOPT_ITERATIONS = {"least": 40, "patient least": 300, "stationary": 60}
+HALVED_SIZE = 1500
 OPTIONS: dict[str, Any] = {
     "print_time": 0,
     "calc_lam_p": False,
@@ -37,10 +38,10 @@ OPTIONS: dict[str, Any] = {
     "show_eval_warnings": False,
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
-    "ipopt.tol": TOLERANCE,
+    "ipopt.tol": IPOPT_TOLERANCE,
     "ipopt.nlp_scaling_method": "none",  # the transcription is scaled already
     "ipopt.mumps_permuting_scaling": 0,  # MUMPS can stall for seconds on square systems with it
-    "ipopt.diverging_iterates_tol": RUNAWAY,
+    "ipopt.diverging_iterates_tol": DIVERGING_ITERATES,
 }
 
 
@@ -60,7 +61,9 @@ class Attempt:
     @property
     def diverged(self) -> bool:
         """Whether the action ran away to minus infinity."""
-        return self.status == "Diverging_Iterates" or bool(np.max(np.abs(self.z)) > RUNAWAY)
+        return self.status == "Diverging_Iterates" or bool(
+            np.max(np.abs(self.z)) > DIVERGING_ITERATES
+        )
 
 
 class _Function(ca.Callback):
@@ -152,7 +155,7 @@ class _Solver:
         ]
         options: dict[str, Any] = {
             **OPTIONS,
-            "ipopt.max_iter": ITERATIONS[principle] // (1 if size <= LARGE else 2),
+            "ipopt.max_iter": IPOPT_ITERATIONS[principle] // (1 if size <= HALVED_SIZE else 2),
             "grad_f": self.functions[1],
             "jac_g": self.functions[2],
             "hess_lag": self.functions[3],

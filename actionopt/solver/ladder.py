@@ -22,29 +22,27 @@ from actionopt.discrete.transcription import Transcription
 from actionopt.solver.first_mesh import paced, planned
 from actionopt.solver.iterate import Iterate, sizes
 from actionopt.solver.meeting import meetings
-from actionopt.solver.refine import settle, settle_on
-from actionopt.solver.workspace import LARGE, Workspace
+from actionopt.solver.refine import refine, solve_on
+from actionopt.solver.workspace import LARGE_SIZE, ROUGHLY, Workspace
 from actionopt.tools.watch import OutOfTime
 
-SHORT = 4  # rungs that are tried from a bent line
-BEND = 0.4  # of the motion's sizes
-TRAPPED = (Status.NOT_FOUND, Status.UNRESOLVED, Status.DEGENERATE)
-MEETING = 8  # coordinates up to which a few hundred motions are many
-TRIED = 32  # pairs of motions; and so many elements as that many paths of
-MANY = 1500  # unknowns have
-LENGTHY = 48  # elements of a motion that takes long to compute
-FINE = 3  # coordinates up to which a higher degree costs less than a second mesh
+UNSOLVED = (Status.NOT_FOUND, Status.UNRESOLVED, Status.DEGENERATE)
+# Ad hoc, where nothing else is said.
+CURVED_RUNGS, CURVED_HEIGHT = 4, 0.4  # tried from a curved line; of that, in the motion's sizes
+# Motions that meet: the coordinates up to which a few hundred are many; pairs that are tried, and
+# unknowns of as many paths, which they may have together; elements of one that takes too long.
+MEETING_COORDINATES, MEETING_PAIRS, MEETING_UNKNOWNS, MEETING_ELEMENTS = 8, 32, 1500, 48
+HIGH_DEGREE_COORDINATES = 3  # up to which a higher degree costs less than a second mesh
 PATIENT = 30  # damped steps towards a path near a guess: whatever else there is costs more
-NEAR_GUESS = (16, 32, 64)  # a guess has features that coarser meshes would miss
+NEAR_GUESS = (16, 32, 64)  # elements: a guess has features that coarser meshes would miss
 LINEAR = 4  # elements to begin with where nothing has to be sought
-COARSE_DEGREE, COARSE = 6, 8  # and elements
-SHOWN = 1e-3  # omitted coefficients of a guess below which a mesh shows all of it
-ROUGHLY = 2e-2  # omitted coefficients below which a coarse path is worth refining
+COARSE_DEGREE, COARSE_ELEMENTS = 6, 8
+GUESS_RESOLUTION = 1e-3  # omitted coefficients of a guess below which a mesh resolves it
 
 
 @dataclass(frozen=True)
 class Rung:
-    """A way to a first path, from the straight line or a bent one.
+    """A way to a first path, from the straight line or a curved one.
 
     Attributes
     ----------
@@ -77,8 +75,8 @@ class Rung:
         """Move the iterate at hand to a stationary path of its mesh; False if that fails."""
         raise NotImplementedError
 
-    def climb(self, search: Search) -> Status:
-        """Find a path that settles."""
+    def attempt(self, search: Search) -> Status:
+        """Find a path that can be refined to the tolerance."""
         return search.on_meshes(self)
 
 
@@ -138,7 +136,7 @@ class PatientLeast(Least):
 
 @dataclass(frozen=True)
 class Homotopy(Rung):
-    """Release the force that makes the line a motion: gets to a saddle slowly but surely.
+    """Newton homotopy from the straight line: gets to a saddle slowly but surely.
 
     A path that is `rough` on the last mesh is left to other rungs.
     """
@@ -147,7 +145,7 @@ class Homotopy(Rung):
     lengthy = True
 
     def seek(self, ws: Workspace) -> bool:
-        return ws.release()
+        return ws.homotopy()
 
 
 class Meeting(Rung):
@@ -160,22 +158,23 @@ class Meeting(Rung):
     def applies(self, search: Search) -> bool:
         problem, n = search.ws.problem, search.ws.problem.system.n
         whole = len(problem.start.pinned) == n == len(problem.end.pinned)
-        free = whole and n <= MEETING and problem.system.m == 0 and not search.bent
+        free = whole and n <= MEETING_COORDINATES and problem.system.m == 0 and not search.curved
         return super().applies(search) and free
 
-    def climb(self, search: Search) -> Status:
+    def attempt(self, search: Search) -> Status:
+        """Refine the first of the curves that Newton's method takes to a path."""
         ws, problem = search.ws, search.ws.problem
         for seed, count in enumerate(self.meshes):
-            left, elements = TRIED * MANY, LENGTHY + 1
-            for guess in meetings(problem, count, TRIED, seed, ws.watch):
+            left, elements = MEETING_PAIRS * MEETING_UNKNOWNS, MEETING_ELEMENTS + 1
+            for guess in meetings(problem, count, MEETING_PAIRS, seed, ws.watch):
                 ws.restart()
                 ws.record.rounds.clear()
-                ws.place(guess.mesh, guess, like=guess)
+                ws.transcribe(guess.mesh, guess, like=guess)
                 elements = min(elements, guess.mesh.elements)
-                left -= max(ws.here.tr.layout.size, MANY)
+                left -= max(ws.here.tr.layout.size, MEETING_UNKNOWNS)
                 if ws.approach(PATIENT):
                     saddle = search.may_be_least and ws.here.index > 0
-                    status = search.settle()
+                    status = search.refine()
                     if status.success or status is Status.FLOOR:
                         if not saddle:
                             return status
@@ -183,7 +182,7 @@ class Meeting(Rung):
                         return Status.NOT_FOUND
                 if left < 0:
                     break
-            if elements > LENGTHY:
+            if elements > MEETING_ELEMENTS:
                 break  # more of these would take too long
         return Status.NOT_FOUND
 
@@ -199,7 +198,7 @@ class Root(Rung):
 # is convex there; elsewhere descent, where the action may be bounded below.
 LADDER: tuple[Rung, ...] = (
     Newton("convex newton", (4,), convex=True),
-    Descent("descent", (COARSE, 16, 32, 64)),
+    Descent("descent", (COARSE_ELEMENTS, 16, 32, 64)),
     Newton("newton", (4,)),
     Least("least", (8, 16, 32, 64)),
     Homotopy("continuation", (8,)),
@@ -230,32 +229,32 @@ class Search:
     ladder: tuple[Rung, ...] = LADDER
     found_by: str = ""
     least: bool = False
-    bent: bool = False  # whether a path is sought from a bent line
+    curved: bool = False  # whether a path is sought from a curved line
     may_be_least: bool = False
     saddle: tuple[str, Iterate] | None = None  # found while a least path was sought
 
     # -- without a guess -----------------------------------------------------------------------
 
     def from_nothing(self) -> Status:
-        """Find a path with no guess, by the rungs of the ladder, and settle it.
+        """Find a path with no guess, by the rungs of the ladder, and refine it.
 
         A straight line may be a trap: through the centre of a force or of a circle, symmetry keeps
-        every path on it that is sought from there. Then a bent one is tried.
+        every path on it that is sought from there. Then a curved one is tried.
         """
-        status = self._climb(self.ladder)
-        if status in TRAPPED:
-            again = self._bend(self.ladder[:SHORT])
+        status = self._try(self.ladder)
+        if status in UNSOLVED:
+            again = self._from_curve(self.ladder[:CURVED_RUNGS])
             return again if again.success else status
         return status
 
-    def _bend(self, ladder: tuple[Rung, ...]) -> Status:
-        """Try the rungs from a bent line; what fails leaves nothing but a path that was near."""
-        if self.bent or self.ws.problem.system.n == 1 or self._large:
+    def _from_curve(self, ladder: tuple[Rung, ...]) -> Status:
+        """Try the rungs from a curved line; what fails leaves nothing but a path that was near."""
+        if self.curved or self.ws.problem.system.n == 1 or self._large:
             return Status.NOT_FOUND
         ws = self.ws.again()
-        around = Search(ws, self.tol, self.principle, self.given, ladder, bent=True)
+        around = Search(ws, self.tol, self.principle, self.given, ladder, curved=True)
         try:
-            status = around._climb(ladder)
+            status = around._try(ladder)
         except OutOfTime:
             self.ws.best = ws.best or self.ws.best
             raise
@@ -263,16 +262,16 @@ class Search:
             ws.record = ws.record.after(self.ws.record)
             self.ws, self.found_by, self.least = ws, around.found_by, around.least
         else:
-            self.ws.lost = self.ws.lost or ws.lost
+            self.ws.unpolished = self.ws.unpolished or ws.unpolished
         return status
 
     @property
     def _large(self) -> bool:
         """Whether even the coarsest mesh has many unknowns."""
-        return self.ws.problem.system.n * COARSE_DEGREE * COARSE > LARGE
+        return self.ws.problem.system.n * COARSE_DEGREE * COARSE_ELEMENTS > LARGE_SIZE
 
-    def _climb(self, ladder: tuple[Rung, ...]) -> Status:
-        """Try the rungs in turn until one leads to a path that settles."""
+    def _try(self, ladder: tuple[Rung, ...]) -> Status:
+        """Try the rungs in turn until one leads to a path that can be refined."""
         forced = self.ws.problem.system.structure.forced
         self.may_be_least = self.principle != "stationary" and not forced
         status, large = Status.NOT_FOUND, self._large
@@ -280,24 +279,24 @@ class Search:
             if not rung.applies(self):
                 continue
             self.begin(rung.name, rung.minimises)
-            status = rung.climb(self)
+            status = rung.attempt(self)
             if isinstance(rung, Descent) and status is Status.UNRESOLVED:
-                around = self._bend(ladder[:2])  # before what costs more
+                around = self._from_curve(ladder[:2])  # before what costs more
                 status = around if around.success else status
             if status is Status.UNBOUNDED:
                 if self.principle == "least":
                     return status
                 self.may_be_least = False
-                status = self._settle_saddle()
+                status = self._refine_saddle()
             elif self.saddle is not None and self.principle == "auto" and large:
                 # A least path is not worth many times the saddle in hand.
-                status = self._settle_saddle()
+                status = self._refine_saddle()
             if status not in (Status.NOT_FOUND, Status.UNRESOLVED):
                 return status
-        return self._settle_saddle() if self.principle == "auto" else status
+        return self._refine_saddle() if self.principle == "auto" else status
 
-    def _settle_saddle(self) -> Status:
-        """Settle the saddle that was found while a least path was sought, if there is one."""
+    def _refine_saddle(self) -> Status:
+        """Refine the saddle that was found while a least path was sought, if there is one."""
         if self.saddle is None:
             return Status.NOT_FOUND
         (name, found), self.saddle = self.saddle, None
@@ -307,13 +306,13 @@ class Search:
             self.ws.here = found
             if not self.ws.follow():
                 return Status.NOT_FOUND
-        return self.settle()
+        return self.refine()
 
     def on_meshes(self, rung: Rung) -> Status:
-        """Seek a path on finer and finer meshes until one resolves it roughly, and settle it.
+        """Seek a path on finer and finer meshes until one resolves it roughly, and refine it.
 
         A mesh too coarse for the motion has stationary points of its own that are no paths, or
-        holds a path where it should not be: such a path does not settle under refinement. A
+        holds a path where it should not be: such a path is lost under refinement. A
         least path on a mesh twice as fine starts from it, others from the straight line.
         """
         ws, status, known = self.ws, Status.NOT_FOUND, None
@@ -321,7 +320,7 @@ class Search:
         for elements in rung.meshes:
             ws.restart()
             mesh = self._uniform(elements, self._fine_degree() if rung.steep else COARSE_DEGREE)
-            ws.place(mesh, known or (self._bent(mesh) if self.bent else None))
+            ws.transcribe(mesh, known or (self._curved(mesh) if self.curved else None))
             if not rung.seek(ws):
                 if rung.minimises and ws.unbounded:
                     return Status.UNBOUNDED
@@ -337,7 +336,7 @@ class Search:
                 # There may be a least path yet; this one is kept in case there is not.
                 self.saddle = self.saddle or (rung.name, ws.here.bare())
                 return Status.NOT_FOUND
-            status = self.settle()
+            status = self.refine()
             if status is not Status.UNRESOLVED:
                 break
         return status
@@ -354,10 +353,10 @@ class Search:
             and self.given in (None, neighbour.mesh)
         )
         self.begin("linear" if self.ws.linear else "guess")
-        if not same or not self.ws.join(neighbour.discrete):
+        if not same or not self.ws.continue_from(neighbour.discrete):
             return Status.NOT_FOUND
         near = self.ws.follow() or self.ws.approach(PATIENT)
-        return self.settle() if near else Status.NOT_FOUND
+        return self.refine() if near else Status.NOT_FOUND
 
     def from_guess(self, curve_of: Callable[[Mesh], Path]) -> Status:
         """Follow the guess, or find the stationary path near it, or continue from it."""
@@ -368,9 +367,9 @@ class Search:
             curve = curve_of(coarse)
             own = curve.mesh is not coarse and elements == NEAR_GUESS[0]
             mesh = self.given or (curve.mesh if own else coarse)
-            self.ws.place(mesh, curve, like=curve)
+            self.ws.transcribe(mesh, curve, like=curve)
             if self._near():
-                status = self.settle()
+                status = self.refine()
                 if status is not Status.UNRESOLVED:
                     break
         return status
@@ -382,7 +381,7 @@ class Search:
             return ws.root()
         if ws.follow() or ws.approach(PATIENT) or ws.root():
             return True
-        return not ws.large and ws.release()  # a guess is worth seconds, not minutes
+        return not ws.large and ws.homotopy()  # a guess is worth seconds, not minutes
 
     def _fine_enough(self, curve_of: Callable[[Mesh], Path]) -> tuple[int, ...]:
         """Return the numbers of elements to try: those that resolve the guess, if any does.
@@ -393,7 +392,8 @@ class Search:
             mesh = self._uniform(elements, COARSE_DEGREE)
             curve = curve_of(mesh)
             size = sizes(curve.values.T, self.ws.problem.scales)
-            if curve.mesh is not mesh or resolution(mesh, curve.values.T, size).worst < SHOWN:
+            own = curve.mesh is not mesh
+            if own or resolution(mesh, curve.values.T, size).worst < GUESS_RESOLUTION:
                 return NEAR_GUESS[k:]
         return NEAR_GUESS
 
@@ -409,12 +409,12 @@ class Search:
         elif mesh is None:
             mesh = self._uniform(LINEAR, self._fine_degree())
             mesh = curve_of(mesh).mesh if curve_of is not None else mesh
-        self.ws.place(mesh, None)
+        self.ws.transcribe(mesh, None)
         if free and not steady:
             mesh = paced(self.ws.here.tr, self.ws.here.z)
             if mesh is not None:
-                self.ws.place(mesh, None)
-        return self.settle() if self.ws.follow() else Status.DEGENERATE
+                self.ws.transcribe(mesh, None)
+        return self.refine() if self.ws.follow() else Status.DEGENERATE
 
     def begin(self, name: str, least: bool = False) -> None:
         """Say which way is tried now."""
@@ -428,26 +428,26 @@ class Search:
         problem = self.ws.problem
         return Mesh.uniform(problem.start.t, problem.end.t, elements, degree)
 
-    def _bent(self, mesh: Mesh) -> Path:
-        """Return a line between the events that is bent to one side in every coordinate."""
+    def _curved(self, mesh: Mesh) -> Path:
+        """Return a line between the events curved to one side in every coordinate."""
         problem = self.ws.problem
         Q = Transcription(problem, mesh, problem.lengths).straight()
         s = mesh.nodes_since / mesh.duration
         side = problem.lengths * np.cos(np.arange(1.0, 1.0 + problem.system.n))  # no symmetry's own
-        return Path(mesh, (Q + BEND * np.sin(np.pi * s)[:, None] * side).T)
+        return Path(mesh, (Q + CURVED_HEIGHT * np.sin(np.pi * s)[:, None] * side).T)
 
     def _fine_degree(self) -> int:
         """Return a degree with which a few elements of a smooth path may meet the tolerance.
 
         About one degree a digit. A second mesh costs more where the coordinates are few.
         """
-        if self.ws.problem.system.n > FINE:
+        if self.ws.problem.system.n > HIGH_DEGREE_COORDINATES:
             return COARSE_DEGREE
         wanted = max(COARSE_DEGREE, -np.log10(self.tol) + 3)
         return int(DEGREES[min(np.searchsorted(DEGREES, wanted), DEGREES.size - 1)])
 
-    def settle(self) -> Status:
-        """Carry the path at hand to the tolerance, or judge it on the mesh that was given."""
+    def refine(self) -> Status:
+        """Refine the path at hand to the tolerance, or judge it on the mesh that was given."""
         if self.given is not None:
-            return settle_on(self.ws, self.given, least=self.least)
-        return settle(self.ws, self.tol, least=self.least)
+            return solve_on(self.ws, self.given, least=self.least)
+        return refine(self.ws, self.tol, least=self.least)

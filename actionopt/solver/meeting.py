@@ -1,11 +1,11 @@
 """Guesses for a path: motions that set out from both events and nearly meet half way.
 
-Of a motion over a long time the end depends steeply on the start, and hardly any of a fan arrives
+Of a motion over a long time the end depends steeply on the start, and hardly any of many arrives
 near an event. Over half the time the dependence is the square root of that, and N motions from the
 start with N from the end, backwards in time, make N^2 pairs. Pairs are chosen by the distance of
 their states (q, v) where they should meet: two motions with the same state there are one motion.
 What is left of the gap is spread over both, and the curve is a path but for a small force; it
-has the oscillations that a path has, which no straight or bent line does.
+has the oscillations that a path has, which no straight or curved line does.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from actionopt.analysis.shooting import DEGREE, about, hermite, integrate, speeds, velocities
+from actionopt.analysis.shooting import GUESS_DEGREE, about, hermite, integrate, speeds, velocities
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Problem
 from actionopt.tools.types import Array, NDInt
 
-# Errors of one step, and most steps, to choose pairs by and to draw them.
-ROUGH, FINE = (1e-3, 300), (1e-4, 400)
-SPAN = 3  # steps in an element
-TWICE = 2  # pairs in which one motion may take part: its likes in a third fail alike
+# Ad hoc. Errors of one step, and most steps, to choose pairs by and to draw them.
+CHOOSING, DRAWING = (1e-3, 300), (1e-4, 400)
+STEPS_PER_ELEMENT = 3  # as in `shooting.motions`
+MOST_PAIRS = 2  # in which one motion may take part: its likes in a third fail alike
 CANDIDATES = 20_000  # nearest pairs among which to choose
 
 
@@ -48,7 +48,7 @@ def meetings(
     except np.linalg.LinAlgError:  # a singular mass matrix sets nothing in motion
         return
     first = np.repeat([True, False], count)
-    q, v = _halves(problem, v0, first, ROUGH, watch=watch)
+    q, v = _halves(problem, v0, first, CHOOSING, watch=watch)
     units = np.maximum(problem.lengths, np.abs(end - start))[:, None]
     # A velocity moves the path by as much in the time in which the forces turn it.
     turning = min(problem.duration / 4, 1 / scale)
@@ -58,7 +58,7 @@ def meetings(
         return
     chosen, first = np.concatenate([a, count + b]), np.repeat([True, False], a.size)
     track: list[tuple[Array, Array, Array]] = []
-    _halves(problem, v0[:, chosen], first, FINE, track, watch)
+    _halves(problem, v0[:, chosen], first, DRAWING, track, watch)
     middle = problem.start.t + problem.duration / 2
     for k in range(a.size):
         forth, back = _leg(track, k), _leg(track, a.size + k)
@@ -100,7 +100,7 @@ def _halves(
 def nearest(a: Array, b: Array, most: int) -> tuple[NDInt, NDInt]:
     """Return which columns of a (k, A) and b (k, B) make the nearest pairs, nearest first.
 
-    Columns that are not finite pair with none, others with `TWICE` at most.
+    Columns that are not finite pair with none, others with `MOST_PAIRS` at most.
     """
     with np.errstate(all="ignore"):
         distance = (a * a).sum(axis=0)[:, None] + (b * b).sum(axis=0) - 2 * (a.T @ b)
@@ -112,7 +112,7 @@ def nearest(a: Array, b: Array, most: int) -> tuple[NDInt, NDInt]:
     for i, j in zip(*np.divmod(order, b.shape[1]), strict=True):
         if len(pairs) == most or not np.isfinite(distance[i, j]):
             break
-        if used[0][i] < TWICE and used[1][j] < TWICE:
+        if used[0][i] < MOST_PAIRS and used[1][j] < MOST_PAIRS:
             used[0][i] += 1
             used[1][j] += 1
             pairs.append((i, j))
@@ -147,5 +147,5 @@ def joined(
         right = after(np.maximum(t, middle)) - gap * ((t1 - t) / (t1 - middle))
         return np.where(t <= middle, left, right)
 
-    corners = np.unique(np.concatenate([*(t[:-1:SPAN] for t in times), [middle]]))
-    return Path.interpolate(curve, Mesh(corners, DEGREE))
+    corners = np.unique(np.concatenate([*(t[:-1:STEPS_PER_ELEMENT] for t in times), [middle]]))
+    return Path.interpolate(curve, Mesh(corners, GUESS_DEGREE))

@@ -8,14 +8,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from actionopt.analysis.second_variation import RANK
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
 from actionopt.tools.types import Array
 
-SAMPLES = 3  # points looked at; a defect shows at all of them
-RANK = 1e-10  # singular values below this fraction of the largest are zero
-VELOCITIES = 4  # tried at an event
-BESIDE = 1e-3  # of the motion's size and of the duration: near an event, and not there
+# Ad hoc.
+CHECKED_POINTS = 3  # of the path; a defect shows at all of them
+CHECKED_VELOCITIES = 4  # at an event
+BESIDE_EVENT = 1e-3  # of the motion's size and of the duration: near an event, and not there
 
 
 def check(tr: Transcription, Q: Array) -> None:
@@ -39,7 +40,9 @@ def check(tr: Transcription, Q: Array) -> None:
     if regular and not system.m:
         return
     last = nodes.size - 1
-    chosen = sorted({k * last // (SAMPLES + 1) for k in range(SAMPLES + 2)})[1:-1] or [0]
+    chosen = sorted({k * last // (CHECKED_POINTS + 1) for k in range(CHECKED_POINTS + 2)})[
+        1:-1
+    ] or [0]
     q, t = Q[chosen], nodes[chosen][:, None]
     G = None
     if system.m:
@@ -81,13 +84,13 @@ def _check_events(tr: Transcription, Q: Array) -> None:
     n, first = problem.system.n, problem.system.pointwise("first")
     force = problem.system.pointwise("force") if problem.system.structure.forced else None
     rates = tr.lengths / problem.duration
-    waves = np.cos(np.arange(1.0, 1 + VELOCITIES * n)).reshape(VELOCITIES, n)
-    v = waves * rates * np.logspace(0, -6, VELOCITIES)[:, None]  # some stay below a limit
+    waves = np.cos(np.arange(1.0, 1 + CHECKED_VELOCITIES * n)).reshape(CHECKED_VELOCITIES, n)
+    v = waves * rates * np.logspace(0, -6, CHECKED_VELOCITIES)[:, None]  # some stay below a limit
 
     def found(q: Array, t: float) -> str:
         """Return what is not finite there at any velocity, if anything is."""
-        at = np.repeat(q[None], VELOCITIES, axis=0)
-        state = at, v, np.full((VELOCITIES, 1), t), problem.packed
+        at = np.repeat(q[None], CHECKED_VELOCITIES, axis=0)
+        state = at, v, np.full((CHECKED_VELOCITIES, 1), t), problem.packed
         values = first(*state)[::-1] + (force(*state) if force else [])
         finite = [np.isfinite(x).all(axis=1) for x in values]
         if np.logical_and.reduce(finite).any():
@@ -99,11 +102,11 @@ def _check_events(tr: Transcription, Q: Array) -> None:
         what = found(Q[k], nodes[k])
         if not what:
             continue
-        beside = tr.mesh.duration * BESIDE * (1 if k == 0 else -1)
+        beside = tr.mesh.duration * BESIDE_EVENT * (1 if k == 0 else -1)
         where = [f"t = {event.t:g}"] if not found(Q[k], nodes[k] + beside) else []
         for i in event.pinned:
             name = problem.system.coordinates[i]
-            step = np.where(np.arange(n) == i, BESIDE * tr.lengths, 0.0)
+            step = np.where(np.arange(n) == i, BESIDE_EVENT * tr.lengths, 0.0)
             if not (found(Q[k] + step, nodes[k]) and found(Q[k] - step, nodes[k])):
                 where.append(f"{name} = {Q[k, i]:g}")
         if not where:  # nor is it beside the event
@@ -117,6 +120,10 @@ def _check_events(tr: Transcription, Q: Array) -> None:
 
 
 def _check_rank(problem: Problem, q: Array, t: Array, G: Array) -> None:
+    """Raise ValueError if G (K, m, n), scaled, lacks rank at all of the points q (K, n), t (K, 1).
+
+    It names the rows of the null vector, and says whether they contradict each other.
+    """
     system = problem.system
     if system.m > system.n:
         raise ValueError(
@@ -149,6 +156,7 @@ def _check_rank(problem: Problem, q: Array, t: Array, G: Array) -> None:
 
 
 def _check_mass(names: tuple[str, ...], M: Array, G: Array | None) -> None:
+    """Raise ValueError if M (K, n, n) is singular on the null space of G (K, m, n) everywhere."""
     for k in range(len(M)):
         units = _equilibrating(M[k])
         basis = np.eye(len(names))

@@ -1,7 +1,7 @@
-"""Refine: carry a path from mesh to mesh until its estimated error meets the tolerance.
+"""Refine: transfer a path from mesh to mesh until its estimated error meets the tolerance.
 
 Each round asks the last path where it is not resolved, and follows it to a mesh that would resolve
-it. What does not settle is either no path of the continuous problem, or not determined by its ends.
+it. What cannot be refined is no path of the continuous problem, or not determined by its ends.
 """
 
 from __future__ import annotations
@@ -17,20 +17,22 @@ from actionopt.discrete.resolution import SHORTEST, refined
 from actionopt.solver.iterate import SAFETY
 from actionopt.solver.workspace import MEASURABLE, Workspace
 
+# Ad hoc, where nothing else is said.
 ROUNDS = 20
 STALLED = 8  # rounds that bring nothing: a layer of 1e-6 is closed in on in six
-EXPLAINED = 10.0  # times the effect of round-off in times and coordinates: that may be all
-AVERAGING = 50_000  # unknowns and multipliers with which to average it
-GROWTH = 20  # times the mesh of the last round that brought something, in vain
-MOST = 1_000_000  # unknowns and multipliers: two kB each, a few seconds a round
-UNKNOWN = 0.3  # a change from a given mesh to a finer one that says nothing of the error
-SENSITIVE = 1e-10  # amplified round-off at which a path that does not settle is held to be that
-UNDETERMINED = 1e-6  # amplified round-off above which the end points do not determine a path
+EXPLAINED_BY_ROUNDOFF = 10.0  # times the effect of that in times and coordinates: it may be all
+AVERAGING_SIZE = 50_000  # unknowns and multipliers with which to average it
+FRUITLESS_GROWTH = 20  # times the mesh of the last round that brought something
+MAX_UNKNOWNS = 1_000_000  # and multipliers: two kB each, a few seconds a round
+CREDIBLE_CHANGE = 0.3  # from a given mesh to a finer one; a larger one says nothing of the error
+# Amplified round-off, in a path's own size: at which a path that cannot be refined is held to be
+# ill-conditioned, and above which the end points are held not to determine it.
+ILL_CONDITIONED, UNDETERMINED = 1e-10, 1e-6
 
 
-def settle(ws: Workspace, tol: float, *, least: bool) -> Status:
-    """Carry the path from mesh to mesh until the tolerance is met or cannot be."""
-    stalled, missed, most = 0, np.inf, MOST
+def refine(ws: Workspace, tol: float, *, least: bool) -> Status:
+    """Transfer the path from mesh to mesh until the tolerance is met or cannot be."""
+    stalled, missed, most = 0, np.inf, MAX_UNKNOWNS
     for _ in range(ROUNDS):
         before = ws.here.resolution
         resolved = ws.here.error <= tol
@@ -40,31 +42,31 @@ def settle(ws: Workspace, tol: float, *, least: bool) -> Status:
             error = max(here.error, SAFETY * missed) + (here.misread() if here.late else 0.0)
             here = ws.here = replace(here, error=error)
             if error <= tol:
-                return Status.UNRESOLVED if here.torn else Status.SOLVED
+                return Status.UNRESOLVED if here.singular else Status.SOLVED
             stalled = stalled + 1 if missed > last / 2 else 0
             mesh = _split(ws)
             # What is left may be the round-off of times or coordinates; many average it out.
-            if stalled or _size(ws, mesh) > AVERAGING:
+            if stalled or _size(ws, mesh) > AVERAGING_SIZE:
                 misread = here.misread()
-                if missed <= EXPLAINED * misread:
+                if missed <= EXPLAINED_BY_ROUNDOFF * misread:
                     ws.hint = _misread(ws, misread) if here.late else ""
                     return Status.FLOOR
             if stalled == STALLED:
-                return _lost(ws)
+                return _failed(ws)
         else:
             mesh = refined(before, tol / (2 * SAFETY * ws.here.gain))
         if stalled == 0:
-            most = min(GROWTH * _size(ws, mesh), MOST)
-        if MOST > _size(ws, mesh) > most:  # more elements and nothing gained
-            return _lost(ws)
-        if _size(ws, mesh) > MOST:
+            most = min(FRUITLESS_GROWTH * _size(ws, mesh), MAX_UNKNOWNS)
+        if MAX_UNKNOWNS > _size(ws, mesh) > most:  # more elements and nothing gained
+            return _failed(ws)
+        if _size(ws, mesh) > MAX_UNKNOWNS:
             ws.hint = (
-                f"the next mesh, of {mesh.elements} elements, would have more than {MOST:,} "
-                "unknowns; give a Mesh of your own if it is worth that"
+                f"the next mesh, of {mesh.elements} elements, would have more than "
+                f"{MAX_UNKNOWNS:,} unknowns; give a Mesh of your own if it is worth that"
             )
-            return _lost(ws)
-        if not ws.carry(mesh, least=least, missed=missed if resolved else 0.0):
-            return _lost(ws)
+            return _failed(ws)
+        if not ws.transfer(mesh, least=least, missed=missed if resolved else 0.0):
+            return _failed(ws)
         if resolved:
             continue
         here, worst = ws.here, ws.here.resolution.worst
@@ -73,8 +75,8 @@ def settle(ws: Workspace, tol: float, *, least: bool) -> Status:
             return Status.DEGENERATE if here.noise > UNDETERMINED else Status.FLOOR
         stalled = stalled + 1 if worst > before.worst / 2 else 0
         if stalled == STALLED:
-            return _lost(ws)
-    return _lost(ws)
+            return _failed(ws)
+    return _failed(ws)
 
 
 def _size(ws: Workspace, mesh: Mesh) -> int:
@@ -84,6 +86,7 @@ def _size(ws: Workspace, mesh: Mesh) -> int:
 
 
 def _misread(ws: Workspace, misread: float) -> str:
+    """Return a hint: the round-off of times moves the path by so much."""
     t = max(abs(ws.problem.start.t), abs(ws.problem.end.t))
     return (
         f"times near {t:.6g} are known to {np.spacing(t):.1g} only, which alone moves the path by "
@@ -91,19 +94,19 @@ def _misread(ws: Workspace, misread: float) -> str:
     )
 
 
-def settle_on(ws: Workspace, mesh: Mesh, *, least: bool) -> Status:
+def solve_on(ws: Workspace, mesh: Mesh, *, least: bool) -> Status:
     """Solve on the user's mesh; a finer one tells the error."""
-    if ws.here.mesh is not mesh and not ws.carry(mesh, least=least):
+    if ws.here.mesh is not mesh and not ws.transfer(mesh, least=least):
         return Status.UNRESOLVED
     if not np.isfinite(ws.here.error):  # Ipopt's, which is less accurate
         ws.follow()
     missed, finer = ws.missed(), bounded(_finer(mesh), ws.problem.instants)
     kept = ws.here
-    ok = ws.carry(finer, least=least)
+    ok = ws.transfer(finer, least=least)
     there = ws.here
     change = np.max(np.abs(there.path(finer.nodes) - kept.path(finer.nodes)).T / there.sizes)
     # What is left on the finer mesh is less than half of what it changed, where that is little.
-    known = ok and change < UNKNOWN
+    known = ok and change < CREDIBLE_CHANGE
     error = 2 * float(change) + SAFETY * (there.noise + missed) if known else np.inf
     ws.here = replace(kept, gain=there.gain, noise=there.noise, error=error)
     return Status.ON_MESH
@@ -128,6 +131,6 @@ def _finer(mesh: Mesh) -> Mesh:
     return mesh.cut(np.concatenate([starts, b[-1:]]), degrees)
 
 
-def _lost(ws: Workspace) -> Status:
-    """Say why a path does not settle: it is not determined, or it was none."""
-    return Status.DEGENERATE if ws.here.noise > SENSITIVE else Status.UNRESOLVED
+def _failed(ws: Workspace) -> Status:
+    """Say why a path cannot be refined: it is not determined, or it was none."""
+    return Status.DEGENERATE if ws.here.noise > ILL_CONDITIONED else Status.UNRESOLVED

@@ -2,7 +2,7 @@
 
 Finding (`ladder`) and following (`refine`) are different work, on the same path (`iterate`).
 *Finding* starts from the straight line, or from a guess. *Following* is Newton's: each refinement
-round carries the path to a better mesh and polishes it there, always the same path.
+round interpolates the path on a better mesh and polishes it there, always the same path.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any, Literal, Never
 
 import numpy as np
 
-from actionopt.analysis.index import TOLERANCE
+from actionopt.analysis.index import INDEX_TOLERANCE
 from actionopt.analysis.solution import Solution, SolveError
 from actionopt.analysis.status import Status
 from actionopt.discrete.crossing import crossed
@@ -24,18 +24,19 @@ from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import Guess, asked, checked
-from actionopt.solver.iterate import ROUNDOFF
+from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF
 from actionopt.solver.ladder import COARSE_DEGREE, IPOPT, LADDER, LINEAR, Search
 from actionopt.solver.workspace import Workspace
+from actionopt.tools.checks import COARSEST
 from actionopt.tools.watch import OutOfTime, Progress, Watch
 
-BEFORE_A_JUMP = 3  # rungs tried where the first path crosses a jump: seconds are lost there
-# Amplified round-off above which ends may leave a family of paths, and above which they do or the
-# path is worth a look: the least that was seen of a family is 2.4e-7, of 240 in all directions at
-# any tol; stiff chains of 30 links show 1.6e-7. Of one coordinate the noise itself tells.
-SENSITIVE, SINGULAR, NOISY = 1e-9, 2e-6, 1e-9
-CHANGED = 2.0  # times the amplification after one more step: 1.0 of single paths, families 20
-RESOLVED = 0.1  # of the motion's own size, errors of a path that is one: the largest tol
+BEFORE_A_JUMP = 3  # rungs tried where the first path crosses a jump: seconds are lost there; ad hoc
+# Amplified round-off above which a path may be one of many, and is; measured: the least seen in
+# families is 2.4e-7, of 240 in all directions at any tol; chains of 30 links show 1.6e-7.
+FAMILY_SUSPECTED, FAMILY_AMPLIFICATION = 1e-9, 2e-6
+FAMILY_CHANGE = 2.0  # of it by one more step; measured: 1.0 of single paths, 20 and more of families
+FAMILY_NOISE = 1e-9  # of one coordinate the noise itself tells; ad hoc
+LOST = (Status.NOT_FOUND, Status.UNRESOLVED)  # where one of a family may have been near
 
 
 def solve(
@@ -104,7 +105,7 @@ def solve(
     watch = None if seconds is progress is None else Watch(seconds, progress)
     system = problem.system
     # Far from zero a path to `tol` may be none: its motion is to be resolved as well.
-    tol = min(tol, RESOLVED * float((problem.lengths / problem.scales).min()))
+    tol = min(tol, COARSEST * float((problem.lengths / problem.scales).min()))
     ws = Workspace(problem, system.structure.linear, tol, refines=mesh is None, watch=watch)
     for name in ("first", "second"):
         system.pointwise(name)
@@ -145,7 +146,7 @@ def _found(search: Search, guess: Guess | None, curve_of: Callable[[Mesh], Path]
         # What was lost on the way may have been lost at a jump that the first path crosses.
         jump = crossed(steps, ws.problem, search.ws.here.path) or (None if status.success else jump)
     else:
-        ws.place(mesh, first)
+        ws.transcribe(mesh, first)
         search.found_by = "none"
     if jump is None:
         return status
@@ -175,47 +176,48 @@ def _suspect(ws: Workspace, status: Status) -> bool:
     """Whether the ends may leave a family of paths, or did so where one was lost."""
     if ws.problem.system.structure.forced:
         return False
-    if not status.success and status is not Status.FLOOR:
-        return ws.lost is not None and status in (Status.NOT_FOUND, Status.UNRESOLVED)
+    if not (status.success or status is Status.FLOOR):
+        return status in LOST and ws.unpolished is not None
     here = ws.here
     if not here.can_be_one_of_many:  # nothing is zero on one side of a symmetry
-        return here.noise > NOISY
+        return here.noise > FAMILY_NOISE
     try:
         before = here.amplification(ws.many)
-        if not SENSITIVE < before < SINGULAR:
-            return before >= SINGULAR
+        if not FAMILY_SUSPECTED < before < FAMILY_AMPLIFICATION:
+            return before >= FAMILY_AMPLIFICATION
         # What is nearly singular by chance stays so; in a family the last step decides.
         after = here.polished().amplification(ws.many)
     except np.linalg.LinAlgError:
         return True
-    return not before / CHANGED < after < before * CHANGED
+    return not before / FAMILY_CHANGE < after < before * FAMILY_CHANGE
 
 
 def _family(ws: Workspace, solution: Solution) -> Solution:
     """Return the verdict DEGENERATE if the path is one of a family, else the solution as it is."""
     near = solution
-    if not solution.success and ws.lost is not None:
-        lost = ws.lost
-        near = replace(solution, path=lost.path, lam=lost.rows.T, error=np.inf, known=lost)
+    if solution.status in LOST and ws.unpolished is not None:
+        last = ws.unpolished
+        near = replace(solution, path=last.path, lam=last.rows.T, error=np.inf, known=last)
     try:
         found = near.inertia
     except (ValueError, np.linalg.LinAlgError):
         return solution
-    if not found.nullity or found.tolerance > TOLERANCE:
+    if not found.nullity or found.tolerance > INDEX_TOLERANCE:
         return solution
     condition = 1 / max(found.smallest or 0.0, float(np.finfo(float).eps))
     ws.hint = f"the paths between the ends are a family of dimension {found.nullity}"
-    noise = max(ws.here.noise, condition * ROUNDOFF)
+    noise = max(ws.here.noise, condition * POLYNOMIAL_ROUNDOFF)
     ws.here = replace(ws.here, noise=noise, error=near.error)
     stats = near.stats | {"condition": condition, "nullity": found.nullity, "noise": noise}
     return replace(near, status=Status.DEGENERATE, stats=stats)
 
 
 def _message(ws: Workspace, status: Status, tol: float) -> str:
+    """Return the verdict with its figures, and what to try next."""
     name = ws.problem.name
     figures = f"tol = {tol:g}, error estimate {ws.here.error:.2g}"
     if status in (Status.FLOOR, Status.DEGENERATE):
-        figures += f", condition about {ws.here.noise / ROUNDOFF:.1g}"
+        figures += f", condition about {ws.here.noise / POLYNOMIAL_ROUNDOFF:.1g}"
     hint = f"; {ws.hint}" if ws.hint else ""
     if ws.problem.origin is not None:
         i = int(np.argmax(ws.problem.scales / ws.problem.lengths))
@@ -230,6 +232,7 @@ def _message(ws: Workspace, status: Status, tol: float) -> str:
 
 
 def _solution(ws: Workspace, status: Status, found_by: str, started: float) -> Solution:
+    """Return the iterate at hand as a solution, with what the record tells."""
     here, record = ws.here, ws.record
     found, layout = DiscretePath(here.tr, here.z), here.tr.layout
     with record.clock("verify"):
@@ -247,7 +250,7 @@ def _solution(ws: Workspace, status: Status, found_by: str, started: float) -> S
         "rounds": record.rounds,
         "gain": here.gain,
         "noise": here.noise,
-        "condition": max(here.noise / ROUNDOFF, 1.0),
+        "condition": max(here.noise / POLYNOMIAL_ROUNDOFF, 1.0),
         "derived": ws.problem.system.derived,
         "time": dict(record.time),
     }
