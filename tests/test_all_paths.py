@@ -46,7 +46,7 @@ def test_projectile_has_one_path():
 def test_bratu(lam, actions):
     # Two paths up to lam = 3.513830719, none beyond; actions by quadrature of the closed form.
     problem = ao.Problem(BRATU, ao.Event(0.0, 0.0), ao.Event(1.0, 0.0), parameters={"lam": lam})
-    found = solve_all(problem, tol=1e-9)
+    found = solve_all(problem, tol=1e-9, starts=2, shots=8, continuations=1)
     assert [s.action for s in found] == pytest.approx(actions, rel=1e-8)
     assert found.indices == (0, 1)[: len(actions)]
     assert not found.complete and "may be others" in str(found)
@@ -359,9 +359,9 @@ def test_a_solve_that_fails_is_left_out(monkeypatch, error):
 
 def test_a_path_a_turn_farther_is_the_same_where_an_end_is_free():
     start, end = ao.Event(0.0, [None]), ao.Event(0.3, [0.1])
-    found = solve_all(ao.Problem(PENDULUM, start, end), continuations=2)
+    found = solve_all(ao.Problem(PENDULUM, start, end), starts=1, continuations=1)
     assert len(found) == 1 and found.angles == ()
-    found = solve_all(ao.Problem(PENDULUM, start, start.at(0.3)), continuations=2)
+    found = solve_all(ao.Problem(PENDULUM, start, start.at(0.3)), starts=2, continuations=1)
     assert [s.action for s in found] == pytest.approx([-0.3 * 9.81, 0.3 * 9.81])
 
 
@@ -435,7 +435,7 @@ def test_forced_motion():
         force=lambda q, v, t: [-0.3 * v[0]],
     )
     problem = ao.Problem(system, ao.Event(0.0, 0.5), ao.Event(1.0, -0.3))
-    found = solve_all(problem, windings=1)
+    found = solve_all(problem, windings=1, starts=1, shots=8, continuations=1)
     assert sorted(set(found.windings)) == [(-1,), (0,), (1,)]
 
 

@@ -38,8 +38,7 @@ FAMILIES = {
         ("antipodes aslant", 1e-8),
         pytest.param("antipodes", 1e-12, marks=pytest.mark.slow),
         pytest.param("half a circle", 1e-3, marks=pytest.mark.slow),
-        ("half an ellipse", 1e-3),
-        pytest.param("half an ellipse", 1e-12, marks=pytest.mark.slow),
+        *(pytest.param("half an ellipse", tol, marks=pytest.mark.slow) for tol in (1e-3, 1e-12)),
         *(("half a period", tol) for tol in (1e-3, 1e-8)),
     ],
 )

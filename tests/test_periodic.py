@@ -212,7 +212,8 @@ def test_closed_paths_far_from_the_first_one():
 
     expected = [(-0.762, 1.265), (0.071, 0.109), (0.639, 1.342)]
     exact = fixed_points(rate, T, expected)
-    found = ao.solve_all(ao.Problem(system, FREE, Periodic(T)), starts=2, continuations=0)
+    problem = ao.Problem(system, FREE, Periodic(T))
+    found = ao.solve_all(problem, starts=2, shots=8, continuations=0)
     assert all(closes(s) for s in found) and "forward shots" in found.searched
     for y in exact:
         assert min(np.max(np.abs(y - [s.start.q[0], s.start.v[0]])) for s in found) < 1e-5
@@ -237,7 +238,7 @@ def test_what_comes_back_with_a_kink_is_left_out():
     """Of the paths that return to x = 1 after 4 only those that close; and none that does not."""
     spring = ao.System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2 - q[0] ** 4 / 4, ["x"])
     problem = ao.Problem(spring, ao.Event(0.0, [1.0]), Periodic(4.0))
-    found = ao.solve_all(problem, starts=4, shots=40, continuations=2)
+    found = ao.solve_all(problem, starts=2, shots=20, continuations=0)
     assert len(found) >= 2 and all(closes(s) for s in found)
     assert found.kinked >= 1 and "in a kink" in str(found)
     # both ways through x = 1 on the one orbit of that period

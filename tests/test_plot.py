@@ -129,7 +129,7 @@ def test_a_system_without_a_name_is_a_problem_in_titles():
     assert "problem" in words
 
 
-@pytest.mark.parametrize("ending", ["png", "pdf"])
+@pytest.mark.parametrize("ending", ["png", pytest.param("pdf", marks=pytest.mark.slow)])
 def test_saved_pictures_have_a_size_and_open_no_window(tmp_path, ending):
     file = tmp_path / f"picture.{ending}"
     plot.save(solved("kepler"), file)

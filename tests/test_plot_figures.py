@@ -46,14 +46,27 @@ def second_variation(k, T, amplitude, w=1.0):
 
 LABELLED = {
     "oscillator_saddle": tuple(FIGURES),
-    "rod_pendulum": ("overview", "bundle", "landscape", "spectrum"),
-    "figure_eight": ("overview", "slices", "landscape", "energies", "conserved"),
-    "damped_oscillator": ("overview", "energies", "conserved"),
+    "rod_pendulum": ("overview", "bundle"),
+    "figure_eight": ("slices", "conserved"),
+    "damped_oscillator": ("energies", "conserved"),
+}
+MORE = {
+    "rod_pendulum": ("landscape", "spectrum"),
+    "figure_eight": ("overview", "landscape", "energies"),
+    "damped_oscillator": ("overview",),
 }
 
 
 @pytest.mark.parametrize(
-    ("name", "figure"), [(name, figure) for name in LABELLED for figure in LABELLED[name]]
+    ("name", "figure"),
+    [
+        *((name, figure) for name in LABELLED for figure in LABELLED[name]),
+        *(
+            pytest.param(name, figure, marks=pytest.mark.slow)
+            for name in MORE
+            for figure in MORE[name]
+        ),
+    ],
 )
 def test_every_figure_is_labelled_and_nothing_is_clipped(figure, name):
     solution = solved(name)
@@ -76,7 +89,9 @@ def test_every_figure_is_labelled_and_nothing_is_clipped(figure, name):
             assert extent.y0 >= -0.5 and extent.y1 <= picture.bbox.height + 0.5, text.get_text()
 
 
-@pytest.mark.parametrize("figure", ["overview", "bundle", "fan"])
+@pytest.mark.parametrize(
+    "figure", ["bundle", *(pytest.param(x, marks=pytest.mark.slow) for x in ("overview", "fan"))]
+)
 def test_figures_make_no_large_files(figure):
     file = io.BytesIO()
     axes = np.ravel(FIGURES[figure](solved("figure_eight"), units=plot.SI))

@@ -90,7 +90,7 @@ def test_a_pulse_is_cut_out_at_once():
     [
         (lambda x, c, w: np.exp(-(((x - c) / w) ** 2)), 0.3),
         (lambda x, c, w: np.exp(-(((x - c) / w) ** 2)), -0.3),
-        (lambda x, c, w: 1 / (1 + ((x - c) / w) ** 2), -0.3),
+        pytest.param(lambda x, c, w: 1 / (1 + ((x - c) / w) ** 2), -0.3, marks=pytest.mark.slow),
         (lambda x, c, w: (1 + np.tanh((x - c) / w)) / 2, 0.3),
     ],
     ids=["gauss", "well", "lorentz", "step"],

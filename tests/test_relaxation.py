@@ -194,11 +194,11 @@ def test_the_picture_says_what_is_seen(name, method, words, monkeypatch):
 
 
 def test_a_film_is_a_step_a_frame(tmp_path, monkeypatch):
-    few = relaxation_data(solved("saddle"), steps=4)
+    few = relaxation_data(solved("saddle"), steps=1)
     monkeypatch.setattr(figures, "relaxation_data", lambda *_, **__: few)
     plot.relaxation_film(solved("saddle"), tmp_path / "film.gif")
     with Image.open(tmp_path / "film.gif") as film:
-        assert film.n_frames == 5
+        assert film.n_frames == 2
     assert pyplot.get_fignums() == []
 
 

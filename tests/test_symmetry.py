@@ -191,7 +191,11 @@ def test_noether_s_theorem_along_motions():
 
 @pytest.mark.parametrize(
     ("name", "coordinates"),
-    [("kepler_spherical", ["phi"]), ("heavy_top", ["phi", "psi"]), ("pendulum", [])],
+    [
+        pytest.param("kepler_spherical", ["phi"], marks=pytest.mark.slow),
+        ("heavy_top", ["phi", "psi"]),
+        ("pendulum", []),
+    ],
 )
 def test_cyclic_coordinates_are_found(name, coordinates):
     system = scenes.get(name).problem.system

@@ -16,7 +16,7 @@ from actionopt.mechanics.problem import Event, Problem
 from actionopt.mechanics.system import System
 from actionopt.solver.ipopt import find
 
-THREADS = 4
+THREADS = 3
 
 
 @pytest.fixture(autouse=True)
@@ -79,10 +79,10 @@ def on_the_circle(a):
 
 
 def problems(make):
-    """Return five problems of one new system."""
+    """Return four problems of one new system."""
     system, random = make(), np.random.default_rng(3)
     result = []
-    for _ in range(5):
+    for _ in range(4):
         ends = random.uniform(-1.2, 1.2, (2, system.n))
         T = random.uniform(0.4, 1.6)
         if make is rod:
