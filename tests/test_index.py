@@ -375,6 +375,23 @@ def test_legendre_condition():
         _ = solution.morse_index
 
 
+def test_units_in_which_round_off_hides_the_signs_are_refused_at_once():
+    """Nothing is cut in vain, and in the units of the motion nothing is hidden."""
+    size = np.array([2.0**40, 2.0**-20])
+
+    def lagrangian(q, v, t):
+        x, y, rate = q[0] / size[0], q[1] / size[1], [v[i] / size[i] for i in (0, 1)]
+        return (rate[0] ** 2 + rate[1] ** 2) / 2 - 9 * x - 2 * (y - x**2) ** 2
+
+    system = ao.System(lagrangian, ["x", "y"])
+    events = ao.Event(0.0, size * [0.5, 1.0]), ao.Event(1.0, size * [2.0, 3.0])
+    solution = ao.solve(ao.Problem(system, *events))
+    with pytest.raises(ValueError, match="round-off hides"):
+        second_variation(solution, 3)
+    found = second_variation(solution, 3, units=size).eigenvalues
+    assert np.sum(found < 0) == solution.morse_index == 1
+
+
 def test_bad_arguments():
     solution = oscillation(0.7)
     with pytest.raises(ValueError, match="count"):

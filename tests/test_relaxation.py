@@ -190,7 +190,7 @@ def test_the_picture_says_what_is_seen(name, method, words, monkeypatch):
     low, high = panels.paths.get_ylim()
     row = 1 if name == "projectile" else 0
     assert low < data.paths[:, row].min() and data.paths[:, row].max() < high
-    panels.paths.figure.canvas.draw()
+    panels.paths.figure.draw_without_rendering()
 
 
 def test_a_film_is_a_step_a_frame(tmp_path, monkeypatch):

@@ -41,16 +41,28 @@ def made(name, changed):
     return scenes.get(name, **(other_parameters(name) if changed else {}))
 
 
-@pytest.fixture(params=ROWS, ids=lambda row: f"{row[0]}-{'changed' if row[1] else 'default'}")
+def named(row):
+    return f"{row[0]}-{'changed' if row[1] else 'default'}"
+
+
+def which(holds):
+    """Return the scenes, with either numbers, of which this holds."""
+    return [row for row in ROWS if holds(made(row[0], False))]
+
+
+def where(holds):
+    """Let a test take these scenes alone."""
+    return pytest.mark.parametrize("scene", which(holds), ids=named, indirect=True)
+
+
+@pytest.fixture(params=ROWS, ids=named)
 def scene(request):
     return made(*request.param)
 
 
-@pytest.fixture
-def solved(scene):
-    if scene.exact is None:
-        pytest.skip("no closed form is known")
-    return scene
+@pytest.fixture(params=which(lambda scene: scene.exact is not None), ids=named)
+def solved(request):
+    return made(*request.param)
 
 
 def times(scene, count=41):
@@ -213,9 +225,8 @@ def test_exact_stays_on_the_constraints(solved):
     assert np.max(np.abs(f), initial=0.0) < FORMULA_TOLERANCE
 
 
+@where(lambda scene: "acceleration" in scene.facts)
 def test_equations_of_motion_are_the_book_s(scene):
-    if "acceleration" not in scene.facts:
-        pytest.skip("the book gives none")
     q, v, t = states(scene)
     derived = scene.problem.system.acceleration(q, v, t, parameters=scene.problem.parameters)
     assert mismatch(scene.facts["acceleration"](q, v, t), derived) < FORMULA_TOLERANCE
@@ -277,10 +288,9 @@ def test_action_in_closed_form_is_the_integral_of_the_lagrangian(solved):
     assert abs(S - solved.action) < FORMULA_TOLERANCE * max(1.0, np.max(np.abs(L)))
 
 
+@where(lambda scene: "conjugate_times" in scene.facts)
 def test_conjugate_times_are_where_neighbouring_motions_meet(scene):
     """det dq(t)/dv(0) vanishes there, changes sign where the multiplicity is odd, else nowhere."""
-    if "conjugate_times" not in scene.facts:
-        pytest.skip("not known in closed form")
     problem = scene.problem
     system, values, n = problem.system, problem.parameters, problem.system.n
     listed, multiplicity = np.unique(scene.facts["conjugate_times"], return_counts=True)
@@ -312,9 +322,8 @@ def test_conjugate_times_are_where_neighbouring_motions_meet(scene):
         assert scene.facts["morse_index"] == np.sum(inside)
 
 
+@where(lambda scene: "start" in scene.facts)
 def test_start_is_on_the_motion(scene):
-    if "start" not in scene.facts:
-        pytest.skip("no state is stated")
     state, problem = scene.facts["start"], scene.problem
     system, values, n = problem.system, problem.parameters, problem.system.n
 
@@ -330,9 +339,8 @@ def test_start_is_on_the_motion(scene):
     assert abs(run.y[-1, -1] - scene.action) < INTEGRATION_TOLERANCE
 
 
+@where(lambda scene: "twin" in scene.facts)
 def test_twins_follow_one_path_and_their_actions_differ_by_the_gauge(scene):
-    if "twin" not in scene.facts:
-        pytest.skip("no twin")
     twin_name = scene.facts["twin"]
     changed = scene.problem.start.q != scenes.get(scene.name).problem.start.q
     twin = scenes.get(twin_name, **(other_parameters(twin_name) if changed else {}))
@@ -343,9 +351,8 @@ def test_twins_follow_one_path_and_their_actions_differ_by_the_gauge(scene):
     assert abs(scene.action - twin.action - (F[1] - F[0])) < FORMULA_TOLERANCE
 
 
+@where(lambda scene: scene.guess is not None)
 def test_guess_joins_the_events_on_the_constraints(scene):
-    if scene.guess is None:
-        pytest.skip("the straight line will do")
     problem, t = scene.problem, times(scene)
     q = scene.guess(t)
     assert q.shape == (problem.system.n, 41)

@@ -51,8 +51,8 @@ UNSTABLE = 100.0  # amplification within a piece that is cut
 # The second run: of another tolerance, and steps in no simple ratio to the first one's.
 LOOSER_TOL, SHORTER_STEPS = 10.0, 0.6
 ERROR_MARGIN = 100.0  # from an estimated error to a deviation that contradicts it
-EXCUSE = 10.0  # from what a motion makes of a small change to what needs none
-CERTAIN = 5e-2  # a deviation that no estimated error excuses
+EXPLAINED = 10.0  # times what a motion makes of a small change: a deviation that it explains
+CERTAIN = 5e-2  # a deviation that no estimated error explains
 # Of Baumgarte's terms in a piece: drift off the constraints has all of it to decay, by exp(-10).
 BAUMGARTE_RATE = 10.0
 UNTOLD = "; piece by piece, as far as it can be followed, nothing contradicts the path"
@@ -118,21 +118,21 @@ class Comparison:
 
     @property
     def agrees(self) -> bool | None:
-        """Whether the solution is a motion: as a whole, or piece by piece with an excuse for it.
+        """Whether the solution is a motion: as a whole, or piece by piece, and the whole explained.
 
-        The excuse is that the motion amplifies a change that is allowed to what is found, or
+        It is explained where the motion amplifies a change that is allowed to what is found, or
         to so much that the whole tells nothing, or that its integration is as uncertain. None if
         nothing contradicts the solution, but the motion cannot be followed: `reason` says why.
         """
         if self.reason:
             return None
-        return self.position <= self.allowed or (self.local <= self.allowed and self._excused)
+        return self.position <= self.allowed or (self.local <= self.allowed and self._explained)
 
     @property
-    def _excused(self) -> bool:
+    def _explained(self) -> bool:
         """Whether a deviation of the whole says nothing."""
-        excuse = max(self.amplified, self.reference_error)
-        return excuse >= CERTAIN or self.position <= EXCUSE * excuse
+        explained = max(self.amplified, self.reference_error)
+        return explained >= CERTAIN or self.position <= EXPLAINED * explained
 
 
 class Claim(Protocol):
@@ -238,7 +238,7 @@ def compare(solution: Claim, *, tol: float = 1e-12) -> Comparison:
         amplified=again(_changed(problem, start, units, allowed), 1.0, 1.0) if changed else 0.0,
         path=path,
     )
-    if unknown and not found.agrees and not local > allowed and found._excused:
+    if unknown and not found.agrees and not local > allowed and found._explained:
         return replace(found, reason=unknown + UNTOLD)
     return found
 
@@ -365,7 +365,7 @@ class _Parts:
     def _run(
         self, run: Integrator, state: State, end: float, whole: float
     ) -> tuple[Array, Array, State]:
-        """Return times, q there, and the state at the end, of a part of the time `whole`."""
+        """Return times (4,), q (n, 4) there and the state at the end, of a part of `whole`."""
         span = span_within(state.t, end)
         q, v = run(state, span, self.units, BAUMGARTE_RATE * span / whole)
         t = state.t + QUARTERS * span
@@ -407,7 +407,7 @@ def _piece_by_piece(
                     cuts += 1
                     pieces += [(a, cut), (cut, end)]
                     continue
-                found /= max(1.0, gain / EXCUSE)
+                found /= max(1.0, gain / EXPLAINED)
         except IntegrationError as error:
             unknown = str(error)
             continue

@@ -328,7 +328,7 @@ def _longest(times: Array) -> float:
 
 
 def _legs(mesh: Mesh, instants: list[Instant], backwards: bool) -> list[tuple[Array, NDInt]]:
-    """Return boundaries and degrees of legs in the order of integration.
+    """Return boundaries (N + 1,) and degrees (N,) of legs in the order of integration.
 
     Their elements are of at least `MOTION_DEGREE` and alike in length; none has an instant within.
     """

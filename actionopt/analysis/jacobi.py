@@ -73,14 +73,7 @@ def fields(form: Form) -> list[Array]:
     return result
 
 
-def resolved(
-    first: DiscretePath,
-    error: float,
-    tol: float,
-    *,
-    units: Array | None = None,
-    polish: bool = False,
-) -> Form:
+def resolved(first: DiscretePath, error: float, tol: float, *, polish: bool = False) -> Form:
     """Return d2S on a mesh that resolves the Jacobi fields to `tol`, and the path with `polish`.
 
     `error` is that of the path, which is stationary. A mesh that resolves the path need not
@@ -88,7 +81,7 @@ def resolved(
     may lead through a valley of any shape. Raises ValueError for non-conservative forces, a path
     through a singularity, or one along which the constraints are not independent.
     """
-    found = form(first, units)
+    found = form(first)
     for _ in range(FIELD_ROUNDS):
         check_independent(found, error)
         tr = found.tr
@@ -96,7 +89,7 @@ def resolved(
         if mesh is None:
             break
         at = first.on(mesh, first.multipliers(mesh.nodes))
-        found = form(at.polished() if polish else at, units)
+        found = form(at.polished() if polish else at)
     return found
 
 

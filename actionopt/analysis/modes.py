@@ -10,6 +10,7 @@ import numpy as np
 from actionopt.analysis.index import INDEX_RESOLUTION, Inertia
 from actionopt.analysis.jacobi import resolved
 from actionopt.analysis.second_variation import Form, condense
+from actionopt.analysis.second_variation import form as form_of
 from actionopt.analysis.solution import Solution
 from actionopt.discrete.path import Path
 from actionopt.tools.checks import numbers
@@ -59,7 +60,8 @@ def second_variation(
     Raises
     ------
     ValueError
-        As `index.inertia` does, or for a count below one or units that are not positive.
+        As `index.inertia` does, for a count below one or units that are not positive, or where
+        round-off hides the signs in these units.
     """
     n, asked = solution.problem.system.n, numbers(units, "the units")
     whole = isinstance(count, (int, np.integer)) and count >= 1
@@ -70,8 +72,17 @@ def second_variation(
         )
     given = np.broadcast_to(asked, (n,))
     found = solution.inertia
-    form = resolved(solution.discrete, solution.error, INDEX_RESOLUTION / 100, units=given)
+    # A mesh for the units of the motion: in others the Jacobi fields may be lost in round-off.
+    fine = resolved(solution.discrete, solution.error, INDEX_RESOLUTION / 100)
+    form = form_of(fine.at, given)
     values, vectors = lowest(form, count)
+    low = found.index, found.index + found.nullity
+    if not min(low[0], len(values)) <= np.sum(values < 0) <= low[1]:
+        raise ValueError(
+            f"expected the signs of the eigenvalues to be those of index {low[0]}, found "
+            f"{np.sum(values < 0)} negative: round-off hides them in these units of the "
+            "coordinates; give `units=`, of the size of each"
+        )
     nodes = np.zeros((len(form.basis), form.freedom, len(values)))
     nodes.reshape(-1, len(values))[_free(form)] = vectors
     if form.closed:

@@ -328,7 +328,7 @@ def condense(form: Form, elements: list[Array] | None = None) -> Condensed:
 
 
 def _joined(M: Array, to: NDInt, gone: NDInt) -> Array:
-    """Return the quadratic form M where the variables `gone` are equal to those at `to`."""
+    """Return the form M (k, k) with the variables `gone` equal to those at `to`, and left out."""
     joined = M.copy()
     joined[to] += joined[gone]
     joined[:, to] += joined[:, gone]
@@ -337,7 +337,7 @@ def _joined(M: Array, to: NDInt, gone: NDInt) -> Array:
 
 
 def _eliminate(M: Array, first: int, stop: int, force: bool) -> tuple[Array, int]:
-    """Eliminate the variables first to stop of M; return the rest and the number of negative ones.
+    """Eliminate the variables first to stop of M (k, k); return the rest, and how many lower it.
 
     A block that is close to singular waits for its neighbours, as a pivot of two rows waits in
     the factorization of Bunch and Kaufman: a node conjugate to the start has such a block.

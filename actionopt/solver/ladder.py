@@ -28,7 +28,9 @@ from actionopt.tools.watch import OutOfTime
 
 UNSOLVED = (Status.NOT_FOUND, Status.UNRESOLVED, Status.DEGENERATE)
 # Ad hoc, where nothing else is said.
-CURVED_RUNGS, CURVED_HEIGHT = 4, 0.4  # tried from a curved line; of that, in the motion's sizes
+# Rungs that are tried from a curved line; its height, in the motion's sizes ("flat" here is as in
+# `workspace`: this is).
+CURVED_RUNGS, CURVED_HEIGHT = 4, 0.4
 # Motions that meet: the coordinates up to which a few hundred are many; pairs that are tried, and
 # unknowns of as many paths, which they may have together; elements of one that takes too long.
 MEETING_COORDINATES, MEETING_PAIRS, MEETING_UNKNOWNS, MEETING_ELEMENTS = 8, 32, 1500, 48
@@ -36,8 +38,11 @@ HIGH_DEGREE_COORDINATES = 3  # up to which a higher degree costs less than a sec
 PATIENT = 30  # damped steps towards a path near a guess: whatever else there is costs more
 NEAR_GUESS = (16, 32, 64)  # elements: a guess has features that coarser meshes would miss
 LINEAR = 4  # elements to begin with where nothing has to be sought
+# Measured over the scenes and 40 stress cases: degrees 4, 5, 8 and 10 take from 3 % fewer to 10 %
+# more evaluations in the geometric mean, 1.1 to 2.6 times as many in the sum, and all but 5 lose an
+# extreme case.
 COARSE_DEGREE, COARSE_ELEMENTS = 6, 8
-GUESS_RESOLUTION = 1e-3  # omitted coefficients of a guess below which a mesh resolves it
+GUESS_RESOLUTION = 1e-3  # omitted coefficients of a guess that a mesh resolves; flat
 
 
 @dataclass(frozen=True)
@@ -195,7 +200,9 @@ class Root(Rung):
 
 
 # How a first path is sought from the straight line. Newton's method comes first where the action
-# is convex there; elsewhere descent, where the action may be bounded below.
+# is convex there; elsewhere descent, where the action may be bounded below. The elements, measured
+# alike: half as many everywhere take 7 % more iterations, and lose an extreme case; twice as many
+# 2 % less, in more time. Half or twice the motions that meet change nothing.
 LADDER: tuple[Rung, ...] = (
     Newton("convex newton", (4,), convex=True),
     Descent("descent", (COARSE_ELEMENTS, 16, 32, 64)),
