@@ -428,7 +428,7 @@ def test_steps_are_as_short_as_the_elements_where_these_are_short(monkeypatch):
     )
     mesh = Mesh([0.0, c - 6 * w, c, c + 6 * w, 1.0], 12)
     path = forward.follow(
-        flow.Flow(system), State(0.0, [0.0], [0.0]), 1.0, tol=1e-12, mesh=mesh, bends=True
+        flow.Flow(system), State(0.0, [0.0], [0.0]), 1.0, tol=1e-12, mesh=mesh, kinks=True
     ).path
     assert path(1.0) == pytest.approx(1 - c, rel=1e-11)
     assert path.velocity(1.0) == pytest.approx(1.0, rel=1e-11)

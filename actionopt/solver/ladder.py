@@ -139,14 +139,12 @@ class PatientLeast(Least):
         return ws.find("patient least")
 
 
-@dataclass(frozen=True)
 class Homotopy(Rung):
     """Newton homotopy from the straight line: gets to a saddle slowly but surely.
 
-    A path that is `rough` on the last mesh is left to other rungs.
+    On one mesh: on finer ones it took long and found no path that no other rung did.
     """
 
-    rough: bool = True
     lengthy = True
 
     def seek(self, ws: Workspace) -> bool:
@@ -210,7 +208,6 @@ LADDER: tuple[Rung, ...] = (
     Least("least", (8, 16, 32, 64)),
     Homotopy("continuation", (8,)),
     Meeting("meeting", (256, 768)),
-    Homotopy("fine continuation", (16, 32), rough=False),
     Root("stationary", (8, 16)),
     PatientLeast("patient least", (8, 16, 32, 64)),
 )
@@ -335,7 +332,7 @@ class Search:
                     return Status.NOT_FOUND
                 known = None
                 continue
-            leave = elements != rung.meshes[-1] or (isinstance(rung, Homotopy) and rung.rough)
+            leave = elements != rung.meshes[-1] or isinstance(rung, Homotopy)
             if ws.here.rough > ROUGHLY and leave:
                 known = ws.here.path if rung.minimises else None
                 continue

@@ -34,7 +34,9 @@ BEFORE_A_JUMP = 3  # rungs tried where the first path crosses a jump: seconds ar
 # Amplified round-off above which a path may be one of many, and is; measured: the least seen in
 # families is 2.4e-7, of 240 in all directions at any tol; chains of 30 links show 1.6e-7.
 FAMILY_SUSPECTED, FAMILY_AMPLIFICATION = 1e-9, 2e-6
-FAMILY_CHANGE = 2.0  # of it by one more step; measured: 1.0 of single paths, 20 and more of families
+FAMILY_CHANGE = (
+    2.0  # of it by one more step; measured: 1.0 of single paths, 20 and more of families
+)
 FAMILY_NOISE = 1e-9  # of one coordinate the noise itself tells; ad hoc
 LOST = (Status.NOT_FOUND, Status.UNRESOLVED)  # where one of a family may have been near
 
