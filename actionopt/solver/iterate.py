@@ -90,7 +90,7 @@ class Iterate(DiscretePath):
 
         That is at least what amplified round-off says that other errors are amplified.
         """
-        gain = max(gain, self.noise / (ORDINARY * POLYNOMIAL_ROUNDOFF))
+        gain = max(gain, self.noise / (self.unit * ORDINARY * POLYNOMIAL_ROUNDOFF))
         error = SAFETY * (gain * self.resolution.worst + self.noise + POLYNOMIAL_ROUNDOFF)
         return replace(self, gain=gain, error=error)
 
@@ -145,8 +145,10 @@ class Iterate(DiscretePath):
     @property
     def can_be_one_of_many(self) -> bool:
         """Whether ends may leave a family of paths that the path's own round-off does not show."""
-        system = self.problem.system
-        return system.n > 1 and not system.structure.forced
+        problem, structure = self.problem, self.problem.system.structure
+        # A closed path without a clock may start anywhere along itself.
+        shifted = problem.advance is not None and not structure.depends_on_time
+        return (problem.system.n > 1 or shifted) and not structure.forced
 
     def amplification(self, many: bool) -> float:
         """Return how far round-off in every entry of the matrix may move the path.

@@ -22,7 +22,9 @@ ROUNDS = 20
 STALLED = 8  # rounds that bring nothing: a layer of 1e-6 is closed in on in six
 EXPLAINED_BY_ROUNDOFF = 10.0  # times the effect of that in times and coordinates: it may be all
 AVERAGING_SIZE = 50_000  # unknowns and multipliers with which to average it
-FRUITLESS_GROWTH = 20  # times the mesh of the last round that brought something
+# Times the mesh of the last round that brought something; so many are tried in any case, as they
+# take a tenth of a second.
+FRUITLESS_GROWTH, FRUITLESS = 20, 10_000
 MAX_UNKNOWNS = 1_000_000  # and multipliers: two kB each, a few seconds a round
 CREDIBLE_CHANGE = 0.3  # from a given mesh to a finer one; a larger one says nothing of the error
 # Amplified round-off, in a path's own size: at which a path that cannot be refined is held to be
@@ -56,7 +58,7 @@ def refine(ws: Workspace, tol: float, *, least: bool) -> Status:
         else:
             mesh = refined(before, tol / (2 * SAFETY * ws.here.gain))
         if stalled == 0:
-            most = min(FRUITLESS_GROWTH * _size(ws, mesh), MAX_UNKNOWNS)
+            most = min(max(FRUITLESS_GROWTH * _size(ws, mesh), FRUITLESS), MAX_UNKNOWNS)
         if MAX_UNKNOWNS > _size(ws, mesh) > most:  # more elements and nothing gained
             return _failed(ws)
         if _size(ws, mesh) > MAX_UNKNOWNS:

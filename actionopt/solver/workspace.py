@@ -361,7 +361,8 @@ class Workspace:
             if not least and moved > reach:
                 return False
         here = self.here
-        change, gain = float(np.max(np.abs(here.Q - first.Q) / here.sizes)), here.gain
+        # In the sizes of the old path, in which its omitted coefficients are.
+        change, gain = float(np.max(np.abs(here.Q - first.Q) / old.sizes)), here.gain
         if old.resolution.worst > MEASURABLE:
             left = old.resolution.worst
             if change > UNLIKELY * left and not self.problem.system.structure.steady:
