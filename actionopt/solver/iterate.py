@@ -12,7 +12,6 @@ the last step of Newton's method shows, amplified alike, and that of the polynom
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -60,6 +59,8 @@ class Iterate(DiscretePath):
         Of the matrix at the path or close to it, if they are kept.
     probed : (size,) array or None
         How the `probe` of the layout moves the path.
+    represented : Resolution or None
+        How well the mesh represents it, where that is known.
     """
 
     sizes: Array
@@ -69,10 +70,11 @@ class Iterate(DiscretePath):
     error: float = np.inf
     factors: Factors | None = None
     probed: Array | None = None
+    represented: Resolution | None = None
 
     def moved(self, z: Array) -> Iterate:
         """Return another path on the same mesh, of which nothing more is known."""
-        return replace(self, z=z, factors=None, probed=None)
+        return replace(self, z=z, factors=None, probed=None, represented=None)
 
     def bare(self) -> Iterate:
         """Return the same without what takes memory."""
@@ -80,24 +82,27 @@ class Iterate(DiscretePath):
 
     def arrived(self, result: Followed) -> Iterate:
         """Return the path at which Newton's method arrived."""
-        found = replace(self.moved(result.z), factors=result.factors)
-        sizes, lengths = measured(self.problem, found.Q)
-        found = replace(found, sizes=sizes, lengths=lengths)
-        return replace(found, noise=result.noise * found.unit).estimated(self.gain)
+        z, Q = result.z, self.tr.coordinates(result.z)
+        sizes, lengths = measured(self.problem, Q)
+        shown = resolution(self.mesh, Q, sizes)
+        known = {"sizes": sizes, "lengths": lengths, "represented": shown, "probed": None}
+        found = replace(self, z=z, factors=result.factors, **known)
+        return found.estimated(self.gain, result.noise * found.unit)
 
-    def estimated(self, gain: float) -> Iterate:
-        """Return the same with the estimate of its error for a gain.
+    def estimated(self, gain: float, noise: float | None = None) -> Iterate:
+        """Return the same with the estimate of its error for a gain, and of its noise.
 
-        That is at least what amplified round-off says that other errors are amplified.
+        The gain is at least what amplified round-off says that other errors are amplified.
         """
-        gain = max(gain, self.noise / (self.unit * ORDINARY * POLYNOMIAL_ROUNDOFF))
-        error = SAFETY * (gain * self.resolution.worst + self.noise + POLYNOMIAL_ROUNDOFF)
-        return replace(self, gain=gain, error=error)
+        noise = self.noise if noise is None else noise
+        gain = max(gain, noise / (self.unit * ORDINARY * POLYNOMIAL_ROUNDOFF))
+        error = SAFETY * (gain * self.resolution.worst + noise + POLYNOMIAL_ROUNDOFF)
+        return replace(self, gain=gain, noise=noise, error=error)
 
-    @cached_property
+    @property
     def resolution(self) -> Resolution:
         """How well the mesh represents it."""
-        return resolution(self.mesh, self.Q, self.sizes)
+        return self.represented or resolution(self.mesh, self.Q, self.sizes)
 
     @property
     def rough(self) -> float:
