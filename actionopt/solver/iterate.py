@@ -78,6 +78,8 @@ class Iterate(DiscretePath):
 
     def bare(self) -> Iterate:
         """Return the same without what takes memory."""
+        if self.factors is None and self.probed is None:
+            return self
         return replace(self, factors=None, probed=None)
 
     def arrived(self, result: Followed) -> Iterate:
