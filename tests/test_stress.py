@@ -8,10 +8,16 @@ import pytest
 import actionopt as ao
 from benchmarks.stress import report
 from benchmarks.stress.case import timed
-from benchmarks.stress.families import clocks, origins, pulses, random_systems, threads
+from benchmarks.stress.families import FAMILIES, clocks, origins, pulses, random_systems, threads
 from benchmarks.stress.tally import all_solved, judged, never_wrong, row
 
 WIDTH = 0.002 / pulses.FWHM
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_the_questions_of_a_family_can_be_asked(name):
+    questions = [case.build for case in FAMILIES[name].cases(quick=True) if case.build]
+    assert all(build().problem.duration > 0 for build in questions[:: max(1, len(questions) // 5)])
 
 
 def moved(solution, by):

@@ -6,8 +6,7 @@ from functools import cache
 
 import numpy as np
 
-from actionopt import Event, Problem, System
-from actionopt.scenes import rod_pendulum
+from actionopt import Event, Problem, System, scenes
 from benchmarks.stress.case import Case, Criterion, Question, mine
 
 TITLE = "Units"
@@ -44,10 +43,10 @@ def in_well(L: float, T: float, M: float) -> Question:
 def on_rod(L: float, T: float, M: float) -> Question:
     """Return a swing of the pendulum in these units."""
     a, b = ([L * np.sin(x), -L * np.cos(x)] for x in (0.5, -0.9))
+    system = scenes.get("rod_pendulum").problem.system
     parameters = {"m": M, "g": 9.81 * L / T**2, "l": L}
-    return Question(
-        Problem(rod_pendulum.system(), Event(0.0, a), Event(0.8 * T, b), parameters=parameters)
-    )
+    ends = Event(0.0, a), Event(0.8 * T, b)
+    return Question(Problem(system, *ends, parameters=parameters))
 
 
 def cases(quick: bool) -> list[Case]:
