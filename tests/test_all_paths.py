@@ -204,6 +204,7 @@ DER = {  # G. J. Der, Astrodynamics 102, example I, with more digits; km and s
 }
 
 
+@pytest.mark.slow
 def test_both_ways_in_space():
     (r1, r2), T = DER["events"], DER["T"]
     problem = ao.Problem(kepler(3, 398600.4418), ao.Event(0.0, r1), ao.Event(T, r2))

@@ -81,6 +81,7 @@ def test_orbits_are_dragged_in_the_plane():
     assert panel.ax.get_aspect() == 1.0
 
 
+@pytest.mark.slow
 def test_the_line_bends_as_a_whole():
     window = plot.explore(scenes.get("oscillator"))
     first = window.now.trial.Q
@@ -100,6 +101,7 @@ def test_other_buttons_and_empty_places_move_nothing():
     assert window.now.trial is first
 
 
+@pytest.mark.slow
 def test_while_a_point_is_held_the_picture_is_as_if_drawn_anew():
     window = plot.explore(scenes.get("double_pendulum"))
     panel, trial, canvas = window.panels[1], window.now.trial, window.figure.canvas

@@ -218,6 +218,7 @@ def test_other_files_are_left_alone(tmp_path, quick):
     assert files(tmp_path) == {"index.html": b"mine"} and quick == []
 
 
+@pytest.mark.slow
 def test_the_same_page_comes_out_the_same_of_another_process(gallery):
     name, before = NAMES[0], files(gallery)
     page = gallery / name / "index.html"

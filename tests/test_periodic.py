@@ -202,6 +202,7 @@ def test_all_responses_of_a_bistable_oscillator():
     assert stable == 2
 
 
+@pytest.mark.slow
 def test_closed_paths_far_from_the_first_one():
     """Two wells and a drive: found by forward motions that are bent until they close."""
     b, a, T = 0.15, 0.3, 2 * np.pi
@@ -219,6 +220,7 @@ def test_closed_paths_far_from_the_first_one():
         assert min(np.max(np.abs(y - [s.start.q[0], s.start.v[0]])) for s in found) < 1e-5
 
 
+@pytest.mark.slow
 def test_rotations_of_a_driven_pendulum_wind():
     """Its windings are advances; the whole path a turn farther is no other path."""
     a, w = 0.8, 2.0
@@ -234,6 +236,7 @@ def test_rotations_of_a_driven_pendulum_wind():
         assert all(k != l or abs(q - p) + abs(v - u) > 1e-5 for l, p, u in places[:i])
 
 
+@pytest.mark.slow
 def test_what_comes_back_with_a_kink_is_left_out():
     """Of the paths that return to x = 1 after 4 only those that close; and none that does not."""
     spring = ao.System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2 - q[0] ** 4 / 4, ["x"])

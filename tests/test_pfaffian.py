@@ -52,6 +52,7 @@ def test_a_sphere_rolling_on_a_plane_is_refused(rows, row):
         integrate_pfaffian(rows, [0.1, 0.2, 0.3, 0.4, 0.5], parameters={"R": 1.0})
 
 
+@pytest.mark.slow
 def test_a_sphere_rolling_along_one_line_is_accepted():
     """With its axis held along y (phi = pi / 2, psi = 0), x = R theta."""
 

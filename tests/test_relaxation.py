@@ -202,6 +202,7 @@ def test_a_film_is_a_step_a_frame(tmp_path, monkeypatch):
     assert pyplot.get_fignums() == []
 
 
+@pytest.mark.slow
 def test_frames_show_the_path_and_where_it_stands(monkeypatch):
     seen = {}
 

@@ -136,6 +136,7 @@ def test_half_an_ellipse_is_found_round_the_centre(r, tol):
     assert np.allclose([v[0], abs(v[1])], [0.0, np.sqrt(2 - 1 / a)], atol=10 * tol)
 
 
+@pytest.mark.slow
 def test_a_pendulum_gets_to_the_top_on_either_side():
     g = 9.81
     rod = ao.System(

@@ -152,6 +152,7 @@ def test_interrupted_trace_keeps_what_it_has():
     assert found.values[1:].tolist() == seen
 
 
+@pytest.mark.slow
 def test_a_path_that_grows_without_bound_is_followed_no_further():
     # x = cos t + B sin t with B = (1/2 - cos T) / sin T: infinite at T = pi
     system = ao.System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
