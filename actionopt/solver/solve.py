@@ -31,12 +31,11 @@ from actionopt.tools.checks import COARSEST
 from actionopt.tools.watch import OutOfTime, Progress, Watch
 
 BEFORE_A_JUMP = 3  # rungs tried where the first path crosses a jump: seconds are lost there; ad hoc
-# Amplified round-off above which a path may be one of many, and is; measured: the least seen in
-# families is 2.4e-7, of 240 in all directions at any tol; chains of 30 links show 1.6e-7.
-FAMILY_SUSPECTED, FAMILY_AMPLIFICATION = 1e-9, 2e-6
-FAMILY_CHANGE = (
-    2.0  # of it by one more step; measured: 1.0 of single paths, 20 and more of families
-)
+# Amplified round-off above which a path may be one of many, and above which that is to be counted;
+# measured: of 400 families in all directions and at any tol the least is 2.4e-7, and chains of 10
+# to 30 links show 3e-8 to 1.6e-7.
+FAMILY_SUSPECTED, FAMILY_AMPLIFICATION = 1e-8, 5e-7
+FAMILY_CHANGE = 2.0  # of it by two more steps; measured: single paths 1.0, families 20 and more
 FAMILY_NOISE = 1e-9  # of one coordinate the noise itself tells; ad hoc
 LOST = (Status.NOT_FOUND, Status.UNRESOLVED)  # where one of a family may have been near
 
@@ -187,8 +186,8 @@ def _suspect(ws: Workspace, status: Status) -> bool:
         before = here.amplification(ws.many)
         if not FAMILY_SUSPECTED < before < FAMILY_AMPLIFICATION:
             return before >= FAMILY_AMPLIFICATION
-        # What is nearly singular by chance stays so; in a family the last step decides.
-        after = here.polished().amplification(ws.many)
+        # What is nearly singular by chance stays so; in a family the last steps decide.
+        after = here.polished().polished().amplification(ws.many)
     except np.linalg.LinAlgError:
         return True
     return not before / FAMILY_CHANGE < after < before * FAMILY_CHANGE
