@@ -18,6 +18,7 @@ from actionopt.analysis.jacobi import fields, resolved
 from actionopt.analysis.second_variation import Form, check_legendre, coefficients, tangent
 from actionopt.analysis.solution import Solution
 from actionopt.mechanics.problem import Periodic
+from actionopt.tools.blas import one_thread
 from actionopt.tools.types import Array
 
 CONJUGATE_RESOLUTION = 1e-10  # of Jacobi fields and path; ad hoc, below `TOGETHER`
@@ -38,6 +39,7 @@ class ConjugatePoint(NamedTuple):
     multiplicity: int
 
 
+@one_thread
 def conjugate_points(solution: Solution) -> tuple[ConjugatePoint, ...]:
     """Return all times t* in (t0, t1] conjugate to the start along a solution.
 

@@ -23,6 +23,7 @@ import numpy as np
 from actionopt.analysis.jacobi import polished, resolved
 from actionopt.analysis.second_variation import Form, check_legendre, condense
 from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.tools.blas import one_thread
 
 # Of the Jacobi fields; derived: eigenvalues converge twice as fast, to 1e-12, far below the
 # tolerance. And of the path, where its error leaves a sign open: a tenth of the tolerance in |mu|.
@@ -62,6 +63,7 @@ class Inertia:
         return "saddle" if self.index else "minimum"
 
 
+@one_thread
 def inertia(at: DiscretePath, error: float, *, tolerance: float | None = None) -> Inertia:
     """Return the index and the nullity of the second variation along a path known to `error`.
 

@@ -13,6 +13,7 @@ from actionopt.analysis.second_variation import Form, condense
 from actionopt.analysis.second_variation import form as form_of
 from actionopt.analysis.solution import Solution
 from actionopt.discrete.path import Path
+from actionopt.tools.blas import one_thread
 from actionopt.tools.checks import numbers
 from actionopt.tools.types import Array, NDInt
 
@@ -43,6 +44,7 @@ class SecondVariation:
     units: Array
 
 
+@one_thread
 def second_variation(
     solution: Solution, count: int = 6, *, units: Array | float = 1.0
 ) -> SecondVariation:

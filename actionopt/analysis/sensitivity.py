@@ -25,6 +25,7 @@ from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.jumps import across
 from actionopt.mechanics.problem import State
 from actionopt.mechanics.system import System
+from actionopt.tools.blas import one_thread
 from actionopt.tools.types import Array
 
 # Of the Jacobi fields; derived: second derivatives converge twice as fast, to round-off.
@@ -68,6 +69,7 @@ class Sensitivity:
         return float(np.linalg.det(-self.q0q1))
 
 
+@one_thread
 def sensitivity(at: DiscretePath, error: float, momenta: tuple[Array, Array]) -> Sensitivity:
     """Return the derivatives of the action of a path by its ends and parameters.
 

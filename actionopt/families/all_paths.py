@@ -20,6 +20,7 @@ from actionopt.families.searches import Sweep
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
 from actionopt.solver.arguments import asked
+from actionopt.tools.blas import one_thread
 from actionopt.tools.checks import tolerance
 from actionopt.tools.types import Array
 
@@ -112,6 +113,7 @@ class Paths:
         return "\n".join(lines)
 
 
+@one_thread
 def solve_all(
     problem: Problem,
     *,

@@ -22,6 +22,7 @@ from actionopt.discrete.arclength import Branch, Point
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Event, Periodic, Problem
 from actionopt.solver.solve import Guess, solve
+from actionopt.tools.blas import one_thread
 from actionopt.tools.types import Array
 
 Vary = str | tuple[str, str] | Callable[[float], Problem]
@@ -135,6 +136,7 @@ class Trace:
         return result
 
 
+@one_thread
 def trace(
     problem: Problem,
     vary: Vary,

@@ -27,6 +27,7 @@ from actionopt.solver.arguments import Guess, asked, checked
 from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF
 from actionopt.solver.ladder import COARSE_DEGREE, IPOPT, LADDER, LINEAR, Search
 from actionopt.solver.workspace import Workspace
+from actionopt.tools.blas import one_thread
 from actionopt.tools.checks import COARSEST
 from actionopt.tools.watch import OutOfTime, Progress, Watch
 
@@ -40,6 +41,7 @@ FAMILY_NOISE = 1e-9  # of one coordinate the noise itself tells; ad hoc
 LOST = (Status.NOT_FOUND, Status.UNRESOLVED)  # where one of a family may have been near
 
 
+@one_thread
 def solve(
     problem: Problem,
     *others: Never,

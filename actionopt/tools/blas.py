@@ -1,0 +1,63 @@
+"""Many small matrices, without the threads of the library that numpy calls for them.
+
+OpenBLAS divides matrices from some dozens of rows on among its threads. That pays for none as small
+as ours, and where others want the cores as well they wait for one another: `eigh` of 32 rows takes
+0.1 ms on one thread, and was seen to take 16 on two.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import threading
+from collections.abc import Callable
+from contextlib import ContextDecorator
+from functools import cache
+
+import numpy as np
+
+# Before and after what it is called in numpy's wheels, and in OpenBLAS itself.
+NAMES = ("scipy_openblas", "64_"), ("openblas", "64_"), ("openblas", "")
+
+
+@cache
+def thread_count() -> tuple[Callable[[], int], Callable[[int], None]] | None:
+    """Return what gets and sets the number of OpenBLAS's threads, or None of other libraries."""
+    try:
+        library = ctypes.CDLL(np.linalg._umath_linalg.__file__)
+    except (AttributeError, OSError):
+        return None
+    for before, after in NAMES:
+        names = [f"{before}_{what}_num_threads{after}" for what in ("get", "set")]
+        if all(hasattr(library, name) for name in names):
+            return getattr(library, names[0]), getattr(library, names[1])
+    return None
+
+
+class _OneThread(ContextDecorator):
+    """One thread for OpenBLAS within, and as many as before after the last that is within."""
+
+    def __init__(self) -> None:
+        self._lock, self._within, self._before = threading.Lock(), 0, 1
+
+    def __enter__(self) -> None:
+        count = thread_count()
+        if count is None:
+            return
+        with self._lock:
+            if self._within == 0:
+                self._before = count[0]()
+                if self._before > 1:
+                    count[1](1)
+            self._within += 1
+
+    def __exit__(self, *_: object) -> None:
+        count = thread_count()
+        if count is None:
+            return
+        with self._lock:
+            self._within -= 1
+            if self._within == 0 and self._before > 1:
+                count[1](self._before)
+
+
+one_thread = _OneThread()

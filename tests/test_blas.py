@@ -1,0 +1,68 @@
+"""One thread for the linear algebra of small matrices, and as many as before afterwards."""
+
+from concurrent.futures import ThreadPoolExecutor
+from threading import Barrier
+
+import pytest
+
+import actionopt as ao
+from actionopt.tools.blas import one_thread, thread_count
+
+OSCILLATOR = ao.System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
+PROBLEM = ao.Problem(OSCILLATOR, ao.Event(0.0, [1.0]), ao.Event(1.0, [0.5]))
+
+
+@pytest.fixture
+def two():
+    """Two threads, of whatever there were."""
+    if thread_count() is None:
+        pytest.skip("numpy calls another library than OpenBLAS")
+    get, put = thread_count()
+    before = get()
+    put(2)
+    if get() != 2:
+        put(before)
+        pytest.skip("there are no threads")
+    yield get
+    put(before)
+
+
+def test_a_solve_uses_one_thread(two):
+    seen = []
+
+    def guess(t):
+        seen.append(two())
+        return [1 - t / 2]
+
+    solution = ao.solve(PROBLEM, guess=guess)
+    assert set(seen) == {1} and two() == 2
+    assert solution.morse_index == 0 and two() == 2
+
+
+def test_what_fails_leaves_the_threads_alone(two):
+    with pytest.raises(ZeroDivisionError), one_thread:
+        assert two() == 1
+        with one_thread:
+            assert two() == 1
+        assert two() == 1
+        _ = 1 / 0
+    assert two() == 2
+
+
+def test_the_last_to_leave_restores_them(two):
+    inside = Barrier(2)
+
+    def work(first):
+        with one_thread:
+            inside.wait()
+            if first:
+                inside.wait()  # until the other one has left
+        if not first:
+            seen = two()
+            inside.wait()
+            return seen
+        return two()
+
+    with ThreadPoolExecutor(2) as pool:
+        first, other = pool.submit(work, True), pool.submit(work, False)
+        assert (other.result(), first.result()) == (1, 2)
