@@ -210,7 +210,7 @@ class Iterate(DiscretePath):
         shortest = mesh.lengths.min() / duration
         if shortest > SHORT_ELEMENT:
             return False
-        k, speeds = np.array(mesh.degrees) + 1, np.abs(self.path.velocity(mesh.nodes)).max(axis=1)
+        k, speeds = np.array(mesh.degrees) + 1, np.abs(self.tr.place(self.x).v).max(axis=0)
         speeds = np.maximum(speeds, self.sizes / duration)
         rates = self.resolution.omitted * k * (k + 1) / mesh.lengths
         limit = VELOCITY_ERROR if shortest > TINY_ELEMENT else 1.0
