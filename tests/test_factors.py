@@ -44,6 +44,7 @@ def stored(request, monkeypatch):
     elements, inner = STORED[request.param]
     if inner is not None:
         monkeypatch.setattr("actionopt.discrete.layout.BLOCK_SIZE", inner)
+        monkeypatch.setattr("actionopt.discrete.layout.FILLED", 1.0)
     return request.param, elements
 
 

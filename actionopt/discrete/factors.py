@@ -54,19 +54,22 @@ class Factors:
         if not np.isfinite(nonzeros).all():
             raise np.linalg.LinAlgError("the matrix is not finite")
         self.layout, self.nonzeros = layout, nonzeros
-        self._direct: Callable[[Array], Array] | None = None
+        self._many = many
         self._accurate = False  # whether a solution was accurate before it was refined
-        system = layout.system
+
+    @cached_property
+    def _direct(self) -> Callable[[Array], Array] | None:
+        """What solves but for errors; None if nothing does so quickly."""
+        layout, system = self.layout, self.layout.system
         slim = system.n + system.m <= SLIM and layout.size <= PATTERN
-        pays = many and slim and not system.structure.forced
-        if layout.small:
-            return
+        pays = self._many and slim and not system.structure.forced
         if layout.condensed and not pays:
             with suppress(np.linalg.LinAlgError):  # a block may be singular where all are not
-                self._direct = self._condensed.solve
+                return self._condensed.solve
         elif not system.structure.forced:
-            regular = _regular(layout, compressed(layout, nonzeros))
-            self._direct = lambda right: _solver(layout, "ldl")(regular, right)
+            regular = _regular(layout, compressed(layout, self.nonzeros))
+            return lambda right: _solver(layout, "ldl")(regular, right)
+        return None
 
     @cached_property
     def _condensed(self) -> Condensed:
@@ -108,7 +111,8 @@ class Factors:
             return self.negative() == 0
         try:
             if not self.layout.small:
-                return self._condensed.definite()
+                self._condensed = Condensed(self.layout.blocks, self.nonzeros, definite=True)
+                return True
             np.linalg.cholesky(self._full)
         except np.linalg.LinAlgError:
             return False

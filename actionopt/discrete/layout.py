@@ -112,7 +112,8 @@ class Layout:
     def storage(self) -> Literal["blocks", "sparse"]:
         """How the KKT matrix is stored: many coordinates make blocks large and mostly zeros."""
         inner = (self.system.n + self.system.m) * (max(g.rule.degree for g in self.groups) - 1)
-        return "blocks" if inner <= BLOCK_SIZE and not self.closed else "sparse"
+        blocks = inner <= BLOCK_SIZE or self.system.filled > FILLED
+        return "blocks" if blocks and not self.closed else "sparse"
 
     @cached_property
     def small(self) -> bool:
@@ -231,8 +232,9 @@ class _Solvers(threading.local):
         self.kinds: dict[str, Any] = {}
 
 
-# Unknowns and rows within an element up to which its block is worth its zeros. Ad hoc.
-BLOCK_SIZE = 160
+# Unknowns and rows within an element up to which its block is worth its zeros; above, the share of
+# its work that sparse factors do as well, at a fifth of the speed of blocks. Ad hoc.
+BLOCK_SIZE, FILLED = 160, 0.2
 _EMPTY = (np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp))
 
 
