@@ -67,9 +67,15 @@ class Factors:
             with suppress(np.linalg.LinAlgError):  # a block may be singular where all are not
                 return self._condensed.solve
         elif not system.structure.forced:
+            if layout.keeps_factors:
+                return self._kept.solve
             regular = _regular(layout, compressed(layout, self.nonzeros))
             return lambda right: _solver(layout, "ldl")(regular, right)
         return None
+
+    @cached_property
+    def _kept(self) -> _Kept:
+        return _Kept(self.layout, self.nonzeros)
 
     @cached_property
     def _condensed(self) -> Condensed:
@@ -82,6 +88,11 @@ class Factors:
     @cached_property
     def _inverse(self) -> Array:
         return np.linalg.inv(self._full)
+
+    @property
+    def cheap(self) -> bool:
+        """Whether another solution costs far less than another factorization."""
+        return self.layout.keeps_factors or (self._many and self.layout.condensed)
 
     def solve(self, right: Array) -> Array:
         """Return the solution for one right-hand side, (size,)."""
@@ -127,6 +138,8 @@ class Factors:
             return int(np.sum(np.linalg.eigvalsh(self._full) < 0))
         if layout.storage == "blocks":
             return self._condensed.negative()
+        if layout.keeps_factors:
+            return self._kept.negative
         matrix = ca.DM(layout.kkt.sparsity, _regular(layout, self.nonzeros))
         if "inertia" not in layout.solvers:
             layout.solvers["inertia"] = ca.Linsol("inertia", "ldl", layout.kkt.sparsity)
@@ -203,6 +216,27 @@ class _Sparse:
         except RuntimeError as error:
             raise np.linalg.LinAlgError("the matrix is singular") from error
         return self._solved.copy()
+
+
+class _Kept:
+    """The factors of a large sparse matrix, which cost what many solutions do.
+
+    CasADi does not tell its linear solvers' factors apart from their solutions; it returns those
+    of L D L' as objects.
+    """
+
+    def __init__(self, layout: Layout, nonzeros: Array) -> None:
+        values = _regular(layout, compressed(layout, nonzeros))
+        self._factors = ca.ldl(ca.DM(layout.kkt.sparsity, values))
+
+    def solve(self, right: Array) -> Array:
+        """Return the solution for one right-hand side, (size,)."""
+        return ca.ldl_solve(ca.DM(right), *self._factors).full().ravel()
+
+    @property
+    def negative(self) -> int:
+        """The number of negative pivots."""
+        return int(np.sum(self._factors[0].full() < 0))
 
 
 def negative_eigenvalues(layout: Layout, nonzeros: Array) -> int:
