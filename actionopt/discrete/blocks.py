@@ -25,7 +25,7 @@ from actionopt.tools.types import Array, NDInt
 FULL_SIZE = 100
 # Places inside an element that are eliminated at once: of more, what is left beside them takes
 # half the work of one inverse. Measured: from 40 to 160 flat, 30 and 100 coordinates.
-TOGETHER = 80
+PLACES_AT_ONCE = 80
 AT_HAND = 2**20  # numbers of a product, 8 MB, whose memory is used again; ad hoc
 
 
@@ -249,7 +249,7 @@ class _Inner:
         W[:, -f:, :-f], W[:, -f:, -f:] = M[:, :f, f:], M[:, :f, :f]
         self.places = W.shape[1] - 2 * f
         self.parts: list[tuple[slice, Array]] = []
-        size = max(TOGETHER // f, 1) * f
+        size = max(PLACES_AT_ONCE // f, 1) * f
         for first in range(0, self.places, size):
             part = slice(first, min(first + size, self.places))
             rest = slice(part.stop, None)
