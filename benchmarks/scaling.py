@@ -26,7 +26,9 @@ from benchmarks.results import table, text
 
 ELEMENTS = (100, 1000, 10_000)
 LINKS = (10, 30, 100)  # in Cartesian coordinates, with one constraint a link
-MASSES = (10, 100, 1000)
+ANGLES = (5, 10, 20, 30, 50)  # a pendulum of so many links, no constraints
+BODIES = (3, 5, 10, 20)
+MASSES = (10, 100, 1000, 10_000)
 DURATIONS = (2.5, 7.9, 25.1, 79.1)  # of a pendulum: 1 to 32 periods, roughly
 LIMIT = 30.0  # seconds a measurement
 
@@ -42,6 +44,37 @@ def chain(links: int) -> dict:
     """Solve a hanging chain of so many links."""
     scene = scenes.get("chain", links=links, l=1.0 / links, amplitude=0.1)
     return _timed(scene.problem, guess=scene.guess)
+
+
+def angles(links: int) -> dict:
+    """Solve a small swing of a pendulum of so many links, unit masses and lengths, in angles."""
+
+    def lagrangian(q, v, t):
+        x, y = np.cumsum(np.cos(q) * v), np.cumsum(np.sin(q) * v)
+        return (x @ x + y @ y) / 2 + 9.81 * np.sum(np.cumsum(np.cos(q)))
+
+    first = np.linspace(0.05, 0.15, links)
+    system = ao.System(lagrangian, [f"a{j}" for j in range(links)])
+    return _timed(ao.Problem(system, ao.Event(0.0, first), ao.Event(0.5, -first / 2)))
+
+
+def bodies(count: int) -> dict:
+    """Solve so many bodies of equal mass that attract each other, past a third of their sizes."""
+
+    def lagrangian(q, v, t):
+        V = 0.0
+        for i in range(count):
+            for j in range(i):
+                r = q[3 * i : 3 * i + 3] - q[3 * j : 3 * j + 3]
+                V = V - 1 / (count * np.sqrt(r @ r))
+        return (v @ v) / 2 - V
+
+    rng = np.random.default_rng(0)
+    at = rng.normal(size=(count, 3))
+    at *= rng.uniform(0.3, 1, (count, 1)) * count ** (1 / 3) / np.linalg.norm(at, axis=1)[:, None]
+    then = at + 0.3 * rng.normal(size=at.shape)
+    system = ao.System(lagrangian, [f"x{j}" for j in range(3 * count)])
+    return _timed(ao.Problem(system, ao.Event(0.0, at.ravel()), ao.Event(0.5, then.ravel())))
 
 
 def lattice(masses: int) -> dict:
@@ -78,6 +111,8 @@ def _timed(problem: ao.Problem, **options) -> dict:
 STUDIES = {  # the function of that name: what it is given
     "elements": (ELEMENTS, "elements of degree 4, double pendulum"),
     "chain": (LINKS, "links of a Cartesian chain"),
+    "angles": (ANGLES, "links of a pendulum in angles"),
+    "bodies": (BODIES, "bodies that attract each other"),
     "lattice": (MASSES, "masses of a lattice"),
     "duration": (DURATIONS, "duration of a pendulum's motion (s)"),
     "tolerance": ((1e-3, 1e-6, 1e-9, 1e-12), "tolerance, double pendulum"),

@@ -33,6 +33,7 @@ LAWS["both"] = LAWS["surface"] | LAWS["force"]
 def test_entries_are_those_of_the_symbolic_derivative(laws, storage, monkeypatch):
     if storage == "sparse":
         monkeypatch.setattr("actionopt.discrete.layout.BLOCK_SIZE", 0)
+        monkeypatch.setattr("actionopt.discrete.layout.FILLED", 1.0)
     system = System(lagrangian, ["x", "y"], **LAWS[laws])
     problem = Problem(system, Event(0.5, [0.3, None]), Event(2.0, [None, 0.4]))
     tr = Transcription(problem, Mesh.uniform(0.5, 2.0, 3, 4), LENGTHS)

@@ -48,6 +48,19 @@ def test_the_minimum_is_found_from_afar(T, size):
         assert np.max(np.abs(found.z - least.z)) <= 1e-11
 
 
+def test_stiff_variations_do_not_slow_down_the_others():
+    """Swings of twelve links ask for a mu of ten: steps without the factor 1 + mu are 17."""
+
+    def lagrangian(q, v, t):
+        x, y = np.cumsum(np.cos(q) * v), np.cumsum(np.sin(q) * v)
+        return (x @ x + y @ y) / 2 + 9.81 * np.sum(np.cumsum(np.cos(q)))
+
+    first = np.linspace(0.05, 0.15, 12)
+    tr = transcribed(System(lagrangian, list("abcdefghijkl")), (first, -first / 2), 0.5)
+    result = descend(tr, tr.pack(tr.straight()))
+    assert result.found and result.iterations <= 14
+
+
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_an_action_without_a_lowest_value_runs_away(side):
     """Past the conjugate time a stiffening spring's S falls with the fourth power of its size."""

@@ -29,13 +29,16 @@ def drag(q, v, t):
 
 KINDS = {"plain": {}, "sphere": {"constraint": sphere}, "drag": {"force": drag}}
 # Elements, and rows within one up to which it is a block: made full, in blocks, condensed once more
-# and once more, sparse (L D L', or QR where forces make the matrix unsymmetric).
+# and once more, node by node, sparse (L D L', or QR where forces make the matrix unsymmetric), and
+# with factors that are kept.
 STORED = {
     "small": (2, None),
     "blocks": (12, None),
     "reduced": (41, None),
     "reduced twice": (80, None),
+    "in parts": (12, None),
     "sparse": (12, 0),
+    "kept": (12, 0),
 }
 
 
@@ -44,6 +47,12 @@ def stored(request, monkeypatch):
     elements, inner = STORED[request.param]
     if inner is not None:
         monkeypatch.setattr("actionopt.discrete.layout.BLOCK_SIZE", inner)
+        monkeypatch.setattr("actionopt.discrete.layout.FILLED", 1.0)
+    if request.param == "in parts":
+        monkeypatch.setattr("actionopt.discrete.blocks.PLACES_AT_ONCE", 1)
+        monkeypatch.setattr("actionopt.discrete.blocks.AT_HAND", 1)
+    if request.param == "kept":
+        monkeypatch.setattr("actionopt.discrete.layout.KEPT_SIZE", 0)
     return request.param, elements
 
 
@@ -53,7 +62,8 @@ def matrix_of(kind, stored, duration=2.0):
     system = System(springs, list("xyz"), **KINDS[kind])
     problem = Problem(system, Event(0, [0, 0, 0]), Event(duration, [1, 1, 1]))
     tr = Transcription(problem, Mesh.uniform(0, duration, elements, 4), np.ones(3))
-    assert tr.layout.storage == ("sparse" if name == "sparse" else "blocks")
+    assert tr.layout.storage == ("sparse" if name in ("sparse", "kept") else "blocks")
+    assert tr.layout.keeps_factors == (name == "kept" and kind == "sphere")
     assert tr.layout.small == (name == "small")
     z = np.random.default_rng(elements).uniform(-1, 1, tr.layout.size)
     nonzeros, pattern = tr.kkt(z), tr.layout.kkt

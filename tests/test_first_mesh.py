@@ -7,7 +7,7 @@ import actionopt as ao
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.resolution import DEGREES
 from actionopt.discrete.transcription import Transcription
-from actionopt.solver.first_mesh import PHASE_PER_ELEMENT, paced, planned
+from actionopt.solver.first_mesh import LOST_PHASE, PHASE_PER_ELEMENT, fewest, paced, planned
 
 
 def linear(square, T=1.0, start=0.0):
@@ -123,3 +123,21 @@ def test_the_first_mesh_is_hardly_finer_than_needed(square, tol):
     least = next(k for k, d in enumerate(DEGREES.tolist()) if good(d))
     # A margin of some digits is a kind of elements or two: x^k / k! falls by a digit a degree.
     assert DEGREES[least] <= mesh.degrees[0] <= DEGREES[least + 2]
+
+
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("T", [1.0, 7.0, 20.0])
+def test_small_motions_of_many_coordinates_are_shown(turned, T):
+    """A row of springs turns at 2 sin(pi n / (2 n + 2)) at most, in any coordinates."""
+    n = 5
+    basis = np.eye(n) + turned * np.diag(np.ones(n - 1), 1) / 2
+
+    def lagrangian(q, v, t):
+        q, v = basis @ q, basis @ v
+        return v @ v / 2 - np.sum((q[1:] - q[:-1]) ** 2 + q[1:] ** 4) / 2 - q[0] ** 2 - q[-1] ** 2
+
+    system = ao.System(lagrangian, list("abcde"))
+    problem = ao.Problem(system, ao.Event(0.0, np.zeros(n)), ao.Event(T, np.zeros(n)))
+    few, fastest = fewest(problem), np.sqrt(2 + np.sqrt(3)) * T
+    assert few >= fastest / LOST_PHASE
+    assert few == 1 or few < 6 * fastest / LOST_PHASE

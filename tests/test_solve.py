@@ -661,3 +661,31 @@ def test_what_is_given_without_its_name_is_refused():
         ao.solve(system, start, end)
     with pytest.raises(TypeError, match="by its name, such as tol=1e-8, found also 1e-06"):
         ao.solve(ao.Problem(system, start, end), 1e-6)
+
+
+def test_a_pendulum_of_many_links_has_a_least_path():
+    """Past conjugate times of its small swings; the motion itself is the oracle."""
+    n = 12
+
+    def lagrangian(q, v, t):
+        x, y = np.cumsum(np.cos(q) * v), np.cumsum(np.sin(q) * v)
+        return (x @ x + y @ y) / 2 + 9.81 * np.sum(np.cumsum(np.cos(q)))
+
+    first = np.linspace(0.05, 0.15, n)
+    system = ao.System(lagrangian, [f"a{j}" for j in range(n)])
+    found = ao.solve(ao.Problem(system, ao.Event(0.0, first), ao.Event(0.5, -first / 2)))
+    assert found.morse_index == 0 and found.compare().agrees
+    assert "ipopt" not in found.stats["iterations"]
+
+
+def test_a_family_of_many_coordinates_is_told():
+    """Between opposite points of a Kepler motion in four dimensions any plane will do."""
+    system = ao.System(lambda q, v, t: v @ v / 2 + 1 / np.sqrt(q @ q), list("xyzu"))
+    ends = ao.Event(0.0, [1.0, 0.0, 0.0, 0.0]), ao.Event(3.0, [-1.0, 0.0, 0.0, 0.0])
+
+    def guess(t):
+        s = np.pi * t / 3
+        return np.stack([np.cos(s), 0.8 * np.sin(s), 0.6 * np.sin(s), 0 * s])
+
+    found = ao.solve(ao.Problem(system, *ends), guess=guess, throw=False)
+    assert found.status is ao.Status.DEGENERATE and found.stats["nullity"] == 2

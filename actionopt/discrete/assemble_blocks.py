@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from actionopt.discrete.action import Action
+from actionopt.discrete.blocks import in_parts
+from actionopt.discrete.mesh import Group
 from actionopt.tools.types import Array
 
 
@@ -13,8 +15,9 @@ def kkt(tr: Action, z: Array) -> Array:
     layout, n = tr.layout, tr.problem.system.n
     x = z[: layout.unknowns]
     A, B, C = tr.second(x)
-    stiff = tr.kept("blocks", lambda: _stiff(tr, C))
-    constant = tr.problem.system.structure.constant_mass  # then it is kept
+    constant = tr.problem.system.structure.constant_mass  # then the kinetic part is kept
+    stiff = tr.kept("blocks", lambda: _stiff(tr, C)) if constant else []
+    mass = C if constant else _mass(tr, C)
     slopes = [(_full(tr, "second", 0, A), _full(tr, "second", 1, B), True)]
     if tr.problem.system.structure.forced:
         Fq, Fv = (_full(tr, "force_jacobian", k, F) for k, F in enumerate(tr.forces(x)))
@@ -22,23 +25,29 @@ def kkt(tr: Action, z: Array) -> Array:
     at_nodes = _constraints(tr, z) if layout.rows else None
     nonzeros = np.zeros(layout.blocks.count)
     elements, between = layout.blocks.split(nonzeros)
-    for M, g, block in zip(elements, layout.groups, stiff, strict=True):
+    for k, (whole, g) in enumerate(zip(elements, layout.groups, strict=True)):
         points = g.rule.degree + 1
-        pairs = block.copy() if constant else block  # (E, d + 1, d + 1, n, n)
-        same = pairs.reshape(len(M), -1, n, n)[:, :: points + 1]  # a node with itself: a view
-        for a, b, symmetric in slopes:
-            if b is not None:
-                mixed = g.rule.weighted[:, :, None, None] * b[g.span].reshape(-1, points, 1, n, n)
-                pairs += mixed
-                if symmetric:
-                    pairs += mixed.transpose(0, 2, 1, 4, 3)
-            if a is not None:
-                same += (tr.weight[g.span][:, :, None] * a[g.span]).reshape(-1, points, n, n)
-        M = M.reshape(len(M), points, layout.blocks.width, points, -1)
-        M[:, :, :n, :, :n] = pairs.transpose(0, 1, 3, 2, 4)
-        if at_nodes is not None:
-            inner = np.einsum("ejajb->ejab", M)[:, 1:-1]  # each node with itself: a view
-            inner += at_nodes[g.nodes[:, 1:-1]]
+        whole = whole.reshape(len(whole), points, layout.blocks.width, points, -1)
+        for some in in_parts(len(whole), (points * n) ** 2):
+            first = g.span.start
+            span = slice(first + some.start * points, first + min(some.stop, len(whole)) * points)
+            half = tr.halves[k][some]
+            # (E, d + 1, d + 1, n, n)
+            pairs = stiff[k][some].copy() if constant else _kinetic(g, mass[span], half)
+            M = whole[some]
+            same = pairs.reshape(len(M), -1, n, n)[:, :: points + 1]  # a node with itself: a view
+            for a, b, symmetric in slopes:
+                if b is not None:
+                    mixed = g.rule.weighted[:, :, None, None] * b[span].reshape(-1, points, 1, n, n)
+                    pairs += mixed
+                    if symmetric:
+                        pairs += mixed.transpose(0, 2, 1, 4, 3)
+                if a is not None:
+                    same += (tr.weight[span][:, :, None] * a[span]).reshape(-1, points, n, n)
+            M[:, :, :n, :, :n] = pairs.transpose(0, 1, 3, 2, 4)
+            if at_nodes is not None:
+                inner = np.einsum("ejajb->ejab", M)[:, 1:-1]  # each node with itself: a view
+                inner += at_nodes[g.nodes[some, 1:-1]]
     if at_nodes is not None:
         between += at_nodes[layout.offsets]
     return nonzeros
@@ -53,15 +62,24 @@ def kinetic(tr: Action, z: Array) -> Array:
 
 def _stiff(tr: Action, C: Array) -> list[Array]:
     """Return D' w C D for the elements of each degree, (E, d + 1, d + 1, n, n)."""
-    n = tr.problem.system.n
+    mass = _mass(tr, C)
+    return [
+        _kinetic(g, mass[g.span], half) for g, half in zip(tr.layout.groups, tr.halves, strict=True)
+    ]
+
+
+def _mass(tr: Action, C: Array) -> Array:
+    """Return the mass matrices (E, n, n) in the units of the unknowns."""
     full = _full(tr, "second", 2, C)
     assert full is not None  # a Lagrangian without any velocity is refused before
-    return [
-        (g.rule.stiffness @ (full[g.span].reshape(*g.nodes.shape, n * n) / half)).reshape(
-            -1, g.rule.degree + 1, g.rule.degree + 1, n, n
-        )
-        for g, half in zip(tr.layout.groups, tr.halves, strict=True)
-    ]
+    return full
+
+
+def _kinetic(g: Group, mass: Array, half: Array) -> Array:
+    """Return D' w C D for some elements, (E, d + 1, d + 1, n, n), for C (E (d + 1), n, n)."""
+    points, n = g.rule.degree + 1, mass.shape[1]
+    local = mass.reshape(-1, points, n * n) / half
+    return (g.rule.stiffness @ local).reshape(-1, points, points, n, n)
 
 
 def _full(tr: Action, function: str, output: int, values: Array) -> Array | None:

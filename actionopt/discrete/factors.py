@@ -54,19 +54,28 @@ class Factors:
         if not np.isfinite(nonzeros).all():
             raise np.linalg.LinAlgError("the matrix is not finite")
         self.layout, self.nonzeros = layout, nonzeros
-        self._direct: Callable[[Array], Array] | None = None
+        self._many = many
         self._accurate = False  # whether a solution was accurate before it was refined
-        system = layout.system
+
+    @cached_property
+    def _direct(self) -> Callable[[Array], Array] | None:
+        """What solves but for errors; None if nothing does so quickly."""
+        layout, system = self.layout, self.layout.system
         slim = system.n + system.m <= SLIM and layout.size <= PATTERN
-        pays = many and slim and not system.structure.forced
-        if layout.small:
-            return
+        pays = self._many and slim and not system.structure.forced
         if layout.condensed and not pays:
             with suppress(np.linalg.LinAlgError):  # a block may be singular where all are not
-                self._direct = self._condensed.solve
+                return self._condensed.solve
         elif not system.structure.forced:
-            regular = _regular(layout, compressed(layout, nonzeros))
-            self._direct = lambda right: _solver(layout, "ldl")(regular, right)
+            if layout.keeps_factors:
+                return self._kept.solve
+            regular = _regular(layout, compressed(layout, self.nonzeros))
+            return lambda right: _solver(layout, "ldl")(regular, right)
+        return None
+
+    @cached_property
+    def _kept(self) -> _Kept:
+        return _Kept(self.layout, self.nonzeros)
 
     @cached_property
     def _condensed(self) -> Condensed:
@@ -79,6 +88,11 @@ class Factors:
     @cached_property
     def _inverse(self) -> Array:
         return np.linalg.inv(self._full)
+
+    @property
+    def cheap(self) -> bool:
+        """Whether another solution costs far less than another factorization."""
+        return self.layout.keeps_factors or (self._many and self.layout.condensed)
 
     def solve(self, right: Array) -> Array:
         """Return the solution for one right-hand side, (size,)."""
@@ -108,7 +122,8 @@ class Factors:
             return self.negative() == 0
         try:
             if not self.layout.small:
-                return self._condensed.definite()
+                self._condensed = Condensed(self.layout.blocks, self.nonzeros, definite=True)
+                return True
             np.linalg.cholesky(self._full)
         except np.linalg.LinAlgError:
             return False
@@ -123,6 +138,8 @@ class Factors:
             return int(np.sum(np.linalg.eigvalsh(self._full) < 0))
         if layout.storage == "blocks":
             return self._condensed.negative()
+        if layout.keeps_factors:
+            return self._kept.negative
         matrix = ca.DM(layout.kkt.sparsity, _regular(layout, self.nonzeros))
         if "inertia" not in layout.solvers:
             layout.solvers["inertia"] = ca.Linsol("inertia", "ldl", layout.kkt.sparsity)
@@ -199,6 +216,27 @@ class _Sparse:
         except RuntimeError as error:
             raise np.linalg.LinAlgError("the matrix is singular") from error
         return self._solved.copy()
+
+
+class _Kept:
+    """The factors of a large sparse matrix, which cost what many solutions do.
+
+    CasADi does not tell its linear solvers' factors apart from their solutions; it returns those
+    of L D L' as objects.
+    """
+
+    def __init__(self, layout: Layout, nonzeros: Array) -> None:
+        values = _regular(layout, compressed(layout, nonzeros))
+        self._factors = ca.ldl(ca.DM(layout.kkt.sparsity, values))
+
+    def solve(self, right: Array) -> Array:
+        """Return the solution for one right-hand side, (size,)."""
+        return ca.ldl_solve(ca.DM(right), *self._factors).full().ravel()
+
+    @property
+    def negative(self) -> int:
+        """The number of negative pivots."""
+        return int(np.sum(self._factors[0].full() < 0))
 
 
 def negative_eigenvalues(layout: Layout, nonzeros: Array) -> int:

@@ -112,7 +112,8 @@ class Layout:
     def storage(self) -> Literal["blocks", "sparse"]:
         """How the KKT matrix is stored: many coordinates make blocks large and mostly zeros."""
         inner = (self.system.n + self.system.m) * (max(g.rule.degree for g in self.groups) - 1)
-        return "blocks" if inner <= BLOCK_SIZE and not self.closed else "sparse"
+        blocks = inner <= BLOCK_SIZE or self.system.filled > FILLED
+        return "blocks" if blocks and not self.closed else "sparse"
 
     @cached_property
     def small(self) -> bool:
@@ -121,8 +122,13 @@ class Layout:
 
     @cached_property
     def condensed(self) -> bool:
-        """Whether the blocks are condensed to solve with: then another solve costs little."""
+        """Whether the blocks are condensed to solve with."""
         return self.storage == "blocks" and not self.small
+
+    @property
+    def keeps_factors(self) -> bool:
+        """Whether sparse factors are kept: solutions under constraints have to be refined."""
+        return self.storage == "sparse" and self.rows > 0 and self.size > KEPT_SIZE
 
     @cached_property
     def blocks(self) -> Blocks:
@@ -231,8 +237,12 @@ class _Solvers(threading.local):
         self.kinds: dict[str, Any] = {}
 
 
-# Unknowns and rows within an element up to which its block is worth its zeros. Ad hoc.
-BLOCK_SIZE = 160
+# Unknowns and rows within an element up to which its block is worth its zeros; above, the share of
+# its work that sparse factors do as well, at a fifth of the speed of blocks. Ad hoc.
+BLOCK_SIZE, FILLED = 160, 0.2
+# Unknowns and rows above which sparse factors are kept. Measured from 5000 to 70,000: they cost two
+# to three factorizations, a solution a twentieth of one.
+KEPT_SIZE = 2000
 _EMPTY = (np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp))
 
 

@@ -78,7 +78,7 @@ def follow(
     what `enough` returns for the path at hand, whose round-off is not measured. `many` is for
     `Factors`; more simplified steps are taken then, as the sensitivity is known already.
     """
-    cut, chords = tr.layout.unknowns, CHORDS if many and tr.layout.condensed else 1
+    cut = tr.layout.unknowns
     first, rest = z, np.inf
     with np.errstate(all="ignore"):
         residual = tr.residual(z)
@@ -86,7 +86,7 @@ def follow(
             factors = None  # frees the last ones before the next are made
             try:
                 factors = Factors(tr.layout, tr.kkt(z), many=many)
-                z, rest, ratio, converged = _steps(tr, factors, z, residual, chords, linear, target)
+                z, rest, ratio, converged = _steps(tr, factors, z, residual, linear, target)
             except np.linalg.LinAlgError:
                 return Followed(z, False, np.inf, k, np.inf)
             if not np.isfinite(rest):
@@ -112,17 +112,17 @@ def _steps(
     factors: Factors,
     z: Array,
     residual: Array,
-    chords: int,
     linear: bool,
     target: float,
 ) -> tuple[Array, float, float, bool]:
-    """Take Newton's step from z and up to `chords` simplified ones, as far as they will do.
+    """Take Newton's step from z and simplified ones, as far as they will do.
 
     Return the last iterate (size,), the length of the last step, its ratio to the one before, and
     whether they converged: then the last step was not taken, and its length is the round-off.
     """
     converged, ratio = False, 0.0
     step = factors.solve(residual)
+    chords = CHORDS if factors.cheap else 1
     for again in range(chords + 2):
         z, size = z - step, tr.measured(step)
         residual = tr.residual(z)

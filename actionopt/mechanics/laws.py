@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, TypeVar, overload
 
 import casadi as ca
+import numpy as np
 
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.instants import Clock, clock
@@ -176,6 +177,28 @@ class Laws:
             smooth=narrow < 2 or (is_smooth_in_path(s, self.L) and is_smooth_in_path(s, self.Q)),
             samples=SAMPLES if unseen else TAILED_SAMPLES if tailed else 0,
         )
+
+    @Once
+    def filled(self) -> float:
+        """Return what eliminating one node's coordinates and multipliers costs, 1 if all couple.
+
+        Coordinates couple as second derivatives of L have them, multipliers as their constraints.
+        """
+        f = self.n + self.m
+        pattern = ca.Sparsity.diag(f)
+        parts = [("second", k, 0) for k in range(3)]
+        if self.Q.numel():
+            parts += [("force_jacobian", k, 0) for k in range(2)]
+        if self.m:
+            parts.append(("constraint_jacobian", 0, self.n))
+            if not self.structure.affine_constraint:
+                parts.append(("constraint_curvature", 0, 0))
+        for name, output, first in parts:
+            row, col = self.pointwise(name).sparsity(output)
+            rows, cols = (row + first).tolist(), col.tolist()
+            pattern += ca.Sparsity.triplet(f, f, rows + cols, cols + rows)
+        lower = pattern.ldl()[0]
+        return float(np.sum((np.diff(lower.colind()) + 1) ** 2)) * 6 / (f * (f + 1) * (2 * f + 1))
 
     @Once
     def switches(self) -> Switches | None:

@@ -1,10 +1,11 @@
 """Minimise the discrete action by Newton's method with a metric, where plain Newton would raise it.
 
 Where the Hessian H of S is not positive definite a multiple of its kinetic part K is added,
-(H + mu K) step = -grad S. K measures velocities (the H1 metric), so that mu means the same on
-every mesh and large mu gives the steepest descent of smooth paths (Neuberger, *Sobolev Gradients
+(H + mu K) step = -(1 + mu) grad S. K measures velocities (the H1 metric), so that mu means the same
+on every mesh and large mu gives the steepest descent of smooth paths (Neuberger, *Sobolev Gradients
 and Differential Equations* (2010), chapter 4); mu is adapted as in Levenberg and Marquardt's
-method.
+method. As H = K - V, that is (K - V / (1 + mu)) step = -grad S: one stiff variation, which asks for
+a large mu, does not shorten the steps along all the others, as it would without the factor.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ DESCENT_REACH = 1.0  # a step longer than this many times the path jumps over wh
 # A shorter step changes S by its square, 1e-20, which is round-off of S: derived, and on the safe
 # side for curvatures far from one.
 SHORTEST_DESCENT = 1e-10
+SHORTEN, SHORTEST_PART = 3.0, 3e-4  # of a step, for which no factorization is needed
 RUNAWAY = 1e3  # coordinates this many times their own size, still going down
 
 
@@ -68,23 +70,40 @@ def descend(tr: Transcription, z: Array) -> Descended:
             while True:
                 count += 1
                 try:
-                    step = -factors.solve(gradient)
+                    step = -(1.0 + mu) * factors.solve(gradient)
                 except np.linalg.LinAlgError:
                     step = np.full_like(z, np.nan)
                 if np.abs(step).max() < SHORTEST_DESCENT:
                     return Descended(z, mu == 0.0, False, count)
-                trial = z + step
-                lower = tr.action(trial) if np.abs(step).max() < farthest else np.nan
-                if lower <= action + SUFFICIENT_DECREASE * float(gradient @ step):
+                lower = _shortened(tr, z, step, action, float(gradient @ step), farthest)
+                if lower is not None:
                     break
                 mu = max(RAISE_MU * mu, FIRST_MU)
                 if mu > LARGEST_MU:
                     return Descended(z, False, False, count)
                 factors = Factors(tr.layout, H + mu * K)
-            z, action, gradient = trial, lower, tr.gradient(trial)
+            z, action = lower
+            gradient = tr.gradient(z)
             if mu == 0.0:
                 second = factors.solve(gradient)
                 if np.linalg.norm(second) < CONTRACTION * np.linalg.norm(step):
                     return Descended(z - second, True, False, count)
             mu = LOWER_MU * mu if LOWER_MU * mu > FIRST_MU / 2 else 0.0
     return Descended(z, False, bool(np.abs(z).max() >= RUNAWAY), count)
+
+
+def _shortened(
+    tr: Transcription, z: Array, step: Array, action: float, slope: float, farthest: float
+) -> tuple[Array, float] | None:
+    """Return where a part of the step leads that lowers the action enough, and the action there.
+
+    None if all that do are short.
+    """
+    part = min(1.0, farthest / float(np.abs(step).max()))
+    while part > SHORTEST_PART:
+        trial = z + part * step
+        lower = tr.action(trial)
+        if lower <= action + SUFFICIENT_DECREASE * part * slope:
+            return trial, lower
+        part /= SHORTEN
+    return None

@@ -172,8 +172,9 @@ class Iterate(DiscretePath):
 
     def polished(self) -> Iterate:
         """Return it after one more of Newton's steps."""
-        factors = Factors(self.tr.layout, self.tr.kkt(self.z))
-        step = factors.solve(self.tr.residual(self.z))
+        here = self.factored(many=False)
+        assert here.factors is not None
+        step = here.factors.solve(self.tr.residual(self.z))
         return replace(self.moved(self.z - step), sizes=self.sizes, lengths=self.lengths)
 
     def _probe(self) -> Array:

@@ -19,7 +19,7 @@ from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import DEGREES, resolution
 from actionopt.discrete.transcription import Transcription
-from actionopt.solver.first_mesh import paced, planned
+from actionopt.solver.first_mesh import fewest, paced, planned
 from actionopt.solver.iterate import Iterate, sizes
 from actionopt.solver.meeting import meetings
 from actionopt.solver.refine import refine, solve_on
@@ -30,7 +30,7 @@ UNSOLVED = (Status.NOT_FOUND, Status.UNRESOLVED, Status.DEGENERATE)
 # Ad hoc, where nothing else is said.
 # Rungs that are tried from a curved line; its height, in the motion's sizes ("flat" here is as in
 # `workspace`: this is).
-CURVED_RUNGS, CURVED_HEIGHT = 4, 0.4
+CURVED_RUNGS, CURVED_HEIGHT = 5, 0.4
 # Motions that meet: the coordinates up to which a few hundred are many; pairs that are tried, and
 # unknowns of as many paths, which they may have together; elements of one that takes too long.
 MEETING_COORDINATES, MEETING_PAIRS, MEETING_UNKNOWNS, MEETING_ELEMENTS = 8, 32, 1500, 48
@@ -104,13 +104,24 @@ class Newton(Rung):
         return ws.approach(convex=self.convex)
 
 
+@dataclass(frozen=True)
 class Descent(Rung):
-    """Descent in the kinetic metric: robust and quick, and sees where S is not bounded below."""
+    """Descent in the kinetic metric: robust and quick, and sees where S is not bounded below.
 
+    With `many` coordinates a step costs more than Newton's method from the line, which may come
+    first then.
+    """
+
+    many: bool = False
     minimises, persistent = True, False
 
     def applies(self, search: Search) -> bool:
-        return super().applies(search) and search.ws.can_descend
+        ws = search.ws
+        return (
+            super().applies(search)
+            and ws.problem.system.m == 0
+            and self.many is ws.many_coordinates
+        )
 
     def seek(self, ws: Workspace) -> bool:
         return ws.descend()
@@ -205,6 +216,7 @@ LADDER: tuple[Rung, ...] = (
     Newton("convex newton", (4,), convex=True),
     Descent("descent", (COARSE_ELEMENTS, 16, 32, 64)),
     Newton("newton", (4,)),
+    Descent("descent of many", (4, 8, 16, 32, 64), many=True),
     Least("least", (8, 16, 32, 64)),
     Homotopy("continuation", (8,)),
     Meeting("meeting", (256, 768)),
@@ -321,7 +333,10 @@ class Search:
         """
         ws, status, known = self.ws, Status.NOT_FOUND, None
         ws.record.rounds.clear()
-        for elements in rung.meshes:
+        # Motions of many coordinates may be too fast for the coarsest meshes.
+        few = fewest(ws.problem) if ws.many_coordinates and not ws.problem.system.m else 0
+        meshes = sorted({max(elements, few) for elements in rung.meshes})
+        for elements in meshes:
             ws.restart()
             mesh = self._uniform(elements, self._fine_degree() if rung.steep else COARSE_DEGREE)
             ws.transcribe(mesh, known or (self._curved(mesh) if self.curved else None))
@@ -332,7 +347,7 @@ class Search:
                     return Status.NOT_FOUND
                 known = None
                 continue
-            leave = elements != rung.meshes[-1] or isinstance(rung, Homotopy)
+            leave = elements != meshes[-1] or isinstance(rung, Homotopy)
             if ws.here.rough > ROUGHLY and leave:
                 known = ws.here.path if rung.minimises else None
                 continue

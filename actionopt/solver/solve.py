@@ -19,6 +19,7 @@ from actionopt.analysis.solution import Solution, SolveError
 from actionopt.analysis.status import Status
 from actionopt.discrete.crossing import crossed
 from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.factors import Factors
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
@@ -38,6 +39,7 @@ BEFORE_A_JUMP = 3  # rungs tried where the first path crosses a jump: seconds ar
 FAMILY_SUSPECTED, FAMILY_AMPLIFICATION = 1e-8, 5e-7
 FAMILY_CHANGE = 2.0  # of it by two more steps; measured: single paths 1.0, families 20 and more
 FAMILY_NOISE = 1e-9  # of one coordinate the noise itself tells; ad hoc
+BENT = 1e-4  # in units of kinetic energy, as the index has it: of a family 1e-8; ad hoc
 LOST = (Status.NOT_FOUND, Status.UNRESOLVED)  # where one of a family may have been near
 
 
@@ -198,6 +200,8 @@ def _suspect(ws: Workspace, status: Status) -> bool:
 def _family(ws: Workspace, solution: Solution) -> Solution:
     """Return the verdict DEGENERATE if the path is one of a family, else the solution as it is."""
     near = solution
+    if solution.status not in LOST and _far_from_singular(ws):
+        return solution
     if solution.status in LOST and ws.unpolished is not None:
         last = ws.unpolished
         near = replace(solution, path=last.path, lam=last.rows.T, error=np.inf, known=last)
@@ -213,6 +217,19 @@ def _family(ws: Workspace, solution: Solution) -> Solution:
     ws.here = replace(ws.here, noise=noise, error=near.error)
     stats = near.stats | {"condition": condition, "nullity": found.nullity, "noise": noise}
     return replace(near, status=Status.DEGENERATE, stats=stats)
+
+
+def _far_from_singular(ws: Workspace) -> bool:
+    """Whether no direction on the mesh is near one in which the action does not bend.
+
+    Asked of many coordinates, where round-off is amplified without any, and the index costs more.
+    """
+    tr, z = ws.here.tr, ws.here.z
+    if ws.problem.system.m or not ws.many_coordinates:
+        return False
+    H, K = tr.kkt(z), tr.kinetic(z)
+    below, above = (Factors(tr.layout, H + mu * K).negative() for mu in (BENT, -BENT))
+    return below == above
 
 
 def _message(ws: Workspace, status: Status, tol: float) -> str:

@@ -39,7 +39,7 @@ from actionopt.tools.watch import Watch
 
 # Ad hoc, where nothing else is said. "Flat" is what was varied by 3 either way over the scenes and
 # 40 stress cases, where no status changed, and iterations by no more than 2 %.
-DESCENT_COORDINATES = 3  # up to which descending costs less than entering Ipopt; flat
+FEW_COORDINATES = 3  # up to which descending costs next to nothing; flat
 UNITS_RATIO = 4.0  # of coordinates' sizes, within which the units of action are kept
 DENSE_MOTION = 400  # coordinates and constraints up to which the equations are solved as they are
 LARGE_SIZE = 1500  # unknowns above which Ipopt takes too long over a square system
@@ -122,9 +122,14 @@ class Workspace:
         return self.here.tr.layout.size > LARGE_SIZE
 
     @property
+    def many_coordinates(self) -> bool:
+        """Whether factorizations cost more than anything else."""
+        return self.problem.system.n > FEW_COORDINATES
+
+    @property
     def can_descend(self) -> bool:
-        """Whether descending is open to the problem, and costs less than entering Ipopt."""
-        return self.problem.system.m == 0 and self.problem.system.n <= DESCENT_COORDINATES
+        """Whether descending is open to the problem, and costs less than anything else."""
+        return self.problem.system.m == 0 and not self.many_coordinates
 
     def again(self) -> Workspace:
         """Return one for another search for a path of the same problem."""
@@ -381,7 +386,7 @@ class Workspace:
         """Find the path again on a mesh where following it did not work."""
         if not least:
             return self.root() and self.follow()
-        if self.can_descend and self.descend():
+        if self.problem.system.m == 0 and self.descend():
             return True
         return self.find("patient least") and self.follow()
 
