@@ -82,7 +82,7 @@ def outcome(rows: Iterable[dict], target: float = 1e-6) -> str:
     good = [r for r in rows if not r["status"]]
     reached = [r for r in good if r["error"] <= target]
     if reached:
-        return "" if reached[0]["start"] == "line" else "bent guess"
+        return "" if reached[0]["start"] == "line" else f"{reached[0]['start']} guess"
     if good:
         return f"only {min(r['error'] for r in good):.0e}"
     said = [r["status"] for r in rows if r["status"]]

@@ -23,7 +23,7 @@ def kkt(tr: Action, z: Array) -> Array:
     """Return the nonzeros of the KKT matrix on the pattern `layout.kkt`."""
     x = z[: tr.layout.unknowns]
     J = tr.jacobian(x) if tr.layout.rows else NOTHING
-    F = _forcing(tr, x) if tr.problem.system.structure.forced else NOTHING
+    F = forcing(tr, x) if tr.problem.system.structure.forced else NOTHING
     return _matrix(tr, hessian(tr, z), J, F)
 
 
@@ -71,7 +71,7 @@ def _mixed(tr: Action, B: Array, diagonal_twice: bool) -> list[Array]:
     return parts
 
 
-def _forcing(tr: Action, x: Array) -> Array:
+def forcing(tr: Action, x: Array) -> Array:
     """Return the nonzeros of the derivative of the virtual work."""
     Fq, Fv = tr.forces(x)
     parts = [(tr.weight * Fq).ravel(), *_mixed(tr, Fv, diagonal_twice=False)]

@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 
 from actionopt.discrete.blocks import Condensed
-from actionopt.discrete.layout import Layout
+from actionopt.discrete.layout import Layout, Pattern
 from actionopt.tools.types import Array
 
 # The first three are where two costs cross, never timed with care. The others are ad hoc: a third
@@ -188,26 +188,27 @@ def compressed(layout: Layout, nonzeros: Array) -> Array:
     return layout.kkt.sum(nonzeros) if layout.storage == "blocks" else nonzeros
 
 
-class _Sparse:
+class Sparse:
     """A sparse direct solver of CasADi's for one sparsity, fed and read in place.
 
     CasADi's linear solvers factorize anew for every right-hand side; that costs less than handing
     matrices over as objects, by an order of magnitude where they are small.
     """
 
-    def __init__(self, layout: Layout, kind: str) -> None:
-        values = ca.MX.sym("values", layout.kkt.nnz)
-        right = ca.MX.sym("right", layout.size)
-        solved = ca.solve(ca.MX(layout.kkt.sparsity, values), right, kind)
+    def __init__(self, pattern: Pattern, kind: str) -> None:
+        size = pattern.shape[0]
+        values, right = ca.MX.sym("values", pattern.nnz), ca.MX.sym("right", size)
+        solved = ca.solve(ca.MX(pattern.sparsity, values), right, kind)
         self._function = ca.Function(kind, [values, right], [solved])
-        self._values, self._right = np.empty(layout.kkt.nnz), np.empty(layout.size)
-        self._solved = np.empty(layout.size)
+        self._values, self._right = np.empty(pattern.nnz), np.empty(size)
+        self._solved = np.empty(size)
         self._buffer, self._trigger = self._function.buffer()
         self._buffer.set_arg(0, memoryview(self._values))  # type: ignore
         self._buffer.set_arg(1, memoryview(self._right))  # type: ignore
         self._buffer.set_res(0, memoryview(self._solved))  # type: ignore
 
     def __call__(self, nonzeros: Array, right: Array) -> Array:
+        """Return the solution (size,); raise numpy.linalg.LinAlgError if the matrix is singular."""
         self._values[:] = nonzeros
         self._right[:] = right
         self._solved[:] = np.nan  # what a failed factorization leaves behind
@@ -244,10 +245,10 @@ def negative_eigenvalues(layout: Layout, nonzeros: Array) -> int:
     return Factors(layout, nonzeros).negative()
 
 
-def _solver(layout: Layout, kind: str) -> _Sparse:
+def _solver(layout: Layout, kind: str) -> Sparse:
     """Return the layout's sparse solver, analysed once for its sparsity."""
     if kind not in layout.solvers:
-        layout.solvers[kind] = _Sparse(layout, kind)
+        layout.solvers[kind] = Sparse(layout.kkt, kind)
     return layout.solvers[kind]
 
 

@@ -152,6 +152,11 @@ class Layout:
         return Pattern.build(self.unknowns, self.unknowns, [upper])
 
     @cached_property
+    def masses(self) -> Pattern:
+        """Upper triangle of sum_k w_k L_vv, which couples coordinates of one node only."""
+        return Pattern.build(self.unknowns, self.unknowns, [self._diagonal("second", 2)])
+
+    @cached_property
     def jacobian(self) -> Pattern:
         """Constraint rows against the unknowns."""
         at_row = self.row_number[self.row_nodes][:, self.G_rows]

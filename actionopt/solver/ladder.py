@@ -248,6 +248,7 @@ class Search:
     curved: bool = False  # whether a path is sought from a curved line
     may_be_least: bool = False
     saddle: tuple[str, Iterate] | None = None  # found while a least path was sought
+    settled: Path | None = None  # what became of a guess on a mesh that may be too coarse
 
     # -- without a guess -----------------------------------------------------------------------
 
@@ -383,7 +384,7 @@ class Search:
         status = Status.NOT_FOUND
         for elements in self._fine_enough(curve_of):
             coarse = self._uniform(elements, COARSE_DEGREE)
-            curve = curve_of(coarse)
+            curve = self.settled or curve_of(coarse)
             own = curve.mesh is not coarse and elements == NEAR_GUESS[0]
             mesh = self.given or (curve.mesh if own else coarse)
             self.ws.transcribe(mesh, curve, like=curve)
@@ -394,13 +395,21 @@ class Search:
         return status
 
     def _near(self) -> bool:
-        """Move the iterate at hand to the stationary path near it."""
-        ws = self.ws
+        """Move the iterate at hand to the stationary path near it, or some way towards it."""
+        ws, first = self.ws, self.ws.here
         if self.ladder is IPOPT:
             return ws.root()
-        if ws.follow() or ws.approach(PATIENT) or ws.root():
+        constrained = ws.problem.system.m > 0
+        if ws.follow() or (not constrained and ws.approach(PATIENT)) or ws.settle():
             return True
-        return not ws.large and ws.homotopy()  # a guess is worth seconds, not minutes
+        settled, self.settled = ws.here, ws.here.path
+        if constrained:  # damped steps may leave the surface, and come to another path
+            ws.here = first
+            if ws.approach(PATIENT):
+                return True
+            ws.here = settled
+        # A guess is worth seconds, not minutes.
+        return ws.root() or (not ws.large and ws.homotopy())
 
     def _fine_enough(self, curve_of: Callable[[Mesh], Path]) -> tuple[int, ...]:
         """Return the numbers of elements to try: those that resolve the guess, if any does.

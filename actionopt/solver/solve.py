@@ -72,9 +72,9 @@ def solve(
     principle : {"auto", "least", "stationary"}
         What to ask of the action.
     method : {"auto", "ipopt"}
-        Which ways lead to a first path: "auto" tries our own (Newton's method, a descent, a
-        homotopy, motions that meet) and Ipopt, each where it is best; "ipopt" asks Ipopt alone. It
-        is followed from mesh to mesh by Newton's method.
+        Which ways lead to a first path: "auto" tries our own (Newton's method, Levenberg and
+        Marquardt's, a descent, a homotopy, motions that meet) and Ipopt, each where it is best;
+        "ipopt" asks Ipopt alone. It is followed from mesh to mesh by Newton's method.
     mesh : Mesh, optional
         Solve on this mesh and do not refine.
     seconds : float, optional

@@ -11,6 +11,7 @@ import numpy as np
 from actionopt.discrete.boundaries import bounded
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import Factors
+from actionopt.discrete.marquardt import settle
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.newton import approach, follow, moved
 from actionopt.discrete.path import Path
@@ -279,6 +280,14 @@ class Workspace:
             self.record.iterations["descent"] += result.iterations
             return False
         return self._reached("descent", (result.z, result.iterations))
+
+    def settle(self) -> bool:
+        """Go to the path near a rough one; if that fails, to where the equations hold best."""
+        with self.record.clock("solve"):
+            result = settle(self.here.tr, self.here.z)
+        self.here = self.here.moved(result.z)
+        self.record.iterations["marquardt"] += result.iterations
+        return result.near and self.follow()
 
     def approach(self, steps: int = QUICK_STEPS, *, convex: bool = False) -> bool:
         """Go to a path by damped Newton steps; if `convex`, only from where the action is that.

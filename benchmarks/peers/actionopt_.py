@@ -28,7 +28,7 @@ def cold(case: Case, ends: Ends, start: str, tol: float, method: str = "auto") -
         name=case.name,
     )
     guess = None
-    if start == "bent":
+    if start != "line":
         knots, points = case.guess(ends, start)
         guess = lambda t: np.stack([np.interp(t, knots, row) for row in points])  # noqa: E731
     return _solve(system, case, ends, tol, guess, method)

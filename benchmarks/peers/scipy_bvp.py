@@ -16,7 +16,9 @@ FIRST_MESH = 17
 MAX_NODES = 50_000
 
 
-def solve(case: Case, ends: Ends, x, y, tol: float, keep=None) -> Answer:
+def solve(
+    case: Case, ends: Ends, x, y, tol: float, keep=None, max_nodes: int = MAX_NODES
+) -> Answer:
     """Solve from the guess y (2 n, K) at the nodes x (K,).
 
     `keep` is the mesh to start from when solving again; without it, the one arrived at.
@@ -45,7 +47,7 @@ def solve(case: Case, ends: Ends, x, y, tol: float, keep=None) -> Answer:
         x,
         y,
         tol=tol,
-        max_nodes=MAX_NODES,
+        max_nodes=max_nodes,
         fun_jac=jacobian,
         bc_jac=lambda a, b: (at_start, at_end),
     )

@@ -57,7 +57,8 @@ class Case:
     time_unit : float
         What the peers may scale velocities with.
     starts : sequence of str
-        First guesses in the order tried: "line", the straight line; "bent", a polyline through
+        First guesses in the order tried: "line", the straight line, which is no guess to those
+        who can do without; "straight", the same line as a guess; "bent", a polyline through
         five points of the exact path that are rounded to a tenth of the largest |q|.
     size : str
         "small" or "large": peers that need minutes on large problems leave them out.
@@ -91,7 +92,7 @@ class Case:
 
     def guess(self, ends: Ends, start: str) -> tuple[np.ndarray, np.ndarray]:
         """Return the waypoints of a first guess: times (P,) and coordinates (n, P)."""
-        if start == "line":
+        if start != "bent":
             return np.array([0.0, self.duration]), np.stack([ends.start, ends.end], axis=1)
         times = np.linspace(0.0, self.duration, 5)
         at = [int(np.argmin(np.abs(self.times - t))) for t in times]

@@ -167,6 +167,7 @@ def cases() -> list[Case]:
         normals=normals,
         duration=DURATION,
         ends=_cartesian_ends,
+        starts=("line", "straight", "bent"),
         size="large",
     )
     return [angles, cartesian]
