@@ -325,41 +325,36 @@ def _columns(system: System, name: str) -> Columns:
 
 
 def _eliminate(M: Array, count: int) -> Array:
-    """Eliminate the first rows of symmetric matrices (f, f, B), upper rows, in place.
+    """Eliminate the first rows of symmetric matrices (f, f, B), upper rows, in place: U = D L'.
 
-    Row i becomes l_i over its pivot: (L' without its diagonal). Return the inverse pivots.
+    Return the inverse pivots (count, B). Row by row, each from all rows above it.
     """
-    f, batch = len(M), M.shape[2]
-    inverse, factor, part = np.empty((count, batch)), np.empty(batch), np.empty((f, batch))
-    for i in range(count):
-        row, inverted = M[i], inverse[i]
-        np.divide(1.0, row[i], out=inverted)
-        for r in range(i + 1, f):
-            np.multiply(row[r], inverted, out=factor)
-            below = M[r, r:]
-            np.multiply(row[r:], factor, out=part[r:])
-            np.subtract(below, part[r:], out=below)
-            row[r] = factor
+    inverse = np.empty((count, M.shape[2]))
+    for r in range(len(M)):
+        above = M[: min(r, count)]
+        row = M[r, r:]
+        row -= np.einsum("ib,icb->cb", above[:, r] * inverse[: len(above)], above[:, r:])
+        if r < count:
+            np.divide(1.0, row[0], out=inverse[r])
     return inverse
 
 
 def _forward(M: Array, inverse: Array, right: Array) -> None:
-    """Eliminate in right-hand sides (f, B) what `_eliminate` did, in place."""
-    part = np.empty_like(right)
-    for i in range(len(inverse)):
-        rest = right[i + 1 :]
-        np.multiply(M[i, i + 1 :], right[i], out=part[i + 1 :])
-        np.subtract(rest, part[i + 1 :], out=rest)
+    """Eliminate in right-hand sides (f, B) what `_eliminate` did, in place: D y = right."""
+    count = len(inverse)
+    for r in range(len(right)):
+        k = min(r, count)
+        right[r] -= np.einsum("ib,ib->b", M[:k, r], right[:k])
+        if r < count:
+            right[r] *= inverse[r]
 
 
 def _backward(M: Array, inverse: Array, right: Array) -> None:
-    """Solve for the rows that were eliminated, from those that were not, in place."""
-    part = np.empty_like(right)
-    for i in range(len(inverse) - 1, -1, -1):
-        here = right[i]
-        here *= inverse[i]
-        np.multiply(M[i, i + 1 :], right[i + 1 :], out=part[i + 1 :])
-        here -= part[i + 1 :].sum(axis=0)
+    """Solve L' x = y for the rows eliminated, from those that were not, (f, ..., B), in place."""
+    for r in range(len(inverse) - 1, -1, -1):
+        beyond = np.einsum("c...b,c...b->...b", M[r, r + 1 :], right[r + 1 :])
+        beyond *= inverse[r]
+        right[r] -= beyond
 
 
 def _negative(inverse: Array) -> Array:
@@ -375,3 +370,13 @@ def _work(slopes: Array, momentum: Array) -> Array:
     work[0] -= constant
     work[-1] += constant
     return work
+
+
+def pivots(n: int, rows: NDInt, cols: NDInt, values: Array) -> Array:
+    """Return the least pivot of symmetric matrices (n, n), from nonzeros (P, nonzeros, E, C)."""
+    points, _, elements, members = values.shape
+    M = np.zeros((n, n, points * elements * members))
+    M[rows, cols] = M[cols, rows] = values.swapaxes(0, 1).reshape(rows.size, -1)
+    _eliminate(M, n)
+    at = np.arange(n)
+    return M[at, at].min(axis=0).reshape(points, elements, members)

@@ -90,8 +90,8 @@ class Iterate(DiscretePath):
 
         That is at least what amplified round-off says that other errors are amplified.
         """
-        gain = max(gain, self.noise / (self.unit * ORDINARY * POLYNOMIAL_ROUNDOFF))
-        error = SAFETY * (gain * self.resolution.worst + self.noise + POLYNOMIAL_ROUNDOFF)
+        gain = max(gain, amplified(self.noise) / self.unit)
+        error = estimate(gain, self.resolution.worst, self.noise)
         return replace(self, gain=gain, error=error)
 
     @cached_property
@@ -208,6 +208,16 @@ class Iterate(DiscretePath):
         rates = self.resolution.omitted * k * (k + 1) / mesh.lengths
         limit = VELOCITY_ERROR if shortest > TINY_ELEMENT else 1.0
         return bool(rates.max() * (self.sizes / speeds).max() > limit)
+
+
+def estimate(gain: float, omitted: float, noise: float) -> float:
+    """Return the estimate of the error; as well for arrays."""
+    return SAFETY * (gain * omitted + noise + POLYNOMIAL_ROUNDOFF)
+
+
+def amplified(noise: float) -> float:
+    """Return how far errors are amplified at least, as noise says; as well for arrays."""
+    return noise / (ORDINARY * POLYNOMIAL_ROUNDOFF)
 
 
 def unseen(at: DiscretePath, tol: float) -> tuple[Array, float]:
