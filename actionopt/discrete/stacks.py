@@ -64,6 +64,12 @@ class Shape:
         }
         self._matrices: dict[int, Array] = {}
 
+    def pinned(self, node: int) -> list[int]:
+        """Return the coordinates that are given at a node between elements."""
+        if 0 < node < self.E:
+            return []
+        return [i for i in range(self.n) if i not in self.free[node > 0]]
+
     @property
     def places(self) -> int:
         """Rows of an element's matrix."""
@@ -254,31 +260,43 @@ class Factored:
     ----------
     shape : Shape
     M : (places, places, E C) array
+
+    Attributes
+    ----------
+    largest : (C,) array
+        The largest number on the diagonals.
+    negative : (C,) array of int
+        Pivots that are negative, as many as eigenvalues.
     """
 
     def __init__(self, shape: Shape, M: Array) -> None:
         self.shape, self.M = shape, M
         s, n = shape, shape.n
-        self.largest = M[np.arange(s.places), np.arange(s.places)]
-        self.largest = np.abs(self.largest).reshape(s.places * s.E, -1).max(axis=0)  # (C,)
+        at = np.arange(s.places)
+        self.largest = np.abs(M[at, at]).reshape(s.places * s.E, -1).max(axis=0)
         self.inverse = _eliminate(M, s.inner)
+        self.negative = _negative(self.inverse.reshape(s.inner * s.E, -1))
         ends = M[s.inner :, s.inner :].reshape(2 * n, 2 * n, s.E, -1)
-        negative = _negative(self.inverse.reshape(s.inner * s.E, -1))
-        start, end = s.free
+        # The nodes between elements in turn: inverse pivots, and these times what is beside them.
         self.levels: list[tuple[Array, Array]] = []
         carry = np.zeros((n, n, ends.shape[3]))
         for e in range(s.E + 1):
-            T = ends[:, :, e].copy() if e < s.E else np.zeros((2 * n, 2 * n, ends.shape[3]))
-            T[:n, :n] += carry
-            if e in (0, s.E):
-                for i in set(range(n)) - set(end if e else start):
-                    T[i], T[:, i] = 0.0, 0.0
-                    T[i, i] = 1.0
-            inverse = _eliminate(T, n)
-            negative = negative + _negative(inverse)
-            carry = T[n:, n:]
-            self.levels.append((T, inverse))
-        self.negative = negative
+            pinned = s.pinned(e)
+            D, beside = carry, np.zeros_like(carry)
+            if e < s.E:
+                D = carry + ends[:n, :n, e]
+                beside = ends[:n, n:, e].copy()
+            for i in range(1, n):  # only the upper rows are there
+                D[i, :i] = D[:i, i]
+            for i in pinned:
+                D[i], D[:, i], beside[i] = 0.0, 0.0, 0.0
+                D[i, i] = 1.0
+            inverse, negative = _inverted(D)
+            self.negative = self.negative + negative
+            response = _times(inverse, beside)
+            if e < s.E:
+                carry = ends[n:, n:, e] - np.einsum("iab,icb->acb", beside, response)
+            self.levels.append((inverse, response))
 
     def solve(self, right: Array) -> Array:
         """Return the solution for elements' right-hand sides (places, E, C), in their memory."""
@@ -286,27 +304,21 @@ class Factored:
         inner = right.reshape(s.places, -1)
         _forward(self.M, self.inverse, inner)
         ends = right[s.inner :]  # (2 n, E, C)
-        pinned = [sorted(set(range(n)) - set(free)) for free in s.free]
         kept = []
-        carry = np.zeros((n, right.shape[2]))
-        for e, (T, inverse) in enumerate(self.levels):
-            r = ends[:, e].copy() if e < s.E else np.zeros((2 * n, right.shape[2]))
-            r[:n] += carry
-            if e in (0, s.E):
-                r[pinned[e > 0]] = 0.0
-            _forward(T, inverse, r)
-            carry = r[n:].copy()
-            kept.append(r)
         beyond = np.zeros((n, right.shape[2]))
-        for e in range(s.E, -1, -1):
-            (T, inverse), r = self.levels[e], kept[e]
-            r[n:] = beyond
-            _backward(T, inverse, r)
-            beyond = r[:n]
+        for e, (inverse, response) in enumerate(self.levels):
+            r = beyond + ends[:n, e] if e < s.E else beyond
+            pinned = s.pinned(e)
+            if pinned:
+                r[pinned] = 0.0
+            kept.append(_times(inverse, r))
             if e < s.E:
-                ends[:n, e] = beyond
-            if e > 0:
-                ends[n:, e - 1] = beyond
+                beyond = ends[n:, e] - np.einsum("icb,ib->cb", response, r)
+        later = kept[-1]
+        for e in range(s.E - 1, -1, -1):
+            ends[n:, e] = later
+            later = kept[e] - _times(self.levels[e][1], later)
+            ends[:n, e] = later
         _backward(self.M, self.inverse, inner)
         return right
 
@@ -355,6 +367,29 @@ def _backward(M: Array, inverse: Array, right: Array) -> None:
         beyond = np.einsum("c...b,c...b->...b", M[r, r + 1 :], right[r + 1 :])
         beyond *= inverse[r]
         right[r] -= beyond
+
+
+def _inverted(D: Array) -> tuple[Array, Array]:
+    """Return the inverses of symmetric matrices (n, n, B), and their negative eigenvalues (B,)."""
+    n = len(D)
+    if n == 1:
+        return 1.0 / D, (D[0, 0] < 0).astype(int)
+    M = np.zeros((n, 2 * n, D.shape[2]))
+    M[:, :n] = D
+    M[np.arange(n), n + np.arange(n)] = 1.0
+    pivots = np.empty((n, D.shape[2]))
+    for i in range(n):  # Gauss and Jordan
+        pivots[i] = M[i, i]
+        M[i] /= pivots[i]
+        for r in range(n):
+            if r != i:
+                M[r] -= M[r, i] * M[i]
+    return M[:, n:], _negative(pivots)
+
+
+def _times(A: Array, x: Array) -> Array:
+    """Return the products of matrices (n, n, B) and x (n, ..., B)."""
+    return np.einsum("icb,c...b->i...b", A, x)
 
 
 def _negative(inverse: Array) -> Array:

@@ -39,12 +39,13 @@ MESH_MARGIN = 0.1  # of what a mesh may leave out, to begin with: other members 
 HALVINGS = 12  # of elements
 LEVELS = 4  # meshes that a member is tried on, each finer
 CLOSER = 0.75  # of its distance from a neighbour, at which a member is tried again
+TRIES = 4  # before it is left alone
 REBASED = 0.25  # of a wave, on a finer mesh: the next ones begin there
 COARSEST_TOGETHER = 1e-3  # `tol` below which it is no matter how far from zero a motion is
 # Of the prediction: neighbours for so many columns, the kernel's width in units of the farthest
 # one's distance, and what is added to its diagonal, so that it can be inverted: in the rows of the
 # kernel, of the constant, which comes first where neighbours are few, and of the linear terms.
-NEIGHBOURS, WIDTH, NUGGETS = (1, 8, 14, 20, 26), 1.5, (1e-11, -1e-12, -1e-7)
+NEIGHBOURS, WIDTH, NUGGETS = (1, 6, 10, 16, 22), 1.5, (1e-11, -1e-12, -1e-7)
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,6 +240,7 @@ class _Run:
         """Solve some members, in waves from those that are known."""
         near = np.full(block.size, np.inf)  # distance to the nearest known
         tried = np.full(block.size, np.inf)  # what that was when it did not help
+        tries = np.zeros(block.size, dtype=int)
         nearest = np.full(block.size, -1)
 
         def learn(new: NDInt) -> None:
@@ -259,7 +261,7 @@ class _Run:
             left = np.flatnonzero(~self.decided[block])
             if not left.size:
                 return
-            may = left[near[left] < CLOSER * tried[left]]
+            may = left[(near[left] < CLOSER * tried[left]) & (tries[left] < TRIES)]
             limit = reach if growing else around * reach
             if reach < smallest:  # those that are left, the nearest first
                 limit = around * near[may].min(initial=np.inf)
@@ -268,6 +270,7 @@ class _Run:
                 near_enough = near_enough[self._sparse(block, near_enough, reach)]
             if near_enough.size:
                 tried[near_enough] = near[near_enough]
+                tries[near_enough] += 1
                 chosen = block[near_enough]
                 self._wave(chosen, nearest[near_enough])
                 new = chosen[self.known[chosen]]

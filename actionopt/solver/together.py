@@ -31,7 +31,7 @@ from actionopt.tools.types import Array, NDInt
 STEPS = 4  # factorizations: a path that takes more was not near; ad hoc
 # Numbers in the matrices, and in what is evaluated at once, that stay in a processor's cache;
 # measured: half or twice as many take a tenth longer at the most.
-MATRICES, VALUES = 2**18, 2**20
+MATRICES, VALUES = 2**20, 2**20
 MOST, LEAST = 256, 8  # members followed together
 
 
@@ -199,27 +199,29 @@ class _Arrived:
         moved = _largest(stack.step(self.factored.solve(stack.rows(miss))), self.sizes)
         if not structure.samples or structure.linear:
             return moved
-        # As in `second_quadrature.missed` and `iterate.unseen`: what a free body would drift.
-        momenta = np.cumsum(miss.sum(axis=0), axis=1)  # (n, E, C)
-        rows, cols = shape.system.pointwise("second").sparsity(2)
-        inertia = np.zeros((shape.P, *momenta.shape))
-        stiffness = inertia.copy()
-        own = rows == cols
-        inertia[:, rows[own]] = np.abs(self.second[2][:, own])
-        rows, cols = shape.system.pointwise("second").sparsity(0)
-        own = rows == cols
-        stiffness[:, rows[own]] = np.abs(self.second[0][:, own])
+        # As in `second_quadrature.missed` and `iterate.unseen`: what a free body would drift, at
+        # the least inertia on the way to begin with.
+        inertia = self._diagonal(2)
+        momenta = np.abs(np.cumsum(miss.sum(axis=0), axis=1)).max(axis=1) * shape.units[:, None]
+        momenta *= stack.duration / shape.action_unit * (shape.units[:, None] / self.sizes)
+        carried = momenta.max(axis=0) / inertia.min(axis=(0, 1, 2))
+        if not (SAFETY * carried > tol).any():
+            return np.maximum(moved, carried)
         known = np.where(np.isfinite(inertia) & (inertia > 0), inertia, np.nan)
-        unit = np.nanmedian(known, axis=(0, 1, 2)) * shape.action_unit / stack.duration
-        unit = np.where(np.isfinite(unit), unit, 1.0)
-        drift = np.abs(momenta * shape.units[:, None, None] / unit).max(axis=1) * (
-            shape.units[:, None] / self.sizes
-        )
-        carried = drift.max(axis=0)
-        square = np.median(stiffness / inertia, axis=(0, 2))  # (n, C)
+        unit = np.nanmedian(known, axis=(0, 1, 2))
+        carried = momenta.max(axis=0) / np.where(np.isfinite(unit), unit, 1.0)
+        square = np.median(self._diagonal(0) / inertia, axis=(0, 2))  # (n, C)
         turns = stack.duration * np.sqrt(np.where(np.isfinite(square), square, 0.0).max(axis=0))
         carried = np.where(SAFETY * carried > tol, carried / (1.0 + turns), carried)
         return np.maximum(moved, carried)
+
+    def _diagonal(self, k: int) -> Array:
+        """Return the magnitudes on the diagonal of L_qq (0) or L_vv (2), (P, n, E, C)."""
+        rows, cols = self.stack.shape.system.pointwise("second").sparsity(k)
+        found = np.zeros_like(self.Q)
+        own = rows == cols
+        found[:, rows[own]] = np.abs(self.second[k][:, own])
+        return found
 
     def probed(self) -> Array:
         """Return how far round-off in every entry of the matrix may move the paths, (C,)."""
