@@ -179,22 +179,36 @@ class Stack:
         part = self.weight[:, None] * force + _work(self.shape.rule.weighted.T, momentum)
         return (self.weight * L[:, 0]).sum(axis=(0, 1)), part
 
-    def second(self, Q: Array) -> list[Array]:
-        """Return the nonzeros of L_qq, L_qv and L_vv, (P, nonzeros, E, C), in units of unknowns."""
-        s, found = self.shape, self._evaluated("second", Q, self.velocities(Q), self._at)
+    def second(self, Q: Array, nodes: Array | None = None) -> list[Array]:
+        """Return the nonzeros of L_qq, L_qv and L_vv, (P, nonzeros, E, C), in units of unknowns.
+
+        Or at other points of each element, `nodes` (points,).
+        """
+        s = self.shape
+        if nodes is None:
+            found = self._evaluated("second", Q, self.velocities(Q), self._at)
+        else:
+            there = s.rule.interpolation(nodes)
+            q, v = self._sampled(Q, there, there @ s.rule.derivative, self.half)
+            at = self._arguments(s.times_of(nodes, slice(None)))
+            found = self._evaluated("second", q, v, at)
         for k, x in enumerate(found):
             row, col = s.system.pointwise("second").sparsity(k)
             x *= (s.units[row] * s.units[col] / s.action_unit)[:, None, None]
         return found
+
+    def _sampled(self, Q: Array, values: Array, slopes: Array, half: Array) -> tuple[Array, Array]:
+        """Return coordinates and velocities at other points, (points, n, E, C) each."""
+        shape = (len(values), *Q.shape[1:])
+        q = (values @ Q.reshape(len(Q), -1)).reshape(shape)
+        return q, (slopes @ (Q - Q[:1]).reshape(len(Q), -1)).reshape(shape) / half
 
     def missed(self, Q: Array, part: Array) -> Array:
         """Return what another quadrature finds of dS/dq less the `part` of this one."""
         s, found = self.shape, -part
         for which, rule in s.sampled:
             local, half = Q[:, :, which], self.half[which]
-            shape = (rule.nodes.size, *local.shape[1:])
-            q = (rule.values @ local.reshape(s.P, -1)).reshape(shape)
-            v = (rule.slopes @ (local - local[:1]).reshape(s.P, -1)).reshape(shape) / half
+            q, v = self._sampled(local, rule.values, rule.slopes, half)
             at = self._arguments(s.times_of(rule.nodes, which))
             force, momentum, _ = self._evaluated("first", q, v, at)
             work = rule.weighted_values @ force.reshape(len(q), -1)

@@ -15,17 +15,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from actionopt.analysis.index import inertia
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
+from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import left_out
 from actionopt.discrete.stacks import Shape
 from actionopt.mechanics.problem import MOTIONLESS, SHORT_MOTION, Event, Periodic, Problem
-from actionopt.solver.iterate import LATE_TIME, SAFETY, amplified, estimate, sizes
+from actionopt.solver.iterate import LATE_TIME, SAFETY, UNKNOWN_GAIN, amplified, estimate, sizes
 from actionopt.solver.solve import FAMILY_NOISE, FAMILY_SUSPECTED, Guess, solve
 from actionopt.solver.together import Followed, follow
-from actionopt.solver.workspace import MEASURABLE, UNLIKELY
+from actionopt.solver.workspace import MEASURABLE
 from actionopt.tools.lobatto import lgl
 from actionopt.tools.types import Array, NDInt
 
@@ -37,8 +39,10 @@ COORDINATES = 8  # up to which elements' matrices are best eliminated member by 
 MESH_DEGREES = (8, 10, 12, 14, 17)
 MESH_MARGIN = 0.1  # of what a mesh may leave out, to begin with: other members are harder
 HALVINGS = 12  # of elements
+MORE_DEGREES = 4  # that tell what a mesh has left out
 LEVELS = 4  # meshes that a member is tried on, each finer
 CLOSER = 0.75  # of its distance from a neighbour, at which a member is tried again
+LEAP = 0.3  # of a path's size, from where it was expected: it is on another sheet
 TRIES = 4  # before it is left alone
 REBASED = 0.25  # of a wave, on a finer mesh: the next ones begin there
 COARSEST_TOGETHER = 1e-3  # `tol` below which it is no matter how far from zero a motion is
@@ -72,6 +76,8 @@ class Members:
     moved : (k,) array
         How far the path is from where its neighbours led to expect it, in its own size; NaN
         where they did not.
+    sheet : (k,) array of int
+        The same for members that were reached from each other without a leap; -1 for others.
     meshes : tuple of Mesh
         Over the times [0, 1].
     mesh : (k,) array of int
@@ -92,6 +98,7 @@ class Members:
     alone: NDInt
     neighbour: NDInt
     moved: Array
+    sheet: NDInt
     meshes: tuple[Mesh, ...]
     mesh: NDInt
     values: tuple[Array, ...]
@@ -158,6 +165,16 @@ def solve_run(
     return run.members()
 
 
+@dataclass(eq=False)
+class _Level:
+    """A mesh for members; how far errors, and round-off in the matrix, move a path there."""
+
+    shape: Shape
+    gain: float
+    probed: float
+    number: int = -1
+
+
 class _Run:
     """The members as they are found."""
 
@@ -192,17 +209,16 @@ class _Run:
         span = np.ptp(table, axis=0)
         self.at = (table - table.min(axis=0)) / np.where(span > 0, span, 1.0)  # (k, columns)
         self.status = [Status.NOT_FOUND] * k
-        self.action, self.error, self.moved, self.gain, self.probed = np.full((5, k), np.nan)
+        self.action, self.error, self.moved = np.full((3, k), np.nan)
         self.error[:] = np.inf
-        self.index, self.neighbour, self.mesh = np.full((3, k), -1)
+        self.index, self.neighbour, self.mesh, self.sheet = np.full((4, k), -1)
         self.iterations = np.zeros(k, dtype=int)
         self.momenta = np.full((k, 2, n), np.nan)
         self.alone, self.decided, self.known = np.zeros((3, k), dtype=bool)
         self.values: list[Array] = [np.zeros((n, 0))] * k
         self.meshes: list[Mesh] = []
         self.messages: dict[int, str] = {}
-        self._numbers: dict[int, int] = {}  # of the meshes of levels
-        self.levels: list[Shape] = []
+        self.levels: list[_Level] = []
         self.base = 0
         self.seeds = np.zeros((k, 0, n))  # of known members, on the mesh of the level `base`
 
@@ -210,8 +226,8 @@ class _Run:
         """Return them all."""
         return Members(
             tuple(self.status), self.action, self.error, self.index, self.momenta, self.times,
-            self.iterations, self.alone, self.neighbour, self.moved, tuple(self.meshes),
-            self.mesh, tuple(self.values), self.messages,
+            self.iterations, self.alone, self.neighbour, self.moved, self.sheet,
+            tuple(self.meshes), self.mesh, tuple(self.values), self.messages,
         )  # fmt: skip
 
     # -- the order -----------------------------------------------------------------------------
@@ -320,7 +336,6 @@ class _Run:
         self.status[i], self.action[i], self.error[i] = found.status, found.action, found.error
         self.iterations[i] += sum(found.stats["iterations"].values())
         self.momenta[i] = found.momenta
-        self.gain[i] = found.stats["gain"]
         if self.counting and found.success:
             with suppress(ValueError):  # there is none
                 self.index[i] = found.morse_index
@@ -332,9 +347,15 @@ class _Run:
 
     def _leave(self, i: int, neighbour: int) -> None:
         """Leave a member to `solve`, from a neighbour."""
+        expected = self._predicted(np.array([i]), np.array([neighbour]))[0]
         found = self._solve(i, self._path(neighbour), neighbour)
         if found is not None and found.success:
             self._know(i, found.path)
+            size = np.abs(self.seeds[i]).max(axis=0)
+            apart = np.abs(self.seeds[i] - expected).max(axis=0) / np.where(size > 0, size, 1.0)
+            self.moved[i] = apart.max()
+            leapt = self.moved[i] > LEAP
+            self.sheet[i] = self.sheet.max() + 1 if leapt else self.sheet[neighbour]
 
     def _path(self, i: int) -> Path:
         """Return the path of a member."""
@@ -342,7 +363,7 @@ class _Run:
 
     def _know(self, i: int, path: Path) -> None:
         """Let a path lead to others."""
-        mesh = self.levels[self.base].mesh.moved(*self.times[i].tolist())
+        mesh = self.levels[self.base].shape.mesh.moved(*self.times[i].tolist())
         self.seeds[i], self.known[i] = path.on(mesh).values.T, True
 
     # -- meshes ----------------------------------------------------------------------------------
@@ -350,46 +371,60 @@ class _Run:
     def _begin(self, i: int, solution: Solution) -> bool:
         """Make the first mesh from a solution; False if that cannot be followed with others."""
         try:
-            self._add_level(solution, MESH_MARGIN)
+            if not self._add_level(i, solution):
+                return False
         except ValueError:  # an instruction that there is no function of numpy's for
             return False
-        shape = self.levels[0]
+        shape = self.levels[0].shape
         self.seeds = np.zeros((len(self.status), shape.mesh.offsets[-1] + 1, shape.n))
         self._know(i, solution.path)
-        found = self._follow(shape, np.array([i]), self.seeds[[i]])
-        self.probed[i] = found.probed[0]
-        return bool(found.converged[0])
+        self.sheet[i] = 0
+        return True
 
-    def _add_level(self, solution: Solution, margin: float) -> None:
-        """Add a mesh of elements of one degree that resolves the path of a solution."""
-        problem, system = self.problem, self.problem.system
-        target = margin * self.tol / (2 * SAFETY * solution.stats["gain"])
-        every = range(system.n)
+    def _add_level(self, i: int, solution: Solution) -> bool:
+        """Add a mesh that resolves the path of a member; False if it cannot be followed there.
+
+        On one of more nodes the path tells how far errors are amplified.
+        """
+        problem, system, tr = self.problem, self.problem.system, solution.discrete.tr
         free = tuple(
-            tuple(a for a in every if a not in e.pinned) for e in (problem.start, problem.end)
+            tuple(a for a in range(system.n) if a not in e.pinned)
+            for e in (problem.start, problem.end)
         )
-        tr = solution.discrete.tr
-        units = tr.lengths if not self.levels else self.levels[0].units
-        unit = tr.action_unit if not self.levels else self.levels[0].action_unit
-        mesh = _even(solution.path, sizes(solution.path.values.T, problem.scales), target)
-        self.levels.append(Shape(system, mesh, (free[0], free[1]), units, unit))
+        units, unit = tr.lengths, tr.action_unit
+        if self.levels:
+            units, unit = self.levels[0].shape.units, self.levels[0].shape.action_unit
+        size = sizes(solution.path.values.T, problem.scales)
+        mesh = _even(solution.path, size, MESH_MARGIN * self.tol / (2 * SAFETY * UNKNOWN_GAIN))
+        finer = mesh.cut(mesh.since, mesh.degrees[0] + MORE_DEGREES)
+        found = []
+        for each in (mesh, finer):
+            shape = Shape(system, each, (free[0], free[1]), units, unit)
+            nodes = each.moved(*self.times[i].tolist())
+            Q = solution.path.on(nodes).values.T[None]
+            found.append((shape, self._follow(shape, np.array([i]), Q)))
+            if not found[-1][1].converged[0]:
+                return False
+        (shape, at), (_, better) = found
+        exact = Path(finer, better.Q[0].T)(mesh.nodes).T
+        change = float((np.abs(exact - at.Q[0]) / size).max())
+        left = float(at.omitted[0])
+        gain = max(change / left, 1.0) if left > MEASURABLE else UNKNOWN_GAIN
+        self.levels.append(_Level(shape, gain, float(at.probed[0])))
+        return True
 
     def _to(self, level: int, Q: Array, source: int) -> Array:
         """Return coordinates (C, K, n) on the mesh of one level on that of another."""
-        a, b = self.levels[source].mesh, self.levels[level].mesh
+        a, b = (self.levels[k].shape.mesh for k in (source, level))
         whole = Path(a, np.eye(a.offsets[-1] + 1)).on(b).values.T  # (K', K)
         return whole @ Q
 
     def _rebase(self, level: int) -> None:
         """Let members begin on another mesh from now on."""
-        here = np.flatnonzero(self.known)
-        seeds = np.zeros(
-            (len(self.status), self.levels[level].mesh.offsets[-1] + 1, self.ends.shape[2])
-        )
+        here, shape = np.flatnonzero(self.known), self.levels[level].shape
+        seeds = np.zeros((len(self.status), shape.mesh.offsets[-1] + 1, shape.n))
         seeds[here] = self._to(level, self.seeds[here], self.base)
         self.seeds, self.base = seeds, level
-        again = self._follow(self.levels[level], here, seeds[here])
-        self.probed[here] = np.where(again.converged, again.probed, np.nan)
 
     # -- together --------------------------------------------------------------------------------
 
@@ -400,63 +435,47 @@ class _Run:
 
     def _wave(self, which: NDInt, nearest: NDInt) -> None:
         """Try some members together; those that are solved are known from then on."""
-        Q = self._predicted(which)
-        base = self.base
-        found = self._follow(self.levels[base], which, Q)
+        self.neighbour[which], count = nearest, which.size
+        expected = self._predicted(which, nearest)
+        found = self._follow(self.levels[self.base].shape, which, expected)
         self.iterations[which] += found.iterations
-        self.neighbour[which] = nearest
-        more = np.fmax(found.probed / self.probed[nearest], 1.0)
-        gain = self.gain[nearest] * np.where(np.isfinite(more), more, 1.0)
-        self.moved[which], self.probed[which] = found.moved, found.probed
-        arrived = np.flatnonzero(found.converged)
-        finer = self._judge(base, which, found, gain, arrived)
-        solved = self.decided[which]
-        self.seeds[which[arrived]] = found.Q[arrived]
-        level, Q = base, found.Q
-        omitted = found.omitted
+        self.moved[which] = np.where(found.converged, found.moved, np.nan)
+        self.seeds[which] = found.Q
+        finer = self._judge(self.base, which, found)
+        arrived, level = which[found.converged], self.base
         wanted = finer.size
-        while finer.size and level < base + LEVELS:
-            if level + 1 == len(self.levels) and not self._finer(level, which, Q, omitted, finer):
+        which, Q, omitted = which[finer], found.Q[finer], found.omitted[finer]
+        while which.size and level < self.base + LEVELS:
+            if level + 1 == len(self.levels) and not self._finer(level, which, Q, omitted):
                 break
-            finer = finer[~self.decided[which[finer]]]
+            left = ~self.decided[which]
+            which, first = which[left], self._to(level + 1, Q[left], level)
             level += 1
-            first = self._to(level, Q[finer], level - 1)
-            again = self._follow(self.levels[level], which[finer], first)
-            self.iterations[which[finer]] += again.iterations
-            size = np.abs(first).max(axis=1, keepdims=True)
-            change = (np.abs(again.Q - first) / np.where(size > 0, size, 1.0)).max(axis=(1, 2))
-            left = omitted[finer]
-            gain = np.where(left > MEASURABLE, np.maximum(change / left, 1.0), gain[finer])
-            again.converged &= change <= UNLIKELY * left
-            rest = self._judge(level, which[finer], again, gain, np.flatnonzero(again.converged))
-            whole = np.zeros((which.size, *again.Q.shape[1:]))
-            whole[finer], Q = again.Q, whole
-            omitted = np.full(which.size, np.nan)
-            omitted[finer] = again.omitted
-            gains = np.full(which.size, np.nan)
-            gains[finer], gain = gain, gains
-            finer = finer[rest]
-        solved = self.decided[which]
-        known = which[solved & found.converged]
-        self.known[known[[self.status[i].success for i in known]]] = True
-        if wanted > REBASED * which.size and level > base:
+            if not which.size:
+                break
+            found = self._follow(self.levels[level].shape, which, first)
+            self.iterations[which] += found.iterations
+            finer = self._judge(level, which, found)
+            which, Q, omitted = which[finer], found.Q[finer], found.omitted[finer]
+        arrived = arrived[[self.status[i].success for i in arrived]]
+        self.known[arrived] = True
+        self.sheet[arrived] = self.sheet[self.neighbour[arrived]]
+        if wanted > REBASED * count and level > self.base:
             self._rebase(level)
 
-    def _finer(self, level: int, which: NDInt, Q: Array, omitted: Array, finer: NDInt) -> bool:
+    def _finer(self, level: int, which: NDInt, Q: Array, omitted: Array) -> bool:
         """Add a finer mesh, for the worst of some members; False if there is none."""
-        worst = finer[np.argmax(omitted[finer])]
+        worst = int(np.argmax(omitted))
         i = int(which[worst])
-        mesh = self.levels[level].mesh.moved(*self.times[i].tolist())
+        mesh = self.levels[level].shape.mesh.moved(*self.times[i].tolist())
         found = self._solve(i, Path(mesh, Q[worst].T), int(self.neighbour[i]))
-        if found is None or not found.success:
-            return False
-        self._add_level(found, MESH_MARGIN)
-        return True
+        return found is not None and found.success and self._add_level(i, found)
 
-    def _judge(
-        self, level: int, which: NDInt, found: Followed, gain: Array, arrived: NDInt
-    ) -> NDInt:
-        """Keep what is solved; return which of those that arrived want a finer mesh."""
+    def _judge(self, level: int, which: NDInt, found: Followed) -> NDInt:
+        """Keep what is solved; return which of those that arrived want a finer mesh, (F,)."""
+        at = self.levels[level]
+        # Errors are amplified as round-off in the matrix is.
+        gain = at.gain * np.fmax(found.probed / at.probed, 1.0)
         gain = np.maximum(gain, amplified(found.noise))
         error = estimate(gain, found.omitted, found.noise)
         within = error <= self.tol
@@ -465,26 +484,37 @@ class _Run:
         far = ((extent < SHORT_MOTION * size) & (extent > MOTIONLESS * size)).any(axis=1)
         several = found.Q.shape[2] > 1
         family = found.probed > FAMILY_SUSPECTED if several else found.noise > FAMILY_NOISE
-        good = np.zeros(len(which), dtype=bool)
-        good[arrived] = True
-        finer = np.flatnonzero(good & ~within & np.isfinite(found.omitted) & ~far & ~family)
-        good &= (error <= self.tol) & ~far & ~family
+        sound = found.converged & np.isfinite(found.omitted) & ~far & ~family
+        good = sound & (error <= self.tol)
         i = which[good]
         self.action[i], self.error[i] = found.action[good], error[good]
-        self.momenta[i], self.gain[i] = found.momenta[good], gain[good]
-        self.index[i], self.decided[i] = found.index[good], True
-        if len(self.meshes) == 0 or level not in self._numbers:
-            self._numbers[level] = len(self.meshes)
-            self.meshes.append(self.levels[level].mesh)
-        self.mesh[i] = self._numbers[level]
+        self.momenta[i], self.index[i] = found.momenta[good], found.index[good]
+        self.decided[i], self.mesh[i] = True, self._number(level)
         for j, row in zip(i.tolist(), found.Q[good], strict=True):
             self.status[j], self.values[j] = Status.SOLVED, row.T
-        return finer
+            if self.counting and self.index[j] < 0:
+                self._count(j)
+        return np.flatnonzero(sound & ~within)
 
-    def _predicted(self, which: NDInt) -> Array:
+    def _number(self, level: int) -> int:
+        """Return the number of the mesh of a level among all meshes."""
+        at = self.levels[level]
+        if at.number < 0:
+            at.number = len(self.meshes)
+            self.meshes.append(at.shape.mesh)
+        return at.number
+
+    def _count(self, i: int) -> None:
+        """Count the index of one member by itself."""
+        at = DiscretePath.of(member(self.problem, self.columns, i), self._path(i))
+        with suppress(ValueError):  # there is none
+            self.index[i] = inertia(at, float(self.error[i])).index
+
+    def _predicted(self, which: NDInt, nearest: NDInt) -> Array:
         """Return where known members lead to expect others, (C, K, n), by interpolation.
 
-        Linear functions of the columns are reproduced, others by a Gaussian kernel.
+        Linear functions of the columns are reproduced, others by a Gaussian kernel. Only members
+        on the sheet of the nearest are asked.
         """
         known = np.flatnonzero(self.known)
         columns = self.at.shape[1]
@@ -499,6 +529,10 @@ class _Run:
             else:
                 chosen = np.tile(np.arange(known.size), (some.size, 1))
             rows = np.arange(some.size)[:, None]
+            mine = nearest[first : first + 256, None]
+            other = self.sheet[known[chosen]] != self.sheet[mine]
+            if other.any():  # the nearest once more: all of them weigh as one
+                chosen = np.where(other, np.searchsorted(known, mine), chosen)
             radius = apart[rows, chosen].max(axis=1)
             radius = np.where(radius > 0, radius, 1.0)[:, None, None]
             x = (self.at[known[chosen]] - self.at[some][:, None]) / radius
@@ -507,7 +541,7 @@ class _Run:
             Q[first : first + 256] = (weights[:, None] @ values).reshape(-1, *Q.shape[1:])
         miss = self.ends[which] - Q[:, [0, -1]]
         miss = np.where(np.isfinite(miss), miss, 0.0)
-        s = self.levels[self.base].mesh.nodes[:, None]
+        s = self.levels[self.base].shape.mesh.nodes[:, None]
         Q += (1 - s) * miss[:, :1] + s * miss[:, 1:]
         pinned = np.isfinite(self.ends[which])
         Q[:, [0, -1]] = np.where(pinned, self.ends[which], Q[:, [0, -1]])

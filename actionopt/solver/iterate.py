@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 
@@ -38,6 +39,9 @@ ORDINARY = 100.0  # amplification of round-off on a mesh where nothing is sensit
 # Assumed ratio of global to local error before there is a measured one. Three times more or less
 # changes no status there, and iterations by 1 %.
 UNKNOWN_GAIN = 10.0
+
+
+Number = TypeVar("Number", float, Array)
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,12 +214,12 @@ class Iterate(DiscretePath):
         return bool(rates.max() * (self.sizes / speeds).max() > limit)
 
 
-def estimate(gain: float, omitted: float, noise: float) -> float:
+def estimate(gain: Number, omitted: Number, noise: Number) -> Number:
     """Return the estimate of the error; as well for arrays."""
     return SAFETY * (gain * omitted + noise + POLYNOMIAL_ROUNDOFF)
 
 
-def amplified(noise: float) -> float:
+def amplified(noise: Number) -> Number:
     """Return how far errors are amplified at least, as noise says; as well for arrays."""
     return noise / (ORDINARY * POLYNOMIAL_ROUNDOFF)
 

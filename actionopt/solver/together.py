@@ -13,7 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from actionopt.analysis.index import ERROR_GAIN, INDEX_RESOLUTION, INDEX_TOLERANCE, LOOSEST
+from actionopt.analysis.jacobi import COEFFICIENT_NOISE, COEFFICIENT_SAMPLES
 from actionopt.analysis.second_variation import RANK
+from actionopt.discrete.mesh import MAX_DEGREE
 from actionopt.discrete.newton import CHORDS, CONTRACTION, ROUNDOFF_STEP
 from actionopt.discrete.resolution import left_out
 from actionopt.discrete.stacks import Factored, Shape, Stack, pivots
@@ -26,6 +28,7 @@ from actionopt.solver.iterate import (
     TINY_ELEMENT,
     VELOCITY_ERROR,
 )
+from actionopt.tools.lobatto import lgl
 from actionopt.tools.types import Array, NDInt
 
 STEPS = 4  # factorizations: a path that takes more was not near; ad hoc
@@ -72,8 +75,9 @@ class Followed:
     def nowhere(cls, Q: Array) -> Followed:
         """Return what is known before anything was done."""
         count, n = len(Q), Q.shape[2]
-        none = np.zeros(count, dtype=int)
-        measures = np.full((6, count), np.nan)
+        none, moved = np.zeros(count, dtype=int), np.zeros(count)
+        noise, omitted, missed, probed, action = np.full((5, count), np.nan)
+        measures = moved, noise, omitted, missed, probed, action
         momenta = np.full((count, 2, n), np.nan)
         return cls(Q.copy(), none > 0, none.copy(), *measures, momenta, none - 1)
 
@@ -137,12 +141,12 @@ def _round(
         if not (going & soon).any():
             break
         length = rest
-    Q = Q - np.where(going & ~converged, step, 0.0)
+    Q = Q - np.where(going | converged, step, 0.0)  # round-off, or not small yet
     sizes, regular = _sizes(Q)
     converged &= regular & np.isfinite(S) & part.any(axis=(0, 1, 2))
     found.iterations[here] += 1
     found.Q[here] = shape.whole(Q)[:count]
-    found.moved[here] = np.nan_to_num(found.moved[here]) + _largest(Q - first, sizes)[:count]
+    found.moved[here] += _largest(Q - first, sizes)[:count]
     if converged[:count].any():
         ready = _Arrived(stack, factored, Q, part, second, sizes)
         steady = shape.system.structure.steady
@@ -239,43 +243,41 @@ class _Arrived:
     def index(self, tol: float) -> Array:
         """Return the numbers of negative eigenvalues, (C,); -1 where they are not to be trusted.
 
-        As `index.inertia_of`: where two counts agree, on a mesh that resolves the Jacobi fields.
-        Nothing may vary faster than what is seen.
+        As `index.inertia_of`: where two counts agree, on a mesh that resolves all solutions of the
+        linearised equations on its elements, and what these are made of (`jacobi.finer`).
         """
         stack, shape = self.stack, self.stack.shape
-        C = len(stack.times)
-        if shape.system.structure.samples:
-            return np.full(C, -1)
-        second = stack.second(self.Q)
+        second, C = stack.second(self.Q), len(stack.times)
         tolerance = np.full(C, np.clip(ERROR_GAIN * tol, INDEX_TOLERANCE, LOOSEST))
         counts = []
         for shift in (-tolerance, tolerance):
             self.factored = Factored(shape, stack.matrices(second, shift))
             counts.append(self.factored.negative)
-        table = (
-            self.factored.responses()
-            .reshape(shape.P, -1)[shape.back]
-            .reshape(shape.P, -1, shape.E, C)
-        )
-        resolved = _tail(shape, table, np.abs(table).max(axis=(0, 1))) <= INDEX_RESOLUTION
+        fields = self.factored.responses().reshape(shape.P, -1)[shape.back]
+        fields = np.abs(shape.rule.to_legendre @ fields).reshape(shape.P, -1, shape.E, C)
+        size = np.abs(fields).max(axis=(0, 1))
+        resolved = (fields[-2:].max(axis=(0, 1)) <= INDEX_RESOLUTION * size).all(axis=0)
+        # The coefficients of d2S, at more points: at the nodes alone what varies faster is smooth.
+        degree = shape.P - 1
+        fine = lgl(min(max(2 * degree + 2, -(-COEFFICIENT_SAMPLES // shape.E)), 2 * MAX_DEGREE + 2))
+        points = fine.degree + 1
+        sampled = stack.second(self.Q, fine.nodes)
         rows, cols = shape.system.pointwise("second").sparsity(2)
         own = rows == cols
         mass = np.zeros((shape.n, shape.E, C))
-        mass[rows[own]] = np.sqrt(np.abs(second[2][:, own]).max(axis=0))
+        mass[rows[own]] = np.abs(sampled[2][:, own]).max(axis=0)
+        mass = np.sqrt(np.maximum(mass, COEFFICIENT_NOISE * mass.max(axis=0)))
         for k, power in ((0, 2), (1, 1), (2, 0)):
             i, j = shape.system.pointwise("second").sparsity(k)
-            for a, b, x in zip(i, j, second[k].swapaxes(0, 1), strict=True):
+            for a, b, x in zip(i, j, sampled[k].swapaxes(0, 1), strict=True):
                 unit = mass[a] * mass[b] / (2 * stack.half) ** power
-                resolved &= _tail(shape, x[:, None], unit) <= INDEX_RESOLUTION
+                tail = np.abs(fine.to_legendre[degree - 1 :] @ x.reshape(points, -1)).max(axis=0)
+                noise = COEFFICIENT_NOISE * np.abs(x).max(axis=0)
+                tail = tail.reshape(shape.E, C)
+                resolved &= ((tail <= noise) | (tail <= INDEX_RESOLUTION * unit)).all(axis=0)
         least = pivots(shape.n, rows, cols, second[2])  # Legendre's condition
         convex = (least > RANK * np.abs(second[2][:, own]).max(axis=1)).all(axis=(0, 1))
         return np.where(resolved & convex & (counts[0] == counts[1]), counts[0], -1)
-
-
-def _tail(shape: Shape, table: Array, unit: Array) -> Array:
-    """Return the largest of the last two coefficients of curves (P, curves, E, C), (C,)."""
-    size = shape.rule.to_legendre[-2:] @ table.reshape(shape.P, -1)
-    return (np.abs(size.reshape(2, *table.shape[1:])).max(axis=(0, 1)) / unit).max(axis=0)
 
 
 def _sizes(Q: Array) -> tuple[Array, Array]:
