@@ -212,7 +212,7 @@ def test_stacks_are_the_transcription(name):
     stack = Stack(shape, times, np.tile(problem.packed, (4, 1)))
     Q = shape.local(np.array([tr.coordinates(x) for x in z]))
     S, part = stack.first(Q)
-    factored = Factored(shape, stack.matrices(stack.second(Q)))
+    factored = Factored(shape, stack.coefficients(stack.second(Q)))
     steps = shape.whole(stack.step(factored.solve(stack.rows(part))))
     missed = shape.whole(stack.step(factored.solve(stack.rows(stack.missed(Q, part)))))
     for i, x in enumerate(z):

@@ -23,7 +23,6 @@ from actionopt.mechanics.system import System
 from actionopt.tools.lobatto import Rule, Sampling, lgl
 from actionopt.tools.types import Array, NDInt
 
-
 class Shape:
     """A mesh over [0, 1] whose elements are of one degree, for the problems of one system.
 
@@ -58,11 +57,8 @@ class Shape:
         self.weighted = self.rule.weighted[both]
         stiffness = self.rule.stiffness.reshape(self.P, self.P, self.P)
         self.stiffness = np.ascontiguousarray(stiffness[both]).reshape(-1, self.P)
-        self.functions = {
-            name: system.made(f"columns {name}", lambda name=name: _columns(system, name))
-            for name in ("first", "second")
-        }
-        self._matrices: dict[int, Array] = {}
+        self.functions = functions(system)
+        self._memory = np.empty(0)
 
     def pinned(self, node: int) -> list[int]:
         """Return the coordinates that are given at a node between elements."""
@@ -114,12 +110,35 @@ class Shape:
         other = (rule.nodes.size * np.arange(self.E)[which].size for which, rule in self.sampled)
         return max(self.P * self.E, *other)
 
+    def assemble(self, M: Array, coefficients: list[Array]) -> None:
+        """Put the elements' second derivatives of S into M, (places, places, B), the upper rows."""
+        A, B, C = coefficients
+        blocks, batch = M.reshape(self.P, self.n, self.P, self.n, -1), M.shape[2]
+        pointwise = self.system.pointwise("second")
+        rows, cols = pointwise.sparsity(2)
+        if rows.size < self.n * (self.n + 1) // 2:
+            M[...] = 0.0
+        for a, b, c in zip(rows, cols, C, strict=True):
+            out = (self.stiffness @ c).reshape(self.P, self.P, batch)
+            blocks[:, a, :, b] = out
+            if a != b:
+                blocks[:, b, :, a] = out
+        for a, b, x in zip(*pointwise.sparsity(1), B, strict=True):
+            mixed = self.weighted[:, :, None] * x[self.order, None]
+            blocks[:, a, :, b] += mixed
+            blocks[:, b, :, a] += mixed.transpose(1, 0, 2)
+        at = np.arange(self.P)
+        for a, b, x in zip(*pointwise.sparsity(0), A, strict=True):
+            blocks[at, a, at, b] += x[self.order]
+            if a != b:
+                blocks[at, b, at, a] += x[self.order]
+
     def matrix(self, count: int) -> Array:
-        """Return memory for the matrices of so many members, (places, places, E count)."""
-        if count not in self._matrices:
-            self._matrices.clear()
-            self._matrices[count] = np.empty((self.places, self.places, self.E * count))
-        return self._matrices[count]
+        """Return memory for so many matrices, (places, places, count): the same every time."""
+        size = self.places**2 * count
+        if self._memory.size < size:
+            self._memory = np.empty(size)
+        return self._memory[:size].reshape(self.places, self.places, count)
 
     def local(self, Q: Array) -> Array:
         """Return coordinates (members, K, n) node by node, element by element: (P, n, E, C)."""
@@ -224,36 +243,14 @@ class Stack:
         found = self.shape.functions[name](points, count, inputs)
         return [x.reshape(points, -1, elements, members) for x in found]
 
-    def matrices(self, second: list[Array], shift: Array | None = None) -> Array:
-        """Return the elements' second derivatives of S, (places, places, E C), their upper rows.
+    def coefficients(self, second: list[Array], shift: Array | None = None) -> list[Array]:
+        """Return the nonzeros of `second` times weights and lengths, (nonzeros, P, E C).
 
-        Less `shift` (C,) times their kinetic part. The memory is used again.
+        As `assemble` takes them; L_vv less `shift` (C,) times itself.
         """
-        s = self.shape
-        A, B, C = second
-        M = s.matrix(len(self.times))
-        blocks, batch = M.reshape(s.P, s.n, s.P, s.n, -1), M.shape[2]
-        pointwise = s.system.pointwise("second")
-        rows, cols = pointwise.sparsity(2)
-        if rows.size < s.n * (s.n + 1) // 2:
-            M[...] = 0.0
-        for a, b, c in zip(rows, cols, C.swapaxes(0, 1), strict=True):
-            c = c / self.half if shift is None else c / self.half * (1 - shift)
-            out = (s.stiffness @ c.reshape(s.P, batch)).reshape(s.P, s.P, batch)
-            blocks[:, a, :, b] = out
-            if a != b:
-                blocks[:, b, :, a] = out
-        for a, b, x in zip(*pointwise.sparsity(1), B.swapaxes(0, 1), strict=True):
-            mixed = s.weighted[:, :, None] * x.reshape(s.P, 1, batch)[s.order]
-            blocks[:, a, :, b] += mixed
-            blocks[:, b, :, a] += mixed.transpose(1, 0, 2)
-        at = np.arange(s.P)
-        for a, b, x in zip(*pointwise.sparsity(0), A.swapaxes(0, 1), strict=True):
-            x = (self.weight * x).reshape(s.P, batch)[s.order]
-            blocks[at, a, at, b] += x
-            if a != b:
-                blocks[at, b, at, a] += x
-        return M
+        A, B, C = (x.swapaxes(0, 1) for x in second)
+        C = C / self.half if shift is None else C * ((1 - shift) / self.half)
+        return [x.reshape(*x.shape[:2], self.half.size) for x in (A * self.weight, B, C)]
 
     def rows(self, part: Array) -> Array:
         """Return dS/dq in units of the unknowns, (places, E, C), as right-hand sides have it."""
@@ -273,7 +270,9 @@ class Factored:
     Parameters
     ----------
     shape : Shape
-    M : (places, places, E C) array
+    coefficients : list of arrays
+        As `Stack.coefficients` returns them, for C members. Memory is shared by all of one shape:
+        another matrix takes the place of the last one.
 
     Attributes
     ----------
@@ -283,9 +282,11 @@ class Factored:
         Pivots that are negative, as many as eigenvalues.
     """
 
-    def __init__(self, shape: Shape, M: Array) -> None:
-        self.shape, self.M = shape, M
+    def __init__(self, shape: Shape, coefficients: list[Array]) -> None:
         s, n = shape, shape.n
+        self.shape = shape
+        self.M = M = s.matrix(coefficients[2].shape[2])
+        s.assemble(M, coefficients)
         at = np.arange(s.places)
         self.largest = np.abs(M[at, at]).reshape(s.places * s.E, -1).max(axis=0)
         self.inverse = _eliminate(M, s.inner)
@@ -345,9 +346,13 @@ class Factored:
         return found
 
 
-def _columns(system: System, name: str) -> Columns:
-    """Return a function of a system, to be evaluated by numpy. Raises ValueError as it does."""
-    return Columns(system.pointwise(name).function)
+def functions(system: System) -> dict[str, Columns]:
+    """Return the functions of a system that are evaluated. Raises ValueError as `Columns` does."""
+
+    def build() -> dict[str, Columns]:
+        return {name: Columns(system.pointwise(name).function) for name in ("first", "second")}
+
+    return system.made("columns", build)
 
 
 def _eliminate(M: Array, count: int) -> Array:

@@ -22,8 +22,8 @@ from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import left_out
-from actionopt.discrete.stacks import Shape
-from actionopt.mechanics.problem import MOTIONLESS, SHORT_MOTION, Event, Periodic, Problem
+from actionopt.discrete.stacks import Shape, functions
+from actionopt.mechanics.problem import Event, Periodic, Problem
 from actionopt.solver.iterate import LATE_TIME, SAFETY, UNKNOWN_GAIN, amplified, estimate, sizes
 from actionopt.solver.solve import FAMILY_NOISE, FAMILY_SUSPECTED, Guess, solve
 from actionopt.solver.together import Followed, follow
@@ -214,7 +214,7 @@ class _Run:
         self.index, self.neighbour, self.mesh, self.sheet = np.full((4, k), -1)
         self.iterations = np.zeros(k, dtype=int)
         self.momenta = np.full((k, 2, n), np.nan)
-        self.alone, self.decided, self.known = np.zeros((3, k), dtype=bool)
+        self.alone, self.decided, self.known, self.doubtful = np.zeros((4, k), dtype=bool)
         self.values: list[Array] = [np.zeros((n, 0))] * k
         self.meshes: list[Mesh] = []
         self.messages: dict[int, str] = {}
@@ -243,14 +243,17 @@ class _Run:
         if solution is None:
             return
         if not (_can_be_stacked(self.problem, self.times) and self._begin(first - 1, solution)):
+            nearest = first - 1
             for i in range(first, count):
-                self._solve(i, solution, neighbour=i - 1)
-                solution = self.last or solution
+                found = self._solve(i, solution, nearest)
+                if found is not None and found.success:
+                    solution, nearest = found, i
             return
         for start in range(0, count, BLOCK):
             block = np.arange(start, min(start + BLOCK, count))
             self._block(block)
-            self.known[: max(block[0], 0)] = False  # farther ones are neighbours no more
+            if self.known[block].any():
+                self.known[:start] = False  # farther ones are neighbours no more
 
     def _block(self, block: NDInt) -> None:
         """Solve some members, in waves from those that are known."""
@@ -277,7 +280,8 @@ class _Run:
             left = np.flatnonzero(~self.decided[block])
             if not left.size:
                 return
-            may = left[(near[left] < CLOSER * tried[left]) & (tries[left] < TRIES)]
+            open_ = (near < CLOSER * tried) & (tries < TRIES) & ~self.doubtful[block]
+            may = left[open_[left]]
             limit = reach if growing else around * reach
             if reach < smallest:  # those that are left, the nearest first
                 limit = around * near[may].min(initial=np.inf)
@@ -321,8 +325,6 @@ class _Run:
 
     # -- one by one ------------------------------------------------------------------------------
 
-    last: Solution | None = None
-
     def _solve(self, i: int, guess: Guess | None, neighbour: int = -1) -> Solution | None:
         """Leave a member to `solve`; None if that refuses it."""
         self.alone[i] = self.decided[i] = True
@@ -341,8 +343,6 @@ class _Run:
                 self.index[i] = found.morse_index
         self.mesh[i], self.values[i] = len(self.meshes), found.path.values
         self.meshes.append(found.mesh.moved(0.0, 1.0))
-        if found.success:
-            self.last = found
         return found
 
     def _leave(self, i: int, neighbour: int) -> None:
@@ -370,10 +370,7 @@ class _Run:
 
     def _begin(self, i: int, solution: Solution) -> bool:
         """Make the first mesh from a solution; False if that cannot be followed with others."""
-        try:
-            if not self._add_level(i, solution):
-                return False
-        except ValueError:  # an instruction that there is no function of numpy's for
+        if not self._add_level(i, solution):
             return False
         shape = self.levels[0].shape
         self.seeds = np.zeros((len(self.status), shape.mesh.offsets[-1] + 1, shape.n))
@@ -395,21 +392,26 @@ class _Run:
         if self.levels:
             units, unit = self.levels[0].shape.units, self.levels[0].shape.action_unit
         size = sizes(solution.path.values.T, problem.scales)
-        mesh = _even(solution.path, size, MESH_MARGIN * self.tol / (2 * SAFETY * UNKNOWN_GAIN))
-        finer = mesh.cut(mesh.since, mesh.degrees[0] + MORE_DEGREES)
-        found = []
-        for each in (mesh, finer):
-            shape = Shape(system, each, (free[0], free[1]), units, unit)
-            nodes = each.moved(*self.times[i].tolist())
-            Q = solution.path.on(nodes).values.T[None]
-            found.append((shape, self._follow(shape, np.array([i]), Q)))
-            if not found[-1][1].converged[0]:
-                return False
-        (shape, at), (_, better) = found
-        exact = Path(finer, better.Q[0].T)(mesh.nodes).T
-        change = float((np.abs(exact - at.Q[0]) / size).max())
-        left = float(at.omitted[0])
-        gain = max(change / left, 1.0) if left > MEASURABLE else UNKNOWN_GAIN
+        shape, gain, at = None, UNKNOWN_GAIN, None
+        for _ in range(2):  # the gain is known after the first
+            target = MESH_MARGIN * self.tol / (2 * SAFETY * gain)
+            mesh, found = _even(solution.path, size, target), []
+            if shape is not None and shape.mesh.degrees == mesh.degrees:
+                break
+            finer = mesh.cut(mesh.since, mesh.degrees[0] + MORE_DEGREES)
+            for each in (mesh, finer):
+                shape = Shape(system, each, (free[0], free[1]), units, unit)
+                nodes = each.moved(*self.times[i].tolist())
+                Q = solution.path.on(nodes).values.T[None]
+                found.append((shape, self._follow(shape, np.array([i]), Q)))
+                if not found[-1][1].converged[0]:
+                    return False
+            (shape, at), (_, better) = found
+            exact = Path(finer, better.Q[0].T)(mesh.nodes).T
+            change = float((np.abs(exact - at.Q[0]) / size).max())
+            left = float(at.omitted[0])
+            gain = max(change / left, 1.0) if left > MEASURABLE else UNKNOWN_GAIN
+        assert shape is not None and at is not None
         self.levels.append(_Level(shape, gain, float(at.probed[0])))
         return True
 
@@ -480,12 +482,11 @@ class _Run:
         error = estimate(gain, found.omitted, found.noise)
         within = error <= self.tol
         error = np.maximum(error, SAFETY * found.missed)
-        extent, size = np.ptp(found.Q, axis=1), np.abs(found.Q).max(axis=1)
-        far = ((extent < SHORT_MOTION * size) & (extent > MOTIONLESS * size)).any(axis=1)
         several = found.Q.shape[2] > 1
         family = found.probed > FAMILY_SUSPECTED if several else found.noise > FAMILY_NOISE
-        sound = found.converged & np.isfinite(found.omitted) & ~far & ~family
+        sound = found.converged & np.isfinite(found.omitted) & ~family
         good = sound & (error <= self.tol)
+        self.doubtful[which] = found.converged & ~good & ~(sound & ~within)
         i = which[good]
         self.action[i], self.error[i] = found.action[good], error[good]
         self.momenta[i], self.index[i] = found.momenta[good], found.index[good]
@@ -615,7 +616,13 @@ def _can_be_stacked(problem: Problem, times: Array) -> bool:
         and system.n <= COORDINATES
     )
     late = structure.depends_on_time and bool(far.any())
-    return plain and not late and system.switches is None and system.clock is None
+    if not plain or late or system.switches is not None or system.clock is not None:
+        return False
+    try:
+        functions(system)
+    except ValueError:  # an instruction that there is no function of numpy's for
+        return False
+    return True
 
 
 def _checked(problem: Problem, columns: Mapping[Name, ArrayLike]) -> dict[Name, Array]:

@@ -19,7 +19,7 @@ from actionopt.discrete.mesh import MAX_DEGREE
 from actionopt.discrete.newton import CHORDS, CONTRACTION, ROUNDOFF_STEP
 from actionopt.discrete.resolution import left_out
 from actionopt.discrete.stacks import Factored, Shape, Stack, pivots
-from actionopt.mechanics.problem import NEGLIGIBLE
+from actionopt.mechanics.problem import MOTIONLESS, NEGLIGIBLE, SHORT_MOTION
 from actionopt.solver.iterate import (
     ORDINARY,
     POLYNOMIAL_ROUNDOFF,
@@ -113,7 +113,7 @@ def _round(
     stack = Stack(shape, times[rows], packed[rows])
     Q = first = shape.local(found.Q[rows])
     second = stack.second(Q)
-    factored = Factored(shape, stack.matrices(second))
+    factored = Factored(shape, stack.coefficients(second))
     target = min(tol / (10 * SAFETY), ORDINARY * POLYNOMIAL_ROUNDOFF)
 
     def solved(part: Array) -> tuple[Array, Array]:
@@ -179,11 +179,16 @@ class _Arrived:
     sizes: Array
 
     def omitted(self) -> Array:
-        """Return the largest coefficient left out, (C,); infinite where a velocity is not known."""
+        """Return the largest coefficient left out, (C,).
+
+        Infinite where a velocity is not known, or the motion is small and far from zero.
+        """
         stack, shape = self.stack, self.stack.shape
+        extent = self.Q.max(axis=(0, 2)) - self.Q.min(axis=(0, 2))
+        far = (extent < SHORT_MOTION * self.sizes) & (extent > MOTIONLESS * self.sizes)
         scaled = (self.Q / self.sizes[:, None]).transpose(2, 3, 0, 1)
         found, _ = left_out(shape.rule, scaled.reshape(-1, shape.P, shape.n))
-        found = found.reshape(shape.E, -1)
+        found = np.where(far.any(axis=0), np.inf, found.reshape(shape.E, -1))
         shortest = shape.mesh.lengths.min()
         if shortest > SHORT_ELEMENT:
             return found.max(axis=0)
@@ -251,7 +256,7 @@ class _Arrived:
         tolerance = np.full(C, np.clip(ERROR_GAIN * tol, INDEX_TOLERANCE, LOOSEST))
         counts = []
         for shift in (-tolerance, tolerance):
-            self.factored = Factored(shape, stack.matrices(second, shift))
+            self.factored = Factored(shape, stack.coefficients(second, shift))
             counts.append(self.factored.negative)
         fields = self.factored.responses().reshape(shape.P, -1)[shape.back]
         fields = np.abs(shape.rule.to_legendre @ fields).reshape(shape.P, -1, shape.E, C)
