@@ -23,6 +23,7 @@ from actionopt.mechanics.system import System
 from actionopt.tools.lobatto import Rule, Sampling, lgl
 from actionopt.tools.types import Array, NDInt
 
+
 class Shape:
     """A mesh over [0, 1] whose elements are of one degree, for the problems of one system.
 
@@ -56,7 +57,8 @@ class Shape:
         both = np.ix_(self.order, self.order)
         self.weighted = self.rule.weighted[both]
         stiffness = self.rule.stiffness.reshape(self.P, self.P, self.P)
-        self.stiffness = np.ascontiguousarray(stiffness[both]).reshape(-1, self.P)
+        self.stiffness = stiffness[both][np.triu_indices(self.P)]
+        self.upper = np.cumsum(np.r_[0, np.arange(self.P, 1, -1)]).tolist()
         self.functions = functions(system)
         self._memory = np.empty(0)
 
@@ -113,25 +115,25 @@ class Shape:
     def assemble(self, M: Array, coefficients: list[Array]) -> None:
         """Put the elements' second derivatives of S into M, (places, places, B), the upper rows."""
         A, B, C = coefficients
-        blocks, batch = M.reshape(self.P, self.n, self.P, self.n, -1), M.shape[2]
-        pointwise = self.system.pointwise("second")
+        blocks = M.reshape(self.P, self.n, self.P, self.n, -1)
+        pointwise, at = self.system.pointwise("second"), np.arange(self.P)
         rows, cols = pointwise.sparsity(2)
         if rows.size < self.n * (self.n + 1) // 2:
             M[...] = 0.0
         for a, b, c in zip(rows, cols, C, strict=True):
-            out = (self.stiffness @ c).reshape(self.P, self.P, batch)
-            blocks[:, a, :, b] = out
-            if a != b:
-                blocks[:, b, :, a] = out
+            out = self.stiffness @ c  # node by node, those from it on
+            for j, first in enumerate(self.upper):
+                part = out[first : first + self.P - j]
+                blocks[j, a, j:, b] = part
+                if a != b:
+                    blocks[j, b, j:, a] = part
         for a, b, x in zip(*pointwise.sparsity(1), B, strict=True):
-            mixed = self.weighted[:, :, None] * x[self.order, None]
-            blocks[:, a, :, b] += mixed
-            blocks[:, b, :, a] += mixed.transpose(1, 0, 2)
-        at = np.arange(self.P)
+            x = x[self.order]
+            for j in range(self.P):
+                blocks[j, a, j:, b] += self.weighted[j, j:, None] * x[j]
+                blocks[j, b, j:, a] += self.weighted[j:, j, None] * x[j:]
         for a, b, x in zip(*pointwise.sparsity(0), A, strict=True):
             blocks[at, a, at, b] += x[self.order]
-            if a != b:
-                blocks[at, b, at, a] += x[self.order]
 
     def matrix(self, count: int) -> Array:
         """Return memory for so many matrices, (places, places, count): the same every time."""
