@@ -211,7 +211,7 @@ def test_stacks_are_the_transcription(name):
     times = np.tile([problem.start.t, problem.end.t], (4, 1))
     stack = Stack(shape, times, np.tile(problem.packed, (4, 1)))
     Q = shape.local(np.array([tr.coordinates(x) for x in z]))
-    S, part = stack.first(Q)
+    S, part = stack.action(Q), stack.gradient(Q)
     factored = Factored(shape, stack.coefficients(stack.second(Q)))
     steps = shape.whole(stack.step(factored.solve(stack.rows(part))))
     missed = shape.whole(stack.step(factored.solve(stack.rows(stack.missed(Q, part)))))

@@ -14,6 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
+import casadi as ca
 import numpy as np
 
 from actionopt.discrete.mesh import Mesh
@@ -194,11 +195,17 @@ class Stack:
         v = self.shape.rule.derivative @ local.reshape(len(Q), -1)
         return v.reshape(Q.shape) / self.half
 
-    def first(self, Q: Array) -> tuple[Array, Array]:
-        """Return S, (C,), and the elements' parts of dS/dq, (P, n, E, C), in the user's units."""
-        force, momentum, L = self._evaluated("first", Q, self.velocities(Q), self._at)
-        part = self.weight[:, None] * force + _work(self.shape.rule.weighted.T, momentum)
-        return (self.weight * L[:, 0]).sum(axis=(0, 1)), part
+    def action(self, Q: Array) -> Array:
+        """Return S, (C,), in the user's units."""
+        L = self._evaluated("value", Q, self.velocities(Q), self._at)[0]
+        return (self.weight * L[:, 0]).sum(axis=(0, 1))
+
+    def gradient(self, Q: Array) -> Array:
+        """Return the elements' parts of dS/dq, (P, n, E, C), in the user's units."""
+        force, momentum = self._evaluated("gradient", Q, self.velocities(Q), self._at)
+        force *= self.weight[:, None]
+        force += _work(self.shape.rule.weighted.T, momentum)
+        return force
 
     def second(self, Q: Array, nodes: Array | None = None) -> list[Array]:
         """Return the nonzeros of L_qq, L_qv and L_vv, (P, nonzeros, E, C), in units of unknowns.
@@ -231,7 +238,7 @@ class Stack:
             local, half = Q[:, :, which], self.half[which]
             q, v = self._sampled(local, rule.values, rule.slopes, half)
             at = self._arguments(s.times_of(rule.nodes, which))
-            force, momentum, _ = self._evaluated("first", q, v, at)
+            force, momentum = self._evaluated("gradient", q, v, at)
             work = rule.weighted_values @ force.reshape(len(q), -1)
             work = work.reshape(local.shape) * half + _work(rule.weighted_slopes, momentum)
             found[:, :, which] += work
@@ -316,26 +323,29 @@ class Factored:
             self.levels.append((inverse, response))
 
     def solve(self, right: Array) -> Array:
-        """Return the solution for elements' right-hand sides (places, E, C), in their memory."""
+        """Return the solution for elements' right-hand sides, in their memory.
+
+        One or several, (places, ..., E, C).
+        """
         s, n = self.shape, self.shape.n
-        inner = right.reshape(s.places, -1)
+        inner = right.reshape(*right.shape[:-2], -1)
         _forward(self.M, self.inverse, inner)
-        ends = right[s.inner :]  # (2 n, E, C)
+        ends = right[s.inner :]  # (2 n, ..., E, C)
         kept = []
-        beyond = np.zeros((n, right.shape[2]))
+        beyond = np.zeros_like(ends[:n, ..., 0, :])
         for e, (inverse, response) in enumerate(self.levels):
-            r = beyond + ends[:n, e] if e < s.E else beyond
+            r = beyond + ends[:n, ..., e, :] if e < s.E else beyond
             pinned = s.pinned(e)
             if pinned:
                 r[pinned] = 0.0
             kept.append(_times(inverse, r))
             if e < s.E:
-                beyond = ends[n:, e] - np.einsum("icb,ib->cb", response, r)
+                beyond = ends[n:, ..., e, :] - np.einsum("icb,i...b->c...b", response, r)
         later = kept[-1]
         for e in range(s.E - 1, -1, -1):
-            ends[n:, e] = later
+            ends[n:, ..., e, :] = later
             later = kept[e] - _times(self.levels[e][1], later)
-            ends[:n, e] = later
+            ends[:n, ..., e, :] = later
         _backward(self.M, self.inverse, inner)
         return right
 
@@ -344,15 +354,27 @@ class Factored:
         s = self.shape
         found = np.zeros((s.places, 2 * s.n, self.M.shape[2]))
         found[s.inner + np.arange(2 * s.n), np.arange(2 * s.n)] = 1.0
-        _backward(self.M[:, :, None], self.inverse, found)
+        _backward(self.M, self.inverse, found)
         return found
 
 
 def functions(system: System) -> dict[str, Columns]:
-    """Return the functions of a system that are evaluated. Raises ValueError as `Columns` does."""
+    """Return what is evaluated of a system: L, its gradient, and its second derivatives.
+
+    Raises ValueError as `Columns` does.
+    """
 
     def build() -> dict[str, Columns]:
-        return {name: Columns(system.pointwise(name).function) for name in ("first", "second")}
+        s, d = system.symbols, system.derivatives
+        outputs = {
+            "value": [system.L],
+            "gradient": [ca.densify(d.Lq), ca.densify(d.Lv)],
+            "second": [d.Lqq, d.Lqv, d.Lvv],
+        }
+        return {
+            name: Columns(ca.Function(name, [s.q, s.v, s.t, s.p], ca.cse(found)))
+            for name, found in outputs.items()
+        }
 
     return system.made("columns", build)
 
@@ -373,11 +395,11 @@ def _eliminate(M: Array, count: int) -> Array:
 
 
 def _forward(M: Array, inverse: Array, right: Array) -> None:
-    """Eliminate in right-hand sides (f, B) what `_eliminate` did, in place: D y = right."""
+    """Eliminate in right-hand sides (f, ..., B) what `_eliminate` did, in place: D y = right."""
     count = len(inverse)
     for r in range(len(right)):
         k = min(r, count)
-        right[r] -= np.einsum("ib,ib->b", M[:k, r], right[:k])
+        right[r] -= np.einsum("ib,i...b->...b", M[:k, r], right[:k])
         if r < count:
             right[r] *= inverse[r]
 
@@ -385,7 +407,7 @@ def _forward(M: Array, inverse: Array, right: Array) -> None:
 def _backward(M: Array, inverse: Array, right: Array) -> None:
     """Solve L' x = y for the rows eliminated, from those that were not, (f, ..., B), in place."""
     for r in range(len(inverse) - 1, -1, -1):
-        beyond = np.einsum("c...b,c...b->...b", M[r, r + 1 :], right[r + 1 :])
+        beyond = np.einsum("cb,c...b->...b", M[r, r + 1 :], right[r + 1 :])
         beyond *= inverse[r]
         right[r] -= beyond
 

@@ -37,7 +37,8 @@ BLOCK = 1024  # members among which neighbours are sought; ad hoc: distances of 
 # Ad hoc, where nothing else is said.
 COORDINATES = 8  # up to which elements' matrices are best eliminated member by member
 MESH_DEGREES = (8, 10, 12, 14, 17)
-MESH_MARGIN = 0.1  # of what a mesh may leave out, to begin with: other members are harder
+MESH_MARGIN = 0.03  # of `tol`, the coefficients that a mesh may leave out to begin with
+ROW_PRICE = 35.0  # of a row of a matrix, in rows: measured, for one to three coordinates
 HALVINGS = 12  # of elements
 MORE_DEGREES = 4  # that tell what a mesh has left out
 LEVELS = 4  # meshes that a member is tried on, each finer
@@ -392,26 +393,19 @@ class _Run:
         if self.levels:
             units, unit = self.levels[0].shape.units, self.levels[0].shape.action_unit
         size = sizes(solution.path.values.T, problem.scales)
-        shape, gain, at = None, UNKNOWN_GAIN, None
-        for _ in range(2):  # the gain is known after the first
-            target = MESH_MARGIN * self.tol / (2 * SAFETY * gain)
-            mesh, found = _even(solution.path, size, target), []
-            if shape is not None and shape.mesh.degrees == mesh.degrees:
-                break
-            finer = mesh.cut(mesh.since, mesh.degrees[0] + MORE_DEGREES)
-            for each in (mesh, finer):
-                shape = Shape(system, each, (free[0], free[1]), units, unit)
-                nodes = each.moved(*self.times[i].tolist())
-                Q = solution.path.on(nodes).values.T[None]
-                found.append((shape, self._follow(shape, np.array([i]), Q)))
-                if not found[-1][1].converged[0]:
-                    return False
-            (shape, at), (_, better) = found
-            exact = Path(finer, better.Q[0].T)(mesh.nodes).T
-            change = float((np.abs(exact - at.Q[0]) / size).max())
-            left = float(at.omitted[0])
-            gain = max(change / left, 1.0) if left > MEASURABLE else UNKNOWN_GAIN
-        assert shape is not None and at is not None
+        mesh, found = _even(solution.path, size, MESH_MARGIN * self.tol / (2 * SAFETY)), []
+        finer = mesh.cut(mesh.since, mesh.degrees[0] + MORE_DEGREES)
+        for each in (mesh, finer):
+            shape = Shape(system, each, (free[0], free[1]), units, unit)
+            Q = solution.path.on(each.moved(*self.times[i].tolist())).values.T[None]
+            found.append((shape, self._follow(shape, np.array([i]), Q)))
+            if not found[-1][1].converged[0]:
+                return False
+        (shape, at), (_, better) = found
+        exact = Path(finer, better.Q[0].T)(mesh.nodes).T
+        change = float((np.abs(exact - at.Q[0]) / size).max())
+        left = float(at.omitted[0])
+        gain = max(change / left, 1.0) if left > MEASURABLE else UNKNOWN_GAIN
         self.levels.append(_Level(shape, gain, float(at.probed[0])))
         return True
 
@@ -595,7 +589,7 @@ def _even(path: Path, size: Array, target: float) -> Mesh:
             edges = np.sort(np.concatenate([edges, (edges[split] + edges[split + 1]) / 2]))
             done = np.insert(done, split + 1, False)
         rows = (degree + 1) * len(size)
-        price = done.size * rows * (60.0 + rows + rows**2 / 20)
+        price = done.size * rows * (ROW_PRICE + rows)
         if done.all() and price < cost:
             best, cost = Mesh(edges, degree), price
     if best is None:

@@ -108,10 +108,8 @@ def _round(
 ) -> NDInt:
     """Take some members a factorization further; return those that are to go on."""
     count = here.size
-    # Few numbers of members, so that memory serves again; those that are too many are copies.
-    rows = np.append(here, np.repeat(here[-1:], (1 << (count - 1).bit_length()) - count))
-    stack = Stack(shape, times[rows], packed[rows])
-    Q = first = shape.local(found.Q[rows])
+    stack = Stack(shape, times[here], packed[here])
+    Q = first = shape.local(found.Q[here])
     second = stack.second(Q)
     factored = Factored(shape, stack.coefficients(second))
     target = min(tol / (10 * SAFETY), ORDINARY * POLYNOMIAL_ROUNDOFF)
@@ -122,14 +120,14 @@ def _round(
         return step, _largest(step, sizes)
 
     sizes, _ = _sizes(Q)
-    step, length = solved(stack.first(Q)[1])
-    going, near = np.ones((2, rows.size), dtype=bool)
+    step, length = solved(stack.gradient(Q))
+    going, near = np.ones((2, count), dtype=bool)
     near[:] = False
-    converged, noise = near.copy(), np.full(rows.size, np.nan)
-    S, part = np.full(rows.size, np.nan), step
+    converged, noise = near.copy(), np.full(count, np.nan)
+    part = step
     for again in range(CHORDS + 2):
         Q = Q - np.where(going, step, 0.0)
-        S, part = stack.first(Q)
+        part = stack.gradient(Q)
         step, rest = solved(part)
         arrived = going & (near | (rest <= target))
         noise[arrived] = rest[arrived]
@@ -143,28 +141,27 @@ def _round(
         length = rest
     Q = Q - np.where(going | converged, step, 0.0)  # round-off, or not small yet
     sizes, regular = _sizes(Q)
-    converged &= regular & np.isfinite(S) & part.any(axis=(0, 1, 2))
+    converged &= regular & part.any(axis=(0, 1, 2))
     found.iterations[here] += 1
-    found.Q[here] = shape.whole(Q)[:count]
-    found.moved[here] += _largest(Q - first, sizes)[:count]
-    if converged[:count].any():
+    found.Q[here] = shape.whole(Q)
+    found.moved[here] += _largest(Q - first, sizes)
+    if converged.any():
         ready = _Arrived(stack, factored, Q, part, second, sizes)
-        steady = shape.system.structure.steady
+        missed, probed = ready.moved(tol)
         values = {
+            "converged": converged,
             "noise": noise,
-            "action": S,
+            "action": stack.action(Q),
             "momenta": np.stack([-part[0, :, 0], part[-1, :, -1]]).transpose(2, 0, 1),
             "omitted": ready.omitted(),
-            "missed": np.zeros(rows.size) if steady else ready.missed(tol),
-            "probed": ready.probed(),
+            "missed": missed,
+            "probed": probed,
         }
         if index:
             values["index"] = ready.index(tol)
-        done = converged[:count]
-        found.converged[here[done]] = True
         for name, value in values.items():
-            getattr(found, name)[here[done]] = value[:count][done]
-    return here[(going & ~converged)[:count]]
+            getattr(found, name)[here[converged]] = value[converged]
+    return here[going & ~converged]
 
 
 @dataclass(eq=False)
@@ -201,13 +198,26 @@ class _Arrived:
         singular = rates * (self.sizes / speeds).max(axis=0) > limit
         return np.where(singular, np.inf, found.max(axis=0))
 
-    def missed(self, tol: float) -> Array:
-        """Return how far paths would move if forces were summed over other points, (C,)."""
-        stack, shape, structure = self.stack, self.stack.shape, self.stack.shape.system.structure
+    def moved(self, tol: float) -> tuple[Array, Array]:
+        """Return how far paths would move if forces were summed over other points, (C,).
+
+        And if round-off were in every entry of the matrix.
+        """
+        stack, structure = self.stack, self.stack.shape.system.structure
+        if structure.steady:  # there is nothing to miss
+            step = stack.step(self.factored.solve(self._probe()))
+            return np.zeros(len(stack.times)), _largest(step, self.sizes)
         miss = stack.missed(self.Q, self.part)
-        moved = _largest(stack.step(self.factored.solve(stack.rows(miss))), self.sizes)
-        if not structure.samples or structure.linear:
-            return moved
+        both = np.stack([stack.rows(miss), self._probe()], axis=1)
+        both = self.factored.solve(both)
+        found = [_largest(stack.step(both[:, k]), self.sizes) for k in (0, 1)]
+        if structure.samples and not structure.linear:
+            found[0] = np.maximum(found[0], self._carried(miss, tol))
+        return found[0], found[1]
+
+    def _carried(self, miss: Array, tol: float) -> Array:
+        """Return how far what is missed carries what nothing holds, (C,)."""
+        stack, shape = self.stack, self.stack.shape
         # As in `second_quadrature.missed` and `iterate.unseen`: what a free body would drift, at
         # the least inertia on the way to begin with.
         inertia = self._diagonal(2)
@@ -215,14 +225,13 @@ class _Arrived:
         momenta *= stack.duration / shape.action_unit * (shape.units[:, None] / self.sizes)
         carried = momenta.max(axis=0) / inertia.min(axis=(0, 1, 2))
         if not (SAFETY * carried > tol).any():
-            return np.maximum(moved, carried)
+            return carried
         known = np.where(np.isfinite(inertia) & (inertia > 0), inertia, np.nan)
         unit = np.nanmedian(known, axis=(0, 1, 2))
         carried = momenta.max(axis=0) / np.where(np.isfinite(unit), unit, 1.0)
         square = np.median(self._diagonal(0) / inertia, axis=(0, 2))  # (n, C)
         turns = stack.duration * np.sqrt(np.where(np.isfinite(square), square, 0.0).max(axis=0))
-        carried = np.where(SAFETY * carried > tol, carried / (1.0 + turns), carried)
-        return np.maximum(moved, carried)
+        return np.where(SAFETY * carried > tol, carried / (1.0 + turns), carried)
 
     def _diagonal(self, k: int) -> Array:
         """Return the magnitudes on the diagonal of L_qq (0) or L_vv (2), (P, n, E, C)."""
@@ -232,8 +241,8 @@ class _Arrived:
         found[:, rows[own]] = np.abs(self.second[k][:, own])
         return found
 
-    def probed(self) -> Array:
-        """Return how far round-off in every entry of the matrix may move the paths, (C,)."""
+    def _probe(self) -> Array:
+        """Return a right-hand side as round-off in every entry makes it, (places, E, C)."""
         shape = self.stack.shape
         # As `Layout.probe`: as smooth as the lowest modes are, of no symmetry.
         node = shape.mesh.offsets[:-1] + np.arange(shape.P)[:, None]
@@ -242,8 +251,7 @@ class _Arrived:
         )  # (P, n, E)
         probe[-1, :, :-1] = 0.0  # nodes between elements once
         size = POLYNOMIAL_ROUNDOFF * self.factored.largest
-        right = (probe[shape.order].reshape(shape.places, shape.E)[:, :, None]) * size
-        return _largest(self.stack.step(self.factored.solve(right)), self.sizes)
+        return probe[shape.order].reshape(shape.places, shape.E)[:, :, None] * size
 
     def index(self, tol: float) -> Array:
         """Return the numbers of negative eigenvalues, (C,); -1 where they are not to be trusted.
