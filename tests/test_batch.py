@@ -107,11 +107,11 @@ def test_index_over_conjugate_points():
     times = np.linspace(0.6, 3.45, 39)
     found = solve_run(problem, {"t1": times}, TOL, index=True)
     for i, t in enumerate(times):
-        if found.status[i] is Status.SOLVED:
+        if found.success[i] and not found.alone[i]:
             alone = ao.solve(member(problem, {"t1": times}, i), guess=found.path(i), tol=1e-11)
             assert apart(found.path(i), alone.path) <= found.error[i] + alone.error
             assert found.index[i] == alone.morse_index
-            if abs(t - round(t)) > 0.1:
+            if np.abs(found.values[i]).max() < 0.1:  # else the potential is no parabola
                 assert found.index[i] == int(t)
     assert (found.success | (np.abs(times - np.round(times)) < 0.05)).all()
 

@@ -37,13 +37,14 @@ BLOCK = 1024  # members among which neighbours are sought; ad hoc: distances of 
 # Ad hoc, where nothing else is said.
 COORDINATES = 8  # up to which elements' matrices are best eliminated member by member
 MESH_DEGREES = (8, 10, 12, 14, 17)
-MESH_MARGIN = 0.03  # of `tol`, the coefficients that a mesh may leave out to begin with
+MESH_MARGIN = 0.1  # of `tol`, the coefficients that a mesh may leave out to begin with
 ROW_PRICE = 35.0  # of a row of a matrix, in rows: measured, for one to three coordinates
 HALVINGS = 12  # of elements
 MORE_DEGREES = 4  # that tell what a mesh has left out
 LEVELS = 4  # meshes that a member is tried on, each finer
 CLOSER = 0.75  # of its distance from a neighbour, at which a member is tried again
-LEAP = 0.3  # of a path's size, from where it was expected: it is on another sheet
+FIRST_REACH = 0.5  # of the columns' ranges, into which the first wave goes
+LEAP = 0.5  # of a path's size, from where it was expected: it may be on another sheet
 TRIES = 4  # before it is left alone
 REBASED = 0.25  # of a wave, on a finer mesh: the next ones begin there
 COARSEST_TOGETHER = 1e-3  # `tol` below which it is no matter how far from zero a motion is
@@ -274,8 +275,7 @@ class _Run:
 
         learn(np.flatnonzero(self.known))
         smallest = 0.5 / block.size
-        positive = near[near > 0]
-        reach = float(positive.min()) * 1.001 if positive.size else 1.0
+        reach = FIRST_REACH
         growing, progress, around = True, False, 2 * np.sqrt(self.at.shape[1])
         while True:
             left = np.flatnonzero(~self.decided[block])
@@ -288,7 +288,8 @@ class _Run:
                 limit = around * near[may].min(initial=np.inf)
             near_enough = may[near[may] <= limit]
             if reach >= smallest:
-                near_enough = near_enough[self._sparse(block, near_enough, reach)]
+                cell = reach / 2 if growing else reach
+                near_enough = near_enough[self._sparse(block, near_enough, cell)]
             if near_enough.size:
                 tried[near_enough] = near[near_enough]
                 tries[near_enough] += 1
@@ -434,6 +435,7 @@ class _Run:
         self.neighbour[which], count = nearest, which.size
         expected = self._predicted(which, nearest)
         found = self._follow(self.levels[self.base].shape, which, expected)
+        found.converged &= found.moved <= LEAP
         self.iterations[which] += found.iterations
         self.moved[which] = np.where(found.converged, found.moved, np.nan)
         self.seeds[which] = found.Q

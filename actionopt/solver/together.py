@@ -90,12 +90,10 @@ def follow(
     `tol` is to what their errors are to be known; with `index`, it is counted.
     """
     numbers = shape.E * shape.places**2, shape.points * 8 * shape.n
-    together = int(min(MATRICES / numbers[0], VALUES / numbers[1], MOST))
-    together = max(1 << together.bit_length() - 1 if together else 0, LEAST)
+    most = max(min(MATRICES // numbers[0], VALUES // numbers[1], MOST), LEAST)
     found = Followed.nowhere(Q)
     with np.errstate(all="ignore"):
-        for first in range(0, len(Q), together):
-            here = np.arange(first, min(first + together, len(Q)))
+        for here in np.array_split(np.arange(len(Q)), -(-len(Q) // most)):
             for _ in range(STEPS):
                 here = _round(shape, times, packed, found, here, tol, index)
                 if not here.size:
