@@ -165,6 +165,25 @@ def test_members_that_want_a_finer_mesh_get_it():
         assert apart(found.path(i), alone.path) <= found.error[i] + alone.error
 
 
+def test_members_may_be_one_and_the_same():
+    problem = scenes.get("pendulum").problem
+    one = solve_run(problem, {"g": [9.0]})
+    same = solve_run(problem, {"g": [9.0] * 5, "t1": [0.7] * 5})
+    assert one.success.all() and same.success.all()
+    assert np.ptp(same.action) < 1e-12
+
+
+def test_who_is_refused_is_data():
+    def lagrangian(q, v, t, *, m):
+        return m * v[0] ** 2 / 2 - np.cos(q[0])
+
+    system = ao.System(lagrangian, ["x"], parameters={"m": 1.0})
+    problem = ao.Problem(system, ao.Event(0.0, [0.0]), ao.Event(1.0, [1.0]))
+    found = solve_run(problem, {"m": [1.0, 0.5, 0.0, 0.8]})
+    assert found.success.tolist() == [True, True, False, True]
+    assert np.isnan(found.action[2]) or not found.status[2].success
+
+
 def test_other_problems_are_solved_one_by_one():
     problem = scenes.get("drag_linear").problem
     name = next(iter(problem.parameters))
@@ -193,11 +212,13 @@ def test_blocks_are_neighbours(monkeypatch):
         ({"g": [9.0, 9.5], "t1": [1.0]}, "as many values"),
         ({"t1": [1.0, -1.0]}, "for member 1"),
         ({}, "at least one quantity"),
+        ({"g": [9.0], "tol": 0}, "tol"),
     ],
 )
 def test_refusals(columns, words):
+    tol = columns.pop("tol", 1e-8)
     with pytest.raises(ValueError, match=words):
-        solve_run(scenes.get("pendulum").problem, columns)
+        solve_run(scenes.get("pendulum").problem, columns, tol)
 
 
 @pytest.mark.parametrize("name", ["pendulum", "double_pendulum", "charge_gauge", "moving_pivot"])

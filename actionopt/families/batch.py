@@ -24,6 +24,7 @@ from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import left_out
 from actionopt.discrete.stacks import Shape, functions
 from actionopt.mechanics.problem import Event, Periodic, Problem
+from actionopt.solver.arguments import checked
 from actionopt.solver.iterate import LATE_TIME, SAFETY, UNKNOWN_GAIN, amplified, estimate, sizes
 from actionopt.solver.solve import FAMILY_NOISE, FAMILY_SUSPECTED, Guess, solve
 from actionopt.solver.together import Followed, follow
@@ -40,6 +41,7 @@ MESH_DEGREES = (8, 10, 12, 14, 17)
 MESH_MARGIN = 0.1  # of `tol`, the coefficients that a mesh may leave out to begin with
 ROW_PRICE = 35.0  # of a row of a matrix, in rows: measured, for one to three coordinates
 HALVINGS = 12  # of elements
+OTHERS_GAIN = 2.0  # times that of one member, of errors whose shapes differ
 MORE_DEGREES = 4  # that tell what a mesh has left out
 LEVELS = 4  # meshes that a member is tried on, each finer
 CLOSER = 0.75  # of its distance from a neighbour, at which a member is tried again
@@ -47,7 +49,6 @@ FIRST_REACH = 0.5  # of the columns' ranges, into which the first wave goes
 LEAP = 0.5  # of a path's size, from where it was expected: it may be on another sheet
 TRIES = 4  # before it is left alone
 REBASED = 0.25  # of a wave, on a finer mesh: the next ones begin there
-COARSEST_TOGETHER = 1e-3  # `tol` below which it is no matter how far from zero a motion is
 # Of the prediction: neighbours for so many columns, the kernel's width in units of the farthest
 # one's distance, and what is added to its diagonal, so that it can be inverted: in the rows of the
 # kernel, of the constant, which comes first where neighbours are few, and of the linear terms.
@@ -160,8 +161,10 @@ def solve_run(
     Raises
     ------
     ValueError
-        If a name is none of these, values are not k finite numbers, or times do not increase.
+        If a name is none of these, values are not k finite numbers, or times do not increase; and
+        as `solve` does for `tol` and the guess.
     """
+    checked(problem, tol, guess, "auto", None, "auto")
     run = _Run(problem, columns, tol, index)
     run.go(guess)
     return run.members()
@@ -192,7 +195,7 @@ class _Run:
         self.ends = np.tile(np.array(given), (k, 1, 1))
         first = 0
         for name, size in problem.system.table.shapes.items():
-            if name in self.columns:
+            if name in self.columns and name not in ("t0", "t1"):
                 self.packed[:, first] = self.columns[name]
             first += int(np.prod(size))
         for name, values in self.columns.items():
@@ -406,7 +409,7 @@ class _Run:
         exact = Path(finer, better.Q[0].T)(mesh.nodes).T
         change = float((np.abs(exact - at.Q[0]) / size).max())
         left = float(at.omitted[0])
-        gain = max(change / left, 1.0) if left > MEASURABLE else UNKNOWN_GAIN
+        gain = max(change / left, 1.0) * OTHERS_GAIN if left > MEASURABLE else UNKNOWN_GAIN
         self.levels.append(_Level(shape, gain, float(at.probed[0])))
         return True
 
