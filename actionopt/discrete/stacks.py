@@ -24,6 +24,11 @@ from actionopt.mechanics.system import System
 from actionopt.tools.lobatto import Rule, Sampling, lgl
 from actionopt.tools.types import Array, NDInt
 
+# Numbers in the matrices, and in what is evaluated at once, of members that are worked on at a
+# time: so little memory, that is used again. Measured: half or twice as many take a tenth longer.
+MATRICES, VALUES = 2**20, 2**17
+MOST, LEAST = 256, 8  # members
+
 
 class Shape:
     """A mesh over [0, 1] whose elements are of one degree, for the problems of one system.
@@ -62,6 +67,10 @@ class Shape:
         self.upper = np.cumsum(np.r_[0, np.arange(self.P, 1, -1)]).tolist()
         self.functions = functions(system)
         self._memory = np.empty(0)
+
+    def on(self, mesh: Mesh) -> Shape:
+        """Return the same on another mesh."""
+        return Shape(self.system, mesh, self.free, self.units, self.action_unit)
 
     def pinned(self, node: int) -> list[int]:
         """Return the coordinates that are given at a node between elements."""
@@ -135,6 +144,11 @@ class Shape:
                 blocks[j, b, j:, a] += self.weighted[j:, j, None] * x[j:]
         for a, b, x in zip(*pointwise.sparsity(0), A, strict=True):
             blocks[at, a, at, b] += x[self.order]
+
+    def parts(self, count: int) -> list[NDInt]:
+        """Return so many members in parts that are worked on at a time."""
+        most = min(MATRICES // (self.E * self.places**2), VALUES // (self.points * self.n), MOST)
+        return np.array_split(np.arange(count), -(-count // max(most, LEAST)))
 
     def matrix(self, count: int) -> Array:
         """Return memory for so many matrices, (places, places, count): the same every time."""

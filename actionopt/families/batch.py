@@ -16,6 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt.analysis.index import inertia
+from actionopt.analysis.indices import indices
+from actionopt.analysis.jacobi import HIGHEST_DEGREE
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
 from actionopt.discrete.discrete_path import DiscretePath
@@ -45,6 +47,7 @@ OTHERS_GAIN = 2.0  # times that of one member, of errors whose shapes differ
 MORE_DEGREES = 4  # that tell what a mesh has left out
 LEVELS = 4  # meshes that a member is tried on, each finer
 CLOSER = 0.75  # of its distance from a neighbour, at which a member is tried again
+INDEX_MESHES = 4  # on which indices are counted together
 FIRST_REACH = 0.5  # of the columns' ranges, into which the first wave goes
 LEAP = 0.5  # of a path's size, from where it was expected: it may be on another sheet
 TRIES = 4  # before it is left alone
@@ -172,12 +175,16 @@ def solve_run(
 
 @dataclass(eq=False)
 class _Level:
-    """A mesh for members; how far errors, and round-off in the matrix, move a path there."""
+    """A mesh for members; how far errors, and round-off in the matrix, move a path there.
+
+    Its number among the meshes, and finer ones on which indices are counted, itself first.
+    """
 
     shape: Shape
     gain: float
     probed: float
-    number: int = -1
+    number: int
+    finer: list[Shape]
 
 
 class _Run:
@@ -399,8 +406,9 @@ class _Run:
         size = sizes(solution.path.values.T, problem.scales)
         mesh, found = _even(solution.path, size, MESH_MARGIN * self.tol / (2 * SAFETY)), []
         finer = mesh.cut(mesh.since, mesh.degrees[0] + MORE_DEGREES)
-        for each in (mesh, finer):
-            shape = Shape(system, each, (free[0], free[1]), units, unit)
+        first = Shape(system, mesh, (free[0], free[1]), units, unit)
+        for shape in (first, first.on(finer)):
+            each = shape.mesh
             Q = solution.path.on(each.moved(*self.times[i].tolist())).values.T[None]
             found.append((shape, self._follow(shape, np.array([i]), Q)))
             if not found[-1][1].converged[0]:
@@ -410,14 +418,13 @@ class _Run:
         change = float((np.abs(exact - at.Q[0]) / size).max())
         left = float(at.omitted[0])
         gain = max(change / left, 1.0) * OTHERS_GAIN if left > MEASURABLE else UNKNOWN_GAIN
-        self.levels.append(_Level(shape, gain, float(at.probed[0])))
+        self.levels.append(_Level(shape, gain, float(at.probed[0]), len(self.meshes), [shape]))
+        self.meshes.append(mesh)
         return True
 
     def _to(self, level: int, Q: Array, source: int) -> Array:
         """Return coordinates (C, K, n) on the mesh of one level on that of another."""
-        a, b = (self.levels[k].shape.mesh for k in (source, level))
-        whole = Path(a, np.eye(a.offsets[-1] + 1)).on(b).values.T  # (K', K)
-        return whole @ Q
+        return _between(*(self.levels[k].shape.mesh for k in (source, level))) @ Q
 
     def _rebase(self, level: int) -> None:
         """Let members begin on another mesh from now on."""
@@ -429,9 +436,7 @@ class _Run:
     # -- together --------------------------------------------------------------------------------
 
     def _follow(self, shape: Shape, which: NDInt, Q: Array) -> Followed:
-        return follow(
-            shape, self.times[which], self.packed[which], Q, self.tol, index=self.counting
-        )
+        return follow(shape, self.times[which], self.packed[which], Q, self.tol)
 
     def _wave(self, which: NDInt, nearest: NDInt) -> None:
         """Try some members together; those that are solved are known from then on."""
@@ -488,27 +493,29 @@ class _Run:
         self.doubtful[which] = found.converged & ~good & ~(sound & ~within)
         i = which[good]
         self.action[i], self.error[i] = found.action[good], error[good]
-        self.momenta[i], self.index[i] = found.momenta[good], found.index[good]
-        self.decided[i], self.mesh[i] = True, self._number(level)
+        self.momenta[i], self.decided[i], self.mesh[i] = found.momenta[good], True, at.number
         for j, row in zip(i.tolist(), found.Q[good], strict=True):
             self.status[j], self.values[j] = Status.SOLVED, row.T
-            if self.counting and self.index[j] < 0:
-                self._count(j)
+        if self.counting:
+            self._count(at, i, found.Q[good])
         return np.flatnonzero(sound & ~within)
 
-    def _number(self, level: int) -> int:
-        """Return the number of the mesh of a level among all meshes."""
-        at = self.levels[level]
-        if at.number < 0:
-            at.number = len(self.meshes)
-            self.meshes.append(at.shape.mesh)
-        return at.number
-
-    def _count(self, i: int) -> None:
-        """Count the index of one member by itself."""
-        at = DiscretePath.of(member(self.problem, self.columns, i), self._path(i))
-        with suppress(ValueError):  # there is none
-            self.index[i] = inertia(at, float(self.error[i])).index
+    def _count(self, at: _Level, which: NDInt, Q: Array) -> None:
+        """Count the indices of members, on finer meshes where neighbours of their paths need it."""
+        mesh = at.shape.mesh
+        for k in range(INDEX_MESHES):
+            if not which.size:
+                return
+            if k == len(at.finer):
+                at.finer.append(at.shape.on(_finer(at.finer[-1].mesh)))
+            there = Q if k == 0 else _between(mesh, at.finer[k].mesh) @ Q
+            found = indices(at.finer[k], self.times[which], self.packed[which], there, self.tol)
+            self.index[which] = found
+            which, Q = which[found < 0], Q[found < 0]
+        for i in which.tolist():
+            alone = DiscretePath.of(member(self.problem, self.columns, i), self._path(i))
+            with suppress(ValueError):  # there is none
+                self.index[i] = inertia(alone, float(self.error[i])).index
 
     def _predicted(self, which: NDInt, nearest: NDInt) -> Array:
         """Return where known members lead to expect others, (C, K, n), by interpolation.
@@ -570,6 +577,20 @@ def _weights(x: Array) -> Array:
 def _distances(a: Array, b: Array) -> Array:
     """Return the distances of points a (A, columns) from points b (B, columns), (A, B)."""
     return np.sqrt(sum((x[:, None] - y) ** 2 for x, y in zip(a.T, b.T, strict=True)))
+
+
+def _between(a: Mesh, b: Mesh) -> Array:
+    """Return the matrix (K', K) from values at the nodes of a mesh to those of another."""
+    return Path(a, np.eye(a.offsets[-1] + 1)).on(b).values.T
+
+
+def _finer(mesh: Mesh) -> Mesh:
+    """Return a mesh of four degrees more, or of half the elements' lengths, as `jacobi.finer`."""
+    degree = mesh.degrees[0]
+    if degree + 4 <= HIGHEST_DEGREE:
+        return mesh.cut(mesh.since, degree + 4)
+    middles = (mesh.since[:-1] + mesh.since[1:]) / 2
+    return mesh.cut(np.sort(np.concatenate([mesh.since, middles])), degree)
 
 
 def _even(path: Path, size: Array, target: float) -> Mesh:

@@ -12,13 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from actionopt.analysis.index import ERROR_GAIN, INDEX_RESOLUTION, INDEX_TOLERANCE, LOOSEST
-from actionopt.analysis.jacobi import COEFFICIENT_NOISE, COEFFICIENT_SAMPLES
-from actionopt.analysis.second_variation import RANK
-from actionopt.discrete.mesh import MAX_DEGREE
 from actionopt.discrete.newton import CHORDS, CONTRACTION, ROUNDOFF_STEP
 from actionopt.discrete.resolution import left_out
-from actionopt.discrete.stacks import Factored, Shape, Stack, pivots
+from actionopt.discrete.stacks import Factored, Shape, Stack
 from actionopt.mechanics.problem import MOTIONLESS, NEGLIGIBLE, SHORT_MOTION
 from actionopt.solver.iterate import (
     ORDINARY,
@@ -28,14 +24,9 @@ from actionopt.solver.iterate import (
     TINY_ELEMENT,
     VELOCITY_ERROR,
 )
-from actionopt.tools.lobatto import lgl
 from actionopt.tools.types import Array, NDInt
 
 STEPS = 4  # factorizations: a path that takes more was not near; ad hoc
-# Numbers in the matrices, and in what is evaluated at once, that stay in a processor's cache;
-# measured: half or twice as many take a tenth longer at the most.
-MATRICES, VALUES = 2**20, 2**20
-MOST, LEAST = 256, 8  # members followed together
 
 
 @dataclass(eq=False)
@@ -55,8 +46,6 @@ class Followed:
         the matrix. In units of each coordinate's own size.
     action : (C,) array
     momenta : (C, 2, n) array
-    index : (C,) array of int
-        -1 where it was not counted.
     """
 
     Q: Array
@@ -69,7 +58,6 @@ class Followed:
     probed: Array
     action: Array
     momenta: Array
-    index: NDInt
 
     @classmethod
     def nowhere(cls, Q: Array) -> Followed:
@@ -79,30 +67,26 @@ class Followed:
         noise, omitted, missed, probed, action = np.full((5, count), np.nan)
         measures = moved, noise, omitted, missed, probed, action
         momenta = np.full((count, 2, n), np.nan)
-        return cls(Q.copy(), none > 0, none.copy(), *measures, momenta, none - 1)
+        return cls(Q.copy(), none > 0, none.copy(), *measures, momenta)
 
 
-def follow(
-    shape: Shape, times: Array, packed: Array, Q: Array, tol: float, *, index: bool = False
-) -> Followed:
+def follow(shape: Shape, times: Array, packed: Array, Q: Array, tol: float) -> Followed:
     """Follow paths from coordinates Q (C, K, n); `times` (C, 2) and parameters `packed` (C, p).
 
-    `tol` is to what their errors are to be known; with `index`, it is counted.
+    `tol` is to what their errors are to be known.
     """
-    numbers = shape.E * shape.places**2, shape.points * 8 * shape.n
-    most = max(min(MATRICES // numbers[0], VALUES // numbers[1], MOST), LEAST)
     found = Followed.nowhere(Q)
     with np.errstate(all="ignore"):
-        for here in np.array_split(np.arange(len(Q)), -(-len(Q) // most)):
+        for here in shape.parts(len(Q)):
             for _ in range(STEPS):
-                here = _round(shape, times, packed, found, here, tol, index)
+                here = _round(shape, times, packed, found, here, tol)
                 if not here.size:
                     break
     return found
 
 
 def _round(
-    shape: Shape, times: Array, packed: Array, found: Followed, here: NDInt, tol: float, index: bool
+    shape: Shape, times: Array, packed: Array, found: Followed, here: NDInt, tol: float
 ) -> NDInt:
     """Take some members a factorization further; return those that are to go on."""
     count = here.size
@@ -155,8 +139,6 @@ def _round(
             "missed": missed,
             "probed": probed,
         }
-        if index:
-            values["index"] = ready.index(tol)
         for name, value in values.items():
             getattr(found, name)[here[converged]] = value[converged]
     return here[going & ~converged]
@@ -250,45 +232,6 @@ class _Arrived:
         probe[-1, :, :-1] = 0.0  # nodes between elements once
         size = POLYNOMIAL_ROUNDOFF * self.factored.largest
         return probe[shape.order].reshape(shape.places, shape.E)[:, :, None] * size
-
-    def index(self, tol: float) -> Array:
-        """Return the numbers of negative eigenvalues, (C,); -1 where they are not to be trusted.
-
-        As `index.inertia_of`: where two counts agree, on a mesh that resolves all solutions of the
-        linearised equations on its elements, and what these are made of (`jacobi.finer`).
-        """
-        stack, shape = self.stack, self.stack.shape
-        second, C = stack.second(self.Q), len(stack.times)
-        tolerance = np.full(C, np.clip(ERROR_GAIN * tol, INDEX_TOLERANCE, LOOSEST))
-        counts = []
-        for shift in (-tolerance, tolerance):
-            self.factored = Factored(shape, stack.coefficients(second, shift))
-            counts.append(self.factored.negative)
-        fields = self.factored.responses().reshape(shape.P, -1)[shape.back]
-        fields = np.abs(shape.rule.to_legendre @ fields).reshape(shape.P, -1, shape.E, C)
-        size = np.abs(fields).max(axis=(0, 1))
-        resolved = (fields[-2:].max(axis=(0, 1)) <= INDEX_RESOLUTION * size).all(axis=0)
-        # The coefficients of d2S, at more points: at the nodes alone what varies faster is smooth.
-        degree = shape.P - 1
-        fine = lgl(min(max(2 * degree + 2, -(-COEFFICIENT_SAMPLES // shape.E)), 2 * MAX_DEGREE + 2))
-        points = fine.degree + 1
-        sampled = stack.second(self.Q, fine.nodes)
-        rows, cols = shape.system.pointwise("second").sparsity(2)
-        own = rows == cols
-        mass = np.zeros((shape.n, shape.E, C))
-        mass[rows[own]] = np.abs(sampled[2][:, own]).max(axis=0)
-        mass = np.sqrt(np.maximum(mass, COEFFICIENT_NOISE * mass.max(axis=0)))
-        for k, power in ((0, 2), (1, 1), (2, 0)):
-            i, j = shape.system.pointwise("second").sparsity(k)
-            for a, b, x in zip(i, j, sampled[k].swapaxes(0, 1), strict=True):
-                unit = mass[a] * mass[b] / (2 * stack.half) ** power
-                tail = np.abs(fine.to_legendre[degree - 1 :] @ x.reshape(points, -1)).max(axis=0)
-                noise = COEFFICIENT_NOISE * np.abs(x).max(axis=0)
-                tail = tail.reshape(shape.E, C)
-                resolved &= ((tail <= noise) | (tail <= INDEX_RESOLUTION * unit)).all(axis=0)
-        least = pivots(shape.n, rows, cols, second[2])  # Legendre's condition
-        convex = (least > RANK * np.abs(second[2][:, own]).max(axis=1)).all(axis=(0, 1))
-        return np.where(resolved & convex & (counts[0] == counts[1]), counts[0], -1)
 
 
 def _sizes(Q: Array) -> tuple[Array, Array]:
