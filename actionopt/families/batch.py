@@ -25,6 +25,7 @@ from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import left_out
 from actionopt.discrete.stacks import Shape, functions
+from actionopt.families.front import NEIGHBOURS, Front, distances, weights
 from actionopt.mechanics.problem import Event, Periodic, Problem
 from actionopt.solver.arguments import checked
 from actionopt.solver.iterate import LATE_TIME, SAFETY, UNKNOWN_GAIN, amplified, estimate, sizes
@@ -36,6 +37,7 @@ from actionopt.tools.types import Array, NDInt
 
 Name = str | tuple[str, str]
 
+PREDICTED = 256  # at a time; ad hoc, a size of memory
 BLOCK = 1024  # members among which neighbours are sought; ad hoc: distances of all to all
 # Ad hoc, where nothing else is said.
 COORDINATES = 8  # up to which elements' matrices are best eliminated member by member
@@ -46,16 +48,9 @@ HALVINGS = 12  # of elements
 OTHERS_GAIN = 2.0  # times that of one member, of errors whose shapes differ
 MORE_DEGREES = 4  # that tell what a mesh has left out
 LEVELS = 4  # meshes that a member is tried on, each finer
-CLOSER = 0.75  # of its distance from a neighbour, at which a member is tried again
 INDEX_MESHES = 4  # on which indices are counted together
-FIRST_REACH = 0.5  # of the columns' ranges, into which the first wave goes
 LEAP = 0.5  # of a path's size, from where it was expected: it may be on another sheet
-TRIES = 4  # before it is left alone
 REBASED = 0.25  # of a wave, on a finer mesh: the next ones begin there
-# Of the prediction: neighbours for so many columns, the kernel's width in units of the farthest
-# one's distance, and what is added to its diagonal, so that it can be inverted: in the rows of the
-# kernel, of the constant, which comes first where neighbours are few, and of the linear terms.
-NEIGHBOURS, WIDTH, NUGGETS = (1, 6, 10, 16, 22), 1.5, (1e-11, -1e-12, -1e-7)
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,71 +264,22 @@ class _Run:
 
     def _block(self, block: NDInt) -> None:
         """Solve some members, in waves from those that are known."""
-        near = np.full(block.size, np.inf)  # distance to the nearest known
-        tried = np.full(block.size, np.inf)  # what that was when it did not help
-        tries = np.zeros(block.size, dtype=int)
-        nearest = np.full(block.size, -1)
-
-        def learn(new: NDInt) -> None:
-            for some in np.array_split(new, max(1, new.size // 64)):
-                if some.size:
-                    apart = _distances(self.at[block], self.at[some])
-                    at = np.argmin(apart, axis=1)
-                    least = apart[np.arange(block.size), at]
-                    nearest[least < near] = some[at][least < near]
-                    np.minimum(near, least, out=near)
-
-        learn(np.flatnonzero(self.known))
-        smallest = 0.5 / block.size
-        reach = FIRST_REACH
-        growing, progress, around = True, False, 2 * np.sqrt(self.at.shape[1])
-        while True:
-            left = np.flatnonzero(~self.decided[block])
-            if not left.size:
-                return
-            open_ = (near < CLOSER * tried) & (tries < TRIES) & ~self.doubtful[block]
-            may = left[open_[left]]
-            limit = reach if growing else around * reach
-            if reach < smallest:  # those that are left, the nearest first
-                limit = around * near[may].min(initial=np.inf)
-            near_enough = may[near[may] <= limit]
-            if reach >= smallest:
-                cell = reach / 2 if growing else reach
-                near_enough = near_enough[self._sparse(block, near_enough, cell)]
-            if near_enough.size:
-                tried[near_enough] = near[near_enough]
-                tries[near_enough] += 1
-                chosen = block[near_enough]
-                self._wave(chosen, nearest[near_enough])
-                new = chosen[self.known[chosen]]
-                learn(new)
-                progress |= new.size > 0
-                if growing and new.size >= chosen.size / 2:
-                    reach *= 2
-                elif new.size < chosen.size / 2:
-                    reach, growing = reach / 2, False
-                else:
-                    reach /= 2
-            elif growing and may.size and near[may].max() > reach:
-                reach *= 2
-            elif reach >= smallest:
-                reach, growing = reach / 2, False
-            elif progress and may.size:
-                reach, growing, progress = 2 * smallest, True, False
+        front, known = Front(self.at[block]), np.flatnonzero(self.known)
+        front.learn(known, self.at[known])
+        while not self.decided[block].all():
+            left = ~self.decided[block]
+            chosen = front.wave(left & ~self.doubtful[block], self.known[block])
+            if chosen.size:
+                self._wave(block[chosen], front.nearest[chosen])
+                new = block[chosen][self.known[block[chosen]]]
+                front.told(chosen.size, new.size)
             else:
-                i = left[np.argmin(near[left])]
-                self._leave(int(block[i]), int(nearest[i]))
-                if self.known[block[i]]:
-                    learn(block[i : i + 1])
-                    reach, growing = 2 * smallest, True
-
-    def _sparse(self, block: NDInt, some: NDInt, cell: float) -> NDInt:
-        """Return which of some members to try: one in each cell in which none is known."""
-        cells = np.floor(self.at[block] / cell).astype(np.int64)
-        key = cells @ (np.int64(2**20) ** np.arange(cells.shape[1], dtype=np.int64))
-        _, first = np.unique(key[some], return_index=True)
-        free = ~np.isin(key[some[first]], key[self.known[block]])
-        return first[free]
+                i = np.flatnonzero(left)[np.argmin(front.near[left])]
+                self._leave(int(block[i]), int(front.nearest[i]))
+                new = block[i : i + 1][self.known[block[i : i + 1]]]
+                if new.size:
+                    front.again()
+            front.learn(new, self.at[new])
 
     # -- one by one ------------------------------------------------------------------------------
 
@@ -520,32 +466,31 @@ class _Run:
     def _predicted(self, which: NDInt, nearest: NDInt) -> Array:
         """Return where known members lead to expect others, (C, K, n), by interpolation.
 
-        Linear functions of the columns are reproduced, others by a Gaussian kernel. Only members
-        on the sheet of the nearest are asked.
+        Only members on the sheet of the nearest are asked.
         """
         known = np.flatnonzero(self.known)
         columns = self.at.shape[1]
         most = NEIGHBOURS[min(columns, len(NEIGHBOURS) - 1)]
         Q = np.empty((which.size, *self.seeds.shape[1:]))
-        for first in range(0, which.size, 256):
-            some = which[first : first + 256]
-            apart = _distances(self.at[some], self.at[known])
+        for first in range(0, which.size, PREDICTED):
+            some = which[first : first + PREDICTED]
+            apart = distances(self.at[some], self.at[known])
             if known.size > most:
                 chosen = np.argpartition(apart, most - 1, axis=1)[:, :most]
                 chosen.sort(axis=1)
             else:
                 chosen = np.tile(np.arange(known.size), (some.size, 1))
             rows = np.arange(some.size)[:, None]
-            mine = nearest[first : first + 256, None]
+            mine = nearest[first : first + PREDICTED, None]
             other = self.sheet[known[chosen]] != self.sheet[mine]
             if other.any():  # the nearest once more: all of them weigh as one
                 chosen = np.where(other, np.searchsorted(known, mine), chosen)
             radius = apart[rows, chosen].max(axis=1)
             radius = np.where(radius > 0, radius, 1.0)[:, None, None]
             x = (self.at[known[chosen]] - self.at[some][:, None]) / radius
-            weights = _weights(x)
             values = self.seeds[known[chosen]].reshape(*chosen.shape, -1)
-            Q[first : first + 256] = (weights[:, None] @ values).reshape(-1, *Q.shape[1:])
+            found = weights(x)[:, None] @ values
+            Q[first : first + PREDICTED] = found.reshape(-1, *Q.shape[1:])
         miss = self.ends[which] - Q[:, [0, -1]]
         miss = np.where(np.isfinite(miss), miss, 0.0)
         s = self.levels[self.base].shape.mesh.nodes[:, None]
@@ -553,30 +498,6 @@ class _Run:
         pinned = np.isfinite(self.ends[which])
         Q[:, [0, -1]] = np.where(pinned, self.ends[which], Q[:, [0, -1]])
         return Q
-
-
-def _weights(x: Array) -> Array:
-    """Return the weights (C, N) of values at points x (C, N, columns) that give that at zero."""
-    count, near, columns = x.shape
-    size = near + 1 + columns
-    apart = ((x[:, :, None] - x[:, None]) ** 2).sum(axis=3)
-    K = np.zeros((count, size, size))
-    K[:, :near, :near] = np.exp(-apart / (2 * WIDTH**2))
-    K[:, :near, near] = K[:, near, :near] = 1.0
-    K[:, :near, near + 1 :] = x
-    K[:, near + 1 :, :near] = x.swapaxes(1, 2)
-    at = np.arange(size)
-    K[:, at, at] += np.repeat(NUGGETS, [near, 1, columns])
-    right = np.zeros((count, size, 1))
-    right[:, :near, 0] = np.exp(-(x**2).sum(axis=2) / (2 * WIDTH**2))
-    right[:, near] = 1.0
-    found = np.linalg.solve(K, right)[:, :near, 0]
-    return found / found.sum(axis=1, keepdims=True)
-
-
-def _distances(a: Array, b: Array) -> Array:
-    """Return the distances of points a (A, columns) from points b (B, columns), (A, B)."""
-    return np.sqrt(sum((x[:, None] - y) ** 2 for x, y in zip(a.T, b.T, strict=True)))
 
 
 def _between(a: Mesh, b: Mesh) -> Array:
