@@ -12,6 +12,7 @@ from actionopt.discrete.stacks import Factored, Shape, Stack
 from actionopt.discrete.transcription import Transcription
 from actionopt.families import batch
 from actionopt.families.batch import member, solve_run
+from actionopt.families.front import Front, weights
 from actionopt.mechanics.columns import Columns
 
 TOL = 1e-9
@@ -270,3 +271,44 @@ def test_columns_know_what_casadi_does():
     assert (ones == 1).all()
     with pytest.raises(ValueError, match="instructions that numpy knows"):
         Columns(ca.Function("f", [x], [ca.erf(x)]))
+
+
+@pytest.mark.parametrize("columns", [1, 2, 3])
+def test_weights_are_of_an_interpolation(columns):
+    rng = np.random.default_rng(columns)
+    x = rng.uniform(-1, 1, (5, 12, columns))
+    w = weights(x)
+    assert w.sum(axis=1) == pytest.approx(1.0)
+    slope = rng.standard_normal(columns)
+    assert (w * (3 + x @ slope)).sum(axis=1) == pytest.approx(3.0, abs=1e-5)
+    smooth = np.cos(0.5 * x @ slope)
+    assert np.abs((w * smooth).sum(axis=1) - 1).max() < np.abs(smooth - 1).max() / 20
+    assert weights(x[:, :1]) == pytest.approx(1.0)
+
+
+def test_the_front_comes_to_everyone_and_goes_no_farther_than_it_is_let():
+    rng = np.random.default_rng(0)
+    at = rng.uniform(0, 1, (200, 2))
+    known = np.zeros(200, dtype=bool)
+    known[0] = True
+    front, waves = Front(at), 0
+    front.learn(np.array([0]), at[:1])
+    while not known.all():
+        chosen = front.wave(~known, known)
+        assert chosen.size and not known[chosen].any()
+        helped = chosen[front.near[chosen] < 0.2]  # from farther nobody is solved
+        known[helped] = True
+        assert front.near[helped] == pytest.approx(
+            [np.linalg.norm(at[i] - at[front.nearest[i]]) for i in helped]
+        )
+        front.told(chosen.size, helped.size)
+        front.learn(helped, at[helped])
+        waves += 1
+    assert waves < 40
+    lost = Front(at)
+    lost.learn(np.array([0]), at[:1])
+    tried = 0
+    while (chosen := lost.wave(np.arange(200) > 0, np.arange(200) < 1)).size:
+        tried += chosen.size
+        lost.told(chosen.size, 0)
+    assert tried <= 4 * 199

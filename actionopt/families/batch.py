@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -115,7 +116,7 @@ class Members:
         return Path(self.meshes[self.mesh[i]].moved(*self.times[i].tolist()), self.values[i])
 
 
-def member(problem: Problem, columns: Mapping[Name, ArrayLike], i: int) -> Problem:
+def member(problem: Problem, columns: Mapping[Any, ArrayLike], i: int) -> Problem:
     """Return the problem of member i. Raises ValueError as a `Problem` does."""
     parameters, times = {}, [problem.start.t, problem.end.t]
     ends = [list(problem.start.q), list(problem.end.q)]
@@ -134,7 +135,7 @@ def member(problem: Problem, columns: Mapping[Name, ArrayLike], i: int) -> Probl
 
 def solve_run(
     problem: Problem,
-    columns: Mapping[Name, ArrayLike],
+    columns: Mapping[Any, ArrayLike],
     tol: float = 1e-8,
     *,
     index: bool = False,
@@ -186,7 +187,7 @@ class _Run:
     """The members as they are found."""
 
     def __init__(
-        self, problem: Problem, columns: Mapping[Name, ArrayLike], tol: float, index: bool
+        self, problem: Problem, columns: Mapping[Any, ArrayLike], tol: float, index: bool
     ) -> None:
         self.problem, self.tol, self.counting = problem, tol, index
         self.columns = _checked(problem, columns)
@@ -566,7 +567,7 @@ def _can_be_stacked(problem: Problem, times: Array) -> bool:
     return True
 
 
-def _checked(problem: Problem, columns: Mapping[Name, ArrayLike]) -> dict[Name, Array]:
+def _checked(problem: Problem, columns: Mapping[Any, ArrayLike]) -> dict[Name, Array]:
     """Return the columns as arrays. Raises ValueError as `solve_run` does."""
     found: dict[Name, Array] = {}
     system = problem.system
