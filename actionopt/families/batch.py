@@ -22,7 +22,7 @@ from actionopt.analysis.jacobi import HIGHEST_DEGREE
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
 from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.mesh import MAX_DEGREE, Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import left_out
 from actionopt.discrete.stacks import Shape, functions
@@ -42,7 +42,7 @@ PREDICTED = 256  # at a time; ad hoc, a size of memory
 BLOCK = 1024  # members among which neighbours are sought; ad hoc: distances of all to all
 # Ad hoc, where nothing else is said.
 COORDINATES = 8  # up to which elements' matrices are best eliminated member by member
-MESH_DEGREES = (8, 10, 12, 14, 17)
+MESH_DEGREES = (10, 14, 17)
 MESH_MARGIN = 0.1  # of `tol`, the coefficients that a mesh may leave out to begin with
 ROW_PRICE = 35.0  # of a row of a matrix, in rows: measured, for one to three coordinates
 HALVINGS = 12  # of elements
@@ -329,38 +329,37 @@ class _Run:
 
     def _begin(self, i: int, solution: Solution) -> bool:
         """Make the first mesh from a solution; False if that cannot be followed with others."""
-        if not self._add_level(i, solution):
+        ends, tr = (self.problem.start, self.problem.end), solution.discrete.tr
+        start, end = (tuple(set(range(tr.lengths.size)) - set(e.pinned)) for e in ends)
+        size = sizes(solution.path.values.T, self.problem.scales)
+        mesh = _even(solution.path, size, self._target)
+        shape = Shape(self.problem.system, mesh, (start, end), tr.lengths, tr.action_unit)
+        if not self._add_level(i, solution.path, shape):
             return False
-        shape = self.levels[0].shape
-        self.seeds = np.zeros((len(self.status), shape.mesh.offsets[-1] + 1, shape.n))
+        self.seeds = np.zeros((len(self.status), mesh.offsets[-1] + 1, shape.n))
         self._know(i, solution.path)
         self.sheet[i] = 0
         return True
 
-    def _add_level(self, i: int, solution: Solution) -> bool:
+    @property
+    def _target(self) -> float:
+        """The largest coefficient that a mesh may leave out of the path that it is made for."""
+        return MESH_MARGIN * self.tol / (2 * SAFETY)
+
+    def _add_level(self, i: int, path: Path, shape: Shape) -> bool:
         """Add a mesh that resolves the path of a member; False if it cannot be followed there.
 
         On one of more nodes the path tells how far errors are amplified.
         """
-        problem, system, tr = self.problem, self.problem.system, solution.discrete.tr
-        free = tuple(
-            tuple(a for a in range(system.n) if a not in e.pinned)
-            for e in (problem.start, problem.end)
-        )
-        units, unit = tr.lengths, tr.action_unit
-        if self.levels:
-            units, unit = self.levels[0].shape.units, self.levels[0].shape.action_unit
-        size = sizes(solution.path.values.T, problem.scales)
-        mesh, found = _even(solution.path, size, MESH_MARGIN * self.tol / (2 * SAFETY)), []
+        mesh, found = shape.mesh, []
         finer = mesh.cut(mesh.since, mesh.degrees[0] + MORE_DEGREES)
-        first = Shape(system, mesh, (free[0], free[1]), units, unit)
-        for shape in (first, first.on(finer)):
-            each = shape.mesh
-            Q = solution.path.on(each.moved(*self.times[i].tolist())).values.T[None]
-            found.append((shape, self._follow(shape, np.array([i]), Q)))
-            if not found[-1][1].converged[0]:
+        for there in (shape, shape.on(finer)):
+            Q = path.on(there.mesh.moved(*self.times[i].tolist())).values.T[None]
+            found.append(self._follow(there, np.array([i]), Q))
+            if not found[-1].converged[0]:
                 return False
-        (shape, at), (_, better) = found
+        at, better = found
+        size = sizes(path.values.T, self.problem.scales)
         exact = Path(finer, better.Q[0].T)(mesh.nodes).T
         change = float((np.abs(exact - at.Q[0]) / size).max())
         left = float(at.omitted[0])
@@ -401,16 +400,13 @@ class _Run:
         while which.size and level < self.base + LEVELS:
             if level + 1 == len(self.levels) and not self._finer(level, which, Q, omitted):
                 break
-            left = ~self.decided[which]
-            which, first = which[left], self._to(level + 1, Q[left], level)
+            first = self._to(level + 1, Q, level)
             level += 1
-            if not which.size:
-                break
             found = self._follow(self.levels[level].shape, which, first)
             self.iterations[which] += found.iterations
             finer = self._judge(level, which, found)
             which, Q, omitted = which[finer], found.Q[finer], found.omitted[finer]
-        arrived = arrived[[self.status[i].success for i in arrived]]
+        arrived = arrived[self.decided[arrived]]
         self.known[arrived] = True
         self.sheet[arrived] = self.sheet[self.neighbour[arrived]]
         if wanted > REBASED * count and level > self.base:
@@ -419,10 +415,16 @@ class _Run:
     def _finer(self, level: int, which: NDInt, Q: Array, omitted: Array) -> bool:
         """Add a finer mesh, for the worst of some members; False if there is none."""
         worst = int(np.argmax(omitted))
-        i = int(which[worst])
-        mesh = self.levels[level].shape.mesh.moved(*self.times[i].tolist())
-        found = self._solve(i, Path(mesh, Q[worst].T), int(self.neighbour[i]))
-        return found is not None and found.success and self._add_level(i, found)
+        i, shape = which[worst : worst + 1], self.levels[level].shape
+        mesh, degree = shape.mesh, shape.mesh.degrees[0]
+        there = shape.on(mesh.cut(mesh.since, min(2 * degree, MAX_DEGREE)))
+        found = self._follow(there, i, _between(mesh, there.mesh) @ Q[worst : worst + 1])
+        if not found.converged[0]:
+            return False
+        mesh = there.mesh.moved(*self.times[i[0]].tolist())
+        path = Path(mesh, found.Q[0].T)
+        even = _even(path, sizes(found.Q[0], self.problem.scales), self._target)
+        return self._add_level(int(i[0]), path, shape.on(even))
 
     def _judge(self, level: int, which: NDInt, found: Followed) -> NDInt:
         """Keep what is solved; return which of those that arrived want a finer mesh, (F,)."""
