@@ -1,0 +1,601 @@
+"""Many problems of one system, solved together: they differ in parameters, end points or times.
+
+Members are solved in waves. Each begins where those that are solved lead to expect its path, and a
+wave goes no farther from them than that works: first outwards from one member, then in between.
+Who does not contract waits for nearer neighbours, and is left to `solve` in the end, alone. So is
+everyone of whom there is any doubt: `together` says what it measures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from actionopt.analysis.index import inertia
+from actionopt.analysis.indices import indices
+from actionopt.analysis.jacobi import HIGHEST_DEGREE
+from actionopt.analysis.solution import Solution
+from actionopt.analysis.status import Status
+from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.mesh import MAX_DEGREE, Mesh
+from actionopt.discrete.path import Path
+from actionopt.discrete.resolution import left_out
+from actionopt.discrete.stacks import Shape, functions
+from actionopt.families.front import NEIGHBOURS, Front, distances, weights
+from actionopt.mechanics.problem import Event, Periodic, Problem
+from actionopt.solver.arguments import checked
+from actionopt.solver.iterate import LATE_TIME, SAFETY, UNKNOWN_GAIN, amplified, estimate, sizes
+from actionopt.solver.solve import FAMILY_NOISE, FAMILY_SUSPECTED, Guess, solve
+from actionopt.solver.together import Followed, follow
+from actionopt.solver.workspace import MEASURABLE
+from actionopt.tools.lobatto import lgl
+from actionopt.tools.types import Array, NDInt
+
+Name = str | tuple[str, str]
+
+PREDICTED = 256  # at a time; ad hoc, a size of memory
+BLOCK = 1024  # members among which neighbours are sought; ad hoc: distances of all to all
+# Ad hoc, where nothing else is said.
+COORDINATES = 8  # up to which elements' matrices are best eliminated member by member
+MESH_DEGREES = (10, 14, 17)
+MESH_MARGIN = 0.1  # of `tol`, the coefficients that a mesh may leave out to begin with
+ROW_PRICE = 35.0  # of a row of a matrix, in rows: measured, for one to three coordinates
+HALVINGS = 12  # of elements
+OTHERS_GAIN = 2.0  # times that of one member, of errors whose shapes differ
+MORE_DEGREES = 4  # that tell what a mesh has left out
+LEVELS = 4  # meshes that a member is tried on, each finer
+INDEX_MESHES = 4  # on which indices are counted together
+LEAP = 0.5  # of a path's size, from where it was expected: it may be on another sheet
+REBASED = 0.25  # of a wave, on a finer mesh: the next ones begin there
+
+
+@dataclass(frozen=True, eq=False)
+class Members:
+    """What came of k members, in the order in which they were given.
+
+    Attributes
+    ----------
+    status : tuple of Status
+    action, error : (k,) arrays
+        NaN and infinite for a member that was refused.
+    index : (k,) array of int
+        Morse indices, -1 where none was asked for or could be counted.
+    momenta : (k, 2, n) array
+        At the start and at the end.
+    times : (k, 2) array
+        Of the two events.
+    iterations : (k,) array of int
+        Factorizations.
+    alone : (k,) array of bool
+        Which were left to `solve`.
+    neighbour : (k,) array of int
+        The nearest member of those from which each was reached; -1 for one that had none.
+    moved : (k,) array
+        How far the path is from where its neighbours led to expect it, in its own size; NaN
+        where they did not.
+    sheet : (k,) array of int
+        The same for members that were reached from each other without a leap; -1 for others.
+    meshes : tuple of Mesh
+        Over the times [0, 1].
+    mesh : (k,) array of int
+        Which of them is each member's.
+    values : tuple of (n, K) arrays
+        Coordinates at the nodes.
+    messages : dict of int to str
+        What `solve` says of members that it refused.
+    """
+
+    status: tuple[Status, ...]
+    action: Array
+    error: Array
+    index: NDInt
+    momenta: Array
+    times: Array
+    iterations: NDInt
+    alone: NDInt
+    neighbour: NDInt
+    moved: Array
+    sheet: NDInt
+    meshes: tuple[Mesh, ...]
+    mesh: NDInt
+    values: tuple[Array, ...]
+    messages: dict[int, str]
+
+    @property
+    def success(self) -> NDInt:
+        """Which paths can be used as they are, (k,) of bool."""
+        return np.array([s.success for s in self.status], dtype=bool)
+
+    def path(self, i: int) -> Path:
+        """Return the path of a member; the guess with which `solve` gives it to full accuracy."""
+        return Path(self.meshes[self.mesh[i]].moved(*self.times[i].tolist()), self.values[i])
+
+
+def member(problem: Problem, columns: Mapping[Any, ArrayLike], i: int) -> Problem:
+    """Return the problem of member i. Raises ValueError as a `Problem` does."""
+    parameters, times = {}, [problem.start.t, problem.end.t]
+    ends = [list(problem.start.q), list(problem.end.q)]
+    for name, values in columns.items():
+        value = float(np.asarray(values)[i])
+        if isinstance(name, tuple):
+            ends[name[0] == "end"][problem.system.coordinates.index(name[1])] = value
+        elif name in ("t0", "t1"):
+            times[name == "t1"] = value
+        else:
+            parameters[name] = value
+    end = problem.end
+    end = end.at(times[1]) if isinstance(end, Periodic) else Event(times[1], ends[1])
+    return problem.replace(start=Event(times[0], ends[0]), end=end, parameters=parameters)
+
+
+def solve_run(
+    problem: Problem,
+    columns: Mapping[Any, ArrayLike],
+    tol: float = 1e-8,
+    *,
+    index: bool = False,
+    guess: Guess | None = None,
+) -> Members:
+    """Return the paths of members of a family, each found from its neighbours.
+
+    Parameters
+    ----------
+    problem : Problem
+        What all members have in common.
+    columns : mapping of name to (k,) values
+        What differs, in the order of neighbours: names of parameters (of one number), "t0", "t1",
+        ("start", coordinate) and ("end", coordinate).
+    tol : float
+        As for `solve`.
+    index : bool
+        Whether to count Morse indices.
+    guess : Path, Solution, callable or array, optional
+        As for `solve`, for the first member.
+
+    Raises
+    ------
+    ValueError
+        If a name is none of these, values are not k finite numbers, or times do not increase; and
+        as `solve` does for `tol` and the guess.
+    """
+    checked(problem, tol, guess, "auto", None, "auto")
+    run = _Run(problem, columns, tol, index)
+    run.go(guess)
+    return run.members()
+
+
+@dataclass(eq=False)
+class _Level:
+    """A mesh for members; how far errors, and round-off in the matrix, move a path there.
+
+    Its number among the meshes, and finer ones on which indices are counted, itself first.
+    """
+
+    shape: Shape
+    gain: float
+    probed: float
+    number: int
+    finer: list[Shape]
+
+
+class _Run:
+    """The members as they are found."""
+
+    def __init__(
+        self, problem: Problem, columns: Mapping[Any, ArrayLike], tol: float, index: bool
+    ) -> None:
+        self.problem, self.tol, self.counting = problem, tol, index
+        self.columns = _checked(problem, columns)
+        k, n = next(iter(self.columns.values())).size, problem.system.n
+        self.times = np.tile([problem.start.t, problem.end.t], (k, 1))
+        self.packed = np.tile(problem.packed, (k, 1))
+        given = [[np.nan if x is None else x for x in e.q] for e in (problem.start, problem.end)]
+        self.ends = np.tile(np.array(given), (k, 1, 1))
+        first = 0
+        for name, size in problem.system.table.shapes.items():
+            if name in self.columns and name not in ("t0", "t1"):
+                self.packed[:, first] = self.columns[name]
+            first += int(np.prod(size))
+        for name, values in self.columns.items():
+            if isinstance(name, tuple):
+                i = problem.system.coordinates.index(name[1])
+                self.ends[:, int(name[0] == "end"), i] = values
+            elif name in ("t0", "t1"):
+                self.times[:, int(name == "t1")] = values
+        if not (self.times[:, 1] > self.times[:, 0]).all():
+            i = int(np.argmin(self.times[:, 1] - self.times[:, 0]))
+            raise ValueError(
+                "expected end events after start events, found t0 = {:g} and t1 = {:g} for member "
+                "{}".format(*self.times[i], i)
+            )
+        table = np.array(list(self.columns.values())).T
+        span = np.ptp(table, axis=0)
+        self.at = (table - table.min(axis=0)) / np.where(span > 0, span, 1.0)  # (k, columns)
+        self.status = [Status.NOT_FOUND] * k
+        self.action, self.error, self.moved = np.full((3, k), np.nan)
+        self.error[:] = np.inf
+        self.index, self.neighbour, self.mesh, self.sheet = np.full((4, k), -1)
+        self.iterations = np.zeros(k, dtype=int)
+        self.momenta = np.full((k, 2, n), np.nan)
+        self.alone, self.decided, self.known, self.doubtful = np.zeros((4, k), dtype=bool)
+        self.values: list[Array] = [np.zeros((n, 0))] * k
+        self.meshes: list[Mesh] = []
+        self.messages: dict[int, str] = {}
+        self.levels: list[_Level] = []
+        self.base = 0
+        self.seeds = np.zeros((k, 0, n))  # of known members, on the mesh of the level `base`
+
+    def members(self) -> Members:
+        """Return them all."""
+        return Members(
+            tuple(self.status), self.action, self.error, self.index, self.momenta, self.times,
+            self.iterations, self.alone, self.neighbour, self.moved, self.sheet,
+            tuple(self.meshes), self.mesh, tuple(self.values), self.messages,
+        )  # fmt: skip
+
+    # -- the order -----------------------------------------------------------------------------
+
+    def go(self, guess: Guess | None) -> None:
+        """Solve all members, block by block."""
+        count = len(self.status)
+        first, solution = 0, None
+        while first < count and solution is None:
+            found = self._solve(first, guess)
+            solution = found if found is not None and found.success else None
+            first += 1
+        if solution is None:
+            return
+        if not (_can_be_stacked(self.problem, self.times) and self._begin(first - 1, solution)):
+            nearest = first - 1
+            for i in range(first, count):
+                found = self._solve(i, solution, nearest)
+                if found is not None and found.success:
+                    solution, nearest = found, i
+            return
+        for start in range(0, count, BLOCK):
+            block = np.arange(start, min(start + BLOCK, count))
+            self._block(block)
+            if self.known[block].any():
+                self.known[:start] = False  # farther ones are neighbours no more
+
+    def _block(self, block: NDInt) -> None:
+        """Solve some members, in waves from those that are known."""
+        front, known = Front(self.at[block]), np.flatnonzero(self.known)
+        front.learn(known, self.at[known])
+        while not self.decided[block].all():
+            left = ~self.decided[block]
+            chosen = front.wave(left & ~self.doubtful[block], self.known[block])
+            if chosen.size:
+                self._wave(block[chosen], front.nearest[chosen])
+                new = block[chosen][self.known[block[chosen]]]
+                front.told(chosen.size, new.size)
+            else:
+                i = np.flatnonzero(left)[np.argmin(front.near[left])]
+                self._leave(int(block[i]), int(front.nearest[i]))
+                new = block[i : i + 1][self.known[block[i : i + 1]]]
+                if new.size:
+                    front.again()
+            front.learn(new, self.at[new])
+
+    # -- one by one ------------------------------------------------------------------------------
+
+    def _solve(self, i: int, guess: Guess | None, neighbour: int = -1) -> Solution | None:
+        """Leave a member to `solve`; None if that refuses it."""
+        self.alone[i] = self.decided[i] = True
+        self.neighbour[i] = neighbour
+        try:
+            problem = member(self.problem, self.columns, i)
+            found = solve(problem, tol=self.tol, guess=guess, throw=False)
+        except ValueError as error:
+            self.messages[i] = str(error)
+            return None
+        self.status[i], self.action[i], self.error[i] = found.status, found.action, found.error
+        self.iterations[i] += sum(found.stats["iterations"].values())
+        self.momenta[i] = found.momenta
+        if self.counting and found.success:
+            with suppress(ValueError):  # there is none
+                self.index[i] = found.morse_index
+        self.mesh[i], self.values[i] = len(self.meshes), found.path.values
+        self.meshes.append(found.mesh.moved(0.0, 1.0))
+        return found
+
+    def _leave(self, i: int, neighbour: int) -> None:
+        """Leave a member to `solve`, from a neighbour."""
+        expected = self._predicted(np.array([i]), np.array([neighbour]))[0]
+        found = self._solve(i, self._path(neighbour), neighbour)
+        if found is not None and found.success:
+            self._know(i, found.path)
+            size = np.abs(self.seeds[i]).max(axis=0)
+            apart = np.abs(self.seeds[i] - expected).max(axis=0) / np.where(size > 0, size, 1.0)
+            self.moved[i] = apart.max()
+            leapt = self.moved[i] > LEAP
+            self.sheet[i] = self.sheet.max() + 1 if leapt else self.sheet[neighbour]
+
+    def _path(self, i: int) -> Path:
+        """Return the path of a member."""
+        return Path(self.meshes[self.mesh[i]].moved(*self.times[i].tolist()), self.values[i])
+
+    def _know(self, i: int, path: Path) -> None:
+        """Let a path lead to others."""
+        mesh = self.levels[self.base].shape.mesh.moved(*self.times[i].tolist())
+        self.seeds[i], self.known[i] = path.on(mesh).values.T, True
+
+    # -- meshes ----------------------------------------------------------------------------------
+
+    def _begin(self, i: int, solution: Solution) -> bool:
+        """Make the first mesh from a solution; False if that cannot be followed with others."""
+        ends, tr = (self.problem.start, self.problem.end), solution.discrete.tr
+        start, end = (tuple(set(range(tr.lengths.size)) - set(e.pinned)) for e in ends)
+        size = sizes(solution.path.values.T, self.problem.scales)
+        mesh = _even(solution.path, size, self._target)
+        shape = Shape(self.problem.system, mesh, (start, end), tr.lengths, tr.action_unit)
+        if not self._add_level(i, solution.path, shape):
+            return False
+        self.seeds = np.zeros((len(self.status), mesh.offsets[-1] + 1, shape.n))
+        self._know(i, solution.path)
+        self.sheet[i] = 0
+        return True
+
+    @property
+    def _target(self) -> float:
+        """The largest coefficient that a mesh may leave out of the path that it is made for."""
+        return MESH_MARGIN * self.tol / (2 * SAFETY)
+
+    def _add_level(self, i: int, path: Path, shape: Shape) -> bool:
+        """Add a mesh that resolves the path of a member; False if it cannot be followed there.
+
+        On one of more nodes the path tells how far errors are amplified.
+        """
+        mesh, found = shape.mesh, []
+        finer = mesh.cut(mesh.since, mesh.degrees[0] + MORE_DEGREES)
+        for there in (shape, shape.on(finer)):
+            Q = path.on(there.mesh.moved(*self.times[i].tolist())).values.T[None]
+            found.append(self._follow(there, np.array([i]), Q))
+            if not found[-1].converged[0]:
+                return False
+        at, better = found
+        size = sizes(path.values.T, self.problem.scales)
+        exact = Path(finer, better.Q[0].T)(mesh.nodes).T
+        change = float((np.abs(exact - at.Q[0]) / size).max())
+        left = float(at.omitted[0])
+        gain = max(change / left, 1.0) * OTHERS_GAIN if left > MEASURABLE else UNKNOWN_GAIN
+        self.levels.append(_Level(shape, gain, float(at.probed[0]), len(self.meshes), [shape]))
+        self.meshes.append(mesh)
+        return True
+
+    def _to(self, level: int, Q: Array, source: int) -> Array:
+        """Return coordinates (C, K, n) on the mesh of one level on that of another."""
+        return _between(*(self.levels[k].shape.mesh for k in (source, level))) @ Q
+
+    def _rebase(self, level: int) -> None:
+        """Let members begin on another mesh from now on."""
+        here, shape = np.flatnonzero(self.known), self.levels[level].shape
+        seeds = np.zeros((len(self.status), shape.mesh.offsets[-1] + 1, shape.n))
+        seeds[here] = self._to(level, self.seeds[here], self.base)
+        self.seeds, self.base = seeds, level
+
+    # -- together --------------------------------------------------------------------------------
+
+    def _follow(self, shape: Shape, which: NDInt, Q: Array) -> Followed:
+        return follow(shape, self.times[which], self.packed[which], Q, self.tol)
+
+    def _wave(self, which: NDInt, nearest: NDInt) -> None:
+        """Try some members together; those that are solved are known from then on."""
+        self.neighbour[which], count = nearest, which.size
+        expected = self._predicted(which, nearest)
+        found = self._follow(self.levels[self.base].shape, which, expected)
+        found.converged &= found.moved <= LEAP
+        self.iterations[which] += found.iterations
+        self.moved[which] = np.where(found.converged, found.moved, np.nan)
+        self.seeds[which] = found.Q
+        finer = self._judge(self.base, which, found)
+        arrived, level = which[found.converged], self.base
+        wanted = finer.size
+        which, Q, omitted = which[finer], found.Q[finer], found.omitted[finer]
+        while which.size and level < self.base + LEVELS:
+            if level + 1 == len(self.levels) and not self._finer(level, which, Q, omitted):
+                break
+            first = self._to(level + 1, Q, level)
+            level += 1
+            found = self._follow(self.levels[level].shape, which, first)
+            self.iterations[which] += found.iterations
+            finer = self._judge(level, which, found)
+            which, Q, omitted = which[finer], found.Q[finer], found.omitted[finer]
+        arrived = arrived[self.decided[arrived]]
+        self.known[arrived] = True
+        self.sheet[arrived] = self.sheet[self.neighbour[arrived]]
+        if wanted > REBASED * count and level > self.base:
+            self._rebase(level)
+
+    def _finer(self, level: int, which: NDInt, Q: Array, omitted: Array) -> bool:
+        """Add a finer mesh, for the worst of some members; False if there is none."""
+        worst = int(np.argmax(omitted))
+        i, shape = which[worst : worst + 1], self.levels[level].shape
+        mesh, degree = shape.mesh, shape.mesh.degrees[0]
+        there = shape.on(mesh.cut(mesh.since, min(2 * degree, MAX_DEGREE)))
+        found = self._follow(there, i, _between(mesh, there.mesh) @ Q[worst : worst + 1])
+        if not found.converged[0]:
+            return False
+        mesh = there.mesh.moved(*self.times[i[0]].tolist())
+        path = Path(mesh, found.Q[0].T)
+        even = _even(path, sizes(found.Q[0], self.problem.scales), self._target)
+        return self._add_level(int(i[0]), path, shape.on(even))
+
+    def _judge(self, level: int, which: NDInt, found: Followed) -> NDInt:
+        """Keep what is solved; return which of those that arrived want a finer mesh, (F,)."""
+        at = self.levels[level]
+        # Errors are amplified as round-off in the matrix is.
+        gain = at.gain * np.fmax(found.probed / at.probed, 1.0)
+        gain = np.maximum(gain, amplified(found.noise))
+        error = estimate(gain, found.omitted, found.noise)
+        within = error <= self.tol
+        error = np.maximum(error, SAFETY * found.missed)
+        several = found.Q.shape[2] > 1
+        family = found.probed > FAMILY_SUSPECTED if several else found.noise > FAMILY_NOISE
+        sound = found.converged & np.isfinite(found.omitted) & ~family
+        good = sound & (error <= self.tol)
+        self.doubtful[which] = found.converged & ~good & ~(sound & ~within)
+        i = which[good]
+        self.action[i], self.error[i] = found.action[good], error[good]
+        self.momenta[i], self.decided[i], self.mesh[i] = found.momenta[good], True, at.number
+        for j, row in zip(i.tolist(), found.Q[good], strict=True):
+            self.status[j], self.values[j] = Status.SOLVED, row.T
+        if self.counting:
+            self._count(at, i, found.Q[good])
+        return np.flatnonzero(sound & ~within)
+
+    def _count(self, at: _Level, which: NDInt, Q: Array) -> None:
+        """Count the indices of members, on finer meshes where neighbours of their paths need it."""
+        mesh = at.shape.mesh
+        for k in range(INDEX_MESHES):
+            if not which.size:
+                return
+            if k == len(at.finer):
+                at.finer.append(at.shape.on(_finer(at.finer[-1].mesh)))
+            there = Q if k == 0 else _between(mesh, at.finer[k].mesh) @ Q
+            found = indices(at.finer[k], self.times[which], self.packed[which], there, self.tol)
+            self.index[which] = found
+            which, Q = which[found < 0], Q[found < 0]
+        for i in which.tolist():
+            alone = DiscretePath.of(member(self.problem, self.columns, i), self._path(i))
+            with suppress(ValueError):  # there is none
+                self.index[i] = inertia(alone, float(self.error[i])).index
+
+    def _predicted(self, which: NDInt, nearest: NDInt) -> Array:
+        """Return where known members lead to expect others, (C, K, n), by interpolation.
+
+        Only members on the sheet of the nearest are asked.
+        """
+        known = np.flatnonzero(self.known)
+        columns = self.at.shape[1]
+        most = NEIGHBOURS[min(columns, len(NEIGHBOURS) - 1)]
+        Q = np.empty((which.size, *self.seeds.shape[1:]))
+        for first in range(0, which.size, PREDICTED):
+            some = which[first : first + PREDICTED]
+            apart = distances(self.at[some], self.at[known])
+            if known.size > most:
+                chosen = np.argpartition(apart, most - 1, axis=1)[:, :most]
+                chosen.sort(axis=1)
+            else:
+                chosen = np.tile(np.arange(known.size), (some.size, 1))
+            rows = np.arange(some.size)[:, None]
+            mine = nearest[first : first + PREDICTED, None]
+            other = self.sheet[known[chosen]] != self.sheet[mine]
+            if other.any():  # the nearest once more: all of them weigh as one
+                chosen = np.where(other, np.searchsorted(known, mine), chosen)
+            radius = apart[rows, chosen].max(axis=1)
+            radius = np.where(radius > 0, radius, 1.0)[:, None, None]
+            x = (self.at[known[chosen]] - self.at[some][:, None]) / radius
+            values = self.seeds[known[chosen]].reshape(*chosen.shape, -1)
+            found = weights(x)[:, None] @ values
+            Q[first : first + PREDICTED] = found.reshape(-1, *Q.shape[1:])
+        miss = self.ends[which] - Q[:, [0, -1]]
+        miss = np.where(np.isfinite(miss), miss, 0.0)
+        s = self.levels[self.base].shape.mesh.nodes[:, None]
+        Q += (1 - s) * miss[:, :1] + s * miss[:, 1:]
+        pinned = np.isfinite(self.ends[which])
+        Q[:, [0, -1]] = np.where(pinned, self.ends[which], Q[:, [0, -1]])
+        return Q
+
+
+def _between(a: Mesh, b: Mesh) -> Array:
+    """Return the matrix (K', K) from values at the nodes of a mesh to those of another."""
+    return Path(a, np.eye(a.offsets[-1] + 1)).on(b).values.T
+
+
+def _finer(mesh: Mesh) -> Mesh:
+    """Return a mesh of four degrees more, or of half the elements' lengths, as `jacobi.finer`."""
+    degree = mesh.degrees[0]
+    if degree + 4 <= HIGHEST_DEGREE:
+        return mesh.cut(mesh.since, degree + 4)
+    middles = (mesh.since[:-1] + mesh.since[1:]) / 2
+    return mesh.cut(np.sort(np.concatenate([mesh.since, middles])), degree)
+
+
+def _even(path: Path, size: Array, target: float) -> Mesh:
+    """Return the cheapest mesh over [0, 1] of elements of one degree that resolves a path.
+
+    By halving elements until they leave out no coefficient above `target`, in units of `size`.
+    """
+    b = path.mesh.boundaries
+    best, cost = None, np.inf
+    for degree in MESH_DEGREES:
+        rule, edges, done = lgl(degree), np.array([0.0, 1.0]), np.zeros(1, dtype=bool)
+        for _ in range(HALVINGS):
+            open_ = np.flatnonzero(~done)
+            if not open_.size:
+                break
+            h = edges[open_ + 1] - edges[open_]
+            s = edges[open_][:, None] + h[:, None] / 2 * (1 + rule.nodes)
+            t = np.clip(b[0] + s.ravel() * (b[-1] - b[0]), b[0], b[-1])
+            values = path(t).T.reshape(open_.size, degree + 1, -1)
+            done[open_] = left_out(rule, values / size)[0] <= target
+            split = open_[~done[open_]]
+            edges = np.sort(np.concatenate([edges, (edges[split] + edges[split + 1]) / 2]))
+            done = np.insert(done, split + 1, False)
+        rows = (degree + 1) * len(size)
+        price = done.size * rows * (ROW_PRICE + rows)
+        if done.all() and price < cost:
+            best, cost = Mesh(edges, degree), price
+    if best is None:
+        since = path.mesh.moved(0.0, 1.0).since
+        best = Mesh(since, max(path.mesh.degrees))
+    return best
+
+
+def _can_be_stacked(problem: Problem, times: Array) -> bool:
+    """Whether members are plain enough to be solved together."""
+    system = problem.system
+    structure = system.structure
+    far = np.abs(times).max(axis=1) > LATE_TIME * (times[:, 1] - times[:, 0])
+    plain = (
+        system.m == 0
+        and not structure.forced
+        and problem.advance is None
+        and system.n <= COORDINATES
+    )
+    late = structure.depends_on_time and bool(far.any())
+    if not plain or late or system.switches is not None or system.clock is not None:
+        return False
+    try:
+        functions(system)
+    except ValueError:  # an instruction that there is no function of numpy's for
+        return False
+    return True
+
+
+def _checked(problem: Problem, columns: Mapping[Any, ArrayLike]) -> dict[Name, Array]:
+    """Return the columns as arrays. Raises ValueError as `solve_run` does."""
+    found: dict[Name, Array] = {}
+    system = problem.system
+    scalars = [name for name, shape in system.table.shapes.items() if shape == ()]
+    for name, values in columns.items():
+        column = np.array(values, dtype=float)
+        if column.ndim != 1 or not column.size or not np.isfinite(column).all():
+            raise ValueError(f"expected a row of finite values of {name!r}, found {values!r}")
+        if found and column.size != next(iter(found.values())).size:
+            raise ValueError(
+                f"expected as many values of {name!r} as of others, found {column.size}"
+            )
+        known = name in ("t0", "t1") or name in scalars
+        if isinstance(name, tuple) and len(name) == 2 and name[0] in ("start", "end"):
+            event = problem.start if name[0] == "start" else problem.end
+            closed = name[0] == "end" and isinstance(event, Periodic)
+            known = not closed and name[1] in system.coordinates
+            known = known and event.q[system.coordinates.index(name[1])] is not None
+        if not known:
+            raise ValueError(
+                "expected the name of a parameter that is one number, 't0', 't1', or 'start' or "
+                "'end' with a coordinate that the event gives, found "
+                f"{name!r}; the parameters are {', '.join(scalars) or 'none'}, the coordinates "
+                f"{', '.join(system.coordinates)}"
+            )
+        found[name] = column
+    if not found:
+        raise ValueError("expected at least one quantity that differs, found none")
+    return found
