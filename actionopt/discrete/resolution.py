@@ -17,6 +17,7 @@ import numpy as np
 
 from actionopt.discrete.mesh import Mesh
 from actionopt.mechanics.instants import SHORTEST
+from actionopt.tools.lobatto import Rule
 from actionopt.tools.types import Array, NDInt
 
 # Ad hoc, but flat: on the scenes no iteration depends on `LAYER` from 0.4 to 0.8, nor on a third
@@ -80,18 +81,23 @@ def resolution(mesh: Mesh, Q: Array, sizes: Array) -> Resolution:
     omitted, rate = np.empty(mesh.elements), np.empty(mesh.elements)
     scaled = Q / sizes
     for g in mesh.groups:
-        d = g.rule.degree
-        last, early = max(d - 1, 0), (d - 1) // 2
-        # Coefficients before `early` say how large the path is, not how fast they decay.
-        coefficients = np.abs(g.rule.to_legendre[early:] @ scaled[g.nodes])  # (E, d + 1 - early, n)
-        # The largest coefficient from k on: even and odd curves have every other one zero.
-        final = np.maximum(coefficients[:, last - early :].max(axis=(1, 2)), COEFFICIENT_FLOOR)
-        largest = np.maximum(coefficients.max(axis=(1, 2)), COEFFICIENT_FLOOR)
-        rate[g.elements] = slope = np.log(largest / final) / max(last - early, 1)
-        # From the last pair to the first coefficient left out it is two degrees; few
-        # coefficients do not tell a rate well enough to go that far.
-        omitted[g.elements] = final * np.exp(-min(2.0, max(d - 2, 0) / 4) * slope)
+        omitted[g.elements], rate[g.elements] = left_out(g.rule, scaled[g.nodes])
     return Resolution(mesh, scaled, omitted, rate)
+
+
+def left_out(rule: Rule, scaled: Array) -> tuple[Array, Array]:
+    """Return `omitted` and `rate` of elements, (E,) each, from their nodes (E, d + 1, n)."""
+    d = rule.degree
+    last, early = max(d - 1, 0), (d - 1) // 2
+    # Coefficients before `early` say how large the path is, not how fast they decay.
+    coefficients = np.abs(rule.to_legendre[early:] @ scaled)  # (E, d + 1 - early, n)
+    # The largest coefficient from k on: even and odd curves have every other one zero.
+    final = np.maximum(coefficients[:, last - early :].max(axis=(1, 2)), COEFFICIENT_FLOOR)
+    largest = np.maximum(coefficients.max(axis=(1, 2)), COEFFICIENT_FLOOR)
+    rate = np.log(largest / final) / max(last - early, 1)
+    # From the last pair to the first coefficient left out it is two degrees; few
+    # coefficients do not tell a rate well enough to go that far.
+    return final * np.exp(-min(2.0, max(d - 2, 0) / 4) * rate), rate
 
 
 def refined(found: Resolution, target: float) -> Mesh:

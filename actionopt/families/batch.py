@@ -1,4 +1,10 @@
-"""Many problems of one system: members that differ in parameters, end coordinates or end times."""
+"""Many problems of one system, solved together: they differ in parameters, end points or times.
+
+Members are solved in waves. Each begins where those that are solved lead to expect its path, and a
+wave goes no farther from them than that works: first outwards from one member, then in between.
+Who does not contract waits for nearer neighbours, and is left to `solve` in the end, alone. So is
+everyone of whom there is any doubt: `together` says what it measures.
+"""
 
 from __future__ import annotations
 
@@ -9,15 +15,41 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from actionopt.analysis.index import inertia
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
+from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
-from actionopt.mechanics.problem import Event, Periodic, Problem
-from actionopt.solver.solve import Guess, solve
+from actionopt.discrete.resolution import left_out
+from actionopt.discrete.stacks import Shape
+from actionopt.mechanics.problem import MOTIONLESS, SHORT_MOTION, Event, Periodic, Problem
+from actionopt.solver.iterate import LATE_TIME, SAFETY, UNKNOWN_GAIN, amplified, estimate, sizes
+from actionopt.solver.solve import FAMILY_NOISE, FAMILY_SUSPECTED, Guess, solve
+from actionopt.solver.together import Followed, follow
+from actionopt.solver.workspace import MEASURABLE
+from actionopt.tools.lobatto import lgl
 from actionopt.tools.types import Array, NDInt
 
 Name = str | tuple[str, str]
+
+BLOCK = 1024  # members among which neighbours are sought; ad hoc: distances of all to all
+# Ad hoc, where nothing else is said.
+COORDINATES = 8  # up to which elements' matrices are best eliminated member by member
+MESH_DEGREES = (8, 10, 12, 14, 17)
+MESH_MARGIN = 0.1  # of what a mesh may leave out, to begin with: other members are harder
+HALVINGS = 12  # of elements
+MORE_DEGREES = 4  # that tell what a mesh has left out
+LEVELS = 4  # meshes that a member is tried on, each finer
+CLOSER = 0.75  # of its distance from a neighbour, at which a member is tried again
+LEAP = 0.3  # of a path's size, from where it was expected: it is on another sheet
+TRIES = 4  # before it is left alone
+REBASED = 0.25  # of a wave, on a finer mesh: the next ones begin there
+COARSEST_TOGETHER = 1e-3  # `tol` below which it is no matter how far from zero a motion is
+# Of the prediction: neighbours for so many columns, the kernel's width in units of the farthest
+# one's distance, and what is added to its diagonal, so that it can be inverted: in the rows of the
+# kernel, of the constant, which comes first where neighbours are few, and of the linear terms.
+NEIGHBOURS, WIDTH, NUGGETS = (1, 6, 10, 16, 22), 1.5, (1e-11, -1e-12, -1e-7)
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,10 +72,12 @@ class Members:
     alone : (k,) array of bool
         Which were left to `solve`.
     neighbour : (k,) array of int
-        The member from which each was reached; -1 for one that had none.
+        The nearest member of those from which each was reached; -1 for one that had none.
     moved : (k,) array
         How far the path is from where its neighbours led to expect it, in its own size; NaN
-        where it was not followed.
+        where they did not.
+    sheet : (k,) array of int
+        The same for members that were reached from each other without a leap; -1 for others.
     meshes : tuple of Mesh
         Over the times [0, 1].
     mesh : (k,) array of int
@@ -64,6 +98,7 @@ class Members:
     alone: NDInt
     neighbour: NDInt
     moved: Array
+    sheet: NDInt
     meshes: tuple[Mesh, ...]
     mesh: NDInt
     values: tuple[Array, ...]
@@ -119,55 +154,497 @@ def solve_run(
         Whether to count Morse indices.
     guess : Path, Solution, callable or array, optional
         As for `solve`, for the first member.
+
+    Raises
+    ------
+    ValueError
+        If a name is none of these, values are not k finite numbers, or times do not increase.
     """
-    count = len(np.asarray(next(iter(columns.values()))))
-    run = _Run(problem.system.n, count)
-    known: Solution | None = None
-    for i in range(count):
-        start = guess if known is None else known
-        try:
-            asked = member(problem, columns, i)
-            found = solve(asked, tol=tol, guess=start, throw=False)
-        except ValueError as error:
-            run.messages[i] = str(error)
-            continue
-        run.keep(i, found, index)
-        if found.success:
-            known = found
+    run = _Run(problem, columns, tol, index)
+    run.go(guess)
     return run.members()
+
+
+@dataclass(eq=False)
+class _Level:
+    """A mesh for members; how far errors, and round-off in the matrix, move a path there."""
+
+    shape: Shape
+    gain: float
+    probed: float
+    number: int = -1
 
 
 class _Run:
     """The members as they are found."""
 
-    def __init__(self, n: int, k: int) -> None:
+    def __init__(
+        self, problem: Problem, columns: Mapping[Name, ArrayLike], tol: float, index: bool
+    ) -> None:
+        self.problem, self.tol, self.counting = problem, tol, index
+        self.columns = _checked(problem, columns)
+        k, n = next(iter(self.columns.values())).size, problem.system.n
+        self.times = np.tile([problem.start.t, problem.end.t], (k, 1))
+        self.packed = np.tile(problem.packed, (k, 1))
+        given = [[np.nan if x is None else x for x in e.q] for e in (problem.start, problem.end)]
+        self.ends = np.tile(np.array(given), (k, 1, 1))
+        first = 0
+        for name, size in problem.system.table.shapes.items():
+            if name in self.columns:
+                self.packed[:, first] = self.columns[name]
+            first += int(np.prod(size))
+        for name, values in self.columns.items():
+            if isinstance(name, tuple):
+                i = problem.system.coordinates.index(name[1])
+                self.ends[:, int(name[0] == "end"), i] = values
+            elif name in ("t0", "t1"):
+                self.times[:, int(name == "t1")] = values
+        if not (self.times[:, 1] > self.times[:, 0]).all():
+            i = int(np.argmin(self.times[:, 1] - self.times[:, 0]))
+            raise ValueError(
+                "expected end events after start events, found t0 = {:g} and t1 = {:g} for member "
+                "{}".format(*self.times[i], i)
+            )
+        table = np.array(list(self.columns.values())).T
+        span = np.ptp(table, axis=0)
+        self.at = (table - table.min(axis=0)) / np.where(span > 0, span, 1.0)  # (k, columns)
         self.status = [Status.NOT_FOUND] * k
         self.action, self.error, self.moved = np.full((3, k), np.nan)
         self.error[:] = np.inf
-        self.index, self.neighbour, self.mesh = np.full((3, k), -1)
+        self.index, self.neighbour, self.mesh, self.sheet = np.full((4, k), -1)
         self.iterations = np.zeros(k, dtype=int)
-        self.momenta, self.times = np.full((k, 2, n), np.nan), np.full((k, 2), np.nan)
-        self.alone = np.ones(k, dtype=bool)
-        self.values = [np.zeros((n, 0))] * k
+        self.momenta = np.full((k, 2, n), np.nan)
+        self.alone, self.decided, self.known = np.zeros((3, k), dtype=bool)
+        self.values: list[Array] = [np.zeros((n, 0))] * k
         self.meshes: list[Mesh] = []
         self.messages: dict[int, str] = {}
-
-    def keep(self, i: int, found: Solution, index: bool) -> None:
-        """Keep what `solve` found."""
-        self.status[i], self.action[i], self.error[i] = found.status, found.action, found.error
-        self.iterations[i] = sum(found.stats["iterations"].values())
-        self.times[i] = found.problem.start.t, found.problem.end.t
-        self.momenta[i] = found.momenta
-        if index and found.success:
-            with suppress(ValueError):  # there is none
-                self.index[i] = found.morse_index
-        self.mesh[i], self.values[i] = len(self.meshes), found.path.values
-        self.meshes.append(found.mesh.moved(0.0, 1.0))
+        self.levels: list[_Level] = []
+        self.base = 0
+        self.seeds = np.zeros((k, 0, n))  # of known members, on the mesh of the level `base`
 
     def members(self) -> Members:
         """Return them all."""
         return Members(
             tuple(self.status), self.action, self.error, self.index, self.momenta, self.times,
-            self.iterations, self.alone, self.neighbour, self.moved, tuple(self.meshes),
-            self.mesh, tuple(self.values), self.messages,
+            self.iterations, self.alone, self.neighbour, self.moved, self.sheet,
+            tuple(self.meshes), self.mesh, tuple(self.values), self.messages,
         )  # fmt: skip
+
+    # -- the order -----------------------------------------------------------------------------
+
+    def go(self, guess: Guess | None) -> None:
+        """Solve all members, block by block."""
+        count = len(self.status)
+        first, solution = 0, None
+        while first < count and solution is None:
+            found = self._solve(first, guess)
+            solution = found if found is not None and found.success else None
+            first += 1
+        if solution is None:
+            return
+        if not (_can_be_stacked(self.problem, self.times) and self._begin(first - 1, solution)):
+            for i in range(first, count):
+                self._solve(i, solution, neighbour=i - 1)
+                solution = self.last or solution
+            return
+        for start in range(0, count, BLOCK):
+            block = np.arange(start, min(start + BLOCK, count))
+            self._block(block)
+            self.known[: max(block[0], 0)] = False  # farther ones are neighbours no more
+
+    def _block(self, block: NDInt) -> None:
+        """Solve some members, in waves from those that are known."""
+        near = np.full(block.size, np.inf)  # distance to the nearest known
+        tried = np.full(block.size, np.inf)  # what that was when it did not help
+        tries = np.zeros(block.size, dtype=int)
+        nearest = np.full(block.size, -1)
+
+        def learn(new: NDInt) -> None:
+            for some in np.array_split(new, max(1, new.size // 64)):
+                if some.size:
+                    apart = _distances(self.at[block], self.at[some])
+                    at = np.argmin(apart, axis=1)
+                    least = apart[np.arange(block.size), at]
+                    nearest[least < near] = some[at][least < near]
+                    np.minimum(near, least, out=near)
+
+        learn(np.flatnonzero(self.known))
+        smallest = 0.5 / block.size
+        positive = near[near > 0]
+        reach = float(positive.min()) * 1.001 if positive.size else 1.0
+        growing, progress, around = True, False, 2 * np.sqrt(self.at.shape[1])
+        while True:
+            left = np.flatnonzero(~self.decided[block])
+            if not left.size:
+                return
+            may = left[(near[left] < CLOSER * tried[left]) & (tries[left] < TRIES)]
+            limit = reach if growing else around * reach
+            if reach < smallest:  # those that are left, the nearest first
+                limit = around * near[may].min(initial=np.inf)
+            near_enough = may[near[may] <= limit]
+            if reach >= smallest:
+                near_enough = near_enough[self._sparse(block, near_enough, reach)]
+            if near_enough.size:
+                tried[near_enough] = near[near_enough]
+                tries[near_enough] += 1
+                chosen = block[near_enough]
+                self._wave(chosen, nearest[near_enough])
+                new = chosen[self.known[chosen]]
+                learn(new)
+                progress |= new.size > 0
+                if growing and new.size >= chosen.size / 2:
+                    reach *= 2
+                elif new.size < chosen.size / 2:
+                    reach, growing = reach / 2, False
+                else:
+                    reach /= 2
+            elif growing and may.size and near[may].max() > reach:
+                reach *= 2
+            elif reach >= smallest:
+                reach, growing = reach / 2, False
+            elif progress and may.size:
+                reach, growing, progress = 2 * smallest, True, False
+            else:
+                i = left[np.argmin(near[left])]
+                self._leave(int(block[i]), int(nearest[i]))
+                if self.known[block[i]]:
+                    learn(block[i : i + 1])
+                    reach, growing = 2 * smallest, True
+
+    def _sparse(self, block: NDInt, some: NDInt, cell: float) -> NDInt:
+        """Return which of some members to try: one in each cell in which none is known."""
+        cells = np.floor(self.at[block] / cell).astype(np.int64)
+        key = cells @ (np.int64(2**20) ** np.arange(cells.shape[1], dtype=np.int64))
+        _, first = np.unique(key[some], return_index=True)
+        free = ~np.isin(key[some[first]], key[self.known[block]])
+        return first[free]
+
+    # -- one by one ------------------------------------------------------------------------------
+
+    last: Solution | None = None
+
+    def _solve(self, i: int, guess: Guess | None, neighbour: int = -1) -> Solution | None:
+        """Leave a member to `solve`; None if that refuses it."""
+        self.alone[i] = self.decided[i] = True
+        self.neighbour[i] = neighbour
+        try:
+            problem = member(self.problem, self.columns, i)
+            found = solve(problem, tol=self.tol, guess=guess, throw=False)
+        except ValueError as error:
+            self.messages[i] = str(error)
+            return None
+        self.status[i], self.action[i], self.error[i] = found.status, found.action, found.error
+        self.iterations[i] += sum(found.stats["iterations"].values())
+        self.momenta[i] = found.momenta
+        if self.counting and found.success:
+            with suppress(ValueError):  # there is none
+                self.index[i] = found.morse_index
+        self.mesh[i], self.values[i] = len(self.meshes), found.path.values
+        self.meshes.append(found.mesh.moved(0.0, 1.0))
+        if found.success:
+            self.last = found
+        return found
+
+    def _leave(self, i: int, neighbour: int) -> None:
+        """Leave a member to `solve`, from a neighbour."""
+        expected = self._predicted(np.array([i]), np.array([neighbour]))[0]
+        found = self._solve(i, self._path(neighbour), neighbour)
+        if found is not None and found.success:
+            self._know(i, found.path)
+            size = np.abs(self.seeds[i]).max(axis=0)
+            apart = np.abs(self.seeds[i] - expected).max(axis=0) / np.where(size > 0, size, 1.0)
+            self.moved[i] = apart.max()
+            leapt = self.moved[i] > LEAP
+            self.sheet[i] = self.sheet.max() + 1 if leapt else self.sheet[neighbour]
+
+    def _path(self, i: int) -> Path:
+        """Return the path of a member."""
+        return Path(self.meshes[self.mesh[i]].moved(*self.times[i].tolist()), self.values[i])
+
+    def _know(self, i: int, path: Path) -> None:
+        """Let a path lead to others."""
+        mesh = self.levels[self.base].shape.mesh.moved(*self.times[i].tolist())
+        self.seeds[i], self.known[i] = path.on(mesh).values.T, True
+
+    # -- meshes ----------------------------------------------------------------------------------
+
+    def _begin(self, i: int, solution: Solution) -> bool:
+        """Make the first mesh from a solution; False if that cannot be followed with others."""
+        try:
+            if not self._add_level(i, solution):
+                return False
+        except ValueError:  # an instruction that there is no function of numpy's for
+            return False
+        shape = self.levels[0].shape
+        self.seeds = np.zeros((len(self.status), shape.mesh.offsets[-1] + 1, shape.n))
+        self._know(i, solution.path)
+        self.sheet[i] = 0
+        return True
+
+    def _add_level(self, i: int, solution: Solution) -> bool:
+        """Add a mesh that resolves the path of a member; False if it cannot be followed there.
+
+        On one of more nodes the path tells how far errors are amplified.
+        """
+        problem, system, tr = self.problem, self.problem.system, solution.discrete.tr
+        free = tuple(
+            tuple(a for a in range(system.n) if a not in e.pinned)
+            for e in (problem.start, problem.end)
+        )
+        units, unit = tr.lengths, tr.action_unit
+        if self.levels:
+            units, unit = self.levels[0].shape.units, self.levels[0].shape.action_unit
+        size = sizes(solution.path.values.T, problem.scales)
+        mesh = _even(solution.path, size, MESH_MARGIN * self.tol / (2 * SAFETY * UNKNOWN_GAIN))
+        finer = mesh.cut(mesh.since, mesh.degrees[0] + MORE_DEGREES)
+        found = []
+        for each in (mesh, finer):
+            shape = Shape(system, each, (free[0], free[1]), units, unit)
+            nodes = each.moved(*self.times[i].tolist())
+            Q = solution.path.on(nodes).values.T[None]
+            found.append((shape, self._follow(shape, np.array([i]), Q)))
+            if not found[-1][1].converged[0]:
+                return False
+        (shape, at), (_, better) = found
+        exact = Path(finer, better.Q[0].T)(mesh.nodes).T
+        change = float((np.abs(exact - at.Q[0]) / size).max())
+        left = float(at.omitted[0])
+        gain = max(change / left, 1.0) if left > MEASURABLE else UNKNOWN_GAIN
+        self.levels.append(_Level(shape, gain, float(at.probed[0])))
+        return True
+
+    def _to(self, level: int, Q: Array, source: int) -> Array:
+        """Return coordinates (C, K, n) on the mesh of one level on that of another."""
+        a, b = (self.levels[k].shape.mesh for k in (source, level))
+        whole = Path(a, np.eye(a.offsets[-1] + 1)).on(b).values.T  # (K', K)
+        return whole @ Q
+
+    def _rebase(self, level: int) -> None:
+        """Let members begin on another mesh from now on."""
+        here, shape = np.flatnonzero(self.known), self.levels[level].shape
+        seeds = np.zeros((len(self.status), shape.mesh.offsets[-1] + 1, shape.n))
+        seeds[here] = self._to(level, self.seeds[here], self.base)
+        self.seeds, self.base = seeds, level
+
+    # -- together --------------------------------------------------------------------------------
+
+    def _follow(self, shape: Shape, which: NDInt, Q: Array) -> Followed:
+        return follow(
+            shape, self.times[which], self.packed[which], Q, self.tol, index=self.counting
+        )
+
+    def _wave(self, which: NDInt, nearest: NDInt) -> None:
+        """Try some members together; those that are solved are known from then on."""
+        self.neighbour[which], count = nearest, which.size
+        expected = self._predicted(which, nearest)
+        found = self._follow(self.levels[self.base].shape, which, expected)
+        self.iterations[which] += found.iterations
+        self.moved[which] = np.where(found.converged, found.moved, np.nan)
+        self.seeds[which] = found.Q
+        finer = self._judge(self.base, which, found)
+        arrived, level = which[found.converged], self.base
+        wanted = finer.size
+        which, Q, omitted = which[finer], found.Q[finer], found.omitted[finer]
+        while which.size and level < self.base + LEVELS:
+            if level + 1 == len(self.levels) and not self._finer(level, which, Q, omitted):
+                break
+            left = ~self.decided[which]
+            which, first = which[left], self._to(level + 1, Q[left], level)
+            level += 1
+            if not which.size:
+                break
+            found = self._follow(self.levels[level].shape, which, first)
+            self.iterations[which] += found.iterations
+            finer = self._judge(level, which, found)
+            which, Q, omitted = which[finer], found.Q[finer], found.omitted[finer]
+        arrived = arrived[[self.status[i].success for i in arrived]]
+        self.known[arrived] = True
+        self.sheet[arrived] = self.sheet[self.neighbour[arrived]]
+        if wanted > REBASED * count and level > self.base:
+            self._rebase(level)
+
+    def _finer(self, level: int, which: NDInt, Q: Array, omitted: Array) -> bool:
+        """Add a finer mesh, for the worst of some members; False if there is none."""
+        worst = int(np.argmax(omitted))
+        i = int(which[worst])
+        mesh = self.levels[level].shape.mesh.moved(*self.times[i].tolist())
+        found = self._solve(i, Path(mesh, Q[worst].T), int(self.neighbour[i]))
+        return found is not None and found.success and self._add_level(i, found)
+
+    def _judge(self, level: int, which: NDInt, found: Followed) -> NDInt:
+        """Keep what is solved; return which of those that arrived want a finer mesh, (F,)."""
+        at = self.levels[level]
+        # Errors are amplified as round-off in the matrix is.
+        gain = at.gain * np.fmax(found.probed / at.probed, 1.0)
+        gain = np.maximum(gain, amplified(found.noise))
+        error = estimate(gain, found.omitted, found.noise)
+        within = error <= self.tol
+        error = np.maximum(error, SAFETY * found.missed)
+        extent, size = np.ptp(found.Q, axis=1), np.abs(found.Q).max(axis=1)
+        far = ((extent < SHORT_MOTION * size) & (extent > MOTIONLESS * size)).any(axis=1)
+        several = found.Q.shape[2] > 1
+        family = found.probed > FAMILY_SUSPECTED if several else found.noise > FAMILY_NOISE
+        sound = found.converged & np.isfinite(found.omitted) & ~far & ~family
+        good = sound & (error <= self.tol)
+        i = which[good]
+        self.action[i], self.error[i] = found.action[good], error[good]
+        self.momenta[i], self.index[i] = found.momenta[good], found.index[good]
+        self.decided[i], self.mesh[i] = True, self._number(level)
+        for j, row in zip(i.tolist(), found.Q[good], strict=True):
+            self.status[j], self.values[j] = Status.SOLVED, row.T
+            if self.counting and self.index[j] < 0:
+                self._count(j)
+        return np.flatnonzero(sound & ~within)
+
+    def _number(self, level: int) -> int:
+        """Return the number of the mesh of a level among all meshes."""
+        at = self.levels[level]
+        if at.number < 0:
+            at.number = len(self.meshes)
+            self.meshes.append(at.shape.mesh)
+        return at.number
+
+    def _count(self, i: int) -> None:
+        """Count the index of one member by itself."""
+        at = DiscretePath.of(member(self.problem, self.columns, i), self._path(i))
+        with suppress(ValueError):  # there is none
+            self.index[i] = inertia(at, float(self.error[i])).index
+
+    def _predicted(self, which: NDInt, nearest: NDInt) -> Array:
+        """Return where known members lead to expect others, (C, K, n), by interpolation.
+
+        Linear functions of the columns are reproduced, others by a Gaussian kernel. Only members
+        on the sheet of the nearest are asked.
+        """
+        known = np.flatnonzero(self.known)
+        columns = self.at.shape[1]
+        most = NEIGHBOURS[min(columns, len(NEIGHBOURS) - 1)]
+        Q = np.empty((which.size, *self.seeds.shape[1:]))
+        for first in range(0, which.size, 256):
+            some = which[first : first + 256]
+            apart = _distances(self.at[some], self.at[known])
+            if known.size > most:
+                chosen = np.argpartition(apart, most - 1, axis=1)[:, :most]
+                chosen.sort(axis=1)
+            else:
+                chosen = np.tile(np.arange(known.size), (some.size, 1))
+            rows = np.arange(some.size)[:, None]
+            mine = nearest[first : first + 256, None]
+            other = self.sheet[known[chosen]] != self.sheet[mine]
+            if other.any():  # the nearest once more: all of them weigh as one
+                chosen = np.where(other, np.searchsorted(known, mine), chosen)
+            radius = apart[rows, chosen].max(axis=1)
+            radius = np.where(radius > 0, radius, 1.0)[:, None, None]
+            x = (self.at[known[chosen]] - self.at[some][:, None]) / radius
+            weights = _weights(x)
+            values = self.seeds[known[chosen]].reshape(*chosen.shape, -1)
+            Q[first : first + 256] = (weights[:, None] @ values).reshape(-1, *Q.shape[1:])
+        miss = self.ends[which] - Q[:, [0, -1]]
+        miss = np.where(np.isfinite(miss), miss, 0.0)
+        s = self.levels[self.base].shape.mesh.nodes[:, None]
+        Q += (1 - s) * miss[:, :1] + s * miss[:, 1:]
+        pinned = np.isfinite(self.ends[which])
+        Q[:, [0, -1]] = np.where(pinned, self.ends[which], Q[:, [0, -1]])
+        return Q
+
+
+def _weights(x: Array) -> Array:
+    """Return the weights (C, N) of values at points x (C, N, columns) that give that at zero."""
+    count, near, columns = x.shape
+    size = near + 1 + columns
+    apart = ((x[:, :, None] - x[:, None]) ** 2).sum(axis=3)
+    K = np.zeros((count, size, size))
+    K[:, :near, :near] = np.exp(-apart / (2 * WIDTH**2))
+    K[:, :near, near] = K[:, near, :near] = 1.0
+    K[:, :near, near + 1 :] = x
+    K[:, near + 1 :, :near] = x.swapaxes(1, 2)
+    at = np.arange(size)
+    K[:, at, at] += np.repeat(NUGGETS, [near, 1, columns])
+    right = np.zeros((count, size, 1))
+    right[:, :near, 0] = np.exp(-(x**2).sum(axis=2) / (2 * WIDTH**2))
+    right[:, near] = 1.0
+    found = np.linalg.solve(K, right)[:, :near, 0]
+    return found / found.sum(axis=1, keepdims=True)
+
+
+def _distances(a: Array, b: Array) -> Array:
+    """Return the distances of points a (A, columns) from points b (B, columns), (A, B)."""
+    return np.sqrt(sum((x[:, None] - y) ** 2 for x, y in zip(a.T, b.T, strict=True)))
+
+
+def _even(path: Path, size: Array, target: float) -> Mesh:
+    """Return the cheapest mesh over [0, 1] of elements of one degree that resolves a path.
+
+    By halving elements until they leave out no coefficient above `target`, in units of `size`.
+    """
+    b = path.mesh.boundaries
+    best, cost = None, np.inf
+    for degree in MESH_DEGREES:
+        rule, edges, done = lgl(degree), np.array([0.0, 1.0]), np.zeros(1, dtype=bool)
+        for _ in range(HALVINGS):
+            open_ = np.flatnonzero(~done)
+            if not open_.size:
+                break
+            h = edges[open_ + 1] - edges[open_]
+            s = edges[open_][:, None] + h[:, None] / 2 * (1 + rule.nodes)
+            t = np.clip(b[0] + s.ravel() * (b[-1] - b[0]), b[0], b[-1])
+            values = path(t).T.reshape(open_.size, degree + 1, -1)
+            done[open_] = left_out(rule, values / size)[0] <= target
+            split = open_[~done[open_]]
+            edges = np.sort(np.concatenate([edges, (edges[split] + edges[split + 1]) / 2]))
+            done = np.insert(done, split + 1, False)
+        rows = (degree + 1) * len(size)
+        price = done.size * rows * (60.0 + rows + rows**2 / 20)
+        if done.all() and price < cost:
+            best, cost = Mesh(edges, degree), price
+    if best is None:
+        since = path.mesh.moved(0.0, 1.0).since
+        best = Mesh(since, max(path.mesh.degrees))
+    return best
+
+
+def _can_be_stacked(problem: Problem, times: Array) -> bool:
+    """Whether members are plain enough to be solved together."""
+    system = problem.system
+    structure = system.structure
+    far = np.abs(times).max(axis=1) > LATE_TIME * (times[:, 1] - times[:, 0])
+    plain = (
+        system.m == 0
+        and not structure.forced
+        and problem.advance is None
+        and system.n <= COORDINATES
+    )
+    late = structure.depends_on_time and bool(far.any())
+    return plain and not late and system.switches is None and system.clock is None
+
+
+def _checked(problem: Problem, columns: Mapping[Name, ArrayLike]) -> dict[Name, Array]:
+    """Return the columns as arrays. Raises ValueError as `solve_run` does."""
+    found: dict[Name, Array] = {}
+    system = problem.system
+    scalars = [name for name, shape in system.table.shapes.items() if shape == ()]
+    for name, values in columns.items():
+        column = np.array(values, dtype=float)
+        if column.ndim != 1 or not column.size or not np.isfinite(column).all():
+            raise ValueError(f"expected a row of finite values of {name!r}, found {values!r}")
+        if found and column.size != next(iter(found.values())).size:
+            raise ValueError(
+                f"expected as many values of {name!r} as of others, found {column.size}"
+            )
+        known = name in ("t0", "t1") or name in scalars
+        if isinstance(name, tuple) and len(name) == 2 and name[0] in ("start", "end"):
+            event = problem.start if name[0] == "start" else problem.end
+            closed = name[0] == "end" and isinstance(event, Periodic)
+            known = not closed and name[1] in system.coordinates
+            known = known and event.q[system.coordinates.index(name[1])] is not None
+        if not known:
+            raise ValueError(
+                "expected the name of a parameter that is one number, 't0', 't1', or 'start' or "
+                "'end' with a coordinate that the event gives, found "
+                f"{name!r}; the parameters are {', '.join(scalars) or 'none'}, the coordinates "
+                f"{', '.join(system.coordinates)}"
+            )
+        found[name] = column
+    if not found:
+        raise ValueError("expected at least one quantity that differs, found none")
+    return found

@@ -11,7 +11,7 @@ from actionopt.analysis.status import Status
 from actionopt.discrete.path import Path
 from actionopt.families.batch import solve_run
 from actionopt.families.kept import Kept
-from actionopt.families.vary import Name
+from actionopt.families.vary import Name, moved
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.solve import Guess
 from actionopt.tools.types import Array, NDInt
@@ -52,33 +52,50 @@ def solved(
     options: tuple[float, bool, bool],
 ) -> Answers:
     """Return the same of a problem that is here."""
-    tol, index, keep_paths = options
-    found = solve_run(problem, columns, tol, index=index, guess=guess)
-    good = np.flatnonzero(found.success)
-    status = np.array(
-        [s.name for s in found.status], dtype=f"<U{max(map(len, Status.__members__))}"
-    )
-    status[list(found.messages)] = REFUSED
-    action, momenta, ends = (
-        np.full(x.shape, np.nan) for x in (found.action, found.momenta, found.momenta)
-    )
-    action[good], momenta[good] = found.action[good], found.momenta[good]
-    for k in good:
-        ends[k] = found.values[k][:, [0, -1]].T
-    answers = {
+    (tol, index, keep_paths), k, n = options, len(members), problem.system.n
+    t0, t1 = columns.get("t0", problem.start.t), columns.get("t1", problem.end.t)
+    late = np.broadcast_to(np.less(t0, t1), k)
+    answers: Answers = {
         "members": members,
-        "status": status,
-        "action": action,
-        "error": found.error,
-        "momenta": momenta,
-        "ends": ends,
-        "refused": members[list(found.messages)],
-        "messages": np.array(list(found.messages.values()), dtype=str),
-        "iterations": found.iterations.sum(),
-        "alone": found.alone.sum(),
+        "status": np.full(k, REFUSED, dtype=f"<U{max(map(len, Status.__members__))}"),
+        "action": np.full(k, np.nan),
+        "error": np.full(k, np.inf),
+        "momenta": np.full((k, 2, n), np.nan),
+        "ends": np.full((k, 2, n), np.nan),
+        "iterations": np.array(0),
+        "alone": np.array(0),
     }
     if index:
-        answers["index"] = np.where(found.success, found.index, -1)
+        answers["index"] = np.full(k, -1)
+    messages, paths = {i: _refusal(problem, columns, i) for i in np.flatnonzero(~late).tolist()}, {}
+    if late.any():
+        tried = np.flatnonzero(late)
+        rows = {name: row[tried] for name, row in columns.items()}
+        found = solve_run(problem, rows, tol, index=index, guess=guess)
+        messages |= {int(tried[j]): message for j, message in found.messages.items()}
+        answers["status"][tried] = [
+            REFUSED if j in found.messages else status.name for j, status in enumerate(found.status)
+        ]
+        answers["error"][tried] = found.error
+        good = found.success
+        for name in ("action", "momenta", "index") if index else ("action", "momenta"):
+            answers[name][tried[good]] = getattr(found, name)[good]
+        for j in np.flatnonzero(good).tolist():
+            answers["ends"][tried[j]] = found.values[j][:, [0, -1]].T
+            if keep_paths:
+                paths[int(tried[j])] = found.path(j)
+        answers["iterations"], answers["alone"] = found.iterations.sum(), found.alone.sum()
+    answers["refused"] = members[list(messages)]
+    answers["messages"] = np.array(list(messages.values()), dtype=str)
     if keep_paths:
-        answers |= Kept.of(members[good], [found.path(k) for k in good.tolist()]).packed("kept")
+        answers |= Kept.of(members[list(paths)], list(paths.values())).packed("kept")
     return answers
+
+
+def _refusal(problem: Problem, columns: Mapping[Name, Array], i: int) -> str:
+    """Return what is said of a member that is no problem."""
+    try:
+        moved(problem, {name: float(row[i]) for name, row in columns.items()})
+    except ValueError as error:
+        return str(error)
+    raise AssertionError("a path that ends before it starts is no problem")

@@ -12,6 +12,7 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
+from types import NoneType
 from typing import Any
 from weakref import WeakValueDictionary
 
@@ -19,6 +20,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.expressions import Expressions
 from actionopt.mechanics.identity import general_states, vanishes
 from actionopt.mechanics.laws import Laws, Once
@@ -156,7 +158,9 @@ class System(Laws):
             _KNOWN.setdefault(digest, self)
         with self.lock:
             kept = {name: vars(self)[name] for name in TRAVELLING if name in vars(self)}
-            parts = self._pointwise, self._made, kept
+            functions = Pointwise, ca.Function, NoneType
+            made = {name: x for name, x in self._made.items() if isinstance(x, functions)}
+            parts = self._pointwise, made, kept
             known = self.coordinates, self.table.defaults, self.name, self.source
             state = pickle.dumps((*known, self._law.serialize(), parts))
             return _loaded, (digest, sorted(name for x in parts for name in x), version, state)

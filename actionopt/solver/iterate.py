@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 
@@ -38,6 +39,9 @@ ORDINARY = 100.0  # amplification of round-off on a mesh where nothing is sensit
 # Assumed ratio of global to local error before there is a measured one. Three times more or less
 # changes no status there, and iterations by 1 %.
 UNKNOWN_GAIN = 10.0
+
+
+Number = TypeVar("Number", float, Array)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,8 +94,8 @@ class Iterate(DiscretePath):
 
         That is at least what amplified round-off says that other errors are amplified.
         """
-        gain = max(gain, self.noise / (self.unit * ORDINARY * POLYNOMIAL_ROUNDOFF))
-        error = SAFETY * (gain * self.resolution.worst + self.noise + POLYNOMIAL_ROUNDOFF)
+        gain = max(gain, amplified(self.noise) / self.unit)
+        error = estimate(gain, self.resolution.worst, self.noise)
         return replace(self, gain=gain, error=error)
 
     @cached_property
@@ -208,6 +212,16 @@ class Iterate(DiscretePath):
         rates = self.resolution.omitted * k * (k + 1) / mesh.lengths
         limit = VELOCITY_ERROR if shortest > TINY_ELEMENT else 1.0
         return bool(rates.max() * (self.sizes / speeds).max() > limit)
+
+
+def estimate(gain: Number, omitted: Number, noise: Number) -> Number:
+    """Return the estimate of the error; as well for arrays."""
+    return SAFETY * (gain * omitted + noise + POLYNOMIAL_ROUNDOFF)
+
+
+def amplified(noise: Number) -> Number:
+    """Return how far errors are amplified at least, as noise says; as well for arrays."""
+    return noise / (ORDINARY * POLYNOMIAL_ROUNDOFF)
 
 
 def unseen(at: DiscretePath, tol: float) -> tuple[Array, float]:

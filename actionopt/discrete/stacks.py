@@ -1,0 +1,431 @@
+"""Many discrete actions at once: members of one family on one mesh, relative to their durations.
+
+What differs from member to member is the last axis of every array, so that one call of numpy does
+one operation for all of them: inside the blocks of the elements, too, which LAPACK would be called
+for one by one. Elimination is symmetric and without pivoting, L D L': the signs of its pivots are
+the inertia (Sylvester), and where one is too small the steps do not contract, which `follow` says.
+
+Coordinates at the nodes are (P, n, E, C): P = d + 1 nodes of each of E elements, all of one degree,
+for C members. Nodes between elements stand there twice.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.second_quadrature import PANEL_COUNTS
+from actionopt.mechanics.columns import Columns
+from actionopt.mechanics.system import System
+from actionopt.tools.lobatto import Rule, Sampling, lgl
+from actionopt.tools.types import Array, NDInt
+
+
+class Shape:
+    """A mesh over [0, 1] whose elements are of one degree, for the problems of one system.
+
+    Parameters
+    ----------
+    system : System
+        Without constraints and non-conservative forces.
+    mesh : Mesh
+    free : pair of tuples of int
+        The coordinates that are free at the start, and at the end.
+    units : (n,) array
+        Of the coordinates.
+    action_unit : float
+    """
+
+    def __init__(
+        self,
+        system: System,
+        mesh: Mesh,
+        free: tuple[tuple[int, ...], tuple[int, ...]],
+        units: Array,
+        action_unit: float,
+    ) -> None:
+        self.system, self.mesh, self.free = system, mesh, free
+        self.units, self.action_unit = units, action_unit
+        self.rule: Rule = lgl(mesh.degrees[0])
+        self.E, self.P, self.n = mesh.elements, mesh.degrees[0] + 1, system.n
+        # In the matrices the nodes inside come first.
+        self.order = np.r_[1 : self.P - 1, 0, self.P - 1]
+        self.back = np.argsort(self.order)
+        both = np.ix_(self.order, self.order)
+        self.weighted = self.rule.weighted[both]
+        stiffness = self.rule.stiffness.reshape(self.P, self.P, self.P)
+        self.stiffness = np.ascontiguousarray(stiffness[both]).reshape(-1, self.P)
+        self.functions = {
+            name: system.made(f"columns {name}", lambda name=name: _columns(system, name))
+            for name in ("first", "second")
+        }
+        self._matrices: dict[int, Array] = {}
+
+    def pinned(self, node: int) -> list[int]:
+        """Return the coordinates that are given at a node between elements."""
+        if 0 < node < self.E:
+            return []
+        return [i for i in range(self.n) if i not in self.free[node > 0]]
+
+    @property
+    def places(self) -> int:
+        """Rows of an element's matrix."""
+        return self.P * self.n
+
+    @property
+    def inner(self) -> int:
+        """Those of the nodes inside."""
+        return (self.P - 2) * self.n
+
+    @cached_property
+    def since(self) -> Array:
+        """Relative times of the nodes, (P, E)."""
+        return self.times_of(self.rule.nodes, slice(None))
+
+    def times_of(self, nodes: Array, which: NDInt | slice) -> Array:
+        """Return the relative times (points, E) of points (points,) of each element."""
+        b, h = self.mesh.since, self.mesh.lengths
+        return (b[:-1] + h / 2)[which] + h[which] / 2 * nodes[:, None]
+
+    @cached_property
+    def sampled(self) -> list[tuple[NDInt | slice, Sampling]]:
+        """Where the equations are summed once more, by kinds of elements: see `second_quadrature`.
+
+        Elements and rule of each kind.
+        """
+        samples = self.system.structure.samples
+        if not samples:
+            return [(slice(None), self.rule.other)]
+        count = self.mesh.lengths * (samples / self.rule.panel)
+        panels = PANEL_COUNTS[
+            np.minimum(np.searchsorted(PANEL_COUNTS, count), PANEL_COUNTS.size - 1)
+        ]
+        return [
+            (np.flatnonzero(panels == p), self.rule.dense(p) if p > 1 else self.rule.other)
+            for p in np.unique(panels).tolist()
+        ]
+
+    @cached_property
+    def points(self) -> int:
+        """The most times of one member at which functions are evaluated at once."""
+        other = (rule.nodes.size * np.arange(self.E)[which].size for which, rule in self.sampled)
+        return max(self.P * self.E, *other)
+
+    def matrix(self, count: int) -> Array:
+        """Return memory for the matrices of so many members, (places, places, E count)."""
+        if count not in self._matrices:
+            self._matrices.clear()
+            self._matrices[count] = np.empty((self.places, self.places, self.E * count))
+        return self._matrices[count]
+
+    def local(self, Q: Array) -> Array:
+        """Return coordinates (members, K, n) node by node, element by element: (P, n, E, C)."""
+        nodes = self.mesh.offsets[:-1] + np.arange(self.P)[:, None]
+        return np.ascontiguousarray(Q[:, nodes].transpose(1, 3, 2, 0))
+
+    def whole(self, Q: Array) -> Array:
+        """Return them back again, (members, K, n)."""
+        found = np.empty((Q.shape[3], self.mesh.offsets[-1] + 1, self.n))
+        nodes = self.mesh.offsets[:-1] + np.arange(self.P)[:, None]
+        found[:, nodes] = Q.transpose(3, 0, 2, 1)
+        return found
+
+
+@dataclass(eq=False)
+class Stack:
+    """The discrete actions of C members.
+
+    Attributes
+    ----------
+    shape : Shape
+    times : (C, 2) array
+        Of the events.
+    packed : (C, p) array
+        Parameters.
+    """
+
+    shape: Shape
+    times: Array
+    packed: Array
+
+    def __post_init__(self) -> None:
+        s = self.shape
+        self.duration = self.times[:, 1] - self.times[:, 0]
+        self.half = s.mesh.lengths[:, None] / 2 * self.duration  # (E, C)
+        self.weight = s.rule.weights[:, None, None] * self.half  # (P, E, C)
+        self._at = self._arguments(s.since)
+
+    def _arguments(self, since: Array) -> tuple[Array, Array]:
+        """Return times and parameters at relative times (points, E): (points, rows, E C)."""
+        t, p = self.times[:1, 0].reshape(1, 1, 1), self.packed[:1, :, None]
+        if self.shape.system.structure.depends_on_time:
+            t = (self.times[:, 0] + since[:, :, None] * self.duration).reshape(len(since), 1, -1)
+        if not (self.packed == self.packed[:1]).all():
+            p = np.tile(self.packed.T, since.shape[1])[None]
+        return t, p
+
+    def velocities(self, Q: Array) -> Array:
+        """Return the velocities at the nodes."""
+        local = Q - Q[:1]  # a constant has no velocity, nor the round-off of one
+        v = self.shape.rule.derivative @ local.reshape(len(Q), -1)
+        return v.reshape(Q.shape) / self.half
+
+    def first(self, Q: Array) -> tuple[Array, Array]:
+        """Return S, (C,), and the elements' parts of dS/dq, (P, n, E, C), in the user's units."""
+        force, momentum, L = self._evaluated("first", Q, self.velocities(Q), self._at)
+        part = self.weight[:, None] * force + _work(self.shape.rule.weighted.T, momentum)
+        return (self.weight * L[:, 0]).sum(axis=(0, 1)), part
+
+    def second(self, Q: Array, nodes: Array | None = None) -> list[Array]:
+        """Return the nonzeros of L_qq, L_qv and L_vv, (P, nonzeros, E, C), in units of unknowns.
+
+        Or at other points of each element, `nodes` (points,).
+        """
+        s = self.shape
+        if nodes is None:
+            found = self._evaluated("second", Q, self.velocities(Q), self._at)
+        else:
+            there = s.rule.interpolation(nodes)
+            q, v = self._sampled(Q, there, there @ s.rule.derivative, self.half)
+            at = self._arguments(s.times_of(nodes, slice(None)))
+            found = self._evaluated("second", q, v, at)
+        for k, x in enumerate(found):
+            row, col = s.system.pointwise("second").sparsity(k)
+            x *= (s.units[row] * s.units[col] / s.action_unit)[:, None, None]
+        return found
+
+    def _sampled(self, Q: Array, values: Array, slopes: Array, half: Array) -> tuple[Array, Array]:
+        """Return coordinates and velocities at other points, (points, n, E, C) each."""
+        shape = (len(values), *Q.shape[1:])
+        q = (values @ Q.reshape(len(Q), -1)).reshape(shape)
+        return q, (slopes @ (Q - Q[:1]).reshape(len(Q), -1)).reshape(shape) / half
+
+    def missed(self, Q: Array, part: Array) -> Array:
+        """Return what another quadrature finds of dS/dq less the `part` of this one."""
+        s, found = self.shape, -part
+        for which, rule in s.sampled:
+            local, half = Q[:, :, which], self.half[which]
+            q, v = self._sampled(local, rule.values, rule.slopes, half)
+            at = self._arguments(s.times_of(rule.nodes, which))
+            force, momentum, _ = self._evaluated("first", q, v, at)
+            work = rule.weighted_values @ force.reshape(len(q), -1)
+            work = work.reshape(local.shape) * half + _work(rule.weighted_slopes, momentum)
+            found[:, :, which] += work
+        return found
+
+    def _evaluated(self, name: str, q: Array, v: Array, at: tuple[Array, Array]) -> list[Array]:
+        """Return a function's values at points (points, n, E, C), (points, numbers, E, C)."""
+        points, n, elements, members = q.shape
+        count = elements * members
+        inputs = q.reshape(points, n, count), v.reshape(points, n, count), *at
+        found = self.shape.functions[name](points, count, inputs)
+        return [x.reshape(points, -1, elements, members) for x in found]
+
+    def matrices(self, second: list[Array], shift: Array | None = None) -> Array:
+        """Return the elements' second derivatives of S, (places, places, E C), their upper rows.
+
+        Less `shift` (C,) times their kinetic part. The memory is used again.
+        """
+        s = self.shape
+        A, B, C = second
+        M = s.matrix(len(self.times))
+        blocks, batch = M.reshape(s.P, s.n, s.P, s.n, -1), M.shape[2]
+        pointwise = s.system.pointwise("second")
+        rows, cols = pointwise.sparsity(2)
+        if rows.size < s.n * (s.n + 1) // 2:
+            M[...] = 0.0
+        for a, b, c in zip(rows, cols, C.swapaxes(0, 1), strict=True):
+            c = c / self.half if shift is None else c / self.half * (1 - shift)
+            out = (s.stiffness @ c.reshape(s.P, batch)).reshape(s.P, s.P, batch)
+            blocks[:, a, :, b] = out
+            if a != b:
+                blocks[:, b, :, a] = out
+        for a, b, x in zip(*pointwise.sparsity(1), B.swapaxes(0, 1), strict=True):
+            mixed = s.weighted[:, :, None] * x.reshape(s.P, 1, batch)[s.order]
+            blocks[:, a, :, b] += mixed
+            blocks[:, b, :, a] += mixed.transpose(1, 0, 2)
+        at = np.arange(s.P)
+        for a, b, x in zip(*pointwise.sparsity(0), A.swapaxes(0, 1), strict=True):
+            x = (self.weight * x).reshape(s.P, batch)[s.order]
+            blocks[at, a, at, b] += x
+            if a != b:
+                blocks[at, b, at, a] += x
+        return M
+
+    def rows(self, part: Array) -> Array:
+        """Return dS/dq in units of the unknowns, (places, E, C), as right-hand sides have it."""
+        s = self.shape
+        unit = (s.units / s.action_unit)[:, None, None]
+        return (part[s.order] * unit).reshape(s.places, *part.shape[2:])
+
+    def step(self, x: Array) -> Array:
+        """Return the change of coordinates (P, n, E, C) that unknowns (places, E, C) stand for."""
+        s = self.shape
+        return x.reshape(s.P, s.n, *x.shape[1:])[s.back] * s.units[:, None, None]
+
+
+class Factored:
+    """Matrices of C members, factorized in place.
+
+    Parameters
+    ----------
+    shape : Shape
+    M : (places, places, E C) array
+
+    Attributes
+    ----------
+    largest : (C,) array
+        The largest number on the diagonals.
+    negative : (C,) array of int
+        Pivots that are negative, as many as eigenvalues.
+    """
+
+    def __init__(self, shape: Shape, M: Array) -> None:
+        self.shape, self.M = shape, M
+        s, n = shape, shape.n
+        at = np.arange(s.places)
+        self.largest = np.abs(M[at, at]).reshape(s.places * s.E, -1).max(axis=0)
+        self.inverse = _eliminate(M, s.inner)
+        self.negative = _negative(self.inverse.reshape(s.inner * s.E, -1))
+        ends = M[s.inner :, s.inner :].reshape(2 * n, 2 * n, s.E, -1)
+        # The nodes between elements in turn: inverse pivots, and these times what is beside them.
+        self.levels: list[tuple[Array, Array]] = []
+        carry = np.zeros((n, n, ends.shape[3]))
+        for e in range(s.E + 1):
+            pinned = s.pinned(e)
+            D, beside = carry, np.zeros_like(carry)
+            if e < s.E:
+                D = carry + ends[:n, :n, e]
+                beside = ends[:n, n:, e].copy()
+            for i in range(1, n):  # only the upper rows are there
+                D[i, :i] = D[:i, i]
+            for i in pinned:
+                D[i], D[:, i], beside[i] = 0.0, 0.0, 0.0
+                D[i, i] = 1.0
+            inverse, negative = _inverted(D)
+            self.negative = self.negative + negative
+            response = _times(inverse, beside)
+            if e < s.E:
+                carry = ends[n:, n:, e] - np.einsum("iab,icb->acb", beside, response)
+            self.levels.append((inverse, response))
+
+    def solve(self, right: Array) -> Array:
+        """Return the solution for elements' right-hand sides (places, E, C), in their memory."""
+        s, n = self.shape, self.shape.n
+        inner = right.reshape(s.places, -1)
+        _forward(self.M, self.inverse, inner)
+        ends = right[s.inner :]  # (2 n, E, C)
+        kept = []
+        beyond = np.zeros((n, right.shape[2]))
+        for e, (inverse, response) in enumerate(self.levels):
+            r = beyond + ends[:n, e] if e < s.E else beyond
+            pinned = s.pinned(e)
+            if pinned:
+                r[pinned] = 0.0
+            kept.append(_times(inverse, r))
+            if e < s.E:
+                beyond = ends[n:, e] - np.einsum("icb,ib->cb", response, r)
+        later = kept[-1]
+        for e in range(s.E - 1, -1, -1):
+            ends[n:, e] = later
+            later = kept[e] - _times(self.levels[e][1], later)
+            ends[:n, e] = later
+        _backward(self.M, self.inverse, inner)
+        return right
+
+    def responses(self) -> Array:
+        """Return how nodes move with one end coordinate of their element, (places, 2 n, E C)."""
+        s = self.shape
+        found = np.zeros((s.places, 2 * s.n, self.M.shape[2]))
+        found[s.inner + np.arange(2 * s.n), np.arange(2 * s.n)] = 1.0
+        _backward(self.M[:, :, None], self.inverse, found)
+        return found
+
+
+def _columns(system: System, name: str) -> Columns:
+    """Return a function of a system, to be evaluated by numpy. Raises ValueError as it does."""
+    return Columns(system.pointwise(name).function)
+
+
+def _eliminate(M: Array, count: int) -> Array:
+    """Eliminate the first rows of symmetric matrices (f, f, B), upper rows, in place: U = D L'.
+
+    Return the inverse pivots (count, B). Row by row, each from all rows above it.
+    """
+    inverse = np.empty((count, M.shape[2]))
+    for r in range(len(M)):
+        above = M[: min(r, count)]
+        row = M[r, r:]
+        row -= np.einsum("ib,icb->cb", above[:, r] * inverse[: len(above)], above[:, r:])
+        if r < count:
+            np.divide(1.0, row[0], out=inverse[r])
+    return inverse
+
+
+def _forward(M: Array, inverse: Array, right: Array) -> None:
+    """Eliminate in right-hand sides (f, B) what `_eliminate` did, in place: D y = right."""
+    count = len(inverse)
+    for r in range(len(right)):
+        k = min(r, count)
+        right[r] -= np.einsum("ib,ib->b", M[:k, r], right[:k])
+        if r < count:
+            right[r] *= inverse[r]
+
+
+def _backward(M: Array, inverse: Array, right: Array) -> None:
+    """Solve L' x = y for the rows eliminated, from those that were not, (f, ..., B), in place."""
+    for r in range(len(inverse) - 1, -1, -1):
+        beyond = np.einsum("c...b,c...b->...b", M[r, r + 1 :], right[r + 1 :])
+        beyond *= inverse[r]
+        right[r] -= beyond
+
+
+def _inverted(D: Array) -> tuple[Array, Array]:
+    """Return the inverses of symmetric matrices (n, n, B), and their negative eigenvalues (B,)."""
+    n = len(D)
+    if n == 1:
+        return 1.0 / D, (D[0, 0] < 0).astype(int)
+    M = np.zeros((n, 2 * n, D.shape[2]))
+    M[:, :n] = D
+    M[np.arange(n), n + np.arange(n)] = 1.0
+    pivots = np.empty((n, D.shape[2]))
+    for i in range(n):  # Gauss and Jordan
+        pivots[i] = M[i, i]
+        M[i] /= pivots[i]
+        for r in range(n):
+            if r != i:
+                M[r] -= M[r, i] * M[i]
+    return M[:, n:], _negative(pivots)
+
+
+def _times(A: Array, x: Array) -> Array:
+    """Return the products of matrices (n, n, B) and x (n, ..., B)."""
+    return np.einsum("icb,c...b->i...b", A, x)
+
+
+def _negative(inverse: Array) -> Array:
+    """Return how many pivots are negative, (B,)."""
+    return (inverse < 0).sum(axis=0)
+
+
+def _work(slopes: Array, momentum: Array) -> Array:
+    """Return the work (P, n, E, C) of momenta (points, n, E, C) on the rates of the nodes."""
+    constant = momentum[0]  # its work is done at the element's ends alone
+    work = slopes @ (momentum - constant).reshape(len(momentum), -1)
+    work = work.reshape(len(slopes), *momentum.shape[1:])
+    work[0] -= constant
+    work[-1] += constant
+    return work
+
+
+def pivots(n: int, rows: NDInt, cols: NDInt, values: Array) -> Array:
+    """Return the least pivot of symmetric matrices (n, n), from nonzeros (P, nonzeros, E, C)."""
+    points, _, elements, members = values.shape
+    M = np.zeros((n, n, points * elements * members))
+    M[rows, cols] = M[cols, rows] = values.swapaxes(0, 1).reshape(rows.size, -1)
+    _eliminate(M, n)
+    at = np.arange(n)
+    return M[at, at].min(axis=0).reshape(points, elements, members)

@@ -1,0 +1,251 @@
+"""Members of a family solved together, beside `solve` one by one."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import actionopt as ao
+from actionopt import scenes
+from actionopt.analysis.status import Status
+from actionopt.discrete.factors import Factors
+from actionopt.discrete.stacks import Factored, Shape, Stack
+from actionopt.discrete.transcription import Transcription
+from actionopt.families import batch
+from actionopt.families.batch import member, solve_run
+from actionopt.mechanics.columns import Columns
+
+TOL = 1e-9
+
+
+def random(seed, **ranges):
+    """Return random values in ranges, 40 each, by the names of `solve_run`."""
+    rng = np.random.default_rng(seed)
+    names = {"end": ("end", "theta"), "start": ("start", "theta")}
+    return {names.get(k, k): rng.uniform(a, b, 40) for k, (a, b) in ranges.items()}
+
+
+def spring():
+    """A pendulum whose pivot is shaken, in a potential with parameters."""
+
+    def lagrangian(q, v, t, *, k, b, a):
+        return v[0] ** 2 / 2 - k * q[0] ** 2 / 2 - b * q[0] ** 4 / 4 + a * q[0] * np.cos(3 * t)
+
+    system = ao.System(lagrangian, ["theta"], parameters={"k": 1.0, "b": 0.3, "a": 0.5})
+    return ao.Problem(system, ao.Event(0.2, [0.4]), ao.Event(1.2, [1.0]))
+
+
+FAMILIES = {
+    "pendulum": lambda: (
+        scenes.get("pendulum").problem,
+        random(1, g=(8.0, 10.0), t1=(0.4, 0.9), end=(-0.8, 0.8)),
+    ),
+    "shaken": lambda: (spring(), random(2, k=(0.5, 1.5), t0=(-0.5, 0.5), a=(0.1, 1.0), b=(0, 0.5))),
+    "double pendulum": lambda: _double(),
+    "kepler": lambda: (
+        scenes.get("kepler").problem,
+        {"mu": np.linspace(0.9, 1.1, 40), ("end", "y"): 0.3 + 0.1 * np.sin(np.arange(40.0))},
+    ),
+    "free end": lambda: _free(),
+}
+
+
+def _double():
+    problem = scenes.get("double_pendulum").problem
+    first, second = problem.system.coordinates
+    rng = np.random.default_rng(3)
+    columns = {("end", first): rng.uniform(-0.4, 0.0, 40), "t1": rng.uniform(0.5, 0.9, 40)}
+    columns["start", second] = rng.uniform(0.2, 0.6, 40)
+    return problem.replace(end=problem.end.at(0.8)), columns
+
+
+def _free():
+    def lagrangian(q, v, t, *, k):
+        return (v[0] ** 2 + v[1] ** 2 + v[0] * v[1] * np.cos(q[0])) / 2 - k * np.cosh(q[1] - q[0])
+
+    system = ao.System(lagrangian, ["x", "y"], parameters={"k": 1.0})
+    problem = ao.Problem(system, ao.Event(0.0, [0.5, None]), ao.Event(1.0, [1.0, 0.3]))
+    rng = np.random.default_rng(4)
+    return problem, {"k": rng.uniform(0.5, 2, 40), ("start", "x"): rng.uniform(0.2, 0.8, 40)}
+
+
+def apart(path, other):
+    """Return the largest distance of two paths, in the coordinates' sizes."""
+    t = np.linspace(*other.mesh.boundaries[[0, -1]], 200)
+    size = np.abs(other(t)).max(axis=1, keepdims=True)
+    return float((np.abs(path(t) - other(t)) / size).max())
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_members_are_what_solve_finds(name):
+    problem, columns = FAMILIES[name]()
+    found = solve_run(problem, columns, TOL, index=True)
+    assert found.alone.sum() <= 5
+    for i in range(0, 40, 4):
+        alone = ao.solve(member(problem, columns, i), tol=1e-2 * TOL, guess=found.path(i))
+        assert found.status[i] is Status.SOLVED
+        assert apart(found.path(i), alone.path) <= found.error[i] + alone.error
+        assert found.error[i] <= TOL
+        assert found.action[i] == pytest.approx(alone.action, rel=1e-11, abs=1e-11)
+        assert np.abs(found.momenta[i] - alone.momenta).max() < 1e-8
+        assert found.index[i] == alone.morse_index
+
+
+def test_the_same_bits_again():
+    problem, columns = FAMILIES["pendulum"]()
+    one, other = (solve_run(problem, columns, TOL) for _ in range(2))
+    assert one.action.tobytes() == other.action.tobytes()
+    assert all(np.array_equal(a, b) for a, b in zip(one.values, other.values, strict=True))
+
+
+def test_index_over_conjugate_points():
+    # The end is conjugate to the start at t1 = 1, 2 and 3: there the path is not determined.
+    def lagrangian(q, v, t, *, w):
+        return v[0] ** 2 / 2 - w**2 * q[0] ** 2 / 2 + 0.01 * q[0] ** 4
+
+    system = ao.System(lagrangian, ["x"], parameters={"w": np.pi})
+    problem = ao.Problem(system, ao.Event(0.0, [0.01]), ao.Event(0.6, [0.02]))
+    times = np.linspace(0.6, 3.45, 39)
+    found = solve_run(problem, {"t1": times}, TOL, index=True)
+    for i, t in enumerate(times):
+        if found.status[i] is Status.SOLVED:
+            alone = ao.solve(member(problem, {"t1": times}, i), guess=found.path(i), tol=1e-11)
+            assert apart(found.path(i), alone.path) <= found.error[i] + alone.error
+            assert found.index[i] == alone.morse_index
+            if abs(t - round(t)) > 0.1:
+                assert found.index[i] == int(t)
+    assert (found.success | (np.abs(times - np.round(times)) < 0.05)).all()
+
+
+def bratu():
+    """q'' + c e^q = 0, q(0) = q(1) = 0 (Bratu): two paths below c = 3.5138307, then none."""
+
+    def lagrangian(q, v, t, *, c):
+        return v[0] ** 2 / 2 - c * np.exp(q[0])
+
+    system = ao.System(lagrangian, ["q"], parameters={"c": 1.0})
+    return ao.Problem(system, ao.Event(0.0, [0.0]), ao.Event(1.0, [0.0]))
+
+
+def test_nothing_is_solved_beyond_a_fold():
+    c = np.linspace(3.0, 3.55, 12)
+    found = solve_run(bratu(), {"c": c}, TOL)
+    exists = c < 3.5138307
+    assert found.success.tolist() == exists.tolist()
+    for i in np.flatnonzero(exists):
+        middle = found.path(i)(0.5)[0]
+        # The first integral at the middle, where the velocity is zero, closes the path in time 1.
+        theta = np.arccosh(np.exp(middle / 2))
+        assert 2 * np.arcsinh(np.sinh(theta)) == pytest.approx(
+            np.sqrt(c[i] / 2) * np.exp(middle / 2), rel=1e-7
+        )
+
+
+def test_pulses_between_nodes_are_seen():
+    def lagrangian(q, v, t, *, at, width):
+        return v[0] ** 2 / 2 - q[0] ** 2 / 2 + 5 * q[0] * np.exp(-(((t - at) / width) ** 2))
+
+    system = ao.System(lagrangian, ["x"], parameters={"at": 0.5, "width": 0.01})
+    problem = ao.Problem(system, ao.Event(0.0, [1.0]), ao.Event(1.0, [0.5]))
+    columns = {"at": np.linspace(-0.3, 0.8, 12)}
+    found = solve_run(problem, columns, 1e-7)
+    for i in range(12):
+        alone = ao.solve(member(problem, columns, i), tol=1e-8)
+        assert found.status[i] is Status.SOLVED
+        assert apart(found.path(i), alone.path) < 2e-7
+
+
+def test_members_that_want_a_finer_mesh_get_it():
+    problem = scenes.get("kepler").problem
+    columns = {("end", "x"): np.linspace(-1.5, -0.2, 30)}
+    found = solve_run(problem, columns, TOL)
+    assert len({found.mesh[i] for i in range(30)}) > 1
+    assert found.success.all()
+    for i in range(0, 30, 5):
+        alone = ao.solve(member(problem, columns, i), tol=1e-11, guess=found.path(i))
+        assert apart(found.path(i), alone.path) <= found.error[i] + alone.error
+
+
+def test_other_problems_are_solved_one_by_one():
+    problem = scenes.get("drag_linear").problem
+    name = next(iter(problem.parameters))
+    value = float(problem.parameters[name])
+    found = solve_run(problem, {name: value * np.array([1.0, 1.1, 1.2])})
+    assert found.success.all() and found.alone.all()
+    again = ao.solve(member(problem, {name: value * np.array([1.2])}, 0))
+    assert found.action[2] == pytest.approx(again.action, rel=1e-9)
+
+
+def test_blocks_are_neighbours(monkeypatch):
+    problem, columns = FAMILIES["pendulum"]()
+    whole = solve_run(problem, columns, TOL)
+    monkeypatch.setattr(batch, "BLOCK", 16)
+    parts = solve_run(problem, columns, TOL)
+    assert parts.success.all() and parts.alone.sum() <= 5
+    assert np.allclose(parts.action, whole.action, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("columns", "words"),
+    [
+        ({"speed": [1.0]}, "name of a parameter"),
+        ({("end", "phi"): [1.0]}, "name of a parameter"),
+        ({"g": [1.0, np.nan]}, "finite values"),
+        ({"g": [9.0, 9.5], "t1": [1.0]}, "as many values"),
+        ({"t1": [1.0, -1.0]}, "for member 1"),
+        ({}, "at least one quantity"),
+    ],
+)
+def test_refusals(columns, words):
+    with pytest.raises(ValueError, match=words):
+        solve_run(scenes.get("pendulum").problem, columns)
+
+
+@pytest.mark.parametrize("name", ["pendulum", "double_pendulum", "charge_gauge", "moving_pivot"])
+def test_stacks_are_the_transcription(name):
+    problem = scenes.get(name).problem
+    mesh = ao.Mesh.uniform(problem.start.t, problem.end.t, 3, 7)
+    tr = Transcription(problem, mesh, problem.lengths)
+    rng = np.random.default_rng(0)
+    shape = Shape(problem.system, mesh.moved(0.0, 1.0), ((), ()), tr.lengths, tr.action_unit)
+    z = [tr.pack(tr.straight()) + 0.1 * rng.standard_normal(tr.layout.size) for _ in range(4)]
+    times = np.tile([problem.start.t, problem.end.t], (4, 1))
+    stack = Stack(shape, times, np.tile(problem.packed, (4, 1)))
+    Q = shape.local(np.array([tr.coordinates(x) for x in z]))
+    S, part = stack.first(Q)
+    factored = Factored(shape, stack.matrices(stack.second(Q)))
+    steps = shape.whole(stack.step(factored.solve(stack.rows(part))))
+    missed = shape.whole(stack.step(factored.solve(stack.rows(stack.missed(Q, part)))))
+    for i, x in enumerate(z):
+        factors = Factors(tr.layout, tr.kkt(x))
+        assert S[i] == pytest.approx(tr.action(x) * tr.action_unit, rel=1e-13)
+        assert factored.negative[i] == factors.negative()
+        for mine, right in ((steps, tr.residual(x)), (missed, tr.missed(x)[0])):
+            want = factors.solve(right)
+            assert tr.pack(mine[i]) - tr.pack(0 * mine[i]) == pytest.approx(
+                want, rel=1e-8, abs=1e-9 * np.abs(want).max() + 1e-12
+            )
+
+
+def test_columns_know_what_casadi_does():
+    x, y = ca.SX.sym("x", 2), ca.SX.sym("y")
+    a, b = x[0], x[1]
+    known = [
+        *(f(a) for f in (ca.sin, ca.cos, ca.tan, ca.exp, ca.log, ca.sqrt, ca.tanh, ca.sinh)),
+        *(f(b) for f in (ca.asin, ca.acos, ca.atan, ca.fabs, ca.sign, ca.floor, ca.ceil)),
+        *(f(b) for f in (ca.cosh, ca.asinh, ca.atanh, ca.log1p, ca.expm1)),
+        *(f(a, b) for f in (ca.fmin, ca.fmax, ca.atan2, ca.fmod, ca.hypot, ca.copysign)),
+        *(a**2.5, a**b, 1 / a, -a, 2 * a, a**2, a / b, a - b, ca.if_else(b > y, a, y)),
+        *(ca.logic_and(a > y, b < a), ca.logic_or(a > y, b != a), ca.logic_not(a <= y)),
+        ca.acosh(2 + a),
+    ]
+    f = ca.Function("f", [x, y], [ca.vertcat(*known), ca.SX(3, 1) + 1])
+    rng = np.random.default_rng(0)
+    values, others = rng.uniform(0.1, 0.9, (5, 2, 7)), rng.uniform(0.1, 0.9, (1, 1, 7))
+    found, ones = Columns(f)(5, 7, (values, others))
+    for i in range(5):
+        for j in range(7):
+            want = np.array(f(values[i, :, j], others[0, :, j])[0]).ravel()
+            assert found[i, :, j] == pytest.approx(want, rel=1e-14, abs=1e-15)
+    assert (ones == 1).all()
+    with pytest.raises(ValueError, match="instructions that numpy knows"):
+        Columns(ca.Function("f", [x], [ca.erf(x)]))
