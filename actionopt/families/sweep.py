@@ -40,8 +40,9 @@ if TYPE_CHECKING:
     from concurrent.futures import Executor, Future
 
 SECONDS = 1.0  # of a task, about: what is lost with a worker, and much beside what sending it takes
-# Measured: of a member, and of its unknowns times its coordinates.
-MEMBER_SECONDS, UNKNOWN_SECONDS = 1.5e-3, 2e-5
+# Of a member, and of its unknowns times its coordinates. Measured, with 117 to 542 unknowns, to a
+# half; those with constraints or forces, which are solved one by one, take some ten times as long.
+MEMBER_SECONDS, UNKNOWN_SECONDS, ONE_BY_ONE = 1e-4, 2e-6, 10
 MOST_MEMBERS = 4096  # of a task, so that its answers are a megabyte at most; ad hoc
 IN_FLIGHT = 1024  # tasks that are sent at once, and so the workers that are kept busy; ad hoc
 PILOTS = 8  # members at equal distances of which the first that is solved tells their size; ad hoc
@@ -196,8 +197,9 @@ class _Run:
         if records:
             self.length, self.pilot = int(records[0]["length"]), int(records[0]["pilot"])
         else:
-            unknowns = self._pilot()
-            seconds = MEMBER_SECONDS + UNKNOWN_SECONDS * unknowns * self.grid.problem.system.n
+            unknowns, system = self._pilot(), self.grid.problem.system
+            seconds = MEMBER_SECONDS + UNKNOWN_SECONDS * unknowns * system.n
+            seconds *= ONE_BY_ONE if system.m or system.structure.forced else 1
             self.length = int(np.clip(SECONDS / seconds, 1, MOST_MEMBERS))
             if self.journal is not None:
                 about = {"length": self.length, "pilot": self.pilot}
