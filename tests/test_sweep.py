@@ -253,7 +253,7 @@ def test_what_is_finished_is_not_solved_again(serial, short, tmp_path, monkeypat
     runs = ao.sweep(PENDULUM, OVER, progress=lambda *x: told.append(x), **given)
     assert same(runs, serial) and len(worked) == 3 and told[-1] == (24, 24, 0)
     monkeypatch.setattr(module, "solve", None)
-    monkeypatch.setattr(module, "solve_run", None)
+    monkeypatch.setattr(module, "walk", None)
     assert same(ao.sweep(PENDULUM, OVER, **given), serial) and len(worked) == 3
 
 

@@ -99,8 +99,11 @@ class Grid:
 
     def member(self, i: int) -> Problem:
         """Return the problem of a member. Raises ValueError as a `Problem` does."""
-        values = self.columns(np.array([i]))
-        return moved(self.problem, {name: float(x[0]) for name, x in values.items()})
+        return moved(self.problem, self.at(i))
+
+    def at(self, i: int) -> dict[Name, float]:
+        """Return the values of a member."""
+        return {name: float(x[0]) for name, x in self.columns(np.array([i])).items()}
 
     def beside(self, i: int) -> list[int]:
         """Return the members next to one along the axes."""
@@ -116,8 +119,7 @@ class Grid:
 
     def text(self, i: int) -> str:
         """Return the values of a member, to be read: "g = 9.81, t1 = 2"."""
-        values = self.columns(np.array([i]))
-        return ", ".join(f"{said(name)} = {x[0]:.6g}" for name, x in values.items())
+        return ", ".join(f"{said(name)} = {x:.6g}" for name, x in self.at(i).items())
 
 
 def said(name: Name) -> str:

@@ -1,8 +1,8 @@
 """Solve a problem over a grid of values, in this process or on many machines.
 
-The grid is cut into tasks, runs of neighbours, each of which is solved from the path of its own
-first member: a seed. Seeds are solved here, each from the nearest of those before, and a task needs
-nothing of other tasks. So neither the cut nor any number depends on who solves what, or when.
+The grid is cut into tasks, runs of neighbours. First some members far apart are solved here, as
+seeds; each task begins with a walk from the nearest seed to its own first member, and needs nothing
+of other tasks. So neither the cut nor any number depends on who solves what, or when.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from numpy.typing import ArrayLike
 
 from actionopt.analysis.solution import SolveError
 from actionopt.discrete.path import Path
-from actionopt.families.batch import solve_run
 from actionopt.families.grid import Grid, said
 from actionopt.families.kept import Kept
-from actionopt.families.runs import SAME_PATH, Runs
-from actionopt.families.task import Answers, work
-from actionopt.families.vary import Name, led, moved
+from actionopt.families.runs import Runs
+from actionopt.families.task import Answers, Seed, work
+from actionopt.families.vary import Name
+from actionopt.families.walk import walk
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import asked
 from actionopt.solver.solve import solve
 from actionopt.tools.checks import tolerance
 from actionopt.tools.journal import Journal
-from actionopt.tools.types import Array, NDInt
+from actionopt.tools.types import NDInt
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor, Future
@@ -46,7 +46,7 @@ MEMBER_SECONDS, UNKNOWN_SECONDS, ONE_BY_ONE = 1e-4, 2e-6, 10
 MOST_MEMBERS = 4096  # of a task, so that its answers are a megabyte at most; ad hoc
 IN_FLIGHT = 1024  # tasks that are sent at once, and so the workers that are kept busy; ad hoc
 PILOTS = 8  # members at equal distances of which the first that is solved tells their size; ad hoc
-MANY_STEPS = 8, 16, 32  # from a seed to the next, where the grid itself has more; ad hoc
+SEEDS = 32  # paths from which tasks are reached: they are found here, one by one; ad hoc
 FORMAT = "actionopt sweep 1"
 RECORDED = ("index",)
 
@@ -184,52 +184,9 @@ class _Run:
     journal: Journal | None
     length: int = 0  # of a task, in members
     question: bytes = b""
-    pilot: int = 0  # place in the order of the first member that was solved
-    seeds: dict[int, Path] = field(default_factory=dict)  # by the member's place in the order
+    seeds: dict[int, Path] = field(default_factory=dict)  # paths by the number of the member
     done: int = 0  # members
     failed: int = 0
-
-    # -- before the tasks --------------------------------------------------------------------------
-
-    def begin(self) -> dict[int, Answers]:
-        """Find a first path, or read what a file has; return the tasks that are finished."""
-        records = [] if self.journal is None else self.journal.records
-        if records:
-            self.length, self.pilot = int(records[0]["length"]), int(records[0]["pilot"])
-        else:
-            unknowns, system = self._pilot(), self.grid.problem.system
-            seconds = MEMBER_SECONDS + UNKNOWN_SECONDS * unknowns * system.n
-            seconds *= ONE_BY_ONE if system.m or system.structure.forced else 1
-            self.length = int(np.clip(SECONDS / seconds, 1, MOST_MEMBERS))
-            if self.journal is not None:
-                about = {"length": self.length, "pilot": self.pilot}
-                self.journal.append(about | self._packed(self.pilot))
-        for record in records:
-            path = Kept.unpacked(record, "seed").path(0)
-            if path is not None:
-                self.seeds[
-                    int(record["task"]) * self.length if "task" in record else self.pilot
-                ] = path
-        self.question = pickle.dumps(self.grid.problem)
-        return {int(record["task"]): record for record in records[1:]}
-
-    def _pilot(self) -> int:
-        """Solve the first of some members that can be; return how many unknowns it has."""
-        unknowns = 0
-        for place in np.unique(np.linspace(0, self.grid.size - 1, PILOTS).astype(int)).tolist():
-            with suppress(ValueError):
-                problem = self.grid.member(int(self.grid.order[place]))
-                found = solve(problem, tol=self.runs.tol, throw=False)
-                unknowns = found.stats["unknowns"]
-                if found.success:
-                    self.pilot, self.seeds[place] = place, found.path
-                    break
-        return unknowns
-
-    def _packed(self, place: int) -> dict[str, Array]:
-        """Return a seed, if there is one, as arrays."""
-        paths = [self.seeds[place]] if place in self.seeds else []
-        return Kept.of(np.zeros(len(paths), dtype=int), paths).packed("seed")
 
     @property
     def tasks(self) -> int:
@@ -242,63 +199,56 @@ class _Run:
 
     # -- seeds -------------------------------------------------------------------------------------
 
-    def seed(self, task: int) -> Path | None:
-        """Return the path of the first member of a task or, where it fails, the nearest one."""
-        place = task * self.length
-        if place in self.seeds:
-            return self.seeds[place]
-        nearest = self._nearest(place)
-        found = None if nearest is None else self._step(place, nearest)
-        if found is None:
-            found = self._alone(place)
-        if found is not None:
-            self.seeds[place] = found
-        return found if found is not None or nearest is None else self.seeds[nearest]
+    def begin(self) -> dict[int, Answers]:
+        """Cut the grid and find seeds, or read them; return the tasks that are finished."""
+        records = [] if self.journal is None else self.journal.records
+        if records:
+            self.length, kept = int(records[0]["length"]), Kept.unpacked(records[0], "seed")
+            self.seeds = {i: path for i in kept.members.tolist() if (path := kept.path(i))}
+        else:
+            unknowns, system = self._pilot(), self.grid.problem.system
+            seconds = MEMBER_SECONDS + UNKNOWN_SECONDS * unknowns * system.n
+            seconds *= ONE_BY_ONE if system.m or system.structure.forced else 1
+            self.length = int(np.clip(SECONDS / seconds, 1, MOST_MEMBERS))
+            some = np.linspace(0, self.tasks - 1, min(SEEDS, self.tasks)).astype(int)
+            for i in self.grid.order[some * self.length].tolist():
+                self._sow(i)
+            if self.journal is not None:
+                kept = Kept.of(np.array(list(self.seeds), dtype=int), list(self.seeds.values()))
+                self.journal.append({"length": self.length, **kept.packed("seed")})
+        self.question = pickle.dumps(self.grid.problem)
+        return {int(record["task"]): record for record in records[1:]}
 
-    def _nearest(self, place: int) -> int | None:
-        """Return the place of the nearest seed: of those before, and the pilot, no others."""
-        places = [p for p in self.seeds if p < place or p == self.pilot]
-        if not places:
+    def _pilot(self) -> int:
+        """Solve the first of some members that can be; return how many unknowns it has."""
+        unknowns = 0
+        places = np.linspace(0, self.grid.size - 1, PILOTS).astype(int)
+        for i in dict.fromkeys(self.grid.order[places].tolist()):
+            with suppress(ValueError):
+                found = solve(self.grid.member(i), tol=self.runs.tol, throw=False)
+                unknowns = found.stats["unknowns"]
+                if found.success:
+                    self.seeds[i] = found.path
+                    break
+        return unknowns
+
+    def _sow(self, i: int) -> None:
+        """Make a member a seed if a walk from the nearest one leads there."""
+        seed, tol = self._nearest(i), self.runs.tol
+        if seed is not None and seed.distance:
+            path = walk(self.grid.problem, *seed[:2], self.grid.at(i), seed.distance, tol)
+            if path is not None:
+                self.seeds[i] = path
+
+    def _nearest(self, i: int) -> Seed | None:
+        """Return the seed that is nearest to a member, in parts of the axes."""
+        if not self.seeds:
             return None
-        at = np.unravel_index(self.grid.order[[place, *places]], self.grid.shape)
-        rows = np.array(at).T / np.array(self.grid.shape)
-        return places[int(np.argmin(((rows[1:] - rows[0]) ** 2).sum(axis=1)))]
-
-    def _step(self, place: int, nearest: int) -> Path | None:
-        """Return the path of a member from that of another: by steps as long as the grid's own.
-
-        Where these are too many, by so many that twice as many lead to the same.
-        """
-        grid, members = self.grid, self.grid.order[[nearest, place]]
-        distance = int(np.max(np.abs(np.diff(np.unravel_index(members, grid.shape)))))
-        path, before = None, None
-        for count in MANY_STEPS if distance > MANY_STEPS[-1] else (distance,):
-            rows = {
-                name: np.linspace(a, b, count + 1)[1:]
-                for name, (a, b) in grid.columns(members).items()
-            }
-            try:
-                first = moved(grid.problem, {name: row[0] for name, row in rows.items()})
-                guess = led(self.seeds[nearest], first)
-                found = solve_run(grid.problem, rows, self.runs.tol, guess=guess)
-            except ValueError:
-                return path
-            if not found.success.all():
-                continue
-            path, momenta = found.path(count - 1), found.momenta[-1]
-            size = np.max(np.abs(momenta))
-            if before is not None and np.max(np.abs(momenta - before)) <= SAME_PATH * size:
-                break
-            before = momenta
-        return path
-
-    def _alone(self, place: int) -> Path | None:
-        """Return the path of a member found from nothing."""
-        with suppress(ValueError):
-            problem = self.grid.member(int(self.grid.order[place]))
-            found = solve(problem, tol=self.runs.tol, throw=False)
-            return found.path if found.success else None
-        return None
+        known, shape = list(self.seeds), self.grid.shape
+        steps = np.abs(np.array(np.unravel_index([i, *known], shape)).T)
+        steps = np.abs(steps[1:] - steps[0])
+        k = int(np.argmin(((steps / np.array(shape)) ** 2).sum(axis=1)))
+        return Seed(self.seeds[known[k]], self.grid.at(known[k]), int(steps[k].max()))
 
     # -- tasks -------------------------------------------------------------------------------------
 
@@ -337,13 +287,18 @@ class _Run:
         """Return the arguments of `work`."""
         members, runs = self.members(task), self.runs
         options = runs.tol, runs.index is not None, runs.kept is not None
-        return self.question, members, self.grid.columns(members), self.seed(task), options
+        return (
+            self.question,
+            members,
+            self.grid.columns(members),
+            self._nearest(members[0]),
+            options,
+        )
 
     def _done(self, task: int, answers: Answers) -> None:
         """Keep what came of a task, and enter it."""
         if self.journal is not None:
-            seed = self._packed(task * self.length)
-            self.journal.append({"task": np.array(task), **answers, **seed})
+            self.journal.append({"task": np.array(task), **answers})
         self._enter(answers)
 
     def _enter(self, answers: Answers) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Mapping
+from contextlib import suppress
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,36 +14,59 @@ from actionopt.discrete.path import Path
 from actionopt.families.batch import solve_run
 from actionopt.families.kept import Kept
 from actionopt.families.vary import Name, moved
+from actionopt.families.walk import walk
 from actionopt.mechanics.problem import Problem
-from actionopt.solver.solve import Guess
+from actionopt.solver.solve import Guess, solve
 from actionopt.tools.types import Array, NDInt
 
 Answers = dict[str, Array]
 REFUSED = "REFUSED"  # beside the names of `Status`: the problem makes no sense
 
 
+class Seed(NamedTuple):
+    """From where to begin: a path, the values of its member, and how many steps of the grid."""
+
+    path: Path
+    values: dict[Name, float]
+    distance: int
+
+
 def work(
     question: bytes,
     members: NDInt,
     columns: Mapping[Name, Array],
-    guess: Path | None,
+    seed: Seed | None,
     options: tuple[float, bool, bool],
 ) -> Answers:
-    """Solve members of a grid one after the other: what an executor is given.
+    """Solve members of a grid, neighbours one after the other: what an executor is given.
 
     Parameters
     ----------
     question : bytes
         The pickled problem, which makes its system once in a process.
     members : (k,) array of int
-        Their numbers, in an order of neighbours.
+        Their numbers.
     columns : mapping of name to (k,) array
-    guess : Path or None
-        Near the path of the first.
+    seed : Seed or None
+        From where the first is reached.
     options : tuple
         `tol`, and whether to count indices and to keep paths.
     """
-    return solved(pickle.loads(question), members, columns, guess, options)
+    problem = pickle.loads(question)
+    return solved(problem, members, columns, begun(problem, columns, seed, options[0]), options)
+
+
+def begun(
+    problem: Problem, columns: Mapping[Name, Array], seed: Seed | None, tol: float
+) -> Path | None:
+    """Return the path of the first member; the seed's where it has none, None without a seed."""
+    first = {name: float(row[0]) for name, row in columns.items()}
+    path = None if seed is None else walk(problem, *seed[:2], first, seed.distance, tol)
+    if path is None:
+        with suppress(ValueError):
+            found = solve(moved(problem, first), tol=tol, throw=False)
+            path = found.path if found.success else None
+    return seed.path if path is None and seed is not None else path
 
 
 def solved(
@@ -51,7 +76,7 @@ def solved(
     guess: Guess | None,
     options: tuple[float, bool, bool],
 ) -> Answers:
-    """Return the same of a problem that is here."""
+    """Return what comes of members of a problem that is here, the first of them near `guess`."""
     (tol, index, keep_paths), k, n = options, len(members), problem.system.n
     t0, t1 = columns.get("t0", problem.start.t), columns.get("t1", problem.end.t)
     late = np.broadcast_to(np.less(t0, t1), k)

@@ -12,6 +12,7 @@ from actionopt.plot._film import animation, film
 from actionopt.plot._names import SI, Units, planar, symbol
 from actionopt.plot._paths import deviation, family, mesh, overview, paths
 from actionopt.plot._relaxation import Panels, relaxation, relaxation_film
+from actionopt.plot._runs import runs
 from actionopt.plot._strobe import motion
 from actionopt.plot._style import STYLE
 from actionopt.plot._variations import bundle, landscape, landscapes, slices, spectrum
@@ -85,6 +86,7 @@ __all__ = [
     "relaxation",
     "relaxation_data",
     "relaxation_film",
+    "runs",
     "save",
     "slice_data",
     "slices",
