@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass, field
+from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from actionopt.families.sheets import sheets
 from actionopt.families.task import Answers, solved
 from actionopt.mechanics.problem import Problem, State
 from actionopt.solver.solve import Guess, solve
+from actionopt.tools.files import ready, whole
 from actionopt.tools.types import Array, NDInt
 
 UNREACHED = "UNREACHED"  # beside the names of `Status`, and REFUSED
@@ -263,6 +265,22 @@ class Runs:
         """Return the same in arrays of its own."""
         made = {name: copy(value) for name, value in vars(self).items()}
         return Runs(**made)
+
+    def save(self, file: str | FilePath) -> None:
+        """Write the arrays to an .npz file or, by xarray, to netCDF (.nc), whole or not at all.
+
+        Values are under the names of what varies: "end.x" for a coordinate of the end.
+        """
+        target = ready(file, ".npz", ".nc")
+        with whole(target) as part:
+            if target.suffix == ".nc":
+                self.to_xarray().to_netcdf(part)
+                return
+            arrays = {name: getattr(self, name) for name in OVER_GRID}
+            if self.index is None:
+                del arrays["index"]
+            along = {said(x): row for x, row in zip(self.grid.names, self.grid.values, strict=True)}
+            np.savez(part, allow_pickle=False, branch=self.branch, **arrays, **along)
 
     def to_xarray(self, units: Mapping[str, str] | None = None) -> Any:
         """Return the arrays as an xarray.Dataset, whose `to_netcdf` and `to_zarr` write them.
