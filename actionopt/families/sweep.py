@@ -41,12 +41,12 @@ if TYPE_CHECKING:
 
 SECONDS = 1.0  # of a task, about: what is lost with a worker, and much beside what sending it takes
 # Of a member, and of its unknowns times its coordinates. Measured, with 117 to 542 unknowns, to a
-# half; those with constraints or forces, which are solved one by one, take some ten times as long.
-MEMBER_SECONDS, UNKNOWN_SECONDS, ONE_BY_ONE = 1e-4, 2e-6, 10
+# factor of two; those with constraints or forces, solved one by one, take some ten times as long.
+MEMBER_SECONDS, UNKNOWN_SECONDS, ONE_BY_ONE = 1e-4, 8e-7, 10
 MOST_MEMBERS = 4096  # of a task, so that its answers are a megabyte at most; ad hoc
 IN_FLIGHT = 1024  # tasks that are sent at once, and so the workers that are kept busy; ad hoc
 PILOTS = 8  # members at equal distances of which the first that is solved tells their size; ad hoc
-SEEDS = 32  # paths from which tasks are reached: they are found here, one by one; ad hoc
+SEEDS = 8  # paths from which tasks are reached: they are found here, one by one; ad hoc
 FORMAT = "actionopt sweep 1"
 RECORDED = ("index",)
 

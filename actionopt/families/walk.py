@@ -1,8 +1,8 @@
 """From the path of one member of a family to that of another, one by one, without leaving it.
 
 A path may lead to another kind of path where its question changes much at once. So the question
-changes in steps: as many as there are between the two in their grid or, where these are too many,
-so many that more lead to the same.
+changes in steps: as many as there are between the two in their grid, or so many that twice as many
+lead to the same.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from actionopt.mechanics.problem import Problem
 from actionopt.solver.solve import solve
 
 # Ad hoc, all three: the numbers of steps, the accuracy on the way, and what is the same at the end.
-MANY_STEPS, ON_THE_WAY, ALIKE = (8, 16, 32), 1e-4, 1e-3
+STEPS, ON_THE_WAY, ALIKE = (4, 8, 16, 32), 1e-4, 1e-3
 
 Values = Mapping[Name, float]
 
@@ -33,8 +33,8 @@ def walk(
     """
     if distance == 0:
         return path
-    before = None
-    for count in (distance,) if distance <= MANY_STEPS[-1] else MANY_STEPS:
+    before, few = None, [count for count in STEPS if count < distance]
+    for count in [*few, distance] if distance <= STEPS[-1] else few:
         found = _steps(problem, path, start, end, count, tol)
         if found is not None and before is not None and _alike(found, before):
             break
