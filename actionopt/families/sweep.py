@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import pickle
+import sys
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -139,8 +140,7 @@ def _recorded(record: str | Sequence[str] | None) -> tuple[str, ...]:
 
 def _question(grid: Grid, tol: float, index: bool, keep_paths: bool) -> dict[str, Any]:
     """Return what tells one sweep from another, as plain data."""
-    from importlib.metadata import version  # slow to import
-
+    version = sys.modules[__name__.partition(".")[0]].__version__
     problem, over = grid.problem, {}
     for name, row in zip(grid.names, grid.values, strict=True):
         digest = hashlib.sha256(row.tobytes()).hexdigest()[:12]
@@ -157,7 +157,7 @@ def _question(grid: Grid, tol: float, index: bool, keep_paths: bool) -> dict[str
         "tol": tol,
         "record": ["index"] if index else [],
         "keep_paths": keep_paths,
-        "made by": f"actionopt {version('actionopt')}, CasADi {ca.CasadiMeta.version()}",
+        "made by": f"actionopt {version}, CasADi {ca.CasadiMeta.version()}",
     }
 
 
