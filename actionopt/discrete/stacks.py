@@ -14,6 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
+import casadi as ca
 import numpy as np
 
 from actionopt.discrete.mesh import Mesh
@@ -22,6 +23,11 @@ from actionopt.mechanics.columns import Columns
 from actionopt.mechanics.system import System
 from actionopt.tools.lobatto import Rule, Sampling, lgl
 from actionopt.tools.types import Array, NDInt
+
+# Numbers in the matrices, and in what is evaluated at once, of members that are worked on at a
+# time: so little memory, that is used again. Measured: half or twice as many take a tenth longer.
+MATRICES, VALUES = 2**20, 2**17
+MOST, LEAST = 256, 8  # members
 
 
 class Shape:
@@ -57,12 +63,14 @@ class Shape:
         both = np.ix_(self.order, self.order)
         self.weighted = self.rule.weighted[both]
         stiffness = self.rule.stiffness.reshape(self.P, self.P, self.P)
-        self.stiffness = np.ascontiguousarray(stiffness[both]).reshape(-1, self.P)
-        self.functions = {
-            name: system.made(f"columns {name}", lambda name=name: _columns(system, name))
-            for name in ("first", "second")
-        }
-        self._matrices: dict[int, Array] = {}
+        self.stiffness = stiffness[both][np.triu_indices(self.P)]
+        self.upper = np.cumsum(np.r_[0, np.arange(self.P, 1, -1)]).tolist()
+        self.functions = functions(system)
+        self._memory = np.empty(0)
+
+    def on(self, mesh: Mesh) -> Shape:
+        """Return the same on another mesh."""
+        return Shape(self.system, mesh, self.free, self.units, self.action_unit)
 
     def pinned(self, node: int) -> list[int]:
         """Return the coordinates that are given at a node between elements."""
@@ -114,12 +122,40 @@ class Shape:
         other = (rule.nodes.size * np.arange(self.E)[which].size for which, rule in self.sampled)
         return max(self.P * self.E, *other)
 
+    def assemble(self, M: Array, coefficients: list[Array]) -> None:
+        """Put the elements' second derivatives of S into M, (places, places, B), the upper rows."""
+        A, B, C = coefficients
+        blocks = M.reshape(self.P, self.n, self.P, self.n, -1)
+        pointwise, at = self.system.pointwise("second"), np.arange(self.P)
+        rows, cols = pointwise.sparsity(2)
+        if rows.size < self.n * (self.n + 1) // 2:
+            M[...] = 0.0
+        for a, b, c in zip(rows, cols, C, strict=True):
+            out = self.stiffness @ c  # node by node, those from it on
+            for j, first in enumerate(self.upper):
+                part = out[first : first + self.P - j]
+                blocks[j, a, j:, b] = part
+                if a != b:
+                    blocks[j, b, j:, a] = part
+        for a, b, x in zip(*pointwise.sparsity(1), B, strict=True):
+            x = x[self.order]
+            for j in range(self.P):
+                blocks[j, a, j:, b] += self.weighted[j, j:, None] * x[j]
+                blocks[j, b, j:, a] += self.weighted[j:, j, None] * x[j:]
+        for a, b, x in zip(*pointwise.sparsity(0), A, strict=True):
+            blocks[at, a, at, b] += x[self.order]
+
+    def parts(self, count: int) -> list[NDInt]:
+        """Return so many members in parts that are worked on at a time."""
+        most = min(MATRICES // (self.E * self.places**2), VALUES // (self.points * self.n), MOST)
+        return np.array_split(np.arange(count), -(-count // max(most, LEAST)))
+
     def matrix(self, count: int) -> Array:
-        """Return memory for the matrices of so many members, (places, places, E count)."""
-        if count not in self._matrices:
-            self._matrices.clear()
-            self._matrices[count] = np.empty((self.places, self.places, self.E * count))
-        return self._matrices[count]
+        """Return memory for so many matrices, (places, places, count): the same every time."""
+        size = self.places**2 * count
+        if self._memory.size < size:
+            self._memory = np.empty(size)
+        return self._memory[:size].reshape(self.places, self.places, count)
 
     def local(self, Q: Array) -> Array:
         """Return coordinates (members, K, n) node by node, element by element: (P, n, E, C)."""
@@ -173,11 +209,17 @@ class Stack:
         v = self.shape.rule.derivative @ local.reshape(len(Q), -1)
         return v.reshape(Q.shape) / self.half
 
-    def first(self, Q: Array) -> tuple[Array, Array]:
-        """Return S, (C,), and the elements' parts of dS/dq, (P, n, E, C), in the user's units."""
-        force, momentum, L = self._evaluated("first", Q, self.velocities(Q), self._at)
-        part = self.weight[:, None] * force + _work(self.shape.rule.weighted.T, momentum)
-        return (self.weight * L[:, 0]).sum(axis=(0, 1)), part
+    def action(self, Q: Array) -> Array:
+        """Return S, (C,), in the user's units."""
+        L = self._evaluated("value", Q, self.velocities(Q), self._at)[0]
+        return (self.weight * L[:, 0]).sum(axis=(0, 1))
+
+    def gradient(self, Q: Array) -> Array:
+        """Return the elements' parts of dS/dq, (P, n, E, C), in the user's units."""
+        force, momentum = self._evaluated("gradient", Q, self.velocities(Q), self._at)
+        force *= self.weight[:, None]
+        force += _work(self.shape.rule.weighted.T, momentum)
+        return force
 
     def second(self, Q: Array, nodes: Array | None = None) -> list[Array]:
         """Return the nonzeros of L_qq, L_qv and L_vv, (P, nonzeros, E, C), in units of unknowns.
@@ -210,7 +252,7 @@ class Stack:
             local, half = Q[:, :, which], self.half[which]
             q, v = self._sampled(local, rule.values, rule.slopes, half)
             at = self._arguments(s.times_of(rule.nodes, which))
-            force, momentum, _ = self._evaluated("first", q, v, at)
+            force, momentum = self._evaluated("gradient", q, v, at)
             work = rule.weighted_values @ force.reshape(len(q), -1)
             work = work.reshape(local.shape) * half + _work(rule.weighted_slopes, momentum)
             found[:, :, which] += work
@@ -224,36 +266,14 @@ class Stack:
         found = self.shape.functions[name](points, count, inputs)
         return [x.reshape(points, -1, elements, members) for x in found]
 
-    def matrices(self, second: list[Array], shift: Array | None = None) -> Array:
-        """Return the elements' second derivatives of S, (places, places, E C), their upper rows.
+    def coefficients(self, second: list[Array], shift: Array | None = None) -> list[Array]:
+        """Return the nonzeros of `second` times weights and lengths, (nonzeros, P, E C).
 
-        Less `shift` (C,) times their kinetic part. The memory is used again.
+        As `assemble` takes them; L_vv less `shift` (C,) times itself.
         """
-        s = self.shape
-        A, B, C = second
-        M = s.matrix(len(self.times))
-        blocks, batch = M.reshape(s.P, s.n, s.P, s.n, -1), M.shape[2]
-        pointwise = s.system.pointwise("second")
-        rows, cols = pointwise.sparsity(2)
-        if rows.size < s.n * (s.n + 1) // 2:
-            M[...] = 0.0
-        for a, b, c in zip(rows, cols, C.swapaxes(0, 1), strict=True):
-            c = c / self.half if shift is None else c / self.half * (1 - shift)
-            out = (s.stiffness @ c.reshape(s.P, batch)).reshape(s.P, s.P, batch)
-            blocks[:, a, :, b] = out
-            if a != b:
-                blocks[:, b, :, a] = out
-        for a, b, x in zip(*pointwise.sparsity(1), B.swapaxes(0, 1), strict=True):
-            mixed = s.weighted[:, :, None] * x.reshape(s.P, 1, batch)[s.order]
-            blocks[:, a, :, b] += mixed
-            blocks[:, b, :, a] += mixed.transpose(1, 0, 2)
-        at = np.arange(s.P)
-        for a, b, x in zip(*pointwise.sparsity(0), A.swapaxes(0, 1), strict=True):
-            x = (self.weight * x).reshape(s.P, batch)[s.order]
-            blocks[at, a, at, b] += x
-            if a != b:
-                blocks[at, b, at, a] += x
-        return M
+        A, B, C = (x.swapaxes(0, 1) for x in second)
+        C = C / self.half if shift is None else C * ((1 - shift) / self.half)
+        return [x.reshape(*x.shape[:2], self.half.size) for x in (A * self.weight, B, C)]
 
     def rows(self, part: Array) -> Array:
         """Return dS/dq in units of the unknowns, (places, E, C), as right-hand sides have it."""
@@ -273,7 +293,9 @@ class Factored:
     Parameters
     ----------
     shape : Shape
-    M : (places, places, E C) array
+    coefficients : list of arrays
+        As `Stack.coefficients` returns them, for C members. Memory is shared by all of one shape:
+        another matrix takes the place of the last one.
 
     Attributes
     ----------
@@ -283,9 +305,11 @@ class Factored:
         Pivots that are negative, as many as eigenvalues.
     """
 
-    def __init__(self, shape: Shape, M: Array) -> None:
-        self.shape, self.M = shape, M
+    def __init__(self, shape: Shape, coefficients: list[Array]) -> None:
         s, n = shape, shape.n
+        self.shape = shape
+        self.M = M = s.matrix(coefficients[2].shape[2])
+        s.assemble(M, coefficients)
         at = np.arange(s.places)
         self.largest = np.abs(M[at, at]).reshape(s.places * s.E, -1).max(axis=0)
         self.inverse = _eliminate(M, s.inner)
@@ -313,26 +337,29 @@ class Factored:
             self.levels.append((inverse, response))
 
     def solve(self, right: Array) -> Array:
-        """Return the solution for elements' right-hand sides (places, E, C), in their memory."""
+        """Return the solution for elements' right-hand sides, in their memory.
+
+        One or several, (places, ..., E, C).
+        """
         s, n = self.shape, self.shape.n
-        inner = right.reshape(s.places, -1)
+        inner = right.reshape(*right.shape[:-2], -1)
         _forward(self.M, self.inverse, inner)
-        ends = right[s.inner :]  # (2 n, E, C)
+        ends = right[s.inner :]  # (2 n, ..., E, C)
         kept = []
-        beyond = np.zeros((n, right.shape[2]))
+        beyond = np.zeros_like(ends[:n, ..., 0, :])
         for e, (inverse, response) in enumerate(self.levels):
-            r = beyond + ends[:n, e] if e < s.E else beyond
+            r = beyond + ends[:n, ..., e, :] if e < s.E else beyond
             pinned = s.pinned(e)
             if pinned:
                 r[pinned] = 0.0
             kept.append(_times(inverse, r))
             if e < s.E:
-                beyond = ends[n:, e] - np.einsum("icb,ib->cb", response, r)
+                beyond = ends[n:, ..., e, :] - np.einsum("icb,i...b->c...b", response, r)
         later = kept[-1]
         for e in range(s.E - 1, -1, -1):
-            ends[n:, e] = later
+            ends[n:, ..., e, :] = later
             later = kept[e] - _times(self.levels[e][1], later)
-            ends[:n, e] = later
+            ends[:n, ..., e, :] = later
         _backward(self.M, self.inverse, inner)
         return right
 
@@ -341,13 +368,29 @@ class Factored:
         s = self.shape
         found = np.zeros((s.places, 2 * s.n, self.M.shape[2]))
         found[s.inner + np.arange(2 * s.n), np.arange(2 * s.n)] = 1.0
-        _backward(self.M[:, :, None], self.inverse, found)
+        _backward(self.M, self.inverse, found)
         return found
 
 
-def _columns(system: System, name: str) -> Columns:
-    """Return a function of a system, to be evaluated by numpy. Raises ValueError as it does."""
-    return Columns(system.pointwise(name).function)
+def functions(system: System) -> dict[str, Columns]:
+    """Return what is evaluated of a system: L, its gradient, and its second derivatives.
+
+    Raises ValueError as `Columns` does.
+    """
+
+    def build() -> dict[str, Columns]:
+        s, d = system.symbols, system.derivatives
+        outputs = {
+            "value": [system.L],
+            "gradient": [ca.densify(d.Lq), ca.densify(d.Lv)],
+            "second": [d.Lqq, d.Lqv, d.Lvv],
+        }
+        return {
+            name: Columns(ca.Function(name, [s.q, s.v, s.t, s.p], ca.cse(found)))
+            for name, found in outputs.items()
+        }
+
+    return system.made("columns", build)
 
 
 def _eliminate(M: Array, count: int) -> Array:
@@ -366,11 +409,11 @@ def _eliminate(M: Array, count: int) -> Array:
 
 
 def _forward(M: Array, inverse: Array, right: Array) -> None:
-    """Eliminate in right-hand sides (f, B) what `_eliminate` did, in place: D y = right."""
+    """Eliminate in right-hand sides (f, ..., B) what `_eliminate` did, in place: D y = right."""
     count = len(inverse)
     for r in range(len(right)):
         k = min(r, count)
-        right[r] -= np.einsum("ib,ib->b", M[:k, r], right[:k])
+        right[r] -= np.einsum("ib,i...b->...b", M[:k, r], right[:k])
         if r < count:
             right[r] *= inverse[r]
 
@@ -378,7 +421,7 @@ def _forward(M: Array, inverse: Array, right: Array) -> None:
 def _backward(M: Array, inverse: Array, right: Array) -> None:
     """Solve L' x = y for the rows eliminated, from those that were not, (f, ..., B), in place."""
     for r in range(len(inverse) - 1, -1, -1):
-        beyond = np.einsum("c...b,c...b->...b", M[r, r + 1 :], right[r + 1 :])
+        beyond = np.einsum("cb,c...b->...b", M[r, r + 1 :], right[r + 1 :])
         beyond *= inverse[r]
         right[r] -= beyond
 

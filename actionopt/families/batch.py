@@ -11,19 +11,24 @@ from __future__ import annotations
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt.analysis.index import inertia
+from actionopt.analysis.indices import indices
+from actionopt.analysis.jacobi import HIGHEST_DEGREE
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import left_out
-from actionopt.discrete.stacks import Shape
-from actionopt.mechanics.problem import MOTIONLESS, SHORT_MOTION, Event, Periodic, Problem
+from actionopt.discrete.stacks import Shape, functions
+from actionopt.families.front import NEIGHBOURS, Front, distances, weights
+from actionopt.mechanics.problem import Event, Periodic, Problem
+from actionopt.solver.arguments import checked
 from actionopt.solver.iterate import LATE_TIME, SAFETY, UNKNOWN_GAIN, amplified, estimate, sizes
 from actionopt.solver.solve import FAMILY_NOISE, FAMILY_SUSPECTED, Guess, solve
 from actionopt.solver.together import Followed, follow
@@ -33,23 +38,20 @@ from actionopt.tools.types import Array, NDInt
 
 Name = str | tuple[str, str]
 
+PREDICTED = 256  # at a time; ad hoc, a size of memory
 BLOCK = 1024  # members among which neighbours are sought; ad hoc: distances of all to all
 # Ad hoc, where nothing else is said.
 COORDINATES = 8  # up to which elements' matrices are best eliminated member by member
 MESH_DEGREES = (8, 10, 12, 14, 17)
-MESH_MARGIN = 0.1  # of what a mesh may leave out, to begin with: other members are harder
+MESH_MARGIN = 0.1  # of `tol`, the coefficients that a mesh may leave out to begin with
+ROW_PRICE = 35.0  # of a row of a matrix, in rows: measured, for one to three coordinates
 HALVINGS = 12  # of elements
+OTHERS_GAIN = 2.0  # times that of one member, of errors whose shapes differ
 MORE_DEGREES = 4  # that tell what a mesh has left out
 LEVELS = 4  # meshes that a member is tried on, each finer
-CLOSER = 0.75  # of its distance from a neighbour, at which a member is tried again
-LEAP = 0.3  # of a path's size, from where it was expected: it is on another sheet
-TRIES = 4  # before it is left alone
+INDEX_MESHES = 4  # on which indices are counted together
+LEAP = 0.5  # of a path's size, from where it was expected: it may be on another sheet
 REBASED = 0.25  # of a wave, on a finer mesh: the next ones begin there
-COARSEST_TOGETHER = 1e-3  # `tol` below which it is no matter how far from zero a motion is
-# Of the prediction: neighbours for so many columns, the kernel's width in units of the farthest
-# one's distance, and what is added to its diagonal, so that it can be inverted: in the rows of the
-# kernel, of the constant, which comes first where neighbours are few, and of the linear terms.
-NEIGHBOURS, WIDTH, NUGGETS = (1, 6, 10, 16, 22), 1.5, (1e-11, -1e-12, -1e-7)
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +116,7 @@ class Members:
         return Path(self.meshes[self.mesh[i]].moved(*self.times[i].tolist()), self.values[i])
 
 
-def member(problem: Problem, columns: Mapping[Name, ArrayLike], i: int) -> Problem:
+def member(problem: Problem, columns: Mapping[Any, ArrayLike], i: int) -> Problem:
     """Return the problem of member i. Raises ValueError as a `Problem` does."""
     parameters, times = {}, [problem.start.t, problem.end.t]
     ends = [list(problem.start.q), list(problem.end.q)]
@@ -133,7 +135,7 @@ def member(problem: Problem, columns: Mapping[Name, ArrayLike], i: int) -> Probl
 
 def solve_run(
     problem: Problem,
-    columns: Mapping[Name, ArrayLike],
+    columns: Mapping[Any, ArrayLike],
     tol: float = 1e-8,
     *,
     index: bool = False,
@@ -158,8 +160,10 @@ def solve_run(
     Raises
     ------
     ValueError
-        If a name is none of these, values are not k finite numbers, or times do not increase.
+        If a name is none of these, values are not k finite numbers, or times do not increase; and
+        as `solve` does for `tol` and the guess.
     """
+    checked(problem, tol, guess, "auto", None, "auto")
     run = _Run(problem, columns, tol, index)
     run.go(guess)
     return run.members()
@@ -167,19 +171,23 @@ def solve_run(
 
 @dataclass(eq=False)
 class _Level:
-    """A mesh for members; how far errors, and round-off in the matrix, move a path there."""
+    """A mesh for members; how far errors, and round-off in the matrix, move a path there.
+
+    Its number among the meshes, and finer ones on which indices are counted, itself first.
+    """
 
     shape: Shape
     gain: float
     probed: float
-    number: int = -1
+    number: int
+    finer: list[Shape]
 
 
 class _Run:
     """The members as they are found."""
 
     def __init__(
-        self, problem: Problem, columns: Mapping[Name, ArrayLike], tol: float, index: bool
+        self, problem: Problem, columns: Mapping[Any, ArrayLike], tol: float, index: bool
     ) -> None:
         self.problem, self.tol, self.counting = problem, tol, index
         self.columns = _checked(problem, columns)
@@ -190,7 +198,7 @@ class _Run:
         self.ends = np.tile(np.array(given), (k, 1, 1))
         first = 0
         for name, size in problem.system.table.shapes.items():
-            if name in self.columns:
+            if name in self.columns and name not in ("t0", "t1"):
                 self.packed[:, first] = self.columns[name]
             first += int(np.prod(size))
         for name, values in self.columns.items():
@@ -214,7 +222,7 @@ class _Run:
         self.index, self.neighbour, self.mesh, self.sheet = np.full((4, k), -1)
         self.iterations = np.zeros(k, dtype=int)
         self.momenta = np.full((k, 2, n), np.nan)
-        self.alone, self.decided, self.known = np.zeros((3, k), dtype=bool)
+        self.alone, self.decided, self.known, self.doubtful = np.zeros((4, k), dtype=bool)
         self.values: list[Array] = [np.zeros((n, 0))] * k
         self.meshes: list[Mesh] = []
         self.messages: dict[int, str] = {}
@@ -243,85 +251,38 @@ class _Run:
         if solution is None:
             return
         if not (_can_be_stacked(self.problem, self.times) and self._begin(first - 1, solution)):
+            nearest = first - 1
             for i in range(first, count):
-                self._solve(i, solution, neighbour=i - 1)
-                solution = self.last or solution
+                found = self._solve(i, solution, nearest)
+                if found is not None and found.success:
+                    solution, nearest = found, i
             return
         for start in range(0, count, BLOCK):
             block = np.arange(start, min(start + BLOCK, count))
             self._block(block)
-            self.known[: max(block[0], 0)] = False  # farther ones are neighbours no more
+            if self.known[block].any():
+                self.known[:start] = False  # farther ones are neighbours no more
 
     def _block(self, block: NDInt) -> None:
         """Solve some members, in waves from those that are known."""
-        near = np.full(block.size, np.inf)  # distance to the nearest known
-        tried = np.full(block.size, np.inf)  # what that was when it did not help
-        tries = np.zeros(block.size, dtype=int)
-        nearest = np.full(block.size, -1)
-
-        def learn(new: NDInt) -> None:
-            for some in np.array_split(new, max(1, new.size // 64)):
-                if some.size:
-                    apart = _distances(self.at[block], self.at[some])
-                    at = np.argmin(apart, axis=1)
-                    least = apart[np.arange(block.size), at]
-                    nearest[least < near] = some[at][least < near]
-                    np.minimum(near, least, out=near)
-
-        learn(np.flatnonzero(self.known))
-        smallest = 0.5 / block.size
-        positive = near[near > 0]
-        reach = float(positive.min()) * 1.001 if positive.size else 1.0
-        growing, progress, around = True, False, 2 * np.sqrt(self.at.shape[1])
-        while True:
-            left = np.flatnonzero(~self.decided[block])
-            if not left.size:
-                return
-            may = left[(near[left] < CLOSER * tried[left]) & (tries[left] < TRIES)]
-            limit = reach if growing else around * reach
-            if reach < smallest:  # those that are left, the nearest first
-                limit = around * near[may].min(initial=np.inf)
-            near_enough = may[near[may] <= limit]
-            if reach >= smallest:
-                near_enough = near_enough[self._sparse(block, near_enough, reach)]
-            if near_enough.size:
-                tried[near_enough] = near[near_enough]
-                tries[near_enough] += 1
-                chosen = block[near_enough]
-                self._wave(chosen, nearest[near_enough])
-                new = chosen[self.known[chosen]]
-                learn(new)
-                progress |= new.size > 0
-                if growing and new.size >= chosen.size / 2:
-                    reach *= 2
-                elif new.size < chosen.size / 2:
-                    reach, growing = reach / 2, False
-                else:
-                    reach /= 2
-            elif growing and may.size and near[may].max() > reach:
-                reach *= 2
-            elif reach >= smallest:
-                reach, growing = reach / 2, False
-            elif progress and may.size:
-                reach, growing, progress = 2 * smallest, True, False
+        front, known = Front(self.at[block]), np.flatnonzero(self.known)
+        front.learn(known, self.at[known])
+        while not self.decided[block].all():
+            left = ~self.decided[block]
+            chosen = front.wave(left & ~self.doubtful[block], self.known[block])
+            if chosen.size:
+                self._wave(block[chosen], front.nearest[chosen])
+                new = block[chosen][self.known[block[chosen]]]
+                front.told(chosen.size, new.size)
             else:
-                i = left[np.argmin(near[left])]
-                self._leave(int(block[i]), int(nearest[i]))
-                if self.known[block[i]]:
-                    learn(block[i : i + 1])
-                    reach, growing = 2 * smallest, True
-
-    def _sparse(self, block: NDInt, some: NDInt, cell: float) -> NDInt:
-        """Return which of some members to try: one in each cell in which none is known."""
-        cells = np.floor(self.at[block] / cell).astype(np.int64)
-        key = cells @ (np.int64(2**20) ** np.arange(cells.shape[1], dtype=np.int64))
-        _, first = np.unique(key[some], return_index=True)
-        free = ~np.isin(key[some[first]], key[self.known[block]])
-        return first[free]
+                i = np.flatnonzero(left)[np.argmin(front.near[left])]
+                self._leave(int(block[i]), int(front.nearest[i]))
+                new = block[i : i + 1][self.known[block[i : i + 1]]]
+                if new.size:
+                    front.again()
+            front.learn(new, self.at[new])
 
     # -- one by one ------------------------------------------------------------------------------
-
-    last: Solution | None = None
 
     def _solve(self, i: int, guess: Guess | None, neighbour: int = -1) -> Solution | None:
         """Leave a member to `solve`; None if that refuses it."""
@@ -341,8 +302,6 @@ class _Run:
                 self.index[i] = found.morse_index
         self.mesh[i], self.values[i] = len(self.meshes), found.path.values
         self.meshes.append(found.mesh.moved(0.0, 1.0))
-        if found.success:
-            self.last = found
         return found
 
     def _leave(self, i: int, neighbour: int) -> None:
@@ -370,10 +329,7 @@ class _Run:
 
     def _begin(self, i: int, solution: Solution) -> bool:
         """Make the first mesh from a solution; False if that cannot be followed with others."""
-        try:
-            if not self._add_level(i, solution):
-                return False
-        except ValueError:  # an instruction that there is no function of numpy's for
+        if not self._add_level(i, solution):
             return False
         shape = self.levels[0].shape
         self.seeds = np.zeros((len(self.status), shape.mesh.offsets[-1] + 1, shape.n))
@@ -395,13 +351,12 @@ class _Run:
         if self.levels:
             units, unit = self.levels[0].shape.units, self.levels[0].shape.action_unit
         size = sizes(solution.path.values.T, problem.scales)
-        mesh = _even(solution.path, size, MESH_MARGIN * self.tol / (2 * SAFETY * UNKNOWN_GAIN))
+        mesh, found = _even(solution.path, size, MESH_MARGIN * self.tol / (2 * SAFETY)), []
         finer = mesh.cut(mesh.since, mesh.degrees[0] + MORE_DEGREES)
-        found = []
-        for each in (mesh, finer):
-            shape = Shape(system, each, (free[0], free[1]), units, unit)
-            nodes = each.moved(*self.times[i].tolist())
-            Q = solution.path.on(nodes).values.T[None]
+        first = Shape(system, mesh, (free[0], free[1]), units, unit)
+        for shape in (first, first.on(finer)):
+            each = shape.mesh
+            Q = solution.path.on(each.moved(*self.times[i].tolist())).values.T[None]
             found.append((shape, self._follow(shape, np.array([i]), Q)))
             if not found[-1][1].converged[0]:
                 return False
@@ -409,15 +364,14 @@ class _Run:
         exact = Path(finer, better.Q[0].T)(mesh.nodes).T
         change = float((np.abs(exact - at.Q[0]) / size).max())
         left = float(at.omitted[0])
-        gain = max(change / left, 1.0) if left > MEASURABLE else UNKNOWN_GAIN
-        self.levels.append(_Level(shape, gain, float(at.probed[0])))
+        gain = max(change / left, 1.0) * OTHERS_GAIN if left > MEASURABLE else UNKNOWN_GAIN
+        self.levels.append(_Level(shape, gain, float(at.probed[0]), len(self.meshes), [shape]))
+        self.meshes.append(mesh)
         return True
 
     def _to(self, level: int, Q: Array, source: int) -> Array:
         """Return coordinates (C, K, n) on the mesh of one level on that of another."""
-        a, b = (self.levels[k].shape.mesh for k in (source, level))
-        whole = Path(a, np.eye(a.offsets[-1] + 1)).on(b).values.T  # (K', K)
-        return whole @ Q
+        return _between(*(self.levels[k].shape.mesh for k in (source, level))) @ Q
 
     def _rebase(self, level: int) -> None:
         """Let members begin on another mesh from now on."""
@@ -429,15 +383,14 @@ class _Run:
     # -- together --------------------------------------------------------------------------------
 
     def _follow(self, shape: Shape, which: NDInt, Q: Array) -> Followed:
-        return follow(
-            shape, self.times[which], self.packed[which], Q, self.tol, index=self.counting
-        )
+        return follow(shape, self.times[which], self.packed[which], Q, self.tol)
 
     def _wave(self, which: NDInt, nearest: NDInt) -> None:
         """Try some members together; those that are solved are known from then on."""
         self.neighbour[which], count = nearest, which.size
         expected = self._predicted(which, nearest)
         found = self._follow(self.levels[self.base].shape, which, expected)
+        found.converged &= found.moved <= LEAP
         self.iterations[which] += found.iterations
         self.moved[which] = np.where(found.converged, found.moved, np.nan)
         self.seeds[which] = found.Q
@@ -480,65 +433,65 @@ class _Run:
         error = estimate(gain, found.omitted, found.noise)
         within = error <= self.tol
         error = np.maximum(error, SAFETY * found.missed)
-        extent, size = np.ptp(found.Q, axis=1), np.abs(found.Q).max(axis=1)
-        far = ((extent < SHORT_MOTION * size) & (extent > MOTIONLESS * size)).any(axis=1)
         several = found.Q.shape[2] > 1
         family = found.probed > FAMILY_SUSPECTED if several else found.noise > FAMILY_NOISE
-        sound = found.converged & np.isfinite(found.omitted) & ~far & ~family
+        sound = found.converged & np.isfinite(found.omitted) & ~family
         good = sound & (error <= self.tol)
+        self.doubtful[which] = found.converged & ~good & ~(sound & ~within)
         i = which[good]
         self.action[i], self.error[i] = found.action[good], error[good]
-        self.momenta[i], self.index[i] = found.momenta[good], found.index[good]
-        self.decided[i], self.mesh[i] = True, self._number(level)
+        self.momenta[i], self.decided[i], self.mesh[i] = found.momenta[good], True, at.number
         for j, row in zip(i.tolist(), found.Q[good], strict=True):
             self.status[j], self.values[j] = Status.SOLVED, row.T
-            if self.counting and self.index[j] < 0:
-                self._count(j)
+        if self.counting:
+            self._count(at, i, found.Q[good])
         return np.flatnonzero(sound & ~within)
 
-    def _number(self, level: int) -> int:
-        """Return the number of the mesh of a level among all meshes."""
-        at = self.levels[level]
-        if at.number < 0:
-            at.number = len(self.meshes)
-            self.meshes.append(at.shape.mesh)
-        return at.number
-
-    def _count(self, i: int) -> None:
-        """Count the index of one member by itself."""
-        at = DiscretePath.of(member(self.problem, self.columns, i), self._path(i))
-        with suppress(ValueError):  # there is none
-            self.index[i] = inertia(at, float(self.error[i])).index
+    def _count(self, at: _Level, which: NDInt, Q: Array) -> None:
+        """Count the indices of members, on finer meshes where neighbours of their paths need it."""
+        mesh = at.shape.mesh
+        for k in range(INDEX_MESHES):
+            if not which.size:
+                return
+            if k == len(at.finer):
+                at.finer.append(at.shape.on(_finer(at.finer[-1].mesh)))
+            there = Q if k == 0 else _between(mesh, at.finer[k].mesh) @ Q
+            found = indices(at.finer[k], self.times[which], self.packed[which], there, self.tol)
+            self.index[which] = found
+            which, Q = which[found < 0], Q[found < 0]
+        for i in which.tolist():
+            alone = DiscretePath.of(member(self.problem, self.columns, i), self._path(i))
+            with suppress(ValueError):  # there is none
+                self.index[i] = inertia(alone, float(self.error[i])).index
 
     def _predicted(self, which: NDInt, nearest: NDInt) -> Array:
         """Return where known members lead to expect others, (C, K, n), by interpolation.
 
-        Linear functions of the columns are reproduced, others by a Gaussian kernel. Only members
-        on the sheet of the nearest are asked.
+        Only members on the sheet of the nearest are asked.
         """
         known = np.flatnonzero(self.known)
         columns = self.at.shape[1]
         most = NEIGHBOURS[min(columns, len(NEIGHBOURS) - 1)]
         Q = np.empty((which.size, *self.seeds.shape[1:]))
-        for first in range(0, which.size, 256):
-            some = which[first : first + 256]
-            apart = _distances(self.at[some], self.at[known])
+        for first in range(0, which.size, PREDICTED):
+            some = which[first : first + PREDICTED]
+            apart = distances(self.at[some], self.at[known])
             if known.size > most:
                 chosen = np.argpartition(apart, most - 1, axis=1)[:, :most]
                 chosen.sort(axis=1)
             else:
                 chosen = np.tile(np.arange(known.size), (some.size, 1))
             rows = np.arange(some.size)[:, None]
-            mine = nearest[first : first + 256, None]
+            mine = nearest[first : first + PREDICTED, None]
             other = self.sheet[known[chosen]] != self.sheet[mine]
             if other.any():  # the nearest once more: all of them weigh as one
                 chosen = np.where(other, np.searchsorted(known, mine), chosen)
             radius = apart[rows, chosen].max(axis=1)
             radius = np.where(radius > 0, radius, 1.0)[:, None, None]
             x = (self.at[known[chosen]] - self.at[some][:, None]) / radius
-            weights = _weights(x)
             values = self.seeds[known[chosen]].reshape(*chosen.shape, -1)
-            Q[first : first + 256] = (weights[:, None] @ values).reshape(-1, *Q.shape[1:])
+            found = weights(x)[:, None] @ values
+            Q[first : first + PREDICTED] = found.reshape(-1, *Q.shape[1:])
         miss = self.ends[which] - Q[:, [0, -1]]
         miss = np.where(np.isfinite(miss), miss, 0.0)
         s = self.levels[self.base].shape.mesh.nodes[:, None]
@@ -548,28 +501,18 @@ class _Run:
         return Q
 
 
-def _weights(x: Array) -> Array:
-    """Return the weights (C, N) of values at points x (C, N, columns) that give that at zero."""
-    count, near, columns = x.shape
-    size = near + 1 + columns
-    apart = ((x[:, :, None] - x[:, None]) ** 2).sum(axis=3)
-    K = np.zeros((count, size, size))
-    K[:, :near, :near] = np.exp(-apart / (2 * WIDTH**2))
-    K[:, :near, near] = K[:, near, :near] = 1.0
-    K[:, :near, near + 1 :] = x
-    K[:, near + 1 :, :near] = x.swapaxes(1, 2)
-    at = np.arange(size)
-    K[:, at, at] += np.repeat(NUGGETS, [near, 1, columns])
-    right = np.zeros((count, size, 1))
-    right[:, :near, 0] = np.exp(-(x**2).sum(axis=2) / (2 * WIDTH**2))
-    right[:, near] = 1.0
-    found = np.linalg.solve(K, right)[:, :near, 0]
-    return found / found.sum(axis=1, keepdims=True)
+def _between(a: Mesh, b: Mesh) -> Array:
+    """Return the matrix (K', K) from values at the nodes of a mesh to those of another."""
+    return Path(a, np.eye(a.offsets[-1] + 1)).on(b).values.T
 
 
-def _distances(a: Array, b: Array) -> Array:
-    """Return the distances of points a (A, columns) from points b (B, columns), (A, B)."""
-    return np.sqrt(sum((x[:, None] - y) ** 2 for x, y in zip(a.T, b.T, strict=True)))
+def _finer(mesh: Mesh) -> Mesh:
+    """Return a mesh of four degrees more, or of half the elements' lengths, as `jacobi.finer`."""
+    degree = mesh.degrees[0]
+    if degree + 4 <= HIGHEST_DEGREE:
+        return mesh.cut(mesh.since, degree + 4)
+    middles = (mesh.since[:-1] + mesh.since[1:]) / 2
+    return mesh.cut(np.sort(np.concatenate([mesh.since, middles])), degree)
 
 
 def _even(path: Path, size: Array, target: float) -> Mesh:
@@ -594,7 +537,7 @@ def _even(path: Path, size: Array, target: float) -> Mesh:
             edges = np.sort(np.concatenate([edges, (edges[split] + edges[split + 1]) / 2]))
             done = np.insert(done, split + 1, False)
         rows = (degree + 1) * len(size)
-        price = done.size * rows * (60.0 + rows + rows**2 / 20)
+        price = done.size * rows * (ROW_PRICE + rows)
         if done.all() and price < cost:
             best, cost = Mesh(edges, degree), price
     if best is None:
@@ -615,10 +558,16 @@ def _can_be_stacked(problem: Problem, times: Array) -> bool:
         and system.n <= COORDINATES
     )
     late = structure.depends_on_time and bool(far.any())
-    return plain and not late and system.switches is None and system.clock is None
+    if not plain or late or system.switches is not None or system.clock is not None:
+        return False
+    try:
+        functions(system)
+    except ValueError:  # an instruction that there is no function of numpy's for
+        return False
+    return True
 
 
-def _checked(problem: Problem, columns: Mapping[Name, ArrayLike]) -> dict[Name, Array]:
+def _checked(problem: Problem, columns: Mapping[Any, ArrayLike]) -> dict[Name, Array]:
     """Return the columns as arrays. Raises ValueError as `solve_run` does."""
     found: dict[Name, Array] = {}
     system = problem.system

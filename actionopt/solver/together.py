@@ -12,14 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from actionopt.analysis.index import ERROR_GAIN, INDEX_RESOLUTION, INDEX_TOLERANCE, LOOSEST
-from actionopt.analysis.jacobi import COEFFICIENT_NOISE, COEFFICIENT_SAMPLES
-from actionopt.analysis.second_variation import RANK
-from actionopt.discrete.mesh import MAX_DEGREE
 from actionopt.discrete.newton import CHORDS, CONTRACTION, ROUNDOFF_STEP
 from actionopt.discrete.resolution import left_out
-from actionopt.discrete.stacks import Factored, Shape, Stack, pivots
-from actionopt.mechanics.problem import NEGLIGIBLE
+from actionopt.discrete.stacks import Factored, Shape, Stack
+from actionopt.mechanics.problem import MOTIONLESS, NEGLIGIBLE, SHORT_MOTION
 from actionopt.solver.iterate import (
     ORDINARY,
     POLYNOMIAL_ROUNDOFF,
@@ -28,14 +24,9 @@ from actionopt.solver.iterate import (
     TINY_ELEMENT,
     VELOCITY_ERROR,
 )
-from actionopt.tools.lobatto import lgl
 from actionopt.tools.types import Array, NDInt
 
 STEPS = 4  # factorizations: a path that takes more was not near; ad hoc
-# Numbers in the matrices, and in what is evaluated at once, that stay in a processor's cache;
-# measured: half or twice as many take a tenth longer at the most.
-MATRICES, VALUES = 2**20, 2**20
-MOST, LEAST = 256, 8  # members followed together
 
 
 @dataclass(eq=False)
@@ -55,8 +46,6 @@ class Followed:
         the matrix. In units of each coordinate's own size.
     action : (C,) array
     momenta : (C, 2, n) array
-    index : (C,) array of int
-        -1 where it was not counted.
     """
 
     Q: Array
@@ -69,7 +58,6 @@ class Followed:
     probed: Array
     action: Array
     momenta: Array
-    index: NDInt
 
     @classmethod
     def nowhere(cls, Q: Array) -> Followed:
@@ -79,41 +67,33 @@ class Followed:
         noise, omitted, missed, probed, action = np.full((5, count), np.nan)
         measures = moved, noise, omitted, missed, probed, action
         momenta = np.full((count, 2, n), np.nan)
-        return cls(Q.copy(), none > 0, none.copy(), *measures, momenta, none - 1)
+        return cls(Q.copy(), none > 0, none.copy(), *measures, momenta)
 
 
-def follow(
-    shape: Shape, times: Array, packed: Array, Q: Array, tol: float, *, index: bool = False
-) -> Followed:
+def follow(shape: Shape, times: Array, packed: Array, Q: Array, tol: float) -> Followed:
     """Follow paths from coordinates Q (C, K, n); `times` (C, 2) and parameters `packed` (C, p).
 
-    `tol` is to what their errors are to be known; with `index`, it is counted.
+    `tol` is to what their errors are to be known.
     """
-    numbers = shape.E * shape.places**2, shape.points * 8 * shape.n
-    together = int(min(MATRICES / numbers[0], VALUES / numbers[1], MOST))
-    together = max(1 << together.bit_length() - 1 if together else 0, LEAST)
     found = Followed.nowhere(Q)
     with np.errstate(all="ignore"):
-        for first in range(0, len(Q), together):
-            here = np.arange(first, min(first + together, len(Q)))
+        for here in shape.parts(len(Q)):
             for _ in range(STEPS):
-                here = _round(shape, times, packed, found, here, tol, index)
+                here = _round(shape, times, packed, found, here, tol)
                 if not here.size:
                     break
     return found
 
 
 def _round(
-    shape: Shape, times: Array, packed: Array, found: Followed, here: NDInt, tol: float, index: bool
+    shape: Shape, times: Array, packed: Array, found: Followed, here: NDInt, tol: float
 ) -> NDInt:
     """Take some members a factorization further; return those that are to go on."""
     count = here.size
-    # Few numbers of members, so that memory serves again; those that are too many are copies.
-    rows = np.append(here, np.repeat(here[-1:], (1 << (count - 1).bit_length()) - count))
-    stack = Stack(shape, times[rows], packed[rows])
-    Q = first = shape.local(found.Q[rows])
+    stack = Stack(shape, times[here], packed[here])
+    Q = first = shape.local(found.Q[here])
     second = stack.second(Q)
-    factored = Factored(shape, stack.matrices(second))
+    factored = Factored(shape, stack.coefficients(second))
     target = min(tol / (10 * SAFETY), ORDINARY * POLYNOMIAL_ROUNDOFF)
 
     def solved(part: Array) -> tuple[Array, Array]:
@@ -122,14 +102,14 @@ def _round(
         return step, _largest(step, sizes)
 
     sizes, _ = _sizes(Q)
-    step, length = solved(stack.first(Q)[1])
-    going, near = np.ones((2, rows.size), dtype=bool)
+    step, length = solved(stack.gradient(Q))
+    going, near = np.ones((2, count), dtype=bool)
     near[:] = False
-    converged, noise = near.copy(), np.full(rows.size, np.nan)
-    S, part = np.full(rows.size, np.nan), step
+    converged, noise = near.copy(), np.full(count, np.nan)
+    part = step
     for again in range(CHORDS + 2):
         Q = Q - np.where(going, step, 0.0)
-        S, part = stack.first(Q)
+        part = stack.gradient(Q)
         step, rest = solved(part)
         arrived = going & (near | (rest <= target))
         noise[arrived] = rest[arrived]
@@ -143,28 +123,25 @@ def _round(
         length = rest
     Q = Q - np.where(going | converged, step, 0.0)  # round-off, or not small yet
     sizes, regular = _sizes(Q)
-    converged &= regular & np.isfinite(S) & part.any(axis=(0, 1, 2))
+    converged &= regular & part.any(axis=(0, 1, 2))
     found.iterations[here] += 1
-    found.Q[here] = shape.whole(Q)[:count]
-    found.moved[here] += _largest(Q - first, sizes)[:count]
-    if converged[:count].any():
+    found.Q[here] = shape.whole(Q)
+    found.moved[here] += _largest(Q - first, sizes)
+    if converged.any():
         ready = _Arrived(stack, factored, Q, part, second, sizes)
-        steady = shape.system.structure.steady
+        missed, probed = ready.moved(tol)
         values = {
+            "converged": converged,
             "noise": noise,
-            "action": S,
+            "action": stack.action(Q),
             "momenta": np.stack([-part[0, :, 0], part[-1, :, -1]]).transpose(2, 0, 1),
             "omitted": ready.omitted(),
-            "missed": np.zeros(rows.size) if steady else ready.missed(tol),
-            "probed": ready.probed(),
+            "missed": missed,
+            "probed": probed,
         }
-        if index:
-            values["index"] = ready.index(tol)
-        done = converged[:count]
-        found.converged[here[done]] = True
         for name, value in values.items():
-            getattr(found, name)[here[done]] = value[:count][done]
-    return here[(going & ~converged)[:count]]
+            getattr(found, name)[here[converged]] = value[converged]
+    return here[going & ~converged]
 
 
 @dataclass(eq=False)
@@ -179,11 +156,16 @@ class _Arrived:
     sizes: Array
 
     def omitted(self) -> Array:
-        """Return the largest coefficient left out, (C,); infinite where a velocity is not known."""
+        """Return the largest coefficient left out, (C,).
+
+        Infinite where a velocity is not known, or the motion is small and far from zero.
+        """
         stack, shape = self.stack, self.stack.shape
+        extent = self.Q.max(axis=(0, 2)) - self.Q.min(axis=(0, 2))
+        far = (extent < SHORT_MOTION * self.sizes) & (extent > MOTIONLESS * self.sizes)
         scaled = (self.Q / self.sizes[:, None]).transpose(2, 3, 0, 1)
         found, _ = left_out(shape.rule, scaled.reshape(-1, shape.P, shape.n))
-        found = found.reshape(shape.E, -1)
+        found = np.where(far.any(axis=0), np.inf, found.reshape(shape.E, -1))
         shortest = shape.mesh.lengths.min()
         if shortest > SHORT_ELEMENT:
             return found.max(axis=0)
@@ -196,13 +178,26 @@ class _Arrived:
         singular = rates * (self.sizes / speeds).max(axis=0) > limit
         return np.where(singular, np.inf, found.max(axis=0))
 
-    def missed(self, tol: float) -> Array:
-        """Return how far paths would move if forces were summed over other points, (C,)."""
-        stack, shape, structure = self.stack, self.stack.shape, self.stack.shape.system.structure
+    def moved(self, tol: float) -> tuple[Array, Array]:
+        """Return how far paths would move if forces were summed over other points, (C,).
+
+        And if round-off were in every entry of the matrix.
+        """
+        stack, structure = self.stack, self.stack.shape.system.structure
+        if structure.steady:  # there is nothing to miss
+            step = stack.step(self.factored.solve(self._probe()))
+            return np.zeros(len(stack.times)), _largest(step, self.sizes)
         miss = stack.missed(self.Q, self.part)
-        moved = _largest(stack.step(self.factored.solve(stack.rows(miss))), self.sizes)
-        if not structure.samples or structure.linear:
-            return moved
+        both = np.stack([stack.rows(miss), self._probe()], axis=1)
+        both = self.factored.solve(both)
+        found = [_largest(stack.step(both[:, k]), self.sizes) for k in (0, 1)]
+        if structure.samples and not structure.linear:
+            found[0] = np.maximum(found[0], self._carried(miss, tol))
+        return found[0], found[1]
+
+    def _carried(self, miss: Array, tol: float) -> Array:
+        """Return how far what is missed carries what nothing holds, (C,)."""
+        stack, shape = self.stack, self.stack.shape
         # As in `second_quadrature.missed` and `iterate.unseen`: what a free body would drift, at
         # the least inertia on the way to begin with.
         inertia = self._diagonal(2)
@@ -210,14 +205,13 @@ class _Arrived:
         momenta *= stack.duration / shape.action_unit * (shape.units[:, None] / self.sizes)
         carried = momenta.max(axis=0) / inertia.min(axis=(0, 1, 2))
         if not (SAFETY * carried > tol).any():
-            return np.maximum(moved, carried)
+            return carried
         known = np.where(np.isfinite(inertia) & (inertia > 0), inertia, np.nan)
         unit = np.nanmedian(known, axis=(0, 1, 2))
         carried = momenta.max(axis=0) / np.where(np.isfinite(unit), unit, 1.0)
         square = np.median(self._diagonal(0) / inertia, axis=(0, 2))  # (n, C)
         turns = stack.duration * np.sqrt(np.where(np.isfinite(square), square, 0.0).max(axis=0))
-        carried = np.where(SAFETY * carried > tol, carried / (1.0 + turns), carried)
-        return np.maximum(moved, carried)
+        return np.where(SAFETY * carried > tol, carried / (1.0 + turns), carried)
 
     def _diagonal(self, k: int) -> Array:
         """Return the magnitudes on the diagonal of L_qq (0) or L_vv (2), (P, n, E, C)."""
@@ -227,8 +221,8 @@ class _Arrived:
         found[:, rows[own]] = np.abs(self.second[k][:, own])
         return found
 
-    def probed(self) -> Array:
-        """Return how far round-off in every entry of the matrix may move the paths, (C,)."""
+    def _probe(self) -> Array:
+        """Return a right-hand side as round-off in every entry makes it, (places, E, C)."""
         shape = self.stack.shape
         # As `Layout.probe`: as smooth as the lowest modes are, of no symmetry.
         node = shape.mesh.offsets[:-1] + np.arange(shape.P)[:, None]
@@ -237,47 +231,7 @@ class _Arrived:
         )  # (P, n, E)
         probe[-1, :, :-1] = 0.0  # nodes between elements once
         size = POLYNOMIAL_ROUNDOFF * self.factored.largest
-        right = (probe[shape.order].reshape(shape.places, shape.E)[:, :, None]) * size
-        return _largest(self.stack.step(self.factored.solve(right)), self.sizes)
-
-    def index(self, tol: float) -> Array:
-        """Return the numbers of negative eigenvalues, (C,); -1 where they are not to be trusted.
-
-        As `index.inertia_of`: where two counts agree, on a mesh that resolves all solutions of the
-        linearised equations on its elements, and what these are made of (`jacobi.finer`).
-        """
-        stack, shape = self.stack, self.stack.shape
-        second, C = stack.second(self.Q), len(stack.times)
-        tolerance = np.full(C, np.clip(ERROR_GAIN * tol, INDEX_TOLERANCE, LOOSEST))
-        counts = []
-        for shift in (-tolerance, tolerance):
-            self.factored = Factored(shape, stack.matrices(second, shift))
-            counts.append(self.factored.negative)
-        fields = self.factored.responses().reshape(shape.P, -1)[shape.back]
-        fields = np.abs(shape.rule.to_legendre @ fields).reshape(shape.P, -1, shape.E, C)
-        size = np.abs(fields).max(axis=(0, 1))
-        resolved = (fields[-2:].max(axis=(0, 1)) <= INDEX_RESOLUTION * size).all(axis=0)
-        # The coefficients of d2S, at more points: at the nodes alone what varies faster is smooth.
-        degree = shape.P - 1
-        fine = lgl(min(max(2 * degree + 2, -(-COEFFICIENT_SAMPLES // shape.E)), 2 * MAX_DEGREE + 2))
-        points = fine.degree + 1
-        sampled = stack.second(self.Q, fine.nodes)
-        rows, cols = shape.system.pointwise("second").sparsity(2)
-        own = rows == cols
-        mass = np.zeros((shape.n, shape.E, C))
-        mass[rows[own]] = np.abs(sampled[2][:, own]).max(axis=0)
-        mass = np.sqrt(np.maximum(mass, COEFFICIENT_NOISE * mass.max(axis=0)))
-        for k, power in ((0, 2), (1, 1), (2, 0)):
-            i, j = shape.system.pointwise("second").sparsity(k)
-            for a, b, x in zip(i, j, sampled[k].swapaxes(0, 1), strict=True):
-                unit = mass[a] * mass[b] / (2 * stack.half) ** power
-                tail = np.abs(fine.to_legendre[degree - 1 :] @ x.reshape(points, -1)).max(axis=0)
-                noise = COEFFICIENT_NOISE * np.abs(x).max(axis=0)
-                tail = tail.reshape(shape.E, C)
-                resolved &= ((tail <= noise) | (tail <= INDEX_RESOLUTION * unit)).all(axis=0)
-        least = pivots(shape.n, rows, cols, second[2])  # Legendre's condition
-        convex = (least > RANK * np.abs(second[2][:, own]).max(axis=1)).all(axis=(0, 1))
-        return np.where(resolved & convex & (counts[0] == counts[1]), counts[0], -1)
+        return probe[shape.order].reshape(shape.places, shape.E)[:, :, None] * size
 
 
 def _sizes(Q: Array) -> tuple[Array, Array]:

@@ -1,0 +1,61 @@
+"""The Morse indices of many paths of a family at once: `index` for stacks."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from actionopt.analysis.index import ERROR_GAIN, INDEX_RESOLUTION, INDEX_TOLERANCE, LOOSEST
+from actionopt.analysis.jacobi import COEFFICIENT_NOISE, COEFFICIENT_SAMPLES
+from actionopt.analysis.second_variation import RANK
+from actionopt.discrete.mesh import MAX_DEGREE
+from actionopt.discrete.stacks import Factored, Shape, Stack, pivots
+from actionopt.tools.lobatto import lgl
+from actionopt.tools.types import Array
+
+
+def indices(shape: Shape, times: Array, packed: Array, Q: Array, error: float) -> Array:
+    """Return the indices of stationary paths Q (C, K, n) known to `error`, (C,) of int.
+
+    As `index.inertia`: where two counts agree, on a mesh that resolves all solutions of the
+    linearised equations on its elements, and what these are made of (`jacobi.finer`); else -1.
+    """
+    found = np.full(len(Q), -1)
+    with np.errstate(all="ignore"):
+        for here in shape.parts(len(Q)):
+            stack = Stack(shape, times[here], packed[here])
+            found[here] = _counted(stack, shape.local(Q[here]), error)
+    return found
+
+
+def _counted(stack: Stack, Q: Array, error: float) -> Array:
+    """Return the indices of paths Q (P, n, E, C), (C,), or -1."""
+    shape = stack.shape
+    second, C = stack.second(Q), len(stack.times)
+    tolerance = np.full(C, np.clip(ERROR_GAIN * error, INDEX_TOLERANCE, LOOSEST))
+    low = Factored(shape, stack.coefficients(second, -tolerance)).negative
+    factored = Factored(shape, stack.coefficients(second, tolerance))
+    fields = factored.responses().reshape(shape.P, -1)[shape.back]
+    fields = np.abs(shape.rule.to_legendre @ fields).reshape(shape.P, -1, shape.E, C)
+    size = np.abs(fields).max(axis=(0, 1))
+    resolved = (fields[-2:].max(axis=(0, 1)) <= INDEX_RESOLUTION * size).all(axis=0)
+    # The coefficients of d2S, at more points: at the nodes alone what varies faster is smooth.
+    degree = shape.P - 1
+    fine = lgl(min(max(2 * degree + 2, -(-COEFFICIENT_SAMPLES // shape.E)), 2 * MAX_DEGREE + 2))
+    points = fine.degree + 1
+    sampled = stack.second(Q, fine.nodes)
+    rows, cols = shape.system.pointwise("second").sparsity(2)
+    own = rows == cols
+    mass = np.zeros((shape.n, shape.E, C))
+    mass[rows[own]] = np.abs(sampled[2][:, own]).max(axis=0)
+    mass = np.sqrt(np.maximum(mass, COEFFICIENT_NOISE * mass.max(axis=0)))
+    for k, power in ((0, 2), (1, 1), (2, 0)):
+        i, j = shape.system.pointwise("second").sparsity(k)
+        for a, b, x in zip(i, j, sampled[k].swapaxes(0, 1), strict=True):
+            unit = mass[a] * mass[b] / (2 * stack.half) ** power
+            tail = np.abs(fine.to_legendre[degree - 1 :] @ x.reshape(points, -1)).max(axis=0)
+            noise = COEFFICIENT_NOISE * np.abs(x).max(axis=0)
+            tail = tail.reshape(shape.E, C)
+            resolved &= ((tail <= noise) | (tail <= INDEX_RESOLUTION * unit)).all(axis=0)
+    least = pivots(shape.n, rows, cols, second[2])  # Legendre's condition
+    convex = (least > RANK * np.abs(second[2][:, own]).max(axis=1)).all(axis=(0, 1))
+    return np.where(resolved & convex & (low == factored.negative), low, -1)
