@@ -15,6 +15,8 @@ from actionopt.analysis.variation import variation
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.families.all_paths import solve_all
+from actionopt.families.runs import Runs
+from actionopt.families.sweep import sweep
 from actionopt.families.trace import trace
 from actionopt.mechanics.pfaffian import integrate_pfaffian
 from actionopt.mechanics.problem import Event, Periodic, Problem, State
@@ -30,6 +32,7 @@ __all__ = [
     "Path",
     "Periodic",
     "Problem",
+    "Runs",
     "Solution",
     "SolveError",
     "State",
@@ -45,6 +48,7 @@ __all__ = [
     "second_variation",
     "solve",
     "solve_all",
+    "sweep",
     "trace",
     "variation",
 ]

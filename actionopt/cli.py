@@ -9,8 +9,8 @@ import json
 import math
 import os
 import sys
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from pathlib import Path
 from time import perf_counter
@@ -22,6 +22,7 @@ from actionopt.tools.table import print_table
 if TYPE_CHECKING:
     from actionopt.analysis.solution import Solution
     from actionopt.chapter import Line
+    from actionopt.families.runs import Runs
     from actionopt.mechanics.problem import Problem
     from actionopt.scenes import Scene
 
@@ -108,6 +109,29 @@ def _add_solve(command: argparse.ArgumentParser) -> None:
     add("--seconds", type=float, help="time it may take; then the best attempt is reported")
 
 
+def _add_sweep(command: argparse.ArgumentParser) -> None:
+    command.description = (
+        "Solve a scene or a file over a grid of values, each path from its neighbours. What varies "
+        "is a parameter, t0 or t1, or a coordinate at an event: start.NAME or end.NAME."
+    )
+    command.set_defaults(run=_sweep)
+    add, one_of = command.add_argument, command.add_mutually_exclusive_group().add_argument
+    add("scene", metavar="SCENE|FILE.py", help="name of a scene, or a Python file")
+    look: Any = {
+        "metavar": "NAME=FROM:TO:COUNT",
+        "help": "values at equal steps; one for each axis",
+    }
+    add("--over", type=_over, action="append", required=True, **look)
+    add("--tol", type=float, default=1e-8, help="bound on the relative error of each path (1e-8)")
+    _add_set(command)
+    add("--index", action="store_true", help="count the index of each path")
+    one_of("--workers", type=int, metavar="N", help="processes (1)")
+    one_of("--dask", metavar="ADDRESS", help="of the scheduler of a Dask cluster")
+    add("--resume", metavar="FILE", help="keep what is finished there, and go on from it")
+    add("--out", metavar="FILE", help="write the arrays (.npz, or .nc by xarray)")
+    add("--plot", metavar="FILE", help="draw the action (png, pdf, svg, ...)")
+
+
 def _add_explore(command: argparse.ArgumentParser) -> None:
     command.description = (
         "Open a window on a trial path of a scene or a file: drag its points, see the action and "
@@ -130,6 +154,7 @@ def _add_chapter(command: argparse.ArgumentParser) -> None:
 COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None] | None]] = {
     "list": ("name the scenes, or tell of one", _add_list),
     "solve": ("solve a scene or a file", _add_solve),
+    "sweep": ("solve a scene or a file over a grid of values", _add_sweep),
     "explore": ("open a window: drag a path, see its action, slide the end time", _add_explore),
     "chapter": ("run the chapter on Lagrangian mechanics", _add_chapter),
     "suite": ("test problems for optimisers", None),
@@ -152,6 +177,20 @@ def _setting(text: str) -> tuple[str, Any]:
     except (ValueError, SyntaxError) as error:
         raise argparse.ArgumentTypeError(
             f"expected NAME=VALUE with a number, a list or None as the value, found {text!r}"
+        ) from error
+
+
+def _over(text: str) -> tuple[str | tuple[str, str], Any]:
+    name, equals, row = text.partition("=")
+    try:
+        first, last, count = row.split(":")
+        if not (equals and name and int(count) > 0):
+            raise ValueError
+        event, dot, coordinate = name.partition(".")
+        return (event, coordinate) if dot else name, (float(first), float(last), int(count))
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(
+            f"expected NAME=FROM:TO:COUNT, such as g=9:10:50 or end.x=0:1:20, found {text!r}"
         ) from error
 
 
@@ -262,6 +301,100 @@ def _solve(options: argparse.Namespace) -> int:
     if options.compare and solution.compare().agrees is False:
         raise RuntimeError(_contradiction(found["forward"]))
     return 0
+
+
+def _sweep(options: argparse.Namespace) -> int:
+    import numpy as np
+
+    from actionopt.families.sweep import sweep
+    from actionopt.tools.files import ready
+
+    problem, _ = _question(options.scene, dict(options.settings))
+    over = {name: np.linspace(*row) for name, row in options.over}
+    if len(over) < len(options.over):
+        raise ValueError("expected each name once after --over; an axis has one row of values")
+    if options.workers is not None and options.workers < 1:
+        raise ValueError(f"expected one worker or more, found {options.workers}")
+    if options.out:
+        ready(options.out, ".npz", ".nc")
+    if options.plot:
+        from actionopt.plot._files import picture
+
+        picture(options.plot)
+    clock = perf_counter()
+    with _executor(options) as executor:
+        runs = sweep(
+            problem, over, executor=executor, tol=options.tol, resume=options.resume,
+            record="index" if options.index else None,
+            progress=_bar(clock) if sys.stderr.isatty() else None,
+        )  # fmt: skip
+    _print_runs(runs, perf_counter() - clock)
+    if options.out:
+        runs.save(options.out)
+    if options.plot:
+        from actionopt import plot
+
+        plot.save_runs(runs, options.plot)
+    return 130 if runs.interrupted else 0
+
+
+@contextmanager
+def _executor(options: argparse.Namespace) -> Iterator[Any]:
+    """Yield who solves: processes, the workers of a Dask cluster, or None for this process."""
+    if options.dask:
+        try:
+            import distributed  # pyright: ignore[reportMissingImports]
+        except ImportError as error:
+            raise ValueError(
+                "expected Dask to be installed for --dask, found none: pip install "
+                "'actionopt[dask]'"
+            ) from error
+        with distributed.Client(options.dask) as client:
+            yield client.get_executor()
+    elif (options.workers or 1) > 1:
+        from concurrent.futures import ProcessPoolExecutor
+        from multiprocessing import get_context
+
+        with ProcessPoolExecutor(options.workers, mp_context=get_context("spawn")) as pool:
+            yield pool
+    else:
+        yield None
+
+
+def _bar(started: float) -> Callable[[int, int, int], None]:
+    """Return what tells of a sweep on a terminal: a bar, the rate, and what failed."""
+    from actionopt.tools.progress import progress
+
+    def told(done: int, total: int, failed: int) -> None:
+        rate = done / (perf_counter() - started)
+        progress(done, total, f"{rate:.0f}/s" + (f", {failed} failed" if failed else ""))
+
+    return told
+
+
+def _print_runs(runs: Runs, seconds: float) -> None:
+    """Print what came of a sweep."""
+    import numpy as np
+
+    def counted(values: Any) -> str:
+        found = zip(*np.unique(values, return_counts=True), strict=True)
+        return ", ".join(f"{count} {value}" for value, count in found)
+
+    solved = runs.action[runs.success]
+    rows = [
+        ("status", counted(runs.status)),
+        ("action", f"{solved.min():.9g} to {solved.max():.9g}" if solved.size else "none"),
+        ("largest error", f"{runs.error[runs.success].max(initial=0.0):.1e}"),
+    ]
+    if runs.index is not None:
+        found = np.unique(runs.index[runs.success], return_counts=True)
+        rows.append(("index", ", ".join(f"{k} of {n}" for k, n in zip(*found, strict=True))))
+    rows += [
+        ("branches", str(runs.branch.max(initial=-1) + 1)),
+        ("time", f"{_seconds(seconds)}, {runs.stats['tasks']} tasks"),
+    ]
+    print(f"{runs.problem.name}: {runs.grid.size} paths{', interrupted' * runs.interrupted}")
+    print_table(rows)
 
 
 def _explore(options: argparse.Namespace) -> int:

@@ -15,8 +15,9 @@ rooms = importlib.util.module_from_spec(SPEC)
 SPEC.loader.exec_module(rooms)
 
 # Library: its only room. PIL comes with matplotlib. scipy is no dependency: the suite compares
-# its solvers where it is there.
+# its solvers where it is there. So are xarray and Dask, of which the package needs one call each.
 THIRD_PARTY = {"casadi": None, "numpy": None, "matplotlib": "plot", "PIL": "plot", "scipy": "suite"}
+THIRD_PARTY |= {"xarray": "families", "distributed": "cli"}
 ONE_NAME = ("tools", "mechanics", "discrete")  # where a constant's name is no other's
 SOLVERS = ("actionopt.solver.ipopt", "actionopt.suite")  # the suite compares all there are
 
@@ -88,4 +89,4 @@ def test_importing_the_package_imports_nothing_optional():
     report = subprocess.run(command, capture_output=True, text=True, check=True).stderr
     imported = {line.rsplit("|", 1)[-1].strip().split(".")[0] for line in report.splitlines()}
     assert "casadi" in imported
-    assert not imported & {"matplotlib", "scipy", "mpmath", "heyoka"}
+    assert not imported & {"matplotlib", "scipy", "mpmath", "heyoka", "xarray", "distributed"}

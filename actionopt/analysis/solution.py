@@ -17,10 +17,12 @@ from actionopt.analysis.index import Inertia, inertia
 from actionopt.analysis.saved import save
 from actionopt.analysis.sensitivity import Sensitivity, sensitivity
 from actionopt.analysis.status import Status
+from actionopt.discrete.action import Units
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import resolution
+from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import NEGLIGIBLE, Problem, State
 from actionopt.tools.types import Array
 
@@ -241,6 +243,15 @@ class Solution:
             copied["path"] = known.path
         return Solution(**copied)
 
+    def __reduce__(self) -> tuple:
+        """Carry the numbers; what follows from them is made when asked for."""
+        made = [getattr(self, f.name) for f in fields(self)[:-1]]
+        known = self.known
+        if known is None:
+            return Solution, tuple(made)
+        made[1] = None  # it is that of the unknowns
+        return _restored, (made, self.mesh, known.z, known.tr.lengths, known.tr.units)
+
     def compare(self) -> Comparison:
         """Return the comparison with the forward integration from `start`, made once."""
         return self._comparison
@@ -311,6 +322,17 @@ class SolveError(RuntimeError):
     def __init__(self, message: str, solution: Solution) -> None:
         super().__init__(message)
         self.solution = solution
+
+    def __reduce__(self) -> tuple:
+        """Carry the attempt, too."""
+        return SolveError, (str(self), self.solution)
+
+
+def _restored(made: list[Any], mesh: Mesh, z: Array, lengths: Array, units: Units) -> Solution:
+    """Return a solution whose path is known as unknowns z, in the units of its transcription."""
+    known = DiscretePath(Transcription(made[0], mesh, lengths, like=units), z)
+    made[1] = known.path
+    return Solution(*made, known=known)
 
 
 def _fixed(p0: Array, p1: Array) -> tuple[Array, Array]:

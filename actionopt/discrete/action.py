@@ -23,7 +23,7 @@ from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -51,6 +51,15 @@ class Point:
     normals: Array | None = None
 
 
+class Units(NamedTuple):
+    """The origin of coordinates, an inertia, and the units of action and of constraints' rows."""
+
+    origin: Array | None
+    inertia: Array
+    action_unit: float
+    row_units: Array
+
+
 class Action:
     """The discrete action of one problem on one mesh.
 
@@ -71,7 +80,12 @@ class Action:
     """
 
     def __init__(
-        self, problem: Problem, mesh: Mesh, lengths: Array, *, like: Action | None = None
+        self,
+        problem: Problem,
+        mesh: Mesh,
+        lengths: Array,
+        *,
+        like: Action | Units | None = None,
     ) -> None:
         self.problem, self.mesh, self.lengths = problem, mesh, lengths
         self.layout = layout_for(problem, mesh)
@@ -119,6 +133,11 @@ class Action:
         for k, event in ((0, self.problem.start), (-1, self.problem.end)):
             ends[k] = [0.0 if x is None else x for x in event.q]
         return ends
+
+    @property
+    def units(self) -> Units:
+        """What may be those of another mesh: `like` needs no more."""
+        return Units(self.origin, self.inertia, self.action_unit, self.row_units)
 
     def timed(self, elements: NDInt, times: Array) -> Array:
         """Return times in elements (E,), (E, K), in a column: on the elements' side of a switch."""

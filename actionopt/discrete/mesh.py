@@ -90,6 +90,10 @@ class Mesh:
             object.__setattr__(self, name, row)
         object.__setattr__(self, "degrees", _degrees(degrees, since.size - 1))
 
+    def __reduce__(self) -> tuple:
+        """Carry what the rest is made of."""
+        return _restored, (self.boundaries, self.since, self.degrees)
+
     def __repr__(self) -> str:
         """Show the sizes, not the arrays."""
         low, high = min(self.degrees), max(self.degrees)
@@ -105,17 +109,15 @@ class Mesh:
         since[-1] = duration
         return cls.over(start, end, since, degree)
 
-    @classmethod
-    def over(cls, start: float, end: float, since: Array, degrees: int | ArrayLike) -> Mesh:
+    @staticmethod
+    def over(start: float, end: float, since: Array, degrees: int | ArrayLike) -> Mesh:
         """Return a mesh over [start, end] whose boundaries (N + 1,) are measured from `start`.
 
         They begin with 0 and end with the duration. Raises ValueError as the class does.
         """
-        mesh = object.__new__(cls)
         boundaries = start + since
         boundaries[-1] = end
-        mesh._set(boundaries, np.array(since), degrees)
-        return mesh
+        return _restored(boundaries, np.array(since), degrees)
 
     def cut(self, since: Array, degrees: int | ArrayLike) -> Mesh:
         """Return other elements over the same times; `since` as for `over`."""
@@ -179,6 +181,13 @@ class Mesh:
         since = self.since * (duration / self.duration)
         since[-1] = duration
         return Mesh.over(start, end, since, self.degrees)
+
+
+def _restored(boundaries: Array, since: Array, degrees: int | ArrayLike) -> Mesh:
+    """Return the mesh with these boundaries and distances (N + 1,), which are made read-only."""
+    mesh = object.__new__(Mesh)
+    mesh._set(boundaries, since, degrees)
+    return mesh
 
 
 def _degrees(degrees: int | ArrayLike, count: int) -> tuple[int, ...]:

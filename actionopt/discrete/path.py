@@ -60,6 +60,10 @@ class Path:
             given.setflags(write=False)
             object.__setattr__(self, name, given)
 
+    def __reduce__(self) -> tuple:
+        """Make it anew of the same numbers."""
+        return Path, (self.mesh, self.values, self.velocities)
+
     def __repr__(self) -> str:
         """Show the sizes, not the arrays."""
         return f"Path({self.values.shape[0]} x {self.values.shape[1]} values on {self.mesh})"

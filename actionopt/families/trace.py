@@ -20,12 +20,13 @@ from actionopt.analysis.second_variation import check_independent, form
 from actionopt.analysis.solution import Solution
 from actionopt.discrete.arclength import Branch, Point
 from actionopt.discrete.path import Path
-from actionopt.mechanics.problem import Event, Periodic, Problem
+from actionopt.families.vary import Name, moved, present
+from actionopt.mechanics.problem import Problem
 from actionopt.solver.solve import Guess, solve
 from actionopt.tools.blas import one_thread
 from actionopt.tools.types import Array
 
-Vary = str | tuple[str, str] | Callable[[float], Problem]
+Vary = Name | Callable[[float], Problem]
 
 # Ad hoc, where nothing else is said. Steps are of arclength, the range of values as the unit.
 FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 0.05, 0.25, 1e-7
@@ -212,41 +213,11 @@ def _family(
     problem: Problem, vary: Vary, start: float | None
 ) -> tuple[Callable[[float], Problem], float]:
     """Return the problem as a function of the varied quantity, and the quantity's present value."""
-    system = problem.system
-    known = problem.parameters
-    if callable(vary):
-        if start is None:
-            raise ValueError("expected start, the number that stands for the problem given")
-        return vary, float(start)
-    if vary in ("t0", "t1"):
-        if vary == "t0":
-            return lambda t: problem.replace(start=problem.start.at(t)), problem.start.t
-        return lambda t: problem.replace(end=problem.end.at(t)), problem.end.t
-    if isinstance(vary, tuple) and len(vary) == 2 and vary[0] in ("start", "end"):
-        if vary[0] == "end" and isinstance(problem.end, Periodic):
-            raise ValueError("expected an end of its own to vary: this one closes on the start")
-        event = problem.start if vary[0] == "start" else problem.end
-        i = system.coordinates.index(vary[1]) if vary[1] in system.coordinates else -1
-        at = event.q[i] if i >= 0 else None
-        if at is None:
-            raise ValueError(
-                f"expected a coordinate that the event gives, one of {system.coordinates}, "
-                f"found {vary[1]!r}"
-            )
-
-        def by_coordinate(x: float) -> Problem:
-            moved = Event(event.t, [x if j == i else y for j, y in enumerate(event.q)])
-            first = vary[0] == "start"
-            return problem.replace(start=moved) if first else problem.replace(end=moved)
-
-        return by_coordinate, at
-    if isinstance(vary, str) and vary in known and np.ndim(known[vary]) == 0:
-        return lambda x: problem.replace(parameters={vary: x}), float(np.asarray(known[vary]))
-    raise ValueError(
-        "expected the name of a parameter that is one number, 't0', 't1', ('start', coordinate), "
-        f"('end', coordinate) or a function, found {vary!r}; the parameters are "
-        f"{', '.join(known) or 'none'}"
-    )
+    if not callable(vary):
+        return lambda value: moved(problem, {vary: value}), present(problem, vary)
+    if start is None:
+        raise ValueError("expected start, the number that stands for the problem given")
+    return vary, float(start)
 
 
 @dataclass(eq=False)

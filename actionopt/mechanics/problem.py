@@ -166,6 +166,10 @@ class State:
                 f"expected q and v of one shape, found {self.q.shape} and {self.v.shape}"
             )
 
+    def __reduce__(self) -> tuple:
+        """Make it anew of the same numbers."""
+        return State, (self.t, self.q, self.v)
+
 
 @dataclass(frozen=True, eq=False)
 class Problem:
@@ -230,6 +234,10 @@ class Problem:
             _check_on_surface(self)
 
     packed: Array = field(init=False, repr=False)
+
+    def __reduce__(self) -> tuple:
+        """Ask it anew: what follows from it is made where it is needed."""
+        return _asked, (self.system, self.start, self.end, self.parameters)
 
     def replace(
         self,
@@ -362,6 +370,10 @@ class Problem:
         v = (q[1:] - q[:1]) / self.duration
         values = second(q[:1], v, np.array([[self.start.t]]), self.packed)[2][0]
         return diagonal(self.system, 2, values[None])[0]
+
+
+def _asked(system: System, start: Event, end: Event, parameters: dict[str, Array]) -> Problem:
+    return Problem(system, start, end, parameters=parameters)
 
 
 def diagonal(system: System, output: int, values: Array) -> Array:

@@ -6,17 +6,24 @@ Every quantity of Lagrangian mechanics is a short formula in L(q, v, t) and its 
 
 from __future__ import annotations
 
+import hashlib
+import pickle
+import threading
+from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
-from typing import Any, Never
+from types import NoneType
+from typing import Any
+from weakref import WeakValueDictionary
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.expressions import Expressions
 from actionopt.mechanics.identity import general_states, vanishes
-from actionopt.mechanics.laws import Laws
+from actionopt.mechanics.laws import Laws, Once
 from actionopt.mechanics.tracing import ParameterTable, Symbols, call, column, scalar, suggestion
 from actionopt.tools.checks import numbers
 from actionopt.tools.types import Array
@@ -26,6 +33,10 @@ NEWTON_STEPS = 50
 DAMPED_STEP = 1e-8  # of the velocity: a longer one is shortened where it leads away
 LAST_STEP = 1e-15  # of the velocity: some spacings of floats
 STALLED_STEP = 1e-10  # in the velocity's own unit: one that stops contracting is round-off
+
+# Attributes that travel with a system if they are there, besides its functions.
+TRAVELLING = ("structure", "switches", "clock", "energy_is_mechanical")
+KEPT_SYSTEMS = 8  # that were loaded, whether or not they are in use: a worker's, ad hoc
 
 
 class System(Laws):
@@ -60,6 +71,10 @@ class System(Laws):
     threads: the memory they work in is each thread's own, and goes with it. The numbers are those
     of one thread, to the last bit.
 
+    A system can be pickled, whatever it was written as: its law travels as an expression, with all
+    that is derived by then. Loaded in a process that has the same law already, it is that one.
+    `source` says where the law was written, and `repr` does so of one that was loaded.
+
     References
     ----------
     *Competitive Physics: Mechanics and Waves* (2018), chapter 12: action (12.1), equations of
@@ -87,13 +102,10 @@ class System(Laws):
     ) -> None:
         if not isinstance(name, str):
             raise ValueError(f"expected the name of a system as text, found {name!r}")
-        self.coordinates = _names(coordinates)
-        self.name = name
-        self.table = ParameterTable(parameters)
-        n = len(self.coordinates)
-        q, v, t, p = ca.SX.sym("q", n), ca.SX.sym("v", n), ca.SX.sym("t"), self.table.symbols()
-        Q, V, T = Expressions(q, 1), Expressions(v, 1), Expressions(t, 0)
-        named = self.table.named(p)
+        names_of, table = _names(coordinates), ParameterTable(parameters)
+        n, symbols = len(names_of), _symbols(len(names_of), table)
+        Q, V, T = Expressions(symbols.q, 1), Expressions(symbols.v, 1), Expressions(symbols.t, 0)
+        named = table.named(symbols.p)
         given, used = call(lagrangian, "lagrangian", {"q": Q, "v": V, "t": T}, named)
         L = scalar(given, "lagrangian")
         constraints = forces = ca.SX(0, 1)
@@ -103,18 +115,33 @@ class System(Laws):
         if force is not None:
             given, names = call(force, "force", {"q": Q, "v": V, "t": T}, named)
             forces, used = column(given, "force", n), used | names
-        unused = [key for key in self.table.defaults if key not in used]
+        unused = [key for key in table.defaults if key not in used]
         if unused:
             raise ValueError(
                 f"parameter {unused[0]!r} is used by none of the callables, which name "
                 f"{', '.join(sorted(used)) or 'no parameters'}{suggestion(unused[0], sorted(used))}"
             )
-        super().__init__(Symbols(q, v, t, p), L, constraints, forces, self.coordinates)
+        self._set(symbols, (L, constraints, forces), names_of, table, name, _place(lagrangian))
+
+    def _set(
+        self,
+        symbols: Symbols,
+        laws: tuple[ca.SX, ca.SX, ca.SX],
+        coordinates: tuple[str, ...],
+        table: ParameterTable,
+        name: str,
+        source: str,
+        loaded: bool = False,
+    ) -> None:
+        """Set what is known of a law that is traced."""
+        super().__init__(symbols, *laws, coordinates)
+        self.table, self.name, self.source, self.loaded = table, name, source, loaded
         self.layouts: dict[Any, Any] = {}  # of its discrete problems; they live as long as it does
 
     def __repr__(self) -> str:
-        """Show the name and the coordinates."""
-        return f"System({self.name or 'unnamed'}: {', '.join(self.coordinates)})"
+        """Show the name and the coordinates, and where the law of a loaded one came from."""
+        found = f"{self.name or 'unnamed'}: {', '.join(self.coordinates)}"
+        return f"System({found}{f'; loaded, its law {self.source}' if self.loaded else ''})"
 
     def __copy__(self) -> System:
         """Return the same: nothing of it changes."""
@@ -124,13 +151,34 @@ class System(Laws):
         """Return the same: nothing of it changes."""
         return self
 
-    def __reduce__(self) -> Never:
-        """Refuse to be pickled, and so do problems and solutions: a system is code."""
-        raise TypeError(
-            f"expected something other than a {self!r} to pickle: a system is code; make it where "
-            "it is needed, and send a solution as a file, by solution.save(file) and "
-            "actionopt.load(file, system)"
-        )
+    def __reduce__(self) -> tuple:
+        """Carry the law as an expression, and what is derived; no code of the user's."""
+        digest, version = self.digest, ca.CasadiMeta.version()
+        with _LOADING:
+            _KNOWN.setdefault(digest, self)
+        with self.lock:
+            kept = {name: vars(self)[name] for name in TRAVELLING if name in vars(self)}
+            functions = Pointwise, ca.Function, NoneType
+            made = {name: x for name, x in self._made.items() if isinstance(x, functions)}
+            parts = self._pointwise, made, kept
+            known = self.coordinates, self.table.defaults, self.name, self.source
+            state = pickle.dumps((*known, self._law.serialize(), parts))
+            return _loaded, (digest, sorted(name for x in parts for name in x), version, state)
+
+    @property
+    def _law(self) -> ca.Function:
+        """The law as a function of (q, v, t, p), which can be written to a file."""
+        return ca.Function("law", self._arguments, [self.L, self.f, self.Q])
+
+    @Once
+    def digest(self) -> str:
+        """Return 64 hexadecimal digits, the same in every process for the same law.
+
+        That is the expressions, the names and the parameters' default values.
+        """
+        defaults = {name: (x.shape, x.tobytes()) for name, x in self.table.defaults.items()}
+        said = (self.coordinates, self.name, defaults, self._law.serialize())
+        return hashlib.sha256(repr(said).encode()).hexdigest()
 
     # -- what is known without numbers ---------------------------------------------------
 
@@ -305,6 +353,57 @@ class System(Laws):
         arguments += [times.reshape(-1, 1), self.table.pack(self.table.values(parameters))]
         results = self.pointwise(name)(*arguments)
         return [r[0].copy() if single else r.T.copy() for r in results]
+
+
+_KNOWN: WeakValueDictionary[str, System] = WeakValueDictionary()  # by digest: pickled or loaded
+_RECENT: deque[System] = deque(maxlen=KEPT_SYSTEMS)  # loaded: workers need them again and again
+_LOADING = threading.RLock()
+
+
+def _loaded(digest: str, derived: list[str], version: str, state: bytes) -> System:
+    """Return the system of a law, which is made once in a process.
+
+    Raises ValueError if it was pickled with another CasADi, whose expressions this one cannot read.
+    """
+    with _LOADING:
+        system = _KNOWN.get(digest)
+        if system and {*system._pointwise, *system._made, *vars(system)}.issuperset(derived):
+            return system
+        try:
+            coordinates, defaults, name, source, law, parts = pickle.loads(state)
+        except RuntimeError as error:
+            raise ValueError(
+                f"expected a system that CasADi {ca.CasadiMeta.version()} can read, found one that "
+                f"was pickled with {version}; use the same version on both sides"
+            ) from error
+        if system is None:
+            system, table = object.__new__(System), ParameterTable(defaults)
+            symbols = _symbols(len(coordinates), table)
+            arguments = [symbols.q, symbols.v, symbols.t, symbols.p]
+            L, f, Q = ca.Function.deserialize(law).call(arguments)
+            system._set(symbols, (L, f, Q), coordinates, table, name, source, loaded=True)
+            _KNOWN[digest] = system
+            _RECENT.append(system)
+        with system.lock:
+            for own, part in zip(
+                (system._pointwise, system._made, vars(system)), parts, strict=True
+            ):
+                for key, value in part.items():
+                    own.setdefault(key, value)
+        return system
+
+
+def _symbols(n: int, table: ParameterTable) -> Symbols:
+    """Return the symbols in which the law of n coordinates is written."""
+    return Symbols(ca.SX.sym("q", n), ca.SX.sym("v", n), ca.SX.sym("t"), table.symbols())
+
+
+def _place(law: Callable[..., Any]) -> str:
+    """Return where a callable is written: "from pendulum.py, line 3 (lagrangian)"."""
+    code = getattr(law, "__code__", None)
+    if code is None:  # a partial, or an object that is called
+        return f"from an object of the type {type(law).__qualname__}"
+    return f"from {code.co_filename}, line {code.co_firstlineno} ({law.__qualname__})"
 
 
 def _names(coordinates: Sequence[str]) -> tuple[str, ...]:

@@ -7,11 +7,12 @@ nothing. Next to it is a function that returns the arrays it draws.
 from actionopt.plot._energies import conserved, energies
 from actionopt.plot._explore import Explorer, explore
 from actionopt.plot._fan import fan, wavefronts
-from actionopt.plot._files import save, svg
+from actionopt.plot._files import save, save_runs, svg
 from actionopt.plot._film import animation, film
 from actionopt.plot._names import SI, Units, planar, symbol
 from actionopt.plot._paths import deviation, family, mesh, overview, paths
 from actionopt.plot._relaxation import Panels, relaxation, relaxation_film
+from actionopt.plot._runs import runs
 from actionopt.plot._strobe import motion
 from actionopt.plot._style import STYLE
 from actionopt.plot._variations import bundle, landscape, landscapes, slices, spectrum
@@ -85,7 +86,9 @@ __all__ = [
     "relaxation",
     "relaxation_data",
     "relaxation_film",
+    "runs",
     "save",
+    "save_runs",
     "slice_data",
     "slices",
     "spectrum",

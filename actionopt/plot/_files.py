@@ -12,7 +12,9 @@ from matplotlib.backend_bases import FigureCanvasBase
 from matplotlib.figure import Figure
 
 from actionopt.analysis.solution import Solution
+from actionopt.families.runs import Runs
 from actionopt.plot._paths import overview, paths
+from actionopt.plot._runs import runs
 from actionopt.plot._style import styled
 from actionopt.tools.files import ready, whole
 
@@ -42,6 +44,16 @@ def save(solution: Solution, file: str | Path, *, compare: bool = True) -> None:
         overview(solution, figure.subplots(2, height_ratios=(3, 2)))
     else:
         paths(solution, figure.subplots(), compare=False)
+    with whole(file) as part:
+        figure.savefig(part)
+
+
+@styled
+def save_runs(found: Runs, file: str | Path, quantity: str = "action") -> None:
+    """Write the picture of a sweep, `runs`, to a file. Raises as `save` and `runs` do."""
+    picture(file)
+    figure = Figure((7.6, 4.8), layout="constrained")
+    runs(found, quantity, figure.subplots())
     with whole(file) as part:
         figure.savefig(part)
 

@@ -1,0 +1,88 @@
+"""Paths of many members, packed in a few arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property
+
+import numpy as np
+
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.path import Path
+from actionopt.tools.types import Array, NDInt
+
+
+@dataclass(frozen=True, eq=False)
+class Kept:
+    """Paths of k members.
+
+    Attributes
+    ----------
+    members : (k,) array of int
+        Their numbers in a grid.
+    times : (k, 2) array
+    elements : (k,) array of int
+        How many each has.
+    since, degrees, values : arrays in one row
+        One member after the other: `Mesh.since`, degrees, and coordinates row by row.
+    """
+
+    members: NDInt
+    times: Array
+    elements: NDInt
+    since: Array
+    degrees: NDInt
+    values: Array
+
+    @classmethod
+    def of(cls, members: NDInt, paths: Sequence[Path]) -> Kept:
+        """Pack paths, one of each member."""
+
+        def row(parts: list[Array], kind: type) -> Array:
+            return np.concatenate([np.zeros(0, kind), *parts])
+
+        meshes = [path.mesh for path in paths]
+        return cls(
+            np.asarray(members, dtype=int),
+            np.array([mesh.boundaries[[0, -1]] for mesh in meshes]).reshape(-1, 2),
+            np.array([mesh.elements for mesh in meshes], dtype=int),
+            row([mesh.since for mesh in meshes], float),
+            row([np.array(mesh.degrees) for mesh in meshes], int),
+            row([path.values.ravel() for path in paths], float),
+        )
+
+    def packed(self, name: str) -> dict[str, Array]:
+        """Return the arrays by names that begin with `name`."""
+        return {f"{name}_{f.name}": getattr(self, f.name) for f in fields(self)}
+
+    @classmethod
+    def unpacked(cls, arrays: Mapping[str, Array], name: str) -> Kept:
+        """Return what was packed under a name."""
+        return cls(*(arrays[f"{name}_{f.name}"] for f in fields(cls)))
+
+    @cached_property
+    def _first(self) -> tuple[NDInt, NDInt]:
+        """Where the degrees and the nodes of each member begin, and where the last one ends."""
+        elements = np.concatenate([[0], np.cumsum(self.elements)])
+        through = np.concatenate([[0], np.cumsum(self.degrees)])
+        return elements, through[elements] + np.arange(elements.size)
+
+    def path(self, member: int) -> Path | None:
+        """Return the path of a member, or None if it is not here."""
+        found = np.flatnonzero(self.members == member)
+        if not found.size:
+            return None
+        k = found[0]
+        elements, nodes = self._first
+        a, b = elements[k : k + 2]
+        since = self.since[a + k : b + k + 1]
+        t0, t1 = self.times[k].tolist()
+        mesh = Mesh.over(t0, t1, since, self.degrees[a:b])
+        n = self.values.size // nodes[-1]
+        return Path(mesh, self.values[n * nodes[k] : n * nodes[k + 1]].reshape(n, -1))
+
+
+def find(kept: Sequence[Kept], member: int) -> Path | None:
+    """Return the path of a member, the latest of several, or None."""
+    return next((p for x in reversed(kept) if (p := x.path(member)) is not None), None)

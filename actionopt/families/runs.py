@@ -1,0 +1,326 @@
+"""The answers of a sweep: arrays over its grid."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from copy import copy
+from dataclasses import dataclass, field
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+
+from actionopt.analysis.forward import IntegrationError, integrate
+from actionopt.analysis.solution import Solution
+from actionopt.analysis.status import Status
+from actionopt.discrete.path import Path
+from actionopt.families.grid import Grid, said
+from actionopt.families.kept import Kept, find
+from actionopt.families.sheets import sheets
+from actionopt.families.task import Answers, solved
+from actionopt.mechanics.problem import Problem, State
+from actionopt.solver.solve import Guess, solve
+from actionopt.tools.files import ready, whole
+from actionopt.tools.types import Array, NDInt
+
+UNREACHED = "UNREACHED"  # beside the names of `Status`, and REFUSED
+OVER_GRID = ("action", "error", "status", "momenta", "ends", "index")
+LONG_NAMES = {
+    "action": "action along the stationary path",
+    "error": "estimated error of the path, in units of the coordinates' largest values",
+    "status": "verdict",
+    "momenta": "canonical momenta at the events",
+    "ends": "coordinates at the events",
+    "index": "Morse index",
+    "branch": "label of the members that hang together",
+}
+# How far the momenta of a path that is made again may be from those kept, in their own size, and
+# the action in its range: beyond that it is another path. Ad hoc.
+SAME_PATH = 1e-5
+HALVES = 1e-10  # tol of the motions from both ends: a guess needs no more; ad hoc
+
+
+@dataclass(frozen=True, eq=False)
+class Runs:
+    """The members of a grid: arrays of its shape, some with further axes behind.
+
+    Attributes
+    ----------
+    grid : Grid
+        What varies, and over which values: `grid.names`, `grid.values`.
+    tol : float
+        As it was asked for.
+    action : array
+        S; NaN where a member failed.
+    error : array
+        Estimated errors, as `Solution.error`; of a member that failed that of the best attempt,
+        infinite if there was none.
+    status : array of str
+        The name of a `Status`; "REFUSED" where the problem makes no sense (`messages` say why),
+        "UNREACHED" where the sweep was interrupted before.
+    momenta, ends : (..., 2, n) arrays
+        Momenta and coordinates at the two events; NaN where a member failed.
+    index : array of int or None
+        Morse indices, if they were asked for; -1 where there is none.
+    messages : dict of int to str
+        Why members were refused, by their numbers in the order of the grid.
+    kept : list of Kept or None
+        The paths, if they were to be kept.
+    stats : dict of str to int
+        Iterations, members that were solved alone, and tasks.
+    """
+
+    grid: Grid
+    tol: float
+    action: Array
+    error: Array
+    status: Array
+    momenta: Array
+    ends: Array
+    index: NDInt | None
+    messages: dict[int, str]
+    kept: list[Kept] | None = field(repr=False)
+    stats: dict[str, int]
+
+    @classmethod
+    def begun(cls, grid: Grid, tol: float, index: bool, keep_paths: bool) -> Runs:
+        """Return the arrays before any member is tried."""
+        shape, n = grid.shape, grid.problem.system.n
+        longest = max(map(len, (*Status.__members__, UNREACHED)))
+        return cls(
+            grid=grid,
+            tol=tol,
+            action=np.full(shape, np.nan),
+            error=np.full(shape, np.inf),
+            status=np.full(shape, UNREACHED, dtype=f"<U{longest}"),
+            momenta=np.full((*shape, 2, n), np.nan),
+            ends=np.full((*shape, 2, n), np.nan),
+            index=np.full(shape, -1) if index else None,
+            messages={},
+            kept=[] if keep_paths else None,
+            stats={"iterations": 0, "alone": 0, "tasks": 0},
+        )
+
+    def put(self, answers: Answers) -> None:
+        """Enter what came of a task."""
+        for name in OVER_GRID:
+            whole = getattr(self, name)
+            if whole is not None:
+                rows = whole.reshape(self.grid.size, *whole.shape[len(self.shape) :])
+                rows[answers["members"]] = answers[name]
+        self.messages.update(
+            zip(answers["refused"].tolist(), answers["messages"].tolist(), strict=True)
+        )
+        if self.kept is not None:
+            self.kept.append(Kept.unpacked(answers, "kept"))
+        for name in ("iterations", "alone"):
+            self.stats[name] += int(answers[name])
+        self.stats["tasks"] += 1
+
+    def __repr__(self) -> str:
+        """Show what varies and how many were solved, not the arrays."""
+        over, sheets = ", ".join(map(said, self.grid.names)), int(self.branch.max(initial=-1)) + 1
+        solved = f"{int(self.success.sum())} of {self.grid.size} solved"
+        return f"Runs({self.problem.name} over {over}: {solved}, branches {sheets})"
+
+    @property
+    def problem(self) -> Problem:
+        """What all members have in common."""
+        return self.grid.problem
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Of the grid."""
+        return self.grid.shape
+
+    @property
+    def success(self) -> NDInt:
+        """Which members can be used as they are: an array of bool."""
+        return np.isin(self.status, [status.name for status in Status if status.success])
+
+    @property
+    def failed(self) -> NDInt:
+        """Which members were tried in vain: an array of bool."""
+        return ~self.success & (self.status != UNREACHED)
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether the user ended it before all members were tried."""
+        return bool((self.status == UNREACHED).any())
+
+    @property
+    def branch(self) -> NDInt:
+        """Labels from 0 of what hangs together, -1 where a member failed: an array of int.
+
+        Neighbours are told apart where the index changes between them, or where the momenta at the
+        ends (and coordinates that are free there) change several times as much as around.
+        """
+        told = [self.momenta.reshape(*self.shape, -1)]
+        for k, event in enumerate((self.problem.start, self.problem.end)):
+            free = [i for i, x in enumerate(event.q) if x is None]
+            told.append(self.ends[..., k, free])
+        return sheets(self.success, self.index, np.concatenate(told, axis=-1))
+
+    def solution(self, *at: int) -> Solution:
+        """Return the member at a place in the grid as a full solution.
+
+        It is made again: near its path if that was kept, else near the motions that set out from
+        both ends with their momenta.
+
+        Raises
+        ------
+        IndexError
+            If there is no such place.
+        ValueError
+            If the member failed, or the path is lost on the way (then sweep with
+            `keep_paths=True`).
+        """
+        numbers = np.arange(self.grid.size).reshape(self.shape)[at]
+        if numbers.ndim:
+            raise IndexError(f"expected {len(self.shape)} places, one an axis, found {at}")
+        return self._solution(int(numbers))
+
+    def _solution(self, i: int) -> Solution:
+        if not self.success.flat[i]:
+            raise ValueError(
+                f"expected a member that was solved, found {self.grid.text(i)} of the status "
+                f"{self.status.flat[i]}; `retry` tries it again"
+            )
+        problem = self.grid.member(i)
+        found = solve(problem, guess=self._near(problem, i), tol=self.tol, throw=False)
+        S, known = self.action.flat[i], self.momenta.reshape(-1, 2, problem.system.n)[i]
+        off = np.max(np.abs(np.stack(found.momenta) - known)) / (np.max(np.abs(known)) or 1.0)
+        unit = max(abs(S), float(np.ptp(self.action[self.success]))) or 1.0
+        if not (found.success and max(off, abs(found.action - S) / unit) <= SAME_PATH):
+            raise ValueError(
+                f"expected the path of {self.grid.text(i)}, whose action is {S:.9g}, found one of "
+                f"{found.action:.9g} ({found.status.name}): motions are too sensitive to what they "
+                "set out with; sweep with keep_paths=True"
+            )
+        return found
+
+    def _near(self, problem: Problem, i: int) -> Path | Callable[[Array], Array] | None:
+        """Return a curve near the path of a member that was solved."""
+        if self.kept is not None:
+            return find(self.kept, i)
+        system, parameters, n = problem.system, problem.parameters, problem.system.n
+        ends, momenta = (x.reshape(-1, 2, n)[i] for x in (self.ends, self.momenta))
+        t0, t1 = problem.start.t, problem.end.t
+        middle = t0 + problem.duration / 2
+        straight = (ends[1] - ends[0]) / problem.duration
+        halves = []
+        try:
+            for t, q, p in zip((t0, t1), ends, momenta, strict=True):
+                state = State(t, q, system.velocity(q, p, t, straight, parameters=parameters))
+                halves.append(integrate(system, state, middle, tol=HALVES, parameters=parameters))
+        except (ValueError, IntegrationError, np.linalg.LinAlgError):
+            return None
+        before, after = halves
+        gap = (after(middle) - before(middle))[:, None] / 2
+
+        def curve(t: Array) -> Array:
+            """Both motions, moved by half the gap between them in proportion to the time."""
+            first, last = np.minimum(t, middle), np.maximum(t, middle)
+            left = before(first) + gap * ((first - t0) / (middle - t0))
+            right = after(last) - gap * ((t1 - last) / (t1 - middle))
+            return np.where(t <= middle, left, right)
+
+        return curve
+
+    def retry(self, guess: Guess | None = None) -> Runs:
+        """Return the same with the members that failed tried again, one by one, in this process.
+
+        Each is tried near `guess`, as for `solve`, or, without one, near a neighbour that is solved
+        by then; where there is none, from nothing. An interruption (KeyboardInterrupt) ends it and
+        keeps what was found.
+        """
+        again = self._copied()
+        success, failed = self.success.ravel(), self.failed.ravel()
+        left, waiting = deque(np.flatnonzero(failed).tolist()), deque[int]()
+        near: dict[int, Path] = {}
+        options = self.tol, self.index is not None, True
+        with suppress(KeyboardInterrupt):
+            while left or waiting:
+                i = (waiting or left).popleft()
+                if not failed[i]:
+                    continue
+                failed[i], beside = False, self.grid.beside(i)
+                for j in beside if guess is None else ():
+                    if success[j] and j not in near:
+                        with suppress(ValueError):
+                            near[j] = self._solution(j).path
+                first = next((near[j] for j in beside if j in near), guess)
+                member = np.array([i])
+                answers = solved(self.problem, member, self.grid.columns(member), first, options)
+                again.put(answers)
+                found = Kept.unpacked(answers, "kept").path(i)
+                if found is not None and guess is None:
+                    near[i] = found
+                    waiting.extend(beside)
+        return again
+
+    def _copied(self) -> Runs:
+        """Return the same in arrays of its own."""
+        made = {name: copy(value) for name, value in vars(self).items()}
+        return Runs(**made)
+
+    def save(self, file: str | FilePath) -> None:
+        """Write the arrays to an .npz file or, by xarray, to netCDF (.nc), whole or not at all.
+
+        Values are under the names of what varies: "end.x" for a coordinate of the end.
+        """
+        target = ready(file, ".npz", ".nc")
+        with whole(target) as part:
+            if target.suffix == ".nc":
+                self.to_xarray().to_netcdf(part)
+                return
+            arrays = {name: getattr(self, name) for name in OVER_GRID}
+            if self.index is None:
+                del arrays["index"]
+            along = {said(x): row for x, row in zip(self.grid.names, self.grid.values, strict=True)}
+            np.savez(part, allow_pickle=False, branch=self.branch, **arrays, **along)
+
+    def to_xarray(self, units: Mapping[str, str] | None = None) -> Any:
+        """Return the arrays as an xarray.Dataset, whose `to_netcdf` and `to_zarr` write them.
+
+        Dimensions are named after what varies ("end.x" for a coordinate of the end), "member" where
+        values were zipped, and behind them "event" and "coordinate".
+
+        Parameters
+        ----------
+        units : mapping of str to str, optional
+            Of variables and of what varies, by name: the package knows none.
+
+        Raises
+        ------
+        ImportError
+            If xarray is not installed: `pip install 'actionopt[xarray]'`.
+        """
+        import xarray  # pyright: ignore[reportMissingImports]
+
+        grid, system = self.grid, self.problem.system
+        names = [said(name) for name in grid.names]
+        dims = ["member"] if grid.zipped else names
+        behind = {"momenta": ["event", "coordinate"], "ends": ["event", "coordinate"]}
+        found: dict[str, Any] = {
+            name: (dims + behind.get(name, []), getattr(self, name))
+            for name in OVER_GRID
+            if getattr(self, name) is not None
+        }
+        found["branch"] = dims, self.branch
+        rows = zip(names, grid.values, strict=True)
+        along = {name: ("member" if grid.zipped else name, row) for name, row in rows}
+        coordinates = {"event": ["start", "end"], "coordinate": list(system.coordinates)}
+        known = self.problem.parameters.items()
+        given = {f"parameter {name}": x.ravel() for name, x in known if name not in names}
+        about = {"system": self.problem.name, "law": system.source, "tol": self.tol, **self.stats}
+        data = xarray.Dataset(found, {**along, **coordinates}, {**about, **given})
+        for name, text in LONG_NAMES.items():
+            if name in data:
+                data[name].attrs["long_name"] = text
+        for name, unit in {"error": "1", "index": "1", "branch": "1", **(units or {})}.items():
+            if name in data.variables:
+                data[name].attrs["units"] = unit
+        return data

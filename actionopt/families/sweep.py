@@ -1,0 +1,310 @@
+"""Solve a problem over a grid of values, in this process or on many machines.
+
+The grid is cut into tasks, runs of neighbours. First some members far apart are solved here, as
+seeds; each task begins with a walk from the nearest seed to its own first member, and needs nothing
+of other tasks. So neither the cut nor any number depends on who solves what, or when.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import pickle
+import sys
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path as FilePath
+from queue import SimpleQueue
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from actionopt.analysis.solution import SolveError
+from actionopt.discrete.path import Path
+from actionopt.families.grid import Grid, said
+from actionopt.families.kept import Kept
+from actionopt.families.runs import Runs
+from actionopt.families.task import Answers, Seed, work
+from actionopt.families.vary import Name
+from actionopt.families.walk import walk
+from actionopt.mechanics.problem import Problem
+from actionopt.solver.arguments import asked
+from actionopt.solver.solve import solve
+from actionopt.tools.checks import tolerance
+from actionopt.tools.journal import Journal
+from actionopt.tools.types import NDInt
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor, Future
+
+SECONDS = 1.0  # of a task, about: what is lost with a worker, and much beside what sending it takes
+# Of a member, and of its unknowns times its coordinates. Measured, with 117 to 542 unknowns, to a
+# factor of two; those with constraints or forces, solved one by one, take some ten times as long.
+MEMBER_SECONDS, UNKNOWN_SECONDS, ONE_BY_ONE = 1e-4, 8e-7, 10
+MOST_MEMBERS = 4096  # of a task, so that its answers are a megabyte at most; ad hoc
+IN_FLIGHT = 1024  # tasks that are sent at once, and so the workers that are kept busy; ad hoc
+PILOTS = 8  # members at equal distances of which the first that is solved tells their size; ad hoc
+SEEDS = 8  # paths from which tasks are reached: they are found here, one by one; ad hoc
+FORMAT = "actionopt sweep 1"
+RECORDED = ("index",)
+
+Progress = Callable[[int, int, int], object]
+
+
+def sweep(
+    problem: Problem,
+    over: Mapping[Name, ArrayLike],
+    *,
+    executor: Executor | None = None,
+    tol: float = 1e-8,
+    record: str | Sequence[str] | None = None,
+    keep_paths: bool = False,
+    zip: bool = False,
+    progress: Progress | None = None,
+    resume: str | FilePath | None = None,
+) -> Runs:
+    """Return the stationary paths of `problem` over a grid of values, as arrays.
+
+    Each member is solved from a neighbour that was solved: a map follows one kind of path as far
+    as it goes. Where it does not hang together, as beyond a fold, `branch` of what is returned
+    says so. A member that fails is data, not an exception.
+
+    Parameters
+    ----------
+    problem : Problem
+    over : mapping of names to rows of numbers
+        What varies, one axis of the grid each: the name of a parameter (one number); "t0" or
+        "t1", the time of an event; ("start", name) or ("end", name), a coordinate there.
+    executor : concurrent.futures.Executor, optional
+        Who solves: processes, threads, or machines (Dask's `client.get_executor()`, mpi4py's
+        `MPIPoolExecutor`). The numbers are the same, to the last bit, as in this process alone.
+    tol : float
+        As for `solve`, for each member.
+    record : str or sequence of str, optional
+        What is to be found of each besides: "index".
+    keep_paths : bool
+        Keep the paths, too: some kilobytes each.
+    zip : bool
+        All rows have one length, and member k has the k-th value of each: one axis.
+    progress : callable, optional
+        `progress(done, total, failed)`, members, after each task. An interruption
+        (KeyboardInterrupt) cancels the tasks that wait, ends the sweep and keeps what is done.
+    resume : str or path, optional
+        A file that keeps what is finished, task by task, and is written if there is none. The same
+        call goes on from there after whatever ended the process.
+
+    Raises
+    ------
+    ValueError
+        For bad arguments, or if the file belongs to another question, before any solver runs; if
+        all members make no sense.
+    SolveError
+        If all members failed.
+    """
+    asked(problem)
+    tolerance(tol)
+    grid = Grid.of(problem, over, zip)
+    index = "index" in _recorded(record)
+    if executor is not None and not hasattr(executor, "submit"):
+        raise ValueError(f"expected a concurrent.futures.Executor, found {executor!r}")
+    if progress is not None and not callable(progress):
+        raise ValueError(f"expected progress(done, total, failed), found {progress!r}")
+    journal = None if resume is None else Journal(resume, _question(grid, tol, index, keep_paths))
+    run = _Run(grid, Runs.begun(grid, tol, index, keep_paths), executor, progress, journal)
+    try:
+        run.go(run.begin())
+    except KeyboardInterrupt:
+        return run.runs
+    except Exception as error:
+        if journal is not None:
+            error.add_note(f"What is finished is in {str(resume)!r}: the same call goes on there.")
+        raise
+    if not run.runs.success.any():
+        _none_solved(run.runs)
+    return run.runs
+
+
+def _recorded(record: str | Sequence[str] | None) -> tuple[str, ...]:
+    """Return the names of what is to be recorded. Raises ValueError for an unknown one."""
+    names = (record,) if isinstance(record, str) else tuple(record or ())
+    for name in names:
+        if name not in RECORDED:
+            raise ValueError(
+                f"expected something to record out of {', '.join(RECORDED)}, found {name!r}"
+            )
+    return names
+
+
+def _question(grid: Grid, tol: float, index: bool, keep_paths: bool) -> dict[str, Any]:
+    """Return what tells one sweep from another, as plain data."""
+    version = sys.modules[__name__.partition(".")[0]].__version__
+    problem, over = grid.problem, {}
+    for name, row in zip(grid.names, grid.values, strict=True):
+        digest = hashlib.sha256(row.tobytes()).hexdigest()[:12]
+        over[said(name)] = f"{row.size} values from {row[0]:g} to {row[-1]:g} ({digest})"
+    return {
+        "format": FORMAT,
+        "law": f"{problem.name} ({problem.system.digest[:12]})",
+        "parameters": {name: x.tolist() for name, x in problem.parameters.items()},
+        "start": [problem.start.t, problem.start.q],
+        "end": [problem.end.t, problem.end.q],
+        "advance": None if problem.advance is None else problem.advance.tolist(),
+        "over": over,
+        "zip": grid.zipped,
+        "tol": tol,
+        "record": ["index"] if index else [],
+        "keep_paths": keep_paths,
+        "made by": f"actionopt {version}, CasADi {ca.CasadiMeta.version()}",
+    }
+
+
+def _none_solved(runs: Runs) -> None:
+    """Raise what the first member raises, and say that the others are no better."""
+    first = solve(runs.grid.member(0), tol=runs.tol, throw=False)
+    names, counts = np.unique(runs.status, return_counts=True)
+    found = ", ".join(f"{count} {name}" for name, count in zip(names, counts, strict=True))
+    raise SolveError(
+        f"expected members that can be solved, found {found} of {runs.grid.size}; the first, "
+        f"{runs.grid.text(0)}: {first.status.value}",
+        first,
+    )
+
+
+@dataclass(eq=False)
+class _Run:
+    """A sweep under way."""
+
+    grid: Grid
+    runs: Runs
+    executor: Executor | None
+    progress: Progress | None
+    journal: Journal | None
+    length: int = 0  # of a task, in members
+    question: bytes = b""
+    seeds: dict[int, Path] = field(default_factory=dict)  # paths by the number of the member
+    done: int = 0  # members
+    failed: int = 0
+
+    @property
+    def tasks(self) -> int:
+        """How many there are."""
+        return -(-self.grid.size // self.length)
+
+    def members(self, task: int) -> NDInt:
+        """Return the members of a task, in their order."""
+        return self.grid.order[task * self.length : (task + 1) * self.length]
+
+    # -- seeds -------------------------------------------------------------------------------------
+
+    def begin(self) -> dict[int, Answers]:
+        """Cut the grid and find seeds, or read them; return the tasks that are finished."""
+        records = [] if self.journal is None else self.journal.records
+        if records:
+            self.length, kept = int(records[0]["length"]), Kept.unpacked(records[0], "seed")
+            self.seeds = {i: path for i in kept.members.tolist() if (path := kept.path(i))}
+        else:
+            unknowns, system = self._pilot(), self.grid.problem.system
+            seconds = MEMBER_SECONDS + UNKNOWN_SECONDS * unknowns * system.n
+            seconds *= ONE_BY_ONE if system.m or system.structure.forced else 1
+            self.length = int(np.clip(SECONDS / seconds, 1, MOST_MEMBERS))
+            some = np.linspace(0, self.tasks - 1, min(SEEDS, self.tasks)).astype(int)
+            for i in self.grid.order[some * self.length].tolist():
+                self._sow(i)
+            if self.journal is not None:
+                kept = Kept.of(np.array(list(self.seeds), dtype=int), list(self.seeds.values()))
+                self.journal.append({"length": self.length, **kept.packed("seed")})
+        self.question = pickle.dumps(self.grid.problem)
+        return {int(record["task"]): record for record in records[1:]}
+
+    def _pilot(self) -> int:
+        """Solve the first of some members that can be; return how many unknowns it has."""
+        unknowns = 0
+        places = np.linspace(0, self.grid.size - 1, PILOTS).astype(int)
+        for i in dict.fromkeys(self.grid.order[places].tolist()):
+            with suppress(ValueError):
+                found = solve(self.grid.member(i), tol=self.runs.tol, throw=False)
+                unknowns = found.stats["unknowns"]
+                if found.success:
+                    self.seeds[i] = found.path
+                    break
+        return unknowns
+
+    def _sow(self, i: int) -> None:
+        """Make a member a seed if a walk from the nearest one leads there."""
+        seed, tol = self._nearest(i), self.runs.tol
+        if seed is not None and seed.distance:
+            path = walk(self.grid.problem, *seed[:2], self.grid.at(i), seed.distance, tol)
+            if path is not None:
+                self.seeds[i] = path
+
+    def _nearest(self, i: int) -> Seed | None:
+        """Return the seed that is nearest to a member, in parts of the axes."""
+        if not self.seeds:
+            return None
+        known, shape = list(self.seeds), self.grid.shape
+        steps = np.abs(np.array(np.unravel_index([i, *known], shape)).T)
+        steps = np.abs(steps[1:] - steps[0])
+        k = int(np.argmin(((steps / np.array(shape)) ** 2).sum(axis=1)))
+        return Seed(self.seeds[known[k]], self.grid.at(known[k]), int(steps[k].max()))
+
+    # -- tasks -------------------------------------------------------------------------------------
+
+    def go(self, finished: dict[int, Answers]) -> None:
+        """Have all other tasks done, and enter what came of them."""
+        for answers in finished.values():
+            self._enter(answers)
+        waiting = deque(task for task in range(self.tasks) if task not in finished)
+        if self.executor is None:
+            for task in waiting:
+                self._done(task, work(*self._given(task)))
+            return
+        flying: dict[int, Future] = {}
+        arrived: SimpleQueue[int] = SimpleQueue()
+        try:
+            while waiting or flying:
+                if waiting and len(flying) < IN_FLIGHT:
+                    task = waiting.popleft()
+                    flying[task] = self.executor.submit(work, *self._given(task))
+                    flying[task].add_done_callback(lambda _, task=task: arrived.put(task))
+                    if arrived.empty():
+                        continue
+                task = arrived.get()
+                self._done(task, flying[task].result())
+                del flying[task]
+        except BaseException as error:
+            for future in flying.values():
+                future.cancel()
+            if isinstance(error, KeyboardInterrupt):
+                for task, future in flying.items():
+                    if future.done() and not future.cancelled() and future.exception() is None:
+                        self._done(task, future.result())
+            raise
+
+    def _given(self, task: int) -> tuple:
+        """Return the arguments of `work`."""
+        members, runs = self.members(task), self.runs
+        options = runs.tol, runs.index is not None, runs.kept is not None
+        return (
+            self.question,
+            members,
+            self.grid.columns(members),
+            self._nearest(members[0]),
+            options,
+        )
+
+    def _done(self, task: int, answers: Answers) -> None:
+        """Keep what came of a task, and enter it."""
+        if self.journal is not None:
+            self.journal.append({"task": np.array(task), **answers})
+        self._enter(answers)
+
+    def _enter(self, answers: Answers) -> None:
+        """Enter what came of a task, and tell."""
+        self.runs.put(answers)
+        self.done += answers["members"].size
+        self.failed += int(np.isnan(answers["action"]).sum())
+        if self.progress is not None:
+            self.progress(self.done, self.grid.size, self.failed)

@@ -1,0 +1,126 @@
+"""One task of a sweep: a run of neighbours is solved, somewhere, and arrays come back."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Mapping
+from contextlib import suppress
+from typing import NamedTuple
+
+import numpy as np
+
+from actionopt.analysis.status import Status
+from actionopt.discrete.path import Path
+from actionopt.families.batch import solve_run
+from actionopt.families.kept import Kept
+from actionopt.families.vary import Name, moved
+from actionopt.families.walk import walk
+from actionopt.mechanics.problem import Problem
+from actionopt.solver.solve import Guess, solve
+from actionopt.tools.types import Array, NDInt
+
+Answers = dict[str, Array]
+REFUSED = "REFUSED"  # beside the names of `Status`: the problem makes no sense
+
+
+class Seed(NamedTuple):
+    """From where to begin: a path, the values of its member, and how many steps of the grid."""
+
+    path: Path
+    values: dict[Name, float]
+    distance: int
+
+
+def work(
+    question: bytes,
+    members: NDInt,
+    columns: Mapping[Name, Array],
+    seed: Seed | None,
+    options: tuple[float, bool, bool],
+) -> Answers:
+    """Solve members of a grid, neighbours one after the other: what an executor is given.
+
+    Parameters
+    ----------
+    question : bytes
+        The pickled problem, which makes its system once in a process.
+    members : (k,) array of int
+        Their numbers.
+    columns : mapping of name to (k,) array
+    seed : Seed or None
+        From where the first is reached.
+    options : tuple
+        `tol`, and whether to count indices and to keep paths.
+    """
+    problem = pickle.loads(question)
+    return solved(problem, members, columns, begun(problem, columns, seed, options[0]), options)
+
+
+def begun(
+    problem: Problem, columns: Mapping[Name, Array], seed: Seed | None, tol: float
+) -> Path | None:
+    """Return the path of the first member; the seed's where it has none, None without a seed."""
+    first = {name: float(row[0]) for name, row in columns.items()}
+    path = None if seed is None else walk(problem, *seed[:2], first, seed.distance, tol)
+    if path is None:
+        with suppress(ValueError):
+            found = solve(moved(problem, first), tol=tol, throw=False)
+            path = found.path if found.success else None
+    return seed.path if path is None and seed is not None else path
+
+
+def solved(
+    problem: Problem,
+    members: NDInt,
+    columns: Mapping[Name, Array],
+    guess: Guess | None,
+    options: tuple[float, bool, bool],
+) -> Answers:
+    """Return what comes of members of a problem that is here, the first of them near `guess`."""
+    (tol, index, keep_paths), k, n = options, len(members), problem.system.n
+    t0, t1 = columns.get("t0", problem.start.t), columns.get("t1", problem.end.t)
+    late = np.broadcast_to(np.less(t0, t1), k)
+    answers: Answers = {
+        "members": members,
+        "status": np.full(k, REFUSED, dtype=f"<U{max(map(len, Status.__members__))}"),
+        "action": np.full(k, np.nan),
+        "error": np.full(k, np.inf),
+        "momenta": np.full((k, 2, n), np.nan),
+        "ends": np.full((k, 2, n), np.nan),
+        "iterations": np.array(0),
+        "alone": np.array(0),
+    }
+    if index:
+        answers["index"] = np.full(k, -1)
+    messages, paths = {i: _refusal(problem, columns, i) for i in np.flatnonzero(~late).tolist()}, {}
+    if late.any():
+        tried = np.flatnonzero(late)
+        rows = {name: row[tried] for name, row in columns.items()}
+        found = solve_run(problem, rows, tol, index=index, guess=guess)
+        messages |= {int(tried[j]): message for j, message in found.messages.items()}
+        answers["status"][tried] = [
+            REFUSED if j in found.messages else status.name for j, status in enumerate(found.status)
+        ]
+        answers["error"][tried] = found.error
+        good = found.success
+        for name in ("action", "momenta", "index") if index else ("action", "momenta"):
+            answers[name][tried[good]] = getattr(found, name)[good]
+        for j in np.flatnonzero(good).tolist():
+            answers["ends"][tried[j]] = found.values[j][:, [0, -1]].T
+            if keep_paths:
+                paths[int(tried[j])] = found.path(j)
+        answers["iterations"], answers["alone"] = found.iterations.sum(), found.alone.sum()
+    answers["refused"] = members[list(messages)]
+    answers["messages"] = np.array(list(messages.values()), dtype=str)
+    if keep_paths:
+        answers |= Kept.of(members[list(paths)], list(paths.values())).packed("kept")
+    return answers
+
+
+def _refusal(problem: Problem, columns: Mapping[Name, Array], i: int) -> str:
+    """Return what is said of a member that is no problem."""
+    try:
+        moved(problem, {name: float(row[i]) for name, row in columns.items()})
+    except ValueError as error:
+        return str(error)
+    raise AssertionError("a path that ends before it starts is no problem")

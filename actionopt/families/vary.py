@@ -1,0 +1,83 @@
+"""Quantities of a problem by their names, and the same problem with other values of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from actionopt.discrete.path import Path
+from actionopt.mechanics.problem import Event, Periodic, Problem
+
+Name = str | tuple[str, str]
+
+
+def present(problem: Problem, name: Name) -> float:
+    """Return the value that a quantity has: a parameter of one number, a time or a coordinate.
+
+    Names are those of parameters, "t0" and "t1", ("start", coordinate) and ("end", coordinate).
+
+    Raises
+    ------
+    ValueError
+        If there is no such quantity, or the events leave it open.
+    """
+    if name in ("t0", "t1"):
+        return (problem.start if name == "t0" else problem.end).t
+    if isinstance(name, tuple) and len(name) == 2 and name[0] in ("start", "end"):
+        if name[0] == "end" and isinstance(problem.end, Periodic):
+            raise ValueError("expected an end of its own to vary: this one closes on the start")
+        event = problem.start if name[0] == "start" else problem.end
+        coordinates = problem.system.coordinates
+        value = event.q[coordinates.index(name[1])] if name[1] in coordinates else None
+        if value is None:
+            raise ValueError(
+                f"expected a coordinate that the event gives, one of {coordinates}, "
+                f"found {name[1]!r}"
+            )
+        return value
+    known = problem.parameters
+    if isinstance(name, str) and name in known and np.ndim(known[name]) == 0:
+        return float(known[name])
+    raise ValueError(
+        "expected the name of a parameter that is one number, 't0', 't1', ('start', coordinate) or "
+        f"('end', coordinate), found {name!r}; the parameters are {', '.join(known) or 'none'}"
+    )
+
+
+def moved(problem: Problem, values: Mapping[Name, float]) -> Problem:
+    """Return the problem with other values of quantities, all at once.
+
+    Raises ValueError as a `Problem` does.
+
+    Examples
+    --------
+    >>> from actionopt import scenes
+    >>> later = moved(scenes.get("pendulum").problem, {"g": 1.62, "t1": 2.0, ("end", "theta"): 0.5})
+    >>> later.end.t, later.end.q, float(later.parameters["g"])
+    (2.0, (0.5,), 1.62)
+    """
+    events = {"start": list(problem.start.q), "end": list(problem.end.q)}
+    times, parameters = {"t0": problem.start.t, "t1": problem.end.t}, {}
+    for name, value in values.items():
+        if isinstance(name, tuple):
+            events[name[0]][problem.system.coordinates.index(name[1])] = value
+        else:
+            (times if name in times else parameters)[name] = value
+    closes = isinstance(problem.end, Periodic)
+    return problem.replace(
+        start=Event(times["t0"], events["start"]),
+        end=problem.end.at(times["t1"]) if closes else Event(times["t1"], events["end"]),
+        parameters=parameters,
+    )
+
+
+def led(path: Path, problem: Problem) -> Path:
+    """Return the path stretched over the times of a problem, and sheared to begin and end there."""
+    values, last = path.values, path.values[:, -1:]
+    mesh = path.mesh.moved(problem.start.t, problem.end.t)
+    s = mesh.nodes_since / mesh.duration
+    for event, weight, known in ((problem.start, 1 - s, values[:, :1]), (problem.end, s, last)):
+        given = [[a if b is None else b] for a, b in zip(known[:, 0], event.q, strict=True)]
+        values = values + (np.array(given) - known) * weight
+    return Path(mesh, values)

@@ -1,0 +1,87 @@
+"""Which members of a grid hang together: maps of functions whose sheets are known."""
+
+import numpy as np
+import pytest
+
+from actionopt.families.sheets import sheets
+
+ALL = np.ones((30, 40), dtype=bool)
+X, Y = np.meshgrid(np.linspace(-1, 1, 30), np.linspace(-1, 1, 40), indexing="ij")
+
+
+def labels(told, solved=ALL, index=None):
+    return sheets(solved, index, np.stack(told, axis=-1))
+
+
+@pytest.mark.parametrize(
+    "told",
+    [
+        [X, Y],
+        [np.sin(3 * X + Y), np.cos(2 * Y)],
+        [X**2, Y**2],
+        [np.exp(3 * X) * Y],
+        [np.sqrt(1 + X)],  # as beside a fold
+        [np.zeros_like(X), X],
+        [np.ones_like(X)],
+        [1 + 1e-9 * np.random.default_rng(1).uniform(size=X.shape), X],
+    ],
+    ids=str,
+)
+def test_a_smooth_map_is_one_sheet(told):
+    assert not labels(told).any()
+
+
+@pytest.mark.parametrize("size", [0.6, 3.0, 300.0])
+def test_a_map_that_jumps_is_two(size):
+    over = X + 0.3 * Y > 0.1
+    found = labels([np.sin(X) + Y + size * over, Y])
+    assert set(found[over]) == {1} and set(found[~over]) == {0}
+
+
+def test_a_narrow_strip_is_a_sheet_of_its_own():
+    strip = np.abs(X - X[12, 0]) < 1e-9  # one member wide
+    found = labels([X + 2.0 * strip, Y])
+    assert found.max() == 2 and set(found[strip]) == {1}
+
+
+def test_a_mirrored_sheet_is_told_by_the_sign_of_the_momenta():
+    over = Y > 0.4
+    found = labels([np.where(over, -1, 1) * (2 + X)])
+    assert set(found[over]) == {1} and set(found[~over]) == {0}
+
+
+def test_a_change_of_index_separates_where_it_is_known():
+    index = (Y > 0).astype(int)
+    found = labels([X, Y], index=index)
+    assert np.array_equal(found, index)
+    index[:, :30] = -1
+    assert not labels([X, Y], index=index).any()
+
+
+def test_what_failed_is_none_and_may_part_the_rest():
+    solved = np.abs(X - X[9, 0]) > 1e-9
+    found = labels([np.where(solved, X, np.nan), Y], solved)
+    assert set(found[~solved]) == {-1}
+    assert set(found[:9].ravel()) == {0} and set(found[10:].ravel()) == {1}
+    solved[9, 3] = True  # a bridge
+    assert set(labels([X, Y], solved)[solved]) == {0}
+    assert (labels([X, Y], ~ALL) == -1).all()
+
+
+def test_sheets_that_wind_hang_together():
+    """A spiral: each member is reached by a long way only."""
+    angle, radius = np.arctan2(Y, X), np.hypot(X, Y)
+    arm = np.mod(radius / 0.5 - angle / (2 * np.pi), 1) < 0.6
+    found = labels([X, Y], arm & (radius > 0.2) & (radius < 0.95))
+    assert found[1, 20] == found[8, 16] == found[24, 20] == 0
+    assert found[5, 20] == found[20, 20] == -1  # what lies between
+
+
+def test_few_members_are_not_judged():
+    for count in (1, 2):
+        assert not sheets(np.ones(count, bool), None, np.arange(count)[:, None] * 5.0).any()
+
+
+def test_uneven_steps_are_no_breaks():
+    x = np.geomspace(1e-3, 1, 40)
+    assert not sheets(np.ones(40, bool), None, np.stack([np.log(x), x], axis=-1)).any()

@@ -1,0 +1,405 @@
+"""A problem over a grid of values: the same numbers whoever solves it, and failures are data."""
+
+import multiprocessing
+import pickle
+import signal
+import subprocess
+import sys
+import textwrap
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+import actionopt as ao
+from actionopt import Event, Periodic, Problem, System, scenes
+from actionopt.families import sweep as module
+
+OVER = {"g": np.linspace(9.0, 10.0, 4), "t1": np.linspace(0.7, 1.2, 6)}
+PENDULUM = scenes.get("pendulum").problem
+BITS = ("action", "error", "status", "momenta", "ends", "index")
+
+
+@pytest.fixture
+def short(monkeypatch):
+    """Tasks of five members."""
+    monkeypatch.setattr(module, "SECONDS", 5.5)
+    monkeypatch.setattr(module, "MEMBER_SECONDS", 1.0)
+    monkeypatch.setattr(module, "UNKNOWN_SECONDS", 0.0)
+
+
+@pytest.fixture(scope="module")
+def serial():
+    with pytest.MonkeyPatch.context() as patched:
+        short.__wrapped__(patched) if hasattr(short, "__wrapped__") else None
+        patched.setattr(module, "SECONDS", 5.5)
+        patched.setattr(module, "MEMBER_SECONDS", 1.0)
+        patched.setattr(module, "UNKNOWN_SECONDS", 0.0)
+        return ao.sweep(PENDULUM, OVER, record="index", keep_paths=True)
+
+
+def same(a, b):
+    return all(
+        np.array_equal(getattr(a, x), getattr(b, x), equal_nan=x not in ("status", "index"))
+        for x in BITS
+    ) and (
+        a.kept is None
+        or all(
+            np.array_equal(getattr(x, y), getattr(z, y))
+            for x, z in zip(sorted(a.kept, key=first), sorted(b.kept, key=first), strict=True)
+            for y in ("members", "times", "since", "degrees", "values")
+        )
+    )
+
+
+def first(kept):
+    return kept.members[0]
+
+
+# -- numbers --------------------------------------------------------------------------------------
+
+
+def test_every_member_is_what_solve_finds(serial):
+    assert serial.shape == (4, 6) and serial.success.all() and not serial.failed.any()
+    assert serial.stats["tasks"] == 5 and not serial.interrupted
+    assert (serial.status == "SOLVED").all() and (serial.branch == 0).all()
+    assert (serial.index == 0).all() and (serial.error < 1e-8).all()
+    for i, j in ((0, 0), (2, 3), (3, 5)):
+        problem = PENDULUM.replace(
+            end=PENDULUM.end.at(OVER["t1"][j]), parameters={"g": OVER["g"][i]}
+        )
+        found = ao.solve(problem)
+        assert serial.action[i, j] == pytest.approx(found.action, rel=1e-9)
+        assert serial.momenta[i, j] == pytest.approx(np.stack(found.momenta), rel=1e-7)
+        assert serial.ends[i, j, :, 0] == pytest.approx([problem.start.q[0], problem.end.q[0]])
+
+
+def test_a_member_is_made_again_to_full_accuracy(serial, short):
+    without = ao.sweep(PENDULUM, {name: row[:2] for name, row in OVER.items()})
+    for runs in (serial, without):
+        found = runs.solution(1, 1)
+        assert found.success and found.problem.end.t == OVER["t1"][1]
+        assert found.action == pytest.approx(runs.action[1, 1], rel=1e-12)
+        assert found.problem.parameters["g"] == OVER["g"][1]
+    with pytest.raises(IndexError):
+        serial.solution(1, 9)
+    with pytest.raises(IndexError, match="one an axis"):
+        serial.solution(1)
+    assert runs.solution(-1, -1).action == found.action
+
+
+def test_values_may_be_zipped():
+    points = np.array([[1.0, 0.2], [0.9, 0.3], [0.8, 0.1]]).T
+    problem = Problem(
+        System(lambda q, v, t: v @ v / 2, ["x", "y"]), Event(0.0, [0.0, 0.0]), Event(1.0, [1.0, 0])
+    )
+    over = {("end", "x"): points[0], ("end", "y"): points[1], "t0": [0.0, -1.0, 0.5]}
+    runs = ao.sweep(problem, over, zip=True)
+    T = 1 - np.array([0.0, -1.0, 0.5])
+    assert runs.action == pytest.approx((points**2).sum(axis=0) / 2 / T)
+    with pytest.raises(ValueError, match="as many values of each to zip, found 2 of 't1', 3 of"):
+        ao.sweep(problem, {"t1": [1.0, 2.0], ("end", "x"): [1, 2, 3]}, zip=True)
+
+
+def test_free_coordinates_are_kept_at_the_ends():
+    system = System(
+        lambda q, v, t, *, k: (v[0] ** 2 - k * q[0] ** 2) / 2, ["x"], parameters={"k": 1}
+    )
+    problem = Problem(system, Event(0.0, [1.0]), Event(1.0, [None]))
+    runs = ao.sweep(problem, {"k": [0.5, 1.0, 1.5]})
+    k = np.sqrt([0.5, 1.0, 1.5])
+    assert runs.ends[:, 1, 0] == pytest.approx(1 / np.cos(k))
+    assert runs.momenta[:, 1, 0] == pytest.approx(0, abs=1e-9)
+    assert runs.solution(2).action == pytest.approx(runs.action[2])
+
+
+# -- the same bits --------------------------------------------------------------------------------
+
+
+def spawned(workers):
+    return ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"))
+
+
+@pytest.mark.parametrize("workers", [1, 3])
+def test_threads_find_the_same_bits(serial, short, workers):
+    with ThreadPoolExecutor(workers) as pool:
+        assert same(
+            ao.sweep(PENDULUM, OVER, executor=pool, record="index", keep_paths=True), serial
+        )
+
+
+@pytest.mark.parametrize("workers", [pytest.param(1, marks=pytest.mark.slow), 2])
+def test_processes_find_the_same_bits(serial, short, workers):
+    with spawned(workers) as pool:
+        assert same(
+            ao.sweep(PENDULUM, OVER, executor=pool, record="index", keep_paths=True), serial
+        )
+
+
+class Backwards:
+    """An executor that does what it was given in reverse, and only when it has it all."""
+
+    def __init__(self):
+        self.given = []
+
+    def submit(self, *call):
+        self.given.append((Future(), call))
+        if len(self.given) == 5:
+            for future, (function, *arguments) in reversed(self.given):
+                future.set_result(function(*pickle.loads(pickle.dumps(arguments))))
+        return self.given[-1][0]
+
+
+def test_the_order_in_which_tasks_finish_changes_nothing(serial, short):
+    found = ao.sweep(PENDULUM, OVER, executor=Backwards(), record=["index"], keep_paths=True)
+    assert same(found, serial)
+
+
+def test_a_few_are_in_flight_at_a_time(serial, short, monkeypatch):
+    monkeypatch.setattr(module, "IN_FLIGHT", 2)
+    most = 0
+
+    class Counting(ThreadPoolExecutor):
+        def submit(self, *call):
+            nonlocal most
+            most = max(most, 1 + self._work_queue.qsize())
+            return super().submit(*call)
+
+    with Counting(1) as pool:
+        assert same(
+            ao.sweep(PENDULUM, OVER, executor=pool, record="index", keep_paths=True), serial
+        )
+    assert most <= 2
+
+
+# -- failures -------------------------------------------------------------------------------------
+
+
+def test_a_member_that_fails_is_data():
+    told = []
+    runs = ao.sweep(PENDULUM, {"t1": [-1.0, 0.5, 1.0]}, progress=lambda *said: told.append(said))
+    assert runs.status.tolist() == ["REFUSED", "SOLVED", "SOLVED"]
+    assert runs.failed.tolist() == [True, False, False] and runs.branch.tolist() == [-1, 0, 0]
+    assert np.isnan(runs.action[0]) and np.isinf(runs.error[0]) and told == [(3, 3, 1)]
+    assert "the end event after the start event" in runs.messages[0]
+    with pytest.raises(ValueError, match=r"found t1 = -1 of the status REFUSED; `retry`"):
+        runs.solution(0)
+
+
+def test_nothing_but_failures_is_an_error():
+    free = System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 * 0, ["x"])
+    problem = Problem(free, Event(0.0, [0.0]), Event(1.0, [1.0]))
+    with pytest.raises(ValueError, match="end event after the start"):
+        ao.sweep(problem, {"t1": [-1.0, 0.0]})
+    spring = System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
+    between = Problem(spring, Event(0.0, [0.0]), Event(np.pi, [1.0]))
+    with pytest.raises(
+        ao.SolveError, match=r"found 2 DEGENERATE of 2; the first, end.x = 1: "
+    ) as error:
+        ao.sweep(between, {("end", "x"): [1.0, 2.0]})
+    assert error.value.solution.status.name == "DEGENERATE"
+
+
+def test_failures_are_tried_again_near_a_guess_or_a_neighbour():
+    runs = ao.sweep(PENDULUM, {"t1": [1.2, 1.25, 1.3, 1.35]})
+    whole = runs.action.copy()
+    for k in (1, 2):
+        runs.status[k], runs.action[k] = "NOT_FOUND", np.nan
+    again = runs.retry()
+    assert again.success.all() and again.action == pytest.approx(whole, rel=1e-9)
+    assert runs.failed.sum() == 2 and np.isnan(runs.action[1])
+    far = runs.retry(guess=lambda t: -3.0 * np.sin(np.pi * t / t[-1])[None])
+    assert far.success.all() and (np.abs(far.action[1:3] - whole[1:3]) > 0.5).all()
+
+
+# -- interruptions, files -------------------------------------------------------------------------
+
+
+class Stop:
+    """Interrupts after some tasks."""
+
+    def __init__(self, tasks, error=KeyboardInterrupt):
+        self.left, self.error = tasks, error
+
+    def __call__(self, done, total, failed):
+        self.left -= 1
+        if self.left == 0:
+            raise self.error
+
+
+@pytest.mark.parametrize("pool", [None, ThreadPoolExecutor])
+def test_an_interruption_keeps_what_is_done(serial, short, pool, tmp_path):
+    pool = pool and pool(1)
+    given = {"executor": pool, "record": "index", "resume": tmp_path / "it"}
+    runs = ao.sweep(PENDULUM, OVER, progress=Stop(2), **given)
+    assert runs.interrupted
+    done = runs.status != "UNREACHED"
+    assert done.sum() >= 10 and np.array_equal(runs.action[done], serial.action[done])
+    assert not runs.failed.any() and (runs.branch[~done] == -1).all()
+    found = ao.sweep(PENDULUM, OVER, **given)
+    assert np.array_equal(found.action, serial.action)
+    if pool:
+        pool.shutdown()
+
+
+def test_what_is_finished_is_not_solved_again(serial, short, tmp_path, monkeypatch):
+    given = {"record": "index", "keep_paths": True, "resume": tmp_path / "it"}
+    with pytest.raises(ZeroDivisionError) as error:
+        ao.sweep(PENDULUM, OVER, progress=Stop(2, ZeroDivisionError), **given)
+    assert "the same call goes on" in error.value.__notes__[0]
+    worked, work = [], module.work
+    monkeypatch.setattr(module, "work", lambda *given: worked.append(given[1]) or work(*given))
+    told = []
+    runs = ao.sweep(PENDULUM, OVER, progress=lambda *x: told.append(x), **given)
+    assert same(runs, serial) and len(worked) == 3 and told[-1] == (24, 24, 0)
+    monkeypatch.setattr(module, "solve", None)
+    monkeypatch.setattr(module, "walk", None)
+    assert same(ao.sweep(PENDULUM, OVER, **given), serial) and len(worked) == 3
+
+
+def test_tasks_that_are_missing_in_the_middle_are_found_alike(serial, short, tmp_path):
+    """What is finished behind them must not be where their seeds come from."""
+    given = {"record": "index", "keep_paths": True}
+    ao.sweep(PENDULUM, OVER, resume=tmp_path / "all", **given)
+    question = module._question(module.Grid.of(PENDULUM, OVER, False), 1e-8, True, True)
+    records = module.Journal(tmp_path / "all", question).records
+    some = module.Journal(tmp_path / "some", question)
+    for record in (records[0], records[4], records[2]):
+        some.append(record)
+    assert same(ao.sweep(PENDULUM, OVER, resume=tmp_path / "some", **given), serial)
+
+
+def test_a_file_of_another_question_is_refused(short, tmp_path):
+    file = tmp_path / "it"
+    ao.sweep(PENDULUM, {"t1": [1.0, 1.1]}, resume=file)
+    for changed, what in (
+        ({"tol": 1e-6}, "tol is 1e-08, not 1e-06"),
+        ({"over": {"t1": [1.0, 1.2]}}, "over is"),
+        ({"over": {"g": [1.0, 1.1]}}, "over is"),
+        ({"record": "index"}, "record is"),
+        ({"keep_paths": True}, "keep_paths is false, not true"),
+        ({"problem": PENDULUM.replace(parameters={"l": 2.0})}, "parameters is"),
+        ({"problem": PENDULUM.replace(start=PENDULUM.start.shifted([0.1]))}, "start is"),
+        ({"problem": scenes.get("oscillator").problem}, "law is"),
+    ):
+        given = {"problem": PENDULUM, "over": {"t1": [1.0, 1.1]}} | changed
+        with pytest.raises(ValueError, match=f"whose {what}.*; give another file"):
+            ao.sweep(**given, resume=file)
+
+
+KILLED = """
+    import sys
+    import numpy as np
+    import actionopt as ao
+    from actionopt.families import sweep as module
+    from actionopt.scenes import get
+
+    module.SECONDS, module.MEMBER_SECONDS, module.UNKNOWN_SECONDS = 5.5, 1.0, 0.0
+    over = {"g": np.linspace(9.0, 10.0, 4), "t1": np.linspace(0.7, 1.2, 6)}
+    problem = get("pendulum").problem
+    tell = lambda *said: print(said, flush=True)
+    given = {"record": "index", "keep_paths": True, "resume": sys.argv[1]}
+    ao.sweep(problem, over, progress=lambda *x: (tell(*x), sys.stdin.readline()), **given)
+"""
+
+
+def test_a_sweep_that_was_killed_goes_on(serial, short, tmp_path, monkeypatch):
+    command = [sys.executable, "-c", textwrap.dedent(KILLED), str(tmp_path / "it")]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+    with subprocess.Popen(command, **pipes) as process:
+        for _ in range(2):
+            assert process.stdout.readline().startswith("(")
+            process.stdin.write("\n")
+            process.stdin.flush()
+        assert process.stdout.readline() == "(15, 24, 0)\n"
+        process.kill()
+    assert process.returncode == -signal.SIGKILL
+    worked, work = [], module.work
+    monkeypatch.setattr(module, "work", lambda *given: worked.append(given[1]) or work(*given))
+    runs = ao.sweep(PENDULUM, OVER, record="index", keep_paths=True, resume=tmp_path / "it")
+    assert same(runs, serial) and len(worked) == 2
+
+
+# -- what is asked --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"over": {}}, "expected a mapping of names to values"),
+        ({"over": ["t1"]}, "expected a mapping of names to values"),
+        ({"over": {"h": [1.0]}}, "the name of a parameter that is one number"),
+        ({"over": {("end", "phi"): [1.0]}}, "a coordinate that the event gives"),
+        ({"over": {"t1": []}}, "a row of finite values of 't1'"),
+        ({"over": {"t1": [1.0, np.nan]}}, "a row of finite values of 't1'"),
+        ({"over": {"t1": np.ones((2, 2))}}, "a row of finite values of 't1'"),
+        ({"over": {"t1": ["one"]}}, "for the values of 't1'"),
+        ({"tol": 1.0}, "expected tol between"),
+        ({"record": "kind"}, "to record out of index, found 'kind'"),
+        ({"executor": 2}, "expected a concurrent.futures.Executor, found 2"),
+        ({"progress": 2}, r"expected progress\(done, total, failed\)"),
+        ({"problem": PENDULUM.system}, r"expected a Problem\("),
+    ],
+)
+def test_what_makes_no_sense_is_refused_before_anything_is_solved(changed, message, monkeypatch):
+    monkeypatch.setattr(module, "solve", None)
+    with pytest.raises(ValueError, match=message):
+        ao.sweep(**{"problem": PENDULUM, "over": {"t1": [1.0]}} | changed)
+
+
+def test_a_closed_path_has_no_end_of_its_own():
+    problem = PENDULUM.replace(start=Event(0.0, [None]), end=Periodic(1.0))
+    with pytest.raises(ValueError, match="this one closes on the start"):
+        ao.sweep(problem, {("end", "theta"): [0.0]})
+
+
+def test_answers_are_shown_and_pickled(serial):
+    assert repr(serial) == "Runs(pendulum over g, t1: 24 of 24 solved, branches 1)"
+    again = pickle.loads(pickle.dumps(serial))
+    assert same(again, serial) and again.solution(0, 0).action == serial.solution(0, 0).action
+
+
+# -- sheets, datasets -----------------------------------------------------------------------------
+
+
+def test_a_change_of_index_is_a_branch_of_its_own():
+    """An oscillator past half a period: the action is no longer least."""
+    spring = System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
+    problem = Problem(spring, Event(0.0, [0.0]), Event(1.0, [1.0]))
+    t1 = np.linspace(0.5, 8.0, 40)
+    runs = ao.sweep(problem, {"t1": t1}, record="index")
+    assert runs.success.all()
+    assert np.array_equal(runs.index, np.floor(t1 / np.pi))
+    assert np.array_equal(runs.branch, runs.index)
+    assert runs.action == pytest.approx(0.5 / np.tan(t1), rel=1e-6)
+
+
+def test_a_dataset_has_names_units_and_what_was_asked(serial):
+    pytest.importorskip("xarray")
+    data = serial.to_xarray({"t1": "s", "action": "J s"})
+    assert data.action.dims == ("g", "t1") and data.momenta.dims == (
+        "g",
+        "t1",
+        "event",
+        "coordinate",
+    )
+    assert data.action.sel(g=9.0, t1=0.7).item() == serial.action[0, 0]
+    assert data.momenta.sel(event="end", coordinate="theta").shape == (4, 6)
+    assert data.action.attrs["units"] == "J s" and data.t1.attrs["units"] == "s"
+    assert data.error.attrs["units"] == "1" and data.index.attrs["long_name"] == "Morse index"
+    assert data.attrs["system"] == "pendulum" and data.attrs["parameter l"] == 1.0
+    assert "parameter g" not in data.attrs
+
+
+def test_dask_finds_the_same_bits(serial, short):
+    distributed = pytest.importorskip("distributed")
+    with (
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, dashboard_address=None
+        ) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        runs = ao.sweep(
+            PENDULUM, OVER, executor=client.get_executor(), record="index", keep_paths=True
+        )
+    assert same(runs, serial)
