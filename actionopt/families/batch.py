@@ -26,7 +26,7 @@ from actionopt.discrete.mesh import MAX_DEGREE, Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import left_out
 from actionopt.discrete.stacks import Shape, functions
-from actionopt.families.front import NEIGHBOURS, Front, distances, weights
+from actionopt.families.front import NEIGHBOURS, Front, squares, weights
 from actionopt.mechanics.problem import Event, Periodic, Problem
 from actionopt.solver.arguments import checked
 from actionopt.solver.iterate import LATE_TIME, SAFETY, UNKNOWN_GAIN, amplified, estimate, sizes
@@ -39,6 +39,7 @@ from actionopt.tools.types import Array, NDInt
 Name = str | tuple[str, str]
 
 PREDICTED = 256  # at a time; ad hoc, a size of memory
+SAME = 1e-7  # distance, of the ranges, at which members are one
 BLOCK = 1024  # members among which neighbours are sought; ad hoc: distances of all to all
 # Ad hoc, where nothing else is said.
 COORDINATES = 8  # up to which elements' matrices are best eliminated member by member
@@ -477,7 +478,7 @@ class _Run:
         Q = np.empty((which.size, *self.seeds.shape[1:]))
         for first in range(0, which.size, PREDICTED):
             some = which[first : first + PREDICTED]
-            apart = distances(self.at[some], self.at[known])
+            apart = squares(self.at[some], self.at[known])
             if known.size > most:
                 chosen = np.argpartition(apart, most - 1, axis=1)[:, :most]
                 chosen.sort(axis=1)
@@ -488,8 +489,8 @@ class _Run:
             other = self.sheet[known[chosen]] != self.sheet[mine]
             if other.any():  # the nearest once more: all of them weigh as one
                 chosen = np.where(other, np.searchsorted(known, mine), chosen)
-            radius = apart[rows, chosen].max(axis=1)
-            radius = np.where(radius > 0, radius, 1.0)[:, None, None]
+            radius = np.sqrt(apart[rows, chosen].max(axis=1))
+            radius = np.where(radius > SAME, radius, 1.0)[:, None, None]
             x = (self.at[known[chosen]] - self.at[some][:, None]) / radius
             values = self.seeds[known[chosen]].reshape(*chosen.shape, -1)
             found = weights(x)[:, None] @ values

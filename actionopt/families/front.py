@@ -50,9 +50,9 @@ class Front:
         """Take note of members that are known, numbered `which`, at points (.., columns)."""
         for first in range(0, which.size, TOGETHER):
             some = slice(first, first + TOGETHER)
-            apart = distances(self.at, points[some])
+            apart = squares(self.at, points[some])
             closest = np.argmin(apart, axis=1)
-            least = apart[np.arange(len(apart)), closest]
+            least = np.sqrt(apart[np.arange(len(apart)), closest])
             nearer = least < self.near
             self.nearest[nearer] = which[some][closest[nearer]]
             np.minimum(self.near, least, out=self.near)
@@ -132,6 +132,11 @@ def weights(x: Array) -> Array:
     return found / found.sum(axis=1, keepdims=True)
 
 
-def distances(a: Array, b: Array) -> Array:
-    """Return the distances of points a (A, columns) from points b (B, columns), (A, B)."""
-    return np.sqrt(sum((x[:, None] - y) ** 2 for x, y in zip(a.T, b.T, strict=True)))
+def squares(a: Array, b: Array) -> Array:
+    """Return the squared distances of points a (A, columns) from points b (B, columns), (A, B).
+
+    Good to some spacings of their own squares, of order one.
+    """
+    found = (a**2).sum(axis=1)[:, None] - 2 * (a @ b.T)
+    found += (b**2).sum(axis=1)
+    return np.maximum(found, 0.0, out=found)
