@@ -30,7 +30,7 @@ def lagrangian(q, v, t, *, m1, m2, k, l):
 
 dumbbell = ao.System(lagrangian, ["x1", "y1", "x2", "y2"], parameters=parameters, name="dumbbell")
 start, end = ao.Event(0.0, [0.0, 0.2, 1.2, 0.5]), ao.Event(1.0, [2.0, 1.0, 1.5, 2.0])
-solution = ao.solve(ao.Problem(dumbbell, start, end), tol=1e-10)
+solution = ao.solve(ao.Problem(dumbbell, start, end), tol=1e-11)
 
 t = np.linspace(0.0, 1.0, 201)
 q, v = solution(t), solution.velocity(t)

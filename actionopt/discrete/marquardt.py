@@ -44,6 +44,9 @@ STEPS = 40
 RADIUS, NARROWEST = 0.1, 1e-3
 NARROWER = 0.25  # of the radius, where a step does not help
 STALLED = 0.9  # one that leads nowhere: to a mesh too coarse for the path, as a rule
+# Least of s, where the fastest rate on the mesh is one: below it a square of A over s has no digit
+# left of s. Derived.
+SLOWEST = math.sqrt(np.finfo(float).eps)
 NEAR = 1e-3  # a step, in units of the coordinates' sizes, after which Newton's method follows
 
 
@@ -137,7 +140,9 @@ class _Masses:
         tr, x = self.tr, z[: self.tr.layout.unknowns]
         J = tr.jacobian(x) if tr.layout.rows else np.zeros(0)
         F = forcing(tr, x) if tr.problem.system.structure.forced else np.zeros(0)
-        return self.systems.step(tr.hessian(z), J, F, s * self.mass, -tr.residual(z))
+        H = tr.hessian(z)
+        s = max(s, SLOWEST * float(np.abs(H).max()) / float(np.abs(self.mass).max()))
+        return self.systems.step(H, J, F, s * self.mass, -tr.residual(z))
 
 
 class _Systems:

@@ -52,6 +52,8 @@ class Followed:
         Distance from the first iterate, in the same units.
     factors : Factors or None
         Those of the last factorization, close to z.
+    since : float
+        Distance from where that matrix was taken, that of the multipliers included.
     """
 
     z: Array
@@ -60,6 +62,7 @@ class Followed:
     iterations: int
     travelled: float
     factors: Factors | None = None
+    since: float = 0.0
 
 
 def follow(
@@ -83,7 +86,7 @@ def follow(
     with np.errstate(all="ignore"):
         residual = tr.residual(z)
         for k in range(1, steps + 1):
-            factors = None  # frees the last ones before the next are made
+            factors, taken = None, z  # frees the last ones before the next are made
             try:
                 factors = Factors(tr.layout, tr.kkt(z), many=many)
                 z, rest, ratio, converged = _steps(tr, factors, z, residual, linear, target)
@@ -93,7 +96,7 @@ def follow(
                 return Followed(z, False, np.inf, k, np.inf)
             travelled = _size((z - first)[:cut])
             if converged:
-                return Followed(z, True, rest, k, travelled, factors)
+                return Followed(z, True, rest, k, travelled, factors, _size(z - taken))
             if enough is not None and ratio < CONTRACTION and rest * ratio <= enough(z):
                 return Followed(z, True, 0.0, k, travelled, factors)
             residual = tr.residual(z)

@@ -63,6 +63,8 @@ class Iterate(DiscretePath):
         Of the matrix at the path or close to it, if they are kept.
     probed : (size,) array or None
         How the `probe` of the layout moves the path.
+    since : float
+        How far it and its multipliers are from where that matrix was taken.
     represented : Resolution or None
         How well the mesh represents it, where that is known.
     """
@@ -74,6 +76,7 @@ class Iterate(DiscretePath):
     error: float = np.inf
     factors: Factors | None = None
     probed: Array | None = None
+    since: float = 0.0
     represented: Resolution | None = None
 
     def moved(self, z: Array) -> Iterate:
@@ -92,7 +95,7 @@ class Iterate(DiscretePath):
         sizes, lengths = measured(self.problem, Q)
         shown = resolution(self.mesh, Q, sizes)
         known = {"sizes": sizes, "lengths": lengths, "represented": shown, "probed": None}
-        found = replace(self, z=z, factors=result.factors, **known)
+        found = replace(self, z=z, factors=result.factors, since=result.since, **known)
         return found.estimated(self.gain, result.noise * found.unit)
 
     def estimated(self, gain: float, noise: float | None = None) -> Iterate:

@@ -39,6 +39,7 @@ BEFORE_A_JUMP = 3  # rungs tried where the first path crosses a jump: seconds ar
 FAMILY_SUSPECTED, FAMILY_AMPLIFICATION = 1e-8, 5e-7
 FAMILY_CHANGE = 2.0  # of it by two more steps; measured: single paths 1.0, families 20 and more
 FAMILY_NOISE = 1e-9  # of one coordinate the noise itself tells; ad hoc
+OUTDATED = 1e-6  # change of multipliers, in whose matrix no family may show; ad hoc
 BENT = 1e-4  # in units of kinetic energy, as the index has it: of a family 1e-8; ad hoc
 LOST = (Status.NOT_FOUND, Status.UNRESOLVED)  # where one of a family may have been near
 
@@ -181,12 +182,16 @@ def _suspect(ws: Workspace, status: Status) -> bool:
     """Whether the ends may leave a family of paths, or did so where one was lost."""
     if ws.problem.system.structure.forced:
         return False
+    if status is Status.DEGENERATE:  # of linear equations there may be no path at all
+        return not ws.linear
     if not (status.success or status is Status.FLOOR):
-        return status in LOST and ws.unpolished is not None
+        return status is Status.UNRESOLVED or (status in LOST and ws.unpolished is not None)
     here = ws.here
     if not here.can_be_one_of_many:  # nothing is zero on one side of a symmetry
         return here.noise > FAMILY_NOISE
     try:
+        if ws.problem.system.m and here.since > OUTDATED:
+            here = replace(here, factors=None, probed=None)
         before = here.amplification(ws.many)
         if not FAMILY_SUSPECTED < before < FAMILY_AMPLIFICATION:
             return before >= FAMILY_AMPLIFICATION
@@ -204,7 +209,8 @@ def _family(ws: Workspace, solution: Solution) -> Solution:
         return solution
     if solution.status in LOST and ws.unpolished is not None:
         last = ws.unpolished
-        near = replace(solution, path=last.path, lam=last.rows.T, error=np.inf, known=last)
+        kept = {"path": last.path, "lam": last.rows.T, "action": last.action, "known": last}
+        near = replace(solution, error=np.inf, **kept)
     try:
         found = near.inertia
     except (ValueError, np.linalg.LinAlgError):
