@@ -3,47 +3,87 @@
 from __future__ import annotations
 
 import signal
-from dataclasses import asdict, dataclass
+import traceback
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
 from typing import Any
+
+import numpy as np
 
 from actionopt import suite
 from actionopt.suite import solvers
-from actionopt.suite.verdict import judge
+from actionopt.suite.problem import TestProblem
+from actionopt.suite.verdict import examine
 
 
 @dataclass(frozen=True)
 class Cell:
-    """A solver, a problem, a mesh and a starting point (defaults where None)."""
+    """A solver, a problem, a mesh and a starting point (the problem's own where None).
+
+    `parameters` are those of `suite.get`: the scene's, and `decades`. The solve is timed
+    `repeats` times.
+    """
 
     solver: str
     problem: str
     elements: int | None = None
     degree: int | None = None
     start: str | None = None
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    repeats: int = 1
+
+    def make(self) -> TestProblem:
+        """Return the problem."""
+        return suite.get(self.problem, self.elements, self.degree, **self.parameters)
 
 
 def evaluate(cell: Cell) -> dict[str, Any]:
-    """Run the solver and judge its answer; return the result as plain data."""
-    problem = suite.get(cell.problem, cell.elements, cell.degree)
-    about = {"class": problem.classification, "n": problem.n}
+    """Run the solver and examine its answer; return the result as plain data."""
+    problem = cell.make()
+    x0 = problem.start(cell.start)
+    about = {"class": problem.classification, "n": problem.n, "m": problem.m}
     try:
-        answer = solvers.run(cell.solver, problem, problem.start(cell.start))
+        answer = solvers.run(cell.solver, problem, x0, cell.repeats)
     except solvers.Absent as error:
-        return about | {"verdict": "absent", "word": str(error)}
+        return about | {"outcome": "absent", "word": str(error)}
     except MemoryError:
-        return about | {"verdict": "limit", "word": "out of memory"}
+        return about | {"outcome": "limit", "word": "out of memory"}
+    except solvers.Mistake as error:
+        cause = error.__cause__ or error
+        return about | {"outcome": "error", "word": _last(cause), "trace": _trace(cause)}
     except Exception as error:
-        last = (str(error).strip().splitlines() or [""])[-1].strip()
-        return about | {"verdict": "failed", "word": f"{type(error).__name__}: {last}"[:300]}
+        return about | {"outcome": "failed", "word": _last(error), "trace": _trace(error)}
     # A problem of its own: a solver could have left its mark on the other.
-    fresh = suite.get(cell.problem, cell.elements, cell.degree)
-    return {
+    fresh = cell.make()
+    evidence = examine(fresh, answer.x)
+    found: dict[str, Any] = {
         **about,
-        **asdict(judge(fresh, answer.x, answer.claimed)),
+        "outcome": "answered",
+        "said": answer.said,
         "word": answer.word,
+        "unbounded": fresh.unbounded,
+        "f_star": fresh.f_star,
+        "f_lowest": fresh.lowest if np.isfinite(fresh.lowest) else None,
+        "f_start": fresh.objective(x0),
+        **asdict(evidence),
         "seconds": answer.seconds,
-        "evaluations": {k: count for k, count in answer.evaluations.items() if count},
+        "solves": answer.repeats,
+        "evaluations": answer.evaluations,
+        "history": fresh.history(answer.program.visited or []),
     }
+    if evidence.at == "new":
+        found["point"] = list(map(float, answer.x / fresh.unit))
+    return {k: v for k, v in found.items() if v is not None}
+
+
+def _last(error: BaseException) -> str:
+    last = (str(error).strip().splitlines() or [""])[-1].strip()
+    return f"{type(error).__name__}: {last}"[:300]
+
+
+def _trace(error: BaseException) -> str:
+    """Return the traceback, without the frames that are not the solver's."""
+    return "".join(traceback.format_exception(error, chain=False))[-2000:]
 
 
 def limit(memory: float, seconds: float) -> None:
