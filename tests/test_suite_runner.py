@@ -340,6 +340,14 @@ def test_a_solver_that_is_not_installed_is_absent(monkeypatch):
     assert verdict(evaluate(Cell("ipopt", "pendulum")), "minimise") == "right"
 
 
+def test_a_solver_without_constraints_is_not_asked_for_them():
+    pytest.importorskip("scipy.optimize")
+    record = evaluate(Cell("scipy:L-BFGS-B", "rod_pendulum"))
+    assert record["outcome"] == "absent" and "takes constraints" in record["word"]
+    record = evaluate(Cell("scipy:L-BFGS-B", "pendulum"))
+    assert record["outcome"] == "answered" and record["evaluations"]["f"] > 10
+
+
 def test_solvers_that_do_not_exist_are_refused():
     for name, message in (
         ("ipop", "expected a solver among"),

@@ -37,43 +37,56 @@ class Cell:
         return suite.get(self.problem, self.elements, self.degree, **self.parameters)
 
 
-def evaluate(cell: Cell) -> dict[str, Any]:
-    """Run the solver and examine its answer; return the result as plain data."""
+def attempt(cell: Cell) -> dict[str, Any]:
+    """Run the solver; return what it answers and how, as plain data."""
     problem = cell.make()
     x0 = problem.start(cell.start)
-    about = {"class": problem.classification, "n": problem.n, "m": problem.m}
     try:
         answer = solvers.run(cell.solver, problem, x0, cell.repeats)
     except solvers.Absent as error:
-        return about | {"outcome": "absent", "word": str(error)}
+        return {"outcome": "absent", "word": str(error)}
     except MemoryError:
-        return about | {"outcome": "limit", "word": "out of memory"}
+        return {"outcome": "limit", "word": "out of memory"}
     except solvers.Mistake as error:
         cause = error.__cause__ or error
-        return about | {"outcome": "error", "word": _last(cause), "trace": _trace(cause)}
+        return {"outcome": "error", "word": _last(cause), "trace": _trace(cause)}
     except Exception as error:
-        return about | {"outcome": "failed", "word": _last(error), "trace": _trace(error)}
-    # A problem of its own: a solver could have left its mark on the other.
-    fresh = cell.make()
-    evidence = examine(fresh, answer.x)
-    found: dict[str, Any] = {
-        **about,
+        return {"outcome": "failed", "word": _last(error), "trace": _trace(error)}
+    return {
         "outcome": "answered",
         "said": answer.said,
         "word": answer.word,
-        "unbounded": fresh.unbounded,
-        "f_star": fresh.f_star,
-        "f_lowest": fresh.lowest if np.isfinite(fresh.lowest) else None,
-        "f_start": fresh.objective(x0),
-        **asdict(evidence),
         "seconds": answer.seconds,
         "solves": answer.repeats,
         "evaluations": answer.evaluations,
-        "history": fresh.history(answer.program.visited or []),
+        # Of a problem of its own: a solver could have left its mark on the other.
+        "history": cell.make().history(answer.program.visited or []),
+        "x": np.asarray(answer.x, dtype=float).ravel().tolist(),
     }
-    if evidence.at == "new":
-        found["point"] = list(map(float, answer.x / fresh.unit))
-    return {k: v for k, v in found.items() if v is not None}
+
+
+def judged(found: dict[str, Any], problem: TestProblem, start: str | None = None) -> dict[str, Any]:
+    """Return what was found with what there is to know of it; a point only if it is a new one."""
+    x = np.array(found.pop("x", []))
+    about = {"class": problem.classification, "n": problem.n, "m": problem.m}
+    if found["outcome"] != "answered":
+        return about | found
+    evidence = examine(problem, x)
+    lowest = problem.lowest
+    known = {
+        "unbounded": problem.unbounded,
+        "f_star": problem.f_star,
+        "f_lowest": lowest if np.isfinite(lowest) else None,
+        "f_start": problem.objective(problem.start(start)),
+        **asdict(evidence),
+        "point": (x / problem.unit).tolist() if evidence.at == "new" else None,
+    }
+    return about | found | {k: v for k, v in known.items() if v is not None}
+
+
+def evaluate(cell: Cell) -> dict[str, Any]:
+    """Run the solver and judge its answer, here and now."""
+    return judged(attempt(cell), cell.make(), cell.start)
 
 
 def _last(error: BaseException) -> str:
@@ -101,6 +114,6 @@ def limit(memory: float, seconds: float) -> None:
 
 
 def bounded(asked: dict[str, Any], memory: float, seconds: float) -> dict[str, Any]:
-    """Evaluate a cell, given as plain data, within these bounds."""
+    """Run a cell's solver, the cell given as plain data, within these bounds."""
     limit(memory, seconds)
-    return evaluate(Cell(**asked))
+    return attempt(Cell(**asked))

@@ -44,7 +44,8 @@ at a violation of no more than tau. Only the {bounded} problems that have a leas
 <h2>Evaluations</h2>
 <p>Median over the right answers of minimisers, counted in the functions that the solver is given:
 a call that returns f and c is one of each, a product with a Hessian is no Hessian. Seconds are
-those of the clock, the least of {repeats}, Python's part in each call included.</p>
+those of the clock, the least of {repeats}; of solves that take a second, of one. The functions of
+SciPy's solvers are called from Python, and take longer.</p>
 {evaluations}
 <h2>Solvers</h2>
 {versions}

@@ -17,26 +17,29 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, replace
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
+from threading import Lock
 from time import perf_counter
 from typing import Any
 
 from actionopt.suite import solvers
-from actionopt.suite.cell import Cell
+from actionopt.suite.cell import Cell, judged
+from actionopt.suite.problem import TestProblem
 from actionopt.suite.verdict import verdict
 from actionopt.tools import process
 from actionopt.tools.files import rounded
 
 DIGITS = 4  # of times and distances: they differ in the second
 ROUNDED = ("distance", "residual", "violation", "off", "seconds", "wall")
+ONE_AT_A_TIME = Lock()
 KEY = ("solver", "problem", "elements", "degree", "start", "parameters", "repeats")
 CONTENT = ("content", "numbers", "package", "machine")  # what makes answers differ beside these
 
 
 @dataclass(frozen=True)
 class Limits:
-    """Wall time (s) and memory (GiB) of one cell, its process's start included."""
+    """Wall time (s) and memory (GiB) of one solver, its process's start included."""
 
     seconds: float = 60.0
     memory: float = 8.0
@@ -127,7 +130,7 @@ def key(record: Mapping[str, Any]) -> str:
 
 def _holds(record: Mapping[str, Any] | None, bounds: Limits) -> bool:
     """Whether a record answers the question: within these bounds it would come to the same."""
-    if record is None or record["outcome"] == "absent":
+    if record is None:
         return False
     short = bounds.seconds > record["allowed"] or bounds.memory > record["memory"]
     return not (record["outcome"] == "limit" and short)
@@ -145,16 +148,25 @@ def run_one(cell: Cell, about: Mapping[str, Any], limits: Limits) -> dict[str, A
         outcome = {"outcome": "failed", "word": str(error)[:300]}
         if "MemoryError" in error.said or "bad_alloc" in error.said:
             outcome = {"outcome": "limit", "word": "out of memory"}
+    wall = perf_counter() - clock
+    with ONE_AT_A_TIME:  # what is known of a problem is found once, and takes no solver's time
+        problem = _problem(json.dumps(asdict(replace(cell, solver=""))))
+        outcome = judged(outcome, problem, cell.start)
     record = {
         **about,
         **outcome,
-        "wall": perf_counter() - clock,
+        "wall": wall,
         "allowed": limits.seconds,
         "memory": limits.memory,
         "date": datetime.date.today().isoformat(),
     }
     short = rounded({k: record[k] for k in ROUNDED if k in record}, DIGITS)
     return {k: v for k, v in (record | short).items() if v not in (None, "")}
+
+
+@lru_cache(maxsize=4)  # solvers take turns on a problem
+def _problem(asked: str) -> TestProblem:
+    return Cell(**json.loads(asked)).make()
 
 
 @cache

@@ -104,7 +104,7 @@ return."""
 
 
 class Absent(RuntimeError):
-    """A solver that is known, and not installed."""
+    """A solver that is known, and not installed, or not made for such a problem."""
 
 
 class Mistake(RuntimeError):
@@ -220,9 +220,9 @@ def content(name: str) -> str:
 def run(name: str, problem: Program, x0: Array, repeats: int = 1) -> Answer:
     """Return the answer of the solver `name` from x0 (n,).
 
-    Where it evaluates f is kept in the first solve. The others are for the clock alone, and there
-    are none if the first took a second. Raises Absent if the solver is not installed, Mistake if
-    it is a file's and the file is to blame.
+    What it evaluates is counted in the first solve, and where. The others are for the clock alone,
+    and there are none if the first took a second. Raises Absent if the solver is not installed or
+    takes no such problem, Mistake if it is a file's and the file is to blame.
     """
     check(name)
     base, _, rest = name.partition(":")
@@ -234,7 +234,8 @@ def run(name: str, problem: Program, x0: Array, repeats: int = 1) -> Answer:
         prepare = _function(name.rpartition(":")[0], name.rpartition(":")[2])
     first = problem.view()
     first.visited = []
-    found, best, count = _timed(prepare(first), x0)[0:2] + (1,)
+    found, best = _timed(prepare(first), x0)
+    count = 1
     while count < repeats and best < LONG:
         best = min(best, _timed(prepare(problem.view()), x0)[1])
         count += 1
@@ -299,17 +300,17 @@ def _plugin(plugin: str, qp: str) -> Callable[[Program], Callable[[Array], Outco
 
     def prepare(program: Program) -> Callable[[Array], Outcome]:
         expression = nlp(program)
-        plain = ca.nlpsol("solver", plugin, expression, options)
-        functions = {name: plain.get_function(name) for name in plain.get_function()}
-        counted = {
-            name: Counted(function, program)
-            for name, function in functions.items()
-            if not name.startswith("fwd")  # those are made by the function they belong to
-        }
-        solver = ca.nlpsol("solver", plugin, expression, options | {"cache": counted})
+        solver = ca.nlpsol("solver", plugin, expression, options)
+        counted: dict[str, Counted] = {}
+        if program.visited is not None:
+            counted = {
+                name: Counted(solver.get_function(name), program)
+                for name in solver.get_function()
+                if not name.startswith("fwd")  # those are made by the function they belong to
+            }
+            solver = ca.nlpsol("solver", plugin, expression, options | {"cache": counted})
 
-        def solve(x0: Array) -> Outcome:
-            assert counted  # alive as long as the solver is
+        def solve(x0: Array, _alive: Any = counted) -> Outcome:  # CasADi keeps no reference
             found = solver(x0=x0, lbg=0.0, ubg=0.0) if program.m else solver(x0=x0)
             stats = solver.stats()
             status = str(stats.get("return_status", ""))
@@ -328,7 +329,10 @@ def _scipy(method: str) -> Callable[[Program], Callable[[Array], Outcome]]:
         raise Absent("SciPy is not installed: pip install 'actionopt[suite]'") from None
 
     def prepare(program: Program) -> Callable[[Array], Outcome]:
-        arguments = scipy_arguments(program, method)
+        try:
+            arguments = scipy_arguments(program, method)
+        except ValueError as error:
+            raise Absent(str(error)) from None
 
         def solve(x0: Array) -> Outcome:
             found = minimize(x0=x0, **arguments)

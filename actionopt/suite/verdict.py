@@ -36,7 +36,7 @@ UNJUDGED = {
     "failed": "the solver gave up, or crashed",
     "limit": "out of time or memory",
     "error": "a mistake in the solver's file: not scored",
-    "absent": "the solver is not installed here: not scored",
+    "absent": "the solver is not installed here, or takes no constraints: not scored",
 }
 UNSCORED = ("error", "absent")
 # Solvers stop at tolerances of their own, some at 1e-6 in the action: three digits of the path.
