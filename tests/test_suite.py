@@ -1,11 +1,15 @@
 """Test problems: derivatives against differences, stars against mpmath and dense algebra."""
 
+import json
+
 import mpmath
 import numpy as np
 import pytest
 
 from actionopt import scenes, suite
+from actionopt.suite import known
 from actionopt.suite.families import redundant
+from actionopt.suite.learn import learn
 from actionopt.suite.stars import STATIONARY
 
 NAMES = tuple(suite.FAMILIES)
@@ -317,6 +321,34 @@ def test_nobody_starts_at_the_answer():
             assert problem.distance(problem.start(start)) > 5e-4, (name, start)
     with pytest.raises(ValueError, match="among perturbed, near, found 'straight'"):
         suite.get("heavy_top").start("straight")
+
+
+def test_near_collisions_are_met_and_are_not_the_lowest():
+    """From the default start, a Newton step in the wrong direction apart."""
+    for name in ("kepler_near_collision", "two_body_near_collision"):
+        problem = suite.get(name)
+        assert problem.default_start == "coarse"
+        assert problem.kind == "minimum" and problem.lowest < problem.f_star
+        away = [problem.distance(problem.start(), s.x) for s in (problem.optimum, *problem.others)]
+        assert away[0] == min(away)
+
+
+def test_points_that_solvers_came_to_are_learnt(tmp_path, monkeypatch):
+    problem = suite.get("hoop_bead_fast")
+    names = [s.kind for s in problem.others]
+    point = (problem.others[-1].x / problem.unit).tolist()
+    monkeypatch.setattr(known, "table", dict)
+    fewer = suite.get("hoop_bead_fast")
+    assert len(fewer.others) < len(names)
+    record = {"problem": fewer.name, "elements": 16, "degree": 8, "point": point}
+    file = tmp_path / "known.json"
+    astray = record | {"point": [0.3] * problem.n}
+    assert learn([record, record, astray, {"problem": "pendulum"}], file) == 1
+    monkeypatch.setattr(known, "table", lambda: json.loads(file.read_text()))
+    again = suite.get("hoop_bead_fast").others
+    assert len(again) == len(fewer.others) + 1
+    assert again[-1].f == pytest.approx(problem.others[-1].f, rel=1e-12)
+    assert suite.get("hoop_bead_fast", elements=20).x_star.size  # another mesh has none of them
 
 
 def test_no_two_problems_are_one():

@@ -185,6 +185,10 @@ def test_a_dump_can_be_checked_against_its_manifest(tmp_path):
         known = json.loads((tmp_path / "all" / f"{problem.name}.json").read_text())
         np.testing.assert_array_equal(known["x_star"], problem.x_star)
         assert known["f_star"] == problem.f_star
+        assert known["f_lowest_known"] == min(
+            problem.f_star, *(o.f for o in problem.others), np.inf
+        )
+        assert known["sign_of_multipliers"] == "grad f + J' lam = 0"
         for told, other in zip(known["other_stationary_points"], problem.others, strict=True):
             np.testing.assert_array_equal(told["x"], other.x)
             assert (told["f"], told["index"], told["kind"]) == (other.f, other.index, other.kind)

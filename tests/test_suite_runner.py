@@ -374,6 +374,12 @@ def test_the_command(tmp_path, capsys, monkeypatch):
     assert "kepler_near_collision" in capsys.readouterr().out
     assert main(["suite", "run", "--solver", "ipop", "-o", str(results)]) == 1
     assert "expected a solver" in capsys.readouterr().err
+    coarse = ["suite", "run", "--solver", "ipopt", "--tag", "stiff potential", "--elements", "8"]
+    assert main([*coarse, "-o", str(tmp_path / "coarse.jsonl"), "--repeats", "1"]) == 0
+    assert "left out: oscillator_stiff: expected a discrete optimum" in capsys.readouterr().err
+    assert "oscillator_stiff" not in (tmp_path / "coarse.jsonl").read_text()
+    assert main([*coarse, "--problem", "oscillator_stiff", "-o", str(tmp_path / "none")]) == 1
+    assert "use more elements" in capsys.readouterr().err
     broken = tmp_path / "broken.py"
     broken.write_text("def solve(problem, x0):\n    return undefined")
     command = ["suite", "run", "--solver", f"{broken}:solve", "--problem", "pendulum"]

@@ -8,6 +8,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from actionopt.suite import nl
 from actionopt.suite.problem import TestProblem
 from actionopt.tools.files import write
@@ -70,6 +72,7 @@ def facts(problem: TestProblem) -> dict[str, Any]:
         "lam_star": problem.lam_star.tolist(),
         "f_star": problem.f_star,
         "index_star": problem.index_star,
+        "f_lowest_known": problem.lowest if np.isfinite(problem.lowest) else None,
         "other_stationary_points": [
             {"x": s.x.tolist(), "f": s.f, "index": s.index, "kind": s.kind} for s in problem.others
         ],
