@@ -9,7 +9,7 @@ from statistics import median
 from typing import Any
 
 from actionopt.suite import FAMILIES, profile
-from actionopt.suite.runner import Limits
+from actionopt.suite.runner import Limits, tally
 from actionopt.suite.solvers import CHANGED
 from actionopt.suite.verdict import ACCURACIES, MODES, UNSCORED, meaning, verdict
 from actionopt.tools.files import write as write_file
@@ -88,7 +88,7 @@ def write(records: Records, directory: str | Path) -> Path:
     if not records:
         raise ValueError("expected results of at least one run, found none; `actionopt suite run`")
     latest = {(profile.asked(r), r["solver"]): r for r in records}
-    records = [{**r, "solver": _short(r["solver"])} for r in latest.values()]
+    records = _in_order([{**r, "solver": _short(r["solver"])} for r in latest.values()])
     folder = Path(directory)
     folder.mkdir(parents=True, exist_ok=True)
     ran = [r for r in records if r["outcome"] != "absent"]
@@ -128,6 +128,22 @@ def write(records: Records, directory: str | Path) -> Path:
     )
     write_file(page, text)
     return page
+
+
+def _in_order(records: Records) -> Records:
+    """Return the records problem by problem, the solvers with most right minima first."""
+    right = tally(records, MODES[0])
+    place = {name: k for k, name in enumerate(FAMILIES)}
+    seen = {where: k for k, where in enumerate(dict.fromkeys(map(profile.asked, records)))}
+    return sorted(
+        records,
+        key=lambda r: (
+            place.get(r["problem"], len(place)),
+            seen[profile.asked(r)],
+            -right[r["solver"]]["right"],
+            r["solver"],
+        ),
+    )
 
 
 def _section(mode: str, records: Records, ran: Records, folder: Path) -> str:
