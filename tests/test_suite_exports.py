@@ -42,7 +42,7 @@ def functions(given):
 def somewhere(problem):
     random = np.random.default_rng(3)
     size = 1e-4 if "near collision" in problem.tags else 1e-2
-    x = problem.x_star + size * random.uniform(-1, 1, problem.n) * problem.unit
+    x = problem.path + size * random.uniform(-1, 1, problem.n) * problem.unit
     scale = problem.transcription.action_unit / np.max(problem.unit) ** 2
     return x, scale * random.uniform(-1, 1, problem.m)
 
@@ -185,4 +185,10 @@ def test_a_dump_can_be_checked_against_its_manifest(tmp_path):
         known = json.loads((tmp_path / "all" / f"{problem.name}.json").read_text())
         np.testing.assert_array_equal(known["x_star"], problem.x_star)
         assert known["f_star"] == problem.f_star
-        assert len(known["other_stationary_points"]) == len(problem.others)
+        assert known["f_lowest_known"] == min(
+            problem.f_star, *(o.f for o in problem.others), np.inf
+        )
+        assert known["sign_of_multipliers"] == "grad f + J' lam = 0"
+        for told, other in zip(known["other_stationary_points"], problem.others, strict=True):
+            np.testing.assert_array_equal(told["x"], other.x)
+            assert (told["f"], told["index"], told["kind"]) == (other.f, other.index, other.kind)

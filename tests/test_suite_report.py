@@ -9,67 +9,155 @@ from actionopt.suite import profile
 from actionopt.suite.report import write
 
 
-def record(solver, problem, verdict, seconds, count, n=9):
+def record(solver, problem, at="optimum", seconds=1.0, count=1, **more):
+    """Return a record of an answer at some point; by default a minimum, found exactly."""
+    found = {} if at is None else {"at": at, "off": 0.0, "f_there": 1.0, "index": 0, "above": False}
     return {
         "solver": solver,
         "problem": problem,
-        "verdict": verdict,
-        "class": f"QUR2-MN-{n}-0",
-        "n": n,
+        "outcome": "answered",
+        "said": "solved",
+        "unbounded": False,
+        "class": "QUR2-MN-9-0",
+        "n": 9,
+        "f_star": 1.0,
+        "f_lowest": 1.0,
+        "f_start": 11.0,
+        "residual": 0.0,
         "seconds": seconds,
         "evaluations": {"f": count},
+        "history": [(1, 11.0, 0.0), (count, 1.0, 0.0)],
+        **found,
+        **more,
     }
 
 
 RECORDS = [
-    record("a", "p", "right", 1.0, 10),
-    record("b", "p", "right", 3.0, 5),
-    record("a", "q", "wrong", 0.1, 1),
-    record("b", "q", "right", 2.0, 40),
-    record("a", "r", "other", 1.0, 20),
-    {"solver": "b", "problem": "r", "verdict": "limit", "word": "no answer"},
-    record("a", "s", "right", 4.0, 30, n=2),
-    record("b", "s", "failed", 1.0, 1, n=2),
+    record("a", "p", seconds=1.0, count=10),
+    record("b", "p", seconds=3.0, count=5),
+    record("a", "q", None, history=[]),
+    record("b", "q", seconds=2.0, count=40),
+    record("a", "r", "other", seconds=1.0, count=20, above=True),
+    {"solver": "b", "problem": "r", "outcome": "limit", "word": "no answer"},
+    record("a", "s", seconds=4.0, count=30, off=1e-4, n=2),
+    record("b", "s", None, said="gave up", history=[]),
 ]
 
 
 def test_performance_profiles_by_hand():
-    steps = profile.performance(profile.costs(RECORDS, "seconds", profile.RIGHT))
-    np.testing.assert_array_equal(steps["a"], ([1, 1], [0.25, 0.5]))
-    np.testing.assert_array_equal(steps["b"], ([1, 3], [0.25, 0.5]))
-    steps = profile.performance(profile.costs(RECORDS, "evaluations", profile.STATIONARY))
-    np.testing.assert_array_equal(steps["a"], ([1, 1, 2], [0.25, 0.5, 0.75]))
-    np.testing.assert_array_equal(steps["b"], ([1, 1], [0.25, 0.5]))
+    def steps(measure, mode, accuracy):
+        return profile.performance(profile.costs(RECORDS, measure, mode, accuracy))
+
+    found = steps("seconds", "stationary", 1e-3)
+    np.testing.assert_array_equal(found["a"], ([1, 1], [0.25, 0.5]))
+    np.testing.assert_array_equal(found["b"], ([1, 3], [0.25, 0.5]))
+    found = steps("f", "minimise", 1e-3)
+    np.testing.assert_array_equal(found["a"], ([1, 2], [0.25, 0.5]))
+    np.testing.assert_array_equal(found["b"], ([1, 1], [0.25, 0.5]))
+    found = steps("f", "minimise", 1e-6)  # the answer to s is too far for that
+    np.testing.assert_array_equal(found["a"], ([2], [0.25]))
+
+
+def test_what_is_not_scored_is_not_counted():
+    """A mistake in a file, and a solver that is not there: neither a failure nor a problem less."""
+    unscored = [
+        record("c", "p"),
+        {"solver": "c", "problem": "q", "outcome": "error", "trace": "here"},
+        {"solver": "c", "problem": "r", "outcome": "absent"},
+        {"solver": "c", "problem": "s", "outcome": "failed"},
+    ]
+    table = profile.costs([*RECORDS, *unscored], "seconds", "minimise", 1e-3)
+    np.testing.assert_array_equal(table["c"], [1, np.nan, np.nan, np.inf])
+    found = profile.performance(table)
+    np.testing.assert_array_equal(found["c"], ([1], [0.5]))
+    np.testing.assert_array_equal(found["a"], ([1, 1], [0.25, 0.5]))
 
 
 def test_data_profiles_by_hand():
-    table = profile.costs(RECORDS, "evaluations per unknown", profile.RIGHT)
-    steps = profile.data(table)
-    np.testing.assert_array_equal(steps["a"], ([1, 10], [0.25, 0.5]))
-    np.testing.assert_array_equal(steps["b"], ([0.5, 4], [0.25, 0.5]))
+    """f(x) <= f_L + tau (f(x_0) - f_L), counted in evaluations of f over n + 1."""
+    history = [(1, 11.0, 0.0), (20, 2.0, 0.0), (40, 1.005, 0.0), (70, 1.0, 0.0)]
+    records = [
+        record("a", "p", history=history),
+        record("b", "p", "other", f_there=0.0, history=[(1, 11.0, 0.0), (30, 0.0, 0.0)], index=0),
+        record("a", "q", history=[(1, 11.0, 0.0), (10, 0.5, 1e-2), (50, 1.0, 1e-7)]),
+        record("b", "q", None, history=[(1, 11.0, 0.0), (30, 1.9, 0.0)]),
+        record("a", "u", None, unbounded=True, history=[(1, 1.0, 0.0)]),
+    ]
+    # Of p, b found less: f_L is 0, and a comes no nearer than 1/11 of the way.
+    tables = {tau: profile.evaluations_per_unknown(records, tau) for tau in (0.2, 1e-2, 1e-3)}
+    np.testing.assert_array_equal(tables[0.2]["a"], [2, 1])
+    np.testing.assert_array_equal(tables[0.2]["b"], [3, 3])
+    np.testing.assert_array_equal(tables[1e-2]["a"], [np.inf, 1])
+    np.testing.assert_array_equal(tables[1e-3]["a"], [np.inf, 5])  # feasible by then
+    np.testing.assert_array_equal(tables[1e-3]["b"], [3, np.inf])
+    np.testing.assert_array_equal(profile.data(tables[0.2])["a"], ([1, 2], [0.5, 1.0]))
+    records[1]["index"] = 1  # nobody minimises to a saddle
+    table = profile.evaluations_per_unknown(records, 1e-3)
+    np.testing.assert_array_equal(table["a"], [4, 5])
+    near = profile.evaluations_per_unknown(records[:1], 1e-2)
+    np.testing.assert_array_equal(near["a"], [4])  # 1 + 10 tau = 1.1 is reached at 40 of 10
 
 
 def test_the_report_says_what_the_records_say(tmp_path):
-    records = [*RECORDS, record("/far/away/mine.py:solve", "p", "right", 1.0, 1)]
+    records = [*RECORDS, record("/far/away/mine.py:solve", "p")]
     page = write(records, tmp_path)
     text = page.read_text()
     assert "9 runs: 3 solvers on 4 problems" in text
-    assert re.search(r"<td>a</td><td>2</td><td>1</td><td>0</td><td>1</td><td>0</td>", text)
+    minimise, stationary = text.split("Asked to find the stationary point")
+    row = r"<td>a</td><td>2 \(1\)</td><td>1</td><td>0</td><td>1</td><td>0</td>"
+    assert re.search(row, minimise)
+    assert re.search(row, stationary)
     assert "<td>a</td><td>2 / 4</td>" in text
     assert "mine.py:solve" in text
     assert "/far" not in text
     assert "actionopt suite run \\\n  --solver a \\\n  --solver b" in text
+    assert "overflow-x" in text
     figures = re.findall(r'src="([^"]+)"', text)
-    assert len(figures) >= 4
+    assert len(figures) == 10
     for name in figures:
         assert (tmp_path / name).read_text().rstrip().endswith("</svg>")
-    absent = {"solver": "c", "problem": "p", "verdict": "absent", "word": "not here", "allowed": 9}
-    more = write([*records, absent], tmp_path / "more")
-    assert more.read_text().count("<td>c</td>") == 1  # among the verdicts alone
-    assert "actionopt suite run --seconds 9 \\\n  --solver c\n" in more.read_text()
-    assert (tmp_path / "more" / "data.svg").read_bytes() == (tmp_path / "data.svg").read_bytes()
+    assert "Mistakes" not in text and "not known" not in text.split("Problem by problem")[1]
     with pytest.raises(ValueError, match="at least one run"):
         write([], tmp_path)
+
+
+def test_the_report_tells_meshes_starts_and_parameters_apart(tmp_path, monkeypatch):
+    monkeypatch.setattr("actionopt.suite.report._figure", lambda *arguments: "")
+    ipopt = {"elements": 8, "degree": 4, "start": "straight", "own_start": "straight"}
+    ipopt |= {"repeats": 3, "content": "casadi 3", "machine": "one core", "date": "2020-01-01"}
+    records = [
+        record("ipopt", "pendulum", **ipopt),
+        record("ipopt", "pendulum", None, **(ipopt | {"elements": 9, "start": "perturbed"})),
+        record("ipopt", "pendulum", **(ipopt | {"parameters": {"decades": 2}, "allowed": 9})),
+        record("ipopt", "pendulum", None, said="gave up", **ipopt),  # run again: the last counts
+        record("new", "pendulum", "new", f_there=0.5, **(ipopt | {"date": "2020-02-01"})),
+        {"solver": "my.py:f", "problem": "pendulum", "outcome": "error", "trace": "line 7"} | ipopt,
+    ]
+    text = write(records, tmp_path).read_text()
+    assert "5 runs: 3 solvers on 3 problems, 2020-01-01 to 2020-02-01, one core" in text
+    matrix = text.split("Problem by problem")[1].split("<h3>")[1]
+    rows = re.findall(r"<tr><td>(pendulum[^<]*)</td>.*?<td>(\d+ x \d+)</td>(.*)</tr>", matrix)
+    assert [(name, mesh) for name, mesh, _ in rows] == [
+        ("pendulum", "8 x 4"),
+        ("pendulum", "9 x 4"),
+        ("pendulum (decades = 2)", "8 x 4"),
+    ]
+    assert [re.findall(">(failed|wrong|right)<", row) for _, _, row in rows] == [
+        ["failed", "right"],
+        ["wrong"],
+        ["right"],
+    ]
+    assert "<td>straight</td>" in rows[0][2] and "<td>perturbed</td>" in rows[1][2]
+    commands = re.findall(r"actionopt suite run[^a]*(?:a(?!ctionopt)[^a]*)*", text)
+    words = [" ".join(c.replace("\\", "").split()) for c in commands]
+    assert words[:3] == [
+        "actionopt suite run --solver ipopt --solver new --solver my.py:f --problem pendulum",
+        "actionopt suite run --solver ipopt --elements 9 --start perturbed --problem pendulum",
+        "actionopt suite run --solver ipopt --set decades=2 --seconds 9 --problem pendulum",
+    ]
+    assert "that were not known" in text and "<td>0.5</td>" in text
+    assert "<pre>line 7</pre>" in text
+    assert "casadi 3" in text
 
 
 def test_profiles_are_drawn_as_they_are(tmp_path):

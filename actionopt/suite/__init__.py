@@ -20,15 +20,22 @@ __all__ = ["FAMILIES", "Family", "TestProblem", "find", "get"]
 
 
 def get(
-    name: str, elements: int | None = None, degree: int | None = None, **parameters: Any
+    name: str,
+    elements: int | None = None,
+    degree: int | None = None,
+    *,
+    decades: float | None = None,
+    **parameters: Any,
 ) -> TestProblem:
     """Return the member of a family with so many elements of one degree.
+
+    The units of its unknowns range over so many decades, from the first to the last.
 
     Raises ValueError if there is no such family or parameter, or the mesh makes no sense.
     """
     if name not in FAMILIES:
         raise ValueError(f"unknown test problem {name!r}{suggestion(str(name), tuple(FAMILIES))}")
-    return TestProblem(FAMILIES[name], elements, degree, parameters)
+    return TestProblem(FAMILIES[name], elements, degree, decades, parameters)
 
 
 def find(

@@ -3,47 +3,100 @@
 from __future__ import annotations
 
 import signal
-from dataclasses import asdict, dataclass
+import traceback
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
 from typing import Any
+
+import numpy as np
 
 from actionopt import suite
 from actionopt.suite import solvers
-from actionopt.suite.verdict import judge
+from actionopt.suite.problem import TestProblem
+from actionopt.suite.verdict import examine
 
 
 @dataclass(frozen=True)
 class Cell:
-    """A solver, a problem, a mesh and a starting point (defaults where None)."""
+    """A solver, a problem, a mesh and a starting point (the problem's own where None).
+
+    `parameters` are those of `suite.get`: the scene's, and `decades`. The solve is timed
+    `repeats` times.
+    """
 
     solver: str
     problem: str
     elements: int | None = None
     degree: int | None = None
     start: str | None = None
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    repeats: int = 1
+
+    def make(self) -> TestProblem:
+        """Return the problem."""
+        return suite.get(self.problem, self.elements, self.degree, **self.parameters)
+
+
+def attempt(cell: Cell) -> dict[str, Any]:
+    """Run the solver; return what it answers and how, as plain data."""
+    problem = cell.make()
+    x0 = problem.start(cell.start)
+    try:
+        answer = solvers.run(cell.solver, problem, x0, cell.repeats)
+    except solvers.Absent as error:
+        return {"outcome": "absent", "word": str(error)}
+    except MemoryError:
+        return {"outcome": "limit", "word": "out of memory"}
+    except solvers.Mistake as error:
+        cause = error.__cause__ or error
+        return {"outcome": "error", "word": _last(cause), "trace": _trace(cause)}
+    except Exception as error:
+        return {"outcome": "failed", "word": _last(error), "trace": _trace(error)}
+    return {
+        "outcome": "answered",
+        "said": answer.said,
+        "word": answer.word,
+        "seconds": answer.seconds,
+        "solves": answer.repeats,
+        "evaluations": answer.evaluations,
+        # Of a problem of its own: a solver could have left its mark on the other.
+        "history": cell.make().history(answer.program.visited or []),
+        "x": np.asarray(answer.x, dtype=float).ravel().tolist(),
+    }
+
+
+def judged(found: dict[str, Any], problem: TestProblem, start: str | None = None) -> dict[str, Any]:
+    """Return what was found with what there is to know of it; a point only if it is a new one."""
+    x = np.array(found.pop("x", []))
+    about = {"class": problem.classification, "n": problem.n, "m": problem.m}
+    if found["outcome"] != "answered":
+        return about | found
+    evidence = examine(problem, x)
+    lowest = problem.lowest
+    known = {
+        "unbounded": problem.unbounded,
+        "f_star": problem.f_star,
+        "f_lowest": lowest if np.isfinite(lowest) else None,
+        "f_start": problem.objective(problem.start(start)),
+        **asdict(evidence),
+        "point": (x / problem.unit).tolist() if evidence.at == "new" else None,
+    }
+    return about | found | {k: v for k, v in known.items() if v is not None}
 
 
 def evaluate(cell: Cell) -> dict[str, Any]:
-    """Run the solver and judge its answer; return the result as plain data."""
-    problem = suite.get(cell.problem, cell.elements, cell.degree)
-    about = {"class": problem.classification, "n": problem.n}
-    try:
-        answer = solvers.run(cell.solver, problem, problem.start(cell.start))
-    except solvers.Absent as error:
-        return about | {"verdict": "absent", "word": str(error)}
-    except MemoryError:
-        return about | {"verdict": "limit", "word": "out of memory"}
-    except Exception as error:
-        last = (str(error).strip().splitlines() or [""])[-1].strip()
-        return about | {"verdict": "failed", "word": f"{type(error).__name__}: {last}"[:300]}
-    # A problem of its own: a solver could have left its mark on the other.
-    fresh = suite.get(cell.problem, cell.elements, cell.degree)
-    return {
-        **about,
-        **asdict(judge(fresh, answer.x, answer.claimed)),
-        "word": answer.word,
-        "seconds": answer.seconds,
-        "evaluations": {k: count for k, count in answer.evaluations.items() if count},
-    }
+    """Run the solver and judge its answer, here and now."""
+    return judged(attempt(cell), cell.make(), cell.start)
+
+
+def _last(error: BaseException) -> str:
+    last = (str(error).strip().splitlines() or [""])[-1].strip()
+    return f"{type(error).__name__}: {last}"[:300]
+
+
+def _trace(error: BaseException) -> str:
+    """Return the traceback, without the frames that are not the solver's."""
+    return "".join(traceback.format_exception(error, chain=False))[-2000:]
 
 
 def limit(memory: float, seconds: float) -> None:
@@ -61,6 +114,6 @@ def limit(memory: float, seconds: float) -> None:
 
 
 def bounded(asked: dict[str, Any], memory: float, seconds: float) -> dict[str, Any]:
-    """Evaluate a cell, given as plain data, within these bounds."""
+    """Run a cell's solver, the cell given as plain data, within these bounds."""
     limit(memory, seconds)
-    return evaluate(Cell(**asked))
+    return attempt(Cell(**asked))

@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from typing import Any
 
 from actionopt import suite
 from actionopt.suite import runner, solvers
 from actionopt.suite.cell import Cell
-from actionopt.suite.verdict import MEANING, VERDICTS
+from actionopt.suite.verdict import MODES, meaning, verdict
 from actionopt.tools.progress import progress
 from actionopt.tools.table import print_table
 
-SOLVERS = """\
+SOLVERS = f"""\
 A solver is a plugin of CasADi's nlpsol (ipopt, fatrop, sqpmethod, sqpmethod:osqp, qrsqp, uno,
 ...), scipy:METHOD, or FILE.py:FUNCTION of your own. Each runs with its own defaults, every
-problem in a process of its own; what --output has already is not run again.
+problem in a process of its own; what --output has already is not run again, unless the solver's
+file, its version or the problem's numbers are others, or what was too short is longer now.
 
   actionopt suite run --solver ipopt --solver sqpmethod --solver scipy:SLSQP
-  actionopt suite report --output results.jsonl --to docs/suite
+  actionopt suite run --solver mine.py:solve --problem kepler --set eccentricity=0.5 --set decades=4
+  actionopt suite report --output results.jsonl --to report
+
+{solvers.OWN}
 """
 
 
@@ -35,6 +40,14 @@ def add_to(parser: argparse.ArgumentParser) -> None:
     )
     chosen.add_argument("--elements", type=_whole, help="elements of the mesh (the problem's own)")
     chosen.add_argument("--degree", type=_whole, help="degree of the elements (the problem's own)")
+    chosen.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        type=_setting,
+        metavar="NAME=NUMBER",
+        help="a parameter of the scene, or decades of units; may be repeated",
+    )
     output = argparse.ArgumentParser(add_help=False)
     add = output.add_argument
     add("-o", "--output", default="results.jsonl", metavar="FILE", help="results, JSON lines")
@@ -54,19 +67,32 @@ def add_to(parser: argparse.ArgumentParser) -> None:
     add("--start", help="starting point: guess, straight, perturbed, coarse or near")
     add("--seconds", type=float, default=60.0, help="wall time of one run (60)")
     add("--memory", type=float, default=8.0, help="memory of one run, GiB (8)")
+    add("--repeats", type=_whole, default=3, help="solves timed, the least counts (3)")
+    add("--again", action="store_true", help="run what the file has already, too")
     add("--jobs", type=int, default=1, help="runs at the same time (1)")
     command = commands.add_parser("dump", help="write .nl files and answers", parents=[chosen])
     command.set_defaults(run=dump)
     command.add_argument("directory", metavar="DIRECTORY", help="where to; made if it is not there")
     command = commands.add_parser("report", help="profiles and tables", parents=[output])
     command.set_defaults(run=report)
-    command.add_argument("--to", default="docs/suite", metavar="DIRECTORY", help="(docs/suite)")
+    command.add_argument("--to", required=True, metavar="DIRECTORY", help="made if it is not there")
 
 
 def _whole(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"expected a whole number of at least 1, found {text!r}")
     return int(text)
+
+
+def _setting(text: str) -> tuple[str, float]:
+    name, equals, value = text.partition("=")
+    try:
+        number = float(value)
+    except ValueError:
+        equals = ""
+    if not (name and equals):
+        raise argparse.ArgumentTypeError(f"expected NAME=NUMBER, found {text!r}")
+    return name, int(number) if number.is_integer() and "." not in value else number
 
 
 def _names(options: argparse.Namespace) -> list[str]:
@@ -82,7 +108,7 @@ def show(options: argparse.Namespace) -> int:
     """Print a table of the problems."""
     rows, missing = [("problem", "class", "optimum", "what is special")], 0
     for name in _names(options):
-        problem = suite.get(name, options.elements, options.degree)
+        problem = _get(name, options)
         try:
             kind = problem.kind
         except ValueError:  # the mesh is too coarse for this one
@@ -94,39 +120,85 @@ def show(options: argparse.Namespace) -> int:
     return 0
 
 
+def _get(name: str, options: argparse.Namespace) -> suite.TestProblem:
+    return suite.get(name, options.elements, options.degree, **dict(options.set))
+
+
+def _asked(options: argparse.Namespace) -> list[str]:
+    """Return the names of the problems there are; say which meshes and starts are refused."""
+    names = _names(options)
+    if not (options.elements or options.degree or options.set or options.start):
+        return names
+    found = []
+    for name in names:
+        try:
+            problem = _get(name, options)
+            problem.start(options.start)
+            assert problem.star
+        except ValueError as error:
+            if options.problem:
+                raise
+            print(f"  left out: {name}: {error}", file=sys.stderr)
+        else:
+            found.append(name)
+    return found
+
+
 def run(options: argparse.Namespace) -> int:
-    """Run the solvers and print how often each verdict was reached."""
+    """Run the solvers and print how often each verdict was reached.
+
+    Returns 1 if a solver's own file has a mistake.
+    """
     for solver in options.solver:
         solvers.check(solver)
     cells = [
-        Cell(solver, name, options.elements, options.degree, options.start)
-        for name in _names(options)
+        Cell(
+            solver,
+            name,
+            options.elements,
+            options.degree,
+            options.start,
+            dict(options.set),
+            options.repeats,
+        )
+        for name in _asked(options)
         for solver in options.solver
     ]
-    limits = runner.Limits(options.seconds, options.memory)
-    records = runner.run(cells, options.output, limits=limits, jobs=options.jobs, show=show_record)
-    counts = runner.tally(records)
-    print_table(
-        [
-            ("solver", *VERDICTS),
-            *((name, *(str(count[v]) for v in VERDICTS)) for name, count in counts.items()),
-        ]
+    records = runner.run(
+        cells,
+        options.output,
+        limits=runner.Limits(options.seconds, options.memory),
+        jobs=options.jobs,
+        again=options.again,
+        show=show_record,
     )
-    for verdict in VERDICTS:
-        print(f"  {verdict}: {MEANING[verdict]}")
-    return 0
+    for mode in MODES:
+        counts, names = runner.tally(records, mode), meaning(mode)
+        print(f"{mode}:")
+        print_table(
+            [
+                ("solver", *names),
+                *((name, *(str(count[v]) for v in names)) for name, count in counts.items()),
+            ]
+        )
+        for name, said in names.items():
+            print(f"  {name}: {said}")
+    mistakes = {r["solver"]: r["trace"] for r in records if r["outcome"] == "error"}
+    for solver, trace in mistakes.items():
+        print(f"{solver} has a mistake:\n{trace}", file=sys.stderr)
+    return 1 if mistakes else 0
 
 
 def show_record(done: int, total: int, record: dict[str, Any]) -> None:
     """Write a progress bar to the standard error."""
-    progress(done, total, f"{record['solver']} {record['problem']}: {record['verdict']}")
+    progress(done, total, f"{record['solver']} {record['problem']}: {verdict(record, MODES[0])}")
 
 
 def dump(options: argparse.Namespace) -> int:
     """Write the problems to a directory."""
     from actionopt.suite.dump import dump as write
 
-    chosen = (suite.get(name, options.elements, options.degree) for name in _names(options))
+    chosen = (_get(name, options) for name in _names(options))
     print(write(chosen, options.directory))
     return 0
 

@@ -8,6 +8,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from actionopt.suite import nl
 from actionopt.suite.problem import TestProblem
 from actionopt.tools.files import write
@@ -45,6 +47,10 @@ def summary(problem: TestProblem) -> dict[str, Any]:
         "name": problem.name,
         "class": problem.classification,
         "kind": problem.kind,
+        "unbounded_below": problem.unbounded,
+        "decades": problem.decades,
+        "parameters": problem.parameters,
+        "start": problem.default_start,
         "tags": list(problem.tags),
         "elements": problem.mesh.elements,
         "degree": max(problem.mesh.degrees),
@@ -62,10 +68,14 @@ def facts(problem: TestProblem) -> dict[str, Any]:
         **summary(problem),
         "starts": {name: problem.start(name).tolist() for name in problem.start_names},
         "x_star": problem.x_star.tolist(),
+        "sign_of_multipliers": "grad f + J' lam = 0",
         "lam_star": problem.lam_star.tolist(),
         "f_star": problem.f_star,
         "index_star": problem.index_star,
-        "other_stationary_points": [x.tolist() for x in problem.others],
+        "f_lowest_known": problem.lowest if np.isfinite(problem.lowest) else None,
+        "other_stationary_points": [
+            {"x": s.x.tolist(), "f": s.f, "index": s.index, "kind": s.kind} for s in problem.others
+        ],
         "continuous_action": problem.continuous.action,
         "known_by": problem.known_by,
     }

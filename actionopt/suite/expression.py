@@ -10,10 +10,10 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 
-from actionopt.suite.problem import TestProblem
+from actionopt.suite.program import Program
 
 
-def nlp(problem: TestProblem, kind: Literal["SX", "MX"] = "MX") -> dict[str, Any]:
+def nlp(problem: Program, kind: Literal["SX", "MX"] = "MX") -> dict[str, Any]:
     """Return {"x", "f", "g"} for `casadi.nlpsol`: minimise f subject to g = 0.
 
     MX stays small at any size; SX is unrolled, and fast for small problems.
@@ -34,7 +34,7 @@ def nlp(problem: TestProblem, kind: Literal["SX", "MX"] = "MX") -> dict[str, Any
     return {"x": y, "f": f, "g": g}
 
 
-def _mapped(problem: TestProblem, x: ca.MX) -> tuple[ca.MX, ca.MX]:
+def _mapped(problem: Program, x: ca.MX) -> tuple[ca.MX, ca.MX]:
     tr = problem.transcription
     layout, asked = tr.layout, tr.problem
     system, n, count = asked.system, asked.system.n, layout.node_count
@@ -59,7 +59,7 @@ def _mapped(problem: TestProblem, x: ca.MX) -> tuple[ca.MX, ca.MX]:
     return f, (ca.DM(weight) * ca.vec(g))[layout.row_select.tolist()]
 
 
-def _differentiation(problem: TestProblem) -> ca.DM:
+def _differentiation(problem: Program) -> ca.DM:
     """Return the constant matrix from coordinates at nodes to velocities at evaluations."""
     tr = problem.transcription
     layout = tr.layout

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from actionopt.suite.problem import TestProblem
+from actionopt.suite.program import Program
 from actionopt.tools.types import Array, NDInt
 
 
@@ -16,12 +17,12 @@ def _matrix(values: Array, structure: tuple[NDInt, NDInt], shape: tuple[int, int
     return csc_array((values, structure), shape=shape)
 
 
-def jacobian(problem: TestProblem, x: Array):
+def jacobian(problem: Program, x: Array):
     """Return dc/dx as a scipy.sparse array, (m, n)."""
     return _matrix(problem.jacobian(x), problem.jacobian_structure, (problem.m, problem.n))
 
 
-def hessian(problem: TestProblem, x: Array, lam: Array | None = None, factor: float = 1.0):
+def hessian(problem: Program, x: Array, lam: Array | None = None, factor: float = 1.0):
     """Return the whole Hessian of the Lagrangian as a scipy.sparse array, (n, n)."""
     rows, cols = problem.hessian_structure
     values = problem.hessian(x, lam, factor)
@@ -30,7 +31,7 @@ def hessian(problem: TestProblem, x: Array, lam: Array | None = None, factor: fl
     return _matrix(np.concatenate([values, values[off]]), both, (problem.n, problem.n))
 
 
-def scipy_arguments(problem: TestProblem, method: str) -> dict[str, Any]:
+def scipy_arguments(problem: Program, method: str) -> dict[str, Any]:
     """Return keywords for `scipy.optimize.minimize`, but for x0: what the method can use.
 
     Raises ValueError for a method that takes no constraints, where there are some.
@@ -72,7 +73,7 @@ def scipy_arguments(problem: TestProblem, method: str) -> dict[str, Any]:
 class Ipopt:
     """The object `cyipopt.Problem(n, m, problem_obj=..., lb, ub, cl, cu)` asks for."""
 
-    def __init__(self, problem: TestProblem) -> None:
+    def __init__(self, problem: Program) -> None:
         self.problem = problem
         self.objective, self.gradient = problem.objective, problem.gradient
         self.constraints, self.jacobian = problem.constraints, problem.jacobian

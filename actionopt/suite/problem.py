@@ -1,18 +1,9 @@
-"""A test problem: functions in the user's units, all counted, and what is known of its answer.
-
-    minimise f(x) subject to c(x) = 0,      grad f(x) + J(x)' lam = 0 at a stationary point
-
-x are the free coordinates at the nodes, node by node, in the units the scene is written in or those
-of the family (unlike the transcription, which scales them): units of atoms or planets, or of both
-at once, are a difficulty that a solver should meet. f is the discrete action and
-c_k = w_k f(q_k, t_k) the constraints, weighted with the quadrature, so that lam are the
-multipliers lambda(t_k) of the continuous problem.
-"""
+"""A test problem: functions in the user's units, all counted, and what is known of its answer."""
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -20,45 +11,66 @@ import numpy as np
 
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.transcription import Transcription
-from actionopt.suite.families import Family, sample
+from actionopt.suite import known
+from actionopt.suite.families import STEADY, Family, sample
+from actionopt.suite.program import Program
 from actionopt.suite.stars import (
     Continuous,
     Star,
     continuous,
     least_multipliers,
+    nearest,
     others,
     relative_residual,
     star,
-    stationary_near,
+    too_coarse,
 )
-from actionopt.tools.types import Array, NDInt
+from actionopt.tools.types import Array
 
 SEED = 20  # of the perturbed starting points
 PERTURBATION, NEAR = 0.1, 1e-3  # in units of the coordinates' sizes
 WAYPOINTS = 3  # of the coarse starting point, between the ends
+FALLING = ("kepler_polar", "kepler_spherical")  # scenes: 1/r of an r that a solver takes below 0
+MOST_DECADES = 100
+THINNED = 1 / 0.9  # histories: ad hoc
 
 
-class TestProblem:
+@dataclass(frozen=True, eq=False)
+class Stationary:
+    """A stationary point that is known: x (n,), f there, and its index.
+
+    The index is the number of directions that lower f along c = 0; None where it is degenerate.
+    """
+
+    x: Array
+    f: float
+    index: int | None
+
+    @property
+    def kind(self) -> str:
+        """What it is: "minimum", "saddle" or "degenerate"."""
+        if self.index is None:
+            return "degenerate"
+        return "saddle" if self.index else "minimum"
+
+
+class TestProblem(Program):
     """One member of a family: a smooth nonlinear program with known answers.
 
-    Functions of x (n,): `objective`, `gradient`, `constraints`, and the nonzeros `jacobian` and
-    `hessian`, flat, in the order of `jacobian_structure` and `hessian_structure`. To begin with:
-    `start(name)`, name one of `start_names`. Known: `x_star`, `lam_star`, `f_star`, `index_star`,
-    `kind`. To judge by: `distance(x)`, `residual(x, lam)`. Scipy's sparse arrays (of the whole
-    Hessian) and arguments for scipy, Ipopt and CUTEst are made by `actionopt.suite.interfaces`.
+    The functions are those of `Program`. To begin with: `start(name)`, name one of `start_names`.
+    Known: `x_star`, `lam_star`, `f_star`, `index_star`, `kind`, `others`. To judge by:
+    `distance(x)`, `residual(x, lam)`. Scipy's sparse arrays (of the whole Hessian) and arguments
+    for scipy, Ipopt and CUTEst are made by `actionopt.suite.interfaces`.
 
     Parameters
     ----------
     family : Family
     elements, degree : int, optional
         The mesh: `elements` equal elements of one degree; the family's own by default.
+    decades : float, optional
+        Powers of ten over which the units of the unknowns range; the family's own by default.
     parameters : mapping, optional
         Parameters of the scene.
-
-    Attributes
-    ----------
-    counts : Counter
-        Evaluations by name: f, grad, c, jac, hess, hprod.
     """
 
     __test__ = False  # the name begins like a test's
@@ -68,6 +80,7 @@ class TestProblem:
         family: Family,
         elements: int | None = None,
         degree: int | None = None,
+        decades: float | None = None,
         parameters: Mapping[str, Any] | None = None,
     ) -> None:
         self.family = family
@@ -76,11 +89,16 @@ class TestProblem:
         asked = self.scene.problem
         elements = family.elements if elements is None else elements
         degree = family.degree if degree is None else degree
+        decades = family.decades if decades is None else decades
         if not isinstance(elements, (int, np.integer)) or elements < 1:
             raise ValueError(f"expected a whole number of elements, at least 1, found {elements!r}")
+        if not (isinstance(decades, (int, float)) and 0 <= decades <= MOST_DECADES):
+            raise ValueError(
+                f"expected decades between 0 and {MOST_DECADES}, found {decades!r}; products of "
+                "two units are to be numbers still"
+            )
         mesh = Mesh.uniform(asked.start.t, asked.end.t, int(elements), degree)
-        self.transcription = Transcription(asked, mesh, asked.scales)
-        self.counts: Counter[str] = Counter()
+        super().__init__(Transcription(asked, mesh, asked.scales), float(decades))
 
     def __repr__(self) -> str:
         """Show the name, the class and the size."""
@@ -99,182 +117,66 @@ class TestProblem:
         return self.family.tags
 
     @property
-    def mesh(self) -> Mesh:
-        """The mesh."""
-        return self.transcription.mesh
-
-    @property
-    def n(self) -> int:
-        """Number of unknowns."""
-        return self.transcription.layout.unknowns
-
-    @property
-    def m(self) -> int:
-        """Number of constraint rows."""
-        return self.transcription.layout.rows
-
-    @property
-    def nnz_jacobian(self) -> int:
-        """Structural nonzeros of the Jacobian."""
-        return self.transcription.layout.jacobian.nnz if self.m else 0
-
-    @property
-    def nnz_hessian(self) -> int:
-        """Structural nonzeros of the upper triangle of the Hessian of the Lagrangian."""
-        return self.transcription.layout.hessian.nnz
-
-    @property
-    def classification(self) -> str:
-        """The class in the manner of CUTEst, as "QUR2-MN-31-0".
-
-        Objective Quadratic or Other; constraints Unconstrained, Linear or Other; Regular, with
-        second derivatives; a Model; No internal variables; n and m.
-        """
-        structure = self.scene.problem.system.structure
-        quadratic = (
-            structure.constant_mass and structure.constant_coupling and structure.constant_stiffness
-        )
-        kind = "U" if not self.m else "L" if structure.affine_constraint else "O"
-        return f"{'Q' if quadratic else 'O'}{kind}R2-MN-{self.n}-{self.m}"
-
-    @property
     def convex(self) -> bool:
         """Whether f is convex where c = 0 is: quadratic, with linear constraints and index 0."""
         return (
             self.classification[0] == "Q"
-            and self.classification[1] != "O"
+            and self.classification[1] in "UL"
             and (self.index_star == 0)
         )
 
     @property
-    def bounds(self) -> tuple[Array, Array]:
-        """Lower and upper bounds of x, each (n,): there are none."""
-        return np.full(self.n, -np.inf), np.full(self.n, np.inf)
+    def unbounded(self) -> bool:
+        """Whether f falls without bound along c = 0.
 
-    @property
-    def constraint_bounds(self) -> tuple[Array, Array]:
-        """Lower and upper bounds of c, each (m,): zero."""
-        return np.zeros(self.m), np.zeros(self.m)
-
-    # -- functions ---------------------------------------------------------------------------
-
-    @cached_property
-    def stretch(self) -> Array:
-        """How many of the family's units make one of the scene's, for each unknown, (n,)."""
-        half = self.family.decades / 2
-        return np.logspace(-half, half, self.n)
-
-    @cached_property
-    def unit(self) -> Array:
-        """Size of each unknown, (n,), as far as the events tell."""
-        return self.transcription.x_unit * self.stretch
-
-    def objective(self, x: Array) -> float:
-        """Return f(x), the discrete action."""
-        self.counts["f"] += 1
-        return self.transcription.action(self._scaled(x)) * self.transcription.action_unit
-
-    def gradient(self, x: Array) -> Array:
-        """Return grad f(x), (n,)."""
-        self.counts["grad"] += 1
-        return self.transcription.gradient(self._scaled(x)) * (
-            self.transcription.action_unit / self.unit
-        )
-
-    def constraints(self, x: Array) -> Array:
-        """Return c(x), (m,)."""
-        self.counts["c"] += 1
-        if not self.m:
-            return np.zeros(0)
-        return self.transcription.constraint(self._scaled(x)) * self.transcription.row_unit
-
-    @property
-    def jacobian_structure(self) -> tuple[NDInt, NDInt]:
-        """Rows and columns of the nonzeros of the Jacobian, by columns."""
-        if not self.m:
-            return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp)
-        J = self.transcription.layout.jacobian
-        return J.row, J.col
-
-    def jacobian(self, x: Array) -> Array:
-        """Return the nonzeros of dc/dx, flat, in the order of `jacobian_structure`."""
-        self.counts["jac"] += 1
-        if not self.m:
-            return np.zeros(0)
-        rows, cols = self.jacobian_structure
-        values = self.transcription.jacobian(self._scaled(x))
-        return values * self.transcription.row_unit[rows] / self.unit[cols]
-
-    @property
-    def hessian_structure(self) -> tuple[NDInt, NDInt]:
-        """Rows and columns of the nonzeros of the Hessian's upper triangle, by columns."""
-        H = self.transcription.layout.hessian
-        return H.row, H.col
-
-    def hessian(self, x: Array, lam: Array | None = None, factor: float = 1.0) -> Array:
-        """Return the nonzeros, flat, of the upper triangle of factor * f'' + sum lam c''."""
-        self.counts["hess"] += 1
-        return self._hessian(x, lam, factor)
-
-    def hessian_product(
-        self, x: Array, lam: Array | None, direction: Array, factor: float = 1.0
-    ) -> Array:
-        """Return the Hessian of the Lagrangian times a direction, (n,)."""
-        self.counts["hprod"] += 1
-        rows, cols = self.hessian_structure
-        values = self._hessian(x, lam, factor)
-        product = np.bincount(rows, values * direction[cols], self.n)
-        off = rows != cols
-        return product + np.bincount(cols[off], values[off] * direction[rows[off]], self.n)
-
-    def _hessian(self, x: Array, lam: Array | None, factor: float) -> Array:
-        tr = self.transcription
-        rows, cols = self.hessian_structure
-        mu = np.zeros(self.m) if lam is None else np.asarray(lam) / tr.mu_unit
-        scaled = self._scaled(x)
-        # The transcription's Hessian is f'' + sum mu c'': affine in mu.
-        values = tr.hessian(np.concatenate([scaled, mu]))
-        if factor != 1.0:
-            bare = tr.hessian(np.concatenate([scaled, np.zeros(self.m)])) if mu.any() else values
-            values = values - (1.0 - factor) * bare
-        return values * (tr.action_unit / (self.unit[rows] * self.unit[cols]))
-
-    def _scaled(self, x: Array) -> Array:
-        return np.asarray(x, dtype=float) / self.unit
+        Of quadratics with linear constraints: where their index is not zero. And where a solver
+        that steps over a singularity, which paths cannot, finds the other side of it.
+        """
+        quadratic = self.classification[0] == "Q" and self.classification[1] in "UL"
+        return bool(quadratic and self.index_star) or self.family.scene in FALLING
 
     # -- starting points ---------------------------------------------------------------------
 
     @property
     def default_start(self) -> str:
-        """The scene's own guess where it has one, else the straight line."""
+        """The family's own; else the scene's guess where it has one, else the straight line."""
+        return self.family.start or self._base
+
+    @property
+    def _base(self) -> str:
         return "guess" if self.scene.guess is not None else "straight"
 
     @property
     def start_names(self) -> tuple[str, ...]:
         """Names of the starting points."""
+        if STEADY in self.tags:
+            return ("perturbed", "near")
         guess = () if self.scene.guess is None else ("guess",)
         return (*guess, "straight", "perturbed", "coarse", "near")
 
     def start(self, name: str | None = None) -> Array:
         """Return a starting point x0, (n,).
 
-        "straight": the straight line between the events; "perturbed": the default one with
-        noise of a tenth of the coordinates' sizes; "coarse": the path's broken line through a
-        few of its points; "near": the optimum, with noise of a thousandth; "guess": the
-        scene's own. Raises ValueError for another name.
+        "straight": the straight line between the events; "perturbed": that, or the scene's own
+        guess, with noise of a tenth of the coordinates' sizes; "coarse": the path's broken line
+        through a few of its points; "near": the optimum, with noise of a thousandth; "guess": the
+        scene's own. Raises ValueError for another name, and for one that would be the answer.
         """
         name = name or self.default_start
         if name not in self.start_names:
             raise ValueError(
                 f"expected a starting point among {', '.join(self.start_names)}, found {name!r}"
             )
+        return self._start(name)
+
+    def _start(self, name: str) -> Array:
         tr, scene = self.transcription, self.scene
         nodes, n = self.mesh.nodes, scene.problem.system.n
         noise = np.random.default_rng(SEED).uniform(-1, 1, self.n)
         if name == "near":
             return self.x_star + NEAR * noise * self.unit
         if name == "perturbed":
-            return self.start() + PERTURBATION * noise * self.unit
+            return self._start(self._base) + PERTURBATION * noise * self.unit
         if name == "straight":
             Q = tr.straight()
         elif name == "guess":
@@ -306,13 +208,48 @@ class TestProblem:
         asked = self.family.plain(**self.parameters).problem
         return Transcription(asked, self.mesh, asked.scales)
 
+    @property
+    def path(self) -> Array:
+        """That path at the nodes, (n,)."""
+        return self._at_nodes(self.continuous.path)
+
+    def _at_nodes(self, curve: Any) -> Array:
+        Q = sample(curve, self.mesh.nodes, self.scene.problem.system.n)
+        return Q.ravel()[self.transcription.layout.free] * self.stretch
+
     @cached_property
     def star(self) -> Star:
         """The discrete optimum near the path, in units of the transcription.
 
-        Raises ValueError if the mesh is too coarse to have one.
+        Raises ValueError if the mesh is too coarse to have one, or to tell its index.
         """
+        found, like = self._nearest_the_path, self._finer
+        if like is not None and found.index != like._nearest_the_path.index:
+            finer = like.mesh
+            raise too_coarse(
+                self._plain,
+                f"its index, {found.index}, is {like._nearest_the_path.index} on {finer.elements} "
+                f"of degree {max(finer.degrees)}, and not that",
+            )
+        return found
+
+    @cached_property
+    def _nearest_the_path(self) -> Star:
         return star(self._plain, self.continuous.path, polish=not self.scene.facts.flat)
+
+    @property
+    def _finer(self) -> TestProblem | None:
+        """The same on a mesh that tells its index; None where this one does.
+
+        The family's own mesh does, for the family's own parameters, and so do those finer.
+        """
+        own, mesh = self.family, self.mesh
+        if self.scene.facts.flat:
+            return None
+        if self.parameters:
+            return TestProblem(own, 2 * mesh.elements, max(mesh.degrees), 0, self.parameters)
+        fine = mesh.elements >= own.elements and max(mesh.degrees) >= own.degree
+        return None if fine else TestProblem(own, decades=0)
 
     @property
     def x_star(self) -> Array:
@@ -342,17 +279,32 @@ class TestProblem:
     @property
     def kind(self) -> str:
         """What the optimum is: "minimum", "saddle" or "degenerate"."""
-        if self.index_star is None:
-            return "degenerate"
-        return "saddle" if self.index_star else "minimum"
+        return self.optimum.kind
+
+    @property
+    def optimum(self) -> Stationary:
+        """All that together."""
+        return Stationary(self.x_star, self.f_star, self.index_star)
 
     @cached_property
-    def others(self) -> tuple[Array, ...]:
-        """Other stationary points x that are known, each (n,); the linear ones have none."""
+    def others(self) -> tuple[Stationary, ...]:
+        """Other stationary points that are known; the linear ones have none."""
         if self.scene.problem.system.structure.linear:
             return ()
-        known = others(self._plain, self.scene, self.family.bends, self.star)
-        return tuple(other.z[: self.n] * self.unit for other in known)
+        points = () if self.parameters else known.points(self.name, self)
+        found = others(self._plain, self.scene, self.family.bends, points, self.star)
+        return tuple(map(self._stationary, found))
+
+    def _stationary(self, star: Star) -> Stationary:
+        tr, scaled = self.transcription, star.z[: self.n]
+        return Stationary(scaled * self.unit, tr.action(scaled) * tr.action_unit, star.index)
+
+    @cached_property
+    def lowest(self) -> float:
+        """The least f that is known of a minimum, or of a degenerate optimum; inf without one."""
+        return min(
+            (s.f for s in (self.optimum, *self.others) if s.kind != "saddle"), default=np.inf
+        )
 
     @cached_property
     def flat(self) -> Array:
@@ -386,9 +338,40 @@ class TestProblem:
         away = away - self.flat @ (self.flat.T @ away)
         return float(np.max(np.abs(away), initial=0.0))
 
-    def is_near_stationary(self, x: Array, reach: float) -> bool:
-        """Whether a stationary point of the discrete problem lies within `reach`, in `unit`."""
-        return stationary_near(self._plain, self._scaled(x), reach)
+    def nearest(self, x: Array, reach: float) -> Stationary | None:
+        """Return the stationary point within `reach` of x, in `unit`, that Newton's method finds.
+
+        None if there is none.
+        """
+        found = nearest(self._plain, self._scaled(x), reach)
+        return None if found is None else self._stationary(found)
+
+    def violation(self, x: Array) -> float:
+        """Return max |c|, its rows scaled to the coordinates' sizes."""
+        if not self.m:
+            return 0.0
+        return float(np.max(np.abs(self.transcription.constraint(self._scaled(x)))))
+
+    def history(self, visited: Sequence[Array]) -> list[tuple[int, float, float]]:
+        """Return number, from 1, f and violation of evaluations that were better than all before.
+
+        Better: of less f or less violation than any. Of what is better by less than a tenth, in
+        violation or in what f falls still, only some are kept: there can be thousands.
+        """
+        tr = self.transcription
+        with np.errstate(all="ignore"):
+            f = np.array([tr.action(self._scaled(x)) for x in visited]) * tr.action_unit
+            v = np.array([self.violation(x) for x in visited])
+        usable = np.isfinite(f) & np.isfinite(v)
+        end = np.min(f[usable], initial=np.inf)
+        kept: list[tuple[int, float, float]] = []
+        seen = np.empty((0, 2))
+        for k in np.flatnonzero(usable):
+            here = THINNED * (f[k] - end), THINNED * v[k]
+            if not np.any((seen[:, 0] <= here[0]) & (seen[:, 1] <= here[1])):
+                kept.append((int(k) + 1, float(f[k]), float(f"{v[k]:.3g}")))
+                seen = np.vstack([seen, (f[k] - end, v[k])])
+        return kept
 
     def residual(self, x: Array, lam: Array | None = None) -> float:
         """Return the relative KKT residual: 1e-16 is round-off. Multipliers are fitted if None.

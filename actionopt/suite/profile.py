@@ -1,11 +1,18 @@
 """Profiles: how many problems a solver has solved at a cost, for all costs.
 
 The *performance profile* of a solver is the fraction of problems it solves within tau times the
-cost of the best solver for each; the *data profile* the fraction within alpha evaluations per
-unknown and one. Both need no average over problems that some solver did not solve.
+cost of the best solver for each: E. D. Dolan and J. J. More, Mathematical Programming 91 (2002),
+201-213, eq. (2.1). Solved is what the verdict calls right.
 
-Sources: E. D. Dolan and J. J. More, Mathematical Programming 91 (2002), 201-213, eq. (2.1);
-J. J. More and S. M. Wild, SIAM J. Optimization 20 (2009), 172-191, eq. (2.8).
+The *data profile* is the fraction of problems for which alpha (n + 1) evaluations of f are enough
+for the convergence test
+
+    f(x) <= f_L + tau (f(x_0) - f_L),
+
+f_L being the least f that any solver finds: J. J. More and S. M. Wild, SIAM J. Optimization 20
+(2009), 172-191, eqs. (2.2) and (2.8). Here f_L is the least f known of a minimum, if no solver
+finds less; what has constraints, which theirs had not, is to violate them by no more than tau, in
+units of the coordinates; and f(x_0) may be less than f_L then: their distance is what counts.
 """
 
 from __future__ import annotations
@@ -15,69 +22,114 @@ from typing import Any
 
 import numpy as np
 
+from actionopt.suite.verdict import UNSCORED, verdict
 from actionopt.tools.types import Array
 
-RIGHT = ("right",)
-STATIONARY = ("right", "other", "new")
+TAUS = (1e-3, 1e-6)
 
-Records = Sequence[Mapping[str, Any]]
-
-
-def evaluations(record: Mapping[str, Any]) -> float:
-    """Return the calls of all functions together."""
-    return float(sum(record.get("evaluations", {}).values()))
+Record = Mapping[str, Any]
+Records = Sequence[Record]
 
 
-def costs(records: Records, measure: str, accepted: Sequence[str]) -> dict[str, Array]:
-    """Return each solver's cost of each problem, infinite where the verdict is not `accepted`.
+def costs(records: Records, measure: str, mode: str, accuracy: float) -> dict[str, Array]:
+    """Return each solver's cost of each problem, infinite where the verdict is not right.
 
     Parameters
     ----------
     records : sequence of mapping
         As the runner writes them.
-    measure : {"seconds", "evaluations", "evaluations per unknown"}
-    accepted : sequence of str
-        Verdicts that count as solved.
+    measure : {"seconds", "f", "grad", ...}
+        Wall time, or evaluations of that function.
+    mode : {"minimise", "stationary"}
+    accuracy : float
+        Distance from the stationary point that is allowed, in units of the coordinates.
+
+    Returns
+    -------
+    dict of str to (problems,) array
+        NaN where a solver is not scored, for it was not there or its file had a mistake.
     """
-    cells = {(_asked(r), r["solver"]): r for r in records}
-    problems = list(dict.fromkeys(asked for asked, _ in cells))
+    return _table(records, lambda r: _cost(r, measure, mode, accuracy))
+
+
+def _cost(record: Record, measure: str, mode: str, accuracy: float) -> float:
+    if verdict(record, mode, accuracy) != "right":
+        return np.inf
+    if measure == "seconds":
+        return max(float(record["seconds"]), 1e-6)  # a clock's tick: ratios need it positive
+    return float(max(record["evaluations"].get(measure, 0), 1))
+
+
+def _table(records: Records, cost: Any) -> dict[str, Array]:
+    cells = {(asked(r), r["solver"]): r for r in records}
+    problems = list(dict.fromkeys(where for where, _ in cells))
     table = {}
     for solver in dict.fromkeys(r["solver"] for r in records):
         row = np.full(len(problems), np.inf)
-        for i, asked in enumerate(problems):
-            record = cells.get((asked, solver))
-            if record is not None and record["verdict"] in accepted:
-                row[i] = _cost(record, measure)
+        for i, where in enumerate(problems):
+            record = cells.get((where, solver))
+            if record is not None:
+                row[i] = np.nan if record["outcome"] in UNSCORED else cost(record)
         table[solver] = row
     return table
 
 
-def _asked(record: Mapping[str, Any]) -> tuple:
-    return tuple(record.get(k) for k in ("problem", "elements", "degree", "start"))
+def asked(record: Record) -> tuple:
+    """Return what was asked of the solver: the problem, its mesh, its parameters and the start."""
+    parameters = tuple(sorted(record.get("parameters", {}).items()))
+    return tuple(record.get(k) for k in ("problem", "elements", "degree", "start")) + parameters
 
 
-def _cost(record: Mapping[str, Any], measure: str) -> float:
-    if measure == "seconds":
-        return max(float(record["seconds"]), 1e-6)  # a clock's tick: ratios need it positive
-    count = max(evaluations(record), 1.0)
-    return count / (record["n"] + 1) if measure == "evaluations per unknown" else count
+def evaluations_per_unknown(records: Records, tau: float) -> dict[str, Array]:
+    """Return each solver's evaluations of f, over n + 1, until the convergence test holds.
+
+    Problems without a least f are left out: those unbounded below, and those of which no minimum
+    is known and none was found.
+    """
+    least = _least(records)
+    bounded = [r for r in records if asked(r) in least]
+    return _table(bounded, lambda r: _reached(r, least[asked(r)], tau) / (r.get("n", 0) + 1))
+
+
+def _least(records: Records) -> dict[tuple, float]:
+    """Return f_L of each problem that has one."""
+    found: dict[tuple, float] = {}
+    for r in records:
+        if r["outcome"] != "answered" or r["unbounded"]:
+            continue
+        mine = [r["f_lowest"]] if r.get("f_lowest") is not None else []
+        if r.get("at") and not r.get("index"):
+            mine.append(r["f_there"])
+        if mine:
+            found[asked(r)] = min(found.get(asked(r), np.inf), *mine)
+    return found
+
+
+def _reached(record: Record, least: float, tau: float) -> float:
+    """Return the evaluations of f until the test holds for the first time."""
+    if record["outcome"] != "answered":
+        return np.inf
+    goal = least + tau * abs(record["f_start"] - least)
+    # Values of f have round-off of their own.
+    goal += 4 * np.finfo(float).eps * max(abs(least), abs(record["f_start"]))
+    return next((float(k) for k, f, v in record["history"] if f <= goal and v <= tau), np.inf)
 
 
 def performance(table: Mapping[str, Array]) -> dict[str, tuple[Array, Array]]:
     """Return each solver's performance profile: its steps' tau, and the fractions reached there.
 
-    Problems that no solver solved count in the denominator.
+    Problems that no solver solved count in the denominator; those a solver is not scored on do not.
     """
-    best = np.min(list(table.values()), axis=0)
     with np.errstate(invalid="ignore"):
-        return {solver: _steps(row / best) for solver, row in table.items()}
+        best = np.fmin.reduce(list(table.values()))
+        return {solver: _steps(row / best, ~np.isnan(row)) for solver, row in table.items()}
 
 
 def data(table: Mapping[str, Array]) -> dict[str, tuple[Array, Array]]:
-    """Return each solver's data profile, for costs in evaluations per unknown and one."""
-    return {solver: _steps(row) for solver, row in table.items()}
+    """Return each solver's data profile, for evaluations over n + 1."""
+    return {solver: _steps(row, ~np.isnan(row)) for solver, row in table.items()}
 
 
-def _steps(values: Array) -> tuple[Array, Array]:
+def _steps(values: Array, scored: Array) -> tuple[Array, Array]:
     reached = np.sort(values[np.isfinite(values)])
-    return reached, np.arange(1, reached.size + 1) / max(values.size, 1)
+    return reached, np.arange(1, reached.size + 1) / max(np.count_nonzero(scored), 1)

@@ -1,4 +1,4 @@
-"""A report on runs: verdicts, profiles, classes and evaluations, as one page and its figures."""
+"""A report on runs: verdicts in both modes, profiles and evaluations, as a page and its figures."""
 
 from __future__ import annotations
 
@@ -8,9 +8,11 @@ from pathlib import Path, PurePath
 from statistics import median
 from typing import Any
 
-from actionopt.suite import profile
+from actionopt.suite import FAMILIES, profile
 from actionopt.suite.runner import Limits, tally
-from actionopt.suite.verdict import MEANING, VERDICTS
+from actionopt.suite.solvers import CHANGED
+from actionopt.suite.verdict import ACCURACIES, MODES, UNSCORED, meaning, verdict
+from actionopt.tools.files import write as write_file
 
 PAGE = """\
 <!doctype html>
@@ -19,6 +21,7 @@ PAGE = """\
 <title>Solvers on stationary-action problems</title>
 <style>
 body {{ font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto }}
+div {{ overflow-x: auto }}
 table {{ border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums }}
 pre {{ overflow-x: auto }}
 th, td {{ padding: 0.2rem 0.7rem; border-bottom: 1px solid #ddd; text-align: right }}
@@ -27,83 +30,146 @@ img {{ max-width: 100% }}
 .right {{ color: #007a5a }} .wrong {{ color: #b84a00; font-weight: bold }}
 </style>
 <h1>Solvers on stationary-action problems</h1>
-<p>{cells} runs: {solvers} solvers on {problems} problems. Every solver has its own default
-options. Verdicts are judged from the point returned alone: its distance to the known optimum, and
-its KKT residual.</p>
-<dl>{meanings}</dl>
-<h2>Verdicts</h2>
-{verdicts}
-<h2>Performance profiles</h2>
-<p>Fraction of problems solved within so many times the cost of the best solver for each. Solved
-means the verdict <em>right</em>, or any stationary point, as each figure says.</p>
-{figures}
-<h2>By class</h2>
-<p>Right answers out of problems. Objective Quadratic or Other; constraints Unconstrained (none),
-Linear or Other.</p>
-{classes}
+<p>{cells} runs: {solvers} solvers on {problems} problems, {dates}, {machines}; {packages}. Every
+solver has its own default options{changed}. Two questions are put to each answer: whether it is
+what a <em>minimiser</em> should say, and whether it is the <em>stationary</em> point that is known,
+be it a saddle. It is judged by the point returned; of the solver's word, "unbounded" may be right,
+and to claim what is not so is wrong.</p>
+{modes}
+<h2>Data profiles</h2>
+<p>Fraction of problems for which so many evaluations of f, over n + 1, brought f within tau of the
+least known, as Mor&eacute; and Wild have it: f(x) - f_L &le; tau |f(x0) - f_L|; with constraints,
+at a violation of no more than tau. Only the {bounded} problems that have a least f.</p>
+{data}
 <h2>Evaluations</h2>
-<p>Median over the right answers, calls of all functions together; per unknown, and seconds.</p>
+<p>Median over the right answers of minimisers, counted in the functions that the solver is given:
+a call that returns f and c is one of each, a product with a Hessian is no Hessian. Seconds are
+those of the clock, the least of {repeats}; of solves that take a second, of one. The functions of
+SciPy's solvers are called from Python, and take longer.</p>
 {evaluations}
+<h2>Solvers</h2>
+{versions}
 <h2>Problem by problem</h2>
-{matrix}
-<p>Made by</p>
+{matrices}
+{unknown}{mistakes}<p>Made by</p>
 <pre>{commands}</pre>
 </html>
 """
 
-ALLOWED = Limits().seconds
+SECTION = """\
+<h2>Asked to {verb}</h2>
+<dl>{meanings}</dl>
+<p>Within {loose:g} of the point, in units of the coordinates; in parentheses, right within
+{tight:g}.</p>
+{verdicts}
+<p>Right by class: objective Quadratic or Other; constraints Unconstrained (none), Linear, Quadratic
+or Other.</p>
+{classes}
+<p>Performance profiles, as Dolan and Mor&eacute; have them: fraction of problems solved within so
+many times the cost of the best solver for each.</p>
+{figures}
+"""
+VERBS = {"minimise": "minimise", "stationary": "find the stationary point"}
 
-RATIO = {"seconds": "time over that of the fastest", "evaluations": "evaluations over the fewest"}
-SHARE = "evaluations per unknown"
-# File, measure (of a performance profile, or a data profile's), accepted verdicts.
-FIGURES = (
-    ("performance_time", "seconds", profile.RIGHT),
-    ("performance_time_any", "seconds", profile.STATIONARY),
-    ("performance_evaluations", "evaluations", profile.RIGHT),
-    ("data", SHARE, profile.RIGHT),
-    ("data_any", SHARE, profile.STATIONARY),
-)
+LIMITS, REPEATS = Limits(), 3
+COSTS = {"seconds": "time over that of the fastest", "f": "evaluations of f over the fewest"}
+COUNTED = ("f", "grad", "c", "jac", "hess", "hprod")
+
+Records = Sequence[Mapping[str, Any]]
 
 
-def write(records: Sequence[Mapping[str, Any]], directory: str | Path) -> Path:
+def write(records: Records, directory: str | Path) -> Path:
     """Write `index.html` and its figures to a directory; return the page.
+
+    Of a cell that was run more than once the last record counts.
 
     Raises ValueError if there are no records.
     """
-    from actionopt.plot import profiles as draw  # matplotlib only where something is drawn
-
     if not records:
         raise ValueError("expected results of at least one run, found none; `actionopt suite run`")
-    records = [{**r, "solver": _short(r["solver"])} for r in records]
+    latest = {(profile.asked(r), r["solver"]): r for r in records}
+    records = _in_order([{**r, "solver": _short(r["solver"])} for r in latest.values()])
     folder = Path(directory)
     folder.mkdir(parents=True, exist_ok=True)
-    images = []
-    ran = [r for r in records if r["verdict"] != "absent"]
-    for name, measure, accepted in FIGURES:
-        table, title = profile.costs(ran, measure, accepted), RATIO.get(measure, f"{SHARE} and one")
-        steps = profile.performance(table) if measure in RATIO else profile.data(table)
-        least = 1.0 if measure in RATIO else 0.01
-        what = "right" if accepted is profile.RIGHT else "any stationary point"
-        ax = draw.profiles(steps, xlabel=f"{title} ({what})", least=least)
-        draw.save(ax, folder / f"{name}.svg")
-        images.append(f'<p><img src="{name}.svg" alt="{escape(title)}, {what}"></p>')
+    ran = [r for r in records if r["outcome"] != "absent"]
+    tables = {tau: profile.evaluations_per_unknown(ran, tau) for tau in profile.TAUS}
+    data = [
+        _figure(
+            profile.data(table),
+            folder,
+            f"data_{tau:.0e}",
+            f"evaluations of f / (n + 1), tau = {tau:g}",
+        )
+        for tau, table in tables.items()
+    ]
     page = folder / "index.html"
-    page.write_text(
-        PAGE.format(
-            cells=len(records),
-            solvers=len({r["solver"] for r in records}),
-            problems=len({r["problem"] for r in records}),
-            meanings="".join(f"<dt>{v}</dt><dd>{escape(MEANING[v])}</dd>" for v in VERDICTS),
-            verdicts=_verdicts(records),
-            figures="\n".join(images),
-            classes=_classes(ran),
-            evaluations=_evaluations(ran),
-            matrix=_matrix(records),
-            commands=_commands(records),
+    text = PAGE.format(
+        cells=len(records),
+        solvers=len({r["solver"] for r in records}),
+        problems=len({profile.asked(r) for r in records}),
+        dates=_span(records, "date"),
+        machines=_span(records, "machine"),
+        packages=_span(records, "package"),
+        changed="".join(
+            f" (but {escape(name)}: {escape(how)})"
+            for name, how in CHANGED.items()
+            if any(r["solver"] == name for r in records)
         ),
-        encoding="utf-8",
+        modes="\n".join(_section(mode, records, ran, folder) for mode in MODES),
+        bounded=max(len(row) for row in next(iter(tables.values())).values()) if ran else 0,
+        data="\n".join(data),
+        repeats=_span(records, "repeats"),
+        evaluations=_evaluations(ran),
+        versions=_versions(records),
+        matrices="\n".join(f"<h3>{VERBS[mode]}</h3>{_matrix(records, mode)}" for mode in MODES),
+        unknown=_unknown(records),
+        mistakes=_mistakes(records),
+        commands=_commands(records),
     )
+    write_file(page, text)
     return page
+
+
+def _in_order(records: Records) -> Records:
+    """Return the records problem by problem, the solvers with most right minima first."""
+    right = tally(records, MODES[0])
+    place = {name: k for k, name in enumerate(FAMILIES)}
+    seen = {where: k for k, where in enumerate(dict.fromkeys(map(profile.asked, records)))}
+    return sorted(
+        records,
+        key=lambda r: (
+            place.get(r["problem"], len(place)),
+            seen[profile.asked(r)],
+            -right[r["solver"]]["right"],
+            r["solver"],
+        ),
+    )
+
+
+def _section(mode: str, records: Records, ran: Records, folder: Path) -> str:
+    images = []
+    for measure, title in COSTS.items():
+        for accuracy in ACCURACIES:
+            steps = profile.performance(profile.costs(ran, measure, mode, accuracy))
+            name = f"{mode}_{measure}_{accuracy:.0e}"
+            images.append(_figure(steps, folder, name, f"{title} (within {accuracy:g})", 1.0))
+    loose, tight = ACCURACIES
+    return SECTION.format(
+        verb=VERBS[mode],
+        meanings="".join(f"<dt>{v}</dt><dd>{escape(m)}</dd>" for v, m in meaning(mode).items()),
+        loose=loose,
+        tight=tight,
+        verdicts=_verdicts(records, mode),
+        classes=_classes(ran, mode),
+        figures="\n".join(images),
+    )
+
+
+def _figure(steps: Mapping, folder: Path, name: str, title: str, least: float = 0.01) -> str:
+    from actionopt.plot import profiles as draw  # matplotlib only where something is drawn
+
+    draw.save(draw.profiles(steps, xlabel=title, least=least), folder / f"{name}.svg")
+    return f'<p><img src="{name}.svg" alt="{escape(title)}"></p>'
 
 
 def _short(solver: str) -> str:
@@ -112,73 +178,158 @@ def _short(solver: str) -> str:
     return f"{PurePath(place).name}{colon}{name}" if place.endswith(".py") else solver
 
 
-def _commands(records: Sequence[Mapping[str, Any]]) -> str:
-    """Return the commands that make these records, one for each time allowed, and the report."""
-    asked: dict[float, list[str]] = {}
-    for name, seconds in dict.fromkeys((r["solver"], r.get("allowed", ALLOWED)) for r in records):
-        asked.setdefault(seconds, []).append(f"--solver {name}")
-    runs = [
-        " \\\n  ".join(
-            [f"actionopt suite run{'' if s == ALLOWED else f' --seconds {s:g}'}", *names]
-        )
-        for s, names in asked.items()
-    ]
-    return escape("\n".join([*runs, "actionopt suite report"]))
+def _span(records: Records, name: str) -> str:
+    """Return all values of an entry there are."""
+    values = sorted({str(r[name]) for r in records if name in r})
+    return escape(
+        f"{values[0]} to {values[-1]}" if name == "date" and values[1:] else "; ".join(values)
+    )
 
 
-def _verdicts(records: Sequence[Mapping[str, Any]]) -> str:
-    counts = tally([dict(r) for r in records])
-    rows = ([name, *(str(count[v]) for v in VERDICTS)] for name, count in counts.items())
-    return _table(["solver", *VERDICTS], rows)
+def _commands(records: Records) -> str:
+    """Return the commands that make these records, and the report."""
+    groups: dict[tuple[str, ...], dict[str, list[str]]] = {}
+    for r in records:
+        family = FAMILIES.get(r["problem"])
+        options = [
+            f"--{name} {r[name]}"
+            for name in ("elements", "degree")
+            if name in r and (family is None or r[name] != getattr(family, name))
+        ]
+        if "start" in r and r["start"] != r.get("own_start", r["start"]):
+            options.append(f"--start {r['start']}")
+        options += [f"--set {k}={v}" for k, v in r.get("parameters", {}).items()]
+        for name, value, usual in (
+            ("repeats", r.get("repeats", REPEATS), REPEATS),
+            ("seconds", r.get("allowed", LIMITS.seconds), LIMITS.seconds),
+            ("memory", r.get("memory", LIMITS.memory), LIMITS.memory),
+        ):
+            if value != usual:
+                options.append(f"--{name} {value:g}")
+        groups.setdefault(tuple(options), {}).setdefault(r["solver"], []).append(r["problem"])
+    lines = []
+    for options, by_solver in groups.items():
+        alike: dict[tuple[str, ...], list[str]] = {}
+        for solver, problems in by_solver.items():
+            alike.setdefault(tuple(sorted(set(problems))), []).append(solver)
+        for problems, names in alike.items():
+            every = set(problems) == set(FAMILIES)
+            chosen = [] if every else [f"--problem {name}" for name in problems]
+            words = [*(f"--solver {name}" for name in names), *options, *chosen]
+            lines.append(" \\\n  ".join(["actionopt suite run", *words]))
+    return escape("\n".join([*lines, "actionopt suite report --to DIRECTORY"]))
 
 
-def _classes(records: Sequence[Mapping[str, Any]]) -> str:
-    letters = {r["problem"]: r["class"][:2] for r in records if "class" in r}
-    classes = sorted(set(letters.values()))
+def _verdicts(records: Records, mode: str) -> str:
+    names, rows = list(meaning(mode)), []
+    loose, tight = ACCURACIES
+    for solver, mine in _by_solver(records).items():
+        found = [verdict(r, mode, loose) for r in mine]
+        exact = sum(verdict(r, mode, tight) == "right" for r in mine)
+        counts = [str(found.count(name)) for name in names]
+        rows.append([solver, f"{counts[0]} ({exact})", *counts[1:]])
+    return _html(["solver", *names], rows)
+
+
+def _classes(records: Records, mode: str) -> str:
+    classes = sorted({r["class"][:2] for r in records if "class" in r})
+    letters = {profile.asked(r): r["class"][:2] for r in records if "class" in r}
     rows = []
     for solver, mine in _by_solver(records).items():
-        kinds = [(letters.get(r["problem"]), r["verdict"] == "right") for r in mine]
+        scored = [r for r in mine if r["outcome"] not in UNSCORED]
+        kinds = [(letters.get(profile.asked(r)), verdict(r, mode) == "right") for r in scored]
         counts = ([right for kind, right in kinds if kind == wanted] for wanted in classes)
         rows.append([solver, *(f"{sum(c)} / {len(c)}" for c in counts)])
-    return _table(["solver", *classes], rows)
+    return _html(["solver", *classes], rows)
 
 
-def _evaluations(records: Sequence[Mapping[str, Any]]) -> str:
+def _evaluations(records: Records) -> str:
     rows = []
     for solver, every in _by_solver(records).items():
-        mine = [r for r in every if r["verdict"] == "right"]
-        cells = ["", "", ""]
+        mine = [r for r in every if verdict(r, "minimise") == "right"]
+        cells = [""] * (len(COUNTED) + 1)
         if mine:
-            counts = [profile.evaluations(r) for r in mine]
-            share = [c / (r["n"] + 1) for c, r in zip(counts, mine, strict=True)]
-            seconds = median(r["seconds"] for r in mine)
-            cells = [f"{median(counts):.0f}", f"{median(share):.2g}", f"{seconds:.2g}"]
+            counts = (median(r["evaluations"].get(name, 0) for r in mine) for name in COUNTED)
+            cells = [*(f"{c:.0f}" for c in counts), f"{median(r['seconds'] for r in mine):.2g}"]
         rows.append([solver, *cells])
-    return _table(["solver", "evaluations", "per unknown", "seconds"], rows)
+    return _html(["solver", *COUNTED, "seconds"], rows)
 
 
-def _by_solver(records: Sequence[Mapping[str, Any]]) -> dict[str, list[Mapping[str, Any]]]:
+def _versions(records: Records) -> str:
+    rows = []
+    for solver, mine in _by_solver(records).items():
+        least = min((r["allowed"] for r in mine if "allowed" in r), default=LIMITS.seconds)
+        rows.append(
+            [solver, "; ".join(sorted({r.get("content", "") for r in mine})), f"{least:g} s"]
+        )
+    return _html(["solver", "version", "time allowed"], rows)
+
+
+def _by_solver(records: Records) -> dict[str, list[Mapping[str, Any]]]:
     names = dict.fromkeys(r["solver"] for r in records)
     return {name: [r for r in records if r["solver"] == name] for name in names}
 
 
-def _matrix(records: Sequence[Mapping[str, Any]]) -> str:
+def _matrix(records: Records, mode: str) -> str:
     names = list(dict.fromkeys(r["solver"] for r in records))
-    found = {(r["problem"], r["solver"]): r["verdict"] for r in records}
+    found = {(profile.asked(r), r["solver"]): verdict(r, mode) for r in records}
+    about: dict[tuple, Mapping[str, Any]] = {}
+    for r in records:
+        if "class" in r:
+            about.setdefault(profile.asked(r), r)
+    rows = []
+    for where in dict.fromkeys(profile.asked(r) for r in records):
+        r = about.get(where, {})
+        family = FAMILIES.get(where[0])
+        mesh = "" if where[1] is None else f"{where[1]} x {where[2]}"
+        f = f"{r['f_star']:.6g}" if "f_star" in r else ""
+        settings = ", ".join(f"{k} = {v}" for k, v in where[4:])
+        name = f"{where[0]} ({settings})" if settings else where[0]
+        facts = [
+            r.get("class", ""),
+            mesh,
+            where[3] or "",
+            f,
+            ", ".join(family.tags if family else ()),
+        ]
+        rows.append([name, *facts, *(found.get((where, solver), "") for solver in names)])
+    return _html(["problem", "class", "mesh", "start", "f*", "", *names], rows)
+
+
+def _unknown(records: Records) -> str:
+    """Return what was found and not known: `actionopt.suite.learn` keeps it."""
+    found = [r for r in records if r.get("at") == "new"]
+    if not found:
+        return ""
     rows = (
-        [problem, *(found.get((problem, solver), "") for solver in names)]
-        for problem in dict.fromkeys(r["problem"] for r in records)
+        [
+            r["problem"],
+            r["solver"],
+            f"{r['f_there']:.8g}",
+            f"{r['f_star']:.8g}",
+            str(r.get("index")),
+        ]
+        for r in found
     )
-    return _table(["problem", *names], rows)
+    table = _html(["problem", "solver", "f", "f*", "index"], rows)
+    return f"<h2>Stationary points that were not known</h2>{table}"
 
 
-def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    lines = ["<table>", f"<tr>{''.join(f'<th>{escape(cell)}</th>' for cell in head)}</tr>"]
+def _mistakes(records: Records) -> str:
+    found = {r["solver"]: r.get("trace", "") for r in records if r["outcome"] == "error"}
+    if not found:
+        return ""
+    texts = (f"<p>{escape(name)}</p><pre>{escape(trace)}</pre>" for name, trace in found.items())
+    return f"<h2>Mistakes in solvers' files</h2>{''.join(texts)}"
+
+
+def _html(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    lines = ["<div><table>", f"<tr>{''.join(f'<th>{escape(cell)}</th>' for cell in head)}</tr>"]
     for row in rows:
         lines.append(f"<tr>{''.join(map(_cell, row))}</tr>")
-    return "\n".join([*lines, "</table>"])
+    return "\n".join([*lines, "</table></div>"])
 
 
 def _cell(text: str) -> str:
-    kind = f' class="{text}"' if text in VERDICTS else ""
+    kind = f' class="{text}"' if text in ("right", "wrong") else ""
     return f"<td{kind}>{escape(text)}</td>"

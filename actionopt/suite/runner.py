@@ -1,30 +1,45 @@
 """Run many solvers on many problems, each in its own process; a crash or a hang costs one cell.
 
 Results go to a file of JSON lines as they come. What the file has already is not run again, so
-that an interrupted run is resumed by starting it anew.
+that an interrupted run is resumed by starting it anew: the same solver (its file or its version),
+on the same numbers, on this machine. What ran out of its time or memory is run again with more.
 """
 
 from __future__ import annotations
 
+import datetime
+import hashlib
 import json
+import os
+import platform
+import sys
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
+from functools import cache, lru_cache
 from pathlib import Path
+from threading import Lock
 from time import perf_counter
 from typing import Any
 
-from actionopt.suite.cell import Cell
+from actionopt.suite import solvers
+from actionopt.suite.cell import Cell, judged
+from actionopt.suite.problem import TestProblem
+from actionopt.suite.verdict import verdict
 from actionopt.tools import process
 from actionopt.tools.files import rounded
 
-DIGITS = 4  # of what is kept: times differ in the second
+DIGITS = 4  # of times and distances: they differ in the second
+ROUNDED = ("distance", "residual", "violation", "off", "seconds", "wall")
+ONE_AT_A_TIME = Lock()
+KEY = ("solver", "problem", "elements", "degree", "start", "parameters", "repeats")
+CONTENT = ("content", "numbers", "package", "machine")  # what makes answers differ beside these
 
 
 @dataclass(frozen=True)
 class Limits:
-    """Wall time (s) and memory (GiB) of one cell, its process's start included."""
+    """Wall time (s) and memory (GiB) of one solver, its process's start included."""
 
     seconds: float = 60.0
     memory: float = 8.0
@@ -36,20 +51,27 @@ def run(
     *,
     limits: Limits | None = None,
     jobs: int = 1,
+    again: bool = False,
     show: Callable[[int, int, dict[str, Any]], None] | None = None,
 ) -> list[dict[str, Any]]:
     """Run the cells that `file` does not have yet, and return the results of all of them.
 
-    `show(done, total, record)` is called after each, from one thread.
+    All of them are run if it is to be done `again`. `show(done, total, record)` is called after
+    each, from one thread.
     """
-    wanted, known = list(dict.fromkeys(cells)), {key(r): r for r in load(file)}
-    ahead = [cell for cell in wanted if key(asdict(cell)) not in known]
     bounds = limits or Limits()
+    numbered: dict[str, dict[str, Any]] = {}
+    wanted: dict[str, tuple[Cell, dict[str, Any]]] = {}
+    for cell in cells:
+        about = identity(cell, numbered)
+        wanted[key(about)] = cell, about
+    known = {key(r): r for r in load(file)}
+    ahead = [w for k, w in wanted.items() if again or not _holds(known.get(k), bounds)]
     done = len(wanted) - len(ahead)
     with open(file, "a", encoding="utf-8") as out, ThreadPoolExecutor(jobs) as pool:
         if out.tell() and not Path(file).read_bytes().endswith(b"\n"):
             out.write("\n")  # after a line that an interruption tore off
-        waiting = [pool.submit(run_one, cell, bounds) for cell in ahead]
+        waiting = [pool.submit(run_one, cell, about, bounds) for cell, about in ahead]
         try:
             for future in as_completed(waiting):
                 record = future.result()
@@ -62,29 +84,102 @@ def run(
         except BaseException:
             pool.shutdown(cancel_futures=True)
             raise
-    return [known[key(asdict(cell))] for cell in wanted]
+    return [known[k] for k in wanted]
 
 
-def run_one(cell: Cell, limits: Limits) -> dict[str, Any]:
+def identity(cell: Cell, numbered: dict[str, dict[str, Any]] | None = None) -> dict[str, Any]:
+    """Return what tells a cell from others: what was asked, and what the answer depends on.
+
+    `numbered` keeps what is found of each problem, which has to be made for it.
+    """
+    from actionopt import __version__
+
+    numbered = {} if numbered is None else numbered
+    asked = json.dumps(asdict(replace(cell, solver="", repeats=1)))
+    if asked not in numbered:
+        numbered[asked] = _numbers(cell)
+    return {
+        **asdict(cell),
+        **numbered[asked],
+        "content": solvers.content(cell.solver),
+        "package": f"actionopt {__version__}",
+        "machine": machine(),
+    }
+
+
+def _numbers(cell: Cell) -> dict[str, Any]:
+    """Return mesh and start, and a digest of the problem's numbers there."""
+    problem = cell.make()
+    start = cell.start or problem.default_start
+    x0 = problem.start(start)
+    values = [problem.objective(x0), *problem.gradient(x0), *problem.constraints(x0), *x0]
+    said = " ".join(f"{value:.9g}" for value in (*values, *problem.unit))
+    return {
+        "elements": problem.mesh.elements,
+        "degree": max(problem.mesh.degrees),
+        "start": start,
+        "own_start": problem.default_start,
+        "numbers": hashlib.sha256(said.encode()).hexdigest()[:12],
+    }
+
+
+def key(record: Mapping[str, Any]) -> str:
+    """Return what tells a record from others."""
+    return json.dumps([record.get(name) for name in (*KEY, *CONTENT)], sort_keys=True)
+
+
+def _holds(record: Mapping[str, Any] | None, bounds: Limits) -> bool:
+    """Whether a record answers the question: within these bounds it would come to the same."""
+    if record is None:
+        return False
+    short = bounds.seconds > record["allowed"] or bounds.memory > record["memory"]
+    return not (record["outcome"] == "limit" and short)
+
+
+def run_one(cell: Cell, about: Mapping[str, Any], limits: Limits) -> dict[str, Any]:
     """Run one cell in a process of its own; return its record, whatever becomes of it."""
     clock = perf_counter()
     try:
         arguments = asdict(cell), limits.memory, limits.seconds
         outcome = process.run("actionopt.suite.cell:bounded", *arguments, limit=limits.seconds)
     except TimeoutError as error:
-        outcome = {"verdict": "limit", "word": str(error)}
+        outcome = {"outcome": "limit", "word": str(error)}
     except process.Died as error:
-        outcome = {"verdict": "failed", "word": str(error)[:300]}
+        outcome = {"outcome": "failed", "word": str(error)[:300]}
         if "MemoryError" in error.said or "bad_alloc" in error.said:
-            outcome = {"verdict": "limit", "word": "out of memory"}
+            outcome = {"outcome": "limit", "word": "out of memory"}
     wall = perf_counter() - clock
-    record = asdict(cell) | outcome | {"wall": wall, "allowed": limits.seconds}
-    return rounded({k: v for k, v in record.items() if v not in (None, "")}, DIGITS)
+    with ONE_AT_A_TIME:  # what is known of a problem is found once, and takes no solver's time
+        problem = _problem(json.dumps(asdict(replace(cell, solver=""))))
+        outcome = judged(outcome, problem, cell.start)
+    record = {
+        **about,
+        **outcome,
+        "wall": wall,
+        "allowed": limits.seconds,
+        "memory": limits.memory,
+        "date": datetime.date.today().isoformat(),
+    }
+    short = rounded({k: record[k] for k in ROUNDED if k in record}, DIGITS)
+    return {k: v for k, v in (record | short).items() if v not in (None, "")}
 
 
-def key(record: dict[str, Any]) -> tuple:
-    """Return what tells a record's cell from others."""
-    return tuple(record.get(name) for name in Cell.__dataclass_fields__)
+@lru_cache(maxsize=4)  # solvers take turns on a problem
+def _problem(asked: str) -> TestProblem:
+    return Cell(**json.loads(asked)).make()
+
+
+@cache
+def machine() -> str:
+    """Return the processor, how many of its cores there are, and the system."""
+    name = platform.processor() or platform.machine()
+    if sys.platform == "linux":
+        for line in Path("/proc/cpuinfo").read_text().splitlines():
+            if line.startswith("model name"):
+                name = line.split(":")[1].strip()
+                break
+    python = platform.python_version()
+    return f"{name}, {os.cpu_count()} cores, {platform.system()}, Python {python}"
 
 
 def load(file: str | Path) -> list[dict[str, Any]]:
@@ -100,9 +195,9 @@ def load(file: str | Path) -> list[dict[str, Any]]:
     return records
 
 
-def tally(records: Sequence[dict[str, Any]]) -> dict[str, Counter[str]]:
+def tally(records: Sequence[Mapping[str, Any]], mode: str) -> dict[str, Counter[str]]:
     """Return the verdicts of each solver."""
     counts: dict[str, Counter[str]] = {}
     for record in records:
-        counts.setdefault(record["solver"], Counter())[record["verdict"]] += 1
+        counts.setdefault(record["solver"], Counter())[verdict(record, mode)] += 1
     return counts

@@ -5,19 +5,26 @@ A name is one of these:
 ====================  ==========================================================================
 `ipopt`, `fatrop` ...  a plugin of `casadi.nlpsol`; `sqpmethod:osqp` names its QP solver too
 `scipy:SLSQP`          a method of `scipy.optimize.minimize`
-`my_solver.py:solve`   a function of yours, in a file or a module: it takes the TestProblem and
-                       x0 (n,) and returns x or (x, lam, claimed)
+`my_solver.py:solve`   a function of yours, in a file or a module: `OWN` has its protocol
 ====================  ==========================================================================
 
 Solvers run with their own defaults, but for being silent: what their authors chose is compared.
+What is not so is in `CHANGED`. None is given the answer: a solver sees a `Program`.
+
+Evaluations are counted in the functions that a solver is given, whichever it is: CasADi's plugins
+ask for several at once, and a call that returns f and c is one of each.
 """
 
 from __future__ import annotations
 
+import ast
+import hashlib
 import importlib
+import importlib.util
 import runpy
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
 from time import perf_counter
 from typing import Any
 
@@ -26,7 +33,8 @@ import numpy as np
 
 from actionopt.suite.expression import nlp
 from actionopt.suite.interfaces import scipy_arguments
-from actionopt.suite.problem import TestProblem
+from actionopt.suite.program import Program
+from actionopt.suite.words import SAID, said
 from actionopt.tools.types import Array
 
 QUIET = {"print_header": False, "print_iteration": False}
@@ -53,10 +61,54 @@ PLUGINS: dict[str, dict[str, Any]] = {
     "uno": {},
 }
 WITH_QP = ("sqpmethod", "feasiblesqpmethod")
+CHANGED = {"blocksqp": "linear solver ldl, as its own default is not shipped with CasADi"}
+# What each of the plugins' functions evaluates. Gradients of the Lagrangian are one of f and one of
+# c; `nlp_grad`, which CasADi asks for itself when all is done, is none of the solver's.
+CALLS = {
+    "nlp_f": "f",
+    "nlp_g": "c",
+    "nlp_fg": "f c",
+    "nlp_grad_f": "grad",
+    "nlp_jac_g": "jac",
+    "nlp_jac_fg": "f c grad jac",
+    "nlp_gf_jg": "f c grad jac",
+    "nlp_grad_l": "grad jac",
+    "nlp_grad_L": "grad jac",
+    "nlp_psi": "f c",
+    "nlp_grad_psi": "f c grad jac",
+    "nlp_hess_l": "hess",
+    "nlp_hess_L": "hess",
+    "nlp_hess_psi": "hess",
+    "nlp_hess_L_prod": "hprod",
+    "nlp_hess_psi_prod": "hprod",
+    "fwd1_nlp_grad_l": "hprod",
+    "nlp_grad": "",
+}
+LONG = 1.0  # seconds of a solve that a clock measures well enough at once; ad hoc
+
+OWN = """\
+A solver of yours is FILE.py:FUNCTION. It is called with a problem and x0 (n,), to minimise f(x)
+subject to c(x) = 0, and returns x (n,), or (x, lam, word): lam (m,) or None, word True for success,
+False for giving up, or "unbounded".
+
+  def solve(problem, x0):
+      for _ in range(1000):
+          x0 = x0 - 0.1 * problem.gradient(x0)
+      return x0, None, False
+
+The problem has n, m, classification, objective(x), gradient(x), constraints(x), jacobian(x),
+hessian(x, lam) and hessian_product(x, lam, p): the nonzeros of the last two matrices, flat, their
+rows and columns being jacobian_structure and hessian_structure (the upper triangle). All calls are
+counted. What is raised is taken for a mistake in the file, shown, and not scored; to give up,
+return."""
 
 
 class Absent(RuntimeError):
-    """A solver that is known, and not installed."""
+    """A solver that is known, and not installed, or not made for such a problem."""
+
+
+class Mistake(RuntimeError):
+    """A mistake in a solver's own file."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,23 +118,35 @@ class Answer:
     Attributes
     ----------
     x : (n,) array
-    claimed : bool
-        Whether it says it succeeded; only tells a wrong answer from none.
+    said : {"solved", "unbounded", "infeasible", "gave up"}
+        What it says of it.
     word : str
         Its own status.
     seconds : float
-        Wall time of the solve alone.
-    evaluations : mapping
-        Calls of each function.
+        Wall time of the solve alone, the least of all repeats.
+    program : Program
+        What it was given: with the evaluations of the first solve, and where they were.
     lam : (m,) array or None
+    repeats : int
+        Solves that were timed.
     """
 
     x: Array
-    claimed: bool
+    said: str
     word: str
     seconds: float
-    evaluations: Mapping[str, int] = field(default_factory=dict)
+    program: Program
     lam: Array | None = None
+    repeats: int = 1
+
+    @property
+    def evaluations(self) -> dict[str, int]:
+        """Calls of each function."""
+        return {k: count for k, count in self.program.counts.items() if count}
+
+
+# x, lam, what is said, the status: what one solve returns.
+Outcome = tuple[Array, Array | None, str, str]
 
 
 def check(name: str) -> None:
@@ -96,25 +160,132 @@ def check(name: str) -> None:
                 f"expected {' or '.join(WITH_QP)} with one of {', '.join(QP)}, found {name!r}"
             )
         return
-    if not rest:
+    place, _, function = name.rpartition(":")
+    if not place:
         raise ValueError(
             f"expected a solver among {', '.join(PLUGINS)}, scipy:METHOD or FILE.py:FUNCTION, "
             f"found {name!r}"
         )
+    if place.endswith(".py"):
+        _check_file(Path(place), function)
 
 
-def run(name: str, problem: TestProblem, x0: Array) -> Answer:
-    """Return the answer of the solver `name` from x0 (n,). Raises Absent if it is not installed."""
+def _check_file(file: Path, function: str) -> None:
+    if not file.is_file():
+        raise ValueError(f"expected a file with a solver, found no {str(file)!r}")
+    try:
+        tree = ast.parse(file.read_text(encoding="utf-8"), str(file))
+    except SyntaxError as error:
+        raise ValueError(
+            f"expected Python, found in {file}, line {error.lineno}: {error}"
+        ) from error
+    names = {
+        name
+        for node in ast.walk(tree)
+        for name in (
+            [node.name]
+            if isinstance(node, (ast.FunctionDef, ast.ClassDef))
+            else [node.id]
+            if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
+            else [(a.asname or a.name) for a in node.names]
+            if isinstance(node, (ast.Import, ast.ImportFrom))
+            else []
+        )
+    }
+    if function not in names and "*" not in names:
+        raise ValueError(f"expected {file} to define {function!r}, found no such name in it")
+
+
+def content(name: str) -> str:
+    """Return what a solver's answers depend on beside its name: versions, or its file's digest."""
+    base = name.partition(":")[0]
+    place = name.rpartition(":")[0]
+    if base in PLUGINS:
+        return f"casadi {ca.CasadiMeta.version()}"
+    if base == "scipy":
+        try:
+            import scipy
+        except ImportError:
+            return "absent"
+        return f"scipy {scipy.__version__}, numpy {np.__version__}"
+    file = Path(place)
+    if not place.endswith(".py"):
+        found = importlib.util.find_spec(place)
+        if found is None or found.origin is None:
+            return "absent"
+        file = Path(found.origin)
+    return f"sha256 {hashlib.sha256(file.read_bytes()).hexdigest()[:12]}"
+
+
+def run(name: str, problem: Program, x0: Array, repeats: int = 1) -> Answer:
+    """Return the answer of the solver `name` from x0 (n,).
+
+    What it evaluates is counted in the first solve, and where. The others are for the clock alone,
+    and there are none if the first took a second. Raises Absent if the solver is not installed or
+    takes no such problem, Mistake if it is a file's and the file is to blame.
+    """
     check(name)
     base, _, rest = name.partition(":")
     if base == "scipy":
-        return _scipy(rest, problem, x0)
-    if base in PLUGINS:
-        return _plugin(base, rest, problem, x0)
-    return _function(base, rest, problem, x0)
+        prepare = _scipy(rest)
+    elif base in PLUGINS:
+        prepare = _plugin(base, rest)
+    else:
+        prepare = _function(name.rpartition(":")[0], name.rpartition(":")[2])
+    first = problem.view()
+    first.visited = []
+    found, best = _timed(prepare(first), x0)
+    count = 1
+    while count < repeats and best < LONG:
+        best = min(best, _timed(prepare(problem.view()), x0)[1])
+        count += 1
+    x, lam, word, status = found
+    return Answer(np.asarray(x), word, status, best, first, lam, count)
 
 
-def _plugin(plugin: str, qp: str, problem: TestProblem, x0: Array) -> Answer:
+def _timed(solve: Callable[[Array], Outcome], x0: Array) -> tuple[Outcome, float]:
+    clock = perf_counter()
+    found = solve(x0.copy())
+    return found, perf_counter() - clock
+
+
+class Counted(ca.Callback):
+    """A function of a plugin, which counts its calls in a program, and so do its derivatives."""
+
+    def __init__(self, inner: ca.Function, program: Program) -> None:
+        super().__init__()
+        self.inner, self.program = inner, program
+        kinds = CALLS.get(inner.name(), inner.name()).split()
+        self.kinds = [kind for kind in kinds if program.m or kind not in ("c", "jac")]
+        self.kept: list[Counted] = []  # CasADi keeps no reference to what it is given here
+        self.construct(inner.name(), {})
+
+    # CasADi's protocol of a callback.
+    # fmt: off
+    def get_n_in(self): return self.inner.n_in()  # noqa: D102
+    def get_n_out(self): return self.inner.n_out()  # noqa: D102
+    def get_name_in(self, i): return self.inner.name_in(i)  # noqa: D102
+    def get_name_out(self, i): return self.inner.name_out(i)  # noqa: D102
+    def get_sparsity_in(self, i): return self.inner.sparsity_in(i)  # noqa: D102
+    def get_sparsity_out(self, i): return self.inner.sparsity_out(i)  # noqa: D102
+    def has_forward(self, nfwd): return True  # noqa: D102
+    # fmt: on
+
+    def get_forward(self, nfwd, name, inames, onames, opts):
+        """Return the derivative along `nfwd` directions, counted as well."""
+        self.kept.append(Counted(self.inner.forward(nfwd), self.program))
+        return self.kept[-1]
+
+    def eval(self, arg):
+        """Evaluate."""
+        for kind in self.kinds:
+            self.program.counts[kind] += 1
+        if "f" in self.kinds:
+            self.program.note(arg[0])
+        return self.inner.call(arg)
+
+
+def _plugin(plugin: str, qp: str) -> Callable[[Program], Callable[[Array], Outcome]]:
     if not ca.has_nlpsol(plugin):
         raise Absent(f"this CasADi has no {plugin}")
     options: dict[str, Any] = {"print_time": False, "calc_lam_p": False, **PLUGINS[plugin]}
@@ -126,50 +297,81 @@ def _plugin(plugin: str, qp: str, problem: TestProblem, x0: Array) -> Answer:
             "qpsol": qp,
             "qpsol_options": {"error_on_fail": False, "print_time": False, **QP[qp]},
         }
-    solver = ca.nlpsol("solver", plugin, nlp(problem), options)
-    clock = perf_counter()
-    found = solver(x0=x0, lbg=0.0, ubg=0.0) if problem.m else solver(x0=x0)
-    seconds = perf_counter() - clock
-    stats = solver.stats()
-    calls = {
-        key.removeprefix("n_call_nlp_"): int(count)
-        for key, count in stats.items()
-        if key.startswith("n_call_nlp_")
-    }
-    return Answer(
-        np.asarray(found["x"]).ravel(),
-        bool(stats.get("success", False)),
-        str(stats.get("return_status", "")),
-        seconds,
-        calls,
-        np.asarray(found["lam_g"]).ravel(),
-    )
+
+    def prepare(program: Program) -> Callable[[Array], Outcome]:
+        expression = nlp(program)
+        solver = ca.nlpsol("solver", plugin, expression, options)
+        counted: dict[str, Counted] = {}
+        if program.visited is not None:
+            counted = {
+                name: Counted(solver.get_function(name), program)
+                for name in solver.get_function()
+                if not name.startswith("fwd")  # those are made by the function they belong to
+            }
+            solver = ca.nlpsol("solver", plugin, expression, options | {"cache": counted})
+
+        def solve(x0: Array, _alive: Any = counted) -> Outcome:  # CasADi keeps no reference
+            found = solver(x0=x0, lbg=0.0, ubg=0.0) if program.m else solver(x0=x0)
+            stats = solver.stats()
+            status = str(stats.get("return_status", ""))
+            word = said(plugin, status, bool(stats.get("success", False)))
+            return np.asarray(found["x"]).ravel(), np.asarray(found["lam_g"]).ravel(), word, status
+
+        return solve
+
+    return prepare
 
 
-def _scipy(method: str, problem: TestProblem, x0: Array) -> Answer:
+def _scipy(method: str) -> Callable[[Program], Callable[[Array], Outcome]]:
     try:
         from scipy.optimize import minimize
     except ImportError:
         raise Absent("SciPy is not installed: pip install 'actionopt[suite]'") from None
-    arguments = scipy_arguments(problem, method)
-    problem.counts.clear()
-    clock = perf_counter()
-    found = minimize(x0=x0, **arguments)
-    seconds = perf_counter() - clock
-    return Answer(
-        np.asarray(found.x), bool(found.success), str(found.message), seconds, dict(problem.counts)
-    )
+
+    def prepare(program: Program) -> Callable[[Array], Outcome]:
+        try:
+            arguments = scipy_arguments(program, method)
+        except ValueError as error:
+            raise Absent(str(error)) from None
+
+        def solve(x0: Array) -> Outcome:
+            found = minimize(x0=x0, **arguments)
+            status = str(found.message)
+            return np.asarray(found.x), None, said("scipy", status, bool(found.success)), status
+
+        return solve
+
+    return prepare
 
 
-def _function(place: str, name: str, problem: TestProblem, x0: Array) -> Answer:
-    defined = (
-        runpy.run_path(place) if place.endswith(".py") else vars(importlib.import_module(place))
-    )
-    if not callable(defined.get(name)):
-        raise ValueError(f"expected {place} to define the function {name!r}, found none")
-    problem.counts.clear()
-    clock = perf_counter()
-    found = defined[name](problem, x0)
-    seconds = perf_counter() - clock
-    x, lam, claimed = found if isinstance(found, tuple) else (found, None, True)
-    return Answer(np.asarray(x, float), bool(claimed), "", seconds, dict(problem.counts), lam)
+def _function(place: str, name: str) -> Callable[[Program], Callable[[Array], Outcome]]:
+    try:
+        if place.endswith(".py"):
+            function = runpy.run_path(place)[name]
+        else:
+            function = getattr(importlib.import_module(place), name)
+    except Exception as error:
+        raise Mistake(f"{place} could not be loaded") from error
+
+    def prepare(program: Program) -> Callable[[Array], Outcome]:
+        def solve(x0: Array) -> Outcome:
+            try:
+                found = function(program, x0)
+                x, lam, word = found if isinstance(found, tuple) else (found, None, True)
+                if not isinstance(word, str):
+                    word = "solved" if word else "gave up"
+                x = np.asarray(x, dtype=float)
+                if x.shape != (program.n,) or word not in SAID:
+                    raise ValueError(
+                        f"expected x of shape ({program.n},) and one of True, False, "
+                        f"{', '.join(map(repr, SAID))}, found shape {x.shape} and {word!r}"
+                    )
+            except MemoryError:
+                raise
+            except Exception as error:
+                raise Mistake(f"{name} of {place}") from error
+            return x, lam, word, ""
+
+        return solve
+
+    return prepare

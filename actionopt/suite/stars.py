@@ -7,7 +7,7 @@ tolerance; the discrete optimum from Newton's method, started at the path on the
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import casadi as ca
@@ -26,6 +26,7 @@ from actionopt.tools.types import Array
 TIGHT = 1e-12  # tolerance of the solve, where there is no closed form
 STATIONARY = 1e-12  # relative KKT residual of what is called a star
 SHIFT = 1e-9  # of the normal matrix of the rows, whose gradients are of size one
+FAR = 0.1  # from the path, in the coordinates' sizes: what a mesh makes of it is no path; ad hoc
 APART = 1e-3  # paths nearer than this, in the coordinates' sizes, are the same
 
 
@@ -111,11 +112,9 @@ def star(tr: Transcription, path: Callable[[Array], Array], *, polish: bool = Tr
     followed = follow(tr, z, linear=False, steps=20)
     z = followed.z
     if not (followed.converged or relative_residual(tr, z) <= STATIONARY):
-        raise ValueError(
-            f"expected a discrete optimum near the path of {system.name}, found that Newton's "
-            f"method leaves it on {tr.mesh.elements} elements of degree {max(tr.mesh.degrees)}; "
-            "use more elements or a higher degree"
-        )
+        raise too_coarse(tr, "Newton's method leaves it")
+    if not followed.travelled <= FAR:
+        raise too_coarse(tr, f"it is {followed.travelled:.2g} of the coordinates' sizes away")
     for _ in range(2):  # to the floor of round-off: what is called a star should shine
         again = follow(tr, z, linear=True, steps=1)
         if not relative_residual(tr, again.z) < relative_residual(tr, z):
@@ -123,6 +122,15 @@ def star(tr: Transcription, path: Callable[[Array], Array], *, polish: bool = Tr
         z = again.z
     digits = int(np.clip(-np.log10(max(followed.noise, 1e-16)), 0, 15))
     return Star(z, _index(tr, z), digits)
+
+
+def too_coarse(tr: Transcription, found: str) -> ValueError:
+    """Return the error of a mesh whose optimum is not what the path is."""
+    return ValueError(
+        f"expected a discrete optimum near the path of {tr.problem.system.name}, found that "
+        f"{found} on {tr.mesh.elements} elements of degree {max(tr.mesh.degrees)}; use more "
+        "elements or a higher degree"
+    )
 
 
 def _index(tr: Transcription, z: Array) -> int:
@@ -169,17 +177,24 @@ def relative_residual(tr: Transcription, z: Array) -> float:
 
 
 def others(
-    tr: Transcription, scene: Scene, bends: tuple[tuple[float, ...], ...], known: Star
+    tr: Transcription,
+    scene: Scene,
+    bends: tuple[tuple[float, ...], ...],
+    points: Iterable[Array],
+    known: Star,
 ) -> list[Star]:
     """Return other stationary points of the discrete problem; not all there are.
 
     Some are other paths, found from bent straight lines; one is what minimising leads to from
-    the scene's guess and from the straight line, which on a coarse mesh may be no path.
+    the scene's guess and from the straight line, which on a coarse mesh may be no path; the last
+    are near `points`, each (unknowns,), which solvers came to.
     """
     cut, stars = tr.layout.unknowns, [known]
 
-    def keep(other: Star) -> None:
-        if all(np.max(np.abs(other.z[:cut] - s.z[:cut])) > APART for s in stars):
+    def keep(other: Star | None) -> None:
+        if other is not None and all(
+            np.max(np.abs(other.z[:cut] - s.z[:cut])) > APART for s in stars
+        ):
             stars.append(other)
 
     for bend in bends:
@@ -193,17 +208,25 @@ def others(
         Q = sample(curve, tr.mesh.nodes, scene.problem.system.n)
         attempt = find(tr, tr.pack(Q), "patient least")
         if attempt.converged:
-            followed = follow(tr, attempt.z)
-            if followed.converged and relative_residual(tr, followed.z) <= STATIONARY:
-                keep(Star(followed.z, _index(tr, followed.z), 12))
+            keep(_polished(tr, attempt.z))
+    for x in points:
+        keep(nearest(tr, x, APART))
     return stars[1:]
 
 
-def stationary_near(tr: Transcription, x: Array, reach: float) -> bool:
-    """Whether Newton's method finds a stationary point within `reach` of x, in scaled units."""
-    followed = follow(tr, np.concatenate([x, least_multipliers(tr, x)]))
-    within = followed.converged and followed.travelled <= reach
-    return within and relative_residual(tr, followed.z) <= STATIONARY
+def nearest(tr: Transcription, x: Array, reach: float) -> Star | None:
+    """Return the stationary point within `reach` of x, in scaled units, if Newton finds one."""
+    found = _polished(tr, np.concatenate([x, least_multipliers(tr, x)]))
+    if found is None or not np.max(np.abs(found.z[: x.size] - x), initial=0.0) <= reach:
+        return None
+    return found
+
+
+def _polished(tr: Transcription, z: Array) -> Star | None:
+    followed = follow(tr, z)
+    if not followed.converged or not relative_residual(tr, followed.z) <= STATIONARY:
+        return None
+    return Star(followed.z, _index(tr, followed.z), 12)
 
 
 def _bent(tr: Transcription, bend: tuple[float, ...]) -> Callable[[Array], Array]:

@@ -1,50 +1,143 @@
-"""Judge an answer: by where it is and whether it is stationary, never by the solver's word."""
+"""Judge an answer by what was asked: a minimum, or a stationary point.
+
+What a solver is asked decides what is right. *minimise*: a local minimum, of no larger f than the
+known optimum; or the word "unbounded" where f is. *stationary*: the known optimum, be it a saddle.
+The evidence is collected once, and holds for both and for any accuracy.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from actionopt.suite.problem import TestProblem
 from actionopt.tools.types import Array
 
-VERDICTS = ("right", "other", "new", "wrong", "failed", "limit", "absent")
+MODES = ("minimise", "stationary")
 MEANING = {
-    "right": "the optimum",
-    "other": "another stationary point that is known",
-    "new": "a stationary point that was not known",
-    "wrong": "claimed to be an optimum, and not stationary",
+    "minimise": {
+        "right": "a local minimum, with f not above that of the known optimum; or 'unbounded', "
+        "where f is",
+        "other": "a local minimum with a larger f",
+        "saddle": "a stationary point that is no minimum",
+        "wrong": "claimed to be an optimum and not stationary, or 'unbounded' where f is not",
+    },
+    "stationary": {
+        "right": "the known optimum, be it a minimum or a saddle",
+        "other": "another stationary point that is known",
+        "new": "a stationary point that was not known",
+        "wrong": "claimed to be an optimum, and not stationary",
+    },
+}
+UNJUDGED = {
     "failed": "the solver gave up, or crashed",
     "limit": "out of time or memory",
-    "absent": "the solver is not installed here",
+    "error": "a mistake in the solver's file: not scored",
+    "absent": "the solver is not installed here, or takes no constraints: not scored",
 }
+UNSCORED = ("error", "absent")
 # Solvers stop at tolerances of their own, some at 1e-6 in the action: three digits of the path.
 NEAR = 1e-3  # in units of the coordinates: the same point
-STATIONARY = 1e-4  # relative KKT residual, multipliers fitted
+ACCURACIES = (NEAR, 1e-6)
+STEEP = 0.1  # relative KKT residual allowed, multipliers fitted, over the distance allowed
+LEVEL = 1e-9  # relative: values of f that differ less are the same
 
 
 @dataclass(frozen=True)
-class Judgement:
-    """A verdict and its evidence: distance to the optimum, and relative KKT residual."""
+class Evidence:
+    """What is known of an answer.
 
-    verdict: str
+    Attributes
+    ----------
+    distance : float or None
+        From the known optimum, in units of the coordinates; None of what is no answer.
+    residual : float or None
+        Relative KKT residual, multipliers fitted.
+    f, violation : float or None
+        Objective there, and the largest constraint.
+    at : {"optimum", "other", "new"} or None
+        Which stationary point is within `NEAR`.
+    off : float or None
+        How far that is.
+    f_there, index : float, int or None
+        Its objective and index; None where that is degenerate.
+    above : bool
+        Whether its f is larger than that of the known optimum.
+    """
+
     distance: float | None = None
     residual: float | None = None
+    f: float | None = None
+    violation: float | None = None
+    at: str | None = None
+    off: float | None = None
+    f_there: float | None = None
+    index: int | None = None
+    above: bool = False
 
 
-def judge(problem: TestProblem, x: Array, claimed: bool) -> Judgement:
-    """Return what to think of x (n,); `claimed` only tells a wrong answer from a failure."""
-    astray = "wrong" if claimed else "failed"
+def examine(problem: TestProblem, x: Array) -> Evidence:
+    """Return what there is to know of x (n,)."""
     if np.shape(x) != (problem.n,) or not np.all(np.isfinite(x)):
-        return Judgement(astray)
+        return Evidence()
     distance, residual = problem.distance(x), problem.residual(x)
-    verdict = astray
-    if residual <= STATIONARY:
-        if distance <= NEAR:
-            verdict = "right"
-        elif any(problem.distance(x, other) <= NEAR for other in problem.others):
-            verdict = "other"
-        elif problem.is_near_stationary(x, NEAR):
-            verdict = "new"
-    return Judgement(verdict, distance, residual if np.isfinite(residual) else None)
+    facts = {
+        "distance": distance,
+        "residual": _finite(residual),
+        "f": _finite(problem.objective(x)),
+        "violation": _finite(problem.violation(x)),
+    }
+    at, off, point = None, None, None
+    if distance <= NEAR:
+        at, off, point = "optimum", distance, problem.optimum
+    elif residual <= STEEP * NEAR:
+        for other in problem.others:
+            if (away := problem.distance(x, other.x)) <= NEAR:
+                at, off, point = "other", away, other
+        if at is None and (point := problem.nearest(x, NEAR)) is not None:
+            at, off = "new", problem.distance(x, point.x)
+    if point is None:
+        return Evidence(**facts)
+    level = LEVEL * max(abs(problem.f_star), abs(problem.transcription.action_unit))
+    above = point.f > problem.f_star + level
+    return Evidence(**facts, at=at, off=off, f_there=point.f, index=point.index, above=above)
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def verdict(record: Mapping[str, Any], mode: str, accuracy: float = NEAR) -> str:
+    """Return the verdict on a record, as the runner writes it, for one mode and accuracy.
+
+    A solver's word counts in three cases: "unbounded" may be right; to claim what is not so is
+    wrong, and to give up a failure.
+    """
+    if record["outcome"] != "answered":
+        return record["outcome"]
+    minimise = mode == "minimise"
+    if minimise and record["said"] == "unbounded" and record["unbounded"]:
+        return "right"
+    off, residual = record.get("off", np.inf), record.get("residual", np.inf)
+    if off <= accuracy and residual <= STEEP * accuracy:
+        return _of_minimum(record) if minimise else _of_point(record)
+    claims = ("solved", "unbounded") if minimise else ("solved",)
+    return "wrong" if record["said"] in claims else "failed"
+
+
+def _of_minimum(record: Mapping[str, Any]) -> str:
+    if record.get("index"):
+        return "saddle"
+    return "other" if record.get("above") else "right"
+
+
+def _of_point(record: Mapping[str, Any]) -> str:
+    return {"optimum": "right", "other": "other", "new": "new"}[record["at"]]
+
+
+def meaning(mode: str) -> dict[str, str]:
+    """Return the verdicts of a mode, in their order, and what they mean."""
+    return MEANING[mode] | UNJUDGED

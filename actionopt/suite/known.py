@@ -1,0 +1,34 @@
+"""Stationary points that solvers came to: kept in a file, so that nothing found stays new.
+
+`actionopt.suite.learn` adds to it. A point belongs to one mesh of one family: on a coarse one it
+may be no path at all. On any other mesh the others of a problem are those its bends lead to.
+"""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from actionopt.suite.program import Program
+from actionopt.tools.types import Array
+
+FILE = Path(__file__).with_name("known.json")
+
+
+def points(name: str, program: Program) -> list[Array]:
+    """Return points x (n,), in sizes of the coordinates, near stationary ones of this problem."""
+    return [np.array(x) for x in table().get(key(name, program), ())]
+
+
+def key(name: str, program: Program) -> str:
+    """Return the name and the mesh."""
+    return f"{name} {program.mesh.elements} x {max(program.mesh.degrees)}"
+
+
+@cache
+def table() -> dict[str, list[list[float]]]:
+    """Return the points of each problem."""
+    return json.loads(FILE.read_text(encoding="utf-8")) if FILE.is_file() else {}
