@@ -53,7 +53,7 @@ def visualize():
     ax.plot(0, 0, "*", color="black", markersize=12, label="Sun")
     ax.lines[0].set_label("the short way")
     ax.set(xlabel="$x$ (AU)", ylabel="$y$ (AU)")
-    ax.set_title("two paths from the Earth to Mars", loc="left")
+    ax.set_title("two paths from the Earth to Mars")
     ax.legend(loc="upper right", fontsize="small")
     return ax
 

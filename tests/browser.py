@@ -145,10 +145,11 @@ class Browser:
                 clickCount=1,
             )
 
-    def touch(self, x, y, across, down):
-        """Drag a finger from a place by so many pixels."""
-        for kind, share in (("touchStart", 0), ("touchMove", 0.5), ("touchMove", 1)):
-            point = {"x": x + share * across, "y": y + share * down}
+    def touch(self, x, y, across, down, moves=8):
+        """Drag a finger from a place by so many pixels, in so many moves."""
+        places = [(x + across * k / moves, y + down * k / moves) for k in range(moves + 1)]
+        for kind, (at_x, at_y) in zip(["touchStart"] + moves * ["touchMove"], places, strict=True):
+            point = {"x": at_x, "y": at_y}
             self.order("Input.dispatchTouchEvent", type=kind, touchPoints=[point])
         self.order("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
 

@@ -138,6 +138,29 @@ def test_the_buttons_solve_and_start_over():
     assert number(window.words.rise) == pytest.approx(first.action - scene.action, abs=1e-4)
 
 
+def test_with_a_force_no_slope_of_the_action_is_claimed():
+    """S changes to first order on the motion; what vanishes is the missing force."""
+    window = plot.explore(scenes.get("damped_oscillator"), units=plot.SI)
+    click(window, window.solve)
+    solution = window.now.solution
+    T = solution.problem.duration
+    t = np.linspace(0.0, T, 20001)
+    bend, rate = 0.01 * np.sin(np.pi * t / T), 0.01 * np.pi / T * np.cos(np.pi * t / T)
+    x, v = solution(t)[0], solution.velocity(t)[0]
+    change = np.trapezoid(((v + rate) ** 2 - (x + bend) ** 2 - v**2 + x**2) / 2, t)
+    assert abs(change) > 1e-3
+    shown = " ".join(text.get_text() for text in window.figure.texts)
+    labels = [t.get_text() for t in window.figure.legends[0].get_texts()]
+    assert window.words.slope.get_text().startswith("$") is False
+    assert float(window.words.slope.get_text().split()[0].replace("\N{MINUS SIGN}", "-")) < 1e-9
+    assert "slope" not in shown and "S^*" not in shown and "DISTANCE FROM STATIONARY" not in shown
+    assert "STATIONARY PATH" not in shown and "stationary path" not in labels
+    assert "LAGRANGE" in shown and "motion" in labels
+    window.figure.draw_without_rendering()
+    for text in window.figure.texts:
+        assert text.get_window_extent().x1 <= window.figure.bbox.x1, text.get_text()
+
+
 def test_keys_do_the_same():
     window = plot.explore(scenes.get("pendulum"))
     canvas, first = window.figure.canvas, window.now.trial

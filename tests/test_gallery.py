@@ -14,12 +14,14 @@ from actionopt import scenes
 from actionopt.cli import main
 from actionopt.gallery import build, builder
 from actionopt.gallery.explorer import EXPLORERS, OSCILLATOR, PROJECTILE
-from actionopt.gallery.facts import known
+from actionopt.gallery.facts import known, named
+from actionopt.gallery.figures import fronts_caption
 from actionopt.gallery.index_page import SECTIONS, section
-from actionopt.gallery.page import Page, escape
+from actionopt.gallery.page import Page, prose
 from actionopt.gallery.subject import Subject
 from actionopt.gallery.texts import texts
 from actionopt.solver.solve import solve
+from actionopt.tools.greek import GREEK
 
 NAMES = ["drag_quadratic", "rod_pendulum"]
 VOID = {"meta", "link", "img", "input", "br"}
@@ -119,6 +121,7 @@ def test_what_a_scene_is_decides_its_figures(gallery):
     assert rod >= drag | {"landscape", "slices", "bundle", "energies", "spectrum"}
     page = (gallery / "drag_quadratic" / "index.html").read_text(encoding="utf-8")
     assert "leaves no action to compare" in page
+    assert "makes the action stationary" not in page and "no functional" not in page
     assert '"arrows"' not in page
     assert '"arrows"' in (gallery / "rod_pendulum" / "index.html").read_text(encoding="utf-8")
 
@@ -134,12 +137,15 @@ def test_the_numbers_on_a_page_are_those_of_the_scene(gallery):
 @pytest.mark.parametrize("name", scenes.SCENES)
 def test_what_was_found_is_what_is_known(name):
     scene = scenes.get(name)
-    rows = known(Subject(scene, solve(scene.problem, tol=1e-10, guess=scene.guess)))
+    subject = Subject(scene, solve(scene.problem, tol=1e-10, guess=scene.guess))
+    rows = known(subject)
     assert rows or scene.exact is None
     assert all(row.difference < CLOSE for row in rows if row.difference is not None)
     assert all(row.expected == row.found for row in rows if row.what == "Morse index")
     if "conserved" in scene.facts:
-        assert {row.what for row in rows} >= {escape(what) for what in scene.facts["conserved"]}
+        assert {row.what for row in rows} >= {
+            named(subject, what) for what in scene.facts["conserved"]
+        }
 
 
 @pytest.mark.parametrize("name", scenes.SCENES)
@@ -147,6 +153,45 @@ def test_every_scene_has_its_words_and_its_section(name):
     words = texts(name)
     assert words.statement and words.sketch and words.usage and words.formulas
     assert section(scenes.get(name).source) in SECTIONS
+
+
+@pytest.mark.parametrize("name", scenes.SCENES)
+def test_students_read_mathematics_and_no_program(name):
+    """Neither ASCII for a formula nor what a function raises; names in code are the program's."""
+    words, title = texts(name), scenes.title(name)
+    remarks = " ".join(formula.remark for formula in words.formulas)
+    html = prose("\n\n".join([title, words.statement, words.remarks, words.usage, remarks]))
+    html = re.sub(r"<code>.*?</code>", "", html)
+    assert not re.search(r"Raises|\^|\b\w\d?'|sqrt|&gt;|&lt;=", html), html
+    assert not re.search(rf"\b({'|'.join(filter(str.isalpha, GREEK))})\d?\b", html), html
+    assert not re.search(r"\b[A-Za-z]\d\b|ς", html), html
+
+
+@pytest.mark.parametrize("name", scenes.SCENES)
+def test_what_is_called_a_momentum_is_made_of_momenta(name):
+    """It vanishes where all momenta do: with L_v = 0, whatever the place and the time."""
+    scene = scenes.get(name)
+    system, parameters = scene.problem.system, scene.problem.parameters
+    rng = np.random.default_rng(1)
+    for what, quantity in scene.facts.get("conserved", {}).items():
+        if "momentum" not in what:
+            continue
+        q, t = rng.normal(size=system.n), 0.7
+        at_rest = system.momentum(q, np.zeros(system.n), t, parameters=parameters)
+        mass = [system.momentum(q, e, t, parameters=parameters) - at_rest for e in np.eye(system.n)]
+        v = np.linalg.solve(np.transpose(mass), -at_rest)
+        size = np.max(np.abs(quantity(q[:, None], np.ones((system.n, 1)), t)))
+        assert np.abs(quantity(q[:, None], v[:, None], t)) == pytest.approx(0, abs=1e-12 * size)
+
+
+def test_fronts_are_said_to_be_crossed_where_paths_cross_them():
+    """Along p; which is the velocity's direction in no magnetic field, and over time is none."""
+    said = {}
+    for name in ("oscillator", "projectile", "charge_planar"):
+        scene = scenes.get(name)
+        said[name] = fronts_caption(Subject(scene, solve(scene.problem, guess=scene.guess)))
+    assert ["rays" in text for text in said.values()] == [False, True, False]
+    assert "H dt" in said["oscillator"] and "velocity does not" in said["charge_planar"]
 
 
 # -- building --------------------------------------------------------------------------------
@@ -424,6 +469,24 @@ def test_a_handle_dragged_changes_the_action_to_the_one_computed_here(gallery, c
     assert abs(touched[0] - raised[0]) > 1e-4
 
 
+@pytest.mark.parametrize("name", ["projectile", "oscillator"])
+def test_a_handle_stays_under_the_finger_and_the_page_where_it_is(gallery, chromium, name):
+    chromium.open(gallery / "least.html", 360, 740)
+    chromium.run(f"document.querySelector('[data-explorer={name}]').scrollIntoView()")
+    chromium.run(f"document.querySelector('[data-explorer={name}] [data-do=motion]').click()")
+    chromium.run(
+        "window.cancelled = 0;"
+        "addEventListener('pointercancel', () => { window.cancelled += 1 }, true)"
+    )
+    top = chromium.run("scrollY")
+    for across, down in ((0, 60), (0, -50), (40, 30)):
+        x, y = middle(chromium, name, 2)
+        chromium.touch(x, y, across, down)
+        free = across * (name == "projectile")  # the time of a handle is fixed
+        assert middle(chromium, name, 2) == pytest.approx((x + free, y + down), abs=0.6)
+        assert chromium.run("[scrollY, window.cancelled]") == [top, 0]
+
+
 def test_past_half_a_period_the_bend_costs_less(gallery, chromium):
     chromium.open(gallery / "least.html")
     rises = []
@@ -435,6 +498,17 @@ def test_past_half_a_period_the_bend_costs_less(gallery, chromium):
     assert rises[0] > 0.01 and rises[1] < -0.01
     chromium.run("document.querySelector('[data-explorer=oscillator] [data-do=motion]').click()")
     assert abs(shown(chromium, "oscillator")[2]) < 1e-12
+
+
+def test_what_is_written_as_nothing_is_neither_negative_nor_more(gallery, chromium):
+    """At the conjugate time the bend costs nothing to second order."""
+    chromium.open(gallery / "least.html")
+    chromium.run("document.querySelector('[data-explorer=oscillator] [data-do=bend]').click()")
+    chromium.run(f"explorer.oscillator.setDuration({np.pi})")
+    text = chromium.run(
+        "document.querySelector('[data-explorer=oscillator] [data-action]').textContent"
+    )
+    assert "as on the motion" in text and "\N{MINUS SIGN}0.0000" not in text
 
 
 def test_the_keyboard_reaches_everything(gallery, chromium):

@@ -241,7 +241,7 @@ def test_nothing_is_clipped(name):
     force = bool(scene.problem.system.m)
     ax = plot.motion(solution, scene.draw, count=5, force=force, units=plot.SI)
     assert ax.get_aspect() == 1.0
-    assert ax.get_title(loc="left").startswith(name.replace("_", " "))
+    assert ax.get_title().startswith(name.replace("_", " "))
     (length, *others) = [text.get_text() for text in ax.texts]
     assert length.endswith(" m")
     assert [word.endswith(" N") for word in others] == [True] * force
@@ -333,7 +333,7 @@ def test_frames_show_the_bodies_where_they_are():
     (ax,) = figure.axes
     data = plot.motion_data(solution, scene.draw, 5)
     assert np.allclose(bodies(ax)[0], data.bodies[:, :, 3])
-    assert ax.get_title(loc="left") == "double pendulum: $t$ = 1.50 s"
+    assert ax.get_title() == "double pendulum: $t$ = 1.50 s"
     inside(ax)
 
 

@@ -105,6 +105,22 @@ def test_style_stays_inside():
     assert dict(matplotlib.rcParams) == before
 
 
+def test_what_a_backend_turns_on_when_it_is_loaded_stays_on(monkeypatch):
+    make = plot._style.new_figure
+
+    def first(**options):
+        matplotlib.interactive(True)  # as a notebook's backend does
+        return make(**options)
+
+    monkeypatch.setattr(plot._style, "new_figure", first)
+    try:
+        plot.paths(solved("pendulum"))
+        assert matplotlib.is_interactive()
+        assert matplotlib.rcParams["font.size"] == matplotlib.rcParamsDefault["font.size"]
+    finally:
+        matplotlib.interactive(False)
+
+
 def test_without_comparison_nothing_is_integrated(monkeypatch):
     solution = ao.solve(scenes.get("oscillator").problem)
     monkeypatch.setattr(type(solution), "compare", None)
@@ -124,7 +140,7 @@ def test_a_system_without_a_name_is_a_problem_in_titles():
     problem = ao.Problem(system, ao.Event(0.0, [0.1]), ao.Event(1.0, [0.5]))
     solution = ao.solve(problem)
     for draw in (plot.paths, plot.landscape, plot.spectrum):
-        assert draw(solution).get_title(loc="left").startswith("problem: ")
+        assert draw(solution).get_title().startswith("problem: ")
     words = [text.get_text() for text in plot.explore(problem).figure.texts]
     assert "problem" in words
 

@@ -11,6 +11,7 @@ from matplotlib.text import Text
 
 import actionopt as ao
 from actionopt import plot, scenes
+from actionopt.mechanics.symmetry import cyclic
 from actionopt.plot.data.variations import directions, sizes
 
 PARAMETERS = {"oscillator_saddle": ("oscillator", {"duration": 4.0})}
@@ -78,7 +79,7 @@ def test_every_figure_is_labelled_and_nothing_is_clipped(figure, name):
     width, height = picture.get_size_inches()
     assert box.x0 > -0.01 and box.y0 > -0.01
     assert box.x1 < width + 0.01 and box.y1 < height + 0.01
-    assert axes[0].get_title(loc="left").startswith(solution.problem.system.name.replace("_", " "))
+    assert axes[0].get_title().startswith(solution.problem.system.name.replace("_", " "))
     assert axes[-1].get_xlabel()
     for ax in picture.axes:  # colour bars too
         assert ax.get_ylabel()
@@ -134,6 +135,57 @@ def test_where_a_constraint_leaves_one_curve_paths_are_told_apart_in_time():
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("time $t$", "$y$")
 
 
+# -- the reader's own style ------------------------------------------------------------------
+
+
+def contrast(colour, paper):
+    """Return the contrast of a colour on paper; WCAG 2.2."""
+    *rgb, alpha = matplotlib.colors.to_rgba(colour)
+    paper = np.array(matplotlib.colors.to_rgb(paper))
+    shares = [alpha * np.array(rgb) + (1 - alpha) * paper, paper]
+    linear = [np.where(s <= 0.04045, s / 12.92, ((s + 0.055) / 1.055) ** 2.4) for s in shares]
+    dark, light = sorted(float(x @ [0.2126, 0.7152, 0.0722]) for x in linear)
+    return (light + 0.05) / (dark + 0.05)
+
+
+@pytest.mark.parametrize("reader", ["default", "dark_background"])
+@pytest.mark.parametrize("figure", [*FIGURES, "explore"])
+def test_every_line_is_seen_on_light_and_on_dark_paper(figure, reader):
+    solution = solved("oscillator_saddle")
+    with pyplot.style.context(reader):
+        if figure == "explore":
+            axes = [panel.ax for panel in plot.explore(solution.problem).panels]
+        else:
+            axes = np.ravel(FIGURES[figure](solution, units=plot.SI))
+        for ax in axes:
+            paper = ax.get_facecolor()
+            for line in ax.lines:
+                hollow = line.get_linestyle() == "None"
+                colour = line.get_markeredgecolor() if hollow else line.get_color()
+                assert contrast(colour, paper) >= 3, (line, colour)
+            for text in (ax.title, ax.xaxis.label, ax.yaxis.label, *ax.texts):
+                assert contrast(text.get_color(), paper) >= 3, text
+            for lines in (c for c in ax.collections if hasattr(c, "levels") and not c.filled):
+                if figure != "landscape":  # there on colours
+                    for colour in lines.get_edgecolor():
+                        assert contrast(colour, paper) >= 3
+
+
+def test_the_readers_size_of_words_is_kept():
+    with pyplot.rc_context({"font.size": 20}):
+        ax = plot.paths(solved("oscillator"))
+        window = plot.explore(solved("oscillator").problem)
+    assert ax.xaxis.label.get_fontsize() == 20
+    assert window.words.action.get_fontsize() == pytest.approx(20 * 20 / 11)
+    assert plot.paths(solved("oscillator")).xaxis.label.get_fontsize() == 11
+
+
+def test_the_readers_title_stands_in_place_of_ours():
+    ax = plot.paths(solved("oscillator"))
+    ax.set_title("mine")
+    assert [ax.get_title(loc=place) for place in ("left", "center", "right")] == ["", "mine", ""]
+
+
 # -- arrays ----------------------------------------------------------------------------------
 
 
@@ -179,7 +231,72 @@ def test_the_energies_of_an_oscillator_and_a_charge():
     np.testing.assert_allclose(data.kinetic, m * speed / 2, atol=1e-13)
     area = np.trapezoid(data.kinetic - data.potential, data.t)
     assert area == pytest.approx(solution.action, rel=1e-5)
-    assert r"U(\dot q)" in plot.energies(solution).get_title(loc="left")
+    assert r"U_\mathrm{eff}(\dot q)" in plot.energies(solution).get_title()
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("moving_pivot", "oscillating_wall", "rotating_frame_bound", "rotating_frame_free"),
+        *("turning_wire_radial", "turning_wire", "pendulum", "polar_pendulum", "kepler_polar"),
+    ],
+)
+def test_the_kinetic_energy_drawn_is_that_of_the_body_in_space(name):
+    """By differences of where the scene draws it, in a frame at rest."""
+    scene, solution = scenes.get(name), solved(name)
+    data = plot.energies_data(solution, 101, kinetic=scene.kinetic)
+    assert data.told and not data.moving
+
+    def place(t):
+        return np.array([scene.draw(solution(s), s)[-1].points[:, 0] for s in t])
+
+    h = 1e-3 * solution.problem.duration
+    t = data.t[2:-2]
+    v = (8 * (place(t + h) - place(t - h)) - place(t + 2 * h) + place(t - 2 * h)) / (12 * h)
+    m = solution.problem.parameters.get("m", 1.0)
+    np.testing.assert_allclose(data.kinetic[2:-2], m * np.sum(v**2, axis=1) / 2, rtol=1e-6)
+    np.testing.assert_allclose(data.kinetic - data.potential, _lagrangian(solution, data.t))
+    words = [t.get_text() for t in _energies(name).get_legend().get_texts()]
+    assert {"$T$", "$V$"} <= set(words)
+
+
+def test_the_kinetic_energy_on_a_turning_hoop_has_that_of_the_turning():
+    solution, scene = solved("hoop_bead"), scenes.get("hoop_bead")
+    m, R, w = (solution.problem.parameters[name] for name in "mRw")
+    data = plot.energies_data(solution, kinetic=scene.kinetic)
+    theta, u = solution(data.t)[0], solution.velocity(data.t)[0]
+    turning = m * (R * w * np.sin(theta)) ** 2 / 2
+    assert np.max(turning) > 4.4
+    np.testing.assert_allclose(data.kinetic, m * (R * u) ** 2 / 2 + turning, rtol=1e-9)
+    height = m * scene.problem.parameters["g"] * R * np.cos(theta)
+    np.testing.assert_allclose(data.potential, -height, rtol=1e-9)
+
+
+def test_what_the_lagrangian_does_not_tell_is_not_named():
+    ax = plot.energies(solved("hoop_bead"))
+    words = [t.get_text() for t in ax.get_legend().get_texts()]
+    assert any("quadratic" in text for text in words)
+    assert any("effective potential" in text for text in words)
+    assert "$T$" not in words and "$V$" not in words
+    assert "T_2" in ax.get_title()
+
+    def lagrangian(q, v, t):  # relativistic, and so not quadratic
+        return -np.sqrt(1 - v[0] ** 2)
+
+    system = ao.System(lagrangian, ["x"])
+    solution = ao.solve(ao.Problem(system, ao.Event(0.0, [0.0]), ao.Event(1.0, [0.6])))
+    words = [t.get_text() for t in plot.energies(solution).get_legend().get_texts()]
+    assert any("even in" in text for text in words)
+
+
+def _energies(name):
+    return plot.energies(solved(name), kinetic=scenes.get(name).kinetic)
+
+
+def _lagrangian(solution, t):
+    problem = solution.problem
+    q, v = solution(t), solution.velocity(t)
+    return problem.system.lagrangian(q, v, t, parameters=problem.parameters)
 
 
 def test_what_is_conserved():
@@ -188,6 +305,30 @@ def test_what_is_conserved():
     assert plot.conserved_data(solved("damped_oscillator")).flat == (False, False)
     fact = scenes.get("kepler").facts["energy"]
     np.testing.assert_allclose(plot.conserved_data(solved("kepler")).energy, fact, rtol=1e-6)
+
+
+@pytest.mark.parametrize("name", scenes.SCENES)
+def test_conserved_is_what_a_symmetry_keeps(name):
+    """H if nothing depends on time and no force acts, the momenta of cyclic coordinates."""
+    solution = solved(name)
+    system = solution.problem.system
+    kept = cyclic(system)
+    steady = not (system.structure.depends_on_time or system.structure.forced)
+    expected = (steady, *(x in kept for x in system.coordinates))
+    data = plot.conserved_data(solution)
+    assert data.kept == expected
+    assert all(flat for flat, kept in zip(data.flat, data.kept, strict=True) if kept)
+
+
+def test_what_is_constant_on_one_path_alone_is_not_called_conserved():
+    above, below = plot.conserved(solved("heavy_top"))
+    words = [t.get_text() for ax in (above, below) for t in ax.get_legend().get_texts()]
+    assert [" ".join(w.split()) for w in words] == [
+        "$H$, conserved",
+        r"$p_{\phi}$, conserved",
+        r"$p_{\theta}$, constant on this path",
+        r"$p_{\psi}$, conserved",
+    ]
 
 
 def test_all_motions_of_an_oscillator_meet_after_half_a_period():
@@ -224,6 +365,38 @@ def test_in_the_plane_the_momentum_is_the_gradient_of_the_action():
     at = np.array(arrows.XY).T - np.array(solution.start.q)[:, None]
     np.testing.assert_allclose(arrows.U, m * at[0] / T, atol=1e-2)
     np.testing.assert_allclose(arrows.V, m * at[1] / T - m * g * T / 2, atol=1e-2)
+
+
+@pytest.mark.parametrize("name", ["kepler", "charge_planar"])
+def test_on_a_front_the_action_is_the_one_it_is_drawn_for(name):
+    """Paths solved to points of the lines, from the nearest motion that was drawn."""
+    solution = solved(name)
+    problem, data = solution.problem, plot.fronts_data(solution)
+    (lines,) = [c for c in plot.wavefronts(solution).collections if hasattr(c, "levels")]
+    span, checked = np.ptp(lines.levels), 0
+    for level, path in list(zip(lines.levels, lines.get_paths(), strict=True))[::4]:
+        for place in path.vertices[:: max(1, len(path.vertices) // 3)]:
+            nearest = np.argmin(np.hypot(*(data.q[:, :, -1] - place).T))
+            there = problem.replace(end=ao.Event(data.t[-1], place))
+
+            def guess(t, q=data.q[nearest]):
+                return np.stack([np.interp(t, data.t, row) for row in q])
+
+            S = ao.solve(there, guess=guess).action
+            assert pytest.approx(level, abs=0.01 * span) == S
+            checked += 1
+    assert checked > 10
+
+
+def test_momentum_and_velocity_are_told_apart_where_they_differ():
+    for name, differ in (
+        ("charge_planar", True),
+        ("rotating_frame_bound", True),
+        ("kepler", False),
+    ):
+        words = [t.get_text() for t in plot.wavefronts(solved(name)).get_legend().get_texts()]
+        assert any("momentum" in text for text in words)
+        assert any("velocity" in text for text in words) == differ
 
 
 def test_the_spectrum_of_an_oscillator():
@@ -268,6 +441,17 @@ def test_what_differs_most_is_drawn_first():
     ]
     assert np.all(np.diff(np.abs(data.rise[drawn])) <= 1e-12 * np.max(np.abs(data.rise)))
     assert sorted(drawn) == list(range(len(data.rise)))
+
+
+@pytest.mark.parametrize("half_periods", [0.8, 1.3, 3.3, 14.4])
+def test_no_path_looks_like_a_maximum(half_periods):
+    """At any index some neighbours raise S; at a saddle some lower it."""
+    solution = helpers.solved("oscillator", duration=half_periods * np.pi)
+    data = plot.bundle_data(solution)
+    assert solution.morse_index == int(half_periods)
+    assert data.rise.max() > 0
+    assert (data.rise.min() < 0) == (solution.morse_index > 0)
+    assert len(data.rise) == 24
 
 
 def test_neighbours_that_do_not_differ_have_the_colour_of_no_difference():

@@ -176,7 +176,7 @@ def test_the_picture_says_what_is_seen(name, method, words, monkeypatch):
         figures, "relaxation_data", lambda _, start, *, method: relaxed(name, method)
     )
     panels = plot.relaxation(solution, method=method, units=plot.SI)
-    assert panels.paths.get_title(loc="left") == words
+    assert panels.paths.get_title() == words
     legend = panels.paths.get_legend()
     assert legend is not None
     assert {x.get_text() for x in legend.get_texts()} == {"last path", "start", "true path"}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -9,7 +10,8 @@ import numpy as np
 
 from actionopt import scenes
 from actionopt.gallery import units
-from actionopt.gallery.page import escape, number
+from actionopt.gallery.mathml import inline
+from actionopt.gallery.page import number, typeset
 from actionopt.gallery.subject import Subject
 from actionopt.solver.solve import solve
 from actionopt.tools.types import Array
@@ -100,7 +102,14 @@ def _conserved(s: Subject) -> Rows:
         size = float(np.max(known)) or 1.0
         start = float(values[0]) if abs(values[0]) > ROUNDING * size else 0.0
         drift = float(np.ptp(values)) / size
-        yield Known(escape(name), "constant", number(start, DIGITS), drift)
+        yield Known(named(s, name), "constant", number(start, DIGITS), drift)
+
+
+def named(s: Subject, name: str) -> str:
+    """Return the name of what is conserved as HTML: words, or the formula if that is its name."""
+    system = s.solution.problem.system
+    scalars = {*system.coordinates, *system.parameters, "p1", "p2"}
+    return inline(name, scalars) if re.search("['^+]| - ", name) else typeset(name)
 
 
 def _start(s: Subject) -> Rows:

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from actionopt import plot
-from actionopt.gallery.page import escape, rounded
+from actionopt.gallery.page import escape, letter, rounded
 from actionopt.gallery.subject import Subject, span
 from actionopt.plot import SI
+from actionopt.plot.data.fan import aligned
 
 Rule = tuple[Callable[[Subject], bool], str]
 
@@ -56,9 +57,9 @@ DRAG: Rule = (
     lambda s: s.forced,
     "A force takes energy from the motion: H falls, as the energy function shows.",
 )
-NOT_MECHANICAL: Rule = (
-    lambda s: not s.solution.problem.system.energy_is_mechanical,
-    "The energy function is not T + V here, so that T and V do not share it out.",
+MOVING: Rule = (
+    lambda s: plot.energies_data(s.solution, kinetic=s.scene.kinetic).moving,
+    "What is taken from T here depends on the velocities, and so is no potential energy.",
 )
 SEVERAL: Rule = (
     lambda s: s.freedom > 1,
@@ -81,20 +82,24 @@ KINDS: list[tuple[str, tuple[Rule, ...], Callable[[Subject], Figure]]] = []
 
 
 def _kind(
-    title: str, caption: str, *unless: Rule, size: tuple[float, float] = (6.4, 4.4)
+    title: str,
+    caption: str | Callable[[Subject], str],
+    *unless: Rule,
+    size: tuple[float, float] = (6.4, 4.4),
 ) -> Callable[[Draw], None]:
     """Make the decorated function a kind of figure, the file of its own name.
 
     It draws a subject on an empty matplotlib figure of `size` (inches), and says what is to be
-    seen in this one, with numbers; `caption`, what in any such figure. A subject that is what
-    the rules `unless` say has none.
+    seen in this one, with numbers; `caption`, what in any such figure, or in one of such a
+    subject. A subject that is what the rules `unless` say has none.
     """
 
     def add(draw: Draw) -> None:
         def made(subject: Subject) -> Figure:
             said: list[str] = []
             svg = plot.svg(lambda figure: said.append(draw(subject, figure)), size)
-            return Figure(draw.__name__.strip("_"), svg, size, said[0], caption, title)
+            words = caption if isinstance(caption, str) else caption(subject)
+            return Figure(draw.__name__.strip("_"), svg, size, said[0], words, title)
 
         KINDS.append((title, unless, made))
 
@@ -113,8 +118,14 @@ def _motion(s: Subject, figure: Any) -> str:
 
 @_kind(
     "The path, and the motion integrated forward",
-    "Where the two agree, the path that makes the action stationary is the motion that "
-    "Newton's equations give from its own start.",
+    lambda s: (
+        "Where the two agree, the path found between the events is the motion that the equations "
+        "of Lagrange and d\N{RIGHT SINGLE QUOTATION MARK}Alembert, drag included, give from its "
+        "own start. No action is stationary on it."
+        if s.forced
+        else "Where the two agree, the path that makes the action stationary is the motion that "
+        "Newton\N{RIGHT SINGLE QUOTATION MARK}s equations give from its own start."
+    ),
     size=(6.4, 6.0),
 )
 def _path(s: Subject, figure: Any) -> str:
@@ -132,11 +143,11 @@ def _path(s: Subject, figure: Any) -> str:
     "Kinetic and potential energy",
     "The action is the area under T less the area under V.",
     DRAG,
-    NOT_MECHANICAL,
+    MOVING,
 )
 def _energies(s: Subject, figure: Any) -> str:
-    plot.energies(s.solution, figure.subplots(), units=SI)
-    data = plot.energies_data(s.solution)
+    plot.energies(s.solution, figure.subplots(), kinetic=s.scene.kinetic, units=SI)
+    data = plot.energies_data(s.solution, kinetic=s.scene.kinetic)
     return (
         f"Kinetic energy {span(data.kinetic, 'J')} and potential energy "
         f"{span(data.potential, 'J')} against time; the area between them, counted negative where "
@@ -145,15 +156,20 @@ def _energies(s: Subject, figure: Any) -> str:
 
 
 @_kind(
-    "Energy function and momenta", "What is conserved is a broad straight line.", size=(6.4, 5.4)
+    "Energy function and momenta",
+    "What stays the same is a broad straight line. Conserved is what a symmetry keeps on every "
+    "motion: H if nothing depends on time, the momentum of a coordinate that appears nowhere.",
+    size=(6.4, 5.4),
 )
 def _conserved(s: Subject, figure: Any) -> str:
     plot.conserved(s.solution, figure.subplots(2, sharex=True), units=SI)
     data = plot.conserved_data(s.solution)
-    names = ["H", *(f"p of {name}" for name in s.solution.problem.system.coordinates)]
-    flat = [name for name, same in zip(names, data.flat, strict=True) if same]
-    kept = f"constant are {', '.join(flat)}" if flat else "none of them is constant"
-    return f"Energy function H, {span(data.energy, 'J')}, and momenta against time; {kept}."
+    names = ["H", *(f"p of {letter(name)}" for name in s.solution.problem.system.coordinates)]
+    rows = list(zip(names, data.flat, data.kept, strict=True))
+    kept = ", ".join(name for name, _, kept in rows if kept) or "none of them"
+    only = ", ".join(name for name, flat, kept in rows if flat and not kept)
+    said = f"conserved: {kept}" + f"; constant on this path alone: {only}" * bool(only)
+    return f"Energy function H, {span(data.energy, 'J')}, and momenta against time; {said}."
 
 
 @_kind(
@@ -224,9 +240,29 @@ def _spectrum(s: Subject, figure: Any) -> str:
     )
 
 
+_FRONTS = {
+    "time": "Lines of equal action over time and place, where dS = p dx &minus; H dt. A path "
+    "climbs from line to line where L is positive, falls where it is negative, and runs along one "
+    "where L = 0.",
+    "along": "Fronts of the action at the end, over the places where the motions then are. The "
+    "momentum is its gradient, and here along the velocity: motions arrive across the fronts, as "
+    "rays do across waves.",
+    "askew": "Fronts of the action at the end, over the places where the motions then are. The "
+    "momentum, its gradient, stands across them; the velocity does not, for here p is more than "
+    "m v.",
+}
+
+
+def fronts_caption(s: Subject) -> str:
+    """Return what fronts are: over time, or in space, the velocity across them or askew."""
+    if s.freedom == 1:
+        return _FRONTS["time"]
+    return _FRONTS["along" if aligned(s.solution.momentum(s.t), s.v) else "askew"]
+
+
 @_kind(
     "Fronts of equal action",
-    "The momentum is the gradient of the action: paths cross its fronts as rays cross waves.",
+    fronts_caption,
     FORCED,
     CROWDED,
     HELD,
@@ -234,8 +270,8 @@ def _spectrum(s: Subject, figure: Any) -> str:
 def _fronts(s: Subject, figure: Any) -> str:
     plot.wavefronts(s.solution, figure.subplots(), units=SI)
     return (
-        "Lines of equal action from the start, crossed by the motions that leave it in other "
-        f"directions; the path goes {s.motion}."
+        "Lines of equal action from the start, and motions that leave it in other directions; the "
+        f"path goes {s.motion}."
     )
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from actionopt import scenes
-from actionopt.gallery.page import escape, frame
+from actionopt.gallery.page import escape, frame, typeset
 from actionopt.scenes import Scene
 
 SECTIONS = {
@@ -83,6 +83,6 @@ def _card(scene: Scene, tags: Sequence[str], motion: str) -> str:
     what = escape(f"The motion at a few equal times, {motion}.")
     return (
         f'<li class="card"><img src="{name}/thumbnail.svg" alt="{what}" loading="lazy">'
-        f'<h3><a href="{name}/index.html">{escape(title)}</a></h3>'
+        f'<h3><a href="{name}/index.html">{typeset(title)}</a></h3>'
         f'<ul class="tags">{words}</ul></li>'
     )

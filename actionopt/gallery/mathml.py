@@ -7,7 +7,7 @@ import html
 import re
 from collections.abc import Collection, Sequence
 
-from actionopt.gallery.formula import PRIME, Formula
+from actionopt.gallery.formula import PRIME, Formula, formula
 from actionopt.tools.greek import GREEK
 
 LETTERS = {"w": "omega"}  # how a name of the code is written in a book
@@ -19,13 +19,19 @@ LINE = 38  # letters of a line, about
 THIN = '<mspace width="0.17em"/>'
 
 
-def mathml(formula: Formula, scalars: Collection[str]) -> str:
+def mathml(given: Formula, scalars: Collection[str]) -> str:
     """Return a formula as MathML; r, v and Q that are not among `scalars` are vectors."""
     write = _Writer(scalars)
-    rows = [row for sides in (formula.sides, *formula.definitions) for row in write.lines(sides)]
+    rows = [row for sides in (given.sides, *given.definitions) for row in write.lines(sides)]
     body = "".join(f"<mtr><mtd>{row}</mtd></mtr>" for row in rows)
     body = f'<mtable displaystyle="true">{body}</mtable>'
-    return f'<math display="block" alttext="{html.escape(formula.text)}">{body}</math>'
+    return f'<math display="block" alttext="{html.escape(given.text)}">{body}</math>'
+
+
+def inline(text: str, scalars: Collection[str]) -> str:
+    """Return an expression, as docstrings write it, as MathML within a line."""
+    (side,) = formula(text).sides
+    return f'<math alttext="{html.escape(text)}"><mrow>{_Writer(scalars)(side)}</mrow></math>'
 
 
 def symbol(name: str) -> str:
@@ -65,6 +71,8 @@ class _Writer:
                 return f"<mrow>{''.join(self.terms(node))}</mrow>"
             case ast.Compare(a, [ast.Lt()], [b]):
                 return f"{self(a)}<mo>&lt;</mo>{self(b)}"
+            case ast.Call(ast.Name("exp"), [argument]):
+                return f"<msup><mi>e</mi><mrow>{self(argument)}</mrow></msup>"
             case ast.Call(ast.Name("sqrt"), [argument]):
                 return f"<msqrt>{self(argument)}</msqrt>"
             case ast.Call(ast.Name("size"), [argument]):

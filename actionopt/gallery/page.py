@@ -9,8 +9,33 @@ from dataclasses import dataclass
 from html import escape
 
 from actionopt import __version__
+from actionopt.tools.greek import GREEK, split
 
-__all__ = ["Page", "escape", "frame", "number", "prose", "rounded", "table"]
+__all__ = [
+    "Page",
+    "escape",
+    "frame",
+    "letter",
+    "number",
+    "prose",
+    "rounded",
+    "table",
+    "typeset",
+]
+
+_GREEK = "|".join(name for name in GREEK if name.isalpha())
+WRITTEN = (  # how docstrings write mathematics, escaped, and how books do, in this order
+    (rf"\b({_GREEK})(?=\d?\b)", lambda name: GREEK[name[1]]),
+    (r"\bw(?=[0t]?\b)", GREEK["omega"]),
+    (r"(?<!\w)(\w)(\d?)''", "\\1\u0308\\2"),
+    (r"(?<!\w)(\w)(\d?)'(?!\w)", "\\1\u0307\\2"),
+    (r"(?<![\w.])([^\W\d]\u0307?)(\d)\b", r"\1<sub>\2</sub>"),
+    (r"\^(\w)", r"<sup>\1</sup>"),
+    (r"\bsqrt\(", "\u221a("),
+    (r"-&gt;", "\u2192"),
+    (r"&lt;=", "\u2264"),
+    (r"(?<![\w.])-(?=[\w(])|(?<= )-(?= )", "\u2212"),
+)
 
 
 @dataclass(frozen=True)
@@ -92,10 +117,37 @@ def rounded(value: float, digits: int = 3) -> str:
 
 
 def prose(text: str) -> str:
-    """Return docstring text as paragraphs, names in backticks as code."""
-    paragraphs = (escape(" ".join(p.split()), quote=False) for p in text.split("\n\n"))
-    code = r"<code>\1</code>"
-    return "\n".join(f"<p>{re.sub(r'`([^`]+)`', code, p)}</p>" for p in paragraphs if p)
+    """Return docstring text as paragraphs, written as `typeset` does."""
+    return "\n".join(f"<p>{typeset(' '.join(p.split()))}</p>" for p in text.split("\n\n") if p)
+
+
+def typeset(text: str) -> str:
+    """Return a line of a docstring as HTML: mathematics as in books, names in backticks as code.
+
+    >>> typeset("`w`: theta1'^2 <= m/s^2")
+    '<code>w</code>: θ̇<sub>1</sub><sup>2</sup> ≤ m/s<sup>2</sup>'
+    """
+    plain, *rest = escape(text, quote=False).split("`")
+    parts = [_mathematics(plain)]
+    for code, plain in zip(rest[::2], rest[1::2], strict=True):
+        parts += [f"<code>{code}</code>", _mathematics(plain)]
+    return "".join(parts)
+
+
+def letter(name: str) -> str:
+    """Return the name of a coordinate as text, Greek letters and indices as such.
+
+    >>> letter("theta1"), letter("x")
+    ('θ₁', 'x')
+    """
+    word, index = split(name)
+    return GREEK.get(word, word) + "".join(chr(0x2080 + int(digit)) for digit in index)
+
+
+def _mathematics(text: str) -> str:
+    for pattern, replacement in WRITTEN:
+        text = re.sub(pattern, replacement, text)
+    return text
 
 
 def table(

@@ -13,7 +13,7 @@ from actionopt.gallery import film, units
 from actionopt.gallery.facts import known
 from actionopt.gallery.figures import figures
 from actionopt.gallery.mathml import mathml, symbol
-from actionopt.gallery.page import Page, escape, frame, number, prose, table
+from actionopt.gallery.page import Page, escape, frame, number, prose, table, typeset
 from actionopt.gallery.subject import Subject
 from actionopt.gallery.texts import Texts, texts
 from actionopt.plot import SI
@@ -43,12 +43,12 @@ def scene_page(name: str) -> Page:
     main = f"""<article class="scene">
 <header class="title">
 <p class="crumb"><a href="../index.html">All scenes</a></p>
-<h1>{escape(title)}</h1>
+<h1>{typeset(title)}</h1>
 <p class="tags">{"".join(f"<span>{escape(tag)}</span>" for tag in tags(s))}</p>
 </header>
 <section class="opening" aria-label="Statement">
 <div>
-<p class="statement">{escape(words.statement)}</p>
+<p class="statement">{typeset(words.statement)}</p>
 {_formulas(s, words)}
 <pre class="sketch" tabindex="0" role="img" aria-label="Sketch: {escape(words.statement)}">
 {escape(words.sketch)}
@@ -120,7 +120,7 @@ def _formulas(s: Subject, words: Texts) -> str:
         scalars.add("Q")
     rows = []
     for formula in words.formulas:
-        remark = f'<span class="remark">{escape(formula.remark)}</span>' if formula.remark else ""
+        remark = f'<span class="remark">{typeset(formula.remark)}</span>' if formula.remark else ""
         rows.append(
             f'<div class="formula scroll" tabindex="0" role="region" aria-label="Formula">'
             f"{mathml(formula, scalars)}{remark}</div>"
@@ -176,7 +176,7 @@ def _found(s: Subject) -> str:
             (f"momentum of {symbol(name)} at the start and the end", _pair(a, b, SI.momentum(name)))
             for name, a, b in zip(names, p0, p1, strict=True)
         ),
-        ("the action is", escape(s.verdict)),
+        *([] if s.forced else [("the action is", escape(s.verdict))]),
         ("mesh", f"{solution.mesh.elements} elements, {solution.mesh.nodes.size} nodes"),
     ]
     return table("Found from the path", ("", "value"), rows, kind="numbers")

@@ -10,7 +10,7 @@ import numpy as np
 
 from actionopt.analysis.conjugate import ConjugatePoint, conjugate_points
 from actionopt.analysis.solution import Solution
-from actionopt.gallery.page import rounded
+from actionopt.gallery.page import letter, rounded
 from actionopt.plot import SI, motion_data, planar
 from actionopt.scenes import Scene
 from actionopt.tools.types import Array
@@ -90,7 +90,9 @@ class Subject:
     def event(self, q: Iterable[float]) -> str:
         """Return coordinates in words, with units, the first four of them."""
         names = self.solution.problem.system.coordinates
-        parts = [f"{n} = {rounded(x)} {SI.coordinate(n)}" for n, x in zip(names, q, strict=True)]
+        parts = [
+            f"{letter(n)} = {rounded(x)} {SI.coordinate(n)}" for n, x in zip(names, q, strict=True)
+        ]
         return ", ".join(parts[:4]) + (f" and {len(parts) - 4} more" if len(parts) > 4 else "")
 
     @property

@@ -10,14 +10,30 @@ from matplotlib.axes import Axes
 from actionopt.analysis.solution import Solution
 from actionopt.plot import _style as style
 from actionopt.plot._names import NONE, Units, label, symbol
-from actionopt.plot.data.along import conserved_data, energies_data
+from actionopt.plot.data.along import Kinetic, conserved_data, energies_data
 
 
 @style.styled
-def energies(solution: Solution, ax: Axes | None = None, *, units: Units = NONE) -> Axes:
-    """Draw T and V, and between them the areas whose difference is S."""
-    data = energies_data(solution)
-    V_name = "V" if solution.problem.system.energy_is_mechanical else "U(\\dot q)"
+def energies(
+    solution: Solution,
+    ax: Axes | None = None,
+    *,
+    kinetic: Kinetic | None = None,
+    units: Units = NONE,
+) -> Axes:
+    """Draw T and V, and between them the areas whose difference is S.
+
+    `kinetic(q, v, t)` is T in a frame at rest, as a scene's `kinetic` is. L alone does not tell
+    it: without, its part quadratic in the velocities is drawn, and the effective potential.
+    """
+    data = energies_data(solution, kinetic=kinetic)
+    T_name, V_name = "T", "U(\\dot q)" if data.moving else "V"
+    T_text, V_text = "$T$", f"${V_name}$"
+    if not data.told:
+        kind, subscript = ("quadratic", "2") if data.quadratic else ("even", "+")
+        T_name, V_name = f"T_{subscript}", V_name.replace(V_name[0], f"{V_name[0]}_\\mathrm{{eff}}")
+        T_text = f"${T_name}$, part of $L$ {kind} in $\\dot q$"
+        V_text = f"${V_name}$, effective potential"
     t, T, V = data.t, data.kinetic, data.potential
     ax = style.on(ax)
     for where, colour, text in (
@@ -27,13 +43,13 @@ def energies(solution: Solution, ax: Axes | None = None, *, units: Units = NONE)
         if where.any():
             look: Any = {"color": colour, "alpha": 0.22, "linewidth": 0, "label": text}
             ax.fill_between(t, T, V, where=where, interpolate=True, **look)
-    ax.plot(t, T, color=style.BLUE, linewidth=2.2, label="$T$")
-    ax.plot(t, V, **style.POTENTIAL, label=f"${V_name}$")
+    ax.plot(t, T, color=style.BLUE, linewidth=2.2, label=T_text)
+    ax.plot(t, V, **style.POTENTIAL, label=V_text)
     ax.set(xlabel=label("time $t$", units.time), ylabel=label("energy", units.energy))
     S = f"{style.number(solution.action)} {units.action}".rstrip()
-    ax.set_title(f"{style.heading(solution)}: $S = \\int (T - {V_name})\\,dt$ = {S}")
+    ax.set_title(f"{style.heading(solution)}: $S = \\int ({T_name} - {V_name})\\,dt$ = {S}")
     ax.margins(x=0)
-    style.legend_above(ax, 4)
+    style.legend_above(ax, 4 if data.told else 2)
     return ax
 
 
@@ -41,15 +57,18 @@ def energies(solution: Solution, ax: Axes | None = None, *, units: Units = NONE)
 def conserved(
     solution: Solution, axes: Sequence[Axes] | None = None, *, units: Units = NONE
 ) -> tuple[Axes, Axes]:
-    """Draw the energy above the momenta; what is conserved is a broad straight line."""
+    """Draw the energy above the momenta; what stays the same is a broad straight line.
+
+    Conserved is what a symmetry keeps, along every motion; else it is constant on this path.
+    """
     data, names = conserved_data(solution), solution.problem.system.coordinates
     if axes is None:
         axes = style.new_figure(figsize=(6.4, 5.4)).subplots(2, sharex=True)
     above, below = axes  # type: ignore[misc]
     whats = ["$H$", *(f"$p_{{{symbol(name)[1:-1]}}}$" for name in names)]
-    rows = zip(whats, [data.energy, *data.momentum], data.flat, strict=True)
-    for i, (what, values, flat) in enumerate(rows):
-        text = f"{what}, conserved" if flat else what
+    rows = zip(whats, [data.energy, *data.momentum], data.flat, data.kept, strict=True)
+    for i, (what, values, flat, kept) in enumerate(rows):
+        text = f"{what}, conserved" if kept else f"{what}, constant\non this path" if flat else what
         look = {**style.strand(i), "linewidth": 3.2 if flat else 1.6}
         (below if i else above).plot(data.t, values, **look, label=text)
     above.set_ylabel(label("energy function $H$", units.energy))

@@ -82,15 +82,17 @@ class Explorer:
         problem = first.trial.tr.problem
         names, t0, t1 = problem.system.coordinates, problem.start.t, problem.end.t
         self.right = t1  # the latest end seen: the axis of time does not shrink again
-        self.figure = style.new_figure(figsize=(10.6, 6.6), layout=None)
+        self.figure = style.new_figure(figsize=style.scaled(10.6, 6.6), layout=None)
         self.figure.explorer = self  # lives as long as its figure
-        self.panels = panels(self.figure, names, units)
-        self.missing = Missing(self.figure, names, units)
-        self.words = Words(self.figure, style.heading(problem), units)
+        forced = problem.system.structure.forced
+        self.panels = panels(self.figure, names, "motion" if forced else "stationary path", units)
+        self.missing = Missing(self.figure, names, forced, units)
+        self.words = Words(self.figure, style.heading(problem), forced, units)
         self.slider = Slider(
             self.figure.add_axes((LEFT + 0.075, 0.03, RIGHT - LEFT - 0.145, 0.03)),
             label("end time", units.time), t0 + SHORTEST * (t1 - t0), first.latest, valinit=t1,
-            valfmt="%.4g", color=style.BLUE, track_color="#e6e6e6", initcolor="none",
+            valfmt="%.4g", color=style.BLUE, initcolor="none",
+            track_color=matplotlib.rcParams["grid.color"],
         )  # fmt: skip
         (self.marks,) = self.slider.ax.plot(
             [], [], "v", color=style.VERMILION, markersize=6, clip_on=False,
@@ -225,4 +227,5 @@ class Explorer:
     def _button(self, left: float, text: str) -> Any:
         ax = self.figure.add_axes((left, 0.025, 0.13, 0.055))
         ax.spines[:].set_visible(False)
-        return Button(ax, text, color="#e9f1f7", hovercolor="#cfe3f0")
+        face, under = ("#22313c", "#2f4656") if style.dark() else ("#e9f1f7", "#cfe3f0")
+        return Button(ax, text, color=face, hovercolor=under)

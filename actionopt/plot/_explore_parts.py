@@ -23,6 +23,7 @@ LEFT, RIGHT, ASIDE = 0.085, 0.655, 0.705  # of the figure: the panels, and the w
 MOST = 3  # coordinates against time, one panel each
 LEAST = 0.05  # of a coordinate's size, that its panel shows
 ROOM = 0.3  # of what is drawn, around it, to drag into
+DALEMBERT = "LAGRANGE-D\N{RIGHT SINGLE QUOTATION MARK}ALEMBERT"  # their equations
 SIGNS = {"minimum": style.GREEN, "saddle": style.BLUE, "degenerate": style.VERMILION}
 
 
@@ -42,15 +43,15 @@ class Panel:
             self.lines += self.ax.plot([], [], *form, **look)
             return self.lines[-1]
 
-        self.beyond = line(color="#9a9a9a", linewidth=1.0, linestyle=":")
+        self.beyond = line(color=style.PALE, linewidth=1.0, linestyle=":")
         self.trial = line(color=self.colour, **style.PATH)
-        self.exact = line(color="black", linewidth=1.3)
+        self.exact = line(color=style.ink(), linewidth=1.3)
         self.foci = line("D", color=style.VERMILION, markersize=5, zorder=4.5)
         self.points = line(
-            "o", color=self.colour, markerfacecolor="white", markersize=8, markeredgewidth=1.8,
-            zorder=6,
+            "o", color=self.colour, markerfacecolor=style.paper(), markersize=8,
+            markeredgewidth=1.8, zorder=6,
         )  # fmt: skip
-        self.start, self.end = line(**style.START), line(**style.EVENT)
+        self.start, self.end = line(**style.start()), line(**style.event())
 
     def project(self, t: Array, q: Array) -> tuple[Array, Array]:
         """Return what is drawn of the coordinates q (n, K) at the times t."""
@@ -80,8 +81,11 @@ class Panel:
             self.foci.set_data(*self.project(foci, motion.path(foci)))
 
 
-def panels(figure: Figure, names: tuple[str, ...], units: Units) -> list[Panel]:
-    """Return one panel of orbits for Cartesian coordinates, else the first ones against time."""
+def panels(figure: Figure, names: tuple[str, ...], found_path: str, units: Units) -> list[Panel]:
+    """Return one panel of orbits for Cartesian coordinates, else the first ones against time.
+
+    `found_path` is what the path that is solved for is called.
+    """
     pairs, high = planar(names), 0.875
     low = 0.395 if pairs else 0.36
     if pairs:
@@ -101,7 +105,7 @@ def panels(figure: Figure, names: tuple[str, ...], units: Units) -> list[Panel]:
     first = found[0]
     figure.legend(
         [first.trial, first.exact, first.beyond, first.foci],
-        ["trial", "stationary path", "its motion, continued", "conjugate points"],
+        ["trial", found_path, "continued", "conjugate points"],
         loc="lower left", bbox_to_anchor=(LEFT - 0.012, high), ncols=4, columnspacing=1.4,
         handlelength=1.6,
     )  # fmt: skip
@@ -129,10 +133,10 @@ def fit(found: list[Panel], sizes: Array, times: tuple[float, float]) -> None:
 class Missing:
     """The missing force of each coordinate against time."""
 
-    def __init__(self, figure: Figure, names: tuple[str, ...], units: Units) -> None:
+    def __init__(self, figure: Figure, names: tuple[str, ...], forced: bool, units: Units) -> None:
         self.ax = ax = figure.add_axes((LEFT, 0.165, RIGHT - LEFT, 0.13))
         self.reach = 0.0
-        ax.axhline(0, color="black", linewidth=0.8)
+        ax.axhline(0, color=style.ink(), linewidth=0.8)
         looks: list[dict[str, Any]] = [{"color": style.colour(i)} for i in range(len(names))]
         for k, (i, j) in enumerate(planar(names)):  # as the orbits are coloured
             looks[i] = {"color": style.colour(k)}
@@ -140,9 +144,10 @@ class Missing:
         self.lines = [ax.plot([], [], **look, linewidth=1.6)[0] for look in looks]
         self.when = ax.axvline(0, color=style.GREY, linewidth=0.8, linestyle=":")
         ax.set_xlabel(label("time $t$", units.time))
-        used = (units.momentum(name).removesuffix(units.time).strip() for name in names)
-        text = label(r"missing force  $dp/dt - \partial L/\partial q$", *used)
-        ax.set_title(text, fontsize=9.5, color=style.GREY)
+        used = (units.generalized_force(name) for name in names)
+        text = r"missing force  $dp/dt - \partial L/\partial q" + (" - Q$" if forced else "$")
+        text = label(text, *used)
+        ax.set_title(text, fontsize=style.scaled(9.5)[0], color=style.GREY)
         ax.yaxis.set_major_locator(MaxNLocator(3))
 
     def show(self, trial: Trial, held: int | None) -> None:
@@ -163,17 +168,20 @@ class Missing:
 class Words:
     """The numbers beside the panels, and what they mean."""
 
-    def __init__(self, figure: Figure, name: str, units: Units) -> None:
+    def __init__(self, figure: Figure, name: str, forced: bool, units: Units) -> None:
         def write(y: float, size: float, text: str = "", **look: Any) -> Any:
-            return figure.text(ASIDE, y, text, fontsize=size, va="top", linespacing=1.4, **look)
+            look = {"fontsize": style.scaled(size)[0], "va": "top", "linespacing": 1.4, **look}
+            return figure.text(ASIDE, y, text, **look)
 
-        self.units, small = units, {"color": style.GREY}
-        figure.text(LEFT, 0.975, name, fontsize=14, va="top")
+        self.ink = style.ink()
+        self.units, self.forced, small = units, forced, {"color": style.GREY}
+        aim = DALEMBERT if forced else "STATIONARY"
+        figure.text(LEFT, 0.975, name, fontsize=style.scaled(14)[0], va="top")
         write(0.915, 9.5, "ACTION OF THE TRIAL", **small)
         self.action, self.rise = write(0.88, 20), write(0.805, 13)
-        write(0.715, 9.5, "DISTANCE FROM STATIONARY", **small)
+        write(0.715, 9.5, f"DISTANCE FROM {aim}", **small)
         self.slope, self.meaning = write(0.68, 16), write(0.625, 9.5, **small)
-        write(0.505, 9.5, "THE STATIONARY PATH", **small)
+        write(0.505, 9.5, "THE MOTION" if forced else "THE STATIONARY PATH", **small)
         self.kind, self.passed = write(0.47, 16), write(0.415, 9.5, **small)
         self.message = write(0.345, 9.5, color=style.VERMILION)
         self.numbers = self.action, self.rise, self.slope, self.meaning, self.message
@@ -185,15 +193,19 @@ class Words:
         self.action.set_text(f"$S$ = {_number(S, 7, unit)}")
         self.slope.set_text(_number(slope, 3, unit))
         self.meaning.set_text(
-            "steepest slope of $S$: bent by 1 % of its size,\n"
+            "duration times the mean of missing force\nand size; 0 where their equations hold"
+            if self.forced
+            else "steepest slope of $S$: bent by 1 % of its size,\n"
             f"the path changes $S$ by at most {_number(slope / 100, 2, unit)}"
         )
-        if now.stationary is None:
+        if self.forced:  # S is stationary nowhere near
+            self.rise.set(text="not stationary: a force acts", color=style.GREY)
+        elif now.stationary is None:
             self.rise.set(text="not compared: press Solve", color=style.GREY)
         else:
             rise = S - now.stationary.action
             rise = 0.0 if abs(rise) <= 1e-9 * abs(S) else rise
-            colour = style.VERMILION if rise > 0 else style.BLUE if rise < 0 else "black"
+            colour = style.VERMILION if rise > 0 else style.BLUE if rise < 0 else self.ink
             number = ("+" if rise > 0 else "") + _number(rise, 4, unit)
             self.rise.set(text=f"$S - S^*$ = {number}", color=colour)
         kind, colour, passed = self._kind(now)

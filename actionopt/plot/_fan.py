@@ -18,8 +18,7 @@ from actionopt.tools.types import Array
 SAME_TIMES = 8
 EVERY = 12  # motions, one is drawn
 FOCUS: Any = {
-    "marker": "D", "linestyle": "none", "color": "white", "markeredgecolor": "black",
-    "markersize": 7, "zorder": 6,
+    "marker": "D", "linestyle": "none", "markersize": 7, "zorder": 6,
 }  # fmt: skip
 
 
@@ -50,7 +49,7 @@ def fan(
         style.draw(ax, names, data.t, q[:, :, some].transpose(2, 1, 0), None, text, **look)
     last = int(data.index[-1])
     few = last < len(style.COLOURS)
-    colours = style.COLOURS if few else style.UNSIGNED(np.linspace(0, 1, last + 1))
+    colours = style.COLOURS if few else style.unsigned()(np.linspace(0, 1, last + 1))
     for arc in np.unique(data.index):
         part = np.flatnonzero(data.index == arc)
         part = np.r_[max(part[0] - 1, 0), part]
@@ -58,7 +57,8 @@ def fan(
         style.draw(ax, names, data.t[part], data.q[:, part], at, f"index {arc}", **look)
     foci = np.array([point.t for point in data.conjugate])
     if foci.size:
-        style.draw(ax, names, foci, solution(foci), at, "kinetic focus", **FOCUS)
+        hollow = {"color": style.paper(), "markeredgecolor": style.ink()}
+        style.draw(ax, names, foci, solution(foci), at, "kinetic focus", **FOCUS, **hollow)
     style.frame(ax, solution, units, at)
     found = "refocusing" if foci.size else "no focus before the end"
     ax.set_title(f"{style.heading(solution)}: paths from one event, {found}")
@@ -74,10 +74,11 @@ def wavefronts(
     units: Units = NONE,
     until: float | None = None,
 ) -> Axes:
-    """Draw the fronts of S(q, t) from the start event and the paths that cross them.
+    """Draw the fronts of S(q, t) from the start event, and paths from there.
 
-    One coordinate: fronts in the plane of time and coordinate. Two Cartesian coordinates: fronts
-    over the places reached at the last time, and there the momenta, which are dS/dq.
+    One coordinate: fronts in the plane of time and coordinate, where dS = p dq - H dt; a path runs
+    along one where L = 0. Two Cartesian coordinates: fronts over the places reached at the last
+    time, and there the momenta, which are dS/dq, and the velocities where they point elsewhere.
 
     Raises ValueError for any other system, and as `fronts_data` does.
     """
@@ -85,7 +86,7 @@ def wavefronts(
     if len(names) > 1 and (len(names) > 2 or not planar(names)):
         raise ValueError(f"expected one coordinate or x and y, found {', '.join(names)}; try `fan`")
     data, ax = fronts_data(solution, until=until), style.on(ax)
-    what = "and the paths across them"
+    what = "in time, and paths from the event"
     if len(names) == 1:
         _fronts(ax, *over_time(data), units)
         _paths(ax, data.t, data.q[::2, 0].T, 0.7)
@@ -93,7 +94,7 @@ def wavefronts(
         _plane(ax, solution, data, units)
         what = f"at $t$ = {style.number(data.t[-1], 3)} {units.time}".rstrip()
     for x, y, _ in style.traces(names, data.t, solution(data.t)):
-        ax.plot(x, y, **style.TRUE, label="stationary path")
+        ax.plot(x, y, **style.true(), label="stationary path")
     style.frame(ax, solution, units)
     if len(names) == 1:
         margin = 0.02 * (data.t[-1] - data.t[0])
@@ -105,15 +106,20 @@ def wavefronts(
 
 def _plane(ax: Axes, solution: Solution, data: Fronts, units: Units) -> None:
     """Draw fronts over the places reached at the last time, the paths there, and momenta."""
-    sheet, S, p = over_plane(solution, data)
-    _fronts(ax, sheet, S, units)
-    some = np.unique(sheet.get_masked_triangles())[::EVERY]
+    sheet = over_plane(solution, data)
+    _fronts(ax, *sheet.fine(), units)
+    some = np.unique(sheet.triangles.get_masked_triangles())[::EVERY]
     _paths(ax, data.q[some, 0].T, data.q[some, 1].T, 0.6)
-    ax.quiver(*data.q[some, :, -1].T, *p[:, some], width=0.004, color="black", zorder=3)
-    ax.plot(
-        [], [], color="black", marker=r"$\rightarrow$", markersize=12, linestyle="none",
-        label=r"momentum $p = \partial S/\partial q$",
-    )  # fmt: skip
+    arrows = [(sheet.momentum, style.ink(), r"momentum $p = \partial S/\partial q$")]
+    if not sheet.aligned:
+        arrows.append((sheet.velocity, style.VERMILION, r"velocity $\dot q$"))
+    for values, colour, text in arrows:
+        at = data.q[some, :, -1].T
+        ax.quiver(*at, *values[:, some], width=0.004, color=colour, zorder=3)
+        ax.plot(
+            [], [], color=colour, marker=r"$\rightarrow$", markersize=12, linestyle="none",
+            label=text,
+        )  # fmt: skip
     ax.margins(0.1)  # for the arrows
     ax.use_sticky_edges = False
 
@@ -129,6 +135,6 @@ def _fronts(ax: Axes, sheet: Triangulation, S: Array, units: Units) -> None:
     seen = np.sort(S[np.unique(sheet.get_masked_triangles())])
     levels = np.unique(np.linspace(seen[len(seen) // 50], seen[-1 - len(seen) // 50], LEVELS))
     norm = Normalize(levels[0], levels[-1])
-    ax.tricontour(sheet, S, levels, cmap=style.UNSIGNED, norm=norm, linewidths=1.6, zorder=2)
+    ax.tricontour(sheet, S, levels, cmap=style.unsigned(), norm=norm, linewidths=1.6, zorder=2)
     text = label("$S$ from the start", units.action)
-    style.colour_bar(ax, levels, norm, style.UNSIGNED, text)
+    style.colour_bar(ax, levels, norm, style.unsigned(), text)

@@ -18,6 +18,8 @@ class Units:
 
     >>> SI.coordinate("theta1"), SI.coordinate("x"), SI.momentum("theta1"), SI.action
     ('rad', 'm', 'J s', 'J s')
+    >>> SI.generalized_force("theta1"), SI.generalized_force("x")
+    ('N m', 'N')
     >>> Units().action
     ''
     """
@@ -41,6 +43,11 @@ class Units:
         if _angle(name):
             return self.action
         return f"{self.force} {self.time}" if self.force else ""
+
+    def generalized_force(self, name: str) -> str:
+        """Return the unit of the force along a coordinate: a torque along an angle."""
+        length = f" {self.length}" if _angle(name) else ""
+        return f"{self.force}{length}" if self.force else ""
 
 
 NONE = Units()

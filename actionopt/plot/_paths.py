@@ -19,6 +19,7 @@ from actionopt.plot import _style as style
 from actionopt.plot._names import NONE, Units, label, symbol
 from actionopt.plot.data.along import curves, family_data, followed, mesh_data, times
 
+BADGE: Any = {"boxstyle": "circle,pad=0.2", "edgecolor": style.GREY}
 BOUND: Any = {"color": style.GREY, "linewidth": 1.2}
 
 
@@ -48,7 +49,7 @@ def paths(
         ax.plot(x, y, **style.PATH, label=what)
     if compare:
         forward = followed(solution, t)
-        style.draw(ax, names, t, forward, None, "forward integration", **style.FORWARD)
+        style.draw(ax, names, t, forward, None, "forward integration", **style.forward())
     style.frame(ax, solution, units)
     S = f"{style.number(solution.action, 8)} {units.action}".rstrip()
     ax.set_title(f"{style.heading(solution)}: $S$ = {S}")
@@ -65,7 +66,7 @@ def deviation(solution: Solution, ax: Axes | None = None, *, units: Units = NONE
     """
     data, ax = curves(solution), style.on(ax)
     seen = np.where(data.deviation > 0, data.deviation, np.nan)
-    ax.semilogy(data.t, seen, color="black", linewidth=1.2, label="deviation")
+    ax.semilogy(data.t, seen, color=style.ink(), linewidth=1.2, label="deviation")
     for value, look, text in (
         (solution.error, "--", "error estimate"),
         (solution.compare().reference_error, ":", "uncertainty of integration"),
@@ -98,7 +99,7 @@ def family(
     norm = Normalize(actions.min(), actions.max() if np.ptp(actions) else actions.min() + 1.0)
     ax = style.on(ax)
     for k, (solution, q, S) in enumerate(zip(found, paths, actions, strict=True)):
-        style.draw(ax, names, t, q, place, color=style.UNSIGNED(norm(S)), linewidth=2.4)
+        style.draw(ax, names, t, q, place, color=style.unsigned()(norm(S)), linewidth=2.4)
         style.frame(ax, solution, units, place)  # a path with windings has an end of its own
         if forced:
             continue
@@ -109,11 +110,11 @@ def family(
         ax.annotate(
             str(solution.morse_index), (x[at], y[at]), ha="center", va="center", zorder=6,
             fontsize="small",
-            bbox={"boxstyle": "circle,pad=0.2", "facecolor": "white", "edgecolor": style.GREY},
+            bbox={**BADGE, "facecolor": style.paper()},
         )  # fmt: skip
     if len(found) > 1:
         text = label("action $S$", units.action)
-        style.colour_bar(ax, actions, norm, style.UNSIGNED, text)
+        style.colour_bar(ax, actions, norm, style.unsigned(), text)
     many = "1 path" if len(found) == 1 else f"{len(found)} paths"
     numbered = "" if forced else ", numbered by index"
     ax.set_title(f"{style.heading(found[0])}: {many}{numbered}")

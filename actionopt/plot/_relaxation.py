@@ -22,9 +22,9 @@ from actionopt.tools.types import Array
 
 SIZE = (9.6, 5.4)  # inches
 SHOWN, FAINTEST = 14, 0.15  # paths shown together, and how strong the first of them is
-FIRST: Any = {"color": "#9a9a9a", "linewidth": 1.4}
+FIRST: Any = {"color": style.PALE, "linewidth": 1.4}
 NOW: Any = {"color": style.BLUE, "linewidth": 4.0, "zorder": 3.5}  # the true path shows upon it
-DOT: Any = {"marker": "o", "markersize": 7, "color": "black", "linestyle": "none", "zorder": 6}
+DOT: Any = {"marker": "o", "markersize": 7, "linestyle": "none", "zorder": 6}
 NAMES = {"descent": "descent", "newton": "Newton's method"}
 
 Start = Path | Callable[[Array], ArrayLike] | None
@@ -94,7 +94,9 @@ def _reel(
     lines = style.draw(panels.paths, names, data.t, data.paths[0], at, "now", **NOW)
     curves = (data.action, data.kinetic, data.potential, data.residual)
     axes = (panels.action, panels.parts, panels.parts, panels.residual)
-    dots = [ax.plot(0, y[0], **DOT)[0] for ax, y in zip(axes, curves, strict=True)]
+    dots = [
+        ax.plot(0, y[0], color=style.ink(), **DOT)[0] for ax, y in zip(axes, curves, strict=True)
+    ]
     _prepare(panels, solution, data, at, units)
     style.freeze_layout(figure)
 
@@ -123,7 +125,7 @@ def _prepare(
     names, steps = solution.problem.system.coordinates, np.arange(len(data.action))
     paths, action, parts, residual = panels
     style.draw(paths, names, data.t, data.paths[0], at, "start", **FIRST)
-    style.draw(paths, names, data.t, data.target, at, "true path", **style.TRUE)
+    style.draw(paths, names, data.t, data.target, at, "true path", **style.true())
     for q in data.paths:  # room for all, also in a film
         for x, y, _ in style.traces(names, data.t, q, at):
             paths.update_datalim(np.c_[x, y])
@@ -133,14 +135,14 @@ def _prepare(
     paths.set_title(f"{style.heading(solution)}: {verdict(data, solution.kind)}")
 
     action.axhline(data.target_action, color=style.GREY, linestyle=":", linewidth=1.6)
-    action.plot(steps, data.action, color="black", linewidth=2.2)
+    action.plot(steps, data.action, color=style.ink(), linewidth=2.2)
     action.set_ylabel(label("$S$", units.action))
     action.set_title("$S$ and its true value (dotted), step by step")
-    parts.plot(steps, data.kinetic, color=style.BLUE, linewidth=2.2, label=r"$\int T\,dt$")
-    parts.plot(steps, data.potential, **style.POTENTIAL, label=r"$\int V\,dt$")
+    parts.plot(steps, data.kinetic, color=style.BLUE, linewidth=2.2, label=r"part with $\dot q$")
+    parts.plot(steps, data.potential, **style.POTENTIAL, label=r"$-$ part without")
     parts.set_ylabel(label("parts of $S$", units.action))
     parts.legend()
-    residual.semilogy(steps, data.residual, color="black", linewidth=2.2)
+    residual.semilogy(steps, data.residual, color=style.ink(), linewidth=2.2)
     residual.set(xlabel="step", ylabel="residual", xlim=np.array([-0.03, 1.03]) * max(1, steps[-1]))
 
 

@@ -22,7 +22,7 @@ from actionopt.plot.data.motion import STILL, Draw, Motion, motion_data
 from actionopt.tools.types import Array
 
 BODIES = (style.BLUE, style.GREEN, style.PURPLE, style.ORANGE, style.SKY)  # vermilion is for forces
-DARK, SCENERY = "#222222", "#8c8c8c"
+SCENERY = style.PALE
 LOOKS: dict[str, Any] = {
     "ground": {"linewidth": 2.2},
     "rod": {"linewidth": 1.8},
@@ -83,7 +83,7 @@ def motion(
     if strip.any():
         _times(ax, data, strip, units)
     step = f"{(data.t[-1] - data.t[0]) / (count - 1):.3g} {units.time}".rstrip()
-    first = ax.plot([], [], color=SCENERY, markerfacecolor="white", **LOOKS["body"])
+    first = ax.plot([], [], color=SCENERY, markerfacecolor=style.paper(), **LOOKS["body"])
     at = {"bbox_to_anchor": (1.0, _row(view)), "bbox_transform": ax.get_yaxis_transform()}
     ax.legend(first, ["start"], loc="center right", handletextpad=0, borderaxespad=0, **at)
     ax.set_title(f"{style.heading(solution)}: {count} times, {step} apart")
@@ -119,7 +119,7 @@ def prepare(ax: Axes, data: Motion, view: Array, units: Units) -> None:
     ax.spines[:].set_visible(False)
     y, length = _row(view), nice(SCALE * (right - left))
     x = left + BEGIN[0] * (right - left)
-    ax.plot([x, x + length], [y, y], color=DARK, linewidth=1.6, marker="|", markersize=7)
+    ax.plot([x, x + length], [y, y], color=style.ink(), linewidth=1.6, marker="|", markersize=7)
     _words(ax, x + length, y, f"{length:g} {units.length}")
     if data.forces is not None and data.arrow:
         strongest = float(np.max(np.linalg.norm(data.forces, axis=1)))
@@ -144,11 +144,11 @@ def shape(
     x, y = outline(data, s, k) + np.reshape(shift, (-1, 1))
     if kind == "body":
         colour = body_colour(data.kinds[:s].count("body"))
-        edge = faded(colour, max(strength, PALE)) if hollow else "white"
-        face = "white" if hollow else faded(colour, strength)
+        edge = faded(colour, max(strength, PALE)) if hollow else style.paper()
+        face = style.paper() if hollow else faded(colour, strength)
         return ax.plot(x, y, markerfacecolor=face, markeredgecolor=edge, zorder=4, **LOOKS[kind])[0]
     look = LOOKS["point" if x.size == 1 else kind]
-    colour = SCENERY if kind == "ground" else DARK
+    colour = SCENERY if kind == "ground" else style.ink()
     line = ax.plot(x, y, color=faded(colour, strength), zorder=3, **look)[0]
     if not data.still[s] and kind == "ground":
         line.set_linewidth(MOVING)
@@ -182,8 +182,9 @@ def arrows(
 
 
 def faded(colour: str, strength: float) -> Any:
-    """Return the colour on white at a strength from 0 to 1, opaque."""
-    return tuple(1 - strength * (1 - np.array(to_rgb(colour))))
+    """Return the colour on paper at a strength from 0 to 1, opaque."""
+    paper = np.array(to_rgb(style.paper()))
+    return tuple(paper + strength * (np.array(to_rgb(colour)) - paper))
 
 
 def nice(most: float) -> float:

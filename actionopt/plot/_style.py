@@ -1,20 +1,29 @@
 """One style for all pictures: colours, labels, units, axes.
 
-Colours are Okabe and Ito's, which colour-blind readers can tell apart. What has a sign runs from
-blue through grey to vermilion, what has not along cividis short of its palest end; neither vanishes
-on white or in print.
+Colours are Okabe and Ito's, which colour-blind readers can tell apart, the two palest darker: each
+line has a contrast of at least 3 on white and on black. What has a sign runs from blue through grey
+to vermilion, what has not along the part of cividis that is seen on the paper. The reader's own
+style is kept: dark paper has light ink, and the size of its words stays.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
-from matplotlib import colormaps, rc_context
+from matplotlib import (
+    colormaps,
+    interactive,
+    is_interactive,
+    rc_context,
+    rcParams,
+    rcParamsDefault,
+)
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import FuncNorm, LinearSegmentedColormap, ListedColormap, Normalize
+from matplotlib.colors import FuncNorm, LinearSegmentedColormap, ListedColormap, Normalize, to_rgb
 from matplotlib.lines import Line2D
 from matplotlib.rcsetup import cycler
 from matplotlib.ticker import MaxNLocator
@@ -25,11 +34,11 @@ from actionopt.plot._names import NONE, Units, label, planar, symbol
 from actionopt.tools.types import Array
 
 BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY = (
-    *("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"),
+    *("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#BD8200", "#2E93CC"),
 )
 COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
-GREY = "#555555"
-PALE = "#a6a6a6"  # what lies behind
+GREY = "#6a6a6a"
+PALE = "#8c8c8c"  # what lies behind
 DASHES: Any = ("-", (0, (5, 2)), (0, (1.5, 1.5)))  # six colours each, then the next kind of line
 STYLE: Any = {
     "axes.prop_cycle": cycler(color=list(COLOURS)),
@@ -37,10 +46,8 @@ STYLE: Any = {
     "axes.spines.right": False,
     "axes.grid": True,
     "axes.axisbelow": True,
-    "axes.titlelocation": "left",
     "axes.titlesize": "medium",
     "font.size": 11,
-    "grid.color": "#e6e6e6",
     "legend.edgecolor": "none",
     "legend.fancybox": False,
     "legend.fontsize": "small",
@@ -49,19 +56,85 @@ STYLE: Any = {
     "savefig.dpi": 150,
     "svg.hashsalt": "actionopt",  # the same picture is the same file
 }
-styled = rc_context(STYLE)  # the decorator of whatever draws
+
+
+@contextmanager
+def styled_figures() -> Generator[None, None, None]:
+    """Draw in the style. A notebook's backend, if loaded meanwhile, stays interactive."""
+    on = is_interactive()
+    try:
+        kept = {} if rcParams["font.size"] == rcParamsDefault["font.size"] else {"font.size"}
+        with rc_context({k: x for k, x in STYLE.items() if k not in kept}):
+            rcParams["grid.color"] = "#333333" if dark() else "#e6e6e6"
+            try:
+                yield
+            finally:
+                on = is_interactive()
+    finally:
+        interactive(on)
+
+
+styled = styled_figures()  # the decorator of whatever draws
 SIGNED = LinearSegmentedColormap.from_list(
-    "signed", [BLUE, "#6fb1d8", "#b5b5b5", ORANGE, "#b84a00"]
+    "signed", [BLUE, "#4a94c4", "#8e8e8e", "#b5760a", "#b84a00"]
 )
-UNSIGNED = ListedColormap(colormaps["cividis"](np.linspace(0.0, 0.86, 256)), "unsigned")
-PATH: Any = {"linewidth": 4.5, "alpha": 0.5}  # broad: the forward integration lies within it
-TRUE: Any = {"color": "black", "linewidth": 2.2, "zorder": 4}  # the stationary path, among others
-FORWARD: Any = {"linewidth": 1.0, "color": "black", "linestyle": (0, (5, 3))}
+AREAS = LinearSegmentedColormap.from_list(  # the same for areas, which are seen where they are pale
+    "areas", [BLUE, "#6fb1d8", "#b5b5b5", "#e69f00", "#b84a00"]
+)
+UNSIGNED, UNSIGNED_DARK = (
+    ListedColormap(colormaps["cividis"](np.linspace(*part, 256)), "unsigned")
+    for part in ((0.0, 0.6), (0.35, 1.0))
+)
+PATH: Any = {"linewidth": 4.5}  # broad: the forward integration lies within it
 POTENTIAL: Any = {"color": VERMILION, "linewidth": 2.2, "linestyle": (0, (6, 2))}
-EVENT: Any = {"marker": "o", "color": "black", "markersize": 6, "linestyle": "none", "zorder": 5}
-START = {**EVENT, "markerfacecolor": "white"}
 SHORT = 0.06  # of a bar of colours
 MANY = 5  # entries of a legend: more stand beside the picture
+
+
+def dark() -> bool:
+    """Return whether the paper is nearer to black than to white."""
+    return sum(to_rgb(rcParams["axes.facecolor"])) < 1.5
+
+
+def ink() -> str:
+    """Return the colour of what must be seen first."""
+    return "white" if dark() else "black"
+
+
+def paper() -> str:
+    """Return the colour of what is hollow."""
+    return rcParams["axes.facecolor"]
+
+
+def unsigned() -> ListedColormap:
+    """Return the colours of what has no sign."""
+    return UNSIGNED_DARK if dark() else UNSIGNED
+
+
+def scaled(*sizes: float) -> list[float]:
+    """Return sizes of this style in the reader's, whose words may be larger."""
+    return [size * rcParams["font.size"] / STYLE["font.size"] for size in sizes]
+
+
+def true() -> dict[str, Any]:
+    """Return the look of the stationary path, among others."""
+    return {"color": ink(), "linewidth": 2.2, "zorder": 4}
+
+
+def forward() -> dict[str, Any]:
+    """Return the look of the forward integration."""
+    return {"color": ink(), "linewidth": 1.0, "linestyle": (0, (5, 3))}
+
+
+def event() -> dict[str, Any]:
+    """Return the look of the end, or of a point."""
+    dot = {"marker": "o", "markersize": 6, "linestyle": "none", "zorder": 5}
+    return {"color": ink(), **dot}
+
+
+def start() -> dict[str, Any]:
+    """Return the look of the start."""
+    return {**event(), "markerfacecolor": paper()}
 
 
 def traces(
@@ -113,9 +186,9 @@ def frame(ax: Axes, solution: Solution, units: Units = NONE, coordinate: int | N
     """Label the axes of `traces` and mark the two events."""
     problem = solution.problem
     names = problem.system.coordinates
-    for event, text, look in ((problem.start, "start", START), (problem.end, "end", EVENT)):
-        given = np.array([event.q], dtype=float).T  # NaN, not drawn, where it is free
-        draw(ax, names, np.array([event.t]), given, coordinate, text, **look)
+    for at_end, text, look in ((problem.start, "start", start()), (problem.end, "end", event())):
+        given = np.array([at_end.q], dtype=float).T  # NaN, not drawn, where it is free
+        draw(ax, names, np.array([at_end.t]), given, coordinate, text, **look)
     if planar(names) and coordinate is None:
         plane(ax, names, units)
         return

@@ -13,13 +13,11 @@ from actionopt.discrete.path import Path
 from actionopt.plot import _style as style
 from actionopt.plot._names import NONE, Units, label
 from actionopt.plot.data.variations import (
-    LOWEST,
-    both_ways,
     bundle_data,
-    directions,
     landscape_data,
     slice_data,
     spectrum_data,
+    telling,
 )
 
 LEVELS = 14  # contours from 0 to the largest
@@ -49,7 +47,7 @@ def bundle(
     for k in np.argsort(-np.abs(data.rise)):  # those that differ most lie at the back
         colour = style.SIGNED(norm(data.rise[k]))
         style.draw(ax, names, data.t, data.varied[k], at, color=colour, linewidth=1.3)
-    style.draw(ax, names, data.t, data.q, at, "stationary path", **style.TRUE)
+    style.draw(ax, names, data.t, data.q, at, "stationary path", **style.true())
     style.frame(ax, solution, units, at)
     occurring, text = np.append(data.rise, 0.0), label("$S - S^*$", units.action)
     style.colour_bar(ax, occurring, norm, style.SIGNED, text)
@@ -74,8 +72,8 @@ def slices(
     coordinates range.
     """
     if etas is None:
-        values, modes = directions(solution, LOWEST)
-        named = [(f"mode {k + 1}", modes[k]) for k in both_ways(values)]
+        chosen, modes = telling(solution)
+        named = [(f"mode {k + 1}", modes[k]) for k in chosen]
     else:
         named = [(f"variation {k + 1}", eta) for k, eta in enumerate(etas)]
     ax, dashed = style.on(ax), {"linewidth": 1.2, "linestyle": "--"}
@@ -83,11 +81,11 @@ def slices(
         data = slice_data(solution, eta, reach)
         middle = data.parabola[data.alpha.size // 2]
         text = f"{name}: {'up' if data.second > 0 else 'down'}"
-        broad = {"color": colour, "linewidth": 4, "alpha": 0.55}
+        broad = {"color": colour, "linewidth": 4}
         ax.plot(data.alpha, data.action - middle, **broad, label=text)
-        ax.plot(data.alpha, data.parabola - middle, color=colour, **dashed)
-    ax.plot([], [], color="black", **dashed, label=r"$\alpha^2\delta^2S/2$")
-    ax.plot(0, 0, **style.EVENT)
+        ax.plot(data.alpha, data.parabola - middle, color=style.ink(), **dashed)
+    ax.plot([], [], color=style.ink(), **dashed, label=r"$\alpha^2\delta^2S/2$")
+    ax.plot(0, 0, **style.event())
     ax.set_xlabel(r"variation $\alpha$ (of the path's size)")
     ax.set_ylabel(label("$S - S^*$", units.action))
     ax.set_title(f"{style.heading(solution)}: a {solution.kind}, index {solution.morse_index}")
@@ -107,13 +105,13 @@ def landscape(
     reach = min(float(np.nanmax(np.abs(data.rise))), ABOVE * float(np.nanmax(along))) or 1.0
     norm, even = style.signed(reach), np.linspace(-1, 1, 2 * LEVELS + 1)
     levels = reach * even * np.abs(even)
-    ax.contourf(*places, levels, cmap=style.SIGNED, norm=norm, extend="both")
+    ax.contourf(*places, levels, cmap=style.AREAS, norm=norm, extend="both")
     lines = ax.contour(*places, levels[::2], colors="white", linewidths=0.6, linestyles="-")
     lines.set_alpha(0.6)
     if data.rise.min() < 0 < data.rise.max():
-        ax.contour(*places, [0.0], colors="black", linewidths=1.2)
-    ax.plot(0, 0, **style.EVENT)
-    style.colour_bar(ax, data.rise, norm, style.SIGNED, label("$S - S^*$", units.action))
+        ax.contour(*places, [0.0], colors=style.ink(), linewidths=1.2)
+    ax.plot(0, 0, **style.event())
+    style.colour_bar(ax, data.rise, norm, style.AREAS, label("$S - S^*$", units.action))
     x, y = (f"mode {k + 1} (of the path's size)" for k in data.modes)
     ax.set(xlabel=x, ylabel=y, aspect="equal")
     ax.grid(False)
@@ -147,7 +145,7 @@ def spectrum(
     ax, foci = style.on(ax), np.unique(data.conjugate)
     for k, row in enumerate(data.eigenvalues):
         ax.plot(data.durations, row, color=style.COLOURS[k], linewidth=2.2, label=f"mode {k + 1}")
-    ax.axhline(0, color="black", linewidth=1)
+    ax.axhline(0, color=style.ink(), linewidth=1)
     for k, t in enumerate(foci):
         text = None if k else "conjugate times"
         ax.axvline(t, color=style.GREY, linestyle=":", linewidth=1.4, label=text)

@@ -110,6 +110,8 @@ class Scene:
     guess : callable, optional
         A rough path of the same shapes as `exact`, where the straight line between the events
         leads elsewhere or nowhere.
+    kinetic : callable, optional
+        Of (q, v, t): the kinetic energy in a frame at rest, (K,).
     """
 
     problem: Problem
@@ -119,6 +121,7 @@ class Scene:
     exact: Curve | None = None
     facts: Facts = field(default_factory=Facts)
     guess: Curve | None = None
+    kinetic: Along | None = None
 
     @property
     def name(self) -> str:
@@ -154,7 +157,8 @@ class Setup:
     """What a scene's file returns for given numbers: a `Scene` but for its system and its words.
 
     The events are at the times 0 and `duration`, with the coordinates `ends`; those of `exact` if
-    they are not given.
+    they are not given. `kinetic` is the part of L that the velocities make up, if it is not given,
+    as it is where the coordinates do not move.
     """
 
     coordinates: Sequence[str]
@@ -163,6 +167,7 @@ class Setup:
     exact: Curve | None = None
     ends: tuple[Any, Any] | None = None
     guess: Curve | None = None
+    kinetic: Along | None = None
     facts: Facts = field(default_factory=Facts)
 
 
@@ -174,8 +179,22 @@ def build(file: ModuleType, numbers: Mapping[str, Any]) -> Scene:
     ends = found.ends or [found.exact(t) for t in times]  # type: ignore[misc]
     start, end = (Event(t, q) for t, q in zip(times, ends, strict=True))
     problem = Problem(y, start, end, parameters={name: numbers[name] for name in y.parameters})
+
+    def kinetic(q: Array, v: Array, t: Any) -> Array:
+        L, back, rest = (
+            y.lagrangian(q, sign * v, t, parameters=problem.parameters) for sign in (1, -1, 0)
+        )
+        return (L + back) / 2 - rest
+
     return Scene(
-        problem, file.TITLE, file.SOURCE, found.draw, found.exact, found.facts, found.guess
+        problem,
+        file.TITLE,
+        file.SOURCE,
+        found.draw,
+        found.exact,
+        found.facts,
+        found.guess,
+        found.kinetic or kinetic,
     )
 
 

@@ -46,8 +46,8 @@ def scene(*, m=1.0, e=1.0, B=2.0, E=0.3, start=(0.2, -0.1), end=(1.0, 0.5), dura
         **foci,
         conserved={
             "energy": lambda q, v, t: m * (v[0] ** 2 + v[1] ** 2) / 2 - e * E * q[0],
-            "momentum of translations along x": lambda q, v, t: m * v[0] - e * B * q[1] - e * E * t,
-            "momentum of translations along y": lambda q, v, t: m * v[1] + e * B * q[0],
+            "m x' - e B y - e E t": lambda q, v, t: m * v[0] - e * B * q[1] - e * E * t,
+            "m y' + e B x": lambda q, v, t: m * v[1] + e * B * q[0],
         },
         numbers={"cyclotron": w, "drift": E / B},
     )

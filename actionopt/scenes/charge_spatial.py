@@ -62,8 +62,8 @@ def scene(
                 "energy": lambda q, v, t: (
                     m * np.sum(v**2, axis=0) / 2 - e * (Ex * q[0] + Ez * q[2])
                 ),
-                "momentum of translations along y": lambda q, v, t: m * v[1] + e * B * q[0],
-                "momentum along z": lambda q, v, t: m * v[2] - e * Ez * t,
+                "m y' + e B x": lambda q, v, t: m * v[1] + e * B * q[0],
+                "m z' - e Ez t": lambda q, v, t: m * v[2] - e * Ez * t,
             },
             numbers={"cyclotron": w, "drift": Ex / B},
         ),

@@ -46,8 +46,8 @@ def scene(*, m=1.0, g=9.81, c=0.2, since=0.1, duration=1.5):
             velocity=curve(lambda t: [terminal * np.tanh(rate * (t + since))]),
             acceleration=lambda q, v, t: g - c / m * v * np.abs(v),
             conserved={  # while it falls
-                "exp(2 c s / m) (terminal^2 - s'^2)": lambda q, v, t: (
-                    np.exp(2 * c * q[0] / m) * (terminal**2 - v[0] ** 2)
+                "exp(2 c s / m) (m g - c s'^2)": lambda q, v, t: (
+                    np.exp(2 * c * q[0] / m) * (m * g - c * v[0] ** 2)
                 ),
             },
             numbers={"terminal_speed": terminal},

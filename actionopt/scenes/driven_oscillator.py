@@ -36,6 +36,7 @@ def scene(twin, *, m, A, w, start, end):
 
     return replace(
         twin,
+        kinetic=None,
         draw=lambda q, t: draw(q[0], max(abs(start), abs(end))),
         facts=replace(twin.facts, twin="oscillating_wall", gauge=gauge),
     )

@@ -39,7 +39,8 @@ def scene(*, I1=0.005, I3=0.002, m=0.5, l=0.08, g=9.81, theta=1.0, precession=2.
     """Precess at the rate `precession` (rad/s) with the axis at `theta` (rad).
 
     Moments of inertia about the tip in kg m^2, l from the tip to the centre of mass. The facts
-    have the `spin` psi' (rad/s) that this takes: m g l / (I3 phi') + (I1 - I3) / I3 phi' cos.
+    have the `spin` psi' (rad/s) that this takes, with the rate phi' of precession:
+    (m g l / phi' + (I1 - I3) phi' cos theta) / I3.
     """
     sine, cosine = np.sin(theta), np.cos(theta)
     spin = m * g * l / (I3 * precession) + (I1 - I3) / I3 * precession * cosine

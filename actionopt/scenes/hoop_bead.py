@@ -57,6 +57,7 @@ def scene(*, m=1.0, R=0.5, g=9.81, w=6.0, since=-0.4, duration=0.7):
             ground((0.0, -1.2 * R), (0.0, 1.2 * R)),
             body((R * np.sin(q[0]), -R * np.cos(q[0]))),
         ],
+        kinetic=lambda q, v, t: m * R**2 * (v[0] ** 2 + (w * np.sin(q[0])) ** 2) / 2,
         exact=curve(lambda t: [theta(t)]),
         facts=Facts(
             velocity=curve(lambda t: [rate(t)]),

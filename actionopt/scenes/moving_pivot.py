@@ -42,6 +42,9 @@ def scene(*, m=1.0, l=1.0, g=9.81, a=3.0, amplitude=0.8, since=0.1, duration=0.9
         ["theta"],
         duration,
         draw=lambda q, t: pendulum.draw(l, q[0], (a * t**2 / 2, 0.0)),
+        kinetic=lambda q, v, t: (
+            m * ((a * t + l * v[0] * np.cos(q[0])) ** 2 + (l * v[0] * np.sin(q[0])) ** 2) / 2
+        ),
         exact=curve(lambda t: [swing(t) - tilt]),
         facts=Facts(
             velocity=curve(lambda t: [rate(t)]),

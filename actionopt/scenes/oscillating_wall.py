@@ -20,12 +20,12 @@ SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.3.2, p. 63
 
 
 def lagrangian(q, v, t, *, m, k, A, w):
-    """L = m (x' - A w sin(w t))^2 / 2 - k x^2 / 2: the wall moves as A cos wt."""
+    """L = m (x' - A w sin(w t))^2 / 2 - k x^2 / 2: the wall moves as A cos(w t)."""
     return m * (v[0] - A * w * np.sin(w * t)) ** 2 / 2 - k * q[0] ** 2 / 2
 
 
 def scene(*, m=1.0, k=4.0, A=0.3, w=3.0, start=0.5, end=-0.2, duration=1.2):
-    """Join `start` and `end` (m) in `duration` (s) while the wall moves as A cos wt (m, rad/s).
+    """Join `start` and `end` (m) in `duration` (s) while the wall moves as A cos(w t) (m, rad/s).
 
     Raises ValueError at resonance, w^2 = k / m, and at conjugate ends.
     """
@@ -36,6 +36,7 @@ def scene(*, m=1.0, k=4.0, A=0.3, w=3.0, start=0.5, end=-0.2, duration=1.2):
         duration,
         ends=([start], [end]),
         draw=lambda q, t: draw(q[0], max(abs(start), abs(end)) + abs(A), A * np.cos(w * t)),
+        kinetic=lambda q, v, t: m * (v[0] - A * w * np.sin(w * t)) ** 2 / 2,
         exact=exact,
         facts=Facts(
             velocity=velocity,

@@ -14,7 +14,7 @@ import numpy as np
 from actionopt.scenes._scene import Facts, Setup, conjugates, curve
 from actionopt.scenes._shapes import body, ground, spring
 
-TITLE = "harmonic oscillator, below or past its conjugate times"
+TITLE = "harmonic oscillator"
 SOURCE = (
     "Feynman and Hibbs, Quantum Mechanics and Path Integrals (1965), problem 2-2; "
     "Competitive Physics: Mechanics and Waves (2018), section 12.2"

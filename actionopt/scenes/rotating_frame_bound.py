@@ -55,6 +55,7 @@ def scene(*, m=1.0, k=2.0, w=0.8, start=(1.0, 0.0), end=(0.2, 0.7), duration=1.5
             spring((0.0, 0.0), rotate(q, w * t)),
             body(rotate(q, w * t)),
         ],
+        kinetic=lambda q, v, t: m * ((v[0] - w * q[1]) ** 2 + (v[1] + w * q[0]) ** 2) / 2,
         exact=exact,
         facts=Facts(
             velocity=velocity,

@@ -43,6 +43,7 @@ def scene(*, m=1.0, w=0.8, start=(1.0, 0.0), end=(-0.5, 0.7), duration=1.5):
             *axes(w * t, 1.2 * float(np.linalg.norm(start))),
             body(rotate(q, w * t)),
         ],
+        kinetic=lambda q, v, t: m * ((v[0] - w * q[1]) ** 2 + (v[1] + w * q[0]) ** 2) / 2,
         exact=exact,
         facts=Facts(
             velocity=velocity,

@@ -13,7 +13,7 @@ import numpy as np
 from actionopt.scenes._scene import Facts, Setup, conjugates, curve
 from actionopt.scenes._shapes import body, ground
 
-TITLE = "two particles with U(a q1 + b q2)"
+TITLE = "two particles on a line, coupled"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.5, p. 644"
 
 

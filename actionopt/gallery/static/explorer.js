@@ -5,7 +5,8 @@
   const NS = "http://www.w3.org/2000/svg";
   const STEP = 0.02, FINE = 0.1; // of the picture, for one key; with shift
   const times = (matrix, row) => matrix.map((m) => m.reduce((sum, x, j) => sum + x * row[j], 0));
-  const words = (x, digits = 4) => x.toFixed(digits).replace("-", "\u2212");
+  const none = (x, digits = 4) => Math.abs(x) < 0.5 * 10 ** -digits; // what would be written as zero
+  const words = (x, digits = 4) => (none(x, digits) ? 0 : x).toFixed(digits).replace("-", "\u2212");
 
   function element(parent, name, look, text) {
     const made = document.createElementNS(NS, name);
@@ -150,7 +151,7 @@
       over.setAttribute("d", area((y) => Math.min(y, 0)));
       zero.setAttribute("d", `M${box.left},${level(0)}H${box.right}`);
 
-      const rise = S - least, still = Math.abs(rise) < 1e-7;
+      const rise = S - least, still = none(rise);
       const verdict = still ? "as on the motion" : rise > 0 ? "more than on the motion" : "less than on the motion";
       output.innerHTML = `<span>S = ${words(S)} J s</span> <span class="${still ? "" : rise > 0 ? "more" : "less"}">${still ? "" : `${words(Math.abs(rise))} J s `}${verdict}</span>`;
       figure.dataset.action = String(S);
@@ -188,6 +189,14 @@
     };
     figure.querySelectorAll("[data-do]").forEach((button) => button.addEventListener("click", ways[button.dataset.do]));
 
+    const nearest = (event) => { // their reaches overlap where they stand close
+      const away = handles.map((handle) => {
+        const knob = handle.lastChild.getBoundingClientRect();
+        return Math.hypot(knob.x + knob.width / 2 - event.clientX, knob.y + knob.height / 2 - event.clientY);
+      });
+      return handles[away.indexOf(Math.min(...away))];
+    };
+
     const now = (i) => path().map((row) => row[inner[i]]);
     handles.forEach((handle, i) => {
       const drag = (event) => {
@@ -197,9 +206,10 @@
         setHandle(i, flat ? inside : [Math.min(range.x[1], Math.max(range.x[0], x)), inside]);
       };
       handle.addEventListener("pointerdown", (event) => {
-        handle.setPointerCapture(event.pointerId);
-        handle.classList.add("held");
-        handle.focus({ preventScroll: true });
+        const taken = nearest(event);
+        taken.setPointerCapture(event.pointerId);
+        taken.classList.add("held");
+        taken.focus({ preventScroll: true });
         event.preventDefault();
       });
       handle.addEventListener("pointermove", (event) => handle.hasPointerCapture(event.pointerId) && drag(event));

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from actionopt.analysis.solution import Solution
+from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.symmetry import noether
 from actionopt.tools.types import Array
 
 COUNT = 600  # times at which a curve is drawn: more than a picture has columns for
+Kinetic = Callable[[Array, Array, Array], Array]  # T of q, v (n, K) and t
 FLAT = 1e-6  # change relative to the size of what is drawn that is no change
 
 
@@ -60,27 +63,59 @@ def followed(solution: Solution, t: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Energies:
-    """Kinetic and potential energy at K times, (K,): T is even in the velocities, V = T - L.
+    """Kinetic and potential energy at K times, (K,), V = T - L.
 
-    T vanishes at rest. In a magnetic field or moving coordinates, where L is partly odd in the
-    velocities, V is the potential that depends on velocity (Goldstein, 3rd ed., section 1.5).
+    Attributes
+    ----------
+    t, kinetic, potential : (K,) arrays
+    told : bool
+        Whether T was given. L alone does not tell it: what moving coordinates leave of T at rest
+        looks like a potential. T is then the part of L that is even in the velocities and
+        vanishes at rest, and V the effective potential.
+    quadratic : bool
+        Whether T, of the path's velocities, is.
+    moving : bool
+        Whether V depends on the velocities, as in a magnetic field (Goldstein, 3rd ed.,
+        section 1.5).
     """
 
     t: Array
     kinetic: Array
     potential: Array
+    told: bool
+    quadratic: bool
+    moving: bool
 
 
-def energies_data(solution: Solution, count: int = COUNT) -> Energies:
-    """Return T and V along the path, each (count,), at equal times."""
+def energies_data(
+    solution: Solution, count: int = COUNT, *, kinetic: Kinetic | None = None
+) -> Energies:
+    """Return T and V along the path, each (count,), at equal times.
+
+    `kinetic(q, v, t)` is T in a frame at rest, (K,) for q and v of shape (n, K), as a scene's
+    `kinetic` is.
+    """
     t, problem = times(solution, count), solution.problem
     q, v = solution(t), solution.velocity(t)
-    L, back, rest = (
-        problem.system.lagrangian(q, sign * v, t, parameters=problem.parameters)
-        for sign in (1, -1, 0)
+
+    def lagrangian(v: Array) -> Array:
+        return problem.system.lagrangian(q, v, t, parameters=problem.parameters)
+
+    def even(q: Array, v: Array, t: Array) -> Array:
+        return (lagrangian(v) + lagrangian(-v)) / 2 - lagrangian(0 * v)
+
+    T = kinetic or even
+    here, rest, twice = (np.asarray(T(q, factor * v, t), dtype=float) for factor in (1, 0, 2))
+    V, V_rest = here - lagrangian(v), rest - lagrangian(0 * v)
+    size = FLAT * max(np.max(np.abs(here)), np.max(np.abs(V)))
+    return Energies(
+        t,
+        here,
+        V,
+        told=kinetic is not None,
+        quadratic=bool(np.all(np.abs(twice - 4 * here) <= size)),
+        moving=bool(np.any(np.abs(V - V_rest) > size)),
     )
-    T = (L + back) / 2 - rest
-    return Energies(t, T, T - L)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,16 +128,20 @@ class Conserved:
     momentum : (n, K) array
     flat : tuple of bool
         Whether H, and each momentum, stays the same.
+    kept : tuple of bool
+        Whether a symmetry has it stay the same along every motion: H if nothing depends on time,
+        the momentum of a cyclic coordinate.
     """
 
     t: Array
     energy: Array
     momentum: Array
     flat: tuple[bool, ...]
+    kept: tuple[bool, ...]
 
 
 def conserved_data(solution: Solution, count: int = COUNT) -> Conserved:
-    """Return H and p along the path at equal times, and which of them are constant."""
+    """Return H and p along the path at equal times, which of them are constant, and which must."""
     t = times(solution, count)
     H, p, v = solution.energy(t), solution.momentum(t), solution.velocity(t)
     work = np.max(np.abs(p * v))  # v . p is the part of H that momenta make up
@@ -110,7 +149,21 @@ def conserved_data(solution: Solution, count: int = COUNT) -> Conserved:
     sizes = [max(work, np.max(np.abs(H))), *np.maximum(work / speeds, np.max(np.abs(p), axis=1))]
     rows = [H, *p]
     flat = [bool(np.ptp(x) <= FLAT * size) for x, size in zip(rows, sizes, strict=True)]
-    return Conserved(t, H, p, tuple(flat))
+    shifts = np.eye(len(rows))  # in time, and of each coordinate
+    kept = [same and _symmetric(solution.problem, e) for same, e in zip(flat, shifts, strict=True)]
+    return Conserved(t, H, p, tuple(flat), tuple(kept))
+
+
+def _symmetric(problem: Problem, shift: Array) -> bool:
+    """Return whether nothing changes by a shift of time and the coordinates, (1 + n,)."""
+    time, *xi = map(float, shift)
+    try:
+        noether(
+            problem.system, xi, time=time, gauge=lambda q, t: 0.0, parameters=problem.parameters
+        )
+    except ValueError:
+        return False
+    return True
 
 
 def family_data(solutions: Iterable[Solution], count: int = COUNT) -> tuple[Array, Array, Array]:

@@ -190,7 +190,7 @@ def _found(now: Exploration) -> Exploration:
             continue
         if solution.status in FOUND:
             if message:
-                message = "No stationary path was found near the trial; this one is elsewhere."
+                message = "No solution was found near the trial; this one is elsewhere."
             known = motion(solution, now.latest)
             return _explained(replace(now, solution=solution, motion=known, message=message))
         message = _why(solution.status)

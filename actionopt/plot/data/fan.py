@@ -23,7 +23,9 @@ from actionopt.tools.types import Array
 SPREAD = 0.8  # of the largest speed: how far velocities of fronts differ
 BEFORE = 0.8  # of the way to the first focus, where all fronts of a plane meet in a point
 LEVELS = 17  # fronts drawn
-COARSE = 0.25  # of a level: dS = p dq fails by more on a triangle too large to draw fronts on
+COARSE = 0.05  # of a level: dS = p dq fails by more on a triangle too large to draw fronts on
+FINER = 2  # halvings of a triangle's sides: lines across it are then smooth
+ALIGNED = 1e-6  # sine of an angle that is none
 FIRST = 6  # of 121 times: motions are too near each other before
 RAGGED = 4  # times that triangles which hang on by one edge are taken away
 GAUSS = np.polynomial.legendre.leggauss(3)
@@ -150,11 +152,61 @@ def over_time(data: Fronts) -> tuple[Triangulation, Array]:
     return Triangulation(t, q, corners, _turned(t, q, corners)), data.action[:, keep].ravel()
 
 
-def over_plane(solution: Solution, data: Fronts) -> tuple[Triangulation, Array, Array]:
-    """Return triangles over the places reached last, S there, (B,), and the momenta, (2, B).
+@dataclass(frozen=True, eq=False)
+class Sheet:
+    """S over the places that B motions have reached at one time.
 
-    Masked are those that have passed a focus, or are too large for dS = p dq to hold on them.
+    Attributes
+    ----------
+    triangles : Triangulation
+        Of the places; masked are those that have passed a focus, and those too large to tell S
+        between its values at the corners.
+    action : (B,) array
+    momentum, velocity : (2, B) arrays
+        There; the momentum is dS/dq.
     """
+
+    triangles: Triangulation
+    action: Array
+    momentum: Array
+    velocity: Array
+
+    @property
+    def aligned(self) -> bool:
+        """Whether p is along v everywhere."""
+        return aligned(self.momentum, self.velocity)
+
+    def fine(self) -> tuple[Triangulation, Array]:
+        """Return smaller triangles, and S there: its second differences are those of dS/dq = p."""
+        places, S, p = np.array([self.triangles.x, self.triangles.y]), self.action, self.momentum
+        corners = self.triangles.get_masked_triangles()
+        for _ in range(FINER):
+            sides = np.concatenate([corners[:, pair] for pair in ([1, 2], [2, 0], [0, 1])])
+            (a, b), number = _distinct(np.sort(sides))
+            bend = np.sum((p[:, b] - p[:, a]) * (places[:, b] - places[:, a]), axis=0) / 8
+            middle = S.size + number.reshape(3, -1)
+            S = np.r_[S, (S[a] + S[b]) / 2 - bend]
+            places, p = (np.c_[x, (x[:, a] + x[:, b]) / 2] for x in (places, p))
+            (i, j, k), (jk, ki, ij) = corners.T, middle
+            parts = [(i, ij, ki), (ij, j, jk), (ki, jk, k), (ij, jk, ki)]
+            corners = np.concatenate([np.stack(part, axis=1) for part in parts])
+        return Triangulation(places[0], places[1], corners), S
+
+
+def aligned(p: Array, v: Array) -> bool:
+    """Return whether p is along v, both (2, K): not in a magnetic field or a frame that turns."""
+    across = np.abs(p[0] * v[1] - p[1] * v[0])
+    return bool(np.all(across <= ALIGNED * np.hypot(*p) * np.hypot(*v)))
+
+
+def _distinct(sides: Array) -> tuple[Array, Array]:
+    """Return the ends of the distinct sides, (2, E), and which of them each is."""
+    found, number = np.unique(sides, axis=0, return_inverse=True)
+    return found.T, number.ravel()
+
+
+def over_plane(solution: Solution, data: Fronts) -> Sheet:
+    """Return S over the places reached last."""
     problem, h = solution.problem, data.t[-1] - data.t[-2]
     x, y = data.q.transpose(1, 2, 0)
     q, S = data.q[:, :, -1].T, data.action[:, -1]
@@ -164,9 +216,11 @@ def over_plane(solution: Solution, data: Fronts) -> tuple[Triangulation, Array, 
     corners = disc.triangles
     a, b = corners, np.roll(corners, 1, axis=1)
     rise = np.sum((p[:, a] + p[:, b]) / 2 * (q[:, b] - q[:, a]), axis=0)
-    coarse = np.max(np.abs(S[b] - S[a] - rise), axis=1) > COARSE * np.ptp(S) / LEVELS
-    mask = _lone(disc.neighbors, coarse | np.any(_turned(x, y, corners)[FIRST:], axis=0))
-    return Triangulation(q[0], q[1], corners, mask), S, p
+    level = np.subtract(*np.percentile(S, (98, 2))) / LEVELS
+    coarse = np.max(np.abs(S[b] - S[a] - rise), axis=1) > COARSE * level
+    mask = coarse | np.any(_turned(x, y, corners)[FIRST:], axis=0)
+    mask = _lone(disc.neighbors, mask | _covered(q, corners, mask))
+    return Sheet(Triangulation(q[0], q[1], corners, mask), S, p, v)
 
 
 def _turned(x: Array, y: Array, corners: Array) -> Array:
@@ -177,6 +231,22 @@ def _turned(x: Array, y: Array, corners: Array) -> Array:
     a, b, c = np.moveaxis(corners, -1, 0)
     across = (x[..., b] - x[..., a]) * (y[..., c] - y[..., a])
     return across <= (y[..., b] - y[..., a]) * (x[..., c] - x[..., a])
+
+
+def _covered(q: Array, corners: Array, mask: Array) -> Array:
+    """Return which triangles share places (2, B) with another that is not masked: S is not unique.
+
+    They do if one has the other's centre in it.
+    """
+    left, shown = np.flatnonzero(~mask), q[:, corners[~mask]]  # (2, T, 3)
+    centre = shown.mean(axis=2)
+    ahead = np.roll(shown, -1, axis=2) - shown
+    away = centre[:, None, :, None] - shown[:, :, None, :]  # of each centre from each triangle's
+    side = ahead[0][:, None] * away[1] - ahead[1][:, None] * away[0]
+    inside = np.all(side > 0, axis=2) & ~np.eye(left.size, dtype=bool)
+    found = np.zeros(mask.size, dtype=bool)
+    found[left] = inside.any(axis=0) | inside.any(axis=1)
+    return found
 
 
 def _lone(neighbours: Array, mask: Array) -> Array:

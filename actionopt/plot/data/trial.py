@@ -12,7 +12,9 @@ missing force
 
     F = d/dt L_v - L_q,
 
-the force that would have to act besides for the trial to be a motion.
+the force that would have to act besides for the trial to be a motion. Where a non-conservative
+force Q acts, F is d/dt L_v - L_q - Q: no slope then, for S is not stationary on the motion, but
+the distance from the equations of Lagrange and d'Alembert all the same.
 """
 
 from __future__ import annotations
@@ -63,7 +65,7 @@ class Trial:
 
     @cached_property
     def slope(self) -> float:
-        """The steepest slope of S, as above; a free end varies by its own size as well."""
+        """The distance from stationary, as above; a free end varies by its own size as well."""
         tr, g = self.tr, self._gradient * self.tr.lengths
         if tr.problem.system.m:
             Z = tangent(tr.problem, self.Q, tr.mesh.nodes[:, None], tr.lengths)

@@ -24,7 +24,6 @@ from actionopt.plot.data.along import COUNT, times
 from actionopt.tools.types import Array
 
 MODES = 3  # of a bundle
-LOWEST = 12  # modes among which one that raises S is looked for
 CLOSER = 1.5  # power by which the points of the map crowd in the middle, where S is flat
 DEGREE, ELEMENTS = 8, 12  # of the meshes of a spectrum
 SHORTEST = 0.12  # of the duration: the kinetic part alone tells below
@@ -55,15 +54,24 @@ def directions(solution: Solution, count: int = 2) -> tuple[Array, list[Path]]:
     return found.eigenvalues, modes
 
 
-def both_ways(eigenvalues: Array) -> list[int]:
-    """Return which two modes tell most: the lowest, and the first that raises S if one lowers it.
+def telling(solution: Solution, count: int = 2) -> tuple[list[int], list[Path]]:
+    """Return which `count` modes tell most, and the modes that these numbers are of.
+
+    The lowest, but the last of them is one that raises S: the action is never a maximum.
+    """
+    falling = solution.inertia.index + solution.inertia.nullity
+    values, modes = directions(solution, max(count, falling + 1))
+    return both_ways(values, count), modes
+
+
+def both_ways(eigenvalues: Array, count: int = 2) -> list[int]:
+    """Return the numbers of the lowest eigenvalues, the last one positive if there is one.
 
     >>> both_ways(np.array([-2.0, -1.0, 3.0])), both_ways(np.array([1.0, 2.0]))
     ([0, 2], [0, 1])
     """
-    up = np.flatnonzero(eigenvalues > 0)
-    first = int(up[0]) if up.size and up[0] > 0 else min(1, eigenvalues.size - 1)
-    return [0, first] if first else [0]
+    up, last = np.flatnonzero(eigenvalues > 0), min(count, eigenvalues.size) - 1
+    return [*range(last), max(last, int(up[0])) if up.size else last]
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,15 +96,17 @@ class Bundle:
 
 
 def bundle_data(solution: Solution, count: int = 8, size: float = 0.25) -> Bundle:
-    """Return neighbours along each of the three lowest modes of d2S, `count` a mode.
+    """Return neighbours along the lowest modes of d2S, `count` a mode.
 
-    They are displaced by at most `size`, in units of how far the coordinates range. Raises
-    ValueError for non-conservative forces, which leave no functional to compare.
+    These are the three lowest, or where all three lower S the two lowest and the first that
+    raises it. The neighbours are displaced by at most `size`, in units of how far the
+    coordinates range. Raises ValueError for non-conservative forces, which leave no functional
+    to compare.
     """
-    _, modes = directions(solution, MODES)
+    chosen, modes = telling(solution, MODES)
     t = times(solution, COUNT // 2)
     varied, rise = [], []
-    for mode in modes:
+    for mode in (modes[k] for k in chosen):
         S = variation(solution, mode)
         for alpha in np.linspace(-size, size, count):
             try:
@@ -167,8 +177,7 @@ def landscape_data(solution: Solution, reach: float = 0.5, count: int = 35) -> L
 
     Raises ValueError for non-conservative forces, or for a path with a single variation.
     """
-    values, modes = directions(solution, LOWEST)
-    chosen = both_ways(values)
+    chosen, modes = telling(solution)
     if len(chosen) < 2:
         raise ValueError("expected a path with two independent variations, found one; try `slices`")
     S = variation(solution, modes[chosen[0]])

@@ -1,0 +1,34 @@
+"""Figures in a notebook, whatever its first cell is."""
+
+import pytest
+
+nbformat = pytest.importorskip("nbformat")
+client = pytest.importorskip("nbclient")
+pytest.importorskip("ipykernel")
+
+DRAWN = (
+    "actionopt.plot.paths(solution)",
+    "actionopt.plot.energies(solution)",
+    "from matplotlib import pyplot; pyplot.plot([1, 2])",
+)
+SOLVED = """import actionopt, actionopt.plot
+from actionopt import scenes
+solution = actionopt.solve(scenes.get("oscillator").problem)"""
+
+FIGURE = "from matplotlib import pyplot; pyplot.figure()"
+
+
+@pytest.mark.slow  # a kernel is started each time
+@pytest.mark.parametrize(
+    "first",
+    ["", "import matplotlib.pyplot", "%matplotlib inline", FIGURE],
+)
+def test_every_cell_shows_its_figure(first, monkeypatch):
+    monkeypatch.delenv("MPLBACKEND")
+    cells = [nbformat.v4.new_code_cell(source) for source in (first, SOLVED, *DRAWN)]
+    book = nbformat.v4.new_notebook(cells=cells)
+    client.NotebookClient(book, timeout=120, kernel_name="python3").execute()
+    shown = [
+        any("image/png" in output.get("data", {}) for output in cell.outputs) for cell in cells[2:]
+    ]
+    assert all(shown), shown
