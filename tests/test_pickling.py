@@ -96,6 +96,7 @@ def test_the_digest_tells_laws_apart():
 @pytest.mark.parametrize("name", ["pendulum", "rod_pendulum", "figure_eight", "turning_wire"])
 def test_a_solution_is_the_same_elsewhere(name, elsewhere):
     solution = solved(name)
+    assert solution.compare().agrees  # what that derives goes along, or is derived again
     loaded = elsewhere(pickle.dumps(solution))
     assert loaded.problem.system is not solution.problem.system
     assert loaded.status is solution.status and loaded.stats == solution.stats

@@ -46,7 +46,7 @@ NARROWER = 0.25  # of the radius, where a step does not help
 STALLED = 0.9  # one that leads nowhere: to a mesh too coarse for the path, as a rule
 # Least of s, where the fastest rate on the mesh is one: below it a square of A over s has no digit
 # left of s. Derived.
-SLOWEST = math.sqrt(np.finfo(float).eps)
+LEAST_SHIFT = math.sqrt(np.finfo(float).eps)
 NEAR = 1e-3  # a step, in units of the coordinates' sizes, after which Newton's method follows
 
 
@@ -141,7 +141,7 @@ class _Masses:
         J = tr.jacobian(x) if tr.layout.rows else np.zeros(0)
         F = forcing(tr, x) if tr.problem.system.structure.forced else np.zeros(0)
         H = tr.hessian(z)
-        s = max(s, SLOWEST * float(np.abs(H).max()) / float(np.abs(self.mass).max()))
+        s = max(s, LEAST_SHIFT * float(np.abs(H).max()) / float(np.abs(self.mass).max()))
         return self.systems.step(H, J, F, s * self.mass, -tr.residual(z))
 
 

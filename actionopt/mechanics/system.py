@@ -12,7 +12,6 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
-from types import NoneType
 from typing import Any
 from weakref import WeakValueDictionary
 
@@ -158,9 +157,9 @@ class System(Laws):
             _KNOWN.setdefault(digest, self)
         with self.lock:
             kept = {name: vars(self)[name] for name in TRAVELLING if name in vars(self)}
-            functions = Pointwise, ca.Function, NoneType
-            made = {name: x for name, x in self._made.items() if isinstance(x, functions)}
-            parts = self._pointwise, made, kept
+            made = {name: x for name, x in self._made.items() if _travels(x)}
+            pointwise = {name: x for name, x in self._pointwise.items() if _travels(x)}
+            parts = pointwise, made, kept
             known = self.coordinates, self.table.defaults, self.name, self.source
             state = pickle.dumps((*known, self._law.serialize(), parts))
             return _loaded, (digest, sorted(name for x in parts for name in x), version, state)
@@ -358,6 +357,15 @@ class System(Laws):
 _KNOWN: WeakValueDictionary[str, System] = WeakValueDictionary()  # by digest: pickled or loaded
 _RECENT: deque[System] = deque(maxlen=KEPT_SYSTEMS)  # loaded: workers need them again and again
 _LOADING = threading.RLock()
+
+
+def _travels(made: object) -> bool:
+    """Whether what is derived can be read elsewhere.
+
+    CasADi writes functions that solve linear equations in a way that it does not read.
+    """
+    function = made.function if isinstance(made, Pointwise) else made
+    return made is None or (isinstance(function, ca.Function) and function.is_a("SXFunction"))
 
 
 def _loaded(digest: str, derived: list[str], version: str, state: bytes) -> System:
