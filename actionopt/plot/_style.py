@@ -37,7 +37,7 @@ BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY = (
     *("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#BD8200", "#2E93CC"),
 )
 COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
-GREY = "#6a6a6a"
+GREY = "#757575"  # of words: 4.6 on white and on black
 PALE = "#8c8c8c"  # what lies behind
 DASHES: Any = ("-", (0, (5, 2)), (0, (1.5, 1.5)))  # six colours each, then the next kind of line
 STYLE: Any = {
