@@ -299,6 +299,24 @@ def test_every_evaluation_is_counted():
     assert problem.counts == {"f": 1, "grad": 1, "c": 1, "jac": 1, "hess": 1, "hprod": 2}
 
 
+def test_a_history_has_what_was_better_than_all_before():
+    problem = suite.get("rod_pendulum")
+    x, off = problem.x_star, problem.start() - problem.x_star
+    visited = [x + s * off for s in (1.0, 2.0, 0.5, 0.49, 0.7, np.nan, 0.0, 0.0)]
+    f = [problem.objective(y) for y in visited]
+    violation = [problem.violation(y) for y in visited]
+    history = problem.history(visited)
+    kept = [k - 1 for k, _, _ in history]
+    assert kept[0] == 0 and {5, 7}.isdisjoint(kept) and 6 in kept  # no number; no better
+    assert 3 not in kept  # a fiftieth better than the one before
+    for k, there, v in history:
+        assert there == pytest.approx(f[k - 1], rel=1e-14)
+        assert v == pytest.approx(violation[k - 1], rel=1e-2, abs=1e-15)
+        before = [j for j in range(k - 1) if np.isfinite(f[j])]
+        assert all(f[j] > there or violation[j] > v for j in before)
+    assert problem.history([]) == []
+
+
 def test_starting_points_are_what_they_say():
     problem = suite.get("pendulum")
     ends = problem.scene.problem.start.q[0], problem.scene.problem.end.q[0]

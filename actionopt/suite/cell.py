@@ -51,7 +51,7 @@ def attempt(cell: Cell) -> dict[str, Any]:
         cause = error.__cause__ or error
         return {"outcome": "error", "word": _last(cause), "trace": _trace(cause)}
     except Exception as error:
-        return {"outcome": "failed", "word": _last(error), "trace": _trace(error)}
+        return {"outcome": "failed", "word": _last(error)}
     return {
         "outcome": "answered",
         "said": answer.said,
@@ -95,7 +95,7 @@ def _last(error: BaseException) -> str:
 
 
 def _trace(error: BaseException) -> str:
-    """Return the traceback, without the frames that are not the solver's."""
+    """Return the end of the traceback."""
     return "".join(traceback.format_exception(error, chain=False))[-2000:]
 
 
