@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 import actionopt as ao
@@ -395,3 +396,57 @@ def test_a_solve_may_be_given_a_time(capsys):
     assert main(["solve", "pendulum", "--seconds", "1e-9"]) == 1
     assert "the time that was given ran out" in capsys.readouterr().err
     assert main(["solve", "pendulum", "--seconds", "100", "--no-compare"]) == 0
+
+
+# -- sweep -----------------------------------------------------------------------------------
+
+
+def test_a_sweep_prints_what_was_found_and_writes_it(capsys, tmp_path):
+    arrays, picture = tmp_path / "map.npz", tmp_path / "map.png"
+    over = ("--over", "g=9:10:3", "--over", "end.theta=-0.2:0.2:4")
+    files = ("--out", str(arrays), "--plot", str(picture), "--resume", str(tmp_path / "part"))
+    code, out, err = run(capsys, "sweep", "pendulum", *over, "--index", "--set", "l=1.1", *files)
+    assert (code, err) == (0, "")
+    assert out.splitlines()[0] == "pendulum: 12 paths"
+    assert "12 SOLVED" in out and "index          0 of 12" in out
+    found = np.load(arrays)
+    assert found["action"].shape == found["index"].shape == (3, 4)
+    assert found["g"].tolist() == [9.0, 9.5, 10.0] and found["end.theta"].size == 4
+    problem = scenes.get("pendulum", l=1.1).problem.replace(parameters={"g": 9.0})
+    problem = problem.replace(end=ao.Event(problem.end.t, [-0.2]))
+    assert found["action"][0, 0] == pytest.approx(ao.solve(problem).action)
+    assert picture.read_bytes().startswith(b"\x89PNG") and (tmp_path / "part").is_file()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"),
+    [
+        (("--over", "g=9:10"), 2, "expected NAME=FROM:TO:COUNT"),
+        (("--over", "g=9:10:0"), 2, "expected NAME=FROM:TO:COUNT"),
+        ((), 2, "--over"),
+        (("--over", "g=9:10:2", "--workers", "2", "--dask", "here"), 2, "not allowed with"),
+        (("--over", "g=9:10:2", "--workers", "0"), 1, "expected one worker or more, found 0"),
+        (("--over", "g=9:10:2", "--over", "g=1:2:3"), 1, "expected each name once"),
+        (("--over", "h=9:10:2"), 1, "the parameters are m, l, g"),
+        (("--over", "g=9:10:2", "--out", "map.txt"), 1, "a file that ends in .npz, .nc"),
+        (("--over", "t1=-2:-1:2"), 1, "expected the end event after the start event"),
+    ],
+)
+def test_a_sweep_that_makes_no_sense_says_why(capsys, arguments, code, message):
+    try:
+        found, _, err = run(capsys, "sweep", "pendulum", *arguments)
+    except SystemExit as stop:
+        found, err = stop.code, capsys.readouterr().err
+    assert found == code and message in err
+
+
+def test_an_interrupted_sweep_prints_what_is_done(capsys, monkeypatch):
+    from actionopt.families import sweep as module
+
+    def stop(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(module, "work", stop)
+    code, out, _ = run(capsys, "sweep", "pendulum", "--over", "t1=0.5:0.6:3")
+    assert code == 130 and out.startswith("pendulum: 3 paths, interrupted\n")
+    assert "3 UNREACHED" in out

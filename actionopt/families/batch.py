@@ -27,7 +27,8 @@ from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import left_out
 from actionopt.discrete.stacks import Shape, functions
 from actionopt.families.front import NEIGHBOURS, Front, squares, weights
-from actionopt.mechanics.problem import Event, Periodic, Problem
+from actionopt.families.vary import moved
+from actionopt.mechanics.problem import Periodic, Problem
 from actionopt.solver.arguments import checked
 from actionopt.solver.iterate import LATE_TIME, SAFETY, UNKNOWN_GAIN, amplified, estimate, sizes
 from actionopt.solver.solve import FAMILY_NOISE, FAMILY_SUSPECTED, Guess, solve
@@ -119,19 +120,7 @@ class Members:
 
 def member(problem: Problem, columns: Mapping[Any, ArrayLike], i: int) -> Problem:
     """Return the problem of member i. Raises ValueError as a `Problem` does."""
-    parameters, times = {}, [problem.start.t, problem.end.t]
-    ends = [list(problem.start.q), list(problem.end.q)]
-    for name, values in columns.items():
-        value = float(np.asarray(values)[i])
-        if isinstance(name, tuple):
-            ends[name[0] == "end"][problem.system.coordinates.index(name[1])] = value
-        elif name in ("t0", "t1"):
-            times[name == "t1"] = value
-        else:
-            parameters[name] = value
-    end = problem.end
-    end = end.at(times[1]) if isinstance(end, Periodic) else Event(times[1], ends[1])
-    return problem.replace(start=Event(times[0], ends[0]), end=end, parameters=parameters)
+    return moved(problem, {name: float(np.asarray(row)[i]) for name, row in columns.items()})
 
 
 def solve_run(
