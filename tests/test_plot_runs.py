@@ -35,7 +35,7 @@ def test_one_axis_is_a_line_for_each_branch(line):
     assert [label for label, _ in drawn] == ["index 0", "index 1", "failed"]
     assert drawn[-1][1].size == (T <= 0).sum()
     assert ax.get_xlabel() == "end time $t_{1}$ (s)" and ax.get_ylabel() == "action $S$ (J s)"
-    assert ax.get_title("left") == "problem: action $S$, 25 paths, 2 of them failed"
+    assert ax.get_title() == "problem: action $S$, 25 paths, 2 of them failed"
 
 
 def test_two_axes_are_contours_on_areas_of_the_index(area):
