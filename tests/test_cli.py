@@ -409,7 +409,8 @@ def test_a_sweep_prints_what_was_found_and_writes_it(capsys, tmp_path):
     assert (code, err) == (0, "")
     assert out.splitlines()[0] == "pendulum: 12 paths"
     assert "12 SOLVED" in out and "index          0 of 12" in out
-    found = np.load(arrays)
+    with np.load(arrays) as kept:
+        found = dict(kept)
     assert found["action"].shape == found["index"].shape == (3, 4)
     assert found["g"].tolist() == [9.0, 9.5, 10.0] and found["end.theta"].size == 4
     problem = scenes.get("pendulum", l=1.1).problem.replace(parameters={"g": 9.0})

@@ -47,7 +47,8 @@ def test_two_ranks_of_mpi_find_the_same(tmp_path):
     (tmp_path / "far.py").write_text(script, encoding="utf-8")
     command = ["mpiexec", "-n", "2", sys.executable, "-m", "mpi4py.futures", "far.py"]
     subprocess.run(command, cwd=tmp_path, check=True, timeout=100)
-    found = np.load(tmp_path / "far.npz")
+    with np.load(tmp_path / "far.npz") as kept:
+        found = dict(kept)
     here = ao.sweep(ao.scenes.get("pendulum").problem, {"t1": np.linspace(0.4, 0.9, 50)})
     assert np.array_equal(found["action"], here.action)
     assert np.array_equal(found["momenta"], here.momenta) and here.success.all()
