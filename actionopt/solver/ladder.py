@@ -28,6 +28,8 @@ from actionopt.tools.watch import OutOfTime
 
 UNSOLVED = (Status.NOT_FOUND, Status.UNRESOLVED, Status.DEGENERATE)
 # Ad hoc, where nothing else is said.
+# Beyond which Ipopt takes far longer than a descent; up to it, it keeps nearer to the line.
+DESCENT_COORDINATES = 8
 # Rungs that are tried from a curved line; its height, in the motion's sizes ("flat" here is as in
 # `workspace`: this is).
 CURVED_RUNGS, CURVED_HEIGHT = 5, 0.4
@@ -116,12 +118,9 @@ class Descent(Rung):
     minimises, persistent = True, False
 
     def applies(self, search: Search) -> bool:
-        ws = search.ws
-        return (
-            super().applies(search)
-            and ws.problem.system.m == 0
-            and self.many is ws.many_coordinates
-        )
+        ws, n = search.ws, search.ws.problem.system.n
+        fits = n > DESCENT_COORDINATES if self.many else ws.can_descend
+        return super().applies(search) and ws.problem.system.m == 0 and fits
 
     def seek(self, ws: Workspace) -> bool:
         return ws.descend()
