@@ -79,7 +79,7 @@ def work_precision(rows: an.Rows, titles: dict[str, str], kind: str, file: Path)
         [handles[p] for p in order],
         [label(p) for p in order],
         loc="lower center",
-        ncols=min(5, len(order)),
+        ncols=min(6, len(order)),
         frameon=False,
     )
     figure.tight_layout(rect=(0, 0.09 / lines + 0.01, 1, 1))
@@ -102,7 +102,7 @@ def profiles(rows: an.Rows, file: Path) -> None:
     for ax in axes[-1]:
         ax.set_xlabel("within this factor of the fastest")
     handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="lower center", ncols=5, fontsize=8, frameon=False)
+    figure.legend(handles, labels, loc="lower center", ncols=6, fontsize=8, frameon=False)
     figure.tight_layout(rect=(0, 0.07, 1, 1))
     save(figure, file)
 
