@@ -121,7 +121,7 @@ def base(name):
     return solution, told(solution)
 
 
-def compare(found, expected, rel=SAME, skip=()):
+def compare(found, expected, rel=SAME, skip=(), roundoff=0.0):
     assert found.keys() == expected.keys()
     for name, wanted in expected.items():
         if name in skip:
@@ -129,9 +129,8 @@ def compare(found, expected, rel=SAME, skip=()):
         got, wanted = found[name], np.asarray(wanted)
         assert got.shape == wanted.shape, name
         if name in ESTIMATES:
-            # What is that small is round-off, which is random.
             low, high = np.minimum(got, wanted), np.maximum(got, wanted)
-            assert high <= np.maximum(5 * low, 1e-11), name
+            assert high <= np.maximum(5 * low, roundoff), name
             continue
         size = np.max(np.abs(wanted), initial=0.0)
         assert np.max(np.abs(got - wanted), initial=0.0) <= rel * size, (name, got, wanted)
@@ -280,7 +279,8 @@ def test_a_further_coordinate_that_takes_no_part(name):
     wanted["modes"] = np.sort([*known["modes"], *of_it])[:3]
     for key, x in (("dq0q0", w * cos / sin), ("dq0q1", -w / sin), ("dq1q1", w * cos / sin)):
         wanted[key] = np.block([[known[key], np.zeros((n, 1))], [np.zeros((1, n)), x]])
-    compare(found, wanted)
+    # On a mesh of its own, where estimates that small are round-off.
+    compare(found, wanted, roundoff=1e-11)
 
 
 @ALL

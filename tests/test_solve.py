@@ -78,7 +78,7 @@ def test_round_off_that_forbids_the_tolerance_is_said():
         return ((np.sin(T - t) + (-1 + 1e-9) * np.sin(t)) / np.sin(T))[None]
 
     t = times(problem)
-    assert relative_error(solution, exact, t) <= 3 * solution.error  # round-off is random
+    assert relative_error(solution, exact, t) <= solution.error
     assert ao.solve(problem, tol=1e-6).success
 
 
