@@ -187,26 +187,26 @@ class System(Laws):
                 f"parameter {unused[0]!r} is used by none of the callables, which name "
                 f"{', '.join(sorted(used)) or 'no parameters'}{suggestion(unused[0], sorted(used))}"
             )
-        laws = (
-            (L, constraints, forces) if role == "lagrangian" else (L**2 / 2, constraints, forces, L)
-        )
-        self._set(symbols, laws, names_of, table, name, _place(law))
-        if role == "length":
-            self._check_length()
+        F = L if role == "length" else None
+        laws = L if F is None else F**2 / 2, constraints, forces
+        self._set(symbols, laws, names_of, table, name, _place(law), F=F)
+        if F is not None:
+            self._check_length(F)
 
     def _set(
         self,
         symbols: Symbols,
-        laws: tuple[ca.SX, ...],
+        laws: tuple[ca.SX, ca.SX, ca.SX],
         coordinates: tuple[str, ...],
         table: ParameterTable,
         name: str,
         source: str,
         loaded: bool = False,
+        F: ca.SX | None = None,
     ) -> None:
         """Set what is known of a law that is traced."""
-        super().__init__(symbols, *laws[:3], coordinates)
-        self.F = laws[3] if len(laws) > 3 else None
+        super().__init__(symbols, *laws, coordinates)
+        self.F = F
         self.table, self.name, self.source, self.loaded = table, name, source, loaded
         self.layouts: dict[Any, Any] = {}  # of its discrete problems; they live as long as it does
 
@@ -282,10 +282,9 @@ class System(Laws):
         packed = self.table.pack(self.parameters)
         return vanishes(euler, self._arguments, [*general_states(self.n), packed])
 
-    def _check_length(self) -> None:
-        """Raise ValueError unless the length is homogeneous, or where it is finite nowhere."""
-        assert self.F is not None
-        if not self._homogeneous(self.F):
+    def _check_length(self, F: ca.SX) -> None:
+        """Raise ValueError unless the length F is homogeneous, or where it is finite nowhere."""
+        if not self._homogeneous(F):
             raise ValueError(
                 "expected a length homogeneous of degree one in v, length(q, s v) = s length(q, v) "
                 "for s > 0, such as np.sqrt(v @ v) or a travel time, found one that is not; where "
@@ -485,8 +484,9 @@ def _loaded(digest: str, derived: list[str], version: str, state: bytes) -> Syst
             system, table = object.__new__(System), ParameterTable(defaults)
             symbols = _symbols(len(coordinates), table)
             arguments = [symbols.q, symbols.v, symbols.t, symbols.p]
-            laws = tuple(ca.Function.deserialize(law).call(arguments))
-            system._set(symbols, laws, coordinates, table, name, source, loaded=True)
+            L, f, Q, *length = ca.Function.deserialize(law).call(arguments)
+            F = length[0] if length else None
+            system._set(symbols, (L, f, Q), coordinates, table, name, source, loaded=True, F=F)
             _KNOWN[digest] = system
             _RECENT.append(system)
         with system.lock:
