@@ -547,6 +547,7 @@ def _can_be_stacked(problem: Problem, times: Array) -> bool:
         system.m == 0
         and not structure.forced
         and problem.advance is None
+        and not (problem.has_tails or problem.is_infinite)
         and system.n <= COORDINATES
     )
     late = structure.depends_on_time and bool(far.any())

@@ -8,7 +8,7 @@ round interpolates the path on a better mesh and polishes it there, always the s
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Any, Literal, Never
 
@@ -24,12 +24,13 @@ from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
+from actionopt.solver import window
 from actionopt.solver.arguments import Guess, asked, checked
 from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF
 from actionopt.solver.ladder import COARSE_DEGREE, IPOPT, LADDER, LINEAR, Search
 from actionopt.solver.workspace import Workspace
 from actionopt.tools.blas import one_thread
-from actionopt.tools.checks import COARSEST
+from actionopt.tools.checks import COARSEST, FINEST, tolerance
 from actionopt.tools.watch import OutOfTime, Progress, Watch
 
 BEFORE_A_JUMP = 3  # rungs tried where the first path crosses a jump: seconds are lost there; ad hoc
@@ -104,11 +105,36 @@ def solve(
     *Discrete mechanics and variational integrators*, Acta Numerica 10 (2001), sections 1.2
     and 2.2.
     """
-    started = perf_counter()
     if others:
         asked(problem, others)
-    curve_of = checked(problem, tol, guess, principle, mesh, method)
+    asked(problem)
     watch = None if seconds is progress is None else Watch(seconds, progress)
+    choices = Choices(tol, principle, method, mesh, watch)
+    if problem.is_infinite or problem.has_tails:
+        solution, message = _in_windows(problem.whole, guess, choices)
+    else:
+        solution, message = _solved(problem, guess, choices)
+    if throw and not solution.success:
+        raise SolveError(message, solution)
+    return solution
+
+
+@dataclass(frozen=True)
+class Choices:
+    """How a problem is solved: the arguments of `solve`."""
+
+    tol: float
+    principle: Literal["auto", "least", "stationary"]
+    method: Literal["auto", "ipopt"]
+    mesh: Mesh | None
+    watch: Watch | None
+
+
+def _solved(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[Solution, str]:
+    """Return the path of a problem of finite times, and the verdict with its figures."""
+    started = perf_counter()
+    tol, principle, mesh, watch = choices.tol, choices.principle, choices.mesh, choices.watch
+    curve_of = checked(problem, tol, guess, principle, mesh, choices.method)
     system = problem.system
     # Far from zero a path to `tol` may be none: its motion is to be resolved as well.
     tol = min(tol, COARSEST * float((problem.lengths / problem.scales).min()))
@@ -116,7 +142,7 @@ def solve(
     for name in ("first", "second"):
         system.pointwise(name)
     ws.record.time["derive"] += perf_counter() - started
-    search = Search(ws, tol, principle, mesh, IPOPT if method == "ipopt" else LADDER)
+    search = Search(ws, tol, principle, mesh, IPOPT if choices.method == "ipopt" else LADDER)
     try:
         status = _found(search, guess, curve_of)
     except OutOfTime:
@@ -130,9 +156,30 @@ def solve(
     solution = _solution(ws, status, search.found_by, started)
     if _suspect(ws, status):
         solution = _family(ws, solution)
-    if throw and not solution.success:
-        raise SolveError(_message(ws, solution.status, tol), solution)
-    return solution
+    return solution, "" if solution.success else _message(ws, solution.status, tol)
+
+
+def _in_windows(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[Solution, str]:
+    """Return the path of a problem with events at infinite times, and the verdict."""
+    tolerance(choices.tol)
+    here = window.first(problem, guess, choices.tol, choices.mesh)
+    inner = replace(choices, tol=max(choices.tol * (1 - window.SHARE), FINEST))
+    for _ in range(window.WINDOWS):
+        solution, message = _solved(here.problem, here.guess, inner)
+        if guess is here.guess is None and solution.success and choices.principle != "stationary":
+            below = window.lower(solution)
+            if below is not None:
+                solution, message = _solved(here.problem, below, inner)
+        later = window.longer(here, solution, choices.tol)
+        if not solution.success or later is None or choices.mesh is not None:
+            break
+        here = later
+    else:
+        left = max(x[0] for x in here.edges(solution))
+        message = window.unmet(choices.tol, left)
+        solution = replace(solution, status=Status.UNRESOLVED)
+    solution = window.judged(here, solution)
+    return window.centred(solution), message
 
 
 def _found(search: Search, guess: Guess | None, curve_of: Callable[[Mesh], Path] | None) -> Status:
