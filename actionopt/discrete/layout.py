@@ -33,6 +33,8 @@ class Layout:
         Indices of the coordinates pinned at either end.
     closed : bool
         Whether the path closes: the last node has the first one's unknowns and no rows.
+    nodal : tuple of int
+        Nodes whose coordinates are coupled by a term of their own (`nodal`).
 
     Raises
     ------
@@ -47,8 +49,9 @@ class Layout:
         start: tuple[int, ...],
         end: tuple[int, ...],
         closed: bool = False,
+        nodal: tuple[int, ...] = (),
     ) -> None:
-        self.system, self.closed = system, closed
+        self.system, self.closed, self.nodal = system, closed, nodal
         if closed and shape.elements == 1:
             raise ValueError("expected at least two elements for a path that closes, found one")
         n, m = system.n, system.m
@@ -142,7 +145,9 @@ class Layout:
     @cached_property
     def hessian(self) -> Pattern:
         """Upper triangle of the Hessian of S + sum w lam f in the unknowns."""
-        targets = [self._diagonal("second", 0), self._mixed("second", 1), self._stiff("second", 2)]
+        upper = np.triu_indices(self.system.n)
+        targets = [(self.number[k][upper[0]], self.number[k][upper[1]]) for k in self.nodal]
+        targets += [self._diagonal("second", 0), self._mixed("second", 1), self._stiff("second", 2)]
         if self.system.m and not self.system.structure.affine_constraint:
             rows, cols = self.system.pointwise("constraint_curvature").sparsity(0)
             at = self.number[self.row_nodes]
@@ -304,11 +309,14 @@ class Pattern:
 LAYOUTS_KEPT = 32  # of a system, the latest used: a large one holds much memory; ad hoc
 
 
-def layout_for(problem: Problem, mesh: Mesh) -> Layout:
-    """Return the layout shared by all problems of this system, mesh shape and kind of ends."""
+def layout_for(problem: Problem, mesh: Mesh, nodal: tuple[int, ...] = ()) -> Layout:
+    """Return the layout shared by all problems of this system, mesh shape and kind of ends.
+
+    And of `nodal` nodes.
+    """
     known = problem.system.layouts
     ends = problem.start.pinned, problem.end.pinned
-    key = (mesh.degrees, *ends, problem.advance is not None)
+    key = (mesh.degrees, *ends, problem.advance is not None, nodal)
     with problem.system.lock:
         layout = known.pop(key, None) or Layout(problem.system, mesh, *key[1:])
         known[key] = layout
