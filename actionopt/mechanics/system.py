@@ -17,7 +17,7 @@ from weakref import WeakValueDictionary
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.expressions import Expressions
@@ -55,6 +55,9 @@ class System(Laws):
         f(q, t) = 0.
     force : callable, optional
         `force(q, v, t, *, ...)`: the n generalized non-conservative forces Q.
+    obstacle : callable, optional
+        `obstacle(q, t, *, ...)`: one expression f or a sequence of r of them; f(q, t) >= 0 along
+        the path, whose action is least among those that satisfy it. Not with `force`.
     name : str, optional
         Shown in messages and files.
 
@@ -97,6 +100,7 @@ class System(Laws):
         parameters: Mapping[str, ArrayLike] | None = None,
         constraint: Callable[..., Any] | None = None,
         force: Callable[..., Any] | None = None,
+        obstacle: Callable[..., Any] | None = None,
         name: str = "",
     ) -> None:
         if not isinstance(name, str):
@@ -114,18 +118,28 @@ class System(Laws):
         if force is not None:
             given, names = call(force, "force", {"q": Q, "v": V, "t": T}, named)
             forces, used = column(given, "force", n), used | names
+        outside = ca.SX(0, 1)
+        if obstacle is not None:
+            if force is not None:
+                raise ValueError(
+                    "expected an obstacle or non-conservative forces, found both: along an "
+                    "obstacle the action is minimised, and with such forces no functional is"
+                )
+            given, names = call(obstacle, "obstacle", {"q": Q, "t": T}, named)
+            outside, used = column(given, "obstacle"), used | names
         unused = [key for key in table.defaults if key not in used]
         if unused:
             raise ValueError(
                 f"parameter {unused[0]!r} is used by none of the callables, which name "
                 f"{', '.join(sorted(used)) or 'no parameters'}{suggestion(unused[0], sorted(used))}"
             )
-        self._set(symbols, (L, constraints, forces), names_of, table, name, _place(lagrangian))
+        laws = L, constraints, forces, outside
+        self._set(symbols, laws, names_of, table, name, _place(lagrangian))
 
     def _set(
         self,
         symbols: Symbols,
-        laws: tuple[ca.SX, ca.SX, ca.SX],
+        laws: tuple[ca.SX, ...],
         coordinates: tuple[str, ...],
         table: ParameterTable,
         name: str,
@@ -133,7 +147,10 @@ class System(Laws):
         loaded: bool = False,
     ) -> None:
         """Set what is known of a law that is traced."""
-        super().__init__(symbols, *laws, coordinates)
+        L, f, Q, *obstacle = laws
+        self.outside = obstacle[0] if obstacle else ca.SX(0, 1)
+        self.r = self.outside.numel()  # rows of the obstacle
+        super().__init__(symbols, L, f, Q, coordinates)
         self.table, self.name, self.source, self.loaded = table, name, source, loaded
         self.layouts: dict[Any, Any] = {}  # of its discrete problems; they live as long as it does
 
@@ -167,7 +184,20 @@ class System(Laws):
     @property
     def _law(self) -> ca.Function:
         """The law as a function of (q, v, t, p), which can be written to a file."""
-        return ca.Function("law", self._arguments, [self.L, self.f, self.Q])
+        laws = [self.L, self.f, self.Q, *([self.outside] if self.r else [])]
+        return ca.Function("law", self._arguments, laws)
+
+    @Once
+    def held(self) -> System:
+        """Return the system whose constraints are these and the rows of the obstacle behind them.
+
+        A path along the obstacle is a motion of it, for as long as it is in contact.
+        """
+        held = object.__new__(System)
+        laws = self.L, ca.vertcat(self.f, self.outside), self.Q
+        held._set(self.symbols, laws, self.coordinates, self.table, self.name, self.source)
+        held._pointwise.update({name: self.pointwise(name) for name in ("first", "second")})
+        return held
 
     @Once
     def digest(self) -> str:
@@ -178,6 +208,14 @@ class System(Laws):
         defaults = {name: (x.shape, x.tobytes()) for name, x in self.table.defaults.items()}
         said = (self.coordinates, self.name, defaults, self._law.serialize())
         return hashlib.sha256(repr(said).encode()).hexdigest()
+
+    def check_free(self, what: str) -> None:
+        """Raise ValueError if there is an obstacle, saying `what` does not know it."""
+        if self.r:
+            raise ValueError(
+                f"expected a system without an obstacle, found one with: {what}; leave it out "
+                "where nothing touches it, or have a constraint instead where something does"
+            )
 
     # -- what is known without numbers ---------------------------------------------------
 
@@ -239,6 +277,10 @@ class System(Laws):
         """Return f(q, t), shape (m, K) or (m,)."""
         return self._at("constraint", q, None, t, parameters)[0]
 
+    def obstacle(self, q: ArrayLike, t: ArrayLike, *, parameters=None) -> Array:
+        """Return f(q, t) of the obstacle, shape (r, K) or (r,): not negative outside of it."""
+        return self.held.constraint(q, t, parameters=parameters)[self.m :]
+
     def constraint_jacobian(self, q: ArrayLike, t: ArrayLike, *, parameters=None) -> Array:
         """Return G = df/dq, shape (m, n, K) or (m, n)."""
         columns, _ = _as_columns(q, self.n, "q")
@@ -252,11 +294,11 @@ class System(Laws):
         equation (12.8) with f differentiated twice. Raises numpy.linalg.LinAlgError where the
         mass matrix is singular on the motions the constraints allow.
         """
-        return self._dynamics(q, v, t, parameters)[0]
+        return self.dynamics(q, v, t, parameters)[0]
 
     def multipliers(self, q: ArrayLike, v: ArrayLike, t: ArrayLike, *, parameters=None) -> Array:
         """Return lambda of L' = L + sum lambda f, shape (m, K) or (m,). Equation (12.7)."""
-        return self._dynamics(q, v, t, parameters)[1]
+        return self.dynamics(q, v, t, parameters)[1]
 
     def constraint_force(
         self, q: ArrayLike, v: ArrayLike, t: ArrayLike, *, parameters=None
@@ -317,8 +359,13 @@ class System(Laws):
             "Lagrangian to be convex in the velocities near there"
         )
 
-    def _dynamics(self, q, v, t, parameters) -> tuple[Array, Array]:
-        """Return accelerations (n, ...) and multipliers (m, ...) of the index-1 equations."""
+    def dynamics(
+        self, q, v, t, parameters, active: NDArray[np.bool_] | None = None
+    ) -> tuple[Array, Array]:
+        """Return accelerations (n, ...) and multipliers (m, ...) of the index-1 equations.
+
+        Where `active` (m, ...) is given, of the constraints it names; others have no multiplier.
+        """
         n, m = self.n, self.m
         M, bias, G, gamma = self._at("motion", q, v, t, parameters)
         shape = bias.shape[1:]
@@ -330,6 +377,10 @@ class System(Laws):
         K[:, :n, n:] = -np.moveaxis(G, -1, 0)
         K[:, n:, :n] = np.moveaxis(G, -1, 0).transpose(0, 2, 1)
         right = np.concatenate([bias.reshape(n, count), -gamma.reshape(m, count)]).T
+        if active is not None:
+            i, k = np.nonzero(~active.reshape(m, count))
+            K[k, n + i, :] = K[k, :, n + i] = 0.0
+            K[k, n + i, n + i], right[k, n + i] = 1.0, 0.0
         solved = np.linalg.solve(K, right[..., None])[..., 0].T
         return solved[:n].reshape(n, *shape), solved[n:].reshape(m, *shape)
 
@@ -388,8 +439,8 @@ def _loaded(digest: str, derived: list[str], version: str, state: bytes) -> Syst
             system, table = object.__new__(System), ParameterTable(defaults)
             symbols = _symbols(len(coordinates), table)
             arguments = [symbols.q, symbols.v, symbols.t, symbols.p]
-            L, f, Q = ca.Function.deserialize(law).call(arguments)
-            system._set(symbols, (L, f, Q), coordinates, table, name, source, loaded=True)
+            laws = tuple(ca.Function.deserialize(law).call(arguments))
+            system._set(symbols, laws, coordinates, table, name, source, loaded=True)
             _KNOWN[digest] = system
             _RECENT.append(system)
         with system.lock:
