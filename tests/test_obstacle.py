@@ -278,3 +278,16 @@ def test_what_does_not_know_contact_says_so():
     for ask in (sol.compare, sol.sensitivity, lambda: ao.conjugate_points(sol)):
         with pytest.raises(ValueError, match="touches no obstacle"):
             ask()
+
+
+def test_shortest_way_in_a_length():
+    """A geodesic system with an obstacle has its length, whatever runs it through."""
+    flat = ao.System.geodesic(
+        lambda q, v: np.sqrt(v @ v), ["x", "y"], obstacle=lambda q, t: q @ q - 1
+    )
+    A, B = (-2, 0.3), (2, 0)
+    sol = ao.solve(ao.Problem(flat, ao.Event(0, A), ao.Event(1, B)))
+    assert sol.length == pytest.approx(np.sqrt(2 * around(A, B)[1]), rel=1e-12)
+    loaded = pickle.loads(pickle.dumps(sol))
+    assert loaded.length == sol.length
+    assert loaded.contacts == sol.contacts
