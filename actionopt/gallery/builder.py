@@ -25,7 +25,7 @@ from actionopt.gallery.page import Page
 from actionopt.tools.files import write
 
 PACKAGE = Path(scenes.__file__).parent.parent
-STATIC = Path(__file__).parent / "static"  # what all pages share
+SHARED = (PACKAGE / "gallery" / "static", PACKAGE / "plot" / "live" / "static")  # by all pages
 LIBRARIES = ("casadi", "matplotlib", "numpy")
 MANIFEST = "manifest.json"
 STORY = "least"
@@ -69,7 +69,7 @@ def build(
     wanted = [STORY, *dict.fromkeys(names or scenes.SCENES)]
     key = sources()
     ahead = [name for name in wanted if not _stands(target, written.get(name), key)]
-    for file in STATIC.iterdir():
+    for file in (file for folder in SHARED for file in folder.iterdir()):
         write(target / file.name, file.read_text(encoding="utf-8"))
     done = len(wanted) - len(ahead)
     with closing(_made(ahead, jobs)) as made:

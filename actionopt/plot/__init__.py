@@ -39,6 +39,7 @@ from actionopt.plot.data.variations import (
     slice_data,
     spectrum_data,
 )
+from actionopt.plot.live import page
 
 __all__ = [
     "SI",
@@ -81,6 +82,7 @@ __all__ = [
     "motion",
     "motion_data",
     "overview",
+    "page",
     "paths",
     "planar",
     "relaxation",
