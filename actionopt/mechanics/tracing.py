@@ -142,6 +142,8 @@ def requested(callable_: Callable[..., Any], role: str, positional: Sequence[str
                 "; a holonomic constraint f(q, t) = 0 restricts positions, not velocities: "
                 "integrate the velocity condition to one on the coordinates if it can be integrated"
             )
+        elif role == "length" and len(needed) == 3:
+            hint = "; a length has no clock: time may not be in it"
         elif len(needed) > len(positional):
             extra = ", ".join(p.name for p in needed[len(positional) :])
             hint = f"; put a * before the parameters ({extra})"

@@ -80,7 +80,7 @@ def solve(
         Solve on this mesh and do not refine.
     seconds : float, optional
         The time it may take, a little more where one evaluation takes long; then the best attempt
-        is what there is.
+        is what there is. Ways that take longer, at the pace so far, are tried after the others.
     progress : callable, optional
         `progress(how, elements, iterations)` at every iteration: the way that is being tried, the
         elements of the mesh at hand, and the iterations so far. What it raises ends the solve.
@@ -121,6 +121,7 @@ def solve(
         status = _found(search, guess, curve_of)
     except OutOfTime:
         search.ws.stop()
+        search.ws.hint = f"tried: {', '.join(dict.fromkeys(search.tried))}"
         status = Status.OUT_OF_TIME
     ws = search.ws
     if watch is not None and watch.raised is not None and not isinstance(watch.raised, OutOfTime):
