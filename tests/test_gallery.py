@@ -263,6 +263,33 @@ def test_other_files_are_left_alone(tmp_path, quick):
     assert files(tmp_path) == {"index.html": b"mine"} and quick == []
 
 
+OWN = """
+import actionopt as ao
+
+free = ao.System(lambda q, v, t, *, m: m * v[0] ** 2 / 2, ["x"], parameters={"m": 2.0}, name="free")
+problem = ao.Problem(free, ao.Event(0, [0.0]), ao.Event(1.0, [1.0]))
+"""
+
+
+def test_problems_of_ones_own_have_pages(tmp_path, quick, capsys):
+    file, target = tmp_path / "mine.py", tmp_path / "pages"
+    file.write_text(OWN)
+    build(target, ["projectile"], jobs=1)
+    assert main(["gallery", str(target), str(file), "projectile"]) == 0
+    assert quick == ["least", "projectile"]
+    page = (target / "free" / "index.html").read_text(encoding="utf-8")
+    assert page.count("<h1>Free</h1>") == 1 and "../index.html" in page
+    index = (target / "index.html").read_text(encoding="utf-8")
+    assert "free/index.html" in index and "projectile/index.html" in index
+    again = scenes.from_file(file), scenes.get("projectile", g=1.62)
+    assert build(target, again, jobs=1) == ["free", "projectile_2"]
+    assert (target / "projectile_2" / "index.html").is_file()
+    assert main(["gallery", str(target), str(tmp_path / "none.py")]) == 1
+    assert "found no file" in capsys.readouterr().err
+    with pytest.raises(ValueError, match="scenes or problems, found 3"):
+        build(target, [3])  # type: ignore[list-item]
+
+
 @pytest.mark.slow
 def test_the_same_page_comes_out_the_same_of_another_process(gallery):
     name, before = NAMES[0], files(gallery)

@@ -73,15 +73,13 @@ def whole(
     above: str = "",
 ) -> str:
     """Return the page as text; `above` is HTML that leads elsewhere. Raises as `page` does."""
+    title = titled(question)
+    problem = question.problem if isinstance(question, Scene) else question
     if isinstance(question, Scene):
-        title, problem = question.title, question.problem
         draw, guess = draw or question.draw, question.guess if guess is None else guess
         units = SI if units is None else units
-    else:
-        title, problem = question.name.replace("_", " "), question
     units = NONE if units is None else units
     solution = solve(problem, tol=TOL, guess=guess)
-    title = title[:1].upper() + title[1:]
     style, *scripts = (
         (STATIC / name).read_text(encoding="utf-8") for name in ("style.css", *SCRIPTS)
     )
@@ -109,6 +107,12 @@ def whole(
 </body>
 </html>
 """
+
+
+def titled(question: Scene | Problem) -> str:
+    """Return the heading of a page."""
+    title = question.title if isinstance(question, Scene) else question.name.replace("_", " ")
+    return title[:1].upper() + title[1:]
 
 
 def figure(
