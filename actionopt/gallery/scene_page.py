@@ -31,8 +31,8 @@ print("momenta", *solution.momenta)
 print("forward integration leads elsewhere by", solution.compare().position)
 """
 LIVE = (
-    "Drag a handle, or move it with the arrow keys, with Shift in small steps. The motion is "
-    "hidden until you ask for it."
+    "Arrow keys move a handle as well, with Shift in small steps. Triangles on the duration are "
+    "times conjugate to the start, at which the index changes."
 )
 VERDICT = 'print("a", solution.kind, "of the action, index", solution.morse_index)\n'
 

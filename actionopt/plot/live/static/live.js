@@ -23,6 +23,7 @@
     minimum: "minimum", saddle: (k) => `saddle, index ${k}`, degenerate: "degenerate: the end is conjugate to the start",
     slope: (here, there) => `first order: slope ${here} on your path, ${there} on the motion`,
     slopes: (here, there) => `first order: slope ${here} on your path, ${there} on the straight line`,
+    steepest: (x) => `first order: the steepest slope of S is ${x} here`,
     distance: (x) => `distance from the Lagrange\u2013d\u2019Alembert equations: ${x}`,
     forced: "a force without a potential acts: no action is stationary",
     solved: (k) => `Newton\u2019s method, ${k === 1 ? "one step" : `${k} steps`}: here the slope is zero in every direction.`,
@@ -32,6 +33,7 @@
     halved: (a, b, r) => `Half the bend: the change of S went from ${a} to ${b}, ${r} of it.`,
     quarter: " A quarter: on the motion nothing is left of the first order.",
     straighten: " Half would be first order: the straight line is not stationary.",
+    hint: "Drag a handle. The motion is hidden until you ask for it.",
     nothing: "The path is not bent. Drag a handle, or press \u201cBend it\u201d.",
     arrived: "Downhill as far as it goes: this is a path of least action among its neighbours.",
     runs: "The path runs away and S falls without end: the motion is on no valley\u2019s floor.",
@@ -146,8 +148,11 @@
 
     // -- what is known at one moment
     let motion = { Q: Float64Array.from(data.answer), own: true }; // own: that of the numbers given
-    let first = A.straight(), trial, best = null, shown = "show" in figure.dataset, chosen = 0, held = null, busy = null, wide = false;
-    if (!A.project(first)) first = motion.Q.slice();
+    const begun = () => { // the straight line, where there is an action along it
+      const Q = A.straight();
+      return A.project(Q) && Number.isFinite(A.slope(Q)) ? Q : motion.Q.slice();
+    };
+    let first = begun(), trial, best = null, shown = "show" in figure.dataset, chosen = 0, held = null, busy = null, wide = false;
     motion.p0 = A.momentum(motion.Q);
     trial = first.slice();
     const S = (Q) => A.value(Q);
@@ -294,10 +299,10 @@
       });
       handles.forEach((it) => it.place());
       // S along the bend
-      let slopes = null;
+      let slopes = null, bare = false;
       if (alphaPanel) {
         let b = bend(), at = 1;
-        if (size(b) < 1e-7) { b = ripple(1); at = 0; }
+        if (size(b) < 1e-7) { b = ripple(1); at = 0; bare = true; }
         const from = base(), curve = [], along = (a) => { const Q = plus(from, a, b); return Q ? S(Q) : NaN; };
         const count = held === null ? CURVE : 21;
         for (let k = 0; k < count; k++) { const a = REACH * ((2 * k) / (count - 1) - 1); curve.push([a, along(a)]); }
@@ -329,11 +334,11 @@
       const missing = A.missing(trial), mine = pairs ? pairs.flat() : [chosen];
       if (held === null || !forces) {
         const reach = Math.max(...mine.flatMap((i) => Array.from(missing[i], Math.abs)), 1e-9 * (forces?.[1] ?? 1) + 1e-12);
-        const top = forces && reach <= forces[1] ? Math.max(reach, forces[1] / 8) : 1.1 * reach;
+        const top = Math.max(1.1 * reach, (forces?.[1] ?? 0) / 8);
         forces = [-top, top];
       }
       missingPanel.scale([A.start, right], forces);
-      missingPanel.axes(inTime, [...new Set(mine.map((i) => data.coordinates[i].force).filter(Boolean))].join(", "));
+      missingPanel.axes(inTime, [...new Set(mine.map((i) => data.coordinates[i].force).filter(Boolean))].map((word) => `(${word})`).join(" "));
       lacking.forEach((line, i) => line.setAttribute("points", mine.includes(i) ? missingPanel.points(Array.from(missing[i], (f, k) => [A.start + A.shares[k] * A.duration, f]).slice(1, -1)) : ""));
       // words
       const scale = Math.abs(reference) + Math.abs(value), rise = value - reference, distance = A.slope(trial);
@@ -347,7 +352,7 @@
         text.push(["", W.best(unit(fixed(best, places), units.action))]);
       }
       output.replaceChildren(...text.map(([look, words]) => { const part = document.createElement("span"); part.className = look; part.textContent = words; return part; }));
-      order.textContent = forced ? W.distance(energy(distance, 3, scale)) : (shown ? W.slope : W.slopes)(...slopes.map((s) => energy(s, 2, 10 * scale)));
+      order.textContent = forced ? W.distance(energy(distance, 3, scale)) : bare ? W.steepest(energy(distance, 2, 10 * scale)) : (shown ? W.slope : W.slopes)(...slopes.map((s) => energy(s, 2, 10 * scale)));
       verdictOf();
       time.clock.textContent = unit(fixed(A.duration, 3), units.time);
       time.input.setAttribute("aria-valuetext", time.clock.textContent);
@@ -513,8 +518,7 @@
         if (!pinned.every(Boolean)) motion.p0 = A.momentum(Q);
         A.ends[1] = pinned.map((yes, i) => (yes ? Q[(A.count - 1) * n + i] : null));
       }
-      first = A.straight();
-      if (!A.project(first)) first = motion.Q.slice();
+      first = begun();
       trial = plus(line ? first : motion.Q, 1, b) ?? motion.Q.slice();
       time.input.value = A.duration;
       best = null;
@@ -547,8 +551,7 @@
       A.ends = [data.q0, data.q1].map((row) => Array.from(row));
       motion = { Q: Float64Array.from(data.answer), own: true };
       motion.p0 = A.momentum(motion.Q);
-      first = A.straight();
-      if (!A.project(first)) first = motion.Q.slice();
+      first = begun();
       time.input.value = data.duration;
       table?.rows.forEach((row) => row.reset());
       wide = false;
@@ -634,6 +637,7 @@
     if (shown) trial = motion.Q.slice();
     layout();
     if (shown) ways.bend();
+    else message.textContent = W.hint;
     foci();
     new ResizeObserver(layout).observe(figure);
     figure.live = { A, setDuration, setParameter, trial: () => trial, motion: () => motion.Q };
