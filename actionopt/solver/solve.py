@@ -177,6 +177,7 @@ def _solved(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[So
         search.ws.hint = f"tried: {', '.join(dict.fromkeys(search.tried))}"
         status = Status.OUT_OF_TIME
     ws = search.ws
+    ws.here.tr.watch = None  # a verdict is not left half done
     if watch is not None and watch.raised is not None and not isinstance(watch.raised, OutOfTime):
         raise watch.raised
     if (principle == "least" or system.r) and status.success and ws.here.index > 0:
