@@ -20,6 +20,7 @@ from actionopt.families.searches import Sweep
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
 from actionopt.solver.arguments import asked
+from actionopt.solver.window import first
 from actionopt.tools.blas import one_thread
 from actionopt.tools.checks import tolerance
 from actionopt.tools.types import Array
@@ -166,6 +167,13 @@ def solve_all(
     asked(problem)
     tolerance(tol)
     _check_clock(problem)
+    if problem.is_infinite or problem.has_tails:
+        problem = first(problem.whole, None, tol, None).problem
+        if problem.is_shifted:
+            raise ValueError(
+                "expected paths between two equilibria, or with a clock, found paths from one back "
+                "to itself, which may leave it at any time; use solve with a guess"
+            )
     names = problem.system.coordinates
     if angles is None:
         turning = detected_angles(problem)

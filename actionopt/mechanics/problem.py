@@ -193,7 +193,7 @@ class Tail(Event):
     phase: Phase | None
 
     def __init__(
-        self, t: float, rest: Sequence[float] | ArrayLike, side: int, phase: Phase | None = None
+        self, t: float, rest: Sequence[Any] | ArrayLike, side: int, phase: Phase | None = None
     ) -> None:
         row = tuple(number(x, "a coordinate at rest") for x in items(rest, "an equilibrium"))
         super().__init__(t, [None] * len(row))
@@ -365,6 +365,14 @@ class Problem:
     def has_tails(self) -> bool:
         """Whether the path comes from rest or tends to it beyond a window of finite times."""
         return isinstance(self.start, Tail) or isinstance(self.end, Tail)
+
+    @property
+    def is_shifted(self) -> bool:
+        """Whether each path may be shifted in time at will, and nothing chooses one of them."""
+        ends = self.start, self.end
+        tails = all(isinstance(e, Tail) for e in ends)
+        timed = self.system.structure.depends_on_time
+        return tails and not timed and getattr(self.start, "phase", None) is None
 
     @property
     def whole(self) -> Problem:

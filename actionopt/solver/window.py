@@ -18,22 +18,26 @@ import numpy as np
 
 from actionopt.analysis.modes import second_variation
 from actionopt.analysis.solution import Solution
+from actionopt.discrete.boundaries import bounded
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
+from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Event, Phase, Problem, Tail
 from actionopt.mechanics.rest import Rest, rest
 from actionopt.solver.descent import descend
 from actionopt.solver.iterate import sizes
-from actionopt.tools.checks import numbers
+from actionopt.tools.checks import COARSEST, numbers
 from actionopt.tools.types import Array
 
 # Ad hoc, where nothing else is said.
 CORE = 4.0  # e-foldings of a window besides those of its tail: the path is somewhere, too
+FEW = 8  # coordinates up to which a descent costs little: `ladder.DESCENT_COORDINATES`
 WINDOWS = 10  # that are tried
 SHARE = 0.25  # of the tolerance for what the windows' edges leave out
 WINDOW_GROWTH = 3.0  # times as long the next window may be
 ASIDE = (0.1, -0.1, 0.3, -0.3)  # of its size, how far a saddle is left along its lowest mode
+DOWN_ELEMENTS, DOWN_DEGREE = 24, 6  # of the mesh on which a guess is left
 GUESS_SAMPLES = 512  # of a guess, where its phase is sought
 SAME_ENERGY = 1e-8  # of what moving between two equilibria takes
 SAME_PLACE = 1e-9  # of the coordinates' size, within which two equilibria are one
@@ -82,6 +86,8 @@ def first(whole: Problem, guess: Any, tol: float, mesh: Mesh | None) -> Window:
         t0 = _reach(whole, start, end, folds) if infinite[0] else start.t
         t1 = _reach(whole, end, start, folds) if infinite[1] else end.t
     curve = _extended(whole, guess, t0, t1)
+    if callable(curve) and not isinstance(curve, Solution) and _is_straight(whole, curve, t0, t1):
+        curve = None
     if not all(infinite) or timed:
         phase = None
     else:
@@ -96,6 +102,27 @@ def first(whole: Problem, guess: Any, tol: float, mesh: Mesh | None) -> Window:
     problem = Problem(whole.system, *ends, parameters=whole.parameters)
     _ = problem.rests  # raises
     return Window(problem, curve)
+
+
+def _is_straight(whole: Problem, curve: Callable[[Array], Any], t0: float, t1: float) -> bool:
+    """Whether a guess is the straight line over the window: it says nothing."""
+    pairs = zip(whole.start.q, whole.end.q, strict=True)
+    known = [(b if a is None else a, a if b is None else b) for a, b in pairs]
+    start, end = np.array([[x or 0.0 for x in pair] for pair in known]).T
+    t = np.linspace(t0, t1, GUESS_SAMPLES)
+    values = np.atleast_2d(numbers(curve(t), "the guess at times t"))
+    line = start[:, None] + (t - t0) / (t1 - t0) * (end - start)[:, None]
+    size = SAME_PLACE * np.abs(line).max()
+    return values.shape == line.shape and bool(np.abs(values - line).max() <= size)
+
+
+def framed(problem: Problem, like: Problem) -> Problem:
+    """Return a problem with the window of another one where its events lie at infinite times."""
+    ends = [
+        Tail(edge.t, e.near, edge.side, edge.phase) if isinstance(edge, Tail) else e
+        for e, edge in ((problem.start, like.start), (problem.end, like.end))
+    ]
+    return Problem(problem.system, *ends, parameters=problem.parameters)
 
 
 def longer(window: Window, solution: Solution, tol: float) -> Window | None:
@@ -115,6 +142,18 @@ def longer(window: Window, solution: Solution, tol: float) -> Window | None:
     if not grown:
         return None
     return Window(Problem(problem.system, *ends, parameters=problem.parameters), solution)
+
+
+def down(window: Window) -> Path | None:
+    """Return a least path that the action leads down to from the guess, or from the line."""
+    problem = window.problem
+    mesh = bounded(
+        Mesh.uniform(problem.start.t, problem.end.t, DOWN_ELEMENTS, DOWN_DEGREE), problem.boundaries
+    )
+    tr = Transcription(problem, mesh, problem.lengths)
+    Q = tr.straight() if window.guess is None else np.atleast_2d(window.guess(mesh.nodes)).T
+    found = descend(tr, tr.pack(Q))
+    return DiscretePath(tr, found.z).path if found.found else None
 
 
 def lower(solution: Solution) -> Path | None:
@@ -221,6 +260,8 @@ def _phase(whole: Problem, curve: Any, t0: float, t1: float) -> tuple[Phase | No
     apart = rests[1].q - rests[0].q
     t, values = np.linspace(t0, t1, GUESS_SAMPLES), None
     if curve is not None:
+        if not callable(curve):
+            return None, 0.0  # refused later
         values = np.atleast_2d(numbers(curve(t), "the guess at times t"))
         if values.shape != (system.n, t.size):
             return None, 0.0  # refused later
@@ -259,6 +300,40 @@ def _same(a: Array, b: Array) -> bool:
     """Whether two equilibria are one."""
     size = max(np.abs(a).max(), np.abs(b).max())
     return bool(np.abs(a - b).max() <= SAME_PLACE * size)
+
+
+def between(problem: Problem) -> Problem | None:
+    """Return the problem with its events at infinite times, if both are equilibria it may join.
+
+    A path between them would dwell at either; None if they are not, or it has a clock.
+    """
+    system, n = problem.system, problem.system.n
+    plain = not (system.m or system.structure.forced or system.structure.depends_on_time)
+    ends = problem.start, problem.end
+    if not plain or any(len(e.pinned) < n for e in ends) or problem.advance is not None:
+        return None
+    whole = Problem(
+        system,
+        Event(-np.inf, problem.start.q),
+        Event(np.inf, problem.end.q),
+        parameters=problem.parameters,
+    )
+    try:
+        first(whole, None, COARSEST, None)
+    except ValueError:
+        return None
+    return whole
+
+
+def within(solution: Solution, problem: Problem) -> Callable[[Array], Array]:
+    """Return a path of infinite time as a guess for one of finite time between the same places.
+
+    Placed so that it dwells at either end for as many e-foldings.
+    """
+    before, after = solution.problem.rests
+    assert before is not None and after is not None
+    t = problem.start.t + problem.duration * after.slow / (before.slow + after.slow)
+    return lambda times: solution(times - t)
 
 
 def unmet(tol: float, left: float) -> str:
