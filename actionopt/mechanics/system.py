@@ -13,6 +13,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import cached_property
+from html import escape
 from typing import Any, Literal
 from weakref import WeakValueDictionary
 
@@ -214,6 +215,23 @@ class System(Laws):
         """Show the name and the coordinates, and where the law of a loaded one came from."""
         found = f"{self.name or 'unnamed'}: {', '.join(self.coordinates)}"
         return f"System({found}{f'; loaded, its law {self.source}' if self.loaded else ''})"
+
+    def _repr_html_(self) -> str:
+        """Show the Lagrangian and the equations of motion that follow from it, as a notebook does.
+
+        The `repr` where they are too long to be read, or hold no formula.
+        """
+        from actionopt.mechanics.written import equations, lagrangian
+        from actionopt.tools.formula import formula
+        from actionopt.tools.mathml import mathml
+
+        try:
+            said = [lagrangian(self, self.table), *equations(self, self.table)]
+            scalars = {*self.coordinates, *self.table.defaults}
+            rows = [mathml(formula(text), scalars) for text in said]
+        except ValueError:
+            return f"<code>{escape(repr(self))}</code>"
+        return f"<p>{escape(self.name or 'System')}</p>{''.join(rows)}"
 
     def __copy__(self) -> System:
         """Return the same: nothing of it changes."""

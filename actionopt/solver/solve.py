@@ -28,12 +28,13 @@ from actionopt.mechanics.problem import Problem
 from actionopt.solver import window
 from actionopt.solver.arguments import Guess, asked, checked
 from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF
-from actionopt.solver.ladder import COARSE_DEGREE, IPOPT, LADDER, LINEAR, Search
+from actionopt.solver.ladder import COARSE_DEGREE, IPOPT, LADDER, LINEAR, NEAR, Rung, Search
 from actionopt.solver.workspace import Workspace
 from actionopt.tools.blas import one_thread
 from actionopt.tools.checks import COARSEST, FINEST, tolerance
 from actionopt.tools.watch import OutOfTime, Progress, Watch
 
+LADDERS = {"auto": LADDER, "ipopt": IPOPT}  # by method
 BEFORE_A_JUMP = 3  # rungs tried where the first path crosses a jump: seconds are lost there; ad hoc
 # Amplified round-off above which a path may be one of many, and above which that is to be counted;
 # measured: of 400 families in all directions and at any tol the least is 2.4e-7, and chains of 10
@@ -83,7 +84,7 @@ def solve(
         Solve on this mesh and do not refine.
     seconds : float, optional
         The time it may take, a little more where one evaluation takes long; then the best attempt
-        is what there is.
+        is what there is. Ways that take longer, at the pace so far, are tried after the others.
     progress : callable, optional
         `progress(how, elements, iterations)` at every iteration: the way that is being tried, the
         elements of the mesh at hand, and the iterations so far. What it raises ends the solve.
@@ -110,35 +111,52 @@ def solve(
     if others:
         asked(problem, others)
     asked(problem)
+    if method not in LADDERS:
+        raise ValueError(f"expected method 'auto' or 'ipopt', found {method!r}")
     watch = None if seconds is progress is None else Watch(seconds, progress)
-    choices = Choices(tol, principle, method, mesh, watch)
-    if problem.is_infinite or problem.has_tails:
-        solution, message = _in_windows(problem.whole, guess, choices)
-    else:
-        solution, message = _solved(problem, guess, choices)
-        if solution.status in DWELT and mesh is None:
-            solution, message = _dwelling(problem, guess, choices, solution, message)
+    choices = Choices(tol, principle, LADDERS[method], mesh, watch)
+    solution, message = _asked(problem, guess, choices)
+    if solution.status in DWELT and mesh is None and not solution.problem.has_tails:
+        solution, message = _dwelling(problem, guess, choices, solution, message)
     if throw and not solution.success:
         raise SolveError(message, solution)
     return solution
 
 
+@one_thread
+def solve_near(problem: Problem, guess: Guess, tol: float) -> Solution:
+    """Return the path near a guess, or the best attempt, as `solve` does.
+
+    By Newton's and by Levenberg and Marquardt's methods alone: where there is no path near, that
+    takes a hundredth of the time.
+    """
+    asked(problem)
+    return _asked(problem, guess, Choices(tol, "auto", NEAR, None, None))[0]
+
+
 @dataclass(frozen=True)
 class Choices:
-    """How a problem is solved: the arguments of `solve`."""
+    """How a problem is solved: the arguments of `solve`, its method as a ladder."""
 
     tol: float
     principle: Literal["auto", "least", "stationary"]
-    method: Literal["auto", "ipopt"]
+    ladder: tuple[Rung, ...]
     mesh: Mesh | None
     watch: Watch | None
+
+
+def _asked(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[Solution, str]:
+    """Return the path, and the verdict with its figures."""
+    if problem.is_infinite or problem.has_tails:
+        return _in_windows(problem.whole, guess, choices)
+    return _solved(problem, guess, choices)
 
 
 def _solved(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[Solution, str]:
     """Return the path of a problem of finite times, and the verdict with its figures."""
     started = perf_counter()
     tol, principle, mesh, watch = choices.tol, choices.principle, choices.mesh, choices.watch
-    curve_of = checked(problem, tol, guess, principle, mesh, choices.method)
+    curve_of = checked(problem, tol, guess, principle, mesh)
     system = problem.system
     # Far from zero a path to `tol` may be none: its motion is to be resolved as well.
     tol = min(tol, COARSEST * float((problem.lengths / problem.scales).min()))
@@ -146,11 +164,12 @@ def _solved(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[So
     for name in ("first", "second"):
         system.pointwise(name)
     ws.record.time["derive"] += perf_counter() - started
-    search = Search(ws, tol, principle, mesh, IPOPT if choices.method == "ipopt" else LADDER)
+    search = Search(ws, tol, principle, mesh, choices.ladder)
     try:
         status = _found(search, guess, curve_of)
     except OutOfTime:
         search.ws.stop()
+        search.ws.hint = f"tried: {', '.join(dict.fromkeys(search.tried))}"
         status = Status.OUT_OF_TIME
     ws = search.ws
     if watch is not None and watch.raised is not None and not isinstance(watch.raised, OutOfTime):

@@ -48,7 +48,7 @@ class Window:
     """A problem of finite times in the place of one of infinite ones, and what is guessed of it."""
 
     problem: Problem
-    guess: Callable[[Array], Array] | None
+    guess: Any
 
     def edges(self, solution: Solution) -> list[tuple[float, Rest, float]]:
         """Return what each tail leaves out, relative to q; its equilibrium, and the time."""
@@ -85,7 +85,7 @@ def first(whole: Problem, guess: Any, tol: float, mesh: Mesh | None) -> Window:
     else:
         t0 = _reach(whole, start, end, folds) if infinite[0] else start.t
         t1 = _reach(whole, end, start, folds) if infinite[1] else end.t
-    curve = _extended(whole, guess, t0, t1)
+    curve: Any = _extended(whole, guess, t0, t1)
     if callable(curve) and not isinstance(curve, Solution) and _is_straight(whole, curve, t0, t1):
         curve = None
     if not all(infinite) or timed:
