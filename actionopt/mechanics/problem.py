@@ -380,7 +380,7 @@ class Problem:
         if not self.has_tails:
             return self
         ends = [e.limit if isinstance(e, Tail) else e for e in (self.start, self.end)]
-        return Problem(self.system, *ends, parameters=self.parameters)
+        return self.replace(start=ends[0], end=ends[1])
 
     @cached_property
     def rests(self) -> tuple[Rest | None, Rest | None]:

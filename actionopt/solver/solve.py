@@ -211,23 +211,25 @@ def _in_windows(problem: Problem, guess: Guess | None, choices: Choices) -> tupl
     tolerance(choices.tol)
     here = window.first(problem, guess, choices.tol, choices.mesh)
     inner = replace(choices, tol=max(choices.tol * (1 - window.SHARE), FINEST))
-    for _ in range(window.WINDOWS):
+    left = np.inf
+    while True:
         solution, message = _solved(here.problem, here.guess, inner)
         below = None
         if solution.status in LOST and problem.system.n <= window.FEW:
             below = window.down(here)
-        elif guess is here.guess is None and solution.success and inner.principle != "stationary":
+        elif here.guess is None and solution.success and inner.principle != "stationary":
             below = window.lower(solution)
         if below is not None:
             solution, message = _solved(here.problem, below, inner)
         later = window.longer(here, solution, choices.tol)
         if not solution.success or later is None or choices.mesh is not None:
             break
+        left, before = max(x[0] for x in here.edges(solution)), left
+        if left > before / 2:
+            message = window.unmet(choices.tol, left)
+            solution = replace(solution, status=Status.UNRESOLVED)
+            break
         here = later
-    else:
-        left = max(x[0] for x in here.edges(solution))
-        message = window.unmet(choices.tol, left)
-        solution = replace(solution, status=Status.UNRESOLVED)
     solution = window.judged(here, solution)
     return window.centred(solution), message
 
