@@ -28,6 +28,7 @@ import numpy as np
 from actionopt.discrete.discrete_path import DiscretePath, dependent
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.compiled import Pointwise
+from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
 from actionopt.tools.types import Array, NDInt
@@ -127,6 +128,11 @@ def form(at: DiscretePath, units: Array | None = None, *, phase: bool = True) ->
     """
     tr, Q, problem, layout = at.tr, at.Q, at.problem, at.tr.layout
     system = problem.system
+    if isinstance(problem, Held):
+        raise ValueError(
+            "expected a path that touches no obstacle, found one that does: its second variation "
+            "is that of the free part, of which only the index is counted (morse_index)"
+        )
     if system.structure.forced:
         raise ValueError(
             "expected a system without non-conservative forces, found one with: its paths are not "

@@ -29,11 +29,18 @@ def kkt(tr: Action, z: Array) -> Array:
 
 def kinetic(tr: Action, z: Array) -> Array:
     """Return the nonzeros of its kinetic part."""
-    stiff = _stiffness(tr, tr.second(z)[2])
-    contributions = np.zeros(tr.layout.hessian.slots.size)
-    contributions[-stiff.size :] = stiff
+    stiff, layout = _stiffness(tr, tr.second(z)[2]), tr.layout
+    contributions = np.zeros(layout.hessian.slots.size)
+    last = contributions.size
+    if layout.system.m and not layout.system.structure.affine_constraint:  # curvatures are behind
+        last -= (
+            layout.row_nodes.size
+            * layout.system.pointwise("constraint_curvature").sparsity(0)[0].size
+        )
+    contributions[last - stiff.size : last] = stiff
     H = tr.layout.hessian.sum(contributions) * tr.hessian_unit
-    return _matrix(tr, H, NOTHING, NOTHING)
+    J = np.zeros(layout.jacobian.nnz) if layout.rows else NOTHING
+    return _matrix(tr, H, J, NOTHING)
 
 
 def _curvatures(tr: Action, z: Array) -> Array:

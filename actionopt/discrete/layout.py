@@ -13,9 +13,11 @@ from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from actionopt.discrete.blocks import FULL_SIZE, Blocks
 from actionopt.discrete.mesh import Mesh
+from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
 from actionopt.tools.types import Array, NDInt
@@ -35,6 +37,8 @@ class Layout:
         Whether the path closes: the last node has the first one's unknowns and no rows.
     nodal : tuple of int
         Nodes whose coordinates are coupled by a term of their own (`nodal`).
+    in_force : (K, m) array of bool, optional
+        Which constraints are so at each node; all of them if None.
 
     Raises
     ------
@@ -50,8 +54,10 @@ class Layout:
         end: tuple[int, ...],
         closed: bool = False,
         nodal: tuple[int, ...] = (),
+        in_force: NDArray[np.bool_] | None = None,
     ) -> None:
         self.system, self.closed, self.nodal = system, closed, nodal
+        self.partial = in_force is not None
         if closed and shape.elements == 1:
             raise ValueError("expected at least two elements for a path that closes, found one")
         n, m = system.n, system.m
@@ -78,6 +84,8 @@ class Layout:
         for i, a in zip(self.G_rows, self.G_cols, strict=True):
             keep[:, i] |= number[:, a] >= 0
         keep[-1] &= not closed
+        if in_force is not None:
+            keep &= in_force
         self.row_nodes = np.flatnonzero(keep.any(axis=1))
         self.row_select = np.flatnonzero(keep[self.row_nodes].ravel())
         self.rows = self.row_select.size
@@ -116,7 +124,8 @@ class Layout:
         """How the KKT matrix is stored: many coordinates make blocks large and mostly zeros."""
         inner = (self.system.n + self.system.m) * (max(g.rule.degree for g in self.groups) - 1)
         blocks = inner <= BLOCK_SIZE or self.system.filled > FILLED
-        return "blocks" if blocks and not self.closed else "sparse"
+        # Condensed blocks have all rows inside the elements.
+        return "blocks" if blocks and not (self.closed or self.partial) else "sparse"
 
     @cached_property
     def small(self) -> bool:
@@ -316,9 +325,13 @@ def layout_for(problem: Problem, mesh: Mesh, nodal: tuple[int, ...] = ()) -> Lay
     """
     known = problem.system.layouts
     ends = problem.start.pinned, problem.end.pinned
+    partial = None
     key = (mesh.degrees, *ends, problem.advance is not None, nodal)
+    if isinstance(problem, Held):
+        partial = problem.in_force(mesh.boundaries, mesh.offsets)
+        key = (*key, b"" if partial is None else partial.tobytes())
     with problem.system.lock:
-        layout = known.pop(key, None) or Layout(problem.system, mesh, *key[1:])
+        layout = known.pop(key, None) or Layout(problem.system, mesh, *key[1:5], partial)
         known[key] = layout
         while len(known) > LAYOUTS_KEPT:
             del known[next(iter(known))]

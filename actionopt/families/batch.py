@@ -557,7 +557,7 @@ def _can_be_stacked(problem: Problem, times: Array) -> bool:
     structure = system.structure
     far = np.abs(times).max(axis=1) > LATE_TIME * (times[:, 1] - times[:, 0])
     plain = (
-        system.m == 0
+        system.m == system.r == 0
         and not structure.forced
         and problem.advance is None
         and not (problem.has_tails or problem.is_infinite)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt.mechanics.instants import Instant, instants
+from actionopt.mechanics.obstacle import check_outside, check_rows
 from actionopt.mechanics.rest import Rest, rest
 from actionopt.mechanics.system import System
 from actionopt.tools.checks import items, number, numbers
@@ -266,9 +267,9 @@ class Problem:
     Raises
     ------
     ValueError
-        If the events do not fit the system, lie off its constraint surface, or the times do
-        not increase, by 1e-100 to 1e100; a parameter is unknown, a constraint contains no
-        coordinate, or there is no system.
+        If the events do not fit the system, lie off its constraint surface or inside its
+        obstacle, or the times do not increase, by 1e-100 to 1e100; a parameter is unknown, a
+        constraint contains no coordinate, or there is no system.
     """
 
     system: System
@@ -317,12 +318,25 @@ class Problem:
         if self.system.m:
             _check_rows(self.system)
             _check_on_surface(self)
+        if self.system.r:
+            self._check_obstacle()
 
     packed: Array = field(init=False, repr=False)
 
     def __reduce__(self) -> tuple:
         """Ask it anew: what follows from it is made where it is needed."""
         return _asked, (self.system, self.start, self.end, self.parameters)
+
+    def _check_obstacle(self) -> None:
+        """Raise ValueError if an event lies inside the obstacle, or there is no path along it."""
+        if isinstance(self.end, Periodic):
+            raise ValueError(
+                "expected an Event as the end of a path along an obstacle, found a Periodic end: "
+                "closed paths do not know contact; give the end a time and coordinates"
+            )
+        check_rows(self.system)
+        ends = [(role, e.t, e.q) for role, e in (("start", self.start), ("end", self.end))]
+        check_outside(self.system, self.packed, ends, self.scales, self.duration)
 
     def replace(
         self,

@@ -37,6 +37,18 @@ def checked(
             "expected principle 'stationary' or 'auto' for a system with non-conservative "
             "forces, found 'least': they enter as virtual work, and no functional is minimised"
         )
+    if problem.system.r:
+        if principle == "stationary":
+            raise ValueError(
+                "expected principle 'least' or 'auto' for a system with an obstacle, found "
+                "'stationary': what an obstacle holds is a least path, and others have to be "
+                "pulled as well; leave the obstacle out for stationary paths"
+            )
+        if mesh is not None:
+            raise ValueError(
+                "expected no mesh for a system with an obstacle, found one: its elements end where "
+                "contact begins and ends, which the solve finds; leave it out, and give tol"
+            )
     if mesh is not None:
         if not isinstance(mesh, Mesh):
             raise ValueError(f"expected a Mesh(boundaries, degrees), found {mesh!r}")

@@ -24,11 +24,13 @@ from actionopt.discrete.factors import Factors
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Problem
 from actionopt.solver import window
 from actionopt.solver.arguments import Guess, asked, checked
 from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF
 from actionopt.solver.ladder import COARSE_DEGREE, IPOPT, LADDER, LINEAR, NEAR, Rung, Search
+from actionopt.solver.obstacle import Along, along
 from actionopt.solver.workspace import Workspace
 from actionopt.tools.blas import one_thread
 from actionopt.tools.checks import COARSEST, FINEST, tolerance
@@ -160,13 +162,20 @@ def _solved(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[So
     system = problem.system
     # Far from zero a path to `tol` may be none: its motion is to be resolved as well.
     tol = min(tol, COARSEST * float((problem.lengths / problem.scales).min()))
-    ws = Workspace(problem, system.structure.linear, tol, refines=mesh is None, watch=watch)
+    if system.r:
+        ws: Workspace = Along(Held(problem), tol=tol, watch=watch)
+    else:
+        ws = Workspace(problem, system.structure.linear, tol, refines=mesh is None, watch=watch)
     for name in ("first", "second"):
         system.pointwise(name)
     ws.record.time["derive"] += perf_counter() - started
     search = Search(ws, tol, principle, mesh, choices.ladder)
     try:
-        status = _found(search, guess, curve_of)
+        if isinstance(ws, Along):
+            search.begin("obstacle", least=True)
+            status = along(ws, tol, curve_of)
+        else:
+            status = _found(search, guess, curve_of)
     except OutOfTime:
         search.ws.stop()
         search.ws.hint = f"tried: {', '.join(dict.fromkeys(search.tried))}"
@@ -174,7 +183,7 @@ def _solved(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[So
     ws = search.ws
     if watch is not None and watch.raised is not None and not isinstance(watch.raised, OutOfTime):
         raise watch.raised
-    if principle == "least" and status.success and ws.here.index > 0:
+    if (principle == "least" or system.r) and status.success and ws.here.index > 0:
         status = Status.UNBOUNDED if ws.linear else Status.NOT_LEAST
     solution = _solution(ws, status, search.found_by, started)
     if _suspect(ws, status):
@@ -380,4 +389,4 @@ def _solution(ws: Workspace, status: Status, found_by: str, started: float) -> S
         "time": dict(record.time),
     }
     lam, error = found.rows.T, here.error
-    return Solution(ws.problem, found.path, action, lam, error, status, stats, known=found)
+    return Solution(ws.question, found.path, action, lam, error, status, stats, known=found)
