@@ -28,6 +28,7 @@ import numpy as np
 from actionopt.discrete.discrete_path import DiscretePath, dependent
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.compiled import Pointwise
+from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
 from actionopt.tools.types import Array, NDInt
@@ -125,6 +126,11 @@ def form(at: DiscretePath, units: Array | None = None) -> Form:
     """
     tr, Q, problem, layout = at.tr, at.Q, at.problem, at.tr.layout
     system = problem.system
+    if isinstance(problem, Held):
+        raise ValueError(
+            "expected a path that touches no obstacle, found one that does: its second variation "
+            "is that of the free part, of which only the index is counted (morse_index)"
+        )
     if system.structure.forced:
         raise ValueError(
             "expected a system without non-conservative forces, found one with: its paths are not "
@@ -178,6 +184,14 @@ def form(at: DiscretePath, units: Array | None = None) -> Form:
             r = basis.shape[2]
             block = slice(None, r) if k == 0 else slice(-r, None)
             elements[e][block, block] += sign * basis[k].T @ (S[ends[k]] * scale) @ basis[k]
+    for term in tr.nodal:
+        r = basis.shape[2]
+        e, block = (
+            (0, slice(None, r)) if term.boundary == 0 else (term.boundary - 1, slice(-r, None))
+        )
+        pull = basis[term.node].T @ (term.matrix * scale) @ basis[term.node]
+        elements[e] = elements[e].copy()
+        elements[e][block, block] += pull
     Z = basis[layout.node_of]
     legendre, vectors = np.linalg.eigh(np.swapaxes(Z, 1, 2) @ (C * scale) @ Z)
     mass = np.maximum(
