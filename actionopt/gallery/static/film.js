@@ -47,7 +47,7 @@
       const dot = points[0].length === 1;
       const look = kind === "body" ? `body b${bodies++ % COLOURS}` : kind;
       const made = element(svg, dot ? "circle" : "polyline", look);
-      if (dot) made.setAttribute("r", (kind === "body" ? 0.022 : kind === "event" ? 0.014 : 0.01) * size);
+      if (dot) made.setAttribute("r", (kind === "body" ? 0.022 : kind === "event" ? 0.014 : 0.01) * size * (film.points ?? 1));
       return made;
     });
     const arrows = (film.arrows || []).map(() => element(svg, "path", "force"));
@@ -82,7 +82,7 @@
         arrow.setAttribute("d", `M${x},${-y}L${tip[0]},${-tip[1]}M${at(h, h / 2)}L${tip[0]},${-tip[1]}L${at(h, -h / 2)}`);
       });
       clock.textContent = film.labels
-        ? film.labels[Math.round(frame)].replace("-", "\u2212")
+        ? film.labels[Math.round(frame)].replaceAll("-", "\u2212")
         : `t = ${(film.t[k] + s * (film.t[k + 1] - film.t[k])).toFixed(2)} s`;
       slider.value = frame;
       slider.setAttribute("aria-valuetext", clock.textContent);
