@@ -61,7 +61,7 @@ def test_all_solvers_come_to_the_same_bounded_minimum(family, tmp_path):
     assert problem.inequalities
     x0 = problem.start()
     best = run("ipopt", problem, x0)
-    x, unbound = best.x, suite.get(family.scene, 6, 4).x_star
+    x, unbound = best.x, suite.get(family.scene, family.elements, family.degree).x_star
     assert problem.violation(x) <= 1e-6
     if family is CEILING:
         assert problem.classification.startswith("QB")
