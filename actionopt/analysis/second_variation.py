@@ -184,6 +184,14 @@ def form(at: DiscretePath, units: Array | None = None) -> Form:
             r = basis.shape[2]
             block = slice(None, r) if k == 0 else slice(-r, None)
             elements[e][block, block] += sign * basis[k].T @ (S[ends[k]] * scale) @ basis[k]
+    for term in tr.nodal:
+        r = basis.shape[2]
+        e, block = (
+            (0, slice(None, r)) if term.boundary == 0 else (term.boundary - 1, slice(-r, None))
+        )
+        pull = basis[term.node].T @ (term.matrix * scale) @ basis[term.node]
+        elements[e] = elements[e].copy()
+        elements[e][block, block] += pull
     Z = basis[layout.node_of]
     legendre, vectors = np.linalg.eigh(np.swapaxes(Z, 1, 2) @ (C * scale) @ Z)
     mass = np.maximum(

@@ -25,7 +25,7 @@ from actionopt.discrete.resolution import resolution
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.held import Held, arcs_of
 from actionopt.mechanics.obstacle import Arc
-from actionopt.mechanics.problem import NEGLIGIBLE, Problem, State
+from actionopt.mechanics.problem import NEGLIGIBLE, Problem, State, Tail
 from actionopt.tools.types import Array
 
 IN_CONTACT = ("acceleration", "multipliers", "constraint_force", "contact_force")
@@ -151,13 +151,38 @@ class Solution:
     def __call__(self, t: ArrayLike) -> Array:
         """Return q(t): shape (n, K) for K times, (n,) for one time.
 
-        Raises ValueError for a time that is not between the events; so do the methods below.
+        Raises ValueError for a time that is not between the events; so do the methods below. Where
+        an event lies at infinite time, the tail beyond the window is an exponential.
         """
-        return self.path(t)
+        return self._beyond(t, 0) if self.problem.has_tails else self.path(t)
 
     def velocity(self, t: ArrayLike) -> Array:
         """Return v(t), shape (n, K) or (n,)."""
-        return self.path.velocity(t)
+        return self._beyond(t, 1) if self.problem.has_tails else self.path.velocity(t)
+
+    def _beyond(self, t: ArrayLike, derivatives: int) -> Array:
+        """Return q or v at times of which some may be beyond a window, (n, *t.shape)."""
+        times = np.asarray(t, dtype=float)
+        flat, problem = times.ravel(), self.problem
+        low, high = (
+            t if isinstance(event, Tail) else away
+            for t, event, away in zip(
+                self.mesh.boundaries[[0, -1]],
+                (problem.start, problem.end),
+                (-np.inf, np.inf),
+                strict=True,
+            )
+        )
+        inside = np.clip(flat, low, high)
+        found = self.path.velocity(inside) if derivatives else self.path(inside)
+        for out, k in ((flat < low, 0), (flat > high, -1)):
+            if out.any():
+                known = problem.rests[k]
+                assert known is not None
+                edge = self.path.values[:, k] - known.q
+                eta = known.beyond(edge, flat[out] - inside[out])
+                found[:, out] = known.rates @ eta if derivatives else known.q[:, None] + eta
+        return found.reshape(found.shape[0], *times.shape)
 
     def momentum(self, t: ArrayLike) -> Array:
         """Return p(t) = dL/dv, shape (n, K) or (n,)."""

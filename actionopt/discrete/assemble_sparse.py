@@ -47,7 +47,9 @@ def _curvatures(tr: Action, z: Array) -> Array:
     """Return all contributions to the Hessian of S + sum w lam f, one after the other."""
     A, B, C = tr.second(z[: tr.layout.unknowns])
     stiff = tr.kept("contributions", lambda: _stiffness(tr, C))
-    parts = [(tr.weight * A).ravel(), *_mixed(tr, B, diagonal_twice=True), stiff]
+    upper = np.triu_indices(tr.problem.system.n)
+    nodal = [term.matrix[upper] for term in tr.nodal]
+    parts = [*nodal, (tr.weight * A).ravel(), *_mixed(tr, B, diagonal_twice=True), stiff]
     curvature = tr.constraint_curvature(z)
     return np.concatenate(parts if curvature is None else [*parts, curvature.ravel()])
 

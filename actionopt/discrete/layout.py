@@ -35,6 +35,8 @@ class Layout:
         Indices of the coordinates pinned at either end.
     closed : bool
         Whether the path closes: the last node has the first one's unknowns and no rows.
+    nodal : tuple of int
+        Nodes whose coordinates are coupled by a term of their own (`nodal`).
     in_force : (K, m) array of bool, optional
         Which constraints are so at each node; all of them if None.
 
@@ -51,9 +53,11 @@ class Layout:
         start: tuple[int, ...],
         end: tuple[int, ...],
         closed: bool = False,
+        nodal: tuple[int, ...] = (),
         in_force: NDArray[np.bool_] | None = None,
     ) -> None:
-        self.system, self.closed, self.partial = system, closed, in_force is not None
+        self.system, self.closed, self.nodal = system, closed, nodal
+        self.partial = in_force is not None
         if closed and shape.elements == 1:
             raise ValueError("expected at least two elements for a path that closes, found one")
         n, m = system.n, system.m
@@ -150,7 +154,9 @@ class Layout:
     @cached_property
     def hessian(self) -> Pattern:
         """Upper triangle of the Hessian of S + sum w lam f in the unknowns."""
-        targets = [self._diagonal("second", 0), self._mixed("second", 1), self._stiff("second", 2)]
+        upper = np.triu_indices(self.system.n)
+        targets = [(self.number[k][upper[0]], self.number[k][upper[1]]) for k in self.nodal]
+        targets += [self._diagonal("second", 0), self._mixed("second", 1), self._stiff("second", 2)]
         if self.system.m and not self.system.structure.affine_constraint:
             rows, cols = self.system.pointwise("constraint_curvature").sparsity(0)
             at = self.number[self.row_nodes]
@@ -312,17 +318,20 @@ class Pattern:
 LAYOUTS_KEPT = 32  # of a system, the latest used: a large one holds much memory; ad hoc
 
 
-def layout_for(problem: Problem, mesh: Mesh) -> Layout:
-    """Return the layout shared by all problems of this system, mesh shape and kind of ends."""
+def layout_for(problem: Problem, mesh: Mesh, nodal: tuple[int, ...] = ()) -> Layout:
+    """Return the layout shared by all problems of this system, mesh shape and kind of ends.
+
+    And of `nodal` nodes.
+    """
     known = problem.system.layouts
     ends = problem.start.pinned, problem.end.pinned
     partial = None
-    key = (mesh.degrees, *ends, problem.advance is not None)
+    key = (mesh.degrees, *ends, problem.advance is not None, nodal)
     if isinstance(problem, Held):
         partial = problem.in_force(mesh.boundaries, mesh.offsets)
         key = (*key, b"" if partial is None else partial.tobytes())
     with problem.system.lock:
-        layout = known.pop(key, None) or Layout(problem.system, mesh, *key[1:4], partial)
+        layout = known.pop(key, None) or Layout(problem.system, mesh, *key[1:5], partial)
         known[key] = layout
         while len(known) > LAYOUTS_KEPT:
             del known[next(iter(known))]

@@ -50,11 +50,14 @@ class Page:
         Words for the index.
     motion : str
         What is seen in the small picture there.
+    title : str
+        Of a page that is no scene's of the catalogue: its entry in the index.
     """
 
     files: dict[str, str]
     tags: tuple[str, ...] = ()
     motion: str = ""
+    title: str = ""
 
 
 def frame(

@@ -16,6 +16,7 @@ from actionopt.gallery.page import Page, escape, frame, number, prose, table, ty
 from actionopt.gallery.subject import Subject
 from actionopt.gallery.texts import Texts, texts
 from actionopt.plot import SI
+from actionopt.plot.live.page import SCRIPTS, figure
 from actionopt.tools.mathml import mathml, symbol
 
 PROGRAM = """\
@@ -29,6 +30,10 @@ print("action", solution.action, "J s, error of the path", solution.error)
 print("momenta", *solution.momenta)
 print("forward integration leads elsewhere by", solution.compare().position)
 """
+LIVE = (
+    "Arrow keys move a handle as well, with Shift in small steps. Triangles on the duration are "
+    "times conjugate to the start, at which the index changes."
+)
 VERDICT = 'print("a", solution.kind, "of the action, index", solution.morse_index)\n'
 
 
@@ -58,6 +63,9 @@ def scene_page(name: str) -> Page:
 </div>
 {film.film(s)}
 </section>
+<section><h2>The path under your hand</h2>
+{figure(solution.problem, solution, units=SI, caption=LIVE)}
+</section>
 <section><h2>The question</h2>
 <div class="columns">
 {_parameters(s)}
@@ -86,7 +94,11 @@ def scene_page(name: str) -> Page:
 </section>
 </article>"""
     html = frame(
-        f"{title} - actionopt", main, root="../", description=scene.title, scripts=["film.js"]
+        f"{title} - actionopt",
+        main,
+        root="../",
+        description=scene.title,
+        scripts=["film.js", *SCRIPTS],
     )
     files = {f"{name}/{figure.name}.svg": figure.svg for figure in drawn}
     files[f"{name}/thumbnail.svg"] = film.thumbnail(s)

@@ -240,9 +240,9 @@ def column(result: Any, role: str, rows: int | None = None) -> ca.SX:
     """
     try:
         if isinstance(result, (list, tuple)):
-            value = ca.vertcat(*[ca.vec(ca.SX(item)) for item in result]) if result else ca.SX(0, 1)
+            value = ca.vertcat(*[ca.vec(_sx(item)) for item in result]) if result else ca.SX(0, 1)
         else:
-            value = ca.vec(ca.SX(result))
+            value = ca.vec(_sx(result))
     except Exception as error:
         raise ValueError(
             f"expected the {role} to return numbers or expressions, found {type(result).__name__}"
@@ -258,6 +258,11 @@ def column(result: Any, role: str, rows: int | None = None) -> ca.SX:
         what = "a scalar" if rows == 1 else f"{rows} values"
         raise ValueError(f"expected the {role} to return {what}, found {value.numel()}")
     return value
+
+
+def _sx(item: Any) -> ca.SX:
+    """Return an expression or number as SX; CasADi asks ours for what only its view has."""
+    return item.sx if isinstance(item, Expressions) else ca.SX(item)
 
 
 def scalar(result: Any, role: str) -> ca.SX:

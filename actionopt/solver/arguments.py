@@ -26,15 +26,12 @@ def checked(
     guess: Guess | None,
     principle: str,
     mesh: Mesh | None,
-    method: str,
 ) -> Callable[[Mesh], Path] | None:
     """Raise ValueError for bad arguments; return the guess as a function of a default mesh."""
     asked(problem)
     tolerance(tol)
     if principle not in ("auto", "least", "stationary"):
         raise ValueError(f"expected principle 'auto', 'least' or 'stationary', found {principle!r}")
-    if method not in ("auto", "ipopt"):
-        raise ValueError(f"expected method 'auto' or 'ipopt', found {method!r}")
     if principle == "least" and problem.system.structure.forced:
         raise ValueError(
             "expected principle 'stationary' or 'auto' for a system with non-conservative "

@@ -236,6 +236,7 @@ IPOPT: tuple[Rung, ...] = (
     Root("stationary", (8, 16, 32)),
     PatientLeast("patient least", (8, 16, 32, 64)),
 )
+NEAR: tuple[Rung, ...] = ()  # what is not near a guess is not sought
 
 
 @dataclass(eq=False)
@@ -427,7 +428,7 @@ class Search:
                 return True
             ws.here = settled
         # A guess is worth seconds, not minutes.
-        return ws.root() or (not ws.large and ws.homotopy())
+        return self.ladder is not NEAR and (ws.root() or (not ws.large and ws.homotopy()))
 
     def _fine_enough(self, curve_of: Callable[[Mesh], Path]) -> tuple[int, ...]:
         """Return the numbers of elements to try: those that resolve the guess, if any does.

@@ -227,7 +227,7 @@ class Workspace:
 
     def _bounded(self, mesh: Mesh) -> Mesh:
         """Return the mesh with boundaries where laws switch, if it is not the user's."""
-        instants = self.problem.instants
+        instants = self.problem.boundaries
         return bounded(mesh, instants) if self.refines and instants else mesh
 
     def _attach(self, tr: Transcription) -> None:
