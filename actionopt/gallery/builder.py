@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import multiprocessing
 import os
+import re
 import signal
 from collections.abc import Callable, Generator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -28,7 +29,8 @@ PACKAGE = Path(scenes.__file__).parent.parent
 STATIC = Path(__file__).parent / "static"  # what all pages share
 LIBRARIES = ("casadi", "matplotlib", "numpy")
 MANIFEST = "manifest.json"
-STORY = "least"
+STORY, COURSE = "least", "course"
+LINK = re.compile(r'<a href="(?:\.\./)?(\w+)/index\.html">(.*?)</a>')
 JOBS = 2
 THREADS = "OMP_NUM_THREADS"
 
@@ -38,7 +40,7 @@ Show = Callable[[int, int, str], None]
 def build(
     directory: str | Path, names: Sequence[str] = (), *, show: Show | None = None, jobs: int = JOBS
 ) -> list[str]:
-    """Write the pages of the scenes `names` (of all by default), the story and the index.
+    """Write the pages of the scenes `names` (all by default), story, course and index.
 
     Parameters
     ----------
@@ -66,16 +68,18 @@ def build(
     target.mkdir(parents=True, exist_ok=True)
     written = _manifest(target)
     _keep(target, written)
-    wanted = [STORY, *dict.fromkeys(names or scenes.SCENES)]
+    wanted = [STORY, COURSE, *dict.fromkeys(names or scenes.SCENES)]
     key = sources()
-    ahead = [name for name in wanted if not _stands(target, written.get(name), key)]
+    there = {*wanted, *written}
+    ahead = [name for name in wanted if not _stands(target, written.get(name), key, there)]
     for file in STATIC.iterdir():
-        write(target / file.name, file.read_text(encoding="utf-8"))
+        write(target / file.name, file.read_bytes())
     done = len(wanted) - len(ahead)
     with closing(_made(ahead, jobs)) as made:
         for name, page in made:
+            without: set[str] = set()
             for file, text in page.files.items():
-                write(target / file, text)
+                write(target / file, _linked(text, there, without))
             before = written.get(name, {}).get("files", [])
             for file in set(before) - set(page.files):
                 (target / file).unlink(missing_ok=True)
@@ -84,13 +88,14 @@ def build(
                 "files": sorted(page.files),
                 "tags": page.tags,
                 "motion": page.motion,
+                "without": sorted(without),
             }
             _keep(target, written)
             done += 1
             if show is not None:
                 show(done, len(wanted), name)
-    there = {name: entry for name, entry in written.items() if name in scenes.SCENES}
-    write(target / "index.html", index_page(there))
+    shown = {name: entry for name, entry in written.items() if name in scenes.SCENES}
+    write(target / "index.html", index_page(shown))
     return ahead
 
 
@@ -98,15 +103,18 @@ def sources(folder: Path = PACKAGE) -> str:
     """Return a digest of all that pages are made from: the package's files, and the libraries."""
     digest = sha256("".join(f"{name} {version(name)}\n" for name in LIBRARIES).encode())
     for file in sorted(folder.rglob("*")):
-        if file.suffix in (".py", ".html"):
+        if file.suffix in (".py", ".html", ".json"):
             digest.update(f"{file.relative_to(folder)}\n".encode() + file.read_bytes())
     return digest.hexdigest()
 
 
 def make(name: str) -> Page:
-    """Return the page of a scene, or the story."""
+    """Return the page of a scene, the story, or the course."""
     from actionopt.gallery import scene_page, story  # matplotlib, only now
+    from actionopt.gallery.course import pages
 
+    if name == COURSE:
+        return pages.course()
     return story.story() if name == STORY else scene_page.scene_page(name)
 
 
@@ -144,6 +152,18 @@ def _one_thread() -> Generator[None, None, None]:
             os.environ[THREADS] = before
 
 
+def _linked(text: str, there: set[str], without: set[str]) -> str:
+    """Return a page whose links to scenes that are not there are words alone; add those names."""
+
+    def kept(link: re.Match[str]) -> str:
+        if link[1] in there or link[1] not in scenes.SCENES:
+            return link[0]
+        without.add(link[1])
+        return link[2]
+
+    return LINK.sub(kept, text)
+
+
 def _manifest(target: Path) -> dict[str, Any]:
     """Return what is known of the pages there; nothing of a new gallery."""
     file = target / MANIFEST
@@ -161,10 +181,11 @@ def _keep(target: Path, written: Mapping[str, Any]) -> None:
     write(target / MANIFEST, json.dumps(written, indent=1, sort_keys=True))
 
 
-def _stands(target: Path, entry: Mapping[str, Any] | None, key: str) -> bool:
-    """Return whether a page has this key and all its files."""
+def _stands(target: Path, entry: Mapping[str, Any] | None, key: str, there: set[str]) -> bool:
+    """Return whether a page has this key, all its files, and all links to pages that are there."""
     return (
         entry is not None
         and entry["key"] == key
+        and not there.intersection(entry["without"])
         and all((target / file).is_file() for file in entry["files"])
     )

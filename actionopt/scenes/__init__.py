@@ -17,7 +17,7 @@ from typing import Any
 from actionopt.mechanics.tracing import suggestion
 from actionopt.scenes import _scene
 from actionopt.scenes._scene import Facts, Scene, Words
-from actionopt.scenes._shapes import Shape, body, circle, ground, rod, spring
+from actionopt.scenes._shapes import Shape, body, circle, ground, project, rod, spring
 
 __all__ = [
     "SCENES",
@@ -30,6 +30,7 @@ __all__ = [
     "get",
     "ground",
     "parameters",
+    "project",
     "rod",
     "spring",
     "title",
