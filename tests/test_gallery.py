@@ -10,11 +10,11 @@ import browser
 import numpy as np
 import pytest
 
-from actionopt import scenes
+from actionopt import Event, Mesh, scenes
 from actionopt.cli import main
+from actionopt.discrete.transcription import Transcription
 from actionopt.gallery import build, builder
 from actionopt.gallery.course.lessons import LESSONS
-from actionopt.gallery.explorer import EXPLORERS, OSCILLATOR, PROJECTILE
 from actionopt.gallery.facts import known, named
 from actionopt.gallery.figures import fronts_caption
 from actionopt.gallery.index_page import SECTIONS, section
@@ -281,6 +281,33 @@ def test_other_files_are_left_alone(tmp_path, quick):
     assert files(tmp_path) == {"index.html": b"mine"} and quick == []
 
 
+OWN = """
+import actionopt as ao
+
+free = ao.System(lambda q, v, t, *, m: m * v[0] ** 2 / 2, ["x"], parameters={"m": 2.0}, name="free")
+problem = ao.Problem(free, ao.Event(0, [0.0]), ao.Event(1.0, [1.0]))
+"""
+
+
+def test_problems_of_ones_own_have_pages(tmp_path, quick, capsys):
+    file, target = tmp_path / "mine.py", tmp_path / "pages"
+    file.write_text(OWN)
+    build(target, ["projectile"], jobs=1)
+    assert main(["gallery", str(target), str(file), "projectile"]) == 0
+    assert quick == ["least", "course", "projectile"]
+    page = (target / "free" / "index.html").read_text(encoding="utf-8")
+    assert page.count("<h1>Free</h1>") == 1 and "../index.html" in page
+    index = (target / "index.html").read_text(encoding="utf-8")
+    assert "free/index.html" in index and "projectile/index.html" in index
+    again = scenes.from_file(file), scenes.get("projectile", g=1.62)
+    assert build(target, again, jobs=1) == ["free", "projectile_2"]
+    assert (target / "projectile_2" / "index.html").is_file()
+    assert main(["gallery", str(target), str(tmp_path / "none.py")]) == 1
+    assert "found no file" in capsys.readouterr().err
+    with pytest.raises(ValueError, match="scenes or problems, found 3"):
+        build(target, [3])  # type: ignore[list-item]
+
+
 @pytest.mark.slow
 def test_the_same_page_comes_out_the_same_of_another_process(gallery):
     name, before = NAMES[0], files(gallery)
@@ -328,40 +355,13 @@ def test_a_scene_that_is_not_there(tmp_path):
     assert not (tmp_path / "new").exists()
 
 
-# -- the explorer ----------------------------------------------------------------------------
+# -- films ------------------------------------------------------------------------------------
 
 
-def test_the_explorers_action_of_the_motion_is_known():
-    for explorer, tolerance in ((PROJECTILE, 1e-13), (OSCILLATOR, 1e-9)):
-        T = explorer.scene.problem.duration
-        assert explorer.action(explorer.motion(T), T) == pytest.approx(
-            explorer.scene.action, abs=tolerance
-        )
-
-
-def test_the_explorers_action_of_a_bent_path_is_known():
-    # x = x0 + v0 t, y = y0 + v t - a t^2 / 2 with any a between the same events.
-    scene, T = PROJECTILE.scene, PROJECTILE.scene.problem.duration
-    (x0, y0), (x1, y1) = scene.problem.start.q, scene.problem.end.q
-    nodes = PROJECTILE.motion(T)
-    t = T * np.array(PROJECTILE.plain()["nodes"])
-    for a in (0.0, 4.0, 20.0):
-        v = (y1 - y0) / T + a * T / 2
-        nodes[1] = y0 + v * t - a * t**2 / 2
-        g = 9.81
-        kinetic = ((x1 - x0) ** 2 / T + v**2 * T - v * a * T**2 + a**2 * T**3 / 3) / 2
-        potential = g * (y0 * T + v * T**2 / 2 - a * T**3 / 6)
-        assert PROJECTILE.action(nodes, T) == pytest.approx(kinetic - potential, abs=1e-12)
-
-
-def test_the_page_has_the_numbers_of_the_explorers(gallery):
+def test_one_path_relaxes_to_the_motion_and_the_other_falls_below_it(gallery):
     page = (gallery / "least.html").read_text(encoding="utf-8")
     found = map(json.loads, re.findall(r'<script type="application/json">(.*?)</script>', page))
-    explorers, films = [], []
-    for data in found:
-        (explorers if "name" in data else films).append(data)
-    assert explorers == [e.plain() for e in EXPLORERS]
-    # One path relaxes to the motion, the other falls below it.
+    films = [data for data in found if "shapes" in data]
     away = [np.array(f["shapes"][1]["points"][-1]) - f["shapes"][0]["points"][0] for f in films]
     assert np.max(np.abs(away[0])) < 0.01 < 0.3 < np.max(np.abs(away[1]))
 
@@ -447,17 +447,25 @@ def test_a_film_plays_pauses_and_leaves_those_alone_who_want_no_motion(gallery, 
 
 
 def shown(chromium, name):
-    """Return S in the page and S computed here for the path that the page shows."""
-    figure = f"document.querySelector('[data-explorer={name}]').dataset"
-    nodes = np.array(chromium.run(f"explorer.{name}.nodes()"))
-    T, S = (float(chromium.run(f"{figure}.{key}")) for key in ("duration", "action"))
-    explorer = next(e for e in EXPLORERS if e.name == name)
-    return S, explorer.action(nodes, T), float(chromium.run(f"{figure}.rise"))
+    """Return S in the page, S computed here for the path that the page shows, and its rise."""
+    figure = f"document.querySelector('[data-live={name}]')"
+    T, S, rise = (
+        float(chromium.run(f"{figure}.dataset.{key}")) for key in ("duration", "action", "rise")
+    )
+    problem = scenes.get(name).problem
+    degree, count, Q = chromium.run(
+        f"(() => {{ const {{ A, trial }} = {figure}.live;"
+        " return [A.degree, A.elements, [...trial()]] })()"
+    )
+    Q = np.reshape(Q, (-1, problem.system.n))
+    longer = problem.replace(end=Event(T, Q[-1]))
+    tr = Transcription(longer, Mesh.uniform(0.0, T, count, degree), problem.lengths)
+    return S, tr.action_and_gradient(Q)[0], rise
 
 
 def middle(chromium, name, handle):
     """Return where a handle is in the window."""
-    knob = f"document.querySelectorAll('[data-explorer={name}] .handle')[{handle}]"
+    knob = f"document.querySelectorAll('[data-live={name}] .handle')[{handle}]"
     return chromium.run(
         f"(() => {{ const b = {knob}.querySelector('.knob').getBoundingClientRect();"
         " return [b.x + b.width / 2, b.y + b.height / 2] })()"
@@ -467,7 +475,7 @@ def middle(chromium, name, handle):
 @pytest.mark.parametrize("name", ["projectile", "oscillator"])
 def test_a_handle_dragged_changes_the_action_to_the_one_computed_here(gallery, chromium, name):
     chromium.open(gallery / "least.html")
-    chromium.run(f"document.querySelector('[data-explorer={name}]').scrollIntoView()")
+    chromium.run(f"document.querySelector('[data-live={name}]').scrollIntoView()")
     before = shown(chromium, name)
     assert before[0] == pytest.approx(before[1], abs=SAME)
     x, y = middle(chromium, name, 2)
@@ -490,8 +498,7 @@ def test_a_handle_dragged_changes_the_action_to_the_one_computed_here(gallery, c
 @pytest.mark.parametrize("name", ["projectile", "oscillator"])
 def test_a_handle_stays_under_the_finger_and_the_page_where_it_is(gallery, chromium, name):
     chromium.open(gallery / "least.html", 360, 740)
-    chromium.run(f"document.querySelector('[data-explorer={name}]').scrollIntoView()")
-    chromium.run(f"document.querySelector('[data-explorer={name}] [data-do=motion]').click()")
+    chromium.run(f"document.querySelector('[data-live={name}]').scrollIntoView()")
     chromium.run(
         "window.cancelled = 0;"
         "addEventListener('pointercancel', () => { window.cancelled += 1 }, true)"
@@ -507,26 +514,23 @@ def test_a_handle_stays_under_the_finger_and_the_page_where_it_is(gallery, chrom
 
 def test_past_half_a_period_the_bend_costs_less(gallery, chromium):
     chromium.open(gallery / "least.html")
+    live = "document.querySelector('[data-live=oscillator]').live"
     rises = []
     for T in (0.9 * np.pi, 1.1 * np.pi):
-        chromium.run(f"explorer.oscillator.setDuration({T})")
+        chromium.run(f"{live}.setDuration({T})")
         S, expected, rise = shown(chromium, "oscillator")
         assert pytest.approx(expected, abs=SAME) == S
         rises.append(rise)
     assert rises[0] > 0.01 and rises[1] < -0.01
-    chromium.run("document.querySelector('[data-explorer=oscillator] [data-do=motion]').click()")
-    assert abs(shown(chromium, "oscillator")[2]) < 1e-12
 
 
 def test_what_is_written_as_nothing_is_neither_negative_nor_more(gallery, chromium):
     """At the conjugate time the bend costs nothing to second order."""
     chromium.open(gallery / "least.html")
-    chromium.run("document.querySelector('[data-explorer=oscillator] [data-do=bend]').click()")
-    chromium.run(f"explorer.oscillator.setDuration({np.pi})")
-    text = chromium.run(
-        "document.querySelector('[data-explorer=oscillator] [data-action]').textContent"
-    )
-    assert "as on the motion" in text and "\N{MINUS SIGN}0.0000" not in text
+    chromium.run("document.querySelector('[data-live=oscillator] [data-do=bend]').click()")
+    chromium.run(f"document.querySelector('[data-live=oscillator]').live.setDuration({np.pi})")
+    text = chromium.run("document.querySelector('[data-live=oscillator] .verdict').textContent")
+    assert "as on the motion" in text and "\N{MINUS SIGN}0.000" not in text
 
 
 def test_the_keyboard_reaches_everything(gallery, chromium):

@@ -23,6 +23,8 @@ import numpy as np
 from actionopt.analysis.jacobi import polished, resolved
 from actionopt.analysis.second_variation import Form, check_legendre, condense
 from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.factors import Factors
+from actionopt.mechanics.held import Held
 from actionopt.tools.blas import one_thread
 
 # Of the Jacobi fields; derived: eigenvalues converge twice as fast, to 1e-12, far below the
@@ -81,6 +83,8 @@ def inertia(at: DiscretePath, error: float, *, tolerance: float | None = None) -
     Gelfand and Fomin, *Calculus of Variations* (1963), sections 24-29; Milnor, *Morse Theory*
     (1963), section 15.
     """
+    if isinstance(at.problem, Held):
+        return _held(at, max(float(np.fmin(ERROR_GAIN * error, LOOSEST)), INDEX_TOLERANCE))
     form = resolved(at, error, INDEX_RESOLUTION)
     if tolerance is not None:
         return inertia_of(form, tolerance)
@@ -91,6 +95,23 @@ def inertia(at: DiscretePath, error: float, *, tolerance: float | None = None) -
             form = polished(at, POLISHED, found.nullity)
             return inertia_of(form) if form is not None else found
     return found
+
+
+def _held(at: DiscretePath, tolerance: float) -> Inertia:
+    """Return the inertia of a path in contact: of variations that keep what is in contact there.
+
+    From the inertia of the matrix of its mesh, [d2S - mu K, G'; G, 0], which has one negative
+    eigenvalue for each row besides (J. Nocedal and S. J. Wright, *Numerical Optimization* (2nd ed.
+    2006), theorem 16.3).
+    """
+    tr = at.tr
+    matrix, kinetic = tr.kkt(at.z), tr.kinetic(at.z)
+
+    def below(mu: float) -> int:
+        return Factors(tr.layout, matrix - mu * kinetic).negative() - tr.layout.rows
+
+    index = below(-tolerance)
+    return Inertia(index, below(tolerance) - index, None, tolerance)
 
 
 def inertia_of(form: Form, tolerance: float = INDEX_TOLERANCE) -> Inertia:

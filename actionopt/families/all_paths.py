@@ -164,6 +164,7 @@ def solve_all(
         problem and nothing was found.
     """
     asked(problem)
+    problem.system.check_free("only least paths are sought along it, by solve from guesses")
     tolerance(tol)
     _check_clock(problem)
     names = problem.system.coordinates

@@ -187,6 +187,7 @@ def trace(
         If there is no first path.
     """
     family, value = _family(problem, vary, start)
+    problem.system.check_free("a branch does not know where contact changes; sweep does")
     if not np.isfinite(to) or to == value:
         raise ValueError(f"expected a finite value other than the present {value}, found {to}")
     first = solve(family(value), guess=guess, tol=tol)

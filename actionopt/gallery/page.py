@@ -53,11 +53,14 @@ class Page:
         Words for the index.
     motion : str
         What is seen in the small picture there.
+    title : str
+        Of a page that is no scene's of the catalogue: its entry in the index.
     """
 
     files: dict[str, str]
     tags: tuple[str, ...] = ()
     motion: str = ""
+    title: str = ""
 
 
 def frame(
@@ -80,6 +83,7 @@ def frame(
 <title>{escape(title)} - actionopt</title>
 <link rel="icon" href="data:,">
 <link rel="stylesheet" href="{root}style.css">
+<link rel="stylesheet" href="{root}gallery.css">
 {head}</head>
 <body>
 <a class="skip" href="#main">{say("Skip to the content")}</a>

@@ -17,6 +17,7 @@ from actionopt.gallery.subject import Subject
 from actionopt.gallery.texts import Texts, texts
 from actionopt.mechanics.written import equations
 from actionopt.plot import SI
+from actionopt.plot.live.page import SCRIPTS, figure
 from actionopt.tools.formula import formula
 from actionopt.tools.mathml import mathml, symbol
 from actionopt.tools.words import say
@@ -50,6 +51,10 @@ LAWS = {  # as MathML, what each equation of motion is an instance of
     )
 }
 SHOWN = 4  # equations; the others are folded away
+LIVE = (
+    "Arrow keys move a handle as well, with Shift in small steps. Triangles on the duration are "
+    "times conjugate to the start, at which the index changes."
+)
 VERDICT = 'print("a", solution.kind, "of the action, index", solution.morse_index)\n'
 
 
@@ -79,6 +84,9 @@ def scene_page(name: str) -> Page:
 </div>
 {film.film(s)}
 </section>
+<section><h2>{say("The path under your hand")}</h2>
+{figure(solution.problem, solution, units=SI, caption=say(LIVE))}
+</section>
 <section><h2>{say("The principle, and the equation of motion")}</h2>
 {_principle(s, words)}
 <div class="columns">
@@ -104,10 +112,12 @@ def scene_page(name: str) -> Page:
 </section>
 {_beside(s)}
 </article>"""
-    html = frame(title, main, root="../", description=said(scene.title), scripts=["film.js"])
+    html = frame(
+        title, main, root="../", description=said(scene.title), scripts=["film.js", *SCRIPTS]
+    )
     files = {f"{name}/index.html": html, f"{name}/thumbnail.svg": film.thumbnail(s)}
-    for figure in (figure for part in drawn.values() for figure in part):
-        files |= figure.files(f"{name}/")
+    for picture in (picture for part in drawn.values() for picture in part):
+        files |= picture.files(f"{name}/")
     return Page(files, tags(s), s.motion)
 
 

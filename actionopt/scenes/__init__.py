@@ -16,6 +16,7 @@ from typing import Any
 
 from actionopt.mechanics.tracing import suggestion
 from actionopt.scenes import _scene
+from actionopt.scenes._own import from_file
 from actionopt.scenes._scene import Facts, Scene, Words
 from actionopt.scenes._shapes import Shape, body, circle, ground, project, rod, spring
 
@@ -27,6 +28,7 @@ __all__ = [
     "Words",
     "body",
     "circle",
+    "from_file",
     "get",
     "ground",
     "parameters",

@@ -8,7 +8,7 @@ round interpolates the path on a better mesh and polishes it there, always the s
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Any, Literal, Never
 
@@ -23,15 +23,19 @@ from actionopt.discrete.factors import Factors
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Problem
+from actionopt.solver import window
 from actionopt.solver.arguments import Guess, asked, checked
 from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF
-from actionopt.solver.ladder import COARSE_DEGREE, IPOPT, LADDER, LINEAR, Search
+from actionopt.solver.ladder import COARSE_DEGREE, IPOPT, LADDER, LINEAR, NEAR, Rung, Search
+from actionopt.solver.obstacle import Along, along
 from actionopt.solver.workspace import Workspace
 from actionopt.tools.blas import one_thread
-from actionopt.tools.checks import COARSEST
+from actionopt.tools.checks import COARSEST, FINEST, tolerance
 from actionopt.tools.watch import OutOfTime, Progress, Watch
 
+LADDERS = {"auto": LADDER, "ipopt": IPOPT}  # by method
 BEFORE_A_JUMP = 3  # rungs tried where the first path crosses a jump: seconds are lost there; ad hoc
 # Amplified round-off above which a path may be one of many, and above which that is to be counted;
 # measured: of 400 families in all directions and at any tol the least is 2.4e-7, and chains of 10
@@ -80,7 +84,7 @@ def solve(
         Solve on this mesh and do not refine.
     seconds : float, optional
         The time it may take, a little more where one evaluation takes long; then the best attempt
-        is what there is.
+        is what there is. Ways that take longer, at the pace so far, are tried after the others.
     progress : callable, optional
         `progress(how, elements, iterations)` at every iteration: the way that is being tried, the
         elements of the mesh at hand, and the iterations so far. What it raises ends the solve.
@@ -104,35 +108,106 @@ def solve(
     *Discrete mechanics and variational integrators*, Acta Numerica 10 (2001), sections 1.2
     and 2.2.
     """
-    started = perf_counter()
     if others:
         asked(problem, others)
-    curve_of = checked(problem, tol, guess, principle, mesh, method)
+    asked(problem)
+    if method not in LADDERS:
+        raise ValueError(f"expected method 'auto' or 'ipopt', found {method!r}")
     watch = None if seconds is progress is None else Watch(seconds, progress)
+    choices = Choices(tol, principle, LADDERS[method], mesh, watch)
+    solution, message = _asked(problem, guess, choices)
+    if throw and not solution.success:
+        raise SolveError(message, solution)
+    return solution
+
+
+@one_thread
+def solve_near(problem: Problem, guess: Guess, tol: float) -> Solution:
+    """Return the path near a guess, or the best attempt, as `solve` does.
+
+    By Newton's and by Levenberg and Marquardt's methods alone: where there is no path near, that
+    takes a hundredth of the time.
+    """
+    asked(problem)
+    return _asked(problem, guess, Choices(tol, "auto", NEAR, None, None))[0]
+
+
+@dataclass(frozen=True)
+class Choices:
+    """How a problem is solved: the arguments of `solve`, its method as a ladder."""
+
+    tol: float
+    principle: Literal["auto", "least", "stationary"]
+    ladder: tuple[Rung, ...]
+    mesh: Mesh | None
+    watch: Watch | None
+
+
+def _asked(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[Solution, str]:
+    """Return the path, and the verdict with its figures."""
+    if problem.is_infinite or problem.has_tails:
+        return _in_windows(problem.whole, guess, choices)
+    return _solved(problem, guess, choices)
+
+
+def _solved(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[Solution, str]:
+    """Return the path of a problem of finite times, and the verdict with its figures."""
+    started = perf_counter()
+    tol, principle, mesh, watch = choices.tol, choices.principle, choices.mesh, choices.watch
+    curve_of = checked(problem, tol, guess, principle, mesh)
     system = problem.system
     # Far from zero a path to `tol` may be none: its motion is to be resolved as well.
     tol = min(tol, COARSEST * float((problem.lengths / problem.scales).min()))
-    ws = Workspace(problem, system.structure.linear, tol, refines=mesh is None, watch=watch)
+    if system.r:
+        ws: Workspace = Along(Held(problem), tol=tol, watch=watch)
+    else:
+        ws = Workspace(problem, system.structure.linear, tol, refines=mesh is None, watch=watch)
     for name in ("first", "second"):
         system.pointwise(name)
     ws.record.time["derive"] += perf_counter() - started
-    search = Search(ws, tol, principle, mesh, IPOPT if method == "ipopt" else LADDER)
+    search = Search(ws, tol, principle, mesh, choices.ladder)
     try:
-        status = _found(search, guess, curve_of)
+        if isinstance(ws, Along):
+            search.begin("obstacle", least=True)
+            status = along(ws, tol, curve_of)
+        else:
+            status = _found(search, guess, curve_of)
     except OutOfTime:
         search.ws.stop()
+        search.ws.hint = f"tried: {', '.join(dict.fromkeys(search.tried))}"
         status = Status.OUT_OF_TIME
     ws = search.ws
     if watch is not None and watch.raised is not None and not isinstance(watch.raised, OutOfTime):
         raise watch.raised
-    if principle == "least" and status.success and ws.here.index > 0:
+    if (principle == "least" or system.r) and status.success and ws.here.index > 0:
         status = Status.UNBOUNDED if ws.linear else Status.NOT_LEAST
     solution = _solution(ws, status, search.found_by, started)
     if _suspect(ws, status):
         solution = _family(ws, solution)
-    if throw and not solution.success:
-        raise SolveError(_message(ws, solution.status, tol), solution)
-    return solution
+    return solution, "" if solution.success else _message(ws, solution.status, tol)
+
+
+def _in_windows(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[Solution, str]:
+    """Return the path of a problem with events at infinite times, and the verdict."""
+    tolerance(choices.tol)
+    here = window.first(problem, guess, choices.tol, choices.mesh)
+    inner = replace(choices, tol=max(choices.tol * (1 - window.SHARE), FINEST))
+    for _ in range(window.WINDOWS):
+        solution, message = _solved(here.problem, here.guess, inner)
+        if guess is here.guess is None and solution.success and choices.principle != "stationary":
+            below = window.lower(solution)
+            if below is not None:
+                solution, message = _solved(here.problem, below, inner)
+        later = window.longer(here, solution, choices.tol)
+        if not solution.success or later is None or choices.mesh is not None:
+            break
+        here = later
+    else:
+        left = max(x[0] for x in here.edges(solution))
+        message = window.unmet(choices.tol, left)
+        solution = replace(solution, status=Status.UNRESOLVED)
+    solution = window.judged(here, solution)
+    return window.centred(solution), message
 
 
 def _found(search: Search, guess: Guess | None, curve_of: Callable[[Mesh], Path] | None) -> Status:
@@ -281,4 +356,4 @@ def _solution(ws: Workspace, status: Status, found_by: str, started: float) -> S
         "time": dict(record.time),
     }
     lam, error = found.rows.T, here.error
-    return Solution(ws.problem, found.path, action, lam, error, status, stats, known=found)
+    return Solution(ws.question, found.path, action, lam, error, status, stats, known=found)

@@ -8,8 +8,10 @@ from contextlib import redirect_stdout
 from actionopt import scenes
 from actionopt.gallery.course.lesson import Exercise, Lesson
 from actionopt.gallery.course.lessons import LESSONS
-from actionopt.gallery.explorer import EXPLORERS
 from actionopt.gallery.page import Page, escape, frame, table, typeset
+from actionopt.plot import SI
+from actionopt.plot.live.page import SCRIPTS, figure
+from actionopt.solver.solve import solve
 from actionopt.tools.words import say
 
 PARTS = ("Predict", "Try", "Explain", "Exercises")
@@ -72,8 +74,7 @@ def _lesson(k: int) -> str:
     """Return the page of the k-th lesson."""
     lesson = LESSONS[k]
     exercises = "".join(map(_exercise, range(1, 4), lesson.exercises))
-    explorer = next((e for e in EXPLORERS if e.name == lesson.explorer), None)
-    widget = explorer.html(say("Drag a handle, or use the arrow keys.")) if explorer else ""
+    widget = _live(lesson.explorer) if lesson.explorer else ""
     count = say("Lesson {k} of {count}", k=k + 1, count=len(LESSONS))
     minutes = say("{m} minutes", m=sum(lesson.minutes))
     main = f"""<article class="lesson">
@@ -88,10 +89,16 @@ def _lesson(k: int) -> str:
 <pre class="program"><code>actionopt exercise {lesson.name}</code></pre></section>
 {_turn(k)}
 </article>"""
-    scripts = ["explorer.js"] if explorer else []
-    scripts.append("film.js")
+    scripts = ["film.js", *(SCRIPTS if widget else ())]
     description = escape(say(lesson.idea))
     return frame(say(lesson.title), main, root="../", description=description, scripts=scripts)
+
+
+def _live(name: str) -> str:
+    """Return the path of a scene to be bent, its motion not shown."""
+    problem = scenes.get(name).problem
+    words = say("Drag a handle, or use the arrow keys.")
+    return figure(problem, solve(problem, tol=1e-10), units=SI, caption=words)
 
 
 def _exercise(k: int, exercise: Exercise) -> str:
