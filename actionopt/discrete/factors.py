@@ -62,11 +62,11 @@ class Factors:
         """What solves but for errors; None if nothing does so quickly."""
         layout, system = self.layout, self.layout.system
         slim = system.n + system.m <= SLIM and layout.size <= PATTERN
-        pays = self._many and slim and not system.structure.forced
+        pays = self._many and slim and layout.unpivoted
         if layout.condensed and not pays:
             with suppress(np.linalg.LinAlgError):  # a block may be singular where all are not
                 return self._condensed.solve
-        elif not system.structure.forced:
+        elif layout.unpivoted:
             if layout.keeps_factors:
                 return self._kept.solve
             regular = _regular(layout, compressed(layout, self.nonzeros))
@@ -104,7 +104,7 @@ class Factors:
             if x is not None:
                 return x
             self._direct = None
-        x = _solver(self.layout, "qr")(compressed(self.layout, self.nonzeros), right)
+        x = _solver(self.layout, self.layout.robust)(compressed(self.layout, self.nonzeros), right)
         if not np.all(np.isfinite(x)):
             raise np.linalg.LinAlgError("the matrix is singular")
         return x

@@ -27,9 +27,10 @@ from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import Guess, asked, checked
 from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF
 from actionopt.solver.ladder import COARSE_DEGREE, IPOPT, LADDER, LINEAR, Search
+from actionopt.solver.unfixed import solve_unfixed
 from actionopt.solver.workspace import Workspace
 from actionopt.tools.blas import one_thread
-from actionopt.tools.checks import COARSEST
+from actionopt.tools.checks import COARSEST, tolerance
 from actionopt.tools.watch import OutOfTime, Progress, Watch
 
 BEFORE_A_JUMP = 3  # rungs tried where the first path crosses a jump: seconds are lost there; ad hoc
@@ -107,6 +108,13 @@ def solve(
     started = perf_counter()
     if others:
         asked(problem, others)
+    if isinstance(problem, Problem) and (problem.asked or problem.free_time or problem.closes):
+        found = _unfixed(problem.asked or problem, tol, guess, principle, mesh, seconds, progress)
+        if found is not None:
+            solution, hint = found
+            if throw and not solution.success:
+                raise SolveError(_sentence(solution, tol, hint), solution)
+            return solution
     curve_of = checked(problem, tol, guess, principle, mesh, method)
     watch = None if seconds is progress is None else Watch(seconds, progress)
     system = problem.system
@@ -133,6 +141,36 @@ def solve(
     if throw and not solution.success:
         raise SolveError(_message(ws, solution.status, tol), solution)
     return solution
+
+
+def _unfixed(
+    problem: Problem,
+    tol: float,
+    guess: Guess | None,
+    principle: Literal["auto", "least", "stationary"],
+    mesh: Mesh | None,
+    seconds: float | None,
+    progress: Progress | None,
+) -> tuple[Solution, str] | None:
+    """Return the solution where the duration is free or the path closes anywhere, and a hint.
+
+    None where there is nothing of the kind to be found: a closed path that is not said to move.
+    """
+    if problem.free_time:
+        tolerance(tol)
+        if mesh is not None:
+            raise ValueError(
+                "expected no mesh where a time is free, found one: it would be over given times"
+            )
+        if problem.closes and guess is None:
+            raise ValueError(
+                "expected a guess for a closed path whose period is to be found: a Path or a "
+                "solution near it, or waypoints round it"
+            )
+    elif guess is None or mesh is not None:
+        return None
+    watch = None if seconds is progress is None else Watch(seconds, progress)
+    return solve_unfixed(problem, solve, tol, guess, principle, watch)
 
 
 def _found(search: Search, guess: Guess | None, curve_of: Callable[[Mesh], Path] | None) -> Status:
@@ -255,6 +293,13 @@ def _message(ws: Workspace, status: Status, tol: float) -> str:
     if ws.problem.advance is not None and not ws.problem.start.pinned:
         hint += "; a closed path may start anywhere along itself: give one coordinate at the start"
     return f"{name}: {status.value} ({figures}){hint}"
+
+
+def _sentence(solution: Solution, tol: float, hint: str) -> str:
+    """Return the verdict of a path whose duration is free or that closes, and what to try next."""
+    figures = f"tol = {tol:g}, error estimate {solution.error:.2g}"
+    hint = f"; {hint}" if hint else ""
+    return f"{solution.problem.name}: {solution.status.value} ({figures}){hint}"
 
 
 def _solution(ws: Workspace, status: Status, found_by: str, started: float) -> Solution:
