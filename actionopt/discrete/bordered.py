@@ -1,9 +1,9 @@
-"""Paths with numbers to be found beside them: a duration, and where along itself a closed one begins.
+"""Paths with numbers to be found beside them: a duration, and where a closed one begins.
 
-The unknowns are y = (z, log T, a). With the coordinates at fixed fractions of the time, S + E T is a
-function of z and T, and stationary in both: the derivative by T is E - H. A closed path without a
-clock may be moved along itself, or as a whole if L has symmetries, and S does not change; so the
-KKT matrix K is singular. Phase conditions C z = c say where it is, and forces a along these
+The unknowns are y = (z, log T, a). With the coordinates at fixed fractions of the time, S + E T is
+a function of z and T, and stationary in both: the derivative by T is E - H. A closed path without
+a clock may be moved along itself, or as a whole if L has symmetries, and S does not change; so
+the KKT matrix K is singular. Phase conditions C z = c say where it is, and forces a along these
 directions B make the matrix regular,
 
     [ K        dr/dT    B ] [ dz ]     [ r + B a      ]
@@ -29,13 +29,15 @@ import numpy as np
 from actionopt.discrete.boundaries import moved
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.end_times import by_times
+from actionopt.discrete.factors import Factors
 from actionopt.discrete.layout import Layout, Pattern
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Event, Periodic, Problem
+from actionopt.mechanics.symmetry import find_symmetries
 from actionopt.tools.types import Array
 
-DIFFERENCE = 1e-6  # of log T, for dr/dT: near EPS^(1/3), as central differences ask
+STRETCH = 1e-6  # of log T, for dr/dT: near EPS^(1/3), as central differences ask
 LONGEST = 20.0  # |log T| against the first duration that is reckoned with; ad hoc
 FULL = 300  # unknowns up to which a full matrix costs less than a sparse one; ad hoc
 # Of the coordinates' sizes: directions in which a path moves less than this against its others
@@ -70,18 +72,35 @@ def over(problem: Problem, duration: float) -> Problem:
     return problem.found(t0, t0 + duration if t1 is None else t1)
 
 
+def moves_of(problem: Problem) -> tuple[Move, ...]:
+    """Return the motions of configuration space that a closed path may be subjected to."""
+    if not problem.closes or problem.system.n == 1:
+        return ()
+    system, advance = problem.system, problem.advance
+    known = system.made("moves", dict)
+    key = problem.packed.tobytes()
+    if key not in known:
+        found = find_symmetries(system, parameters=problem.parameters)
+        known[key] = [Move(s.A, s.b) for s in found if not (s.time or s.rate or s.c.any())]
+    return tuple(m for m in known[key] if not (m.A @ advance).any())
+
+
 class Borders(NamedTuple):
-    """What is beside the KKT matrix: directions B (size, k), rows C (k, size) and C z there (k,)."""
+    """What is beside the KKT matrix: directions B (size, k), rows C (k, size) and C z there (k,).
+
+    The first `held` rows are coordinates that the start gives.
+    """
 
     B: Array
     C: Array
     c: Array
+    held: int = 0
 
 
 class BorderedLayout:
     """The pattern of a KKT matrix with dense rows and columns beside it."""
 
-    unpivoted, storage, condensed, keeps_factors, robust = False, "sparse", False, False, "csparse"
+    bordered, unpivoted, storage, condensed, keeps_factors = True, False, "sparse", False, False
 
     def __init__(self, inner: Layout, beside: int) -> None:
         self.inner, self.system = inner, inner.system
@@ -181,12 +200,12 @@ class Bordered:
 
     def residual(self, y: Array) -> Array:
         """Return the equations' residual, (size,)."""
-        at, k, (B, C, c) = self.discrete(y), self.borders.c.size, self.borders
+        at, k, (B, C, c, _) = self.discrete(y), self.borders.c.size, self.borders
         r = at.tr.residual(at.z)
         forces = y[y.size - k :]
         parts = [r + B @ forces if k else r]
         if self.timed:
-            parts.append([self._excess(at)])
+            parts.append(np.array([self._excess(at)]))
         return np.concatenate([*parts, C @ at.z - c])
 
     def _excess(self, at: DiscretePath) -> float:
@@ -197,7 +216,7 @@ class Bordered:
 
     def kkt(self, y: Array) -> Array:
         """Return the nonzeros of the derivative of `residual` on `layout.kkt`."""
-        at, (B, C, _) = self.discrete(y), self.borders
+        at, (B, C, _, _) = self.discrete(y), self.borders
         inner, size, k = self.first.layout, self.first.layout.size, self.borders.c.size
         K = at.tr.kkt(at.z)
         K = inner.kkt.sum(K) if inner.storage == "blocks" else K
@@ -205,7 +224,7 @@ class Bordered:
         beside = np.zeros((size, self.timed + k))
         beside[:, self.timed :], below[self.timed :, :size] = B, C
         if self.timed:
-            T, h = self.duration(y), DIFFERENCE
+            T, h = self.duration(y), STRETCH
             sides = []
             for sign in (1, -1):
                 tr = self._over(T * float(np.exp(sign * h)))
@@ -215,6 +234,21 @@ class Bordered:
             below[0, size] = (g1 - g0) / (2 * h)
             self._last = at.tr
         return self.layout.kkt.sum(np.concatenate([K, below.ravel(), beside.T.ravel()]))
+
+    def bend(self, y: Array) -> float:
+        """Return d2S/d(log T)2 along the paths over fixed durations, in units of action.
+
+        Raises numpy.linalg.LinAlgError where they do not follow one another.
+        """
+        k = self.first.layout.size
+        nonzeros, pattern = self.kkt(y), self.layout.kkt
+        across, down = pattern.row == k, pattern.col == k
+        row, column = np.zeros((2, self.layout.size))
+        row[pattern.col[across]] = nonzeros[across]
+        column[pattern.row[down]] = nonzeros[down]
+        own, row[k], column[k] = row[k], 0.0, 0.0
+        fixed = np.where(across | down, np.where(across & down, 1.0, 0.0), nonzeros)
+        return float(own - row @ Factors(self.layout, fixed).solve(column))  # type: ignore[arg-type]
 
     def measured(self, step: Array) -> float:
         """Return the largest change of a coordinate by a step, as a function of time."""
@@ -266,11 +300,11 @@ def _borders(asked: Problem, tr: Transcription, z: Array, moves: Sequence[Move])
         rest = right[len(held) :].T
     C[len(held) :] = (B @ rest).T if held else B.T
     c[len(held) :] = C[len(held) :] @ z
-    return Borders(B, C, c)
+    return Borders(B, C, c, len(held))
 
 
 def _independent(rows: Array) -> list[int]:
-    """Return which of the rows are independent, the largest first: Gram and Schmidt's with pivots."""
+    """Return which of the rows are independent, the largest first (Gram and Schmidt's way)."""
     left, chosen = rows.copy(), []
     for _ in range(min(rows.shape)):
         norms = np.linalg.norm(left, axis=1)

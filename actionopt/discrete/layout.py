@@ -135,7 +135,7 @@ class Layout:
         """Whether factors without pivoting serve: those of a symmetric matrix."""
         return not self.system.structure.forced
 
-    robust = "qr"  # what solves where these fail
+    bordered = False  # by dense rows and columns
 
     @cached_property
     def blocks(self) -> Blocks:

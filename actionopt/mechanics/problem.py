@@ -120,9 +120,7 @@ class Periodic(Event):
 
     advance: tuple[float, ...] | None
 
-    def __init__(
-        self, t: float | None, advance: Sequence[float] | ArrayLike | None = None
-    ) -> None:
+    def __init__(self, t: float | None, advance: Sequence[float] | ArrayLike | None = None) -> None:
         super().__init__(t, [])
         given = () if advance is None else items(advance, "the advance of a periodic end")
         row = tuple(number(x, f"advance {i} of a periodic end") for i, x in enumerate(given))
@@ -270,8 +268,9 @@ class Problem:
     ) -> Problem:
         """Return the problem with another start or end, some other parameters or another energy.
 
-        Times that were free are so again, if no event says otherwise. All else is kept: parameters that are not named, coordinates that are free, and an end
-        that is `Periodic`, which follows another start. Raises ValueError as a `Problem` does.
+        Times that were free are so again, if no event says otherwise. All else is kept: parameters
+        that are not named, coordinates that are free, and an end that is `Periodic`, which follows
+        another start. Raises ValueError as a `Problem` does.
 
         Examples
         --------

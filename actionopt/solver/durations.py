@@ -1,20 +1,20 @@
 """How long a motion of given energy takes along a curve, before any path is known.
 
-Along a curve q(s) the energy function H(q, u ds/dt) of the direction u = dq/ds is E at one rate, and
-the duration is the integral of ds over it. Where the potential is above E there is no rate; the curve is
-none that a motion takes, and the rate there is that of the largest found.
+Along a curve q(s) the energy function H(q, u ds/dt) of the direction u = dq/ds is E at one rate
+ds/dt, and the duration is the integral of ds over it. Where the potential is above E there is none:
+no motion takes that curve, and a part of the largest rate is reckoned with.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.problem import Problem, diagonal
 from actionopt.tools.types import Array
 
 # Ad hoc: what comes of it is a guess.
-ROUNDS = 40  # of the fixed point for the rate: one where L is quadratic in v
-SLOWEST = 0.1  # of the largest rate: turning points are passed at a finite one
+STEPS = 40  # of the fixed point for the rate: one where L is quadratic in v
+LEAST_RATE = 0.1  # of the largest rate: turning points are passed at a finite one
 
 
 def rates(problem: Problem, q: Array, u: Array, t: Array) -> tuple[Array, Array]:
@@ -33,7 +33,7 @@ def rates(problem: Problem, q: Array, u: Array, t: Array) -> tuple[Array, Array]
         rest = H(0 * u)
         left, rate = energy - rest, np.ones(len(q))
         # The unit of rates is unknown: kinetic energies that are not finite are too large.
-        for _ in range(ROUNDS):
+        for _ in range(STEPS):
             T = H(rate[:, None] * u) - rest
             factor = np.sqrt(np.abs(left / T))
             factor = np.where(np.isfinite(factor) & (factor > 0), np.clip(factor, 1e-6, 1e6), 0.5)
@@ -44,8 +44,9 @@ def rates(problem: Problem, q: Array, u: Array, t: Array) -> tuple[Array, Array]
 
 
 def along(problem: Problem, q: Array, t: float) -> tuple[Array, float] | None:
-    """Return times (K,) from zero at which a motion of the energy passes q (K, n), and the least
-    of E less the energy at rest. None where it can be nowhere on the curve.
+    """Return the times (K,) from zero at which a motion of the energy passes q (K, n).
+
+    And the least of E less the energy at rest. None where it can be nowhere on the curve.
     """
     u = np.gradient(q, axis=0) * (len(q) - 1)
     found, left = rates(problem, q, u, np.full((len(q), 1), t))
@@ -53,6 +54,22 @@ def along(problem: Problem, q: Array, t: float) -> tuple[Array, float] | None:
     if not good.any() or not np.any(u):
         return None
     largest = float(np.nanmax(found))
-    rate = np.fmax(np.where(good, found, 0.0), SLOWEST * largest)
+    rate = np.fmax(np.where(good, found, 0.0), LEAST_RATE * largest)
     steps = (1 / rate[1:] + 1 / rate[:-1]) / 2 / (len(q) - 1)
     return np.concatenate([[0.0], np.cumsum(steps)]), float(left.min())
+
+
+def returning(problem: Problem, q: Array, t: float) -> float:
+    """Return about how long a motion of the energy takes from q (n,) back to it: 2 p / |force|.
+
+    1 where there is no force.
+    """
+    n = problem.system.n
+    at = q[None], np.zeros((1, n)), np.array([[t]]), problem.packed
+    force = np.abs(problem.system.pointwise("first")(*at)[0][0])
+    inertia = diagonal(problem.system, 2, problem.system.pointwise("second")(*at)[2])[0]
+    _, left = rates(problem, q[None], np.ones((1, n)), np.array([[t]]))
+    with np.errstate(all="ignore"):
+        found = 2 * np.sqrt(2 * np.abs(left) * inertia) / force
+    found = found[np.isfinite(found) & (found > 0)]
+    return float(found.min()) if found.size else 1.0

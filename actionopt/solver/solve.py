@@ -33,6 +33,7 @@ from actionopt.tools.blas import one_thread
 from actionopt.tools.checks import COARSEST, tolerance
 from actionopt.tools.watch import OutOfTime, Progress, Watch
 
+AT_REST = 1e-6  # of its size, the way of a closed path that is none; ad hoc
 BEFORE_A_JUMP = 3  # rungs tried where the first path crosses a jump: seconds are lost there; ad hoc
 # Amplified round-off above which a path may be one of many, and above which that is to be counted;
 # measured: of 400 families in all directions and at any tol the least is 2.4e-7, and chains of 10
@@ -138,9 +139,18 @@ def solve(
     solution = _solution(ws, status, search.found_by, started)
     if _suspect(ws, status):
         solution = _family(ws, solution)
+    if problem.closes and mesh is None and _moves(solution):  # it may be kinked at the start
+        return solve(problem, tol=tol, guess=solution, principle=principle, throw=throw)
     if throw and not solution.success:
         raise SolveError(_message(ws, solution.status, tol), solution)
     return solution
+
+
+def _moves(solution: Solution) -> bool:
+    """Whether a path is no rest."""
+    speed = np.abs(solution.velocity(solution.mesh.nodes)).max(axis=1)
+    size = np.abs(solution.path.values).max(axis=1)
+    return bool((speed * solution.duration > AT_REST * size).any())
 
 
 def _unfixed(
@@ -290,8 +300,6 @@ def _message(ws: Workspace, status: Status, tol: float) -> str:
             f"; {ws.problem.system.coordinates[i]} is about {size:.3g} and known to "
             f"{np.spacing(size):.1g} only: measure it from a point near the motion"
         )
-    if ws.problem.advance is not None and not ws.problem.start.pinned:
-        hint += "; a closed path may start anywhere along itself: give one coordinate at the start"
     return f"{name}: {status.value} ({figures}){hint}"
 
 

@@ -1,8 +1,9 @@
 """From a question whose duration is to be found, or whose paths close anywhere, to a solution.
 
 A first path is one over a fixed duration, from how long a motion of the energy takes along the
-straight line, or a guess. Newton's method on the path and what is beside it (`bordered`) takes it to
-the energy, on a coarse mesh; from there it is followed from mesh to mesh, as between given times.
+straight line, or a guess. Newton's method on the path and what is beside it (`bordered`) takes it
+to the energy, on a coarse mesh; from there it is followed from mesh to mesh, as between given
+times.
 """
 
 from __future__ import annotations
@@ -17,18 +18,17 @@ from numpy.typing import ArrayLike
 
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
-from actionopt.discrete.bordered import Bordered, Move, over
+from actionopt.discrete.bordered import Bordered, loose, moves_of, over
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.end_times import by_times
 from actionopt.discrete.factors import Factors
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.newton import approach, follow
 from actionopt.discrete.path import Path
-from actionopt.discrete.resolution import refined, resolution
+from actionopt.discrete.resolution import SHORTEST, refined, resolution
 from actionopt.mechanics.problem import Problem
-from actionopt.mechanics.symmetry import find_symmetries
 from actionopt.solver.arguments import Guess, curve
-from actionopt.solver.durations import along
+from actionopt.solver.durations import along, returning
 from actionopt.solver.iterate import (
     SAFETY,
     UNKNOWN_GAIN,
@@ -36,19 +36,23 @@ from actionopt.solver.iterate import (
     estimate,
     measured,
 )
+from actionopt.solver.ladder import COARSE_DEGREE
 from actionopt.solver.record import Record
 from actionopt.solver.refine import ILL_CONDITIONED, MAX_UNKNOWNS, ROUNDS, STALLED, UNDETERMINED
+from actionopt.solver.workspace import MEASURABLE
 from actionopt.tools.types import Array
 from actionopt.tools.watch import OutOfTime, Watch
 
 # Ad hoc.
-COARSE_ELEMENTS, COARSE_DEGREE = 4, 8
+FIRST_ELEMENTS = 4
 FIRST_TOL = 1e-3  # of paths that are to be followed to the energy
-REPRESENTED = 1e-4  # of a guess: what its first mesh leaves out
+REPRESENTED = 1e-4, 1e-7  # of a guess: what its first mesh leaves out, and the next one tried
 APPROACHES = 40  # damped steps of Newton's method
 SCANNED = 9  # durations either way, each the root of two times the next, that are looked at
+PASSED = 400  # times at which a closed path is looked for what its start gives
+ON_START = 1e-9  # of a coordinate's size, how far from that it may begin: the tolerance if larger
+TRIED = np.logspace(-8, 8, 65)  # durations at which a straight line is looked at
 LINE = 41  # points on the straight line
-MEASURABLE = 1e-13  # what a mesh leaves out that tells how far it moved the path
 
 
 class Reached(NamedTuple):
@@ -90,6 +94,7 @@ class Unfixed:
     noise: float = 0.0
     error: float = np.inf
     found_by: str = "none"
+    _reached: bool = False
 
     def __post_init__(self) -> None:
         self.moves = moves_of(self.problem)
@@ -99,16 +104,16 @@ class Unfixed:
     def firsts(self, guess: Guess | None) -> Iterator[tuple[Path, Array | None, str]]:
         """Yield paths, with multipliers (K, m) or none, from which to set out, and whence."""
         if guess is not None:
-            yield *self._guessed(guess), "guess"
+            for represented in REPRESENTED:
+                yield self._guessed(guess, represented), None, "guess"
             return
         if self.problem.closes:
             return
         yield from ((at.path, at.rows, "duration") for at in self.near())
 
-    def _guessed(self, guess: Guess) -> tuple[Path, Array | None]:
+    def _guessed(self, guess: Guess, represented: float) -> Path:
         """Return a guess on a mesh that represents it, with its duration."""
         problem = self.problem
-        lam = None
         if isinstance(guess, Solution):
             guess = guess.path
         if problem.free_time and not isinstance(guess, Path):
@@ -122,33 +127,60 @@ class Unfixed:
         else:
             known = over(problem, 1.0)
             curve_on = curve(known, guess)
-        mesh = Mesh.uniform(known.start.t, known.end.t, COARSE_ELEMENTS, COARSE_DEGREE)
+        mesh = Mesh.uniform(known.start.t, known.end.t, FIRST_ELEMENTS, COARSE_DEGREE)
         found = curve_on(mesh)
         for _ in range(ROUNDS // 2):
             size = np.abs(found.values).max(axis=1)
             size = np.where(size > 1e-9 * size.max(), size, max(size.max(), 1e-300))
             shown = resolution(mesh, found.values.T, size)
-            if shown.worst <= REPRESENTED:
+            if shown.worst <= represented:
                 break
-            mesh = refined(shown, REPRESENTED / 2)
+            mesh = refined(shown, represented / 2)
             found = curve_on(mesh)
-        return found, lam
+        return found
 
     def near(self) -> Iterator[DiscretePath]:
         """Yield paths over fixed durations, near those of the energy."""
         problem = self.problem
-        q = straight(problem)
         t = next((e.t for e in (problem.start, problem.end) if e.t is not None), 0.0)
+        q = straight(problem)
         known = along(problem, q, t)
-        if known is None:
-            return
-        times, left = known
-        if left < 0:
-            self.hint = "the energy is below the potential somewhere on the straight line"
-        first = self._over(float(times[-1]))
-        if first is not None:
-            yield first
-        yield from self._scanned(float(times[-1]), first)
+        if known is not None and known[1] > 0:
+            durations = [float(known[0][-1])]
+        else:
+            durations = self._crossed()
+            if known is not None:
+                durations.append(float(known[0][-1]))
+        if not durations:
+            durations = [returning(problem, q[0], t)]
+        for k, T in enumerate(durations):
+            first = self._over(T)
+            if first is not None:
+                yield first
+            if k == len(durations) - 1:
+                yield from self._scanned(T, first)
+
+    def _crossed(self) -> list[float]:
+        """Return the durations over which the straight line has the energy, on the average."""
+        found, last = [], None
+        for T in TRIED:
+            known = over(self.problem, float(T))
+            mesh = Mesh.uniform(known.start.t, known.end.t, 2, COARSE_DEGREE)
+            at = DiscretePath.of(known, Path(mesh, self._line(mesh)))
+            if not np.any(at.path.values[:, 0] != at.path.values[:, -1]):
+                return []
+            with np.errstate(all="ignore"):
+                excess = self.excess(at)
+            if last is not None and last[1] * excess < 0:
+                part = last[1] / (last[1] - excess)
+                found.append(float(last[0] * (T / last[0]) ** part))
+            last = (T, excess) if np.isfinite(excess) else None
+        return found
+
+    def _line(self, mesh: Mesh) -> Array:
+        """Return the straight line at the nodes of a mesh, (n, K)."""
+        q, s = straight(self.problem), mesh.nodes_since / mesh.duration
+        return np.stack([np.interp(s, np.linspace(0, 1, LINE), row) for row in q.T])
 
     def _scanned(self, T: float, first: DiscretePath | None) -> Iterator[DiscretePath]:
         """Yield paths between whose durations the energy is passed, and say how low it gets."""
@@ -169,8 +201,8 @@ class Unfixed:
                 last, before = at, excess
         if np.isfinite(lowest[0]):
             self.hint = (
-                f"of the paths that were tried, over {2 * SCANNED + 1} durations, the lowest energy "
-                f"is {lowest[0]:.6g}, over {lowest[1]:.6g}"
+                f"of the paths over {2 * SCANNED + 1} durations that were tried, the lowest energy "
+                f"is that over {lowest[1]:.6g}, {lowest[0]:.6g}"
             )
 
     def excess(self, at: DiscretePath) -> float:
@@ -194,24 +226,62 @@ class Unfixed:
 
     # -- from a first path to one ---------------------------------------------------------------
 
-    def reach(self, path: Path, lam: Array | None) -> bool:
+    def reach(self, path: Path, lam: Array | None, *, damped: bool) -> bool:
         """Go to the path of the energy, or one that closes, near a rough one."""
-        self.here = self._around(path, None if lam is None else np.nan_to_num(lam))
-        if self._follow():
-            return True
-        bordered, y = self.here
-        with self.record.clock("solve"):
-            found = approach(bordered, y, APPROACHES)  # type: ignore[arg-type]
-        if found is None:
-            return False
-        self.record.iterations["newton"] += found[1]
-        self.here = Reached(bordered, found[0])
-        return self._follow()
+        problem = loose(self.problem)
+        self.here = self._around(path, None if lam is None else np.nan_to_num(lam), problem)
+        if not self._follow():
+            if not damped:
+                return False
+            bordered, y = self.here
+            with self.record.clock("solve"):
+                found = approach(bordered, y, APPROACHES)  # type: ignore[arg-type]
+            if found is None:
+                return False
+            self.record.iterations["newton"] += found[1]
+            self.here = Reached(bordered, found[0])
+            if not self._follow():
+                return False
+        return problem is self.problem or not self.problem.start.pinned or self._begun()
 
-    def _around(self, path: Path, lam: Array | None) -> Reached:
+    def _begun(self) -> bool:
+        """Begin a closed path where it passes the coordinates that the start gives."""
+        assert self.here is not None
+        at, pinned = self.here.at, list(self.problem.start.pinned)
+        wanted = np.array([self.problem.start.q[i] for i in pinned], dtype=float)[:, None]
+        unit = at.tr.lengths[pinned, None]
+        t0, T = at.mesh.boundaries[0], at.mesh.duration
+        t = np.linspace(0.0, T, PASSED + 1)
+        away = (at.path(t0 + t)[pinned] - wanted) / unit
+        if len(pinned) == 1:  # it passes between two of the times
+            inside = away[0, :-1] * away[0, 1:] <= 0
+            times = t[np.append(inside, False) | (np.abs(away[0]) < 1 / PASSED**2)]
+        else:
+            times = t[[int(np.argmin(np.linalg.norm(away, axis=0)))]]
+        if not times.size:
+            self.hint = "the closed path near the guess does not pass what the start gives"
+            return False
+        shift = float(times[np.argmin(np.minimum(times, T - times))])
+        self.here = self._around(rolled(at.path, shift, at.problem.advance), None)
+        if not self._follow():
+            self.hint = "no closed path near the guess begins at what the start gives"
+            return False
+        found = self.here.at.Q[0, pinned]
+        off = np.abs(found - wanted[:, 0]) / unit[:, 0]
+        if off.max() > max(self.tol, ON_START):
+            i = int(np.argmax(off))
+            self.hint = (
+                f"the closed path near the guess begins at {found[i]:.9g} where the start gives "
+                f"{wanted[i, 0]:.9g}: give fewer coordinates there"
+            )
+            return False
+        return True
+
+    def _around(self, path: Path, lam: Array | None, problem: Problem | None = None) -> Reached:
+        problem = problem or self.problem
         with self.record.clock("assemble"):
-            lengths = measured(over(self.problem, path.mesh.duration), path.values.T)[1]
-            bordered, y = Bordered.around(self.problem, path, lam, lengths, self.moves)
+            lengths = measured(over(problem, path.mesh.duration), path.values.T)[1]
+            bordered, y = Bordered.around(problem, path, lam, lengths, self.moves)
         bordered.first.counts, bordered.first.watch = self.record.evaluations, self.watch
         return Reached(bordered, y)
 
@@ -222,7 +292,8 @@ class Unfixed:
         with self.record.clock("solve"):
             result = follow(bordered, y, target=target, steps=20)  # type: ignore[arg-type]
         self.record.iterations["newton"] += result.iterations
-        if not (result.converged and bordered.duration(result.z) > 0):
+        self._reached = result.converged
+        if not result.converged:
             return False
         self.here, self.noise, self.factors = (
             Reached(bordered, result.z),
@@ -294,16 +365,25 @@ class Unfixed:
         return Status.DEGENERATE if self.noise > ILL_CONDITIONED else Status.UNRESOLVED
 
 
-def moves_of(problem: Problem) -> tuple[Move, ...]:
-    """Return the motions of configuration space that a closed path may be subjected to."""
-    if not problem.closes or problem.system.n == 1:
-        return ()
-    found, advance = [], np.array(problem.end.advance)  # type: ignore[attr-defined]
-    for s in find_symmetries(problem.system, parameters=problem.parameters):
-        still = not (s.time or s.rate or s.c.any())
-        if still and not (s.A @ advance).any():
-            found.append(Move(s.A, s.b))
-    return tuple(found)
+def rolled(path: Path, shift: float, advance: Array | None) -> Path:
+    """Return a closed path begun at the time `shift` after its start."""
+    mesh = path.mesh
+    t0, T = mesh.boundaries[0], mesh.duration
+    since = mesh.since
+    cut = int(np.searchsorted(since, shift, side="right")) - 1
+    b = np.concatenate([[0.0], since[cut + 1 :] - shift, since[1 : cut + 1] + (T - shift), [T]])
+    degrees = np.concatenate([mesh.degrees[cut:], mesh.degrees[: cut + 1]])
+    keep = np.diff(b) > SHORTEST * T
+    b = np.concatenate([[0.0], b[1:][keep]])
+    b[-1] = T
+
+    def curve(t: Array) -> Array:
+        later = t - t0 + shift
+        over = later > T
+        turned = np.zeros((path.values.shape[0], 1)) if advance is None else advance[:, None]
+        return path(t0 + np.where(over, later - T, later)) + over * turned
+
+    return Path.interpolate(curve, mesh.cut(b, degrees[keep]))
 
 
 def straight(problem: Problem) -> Array:
@@ -328,7 +408,7 @@ def timed(problem: Problem, guess: ArrayLike | Callable[[Array], ArrayLike]) -> 
     start = next((e.t for e in (problem.start, problem.end) if e.t is not None), 0.0)
     s = np.linspace(0.0, 1.0, 10 * LINE)
     known = over(problem, 1.0)
-    unit = Mesh.uniform(known.start.t, known.end.t, 10 * COARSE_ELEMENTS, COARSE_DEGREE)
+    unit = Mesh.uniform(known.start.t, known.end.t, 10 * FIRST_ELEMENTS, COARSE_DEGREE)
     q = shape(unit)(known.start.t + s).T
     found = along(problem, q, start)
     if found is None:
@@ -339,7 +419,7 @@ def timed(problem: Problem, guess: ArrayLike | Callable[[Array], ArrayLike]) -> 
     times = found[0]
     ends = over(problem, float(times[-1]))
     t0 = ends.start.t
-    mesh = Mesh.uniform(t0, ends.end.t, 10 * COARSE_ELEMENTS, COARSE_DEGREE)
+    mesh = Mesh.uniform(t0, ends.end.t, 10 * FIRST_ELEMENTS, COARSE_DEGREE)
     rows = lambda t: np.stack([np.interp(t - t0, times, row) for row in q.T])  # noqa: E731
     return Path.interpolate(rows, mesh)
 
@@ -357,12 +437,15 @@ def solve_unfixed(
     run = Unfixed(problem, tol, solve, watch)
     status = Status.NOT_FOUND
     try:
-        for path, lam, how in run.firsts(guess):
-            if not run.reach(path, lam):
-                continue
-            run.found_by = how
-            status = run.refine()
-            if status.success:
+        for damped in (False, True):
+            for path, lam, how in run.firsts(guess):
+                if not run.reach(path, lam, damped=damped):
+                    continue
+                run.found_by = how
+                status = run.refine()
+                if status.success:
+                    break
+            if run.here is not None and np.isfinite(run.error):
                 break
     except OutOfTime:
         status = Status.OUT_OF_TIME
@@ -383,11 +466,8 @@ def _solution(run: Unfixed, status: Status, started: float) -> Solution:
         path, rows, duration = at.path, at.rows, at.mesh.duration
     problem = over(run.problem, duration)
     if path is None:
-        mesh = Mesh.uniform(problem.start.t, problem.end.t, COARSE_ELEMENTS, COARSE_DEGREE)
-        q = straight(run.problem)
-        s = np.linspace(0, 1, LINE)
-        ends = mesh.nodes_since / mesh.duration
-        path = Path(mesh, np.stack([np.interp(ends, s, row) for row in q.T]))
+        mesh = Mesh.uniform(problem.start.t, problem.end.t, FIRST_ELEMENTS, COARSE_DEGREE)
+        path = Path(mesh, run._line(mesh))
     known = DiscretePath.of(problem, path, rows)
     record = run.record
     record.time["total"] = perf_counter() - started
