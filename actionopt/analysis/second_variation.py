@@ -83,6 +83,16 @@ class Form:
         """Number r of independent variations at a node."""
         return self.basis.shape[2]
 
+    @cached_property
+    def singular(self) -> tuple[int, ...]:
+        """Evaluations at the first or the last node, if L_vv vanishes there and not beside it."""
+        if self.closed or not self.freedom:
+            return ()
+        t, size = self.tr.times[:, 0], np.abs(self.legendre).max(axis=1)
+        ends = int(np.argmin(t)), int(np.argmax(t))
+        steps = 1, -1  # an element's nodes stand in order
+        return tuple(k for k, by in zip(ends, steps, strict=True) if size[k] <= RANK * size[k + by])
+
     @property
     def closed(self) -> bool:
         """Whether the ends vary together: a_K = a_0 in the directions that are not pinned."""
@@ -261,12 +271,16 @@ def check_legendre(form: Form) -> None:
     """Raise ValueError unless L_vv is positive definite on the variations allowed.
 
     Without this (Legendre's strengthened condition) infinitely many variations lower the
-    action, and an index counts nothing.
+    action, and an index counts nothing. At an end L_vv may vanish, as at the centre of a radial
+    problem: a regular singular point.
     """
     # Node by node: along a path the mass may change by as many orders as it likes.
     own, size = form.legendre.min(axis=1), np.abs(form.legendre).max(axis=1)
-    if not np.all(own > RANK * size):
-        worst = int(np.argmin(own - RANK * size))
+    bad = ~(own > RANK * size)
+    if bad.any():
+        bad[list(form.singular)] = False
+    if bad.any():
+        worst = int(np.argmax(np.where(bad, RANK * size - own, -np.inf)))
         t, least, largest = form.tr.times[worst, 0], own[worst], size[worst]
         raise ValueError(
             "expected d2L/dv2 positive definite on the motions allowed along the path, found the "

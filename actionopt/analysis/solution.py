@@ -112,6 +112,27 @@ class Solution:
         """State at the end event, as accurate as `start`."""
         return self._states[1]
 
+    @cached_property
+    def length(self) -> float:
+        """The length of a geodesic (`System.geodesic`), sqrt(2 S (t1 - t0)).
+
+        Raises ValueError for any other system, and where the length is negative on the way.
+        """
+        problem, t = self.problem, self.mesh.nodes
+        if problem.system.F is None:
+            raise ValueError(
+                "expected a path of System.geodesic(length, coordinates), found one of a "
+                "Lagrangian: it has an action, and no length"
+            )
+        state = self(t).T, self.velocity(t).T, t[:, None], problem.packed
+        F = problem.system.pointwise("length")(*state)[0]
+        if not F.min() >= 0:
+            raise ValueError(
+                "expected a length that is not negative, found one that is along the path: the "
+                "rates that F^2 keeps equal differ in sign; add what makes F positive"
+            )
+        return float(np.sqrt(2 * self.action * problem.duration))
+
     @property
     def success(self) -> bool:
         """Whether the path can be used as it is."""

@@ -38,7 +38,7 @@ from actionopt.mechanics.symmetry import find_symmetries
 from actionopt.tools.types import Array
 
 STRETCH = 1e-6  # of log T, for dr/dT: near EPS^(1/3), as central differences ask
-LONGEST = 20.0  # |log T| against the first duration that is reckoned with; ad hoc
+OFF = 20.0  # |log T| against the first duration that is reckoned with; ad hoc
 FULL = 300  # unknowns up to which a full matrix costs less than a sparse one; ad hoc
 # Of the coordinates' sizes: directions in which a path moves less than this against its others
 # are none of their own, as time along a path at rest, or a turn of one that turns anyway. Ad hoc.
@@ -179,7 +179,7 @@ class Bordered:
         """Return the duration of unknowns y (size,)."""
         if not self.timed:
             return self.unit
-        return self.unit * float(np.exp(np.clip(y[self.first.layout.size], -LONGEST, LONGEST)))
+        return self.unit * float(np.exp(np.clip(y[self.first.layout.size], -OFF, OFF)))
 
     def at(self, y: Array) -> Transcription:
         """Return the discrete action over the duration that belongs to y."""

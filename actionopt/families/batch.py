@@ -3,7 +3,8 @@
 Members are solved in waves. Each begins where those that are solved lead to expect its path, and a
 wave goes no farther from them than that works: first outwards from one member, then in between.
 Who does not contract waits for nearer neighbours, and is left to `solve` in the end, alone. So is
-everyone of whom there is any doubt: `together` says what it measures.
+everyone of whom there is any doubt: `together` says what it measures. Where nothing is found in
+that way either, those that lie behind are not tried.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from actionopt.families.vary import moved
 from actionopt.mechanics.problem import Periodic, Problem
 from actionopt.solver.arguments import checked
 from actionopt.solver.iterate import LATE_TIME, SAFETY, UNKNOWN_GAIN, amplified, estimate, sizes
-from actionopt.solver.solve import FAMILY_NOISE, FAMILY_SUSPECTED, Guess, solve
+from actionopt.solver.solve import FAMILY_NOISE, FAMILY_SUSPECTED, Guess, solve, solve_near
 from actionopt.solver.together import Followed, follow
 from actionopt.solver.workspace import MEASURABLE
 from actionopt.tools.lobatto import lgl
@@ -52,6 +53,7 @@ OTHERS_GAIN = 2.0  # times that of one member, of errors whose shapes differ
 MORE_DEGREES = 4  # that tell what a mesh has left out
 LEVELS = 4  # meshes that a member is tried on, each finer
 INDEX_MESHES = 4  # on which indices are counted together
+PATIENCE = 4  # failures of `solve` more than successes, from which on it keeps near; ad hoc
 LEAP = 0.5  # of a path's size, from where it was expected: it may be on another sheet
 REBASED = 0.25  # of a wave, on a finer mesh: the next ones begin there
 
@@ -216,6 +218,7 @@ class _Run:
         self.values: list[Array] = [np.zeros((n, 0))] * k
         self.meshes: list[Mesh] = []
         self.messages: dict[int, str] = {}
+        self.patience = PATIENCE
         self.levels: list[_Level] = []
         self.base = 0
         self.seeds = np.zeros((k, 0, n))  # of known members, on the mesh of the level `base`
@@ -265,11 +268,17 @@ class _Run:
                 new = block[chosen][self.known[block[chosen]]]
                 front.told(chosen.size, new.size)
             else:
+                left &= ~front.behind
+                if not left.any():
+                    self.decided[block] = True
+                    break
                 i = np.flatnonzero(left)[np.argmin(front.near[left])]
+                new = block[i : i + 1]
                 self._leave(int(block[i]), int(front.nearest[i]))
-                new = block[i : i + 1][self.known[block[i : i + 1]]]
-                if new.size:
-                    front.again()
+                if not self.known[block[i]]:
+                    front.lost(self.at[new])
+                    continue
+                front.again()
             front.learn(new, self.at[new])
 
     # -- one by one ------------------------------------------------------------------------------
@@ -280,7 +289,11 @@ class _Run:
         self.neighbour[i] = neighbour
         try:
             problem = member(self.problem, self.columns, i)
-            found = solve(problem, tol=self.tol, guess=guess, throw=False)
+            if guess is None or self.patience > 0:
+                found = solve(problem, tol=self.tol, guess=guess, throw=False)
+                self.patience = min(self.patience + (1 if found.success else -1), PATIENCE)
+            else:
+                found = solve_near(problem, guess, self.tol)
         except ValueError as error:
             self.messages[i] = str(error)
             return None

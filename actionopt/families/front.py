@@ -14,7 +14,8 @@ from actionopt.tools.types import Array, NDInt
 # Ad hoc, where nothing else is said.
 FIRST_REACH = 0.5  # of the ranges, into which the first wave goes
 CLOSER = 0.75  # of its distance from a neighbour, at which a member is tried again
-TRIES = 4  # of a member, before it is given up
+TRIES = 4  # of a member, before it is left alone
+STRICTLY = 1 - 1e-9  # less than a square: rounding
 TOGETHER = 64  # points whose distances from all others are taken at once
 # Of `weights`: neighbours for so many quantities, the kernel's width in units of the farthest
 # one's distance, and what is added to its diagonal, so that it can be inverted: in the rows of the
@@ -40,6 +41,8 @@ class Front:
 
     def __init__(self, at: Array) -> None:
         self.at = at
+        self._towards = at.copy()  # the points of those nearest ones
+        self._lost = at[:0]  # who was given up
         self.near, self.nearest = np.full(len(at), np.inf), np.full(len(at), -1)
         self._tried = np.full(len(at), np.inf)  # what `near` was when it did not help
         self._tries = np.zeros(len(at), dtype=int)
@@ -55,7 +58,22 @@ class Front:
             least = np.sqrt(apart[np.arange(len(apart)), closest])
             nearer = least < self.near
             self.nearest[nearer] = which[some][closest[nearer]]
+            self._towards[nearer] = points[some][closest[nearer]]
             np.minimum(self.near, least, out=self.near)
+
+    def lost(self, points: Array) -> None:
+        """Take note of members that were given up, at points (.., columns)."""
+        self._lost = np.concatenate([self._lost, points])
+
+    @property
+    def behind(self) -> NDInt:
+        """Which members have one that was given up between them and the nearest known, (k,).
+
+        It is nearer to both than they are to each other.
+        """
+        apart, limit = squares(self.at, self._lost), STRICTLY * self.near[:, None] ** 2
+        between = (apart < limit) & (squares(self._towards, self._lost) < limit)
+        return np.any(between, axis=1)
 
     def wave(self, left: NDInt, known: NDInt) -> NDInt:
         """Return who is to be tried next, or nobody if that would be of no use.

@@ -12,11 +12,11 @@ from actionopt.analysis.solution import Solution
 from actionopt.gallery import film, units
 from actionopt.gallery.facts import known
 from actionopt.gallery.figures import figures
-from actionopt.gallery.mathml import mathml, symbol
 from actionopt.gallery.page import Page, escape, frame, number, prose, table, typeset
 from actionopt.gallery.subject import Subject
 from actionopt.gallery.texts import Texts, texts
 from actionopt.plot import SI
+from actionopt.tools.mathml import mathml, symbol
 
 PROGRAM = """\
 import actionopt as ao

@@ -7,7 +7,7 @@ import inspect
 import re
 from dataclasses import dataclass
 
-from actionopt.gallery.formula import Formula, formula
+from actionopt.tools.formula import Formula, formula
 
 
 @dataclass(frozen=True)

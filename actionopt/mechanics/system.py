@@ -11,8 +11,10 @@ import pickle
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from functools import cached_property
-from typing import Any
+from html import escape
+from typing import Any, Literal
 from weakref import WeakValueDictionary
 
 import casadi as ca
@@ -99,14 +101,80 @@ class System(Laws):
         force: Callable[..., Any] | None = None,
         name: str = "",
     ) -> None:
+        self._trace("lagrangian", lagrangian, coordinates, parameters, constraint, force, name)
+
+    @classmethod
+    def geodesic(
+        cls,
+        length: Callable[..., Any],
+        coordinates: Sequence[str],
+        *,
+        parameters: Mapping[str, ArrayLike] | None = None,
+        constraint: Callable[..., Any] | None = None,
+        name: str = "",
+    ) -> System:
+        """Return the system whose paths make the length between their events stationary.
+
+        Parameters
+        ----------
+        length : callable
+            `length(q, v, *, ...)`: F, homogeneous of degree one in v, F(q, s v) = s F(q, v) for
+            s > 0, and not negative: the length of a metric, np.sqrt(v @ G @ v); n(q) |v| of light
+            in a medium (Fermat's principle; in a static spacetime, of which light takes the
+            null geodesics, that of the optical metric, the coordinate time); the travel time in a
+            wind; any Finsler metric.
+        coordinates, parameters, constraint, name
+            As for the class.
+
+        Returns
+        -------
+        System
+            With L = F^2 / 2: its paths are those of the length, run through at a constant rate F,
+            so that the time of the events, from 0 to 1 say, is arclength up to a factor.
+            `solution.length` is the length. Where F^2 is strictly convex in v, index and conjugate
+            points are those of the length.
+
+        Raises
+        ------
+        ValueError
+            As the class does, and where F is not homogeneous of degree one in v.
+
+        References
+        ----------
+        Milnor, *Morse Theory* (1963), section 12, for energy in place of length; Bao, Chern and
+        Shen, *An Introduction to Riemann-Finsler Geometry* (2000), section 5.1.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> flat = System.geodesic(lambda q, v: np.sqrt(v @ v), ["x", "y"])
+        >>> float(flat.lagrangian([0.0, 0.0], [3.0, 4.0], 0.0))
+        12.5
+        """
+        system = object.__new__(cls)
+        system._trace("length", length, coordinates, parameters, constraint, None, name)
+        return system
+
+    def _trace(
+        self,
+        role: Literal["lagrangian", "length"],
+        law: Callable[..., Any],
+        coordinates: Sequence[str],
+        parameters: Mapping[str, ArrayLike] | None,
+        constraint: Callable[..., Any] | None,
+        force: Callable[..., Any] | None,
+        name: str,
+    ) -> None:
+        """Call what the user wrote, with symbols. Raises ValueError as the class does."""
         if not isinstance(name, str):
             raise ValueError(f"expected the name of a system as text, found {name!r}")
         names_of, table = _names(coordinates), ParameterTable(parameters)
         n, symbols = len(names_of), _symbols(len(names_of), table)
         Q, V, T = Expressions(symbols.q, 1), Expressions(symbols.v, 1), Expressions(symbols.t, 0)
         named = table.named(symbols.p)
-        given, used = call(lagrangian, "lagrangian", {"q": Q, "v": V, "t": T}, named)
-        L = scalar(given, "lagrangian")
+        state = {"q": Q, "v": V} if role == "length" else {"q": Q, "v": V, "t": T}
+        given, used = call(law, role, state, named)
+        L = scalar(given, role)
         constraints = forces = ca.SX(0, 1)
         if constraint is not None:
             given, names = call(constraint, "constraint", {"q": Q, "t": T}, named)
@@ -120,7 +188,11 @@ class System(Laws):
                 f"parameter {unused[0]!r} is used by none of the callables, which name "
                 f"{', '.join(sorted(used)) or 'no parameters'}{suggestion(unused[0], sorted(used))}"
             )
-        self._set(symbols, (L, constraints, forces), names_of, table, name, _place(lagrangian))
+        F = L if role == "length" else None
+        laws = L if F is None else F**2 / 2, constraints, forces
+        self._set(symbols, laws, names_of, table, name, _place(law), F=F)
+        if F is not None:
+            self._check_length(F)
 
     def _set(
         self,
@@ -131,9 +203,11 @@ class System(Laws):
         name: str,
         source: str,
         loaded: bool = False,
+        F: ca.SX | None = None,
     ) -> None:
         """Set what is known of a law that is traced."""
         super().__init__(symbols, *laws, coordinates)
+        self.F = F
         self.table, self.name, self.source, self.loaded = table, name, source, loaded
         self.layouts: dict[Any, Any] = {}  # of its discrete problems; they live as long as it does
 
@@ -141,6 +215,23 @@ class System(Laws):
         """Show the name and the coordinates, and where the law of a loaded one came from."""
         found = f"{self.name or 'unnamed'}: {', '.join(self.coordinates)}"
         return f"System({found}{f'; loaded, its law {self.source}' if self.loaded else ''})"
+
+    def _repr_html_(self) -> str:
+        """Show the Lagrangian and the equations of motion that follow from it, as a notebook does.
+
+        The `repr` where they are too long to be read, or hold no formula.
+        """
+        from actionopt.mechanics.written import equations, lagrangian
+        from actionopt.tools.formula import formula
+        from actionopt.tools.mathml import mathml
+
+        try:
+            said = [lagrangian(self, self.table), *equations(self, self.table)]
+            scalars = {*self.coordinates, *self.table.defaults}
+            rows = [mathml(formula(text), scalars) for text in said]
+        except ValueError:
+            return f"<code>{escape(repr(self))}</code>"
+        return f"<p>{escape(self.name or 'System')}</p>{''.join(rows)}"
 
     def __copy__(self) -> System:
         """Return the same: nothing of it changes."""
@@ -167,7 +258,8 @@ class System(Laws):
     @property
     def _law(self) -> ca.Function:
         """The law as a function of (q, v, t, p), which can be written to a file."""
-        return ca.Function("law", self._arguments, [self.L, self.f, self.Q])
+        laws = [self.L, self.f, self.Q]
+        return ca.Function("law", self._arguments, laws if self.F is None else [*laws, self.F])
 
     @Once
     def digest(self) -> str:
@@ -194,6 +286,28 @@ class System(Laws):
         euler = ca.horzcat(*[M[:, i] * s.v[i] for i in range(self.n)], -d.Lv)
         packed = self.table.pack(self.parameters)
         return vanishes(euler, self._arguments, [*general_states(self.n), packed])
+
+    @property
+    def is_homogeneous(self) -> bool:
+        """Whether v . dL/dv = L for all velocities: a length, which knows no time."""
+        with suppress(ValueError):  # finite nowhere where it is tried
+            return self._homogeneous(self.L)
+        return False
+
+    def _homogeneous(self, F: ca.SX) -> bool:
+        s = self.symbols
+        euler = ca.horzcat((s.v * ca.gradient(F, s.v)).T, -F)
+        packed = self.table.pack(self.parameters)
+        return vanishes(euler, self._arguments, [*general_states(self.n), packed])
+
+    def _check_length(self, F: ca.SX) -> None:
+        """Raise ValueError unless the length F is homogeneous, or where it is finite nowhere."""
+        if not self._homogeneous(F):
+            raise ValueError(
+                "expected a length homogeneous of degree one in v, length(q, s v) = s length(q, v) "
+                "for s > 0, such as np.sqrt(v @ v) or a travel time, found one that is not; where "
+                "it is the Lagrangian of a motion, use System(lagrangian, coordinates)"
+            )
 
     @property
     def parameters(self) -> dict[str, Array]:
@@ -388,8 +502,9 @@ def _loaded(digest: str, derived: list[str], version: str, state: bytes) -> Syst
             system, table = object.__new__(System), ParameterTable(defaults)
             symbols = _symbols(len(coordinates), table)
             arguments = [symbols.q, symbols.v, symbols.t, symbols.p]
-            L, f, Q = ca.Function.deserialize(law).call(arguments)
-            system._set(symbols, (L, f, Q), coordinates, table, name, source, loaded=True)
+            L, f, Q, *length = ca.Function.deserialize(law).call(arguments)
+            F = length[0] if length else None
+            system._set(symbols, (L, f, Q), coordinates, table, name, source, loaded=True, F=F)
             _KNOWN[digest] = system
             _RECENT.append(system)
         with system.lock:

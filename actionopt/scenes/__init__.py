@@ -16,7 +16,7 @@ from typing import Any
 
 from actionopt.mechanics.tracing import suggestion
 from actionopt.scenes import _scene
-from actionopt.scenes._scene import Facts, Scene
+from actionopt.scenes._scene import Facts, Scene, Words
 from actionopt.scenes._shapes import Shape, body, circle, ground, rod, spring
 
 __all__ = [
@@ -24,6 +24,7 @@ __all__ = [
     "Facts",
     "Scene",
     "Shape",
+    "Words",
     "body",
     "circle",
     "get",

@@ -12,13 +12,34 @@ from __future__ import annotations
 
 import numpy as np
 
-from actionopt.scenes._scene import Facts, Setup, curve
+from actionopt.scenes._scene import Facts, Setup, Words, curve
 from actionopt.scenes._shapes import body, ground, project, rod
 
 TITLE = "heavy symmetric top in steady precession"
 SOURCE = (
     "Competitive Physics: Mechanics and Waves (2018), section 12.5, p. 642; Goldstein, "
     "Classical Mechanics (3rd ed. 2002), section 5.7"
+)
+WORDS = Words(
+    question="Why does a spinning top not fall over?",
+    answer=(
+        "Its axis does fall, sideways: gravity turns the angular momentum round, and the tilt "
+        "stays."
+    ),
+    look=(
+        "The tilt of the axis stays the same; the axis goes round slowly and the disc spins fast."
+    ),
+    captions={
+        "motion": (
+            "The axis precesses by one radian while the disc turns more than five times about it."
+        ),
+        "path": "Two angles grow evenly, the third, the tilt, does not change.",
+        "conserved": (
+            "The momenta of both cyclic angles are conserved; that of the tilt is constant in "
+            "this steady motion only."
+        ),
+    },
+    beside=("pendulum", "screw"),
 )
 DISC = 0.4  # radius of the disc drawn, in parts of l
 

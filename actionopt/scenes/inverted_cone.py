@@ -14,11 +14,28 @@ from __future__ import annotations
 
 import numpy as np
 
-from actionopt.scenes._scene import Facts, Setup, curve
+from actionopt.scenes._scene import Facts, Setup, Words, curve
 from actionopt.scenes._shapes import BACK, body, ground, project
 
 TITLE = "particle circling inside an inverted cone"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.4, pp. 636-638"
+WORDS = Words(
+    question="How fast must a marble circle inside a cone to stay at its height?",
+    answer=(
+        "Just so fast that the centripetal force is what the wall and gravity leave: the "
+        "smaller the circle, the faster the turn."
+    ),
+    look="The marble stays at one height, without anything holding it there but its speed.",
+    captions={
+        "motion": "A level circle, seen a little from above, hence the ellipse.",
+        "path": "One coordinate stays, the other grows evenly: this is a relative equilibrium.",
+        "conserved": (
+            "The angular momentum is conserved by symmetry; the other momentum is zero on this "
+            "circle only."
+        ),
+    },
+    beside=("hoop_bead", "heavy_top"),
+)
 
 
 def lagrangian(q, v, t, *, m, angle, g):

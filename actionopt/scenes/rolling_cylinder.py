@@ -12,11 +12,28 @@ from __future__ import annotations
 
 import numpy as np
 
-from actionopt.scenes._scene import Facts, Setup, curve
+from actionopt.scenes._scene import Facts, Setup, Words, curve
 from actionopt.scenes._shapes import body, circle, ground, rod
 
 TITLE = "cylinder rolling down a slope without slipping"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.4, p. 634"
+WORDS = Words(
+    question="What makes a cylinder roll rather than slide?",
+    answer=(
+        "Friction up the slope: it takes a part of the weight's pull and turns the cylinder "
+        "with it."
+    ),
+    look="The cylinder first rolls a little uphill, stops, and rolls down ever faster.",
+    captions={
+        "motion": "The spoke shows the turn: the distance rolled is the angle times the radius.",
+        "path": "Distance and angle are the same parabola, in different units.",
+        "conserved": (
+            "Neither momentum is conserved: gravity pulls, and friction passes a part of it on "
+            "to the turn."
+        ),
+    },
+    beside=("sliding_wedge",),
+)
 
 
 def lagrangian(q, v, t, *, m, R, inertia, angle, g):

@@ -14,11 +14,29 @@ from __future__ import annotations
 import numpy as np
 
 from actionopt.scenes import pendulum
-from actionopt.scenes._scene import Facts, Setup, curve
+from actionopt.scenes._scene import Facts, Setup, Words, curve
 from actionopt.scenes._shapes import body, ground, project, rod
 
 TITLE = "particle on a cylinder with a helical potential"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.5.4, p. 645"
+WORDS = Words(
+    question="A potential is wound round a cylinder like a thread. What is conserved?",
+    answer=(
+        "Not the angular momentum and not the momentum along the axis, but one combination of "
+        "the two."
+    ),
+    look="The particle swings across the thread while it climbs along with it.",
+    captions={
+        "motion": (
+            "The groove winds round the cylinder; the particle crosses it and is turned back."
+        ),
+        "path": "Angle and height both change unevenly; one combination of them grows evenly.",
+        "conserved": (
+            "Neither momentum is conserved by itself: the symmetry is to turn and climb together."
+        ),
+    },
+    beside=("pendulum", "heavy_top"),
+)
 
 
 def lagrangian(q, v, t, *, m, R, k, c):
