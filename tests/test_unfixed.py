@@ -122,6 +122,40 @@ def test_what_does_not_fit_is_refused():
             ask()
 
 
+# -- all of them -----------------------------------------------------------------------------------
+
+
+def test_both_throws_are_found():
+    found = ao.solve_all(throw(40.0), tol=1e-10)
+    assert sorted(s.duration for s in found) == pytest.approx(flights(40.0), rel=1e-10)
+    assert found.indices == (1, 0)
+
+
+def lambert(energy, r1, r2):
+    """The four flights of one ellipse or the other, either way round (Battin, section 6.6)."""
+    a, c = -1 / (2 * energy), np.linalg.norm(np.subtract(r1, r2))
+    s = (np.linalg.norm(r1) + np.linalg.norm(r2) + c) / 2
+    alpha, beta = 2 * np.arcsin(np.sqrt(s / (2 * a))), 2 * np.arcsin(np.sqrt((s - c) / (2 * a)))
+    return sorted(
+        a**1.5 * (x - np.sin(x) - way * (beta - np.sin(beta)))
+        for x in (alpha, 2 * np.pi - alpha)
+        for way in (1, -1)
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("energy", "end"), [(-0.4, (0.3, 0.9)), (-0.3, (-0.8, 0.9))])
+def test_all_four_transfers_of_given_energy(energy, end):
+    system = ao.System(lambda q, v, t: v @ v / 2 + 1 / np.sqrt(q @ q), ["x", "y"])
+    problem = ao.Problem(system, free(0.0, [1.0, 0.0]), free(None, end), energy=energy)
+    found = ao.solve_all(problem)
+    exact = lambert(energy, (1.0, 0.0), end)
+    assert sorted(s.duration for s in found) == pytest.approx(exact, rel=1e-7)
+    # the long way of each round passes a caustic
+    assert sorted(s.morse_index for s in found) == [0, 0, 1, 1]
+    assert all(s.compare().agrees for s in found)
+
+
 # -- orbits ----------------------------------------------------------------------------------------
 
 

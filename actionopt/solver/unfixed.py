@@ -26,6 +26,7 @@ from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.newton import approach, follow
 from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import SHORTEST, refined, resolution
+from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import Guess, curve
 from actionopt.solver.durations import along, returning
@@ -39,7 +40,7 @@ from actionopt.solver.iterate import (
 from actionopt.solver.ladder import COARSE_DEGREE
 from actionopt.solver.record import Record
 from actionopt.solver.refine import ILL_CONDITIONED, MAX_UNKNOWNS, ROUNDS, STALLED, UNDETERMINED
-from actionopt.solver.workspace import MEASURABLE
+from actionopt.solver.workspace import MEASURABLE, ROUGHLY
 from actionopt.tools.types import Array
 from actionopt.tools.watch import OutOfTime, Watch
 
@@ -190,7 +191,7 @@ class Unfixed:
             for k in range(1, SCANNED + 1):
                 at = self._over(T * 2.0 ** (sign * k / 2), last)
                 if at is None:
-                    continue
+                    break
                 excess = self.excess(at)
                 lowest = min(lowest, (-excess + float(self.problem.energy or 0), at.mesh.duration))
                 if before is not None and excess * before < 0:
@@ -212,14 +213,24 @@ class Unfixed:
         return slope + float(self.problem.energy or 0.0)
 
     def _over(self, duration: float, near: DiscretePath | None = None) -> DiscretePath | None:
-        """Return a path of the problem over a duration, or None."""
+        """Return a path of the problem over a duration, near another one if that is given; or None.
+
+        That is one on the same mesh, stretched: it tells the energy well enough.
+        """
+        known = over(self.problem, duration)
+        values = self.problem.parameters
+        fixed = Problem(known.system, known.start, known.end, parameters=values)
+        if near is not None:
+            mesh = near.mesh.moved(fixed.start.t, fixed.end.t)
+            tr = Transcription(fixed, mesh, near.tr.lengths)
+            result = follow(tr, tr.pack(near.Q, np.nan_to_num(near.rows)))
+            at = DiscretePath(tr, result.z)
+            if not result.converged:
+                return None
+            sizes = measured(fixed, at.Q)[0]
+            return at if resolution(mesh, at.Q, sizes).worst < ROUGHLY else None
         try:
-            known = over(self.problem, duration)
-            fixed = Problem(
-                known.system, known.start, known.end, parameters=self.problem.parameters
-            )
-            guess = None if near is None else near.path
-            found = self.solve(fixed, tol=FIRST_TOL, guess=guess, throw=False)
+            found = self.solve(fixed, tol=FIRST_TOL, throw=False)
         except ValueError:
             return None
         return found.discrete if found.success else None
@@ -431,14 +442,21 @@ def solve_unfixed(
     guess: Guess | None,
     principle: Literal["auto", "least", "stationary"],
     watch: Watch | None,
+    *,
+    thorough: bool = True,
 ) -> tuple[Solution, str]:
-    """Return the solution of a problem whose duration is free or whose paths close, and a hint."""
+    """Return the solution of a problem whose duration is free or whose paths close, and a hint.
+
+    With `thorough`, also on a mesh that represents the guess better, and by damped steps.
+    """
     started = perf_counter()
     run = Unfixed(problem, tol, solve, watch)
     status = Status.NOT_FOUND
     try:
         for damped in (False, True):
-            for path, lam, how in run.firsts(guess):
+            for k, (path, lam, how) in enumerate(run.firsts(guess)):
+                if k and not thorough:
+                    break
                 if not run.reach(path, lam, damped=damped):
                     continue
                 run.found_by = how
