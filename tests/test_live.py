@@ -207,6 +207,9 @@ def test_bad_questions_are_refused(folder):
     closed = ao.Problem(DOUBLE_WELL, ao.Event(0, [None]), ao.Periodic(6.0))
     with pytest.raises(ValueError, match="path that closes"):
         plot.page(closed, folder / "closed.html")
+    for_ever = ao.Problem(DOUBLE_WELL, ao.Event(-math.inf, [-1.0]), ao.Event(0.0, [0.0]))
+    with pytest.raises(ValueError, match="infinite time"):
+        plot.page(for_ever, folder / "closed.html")
     with pytest.raises(ValueError, match=r"ends in \.html"):
         plot.page(closed, folder / "closed.pdf")
     assert not list(folder.glob("closed*"))

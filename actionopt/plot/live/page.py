@@ -12,7 +12,7 @@ from actionopt import __version__
 from actionopt.analysis.solution import Solution
 from actionopt.mechanics.problem import Problem
 from actionopt.plot._names import NONE, SI, Units
-from actionopt.plot.live.data import data, written
+from actionopt.plot.live.data import check, data, written
 from actionopt.scenes import Scene, Shape
 from actionopt.solver.arguments import Guess
 from actionopt.solver.solve import solve
@@ -54,7 +54,8 @@ def page(
     Raises
     ------
     ValueError
-        For a path that closes, or a law that a page cannot compute.
+        For a path that closes, an event at infinite time, an obstacle, or a law that a page
+        cannot compute.
     SolveError
         If no path is found.
     OSError
@@ -79,6 +80,7 @@ def whole(
         draw, guess = draw or question.draw, question.guess if guess is None else guess
         units = SI if units is None else units
     units = NONE if units is None else units
+    check(problem)
     solution = solve(problem, tol=TOL, guess=guess)
     style, *scripts = (
         (STATIC / name).read_text(encoding="utf-8") for name in ("style.css", *SCRIPTS)
