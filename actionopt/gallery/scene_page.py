@@ -64,7 +64,7 @@ def scene_page(name: str) -> Page:
 {film.film(s)}
 </section>
 <section><h2>The path under your hand</h2>
-{figure(solution.problem, solution, units=SI, caption=LIVE)}
+{figure(solution.problem, solution, units=SI, draw=scene.draw, caption=LIVE)}
 </section>
 <section><h2>The question</h2>
 <div class="columns">

@@ -9,8 +9,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import casadi as ca
 import numpy as np
 
+from actionopt.mechanics.expressions import Expressions
+from actionopt.mechanics.tracing import column
 from actionopt.tools.types import Array
 
 Point = Sequence[float] | Array
@@ -28,7 +31,8 @@ class Shape:
         "body", a point mass; "rod", a rigid polyline; "spring", a spring between two points;
         "ground", scenery: a surface, a wall, an axis, a centre of force.
     points : (2, P) array
-        Its P points in the scene's unit of length; P is 1 for a body and 2 for a spring.
+        Its P points in the scene's unit of length; P is 1 for a body and 2 for a spring. Of a
+        `draw` that is traced, expressions.
 
     Raises
     ------
@@ -40,9 +44,10 @@ class Shape:
     points: Array
 
     def __post_init__(self) -> None:
-        points = np.asarray(self.points, dtype=float)
+        traced = isinstance(self.points, Expressions)
+        points = self.points if traced else np.asarray(self.points, dtype=float)
         wanted = {"body": (2, 1), "spring": (2, 2)}.get(self.kind, (2, *points.shape[1:]))
-        if self.kind not in KINDS or points.ndim != 2 or points.shape != wanted:
+        if self.kind not in KINDS or len(points.shape) != 2 or points.shape != wanted:
             raise ValueError(
                 f"expected a shape of kind {', '.join(KINDS)} with points of shape (2, P), one "
                 f"for a body, two for a spring; found {self.kind!r} with {points.shape}"
@@ -89,9 +94,17 @@ def project(x: float, y: float, z: float) -> Array:
 def _columns(*points: Point) -> Array:
     """Return the points as columns, (2, P)."""
     try:
+        if any(isinstance(x, Expressions) for p in points for x in (p, *p)):
+            return _traced(points)  # type: ignore[return-value]
         return np.stack([np.reshape(np.asarray(p, dtype=float), 2) for p in points], axis=1)
     except (TypeError, ValueError) as error:
         raise ValueError(
             f"expected points (x, y) in the plane, found {', '.join(map(repr, points)) or 'none'}; "
             "of a point in space, choose two coordinates, or those of a projection"
         ) from error
+
+
+def _traced(points: tuple[Point, ...]) -> Expressions:
+    """Return the points of a `draw` that is traced, as columns, (2, P)."""
+    rows = [p if isinstance(p, Expressions) else list(p) for p in points]
+    return Expressions(ca.horzcat(*[column(row, "draw", 2) for row in rows]), 2)
