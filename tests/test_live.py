@@ -236,7 +236,8 @@ def test_how_a_scene_looks_is_known_of_any_path(name):
             points = found[at : at + 2 * shape.points.shape[1]].reshape(-1, 2).T
             at += points.size
         assert shape.kind == other.kind
-        assert points == pytest.approx(shape.points, abs=1e-12)
+        seen = scenes.project(shape.points)
+        assert seen == pytest.approx(scenes.project(points), abs=1e-12)
 
 
 def test_what_cannot_be_traced_is_shown_on_the_motion():

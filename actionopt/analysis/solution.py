@@ -211,7 +211,7 @@ class Solution:
     def contacts(self) -> tuple[Arc, ...]:
         """The parts of the path in contact with the obstacle, in order of time.
 
-        One of no length at a free end stands for an impulse: the momentum there.
+        A moment only is an impulse, p(t+) - p(t-) = - its size df/dq; at a free end, the momentum.
         """
         rows = np.isfinite(self.lam[self.problem.system.m :])
         return arcs_of(rows, self.mesh.boundaries, self.mesh.offsets)
@@ -392,7 +392,7 @@ class Solution:
     def _held_at(self, k: int) -> bool:
         """Whether the path is in contact next to the start (k = 0) or the end (1)."""
         t = self.mesh.boundaries[-k]
-        return any(arc.begin < arc.end and t in (arc.begin, arc.end) for arc in self.contacts)
+        return any(not arc.point and t in (arc.begin, arc.end) for arc in self.contacts)
 
     def _pointwise(self, name: str, t: ArrayLike) -> Array:
         """Return what a method of the system says along the path, (..., *t.shape)."""

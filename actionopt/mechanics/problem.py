@@ -194,7 +194,7 @@ class Tail(Event):
     phase: Phase | None
 
     def __init__(
-        self, t: float, rest: Sequence[float] | ArrayLike, side: int, phase: Phase | None = None
+        self, t: float, rest: Sequence[Any] | ArrayLike, side: int, phase: Phase | None = None
     ) -> None:
         row = tuple(number(x, "a coordinate at rest") for x in items(rest, "an equilibrium"))
         super().__init__(t, [None] * len(row))
@@ -381,12 +381,20 @@ class Problem:
         return isinstance(self.start, Tail) or isinstance(self.end, Tail)
 
     @property
+    def is_shifted(self) -> bool:
+        """Whether each path may be shifted in time at will, and nothing chooses one of them."""
+        ends = self.start, self.end
+        tails = all(isinstance(e, Tail) for e in ends)
+        timed = self.system.structure.depends_on_time
+        return tails and not timed and getattr(self.start, "phase", None) is None
+
+    @property
     def whole(self) -> Problem:
         """The problem with its events at infinite times, where it has windows' edges."""
         if not self.has_tails:
             return self
         ends = [e.limit if isinstance(e, Tail) else e for e in (self.start, self.end)]
-        return Problem(self.system, *ends, parameters=self.parameters)
+        return self.replace(start=ends[0], end=ends[1])
 
     @cached_property
     def rests(self) -> tuple[Rest | None, Rest | None]:

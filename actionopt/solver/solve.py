@@ -8,6 +8,7 @@ round interpolates the path on a better mesh and polishes it there, always the s
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Any, Literal, Never
@@ -45,6 +46,7 @@ FAMILY_CHANGE = 2.0  # of it by two more steps; measured: single paths 1.0, fami
 FAMILY_NOISE = 1e-9  # of one coordinate the noise itself tells; ad hoc
 OUTDATED = 1e-6  # change of multipliers, in whose matrix no family may show; ad hoc
 BENT = 1e-4  # in units of kinetic energy, as the index has it: of a family 1e-8; ad hoc
+DWELT = (Status.NOT_FOUND, Status.UNRESOLVED, Status.DEGENERATE, Status.FLOOR)  # what it may be
 LOST = (Status.NOT_FOUND, Status.UNRESOLVED)  # where one of a family may have been near
 
 
@@ -116,6 +118,8 @@ def solve(
     watch = None if seconds is progress is None else Watch(seconds, progress)
     choices = Choices(tol, principle, LADDERS[method], mesh, watch)
     solution, message = _asked(problem, guess, choices)
+    if solution.status in DWELT and mesh is None and not solution.problem.has_tails:
+        solution, message = _dwelling(problem, guess, choices, solution, message)
     if throw and not solution.success:
         raise SolveError(message, solution)
     return solution
@@ -187,25 +191,54 @@ def _solved(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[So
     return solution, "" if solution.success else _message(ws, solution.status, tol)
 
 
+def _dwelling(
+    problem: Problem, guess: Guess | None, choices: Choices, solution: Solution, message: str
+) -> tuple[Solution, str]:
+    """Return what can be said of a path that was not found between two equilibria, and a verdict.
+
+    That of infinite time shows the way, if there is one.
+    """
+    whole = window.between(problem)
+    if whole is None:
+        return solution, message
+    if guess is None:
+        with suppress(OutOfTime, ValueError):
+            known, _ = _in_windows(whole, None, choices)
+            if known.success:
+                near = _solved(problem, window.within(known, problem), choices)
+                # What a symmetry holds in its place shows no round-off.
+                if near[0].success and not near[0].inertia.nullity:
+                    return near
+                if near[0].success or near[0].status is Status.DEGENERATE:
+                    solution = near[0]
+    solution = replace(solution, status=Status.DWELLING)
+    return solution, f"{problem.name}: {Status.DWELLING.value} (tol = {choices.tol:g})"
+
+
 def _in_windows(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[Solution, str]:
     """Return the path of a problem with events at infinite times, and the verdict."""
     tolerance(choices.tol)
     here = window.first(problem, guess, choices.tol, choices.mesh)
     inner = replace(choices, tol=max(choices.tol * (1 - window.SHARE), FINEST))
-    for _ in range(window.WINDOWS):
+    left = np.inf
+    while True:
         solution, message = _solved(here.problem, here.guess, inner)
-        if guess is here.guess is None and solution.success and choices.principle != "stationary":
+        below = None
+        if solution.status in LOST and problem.system.n <= window.FEW:
+            below = window.down(here)
+        elif here.guess is None and solution.success and inner.principle != "stationary":
             below = window.lower(solution)
-            if below is not None:
-                solution, message = _solved(here.problem, below, inner)
+        if below is not None:
+            solution, message = _solved(here.problem, below, inner)
         later = window.longer(here, solution, choices.tol)
         if not solution.success or later is None or choices.mesh is not None:
             break
+        left, before = max(x[0] for x in here.edges(solution)), left
+        if left > before / 2:
+            message = window.unmet(choices.tol, left)
+            solution = replace(solution, status=Status.UNRESOLVED)
+            break
         here = later
-    else:
-        left = max(x[0] for x in here.edges(solution))
-        message = window.unmet(choices.tol, left)
-        solution = replace(solution, status=Status.UNRESOLVED)
     solution = window.judged(here, solution)
     return window.centred(solution), message
 

@@ -12,7 +12,7 @@ from actionopt.analysis.solution import Solution
 from actionopt.mechanics.expressions import Expressions
 from actionopt.plot.data.motion import Draw, motion_data
 from actionopt.plot.live.javascript import body
-from actionopt.scenes import Shape
+from actionopt.scenes import Shape, project
 
 FRAMES = 121
 
@@ -37,7 +37,7 @@ def drawing(solution: Solution, draw: Draw) -> dict[str, Any]:
         "shapes": [
             {"kind": shape.kind, "count": shape.points.shape[1]}
             if isinstance(shape.points, Expressions)
-            else {"kind": shape.kind, "points": np.round(shape.points.T, 6).tolist()}
+            else {"kind": shape.kind, "points": np.round(project(shape.points).T, 6).tolist()}
             for shape in shapes
         ],
     }
@@ -51,6 +51,6 @@ def traced(n: int, draw: Draw) -> tuple[Sequence[Shape], ca.Function]:
     """
     q, t = ca.SX.sym("q", n), ca.SX.sym("t")
     shapes = draw(Expressions(q, 1), Expressions(t, 0))  # type: ignore[arg-type]
-    points = [shape.points for shape in shapes]
+    points = [project(shape.points) for shape in shapes]
     moving = [ca.vec(x.sx) for x in points if isinstance(x, Expressions)]
     return shapes, ca.Function("draw", [q, t], [ca.densify(ca.vertcat(*moving, ca.SX(0, 1)))])
