@@ -5,7 +5,7 @@ import json
 import sys
 import tracemalloc
 from collections import Counter
-from time import perf_counter
+from time import process_time
 from types import SimpleNamespace
 
 import mpmath
@@ -491,18 +491,19 @@ def test_size_costs_no_more_than_its_share():
 
 @pytest.mark.slow
 def test_a_million_unknowns_are_built_in_seconds():
-    """Five seconds and 20 ms a gradient on a quiet machine; thrice that at most."""
-    clock = perf_counter()
+    """Of processor time four seconds and a quarter of one a gradient; thrice that at most."""
+    clock = process_time()
     problem = suite.get("oscillator", elements=250_000)
     x = problem.start()
     problem.gradient(x)
-    assert perf_counter() - clock < 15.0
+    assert problem.n == 999_999 and process_time() - clock < 12.0
     times = []
-    for _ in range(5):
-        clock = perf_counter()
+    for _ in range(3):
+        x = x + 1e-9  # what is known of the last point is kept
+        clock = process_time()
         problem.gradient(x)
-        times.append(perf_counter() - clock)
-    assert problem.n == 999_999 and min(times) < 0.06
+        times.append(process_time() - clock)
+    assert min(times) < 0.75
 
 
 @pytest.mark.slow
