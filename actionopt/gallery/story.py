@@ -53,7 +53,7 @@ def story() -> Page:
         census=_census(),
     )
     html = frame(
-        f"{TITLE} - actionopt",
+        TITLE,
         main,
         root="",
         description="When a stationary action is a least one: bowl, focus, saddle.",
