@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from actionopt.suite.cutest import Cutest
+from actionopt.suite.optiprofiler import actionopt_load, actionopt_select
 from actionopt.suite.program import Program
 from actionopt.suite.sparse import hessian, jacobian
 from actionopt.tools.types import Array, NDInt
@@ -14,6 +15,8 @@ from actionopt.tools.types import Array, NDInt
 __all__ = [
     "Cutest",
     "Ipopt",
+    "actionopt_load",
+    "actionopt_select",
     "cyipopt_arguments",
     "hessian",
     "jacobian",

@@ -48,11 +48,12 @@ class Limits:
     def of_constraints(self, which: Array, times: Array) -> tuple[Array, Array]:
         """Return the bounds of the functions `which` (K,) at the times (K,), each (K,).
 
-        Raises ValueError if a lower one is above the upper one.
+        Raises ValueError if a lower one is above the upper one, or both are infinite.
         """
         lower, upper = _sides(self.constraints, EQUAL, which, times)
-        if not np.all(lower <= upper):
-            k = int(np.argmin(lower <= upper))
+        fit = (lower <= upper) & (np.isfinite(lower) | np.isfinite(upper))
+        if not np.all(fit):
+            k = int(np.argmin(fit))
             raise ValueError(
                 f"expected the lower bound of constraint {which[k]} not above the upper one, found "
                 f"{lower[k]:.6g} and {upper[k]:.6g} at t = {times[k]:.6g}"

@@ -19,8 +19,7 @@ import numpy as np
 
 from actionopt.suite.problem import TestProblem
 from actionopt.suite.program import Program
-from actionopt.suite.stars import least_multipliers
-from actionopt.suite.tape import Evaluation, Listing, Node, Row, Tape
+from actionopt.suite.tape import Evaluation, Listing, Node, Row, Tape, first_multipliers
 from actionopt.tools.files import whole
 from actionopt.tools.types import Array
 
@@ -76,10 +75,10 @@ def lines(problem: Program, x0: Array, longest: tuple[int, int] = (0, 0)) -> Ite
         yield from _defined(listing, here, at, places)
     yield from _rows(listing)
     yield from _objective(listing, first)
-    if problem.m and not problem.inequalities:
-        lam = least_multipliers(problem.transcription, x0 / problem.unit)
-        yield f"d{problem.m}\n"
-        yield from _numbered(-lam * problem.transcription.mu_unit)
+    lam = first_multipliers(problem, x0)
+    if lam.size:
+        yield f"d{lam.size}\n"
+        yield from _numbered(-lam)
     yield f"x{problem.n}\n"
     yield from _numbered(x0)
     coefficients, constants = listing.linear
@@ -99,7 +98,7 @@ def _header(problem: Program, listing: Listing, rows: int, longest: tuple[int, i
     lower, upper = problem.constraint_bounds
     equations = int(np.sum(lower == upper))
     ranges = int(np.sum((lower < upper) & np.isfinite(lower) & np.isfinite(upper)))
-    each = len(_moving(listing)) + len(listing.lagrangian.shared)
+    each = len(listing.moving) + len(listing.lagrangian.shared)
     return f"""\
 g3 1 1 0  # problem {problem.name}; the multipliers of AMPL are minus those of f + lam'c
  {n} {m} 1 {ranges} {equations}  # vars, constraints, objectives, ranges, eqns
@@ -117,14 +116,9 @@ g3 1 1 0  # problem {problem.name}; the multipliers of AMPL are minus those of f
 # -- the objective ---------------------------------------------------------------------------
 
 
-def _moving(listing: Listing) -> list[int]:
-    """Return the coordinates of which L needs the velocity."""
-    return [a for a in range(listing.layout.system.n) if listing.lagrangian.uses((1, a))]
-
-
 def _placed(listing: Listing, first: int) -> Iterator[tuple[Evaluation, int, dict[str, Any]]]:
     """Yield each evaluation, its first defined variable, and what L's operands are there."""
-    moving, shared = _moving(listing), len(listing.lagrangian.shared)
+    moving, shared = listing.moving, len(listing.lagrangian.shared)
     place = {a: i for i, a in enumerate(moving)}
     at = first
     for here in listing.evaluations():
@@ -148,7 +142,7 @@ def _places(listing: Listing, here: Evaluation | Row) -> dict[str, Any]:
 
 def _defined(listing: Listing, here: Evaluation, at: int, places: dict[str, Any]) -> Iterator[str]:
     """Yield the defined variables of one evaluation: the velocities, and what is shared."""
-    moving, tape = _moving(listing), listing.lagrangian
+    moving, tape = listing.moving, listing.lagrangian
     for i, a in enumerate(moving):
         free = (here.around[:, a] >= 0) & (here.rate != 0)
         columns = here.around[free, a]

@@ -15,6 +15,7 @@ import casadi as ca
 import numpy as np
 
 from actionopt.suite.program import Program
+from actionopt.suite.stars import least_multipliers
 from actionopt.tools.types import Array, NDInt
 
 
@@ -129,6 +130,11 @@ class Listing:
         self._linear = ca.Function("linear", [t], [ca.densify(slopes)])
         self._rest = ca.Function("rest", [q, t], [ca.densify(rests)])
 
+    @property
+    def moving(self) -> list[int]:
+        """The coordinates of which L needs the velocity."""
+        return [a for a in range(self.layout.system.n) if self.lagrangian.uses((1, a))]
+
     @cached_property
     def pinned(self) -> Array:
         """Coordinates that are given at the nodes, (K, n), and zeros."""
@@ -233,3 +239,14 @@ class Row:
     given: Array
     time: float
     weight: float
+
+
+def first_multipliers(problem: Program, x0: Array) -> Array:
+    """Return multipliers lam (m,) to begin with: those that fit x0 best in the sense of squares.
+
+    None with inequalities: which of them hold is not known there.
+    """
+    if problem.inequalities:
+        return np.zeros(0)
+    tr = problem.transcription
+    return least_multipliers(tr, x0 / problem.unit) * tr.mu_unit
