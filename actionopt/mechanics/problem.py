@@ -359,11 +359,6 @@ class Problem:
                 "expected an Event as the end of a path along an obstacle, found a Periodic end: "
                 "closed paths do not know contact; give the end a time and coordinates"
             )
-        if self.is_infinite:
-            raise ValueError(
-                "expected both times of a path along an obstacle to be finite, found "
-                f"{self.start.t} and {self.end.t}; give a long time"
-            )
         check_rows(self.system)
         ends = [(role, e.t, e.q) for role, e in (("start", self.start), ("end", self.end))]
         check_outside(self.system, self.packed, ends, self.scales, self.duration)
