@@ -120,7 +120,8 @@ def solve(
     watch = None if seconds is progress is None else Watch(seconds, progress)
     choices = Choices(tol, principle, LADDERS[method], mesh, watch)
     solution, message = _asked(problem, guess, choices)
-    if solution.status in DWELT and mesh is None and not solution.problem.has_tails:
+    fixed = mesh is not None or problem.system.r > 0
+    if solution.status in DWELT and not fixed and not solution.problem.has_tails:
         solution, message = _dwelling(problem, guess, choices, solution, message)
     if throw and not solution.success:
         raise SolveError(message, solution)
