@@ -149,12 +149,23 @@ def _add_chapter(command: argparse.ArgumentParser) -> None:
     command.add_argument("section", nargs="?", default="", help="only this section, as in 12.4")
 
 
+def _add_exercise(command: argparse.ArgumentParser) -> None:
+    command.description = (
+        "Write a lesson of the course as Jupyter notebooks: NAME.ipynb to work in, and "
+        "NAME-answers.ipynb. Without a name, list the lessons."
+    )
+    command.set_defaults(run=_exercise)
+    command.add_argument("name", nargs="?", metavar="NAME", help="of a lesson")
+    command.add_argument("folder", nargs="?", default=".", metavar="FOLDER", help="where to (here)")
+
+
 COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None] | None]] = {
     "list": ("name the scenes, or tell of one", _add_list),
     "solve": ("solve a scene or a file", _add_solve),
     "sweep": ("solve a scene or a file over a grid of values", _add_sweep),
     "explore": ("open a window: drag a path, see its action, slide the end time", _add_explore),
     "chapter": ("run the chapter on Lagrangian mechanics", _add_chapter),
+    "exercise": ("write a lesson of the course as notebooks", _add_exercise),
     "suite": ("test problems for optimisers", None),
     "gallery": ("write the scenes as web pages", None),
 }
@@ -233,6 +244,19 @@ def _some(names: Sequence[str], most: int = 4) -> str:
     """Return the names, those in the middle of a long row left out."""
     shown = names if len(names) <= most else (*names[: most - 1], "...", names[-1])
     return ", ".join(shown)
+
+
+def _exercise(options: argparse.Namespace) -> int:
+    from actionopt.gallery.course.lessons import LESSONS
+
+    if options.name is None:
+        print_table([("lesson", "what it is"), *((x.name, x.title) for x in LESSONS)])
+        return 0
+    from actionopt.gallery.course.notebook import exercise
+
+    for file in exercise(options.name, options.folder):
+        print(file)
+    return 0
 
 
 # -- chapter ---------------------------------------------------------------------------------

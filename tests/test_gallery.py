@@ -14,6 +14,7 @@ from actionopt import Event, Mesh, scenes
 from actionopt.cli import main
 from actionopt.discrete.transcription import Transcription
 from actionopt.gallery import build, builder
+from actionopt.gallery.course.lessons import LESSONS
 from actionopt.gallery.facts import known, named
 from actionopt.gallery.figures import fronts_caption
 from actionopt.gallery.index_page import SECTIONS, section
@@ -24,7 +25,7 @@ from actionopt.solver.solve import solve
 from actionopt.tools.greek import GREEK
 
 NAMES = ["drag_quadratic", "rod_pendulum"]
-VOID = {"meta", "link", "img", "input", "br"}
+VOID = {"meta", "link", "img", "input", "br", "source"}
 SAME = 1e-9  # of an action computed twice
 CLOSE = 1e-9  # of what is known exactly, for paths good to 1e-10 and their accelerations
 
@@ -33,7 +34,7 @@ CLOSE = 1e-9  # of what is known exactly, for paths good to 1e-10 and their acce
 def gallery(tmp_path_factory):
     """A gallery of two scenes."""
     target = tmp_path_factory.mktemp("gallery")
-    assert build(target, NAMES, jobs=1) == ["least", *NAMES]
+    assert build(target, NAMES, jobs=1) == ["least", "course", *NAMES]
     return target
 
 
@@ -62,7 +63,7 @@ class Checked(HTMLParser):
             self.open.append(tag)
         if "id" in given:
             self.ids.append(given["id"])
-        self.links += [given[name] for name in ("href", "src") if name in given]
+        self.links += [given[name] for name in ("href", "src", "srcset") if name in given]
         if re.fullmatch("h[1-6]", tag):
             self.headings.append(int(tag[1]))
         if tag == "img":
@@ -84,7 +85,7 @@ class Checked(HTMLParser):
 
 
 def test_pages_are_whole(gallery):
-    assert len(pages(gallery)) == 2 + len(NAMES)
+    assert len(pages(gallery)) == 3 + len(LESSONS) + len(NAMES)
     shown = set()
     for file in pages(gallery):
         page = Checked()
@@ -109,14 +110,17 @@ def test_pages_are_whole(gallery):
 
 def test_nothing_comes_from_elsewhere(gallery):
     for name, content in files(gallery).items():
+        if name.endswith((".woff", ".txt")):  # a font, and its licence
+            continue
         text = content.decode()
         loads = r"""(?:href|src)=["']?(?:https?:)?//|url\(["']?(?:https?:)?//|@import|fetch\("""
         assert not re.search(loads, text), name
 
 
 def test_what_a_scene_is_decides_its_figures(gallery):
-    drag = {f.stem for f in (gallery / "drag_quadratic").glob("*.svg")}
-    rod = {f.stem for f in (gallery / "rod_pendulum").glob("*.svg")}
+    drag, rod = (
+        {f.stem.removesuffix("-narrow") for f in (gallery / name).glob("*.svg")} for name in NAMES
+    )
     assert drag == {"motion", "thumbnail", "path", "conserved", "mesh"}
     assert rod >= drag | {"landscape", "slices", "bundle", "energies", "spectrum"}
     page = (gallery / "drag_quadratic" / "index.html").read_text(encoding="utf-8")
@@ -218,13 +222,13 @@ def test_what_stands_is_not_made_again(gallery, quick):
 
 def test_what_is_missing_is_made_again_and_what_is_left_over_goes(tmp_path, quick):
     first = build(tmp_path, ["projectile"], jobs=1)
-    assert first == quick == ["least", "projectile"]
+    assert first == quick == ["least", "course", "projectile"]
     before = files(tmp_path)
-    assert {"least/1.svg", "projectile/2.svg", "index.html", "style.css"} <= set(before)
+    assert {"least/1.svg", "projectile/3.svg", "index.html", "style.css"} <= set(before)
     (tmp_path / "projectile" / "index.html").unlink()
     assert build(tmp_path, ["pendulum", "projectile"], jobs=1) == ["pendulum", "projectile"]
     after = files(tmp_path)
-    assert "projectile/4.svg" in after and "projectile/2.svg" not in after
+    assert "projectile/5.svg" in after and "projectile/3.svg" not in after
     assert build(tmp_path, ["pendulum"], jobs=1) == []
     assert files(tmp_path) == after  # the index still has both
     index = after["index.html"].decode()
@@ -233,8 +237,8 @@ def test_what_is_missing_is_made_again_and_what_is_left_over_goes(tmp_path, quic
 
 def test_an_interrupted_build_goes_on(tmp_path, quick):
     def stop(done, total, name):
-        assert total == 3
-        if done == 2:
+        assert total == 4
+        if done == 3:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -242,8 +246,22 @@ def test_an_interrupted_build_goes_on(tmp_path, quick):
     assert not list(tmp_path.rglob("*.part*"))
     seen = []
     left = build(tmp_path, NAMES, show=lambda *now: seen.append(now), jobs=1)
-    assert left == ["rod_pendulum"] and seen == [(3, 3, "rod_pendulum")]
-    assert quick == ["least", *NAMES]
+    assert left == ["rod_pendulum"] and seen == [(4, 4, "rod_pendulum")]
+    assert quick == ["least", "course", *NAMES]
+
+
+def test_links_lead_to_pages_that_are_there(tmp_path, monkeypatch):
+    def make(name):
+        links = "".join(f'<a href="../{x}/index.html">{x}</a>' for x in ("kepler", "pendulum"))
+        return Page({f"{name}/index.html": links})
+
+    monkeypatch.setattr(builder, "make", make)
+    build(tmp_path, ["kepler"], jobs=1)
+    page = tmp_path / "kepler" / "index.html"
+    assert page.read_text() == '<a href="../kepler/index.html">kepler</a>pendulum'
+    assert build(tmp_path, ["pendulum"], jobs=1) == ["least", "course", "pendulum"]
+    assert build(tmp_path, ["kepler"], jobs=1) == ["kepler"]
+    assert 'href="../pendulum/index.html"' in page.read_text()
 
 
 def test_a_page_that_cannot_be_written_leaves_the_old_one(tmp_path, quick, monkeypatch):
@@ -276,7 +294,7 @@ def test_problems_of_ones_own_have_pages(tmp_path, quick, capsys):
     file.write_text(OWN)
     build(target, ["projectile"], jobs=1)
     assert main(["gallery", str(target), str(file), "projectile"]) == 0
-    assert quick == ["least", "projectile"]
+    assert quick == ["least", "course", "projectile"]
     page = (target / "free" / "index.html").read_text(encoding="utf-8")
     assert page.count("<h1>Free</h1>") == 1 and "../index.html" in page
     index = (target / "index.html").read_text(encoding="utf-8")
@@ -328,7 +346,7 @@ def test_pages_follow_their_sources(tmp_path):
 def test_pages_made_from_other_sources_are_made_again(tmp_path, quick, monkeypatch):
     build(tmp_path, ["projectile"], jobs=1)
     monkeypatch.setattr(builder, "sources", lambda: "new")
-    assert build(tmp_path, ["projectile"], jobs=1) == ["least", "projectile"]
+    assert build(tmp_path, ["projectile"], jobs=1) == ["least", "course", "projectile"]
 
 
 def test_a_scene_that_is_not_there(tmp_path):
@@ -340,11 +358,17 @@ def test_a_scene_that_is_not_there(tmp_path):
 # -- films ------------------------------------------------------------------------------------
 
 
-def test_one_path_relaxes_to_the_motion_and_the_other_falls_below_it(gallery):
+def test_one_path_relaxes_to_the_motion_and_the_other_runs_away_on_one_clock(gallery):
     page = (gallery / "least.html").read_text(encoding="utf-8")
     found = map(json.loads, re.findall(r'<script type="application/json">(.*?)</script>', page))
-    films = [data for data in found if "shapes" in data]
-    away = [np.array(f["shapes"][1]["points"][-1]) - f["shapes"][0]["points"][0] for f in films]
+    (film,) = (data for data in found if "shapes" in data)
+    kinds = ("motion", "trial", "dot")
+    truth, trial, dots = (
+        [np.array(s["points"]) for s in film["shapes"] if s["kind"] == kind] for kind in kinds
+    )
+    away = [path[-1] - still[0] for path, still in zip(trial, truth, strict=True)]
+    assert len(trial[0]) == len(trial[1]) == len(dots[0]) == len(film["labels"])  # one clock
+    assert np.ptp(dots[0][-5:], axis=0) == pytest.approx(0, abs=1e-3)  # at rest on the map
     assert np.max(np.abs(away[0])) < 0.01 < 0.3 < np.max(np.abs(away[1]))
 
 

@@ -303,6 +303,23 @@ def test_a_path_relaxes_or_runs_away_and_the_machine_hunts(folder, chromium):
     assert "runs away" in chromium.run("document.querySelector('.live .message').textContent")
 
 
+def test_arrows_end_to_end(folder, chromium):
+    """Their sum is sqrt(2 pi i hbar / S''), a quarter turn less past the focus."""
+    opened(chromium, folder, scenes.get("oscillator"))
+    press(chromium, "solve")
+    chromium.run("document.querySelector('.sum').open = true")
+    chromium.run("new Promise(requestAnimationFrame)")
+    for T, turned in ((2.5, 45), (4.0, -45)):
+        chromium.run(f"document.querySelector('.live').live.setDuration({T})")
+        for power in (-2.5, -1.5, -0.5):
+            chromium.run(
+                f"(() => {{ const s = document.querySelector('.sum input'); s.value = {power};"
+                " s.dispatchEvent(new Event('input')) })()"
+            )
+            assert told(chromium, "turned") == pytest.approx(turned, abs=0.2)
+            assert told(chromium, "sum") == pytest.approx(told(chromium, "limit"), rel=0.02)
+
+
 def test_with_a_force_nothing_is_said_of_slopes(folder, chromium):
     opened(chromium, folder, scenes.get("damped_oscillator"))
     words = chromium.run("document.querySelector('.live').innerText")

@@ -32,7 +32,8 @@ PACKAGE = Path(scenes.__file__).parent.parent
 SHARED = (PACKAGE / "gallery" / "static", PACKAGE / "plot" / "live" / "static")  # by all pages
 LIBRARIES = ("casadi", "matplotlib", "numpy")
 MANIFEST = "manifest.json"
-STORY = "least"
+STORY, COURSE = "least", "course"
+LINK = re.compile(r'<a href="(?:\.\./)?(\w+)/index\.html">(.*?)</a>')
 JOBS = 2
 THREADS = "OMP_NUM_THREADS"
 
@@ -46,7 +47,7 @@ def build(
     show: Show | None = None,
     jobs: int = JOBS,
 ) -> list[str]:
-    """Write the pages of what is asked for (all scenes by default), the story and the index.
+    """Write the pages of what is asked for (all scenes by default), story, course and index.
 
     Parameters
     ----------
@@ -81,20 +82,22 @@ def build(
     target.mkdir(parents=True, exist_ok=True)
     written = _manifest(target)
     _keep(target, written)
-    wanted = [STORY, *dict.fromkeys(known or (() if own else scenes.SCENES))]
+    wanted = [STORY, COURSE, *dict.fromkeys(known or (() if own else scenes.SCENES))]
     key = sources()
-    ahead = [name for name in wanted if not _stands(target, written.get(name), key)]
+    there = {*wanted, *written}
+    ahead = [name for name in wanted if not _stands(target, written.get(name), key, there)]
     total = len(wanted) + len(own)
     for file in (file for folder in SHARED for file in folder.iterdir()):
-        write(target / file.name, file.read_text(encoding="utf-8"))
+        write(target / file.name, file.read_bytes())
     done = len(wanted) - len(ahead)
     with closing(_made(ahead, jobs)) as made:
         for name, page in chain(made, ((name, _own(own[name])) for name in own)):
             files = {
                 f"{name}/{file}" if name in own else file: text for file, text in page.files.items()
             }
+            without: set[str] = set()
             for file, text in files.items():
-                write(target / file, text)
+                write(target / file, _linked(text, there, without))
             before = written.get(name, {}).get("files", [])
             for file in set(before) - set(files):
                 (target / file).unlink(missing_ok=True)
@@ -103,15 +106,16 @@ def build(
                 "files": sorted(files),
                 "tags": page.tags,
                 "motion": page.motion,
+                "without": sorted(without),
                 "title": page.title,
             }
             _keep(target, written)
             done += 1
             if show is not None:
                 show(done, total, name)
-    there = {name: entry for name, entry in written.items() if name in scenes.SCENES}
+    shown = {name: entry for name, entry in written.items() if name in scenes.SCENES}
     others = {name: entry["title"] for name, entry in written.items() if entry.get("title")}
-    write(target / "index.html", index_page(there, others))
+    write(target / "index.html", index_page(shown, others))
     return [*ahead, *own]
 
 
@@ -126,7 +130,7 @@ def _named(questions: Sequence[Scene | Problem]) -> dict[str, Scene | Problem]:
             )
         plain = re.sub(r"\W+", "_", question.name).strip("_") or "problem"
         tries = chain([plain], (f"{plain}_{k}" for k in count(2)))
-        found[next(x for x in tries if x not in (STORY, *scenes.SCENES, *found))] = question
+        found[next(x for x in tries if x not in (STORY, COURSE, *scenes.SCENES, *found))] = question
     return found
 
 
@@ -142,15 +146,18 @@ def sources(folder: Path = PACKAGE) -> str:
     """Return a digest of all that pages are made from: the package's files, and the libraries."""
     digest = sha256("".join(f"{name} {version(name)}\n" for name in LIBRARIES).encode())
     for file in sorted(folder.rglob("*")):
-        if file.suffix in (".py", ".html"):
+        if file.suffix in (".py", ".html", ".json"):
             digest.update(f"{file.relative_to(folder)}\n".encode() + file.read_bytes())
     return digest.hexdigest()
 
 
 def make(name: str) -> Page:
-    """Return the page of a scene, or the story."""
+    """Return the page of a scene, the story, or the course."""
     from actionopt.gallery import scene_page, story  # matplotlib, only now
+    from actionopt.gallery.course import pages
 
+    if name == COURSE:
+        return pages.course()
     return story.story() if name == STORY else scene_page.scene_page(name)
 
 
@@ -188,6 +195,18 @@ def _one_thread() -> Generator[None, None, None]:
             os.environ[THREADS] = before
 
 
+def _linked(text: str, there: set[str], without: set[str]) -> str:
+    """Return a page whose links to scenes that are not there are words alone; add those names."""
+
+    def kept(link: re.Match[str]) -> str:
+        if link[1] in there or link[1] not in scenes.SCENES:
+            return link[0]
+        without.add(link[1])
+        return link[2]
+
+    return LINK.sub(kept, text)
+
+
 def _manifest(target: Path) -> dict[str, Any]:
     """Return what is known of the pages there; nothing of a new gallery."""
     file = target / MANIFEST
@@ -205,10 +224,11 @@ def _keep(target: Path, written: Mapping[str, Any]) -> None:
     write(target / MANIFEST, json.dumps(written, indent=1, sort_keys=True))
 
 
-def _stands(target: Path, entry: Mapping[str, Any] | None, key: str) -> bool:
-    """Return whether a page has this key and all its files."""
+def _stands(target: Path, entry: Mapping[str, Any] | None, key: str, there: set[str]) -> bool:
+    """Return whether a page has this key, all its files, and all links to pages that are there."""
     return (
         entry is not None
         and entry["key"] == key
+        and not there.intersection(entry["without"])
         and all((target / file).is_file() for file in entry["files"])
     )

@@ -74,7 +74,7 @@ the numbers found next to what is known exactly. The sections are those of a tex
 <p class="feature"><strong><a href="least.html">Is it really least?</a></strong>
 <span>Bend a path yourself, and see the action rise, or fall.</span></p></header>
 {_own(own)}{body}"""
-    return frame("actionopt gallery", main, root="", description="Stationary action in pictures")
+    return frame("Gallery", main, root="", description="Stationary action in pictures")
 
 
 def _own(titles: Mapping[str, str]) -> str:

@@ -7,7 +7,7 @@ nothing. Next to it is a function that returns the arrays it draws.
 from actionopt.plot._energies import conserved, energies
 from actionopt.plot._explore import Explorer, explore
 from actionopt.plot._fan import fan, wavefronts
-from actionopt.plot._files import save, save_runs, svg
+from actionopt.plot._files import save, save_runs, svg, svgs
 from actionopt.plot._film import animation, film
 from actionopt.plot._names import SI, Units, planar, symbol
 from actionopt.plot._paths import deviation, family, mesh, overview, paths
@@ -101,6 +101,7 @@ __all__ = [
     "spectrum",
     "spectrum_data",
     "svg",
+    "svgs",
     "symbol",
     "wavefronts",
 ]

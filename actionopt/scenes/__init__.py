@@ -18,7 +18,7 @@ from actionopt.mechanics.tracing import suggestion
 from actionopt.scenes import _scene
 from actionopt.scenes._own import from_file
 from actionopt.scenes._scene import Facts, Scene, Words
-from actionopt.scenes._shapes import Shape, body, circle, ground, rod, spring
+from actionopt.scenes._shapes import Shape, body, circle, ground, project, rod, spring
 
 __all__ = [
     "SCENES",
@@ -32,6 +32,7 @@ __all__ = [
     "get",
     "ground",
     "parameters",
+    "project",
     "rod",
     "spring",
     "title",

@@ -124,16 +124,18 @@ def figure(
     caption: str = "",
     name: str = "",
     shown: bool = False,
+    arrows: bool = False,
 ) -> str:
     """Return the live figure of a problem as HTML; it needs `SCRIPTS` and the style.
 
-    `name` tells it from others on a page, and `shown` is whether the motion is seen from the
-    start. Raises ValueError as `data` does.
+    `name` tells it from others on a page; `shown` is whether the motion is seen from the start,
+    and with `arrows` the sum over paths is all that is. Raises ValueError as `data` does.
     """
     found: dict[str, Any] = {"name": name or problem.name, **data(problem, solution, units)}
     text = json.dumps(found, separators=(",", ":")).replace("</", "<\\/")
     words = f"\n<figcaption>{caption}</figcaption>" if caption else ""
-    return f"""<figure class="live" data-live="{escape(found["name"])}"{" data-show" * shown}>
+    looks = " data-show" * shown + " data-sum" * arrows
+    return f"""<figure class="live" data-live="{escape(found["name"])}"{looks}>
 <script type="application/json">{text}</script>
 <noscript><p>Scripts are off: the path cannot be bent.</p></noscript>{words}
 </figure>"""

@@ -9,6 +9,7 @@
   const SLOW = 0.15, MOST = 400; // of a step downhill; steps
   const AWAY = 12; // of the picture, where a path that runs away is let go
   const SNAP = 0.006; // of the slider: nearer than this to a conjugate time it is that time
+  const TURNS = 6, WHOLE = 0.3, ARROWS = 361, NEIGHBOURS = 31, WIDEST = 8; // of the sum over paths: data/phasors.py
   const still = matchMedia("(prefers-reduced-motion: reduce)");
   const { Action } = globalThis.actionopt;
 
@@ -39,7 +40,9 @@
     runs: "The path runs away and S falls without end: the motion is on no valley\u2019s floor.",
     level: "The slope is zero here: bend the path a little, and let go.",
     hunted: (k) => `The machine moved one handle at a time, ${k} trials, and kept what lowered S.`,
-    events: (t) => `t (${t})`,
+    sum: "Sum over paths", hbar: "\u0127", neighbours: "Neighbours, coloured by the phase of exp(iS/\u0127)", arrows: "An arrow exp(iS/\u0127) for each, end to end",
+    turned: (found, known) => `The sum of all arrows is turned by ${found}\u00b0; by ${known}\u00b0 for small \u0127.`,
+    focus: "At the focus S does not change to second order: all the neighbours agree, and the sum is as long as it gets.",
   };
 
   const element = (parent, name, look, text) => {
@@ -206,6 +209,23 @@
       (table.rows ??= []).push(made);
       say();
     });
+    const paths = forced ? null : html(figure, "details", { class: "sum" });
+    if (paths) {
+      html(paths, "summary", {}, W.sum);
+      paths.open = "sum" in figure.dataset;
+      paths.hbar = slider(html(paths, "div", { class: "controls sliders" }), W.hbar, -3, -0.3, -1.2);
+      const both = html(paths, "div", { class: "panels even" });
+      paths.near = new Panel(html(both, "div", { class: "column" }), W.neighbours, "near", (w) => Math.min(330, 0.7 * w + 40));
+      paths.spiral = new Panel(html(both, "div", { class: "column" }), W.arrows, "spiral", (w) => Math.min(330, 0.7 * w + 40));
+      paths.words = html(paths, "p", { class: "note", role: "status" });
+      for (const [parent, name, count, look] of [["near", "strands", NEIGHBOURS, ""], ["spiral", "turns", 24, ""]])
+        paths[name] = Array.from({ length: count }, () => element(paths[parent].lines, name === "turns" ? "path" : "g", look));
+      paths.truth = element(paths.near.lines, "g");
+      paths.total = element(paths.spiral.marks, "path", "total");
+      paths.limit = element(paths.spiral.marks, "path", "motion");
+      paths.hbar.input.addEventListener("input", sum);
+      paths.addEventListener("toggle", () => { layout(); });
+    }
     const caption = figure.querySelector("figcaption");
     if (caption) figure.append(caption);
 
@@ -272,6 +292,7 @@
 
     function layout() {
       all.forEach((panel) => panel.layout());
+      if (paths?.open) for (const panel of [paths.near, paths.spiral]) panel.layout();
       draw();
     }
 
@@ -334,8 +355,8 @@
       const missing = A.missing(trial), mine = pairs ? pairs.flat() : [chosen];
       if (held === null || !forces) {
         const reach = Math.max(...mine.flatMap((i) => Array.from(missing[i], Math.abs)), 1e-9 * (forces?.[1] ?? 1) + 1e-12);
-        const top = Math.max(1.1 * reach, (forces?.[1] ?? 0) / 8);
-        forces = [-top, top];
+        const top = Math.max(1.1 * reach, (forces?.most ?? 0) / 8); // what vanishes is seen to vanish
+        forces = Object.assign([-top, top], { most: Math.max(top, forces?.most ?? 0) });
       }
       missingPanel.scale([A.start, right], forces);
       missingPanel.axes(inTime, [...new Set(mine.map((i) => data.coordinates[i].force).filter(Boolean))].map((word) => `(${word})`).join(" "));
@@ -356,7 +377,67 @@
       verdictOf();
       time.clock.textContent = unit(fixed(A.duration, 3), units.time);
       time.input.setAttribute("aria-valuetext", time.clock.textContent);
+      sum();
       Object.assign(figure.dataset, { action: value, rise, slope: distance, duration: A.duration, best: best ?? "", bend: size(bend()) });
+    }
+
+    // -- the sum over paths, along the present bend or half a wave
+    function sum() {
+      if (!paths?.open || held !== null) return;
+      const Q = motion.Q, wave = ripple(1), mine = trial.map((x, i) => x - Q[i]);
+      const b = size(mine) < 1e-7 ? wave : mine.map((x) => (x * size(wave)) / size(mine));
+      const S0 = S(Q), along = (a) => { const moved = plus(Q, a, b); return moved ? S(moved) - S0 : NaN; };
+      const h = 1e-3, second = (along(h) + along(-h)) / (h * h), unitOf = (paths.unit ??= Math.abs(second) || 1);
+      const hbar = unitOf * 10 ** Number(paths.hbar.input.value), reach = Math.min(WIDEST, Math.sqrt((4 * Math.PI * TURNS * hbar) / Math.abs(second)));
+      paths.hbar.clock.textContent = energy(hbar, 2);
+      const whole = (x) => { // falls smoothly from 1 to 0 towards the ends
+        const u = (Math.abs(x) - WHOLE) / (1 - WHOLE);
+        return u <= 0 ? 1 : u >= 1 ? 0 : 1 / (1 + Math.exp(1 / (1 - u) - 1 / u));
+      };
+      const hue = (phase) => `hsl(${(((phase * 180) / Math.PI) % 360).toFixed(0)} 70% 50%)`, step = (2 * reach) / (ARROWS - 1);
+      const ends = [[0, 0]], phases = [];
+      for (let k = 0; k < ARROWS; k++) {
+        const a = reach * ((2 * k) / (ARROWS - 1) - 1), rise = along(a), [x, y] = ends[k];
+        if (!Number.isFinite(rise)) { ends.push([x, y]); phases.push(0); continue; }
+        const long = step * whole(a / reach);
+        phases.push(rise / hbar);
+        ends.push([x + long * Math.cos(rise / hbar), y + long * Math.sin(rise / hbar)]);
+      }
+      const total = ends[ARROWS], limit = second > 0 ? 45 : -45, length = Math.sqrt((2 * Math.PI * hbar) / Math.abs(second));
+      const known = [length * Math.SQRT1_2, Math.sign(second) * length * Math.SQRT1_2];
+      // the neighbours
+      const near = paths.near, [x, y] = curves()[0];
+      near.scale(view.x, view.y, Boolean(pairs));
+      near.axes(x === null ? inTime : axis(x), axis(y));
+      const curve = (group, rows, look, colour) => group.replaceChildren(...curves().map((pair) => {
+        const line = document.createElementNS(NS, "polyline");
+        put(line, { points: near.points(drawn(rows, pair)), class: look, ...(colour && { style: `stroke: ${colour}` }) });
+        return line;
+      }));
+      paths.strands.forEach((group, k) => {
+        const a = 0.4 * reach * ((2 * k) / (NEIGHBOURS - 1) - 1), moved = plus(Q, a, b);
+        if (moved) curve(group, A.seen(moved, 6), "strand", hue((S(moved) - S0) / hbar));
+        else group.replaceChildren();
+      });
+      curve(paths.truth, A.seen(Q, 6), "trial truth");
+      // the arrows
+      const spiral = paths.spiral, [a, c] = span([...ends.map((e) => e[0]), known[0]]), [d, e] = span([...ends.map((p) => p[1]), known[1]]);
+      spiral.scale(padded([a, c], 0.12, 1e-9), padded([d, e], 0.12, 1e-9), true);
+      spiral.axes("Re", "Im");
+      paths.turns.forEach((line, k) => {
+        const from = Math.round((k * ARROWS) / 24), to = Math.round(((k + 1) * ARROWS) / 24);
+        put(line, { d: `M${spiral.points(ends.slice(from, to + 1)).replace(/ /g, "L")}`, class: "arrows" });
+      });
+      const arrow = ([u, v]) => {
+        const [px, py, qx, qy] = [spiral.X(0), spiral.Y(0), spiral.X(u), spiral.Y(v)], way = Math.atan2(qy - py, qx - px);
+        const tip = (by) => `M${qx},${qy}L${qx - 11 * Math.cos(way + by)},${qy - 11 * Math.sin(way + by)}`;
+        return `M${px},${py}L${qx},${qy}${tip(0.4)}${tip(-0.4)}`;
+      };
+      paths.total.setAttribute("d", arrow(total));
+      paths.limit.setAttribute("d", `M${spiral.X(0)},${spiral.Y(0)}L${spiral.X(known[0])},${spiral.Y(known[1])}`);
+      const degrees = (Math.atan2(total[1], total[0]) * 180) / Math.PI, signed = (x) => (x > 0 ? "+" : "") + fixed(x, 0);
+      paths.words.textContent = reach >= WIDEST ? W.focus : W.turned(signed(degrees), signed(limit));
+      Object.assign(figure.dataset, { turned: degrees, sum: Math.hypot(...total), limit: length });
     }
 
     // -- what the motion is
@@ -636,11 +717,11 @@
     rebuild();
     if (shown) trial = motion.Q.slice();
     layout();
-    if (shown) ways.bend();
-    else message.textContent = W.hint;
+    if (shown && !("sum" in figure.dataset)) ways.bend();
+    else if (!shown) message.textContent = W.hint;
     foci();
     new ResizeObserver(layout).observe(figure);
-    figure.live = { A, setDuration, setParameter, trial: () => trial, motion: () => motion.Q };
+    figure.live = { A, sum, setDuration, setParameter, trial: () => trial, motion: () => motion.Q };
   }
 
   document.querySelectorAll("[data-live]").forEach(start);
