@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from actionopt.discrete.bordered import over
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Event, Periodic, Problem
 
@@ -15,15 +16,23 @@ Name = str | tuple[str, str]
 def present(problem: Problem, name: Name) -> float:
     """Return the value that a quantity has: a parameter of one number, a time or a coordinate.
 
-    Names are those of parameters, "t0" and "t1", ("start", coordinate) and ("end", coordinate).
+    Names are those of parameters, "t0", "t1" and "energy", ("start", coordinate) and ("end",
+    coordinate).
 
     Raises
     ------
     ValueError
         If there is no such quantity, or the events leave it open.
     """
-    if name in ("t0", "t1"):
-        return (problem.start if name == "t0" else problem.end).t
+    problem = problem.asked or problem
+    if name in ("t0", "t1", "energy"):
+        times = {"t0": problem.start.t, "t1": problem.end.t, "energy": problem.energy}
+        if times[name] is None:
+            raise ValueError(
+                f"expected a quantity that is given, found {name!r}: the energy is given where a "
+                "time is free, and that time is not"
+            )
+        return times[name]
     if isinstance(name, tuple) and len(name) == 2 and name[0] in ("start", "end"):
         if name[0] == "end" and isinstance(problem.end, Periodic):
             raise ValueError("expected an end of its own to vary: this one closes on the start")
@@ -57,8 +66,11 @@ def moved(problem: Problem, values: Mapping[Name, float]) -> Problem:
     >>> later.end.t, later.end.q, float(later.parameters["g"])
     (2.0, (0.5,), 1.62)
     """
+    problem = problem.asked or problem
     events = {"start": list(problem.start.q), "end": list(problem.end.q)}
     times, parameters = {"t0": problem.start.t, "t1": problem.end.t}, {}
+    values = dict(values)
+    energy = values.pop("energy", None)
     for name, value in values.items():
         if isinstance(name, tuple):
             events[name[0]][problem.system.coordinates.index(name[1])] = value
@@ -69,11 +81,13 @@ def moved(problem: Problem, values: Mapping[Name, float]) -> Problem:
         start=Event(times["t0"], events["start"]),
         end=problem.end.at(times["t1"]) if closes else Event(times["t1"], events["end"]),
         parameters=parameters,
+        energy=energy,
     )
 
 
 def led(path: Path, problem: Problem) -> Path:
     """Return the path stretched over the times of a problem, and sheared to begin and end there."""
+    problem = over(problem, path.mesh.duration)
     values, last = path.values, path.values[:, -1:]
     mesh = path.mesh.moved(problem.start.t, problem.end.t)
     s = mesh.nodes_since / mesh.duration

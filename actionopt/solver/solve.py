@@ -130,7 +130,7 @@ def solve_near(problem: Problem, guess: Guess, tol: float) -> Solution:
     takes a hundredth of the time.
     """
     started = perf_counter()
-    if problem.closes:
+    if problem.closes or problem.free_time:
         return solve_unfixed(problem, solve, tol, guess, "auto", None, thorough=False)[0]
     curve_of = checked(problem, tol, guess, "auto", None, "auto")
     return _solve(problem, tol, guess, curve_of, "auto", None, NEAR, None, False, started)
