@@ -7,6 +7,7 @@ from helpers import solved
 from actionopt import scenes
 from actionopt.gallery.subject import Subject
 from actionopt.plot import conserved_data
+from actionopt.scenes import project
 
 
 class Seen:
@@ -29,7 +30,7 @@ class Seen:
         self.f = self.scene.facts
         self.bodies = np.array(
             [
-                [x.points[:, 0] for x in self.scene.draw(q, t) if x.kind == "body"]
+                [project(x.points)[:, 0] for x in self.scene.draw(q, t) if x.kind == "body"]
                 for q, t in zip(self.q.T, self.t, strict=True)
             ]
         ).transpose(1, 2, 0)  # (B, 2, K)

@@ -24,6 +24,8 @@ from actionopt.analysis.jacobi import polished, resolved
 from actionopt.analysis.second_variation import Form, check_legendre, condense
 from actionopt.discrete.bordered import Bordered, moves_of
 from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.factors import Factors
+from actionopt.mechanics.held import Held
 from actionopt.tools.blas import one_thread
 from actionopt.tools.types import Array
 
@@ -86,6 +88,8 @@ def inertia(at: DiscretePath, error: float, *, tolerance: float | None = None) -
     Gelfand and Fomin, *Calculus of Variations* (1963), sections 24-29; Milnor, *Morse Theory*
     (1963), section 15.
     """
+    if isinstance(at.problem, Held):
+        return _held(at, max(float(np.fmin(ERROR_GAIN * error, LOOSEST)), INDEX_TOLERANCE))
     form = resolved(at, error, INDEX_RESOLUTION)
     if tolerance is not None:
         return inertia_of(form, tolerance)
@@ -128,6 +132,23 @@ def counted(found: Inertia, bordered: Bordered, y: Array) -> Inertia:
     if abs(bend) <= found.tolerance:
         return replace(found, nullity=found.nullity + 1)
     return replace(found, index=found.index + (bend < 0))
+
+
+def _held(at: DiscretePath, tolerance: float) -> Inertia:
+    """Return the inertia of a path in contact: of variations that keep what is in contact there.
+
+    From the inertia of the matrix of its mesh, [d2S - mu K, G'; G, 0], which has one negative
+    eigenvalue for each row besides (J. Nocedal and S. J. Wright, *Numerical Optimization* (2nd ed.
+    2006), theorem 16.3).
+    """
+    tr = at.tr
+    matrix, kinetic = tr.kkt(at.z), tr.kinetic(at.z)
+
+    def below(mu: float) -> int:
+        return Factors(tr.layout, matrix - mu * kinetic).negative() - tr.layout.rows
+
+    index = below(-tolerance)
+    return Inertia(index, below(tolerance) - index, None, tolerance)
 
 
 def inertia_of(form: Form, tolerance: float = INDEX_TOLERANCE) -> Inertia:

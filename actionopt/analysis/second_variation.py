@@ -28,6 +28,7 @@ import numpy as np
 from actionopt.discrete.discrete_path import DiscretePath, dependent
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.compiled import Pointwise
+from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
 from actionopt.tools.types import Array, NDInt
@@ -117,14 +118,21 @@ class Form:
         return result
 
 
-def form(at: DiscretePath, units: Array | None = None) -> Form:
+def form(at: DiscretePath, units: Array | None = None, *, phase: bool = True) -> Form:
     """Return the second variation along a path, the coordinates in `units` (n,).
+
+    Without `phase` what chooses one of the paths that differ by a shift of time is left out.
 
     Raises ValueError for a system with non-conservative forces, or a path along which L is not
     finite.
     """
     tr, Q, problem, layout = at.tr, at.Q, at.problem, at.tr.layout
     system = problem.system
+    if isinstance(problem, Held):
+        raise ValueError(
+            "expected a path that touches no obstacle, found one that does: its second variation "
+            "is that of the free part, of which only the index is counted (morse_index)"
+        )
     if system.structure.forced:
         raise ValueError(
             "expected a system without non-conservative forces, found one with: its paths are not "
@@ -178,6 +186,16 @@ def form(at: DiscretePath, units: Array | None = None) -> Form:
             r = basis.shape[2]
             block = slice(None, r) if k == 0 else slice(-r, None)
             elements[e][block, block] += sign * basis[k].T @ (S[ends[k]] * scale) @ basis[k]
+    for term in tr.nodal:
+        if term.phase and not phase:
+            continue
+        r = basis.shape[2]
+        e, block = (
+            (0, slice(None, r)) if term.boundary == 0 else (term.boundary - 1, slice(-r, None))
+        )
+        pull = basis[term.node].T @ (term.matrix * scale) @ basis[term.node]
+        elements[e] = elements[e].copy()
+        elements[e][block, block] += pull
     Z = basis[layout.node_of]
     legendre, vectors = np.linalg.eigh(np.swapaxes(Z, 1, 2) @ (C * scale) @ Z)
     mass = np.maximum(

@@ -17,6 +17,7 @@ from actionopt.analysis.jacobi import resolved
 from actionopt.analysis.second_variation import Form, condense
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.end_times import by_times, explicit, jumps_of
+from actionopt.mechanics.problem import Tail
 from actionopt.mechanics.system import System
 from actionopt.tools.blas import one_thread
 from actionopt.tools.types import Array
@@ -89,6 +90,16 @@ def sensitivity(at: DiscretePath, error: float, momenta: tuple[Array, Array]) ->
     q0, q1 = -momenta[0], momenta[1].copy()
     for row, event in ((q0, problem.start), (q1, problem.end)):
         row[[i for i, x in enumerate(event.q) if x is None]] = 0.0
+    if problem.has_tails:  # what is beyond the window's edges goes with the system
+        known = next(x for x in problem.rests if x is not None)
+        ends = np.array([[problem.start.t], [problem.end.t]])
+        at_rest = np.broadcast_to(known.q, (len(tr.times), known.q.size))
+        still, nowhere = np.zeros_like(at_rest), np.zeros((len(tr.times), 0))
+        level = explicit(system)(at_rest, still, tr.times, problem.packed, nowhere)[1]
+        packed = packed - np.sum(tr.weight * level, axis=0)
+        L = system.pointwise("value")(at_rest[:2], still[:2], ends, problem.packed)[0][:, 0]
+        t0 = 0.0 if isinstance(problem.start, Tail) else t0 + float(L[0])
+        t1 = 0.0 if isinstance(problem.end, Tail) else t1 - float(L[1])
     return Sensitivity(q0, q1, t0, t1, _unpack(system, packed), *_second(form))
 
 

@@ -24,7 +24,7 @@ from actionopt.tools.types import Array
 # Ad hoc, where nothing else is said.
 BESIDE = 1e-3  # of the duration: where the mass is compared with that at the start
 VANISHING = 1e-10  # of that mass: `second_variation.RANK`
-NEWTON_STEPS, LAST_STEP = 30, 1e-13  # and the change that ends them, in the size of q
+SERIES_STEPS, SERIES_CHANGE = 30, 1e-13  # and the change that ends them, in the size of q
 
 
 def begins_singular(flow: Flow, state: State, t_end: float) -> bool:
@@ -54,7 +54,7 @@ def begun(flow: Flow, state: State, t_end: float, degree: int) -> tuple[Array, A
     Q = np.repeat(state.q[None], degree + 1, axis=0)
     size = np.abs(state.q).max() or 1.0
     inner = slice(1, None)
-    for _ in range(NEWTON_STEPS):
+    for _ in range(SERIES_STEPS):
         V = D @ Q
         A = D @ V
         R, Rq, Rv, M = (
@@ -74,7 +74,7 @@ def begun(flow: Flow, state: State, t_end: float, degree: int) -> tuple[Array, A
         except np.linalg.LinAlgError:
             break
         Q[inner] -= step
-        if np.abs(step).max() <= LAST_STEP * max(size, np.abs(Q).max()):
+        if np.abs(step).max() <= SERIES_CHANGE * max(size, np.abs(Q).max()):
             return Q.T, (D @ Q).T
     raise IntegrationError(
         f"no power series of the motion from the singular point t = {state.t:.6g} was found, "

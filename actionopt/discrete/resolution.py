@@ -95,9 +95,9 @@ def left_out(rule: Rule, scaled: Array) -> tuple[Array, Array]:
     final = np.maximum(coefficients[:, last - early :].max(axis=(1, 2)), COEFFICIENT_FLOOR)
     largest = np.maximum(coefficients.max(axis=(1, 2)), COEFFICIENT_FLOOR)
     rate = np.log(largest / final) / max(last - early, 1)
-    # From the last pair to the first coefficient left out it is two degrees; few
-    # coefficients do not tell a rate well enough to go that far.
-    return final * np.exp(-min(2.0, max(d - 2, 0) / 4) * rate), rate
+    # From the last pair to the first coefficient left out it is two degrees; the few of degrees
+    # four and five do not tell a rate well enough to go that far.
+    return final * np.exp(-min(2.0, max(d - 2, 0) / 2) * rate), rate
 
 
 def refined(found: Resolution, target: float) -> Mesh:

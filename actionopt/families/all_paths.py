@@ -18,14 +18,17 @@ import numpy as np
 
 from actionopt.analysis.solution import Solution
 from actionopt.families.free_times import all_durations
-from actionopt.families.searches import Sweep
+from actionopt.families.searches import SAME_PATH, Sweep
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
 from actionopt.solver.arguments import asked
+from actionopt.solver.solve import solve_near
+from actionopt.solver.window import searched
 from actionopt.tools.blas import one_thread
 from actionopt.tools.checks import tolerance
 from actionopt.tools.types import Array
 
+SAME_MOTION = 0.05  # of its size, by which a path may differ from one on a window; ad hoc
 PROBES = 16  # random points at which periodicity is checked; ad hoc: one would do, as a rule
 
 
@@ -166,9 +169,13 @@ def solve_all(
         problem and nothing was found.
     """
     asked(problem)
+    problem.system.check_free("only least paths are sought along it, by solve from guesses")
     tolerance(tol)
     problem = problem.asked or problem
     _check_clock(problem)
+    whole = problem.whole
+    if whole.is_infinite:
+        problem = searched(whole, tol)
     names = problem.system.coordinates
     if angles is None:
         turning = detected_angles(problem)
@@ -200,7 +207,24 @@ def solve_all(
         run.interrupted = True
     if run.refused is not None and not (run.found or run.families or run.interrupted):
         raise run.refused
+    if whole.is_infinite:
+        run.found = _without_end(run, whole)
     return _ordered(run)
+
+
+def _without_end(run: Sweep, whole: Problem) -> list[tuple[Solution, tuple[int, ...], str]]:
+    """Return the paths of a problem of infinite times near those found on a window."""
+    found: list[tuple[Solution, tuple[int, ...], str]] = []
+    for near, turns, how in run.found:
+        t = near.mesh.nodes
+        path = solve_near(whole, near, run.tol)
+        size = np.abs(near.path.values).max(axis=1, keepdims=True)
+        size = np.where(size > 0, size, 1.0)
+        if not path.success or np.any(np.abs(path(t) - near.path.values) > SAME_MOTION * size):
+            continue  # it was held at the window's edge
+        if all(np.any(np.abs(path(t) - other(t)) > SAME_PATH * size) for other, _, _ in found):
+            found.append((path, turns, how))
+    return found
 
 
 def _check_clock(problem: Problem) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from actionopt import scenes
 from actionopt.gallery.builder import build
 from actionopt.tools.progress import progress
 
@@ -13,15 +14,20 @@ def add_to(parser: argparse.ArgumentParser) -> None:
     """Give the parser of `actionopt gallery` its arguments."""
     parser.description = (
         "Write a page for each scene, with its film, figures and numbers, and an index of them: "
-        "static HTML that needs no server. What has not changed since is not made again."
+        "static HTML that needs no server. What has not changed since is not made again. A file of "
+        "your own has a page on which its path is dragged and solved."
     )
     parser.set_defaults(run=run)
     parser.add_argument("directory", metavar="OUTDIR", help="where to; made if it is not there")
-    parser.add_argument("scenes", nargs="*", default=[], metavar="SCENE", help="only these (all)")
+    parser.add_argument(
+        "asked", nargs="*", default=[], metavar="SCENE|FILE.py",
+        help="only these scenes (all), and Python files that define `problem` or `scene`",
+    )  # fmt: skip
 
 
 def run(options: argparse.Namespace) -> int:
     """Write the pages and print where they start."""
-    build(options.directory, options.scenes, show=progress)
+    asked = [scenes.from_file(name) if name.endswith(".py") else name for name in options.asked]
+    build(options.directory, asked, show=progress)
     print(Path(options.directory) / "index.html")
     return 0

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Never
+from typing import Any, NamedTuple, Never
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt.mechanics.instants import Instant, instants
+from actionopt.mechanics.obstacle import check_outside, check_rows
+from actionopt.mechanics.rest import Rest, rest
 from actionopt.mechanics.system import System
 from actionopt.tools.checks import items, number, numbers
 from actionopt.tools.types import Array
@@ -39,15 +42,17 @@ class Event:
     Parameters
     ----------
     t : float or None
-        Time; None leaves it free, and the energy function H is that of the problem there.
+        Time; None leaves it free, and the energy function H is that of the problem there. With
+        -math.inf at the start the path comes from the equilibrium q, with math.inf at the end it
+        tends to it: a saddle of the equations of motion, along its unstable or stable manifold.
     q : sequence of n numbers or None
         Coordinates; None leaves that coordinate free, and the natural condition p = 0 holds.
 
     Raises
     ------
     ValueError
-        If the time or a coordinate is not a finite number, or the coordinates are in a set or a
-        mapping, which have no order.
+        If the time or a coordinate is no number, the coordinates are not finite, or in a set or a
+        mapping, which have no order, or one is free at infinite time.
     TypeError
         For further arguments: a velocity cannot be given; see `actionopt.integrate`.
     """
@@ -70,12 +75,24 @@ class Event:
                 "values is actionopt.integrate(system, State(t, q, v), t_end)"
             )
         # A time that is free is None: it is known before anything reckons with it.
-        object.__setattr__(self, "t", t if t is None else number(t, "the time of an event"))
+        infinite = isinstance(t, float) and math.isinf(t)
+        known = t if t is None or infinite else number(t, "the time of an event")
+        object.__setattr__(self, "t", known)
         row = tuple(
             None if x is None else number(x, f"coordinate {i} of an event")
             for i, x in enumerate(items(q, "the coordinates of an event"))
         )
         object.__setattr__(self, "q", row)
+        if infinite and None in row:
+            raise ValueError(
+                "expected all coordinates of the equilibrium at infinite time, found "
+                f"{list(row)}; give the numbers, or a finite time"
+            )
+
+    @property
+    def near(self) -> tuple[float | None, ...]:
+        """The coordinates as far as they are known: those given, or of the equilibrium."""
+        return self.q
 
     @property
     def pinned(self) -> tuple[int, ...]:
@@ -147,6 +164,69 @@ class Periodic(Event):
         return Periodic(self.t, row if self.advance is None else self.advance + row)
 
 
+class Phase(NamedTuple):
+    """What chooses one of the paths that differ by a shift of time: normal . (q - center) = 0 at t.
+
+    `weight` is in units of action.
+    """
+
+    t: float
+    normal: tuple[float, ...]
+    center: tuple[float, ...]
+    weight: float
+
+
+@dataclass(frozen=True, eq=False)
+class Tail(Event):
+    """The edge of a window in time, beyond which a path comes from rest or tends to it.
+
+    `solve` puts it in the place of an event at infinite time. The coordinates are free there; the
+    path lies on the linear manifold of the equilibrium.
+
+    Parameters
+    ----------
+    t : float
+        Where the window ends.
+    rest : sequence of n numbers
+        The equilibrium.
+    side : int
+        -1 at the start, 1 at the end.
+    phase : Phase, optional
+        What sets the origin of time; of a start.
+    """
+
+    rest: tuple[float, ...]
+    side: int
+    phase: Phase | None
+
+    def __init__(
+        self, t: float, rest: Sequence[Any] | ArrayLike, side: int, phase: Phase | None = None
+    ) -> None:
+        row = tuple(number(x, "a coordinate at rest") for x in items(rest, "an equilibrium"))
+        super().__init__(t, [None] * len(row))
+        for name, value in (("rest", row), ("side", side), ("phase", phase)):
+            object.__setattr__(self, name, value)
+
+    @property
+    def near(self) -> tuple[float | None, ...]:
+        """The coordinates of the equilibrium."""
+        return self.rest
+
+    @property
+    def limit(self) -> Event:
+        """The event at infinite time."""
+        return Event(self.side * math.inf, self.rest)
+
+    def at(self, t: float | None) -> Tail:
+        """Return the same with the window's edge at another time."""
+        return Tail(t, self.rest, self.side, self.phase)  # type: ignore[arg-type]
+
+    def shifted(self, by: Sequence[float] | ArrayLike) -> Tail:
+        """Return the same of an equilibrium farther by `by` (n,)."""
+        moved = [x + d for x, d in zip(self.rest, items(by, "a shift of an event"), strict=True)]
+        return Tail(self.t, moved, self.side, self.phase)
+
+
 @dataclass(frozen=True, eq=False)
 class State:
     """A whole initial-value problem: time, coordinates (n,) and velocities (n,).
@@ -201,9 +281,9 @@ class Problem:
     Raises
     ------
     ValueError
-        If the events do not fit the system, lie off its constraint surface, or the times do
-        not increase, by 1e-100 to 1e100; a parameter is unknown, a constraint contains no
-        coordinate, or there is no system.
+        If the events do not fit the system, lie off its constraint surface or inside its
+        obstacle, or the times do not increase, by 1e-100 to 1e100; a parameter is unknown, a
+        constraint contains no coordinate, or there is no system.
     """
 
     system: System
@@ -240,6 +320,13 @@ class Problem:
                 f"expected the end event after the start event, found t1 = {self.end.t} and "
                 f"t0 = {self.start.t}; exchange the events to run the motion backwards"
             )
+        elif self.is_infinite:
+            if self.advance is not None:
+                raise ValueError(
+                    "expected a path that closes after a finite time, found the times "
+                    f"{self.start.t} and {self.end.t}; from rest back to rest it is a path between "
+                    "an event at -inf and one at inf of the same coordinates"
+                )
         elif not SHORTEST_DURATION <= self.duration <= LONGEST_DURATION:
             raise ValueError(
                 f"expected a duration t1 - t0 from {SHORTEST_DURATION:g} to {LONGEST_DURATION:g}, "
@@ -249,6 +336,8 @@ class Problem:
         if self.system.m:
             _check_rows(self.system)
             _check_on_surface(self)
+        if self.system.r:
+            self._check_obstacle()
 
     packed: Array = field(init=False, repr=False)
 
@@ -257,6 +346,17 @@ class Problem:
         if self.asked is not None:
             return _found, (self.asked, self.start.t, self.end.t)
         return _asked, (self.system, self.start, self.end, self.parameters, self.energy)
+
+    def _check_obstacle(self) -> None:
+        """Raise ValueError if an event lies inside the obstacle, or there is no path along it."""
+        if isinstance(self.end, Periodic):
+            raise ValueError(
+                "expected an Event as the end of a path along an obstacle, found a Periodic end: "
+                "closed paths do not know contact; give the end a time and coordinates"
+            )
+        check_rows(self.system)
+        ends = [(role, e.t, e.q) for role, e in (("start", self.start), ("end", self.end))]
+        check_outside(self.system, self.packed, ends, self.scales, self.duration)
 
     def replace(
         self,
@@ -309,6 +409,11 @@ class Problem:
         return problem
 
     @property
+    def unfixed(self) -> bool:
+        """Whether more than the path is to be found, or was: a duration, or where it begins."""
+        return self.asked is not None or self.free_time or self.closes
+
+    @property
     def closes(self) -> bool:
         """Whether paths close that may start anywhere along themselves, as L has no clock."""
         structure = self.system.structure
@@ -320,6 +425,54 @@ class Problem:
     def advance(self) -> Array | None:
         """q(t1) - q(t0) where the end is `Periodic`, (n,), else None."""
         return np.array(self.end.advance) if isinstance(self.end, Periodic) else None
+
+    @property
+    def is_infinite(self) -> bool:
+        """Whether an event lies at infinite time: `solve` then works on a window."""
+        return math.isinf(self.start.t or 0.0) or math.isinf(self.end.t or 0.0)
+
+    @property
+    def has_tails(self) -> bool:
+        """Whether the path comes from rest or tends to it beyond a window of finite times."""
+        return isinstance(self.start, Tail) or isinstance(self.end, Tail)
+
+    @property
+    def is_shifted(self) -> bool:
+        """Whether each path may be shifted in time at will, and nothing chooses one of them."""
+        ends = self.start, self.end
+        tails = all(isinstance(e, Tail) for e in ends)
+        timed = self.system.structure.depends_on_time
+        return tails and not timed and getattr(self.start, "phase", None) is None
+
+    @property
+    def whole(self) -> Problem:
+        """The problem with its events at infinite times, where it has windows' edges."""
+        if not self.has_tails:
+            return self
+        ends = [e.limit if isinstance(e, Tail) else e for e in (self.start, self.end)]
+        return self.replace(start=ends[0], end=ends[1])
+
+    @cached_property
+    def rests(self) -> tuple[Rest | None, Rest | None]:
+        """The equilibria beyond either end, None where there is none.
+
+        Raises ValueError if it is no equilibrium or no saddle, or the energies differ.
+        """
+        found = [
+            rest(self.system, self.packed, np.array(e.rest), e.t, e.side)
+            if isinstance(e, Tail)
+            else None
+            for e in (self.start, self.end)
+        ]
+        return found[0], found[1]
+
+    @cached_property
+    def boundaries(self) -> tuple[Instant, ...]:
+        """Where elements end: the `instants`, and where a phase is set."""
+        phase = self.start.phase if isinstance(self.start, Tail) else None
+        if phase is None:
+            return self.instants
+        return tuple(sorted([*self.instants, (phase.t, phase.t)]))
 
     @cached_property
     def instants(self) -> tuple[Instant, ...]:
@@ -350,7 +503,7 @@ class Problem:
         A coordinate that is zero or free at both events is given the size of the largest; so is
         one that may be rounding of another, small beside it in whatever they are measured.
         """
-        known = [[abs(x) if x is not None else 0.0 for x in e.q] for e in (self.start, self.end)]
+        known = [[abs(x) if x is not None else 0.0 for x in e.near] for e in (self.start, self.end)]
         size = np.max(known, axis=0)
         largest = float(np.max(size))
         if not largest > 0:
@@ -384,7 +537,7 @@ class Problem:
     def _motion(self) -> tuple[Array, Array | None]:
         """`lengths` and `origin`."""
         scales = self.scales
-        pairs = list(zip(self.start.q, self.end.q, strict=True))
+        pairs = list(zip(self.start.near, self.end.near, strict=True))
         near = [_close(a, b) for a, b in pairs]
         if not any(near) and (len(near) == 1 or scales.min() >= ACCIDENTAL * scales.max()):
             return scales, None
@@ -420,7 +573,7 @@ class Problem:
 
     def _inertias(self) -> Array:
         """Return the magnitude of the diagonal of d2L/dv2 at the start, shape (n,)."""
-        q = np.array([[0.0 if x is None else x for x in e.q] for e in (self.start, self.end)])
+        q = np.array([[0.0 if x is None else x for x in e.near] for e in (self.start, self.end)])
         second = self.system.pointwise("second")
         v = (q[1:] - q[:1]) / self.duration
         values = second(q[:1], v, np.array([[self.start.t]]), self.packed)[2][0]
@@ -449,6 +602,11 @@ def _check_free_time(problem: Problem) -> None:
         raise ValueError(
             f"expected an energy where the time of an event is free, found energy = "
             f"{problem.energy} and both times given; make one of them None"
+        )
+    if system.r or np.inf in (abs(e.t or 0.0) for e in (problem.start, problem.end)):
+        raise ValueError(
+            "expected events at finite times and no obstacle where a time is free: paths with "
+            "either are found between given times"
         )
     energy = 0.0 if problem.energy is None else number(problem.energy, "the energy")
     object.__setattr__(problem, "energy", energy)

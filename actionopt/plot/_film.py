@@ -152,7 +152,7 @@ def _reel(
     solution: Solution, draw: Draw, count: int, force: bool, units: Units
 ) -> tuple[Figure, Update]:
     """Return a figure, and the function that turns it to the k-th of `count` times."""
-    data = motion_data(solution, draw, count, force)
+    data = motion_data(solution, draw, count, force).flat
     view = strobe.stage(data)
     at = np.linspace(0.0, 1.0, data.trails.shape[2])
     decimals = max(0, int(np.ceil(2 - np.log10(data.t[-1] - data.t[0]))))

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from actionopt.scenes._scene import Facts, Setup, Words, conjugates, curve
-from actionopt.scenes._shapes import body, ground, project
+from actionopt.scenes._shapes import body, ground
 from actionopt.scenes.charge_planar import drifting
 
 TITLE = "charge in uniform E and B, in space"
@@ -73,7 +73,7 @@ def scene(
         ["x", "y", "z"],
         T,
         ends=(start, end),
-        draw=lambda q, t: [ground(project(*start)), ground(project(*end)), body(project(*q))],
+        draw=lambda q, t: [ground(start), ground(end), body(q)],
         exact=curve(lambda t: (*across(t), z0 + u * t + a * t**2 / 2)),
         facts=Facts(
             velocity=curve(lambda t: (*rate(t), u + a * t)),

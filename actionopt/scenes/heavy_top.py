@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from actionopt.scenes._scene import Facts, Setup, Words, curve
-from actionopt.scenes._shapes import body, ground, project, rod
+from actionopt.scenes._shapes import body, ground, rod
 
 TITLE = "heavy symmetric top in steady precession"
 SOURCE = (
@@ -83,13 +83,13 @@ def scene(*, I1=0.005, I3=0.002, m=0.5, l=0.08, g=9.81, theta=1.0, precession=2.
         level = np.array([-np.sin(phi), np.cos(phi), 0.0])
 
         def place(angle):
-            return project(*(l * (axis + DISC * (np.cos(angle) * down + np.sin(angle) * level))))
+            return l * (axis + DISC * (np.cos(angle) * down + np.sin(angle) * level))
 
-        head = project(*(l * axis))
-        vertical = ground((0.0, 0.0), (0.0, 1.3 * l))
+        head = l * axis
+        vertical = ground((0.0, 0.0, 0.0), (0.0, 0.0, 1.3 * l))
         return [
             vertical,
-            rod((0.0, 0.0), head),
+            rod((0.0, 0.0, 0.0), head),
             rod(*(place(angle) for angle in turn)),
             rod(head, place(psi)),
             body(head),

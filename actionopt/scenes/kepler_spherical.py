@@ -17,7 +17,7 @@ import numpy as np
 
 from actionopt.scenes import kepler
 from actionopt.scenes._scene import Words, curve, like
-from actionopt.scenes._shapes import body, ground, project
+from actionopt.scenes._shapes import body, ground
 
 TITLE = "Kepler ellipse in spherical coordinates, in a tilted plane"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.3.1, eq. (12.5), p. 629"
@@ -30,7 +30,7 @@ WORDS = Words(
     look="The orbit is tilted: the ellipse is the same as in the plane, seen from the side.",
     captions={
         "motion": (
-            "The tilted ellipse in space; turn it, and it becomes a straight line seen edge-on."
+            "The tilted ellipse in space; in the film it can be turned until it is seen edge-on."
         ),
         "path": "Three coordinates change at once, and yet the points lie in a plane.",
         "conserved": (
@@ -88,8 +88,8 @@ def scene(twin, *, mu, a, eccentricity, start, inclination=0.7):
         r, theta, phi = q
         flat = r * np.sin(theta)
         return [
-            ground((0.0, 0.0)),
-            body(project(flat * np.cos(phi), flat * np.sin(phi), r * np.cos(theta))),
+            ground((0.0, 0.0, 0.0)),
+            body((flat * np.cos(phi), flat * np.sin(phi), r * np.cos(theta))),
         ]
 
     return replace(

@@ -108,7 +108,7 @@ def solve_on(ws: Workspace, mesh: Mesh, *, least: bool) -> Status:
         return Status.UNRESOLVED
     if not np.isfinite(ws.here.error):  # Ipopt's, which is less accurate
         ws.follow()
-    missed, finer = ws.missed(), bounded(_finer(mesh), ws.problem.instants)
+    missed, finer = ws.missed(), bounded(_finer(mesh), ws.problem.boundaries)
     kept = ws.here
     ok = ws.transfer(finer, least=least)
     there = ws.here

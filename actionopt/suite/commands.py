@@ -27,6 +27,17 @@ file, its version or the problem's numbers are others, or what was too short is 
 """
 
 
+DUMP = """\
+Each problem is FILE.nl for AMPL's solvers (with names in .row and .col), FILE.mof.json for JuMP and
+NLPModels, FILE.py that needs numpy alone, and FILE.json with all that is known of it. Other sizes
+and parameters go into the same folder: what is there stays.
+
+  actionopt suite dump problems --elements 8
+  actionopt suite dump problems --elements 32
+  actionopt suite dump problems --problem kepler --set eccentricity=0.6 --zip problems.zip
+"""
+
+
 def add_to(parser: argparse.ArgumentParser) -> None:
     """Give the parser of `actionopt suite` its commands."""
     parser.description = "Families of test problems for optimisers, with known answers."
@@ -70,8 +81,15 @@ def add_to(parser: argparse.ArgumentParser) -> None:
     add("--repeats", type=_whole, default=3, help="solves timed, the least counts (3)")
     add("--again", action="store_true", help="run what the file has already, too")
     add("--jobs", type=int, default=1, help="runs at the same time (1)")
-    command = commands.add_parser("dump", help="write .nl files and answers", parents=[chosen])
+    command = commands.add_parser(
+        "dump",
+        help="write .nl, .mof.json and .py files, and answers",
+        parents=[chosen],
+        epilog=DUMP,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     command.set_defaults(run=dump)
+    command.add_argument("--zip", metavar="FILE", help="pack all that is there into one file, too")
     command.add_argument("directory", metavar="DIRECTORY", help="where to; made if it is not there")
     command = commands.add_parser("report", help="profiles and tables", parents=[output])
     command.set_defaults(run=report)
@@ -196,10 +214,25 @@ def show_record(done: int, total: int, record: dict[str, Any]) -> None:
 
 def dump(options: argparse.Namespace) -> int:
     """Write the problems to a directory."""
+    from actionopt.suite.dump import archive
     from actionopt.suite.dump import dump as write
 
-    chosen = (_get(name, options) for name in _names(options))
-    print(write(chosen, options.directory))
+    def skipped(problem: suite.TestProblem, error: ValueError) -> None:
+        if options.problem:
+            raise error
+        print(f"  left out: {problem.name}: {error}", file=sys.stderr)
+
+    chosen = []
+    for name in _names(options):
+        try:
+            chosen.append(_get(name, options))
+        except ValueError as error:  # the scene has no such parameter
+            if options.problem:
+                raise
+            print(f"  left out: {name}: {error}", file=sys.stderr)
+    print(write(chosen, options.directory, skipped=skipped))
+    if options.zip:
+        print(archive(options.directory, options.zip))
     return 0
 
 

@@ -33,6 +33,7 @@ from actionopt import scenes
 from actionopt.mechanics.problem import Event, Problem
 from actionopt.mechanics.system import System
 from actionopt.scenes import Facts, Scene
+from actionopt.suite.limits import UNLIMITED, Limits
 from actionopt.tools.types import Array
 
 
@@ -63,6 +64,8 @@ class Family:
         last; 0 for those the scene is written in.
     start : str
         The default starting point, where it is not the scene's guess or the straight line.
+    limits : Limits
+        Bounds of coordinates and constraint functions.
     """
 
     name: str
@@ -76,6 +79,7 @@ class Family:
     bends: tuple[tuple[float, ...], ...] = ()
     decades: float = 0.0
     start: str = ""
+    limits: Limits = UNLIMITED
 
     def build(self, **parameters: Any) -> Scene:
         """Return the scene, changed as this family has it.

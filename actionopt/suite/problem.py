@@ -98,7 +98,7 @@ class TestProblem(Program):
                 "two units are to be numbers still"
             )
         mesh = Mesh.uniform(asked.start.t, asked.end.t, int(elements), degree)
-        super().__init__(Transcription(asked, mesh, asked.scales), float(decades))
+        super().__init__(Transcription(asked, mesh, asked.scales), float(decades), family.limits)
 
     def __repr__(self) -> str:
         """Show the name, the class and the size."""
@@ -347,10 +347,15 @@ class TestProblem(Program):
         return None if found is None else self._stationary(found)
 
     def violation(self, x: Array) -> float:
-        """Return max |c|, its rows scaled to the coordinates' sizes."""
-        if not self.m:
-            return 0.0
-        return float(np.max(np.abs(self.transcription.constraint(self._scaled(x)))))
+        """Return how far x or c is outside its bounds, in the coordinates' sizes."""
+        tr, outside = self.transcription, [np.zeros(1)]
+        if self.m:
+            c, (lower, upper) = tr.constraint(self._scaled(x)), self.constraint_bounds
+            outside += [lower / tr.row_unit - c, c - upper / tr.row_unit]
+        if self.limits.coordinates:
+            lower, upper = self.bounds
+            outside += [(lower - x) / self.unit, (x - upper) / self.unit]
+        return float(np.max(np.concatenate(outside)))
 
     def history(self, visited: Sequence[Array]) -> list[tuple[int, float, float]]:
         """Return number, from 1, f and violation of evaluations that were better than all before.

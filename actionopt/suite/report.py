@@ -10,7 +10,7 @@ from typing import Any
 
 from actionopt.suite import FAMILIES, profile
 from actionopt.suite.runner import Limits, tally
-from actionopt.suite.solvers import CHANGED
+from actionopt.suite.solvers import CHANGED, counted
 from actionopt.suite.verdict import ACCURACIES, MODES, UNSCORED, meaning, verdict
 from actionopt.tools.files import write as write_file
 
@@ -113,7 +113,7 @@ def write(records: Records, directory: str | Path) -> Path:
         changed="".join(
             f" (but {escape(name)}: {escape(how)})"
             for name, how in CHANGED.items()
-            if any(r["solver"] == name for r in records)
+            if any(r["solver"].partition(":")[0] == name for r in records)
         ),
         modes="\n".join(_section(mode, records, ran, folder) for mode in MODES),
         bounded=max(len(row) for row in next(iter(tables.values())).values()) if ran else 0,
@@ -173,8 +173,10 @@ def _figure(steps: Mapping, folder: Path, name: str, title: str, least: float = 
 
 
 def _short(solver: str) -> str:
-    """Return a solver's name without the folders of its file."""
+    """Return a solver's name without the folders of its file or program."""
     place, colon, name = solver.rpartition(":")
+    if place == "asl":
+        return f"asl:{PurePath(name).name}"
     return f"{PurePath(place).name}{colon}{name}" if place.endswith(".py") else solver
 
 
@@ -250,7 +252,8 @@ def _evaluations(records: Records) -> str:
         cells = [""] * (len(COUNTED) + 1)
         if mine:
             counts = (median(r["evaluations"].get(name, 0) for r in mine) for name in COUNTED)
-            cells = [*(f"{c:.0f}" for c in counts), f"{median(r['seconds'] for r in mine):.2g}"]
+            shown = [f"{c:.0f}" for c in counts] if counted(solver) else cells[:-1]
+            cells = [*shown, f"{median(r['seconds'] for r in mine):.2g}"]
         rows.append([solver, *cells])
     return _html(["solver", *COUNTED, "seconds"], rows)
 

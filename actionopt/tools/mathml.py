@@ -88,14 +88,15 @@ class _Writer:
         raise ValueError(f"expected a formula, found {ast.unparse(node)!r}")
 
     def lines(self, sides: Sequence[ast.expr]) -> list[str]:
-        """Return an equation, broken before the terms of its last side where it is long."""
-        *heads, last = sides
-        text, found = "".join(f"{self(head)}<mo>=</mo>" for head in heads), []
-        for k, term in enumerate(self.terms(last)):
-            if k and _width(text) + _width(term) > LINE:
-                found.append(text)
-                text = '<mspace width="1.6em"/>'
-            text += term
+        """Return an equation, broken before terms where it is long."""
+        text, found = "", []
+        for side in sides:
+            for k, term in enumerate(self.terms(side)):
+                if k and _width(text) + _width(term) > LINE:
+                    found.append(text)
+                    text = '<mspace width="1.6em"/>'
+                text += term
+            text += "<mo>=</mo>" * (side is not sides[-1])
         return [f"<mrow>{row}</mrow>" for row in [*found, text]]
 
     def parts(self, node: ast.Name | ast.Subscript) -> tuple[str, str]:
