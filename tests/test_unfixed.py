@@ -1,10 +1,15 @@
 """Paths whose duration is to be found, against closed forms; orbits, and their period."""
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
+from helpers import integrated
 from scipy.special import ellipj, ellipk, ellipkinc
 
 import actionopt as ao
+from actionopt import plot
 
 G = 9.81
 
@@ -228,3 +233,63 @@ def test_figure_eight():
     apart = [x for x in z.ravel() if abs(x - 1) > 1e-3]
     assert len(apart) == 4
     assert all(np.min(np.abs(raw - x)) < 1e-8 for x in apart)
+
+
+def test_families_in_energy_turn_back_where_the_throws_merge():
+    """E = g (y + d) / 2 is the least, where T^2 = 2 d / g, with d the distance."""
+    family = ao.trace(throw(40.0), "energy", 20.0)
+    d = np.hypot(4.0, 1.0)
+    (fold,) = family.marks
+    assert fold.kind == "fold" and (fold.before, fold.after) == (0, 1)
+    assert fold.value == pytest.approx(G * (1.0 + d) / 2, abs=1e-6)
+    assert fold.path.mesh.duration == pytest.approx(np.sqrt(2 * d / G), abs=1e-5)
+    assert family.returned and family.durations[-1] == pytest.approx(flights(40.0)[1])
+    assert family.solution(-1).morse_index == 1
+    (low, high) = family.at(31.0)
+    assert (low.duration, high.duration) == pytest.approx(tuple(flights(31.0)))
+
+
+def henon_heiles():
+    return ao.System(
+        lambda q, v, t: v @ v / 2 - q @ q / 2 - q[0] ** 2 * q[1] + q[1] ** 3 / 3, ["x", "y"]
+    )
+
+
+def test_period_doublings_of_henon_and_heiles():
+    """Along x = 0 the field across has the equation of Hill, xi'' = -(1 + 2 y) xi."""
+    energy, ends = 0.1, ao.Event(0.0, [None, None])
+    system = henon_heiles()
+    guess = ao.integrate(system, ao.State(0.0, [0.0, 0.0], [0.0, np.sqrt(2 * energy)]), 7.1)
+    problem = ao.Problem(system, ends, ao.Periodic(None), energy=energy)
+    family = ao.trace(problem, "energy", 0.145, guess=guess)
+    (mark,) = family.marks
+    assert mark.kind == "period doubling"
+    T, start, rate = mark.path.mesh.duration, mark.path(0.0)[1], mark.path.velocity(0.0)[1]
+    columns = []
+    for xi in ([1.0, 0.0], [0.0, 1.0]):
+
+        def flow(t, z):
+            return [z[1], -z[0] + z[0] ** 2, z[3], -(1 + 2 * z[0]) * z[2]]
+
+        columns.append(integrated(flow, [start, rate, *xi], 0.0, T, rtol=1e-12)(T)[2:])
+    assert np.trace(np.transpose(columns)) == pytest.approx(-2.0, abs=1e-6)
+
+
+def test_what_else_there_is_of_a_path_of_given_energy(tmp_path):
+    s = ao.solve(throw(40.0), tol=1e-10)
+    s.save(tmp_path / "throw.npz")
+    bare, whole = ao.load(tmp_path / "throw.npz"), ao.load(tmp_path / "throw.npz", throw(1).system)
+    for again in (bare, whole, pickle.loads(pickle.dumps(s)), copy.deepcopy(s)):
+        assert again.duration == s.duration and again.abbreviated_action == s.abbreviated_action
+    assert whole.problem.asked.end.t is None and whole.problem.energy == 40.0
+    assert whole.morse_index == 0
+    again = ao.solve(s.problem.replace(energy=50.0), guess=s)
+    assert again.duration == pytest.approx(flights(50.0)[0])
+    runs = ao.sweep(s.problem, {"energy": [50.0, 45.0, 35.0]}, record="index")
+    assert runs.success.all()
+    for k, energy in enumerate([50.0, 45.0, 35.0]):
+        assert np.min(np.abs(flights(energy) - runs.solution(k).duration)) < 1e-7
+    for name in ("t1", "energy"):
+        with pytest.raises(ValueError, match="that is given"):
+            ao.trace(s.problem if name == "t1" else s.between_times.problem, name, 2.0)
+    plot.save(s, tmp_path / "throw.png")

@@ -15,7 +15,7 @@ rate, and int eta.L_vv eta dt / T^2 is added to the form beside mu.
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -27,6 +27,7 @@ from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import Factors
 from actionopt.mechanics.held import Held
 from actionopt.tools.blas import one_thread
+from actionopt.tools.types import Array
 
 # Of the Jacobi fields; derived: eigenvalues converge twice as fast, to 1e-12, far below the
 # tolerance. And of the path, where its error leaves a sign open: a tenth of the tolerance in |mu|.
@@ -101,6 +102,38 @@ def inertia(at: DiscretePath, error: float, *, tolerance: float | None = None) -
     return found
 
 
+def inertia_asked(at: DiscretePath, error: float) -> Inertia:
+    """Return the index and nullity of a path whose duration was found, or that closes anywhere.
+
+    Its duration varies with it, S + E T is what is lowered. Where the paths over fixed durations
+    follow one another as T changes, that has one direction more, along them, in which it bends by
+    d2S/dT2 = -dE/dT. What moves a closed path along itself, or as a whole by a symmetry of L, makes
+    no other path of it, but where the start gives coordinates.
+    """
+    asked = at.problem.asked or at.problem
+    moves = moves_of(asked)
+    path, rows = at.path, at.rows if at.tr.layout.rows else None
+    lam = None if rows is None else np.nan_to_num(rows)
+    bordered, y = Bordered.around(asked, path, lam, at.tr.lengths, moves)
+    found = inertia(bordered.discrete(y) if asked.closes else at, error)
+    found = counted(found, bordered, y)
+    moves = min(found.nullity, bordered.borders.c.size)
+    held = len(bordered.borders.held)
+    return replace(found, nullity=found.nullity - min(held, moves), moves=max(moves - held, 0))
+
+
+def counted(found: Inertia, bordered: Bordered, y: Array) -> Inertia:
+    """Return the inertia with the duration varying, from that over a fixed one."""
+    if not bordered.timed:
+        return found
+    if found.nullity > bordered.borders.c.size:  # fixed durations have a fold there
+        return replace(found, index=found.index + 1, nullity=found.nullity - 1)
+    bend = bordered.bend(y)
+    if abs(bend) <= found.tolerance:
+        return replace(found, nullity=found.nullity + 1)
+    return replace(found, index=found.index + (bend < 0))
+
+
 def _held(at: DiscretePath, tolerance: float) -> Inertia:
     """Return the inertia of a path in contact: of variations that keep what is in contact there.
 
@@ -116,35 +149,6 @@ def _held(at: DiscretePath, tolerance: float) -> Inertia:
 
     index = below(-tolerance)
     return Inertia(index, below(tolerance) - index, None, tolerance)
-
-
-def inertia_asked(at: DiscretePath, error: float) -> Inertia:
-    """Return the index and nullity of a path whose duration was found, or that closes anywhere.
-
-    Its duration varies with it, S + E T is what is lowered. Where the paths over fixed durations
-    follow one another as T changes, that has one direction more, along them, in which it bends by
-    d2S/dT2 = -dE/dT. What moves a closed path along itself, or as a whole by a symmetry of L, makes
-    no other path of it, but where the start gives coordinates.
-    """
-    asked = at.problem.asked or at.problem
-    moves = moves_of(asked)
-    path, rows = at.path, at.rows if at.tr.layout.rows else None
-    lam = None if rows is None else np.nan_to_num(rows)
-    bordered, y = Bordered.around(asked, path, lam, at.tr.lengths, moves)
-    found = inertia(bordered.discrete(y) if asked.closes else at, error)
-    moves = bordered.borders.c.size
-    others = max(found.nullity - moves, 0)
-    index = found.index
-    if bordered.timed:
-        if others:  # fixed durations have a fold there
-            index, others = index + 1, others - 1
-        else:
-            bend = bordered.bend(y)
-            others = int(abs(bend) <= found.tolerance)
-            index += not others and bend < 0
-    moves = min(found.nullity, moves) - bordered.borders.held
-    smallest = found.smallest if others + moves else None
-    return Inertia(index, others + moves, smallest, found.tolerance, moves)
 
 
 def inertia_of(form: Form, tolerance: float = INDEX_TOLERANCE) -> Inertia:

@@ -119,7 +119,7 @@ def monodromy(solution: Solution) -> Monodromy:
     loose_ends = [Event(e.t, [None] * n) for e in (problem.start, problem.end)]
     free = Problem(system, *loose_ends, parameters=problem.parameters)
     at = DiscretePath.of(free, solution.path, lengths=solution.discrete.tr.lengths)
-    found = _carried(resolved(at, solution.error, MONODROMY_RESOLUTION)).view(Monodromy)
+    found = carried(resolved(at, solution.error, MONODROMY_RESOLUTION)).view(Monodromy)
     if problem.closes:
         discrete = solution.discrete
         asked = problem.asked or problem
@@ -129,7 +129,7 @@ def monodromy(solution: Solution) -> Monodromy:
     return found
 
 
-def _carried(form: Form) -> Array:
+def carried(form: Form) -> Array:
     """Return the product of the elements' symplectic matrices, in the user's units."""
     r = form.freedom
     M = np.eye(2 * r)

@@ -54,11 +54,21 @@ def save(
         "parameters": {name: value.tolist() for name, value in problem.parameters.items()},
         "events": [[e.t, list(e.q)] for e in (problem.start, problem.end)],
         "advance": None if problem.advance is None else list(problem.advance),
+        **({} if problem.asked is None else {"asked": asked_of(problem)}),
         "tails": [_tail(e) for e in (problem.start, problem.end)] if problem.has_tails else None,
         **found,
     }
     with whole(target) as part:
         np.savez(part, allow_pickle=False, about=np.array(json.dumps(about)), **arrays)
+
+
+def asked_of(problem: Problem | Detached) -> dict[str, Any]:
+    """Return which times were to be found, and at which energy."""
+    asked = problem.asked
+    if isinstance(asked, dict):
+        return asked
+    assert asked is not None
+    return {"free": [e.t is None for e in (asked.start, asked.end)], "energy": asked.energy}
 
 
 def _tail(event: Event) -> list[Any] | None:
@@ -102,11 +112,15 @@ class Detached:
                     f"expected an end of a closed path after its advance, {self.end.q}, found {q1}"
                 )
         self.parameters = ParameterTable(about["parameters"]).defaults
+        self.asked: dict[str, Any] | None = about.get("asked")
+        self.energy: float | None = None if self.asked is None else float(self.asked["energy"])
 
     @property
     def advance(self) -> Array | None:
         """q(t1) - q(t0) where the end is `Periodic`, (n,), else None."""
         return np.array(self.end.advance) if isinstance(self.end, Periodic) else None
+
+    closes = False  # it has no system that would say whether there is a clock
 
     @property
     def has_tails(self) -> bool:

@@ -243,6 +243,13 @@ def _problem(found: Solution, system: System | str | None) -> Problem | None:
                 f"file, found {', '.join(system.coordinates)}"
             )
         problem = Problem(system, known.start, known.end, parameters=known.parameters)
+        if known.asked is not None:
+            free, energy = known.asked["free"], known.energy
+            events = [
+                e.at(None) if f else e for e, f in zip((known.start, known.end), free, strict=True)
+            ]
+            question = Problem(system, *events, parameters=known.parameters, energy=energy)
+            problem = question.found(known.start.t, known.end.t)
         tr = Transcription(problem, found.mesh, problem.lengths)
         action, S = tr.action_and_gradient(found.path.values.T)[0], found.action
         # A failed attempt may have an infinite one, or none.

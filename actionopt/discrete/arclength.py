@@ -21,6 +21,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
+from actionopt.discrete.bordered import Bordered, moves_of
 from actionopt.discrete.boundaries import moved
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import compressed
@@ -44,7 +45,7 @@ FAR = 1e4  # coordinates this many times their size are no path worth following
 class Point:
     """A point of a branch: its transcription, unknowns z, s, and the direction (dz, ds)."""
 
-    tr: Transcription
+    tr: Transcription | Bordered
     z: Array
     s: float
     direction: Array
@@ -52,6 +53,8 @@ class Point:
     @cached_property
     def at(self) -> DiscretePath:
         """The path there, with its multipliers."""
+        if isinstance(self.tr, Bordered):
+            return self.tr.discrete(self.z)
         return DiscretePath(self.tr, self.z)
 
     @property
@@ -84,11 +87,25 @@ class Branch:
     lengths: Array
     range: float
     like: Transcription | None = None
+    bordered: Bordered | None = None  # where more than the path is to be found
     solves: int = 0  # factorizations so far
 
-    def at(self, s: float) -> Transcription:
+    def begun(self, path: Path, lam: Array | None, s: float) -> Array:
+        """Return the unknowns of the path at s, from which the branch is to begin."""
+        problem = self.family(s)
+        if problem.free_time or problem.closes:
+            around = Bordered.around(problem, path, lam, self.lengths, moves_of(problem))
+            self.bordered, y = around
+            return y
+        tr = self.at(s)
+        assert isinstance(tr, Transcription)
+        return tr.pack(path.values.T, lam)
+
+    def at(self, s: float) -> Transcription | Bordered:
         """Return the transcription at s; all share their units."""
         problem = self.family(s)
+        if self.bordered is not None:
+            return self.bordered.of(problem)
         ends = problem.start.t, problem.end.t
         mesh = moved(self.shape, self.instants, problem.instants, *ends)
         tr = Transcription(problem, mesh, self.lengths, like=self.like)
@@ -147,7 +164,7 @@ class Branch:
                     return replace(found, direction=self._direction(found))
         return None
 
-    def norm(self, tr: Transcription, change: Array) -> float:
+    def norm(self, tr: Transcription | Bordered, change: Array) -> float:
         """Return the length of a change (dz, ds); multipliers do not count."""
         return float(np.sqrt(self.inner(tr, change, change)))
 
@@ -155,7 +172,7 @@ class Branch:
         """Return the cosine of the angle between the directions of two points."""
         return self.inner(one.tr, one.direction, other.direction)
 
-    def inner(self, tr: Transcription, a: Array, b: Array) -> float:
+    def inner(self, tr: Transcription | Bordered, a: Array, b: Array) -> float:
         """Return the scalar product of two changes (dz, ds); multipliers do not count."""
         cut = tr.layout.unknowns
         return float(a[:cut] @ b[:cut] / max(cut, 1) + a[-1] * b[-1] / self.range**2)
@@ -169,7 +186,9 @@ class Branch:
             return point.direction
         return found / self.norm(point.tr, found)
 
-    def _bordered(self, tr: Transcription, y: Array, row: Array, right: Array) -> Array | None:
+    def _bordered(
+        self, tr: Transcription | Bordered, y: Array, row: Array, right: Array
+    ) -> Array | None:
         """Solve the KKT matrix bordered by dr/ds and by `row`, in the metric of the branch."""
         z, s = y[:-1], y[-1]
         self.solves += 1

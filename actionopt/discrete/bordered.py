@@ -88,13 +88,13 @@ def moves_of(problem: Problem) -> tuple[Move, ...]:
 class Borders(NamedTuple):
     """What is beside the KKT matrix: directions B (size, k), rows C (k, size) and C z there (k,).
 
-    The first `held` rows are coordinates that the start gives.
+    The first rows are those of the coordinates `held` that the start gives.
     """
 
     B: Array
     C: Array
     c: Array
-    held: int = 0
+    held: tuple[int, ...] = ()
 
 
 class BorderedLayout:
@@ -151,7 +151,7 @@ class Bordered:
         self.unit = self.first.mesh.duration
         # How far a path moves, in its sizes, as its duration grows by a part of itself.
         self.reach = 1.0
-        self._last = self.first
+        self._last: Transcription | None = self.first
         if self.layout is None:
             self.layout = BorderedLayout(self.first.layout, self.timed + self.borders.c.size)
 
@@ -175,6 +175,19 @@ class Bordered:
         found.reach = max(1.0, float((speeds * path.mesh.duration / lengths).max()))
         return found, np.concatenate([z, np.zeros(found.timed + borders.c.size)])
 
+    def of(self, asked: Problem) -> Bordered:
+        """Return those of another member of a family, in the same unknowns."""
+        values = [asked.start.q[i] / self.first.lengths[i] for i in self.borders.held]  # type: ignore[operator]
+        borders = self.borders._replace(c=np.r_[values, self.borders.c[len(values) :]])
+        other = Bordered(asked, self.first, borders, self.layout)
+        other._last, other.reach = None, self.reach
+        return other
+
+    @property
+    def lengths(self) -> Array:
+        """Units of the coordinates, (n,)."""
+        return self.first.lengths
+
     def duration(self, y: Array) -> float:
         """Return the duration of unknowns y (size,)."""
         if not self.timed:
@@ -186,7 +199,7 @@ class Bordered:
         return self._over(self.duration(y))
 
     def _over(self, duration: float) -> Transcription:
-        if duration != self._last.mesh.duration:
+        if self._last is None or duration != self._last.mesh.duration:
             problem, like = over(self.free, duration), self.first
             ends = problem.start.t, problem.end.t
             mesh = moved(like.mesh, like.problem.instants, problem.instants, *ends)
@@ -300,7 +313,7 @@ def _borders(asked: Problem, tr: Transcription, z: Array, moves: Sequence[Move])
         rest = right[len(held) :].T
     C[len(held) :] = (B @ rest).T if held else B.T
     c[len(held) :] = C[len(held) :] @ z
-    return Borders(B, C, c, len(held))
+    return Borders(B, C, c, tuple(asked.start.pinned[j] for j in held))
 
 
 def _independent(rows: Array) -> list[int]:

@@ -106,6 +106,13 @@ def sweep(
     """
     asked(problem)
     tolerance(tol)
+    problem = problem.asked or problem
+    if problem.free_time and problem.closes:
+        raise ValueError(
+            "expected events, or a period that is given, to sweep over, found closed paths of a "
+            "given energy, which need a guess; follow one by `trace`"
+        )
+    keep_paths = keep_paths or problem.free_time  # their durations are in them
     grid = Grid.of(problem, over, zip)
     index = "index" in _recorded(record)
     if executor is not None and not hasattr(executor, "submit"):
@@ -152,6 +159,7 @@ def _question(grid: Grid, tol: float, index: bool, keep_paths: bool) -> dict[str
         "start": [problem.start.t, problem.start.q],
         "end": [problem.end.t, problem.end.q],
         "advance": None if problem.advance is None else problem.advance.tolist(),
+        "energy": problem.energy,
         "over": over,
         "zip": grid.zipped,
         "tol": tol,

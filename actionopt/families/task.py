@@ -78,6 +78,8 @@ def solved(
 ) -> Answers:
     """Return what comes of members of a problem that is here, the first of them near `guess`."""
     (tol, index, keep_paths), k, n = options, len(members), problem.system.n
+    if problem.free_time:
+        return _one_by_one(problem, members, columns, guess, options)
     t0, t1 = columns.get("t0", problem.start.t), columns.get("t1", problem.end.t)
     late = np.broadcast_to(np.less(t0, t1), k)
     answers: Answers = {
@@ -115,6 +117,54 @@ def solved(
     if keep_paths:
         answers |= Kept.of(members[list(paths)], list(paths.values())).packed("kept")
     return answers
+
+
+def _one_by_one(
+    problem: Problem,
+    members: NDInt,
+    columns: Mapping[Name, Array],
+    guess: Guess | None,
+    options: tuple[float, bool, bool],
+) -> Answers:
+    """Return the same of members whose durations are to be found, each from the one before."""
+    tol, index, _ = options
+    k, n = len(members), problem.system.n
+    width = max(map(len, [REFUSED, *Status.__members__]))
+    answers: Answers = {
+        "members": members,
+        "status": np.full(k, REFUSED, dtype=f"<U{width}"),
+        "action": np.full(k, np.nan),
+        "error": np.full(k, np.inf),
+        "momenta": np.full((k, 2, n), np.nan),
+        "ends": np.full((k, 2, n), np.nan),
+        "iterations": np.array(0),
+        "alone": np.array(k),
+    }
+    if index:
+        answers["index"] = np.full(k, -1)
+    messages, paths = {}, {}
+    for j in range(k):
+        try:
+            mine = moved(problem, {name: float(row[j]) for name, row in columns.items()})
+            found = solve(mine, guess=guess, tol=tol, throw=False)
+            if not found.success and guess is not None:
+                found = solve(mine, tol=tol, throw=False)
+        except ValueError as error:
+            messages[int(members[j])] = str(error)
+            continue
+        answers["status"][j] = found.status.name
+        answers["iterations"] += sum(found.stats["iterations"].values())
+        if not found.success:
+            continue
+        guess = paths[int(members[j])] = found.path
+        answers["action"][j], answers["error"][j] = found.action, found.error
+        answers["momenta"][j] = np.stack(found.momenta)
+        answers["ends"][j] = found.path.values[:, [0, -1]].T
+        if index:
+            answers["index"][j] = found.morse_index
+    answers["refused"] = np.array(list(messages), dtype=int)
+    answers["messages"] = np.array(list(messages.values()), dtype=str)
+    return answers | Kept.of(np.array(list(paths), dtype=int), list(paths.values())).packed("kept")
 
 
 def _refusal(problem: Problem, columns: Mapping[Name, Array], i: int) -> str:

@@ -13,12 +13,14 @@ from typing import Literal
 
 import numpy as np
 
-from actionopt.analysis.index import inertia_of
+from actionopt.analysis.index import counted, inertia_of
 from actionopt.analysis.jacobi import finer, resolved
 from actionopt.analysis.modes import lowest
+from actionopt.analysis.monodromy import carried
 from actionopt.analysis.second_variation import check_independent, form
 from actionopt.analysis.solution import Solution
 from actionopt.discrete.arclength import Branch, Point
+from actionopt.discrete.bordered import Bordered, over
 from actionopt.discrete.path import Path
 from actionopt.families.vary import Name, moved, present
 from actionopt.mechanics.problem import Problem
@@ -50,8 +52,9 @@ class Mark:
 
     Attributes
     ----------
-    kind : {"fold", "index"}
-        Whether the branch turns back there, or only the index changes.
+    kind : {"fold", "index", "period doubling"}
+        Whether the branch turns back there, or only the index changes; or, of closed paths, a
+        multiplier passes -1: others branch off that close after two turns.
     value : float
         Of the varied quantity.
     path : Path
@@ -60,7 +63,7 @@ class Mark:
         Index on either side, in the order of the trace.
     """
 
-    kind: Literal["fold", "index"]
+    kind: Literal["fold", "index", "period doubling"]
     value: float
     path: Path
     before: int | None
@@ -106,6 +109,11 @@ class Trace:
         return f"Trace({found}; {marks or 'no marks'}; ended: {self.stopped})"
 
     @property
+    def durations(self) -> Array:
+        """How long each path takes, (P,)."""
+        return np.array([path.mesh.duration for path in self.paths])
+
+    @property
     def interrupted(self) -> bool:
         """Whether the user ended it."""
         return self.stopped == INTERRUPTED
@@ -128,9 +136,13 @@ class Trace:
                 continue
             part = (value - a) / (b - a)
             problem = self.family(value)
+            pair = self.paths[k : k + 2]
+            if problem.free_time:
+                a, b = (path.mesh.duration for path in pair)
+                problem = over(problem, (1 - part) * a + part * b)
             t0, T = problem.start.t, problem.duration
             ends = []
-            for path in self.paths[k : k + 2]:
+            for path in pair:
                 ends.append(Path(path.mesh.moved(t0, t0 + T), path.values))
             mesh = ends[1].mesh
             guess = Path(mesh, (1 - part) * ends[0](mesh.nodes) + part * ends[1].values)
@@ -162,6 +174,7 @@ def trace(
     problem : Problem
     vary : str, pair of str, or callable
         What moves: the name of a parameter (one number); "t0" or "t1", the time of an event;
+        "energy", where a time is free;
         ("start", name) or ("end", name), a coordinate there; or a function from a number to a
         Problem with the same system and kind of ends.
     to : float
@@ -187,7 +200,7 @@ def trace(
     SolveError
         If there is no first path.
     """
-    family, value = _family(problem, vary, start)
+    family, value = _family(problem.asked or problem, vary, start)
     problem.system.check_free("a branch does not know where contact changes; sweep does")
     if not np.isfinite(to) or to == value:
         raise ValueError(f"expected a finite value other than the present {value}, found {to}")
@@ -245,10 +258,11 @@ class _Run:
 
     def begin(self, solution: Solution) -> None:
         """Start from a solution, on a mesh that resolves its Jacobi fields as well."""
-        at = solution.discrete
+        at, problem = solution.discrete, solution.problem
+        fixed = problem.asked is None and not problem.closes
         if self.counting:
             try:
-                at = resolved(at, solution.error, TRACE_RESOLUTION, polish=True).at
+                at = resolved(at, solution.error, TRACE_RESOLUTION, polish=fixed).at
             except ValueError as error:
                 raise _Uncounted(_without(error)) from None
         self.sizes = at.tr.lengths
@@ -256,10 +270,11 @@ class _Run:
 
     def _set(self, path: Path, rows: Array | None, lengths: Array, s: float, sign: float) -> None:
         """Begin a branch at a path at s, multipliers `rows` (K, m), towards the sign of ds."""
-        instants, reach = self.family(s).instants, abs(self.goal - self.origin)
+        problem, reach = self.family(s), abs(self.goal - self.origin)
+        instants = () if problem.free_time else problem.instants
         self.branch = Branch(self.family, path.mesh, instants, lengths, reach)
         lam = None if rows is None else np.nan_to_num(rows)
-        z = self.branch.at(s).pack(path.values.T, lam)
+        z = self.branch.begun(path, lam, s)
         point = self.branch.first(z, s, sign)
         exact = self.branch.to(point, s)
         self._append(exact or point)
@@ -357,7 +372,10 @@ class _Run:
         try:
             found = form(point.at)
             check_independent(found, self.tol)
-            return inertia_of(found).index
+            inertia = inertia_of(found)
+            if isinstance(point.tr, Bordered):
+                inertia = counted(inertia, point.tr, point.z)
+            return inertia.index
         except ValueError as error:
             raise _Uncounted(_without(error)) from None
 
@@ -367,7 +385,7 @@ class _Run:
     def _refine(self) -> None:
         """Go on with a finer mesh, or larger units, where the last point asks for it."""
         point = self.points[-1]
-        tr, Q = point.tr, point.at.Q
+        tr, Q = point.at.tr, point.at.Q
         sizes = np.max(np.abs(Q), axis=0)
         mesh = finer(tr.mesh, self.tol, Q=Q / np.maximum(sizes, tr.lengths))
         if mesh is None and self.counting:
@@ -397,10 +415,22 @@ class _Run:
             self._note("fold", found or there, before, after)
         elif before != after:
             for j in range(min(before, after), max(before, after)):
-                found = self._locate(here, length, lambda p, j=j: lowest(form(p.at), j + 1)[0][j])
+
+                def sign(p: Point, j: int = j) -> float:
+                    if isinstance(p.tr, Bordered):
+                        return self._index(p) - j - 0.5
+                    return lowest(form(p.at), j + 1)[0][j]
+
+                found = self._locate(here, length, sign)
                 step = 1 if after > before else -1
                 low = j if step > 0 else j + 1
                 self._note("index", found or there, low, low + step)
+
+        problem = there.at.problem
+        has_multipliers = self.counting and problem.closes and not problem.system.m
+        if has_multipliers and _doubled(here) * _doubled(there) < 0:
+            found = self._locate(here, length, _doubled)
+            self._note("period doubling", found or there, before, after)
 
     def _note(self, kind, point: Point, before: int, after: int) -> None:
         sides = (before, after) if self.counting else (None, None)
@@ -477,6 +507,12 @@ class _Run:
                 "meshes": self.meshes,
             },
         )
+
+
+def _doubled(point: Point) -> float:
+    """Return det(M + 1) of the monodromy matrix M, zero where a multiplier is -1."""
+    M = carried(form(point.at))
+    return float(np.linalg.det(M + np.eye(len(M))))
 
 
 def _without(error: ValueError) -> str:

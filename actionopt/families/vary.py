@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from actionopt.discrete.bordered import over
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Event, Periodic, Problem, Tail
 
@@ -15,15 +16,23 @@ Name = str | tuple[str, str]
 def present(problem: Problem, name: Name) -> float:
     """Return the value that a quantity has: a parameter of one number, a time or a coordinate.
 
-    Names are those of parameters, "t0" and "t1", ("start", coordinate) and ("end", coordinate).
+    Names are those of parameters, "t0", "t1" and "energy", ("start", coordinate) and ("end",
+    coordinate).
 
     Raises
     ------
     ValueError
         If there is no such quantity, or the events leave it open.
     """
+    problem = problem.asked or problem
+    if name == "energy" and name not in problem.parameters:
+        if problem.energy is None:
+            raise ValueError("expected an energy that is given, as where a time is free; none is")
+        return problem.energy
     if name in ("t0", "t1"):
         event = problem.start if name == "t0" else problem.end
+        if event.t is None:
+            raise ValueError(f"expected a time that is given, found {name!r}, which is free")
         if np.isinf(event.t) or isinstance(event, Tail):
             raise ValueError(
                 f"expected a finite time to vary, found the event at infinity as {name!r}"
@@ -62,8 +71,11 @@ def moved(problem: Problem, values: Mapping[Name, float]) -> Problem:
     >>> later.end.t, later.end.q, float(later.parameters["g"])
     (2.0, (0.5,), 1.62)
     """
+    problem = problem.asked or problem
     events = {"start": list(problem.start.near), "end": list(problem.end.near)}
     times, parameters = {"t0": problem.start.t, "t1": problem.end.t}, {}
+    values = dict(values)
+    energy = None if "energy" in problem.parameters else values.pop("energy", None)
     for name, value in values.items():
         if isinstance(name, tuple):
             events[name[0]][problem.system.coordinates.index(name[1])] = value
@@ -73,6 +85,7 @@ def moved(problem: Problem, values: Mapping[Name, float]) -> Problem:
         start=_event(problem.start, times["t0"], events["start"]),
         end=_event(problem.end, times["t1"], events["end"]),
         parameters=parameters,
+        energy=energy,
     )
 
 
@@ -87,6 +100,7 @@ def _event(old: Event, t: float, q: list[float | None]) -> Event:
 
 def led(path: Path, problem: Problem) -> Path:
     """Return the path stretched over the times of a problem, and sheared to begin and end there."""
+    problem = over(problem, path.mesh.duration)
     values, last = path.values, path.values[:, -1:]
     mesh = path.mesh.moved(problem.start.t, problem.end.t)
     s = mesh.nodes_since / mesh.duration

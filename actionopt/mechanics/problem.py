@@ -75,14 +75,15 @@ class Event:
                 "values is actionopt.integrate(system, State(t, q, v), t_end)"
             )
         # A time that is free is None: it is known before anything reckons with it.
-        kept = t is None or (isinstance(t, float) and math.isinf(t))
-        object.__setattr__(self, "t", t if kept else number(t, "the time of an event"))
+        infinite = isinstance(t, float) and math.isinf(t)
+        known = t if t is None or infinite else number(t, "the time of an event")
+        object.__setattr__(self, "t", known)
         row = tuple(
             None if x is None else number(x, f"coordinate {i} of an event")
             for i, x in enumerate(items(q, "the coordinates of an event"))
         )
         object.__setattr__(self, "q", row)
-        if kept and t is not None and None in row:
+        if infinite and None in row:
             raise ValueError(
                 "expected all coordinates of the equilibrium at infinite time, found "
                 f"{list(row)}; give the numbers, or a finite time"
@@ -216,9 +217,9 @@ class Tail(Event):
         """The event at infinite time."""
         return Event(self.side * math.inf, self.rest)
 
-    def at(self, t: float) -> Tail:
+    def at(self, t: float | None) -> Tail:
         """Return the same with the window's edge at another time."""
-        return Tail(t, self.rest, self.side, self.phase)
+        return Tail(t, self.rest, self.side, self.phase)  # type: ignore[arg-type]
 
     def shifted(self, by: Sequence[float] | ArrayLike) -> Tail:
         """Return the same of an equilibrium farther by `by` (n,)."""
@@ -435,6 +436,11 @@ class Problem:
         return problem
 
     @property
+    def unfixed(self) -> bool:
+        """Whether more than the path is to be found, or was: a duration, or where it begins."""
+        return self.asked is not None or self.free_time or self.closes
+
+    @property
     def closes(self) -> bool:
         """Whether paths close that may start anywhere along themselves, as L has no clock."""
         structure = self.system.structure
@@ -450,7 +456,7 @@ class Problem:
     @property
     def is_infinite(self) -> bool:
         """Whether an event lies at infinite time: `solve` then works on a window."""
-        return not self.free_time and (math.isinf(self.start.t) or math.isinf(self.end.t))
+        return math.isinf(self.start.t or 0.0) or math.isinf(self.end.t or 0.0)
 
     @property
     def has_tails(self) -> bool:
@@ -624,18 +630,17 @@ def _check_free_time(problem: Problem) -> None:
             f"expected an energy where the time of an event is free, found energy = "
             f"{problem.energy} and both times given; make one of them None"
         )
-    energy = 0.0 if problem.energy is None else number(problem.energy, "the energy")
-    object.__setattr__(problem, "energy", energy)
-    if any(e.t is not None and math.isinf(e.t) for e in (problem.start, problem.end)):
+    if system.r:
+        raise ValueError(
+            "expected both times of a path along an obstacle, found one that is free; give it"
+        )
+    if np.inf in (abs(e.t or 0.0) for e in (problem.start, problem.end)):
         raise ValueError(
             "expected a finite time beside one that is free, found an infinite one: the duration "
             "is then infinite; give both events their times"
         )
-    if system.r:
-        raise ValueError(
-            "expected both times of a path along an obstacle, found one that is free; give it, and "
-            "follow the solutions by their energy"
-        )
+    energy = 0.0 if problem.energy is None else number(problem.energy, "the energy")
+    object.__setattr__(problem, "energy", energy)
     if structure.forced:
         raise ValueError(
             "expected a system without non-conservative forces where a time is free: with them "

@@ -49,6 +49,7 @@ FAMILY_NOISE = 1e-9  # of one coordinate the noise itself tells; ad hoc
 OUTDATED = 1e-6  # change of multipliers, in whose matrix no family may show; ad hoc
 BENT = 1e-4  # in units of kinetic energy, as the index has it: of a family 1e-8; ad hoc
 DWELT = (Status.NOT_FOUND, Status.UNRESOLVED, Status.DEGENERATE)  # what it may be
+DWELL_STEP = 1e-5  # of the way, that a motion makes at most from node to node at rest; ad hoc
 LOST = (Status.NOT_FOUND, Status.UNRESOLVED)  # where one of a family may have been near
 
 
@@ -121,7 +122,8 @@ def solve(
     choices = Choices(tol, principle, LADDERS[method], mesh, watch)
     solution, message = _asked(problem, guess, choices)
     fixed = mesh is not None or problem.system.r > 0
-    if solution.status in DWELT and not fixed and not solution.problem.has_tails:
+    timed = not (fixed or problem.unfixed or solution.problem.has_tails)
+    if timed and (solution.status in DWELT or _is_at_rest(solution)):
         solution, message = _dwelling(problem, guess, choices, solution, message)
     if throw and not solution.success:
         raise SolveError(message, solution)
@@ -152,14 +154,16 @@ class Choices:
 
 def _asked(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[Solution, str]:
     """Return the path, and the verdict with its figures."""
+    if problem.unfixed:
+        found = _unfixed(problem.asked or problem, guess, choices)
+        if found is None:
+            found = _solved(problem, guess, choices)
+            if choices.mesh is None and _moves(found[0]):  # it may be kinked at the start
+                found = _unfixed(problem, found[0], choices) or found
+        return found
     if problem.is_infinite or problem.has_tails:
         return _in_windows(problem.whole, guess, choices)
-    if problem.asked or problem.free_time or (problem.closes and guess is not None):
-        return _unfixed(problem.asked or problem, guess, choices)
-    solution, message = _solved(problem, guess, choices)
-    if problem.closes and choices.mesh is None and _moves(solution):
-        return _unfixed(problem, solution, choices)  # it may be kinked at the start
-    return solution, message
+    return _solved(problem, guess, choices)
 
 
 def _solved(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[Solution, str]:
@@ -205,10 +209,11 @@ def _dwelling(
 ) -> tuple[Solution, str]:
     """Return what can be said of a path that was not found between two equilibria, and a verdict.
 
-    That of infinite time shows the way, if there is one.
+    That of infinite time shows the way, if there is one. Of a path that was found, only whether its
+    place in time is determined.
     """
     whole = window.between(problem)
-    if whole is None:
+    if whole is None or (solution.success and not solution.inertia.nullity):
         return solution, message
     if guess is None:
         with suppress(OutOfTime, ValueError):
@@ -222,6 +227,13 @@ def _dwelling(
                     solution = near[0]
     solution = replace(solution, status=Status.DWELLING)
     return solution, f"{problem.name}: {Status.DWELLING.value} (tol = {choices.tol:g})"
+
+
+def _is_at_rest(solution: Solution) -> bool:
+    """Whether a path that moves hardly leaves its first node, nor comes to its last."""
+    values = solution.path.values
+    ends = np.abs(values[:, [1, -1]] - values[:, [0, -2]]).max()
+    return ends < DWELL_STEP * np.ptp(values, axis=1).max()
 
 
 def _in_windows(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[Solution, str]:
@@ -259,24 +271,32 @@ def _moves(solution: Solution) -> bool:
     return bool((speed * solution.duration > AT_REST * size).any())
 
 
-def _unfixed(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[Solution, str]:
-    """Return the path where the duration is free or it closes anywhere, and the verdict."""
+def _unfixed(
+    problem: Problem, guess: Guess | None, choices: Choices
+) -> tuple[Solution, str] | None:
+    """Return the path whose duration is free or that closes anywhere, and the verdict.
+
+    None where there is nothing of the kind to be found: a closed path that is not said to move.
+    """
     tolerance(choices.tol)
-    if choices.mesh is not None:
-        if not problem.free_time:
-            return _solved(problem, guess, choices)
-        raise ValueError(
-            "expected no mesh where a time is free, found one: it would be over given times"
-        )
-    if problem.closes and guess is None:
-        raise ValueError(
-            "expected a guess for a closed path whose period is to be found: a Path or a "
-            "solution near it, or waypoints round it"
-        )
+    if problem.free_time:
+        if choices.mesh is not None:
+            raise ValueError(
+                "expected no mesh where a time is free, found one: it would be over given times"
+            )
+        if problem.closes and guess is None:
+            raise ValueError(
+                "expected a guess for a closed path whose period is to be found: a Path or a "
+                "solution near it, or waypoints round it"
+            )
+    elif guess is None or choices.mesh is not None:
+        return None
+    tol, principle, watch = choices.tol, choices.principle, choices.watch
     thorough = choices.ladder is not NEAR
-    arguments = choices.tol, guess, choices.principle, choices.watch
-    solution, hint = solve_unfixed(problem, solve, *arguments, thorough=thorough)
-    return solution, "" if solution.success else _sentence(solution, choices.tol, hint)
+    solution, hint = solve_unfixed(problem, solve, tol, guess, principle, watch, thorough=thorough)
+    figures = f"tol = {tol:g}, error estimate {solution.error:.2g}"
+    hint = f"; {hint}" if hint else ""
+    return solution, f"{problem.name}: {solution.status.value} ({figures}){hint}"
 
 
 def _found(search: Search, guess: Guess | None, curve_of: Callable[[Mesh], Path] | None) -> Status:
@@ -397,13 +417,6 @@ def _message(ws: Workspace, status: Status, tol: float) -> str:
             f"{np.spacing(size):.1g} only: measure it from a point near the motion"
         )
     return f"{name}: {status.value} ({figures}){hint}"
-
-
-def _sentence(solution: Solution, tol: float, hint: str) -> str:
-    """Return the verdict of a path whose duration is free or that closes, and what to try next."""
-    figures = f"tol = {tol:g}, error estimate {solution.error:.2g}"
-    hint = f"; {hint}" if hint else ""
-    return f"{solution.problem.name}: {solution.status.value} ({figures}){hint}"
 
 
 def _solution(ws: Workspace, status: Status, found_by: str, started: float) -> Solution:
