@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import ast
-import inspect
 import json
 import math
 import os
@@ -24,7 +23,6 @@ if TYPE_CHECKING:
     from actionopt.chapter import Line
     from actionopt.families.runs import Runs
     from actionopt.mechanics.problem import Problem
-    from actionopt.scenes import Scene
 
 ABOUT = "A Lagrangian and two events in, the path of stationary action between them out."
 FILE_HELP = """\
@@ -151,12 +149,23 @@ def _add_chapter(command: argparse.ArgumentParser) -> None:
     command.add_argument("section", nargs="?", default="", help="only this section, as in 12.4")
 
 
+def _add_exercise(command: argparse.ArgumentParser) -> None:
+    command.description = (
+        "Write a lesson of the course as Jupyter notebooks: NAME.ipynb to work in, and "
+        "NAME-answers.ipynb. Without a name, list the lessons."
+    )
+    command.set_defaults(run=_exercise)
+    command.add_argument("name", nargs="?", metavar="NAME", help="of a lesson")
+    command.add_argument("folder", nargs="?", default=".", metavar="FOLDER", help="where to (here)")
+
+
 COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None] | None]] = {
     "list": ("name the scenes, or tell of one", _add_list),
     "solve": ("solve a scene or a file", _add_solve),
     "sweep": ("solve a scene or a file over a grid of values", _add_sweep),
     "explore": ("open a window: drag a path, see its action, slide the end time", _add_explore),
     "chapter": ("run the chapter on Lagrangian mechanics", _add_chapter),
+    "exercise": ("write a lesson of the course as notebooks", _add_exercise),
     "suite": ("test problems for optimisers", None),
     "gallery": ("write the scenes as web pages", None),
 }
@@ -235,6 +244,19 @@ def _some(names: Sequence[str], most: int = 4) -> str:
     """Return the names, those in the middle of a long row left out."""
     shown = names if len(names) <= most else (*names[: most - 1], "...", names[-1])
     return ", ".join(shown)
+
+
+def _exercise(options: argparse.Namespace) -> int:
+    from actionopt.gallery.course.lessons import LESSONS
+
+    if options.name is None:
+        print_table([("lesson", "what it is"), *((x.name, x.title) for x in LESSONS)])
+        return 0
+    from actionopt.gallery.course.notebook import exercise
+
+    for file in exercise(options.name, options.folder):
+        print(file)
+    return 0
 
 
 # -- chapter ---------------------------------------------------------------------------------
@@ -411,51 +433,8 @@ def _question(name: str, settings: dict[str, Any]) -> tuple[Problem, Any]:
     from actionopt import scenes
 
     own = name.endswith(".py")
-    found = _from_file(Path(name), settings) if own else scenes.get(name, **settings)
+    found = scenes.from_file(Path(name), settings) if own else scenes.get(name, **settings)
     return (found.problem, found.guess) if isinstance(found, scenes.Scene) else (found, None)
-
-
-def _from_file(file: Path, settings: dict[str, Any]) -> Problem | Scene:
-    from actionopt.mechanics.problem import Problem
-    from actionopt.scenes import Scene
-
-    if not file.is_file():
-        raise ValueError(f"expected a Python file, found no file {str(file)!r}")
-    import runpy
-
-    sys.path.insert(0, str(file.parent))  # as `python file` does, for its neighbours
-    try:
-        defined = runpy.run_path(str(file))
-        found = defined.get("problem", defined.get("scene"))
-        if inspect.isfunction(found):
-            _known(found, settings)
-            found, settings = found(**settings), {}
-    except Exception as error:
-        raise ValueError(f"{_place(file, error)}: {type(error).__name__}: {error}") from error
-    finally:
-        sys.path.pop(0)
-    if not isinstance(found, (Problem, Scene)):
-        raise ValueError(
-            f"expected {file} to define `problem` or `scene`, a Problem, a Scene or a function "
-            f"that returns one, found {'neither' if found is None else repr(found)}"
-        )
-    asked = found.problem if isinstance(found, Scene) else found
-    return asked.replace(parameters=settings) if settings else found
-
-
-def _known(made: Callable[..., Any], settings: dict[str, Any]) -> None:
-    """Raise ValueError if a function of the user's has no parameter of one of these names."""
-    from actionopt.mechanics.tracing import suggestion
-
-    parameters = inspect.signature(made).parameters
-    if any(p.kind is p.VAR_KEYWORD for p in parameters.values()):
-        return
-    for name in settings:
-        if name not in parameters:
-            raise ValueError(
-                f"unknown parameter {name!r}; the parameters of {made.__name__} are "
-                f"{', '.join(parameters) or 'none'}{suggestion(name, list(parameters))}"
-            )
 
 
 def _contradiction(forward: dict[str, Any]) -> str:
@@ -466,17 +445,6 @@ def _contradiction(forward: dict[str, Any]) -> str:
         f"{forward['allowed']:.1e} is compatible with the error estimate: the path is no motion; "
         "try a smaller --tol, or a problem with a guess nearer the motion"
     )
-
-
-def _place(file: Path, error: Exception) -> str:
-    """Return the file, and the last line in it that the error came through."""
-    import traceback
-
-    frames = traceback.extract_tb(error.__traceback__)
-    lines = [frame.lineno for frame in frames if frame.filename == str(file)]
-    if isinstance(error, SyntaxError) and error.lineno is not None:
-        lines = [error.lineno]
-    return f"{file}, line {lines[-1]}" if lines else str(file)
 
 
 def report(solution: Solution, *, compare: bool = True) -> dict[str, Any]:

@@ -127,23 +127,24 @@ class Browser:
             assert time.monotonic() < end, f"waited in vain for {script}"
             time.sleep(0.05)
 
+    def mouse(self, kind, x, y):
+        """Let the mouse be "Pressed", "Moved" or "Released" at a place, its left button down."""
+        self.order(
+            "Input.dispatchMouseEvent",
+            type=f"mouse{kind}",
+            x=x,
+            y=y,
+            button="left",
+            buttons=1,
+            clickCount=1,
+        )
+
     def drag(self, x, y, to_x, to_y):
         """Drag the mouse from one place to another."""
-        for kind, *at in (
-            ("mousePressed", x, y),
-            ("mouseMoved", (x + to_x) / 2, (y + to_y) / 2),
-            ("mouseMoved", to_x, to_y),
-            ("mouseReleased", to_x, to_y),
-        ):
-            self.order(
-                "Input.dispatchMouseEvent",
-                type=kind,
-                x=at[0],
-                y=at[1],
-                button="left",
-                buttons=1,
-                clickCount=1,
-            )
+        self.mouse("Pressed", x, y)
+        self.mouse("Moved", (x + to_x) / 2, (y + to_y) / 2)
+        self.mouse("Moved", to_x, to_y)
+        self.mouse("Released", to_x, to_y)
 
     def touch(self, x, y, across, down, moves=8):
         """Drag a finger from a place by so many pixels, in so many moves."""

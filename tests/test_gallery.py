@@ -10,10 +10,11 @@ import browser
 import numpy as np
 import pytest
 
-from actionopt import scenes
+from actionopt import Event, Mesh, scenes
 from actionopt.cli import main
+from actionopt.discrete.transcription import Transcription
 from actionopt.gallery import build, builder
-from actionopt.gallery.explorer import EXPLORERS, OSCILLATOR, PROJECTILE
+from actionopt.gallery.course.lessons import LESSONS
 from actionopt.gallery.facts import known, named
 from actionopt.gallery.figures import fronts_caption
 from actionopt.gallery.index_page import SECTIONS, section
@@ -24,7 +25,7 @@ from actionopt.solver.solve import solve
 from actionopt.tools.greek import GREEK
 
 NAMES = ["drag_quadratic", "rod_pendulum"]
-VOID = {"meta", "link", "img", "input", "br"}
+VOID = {"meta", "link", "img", "input", "br", "source"}
 SAME = 1e-9  # of an action computed twice
 CLOSE = 1e-9  # of what is known exactly, for paths good to 1e-10 and their accelerations
 
@@ -33,7 +34,7 @@ CLOSE = 1e-9  # of what is known exactly, for paths good to 1e-10 and their acce
 def gallery(tmp_path_factory):
     """A gallery of two scenes."""
     target = tmp_path_factory.mktemp("gallery")
-    assert build(target, NAMES, jobs=1) == ["least", *NAMES]
+    assert build(target, NAMES, jobs=1) == ["least", "course", *NAMES]
     return target
 
 
@@ -62,7 +63,7 @@ class Checked(HTMLParser):
             self.open.append(tag)
         if "id" in given:
             self.ids.append(given["id"])
-        self.links += [given[name] for name in ("href", "src") if name in given]
+        self.links += [given[name] for name in ("href", "src", "srcset") if name in given]
         if re.fullmatch("h[1-6]", tag):
             self.headings.append(int(tag[1]))
         if tag == "img":
@@ -84,7 +85,7 @@ class Checked(HTMLParser):
 
 
 def test_pages_are_whole(gallery):
-    assert len(pages(gallery)) == 2 + len(NAMES)
+    assert len(pages(gallery)) == 3 + len(LESSONS) + len(NAMES)
     shown = set()
     for file in pages(gallery):
         page = Checked()
@@ -109,14 +110,17 @@ def test_pages_are_whole(gallery):
 
 def test_nothing_comes_from_elsewhere(gallery):
     for name, content in files(gallery).items():
+        if name.endswith((".woff", ".txt")):  # a font, and its licence
+            continue
         text = content.decode()
         loads = r"""(?:href|src)=["']?(?:https?:)?//|url\(["']?(?:https?:)?//|@import|fetch\("""
         assert not re.search(loads, text), name
 
 
 def test_what_a_scene_is_decides_its_figures(gallery):
-    drag = {f.stem for f in (gallery / "drag_quadratic").glob("*.svg")}
-    rod = {f.stem for f in (gallery / "rod_pendulum").glob("*.svg")}
+    drag, rod = (
+        {f.stem.removesuffix("-narrow") for f in (gallery / name).glob("*.svg")} for name in NAMES
+    )
     assert drag == {"motion", "thumbnail", "path", "conserved", "mesh"}
     assert rod >= drag | {"landscape", "slices", "bundle", "energies", "spectrum"}
     page = (gallery / "drag_quadratic" / "index.html").read_text(encoding="utf-8")
@@ -218,13 +222,13 @@ def test_what_stands_is_not_made_again(gallery, quick):
 
 def test_what_is_missing_is_made_again_and_what_is_left_over_goes(tmp_path, quick):
     first = build(tmp_path, ["projectile"], jobs=1)
-    assert first == quick == ["least", "projectile"]
+    assert first == quick == ["least", "course", "projectile"]
     before = files(tmp_path)
-    assert {"least/1.svg", "projectile/2.svg", "index.html", "style.css"} <= set(before)
+    assert {"least/1.svg", "projectile/3.svg", "index.html", "style.css"} <= set(before)
     (tmp_path / "projectile" / "index.html").unlink()
     assert build(tmp_path, ["pendulum", "projectile"], jobs=1) == ["pendulum", "projectile"]
     after = files(tmp_path)
-    assert "projectile/4.svg" in after and "projectile/2.svg" not in after
+    assert "projectile/5.svg" in after and "projectile/3.svg" not in after
     assert build(tmp_path, ["pendulum"], jobs=1) == []
     assert files(tmp_path) == after  # the index still has both
     index = after["index.html"].decode()
@@ -233,8 +237,8 @@ def test_what_is_missing_is_made_again_and_what_is_left_over_goes(tmp_path, quic
 
 def test_an_interrupted_build_goes_on(tmp_path, quick):
     def stop(done, total, name):
-        assert total == 3
-        if done == 2:
+        assert total == 4
+        if done == 3:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -242,8 +246,22 @@ def test_an_interrupted_build_goes_on(tmp_path, quick):
     assert not list(tmp_path.rglob("*.part*"))
     seen = []
     left = build(tmp_path, NAMES, show=lambda *now: seen.append(now), jobs=1)
-    assert left == ["rod_pendulum"] and seen == [(3, 3, "rod_pendulum")]
-    assert quick == ["least", *NAMES]
+    assert left == ["rod_pendulum"] and seen == [(4, 4, "rod_pendulum")]
+    assert quick == ["least", "course", *NAMES]
+
+
+def test_links_lead_to_pages_that_are_there(tmp_path, monkeypatch):
+    def make(name):
+        links = "".join(f'<a href="../{x}/index.html">{x}</a>' for x in ("kepler", "pendulum"))
+        return Page({f"{name}/index.html": links})
+
+    monkeypatch.setattr(builder, "make", make)
+    build(tmp_path, ["kepler"], jobs=1)
+    page = tmp_path / "kepler" / "index.html"
+    assert page.read_text() == '<a href="../kepler/index.html">kepler</a>pendulum'
+    assert build(tmp_path, ["pendulum"], jobs=1) == ["least", "course", "pendulum"]
+    assert build(tmp_path, ["kepler"], jobs=1) == ["kepler"]
+    assert 'href="../pendulum/index.html"' in page.read_text()
 
 
 def test_a_page_that_cannot_be_written_leaves_the_old_one(tmp_path, quick, monkeypatch):
@@ -261,6 +279,33 @@ def test_other_files_are_left_alone(tmp_path, quick):
     with pytest.raises(ValueError, match="found other files"):
         build(tmp_path, ["projectile"], jobs=1)
     assert files(tmp_path) == {"index.html": b"mine"} and quick == []
+
+
+OWN = """
+import actionopt as ao
+
+free = ao.System(lambda q, v, t, *, m: m * v[0] ** 2 / 2, ["x"], parameters={"m": 2.0}, name="free")
+problem = ao.Problem(free, ao.Event(0, [0.0]), ao.Event(1.0, [1.0]))
+"""
+
+
+def test_problems_of_ones_own_have_pages(tmp_path, quick, capsys):
+    file, target = tmp_path / "mine.py", tmp_path / "pages"
+    file.write_text(OWN)
+    build(target, ["projectile"], jobs=1)
+    assert main(["gallery", str(target), str(file), "projectile"]) == 0
+    assert quick == ["least", "course", "projectile"]
+    page = (target / "free" / "index.html").read_text(encoding="utf-8")
+    assert page.count("<h1>Free</h1>") == 1 and "../index.html" in page
+    index = (target / "index.html").read_text(encoding="utf-8")
+    assert "free/index.html" in index and "projectile/index.html" in index
+    again = scenes.from_file(file), scenes.get("projectile", g=1.62)
+    assert build(target, again, jobs=1) == ["free", "projectile_2"]
+    assert (target / "projectile_2" / "index.html").is_file()
+    assert main(["gallery", str(target), str(tmp_path / "none.py")]) == 1
+    assert "found no file" in capsys.readouterr().err
+    with pytest.raises(ValueError, match="scenes or problems, found 3"):
+        build(target, [3])  # type: ignore[list-item]
 
 
 @pytest.mark.slow
@@ -301,7 +346,7 @@ def test_pages_follow_their_sources(tmp_path):
 def test_pages_made_from_other_sources_are_made_again(tmp_path, quick, monkeypatch):
     build(tmp_path, ["projectile"], jobs=1)
     monkeypatch.setattr(builder, "sources", lambda: "new")
-    assert build(tmp_path, ["projectile"], jobs=1) == ["least", "projectile"]
+    assert build(tmp_path, ["projectile"], jobs=1) == ["least", "course", "projectile"]
 
 
 def test_a_scene_that_is_not_there(tmp_path):
@@ -310,41 +355,20 @@ def test_a_scene_that_is_not_there(tmp_path):
     assert not (tmp_path / "new").exists()
 
 
-# -- the explorer ----------------------------------------------------------------------------
+# -- films ------------------------------------------------------------------------------------
 
 
-def test_the_explorers_action_of_the_motion_is_known():
-    for explorer, tolerance in ((PROJECTILE, 1e-13), (OSCILLATOR, 1e-9)):
-        T = explorer.scene.problem.duration
-        assert explorer.action(explorer.motion(T), T) == pytest.approx(
-            explorer.scene.action, abs=tolerance
-        )
-
-
-def test_the_explorers_action_of_a_bent_path_is_known():
-    # x = x0 + v0 t, y = y0 + v t - a t^2 / 2 with any a between the same events.
-    scene, T = PROJECTILE.scene, PROJECTILE.scene.problem.duration
-    (x0, y0), (x1, y1) = scene.problem.start.q, scene.problem.end.q
-    nodes = PROJECTILE.motion(T)
-    t = T * np.array(PROJECTILE.plain()["nodes"])
-    for a in (0.0, 4.0, 20.0):
-        v = (y1 - y0) / T + a * T / 2
-        nodes[1] = y0 + v * t - a * t**2 / 2
-        g = 9.81
-        kinetic = ((x1 - x0) ** 2 / T + v**2 * T - v * a * T**2 + a**2 * T**3 / 3) / 2
-        potential = g * (y0 * T + v * T**2 / 2 - a * T**3 / 6)
-        assert PROJECTILE.action(nodes, T) == pytest.approx(kinetic - potential, abs=1e-12)
-
-
-def test_the_page_has_the_numbers_of_the_explorers(gallery):
+def test_one_path_relaxes_to_the_motion_and_the_other_runs_away_on_one_clock(gallery):
     page = (gallery / "least.html").read_text(encoding="utf-8")
     found = map(json.loads, re.findall(r'<script type="application/json">(.*?)</script>', page))
-    explorers, films = [], []
-    for data in found:
-        (explorers if "name" in data else films).append(data)
-    assert explorers == [e.plain() for e in EXPLORERS]
-    # One path relaxes to the motion, the other falls below it.
-    away = [np.array(f["shapes"][1]["points"][-1]) - f["shapes"][0]["points"][0] for f in films]
+    (film,) = (data for data in found if "shapes" in data)
+    kinds = ("motion", "trial", "dot")
+    truth, trial, dots = (
+        [np.array(s["points"]) for s in film["shapes"] if s["kind"] == kind] for kind in kinds
+    )
+    away = [path[-1] - still[0] for path, still in zip(trial, truth, strict=True)]
+    assert len(trial[0]) == len(trial[1]) == len(dots[0]) == len(film["labels"])  # one clock
+    assert np.ptp(dots[0][-5:], axis=0) == pytest.approx(0, abs=1e-3)  # at rest on the map
     assert np.max(np.abs(away[0])) < 0.01 < 0.3 < np.max(np.abs(away[1]))
 
 
@@ -429,17 +453,25 @@ def test_a_film_plays_pauses_and_leaves_those_alone_who_want_no_motion(gallery, 
 
 
 def shown(chromium, name):
-    """Return S in the page and S computed here for the path that the page shows."""
-    figure = f"document.querySelector('[data-explorer={name}]').dataset"
-    nodes = np.array(chromium.run(f"explorer.{name}.nodes()"))
-    T, S = (float(chromium.run(f"{figure}.{key}")) for key in ("duration", "action"))
-    explorer = next(e for e in EXPLORERS if e.name == name)
-    return S, explorer.action(nodes, T), float(chromium.run(f"{figure}.rise"))
+    """Return S in the page, S computed here for the path that the page shows, and its rise."""
+    figure = f"document.querySelector('[data-live={name}]')"
+    T, S, rise = (
+        float(chromium.run(f"{figure}.dataset.{key}")) for key in ("duration", "action", "rise")
+    )
+    problem = scenes.get(name).problem
+    degree, count, Q = chromium.run(
+        f"(() => {{ const {{ A, trial }} = {figure}.live;"
+        " return [A.degree, A.elements, [...trial()]] })()"
+    )
+    Q = np.reshape(Q, (-1, problem.system.n))
+    longer = problem.replace(end=Event(T, Q[-1]))
+    tr = Transcription(longer, Mesh.uniform(0.0, T, count, degree), problem.lengths)
+    return S, tr.action_and_gradient(Q)[0], rise
 
 
 def middle(chromium, name, handle):
     """Return where a handle is in the window."""
-    knob = f"document.querySelectorAll('[data-explorer={name}] .handle')[{handle}]"
+    knob = f"document.querySelectorAll('[data-live={name}] .handle')[{handle}]"
     return chromium.run(
         f"(() => {{ const b = {knob}.querySelector('.knob').getBoundingClientRect();"
         " return [b.x + b.width / 2, b.y + b.height / 2] })()"
@@ -449,7 +481,7 @@ def middle(chromium, name, handle):
 @pytest.mark.parametrize("name", ["projectile", "oscillator"])
 def test_a_handle_dragged_changes_the_action_to_the_one_computed_here(gallery, chromium, name):
     chromium.open(gallery / "least.html")
-    chromium.run(f"document.querySelector('[data-explorer={name}]').scrollIntoView()")
+    chromium.run(f"document.querySelector('[data-live={name}]').scrollIntoView()")
     before = shown(chromium, name)
     assert before[0] == pytest.approx(before[1], abs=SAME)
     x, y = middle(chromium, name, 2)
@@ -472,8 +504,7 @@ def test_a_handle_dragged_changes_the_action_to_the_one_computed_here(gallery, c
 @pytest.mark.parametrize("name", ["projectile", "oscillator"])
 def test_a_handle_stays_under_the_finger_and_the_page_where_it_is(gallery, chromium, name):
     chromium.open(gallery / "least.html", 360, 740)
-    chromium.run(f"document.querySelector('[data-explorer={name}]').scrollIntoView()")
-    chromium.run(f"document.querySelector('[data-explorer={name}] [data-do=motion]').click()")
+    chromium.run(f"document.querySelector('[data-live={name}]').scrollIntoView()")
     chromium.run(
         "window.cancelled = 0;"
         "addEventListener('pointercancel', () => { window.cancelled += 1 }, true)"
@@ -489,26 +520,23 @@ def test_a_handle_stays_under_the_finger_and_the_page_where_it_is(gallery, chrom
 
 def test_past_half_a_period_the_bend_costs_less(gallery, chromium):
     chromium.open(gallery / "least.html")
+    live = "document.querySelector('[data-live=oscillator]').live"
     rises = []
     for T in (0.9 * np.pi, 1.1 * np.pi):
-        chromium.run(f"explorer.oscillator.setDuration({T})")
+        chromium.run(f"{live}.setDuration({T})")
         S, expected, rise = shown(chromium, "oscillator")
         assert pytest.approx(expected, abs=SAME) == S
         rises.append(rise)
     assert rises[0] > 0.01 and rises[1] < -0.01
-    chromium.run("document.querySelector('[data-explorer=oscillator] [data-do=motion]').click()")
-    assert abs(shown(chromium, "oscillator")[2]) < 1e-12
 
 
 def test_what_is_written_as_nothing_is_neither_negative_nor_more(gallery, chromium):
     """At the conjugate time the bend costs nothing to second order."""
     chromium.open(gallery / "least.html")
-    chromium.run("document.querySelector('[data-explorer=oscillator] [data-do=bend]').click()")
-    chromium.run(f"explorer.oscillator.setDuration({np.pi})")
-    text = chromium.run(
-        "document.querySelector('[data-explorer=oscillator] [data-action]').textContent"
-    )
-    assert "as on the motion" in text and "\N{MINUS SIGN}0.0000" not in text
+    chromium.run("document.querySelector('[data-live=oscillator] [data-do=bend]').click()")
+    chromium.run(f"document.querySelector('[data-live=oscillator]').live.setDuration({np.pi})")
+    text = chromium.run("document.querySelector('[data-live=oscillator] .verdict').textContent")
+    assert "as on the motion" in text and "\N{MINUS SIGN}0.000" not in text
 
 
 def test_the_keyboard_reaches_everything(gallery, chromium):

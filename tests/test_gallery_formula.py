@@ -10,13 +10,15 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
+from helpers import solved
 
 from actionopt import scenes
-from actionopt.gallery import formula as F
 from actionopt.gallery import units
-from actionopt.gallery.mathml import mathml
 from actionopt.gallery.texts import texts
+from actionopt.mechanics import written
 from actionopt.plot import SI
+from actionopt.tools import formula as F
+from actionopt.tools.mathml import mathml
 
 OPERATORS = {
     ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv
@@ -45,6 +47,7 @@ class Values:
         self.indices = {}
         self.known |= {"t": t} | dict(zip(self.names, q, strict=True))
         self.rates = dict(zip(self.names, v, strict=True))
+        self.second = {}
         self.scene = scene
         for symbol, node in definitions:
             self.known["".join(parts(symbol)[:2])] = self(node)
@@ -55,9 +58,9 @@ class Values:
                 return value
             case ast.Name() | ast.Subscript():
                 return self.symbol(*parts(node))
-            case ast.BinOp(base, ast.Pow(), ast.Constant(2)):
+            case ast.BinOp(base, ast.Pow(), power):
                 value = self(base)
-                return np.sum(value**2, axis=0) if np.ndim(value) == 2 else value**2
+                return np.sum(value**2, axis=0) if np.ndim(value) == 2 else value ** self(power)
             case ast.BinOp(a, operator, b):
                 return OPERATORS[type(operator)](self(a), self(b))
             case ast.Call(ast.Name("size"), [argument]):
@@ -83,7 +86,7 @@ class Values:
             index = str(eval(index, {}, {k: int(i) for k, i in self.indices.items()}))
         key = name + index
         if primes:
-            return self.rates[key]
+            return (self.rates if primes == 1 else self.second)[key]
         if key in self.known:
             return self.known[key]
         table = {"r": self.known, "v": self.rates}[name]
@@ -121,6 +124,44 @@ def test_the_formulas_are_what_is_solved(name):
             wanted = system.force(q, v, t, parameters=given)
             values = np.atleast_2d(value(found.sides[-1]))
         np.testing.assert_allclose(values, wanted, rtol=1e-13, atol=1e-13)
+
+
+def unfulfilled(name, change=lambda text: text):
+    """Return by how much the solution misses the equations written, in parts of their terms."""
+    scene, solution = scenes.get(name), solved(name, tol=1e-12)
+    system, t = scene.problem.system, np.linspace(0, scene.problem.duration, 41)[1:-1]
+    h, v = 1e-3 * scene.problem.duration, solution.velocity  # differences of order 8
+    weights = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
+    a = sum(w / h * (v(t + k * h) - v(t - k * h)) for k, w in enumerate(weights, 1))
+    value = Values(scene, solution(t), solution.velocity(t), t)
+    value.second = dict(zip(system.coordinates, a, strict=True))
+    lamda = solution.multipliers(t)
+    value.known |= {"lamda": lamda[0]} if system.m == 1 else {}
+    value.known |= {f"lamda{k + 1}": row for k, row in enumerate(lamda)}
+    missed, least = [], np.max(np.abs(v(t))) / scene.problem.duration  # where all terms vanish
+    for text in written.equations(system, system.table):
+        left, right = F.formula(change(text)).sides
+        size = max(np.max(np.abs(value(n))) for side in (left, right) for n in terms(side))
+        missed.append(np.max(np.abs(value(left) - value(right))) / max(size, least))
+    return max(missed)
+
+
+def terms(node):
+    """Yield the terms of a sum."""
+    if isinstance(node, ast.BinOp) and isinstance(node.op, (ast.Add, ast.Sub)):
+        yield from terms(node.left)
+        node = node.right
+    yield node
+
+
+@pytest.mark.parametrize("name", scenes.SCENES)
+def test_the_equations_of_motion_vanish_on_the_solution(name):
+    assert unfulfilled(name) < 1e-8
+
+
+def test_equations_that_are_wrong_do_not_vanish():
+    assert unfulfilled("pendulum", lambda text: text.replace("sin", "cos")) > 1e-3
+    assert unfulfilled("charge_planar", lambda text: text.replace("= -e", "= e")) > 1e-3
 
 
 @pytest.mark.parametrize("name", scenes.SCENES)
@@ -211,6 +252,8 @@ class Powers:
                 return self(argument)
             case ast.Call(ast.Name("rate"), [argument]):
                 return self(argument) - powers("s")
+            case ast.Call(ast.Name("sqrt"), [argument]):
+                return self(argument) / 2
             case ast.Call(_, [argument]):
                 assert not self(argument).any(), ast.unparse(node)
                 return NONE

@@ -94,7 +94,8 @@ def test_forced_paths_have_no_index_and_closed_ones_no_conjugate_points(page):
 
 def test_the_files_of_the_page_are_there(page):
     files = {file.name for file in page[3].iterdir()}
-    assert files == {"pendulum.npz", "graphs.png", "motion.png", "motion.gif"}
+    pictures = {"graphs.png", "motion.png", "motion.gif", "arrows.png"}
+    assert files == {"pendulum.npz", "pendulum.html", *pictures}
 
 
 def test_the_contents_name_the_sections():

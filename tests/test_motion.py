@@ -76,11 +76,12 @@ def test_a_drawing_of_ones_own():
         (lambda q, t: None, r"return a list of shapes, such as \[body\(\[x, y\]\)\], found None"),
         (lambda q, t: scenes.body((0, 0)), r"list of shapes, .* found Shape"),
         (lambda q, t: [(0, 0)], r"list of shapes, .* found \[\(0, 0\)\]"),
-        (lambda q, t: [scenes.body([0, 0, 0])], r"\(x, y\) in the plane, found \[0, 0, 0\]"),
-        (lambda q, t: [scenes.rod([0, 0], None)], r"in the plane, found \[0, 0\], None"),
-        (lambda q, t: [scenes.rod()], "in the plane, found none"),
-        (lambda q, t: [scenes.spring([0, 0], ["a", 1])], "in the plane, found"),
-        (lambda q, t: [scenes.circle(1.0, [0.0])], "in the plane, found"),
+        (lambda q, t: [scenes.body([0] * 4)], r"in space, found \[0, 0, 0, 0\]"),
+        (lambda q, t: [scenes.body([0, 0, 0]), scenes.body([0, 0])], "a third coordinate"),
+        (lambda q, t: [scenes.rod([0, 0], None)], r"in space, found \[0, 0\], None"),
+        (lambda q, t: [scenes.rod()], "in space, found none"),
+        (lambda q, t: [scenes.spring([0, 0], ["a", 1])], "in space, found"),
+        (lambda q, t: [scenes.circle(1.0, [0.0])], "in space, found"),
         (lambda q, t: [scenes.body((np.nan, 0))], "finite"),
         (lambda q, t: [scenes.body((0, 0))] * (1 + (t > 0.5)), "same shapes"),
     ],
@@ -359,7 +360,7 @@ def test_a_film_that_fails_leaves_what_was_there(tmp_path, monkeypatch):
 
 def test_what_films_need(tmp_path, monkeypatch):
     solution, scene = solved("projectile")
-    with pytest.raises(ValueError, match=r"ends in .gif, .png, .mp4, .webm, found 'film.avi'"):
+    with pytest.raises(ValueError, match=r"ends in .*, .html, found 'film.avi'"):
         plot.film(solution, scene.draw, tmp_path / "film.avi", **SHORT)
     monkeypatch.setattr(_film.FFMpegWriter, "isAvailable", lambda: False)
     with pytest.raises(ValueError, match=r"expected ffmpeg .* write .gif or .png"):
@@ -380,3 +381,31 @@ def test_a_film_by_ffmpeg_is_the_same_file_again(tmp_path, ending):
         plot.film(solution, scene.draw, file, **SHORT)
     assert files[0].stat().st_size > 1000
     assert files[0].read_bytes() == files[1].read_bytes()
+
+
+def test_a_spherical_pendulum_is_held_along_its_rod():
+    """In space the force of the rod is along it, which in the picture of it changes its length."""
+    system = ao.System(
+        lambda q, v, t: v @ v / 2 - 9.81 * q[2],
+        ["x", "y", "z"],
+        constraint=lambda q, t: q @ q - 1,
+    )
+
+    def draw(q, t):
+        return [scenes.ground((0, 0, 0)), scenes.rod((0, 0, 0), q), scenes.body(q)]
+
+    start, end = (np.array([np.sin(a), b, -np.sqrt(np.cos(a) ** 2 - b**2)]) for a, b in
+                  ((0.7, 0.0), (0.0, 0.8)))  # fmt: skip
+    solution = ao.solve(ao.Problem(system, ao.Event(0.0, start), ao.Event(0.6, end)), tol=1e-10)
+    data = plot.motion_data(solution, draw, 21, force=True)
+    assert data.space and data.forces is not None
+    rod = data.points[1][:, :, 1]
+    force = data.forces[0].T
+    size = np.linalg.norm(force, axis=1)
+    assert np.max(np.linalg.norm(np.cross(rod, force), axis=1)) < 1e-9 * size.max()
+    # m (v^2 / l + g cos) towards the pivot
+    v, t = solution.velocity(data.t), data.t
+    known = np.sum(v**2, axis=0) - 9.81 * solution(t)[2]
+    np.testing.assert_allclose(-np.sum(rod * force, axis=1), known, rtol=1e-8)
+    seen = np.linalg.norm(data.flat.points[1][:, :, 1], axis=1)
+    assert np.ptp(np.linalg.norm(rod, axis=1)) < 1e-9 < 0.1 < np.ptp(seen)

@@ -38,6 +38,35 @@ def test_enough_time_changes_nothing():
     assert np.array_equal(free.path.values, limited.path.values)
 
 
+def bratu():
+    """Return a problem without a path: q'' = -6 e^q has none over this time (Bratu: 3.51)."""
+    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 - 6 * np.exp(q[0]), ["x"])
+    return ao.Problem(system, ao.Event(0.0, [0.0]), ao.Event(1.0, [0.01]))
+
+
+def test_where_there_is_no_path_the_search_gives_up_soon_and_says_nothing(capfd):
+    """Counted: 1000, and half as many more where the homotopy turns back as far as it will."""
+    solution = ao.solve(bratu(), throw=False)
+    assert solution.status is ao.Status.NOT_FOUND
+    assert solution.stats["evaluations"]["second"] < 1200
+    assert capfd.readouterr() == ("", "")
+
+
+def test_ways_that_time_does_not_allow_for_come_last(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr("actionopt.tools.watch.perf_counter", lambda: now[0])
+
+    def told(how, elements, iterations):
+        now[0] += 1e-3 * elements  # a millisecond an element
+
+    with pytest.raises(ao.SolveError, match=r"tried: convex newton, descent, newton, stationary$"):
+        ao.solve(bratu(), seconds=1.6, progress=told)
+    assert now[0] == pytest.approx(1.6, abs=0.1)
+    now[0] = 0.0
+    with pytest.raises(ao.SolveError, match=r"descent, newton, continuation, stationary$"):
+        ao.solve(bratu(), seconds=7.0, progress=told)
+
+
 def test_time_that_runs_out_while_refining_leaves_the_path_that_was_found():
     """Told by the evaluations, not by the clock: the watch is stopped at the last but one."""
     problem = scenes.get("double_pendulum").problem

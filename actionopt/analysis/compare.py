@@ -31,6 +31,7 @@ from actionopt.analysis.flow import (
 )
 from actionopt.analysis.forward import LENGTH_RATIO, NARROWEST_PART, entered, follow, restarts
 from actionopt.analysis.second_variation import tangent
+from actionopt.analysis.series import begins_singular
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.mechanics.compiled import Pointwise
@@ -182,7 +183,7 @@ def compare(solution: Claim, *, tol: float = 1e-12) -> Comparison:
     motion, reason, last = None, "", start.t
     try:
         motion = follow(flow, start, problem.end.t, tol=tol, mesh=mesh, kinks=True)
-        rows = motion.legs[0].units.rows
+        rows = motion.legs[-1].units.rows
     except IntegrationError as error:
         reason, last = str(error), error.t
         rows = flow.first_units(start, span).rows
@@ -272,7 +273,15 @@ def _deviation(values: Array, others: Array, size: Array) -> Array:
 
 
 def _changed(problem: Problem, state: State, units: Units, part: float) -> State:
-    """Return the state with the velocity changed by `part` of its size, as constraints allow."""
+    """Return the state with the velocity changed by `part` of its size, as constraints allow.
+
+    The coordinates are changed instead where the mass vanishes: they alone are free there.
+    """
+    flow = Flow(problem.system, problem.parameters)
+    if begins_singular(flow, state, problem.end.t):
+        return State(
+            state.t, state.q + part * units.q * np.cos(1.0 + np.arange(state.q.size)), state.v
+        )
     ones = np.ones(state.q.size)
     basis = tangent(problem, state.q[None], np.array([[state.t]]), ones)[0]
     # In no special direction: those of symmetry may be the stable ones.
@@ -429,7 +438,9 @@ def _energy_drift(
     t, ends = mesh.nodes, mesh.offsets
     gained = system.energy(q[:, ends], v[:, ends], t[ends], parameters=parameters)
     if system.structure.depends_on_time or system.structure.forced:
-        lam = system.multipliers(q, v, t, parameters=parameters)
+        lam = np.zeros((0, t.size))
+        if system.m:
+            lam = system.multipliers(q, v, t, parameters=parameters)
         power_at = system.made("power", lambda: _power(system))
         power = power_at(q.T, v.T, t[:, None], problem.packed, lam.T)[0][:, 0]
         work = np.empty(mesh.elements)

@@ -16,6 +16,7 @@ import numpy as np
 
 from actionopt.analysis.jacobi import fields, resolved
 from actionopt.analysis.second_variation import Form, check_legendre, coefficients, tangent
+from actionopt.analysis.second_variation import form as form_of
 from actionopt.analysis.solution import Solution
 from actionopt.mechanics.problem import Periodic
 from actionopt.tools.blas import one_thread
@@ -62,6 +63,8 @@ def conjugate_points(solution: Solution) -> tuple[ConjugatePoint, ...]:
             "that); pin both ends, guess=solution, for those of the motion between them"
         )
     form = resolved(solution.discrete, solution.error, CONJUGATE_RESOLUTION, polish=True)
+    if any(term.phase for term in form.tr.nodal):  # no part of how neighbours move
+        form = form_of(form.at, phase=False)
     if not form.freedom:
         return ()
     check_legendre(form)
@@ -162,12 +165,17 @@ def _roots(phases: Phases) -> list[float]:
     """Return each time at which a phase passes a multiple of pi, as often as phases do."""
     mesh = phases.mesh
     times = mesh.nodes
-    values = list(phases(times))
     t0, t1 = times[0], times[-1]
-    # At the start as many phases are zero as directions are pinned; rounding may show them as pi.
-    held = phases.form.pinned[0]
-    near = np.argsort(np.sin(values[0]))
-    values[0] = np.r_[np.zeros(held), np.sort(values[0][near[held:]])]
+    # Where L_vv vanishes at an end no phase is determined: from the centre of a radial problem
+    # none turns far before the first node.
+    singular = [phases.form.tr.times[k, 0] for k in phases.form.singular]
+    times = times[~np.isin(times, singular)]
+    values = list(phases(times))
+    if t0 not in singular:
+        # As many phases are zero as directions are pinned; rounding may show them as pi.
+        held = phases.form.pinned[0]
+        near = np.argsort(np.sin(values[0]))
+        values[0] = np.r_[np.zeros(held), np.sort(values[0][near[held:]])]
     shortest = CLOSEST_TIMES * (t1 - t0)
     roots: list[float] = []
     for k in range(times.size - 1):
@@ -182,6 +190,8 @@ def _roots(phases: Phases) -> list[float]:
                 continue
             for i in np.flatnonzero(lifted >= np.pi):
                 roots.append(_root(phases, a, at_a, b, int(i), lifted[i] - np.pi))
+    if t1 in singular:
+        return roots
     # A root at the very end may fall behind it by rounding.
     late = np.pi - values[-1]
     before = phases(np.array([t1 - 1e-3 * (t1 - times[-2])]))[0]

@@ -7,6 +7,7 @@ equations (`flow`), and so it can contradict a solution.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -22,6 +23,7 @@ from actionopt.analysis.flow import (
     Units,
     span_within,
 )
+from actionopt.analysis.series import begins_singular, begun
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.mechanics.instants import Instant
@@ -42,6 +44,8 @@ DISTINCT = 64  # times that can be told apart, in an element that is split: some
 LOCAL_SHARE = 1e-3  # of tol: CVODES bounds the error of one step; some hundred of them add up
 FINEST_LOCAL = 5e-16  # below this local tolerance CVODES gains nothing: two eps
 SIZE_SAMPLES = 65  # along the motion, to find the sizes
+SERIES_TAIL = 1e-15  # coefficients left out of a power series, relative to q
+AT_REST = 1e-6  # of the size of q over the duration: a velocity that is round-off
 ROUGH_LOCAL = 1e-8  # local tolerance of the run that finds the sizes
 
 
@@ -106,6 +110,7 @@ def integrate(
     >>> bool(abs(path(1.0)[0] - 0.5) < 1e-12)
     True
     """
+    system.check_free("forward integration does not know contact")
     return follow(Flow(system, parameters), state, t_end, tol=tol, mesh=mesh).path
 
 
@@ -123,6 +128,8 @@ class Leg:
         What it is integrated in, and the tolerance of a step.
     longest : float
         A part of it that no step exceeds.
+    singular : bool
+        Whether it is one element that begins where the mass vanishes, a power series (`series`).
     """
 
     times: Array
@@ -130,6 +137,7 @@ class Leg:
     units: Units
     local: float
     longest: float
+    singular: bool = False
 
     @property
     def mesh(self) -> Mesh:
@@ -218,6 +226,8 @@ def follow(
     `NARROWEST_PART` of the duration: velocities may have a kink there.
     """
     span = _check(flow.system, state, t_end, tol)
+    if begins_singular(flow, state, t_end):
+        return _from_singular(flow, state, t_end, tol, mesh, kinks)
     units = flow.first_units(state, span)
     _check_on_surface(flow, state, span)
     first, last = sorted([state.t, t_end])
@@ -236,6 +246,50 @@ def follow(
         tables.append((q, v))
     q, v = np.concatenate(tables, axis=2)
     return Motion(flow, state, t_end, tuple(legs), q, v)
+
+
+def _from_singular(
+    flow: Flow, state: State, t_end: float, tol: float, mesh: Mesh | None, kinks: bool
+) -> Motion:
+    """Return a motion that begins where the mass vanishes: a power series, then as all others."""
+    span = t_end - state.t
+    goal = max(LOCAL_SHARE * tol, SERIES_TAIL)
+    elements = None if mesh is None else _moved(mesh, *sorted([state.t, t_end]))
+    h = span / 4 if elements is None else elements.lengths[0 if span > 0 else -1] * np.sign(span)
+    for _ in range(MOTION_ROUNDS):
+        times, degrees = np.array([state.t, state.t + h]), np.array([MOTION_DEGREE])
+        with suppress(IntegrationError):
+            q, v = begun(flow, state, times[1], MOTION_DEGREE)
+            size = np.abs(q).max() or 1.0
+            if _tails(Mesh([0.0, 1.0], degrees), q / size)[0] <= goal:
+                break
+        h /= 2
+    else:
+        raise IntegrationError(
+            f"the motion from the singular point t = {state.t:.6g} on, where the mass matrix "
+            "vanishes, is no power series there; begin a little beside it",
+            state.t,
+        )
+    if np.abs(state.v - v[:, 0]).max() * abs(span) > AT_REST * size:
+        raise ValueError(
+            f"expected the velocity {v[:, 0]} at t = {state.t:.6g}, where the mass matrix vanishes "
+            f"and the equations of motion decide it, found {state.v}"
+        )
+    later = None
+    if elements is not None:
+        b = elements.boundaries
+        inner = b[b > times[1]] if span > 0 else b[b < times[1]]
+        degrees_later = (
+            elements.degrees[-inner.size :] if span > 0 else elements.degrees[: inner.size]
+        )
+        both = [times[1], *inner] if span > 0 else [*inner, times[1]]
+        later = Mesh(both, degrees_later)
+    rest = follow(
+        flow, State(times[1], q[:, -1], v[:, -1]), t_end, tol=tol, mesh=later, kinks=kinks
+    )
+    first = Leg(times, degrees, rest.legs[0].units, goal, 1.0, singular=True)
+    tables = [np.concatenate([a, b], axis=1) for a, b in ((q, rest.q), (v, rest.v))]
+    return Motion(flow, state, t_end, (first, *rest.legs), tables[0], tables[1])
 
 
 def restarts(mesh: Mesh, instants: list[Instant]) -> list[Instant]:
@@ -361,6 +415,8 @@ def _run(flow: Flow, state: State, leg: Leg, duration: float) -> tuple[Array, Ar
 
     The state is that before a jump there.
     """
+    if leg.singular:
+        return begun(flow, state, float(leg.times[1]), MOTION_DEGREE)
     start, mesh = entered(flow, state, float(leg.times[0])), leg.mesh
     follow = flow.integrator(mesh.nodes[1:], leg.local, leg.longest)
     # Drift off constraints has the whole time to decay; faster, it would be round-off that acts.

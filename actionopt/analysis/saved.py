@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from actionopt.mechanics.problem import Event, Periodic, Problem
+from actionopt.mechanics.problem import Event, Periodic, Phase, Problem, Tail
+from actionopt.mechanics.rest import Rest
 from actionopt.mechanics.system import System
 from actionopt.mechanics.tracing import ParameterTable
 from actionopt.tools.files import ready, whole
@@ -53,10 +54,16 @@ def save(
         "parameters": {name: value.tolist() for name, value in problem.parameters.items()},
         "events": [[e.t, list(e.q)] for e in (problem.start, problem.end)],
         "advance": None if problem.advance is None else list(problem.advance),
+        "tails": [_tail(e) for e in (problem.start, problem.end)] if problem.has_tails else None,
         **found,
     }
     with whole(target) as part:
         np.savez(part, allow_pickle=False, about=np.array(json.dumps(about)), **arrays)
+
+
+def _tail(event: Event) -> list[Any] | None:
+    """Return what is kept of an end beyond which the path comes from rest or tends to it."""
+    return [event.rest, event.side, event.phase] if isinstance(event, Tail) else None
 
 
 def solution_file(file: str | FilePath) -> FilePath:
@@ -67,6 +74,14 @@ def solution_file(file: str | FilePath) -> FilePath:
     return ready(target)
 
 
+def _edge(t: float, rest: list[float], side: int, phase: list[Any] | None) -> Tail:
+    """Return the end that `_tail` kept."""
+    if phase is None:
+        return Tail(t, rest, side)
+    at, normal, center, weight = phase
+    return Tail(t, rest, side, Phase(at, tuple(normal), tuple(center), weight))
+
+
 class Detached:
     """Stands for the problem of a solution loaded without its system: events and parameters."""
 
@@ -74,6 +89,12 @@ class Detached:
         self.name, self.coordinates = about["system"] or "problem", tuple(about["coordinates"])
         (t0, q0), (t1, q1) = about["events"]
         self.start, self.end = Event(t0, q0), Event(t1, q1)
+        if about.get("tails") is not None:  # an older file has none
+            ends = [
+                Event(t, q) if tail is None else _edge(t, *tail)
+                for (t, q), tail in zip(about["events"], about["tails"], strict=True)
+            ]
+            self.start, self.end = ends
         if about["advance"] is not None:
             self.end = Periodic(t1, about["advance"]).after(self.start)
             if list(self.end.q) != q1:
@@ -86,6 +107,17 @@ class Detached:
     def advance(self) -> Array | None:
         """q(t1) - q(t0) where the end is `Periodic`, (n,), else None."""
         return np.array(self.end.advance) if isinstance(self.end, Periodic) else None
+
+    @property
+    def has_tails(self) -> bool:
+        """Whether an event lies at infinite time."""
+        return isinstance(self.start, Tail) or isinstance(self.end, Tail)
+
+    @property
+    def rests(self) -> tuple[Rest | None, Rest | None]:
+        """Raise ValueError: there is no system."""
+        _ = self.system  # raises
+        return None, None
 
     @property
     def duration(self) -> float:

@@ -28,6 +28,7 @@ import numpy as np
 from actionopt.discrete.discrete_path import DiscretePath, dependent
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.compiled import Pointwise
+from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
 from actionopt.tools.types import Array, NDInt
@@ -83,6 +84,16 @@ class Form:
         """Number r of independent variations at a node."""
         return self.basis.shape[2]
 
+    @cached_property
+    def singular(self) -> tuple[int, ...]:
+        """Evaluations at the first or the last node, if L_vv vanishes there and not beside it."""
+        if self.closed or not self.freedom:
+            return ()
+        t, size = self.tr.times[:, 0], np.abs(self.legendre).max(axis=1)
+        ends = int(np.argmin(t)), int(np.argmax(t))
+        steps = 1, -1  # an element's nodes stand in order
+        return tuple(k for k, by in zip(ends, steps, strict=True) if size[k] <= RANK * size[k + by])
+
     @property
     def closed(self) -> bool:
         """Whether the ends vary together: a_K = a_0 in the directions that are not pinned."""
@@ -107,14 +118,21 @@ class Form:
         return result
 
 
-def form(at: DiscretePath, units: Array | None = None) -> Form:
+def form(at: DiscretePath, units: Array | None = None, *, phase: bool = True) -> Form:
     """Return the second variation along a path, the coordinates in `units` (n,).
+
+    Without `phase` what chooses one of the paths that differ by a shift of time is left out.
 
     Raises ValueError for a system with non-conservative forces, or a path along which L is not
     finite.
     """
     tr, Q, problem, layout = at.tr, at.Q, at.problem, at.tr.layout
     system = problem.system
+    if isinstance(problem, Held):
+        raise ValueError(
+            "expected a path that touches no obstacle, found one that does: its second variation "
+            "is that of the free part, of which only the index is counted (morse_index)"
+        )
     if system.structure.forced:
         raise ValueError(
             "expected a system without non-conservative forces, found one with: its paths are not "
@@ -168,6 +186,16 @@ def form(at: DiscretePath, units: Array | None = None) -> Form:
             r = basis.shape[2]
             block = slice(None, r) if k == 0 else slice(-r, None)
             elements[e][block, block] += sign * basis[k].T @ (S[ends[k]] * scale) @ basis[k]
+    for term in tr.nodal:
+        if term.phase and not phase:
+            continue
+        r = basis.shape[2]
+        e, block = (
+            (0, slice(None, r)) if term.boundary == 0 else (term.boundary - 1, slice(-r, None))
+        )
+        pull = basis[term.node].T @ (term.matrix * scale) @ basis[term.node]
+        elements[e] = elements[e].copy()
+        elements[e][block, block] += pull
     Z = basis[layout.node_of]
     legendre, vectors = np.linalg.eigh(np.swapaxes(Z, 1, 2) @ (C * scale) @ Z)
     mass = np.maximum(
@@ -261,12 +289,16 @@ def check_legendre(form: Form) -> None:
     """Raise ValueError unless L_vv is positive definite on the variations allowed.
 
     Without this (Legendre's strengthened condition) infinitely many variations lower the
-    action, and an index counts nothing.
+    action, and an index counts nothing. At an end L_vv may vanish, as at the centre of a radial
+    problem: a regular singular point.
     """
     # Node by node: along a path the mass may change by as many orders as it likes.
     own, size = form.legendre.min(axis=1), np.abs(form.legendre).max(axis=1)
-    if not np.all(own > RANK * size):
-        worst = int(np.argmin(own - RANK * size))
+    bad = ~(own > RANK * size)
+    if bad.any():
+        bad[list(form.singular)] = False
+    if bad.any():
+        worst = int(np.argmax(np.where(bad, RANK * size - own, -np.inf)))
         t, least, largest = form.tr.times[worst, 0], own[worst], size[worst]
         raise ValueError(
             "expected d2L/dv2 positive definite on the motions allowed along the path, found the "

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from copy import deepcopy
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path as FilePath
 from typing import Any
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt.analysis.compare import Comparison, compare
-from actionopt.analysis.index import Inertia, inertia
+from actionopt.analysis.index import Inertia, inertia, inertia_asked
 from actionopt.analysis.saved import save
 from actionopt.analysis.sensitivity import Sensitivity, sensitivity
 from actionopt.analysis.status import Status
@@ -23,8 +23,14 @@ from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import resolution
 from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.problem import NEGLIGIBLE, Problem, State
+from actionopt.mechanics.held import Held, arcs_of
+from actionopt.mechanics.obstacle import Arc
+from actionopt.mechanics.problem import NEGLIGIBLE, Problem, State, Tail
 from actionopt.tools.types import Array
+
+IN_CONTACT = ("acceleration", "multipliers", "constraint_force", "contact_force")
+
+DRAWN, SEEN = 201, 4  # points of a path in a notebook, and coordinates
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +55,8 @@ class Solution:
         S along the path.
     lam : (m, K) array
         Multipliers of the discrete problem at the K nodes of the mesh, NaN at nodes without a
-        constraint row (pinned ends); `multipliers(t)` is as accurate anywhere.
+        constraint row (pinned ends); `multipliers(t)` is as accurate anywhere. Those of the rows
+        of an obstacle, (r, K), stand behind, NaN where it does not touch.
     error : float
         Estimate of max over t of |q_h(t) - q(t)|, each coordinate in units of the largest |q|
         it reaches along the path; the units of `tol`.
@@ -82,6 +89,22 @@ class Solution:
             f"unknowns {self.stats.get('unknowns', 'not counted')})"
         )
 
+    def _repr_html_(self) -> str:
+        """Show the numbers that matter and the path, as a notebook does."""
+        from actionopt.tools.notebook import picture, table
+
+        rows = [
+            ("status", self.status.name),
+            ("action S", f"{self.action:.10g}"),
+            ("error of the path, relative", f"{self.error:.1e}"),
+            ("mesh", f"{self.mesh.elements} elements, {self.mesh.nodes.size} nodes"),
+        ]
+        with suppress(ValueError, np.linalg.LinAlgError):  # forced, or too rough to be counted
+            rows.insert(2, ("it is a", f"{self.kind}, Morse index {self.morse_index}"))
+        t = np.linspace(self.mesh.boundaries[0], self.mesh.boundaries[-1], DRAWN)
+        curves = list(zip(self.problem.system.coordinates, self(t), strict=True))
+        return table(self.problem.name, rows) + picture(t, curves[:SEEN])
+
     @cached_property
     def momenta(self) -> tuple[Array, Array]:
         """Momenta p0 = -dS/dq0 and p1 = +dS/dq1 at the events, each (n,): accurate to order 2d.
@@ -92,7 +115,7 @@ class Solution:
         if self.ends is not None:
             return self.ends.momenta
         system, parameters = self.problem.system, self.problem.parameters
-        if not system.m:
+        if not (system.m or (system.r and (self._held_at(0) or self._held_at(1)))):
             return self._free_momenta
         p0, p1 = (
             system.momentum(s.q, s.v, s.t, parameters=parameters) for s in (self.start, self.end)
@@ -112,10 +135,61 @@ class Solution:
         """State at the end event, as accurate as `start`."""
         return self._states[1]
 
+    @cached_property
+    def length(self) -> float:
+        """The length of a geodesic (`System.geodesic`), sqrt(2 S (t1 - t0)).
+
+        Raises ValueError for any other system, and where the length is negative on the way.
+        """
+        problem, t = self.problem, self.mesh.nodes
+        if problem.system.F is None:
+            raise ValueError(
+                "expected a path of System.geodesic(length, coordinates), found one of a "
+                "Lagrangian: it has an action, and no length"
+            )
+        state = self(t).T, self.velocity(t).T, t[:, None], problem.packed
+        F = problem.system.pointwise("length")(*state)[0]
+        if not F.min() >= 0:
+            raise ValueError(
+                "expected a length that is not negative, found one that is along the path: the "
+                "rates that F^2 keeps equal differ in sign; add what makes F positive"
+            )
+        return float(np.sqrt(2 * self.action * problem.duration))
+
     @property
     def success(self) -> bool:
         """Whether the path can be used as it is."""
         return self.status.success
+
+    @property
+    def duration(self) -> float:
+        """Time between the events, given or found."""
+        return self.problem.duration
+
+    @property
+    def abbreviated_action(self) -> float:
+        """S + E T, which is the integral of p dq where L does not depend on the time.
+
+        E is the energy of the problem where a time was to be found, else the mean of H.
+        """
+        energy = self.problem.energy
+        if energy is not None:
+            return self.action + energy * self.duration
+        tr, x = self.discrete.tr, self.discrete.x
+        place = tr.place(x)
+        parameters = self.problem.packed
+        first = self.problem.system.pointwise("first")
+        p = first(place.at, place.v, tr.times, parameters)[1]
+        return float(np.sum(tr.weight * place.v * p))
+
+    @cached_property
+    def between_times(self) -> Solution:
+        """The same path as the answer to the question with the times that were found given."""
+        problem = self.problem
+        if problem.asked is None:
+            return self
+        given = Problem(problem.system, problem.start, problem.end, parameters=problem.parameters)
+        return replace(self, problem=given, known=None)
 
     @property
     def mesh(self) -> Mesh:
@@ -125,13 +199,38 @@ class Solution:
     def __call__(self, t: ArrayLike) -> Array:
         """Return q(t): shape (n, K) for K times, (n,) for one time.
 
-        Raises ValueError for a time that is not between the events; so do the methods below.
+        Raises ValueError for a time that is not between the events; so do the methods below. Where
+        an event lies at infinite time, the tail beyond the window is an exponential.
         """
-        return self.path(t)
+        return self._beyond(t, 0) if self.problem.has_tails else self.path(t)
 
     def velocity(self, t: ArrayLike) -> Array:
         """Return v(t), shape (n, K) or (n,)."""
-        return self.path.velocity(t)
+        return self._beyond(t, 1) if self.problem.has_tails else self.path.velocity(t)
+
+    def _beyond(self, t: ArrayLike, derivatives: int) -> Array:
+        """Return q or v at times of which some may be beyond a window, (n, *t.shape)."""
+        times = np.asarray(t, dtype=float)
+        flat, problem = times.ravel(), self.problem
+        low, high = (
+            t if isinstance(event, Tail) else away
+            for t, event, away in zip(
+                self.mesh.boundaries[[0, -1]],
+                (problem.start, problem.end),
+                (-np.inf, np.inf),
+                strict=True,
+            )
+        )
+        inside = np.clip(flat, low, high)
+        found = self.path.velocity(inside) if derivatives else self.path(inside)
+        for out, k in ((flat < low, 0), (flat > high, -1)):
+            if out.any():
+                known = problem.rests[k]
+                assert known is not None
+                edge = self.path.values[:, k] - known.q
+                eta = known.beyond(edge, flat[out] - inside[out])
+                found[:, out] = known.rates @ eta if derivatives else known.q[:, None] + eta
+        return found.reshape(found.shape[0], *times.shape)
 
     def momentum(self, t: ArrayLike) -> Array:
         """Return p(t) = dL/dv, shape (n, K) or (n,)."""
@@ -157,8 +256,39 @@ class Solution:
         return self._pointwise("constraint_force", t)
 
     @cached_property
+    def contacts(self) -> tuple[Arc, ...]:
+        """The parts of the path in contact with the obstacle, in order of time.
+
+        A moment only is an impulse, p(t+) - p(t-) = - its size df/dq; at a free end, the momentum.
+        """
+        rows = np.isfinite(self.lam[self.problem.system.m :])
+        return arcs_of(rows, self.mesh.boundaries, self.mesh.offsets)
+
+    def contact_force(self, t: ArrayLike) -> Array:
+        """Return nu(t) >= 0 of S - int nu f dt, shape (r, K) or (r,): zero where nothing touches.
+
+        The obstacle pushes with the generalized force nu df/dq, which balances -dS/dq: as on a
+        string whose potential energy is S. (A body that goes this way in time would have to be
+        pulled with the same force.) As accurate as `multipliers`.
+
+        Raises ValueError for a system without an obstacle.
+        """
+        if not self.problem.system.r:
+            raise ValueError(
+                "expected a system with an obstacle, found none; give it as System(..., "
+                "obstacle=f), f(q, t) >= 0, or as a constraint, which has `multipliers`"
+            )
+        return self._pointwise("contact_force", t)
+
+    @cached_property
     def inertia(self) -> Inertia:
-        """Index and nullity of the second variation, counted when first asked for."""
+        """Index and nullity of the second variation, counted when first asked for.
+
+        Of a path whose duration was to be found it is that of S + E T, the duration varying;
+        `between_times` has the other.
+        """
+        if self.problem.asked is not None or self.problem.closes:
+            return inertia_asked(self.discrete, self.error)
         return inertia(self.discrete, self.error)
 
     @property
@@ -204,7 +334,7 @@ class Solution:
         if not system.m:
             raise ValueError("expected a system with constraints: this one has no multipliers")
         t = self.mesh.nodes
-        exact = self.discrete.multipliers(t).T
+        exact, given = self.discrete.multipliers(t).T[: system.m], self.lam[: system.m]
         q, times = self.path.values.T, t[:, None]
         second = system.pointwise("second")
         rows, cols = second.sparsity(2)
@@ -224,12 +354,19 @@ class Solution:
         size = np.max(unit * np.abs(exact))
         motion = np.max(np.sqrt(inertias.max(axis=0)) * np.abs(q)) / problem.duration**2
         size = size if size > NEGLIGIBLE * motion else motion or 1.0
-        return 8 * float(np.nanmax(unit * np.abs(self.lam - exact))) / float(size)
+        return 8 * float(np.nanmax(unit * np.abs(given - exact))) / float(size)
 
     @cached_property
     def discrete(self) -> DiscretePath:
-        """The path as unknowns on its mesh, with multipliers."""
+        """The path as unknowns on its mesh, with multipliers; in contact, its problem is `Held`."""
         known = self.known
+        if self.problem.system.r:
+            if not self.contacts:
+                return DiscretePath.of(self.problem, self.path, self.lam[: self.problem.system.m].T)
+            asked = known.problem if known is not None and known.path is self.path else None
+            if known is not None and isinstance(asked, Held) and asked.free is self.problem:
+                return known
+            return DiscretePath.of(Held(self.problem, self.contacts), self.path, self.lam.T)
         if known is not None and known.path is self.path and known.problem is self.problem:
             return known
         return DiscretePath.of(self.problem, self.path, self.lam.T)
@@ -237,7 +374,7 @@ class Solution:
     def __deepcopy__(self, memo: dict[int, Any]) -> Solution:
         """Return a copy with memory of its own; what follows from it is made when asked for."""
         copied = {f.name: deepcopy(getattr(self, f.name), memo) for f in fields(self)[:-1]}
-        if self.known is not None:
+        if self.known is not None and not self.problem.system.r:
             tr = self.known.tr.between(copied["problem"])
             copied["known"] = known = DiscretePath(tr, self.known.z)
             copied["path"] = known.path
@@ -247,7 +384,7 @@ class Solution:
         """Carry the numbers; what follows from them is made when asked for."""
         made = [getattr(self, f.name) for f in fields(self)[:-1]]
         known = self.known
-        if known is None:
+        if known is None or self.problem.system.r:
             return Solution, tuple(made)
         made[1] = None  # it is that of the unknowns
         return _restored, (made, self.mesh, known.z, known.tr.lengths, known.tr.units)
@@ -278,6 +415,12 @@ class Solution:
 
     @cached_property
     def _comparison(self) -> Comparison:
+        if self.problem.system.r and self.contacts:
+            raise ValueError(
+                "expected a path that touches no obstacle, found contact from t = "
+                f"{self.contacts[0].begin:.6g} on: forward integration does not know it; compare "
+                "the free parts, each as a problem of its own without the obstacle"
+            )
         return compare(self)
 
     @cached_property
@@ -293,15 +436,26 @@ class Solution:
         system, parameters = self.problem.system, self.problem.parameters
         t, q = float(self.mesh.boundaries[-k]), self.path.values[:, -k]
         v = self.path.velocity(t)
+        if system.r and self._held_at(k):  # the momentum does not tell
+            return State(t, q, v)
         # A failed attempt may have no such velocity: the polynomial's stands.
         with suppress(ValueError, np.linalg.LinAlgError):
             v = system.velocity(q, self._free_momenta[k], t, v, parameters=parameters)
         return State(t, q, v)
 
+    def _held_at(self, k: int) -> bool:
+        """Whether the path is in contact next to the start (k = 0) or the end (1)."""
+        t = self.mesh.boundaries[-k]
+        return any(not arc.point and t in (arc.begin, arc.end) for arc in self.contacts)
+
     def _pointwise(self, name: str, t: ArrayLike) -> Array:
         """Return what a method of the system says along the path, (..., *t.shape)."""
         times = np.asarray(t, dtype=float)
-        method = getattr(self.problem.system, name)
+        system = self.problem.system
+        if system.r and name in IN_CONTACT:
+            method = getattr(Held(self.problem, self.contacts), name)
+        else:
+            method = getattr(system, name)
         parameters = self.problem.parameters
         if times.ndim <= 1:
             return method(self(times), self.velocity(times), times, parameters=parameters)

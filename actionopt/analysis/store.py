@@ -188,7 +188,7 @@ def _check_physics(fresh: Solution, found: Solution) -> None:
 
     `fresh` has nothing but the path and its system, and derives the rest from them.
     """
-    m = fresh.problem.system.m
+    m = fresh.problem.system.m + fresh.problem.system.r
     if found.lam.shape[0] != m:
         raise ValueError(f"expected multipliers of {m} constraints, found {found.lam.shape[0]}")
     if not found.success:

@@ -30,19 +30,20 @@ import numpy as np
 from actionopt.discrete.boundaries import sides
 from actionopt.discrete.layout import layout_for
 from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.nodal import Term, level, terms
 from actionopt.mechanics.problem import Problem, diagonal
 from actionopt.tools.types import Array, NDInt
 
 
 @dataclass(eq=False, slots=True)
 class Point:
-    """What was computed for the unknowns x (unknowns,), to be used again.
+    """What was computed for unknowns, to be used again; `x` are their bytes, soon compared.
 
     Coordinates Q (K, n) at the nodes; coordinates and velocities at the evaluations, `at` and `v`,
     both (evaluations, n).
     """
 
-    x: Array
+    x: bytes
     Q: Array
     at: Array
     v: Array
@@ -88,7 +89,8 @@ class Action:
         like: Action | Units | None = None,
     ) -> None:
         self.problem, self.mesh, self.lengths = problem, mesh, lengths
-        self.layout = layout_for(problem, mesh)
+        self.nodal = terms(problem, mesh) if problem.has_tails else ()
+        self.layout = layout_for(problem, mesh, tuple(term.node for term in self.nodal))
         self.counts: Counter[str] = Counter()
         self.watch: Callable[[int], None] | None = None  # called with each second derivative
         layout, n = self.layout, problem.system.n
@@ -104,6 +106,7 @@ class Action:
         ]
         weight = np.concatenate(weights)
         self.weight = weight[:, None]
+        self.rest = level(problem, self.times, self.weight) if self.nodal else 0.0
         self.ends = self._ends()
         self.x_unit = lengths[layout.free % n]
         self.origin = problem.origin if like is None else like.origin
@@ -152,6 +155,8 @@ class Action:
         other.problem, other.counts, other._kept = problem, Counter(), {}
         other._point = None
         other.ends = other._ends()
+        if self.nodal:
+            other.nodal = terms(problem, self.mesh)
         return other
 
     def with_ends(self, ends: Array) -> Self:
@@ -193,7 +198,7 @@ class Action:
 
     def straight(self) -> Array:
         """Return the straight line between the events, (K, n); a free end keeps the other's."""
-        pairs = zip(self.problem.start.q, self.problem.end.q, strict=True)
+        pairs = zip(self.problem.start.near, self.problem.end.near, strict=True)
         known = [(b if a is None else a, a if b is None else b) for a, b in pairs]
         start, end = np.array([[x or 0.0 for x in pair] for pair in known]).T
         if self.problem.advance is not None:
@@ -263,11 +268,12 @@ class Action:
     def place(self, x: Array) -> Point:
         """Return what is known for x (unknowns,): the last one is kept."""
         point = self._point
-        if point is None or not np.array_equal(point.x, x):
+        key = x.tobytes()
+        if point is None or point.x != key:
             Q = self.coordinates(x)
             at = Q[self.layout.node_of]
             # Several threads may read one solution: what one found is never taken for another x.
-            self._point = point = Point(x.copy(), Q, at, self.velocities(at))
+            self._point = point = Point(key, Q, at, self.velocities(at))
         return point
 
     def _first(self, x: Array) -> tuple[float, Array, Array]:
@@ -283,7 +289,12 @@ class Action:
     def action_and_gradient(self, Q: Array) -> tuple[float, Array]:
         """Return S and grad S + sum w Q over all nodes, (K n), in the user's units."""
         at = Q[self.layout.node_of]
-        return self._action_and_gradient(at, self.velocities(at))[:2]
+        S, gradient, _ = self._action_and_gradient(at, self.velocities(at))
+        if self.nodal:
+            S += self._beyond(Q)
+            for term, row in self._pulls(Q):
+                gradient[term.node * row.size : (term.node + 1) * row.size] += row
+        return S, gradient
 
     def _action_and_gradient(self, at: Array, v: Array) -> tuple[float, Array, Array]:
         """Return S, gradient (K n) and its parts (evaluations, n) for q and v (evaluations, n)."""
@@ -308,11 +319,29 @@ class Action:
 
     def action(self, x: Array) -> float:
         """Return S in its own unit."""
-        return self._first(x)[0] / self.action_unit
+        S = self._first(x)[0]
+        return (S + self._beyond(self.place(x).Q) if self.nodal else S) / self.action_unit
 
     def gradient(self, x: Array) -> Array:
         """Return dS/dx (virtual work included), (unknowns,), in units of action."""
+        whole = self._first(x)[1]
+        if self.nodal:
+            whole = whole.copy()
+            for term, row in self._pulls(self.place(x).Q):
+                whole[term.node * row.size : (term.node + 1) * row.size] += row
+        return self.free_part(whole)
+
+    def summed_gradient(self, x: Array) -> Array:
+        """Return the same without what is said of single nodes (`nodal`)."""
         return self.free_part(self._first(x)[1])
+
+    def _beyond(self, Q: Array) -> float:
+        """Return what single nodes say of the action, for coordinates Q (K, n)."""
+        return sum(term.value(Q[term.node]) for term in self.nodal) - self.rest
+
+    def _pulls(self, Q: Array) -> list[tuple[Term, Array]]:
+        """Return its derivatives (n,), term by term."""
+        return [(term, term.gradient(Q[term.node])) for term in self.nodal]
 
     def finite(self, z: Array) -> bool:
         """Return whether S and all its derivatives are finite, those at given ends included."""

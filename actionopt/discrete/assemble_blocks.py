@@ -50,6 +50,10 @@ def kkt(tr: Action, z: Array) -> Array:
                 inner += at_nodes[g.nodes[some, 1:-1]]
     if at_nodes is not None:
         between += at_nodes[layout.offsets]
+    for term in tr.nodal:
+        between[term.boundary, :n, :n] += term.matrix * np.outer(
+            tr.lengths, tr.lengths / tr.action_unit
+        )
     return nonzeros
 
 

@@ -29,18 +29,27 @@ def kkt(tr: Action, z: Array) -> Array:
 
 def kinetic(tr: Action, z: Array) -> Array:
     """Return the nonzeros of its kinetic part."""
-    stiff = _stiffness(tr, tr.second(z)[2])
-    contributions = np.zeros(tr.layout.hessian.slots.size)
-    contributions[-stiff.size :] = stiff
+    stiff, layout = _stiffness(tr, tr.second(z)[2]), tr.layout
+    contributions = np.zeros(layout.hessian.slots.size)
+    last = contributions.size
+    if layout.system.m and not layout.system.structure.affine_constraint:  # curvatures are behind
+        last -= (
+            layout.row_nodes.size
+            * layout.system.pointwise("constraint_curvature").sparsity(0)[0].size
+        )
+    contributions[last - stiff.size : last] = stiff
     H = tr.layout.hessian.sum(contributions) * tr.hessian_unit
-    return _matrix(tr, H, NOTHING, NOTHING)
+    J = np.zeros(layout.jacobian.nnz) if layout.rows else NOTHING
+    return _matrix(tr, H, J, NOTHING)
 
 
 def _curvatures(tr: Action, z: Array) -> Array:
     """Return all contributions to the Hessian of S + sum w lam f, one after the other."""
     A, B, C = tr.second(z[: tr.layout.unknowns])
     stiff = tr.kept("contributions", lambda: _stiffness(tr, C))
-    parts = [(tr.weight * A).ravel(), *_mixed(tr, B, diagonal_twice=True), stiff]
+    upper = np.triu_indices(tr.problem.system.n)
+    nodal = [term.matrix[upper] for term in tr.nodal]
+    parts = [*nodal, (tr.weight * A).ravel(), *_mixed(tr, B, diagonal_twice=True), stiff]
     curvature = tr.constraint_curvature(z)
     return np.concatenate(parts if curvature is None else [*parts, curvature.ravel()])
 

@@ -17,6 +17,7 @@ from actionopt.mechanics.tracing import SAMPLES
 from actionopt.tools.types import Array
 
 BISECTIONS = 60  # between two samples there are no more floats to halve
+LONGEST_TEXT = 60  # of a surface that is told; ad hoc
 CONTINUOUS = 1e-9  # of the largest |L| along the path: branches this close meet; ad hoc
 
 
@@ -29,11 +30,13 @@ class Jump:
     v: Array
     height: float
     inevitable: bool  # whether the two ends of the path lie on different sides
+    surface: str  # the comparison that changes there
 
     def __str__(self) -> str:
         """Say where."""
         q = ", ".join(f"{x:.6g}" for x in self.q)
-        return f"L jumps by {self.height:.3g} at t = {self.t:.6g}, q = [{q}]"
+        where = f", where {self.surface} changes" if len(self.surface) < LONGEST_TEXT else ""
+        return f"L jumps by {self.height:.3g} at t = {self.t:.6g}, q = [{q}]{where}"
 
 
 def crossed(found: Switches, problem: Problem, path: Path) -> Jump | None:
@@ -71,4 +74,5 @@ def crossed(found: Switches, problem: Problem, path: Path) -> Jump | None:
     k = jumps[0]
     q, v, t = state(high[k : k + 1])
     inevitable = bool((c[0] != c[-1]).any())
-    return Jump(float(t[0, 0]), q[0], v[0], float(abs(heights[k])), inevitable)
+    changed = " and ".join(found.texts[i] for i in np.flatnonzero(before[k] != after[k]))
+    return Jump(float(t[0, 0]), q[0], v[0], float(abs(heights[k])), inevitable, changed)

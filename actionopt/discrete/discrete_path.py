@@ -11,6 +11,7 @@ from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.newton import follow
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Problem
 from actionopt.tools.types import Array
 
@@ -107,8 +108,10 @@ class DiscretePath:
             return np.zeros((t.size, 0))
 
         def at(t: Array) -> Array:
-            parameters = self.problem.parameters
-            return system.multipliers(path(t), path.velocity(t), t, parameters=parameters).T
+            problem = self.problem
+            active = problem.active(t) if isinstance(problem, Held) else None
+            state = path(t), path.velocity(t), t, problem.parameters
+            return system.dynamics(*state, active)[1].T
 
         try:
             return at(t)
@@ -133,10 +136,11 @@ class DiscretePath:
         if lam is not None or not self.tr.layout.rows:
             return lam
         nodes, wanted = self.mesh.nodes_since, mesh.nodes_since
-        found = np.empty((wanted.size, self.rows.shape[1]))
+        found = np.zeros((wanted.size, self.rows.shape[1]))
         for i, row in enumerate(self.rows.T):
             known = np.isfinite(row)
-            found[:, i] = np.interp(wanted, nodes[known], row[known])
+            if known.any():
+                found[:, i] = np.interp(wanted, nodes[known], row[known])
         return found
 
     def polished(self) -> DiscretePath:

@@ -13,9 +13,11 @@ from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from actionopt.discrete.blocks import FULL_SIZE, Blocks
 from actionopt.discrete.mesh import Mesh
+from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
 from actionopt.tools.types import Array, NDInt
@@ -33,6 +35,10 @@ class Layout:
         Indices of the coordinates pinned at either end.
     closed : bool
         Whether the path closes: the last node has the first one's unknowns and no rows.
+    nodal : tuple of int
+        Nodes whose coordinates are coupled by a term of their own (`nodal`).
+    in_force : (K, m) array of bool, optional
+        Which constraints are so at each node; all of them if None.
 
     Raises
     ------
@@ -47,8 +53,11 @@ class Layout:
         start: tuple[int, ...],
         end: tuple[int, ...],
         closed: bool = False,
+        nodal: tuple[int, ...] = (),
+        in_force: NDArray[np.bool_] | None = None,
     ) -> None:
-        self.system, self.closed = system, closed
+        self.system, self.closed, self.nodal = system, closed, nodal
+        self.partial = in_force is not None
         if closed and shape.elements == 1:
             raise ValueError("expected at least two elements for a path that closes, found one")
         n, m = system.n, system.m
@@ -75,6 +84,8 @@ class Layout:
         for i, a in zip(self.G_rows, self.G_cols, strict=True):
             keep[:, i] |= number[:, a] >= 0
         keep[-1] &= not closed
+        if in_force is not None:
+            keep &= in_force
         self.row_nodes = np.flatnonzero(keep.any(axis=1))
         self.row_select = np.flatnonzero(keep[self.row_nodes].ravel())
         self.rows = self.row_select.size
@@ -113,7 +124,8 @@ class Layout:
         """How the KKT matrix is stored: many coordinates make blocks large and mostly zeros."""
         inner = (self.system.n + self.system.m) * (max(g.rule.degree for g in self.groups) - 1)
         blocks = inner <= BLOCK_SIZE or self.system.filled > FILLED
-        return "blocks" if blocks and not self.closed else "sparse"
+        # Condensed blocks have all rows inside the elements.
+        return "blocks" if blocks and not (self.closed or self.partial) else "sparse"
 
     @cached_property
     def small(self) -> bool:
@@ -130,6 +142,13 @@ class Layout:
         """Whether sparse factors are kept: solutions under constraints have to be refined."""
         return self.storage == "sparse" and self.rows > 0 and self.size > KEPT_SIZE
 
+    @property
+    def unpivoted(self) -> bool:
+        """Whether factors without pivoting serve: those of a symmetric matrix."""
+        return not self.system.structure.forced
+
+    bordered = False  # by dense rows and columns
+
     @cached_property
     def blocks(self) -> Blocks:
         """Where everything is in a matrix stored in blocks."""
@@ -142,7 +161,9 @@ class Layout:
     @cached_property
     def hessian(self) -> Pattern:
         """Upper triangle of the Hessian of S + sum w lam f in the unknowns."""
-        targets = [self._diagonal("second", 0), self._mixed("second", 1), self._stiff("second", 2)]
+        upper = np.triu_indices(self.system.n)
+        targets = [(self.number[k][upper[0]], self.number[k][upper[1]]) for k in self.nodal]
+        targets += [self._diagonal("second", 0), self._mixed("second", 1), self._stiff("second", 2)]
         if self.system.m and not self.system.structure.affine_constraint:
             rows, cols = self.system.pointwise("constraint_curvature").sparsity(0)
             at = self.number[self.row_nodes]
@@ -304,13 +325,20 @@ class Pattern:
 LAYOUTS_KEPT = 32  # of a system, the latest used: a large one holds much memory; ad hoc
 
 
-def layout_for(problem: Problem, mesh: Mesh) -> Layout:
-    """Return the layout shared by all problems of this system, mesh shape and kind of ends."""
+def layout_for(problem: Problem, mesh: Mesh, nodal: tuple[int, ...] = ()) -> Layout:
+    """Return the layout shared by all problems of this system, mesh shape and kind of ends.
+
+    And of `nodal` nodes.
+    """
     known = problem.system.layouts
     ends = problem.start.pinned, problem.end.pinned
-    key = (mesh.degrees, *ends, problem.advance is not None)
+    partial = None
+    key = (mesh.degrees, *ends, problem.advance is not None, nodal)
+    if isinstance(problem, Held):
+        partial = problem.in_force(mesh.boundaries, mesh.offsets)
+        key = (*key, b"" if partial is None else partial.tobytes())
     with problem.system.lock:
-        layout = known.pop(key, None) or Layout(problem.system, mesh, *key[1:])
+        layout = known.pop(key, None) or Layout(problem.system, mesh, *key[1:5], partial)
         known[key] = layout
         while len(known) > LAYOUTS_KEPT:
             del known[next(iter(known))]

@@ -106,7 +106,7 @@ def missed(tr: Action, batches: list[Batch], x: Array) -> tuple[Array, float]:
         if tr.origin is not None:  # as `measured` has it
             unit = unit / (1.0 + np.abs(tr.origin) / tr.lengths)
         drift = float(np.abs(np.cumsum(momenta, axis=0) * unit).max())
-    return tr.free_part(whole) - tr.gradient(x), drift
+    return tr.free_part(whole) - tr.summed_gradient(x), drift
 
 
 def uneven(tr: Action, batches: list[Batch], x: Array) -> Array:

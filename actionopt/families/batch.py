@@ -155,7 +155,7 @@ def solve_run(
         If a name is none of these, values are not k finite numbers, or times do not increase; and
         as `solve` does for `tol` and the guess.
     """
-    checked(problem, tol, guess, "auto", None, "auto")
+    checked(problem, tol, guess, "auto", None)
     run = _Run(problem, columns, tol, index)
     run.go(guess)
     return run.members()
@@ -558,9 +558,10 @@ def _can_be_stacked(problem: Problem, times: Array) -> bool:
     structure = system.structure
     far = np.abs(times).max(axis=1) > LATE_TIME * (times[:, 1] - times[:, 0])
     plain = (
-        system.m == 0
+        system.m == system.r == 0
         and not structure.forced
         and problem.advance is None
+        and not (problem.has_tails or problem.is_infinite)
         and system.n <= COORDINATES
     )
     late = structure.depends_on_time and bool(far.any())

@@ -220,6 +220,8 @@ class Runs:
         if self.kept is not None:
             return find(self.kept, i)
         system, parameters, n = problem.system, problem.parameters, problem.system.n
+        if system.r:  # forward motions do not know contact
+            return None
         ends, momenta = (x.reshape(-1, 2, n)[i] for x in (self.ends, self.momenta))
         t0, t1 = problem.start.t, problem.end.t
         middle = t0 + problem.duration / 2

@@ -208,7 +208,7 @@ class _Run:
         else:
             unknowns, system = self._pilot(), self.grid.problem.system
             seconds = MEMBER_SECONDS + UNKNOWN_SECONDS * unknowns * system.n
-            seconds *= ONE_BY_ONE if system.m or system.structure.forced else 1
+            seconds *= ONE_BY_ONE if system.m or system.r or system.structure.forced else 1
             self.length = int(np.clip(SECONDS / seconds, 1, MOST_MEMBERS))
             some = np.linspace(0, self.tasks - 1, min(SEEDS, self.tasks)).astype(int)
             for i in self.grid.order[some * self.length].tolist():

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import multiprocessing
 import os
+import re
 import signal
 from collections.abc import Callable, Generator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -16,19 +17,24 @@ from contextlib import closing, contextmanager
 from functools import partial
 from hashlib import sha256
 from importlib.metadata import version
+from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
 from actionopt import scenes
 from actionopt.gallery.index_page import index_page
 from actionopt.gallery.page import Page
+from actionopt.mechanics.problem import Problem
+from actionopt.scenes import Scene
 from actionopt.tools.files import write
+from actionopt.tools.words import SPOKEN, language
 
 PACKAGE = Path(scenes.__file__).parent.parent
-STATIC = Path(__file__).parent / "static"  # what all pages share
+SHARED = (PACKAGE / "gallery" / "static", PACKAGE / "plot" / "live" / "static")  # by all pages
 LIBRARIES = ("casadi", "matplotlib", "numpy")
 MANIFEST = "manifest.json"
-STORY = "least"
+STORY, COURSE = "least", "course"
+LINK = re.compile(r'<a href="(?:\.\./)?(\w+)/index\.html">(.*?)</a>')
 JOBS = 2
 THREADS = "OMP_NUM_THREADS"
 
@@ -36,19 +42,29 @@ Show = Callable[[int, int, str], None]
 
 
 def build(
-    directory: str | Path, names: Sequence[str] = (), *, show: Show | None = None, jobs: int = JOBS
+    directory: str | Path,
+    names: Sequence[str | Scene | Problem] = (),
+    *,
+    show: Show | None = None,
+    jobs: int = JOBS,
+    lang: str = "en",
 ) -> list[str]:
-    """Write the pages of the scenes `names` (of all by default), the story and the index.
+    """Write the pages of what is asked for (all scenes by default), story, course and index.
 
     Parameters
     ----------
     directory : path
         Where to; made if it is not there.
-    names : sequence of str
+    names : sequence of str, Scene or Problem
+        Names of scenes; scenes and problems of one's own have a live page each, made anew every
+        time, in a folder of their name.
     show : callable, optional
         `show(done, total, name)` is called after each page.
     jobs : int
         Pages made at the same time, each in a process of its own; 1 makes them in this one.
+
+    lang : str
+        Language of the pages: "en", "de" or "fr".
 
     Returns
     -------
@@ -58,59 +74,110 @@ def build(
     Raises
     ------
     ValueError
-        If there is no such scene, or the directory has files that are not a gallery's.
+        If there is no such scene, the directory has files that are not a gallery's, or a page
+        cannot show a problem.
+    SolveError
+        If a problem of one's own is not solved.
     """
-    for name in names:
+    known = [name for name in names if isinstance(name, str)]
+    for name in known:
         scenes.title(name)  # raises for one that does not exist
+    own = _named([question for question in names if not isinstance(question, str)])
+    if lang not in SPOKEN:
+        raise ValueError(f"expected a language of {', '.join(SPOKEN)}, found {lang!r}")
+    if jobs < 1:
+        raise ValueError(f"expected one job or more, found {jobs}")
     target = Path(directory)
     target.mkdir(parents=True, exist_ok=True)
     written = _manifest(target)
     _keep(target, written)
-    wanted = [STORY, *dict.fromkeys(names or scenes.SCENES)]
-    key = sources()
-    ahead = [name for name in wanted if not _stands(target, written.get(name), key)]
-    for file in STATIC.iterdir():
-        write(target / file.name, file.read_text(encoding="utf-8"))
+    wanted = [STORY, COURSE, *dict.fromkeys(known or (() if own else scenes.SCENES))]
+    key = f"{lang} {sources()}"
+    there = {*wanted, *written}
+    ahead = [name for name in wanted if not _stands(target, written.get(name), key, there)]
+    total = len(wanted) + len(own)
+    for file in (file for folder in SHARED for file in folder.iterdir()):
+        write(target / file.name, file.read_bytes())
     done = len(wanted) - len(ahead)
-    with closing(_made(ahead, jobs)) as made:
-        for name, page in made:
-            for file, text in page.files.items():
-                write(target / file, text)
+    with language(lang), closing(_made(ahead, jobs, lang)) as made:
+        for name, page in chain(made, ((name, _own(own[name])) for name in own)):
+            files = {
+                f"{name}/{file}" if name in own else file: text for file, text in page.files.items()
+            }
+            without: set[str] = set()
+            for file, text in files.items():
+                write(target / file, _linked(text, there, without))
             before = written.get(name, {}).get("files", [])
-            for file in set(before) - set(page.files):
+            for file in set(before) - set(files):
                 (target / file).unlink(missing_ok=True)
             written[name] = {
                 "key": key,
-                "files": sorted(page.files),
+                "files": sorted(files),
                 "tags": page.tags,
                 "motion": page.motion,
+                "without": sorted(without),
+                "title": page.title,
             }
             _keep(target, written)
             done += 1
             if show is not None:
-                show(done, len(wanted), name)
-    there = {name: entry for name, entry in written.items() if name in scenes.SCENES}
-    write(target / "index.html", index_page(there))
-    return ahead
+                show(done, total, name)
+    shown = {name: entry for name, entry in written.items() if name in scenes.SCENES}
+    others = {name: entry["title"] for name, entry in written.items() if entry.get("title")}
+    with language(lang):
+        write(target / "index.html", index_page(shown, others))
+    return [*ahead, *own]
+
+
+def _named(questions: Sequence[Scene | Problem]) -> dict[str, Scene | Problem]:
+    """Return questions by the names of their folders: no scene's of the catalogue, each another."""
+    found: dict[str, Scene | Problem] = {}
+    for question in questions:
+        if not isinstance(question, (Scene, Problem)):
+            raise ValueError(
+                f"expected names of scenes, scenes or problems, found {question!r}; a file is read "
+                "by `actionopt gallery`, or by `scenes.from_file`"
+            )
+        plain = re.sub(r"\W+", "_", question.name).strip("_") or "problem"
+        tries = chain([plain], (f"{plain}_{k}" for k in count(2)))
+        found[next(x for x in tries if x not in (STORY, COURSE, *scenes.SCENES, *found))] = question
+    return found
+
+
+def _own(question: Scene | Problem) -> Page:
+    """Return the page of a scene or a problem of the user's own, without its name."""
+    from actionopt.plot.live.page import titled, whole  # matplotlib, only now
+
+    above = '<p class="crumb"><a href="../index.html">All scenes</a></p>\n'
+    return Page({"index.html": whole(question, above=above)}, title=titled(question))
 
 
 def sources(folder: Path = PACKAGE) -> str:
     """Return a digest of all that pages are made from: the package's files, and the libraries."""
     digest = sha256("".join(f"{name} {version(name)}\n" for name in LIBRARIES).encode())
     for file in sorted(folder.rglob("*")):
-        if file.suffix in (".py", ".html"):
+        if file.suffix in (".py", ".html", ".json"):
             digest.update(f"{file.relative_to(folder)}\n".encode() + file.read_bytes())
     return digest.hexdigest()
 
 
 def make(name: str) -> Page:
-    """Return the page of a scene, or the story."""
+    """Return the page of a scene, the story, or the course."""
     from actionopt.gallery import scene_page, story  # matplotlib, only now
+    from actionopt.gallery.course import pages
 
+    if name == COURSE:
+        return pages.course()
     return story.story() if name == STORY else scene_page.scene_page(name)
 
 
-def _made(names: Sequence[str], jobs: int) -> Generator[tuple[str, Page], None, None]:
+def _spoken(name: str, lang: str) -> Page:
+    """Return a page in a language."""
+    with language(lang):
+        return make(name)
+
+
+def _made(names: Sequence[str], jobs: int, lang: str) -> Generator[tuple[str, Page], None, None]:
     """Yield names and pages, as they are made."""
     if jobs == 1 or not names:
         yield from ((name, make(name)) for name in names)
@@ -121,7 +188,7 @@ def _made(names: Sequence[str], jobs: int) -> Generator[tuple[str, Page], None, 
     others = set(multiprocessing.active_children())
     with ProcessPoolExecutor(jobs, context, initializer=leave) as pool:
         with _one_thread():  # each, or they get in each other's way
-            waiting = {pool.submit(make, name): name for name in names}
+            waiting = {pool.submit(_spoken, name, lang): name for name in names}
         try:
             for future in as_completed(waiting):
                 yield waiting[future], future.result()
@@ -144,6 +211,18 @@ def _one_thread() -> Generator[None, None, None]:
             os.environ[THREADS] = before
 
 
+def _linked(text: str, there: set[str], without: set[str]) -> str:
+    """Return a page whose links to scenes that are not there are words alone; add those names."""
+
+    def kept(link: re.Match[str]) -> str:
+        if link[1] in there or link[1] not in scenes.SCENES:
+            return link[0]
+        without.add(link[1])
+        return link[2]
+
+    return LINK.sub(kept, text)
+
+
 def _manifest(target: Path) -> dict[str, Any]:
     """Return what is known of the pages there; nothing of a new gallery."""
     file = target / MANIFEST
@@ -161,10 +240,11 @@ def _keep(target: Path, written: Mapping[str, Any]) -> None:
     write(target / MANIFEST, json.dumps(written, indent=1, sort_keys=True))
 
 
-def _stands(target: Path, entry: Mapping[str, Any] | None, key: str) -> bool:
-    """Return whether a page has this key and all its files."""
+def _stands(target: Path, entry: Mapping[str, Any] | None, key: str, there: set[str]) -> bool:
+    """Return whether a page has this key, all its files, and all links to pages that are there."""
     return (
         entry is not None
         and entry["key"] == key
+        and not there.intersection(entry["without"])
         and all((target / file).is_file() for file in entry["files"])
     )

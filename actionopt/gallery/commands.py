@@ -3,25 +3,40 @@
 from __future__ import annotations
 
 import argparse
+import webbrowser
 from pathlib import Path
 
-from actionopt.gallery.builder import build
+from actionopt import scenes
+from actionopt.gallery.builder import JOBS, build
 from actionopt.tools.progress import progress
+from actionopt.tools.words import SPOKEN
 
 
 def add_to(parser: argparse.ArgumentParser) -> None:
     """Give the parser of `actionopt gallery` its arguments."""
     parser.description = (
         "Write a page for each scene, with its film, figures and numbers, and an index of them: "
-        "static HTML that needs no server. What has not changed since is not made again."
+        "static HTML that needs no server. What has not changed since is not made again. A file of "
+        "your own has a page on which its path is dragged and solved."
     )
     parser.set_defaults(run=run)
     parser.add_argument("directory", metavar="OUTDIR", help="where to; made if it is not there")
-    parser.add_argument("scenes", nargs="*", default=[], metavar="SCENE", help="only these (all)")
+    parser.add_argument(
+        "asked", nargs="*", default=[], metavar="SCENE|FILE.py",
+        help="only these scenes (all), and Python files that define `problem` or `scene`",
+    )  # fmt: skip
+    add = parser.add_argument
+    add("--lang", choices=SPOKEN, default="en", help="language of the pages (en)")
+    add("--jobs", type=int, default=JOBS, metavar="N", help=f"pages at the same time ({JOBS})")
+    add("--open", action="store_true", help="show them in the browser")
 
 
 def run(options: argparse.Namespace) -> int:
     """Write the pages and print where they start."""
-    build(options.directory, options.scenes, show=progress)
-    print(Path(options.directory) / "index.html")
+    asked = [scenes.from_file(name) if name.endswith(".py") else name for name in options.asked]
+    build(options.directory, asked, show=progress, jobs=options.jobs, lang=options.lang)
+    first = Path(options.directory) / "index.html"
+    print(first)
+    if options.open:
+        webbrowser.open(first.resolve().as_uri())
     return 0

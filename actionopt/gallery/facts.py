@@ -10,10 +10,10 @@ import numpy as np
 
 from actionopt import scenes
 from actionopt.gallery import units
-from actionopt.gallery.mathml import inline
 from actionopt.gallery.page import number, typeset
 from actionopt.gallery.subject import Subject
 from actionopt.solver.solve import solve
+from actionopt.tools.mathml import inline
 from actionopt.tools.types import Array
 
 DIGITS = 10

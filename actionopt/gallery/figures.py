@@ -6,18 +6,27 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from actionopt import plot
-from actionopt.gallery.page import escape, letter, rounded
+from actionopt.gallery.page import escape, letter, number, rounded, typeset
 from actionopt.gallery.subject import Subject, span
 from actionopt.plot import SI
 from actionopt.plot.data.fan import aligned
+from actionopt.tools.words import say
 
 Rule = tuple[Callable[[Subject], bool], str]
 
 
+NARROW = 3.3  # inches: where a phone shows it, 11 points of letters are 15 pixels
+
+
 @dataclass(frozen=True)
 class Figure:
-    """A figure drawn: its file's name, SVG and size (inches), and its words."""
+    """A figure drawn: its file's name, SVG and size (inches), and its words.
+
+    `narrow` is its cut for narrow screens, if it has one.
+    """
 
     name: str
     svg: str
@@ -25,28 +34,40 @@ class Figure:
     alt: str
     caption: str
     title: str = ""
+    narrow: str = ""
 
     def html(self, folder: str = "") -> str:
         """Return the picture in `folder` and its caption as HTML, the end of a <figure>."""
         width, height = (round(100 * side) for side in self.size)
+        cut = f'<source media="(max-width: 34rem)" srcset="{folder}{self.name}-narrow.svg">'
         return (
-            f'<img src="{folder}{self.name}.svg" alt="{escape(self.alt)}" width="{width}" '
-            f'height="{height}" loading="lazy">\n<figcaption>{self.caption}</figcaption></figure>'
+            f'<picture>{cut if self.narrow else ""}<img src="{folder}{self.name}.svg" '
+            f'alt="{escape(self.alt)}" width="{width}" height="{height}" loading="lazy"></picture>'
+            f"\n<figcaption>{self.caption}</figcaption></figure>"
         )
 
+    def files(self, folder: str) -> dict[str, str]:
+        """Return its files in `folder`."""
+        cuts = {f"{folder}{self.name}.svg": self.svg}
+        return cuts | ({f"{folder}{self.name}-narrow.svg": self.narrow} if self.narrow else {})
 
-def figures(subject: Subject) -> tuple[list[Figure], list[tuple[str, str]]]:
-    """Return the figures of a subject, and the titles of those it has not, each with the reason."""
-    drawn, without = [], []
-    for title, unless, made in KINDS:
+
+def figures(subject: Subject) -> tuple[dict[str, list[Figure]], list[tuple[str, str]]]:
+    """Return the figures of a subject in each part of its page.
+
+    And the titles of those it has not, each with the reason.
+    """
+    drawn: dict[str, list[Figure]] = {part: [] for part in (PRINCIPLE, MOTION, CHECK)}
+    without = []
+    for title, part, unless, made in KINDS:
         reason = next((why for holds, why in unless if holds(subject)), "")
         if not reason:
             try:
-                drawn.append(made(subject))
+                drawn[part].append(made(subject))
                 continue
             except ValueError as error:
                 reason = f"{str(error)[0].upper()}{str(error)[1:]}."
-        without.append((title, reason))
+        without.append((say(title), say(reason)))
     return drawn, without
 
 
@@ -58,7 +79,7 @@ DRAG: Rule = (
     "A force takes energy from the motion: H falls, as the energy function shows.",
 )
 MOVING: Rule = (
-    lambda s: plot.energies_data(s.solution, kinetic=s.scene.kinetic).moving,
+    lambda s: s.energies.moving,
     "What is taken from T here depends on the velocities, and so is no potential energy.",
 )
 SEVERAL: Rule = (
@@ -77,167 +98,200 @@ HELD: Rule = (
 
 # -- figures ---------------------------------------------------------------------------------
 
-Draw = Callable[[Subject, Any], str]
-KINDS: list[tuple[str, tuple[Rule, ...], Callable[[Subject], Figure]]] = []
+Draw = Callable[[Subject, Any], tuple[str, str]]
+KINDS: list[tuple[str, str, tuple[Rule, ...], Callable[[Subject], Figure]]] = []
+PRINCIPLE, MOTION, CHECK = "principle", "motion", "check"  # where a figure stands
 
 
 def _kind(
-    title: str,
-    caption: str | Callable[[Subject], str],
-    *unless: Rule,
-    size: tuple[float, float] = (6.4, 4.4),
+    title: str, part: str, *unless: Rule, size: tuple[float, float] = (6.4, 4.4)
 ) -> Callable[[Draw], None]:
-    """Make the decorated function a kind of figure, the file of its own name.
+    """Make the decorated function a kind of figure, the file of its own name, in a part of pages.
 
-    It draws a subject on an empty matplotlib figure of `size` (inches), and says what is to be
-    seen in this one, with numbers; `caption`, what in any such figure, or in one of such a
-    subject. A subject that is what the rules `unless` say has none.
+    It draws a subject on an empty matplotlib figure of `size` (inches), and returns what is to be
+    seen in this one, for who cannot see it, and a caption with its numbers. The scene's own words
+    on it stand before that. A subject that is what the rules `unless` say has none.
     """
 
     def add(draw: Draw) -> None:
-        def made(subject: Subject) -> Figure:
-            said: list[str] = []
-            svg = plot.svg(lambda figure: said.append(draw(subject, figure)), size)
-            words = caption if isinstance(caption, str) else caption(subject)
-            return Figure(draw.__name__.strip("_"), svg, size, said[0], words, title)
+        name = draw.__name__.strip("_")
 
-        KINDS.append((title, unless, made))
+        def made(subject: Subject) -> Figure:
+            said: list[tuple[str, str]] = []
+            narrow = (NARROW, NARROW * max(0.85, min(1.5, 1.35 * size[1] / size[0])))
+            cuts = plot.svgs(lambda figure: said.append(draw(subject, figure)), size, narrow)
+            ((alt, caption),) = said
+            own = typeset(say(subject.scene.words.captions.get(name, "")))
+            words = " ".join(filter(None, (own, caption)))
+            return Figure(name, cuts[0], size, alt, words, say(title), cuts[1])
+
+        KINDS.append((title, part, unless, made))
 
     return add
 
 
-@_kind(
-    "The motion, as a strobe would show it",
-    "What stands where at equal times, earlier ones fainter; arrows, where there are any, are "
-    "forces of constraint.",
-)
-def _motion(s: Subject, figure: Any) -> str:
-    plot.motion(s.solution, s.scene.draw, figure.subplots(), force=s.arrows, units=SI)
-    return f"{s.scene.title}, at nine equal times {s.motion}."
-
-
-@_kind(
-    "The path, and the motion integrated forward",
-    lambda s: (
-        "Where the two agree, the path found between the events is the motion that the equations "
-        "of Lagrange and d\N{RIGHT SINGLE QUOTATION MARK}Alembert, drag included, give from its "
-        "own start. No action is stationary on it."
-        if s.forced
-        else "Where the two agree, the path that makes the action stationary is the motion that "
-        "Newton\N{RIGHT SINGLE QUOTATION MARK}s equations give from its own start."
-    ),
-    size=(6.4, 6.0),
-)
-def _path(s: Subject, figure: Any) -> str:
-    plot.overview(s.solution, figure.subplots(2, height_ratios=(3, 2)), units=SI)
-    found = s.solution.compare()
-    most = found.reason or f"at most {rounded(found.position, 2)}"
-    return (
-        f"Above, the path {s.motion}, action {s.solution.action:.8g} J s, with the forward "
-        f"integration over it; below, their deviation on a logarithmic axis, {most}, beside an "
-        f"error estimate of {rounded(s.solution.error, 2)}."
-    )
-
-
-@_kind(
-    "Kinetic and potential energy",
-    "The action is the area under T less the area under V.",
-    DRAG,
-    MOVING,
-)
-def _energies(s: Subject, figure: Any) -> str:
-    plot.energies(s.solution, figure.subplots(), kinetic=s.scene.kinetic, units=SI)
-    data = plot.energies_data(s.solution, kinetic=s.scene.kinetic)
-    return (
-        f"Kinetic energy {span(data.kinetic, 'J')} and potential energy "
-        f"{span(data.potential, 'J')} against time; the area between them, counted negative where "
-        f"V is larger, is the action {s.solution.action:.6g} J s."
-    )
-
-
-@_kind(
-    "Energy function and momenta",
-    "What stays the same is a broad straight line. Conserved is what a symmetry keeps on every "
-    "motion: H if nothing depends on time, the momentum of a coordinate that appears nowhere.",
-    size=(6.4, 5.4),
-)
-def _conserved(s: Subject, figure: Any) -> str:
-    plot.conserved(s.solution, figure.subplots(2, sharex=True), units=SI)
-    data = plot.conserved_data(s.solution)
-    names = ["H", *(f"p of {letter(name)}" for name in s.solution.problem.system.coordinates)]
-    rows = list(zip(names, data.flat, data.kept, strict=True))
-    kept = ", ".join(name for name, _, kept in rows if kept) or "none of them"
-    only = ", ".join(name for name, flat, kept in rows if flat and not kept)
-    said = f"conserved: {kept}" + f"; constant on this path alone: {only}" * bool(only)
-    return f"Energy function H, {span(data.energy, 'J')}, and momenta against time; {said}."
-
-
-@_kind(
-    "The path among its neighbours",
-    "Varied paths between the same two events: vermilion where the action is higher, blue "
-    "where it is lower.",
-    FORCED,
-    CROWDED,
-)
-def _bundle(s: Subject, figure: Any) -> str:
+@_kind("The path among its neighbours", PRINCIPLE, FORCED, CROWDED)
+def _bundle(s: Subject, figure: Any) -> tuple[str, str]:
     plot.bundle(s.solution, figure.subplots(), units=SI)
     rise = plot.bundle_data(s.solution).rise
-    return (
-        f"The path {s.motion} in black among {rise.size} neighbours between the same events; "
-        f"{(rise > 0).sum()} of them cost more action and {(rise < 0).sum()} less."
+    more, less = int((rise > 0).sum()), int((rise < 0).sum())
+    alt = say(
+        "The path {motion} in black among {count} neighbours between the same events; "
+        "{more} of them cost more action and {less} less.",
+        motion=s.motion, count=rise.size, more=more, less=less,
+    )  # fmt: skip
+    values = {
+        "more": more,
+        "less": less,
+        "low": number(rise.min(), 3),
+        "top": number(rise.max(), 3),
+    }
+    if not less:
+        return alt, say(
+            "All {more} neighbours cost more action than the path, by {low} to {top} J s.", **values
+        )
+    return alt, say(
+        "{more} neighbours cost more action than the path, up to {top} J s (vermilion); {less} "
+        "cost less, down to {low} J s (blue): it is a saddle.",
+        **values,
     )
 
 
-@_kind(
-    "The action along two variations",
-    "At a stationary path the slope vanishes; whether it is least, the curvature tells.",
-    FORCED,
-    SEVERAL,
-)
-def _slices(s: Subject, figure: Any) -> str:
+@_kind("The action along two variations", PRINCIPLE, FORCED, SEVERAL)
+def _slices(s: Subject, figure: Any) -> tuple[str, str]:
     plot.slices(s.solution, figure.subplots(), units=SI)
-    how = "both rise like bowls" if s.solution.kind == "minimum" else "the first falls both ways"
-    return f"The action along two variations of the path: {how}. {_index(s)}"
+    least = s.solution.kind == "minimum"
+    alt = "The action along two variations of the path: both rise like bowls."
+    other = "The action along two variations of the path: the first falls both ways."
+    curvature = plot.spectrum_data(s.solution).eigenvalues[:2, -1]
+    return (
+        f"{say(alt if least else other)} {_index(s)}",
+        say(
+            "At the path, in the middle, both slopes are zero: that is all stationary means. "
+            "The curvatures, {a} and {b} in units of a free particle's first, tell whether it "
+            "is least.",
+            a=number(curvature[0], 3), b=number(curvature[1], 3),
+        ),
+    )  # fmt: skip
 
 
-@_kind(
-    "The action as a landscape",
-    "The two variations that tell most: a bowl at a minimum, a pass at a saddle.",
-    FORCED,
-)
-def _landscape(s: Subject, figure: Any) -> str:
+@_kind("The action as a landscape", PRINCIPLE, FORCED)
+def _landscape(s: Subject, figure: Any) -> tuple[str, str]:
     plot.landscape(s.solution, figure.subplots(), units=SI)
-    how = "the bottom of a bowl" if s.solution.kind == "minimum" else "a pass between two valleys"
-    contours = "Contours of the action over two variations; the path, in the middle, is at"
-    return f"{contours} {how}. {_index(s)}"
+    rise = plot.landscape_data(s.solution).rise
+    values = {"low": number(-rise.min(), 3), "top": number(rise.max(), 3)}
+    if s.solution.kind == "minimum":
+        alt = "Contours of the action over two variations; the path is at the bottom of a bowl."
+        words = "The path lies at the bottom of a bowl, whose rim here is up to {top} J s high."
+    else:
+        alt = "Contours of the action over two variations; the path is on a pass."
+        words = (
+            "The path lies on a pass: the action falls by up to {low} J s one way and rises by up "
+            "to {top} J s the other."
+        )
+    return f"{say(alt)} {_index(s)}", say(words, **values)
 
 
 def _index(s: Subject) -> str:
-    return f"The path is a {s.solution.kind} of Morse index {s.solution.morse_index}."
+    kind, index = say(s.solution.kind), s.solution.morse_index
+    return say("The path is a {kind} of Morse index {index}.", kind=kind, index=index)
 
 
-@_kind(
-    "Paths from one event",
-    "Where neighbouring motions meet the path again, it ceases to be least.",
-    FORCED,
-    CROWDED,
-)
-def _fan(s: Subject, figure: Any) -> str:
+@_kind("Paths from one event", PRINCIPLE, FORCED, CROWDED)
+def _fan(s: Subject, figure: Any) -> tuple[str, str]:
     plot.fan(s.solution, figure.subplots(), units=SI)
-    return f"Motions that leave the start with slightly different velocities, {s.motion}; {s.foci}."
-
-
-@_kind(
-    "The second variation as the path grows",
-    "An eigenvalue below zero is a variation that lowers the action.",
-    FORCED,
-)
-def _spectrum(s: Subject, figure: Any) -> str:
-    plot.spectrum(s.solution, figure.subplots(), units=SI)
-    return (
-        f"The three lowest eigenvalues of the second variation against the duration; {s.foci}. "
-        f"{s.solution.morse_index} of all are negative at the full duration."
+    data = plot.fan_data(s.solution)
+    apart = float(np.max(np.linalg.norm(data.neighbours[:, :, -1] - data.q[:, -1], axis=1)))
+    unit = SI.coordinate(s.solution.problem.system.coordinates[0])
+    values = {"foci": s.foci, "apart": number(apart, 3), "unit": unit}
+    words = (
+        "Motions that set out a little differently, up to {apart} {unit} apart in the end; {foci}."
     )
+    return (
+        say(
+            "Motions that leave the start with slightly different velocities, {motion}; {foci}.",
+            motion=s.motion,
+            foci=s.foci,
+        ),
+        say(words, **values),
+    )
+
+
+@_kind("The second variation as the path grows", PRINCIPLE, FORCED)
+def _spectrum(s: Subject, figure: Any) -> tuple[str, str]:
+    plot.spectrum(s.solution, figure.subplots(), units=SI)
+    index = s.solution.morse_index
+    last = float(plot.spectrum_data(s.solution).eigenvalues[0, -1])
+    alt = say(
+        "The three lowest eigenvalues of the second variation against the duration; {foci}. "
+        "{index} of all are negative at the full duration.",
+        foci=s.foci, index=index,
+    )  # fmt: skip
+    least = "The lowest eigenvalue has come down to {last} at the full duration, and is above zero."
+    saddle = (
+        "{index} of the eigenvalues have passed zero by the full duration, the lowest down to "
+        "{last}: as many independent ways down."
+    )
+    return alt, say(saddle if index else least, index=index, last=number(last, 3))
+
+
+@_kind("The motion, as a strobe would show it", MOTION)
+def _motion(s: Subject, figure: Any) -> tuple[str, str]:
+    plot.motion(s.solution, s.scene.draw, figure.subplots(), force=s.arrows, units=SI)
+    alt = say("{title}, at nine equal times {motion}.", title=say(s.scene.title), motion=s.motion)
+    step = number(s.duration / 8, 3)
+    return alt, say("{step} s from each picture to the next.", step=step)
+
+
+@_kind("Kinetic and potential energy", MOTION, DRAG, MOVING)
+def _energies(s: Subject, figure: Any) -> tuple[str, str]:
+    plot.energies(s.solution, figure.subplots(), kinetic=s.scene.kinetic, units=SI)
+    T, V, t = s.energies.kinetic, s.energies.potential, s.energies.t
+    values = {
+        "kinetic": number(float(np.trapezoid(T, t)), 4),
+        "potential": number(float(np.trapezoid(V, t)), 4),
+        "action": number(s.solution.action, 4),
+    }
+    return (
+        say(
+            "Kinetic energy {T} and potential energy {V} against time; the area between them, "
+            "counted negative where V is larger, is the action {S} J s.",
+            T=span(T, "J"), V=span(V, "J"), S=f"{s.solution.action:.6g}",
+        ),
+        say(
+            "The area under T, {kinetic} J s, less the area under V, {potential} J s, is the "
+            "action, {action} J s.",
+            **values,
+        ),
+    )  # fmt: skip
+
+
+@_kind("Energy function and momenta", MOTION, size=(6.4, 5.4))
+def _conserved(s: Subject, figure: Any) -> tuple[str, str]:
+    plot.conserved(s.solution, figure.subplots(2, sharex=True), units=SI)
+    data = plot.conserved_data(s.solution)
+    names = ["H", *(letter(name) for name in s.solution.problem.system.coordinates)]
+    rows = list(zip(names, data.flat, data.kept, strict=True))
+    kept = ", ".join(name for name, _, kept in rows if kept) or say("none of them")
+    only = ", ".join(name for name, flat, kept in rows if flat and not kept)
+    said = say("conserved: {names}", names=kept)
+    if only:
+        said += "; " + say("constant on this path alone: {names}", names=only)
+    alt = say("Energy function H, {H}, and momenta against time; {said}.",
+              H=span(data.energy, "J"), said=said)  # fmt: skip
+    return alt, say("H {span}.", span=span(data.energy, "J"))
+
+
+@_kind("Fronts of equal action", MOTION, FORCED, CROWDED, HELD)
+def _fronts(s: Subject, figure: Any) -> tuple[str, str]:
+    plot.wavefronts(s.solution, figure.subplots(), units=SI)
+    alt = say(
+        "Lines of equal action from the start, and motions that leave it in other directions; the "
+        "path goes {motion}.",
+        motion=s.motion,
+    )
+    action = say("On the path S is {action} J s in the end.", action=number(s.solution.action, 4))
+    return alt, f"{fronts_caption(s)} {action}"
 
 
 _FRONTS = {
@@ -256,36 +310,50 @@ _FRONTS = {
 def fronts_caption(s: Subject) -> str:
     """Return what fronts are: over time, or in space, the velocity across them or askew."""
     if s.freedom == 1:
-        return _FRONTS["time"]
-    return _FRONTS["along" if aligned(s.solution.momentum(s.t), s.v) else "askew"]
+        return say(_FRONTS["time"])
+    return say(_FRONTS["along" if aligned(s.solution.momentum(s.t), s.v) else "askew"])
 
 
-@_kind(
-    "Fronts of equal action",
-    fronts_caption,
-    FORCED,
-    CROWDED,
-    HELD,
-)
-def _fronts(s: Subject, figure: Any) -> str:
-    plot.wavefronts(s.solution, figure.subplots(), units=SI)
-    return (
-        "Lines of equal action from the start, and motions that leave it in other directions; the "
-        f"path goes {s.motion}."
+@_kind("The path, and the motion integrated forward", CHECK, size=(6.4, 6.0))
+def _path(s: Subject, figure: Any) -> tuple[str, str]:
+    plot.overview(s.solution, figure.subplots(2, height_ratios=(3, 2)), units=SI)
+    found = s.solution.compare()
+    most = found.reason or say("at most {x}", x=rounded(found.position, 2))
+    alt = say(
+        "Above, the path {motion}, action {action} J s, with the forward integration over it; "
+        "below, their deviation on a logarithmic axis, {most}, beside an error estimate of "
+        "{error}.",
+        motion=s.motion, action=f"{s.solution.action:.8g}", most=most,
+        error=rounded(s.solution.error, 2),
+    )  # fmt: skip
+    law = (
+        "The equations of Lagrange and d'Alembert, drag included, integrated from its start, "
+        "lead to the same events: they differ by {most} of its size."
+        if s.forced
+        else "The equations of motion, integrated from its start, lead the same way: they differ "
+        "by {most} of its size."
     )
+    difference = say("at most {x}", x=number(found.position, 2))
+    return alt, say(law, most=escape(found.reason) or difference)
 
 
-@_kind(
-    "How it was computed",
-    "Polynomials on elements in time; their degrees follow the motion.",
-    size=(6.4, 5.2),
-)
-def _mesh(s: Subject, figure: Any) -> str:
+@_kind("How it was computed", CHECK, size=(6.4, 5.2))
+def _mesh(s: Subject, figure: Any) -> tuple[str, str]:
     plot.mesh(s.solution, figure.subplots(2, sharex=True, height_ratios=(3, 2)), units=SI)
     mesh = s.solution.mesh
     low, high = min(mesh.degrees), max(mesh.degrees)
-    degrees = f"of degree {low}" if low == high else f"of degrees {low} to {high}"
-    return (
-        f"The coordinates with the nodes on them, {mesh.elements} elements {degrees}; estimated "
-        f"error {rounded(s.solution.error, 2)}."
+    degrees = (
+        say("of degree {low}", low=low)
+        if low == high
+        else say("of degrees {low} to {high}", low=low, high=high)
     )
+    values = {"elements": mesh.elements, "degrees": degrees}
+    alt = say(
+        "The coordinates with the nodes on them, {elements} elements {degrees}; estimated error "
+        "{error}.",
+        error=rounded(s.solution.error, 2), **values,
+    )  # fmt: skip
+    return alt, say(
+        "{elements} polynomials in time {degrees}, {nodes} nodes; the estimated error is {error}.",
+        nodes=mesh.nodes.size, error=number(s.solution.error, 2), **values,
+    )  # fmt: skip

@@ -2,30 +2,127 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Sequence
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from actionopt.gallery.page import escape, number, rounded
+from actionopt.analysis.solution import Solution
+from actionopt.gallery.page import letter, number, rounded
 from actionopt.gallery.subject import Subject
-from actionopt.plot import motion, motion_data, svg
+from actionopt.plot import SI, Motion, landscape_data, motion, motion_data, svg
+from actionopt.plot._variations import level_lines
 from actionopt.plot.data.relaxation import relaxation_data
+from actionopt.plot.data.variations import over_modes, telling
+from actionopt.plot.live.film import frames, player
+from actionopt.tools.types import Array
+from actionopt.tools.words import say
 
 FRAMES = 121
 WIDE = 1.5  # of the height, for one coordinate against time
 GHOSTS = 6  # times in the small picture
-LEAST_SHAPE = 0.42  # of the longer side: a motion along a line gets some air
+APART = 0.3  # between films on one clock
+START = (0.12, 1.2)  # of the modes: where a path on a map begins
+MAPPED = 1.5  # of the modes, to either side on their maps
+LEVELS = 8  # lines of a map, on either side of the motion's
+ARROW = 0.16  # of the picture's size: one that shows which way a coordinate grows
+STEP = 1e-5  # of a coordinate's size, to see which way that is
+CURVES = 4  # coordinates in a graph
+SHARE = 1e-3  # of the picture's size: a coordinate that moves nothing by more has no arrow
 
 
 def film(subject: Subject) -> str:
-    """Return the player of a motion."""
-    data = motion_data(subject.solution, subject.scene.draw, FRAMES, force=subject.arrows).plain()
-    data["t"] = [round(t, 6) for t in data["t"]]
-    forces = ", with the forces of constraint as arrows" if subject.arrows else ""
-    what = f"Film: {subject.scene.title}, {subject.motion}{forces}."
-    return player(data, what, "Arrows are forces of constraint." if subject.arrows else "")
+    """Return the player of a motion, with its coordinates and energies against the same time."""
+    s = subject
+    motion = motion_data(s.solution, s.scene.draw, FRAMES, force=s.arrows)
+    data = frames(motion)
+    data["graphs"] = [*_coordinates(s, motion.t), *_energies(s, motion.t)]
+    data["labels_at_start"] = growing(s, motion)
+    what = say("Film: {title}, {motion}.", title=say(s.scene.title), motion=s.motion)
+    words = [say("At the start, an arrow shows which way each coordinate grows.")]
+    if s.arrows:
+        what += " " + say("Arrows are forces of constraint.")
+        words.append(say("Arrows on the bodies are forces of constraint."))
+    if motion.space:
+        words.append(say("Drag the picture, or use the arrow keys, to turn it."))
+    return player(data, what, " ".join(words), clock=True)
+
+
+def growing(s: Subject, motion: Motion) -> list[dict[str, Any]]:
+    """Return for each coordinate where an arrow starts and ends that shows the way it grows.
+
+    It stands at the point of the picture that the coordinate moves most, a body's if it moves one.
+    """
+    q, t, names = s.solution.start.q, motion.t[0], s.solution.problem.system.coordinates
+    size, found = motion.size, []
+    for k, name in enumerate(names[: 2 * CURVES]):
+        h = STEP * max(1.0, abs(float(q[k])))
+        step = h * np.eye(len(names))[k]
+        ahead, behind = s.scene.draw(q + step, t), s.scene.draw(q - step, t)
+        points = [
+            (a.kind != "body", (a.points - b.points) / (2 * h), (a.points + b.points) / 2)
+            for a, b in zip(ahead, behind, strict=True)
+        ]
+        for bodies in (True, False):
+            rows = [(d[:, j], p[:, j]) for other, d, p in points if not (bodies and other)
+                    for j in range(p.shape[1])]  # fmt: skip
+            way, place = max(rows, key=lambda row: float(np.linalg.norm(row[0])))
+            long = float(np.linalg.norm(way))
+            if long > SHARE * size:
+                tip = place + ARROW * size / long * way
+                found.append({"name": letter(name), "from": _row(place), "to": _row(tip)})
+                break
+    return found
+
+
+def _row(place: Array) -> list[float]:
+    return [float(f"{x:.4g}") + 0.0 for x in place]
+
+
+def _coordinates(s: Subject, t: Array) -> list[dict[str, Any]]:
+    """Return a graph of the coordinates for each unit they have."""
+    names, q = s.solution.problem.system.coordinates, s.solution(t)
+    graphs = []
+    for unit in dict.fromkeys(map(SI.coordinate, names)):
+        rows = [
+            {"name": letter(name), "values": _thin(q[k])}
+            for k, name in enumerate(names)
+            if SI.coordinate(name) == unit
+        ]
+        graphs.append({"unit": unit, "rows": rows[:CURVES]})
+    return graphs
+
+
+def _energies(s: Subject, t: Array) -> list[dict[str, Any]]:
+    """Return the graph of T and V, or of L where that is no difference of the two, and S so far."""
+    q, v, system = s.solution(t), s.solution.velocity(t), s.solution.problem.system
+    parameters = s.solution.problem.parameters
+    L = system.lagrangian(q, v, t, parameters=parameters)
+    far = np.diff(t) * (L[1:] + L[:-1]) / 2
+    S = np.r_[0.0, np.cumsum(far)]
+    S += (s.solution.action - S[-1]) * np.linspace(0, 1, t.size)  # of trapezes, which miss a little
+    graph: dict[str, Any] = {"unit": "J"}
+    if s.forced or not s.energies.moving:
+        T = s.scene.kinetic(q, v, t) if s.scene.kinetic else L + _potential(s, q, t)
+        graph["rows"] = [{"name": "T", "values": _thin(T)}, {"name": "V", "values": _thin(T - L)}]
+    else:
+        graph["rows"] = [{"name": "L", "values": _thin(L)}]
+    if not s.forced:
+        graph["area"] = _thin(S)
+    return [graph]
+
+
+def _potential(s: Subject, q: Array, t: Array) -> Array:
+    """Return V = -L at rest."""
+    problem = s.solution.problem
+    return -problem.system.lagrangian(q, 0 * q, t, parameters=problem.parameters)
+
+
+def _thin(values: Array) -> list[float]:
+    """Return values rounded to what a graph shows."""
+    size = float(np.max(np.abs(values))) or 1.0
+    digits = max(0, 4 - int(np.floor(np.log10(size))))
+    return [x + 0.0 for x in np.round(values, digits).tolist()]
 
 
 def relaxing(subject: Subject) -> str:
@@ -42,7 +139,6 @@ def relaxing(subject: Subject) -> str:
         paths = [np.stack([across, (q[0] - low) / (high - low)]) for q in paths]
     rows = [np.round(q.T, 4).tolist() for q in paths]
     points = np.concatenate(paths, axis=1)
-    end = "reaches the motion" if found.arrived else "runs away from it"
     shapes = [
         {"kind": "motion", "still": True, "points": rows[:1]},
         {"kind": "trial", "still": False, "points": rows[1:]},
@@ -54,35 +150,96 @@ def relaxing(subject: Subject) -> str:
         "shapes": shapes,
         "trails": [],
     }
-    what = (
-        f"Film: a wild path between the events of {subject.scene.title} goes downhill in action, "
-        f"from {rounded(found.action[0])} J s to {rounded(found.action[-1])} J s in "
-        f"{len(found.action) - 1} steps, and {end}, dashed."
+    values = {
+        "title": say(subject.scene.title),
+        "first": rounded(found.action[0]),
+        "last": rounded(found.action[-1]),
+        "steps": len(found.action) - 1,
+        "action": number(found.target_action, 5),
+    }
+    reaches = (
+        "Film: a wild path between the events of {title} goes downhill in action, from {first} J s "
+        "to {last} J s in {steps} steps, and reaches the motion, dashed."
     )
+    leaves = (
+        "Film: a wild path between the events of {title} goes downhill in action, from {first} J s "
+        "to {last} J s in {steps} steps, and runs away from the motion, dashed."
+    )
+    there = (
+        "A wild path goes downhill in action, in {steps} steps from {first} to {last} J s, and "
+        "reaches the motion (dashed), whose action is {action} J s."
+    )
+    away = (
+        "A wild path goes downhill in action, in {steps} steps from {first} to {last} J s, and "
+        "runs away from the motion (dashed), whose action is {action} J s."
+    )
+    what = say(reaches if found.arrived else leaves, **values)
+    return player(data, what, say(there if found.arrived else away, **values))
+
+
+def beside(*subjects: Subject) -> str:
+    """Return the player of wild paths that go downhill side by side, on one clock.
+
+    Above, the path of one coordinate against time; below, where it stands on the map of the action
+    over two modes.
+    """
+    found = [relaxation_data(s.solution, _high_up(s.solution)) for s in subjects]
+    steps = max(len(f.action) for f in found)
+    shapes: list[dict[str, Any]] = []
+    trails, labels = [], []
+    for k, (s, f) in enumerate(zip(subjects, found, strict=True)):
+        still, places = k * (WIDE + APART), np.minimum(np.arange(steps), len(f.action) - 1)
+        low, high = np.min([f.target, *f.paths]), np.max([f.target, *f.paths])
+        across = still + WIDE * (f.t - f.t[0]) / (f.t[-1] - f.t[0])
+        up = 1 + APART / 2 + (np.stack([f.target, *f.paths])[:, 0] - low) / (high - low)
+        rows = [np.round(np.stack([across, y], axis=1)[::4], 4).tolist() for y in up]
+        # The map, two units of the modes to either side of the path.
+        map_, half = landscape_data(s.solution, MAPPED), 0.5 / MAPPED
+        middle = np.array([still + WIDE / 2, 0.5])
+        dots = np.clip(over_modes(s.solution, f.t, f.paths), -MAPPED, MAPPED)
+        dots = np.round(middle + half * dots, 4)
+        largest = float(np.max(np.abs(map_.rise)))
+        for level in largest * np.linspace(-1, 1, 2 * LEVELS + 1):
+            kind = "higher" if level > 0 else "lower" if level < 0 else "level"
+            for line in level_lines(map_, level * abs(level) / largest):
+                points = np.round(middle + half * line, 4).tolist()
+                shapes.append({"kind": kind, "still": True, "points": [points]})
+        shapes += [
+            {"kind": "motion", "still": True, "points": rows[:1]},
+            {"kind": "trial", "still": False, "points": [rows[1 + i] for i in places]},
+            *({"kind": "event", "still": True, "points": [[rows[0][i]]]} for i in (0, -1)),
+            {"kind": "event", "still": True, "points": [[middle.tolist()]]},
+            {"kind": "dot", "still": False, "points": [[dots[i].tolist()] for i in places]},
+        ]
+        trails.append(dots[places].tolist())
+        labels.append([f"{s.solution.kind}: S = {f.action[i]:.3f} J s" for i in places])
+    wide = len(subjects) * (WIDE + APART) - APART
+    data = {
+        "labels": [" \u00b7 ".join(words) for words in zip(*labels, strict=True)],
+        "box": [0.0, wide, 0.0, 2 + APART / 2],
+        "shapes": shapes,
+        "trails": trails,
+        "points": 0.6,
+    }
+    ends = [
+        f"of the {s.solution.kind} from {rounded(f.action[0])} to {rounded(f.action[-1])} J s"
+        for s, f in zip(subjects, found, strict=True)
+    ]
     return player(
         data,
-        what,
-        f"A wild path goes downhill in action, and {end} (dashed), whose action is "
-        f"{number(found.target_action, 5)} J s.",
+        f"Film: wild paths go downhill in action, {' and '.join(ends)}; below each, a dot on the "
+        "map of the action over the two modes, which the one enters and the other leaves.",
+        "Left the short motion, dashed, right the long one. Below each path the map of its action: "
+        "vermilion lines are higher than the motion, which is the dot in the middle, blue ones "
+        "lower. The two films have one clock.",
     )
 
 
-def player(data: dict[str, Any], what: str, caption: str) -> str:
-    """Return a film as HTML, its frames in it as JSON."""
-    data["box"] = padded(data["box"])
-    text = json.dumps(data, separators=(",", ":")).replace("</", "<\\/")
-    count = len(data.get("labels") or data["t"])
-    words = f"\n<figcaption>{caption}</figcaption>" if caption else ""
-    return f"""<figure class="film" data-film>
-<svg role="img" aria-label="{escape(what)}"></svg>
-<div class="controls">
-<button type="button">Play</button>
-<input type="range" min="0" max="{count - 1}" step="any" value="0" aria-label="Place in the film">
-<span class="clock"></span>
-</div>
-<script type="application/json">{text}</script>
-<noscript><p>Scripts are off: no films.</p></noscript>{words}
-</figure>"""
+def _high_up(solution: Solution) -> Callable[[Array], Array]:
+    """Return a path that stands high on the map: off along the mode that rises most."""
+    chosen, modes = telling(solution)
+    first, second = (modes[k] for k in chosen)
+    return lambda t: solution(t) + START[0] * first(t) + START[1] * second(t)
 
 
 def thumbnail(subject: Subject) -> str:
@@ -97,15 +254,3 @@ def thumbnail(subject: Subject) -> str:
             words.remove()
 
     return svg(draw, (2.9, 2.1))
-
-
-def padded(box: Sequence[float]) -> list[float]:
-    """Return the box with a margin, and not too narrow."""
-    left, right, bottom, top = box
-    longer = max(right - left, top - bottom) or 1.0
-    result = []
-    for low, high in ((left, right), (bottom, top)):
-        side = max(high - low, LEAST_SHAPE * longer) + 0.14 * longer
-        middle = (low + high) / 2
-        result += [middle - side / 2, middle + side / 2]
-    return [round(x, 6) for x in result]

@@ -53,8 +53,8 @@ def section(source: str) -> str:
     return max((s for s in SECTIONS if found[1].startswith(s)), key=len)
 
 
-def index_page(pages: Mapping[str, Mapping[str, Any]]) -> str:
-    """Return the page for scenes and what the manifest has on each."""
+def index_page(pages: Mapping[str, Mapping[str, Any]], own: Mapping[str, str] = {}) -> str:
+    """Return the page for scenes and what the manifest has on each, and titles of `own` pages."""
     cards: dict[str, list[str]] = {number: [] for number in SECTIONS}
     for name in sorted(pages):
         scene, about = scenes.get(name), pages[name]
@@ -73,8 +73,17 @@ the numbers found next to what is known exactly. The sections are those of a tex
 <cite>Competitive Physics: Mechanics and Waves</cite> (2018), chapter 12.</p>
 <p class="feature"><strong><a href="least.html">Is it really least?</a></strong>
 <span>Bend a path yourself, and see the action rise, or fall.</span></p></header>
-{body}"""
-    return frame("actionopt gallery", main, root="", description="Stationary action in pictures")
+{_own(own)}{body}"""
+    return frame("Gallery", main, root="", description="Stationary action in pictures")
+
+
+def _own(titles: Mapping[str, str]) -> str:
+    """Return the entries of pages that are no scene's of the catalogue."""
+    cards = "".join(
+        f'<li class="card"><h3><a href="{name}/index.html">{typeset(title)}</a></h3></li>'
+        for name, title in sorted(titles.items())
+    )
+    return f'<section><h2>Your own</h2><ul class="cards">{cards}</ul></section>\n' if cards else ""
 
 
 def _card(scene: Scene, tags: Sequence[str], motion: str) -> str:

@@ -10,6 +10,7 @@ from html import escape
 
 from actionopt import __version__
 from actionopt.tools.greek import GREEK, split
+from actionopt.tools.words import current, say
 
 __all__ = [
     "Page",
@@ -23,6 +24,7 @@ __all__ = [
     "typeset",
 ]
 
+SITE = (("course.html", "Course"), ("least.html", "Is it really least?"))
 _GREEK = "|".join(name for name in GREEK if name.isalpha())
 WRITTEN = (  # how docstrings write mathematics, escaped, and how books do, in this order
     (rf"\b({_GREEK})(?=\d?\b)", lambda name: GREEK[name[1]]),
@@ -32,6 +34,7 @@ WRITTEN = (  # how docstrings write mathematics, escaped, and how books do, in t
     (r"(?<![\w.])([^\W\d]\u0307?)(\d)\b", r"\1<sub>\2</sub>"),
     (r"\^(\w)", r"<sup>\1</sup>"),
     (r"\bsqrt\(", "\u221a("),
+    (r"(?<=\w)'(?=\w)", "\N{RIGHT SINGLE QUOTATION MARK}"),
     (r"-&gt;", "\u2192"),
     (r"&lt;=", "\u2264"),
     (r"(?<![\w.])-(?=[\w(])|(?<= )-(?= )", "\u2212"),
@@ -50,11 +53,14 @@ class Page:
         Words for the index.
     motion : str
         What is seen in the small picture there.
+    title : str
+        Of a page that is no scene's of the catalogue: its entry in the index.
     """
 
     files: dict[str, str]
     tags: tuple[str, ...] = ()
     motion: str = ""
+    title: str = ""
 
 
 def frame(
@@ -62,30 +68,34 @@ def frame(
 ) -> str:
     """Return a whole page around the HTML `main`; `root` leads to the gallery's folder."""
     head = "".join(f'<script defer src="{root}{name}"></script>\n' for name in scripts)
+    links = "".join(f'<a href="{root}{href}">{say(text)}</a>\n' for href, text in SITE)
+    made = say(
+        "Made by actionopt {version}. Every number was computed when this page was made.",
+        version=escape(__version__),
+    )
     return f"""<!DOCTYPE html>
-<html lang="en">
+<html lang="{current()}">
 <head>
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <meta name="color-scheme" content="light dark">
 <meta name="description" content="{escape(description)}">
-<title>{escape(title)}</title>
+<title>{escape(title)} - actionopt</title>
 <link rel="icon" href="data:,">
 <link rel="stylesheet" href="{root}style.css">
+<link rel="stylesheet" href="{root}gallery.css">
 {head}</head>
 <body>
-<a class="skip" href="#main">Skip to the content</a>
+<a class="skip" href="#main">{say("Skip to the content")}</a>
 <header class="site">
-<nav aria-label="Gallery">
-<a class="home" href="{root}index.html">actionopt <span>gallery</span></a>
-<a href="{root}least.html">Is it really least?</a>
-</nav>
+<nav aria-label="{say("Gallery")}">
+<a class="home" href="{root}index.html">actionopt <span>{say("gallery")}</span></a>
+{links}</nav>
 </header>
 <main id="main">
 {main}
 </main>
-<footer class="site"><p>Made by actionopt {escape(__version__)}. Every number was computed
-when this page was made.</p></footer>
+<footer class="site"><p>{made}</p></footer>
 </body>
 </html>
 """
@@ -153,10 +163,13 @@ def _mathematics(text: str) -> str:
 def table(
     caption: str, head: Sequence[str], rows: Iterable[Sequence[str]], *, kind: str = ""
 ) -> str:
-    """Return a table of HTML cells, the first of each row its heading; it scrolls if too wide."""
-    top = "".join(f'<th scope="col">{cell}</th>' for cell in head)
+    """Return a table of HTML cells, the first of each row its heading; on a phone a card a row."""
+    first, *others = head
+    top = f"<td>{first}</td>" + "".join(f'<th scope="col">{cell}</th>' for cell in others)
     body = "\n".join(
-        f'<tr><th scope="row">{first}</th>' + "".join(f"<td>{c}</td>" for c in cells) + "</tr>"
+        f'<tr><th scope="row">{first}</th>'
+        + "".join(f'<td data-of="{name}">{c}</td>' for name, c in zip(head[1:], cells, strict=True))
+        + "</tr>"
         for first, *cells in rows
     )
     return (

@@ -11,12 +11,16 @@ from actionopt import scenes
 from actionopt.analysis.solution import Solution
 from actionopt.gallery import film, units
 from actionopt.gallery.facts import known
-from actionopt.gallery.figures import figures
-from actionopt.gallery.mathml import mathml, symbol
+from actionopt.gallery.figures import CHECK, MOTION, PRINCIPLE, Figure, figures
 from actionopt.gallery.page import Page, escape, frame, number, prose, table, typeset
 from actionopt.gallery.subject import Subject
 from actionopt.gallery.texts import Texts, texts
+from actionopt.mechanics.written import equations
 from actionopt.plot import SI
+from actionopt.plot.live.page import SCRIPTS, figure
+from actionopt.tools.formula import formula
+from actionopt.tools.mathml import mathml, symbol
+from actionopt.tools.words import say
 
 PROGRAM = """\
 import actionopt as ao
@@ -29,6 +33,28 @@ print("action", solution.action, "J s, error of the path", solution.error)
 print("momenta", *solution.momenta)
 print("forward integration leads elsewhere by", solution.compare().position)
 """
+_RATE = "<mfrac><mi>d</mi><mrow><mi>d</mi><mi>t</mi></mrow></mfrac>"
+_PART = "<mfrac><mrow><mo>&#x2202;</mo>{}</mrow><mrow><mo>&#x2202;</mo>{}</mrow></mfrac>"
+_Q_DOT = '<mover accent="true"><mi>q</mi><mo>&#x2D9;</mo></mover>'
+_LEFT = _RATE + _PART.format("<mi>L</mi>", _Q_DOT) + "<mo>=</mo>"
+_LEFT += _PART.format("<mi>L</mi>", "<mi>q</mi>")
+LAWS = {  # as MathML, what each equation of motion is an instance of
+    which: f'<math display="block" alttext="{alt}"><mrow>{_LEFT}{more}</mrow></math>'
+    for which, alt, more in (
+        ("least", "d/dt dL/dq' = dL/dq", ""),
+        (
+            "held",
+            "d/dt dL/dq' = dL/dq + lambda df/dq",
+            "<mo>+</mo><mi>&#x3BB;</mi>" + _PART.format("<mi>f</mi>", "<mi>q</mi>"),
+        ),
+        ("forced", "d/dt dL/dq' = dL/dq + Q", "<mo>+</mo><mi>Q</mi>"),
+    )
+}
+SHOWN = 4  # equations; the others are folded away
+LIVE = (
+    "Arrow keys move a handle as well, with Shift in small steps. Triangles on the duration are "
+    "times conjugate to the start, at which the index changes."
+)
 VERDICT = 'print("a", solution.kind, "of the action, index", solution.morse_index)\n'
 
 
@@ -38,59 +64,129 @@ def scene_page(name: str) -> Page:
     program, output, solution = run(name, scene.problem.system.structure.forced)
     s = Subject(scene, solution)
     drawn, without = figures(s)
-    pictures = "".join(f"<figure><h3>{f.title}</h3>\n{f.html()}\n" for f in drawn)
-    title = scene.title[0].upper() + scene.title[1:]
+    title = said(scene.title)[0].upper() + said(scene.title)[1:]
+    own = scene.words
     main = f"""<article class="scene">
 <header class="title">
-<p class="crumb"><a href="../index.html">All scenes</a></p>
+<p class="crumb"><a href="../index.html">{say("All scenes")}</a></p>
 <h1>{typeset(title)}</h1>
 <p class="tags">{"".join(f"<span>{escape(tag)}</span>" for tag in tags(s))}</p>
 </header>
-<section class="opening" aria-label="Statement">
+<section class="opening" aria-label="{say("The question")}">
 <div>
-<p class="statement">{typeset(words.statement)}</p>
-{_formulas(s, words)}
-<pre class="sketch" tabindex="0" role="img" aria-label="Sketch: {escape(words.statement)}">
-{escape(words.sketch)}
-</pre>
-{prose(words.remarks)}
+<p class="question">{typeset(said(own.question))}</p>
+<details class="answer"><summary>{say("Think first; then look here")}</summary>
+<p>{typeset(said(own.answer))}</p></details>
+<h2 class="small">{say("What to look at")}</h2>
+<p>{typeset(said(own.look))}</p>
+<p class="statement">{typeset(said(words.statement))} {typeset(said(words.remarks))}</p>
 <p class="source">{escape(scene.source)}</p>
 </div>
 {film.film(s)}
 </section>
-<section><h2>The question</h2>
+<section><h2>{say("The path under your hand")}</h2>
+{figure(solution.problem, solution, units=SI, draw=scene.draw, caption=say(LIVE))}
+</section>
+<section><h2>{say("The principle, and the equation of motion")}</h2>
+{_principle(s, words)}
 <div class="columns">
 {_parameters(s)}
 {_events(s)}
 </div>
-<div class="usage"><p>With other numbers, <code>scenes.get("{name}", &hellip;)</code>:</p>
-{prose(words.usage)}</div>
 </section>
-<section><h2>What is known, and what was found</h2>
+{_section("Is it stationary? Is it least?", _relaxing(s), drawn[PRINCIPLE])}
+{_section("The motion", "", drawn[MOTION])}
+{_without(without)}
+<section><h2>{say("How well is it known?")}</h2>
 {_known(s)}
 {_found(s)}
-</section>
-<section><h2>Figures</h2>
-<div class="figures">
-{pictures}
-{_relaxing(s)}
-</div>
-{_without(without)}
-</section>
-<section><h2>The program</h2>
-<p>This program was run for this page; below it is what it printed.</p>
+{_pictures(drawn[CHECK])}
+<details class="program"><summary>{say("The program that found it, and what it printed")}</summary>
 {_code("Program", program)}
 {_code("Output", output)}
-<p>The system it solves:</p>
+<p>{say("The system it solves:")}</p>
 {_code("System", words.source)}
+<div class="usage"><p>{say("With other numbers:")} <code>scenes.get("{name}", &hellip;)</code></p>
+{prose(say(words.usage))}</div>
+</details>
 </section>
+{_beside(s)}
 </article>"""
     html = frame(
-        f"{title} - actionopt", main, root="../", description=scene.title, scripts=["film.js"]
+        title, main, root="../", description=said(scene.title), scripts=["film.js", *SCRIPTS]
     )
-    files = {f"{name}/{figure.name}.svg": figure.svg for figure in drawn}
-    files[f"{name}/thumbnail.svg"] = film.thumbnail(s)
-    return Page({f"{name}/index.html": html, **files}, tags(s), s.motion)
+    files = {f"{name}/index.html": html, f"{name}/thumbnail.svg": film.thumbnail(s)}
+    for picture in (picture for part in drawn.values() for picture in part):
+        files |= picture.files(f"{name}/")
+    return Page(files, tags(s), s.motion)
+
+
+def said(text: str) -> str:
+    """Return a scene's own words in the language of the page; nothing for none."""
+    return say(" ".join(text.split())) if text else ""
+
+
+def _section(title: str, before: str, drawn: list[Figure]) -> str:
+    if not drawn and not before:
+        return ""
+    return f"<section><h2>{say(title)}</h2>\n{_pictures(drawn, before)}</section>"
+
+
+def _pictures(drawn: list[Figure], before: str = "") -> str:
+    pictures = "".join(f"<figure><h3>{f.title}</h3>\n{f.html()}\n" for f in drawn)
+    return f'<div class="figures">\n{before}{pictures}</div>'
+
+
+def _principle(s: Subject, words: Texts) -> str:
+    """Return the Lagrangian, and the equations of motion that follow from it."""
+    system = s.solution.problem.system
+    text = {
+        "least": "Of all paths between the two events the motion makes the action stationary: a "
+        "small bend of the path changes it to second order only. So for each coordinate",
+        "held": "Of all paths between the two events that keep the constraint the motion makes the "
+        "action stationary. With a multiplier for the constraint, whose gradient is the direction "
+        "of its force, for each coordinate",
+        "forced": "A force Q that no potential gives stands beside the Lagrangian in the "
+        "equations of Lagrange and d'Alembert. For each coordinate",
+    }
+    which = "forced" if s.forced else "held" if system.m else "least"
+    rows = equations(system, system.table)
+    scalars = {*system.coordinates, *system.parameters}
+    written = [
+        f'<div class="formula scroll" tabindex="0" role="region" aria-label="'
+        f'{say("Equation of motion")}">{mathml(formula(row), scalars)}</div>'
+        for row in rows
+    ]
+    if len(rows) > SHOWN:
+        rest = "".join(written[SHOWN:])
+        others = say("The other {count} equations", count=len(rows) - SHOWN)
+        written[SHOWN:] = [f"<details><summary>{others}</summary>{rest}</details>"]
+    return (
+        f'<div class="columns principle"><div>{_formulas(s, words)}<p>{say(text[which])}</p>'
+        f'<div class="formula">{LAWS[which]}</div>'
+        f"<p>{say('This gives the equations beside.')}</p></div>"
+        f'<div class="motions">{"".join(written)}</div></div>'
+    )
+
+
+def _beside(s: Subject) -> str:
+    """Return links to what is like it, to the story, and to the course."""
+    links = [
+        f'<li><a href="../{name}/index.html">{typeset(said(scenes.title(name)))}</a></li>'
+        for name in s.scene.words.beside
+    ]
+    if s.forced:
+        story = say("Where there is an action, when is it least?")
+    elif s.solution.morse_index:
+        story = say("Why this action is a saddle, and not least")
+    else:
+        story = say("Why this action is least, and when it would not be")
+    links.append(f'<li><a href="../least.html">{story}</a></li>')
+    links.append(f'<li><a href="../course.html">{say("The course, from the beginning")}</a></li>')
+    return (
+        f'<nav class="beside" aria-label="{say("Beside it")}"><h2>{say("Beside it")}</h2>'
+        "<ul>" + "".join(links) + "</ul></nav>"
+    )
 
 
 def run(name: str, forced: bool) -> tuple[str, str, Solution]:
@@ -105,12 +201,16 @@ def run(name: str, forced: bool) -> tuple[str, str, Solution]:
 def tags(s: Subject) -> tuple[str, ...]:
     """Return words for what a scene is: coordinates, constraints, verdict."""
     system = s.solution.problem.system
-    found = ["1 coordinate" if system.n == 1 else f"{system.n} coordinates"]
+    found = [_count(system.n, "1 coordinate", "{count} coordinates")]
     if system.m:
-        found.append("1 constraint" if system.m == 1 else f"{system.m} constraints")
+        found.append(_count(system.m, "1 constraint", "{count} constraints"))
     if system.structure.depends_on_time:
-        found.append("depends on time")
-    return (*found, "drag" if s.forced else s.verdict)
+        found.append(say("depends on time"))
+    return (*found, say("drag") if s.forced else s.verdict)
+
+
+def _count(count: int, one: str, many: str) -> str:
+    return say(one) if count == 1 else say(many, count=count)
 
 
 def _formulas(s: Subject, words: Texts) -> str:
@@ -119,11 +219,11 @@ def _formulas(s: Subject, words: Texts) -> str:
     if system.n == 1:
         scalars.add("Q")
     rows = []
-    for formula in words.formulas:
-        remark = f'<span class="remark">{typeset(formula.remark)}</span>' if formula.remark else ""
+    for given in words.formulas:
+        remark = f'<span class="remark">{typeset(said(given.remark))}</span>' * bool(given.remark)
         rows.append(
-            f'<div class="formula scroll" tabindex="0" role="region" aria-label="Formula">'
-            f"{mathml(formula, scalars)}{remark}</div>"
+            f'<div class="formula scroll" tabindex="0" role="region" aria-label="{say("Formula")}">'
+            f"{mathml(given, scalars)}{remark}</div>"
         )
     return "\n".join(rows)
 
@@ -135,7 +235,7 @@ def _parameters(s: Subject) -> str:
         (symbol(key), number(float(value), 8), units.html(units.unit(name, key)))
         for key, value in values.items()
     ]
-    return table("Parameters", ("", "value", "unit"), rows)
+    return table(say("Parameters"), ("", say("value"), say("unit")), rows)
 
 
 def _events(s: Subject) -> str:
@@ -144,8 +244,8 @@ def _events(s: Subject) -> str:
         (symbol(name), number(a, 8), number(b, 8), units.html(SI.coordinate(name)))
         for name, a, b in zip(names, start.q, end.q, strict=True)
     ]
-    head = ("", f"at {number(start.t, 8)} s", f"at {number(end.t, 8)} s", "unit")
-    return table("The two events", head, rows)
+    at = [say("at {t} s", t=number(event.t, 8)) for event in (start, end)]
+    return table(say("The two events"), ("", *at, say("unit")), rows)
 
 
 def _known(s: Subject) -> str:
@@ -154,9 +254,9 @@ def _known(s: Subject) -> str:
         for r in known(s)
     ]
     if not rows:
-        return "<p>No closed form is known; forward integration is the check.</p>"
-    head = ("", "known exactly", "found", "relative difference")
-    return table("Known and found", head, rows, kind="numbers")
+        return f"<p>{say('No closed form is known; forward integration is the check.')}</p>"
+    head = ("", say("known exactly"), say("found"), say("relative difference"))
+    return table(say("Known and found"), head, rows, kind="numbers")
 
 
 def _found(s: Subject) -> str:
@@ -165,35 +265,47 @@ def _found(s: Subject) -> str:
     comparison = solution.compare()
     H = solution.energy(s.t)
     rows = [
-        ("action S", f"{number(solution.action, 12)} J s"),
-        ("estimated error of the path, relative", number(solution.error, 2)),
+        (say("action S"), f"{number(solution.action, 12)} J s"),
+        (say("estimated error of the path, relative"), number(solution.error, 2)),
         (
-            "deviation of forward integration, relative",
+            say("deviation of forward integration, relative"),
             escape(comparison.reason) or number(comparison.position, 2),
         ),
-        ("energy function H at the start and the end", _pair(H[0], H[-1], "J")),
+        (say("energy function H at the start and the end"), _pair(H[0], H[-1], "J")),
         *(
-            (f"momentum of {symbol(name)} at the start and the end", _pair(a, b, SI.momentum(name)))
+            (
+                say("momentum of {name} at the start and the end", name=symbol(name)),
+                _pair(a, b, SI.momentum(name)),
+            )
             for name, a, b in zip(names, p0, p1, strict=True)
         ),
-        *([] if s.forced else [("the action is", escape(s.verdict))]),
-        ("mesh", f"{solution.mesh.elements} elements, {solution.mesh.nodes.size} nodes"),
-    ]
-    return table("Found from the path", ("", "value"), rows, kind="numbers")
+        *([] if s.forced else [(say("the action is"), escape(s.verdict))]),
+        (
+            say("mesh"),
+            say(
+                "{elements} elements, {nodes} nodes",
+                elements=solution.mesh.elements, nodes=solution.mesh.nodes.size,
+            ),
+        ),
+    ]  # fmt: skip
+    return table(say("Found from the path"), ("", say("value")), rows, kind="numbers")
 
 
 def _pair(a: float, b: float, unit: str) -> str:
     a, b = (0.0 if abs(x) <= 1e-12 * max(abs(a), abs(b), 1.0) else x for x in (a, b))
     if np.isclose(a, b, rtol=1e-8, atol=1e-10):
-        return f"{number(float(b), 10)} {units.html(unit)}, the same"
-    return f"{number(float(a), 10)} and {number(float(b), 10)} {units.html(unit)}"
+        return say("{x} {unit}, the same", x=number(float(b), 10), unit=units.html(unit))
+    return say(
+        "{a} and {b} {unit}",
+        a=number(float(a), 10), b=number(float(b), 10), unit=units.html(unit),
+    )  # fmt: skip
 
 
 def _relaxing(s: Subject) -> str:
     """Return the film of a relaxation, where one plane shows it and there is one."""
     with suppress(ValueError):
         if s.plane:
-            return f"<div><h3>Downhill in action</h3>{film.relaxing(s)}</div>"
+            return f"<div><h3>{say('Downhill in action')}</h3>{film.relaxing(s)}</div>"
     return ""
 
 
@@ -204,14 +316,15 @@ def _without(reasons: list[tuple[str, str]]) -> str:
     titles: dict[str, list[str]] = {}
     for title, reason in reasons:
         titles.setdefault(reason, []).append(title)
+    said = say("Figures left out, and why")
     rows = "".join(
         f"<dt>{'; '.join(named)}</dt><dd>{escape(reason)}</dd>" for reason, named in titles.items()
     )
-    return f"<details><summary>Figures left out, and why</summary><dl>{rows}</dl></details>"
+    return f"<details><summary>{said}</summary><dl>{rows}</dl></details>"
 
 
 def _code(label: str, text: str) -> str:
     return (
-        f'<pre class="{label.lower()}" tabindex="0" role="region" aria-label="{label}">'
+        f'<pre class="{label.lower()}" tabindex="0" role="region" aria-label="{say(label)}">'
         f"<code>{escape(text)}</code></pre>"
     )

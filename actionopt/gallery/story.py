@@ -9,12 +9,12 @@ from string import Template
 import numpy as np
 
 from actionopt import plot, scenes
-from actionopt.gallery.explorer import OSCILLATOR, PROJECTILE
 from actionopt.gallery.figures import Figure
-from actionopt.gallery.film import relaxing
+from actionopt.gallery.film import beside
 from actionopt.gallery.page import Page, frame, rounded
 from actionopt.gallery.subject import Subject
 from actionopt.plot import SI
+from actionopt.plot.live.page import SCRIPTS, figure
 from actionopt.solver.solve import solve
 
 SHORT, LONG = 0.7, 1.4  # durations of the two oscillators, in half periods
@@ -33,24 +33,47 @@ def story() -> Page:
         half=f"{np.pi:.4g}",  # of the scene's mass and spring
         short=f"{SHORT:g}",
         long=f"{LONG:g}",
-        projectile=PROJECTILE.html(
+        projectile=_live(
+            "projectile",
             "The ball's path between its two events, with handles at fixed times. Below, the "
-            "Lagrangian along the path: the blue area less the vermilion one is the action."
+            "Lagrangian along the path: the blue area less the vermilion one is the action.",
         ),
-        oscillator=OSCILLATOR.html(
-            "Place of the mass against time. Arrow keys move a handle, with Shift in small steps."
+        oscillator=_live(
+            "oscillator",
+            "Place of the mass against time. Arrow keys move a handle, with Shift in small steps.",
         ),
-        relaxing="".join(relaxing(s) for s in (short, long)),
+        sum=_live(
+            "oscillator",
+            "Left, the oscillator's motion among neighbours, each in the colour of its phase. "
+            "Right, their arrows end to end; the broad one is the sum, the dashed one "
+            "\u221a(2\u03c0i\u0127/S\u2033).",
+            arrows=True,
+        ),
+        relaxing=beside(short, long),
         census=_census(),
     )
     html = frame(
-        f"{TITLE} - actionopt",
+        TITLE,
         main,
         root="",
         description="When a stationary action is a least one: bowl, focus, saddle.",
-        scripts=["explorer.js", "film.js"],
+        scripts=["film.js", *SCRIPTS],
     )
     return Page({"least.html": html, **{f"least/{p.name}.svg": p.svg for p in found}})
+
+
+def _live(name: str, caption: str, arrows: bool = False) -> str:
+    """Return a scene's path to be bent, its motion seen from the start; or its sum over paths."""
+    scene = scenes.get(name)
+    solution = solve(scene.problem, tol=1e-10)
+    return figure(
+        *(scene.problem, solution),
+        units=SI,
+        caption=caption,
+        name=f"{name}_sum" if arrows else name,
+        shown=True,
+        arrows=arrows,
+    )
 
 
 def _oscillator(share: float) -> Subject:

@@ -11,9 +11,10 @@ import numpy as np
 from actionopt.analysis.conjugate import ConjugatePoint, conjugate_points
 from actionopt.analysis.solution import Solution
 from actionopt.gallery.page import letter, rounded
-from actionopt.plot import SI, motion_data, planar
+from actionopt.plot import SI, Energies, energies_data, motion_data, planar
 from actionopt.scenes import Scene
 from actionopt.tools.types import Array
+from actionopt.tools.words import say
 
 TIMES = 201
 FLAT = 1e-9  # a range this small relative to the size is none
@@ -53,6 +54,11 @@ class Subject:
             return False
         return True
 
+    @cached_property
+    def energies(self) -> Energies:
+        """T and V along the path."""
+        return energies_data(self.solution, kinetic=self.scene.kinetic)
+
     @property
     def duration(self) -> float:
         """Time between the events."""
@@ -83,9 +89,9 @@ class Subject:
     def verdict(self) -> str:
         """What the action is at the path: a minimum, a saddle of some index."""
         if self.forced:
-            return "no functional"
-        index = self.solution.morse_index
-        return self.solution.kind + (f", index {index}" if index else "")
+            return say("no functional")
+        index, kind = self.solution.morse_index, say(self.solution.kind)
+        return say("{kind}, index {index}", kind=kind, index=index) if index else kind
 
     def event(self, q: Iterable[float]) -> str:
         """Return coordinates in words, with units, the first four of them."""
@@ -93,26 +99,27 @@ class Subject:
         parts = [
             f"{letter(n)} = {rounded(x)} {SI.coordinate(n)}" for n, x in zip(names, q, strict=True)
         ]
-        return ", ".join(parts[:4]) + (f" and {len(parts) - 4} more" if len(parts) > 4 else "")
+        more = say(" and {count} more", count=len(parts) - 4) if len(parts) > 4 else ""
+        return ", ".join(parts[:4]) + more
 
     @property
     def motion(self) -> str:
         """What moves from where to where, in words."""
-        start, end = self.solution.start, self.solution.end
-        return f"from {self.event(start.q)} to {self.event(end.q)} in {rounded(self.duration)} s"
+        start, end = (self.event(e.q) for e in (self.solution.start, self.solution.end))
+        return say("from {start} to {end} in {T} s", start=start, end=end, T=rounded(self.duration))
 
     @property
     def foci(self) -> str:
         """When neighbouring paths meet the path again, in words."""
         times = [f"{rounded(p.t, 4)} s" for p in self.conjugate]
         if not times:
-            return "no time before the end is conjugate to the start"
-        return f"conjugate to the start: {', '.join(times)}"
+            return say("no time before the end is conjugate to the start")
+        return say("conjugate to the start: {times}", times=", ".join(times))
 
 
 def span(values: Array, unit: str) -> str:
     """Return the range of values in words."""
     low, high = float(np.min(values)), float(np.max(values))
     if high - low <= FLAT * max(abs(low), abs(high), 1e-300):
-        return f"constant, {rounded(high)} {unit}"
-    return f"from {rounded(low)} to {rounded(high)} {unit}"
+        return say("constant, {x} {unit}", x=rounded(high), unit=unit)
+    return say("from {low} to {high} {unit}", low=rounded(low), high=rounded(high), unit=unit)

@@ -44,6 +44,7 @@ UNARY = {
     np.tanh: ca.OP_TANH,
 }
 
+PROBED = ("this", "tocsc")  # what CasADi looks for in whatever it is given
 
 PLACE = r"^\.\.\./casadi/\S+: "  # in CasADi's sources, before what it has to say
 NOT_THERE = "no implementation found|returned NotImplemented"
@@ -90,11 +91,21 @@ class Expressions:
         return self.sx
 
     def __getattr__(self, name: str) -> Any:
-        """Return what only CasADi's view has: `shape`, `reshape`, `mean`, ..."""
-        if name.startswith("_"):
+        """Return what only CasADi's view has: `reshape`, `mean`, ..."""
+        if name.startswith("_") or name in PROBED:
             raise AttributeError(name)
         found = getattr(_theirs(self), name)
         return _calling(found) if callable(found) else _ours(found)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Lengths of the axes."""
+        return (self.sx.size1(), self.sx.size2())[: self.ndim]
+
+    @property
+    def size(self) -> int:
+        """Number of expressions."""
+        return self.sx.numel()
 
     @property
     def T(self) -> Expressions:
@@ -346,8 +357,7 @@ def _binary(code: int, general: Callable[[Any, Any], Any], a: Any, b: Any) -> An
 def _theirs(x: Any) -> Any:
     """Return expressions, also those in lists and tuples, as CasADi's array view."""
     if isinstance(x, Expressions):
-        shape = (x.sx.size1(), x.sx.size2())[: x.ndim]
-        return ca.ArrayInterface.SX(x.sx, shape=shape)
+        return ca.ArrayInterface.SX(x.sx, shape=x.shape)
     if isinstance(x, (list, tuple)):
         return type(x)([_theirs(item) for item in x])
     return x

@@ -116,6 +116,7 @@ class Laws:
     ) -> None:
         self.symbols, self.coordinates = symbols, coordinates
         self.L, self.f, self.Q = L, f, Q
+        self.F: ca.SX | None = None  # the length whose square is 2 L, of geodesics
         self.lock = threading.RLock()  # of all that is derived and kept
         self._pointwise: dict[str, Pointwise] = {}
         self._made: dict[str, Any] = {}
@@ -203,7 +204,7 @@ class Laws:
     @Once
     def switches(self) -> Switches | None:
         """Return the branches of L, where they depend on q or v; None where there are none."""
-        return switches(self.symbols, self.L) if self.structure.samples else None
+        return switches(self.symbols, self.L, self.coordinates) if self.structure.samples else None
 
     @Once
     def clock(self) -> Clock | None:
@@ -252,6 +253,9 @@ class Laws:
 
     def _build_value(self):
         return self._arguments, [self.L]
+
+    def _build_length(self):
+        return self._arguments, [self.F]
 
     def _build_first(self):
         d = self.derivatives

@@ -157,6 +157,7 @@ def noether(
     >>> float(momentum([1.0, 2.0], [3.0, 5.0], 0.0))  # x y' - y x'
     -1.0
     """
+    system.check_free("what is conserved without it may change in contact")
     s, n = system.symbols, system.n
     xi = _traced(system, generator, "generator", n)
     tau = _traced(system, time, "time", 1)

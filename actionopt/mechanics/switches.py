@@ -8,6 +8,7 @@ L(q, v, t, c after) differ.
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -38,13 +39,16 @@ class Switches:
         Of (q, v, t, p): the steps' values c, (K, S).
     held : Pointwise
         Of (q, v, t, p, c): L with these values.
+    texts : tuple of S str
+        The steps as they are written in the coordinates, such as "0<y".
     """
 
     values: Pointwise
     held: Pointwise
+    texts: tuple[str, ...]
 
 
-def switches(s: Symbols, L: ca.SX) -> Switches | None:
+def switches(s: Symbols, L: ca.SX, coordinates: Sequence[str]) -> Switches | None:
     """Return the steps of the Lagrangian L; None where it has none in q or v."""
     if re.search(STEPPED, str(L)) is None:
         return None
@@ -89,9 +93,12 @@ def switches(s: Symbols, L: ca.SX) -> Switches | None:
     if not names:
         return None
     c = ca.vertcat(*names)
+    named = [[ca.SX.sym(x) for x in coordinates], [ca.SX.sym(f"v_{x}") for x in coordinates]]
+    said = ca.substitute(steps, [s.q, s.v], [ca.vertcat(*row) for row in named])
     return Switches(
         Pointwise(ca.Function("steps", arguments, [ca.densify(ca.vertcat(*steps))])),
         Pointwise(ca.Function("held", [*arguments, c], [ca.densify(held)])),
+        tuple(re.sub(r"^\((.*)\)$", r"\1", str(x)) for x in said),
     )
 
 

@@ -11,13 +11,15 @@ import pickle
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from functools import cached_property
-from typing import Any
+from html import escape
+from typing import Any, Literal
 from weakref import WeakValueDictionary
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.expressions import Expressions
@@ -55,6 +57,9 @@ class System(Laws):
         f(q, t) = 0.
     force : callable, optional
         `force(q, v, t, *, ...)`: the n generalized non-conservative forces Q.
+    obstacle : callable, optional
+        `obstacle(q, t, *, ...)`: one expression f or a sequence of r of them; f(q, t) >= 0 along
+        the path, whose action is least among those that satisfy it. Not with `force`.
     name : str, optional
         Shown in messages and files.
 
@@ -97,16 +102,86 @@ class System(Laws):
         parameters: Mapping[str, ArrayLike] | None = None,
         constraint: Callable[..., Any] | None = None,
         force: Callable[..., Any] | None = None,
+        obstacle: Callable[..., Any] | None = None,
         name: str = "",
     ) -> None:
+        others = constraint, force, obstacle
+        self._trace("lagrangian", lagrangian, others, coordinates, parameters, name)
+
+    @classmethod
+    def geodesic(
+        cls,
+        length: Callable[..., Any],
+        coordinates: Sequence[str],
+        *,
+        parameters: Mapping[str, ArrayLike] | None = None,
+        constraint: Callable[..., Any] | None = None,
+        obstacle: Callable[..., Any] | None = None,
+        name: str = "",
+    ) -> System:
+        """Return the system whose paths make the length between their events stationary.
+
+        Parameters
+        ----------
+        length : callable
+            `length(q, v, *, ...)`: F, homogeneous of degree one in v, F(q, s v) = s F(q, v) for
+            s > 0, and not negative: the length of a metric, np.sqrt(v @ G @ v); n(q) |v| of light
+            in a medium (Fermat's principle; in a static spacetime, of which light takes the
+            null geodesics, that of the optical metric, the coordinate time); the travel time in a
+            wind; any Finsler metric.
+        coordinates, parameters, constraint, obstacle, name
+            As for the class.
+
+        Returns
+        -------
+        System
+            With L = F^2 / 2: its paths are those of the length, run through at a constant rate F,
+            so that the time of the events, from 0 to 1 say, is arclength up to a factor.
+            `solution.length` is the length. Where F^2 is strictly convex in v, index and conjugate
+            points are those of the length.
+
+        Raises
+        ------
+        ValueError
+            As the class does, and where F is not homogeneous of degree one in v.
+
+        References
+        ----------
+        Milnor, *Morse Theory* (1963), section 12, for energy in place of length; Bao, Chern and
+        Shen, *An Introduction to Riemann-Finsler Geometry* (2000), section 5.1.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> flat = System.geodesic(lambda q, v: np.sqrt(v @ v), ["x", "y"])
+        >>> float(flat.lagrangian([0.0, 0.0], [3.0, 4.0], 0.0))
+        12.5
+        """
+        system = object.__new__(cls)
+        others = constraint, None, obstacle
+        system._trace("length", length, others, coordinates, parameters, name)
+        return system
+
+    def _trace(
+        self,
+        role: Literal["lagrangian", "length"],
+        law: Callable[..., Any],
+        others: tuple[Callable[..., Any] | None, ...],
+        coordinates: Sequence[str],
+        parameters: Mapping[str, ArrayLike] | None,
+        name: str,
+    ) -> None:
+        """Call what the user wrote, with symbols. Raises ValueError as the class does."""
+        constraint, force, obstacle = others
         if not isinstance(name, str):
             raise ValueError(f"expected the name of a system as text, found {name!r}")
         names_of, table = _names(coordinates), ParameterTable(parameters)
         n, symbols = len(names_of), _symbols(len(names_of), table)
         Q, V, T = Expressions(symbols.q, 1), Expressions(symbols.v, 1), Expressions(symbols.t, 0)
         named = table.named(symbols.p)
-        given, used = call(lagrangian, "lagrangian", {"q": Q, "v": V, "t": T}, named)
-        L = scalar(given, "lagrangian")
+        state = {"q": Q, "v": V} if role == "length" else {"q": Q, "v": V, "t": T}
+        given, used = call(law, role, state, named)
+        L = scalar(given, role)
         constraints = forces = ca.SX(0, 1)
         if constraint is not None:
             given, names = call(constraint, "constraint", {"q": Q, "t": T}, named)
@@ -114,26 +189,44 @@ class System(Laws):
         if force is not None:
             given, names = call(force, "force", {"q": Q, "v": V, "t": T}, named)
             forces, used = column(given, "force", n), used | names
+        outside = ca.SX(0, 1)
+        if obstacle is not None:
+            if force is not None:
+                raise ValueError(
+                    "expected an obstacle or non-conservative forces, found both: along an "
+                    "obstacle the action is minimised, and with such forces no functional is"
+                )
+            given, names = call(obstacle, "obstacle", {"q": Q, "t": T}, named)
+            outside, used = column(given, "obstacle"), used | names
         unused = [key for key in table.defaults if key not in used]
         if unused:
             raise ValueError(
                 f"parameter {unused[0]!r} is used by none of the callables, which name "
                 f"{', '.join(sorted(used)) or 'no parameters'}{suggestion(unused[0], sorted(used))}"
             )
-        self._set(symbols, (L, constraints, forces), names_of, table, name, _place(lagrangian))
+        F = L if role == "length" else None
+        laws = L if F is None else _square(F) / 2, constraints, forces, outside
+        self._set(symbols, laws, names_of, table, name, _place(law), F=F)
+        if F is not None:
+            self._check_length(F)
 
     def _set(
         self,
         symbols: Symbols,
-        laws: tuple[ca.SX, ca.SX, ca.SX],
+        laws: tuple[ca.SX, ...],
         coordinates: tuple[str, ...],
         table: ParameterTable,
         name: str,
         source: str,
         loaded: bool = False,
+        F: ca.SX | None = None,
     ) -> None:
         """Set what is known of a law that is traced."""
-        super().__init__(symbols, *laws, coordinates)
+        L, f, Q, *obstacle = laws
+        self.outside = obstacle[0] if obstacle else ca.SX(0, 1)
+        self.r = self.outside.numel()  # rows of the obstacle
+        super().__init__(symbols, L, f, Q, coordinates)
+        self.F = F
         self.table, self.name, self.source, self.loaded = table, name, source, loaded
         self.layouts: dict[Any, Any] = {}  # of its discrete problems; they live as long as it does
 
@@ -141,6 +234,23 @@ class System(Laws):
         """Show the name and the coordinates, and where the law of a loaded one came from."""
         found = f"{self.name or 'unnamed'}: {', '.join(self.coordinates)}"
         return f"System({found}{f'; loaded, its law {self.source}' if self.loaded else ''})"
+
+    def _repr_html_(self) -> str:
+        """Show the Lagrangian and the equations of motion that follow from it, as a notebook does.
+
+        The `repr` where they are too long to be read, or hold no formula.
+        """
+        from actionopt.mechanics.written import equations, lagrangian
+        from actionopt.tools.formula import formula
+        from actionopt.tools.mathml import mathml
+
+        try:
+            said = [lagrangian(self, self.table), *equations(self, self.table)]
+            scalars = {*self.coordinates, *self.table.defaults}
+            rows = [mathml(formula(text), scalars) for text in said]
+        except ValueError:
+            return f"<code>{escape(repr(self))}</code>"
+        return f"<p>{escape(self.name or 'System')}</p>{''.join(rows)}"
 
     def __copy__(self) -> System:
         """Return the same: nothing of it changes."""
@@ -167,7 +277,22 @@ class System(Laws):
     @property
     def _law(self) -> ca.Function:
         """The law as a function of (q, v, t, p), which can be written to a file."""
-        return ca.Function("law", self._arguments, [self.L, self.f, self.Q])
+        laws = [self.L, self.f, self.Q]
+        if self.r or self.F is not None:
+            laws.append(self.outside)
+        return ca.Function("law", self._arguments, laws if self.F is None else [*laws, self.F])
+
+    @Once
+    def held(self) -> System:
+        """Return the system whose constraints are these and the rows of the obstacle behind them.
+
+        A path along the obstacle is a motion of it, for as long as it is in contact.
+        """
+        held = object.__new__(System)
+        laws = self.L, ca.vertcat(self.f, self.outside), self.Q
+        held._set(self.symbols, laws, self.coordinates, self.table, self.name, self.source)
+        held._pointwise.update({name: self.pointwise(name) for name in ("first", "second")})
+        return held
 
     @Once
     def digest(self) -> str:
@@ -178,6 +303,14 @@ class System(Laws):
         defaults = {name: (x.shape, x.tobytes()) for name, x in self.table.defaults.items()}
         said = (self.coordinates, self.name, defaults, self._law.serialize())
         return hashlib.sha256(repr(said).encode()).hexdigest()
+
+    def check_free(self, what: str) -> None:
+        """Raise ValueError if there is an obstacle, saying `what` does not know it."""
+        if self.r:
+            raise ValueError(
+                f"expected a system without an obstacle, found one with: {what}; leave it out "
+                "where nothing touches it, or have a constraint instead where something does"
+            )
 
     # -- what is known without numbers ---------------------------------------------------
 
@@ -194,6 +327,28 @@ class System(Laws):
         euler = ca.horzcat(*[M[:, i] * s.v[i] for i in range(self.n)], -d.Lv)
         packed = self.table.pack(self.parameters)
         return vanishes(euler, self._arguments, [*general_states(self.n), packed])
+
+    @property
+    def is_homogeneous(self) -> bool:
+        """Whether v . dL/dv = L for all velocities: a length, which knows no time."""
+        with suppress(ValueError):  # finite nowhere where it is tried
+            return self._homogeneous(self.L)
+        return False
+
+    def _homogeneous(self, F: ca.SX) -> bool:
+        s = self.symbols
+        euler = ca.horzcat((s.v * ca.gradient(F, s.v)).T, -F)
+        packed = self.table.pack(self.parameters)
+        return vanishes(euler, self._arguments, [*general_states(self.n), packed])
+
+    def _check_length(self, F: ca.SX) -> None:
+        """Raise ValueError unless the length F is homogeneous, or where it is finite nowhere."""
+        if not self._homogeneous(F):
+            raise ValueError(
+                "expected a length homogeneous of degree one in v, length(q, s v) = s length(q, v) "
+                "for s > 0, such as np.sqrt(v @ v) or a travel time, found one that is not; where "
+                "it is the Lagrangian of a motion, use System(lagrangian, coordinates)"
+            )
 
     @property
     def parameters(self) -> dict[str, Array]:
@@ -239,6 +394,10 @@ class System(Laws):
         """Return f(q, t), shape (m, K) or (m,)."""
         return self._at("constraint", q, None, t, parameters)[0]
 
+    def obstacle(self, q: ArrayLike, t: ArrayLike, *, parameters=None) -> Array:
+        """Return f(q, t) of the obstacle, shape (r, K) or (r,): not negative outside of it."""
+        return self.held.constraint(q, t, parameters=parameters)[self.m :]
+
     def constraint_jacobian(self, q: ArrayLike, t: ArrayLike, *, parameters=None) -> Array:
         """Return G = df/dq, shape (m, n, K) or (m, n)."""
         columns, _ = _as_columns(q, self.n, "q")
@@ -252,11 +411,11 @@ class System(Laws):
         equation (12.8) with f differentiated twice. Raises numpy.linalg.LinAlgError where the
         mass matrix is singular on the motions the constraints allow.
         """
-        return self._dynamics(q, v, t, parameters)[0]
+        return self.dynamics(q, v, t, parameters)[0]
 
     def multipliers(self, q: ArrayLike, v: ArrayLike, t: ArrayLike, *, parameters=None) -> Array:
         """Return lambda of L' = L + sum lambda f, shape (m, K) or (m,). Equation (12.7)."""
-        return self._dynamics(q, v, t, parameters)[1]
+        return self.dynamics(q, v, t, parameters)[1]
 
     def constraint_force(
         self, q: ArrayLike, v: ArrayLike, t: ArrayLike, *, parameters=None
@@ -317,8 +476,13 @@ class System(Laws):
             "Lagrangian to be convex in the velocities near there"
         )
 
-    def _dynamics(self, q, v, t, parameters) -> tuple[Array, Array]:
-        """Return accelerations (n, ...) and multipliers (m, ...) of the index-1 equations."""
+    def dynamics(
+        self, q, v, t, parameters, active: NDArray[np.bool_] | None = None
+    ) -> tuple[Array, Array]:
+        """Return accelerations (n, ...) and multipliers (m, ...) of the index-1 equations.
+
+        Where `active` (m, ...) is given, of the constraints it names; others have no multiplier.
+        """
         n, m = self.n, self.m
         M, bias, G, gamma = self._at("motion", q, v, t, parameters)
         shape = bias.shape[1:]
@@ -330,6 +494,10 @@ class System(Laws):
         K[:, :n, n:] = -np.moveaxis(G, -1, 0)
         K[:, n:, :n] = np.moveaxis(G, -1, 0).transpose(0, 2, 1)
         right = np.concatenate([bias.reshape(n, count), -gamma.reshape(m, count)]).T
+        if active is not None:
+            i, k = np.nonzero(~active.reshape(m, count))
+            K[k, n + i, :] = K[k, :, n + i] = 0.0
+            K[k, n + i, n + i], right[k, n + i] = 1.0, 0.0
         solved = np.linalg.solve(K, right[..., None])[..., 0].T
         return solved[:n].reshape(n, *shape), solved[n:].reshape(m, *shape)
 
@@ -388,8 +556,9 @@ def _loaded(digest: str, derived: list[str], version: str, state: bytes) -> Syst
             system, table = object.__new__(System), ParameterTable(defaults)
             symbols = _symbols(len(coordinates), table)
             arguments = [symbols.q, symbols.v, symbols.t, symbols.p]
-            L, f, Q = ca.Function.deserialize(law).call(arguments)
-            system._set(symbols, (L, f, Q), coordinates, table, name, source, loaded=True)
+            laws = ca.Function.deserialize(law).call(arguments)
+            known = tuple(laws[:4]), coordinates, table, name, source
+            system._set(symbols, *known, loaded=True, F=laws[4] if len(laws) > 4 else None)
             _KNOWN[digest] = system
             _RECENT.append(system)
         with system.lock:
@@ -399,6 +568,18 @@ def _loaded(digest: str, derived: list[str], version: str, state: bytes) -> Syst
                 for key, value in part.items():
                     own.setdefault(key, value)
         return system
+
+
+def _square(F: ca.SX) -> ca.SX:
+    """Return F^2, without the roots that are factors of F: smooth where they vanish."""
+    if F.op() == ca.OP_SQRT:
+        return F.dep(0)
+    if F.op() == ca.OP_TWICE:
+        return 4 * _square(F.dep(0))
+    if F.op() in (ca.OP_MUL, ca.OP_DIV):
+        a, b = _square(F.dep(0)), _square(F.dep(1))
+        return a * b if F.op() == ca.OP_MUL else a / b
+    return F**2
 
 
 def _symbols(n: int, table: ParameterTable) -> Symbols:

@@ -142,6 +142,8 @@ def requested(callable_: Callable[..., Any], role: str, positional: Sequence[str
                 "; a holonomic constraint f(q, t) = 0 restricts positions, not velocities: "
                 "integrate the velocity condition to one on the coordinates if it can be integrated"
             )
+        elif role == "length" and len(needed) == 3:
+            hint = "; a length has no clock: time may not be in it"
         elif len(needed) > len(positional):
             extra = ", ".join(p.name for p in needed[len(positional) :])
             hint = f"; put a * before the parameters ({extra})"
@@ -238,9 +240,9 @@ def column(result: Any, role: str, rows: int | None = None) -> ca.SX:
     """
     try:
         if isinstance(result, (list, tuple)):
-            value = ca.vertcat(*[ca.vec(ca.SX(item)) for item in result]) if result else ca.SX(0, 1)
+            value = ca.vertcat(*[ca.vec(_sx(item)) for item in result]) if result else ca.SX(0, 1)
         else:
-            value = ca.vec(ca.SX(result))
+            value = ca.vec(_sx(result))
     except Exception as error:
         raise ValueError(
             f"expected the {role} to return numbers or expressions, found {type(result).__name__}"
@@ -256,6 +258,11 @@ def column(result: Any, role: str, rows: int | None = None) -> ca.SX:
         what = "a scalar" if rows == 1 else f"{rows} values"
         raise ValueError(f"expected the {role} to return {what}, found {value.numel()}")
     return value
+
+
+def _sx(item: Any) -> ca.SX:
+    """Return an expression or number as SX; CasADi asks ours for what only its view has."""
+    return item.sx if isinstance(item, Expressions) else ca.SX(item)
 
 
 def scalar(result: Any, role: str) -> ca.SX:

@@ -7,10 +7,11 @@ nothing. Next to it is a function that returns the arrays it draws.
 from actionopt.plot._energies import conserved, energies
 from actionopt.plot._explore import Explorer, explore
 from actionopt.plot._fan import fan, wavefronts
-from actionopt.plot._files import save, save_runs, svg
+from actionopt.plot._files import save, save_runs, svg, svgs
 from actionopt.plot._film import animation, film
 from actionopt.plot._names import SI, Units, planar, symbol
 from actionopt.plot._paths import deviation, family, mesh, overview, paths
+from actionopt.plot._phasors import phasors
 from actionopt.plot._relaxation import Panels, relaxation, relaxation_film
 from actionopt.plot._runs import runs
 from actionopt.plot._strobe import motion
@@ -28,6 +29,7 @@ from actionopt.plot.data.along import (
 )
 from actionopt.plot.data.fan import Fan, Fronts, fan_data, fronts_data
 from actionopt.plot.data.motion import Motion, motion_data
+from actionopt.plot.data.phasors import Phasors, phasors_data
 from actionopt.plot.data.relaxation import Relaxation, relaxation_data
 from actionopt.plot.data.variations import (
     Bundle,
@@ -39,6 +41,7 @@ from actionopt.plot.data.variations import (
     slice_data,
     spectrum_data,
 )
+from actionopt.plot.live import page
 
 __all__ = [
     "SI",
@@ -53,6 +56,7 @@ __all__ = [
     "Landscape",
     "Motion",
     "Panels",
+    "Phasors",
     "Relaxation",
     "Slice",
     "Spectrum",
@@ -81,7 +85,10 @@ __all__ = [
     "motion",
     "motion_data",
     "overview",
+    "page",
     "paths",
+    "phasors",
+    "phasors_data",
     "planar",
     "relaxation",
     "relaxation_data",
@@ -94,6 +101,7 @@ __all__ = [
     "spectrum",
     "spectrum_data",
     "svg",
+    "svgs",
     "symbol",
     "wavefronts",
 ]

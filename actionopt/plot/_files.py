@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable
 from io import StringIO
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 from matplotlib.backend_bases import FigureCanvasBase
@@ -19,17 +20,70 @@ from actionopt.plot._style import styled
 from actionopt.tools.files import ready, whole
 
 LINES = re.compile(r' d="[^"]*"')
+MATHEMATICS = re.compile(r"\$[^$]*\$")
+SPARE = 0.75  # of the width: what is left beside labels, ad hoc
+SHORT, LONG = 16, 40  # letters of a legend's entry that leaves room for another, and of a line
+LINE = 0.18  # inches of one
+LETTER = 0.55  # width of one, in parts of its size
 DIGITS = re.compile(r"(\.\d\d)\d+")  # beyond a hundredth of a point
 
 
-@styled
 def svg(draw: Callable[[Figure], Any], size: tuple[float, float] = (6.4, 4.4)) -> str:
     """Return what `draw` puts on an empty figure of this `size` (inches), no background, as SVG."""
-    figure = Figure(size, layout="constrained")  # not pyplot's: it needs no display
+    return svgs(draw, size)[0]
+
+
+@styled
+def svgs(draw: Callable[[Figure], Any], *sizes: tuple[float, float]) -> list[str]:
+    """Return the same drawing as SVG at several sizes, words of the same size in each.
+
+    What is wider than a picture, titles and legends, is broken into lines.
+    """
+    figure, found = Figure(sizes[0], layout="constrained"), []  # not pyplot's: it needs no display
     draw(figure)
-    text = StringIO()
-    figure.savefig(text, format="svg", transparent=True, metadata={"Date": None})
-    return LINES.sub(lambda line: DIGITS.sub(r"\1", line[0]), text.getvalue())
+    for size in sizes:
+        figure.set_size_inches(size)
+        if size[0] < sizes[0][0]:
+            _broken(figure)
+        text = StringIO()
+        figure.savefig(text, format="svg", transparent=True, metadata={"Date": None})
+        found.append(LINES.sub(lambda line: DIGITS.sub(r"\1", line[0]), text.getvalue()))
+    return found
+
+
+def _broken(figure: Figure) -> None:
+    """Break the words of a figure into lines that are no longer than it is wide.
+
+    What explains the lines stands below the picture, which grows by as much.
+    """
+    width, height = figure.get_size_inches()
+    named: dict[str, Any] = {}
+    barred = any(ax.get_label() == "<colorbar>" for ax in figure.axes)
+    for ax in figure.axes:
+        for words in (ax.title, ax._left_title, ax._right_title):  # type: ignore[attr-defined]
+            _wrap(words, (SPARE * SPARE if barred else SPARE) * 72 * width)
+        _wrap(ax.xaxis.label, SPARE * SPARE * 72 * width)
+        _wrap(ax.yaxis.label, SPARE * 72 * ax.get_position().height * height)
+        legend = ax.get_legend()
+        if legend is not None:
+            texts = [words.get_text() for words in legend.get_texts()]
+            texts = [fill(text, LONG) if "$" not in text else text for text in texts]
+            named |= dict(zip(texts, legend.legend_handles, strict=True))
+            legend.remove()
+    if not named:
+        return
+    columns = 2 if max(map(len, named)) < SHORT else 1
+    figure.legend(
+        list(named.values()), list(named), loc="outside lower left", ncols=columns, frameon=False
+    )
+    lines = sum(1 + text.count("\n") for text in named) / columns
+    figure.set_size_inches(width, height + LINE * (lines + 1))
+
+
+def _wrap(words: Any, width: float) -> None:
+    letters = int(width / (LETTER * words.get_fontsize()))
+    whole = MATHEMATICS.sub(lambda m: m[0].replace(" ", "\0"), words.get_text())
+    words.set_text(fill(whole, letters, break_long_words=False).replace("\0", " "))
 
 
 @styled

@@ -64,7 +64,7 @@ def motion(
     With `force` the forces of constraint are arrows on the bodies. `draw` is `scene.draw` or one
     of your own; it, and what is raised, are explained at `motion_data`.
     """
-    data = motion_data(solution, draw, count, force)
+    data = motion_data(solution, draw, count, force).flat
     strip = _strip(data)
     shares = np.linspace(0.0, 1.0, count)
     view = stage(data, strip)

@@ -16,19 +16,23 @@ from typing import Any
 
 from actionopt.mechanics.tracing import suggestion
 from actionopt.scenes import _scene
-from actionopt.scenes._scene import Facts, Scene
-from actionopt.scenes._shapes import Shape, body, circle, ground, rod, spring
+from actionopt.scenes._own import from_file
+from actionopt.scenes._scene import Facts, Scene, Words
+from actionopt.scenes._shapes import Shape, body, circle, ground, project, rod, spring
 
 __all__ = [
     "SCENES",
     "Facts",
     "Scene",
     "Shape",
+    "Words",
     "body",
     "circle",
+    "from_file",
     "get",
     "ground",
     "parameters",
+    "project",
     "rod",
     "spring",
     "title",

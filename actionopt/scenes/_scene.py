@@ -1,9 +1,10 @@
 """What a scene is, what can be known exactly about one, and how its file says both.
 
 A scene's file has a docstring with a sketch, `TITLE` and `SOURCE` (one line each: what it is, and
-the section, page or equation it is taken from), `lagrangian`, `constraint` and `force` if it has
-them, and `scene`. The signature of `scene` has the names and defaults of all parameters, those of
-the system among them; called with numbers, it returns a `Setup`.
+the section, page or equation it is taken from), `WORDS` for its page, `lagrangian` or, of a
+geodesic, `length`, `constraint` and `force` if it has them, and `scene`. The signature of `scene`
+has the names and defaults of all parameters, those of the system among them; called with numbers,
+it returns a `Setup`.
 """
 
 from __future__ import annotations
@@ -91,6 +92,30 @@ class Facts(Mapping[str, Any]):
         return len(self._known)
 
 
+@dataclass(frozen=True)
+class Words:
+    """What a page says of a scene in sentences, besides what it says of all.
+
+    Parameters
+    ----------
+    question, answer : str
+        To think about before the film, and what is found.
+    look : str
+        What to look at in it.
+    captions : mapping
+        From the names of figures ("motion", "path", "conserved", "energies", ...) to what is seen
+        in this one.
+    beside : row of str
+        Names of scenes to compare with.
+    """
+
+    question: str = ""
+    answer: str = ""
+    look: str = ""
+    captions: Mapping[str, str] = field(default_factory=dict)
+    beside: tuple[str, ...] = ()
+
+
 @dataclass(frozen=True, eq=False)
 class Scene:
     """A named, documented example.
@@ -112,6 +137,8 @@ class Scene:
         leads elsewhere or nowhere.
     kinetic : callable, optional
         Of (q, v, t): the kinetic energy in a frame at rest, (K,).
+    words : Words, optional
+        For its page in the gallery.
     """
 
     problem: Problem
@@ -122,6 +149,7 @@ class Scene:
     facts: Facts = field(default_factory=Facts)
     guess: Curve | None = None
     kinetic: Along | None = None
+    words: Words = field(default_factory=Words)
 
     @property
     def name(self) -> str:
@@ -195,6 +223,7 @@ def build(file: ModuleType, numbers: Mapping[str, Any]) -> Scene:
         found.facts,
         found.guess,
         found.kinetic or kinetic,
+        file.WORDS,
     )
 
 
@@ -203,9 +232,13 @@ def system(file: ModuleType, coordinates: tuple[str, ...]) -> System:
     """Return the system of a scene's file, derived once for each set of coordinates."""
     roles = ("lagrangian", "constraint", "force")
     laws = {role: getattr(file, role) for role in roles if hasattr(file, role)}
-    named = {name for law in laws.values() for name in inspect.signature(law).parameters}
+    measure = getattr(file, "length", None)
+    everything = [*laws.values(), *([measure] if measure else [])]
+    named = {name for law in everything for name in inspect.signature(law).parameters}
     values = {name: x for name, x in parameters(file.scene).items() if name in named}
     name = file.__name__.rpartition(".")[2]
+    if measure:
+        return System.geodesic(measure, coordinates, parameters=values, name=name, **laws)
     return System(coordinates=coordinates, parameters=values, name=name, **laws)
 
 

@@ -1,4 +1,4 @@
-"""The vocabulary of pictures: a few plane shapes as data, for any plotter to draw.
+"""The vocabulary of pictures: a few shapes as data, for any plotter to draw.
 
 `draw(q, t)` of a scene returns them back to front, the same ones in the same order at every
 time: so the k-th body's points at successive times are its trail.
@@ -9,8 +9,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import casadi as ca
 import numpy as np
 
+from actionopt.mechanics.expressions import Expressions
+from actionopt.mechanics.tracing import column
 from actionopt.tools.types import Array
 
 Point = Sequence[float] | Array
@@ -20,15 +23,16 @@ KINDS = ("body", "rod", "spring", "ground")
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A point or a polyline in the plane, x to the right and y up.
+    """A point or a polyline in the plane, x to the right and y up, or in space, z up.
 
     Parameters
     ----------
     kind : str
         "body", a point mass; "rod", a rigid polyline; "spring", a spring between two points;
         "ground", scenery: a surface, a wall, an axis, a centre of force.
-    points : (2, P) array
-        Its P points in the scene's unit of length; P is 1 for a body and 2 for a spring.
+    points : (2, P) or (3, P) array
+        Its P points in the scene's unit of length; P is 1 for a body and 2 for a spring. Of a
+        `draw` that is traced, expressions.
 
     Raises
     ------
@@ -40,18 +44,20 @@ class Shape:
     points: Array
 
     def __post_init__(self) -> None:
-        points = np.asarray(self.points, dtype=float)
-        wanted = {"body": (2, 1), "spring": (2, 2)}.get(self.kind, (2, *points.shape[1:]))
-        if self.kind not in KINDS or points.ndim != 2 or points.shape != wanted:
+        traced = isinstance(self.points, Expressions)
+        points = self.points if traced else np.asarray(self.points, dtype=float)
+        count = {"body": 1, "spring": 2}.get(self.kind, points.shape[-1] if points.ndim else 0)
+        if self.kind not in KINDS or points.shape not in ((2, count), (3, count)):
             raise ValueError(
-                f"expected a shape of kind {', '.join(KINDS)} with points of shape (2, P), one "
-                f"for a body, two for a spring; found {self.kind!r} with {points.shape}"
+                f"expected a shape of kind {', '.join(KINDS)} with points of shape (2, P), or "
+                f"(3, P) in space, one for a body, two for a spring; found {self.kind!r} with "
+                f"{points.shape}"
             )
         object.__setattr__(self, "points", points)
 
 
 def body(point: Point) -> Shape:
-    """Return a point mass at (x, y). Raises ValueError, as all of these, for no plane point."""
+    """Return a point mass at (x, y) or (x, y, z). Raises ValueError, as all these, for others."""
     return Shape("body", _columns(point))
 
 
@@ -77,21 +83,37 @@ def circle(radius: float, center: Point = (0.0, 0.0), points: int = 61) -> Shape
     return Shape("ground", _columns(center) + round_)
 
 
-def project(x: float, y: float, z: float) -> Array:
-    """Return the plane point at which a space point is seen: x right, z up, y into the picture.
+def project(points: Array) -> Array:
+    """Return where points (..., 3, P) in space are seen, (..., 2, P): x right, z up, y inward.
 
     Seen from a little above: what lies farther back stands higher, and circles about z are
-    ellipses that lie level.
+    ellipses that lie level. Points in the plane are seen where they are.
     """
-    return np.stack([x, z + BACK * y])
+    if points.shape[-2] == 2:
+        return points
+    x, y, z = points if isinstance(points, Expressions) else np.moveaxis(points, -2, 0)
+    return np.stack([x, z + BACK * y], axis=-2)
 
 
 def _columns(*points: Point) -> Array:
-    """Return the points as columns, (2, P)."""
+    """Return the points as columns, (2, P) or (3, P)."""
     try:
-        return np.stack([np.reshape(np.asarray(p, dtype=float), 2) for p in points], axis=1)
+        if any(isinstance(x, Expressions) for p in points for x in (p, *p)):
+            return _traced(points)  # type: ignore[return-value]
+        rows = [np.asarray(p, dtype=float).ravel() for p in points]
+        if {row.size for row in rows} not in ({2}, {3}):
+            raise ValueError
+        return np.stack(rows, axis=1)
     except (TypeError, ValueError) as error:
         raise ValueError(
-            f"expected points (x, y) in the plane, found {', '.join(map(repr, points)) or 'none'}; "
-            "of a point in space, choose two coordinates, or those of a projection"
+            "expected points (x, y) in the plane or (x, y, z) in space, found "
+            f"{', '.join(map(repr, points)) or 'none'}"
         ) from error
+
+
+def _traced(points: tuple[Point, ...]) -> Expressions:
+    """Return the points of a `draw` that is traced, as columns, (2, P) or (3, P)."""
+    rows = [column(p if isinstance(p, Expressions) else list(p), "draw") for p in points]
+    if {row.numel() for row in rows} not in ({2}, {3}):
+        raise ValueError
+    return Expressions(ca.horzcat(*rows), 2)

@@ -17,12 +17,35 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from actionopt.scenes._scene import Facts, Setup
+from actionopt.scenes._scene import Facts, Setup, Words
 from actionopt.scenes._shapes import body, ground, rod
 from actionopt.tools.types import Array
 
 TITLE = "hanging chain of point masses, every link a constraint"
 SOURCE = "Routh, Dynamics of a System of Rigid Bodies, Advanced Part (6th ed. 1905), chapter 13"
+WORDS = Words(
+    question="A chain hangs from one end and swings. Which of its links has to carry the most?",
+    answer=(
+        "The top one: it carries all the masses below it, and each multiplier is larger in size "
+        "than the next one down."
+    ),
+    look="Watch the free end: it moves farther and faster than any link above it.",
+    captions={
+        "motion": (
+            "The links keep their length while the shape of the chain bends: the lower half "
+            "moves most."
+        ),
+        "path": (
+            "The lowest point swings widest; the ten coordinates start together on the shape of "
+            "the slowest oscillation."
+        ),
+        "conserved": (
+            "Only the energy function is conserved: the support holds the chain, and takes "
+            "momentum from it."
+        ),
+    },
+    beside=("double_pendulum", "rod_pendulum"),
+)
 
 
 def lagrangian(q, v, t, *, m, g):

@@ -13,11 +13,34 @@ from __future__ import annotations
 from dataclasses import replace
 
 from actionopt.scenes import charge_planar
-from actionopt.scenes._scene import like
+from actionopt.scenes._scene import Words, like
 
 TITLE = "charge in uniform E and B, in Landau's gauge"
 SOURCE = (
     "Competitive Physics: Mechanics and Waves (2018), sections 12.3.2 and 12.5, pp. 633 and 642"
+)
+WORDS = Words(
+    question=(
+        "A magnetic field can be written by different vector potentials. Does the charge notice?"
+    ),
+    answer=(
+        "No. The path is that of the other gauge; only the action and the momenta are different "
+        "numbers."
+    ),
+    look="Compare the film with that of the symmetric gauge: it is the same motion.",
+    captions={
+        "motion": (
+            "The same arc as in the symmetric gauge, though its Lagrangian has another momentum."
+        ),
+        "path": (
+            "The path agrees with the one of the symmetric gauge to all digits that were asked for."
+        ),
+        "conserved": (
+            "In this gauge y is cyclic, so the momentum of y is conserved; in the symmetric "
+            "gauge neither is."
+        ),
+    },
+    beside=("charge_planar", "charge_spatial"),
 )
 
 

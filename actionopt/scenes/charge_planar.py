@@ -14,13 +14,34 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from actionopt.scenes._scene import Facts, Setup, conjugates, curve
+from actionopt.scenes._scene import Facts, Setup, Words, conjugates, curve
 from actionopt.scenes._shapes import body, ground
 
 TITLE = "charge in uniform E and B, in the plane"
 SOURCE = (
     "Competitive Physics: Mechanics and Waves (2018), section 12.5.1, p. 642; Feynman and "
     "Hibbs, Quantum Mechanics and Path Integrals (1965), problem 3-10"
+)
+WORDS = Words(
+    question=(
+        "An electric field pulls a charge along x. Where does a magnetic field make it drift?"
+    ),
+    answer="Across both fields: it drifts along negative y, at the speed E / B.",
+    look="The charge first moves away from where it is going, and turns clockwise all the way.",
+    captions={
+        "motion": (
+            "The charge sets out backwards: the magnetic field bends its way round to the other "
+            "event."
+        ),
+        "path": (
+            "Two coordinates, one circle that drifts: the velocity turns at the cyclotron "
+            "frequency."
+        ),
+        "conserved": (
+            "Only H is conserved. Neither p is: the symmetric potential depends on both x and y."
+        ),
+    },
+    beside=("charge_gauge", "charge_spatial"),
 )
 
 

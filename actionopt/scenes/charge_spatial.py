@@ -12,12 +12,33 @@ from __future__ import annotations
 
 import numpy as np
 
-from actionopt.scenes._scene import Facts, Setup, conjugates, curve
-from actionopt.scenes._shapes import body, ground, project
+from actionopt.scenes._scene import Facts, Setup, Words, conjugates, curve
+from actionopt.scenes._shapes import body, ground
 from actionopt.scenes.charge_planar import drifting
 
 TITLE = "charge in uniform E and B, in space"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.5.1, p. 642"
+WORDS = Words(
+    question=(
+        "A charge spirals along a magnetic field. Does the field change how fast it moves along?"
+    ),
+    answer=("No. Along the field only the electric force acts, and the charge falls freely there."),
+    look="The charge circles across the field while it slows down evenly along it.",
+    captions={
+        "motion": (
+            "A piece of a helix whose turns come closer: along z the charge is slowed down."
+        ),
+        "path": (
+            "The coordinate along the field is a parabola in time; the other two turn at the "
+            "cyclotron frequency."
+        ),
+        "conserved": (
+            "No momentum is conserved by itself: what is, has the place or the time in it, as "
+            "the table of what is known says."
+        ),
+    },
+    beside=("charge_planar", "charge_gauge"),
+)
 
 
 def lagrangian(q, v, t, *, m, e, B, Ex, Ez):
@@ -52,7 +73,7 @@ def scene(
         ["x", "y", "z"],
         T,
         ends=(start, end),
-        draw=lambda q, t: [ground(project(*start)), ground(project(*end)), body(project(*q))],
+        draw=lambda q, t: [ground(start), ground(end), body(q)],
         exact=curve(lambda t: (*across(t), z0 + u * t + a * t**2 / 2)),
         facts=Facts(
             velocity=curve(lambda t: (*rate(t), u + a * t)),

@@ -12,10 +12,34 @@ from __future__ import annotations
 import numpy as np
 
 from actionopt.scenes import oscillator
-from actionopt.scenes._scene import Facts, Setup, curve
+from actionopt.scenes._scene import Facts, Setup, Words, curve
 
 TITLE = "oscillator with viscous drag"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.3, eq. (12.3), p. 627"
+WORDS = Words(
+    question=(
+        "A mass on a spring moves through oil. Is there an action that its path makes stationary?"
+    ),
+    answer=(
+        "Not of this form: drag enters as a force of its own, and the equations of Lagrange and "
+        "d'Alembert replace the principle."
+    ),
+    look="The mass swings out and comes back slower than it left at the same place.",
+    captions={
+        "motion": (
+            "Out and back: on the way in the mass is slower at every place than on the way out."
+        ),
+        "path": (
+            "Out to the turning point the mass hurries, for it has to arrive in time in spite "
+            "of the drag."
+        ),
+        "conserved": (
+            "Nothing is conserved: the drag takes energy all the time, and H falls to half of "
+            "what it was."
+        ),
+    },
+    beside=("oscillator", "drag_linear"),
+)
 
 lagrangian = oscillator.lagrangian
 

@@ -15,11 +15,34 @@ from __future__ import annotations
 
 import numpy as np
 
-from actionopt.scenes._scene import Facts, Setup
+from actionopt.scenes._scene import Facts, Setup, Words
 from actionopt.scenes._shapes import body, ground, rod
 
 TITLE = "double pendulum"
 SOURCE = "Landau and Lifshitz, Mechanics (3rd ed. 1976), section 5, problem 1"
+WORDS = Words(
+    question=(
+        "Between two given positions of a double pendulum there are several motions. Which one "
+        "is least?"
+    ),
+    answer=(
+        "One that is hardly thought of: it whirls up fast and back, and its action is a minimum."
+    ),
+    look=(
+        "The inner arm nearly turns over before it comes back; the outer one whirls the other way."
+    ),
+    captions={
+        "motion": (
+            "A violent motion between two tame positions: the bobs rise high above where they "
+            "start and end."
+        ),
+        "path": (
+            "Both angles leave the straight line between their ends by more than two radians."
+        ),
+        "conserved": "The energy is conserved and neither momentum is: gravity turns both arms.",
+    },
+    beside=("chain", "pendulum"),
+)
 
 
 def lagrangian(q, v, t, *, m1, m2, l1, l2, g):
@@ -53,8 +76,8 @@ def scene(
         return kinetic + coupling - (m1 + m2) * g * l1 * np.cos(a) - m2 * g * l2 * np.cos(b)
 
     def draw(q, t):
-        joint = l1 * np.array([np.sin(q[0]), -np.cos(q[0])])
-        tip = joint + l2 * np.array([np.sin(q[1]), -np.cos(q[1])])
+        joint = l1 * np.stack([np.sin(q[0]), -np.cos(q[0])])
+        tip = joint + l2 * np.stack([np.sin(q[1]), -np.cos(q[1])])
         return [ground((0.0, 0.0)), rod((0.0, 0.0), joint, tip), body(joint), body(tip)]
 
     return Setup(

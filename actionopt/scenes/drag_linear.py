@@ -13,11 +13,22 @@ from __future__ import annotations
 import numpy as np
 
 from actionopt.scenes import projectile
-from actionopt.scenes._scene import Facts, Setup, curve
+from actionopt.scenes._scene import Facts, Setup, Words, curve
 from actionopt.scenes._shapes import body, ground
 
 TITLE = "projectile with linear drag"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.3, eq. (12.3), p. 627"
+WORDS = Words(
+    question="Thrown through a viscous fluid, does a ball come down as steeply as it went up?",
+    answer="More steeply: drag has taken much of its sideways velocity by then.",
+    look="The path is lopsided: its highest point lies past the middle of the way.",
+    captions={
+        "motion": "Equal times, unequal steps: the ball slows down sideways all the while.",
+        "path": "The sideways velocity decays as an exponential; without drag it would stay.",
+        "conserved": "The momentum along x falls, as drag takes it; H falls with it.",
+    },
+    beside=("projectile", "drag_quadratic"),
+)
 
 lagrangian = projectile.lagrangian
 

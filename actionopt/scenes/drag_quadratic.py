@@ -11,11 +11,28 @@ from __future__ import annotations
 
 import numpy as np
 
-from actionopt.scenes._scene import Facts, Setup, curve
+from actionopt.scenes._scene import Facts, Setup, Words, curve
 from actionopt.scenes._shapes import body, ground
 
 TITLE = "fall with quadratic drag"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.3, eq. (12.3), p. 627"
+WORDS = Words(
+    question="A stone falls through the air. How close does it come to its terminal speed?",
+    answer="Very close within a second and a half: it arrives at 98 per cent of it.",
+    look="The steps between equal times grow at first, and are nearly equal at the end.",
+    captions={
+        "motion": (
+            "At the end the stone covers nearly the same distance in each step: its speed has "
+            "settled."
+        ),
+        "path": "The curve of depth starts as a parabola and ends all but straight.",
+        "conserved": (
+            "H falls ever faster, in the end at the rate at which the drag turns the work of "
+            "gravity into heat."
+        ),
+    },
+    beside=("drag_linear", "projectile"),
+)
 
 
 def lagrangian(q, v, t, *, m, g):

@@ -14,11 +14,24 @@ from dataclasses import replace
 import numpy as np
 
 from actionopt.scenes import oscillating_wall
-from actionopt.scenes._scene import like
+from actionopt.scenes._scene import Words, like
 from actionopt.scenes.oscillator import draw
 
 TITLE = "driven oscillator: the oscillating wall without total derivatives"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.3.2, p. 633"
+WORDS = Words(
+    question="A spring is driven at its end. Can the drive be put into the Lagrangian?",
+    answer="Yes: as a potential that depends on time. The path is that of the shaken wall.",
+    look="The motion is the same as that of the shaken wall, seen from the wall.",
+    captions={
+        "motion": "The mass rises slightly before it swings through to the other side.",
+        "path": (
+            "The path agrees with that of the oscillating wall, though the Lagrangian is another."
+        ),
+        "conserved": "Nothing is conserved: the drive depends on time and does work on the mass.",
+    },
+    beside=("oscillating_wall", "oscillator"),
+)
 
 
 def lagrangian(q, v, t, *, m, k, A, w):

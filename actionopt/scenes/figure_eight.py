@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from actionopt.mechanics.problem import State
-from actionopt.scenes._scene import Facts, Setup, curve
+from actionopt.scenes._scene import Facts, Setup, Words, curve
 from actionopt.scenes._shapes import body
 
 TITLE = "three bodies on the figure-eight, a third of the way round"
@@ -21,6 +21,22 @@ SOURCE = (
     "Chenciner and Montgomery, Annals of Mathematics 152 (2000), p. 881; initial velocity of Li "
     "and Liao, Sci. China Phys. 60 (2017) 129511, table I.A(ic)_1, with more digits"
 )
+WORDS = Words(
+    question="Can three equal bodies follow each other along one curve for ever?",
+    answer=("Yes, on a figure-eight; after a third of the period each stands where another stood."),
+    look="Each body ends where another one began: the one in the middle goes left.",
+    captions={
+        "motion": (
+            "The three trails together are one curve, an eight, each body covering a third of it."
+        ),
+        "path": "The centre of mass rests at the crossing of the eight all the while.",
+        "conserved": (
+            "The energy is conserved, and so is the total momentum, though no single one is."
+        ),
+    },
+    beside=("two_body", "kepler"),
+)
+
 
 # At unit masses and G, with the bodies at (-1, 0), (1, 0) and the origin.
 VELOCITY = np.array([0.3471168881189300, 0.5327249453880287])  # of the outer two

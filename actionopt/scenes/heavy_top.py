@@ -12,13 +12,34 @@ from __future__ import annotations
 
 import numpy as np
 
-from actionopt.scenes._scene import Facts, Setup, curve
-from actionopt.scenes._shapes import body, ground, project, rod
+from actionopt.scenes._scene import Facts, Setup, Words, curve
+from actionopt.scenes._shapes import body, ground, rod
 
 TITLE = "heavy symmetric top in steady precession"
 SOURCE = (
     "Competitive Physics: Mechanics and Waves (2018), section 12.5, p. 642; Goldstein, "
     "Classical Mechanics (3rd ed. 2002), section 5.7"
+)
+WORDS = Words(
+    question="Why does a spinning top not fall over?",
+    answer=(
+        "Its axis does fall, sideways: gravity turns the angular momentum round, and the tilt "
+        "stays."
+    ),
+    look=(
+        "The tilt of the axis stays the same; the axis goes round slowly and the disc spins fast."
+    ),
+    captions={
+        "motion": (
+            "The axis precesses by one radian while the disc turns more than five times about it."
+        ),
+        "path": "Two angles grow evenly, the third, the tilt, does not change.",
+        "conserved": (
+            "The momenta of both cyclic angles are conserved; that of the tilt is constant in "
+            "this steady motion only."
+        ),
+    },
+    beside=("pendulum", "screw"),
 )
 DISC = 0.4  # radius of the disc drawn, in parts of l
 
@@ -57,18 +78,18 @@ def scene(*, I1=0.005, I3=0.002, m=0.5, l=0.08, g=9.81, theta=1.0, precession=2.
 
     def draw(q, t):  # a disc with a mark that shows its spin
         (phi, tilt, psi), turn = q, np.linspace(0, 2 * np.pi, 41)
-        axis = np.array([np.sin(tilt) * np.cos(phi), np.sin(tilt) * np.sin(phi), np.cos(tilt)])
-        down = np.array([np.cos(tilt) * np.cos(phi), np.cos(tilt) * np.sin(phi), -np.sin(tilt)])
-        level = np.array([-np.sin(phi), np.cos(phi), 0.0])
+        axis = np.stack([np.sin(tilt) * np.cos(phi), np.sin(tilt) * np.sin(phi), np.cos(tilt)])
+        down = np.stack([np.cos(tilt) * np.cos(phi), np.cos(tilt) * np.sin(phi), -np.sin(tilt)])
+        level = np.stack([-np.sin(phi), np.cos(phi), 0.0])
 
         def place(angle):
-            return project(*(l * (axis + DISC * (np.cos(angle) * down + np.sin(angle) * level))))
+            return l * (axis + DISC * (np.cos(angle) * down + np.sin(angle) * level))
 
-        head = project(*(l * axis))
-        vertical = ground((0.0, 0.0), (0.0, 1.3 * l))
+        head = l * axis
+        vertical = ground((0.0, 0.0, 0.0), (0.0, 0.0, 1.3 * l))
         return [
             vertical,
-            rod((0.0, 0.0), head),
+            rod((0.0, 0.0, 0.0), head),
             rod(*(place(angle) for angle in turn)),
             rod(head, place(psi)),
             body(head),

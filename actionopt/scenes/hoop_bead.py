@@ -13,13 +13,24 @@ from __future__ import annotations
 
 import numpy as np
 
-from actionopt.scenes._scene import Facts, Setup, curve
+from actionopt.scenes._scene import Facts, Setup, Words, curve
 from actionopt.scenes._shapes import body, circle, ground
 
 TITLE = "bead on a rotating hoop"
 SOURCE = (
     "Competitive Physics: Mechanics and Waves (2018), section 12.5.1, p. 642; Goldstein, "
     "Classical Mechanics (3rd ed. 2002), chapter 2, exercise 18"
+)
+WORDS = Words(
+    question="A bead on a hoop that turns: what does it do if the hoop turns fast enough?",
+    answer="It leaves the bottom, climbs and falls back: the bottom has become unstable.",
+    look="The bead climbs past the angle at which it could rest, turns, and comes back.",
+    captions={
+        "motion": "Up and back on the rotating hoop, seen by someone who turns with it.",
+        "path": "The bead goes as high as its conserved H allows, and turns before the end.",
+        "conserved": "H is conserved although T + V is not: whatever turns the hoop does work.",
+    },
+    beside=("pendulum", "turning_wire_radial"),
 )
 
 

@@ -14,11 +14,28 @@ from __future__ import annotations
 
 import numpy as np
 
-from actionopt.scenes._scene import Facts, Setup, curve
-from actionopt.scenes._shapes import BACK, body, ground, project
+from actionopt.scenes._scene import Facts, Setup, Words, curve
+from actionopt.scenes._shapes import body, ground
 
 TITLE = "particle circling inside an inverted cone"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.4, pp. 636-638"
+WORDS = Words(
+    question="How fast must a marble circle inside a cone to stay at its height?",
+    answer=(
+        "Just so fast that the centripetal force is what the wall and gravity leave: the "
+        "smaller the circle, the faster the turn."
+    ),
+    look="The marble stays at one height, without anything holding it there but its speed.",
+    captions={
+        "motion": "A level circle, seen a little from above, hence the ellipse.",
+        "path": "One coordinate stays, the other grows evenly: this is a relative equilibrium.",
+        "conserved": (
+            "The angular momentum is conserved by symmetry; the other momentum is zero on this "
+            "circle only."
+        ),
+    },
+    beside=("hoop_bead", "heavy_top"),
+)
 
 
 def lagrangian(q, v, t, *, m, angle, g):
@@ -46,14 +63,12 @@ def scene(*, m=1.0, angle=0.5, g=9.81, w=4.0, duration=0.7):
         return m * (v[0] ** 2 + (q[0] * sine * v[1]) ** 2) / 2 + m * g * q[0] * cosine
 
     def place(l, phi):
-        return project(l * sine * np.cos(phi), l * sine * np.sin(phi), l * cosine)
-
-    edge = np.arcsin(min(1.0, BACK * np.tan(angle)))  # where lines of sight touch the cone
+        return l * sine * np.cos(phi), l * sine * np.sin(phi), l * cosine
 
     def draw(q, t):
         rim = [place(1.3 * circle, phi) for phi in np.linspace(0, 2 * np.pi, 61)]
-        sides = [place(1.3 * circle, phi) for phi in (-edge, np.pi + edge)]
-        return [ground(*rim), ground(sides[0], (0.0, 0.0), sides[1]), body(place(*q))]
+        sides = [ground((0.0, 0.0, 0.0), edge) for edge in rim[:-1:10]]
+        return [ground(*rim), *sides, body(place(*q))]
 
     return Setup(
         ["l", "phi"],

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from actionopt.scenes._scene import Facts, Setup, curve
+from actionopt.scenes._scene import Facts, Setup, Words, curve
 from actionopt.scenes._shapes import body, ground
 from actionopt.tools.types import Array
 
@@ -22,6 +22,21 @@ SOURCE = (
     "Competitive Physics: Mechanics and Waves (2018), section 12.3; Goldstein, Classical "
     "Mechanics (3rd ed. 2002), sections 3.7-3.9; W. B. Gordon, Amer. J. Math. 99 (1977), "
     "p. 961, for the action"
+)
+WORDS = Words(
+    question="A planet is seen at two places. Which way did it go in between, and how fast?",
+    answer="Along the ellipse that fits the time: the faster, the nearer to the sun.",
+    look="The planet hurries past the sun and dawdles far away from it.",
+    captions={
+        "motion": (
+            "At equal times the places crowd together far from the sun: equal areas in equal times."
+        ),
+        "path": "The velocity changes fastest at the start, nearest to the sun.",
+        "conserved": (
+            "The energy is conserved; the momenta are not, for the sun is fixed and pulls."
+        ),
+    },
+    beside=("kepler_polar", "kepler_spherical", "two_body"),
 )
 
 

@@ -14,12 +14,30 @@ from dataclasses import replace
 import numpy as np
 
 from actionopt.scenes import kepler
-from actionopt.scenes._scene import curve, like
+from actionopt.scenes._scene import Words, curve, like
 from actionopt.scenes._shapes import body, ground
 
 TITLE = "Kepler ellipse in polar coordinates"
 SOURCE = (
     "Competitive Physics: Mechanics and Waves (2018), sections 12.3.1 and 12.5, pp. 628 and 642"
+)
+WORDS = Words(
+    question="What is gained by writing the planet's motion in polar coordinates?",
+    answer="The azimuth is missing from L, and so the angular momentum is seen to be conserved.",
+    look="The film is that of the Cartesian scene: the path does not depend on the coordinates.",
+    captions={
+        "motion": (
+            "The same ellipse and the same places at the same times as in Cartesian coordinates."
+        ),
+        "path": (
+            "The distance grows all the way from perihelion; the azimuth grows fast, then slowly."
+        ),
+        "conserved": (
+            "The momentum of the azimuth is the angular momentum, conserved; that of the "
+            "distance is not."
+        ),
+    },
+    beside=("kepler", "kepler_spherical"),
 )
 
 

@@ -16,11 +16,30 @@ from dataclasses import replace
 import numpy as np
 
 from actionopt.scenes import kepler
-from actionopt.scenes._scene import curve, like
-from actionopt.scenes._shapes import body, ground, project
+from actionopt.scenes._scene import Words, curve, like
+from actionopt.scenes._shapes import body, ground
 
 TITLE = "Kepler ellipse in spherical coordinates, in a tilted plane"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.3.1, eq. (12.5), p. 629"
+WORDS = Words(
+    question="Does the plane of an orbit need to be known before it is solved for?",
+    answer=(
+        "No: in spherical coordinates the path finds its own plane, through both places and the "
+        "sun."
+    ),
+    look="The orbit is tilted: the ellipse is the same as in the plane, seen from the side.",
+    captions={
+        "motion": (
+            "The tilted ellipse in space; in the film it can be turned until it is seen edge-on."
+        ),
+        "path": "Three coordinates change at once, and yet the points lie in a plane.",
+        "conserved": (
+            "Of the three momenta one is conserved, that of the azimuth: the component of the "
+            "angular momentum along z."
+        ),
+    },
+    beside=("kepler", "kepler_polar"),
+)
 
 
 def lagrangian(q, v, t, *, mu):
@@ -69,8 +88,8 @@ def scene(twin, *, mu, a, eccentricity, start, inclination=0.7):
         r, theta, phi = q
         flat = r * np.sin(theta)
         return [
-            ground((0.0, 0.0)),
-            body(project(flat * np.cos(phi), flat * np.sin(phi), r * np.cos(theta))),
+            ground((0.0, 0.0, 0.0)),
+            body((flat * np.cos(phi), flat * np.sin(phi), r * np.cos(theta))),
         ]
 
     return replace(

@@ -14,12 +14,29 @@ from __future__ import annotations
 import numpy as np
 
 from actionopt.scenes import pendulum
-from actionopt.scenes._scene import Facts, Setup, curve
+from actionopt.scenes._scene import Facts, Setup, Words, curve
 
 TITLE = "pendulum with an accelerated pivot"
 SOURCE = (
     "Competitive Physics: Mechanics and Waves (2018), section 12.3.1, eq. (12.4), p. 628; Landau "
     "and Lifshitz, Mechanics (3rd ed. 1976), section 5, problem 3"
+)
+WORDS = Words(
+    question=(
+        "The pivot of a pendulum is pulled aside ever faster. Where does the pendulum hang at rest?"
+    ),
+    answer="Tilted backwards, along the gravity that is felt in the frame of the pivot.",
+    look=(
+        "The pivot runs away to the right; the rod swings about a line that is tilted to the left."
+    ),
+    captions={
+        "motion": (
+            "From one picture to the next the pivot moves farther: it is accelerated uniformly."
+        ),
+        "path": "The angle runs from one side of the tilt to the other and back.",
+        "conserved": "Nothing is conserved: the pivot is pulled, and whoever pulls does work.",
+    },
+    beside=("pendulum", "oscillating_wall"),
 )
 
 

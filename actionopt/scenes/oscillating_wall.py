@@ -12,11 +12,29 @@ from __future__ import annotations
 
 import numpy as np
 
-from actionopt.scenes._scene import Facts, Setup, conjugates, curve
+from actionopt.scenes._scene import Facts, Setup, Words, conjugates, curve
 from actionopt.scenes.oscillator import draw
 
 TITLE = "spring on an oscillating wall"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.3.2, p. 633"
+WORDS = Words(
+    question="The wall that a spring hangs on is shaken. What does the mass feel?",
+    answer=(
+        "A force that swings with the wall: the Lagrangian has it without any force being put in."
+    ),
+    look=(
+        "The wall moves by itself; the mass does not follow it, for the wall shakes faster than "
+        "the spring swings."
+    ),
+    captions={
+        "motion": "Wall and mass at equal times: the two do not move in step.",
+        "path": "The distance from the wall first grows a little, then falls through zero.",
+        "conserved": (
+            "Nothing is conserved: the wall does work on the mass, now positive, now negative."
+        ),
+    },
+    beside=("driven_oscillator", "oscillator"),
+)
 
 
 def lagrangian(q, v, t, *, m, k, A, w):

@@ -11,13 +11,31 @@ from __future__ import annotations
 
 import numpy as np
 
-from actionopt.scenes._scene import Facts, Setup, conjugates, curve
+from actionopt.scenes._scene import Facts, Setup, Words, conjugates, curve
 from actionopt.scenes._shapes import body, ground, spring
 
 TITLE = "harmonic oscillator"
 SOURCE = (
     "Feynman and Hibbs, Quantum Mechanics and Path Integrals (1965), problem 2-2; "
     "Competitive Physics: Mechanics and Waves (2018), section 12.2"
+)
+WORDS = Words(
+    question=(
+        "A mass on a spring has to be at two places at two times. Is its action the least there is?"
+    ),
+    answer=(
+        "Here yes, because the motion lasts less than half a period. After that it would be a "
+        "saddle."
+    ),
+    look="The mass swings out to more than twice the distance it starts from, and comes back.",
+    captions={
+        "motion": "Out and back along one line: the pictures crowd at the turning point.",
+        "path": (
+            "A piece of a sine: it starts upward, for the end comes later than the turning point."
+        ),
+        "conserved": "H is conserved; p is not, it falls evenly with the area under x.",
+    },
+    beside=("oscillator_gauge", "oscillator_2d", "damped_oscillator", "driven_oscillator"),
 )
 
 

@@ -12,12 +12,28 @@ from __future__ import annotations
 
 import numpy as np
 
-from actionopt.scenes._scene import Facts, Setup, conjugates
+from actionopt.scenes._scene import Facts, Setup, Words, conjugates
 from actionopt.scenes._shapes import body, ground, spring
 from actionopt.scenes.rotating_frame_bound import turned
 
 TITLE = "two-dimensional oscillator"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.5.4, p. 646"
+WORDS = Words(
+    question="A particle is drawn to a centre by springs. What curve does it follow?",
+    answer="An ellipse about the centre: both coordinates swing with the same period.",
+    look=(
+        "The particle moves on an ellipse whose middle is the centre, not a focus as for a planet."
+    ),
+    captions={
+        "motion": "A part of an ellipse, faster near the centre than far from it.",
+        "path": "Two sines of one frequency, one for each coordinate.",
+        "conserved": (
+            "H is conserved and neither momentum is; the angular momentum is, which no single "
+            "coordinate shows."
+        ),
+    },
+    beside=("oscillator", "rotating_frame_bound"),
+)
 
 
 def lagrangian(q, v, t, *, m, k):

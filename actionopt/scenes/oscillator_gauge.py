@@ -12,10 +12,26 @@ from __future__ import annotations
 from dataclasses import replace
 
 from actionopt.scenes import oscillator
-from actionopt.scenes._scene import like
+from actionopt.scenes._scene import Words, like
 
 TITLE = "oscillator, with a total time derivative in L"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.3.2, p. 633"
+WORDS = Words(
+    question="What happens to the motion if d/dt of something is added to L?",
+    answer=(
+        "Nothing. The action changes by a number that the ends alone decide, for all paths the "
+        "same."
+    ),
+    look="The film is the oscillator's own.",
+    captions={
+        "motion": "The same motion as the oscillator's, from another Lagrangian.",
+        "path": "The path does not know about the added derivative; the action does.",
+        "conserved": (
+            "With the derivative added, H is no longer conserved: it is not the energy here."
+        ),
+    },
+    beside=("oscillator",),
+)
 
 
 def lagrangian(q, v, t, *, m, k, c):

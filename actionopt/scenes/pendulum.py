@@ -15,13 +15,29 @@ from __future__ import annotations
 import numpy as np
 
 from actionopt.scenes._elliptic import complete, jacobi
-from actionopt.scenes._scene import Facts, Setup, curve
+from actionopt.scenes._scene import Facts, Setup, Words, curve
 from actionopt.scenes._shapes import body, ground, rod
 
 TITLE = "plane pendulum with a large swing"
 SOURCE = (
     "Competitive Physics: Mechanics and Waves (2018), section 12.4, p. 640; "
     "Whittaker, Analytical Dynamics (4th ed. 1937), section 44, for the elliptic functions"
+)
+WORDS = Words(
+    question=("A pendulum swings up past where it started. Does it obey the same law as a spring?"),
+    answer="Nearly, for small swings. The force is a sine, and wide swings take longer.",
+    look="The bob slows down, stops for an instant at the top of its swing, and falls back.",
+    captions={
+        "motion": "The pictures crowd at the turning point, where the bob is slow.",
+        "path": (
+            "The angle rises to 0.79 rad and falls through zero; its curve is flatter at the "
+            "top than a sine."
+        ),
+        "conserved": (
+            "H is conserved; the momentum of the angle is not, for gravity has a torque."
+        ),
+    },
+    beside=("rod_pendulum", "polar_pendulum", "double_pendulum", "moving_pivot", "hoop_bead"),
 )
 
 

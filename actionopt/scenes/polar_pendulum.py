@@ -16,10 +16,30 @@ from dataclasses import replace
 import numpy as np
 
 from actionopt.scenes import pendulum
-from actionopt.scenes._scene import curve, like
+from actionopt.scenes._scene import Words, curve, like
 
 TITLE = "plane pendulum in polar coordinates, with the tension as multiplier"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.4, p. 640"
+WORDS = Words(
+    question="How hard does the rod of a pendulum pull?",
+    answer=(
+        "Hardest at the lowest point: there it carries the weight and turns the velocity round."
+    ),
+    look=(
+        "The arrow is the pull of the rod on the bob: longest at the bottom, shortest at the turn."
+    ),
+    captions={
+        "motion": (
+            "The same swing as with the angle alone; the arrows are the tension that the "
+            "multiplier gives."
+        ),
+        "path": "The length stays what it is by the constraint; the angle swings.",
+        "conserved": (
+            "The momentum of r is zero because the rod keeps its length, not by a symmetry."
+        ),
+    },
+    beside=("pendulum", "rod_pendulum", "sliding_off_circle"),
+)
 
 
 def lagrangian(q, v, t, *, m, g):

@@ -12,11 +12,27 @@ from __future__ import annotations
 
 import numpy as np
 
-from actionopt.scenes._scene import Facts, Setup, curve
+from actionopt.scenes._scene import Facts, Setup, Words, curve
 from actionopt.scenes._shapes import body, ground
 
 TITLE = "projectile in uniform gravity"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.3, eq. (12.3), p. 627"
+WORDS = Words(
+    question="A ball is thrown and arrives a second later. Why on a parabola?",
+    answer=(
+        "Sideways nothing acts, so it moves evenly; upwards gravity bends the curve by the same "
+        "amount all the time."
+    ),
+    look="Sideways the ball covers the same distance in every step; upwards it does not.",
+    captions={
+        "motion": "Equal steps sideways, and a height that follows a parabola.",
+        "path": "One coordinate is a straight line in time, the other a parabola.",
+        "conserved": (
+            "The momentum along x is conserved, for x is missing from L; that along y falls evenly."
+        ),
+    },
+    beside=("drag_linear", "rotating_frame_free"),
+)
 
 
 def lagrangian(q, v, t, *, m, g):

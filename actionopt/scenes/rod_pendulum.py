@@ -16,11 +16,28 @@ from dataclasses import replace
 import numpy as np
 
 from actionopt.scenes import pendulum
-from actionopt.scenes._scene import curve, like
+from actionopt.scenes._scene import Words, curve, like
 from actionopt.scenes._shapes import body, ground, rod
 
 TITLE = "plane pendulum in Cartesian coordinates, with the tension of its rod"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.4, eqs. (12.7)-(12.9), p. 640"
+WORDS = Words(
+    question="Can a pendulum be described by x and y, which are not free of each other?",
+    answer="Yes: a constraint ties them, and its multiplier is the tension of the rod.",
+    look="The arrow, the force of the rod, always points at the pivot.",
+    captions={
+        "motion": (
+            "The same swing as by the angle; the bob stays on its circle by a force and not by "
+            "a coordinate."
+        ),
+        "path": "Two coordinates, and one constraint between them at every time.",
+        "conserved": (
+            "Neither momentum is conserved, for rod and weight both push; the energy is, for "
+            "the rod does no work."
+        ),
+    },
+    beside=("pendulum", "polar_pendulum", "chain"),
+)
 
 
 def lagrangian(q, v, t, *, m, g):

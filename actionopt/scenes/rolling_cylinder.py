@@ -12,11 +12,28 @@ from __future__ import annotations
 
 import numpy as np
 
-from actionopt.scenes._scene import Facts, Setup, curve
+from actionopt.scenes._scene import Facts, Setup, Words, curve
 from actionopt.scenes._shapes import body, circle, ground, rod
 
 TITLE = "cylinder rolling down a slope without slipping"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.4, p. 634"
+WORDS = Words(
+    question="What makes a cylinder roll rather than slide?",
+    answer=(
+        "Friction up the slope: it takes a part of the weight's pull and turns the cylinder "
+        "with it."
+    ),
+    look="The cylinder first rolls a little uphill, stops, and rolls down ever faster.",
+    captions={
+        "motion": "The spoke shows the turn: the distance rolled is the angle times the radius.",
+        "path": "Distance and angle are the same parabola, in different units.",
+        "conserved": (
+            "Neither momentum is conserved: gravity pulls, and friction passes a part of it on "
+            "to the turn."
+        ),
+    },
+    beside=("sliding_wedge",),
+)
 
 
 def lagrangian(q, v, t, *, m, R, inertia, angle, g):
@@ -50,7 +67,7 @@ def scene(*, m=1.0, R=0.2, inertia=0.5, angle=0.3, g=9.81, start=0.0, end=1.0, d
     def draw(q, t):
         c, s = np.cos(angle), np.sin(angle)
         center = q[0] * np.array([c, -s])
-        spoke = R * np.array([np.sin(q[1]), np.cos(q[1])])
+        spoke = R * np.stack([np.sin(q[1]), np.cos(q[1])])
         foot = -R * np.array([s, c])
         far = 1.2 * max(abs(start), abs(end)) * np.array([c, -s])
         slope = ground(foot - far / 4, foot + far)

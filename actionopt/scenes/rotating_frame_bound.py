@@ -14,11 +14,34 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from actionopt.scenes._scene import Facts, Setup, conjugates, curve, unit_sine
+from actionopt.scenes._scene import Facts, Setup, Words, conjugates, curve, unit_sine
 from actionopt.scenes._shapes import body, ground, spring
 
 TITLE = "oscillator in a rotating frame"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.3.1, pp. 631-633"
+WORDS = Words(
+    question="Seen from a turning table, what does a spring's motion look like?",
+    answer=(
+        "Bent by two forces more, Coriolis and centrifugal: they are in L once T is written in "
+        "the turning coordinates."
+    ),
+    look=(
+        "The table turns under the particle; where it was at the start is not where that mark "
+        "is at the end."
+    ),
+    captions={
+        "motion": (
+            "Seen from outside the particle follows a part of an ellipse; the table's axes turn "
+            "below it."
+        ),
+        "path": "In the turning coordinates the ellipse of the spring becomes another curve.",
+        "conserved": (
+            "H is conserved in the turning frame; it is the energy less w times the angular "
+            "momentum."
+        ),
+    },
+    beside=("oscillator_2d", "rotating_frame_free"),
+)
 
 
 def lagrangian(q, v, t, *, m, k, w):

@@ -12,12 +12,28 @@ from __future__ import annotations
 
 import numpy as np
 
-from actionopt.scenes._scene import Facts, Setup
+from actionopt.scenes._scene import Facts, Setup, Words
 from actionopt.scenes._shapes import body
 from actionopt.scenes.rotating_frame_bound import axes, rotate, turned
 
 TITLE = "free particle in a rotating frame"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.3.1, pp. 631-633"
+WORDS = Words(
+    question="Nothing acts on a particle, and on a turning table its path is bent. Why?",
+    answer="Because the axes turn: the velocity that stays is the one seen at rest.",
+    look="Seen at rest the particle moves straight on; its trail is a straight line.",
+    captions={
+        "motion": (
+            "A straight path at constant speed, drawn from outside; on the table it is a curve."
+        ),
+        "path": "The coordinates on the table bend although no force acts.",
+        "conserved": (
+            "H is conserved here; p is m times the velocity at rest, seen along axes that turn, "
+            "and so not conserved."
+        ),
+    },
+    beside=("rotating_frame_bound", "projectile"),
+)
 
 
 def lagrangian(q, v, t, *, m, w):

@@ -14,11 +14,29 @@ from __future__ import annotations
 import numpy as np
 
 from actionopt.scenes import pendulum
-from actionopt.scenes._scene import Facts, Setup, curve
-from actionopt.scenes._shapes import body, ground, project, rod
+from actionopt.scenes._scene import Facts, Setup, Words, curve
+from actionopt.scenes._shapes import body, ground, rod
 
 TITLE = "particle on a cylinder with a helical potential"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.5.4, p. 645"
+WORDS = Words(
+    question="A potential is wound round a cylinder like a thread. What is conserved?",
+    answer=(
+        "Not the angular momentum and not the momentum along the axis, but one combination of "
+        "the two."
+    ),
+    look="The particle swings across the thread while it climbs along with it.",
+    captions={
+        "motion": (
+            "The groove winds round the cylinder; the particle crosses it and is turned back."
+        ),
+        "path": "Angle and height both change unevenly; one combination of them grows evenly.",
+        "conserved": (
+            "Neither momentum is conserved by itself: the symmetry is to turn and climb together."
+        ),
+    },
+    beside=("pendulum", "heavy_top"),
+)
 
 
 def lagrangian(q, v, t, *, m, R, k, c):
@@ -46,7 +64,7 @@ def scene(*, m=1.0, R=0.5, k=1.0, c=1.5, amplitude=1.2, since=0.2, climb=0.8, du
         return m * ((R * v[0]) ** 2 + v[1] ** 2) / 2 - k * np.cos(q[0] - c * q[1])
 
     def place(phi, z):
-        return project(R * np.sin(phi), -R * np.cos(phi), z)  # phi = 0 is in front
+        return R * np.sin(phi), -R * np.cos(phi), z  # phi = 0 is in front
 
     heights = exact(np.linspace(0.0, duration, 41))[1]
     low, high = float(np.min(heights)) - R / 2, float(np.max(heights)) + R / 2
@@ -54,7 +72,7 @@ def scene(*, m=1.0, R=0.5, k=1.0, c=1.5, amplitude=1.2, since=0.2, climb=0.8, du
     def draw(q, t):
         around = np.linspace(0.0, 2 * np.pi, 61)
         ends = [ground(*(place(phi, z) for phi in around)) for z in (low, high)]
-        sides = [ground((x, low), (x, high)) for x in (-R, R)]
+        sides = [ground(place(phi, low), place(phi, high)) for phi in around[:-1:15] + np.pi / 2]
         groove = rod(*(place(c * z, z) for z in np.linspace(low, high, 60)))
         return [*ends, *sides, groove, body(place(*q))]
 

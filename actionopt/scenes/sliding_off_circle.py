@@ -12,11 +12,34 @@ from __future__ import annotations
 
 import numpy as np
 
-from actionopt.scenes._scene import Facts, Setup, curve
+from actionopt.scenes._scene import Facts, Setup, Words, curve
 from actionopt.scenes._shapes import body, circle
 
 TITLE = "mass sliding off a fixed circle"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.4, p. 641"
+WORDS = Words(
+    question="A mass slides down a ball. Where does it leave it?",
+    answer=(
+        "Where the normal force vanishes: at two thirds of the height, whatever the mass or the "
+        "radius."
+    ),
+    look=(
+        "The arrow is the force of the surface. It shrinks, vanishes, and then points inward: "
+        "there the surface would have to pull."
+    ),
+    captions={
+        "motion": (
+            "Towards the end the arrow points inward: a real surface cannot pull, and the mass "
+            "would fly off."
+        ),
+        "path": "The radius is held; the angle runs away from the top faster and faster.",
+        "conserved": (
+            "The energy is conserved; the momentum of r is zero because the radius is held, not "
+            "by a symmetry."
+        ),
+    },
+    beside=("polar_pendulum",),
+)
 
 
 def lagrangian(q, v, t, *, m, g):

@@ -14,11 +14,25 @@ from __future__ import annotations
 
 import numpy as np
 
-from actionopt.scenes._scene import Facts, Setup, curve
+from actionopt.scenes._scene import Facts, Setup, Words, curve
 from actionopt.scenes._shapes import body, ground, rod
 
 TITLE = "block on a movable wedge"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.4, p. 636"
+WORDS = Words(
+    question="A block slides down a wedge that can slide itself. Which way does the wedge go?",
+    answer="Opposite to the block, so that the momentum along the ground stays what it was.",
+    look=(
+        "The block first runs up the slope a little, then down, and the wedge backs away from "
+        "under it."
+    ),
+    captions={
+        "motion": "While the block slides down to one side, the wedge slides to the other.",
+        "path": "Both coordinates are parabolas: both accelerations are uniform.",
+        "conserved": "The momentum of x is conserved: nothing pushes the two along the ground.",
+    },
+    beside=("rolling_cylinder",),
+)
 
 
 def lagrangian(q, v, t, *, m, M, angle, g):
@@ -51,7 +65,7 @@ def scene(*, m=1.0, M=2.0, angle=0.5, g=9.81, start=(0.0, 0.0), end=(-0.3, 1.5),
 
     def draw(q, t):
         x, s = q
-        top = np.array([x, base * np.tan(angle)])
+        top = np.stack([x, base * np.tan(angle)])
         wedge = rod((x, 0.0), top, (x + base, 0.0), (x, 0.0))
         return [ground((left, 0.0), (right, 0.0)), wedge, body(top + s * slope)]
 

@@ -13,11 +13,26 @@ from __future__ import annotations
 
 import numpy as np
 
-from actionopt.scenes._scene import Facts, Setup, curve
+from actionopt.scenes._scene import Facts, Setup, Words, curve
 from actionopt.scenes._shapes import body, rod
 
 TITLE = "bead on a turning wire, a moving constraint"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.4, eqs. (12.7)-(12.9), p. 638"
+WORDS = Words(
+    question="A wire turns and carries a bead along. Does its force do work?",
+    answer=(
+        "Yes: it is across the wire, and the wire moves that way. So the energy is not conserved."
+    ),
+    look="The arrow is the push of the wire: always across it, and at first backwards.",
+    captions={
+        "motion": (
+            "The wire carries the bead round while it slides along it, first inward, then outward."
+        ),
+        "path": "Two coordinates, one constraint that depends on time.",
+        "conserved": "Nothing is conserved: L has no time in it, but the constraint has.",
+    },
+    beside=("turning_wire_radial",),
+)
 
 
 def lagrangian(q, v, t, *, m):

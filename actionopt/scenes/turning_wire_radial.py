@@ -14,10 +14,29 @@ from __future__ import annotations
 import numpy as np
 
 from actionopt.scenes import turning_wire
-from actionopt.scenes._scene import Facts, Setup, curve, like
+from actionopt.scenes._scene import Facts, Setup, Words, curve, like
 
 TITLE = "bead on a turning wire, by its distance"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.5, p. 642"
+WORDS = Words(
+    question="The bead on the turning wire has one degree of freedom. What drives it outwards?",
+    answer=(
+        "The term w squared r squared, the centrifugal potential: T of the turning wire, seen "
+        "as a potential."
+    ),
+    look="The film is that of the turning wire in x and y, without the force.",
+    captions={
+        "motion": "The bead comes in first and then is flung out, on a wire that turns evenly.",
+        "path": (
+            "One coordinate instead of two: an exponential that falls and one that grows, added."
+        ),
+        "conserved": (
+            "H is conserved and is not the energy: that grows, for whatever turns the wire does "
+            "work."
+        ),
+    },
+    beside=("turning_wire", "hoop_bead"),
+)
 
 
 def lagrangian(q, v, t, *, m, w):
@@ -35,7 +54,7 @@ def scene(twin, *, m, w, start, end, duration):
         ["r"],
         T,
         ends=([start], [end]),
-        draw=lambda q, t: twin.draw(q[0] * np.array([np.cos(w * t), np.sin(w * t)]), t),
+        draw=lambda q, t: twin.draw(q[0] * np.stack([np.cos(w * t), np.sin(w * t)]), t),
         kinetic=lambda q, v, t: m * (v[0] ** 2 + (w * q[0]) ** 2) / 2,
         exact=curve(lambda t: [distance(t)]),
         facts=Facts(

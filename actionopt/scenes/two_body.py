@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from actionopt.scenes._scene import Facts, Setup, curve
+from actionopt.scenes._scene import Facts, Setup, Words, curve
 from actionopt.scenes._shapes import body
 from actionopt.scenes.kepler import Ellipse
 
@@ -21,6 +21,22 @@ TITLE = "two bodies and their mutual gravity"
 SOURCE = (
     "Competitive Physics: Mechanics and Waves (2018), section 12.5, p. 642; Goldstein, "
     "Classical Mechanics (3rd ed. 2002), section 3.1"
+)
+WORDS = Words(
+    question="Two bodies attract each other. Does either move on an ellipse?",
+    answer="Each does about their centre of mass, once the drift of that is taken out.",
+    look=(
+        "The lighter body swings wide and the heavier one little; together they drift to the right."
+    ),
+    captions={
+        "motion": "Both trails bend around a point between the bodies that moves evenly.",
+        "path": (
+            "Four coordinates; their difference is a Kepler ellipse and their mean, weighted by "
+            "mass, a straight line."
+        ),
+        "conserved": "No single momentum is conserved, but the sum of both along each axis is.",
+    },
+    beside=("kepler", "figure_eight"),
 )
 
 

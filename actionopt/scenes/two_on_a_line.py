@@ -10,11 +10,24 @@ from __future__ import annotations
 
 import numpy as np
 
-from actionopt.scenes._scene import Facts, Setup, conjugates, curve
+from actionopt.scenes._scene import Facts, Setup, Words, conjugates, curve
 from actionopt.scenes._shapes import body, ground
 
 TITLE = "two particles on a line, coupled"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.5, p. 644"
+WORDS = Words(
+    question=(
+        "Two particles are coupled through one combination of their places. What moves freely?"
+    ),
+    answer="The other combination: it moves evenly, as if nothing were coupled.",
+    look="Both particles drift the same way, and one of them hurries when the other dawdles.",
+    captions={
+        "motion": "Two particles on one line: the distance between them changes and comes back.",
+        "path": "Each path is a straight line with a sine on it, of opposite effect on the two.",
+        "conserved": "Neither momentum is conserved; that of the free combination is.",
+    },
+    beside=("oscillator",),
+)
 
 
 def lagrangian(q, v, t, *, m, k, a, b):

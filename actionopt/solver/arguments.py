@@ -26,20 +26,29 @@ def checked(
     guess: Guess | None,
     principle: str,
     mesh: Mesh | None,
-    method: str,
 ) -> Callable[[Mesh], Path] | None:
     """Raise ValueError for bad arguments; return the guess as a function of a default mesh."""
     asked(problem)
     tolerance(tol)
     if principle not in ("auto", "least", "stationary"):
         raise ValueError(f"expected principle 'auto', 'least' or 'stationary', found {principle!r}")
-    if method not in ("auto", "ipopt"):
-        raise ValueError(f"expected method 'auto' or 'ipopt', found {method!r}")
     if principle == "least" and problem.system.structure.forced:
         raise ValueError(
             "expected principle 'stationary' or 'auto' for a system with non-conservative "
             "forces, found 'least': they enter as virtual work, and no functional is minimised"
         )
+    if problem.system.r:
+        if principle == "stationary":
+            raise ValueError(
+                "expected principle 'least' or 'auto' for a system with an obstacle, found "
+                "'stationary': what an obstacle holds is a least path, and others have to be "
+                "pulled as well; leave the obstacle out for stationary paths"
+            )
+        if mesh is not None:
+            raise ValueError(
+                "expected no mesh for a system with an obstacle, found one: its elements end where "
+                "contact begins and ends, which the solve finds; leave it out, and give tol"
+            )
     if mesh is not None:
         if not isinstance(mesh, Mesh):
             raise ValueError(f"expected a Mesh(boundaries, degrees), found {mesh!r}")

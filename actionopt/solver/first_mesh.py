@@ -72,7 +72,7 @@ def fewest(problem: Problem) -> int:
     system, n = problem.system, problem.system.n
     known = [
         (b if a is None else a, a if b is None else b)
-        for a, b in zip(problem.start.q, problem.end.q, strict=True)
+        for a, b in zip(problem.start.near, problem.end.near, strict=True)
     ]
     middle = np.array([[(x or 0.0) / 2 + (y or 0.0) / 2 for x, y in known]])
     second, now = system.pointwise("second"), np.array([[problem.start.t]])

@@ -17,6 +17,7 @@ from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from actionopt.discrete.factors import compressed
 from actionopt.discrete.transcription import Transcription
@@ -198,10 +199,13 @@ class _Solver:
         return (0.0,)
 
 
-def find(tr: Transcription, z: Array, principle: Principle) -> Attempt:
+def find(
+    tr: Transcription, z: Array, principle: Principle, outside: NDArray[np.bool_] | None = None
+) -> Attempt:
     """Ask Ipopt for a path near z by the `principle`.
 
-    Whatever the transcription or a signal handler raises meanwhile is raised again, as it is.
+    Rows that are `outside` (rows,) are inequalities, f >= 0; there a path is least.
+        Whatever the transcription or a signal handler raises meanwhile is raised again, as it is.
     """
     solvers = tr.layout.solvers
     if principle not in solvers:
@@ -211,7 +215,8 @@ def find(tr: Transcription, z: Array, principle: Principle) -> Attempt:
     cut = tr.layout.unknowns
     bound = 0.0 if mine.functions[0].outputs[1][1].numel() else np.zeros(0)
     with np.errstate(all="ignore"), raised_later(mine.raised, stop=False):
-        answer = mine.solver(x0=z[:cut] if principle != "stationary" else z, lbg=bound, ubg=bound)
+        above = bound if outside is None else np.where(outside, np.inf, 0.0)
+        answer = mine.solver(x0=z[:cut] if principle != "stationary" else z, lbg=bound, ubg=above)
         stats = mine.solver.stats()
         found = answer["x"].full().ravel()
         if principle != "stationary":

@@ -7,8 +7,8 @@ linear system.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -65,6 +65,9 @@ class Rung:
         Whether it takes hundreds of factorizations: the last resort where each costs much.
     persistent : bool
         Whether it may succeed on a finer mesh where it fails on a coarse one.
+    price : int
+        Second derivatives on one element, in the time of which it succeeds as a rule; measured on
+        lattices and pendulums of 1 to 5 coordinates.
     """
 
     name: str
@@ -73,6 +76,7 @@ class Rung:
     steep: ClassVar[bool] = False
     lengthy: ClassVar[bool] = False
     persistent: ClassVar[bool] = True
+    price: ClassVar[int] = 20
 
     def applies(self, search: Search) -> bool:
         """Whether the way is open to the problem, and worth its time."""
@@ -115,7 +119,7 @@ class Descent(Rung):
     """
 
     many: bool = False
-    minimises, persistent = True, False
+    minimises, persistent, price = True, False, 100
 
     def applies(self, search: Search) -> bool:
         ws, n = search.ws, search.ws.problem.system.n
@@ -129,7 +133,7 @@ class Descent(Rung):
 class Least(Rung):
     """Ipopt minimises: under constraints, and where the descent is lost."""
 
-    minimises, persistent = True, False
+    minimises, persistent, price = True, False, 500
 
     def seek(self, ws: Workspace) -> bool:
         return ws.find("least")
@@ -138,7 +142,7 @@ class Least(Rung):
 class PatientLeast(Least):
     """The same for a minimum down a long curved valley."""
 
-    persistent = True
+    persistent, price = True, 4000
 
     def applies(self, search: Search) -> bool:
         # With a saddle in hand a long search on a large system is not worth it.
@@ -155,7 +159,7 @@ class Homotopy(Rung):
     On one mesh: on finer ones it took long and found no path that no other rung did.
     """
 
-    lengthy = True
+    lengthy, price = True, 1500
 
     def seek(self, ws: Workspace) -> bool:
         return ws.homotopy()
@@ -167,6 +171,8 @@ class Meeting(Rung):
     They are near a path however far that is from the line, and in less time than a homotopy takes
     on fine meshes.
     """
+
+    price = 3000
 
     def applies(self, search: Search) -> bool:
         problem, n = search.ws.problem, search.ws.problem.system.n
@@ -202,6 +208,8 @@ class Meeting(Rung):
 
 class Root(Rung):
     """Ipopt solves the stationarity conditions: no path need be near."""
+
+    price = 500
 
     def seek(self, ws: Workspace) -> bool:
         return ws.root()
@@ -249,6 +257,7 @@ class Search:
     may_be_least: bool = False
     saddle: tuple[str, Iterate] | None = None  # found while a least path was sought
     settled: Path | None = None  # what became of a guess on a mesh that may be too coarse
+    tried: list[str] = field(default_factory=list)
 
     # -- without a guess -----------------------------------------------------------------------
 
@@ -292,7 +301,7 @@ class Search:
         forced = self.ws.problem.system.structure.forced
         self.may_be_least = self.principle != "stationary" and not forced
         status, large = Status.NOT_FOUND, self._large
-        for rung in sorted(ladder, key=lambda rung: large and rung.lengthy):
+        for rung in self._priced(sorted(ladder, key=lambda rung: large and rung.lengthy)):
             if not rung.applies(self):
                 continue
             self.begin(rung.name, rung.minimises)
@@ -311,6 +320,16 @@ class Search:
             if status not in (Status.NOT_FOUND, Status.UNRESOLVED):
                 return status
         return self._refine_saddle() if self.principle == "auto" else status
+
+    def _priced(self, rungs: Iterable[Rung]) -> Iterator[Rung]:
+        """Yield the rungs in turn, last those that the time left does not allow for."""
+        watch, dear = self.ws.watch, []
+        for rung in rungs:
+            if watch is None or watch.affords(rung.price):
+                yield rung
+            else:
+                dear.append(rung)
+        yield from dear
 
     def _refine_saddle(self) -> Status:
         """Refine the saddle that was found while a least path was sought, if there is one."""
@@ -447,6 +466,7 @@ class Search:
     def begin(self, name: str, least: bool = False) -> None:
         """Say which way is tried now."""
         self.found_by, self.least = name, least
+        self.tried.append(name)
         if self.ws.watch is not None:
             self.ws.watch.how = name
 

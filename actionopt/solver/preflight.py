@@ -67,7 +67,16 @@ def check(tr: Transcription, Q: Array) -> None:
             "expected a Lagrangian that is finite along the first path, found NaN or infinity at "
             f"q = {q[0].tolist()}, t = {t[0, 0]}; give a guess that avoids the singularity"
         )
-    _check_mass(system.coordinates, M[finite], None if G is None else (G * tr.lengths)[finite])
+    try:
+        _check_mass(system.coordinates, M[finite], None if G is None else (G * tr.lengths)[finite])
+    except ValueError as error:
+        if not system.is_homogeneous:
+            raise
+        raise ValueError(
+            f"{error}. This L is homogeneous of degree one in the velocities, a length or a travel "
+            "time, stationary at whatever rate its path is run through: make the system by "
+            "System.geodesic(length, coordinates)"
+        ) from None
 
 
 def _check_finite(tr: Transcription, Q: Array) -> None:

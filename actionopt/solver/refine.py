@@ -77,8 +77,8 @@ def refine(ws: Workspace, tol: float, *, least: bool) -> Status:
             return _failed(ws)
         if resolved:
             continue
-        here, worst = ws.here, ws.here.resolution.worst
-        rounded = worst < MEASURABLE or here.gain * worst < here.noise
+        here, worst, expected = ws.here, ws.here.resolution.worst, ws.here.resolution.expected
+        rounded = expected < MEASURABLE or here.gain * expected < here.noise
         if rounded and SAFETY * here.noise > tol:
             return Status.DEGENERATE if here.noise > UNDETERMINED else Status.FLOOR
         stalled = stalled + 1 if worst > before.worst / 2 else 0
@@ -108,7 +108,7 @@ def solve_on(ws: Workspace, mesh: Mesh, *, least: bool) -> Status:
         return Status.UNRESOLVED
     if not np.isfinite(ws.here.error):  # Ipopt's, which is less accurate
         ws.follow()
-    missed, finer = ws.missed(), bounded(_finer(mesh), ws.problem.instants)
+    missed, finer = ws.missed(), bounded(_finer(mesh), ws.problem.boundaries)
     kept = ws.here
     ok = ws.transfer(finer, least=least)
     there = ws.here

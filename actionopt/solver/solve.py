@@ -8,7 +8,8 @@ round interpolates the path on a better mesh and polishes it there, always the s
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Any, Literal, Never
 
@@ -23,15 +24,21 @@ from actionopt.discrete.factors import Factors
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Problem
+from actionopt.solver import window
 from actionopt.solver.arguments import Guess, asked, checked
 from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF
 from actionopt.solver.ladder import COARSE_DEGREE, IPOPT, LADDER, LINEAR, NEAR, Rung, Search
+from actionopt.solver.obstacle import Along, along
+from actionopt.solver.unfixed import solve_unfixed
 from actionopt.solver.workspace import Workspace
 from actionopt.tools.blas import one_thread
-from actionopt.tools.checks import COARSEST
+from actionopt.tools.checks import COARSEST, FINEST, tolerance
 from actionopt.tools.watch import OutOfTime, Progress, Watch
 
+LADDERS = {"auto": LADDER, "ipopt": IPOPT}  # by method
+AT_REST = 1e-6  # of its size, the way of a closed path that is none; ad hoc
 BEFORE_A_JUMP = 3  # rungs tried where the first path crosses a jump: seconds are lost there; ad hoc
 # Amplified round-off above which a path may be one of many, and above which that is to be counted;
 # measured: of 400 families in all directions and at any tol the least is 2.4e-7, and chains of 10
@@ -41,6 +48,7 @@ FAMILY_CHANGE = 2.0  # of it by two more steps; measured: single paths 1.0, fami
 FAMILY_NOISE = 1e-9  # of one coordinate the noise itself tells; ad hoc
 OUTDATED = 1e-6  # change of multipliers, in whose matrix no family may show; ad hoc
 BENT = 1e-4  # in units of kinetic energy, as the index has it: of a family 1e-8; ad hoc
+DWELT = (Status.NOT_FOUND, Status.UNRESOLVED, Status.DEGENERATE)  # what it may be
 LOST = (Status.NOT_FOUND, Status.UNRESOLVED)  # where one of a family may have been near
 
 
@@ -80,7 +88,7 @@ def solve(
         Solve on this mesh and do not refine.
     seconds : float, optional
         The time it may take, a little more where one evaluation takes long; then the best attempt
-        is what there is.
+        is what there is. Ways that take longer, at the pace so far, are tried after the others.
     progress : callable, optional
         `progress(how, elements, iterations)` at every iteration: the way that is being tried, the
         elements of the mesh at hand, and the iterations so far. What it raises ends the solve.
@@ -104,13 +112,20 @@ def solve(
     *Discrete mechanics and variational integrators*, Acta Numerica 10 (2001), sections 1.2
     and 2.2.
     """
-    started = perf_counter()
     if others:
         asked(problem, others)
-    curve_of = checked(problem, tol, guess, principle, mesh, method)
+    asked(problem)
+    if method not in LADDERS:
+        raise ValueError(f"expected method 'auto' or 'ipopt', found {method!r}")
     watch = None if seconds is progress is None else Watch(seconds, progress)
-    ladder = IPOPT if method == "ipopt" else LADDER
-    return _solve(problem, tol, guess, curve_of, principle, mesh, ladder, watch, throw, started)
+    choices = Choices(tol, principle, LADDERS[method], mesh, watch)
+    solution, message = _asked(problem, guess, choices)
+    fixed = mesh is not None or problem.system.r > 0
+    if solution.status in DWELT and not fixed and not solution.problem.has_tails:
+        solution, message = _dwelling(problem, guess, choices, solution, message)
+    if throw and not solution.success:
+        raise SolveError(message, solution)
+    return solution
 
 
 @one_thread
@@ -120,48 +135,148 @@ def solve_near(problem: Problem, guess: Guess, tol: float) -> Solution:
     By Newton's and by Levenberg and Marquardt's methods alone: where there is no path near, that
     takes a hundredth of the time.
     """
+    asked(problem)
+    return _asked(problem, guess, Choices(tol, "auto", NEAR, None, None))[0]
+
+
+@dataclass(frozen=True)
+class Choices:
+    """How a problem is solved: the arguments of `solve`, its method as a ladder."""
+
+    tol: float
+    principle: Literal["auto", "least", "stationary"]
+    ladder: tuple[Rung, ...]
+    mesh: Mesh | None
+    watch: Watch | None
+
+
+def _asked(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[Solution, str]:
+    """Return the path, and the verdict with its figures."""
+    if problem.is_infinite or problem.has_tails:
+        return _in_windows(problem.whole, guess, choices)
+    if problem.asked or problem.free_time or (problem.closes and guess is not None):
+        return _unfixed(problem.asked or problem, guess, choices)
+    solution, message = _solved(problem, guess, choices)
+    if problem.closes and choices.mesh is None and _moves(solution):
+        return _unfixed(problem, solution, choices)  # it may be kinked at the start
+    return solution, message
+
+
+def _solved(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[Solution, str]:
+    """Return the path of a problem of finite times, and the verdict with its figures."""
     started = perf_counter()
-    curve_of = checked(problem, tol, guess, "auto", None, "auto")
-    return _solve(problem, tol, guess, curve_of, "auto", None, NEAR, None, False, started)
-
-
-def _solve(
-    problem: Problem,
-    tol: float,
-    guess: Guess | None,
-    curve_of: Callable[[Mesh], Path] | None,
-    principle: str,
-    mesh: Mesh | None,
-    ladder: tuple[Rung, ...],
-    watch: Watch | None,
-    throw: bool,
-    started: float,
-) -> Solution:
-    """Do what `solve` does, by the rungs of a ladder; `curve_of` is the guess on a mesh."""
+    tol, principle, mesh, watch = choices.tol, choices.principle, choices.mesh, choices.watch
+    curve_of = checked(problem, tol, guess, principle, mesh)
     system = problem.system
     # Far from zero a path to `tol` may be none: its motion is to be resolved as well.
     tol = min(tol, COARSEST * float((problem.lengths / problem.scales).min()))
-    ws = Workspace(problem, system.structure.linear, tol, refines=mesh is None, watch=watch)
+    if system.r:
+        ws: Workspace = Along(Held(problem), tol=tol, watch=watch)
+    else:
+        ws = Workspace(problem, system.structure.linear, tol, refines=mesh is None, watch=watch)
     for name in ("first", "second"):
         system.pointwise(name)
     ws.record.time["derive"] += perf_counter() - started
-    search = Search(ws, tol, principle, mesh, ladder)
+    search = Search(ws, tol, principle, mesh, choices.ladder)
     try:
-        status = _found(search, guess, curve_of)
+        if isinstance(ws, Along):
+            search.begin("obstacle", least=True)
+            status = along(ws, tol, curve_of)
+        else:
+            status = _found(search, guess, curve_of)
     except OutOfTime:
         search.ws.stop()
+        search.ws.hint = f"tried: {', '.join(dict.fromkeys(search.tried))}"
         status = Status.OUT_OF_TIME
     ws = search.ws
+    ws.here.tr.watch = None  # a verdict is not left half done
     if watch is not None and watch.raised is not None and not isinstance(watch.raised, OutOfTime):
         raise watch.raised
-    if principle == "least" and status.success and ws.here.index > 0:
+    if (principle == "least" or system.r) and status.success and ws.here.index > 0:
         status = Status.UNBOUNDED if ws.linear else Status.NOT_LEAST
     solution = _solution(ws, status, search.found_by, started)
     if _suspect(ws, status):
         solution = _family(ws, solution)
-    if throw and not solution.success:
-        raise SolveError(_message(ws, solution.status, tol), solution)
-    return solution
+    return solution, "" if solution.success else _message(ws, solution.status, tol)
+
+
+def _dwelling(
+    problem: Problem, guess: Guess | None, choices: Choices, solution: Solution, message: str
+) -> tuple[Solution, str]:
+    """Return what can be said of a path that was not found between two equilibria, and a verdict.
+
+    That of infinite time shows the way, if there is one.
+    """
+    whole = window.between(problem)
+    if whole is None:
+        return solution, message
+    if guess is None:
+        with suppress(OutOfTime, ValueError):
+            known, _ = _in_windows(whole, None, choices)
+            if known.success:
+                near = _solved(problem, window.within(known, problem), choices)
+                # What a symmetry holds in its place shows no round-off.
+                if near[0].success and not near[0].inertia.nullity:
+                    return near
+                if near[0].success or near[0].status is Status.DEGENERATE:
+                    solution = near[0]
+    solution = replace(solution, status=Status.DWELLING)
+    return solution, f"{problem.name}: {Status.DWELLING.value} (tol = {choices.tol:g})"
+
+
+def _in_windows(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[Solution, str]:
+    """Return the path of a problem with events at infinite times, and the verdict."""
+    tolerance(choices.tol)
+    here = window.first(problem, guess, choices.tol, choices.mesh)
+    inner = replace(choices, tol=max(choices.tol * (1 - window.SHARE), FINEST))
+    left = np.inf
+    while True:
+        solution, message = _solved(here.problem, here.guess, inner)
+        below = None
+        if solution.status in LOST and problem.system.n <= window.FEW:
+            below = window.down(here)
+        elif here.guess is None and solution.success and inner.principle != "stationary":
+            below = window.lower(solution)
+        if below is not None:
+            solution, message = _solved(here.problem, below, inner)
+        later = window.longer(here, solution, choices.tol)
+        if not solution.success or later is None or choices.mesh is not None:
+            break
+        left, before = max(x[0] for x in here.edges(solution)), left
+        if left > before / 2:
+            message = window.unmet(choices.tol, left)
+            solution = replace(solution, status=Status.UNRESOLVED)
+            break
+        here = later
+    solution = window.judged(here, solution)
+    return window.centred(solution), message
+
+
+def _moves(solution: Solution) -> bool:
+    """Whether a path is no rest."""
+    speed = np.abs(solution.velocity(solution.mesh.nodes)).max(axis=1)
+    size = np.abs(solution.path.values).max(axis=1)
+    return bool((speed * solution.duration > AT_REST * size).any())
+
+
+def _unfixed(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[Solution, str]:
+    """Return the path where the duration is free or it closes anywhere, and the verdict."""
+    tolerance(choices.tol)
+    if choices.mesh is not None:
+        if not problem.free_time:
+            return _solved(problem, guess, choices)
+        raise ValueError(
+            "expected no mesh where a time is free, found one: it would be over given times"
+        )
+    if problem.closes and guess is None:
+        raise ValueError(
+            "expected a guess for a closed path whose period is to be found: a Path or a "
+            "solution near it, or waypoints round it"
+        )
+    thorough = choices.ladder is not NEAR
+    arguments = choices.tol, guess, choices.principle, choices.watch
+    solution, hint = solve_unfixed(problem, solve, *arguments, thorough=thorough)
+    return solution, "" if solution.success else _sentence(solution, choices.tol, hint)
 
 
 def _found(search: Search, guess: Guess | None, curve_of: Callable[[Mesh], Path] | None) -> Status:
@@ -281,9 +396,14 @@ def _message(ws: Workspace, status: Status, tol: float) -> str:
             f"; {ws.problem.system.coordinates[i]} is about {size:.3g} and known to "
             f"{np.spacing(size):.1g} only: measure it from a point near the motion"
         )
-    if ws.problem.advance is not None and not ws.problem.start.pinned:
-        hint += "; a closed path may start anywhere along itself: give one coordinate at the start"
     return f"{name}: {status.value} ({figures}){hint}"
+
+
+def _sentence(solution: Solution, tol: float, hint: str) -> str:
+    """Return the verdict of a path whose duration is free or that closes, and what to try next."""
+    figures = f"tol = {tol:g}, error estimate {solution.error:.2g}"
+    hint = f"; {hint}" if hint else ""
+    return f"{solution.problem.name}: {solution.status.value} ({figures}){hint}"
 
 
 def _solution(ws: Workspace, status: Status, found_by: str, started: float) -> Solution:
@@ -310,4 +430,4 @@ def _solution(ws: Workspace, status: Status, found_by: str, started: float) -> S
         "time": dict(record.time),
     }
     lam, error = found.rows.T, here.error
-    return Solution(ws.problem, found.path, action, lam, error, status, stats, known=found)
+    return Solution(ws.question, found.path, action, lam, error, status, stats, known=found)

@@ -108,6 +108,11 @@ class Workspace:
     iterate: Iterate | None = None
 
     @property
+    def question(self) -> Problem:
+        """What was asked."""
+        return self.problem
+
+    @property
     def here(self) -> Iterate:
         """The iterate at hand. There is none before `transcribe`."""
         assert self.iterate is not None
@@ -222,7 +227,7 @@ class Workspace:
 
     def _bounded(self, mesh: Mesh) -> Mesh:
         """Return the mesh with boundaries where laws switch, if it is not the user's."""
-        instants = self.problem.instants
+        instants = self.problem.boundaries
         return bounded(mesh, instants) if self.refines and instants else mesh
 
     def _attach(self, tr: Transcription) -> None:
@@ -330,8 +335,8 @@ class Workspace:
 
         def passable(z: Array) -> float:
             """Return how far a path may be from stationary that goes on to another mesh."""
-            worst = here.moved(z).resolution.worst
-            return PASSABLE * worst if SAFETY * here.gain * worst > self.tol else 0.0
+            left = here.moved(z).resolution.expected
+            return PASSABLE * left if SAFETY * here.gain * left > self.tol else 0.0
 
         with self.record.clock("solve"):
             result = follow(
@@ -376,9 +381,9 @@ class Workspace:
                 return False
         here = self.here
         # In the sizes of the old path, in which its omitted coefficients are.
-        change, gain = float(np.max(np.abs(here.Q - first.Q) / old.sizes)), here.gain
-        if old.resolution.worst > MEASURABLE:
-            left = old.resolution.worst
+        change, gain = float(np.max(np.abs(self._change(first, old)) / old.sizes)), here.gain
+        if old.resolution.expected > MEASURABLE:
+            left = old.resolution.expected
             if change > UNLIKELY * left and not self.problem.system.structure.steady:
                 with suppress(np.linalg.LinAlgError):  # what was not seen moves the path as well
                     factors = Factors(old.tr.layout, old.tr.kkt(old.z))
@@ -390,6 +395,10 @@ class Workspace:
         self.here = here.estimated(gain)
         self.record.rounds[-1]["estimate"] = self.here.error
         return True
+
+    def _change(self, first: Iterate, old: Iterate) -> Array:
+        """Return by how much a path changed on its mesh, to which `first` interpolates the old."""
+        return self.here.Q - first.Q
 
     def _recover(self, least: bool) -> bool:
         """Find the path again on a mesh where following it did not work."""

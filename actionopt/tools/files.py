@@ -61,12 +61,12 @@ def whole(file: str | Path) -> Iterator[Path]:
         part.unlink(missing_ok=True)
 
 
-def write(file: str | Path, text: str) -> None:
-    """Write a file of text, whole or not at all, and make the folder it belongs in."""
+def write(file: str | Path, content: str | bytes) -> None:
+    """Write a file of text or bytes, whole or not at all, and make the folder it belongs in."""
     target = Path(file)
     target.parent.mkdir(parents=True, exist_ok=True)
     with whole(target) as part:
-        part.write_text(text, encoding="utf-8", newline="\n")
+        part.write_bytes(content.encode() if isinstance(content, str) else content)
 
 
 def rounded(value: Any, digits: int = 6) -> Any:

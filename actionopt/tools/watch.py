@@ -31,7 +31,8 @@ class Watch:
     """
 
     def __init__(self, seconds: float | None, progress: Progress | None) -> None:
-        self.end = None
+        self.end: float | None = None
+        self.since, self.evaluated = 0.0, 0  # from the first derivatives on
         if seconds is not None:
             given = number(seconds, "the seconds a solve may take")
             if given <= 0 or isinstance(seconds, bool):
@@ -45,6 +46,9 @@ class Watch:
     def __call__(self, elements: int) -> None:
         """Raise OutOfTime, or report, when it is time to."""
         self.iterations += 1
+        if self.evaluated == 0:
+            self.since = perf_counter()
+        self.evaluated += elements
         if self.raised is not None:
             raise OutOfTime
         if self.progress is not None:
@@ -55,3 +59,10 @@ class Watch:
                 raise
         if self.end is not None and perf_counter() > self.end:
             raise OutOfTime
+
+    def affords(self, elements: int) -> bool:
+        """Whether there is time for derivatives on so many elements, at the pace so far."""
+        if self.end is None or self.evaluated == 0:
+            return True
+        now = perf_counter()
+        return elements * (now - self.since) <= self.evaluated * (self.end - now)

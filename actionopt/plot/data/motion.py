@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
@@ -13,7 +13,7 @@ import numpy as np
 from actionopt.analysis.solution import Solution
 from actionopt.plot.data.along import COUNT, times
 from actionopt.plot.data.variations import sizes
-from actionopt.scenes import Shape
+from actionopt.scenes import Shape, project
 from actionopt.tools.types import Array
 
 Draw = Callable[[Array, float], Sequence[Shape]]
@@ -36,13 +36,13 @@ class Motion:
         Equal times, both events' included.
     kinds : tuple of str
         Kind of each shape, back to front: "body", "rod", "spring" or "ground".
-    points : tuple of (K, 2, P) arrays
-        Points of each shape, P of its own, x to the right and y up.
-    trails : (B, 2, M) array
+    points : tuple of (K, d, P) arrays
+        Points of each shape, P of its own, in the plane (d = 2) or in space (d = 3).
+    trails : (B, d, M) array
         Where each body has been, at M equal times over the motion.
     box : (4,) array
-        Left, right, bottom and top of everything, trails and arrows included.
-    forces : (B, 2, K) array or None
+        Left, right, bottom and top of everything as it is seen, trails and arrows included.
+    forces : (B, d, K) array or None
         Force of constraint on each body; see `motion_data`.
     arrow : float
         Length at which a force of one unit is drawn, the same at all times.
@@ -56,11 +56,25 @@ class Motion:
     forces: Array | None = None
     arrow: float = 0.0
 
+    @property
+    def space(self) -> bool:
+        """Whether it is drawn in space, and so has to be projected to be seen."""
+        return self.points[0].shape[1] == 3
+
     @cached_property
     def bodies(self) -> Array:
-        """Where the bodies are, (B, 2, K)."""
+        """Where the bodies are, (B, d, K)."""
         places = [p[:, :, 0].T for p, kind in self._shapes if kind == "body"]
-        return np.array(places).reshape(-1, 2, self.t.size)
+        return np.array(places).reshape(-1, self.trails.shape[1], self.t.size)
+
+    @cached_property
+    def flat(self) -> Motion:
+        """The same in the plane, as it is seen."""
+        if not self.space:
+            return self
+        forces = None if self.forces is None else project(self.forces)
+        points, trails = tuple(map(project, self.points)), project(self.trails)
+        return replace(self, points=points, trails=trails, forces=forces)
 
     @cached_property
     def still(self) -> tuple[bool, ...]:
@@ -83,7 +97,7 @@ class Motion:
         """
         digits = max(0, int(np.ceil(np.log10(FINEST / self.size))))
 
-        def rows(points: Array) -> Any:  # (..., 2, P) to P rows of [x, y], without -0.0
+        def rows(points: Array) -> Any:  # (..., d, P) to P rows of d, without -0.0
             return (np.round(np.swapaxes(points, -1, -2), digits) + 0.0).tolist()
 
         shapes = [
@@ -127,7 +141,7 @@ def motion_data(solution: Solution, draw: Draw, count: int = 9, force: bool = Fa
     Raises
     ------
     ValueError
-        If `draw` does not fit, or forces are asked for that bodies in the plane cannot show.
+        If `draw` does not fit, or forces are asked for that bodies cannot show.
     """
     if not callable(draw):
         raise ValueError(
@@ -139,20 +153,26 @@ def motion_data(solution: Solution, draw: Draw, count: int = 9, force: bool = Fa
     kinds, points = _seen(solution, draw, t)
     _, finely = _seen(solution, draw, times(solution, FINE))
     trails = np.array([p[:, :, 0].T for p, k in zip(finely, kinds, strict=True) if k == "body"])
-    seen = np.concatenate([np.swapaxes(p, 0, 1).reshape(2, -1) for p in points + finely], axis=1)
-    data = Motion(t, kinds, points, trails.reshape(-1, 2, FINE), _box(seen))
+    d = points[0].shape[1]
+    seen = np.concatenate([_row(project(p)) for p in points + finely], axis=1)
+    data = Motion(t, kinds, points, trails.reshape(-1, d, FINE), _box(seen))
     if not force:
         return data
     forces = _forces(solution, draw, t)
     strongest = float(np.max(np.linalg.norm(forces, axis=1), initial=0.0))
     arrow = LONGEST * data.size / strongest if strongest else 0.0
-    tips = np.swapaxes(data.bodies + arrow * forces, 0, 1).reshape(2, -1)
+    tips = _row(project(data.bodies + arrow * forces))
     box = _box(np.concatenate([seen, tips], axis=1))
     return Motion(t, kinds, points, data.trails, box, forces, arrow)
 
 
+def _row(points: Array) -> Array:
+    """Return points (K, 2, P) as one row, (2, K P)."""
+    return np.swapaxes(points, 0, 1).reshape(2, -1)
+
+
 def _seen(solution: Solution, draw: Draw, t: Array) -> tuple[tuple[str, ...], tuple[Array, ...]]:
-    """Return the kinds of the shapes, and the points of each at all times, (K, 2, P)."""
+    """Return the kinds of the shapes, and the points of each at all times, (K, d, P)."""
     frames = [_shapes(draw(q, time)) for q, time in zip(solution(t).T, t, strict=True)]
     looks = [[(s.kind, s.points.shape) for s in shapes] for shapes in frames]
     for k, (look, later) in enumerate(pairwise(looks)):
@@ -164,6 +184,11 @@ def _seen(solution: Solution, draw: Draw, t: Array) -> tuple[tuple[str, ...], tu
     if not looks[0]:
         raise ValueError("expected draw(q, t) to return shapes, found none")
     points = tuple(np.array([s.points for s in row]) for row in zip(*frames, strict=True))
+    if len({p.shape[1] for p in points}) > 1:
+        raise ValueError(
+            "expected shapes that are all in the plane or all in space, found some of each from "
+            "draw(q, t); give every point a third coordinate"
+        )
     for p in points:
         if not np.isfinite(p).all():
             raise ValueError("expected finite points from draw(q, t), found NaN or infinity")
@@ -187,7 +212,7 @@ def _box(points: Array) -> Array:
 
 
 def _forces(solution: Solution, draw: Draw, t: Array) -> Array:
-    """Return the forces of constraint on the bodies, (B, 2, K), as `motion_data` explains."""
+    """Return the forces of constraint on the bodies, (B, d, K), as `motion_data` explains."""
     names, units = solution.problem.system.coordinates, sizes(solution)
     if not solution.problem.system.m:
         raise ValueError(
@@ -201,7 +226,7 @@ def _forces(solution: Solution, draw: Draw, t: Array) -> Array:
                 (_places(draw, q + h, time) - _places(draw, q - h, time)) / (2 * STEP)
                 for h in np.diag(STEP * units)
             ]
-        )  # (n, 2 B), each coordinate in units of its size
+        )  # (n, d B), each coordinate in units of its size
         if not J.size:
             raise ValueError("expected draw(q, t) to return bodies for forces to act on")
         work = Q[:, k] * units
@@ -211,14 +236,18 @@ def _forces(solution: Solution, draw: Draw, t: Array) -> Array:
         if np.max(left, initial=0.0) > UNEXPLAINED * np.max(np.abs(work)):
             worst = names[np.flatnonzero(moving)[np.argmax(left)]]
             raise ValueError(
-                f"expected forces on the bodies in the plane to do the work of the constraints, "
+                f"expected forces on the bodies to do the work of the constraints, "
                 f"found that the one on {worst} at t = {time:g} does work that they cannot; "
                 "draw without forces"
             )
-        forces.append(F.reshape(-1, 2))
+        forces.append(F.reshape(len(_bodies(draw, q, time)), -1))
     return np.moveaxis(np.array(forces), 0, -1)
 
 
 def _places(draw: Draw, q: Array, t: float) -> Array:
-    """Return where the bodies are, (2 B,)."""
-    return np.array([s.points[:, 0] for s in draw(q, t) if s.kind == "body"]).ravel()
+    """Return where the bodies are, (d B,)."""
+    return np.array(_bodies(draw, q, t)).ravel()
+
+
+def _bodies(draw: Draw, q: Array, t: float) -> list[Array]:
+    return [s.points[:, 0] for s in draw(q, t) if s.kind == "body"]

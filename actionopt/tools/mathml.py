@@ -7,10 +7,11 @@ import html
 import re
 from collections.abc import Collection, Sequence
 
-from actionopt.gallery.formula import PRIME, Formula, formula
+from actionopt.tools.formula import PRIME, Formula, formula
 from actionopt.tools.greek import GREEK
 
-LETTERS = {"w": "omega"}  # how a name of the code is written in a book
+LETTERS = {"w": "omega", "lamda": "lambda"}  # how a name of the code is written in a book
+FUNCTIONS = "sin cos tan arcsin arccos arctan sinh cosh tanh log".split()
 VECTORS = ("r", "v", "Q")
 TIMES, APPLY = "<mo>&#x2062;</mo>", "<mo>&#x2061;</mo>"
 PLUS, MINUS, BAR = "<mo>+</mo>", "<mo>&#x2212;</mo>", '<mo stretchy="false" fence="true">|</mo>'
@@ -50,7 +51,7 @@ class _Writer:
         match node:
             case ast.Name() | ast.Subscript():
                 return _script(*self.parts(node), exponent)
-            case ast.Call(ast.Name("sin" | "cos" as name), [argument]):
+            case ast.Call(ast.Name(name), [argument]) if name in FUNCTIONS:
                 name = _script(f"<mi>{name}</mi>", "", exponent)
                 return f"<mrow>{name}{APPLY}{THIN}{self.factor(argument)}</mrow>"
             case _ if exponent:
@@ -60,6 +61,8 @@ class _Writer:
                 return f"<mn>{value}</mn>"
             case ast.BinOp(base, ast.Pow(), power):
                 return self(base, self(power))
+            case ast.BinOp(ast.Constant(top), ast.Div(), ast.Constant(bottom)):
+                return f"<mfrac><mn>{top}</mn><mn>{bottom}</mn></mfrac>"
             case ast.BinOp(top, ast.Div(), ast.Constant() as number):  # half of it, as in books
                 share = f"<mfrac><mn>1</mn>{self(number)}</mfrac>"
                 return f"<mrow>{share}{TIMES}{self.factor(top)}</mrow>"
@@ -85,14 +88,15 @@ class _Writer:
         raise ValueError(f"expected a formula, found {ast.unparse(node)!r}")
 
     def lines(self, sides: Sequence[ast.expr]) -> list[str]:
-        """Return an equation, broken before the terms of its last side where it is long."""
-        *heads, last = sides
-        text, found = "".join(f"{self(head)}<mo>=</mo>" for head in heads), []
-        for k, term in enumerate(self.terms(last)):
-            if k and _width(text) + _width(term) > LINE:
-                found.append(text)
-                text = '<mspace width="1.6em"/>'
-            text += term
+        """Return an equation, broken before terms where it is long."""
+        text, found = "", []
+        for side in sides:
+            for k, term in enumerate(self.terms(side)):
+                if k and _width(text) + _width(term) > LINE:
+                    found.append(text)
+                    text = '<mspace width="1.6em"/>'
+                text += term
+            text += "<mo>=</mo>" * (side is not sides[-1])
         return [f"<mrow>{row}</mrow>" for row in [*found, text]]
 
     def parts(self, node: ast.Name | ast.Subscript) -> tuple[str, str]:

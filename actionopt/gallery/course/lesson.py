@@ -1,0 +1,64 @@
+"""What a lesson is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Exercise:
+    """A question, a program that finds the answer, and the answer with what the program found.
+
+    Attributes
+    ----------
+    question, answer : str
+        Text as `typeset` takes it; the answer has names of the program in braces.
+    program : str
+        Python, to be run by itself.
+    """
+
+    question: str
+    program: str
+    answer: str
+
+    def run(self) -> dict[str, Any]:
+        """Return the names that the program leaves."""
+        names: dict[str, Any] = {}
+        exec(compile(self.program, "<exercise>", "exec"), names)
+        return names
+
+
+@dataclass(frozen=True)
+class Lesson:
+    """One idea, on one page.
+
+    Attributes
+    ----------
+    name, title, idea : str
+    minutes : (int, int, int, int)
+        For predicting, trying, explaining and the exercises.
+    predict, explain : tuple of str
+        Paragraphs.
+    explorer : str
+        Scene of the path that can be dragged in the page; none if empty.
+    attempt : tuple of str
+        Paragraphs on what to try.
+    scenes : tuple of str
+        Pages to open.
+    trap : str
+        What is often thought wrongly, for the teacher.
+    exercises : tuple of Exercise
+    """
+
+    name: str
+    title: str
+    minutes: tuple[int, int, int, int]
+    idea: str
+    predict: tuple[str, ...]
+    attempt: tuple[str, ...]
+    explain: tuple[str, ...]
+    trap: str
+    exercises: tuple[Exercise, ...]
+    scenes: tuple[str, ...] = ()
+    explorer: str = ""

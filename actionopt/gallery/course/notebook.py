@@ -1,0 +1,70 @@
+"""Lessons as Jupyter notebooks, one to work in and one with answers."""
+
+from __future__ import annotations
+
+import json
+from contextlib import redirect_stdout
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+from actionopt.gallery.course.lesson import Lesson
+from actionopt.gallery.course.lessons import BY_NAME
+from actionopt.mechanics.tracing import suggestion
+from actionopt.tools.files import write
+from actionopt.tools.words import say
+
+
+def exercise(name: str, folder: str | Path = ".") -> tuple[Path, Path]:
+    """Write the notebook of a lesson, and the one with its answers; return where they are.
+
+    Raises
+    ------
+    ValueError
+        If there is no such lesson; the nearest name is suggested.
+    OSError
+        If they cannot be written.
+    """
+    if name not in BY_NAME:
+        raise ValueError(
+            f"unknown lesson {name!r}{suggestion(name, tuple(BY_NAME))}; the lessons are "
+            f"{', '.join(BY_NAME)}"
+        )
+    files = Path(folder) / f"{name}.ipynb", Path(folder) / f"{name}-answers.ipynb"
+    for file, answers in zip(files, (False, True), strict=True):
+        write(file, json.dumps(notebook(BY_NAME[name], answers), indent=1) + "\n")
+    return files
+
+
+def notebook(lesson: Lesson, answers: bool) -> dict[str, Any]:
+    """Return a lesson's notebook as nbformat 4.5 has it."""
+    cells = [_words(f"# {say(lesson.title)}\n\n{say(lesson.idea)}")]
+    parts = (("Predict", lesson.predict), ("Try", lesson.attempt), ("Explain", lesson.explain))
+    for title, paragraphs in parts:
+        cells.append(_words(f"## {say(title)}\n\n" + "\n\n".join(map(say, paragraphs))))
+    for k, given in enumerate(lesson.exercises, 1):
+        cells.append(_words(f"## {say('Exercise {k}', k=k)}\n\n{say(given.question)}"))
+        if answers:
+            with redirect_stdout(StringIO()):
+                found = given.run()
+            cells += [_program(given.program), _words(say(given.answer).format(**found))]
+        else:
+            cells.append(_program("import numpy as np\n\nimport actionopt as ao\n"))
+    for k, cell in enumerate(cells):
+        cell["id"] = f"{lesson.name}-{k}"
+    kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}
+    return {"cells": cells, "metadata": {"kernelspec": kernel}, "nbformat": 4, "nbformat_minor": 5}
+
+
+def _words(text: str) -> dict[str, Any]:
+    return {"cell_type": "markdown", "metadata": {}, "source": text}
+
+
+def _program(text: str) -> dict[str, Any]:
+    return {
+        "cell_type": "code",
+        "metadata": {},
+        "source": text.rstrip(),
+        "execution_count": None,
+        "outputs": [],
+    }

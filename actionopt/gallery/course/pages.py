@@ -1,0 +1,148 @@
+"""The pages of the course: the list of lessons, each lesson, and the teacher's sheet."""
+
+from __future__ import annotations
+
+import io
+from contextlib import redirect_stdout
+
+from actionopt import scenes
+from actionopt.gallery.course.lesson import Exercise, Lesson
+from actionopt.gallery.course.lessons import LESSONS
+from actionopt.gallery.page import Page, escape, frame, table, typeset
+from actionopt.plot import SI
+from actionopt.plot.live.page import SCRIPTS, figure
+from actionopt.solver.solve import solve
+from actionopt.tools.words import say
+
+PARTS = ("Predict", "Try", "Explain", "Exercises")
+
+
+def course() -> Page:
+    """Return all pages of the course as the files of one."""
+    files = {f"course/{lesson.name}.html": _lesson(k) for k, lesson in enumerate(LESSONS)}
+    return Page({"course.html": _contents(), **files})
+
+
+def _contents() -> str:
+    rows = "".join(
+        f'<li><a href="course/{lesson.name}.html">{_said(lesson.title)}</a>'
+        f"<p>{_said(lesson.idea)}</p></li>"
+        for lesson in LESSONS
+    )
+    lead = say(
+        "Nine short lessons on the principle of stationary action, for those who know Newton's "
+        "laws and a little calculus. Each has one idea: predict, try, explain, and three exercises "
+        "with answers."
+    )
+    notebooks = say(
+        "As notebooks, one to work in and one with answers, they come by the command below."
+    )
+    main = f"""<article><header class="title"><h1>{say("A course")}</h1>
+<p class="lead">{typeset(lead)}</p></header>
+<ol class="lessons">{rows}</ol>
+<section><h2>{say("For teachers")}</h2>
+<p>{notebooks}</p>
+<pre class="program"><code>actionopt exercise {LESSONS[0].name}</code></pre>
+{_minutes()}
+{_traps()}
+</section></article>"""
+    return frame(say("A course"), main, root="", description=escape(lead))
+
+
+def _minutes() -> str:
+    """Return the teacher's sheet: the minutes of each part."""
+    rows = [
+        (
+            f'<a href="course/{lesson.name}.html">{_said(lesson.title)}</a>',
+            *map(str, lesson.minutes),
+            str(sum(lesson.minutes)),
+        )
+        for lesson in LESSONS
+    ]
+    head = ("", *map(say, PARTS), say("together"))
+    return table(say("Minutes"), head, rows, kind="numbers")
+
+
+def _traps() -> str:
+    rows = [(_said(lesson.title), _said(lesson.trap)) for lesson in LESSONS]
+    title = say("What is often thought wrongly, and what to say")
+    body = "".join(f"<dt>{name}</dt><dd>{trap}</dd>" for name, trap in rows)
+    return f"<h3>{title}</h3><dl>{body}</dl>"
+
+
+def _lesson(k: int) -> str:
+    """Return the page of the k-th lesson."""
+    lesson = LESSONS[k]
+    exercises = "".join(map(_exercise, range(1, 4), lesson.exercises))
+    widget = _live(lesson.explorer) if lesson.explorer else ""
+    count = say("Lesson {k} of {count}", k=k + 1, count=len(LESSONS))
+    minutes = say("{m} minutes", m=sum(lesson.minutes))
+    main = f"""<article class="lesson">
+<header class="title"><p class="crumb"><a href="../course.html">{say("The course")}</a> &middot;
+{count} &middot; {minutes}</p>
+<h1>{_said(lesson.title)}</h1>
+<p class="lead">{_said(lesson.idea)}</p></header>
+<section><h2>{say("Predict")}</h2>{_prose(lesson.predict)}</section>
+<section><h2>{say("Try")}</h2>{_prose(lesson.attempt)}{widget}{_links(lesson)}</section>
+<section><h2>{say("Explain")}</h2>{_prose(lesson.explain)}</section>
+<section><h2>{say("Exercises")}</h2>{exercises}
+<pre class="program"><code>actionopt exercise {lesson.name}</code></pre></section>
+{_turn(k)}
+</article>"""
+    scripts = ["film.js", *(SCRIPTS if widget else ())]
+    description = escape(say(lesson.idea))
+    return frame(say(lesson.title), main, root="../", description=description, scripts=scripts)
+
+
+def _live(name: str) -> str:
+    """Return the path of a scene to be bent, its motion not shown."""
+    problem = scenes.get(name).problem
+    words = say("Drag a handle, or use the arrow keys.")
+    return figure(problem, solve(problem, tol=1e-10), units=SI, caption=words)
+
+
+def _exercise(k: int, exercise: Exercise) -> str:
+    with redirect_stdout(io.StringIO()) as output:
+        found = exercise.run()
+    answer = typeset(say(exercise.answer).format(**found))
+    shown = "".join(
+        f'<pre class="{kind}" tabindex="0" role="region" aria-label="{say(label)} {k}">'
+        f"<code>{escape(text.rstrip())}</code></pre>"
+        for kind, label, text in (
+            ("program", "Program", exercise.program),
+            ("output", "Output", output.getvalue()),
+        )
+    )
+    return (
+        f'<div class="exercise"><p><b>{k}.</b> {_said(exercise.question)}</p>'
+        f'<details class="answer"><summary>{say("Answer")}</summary><p>{answer}</p>{shown}'
+        "</details></div>"
+    )
+
+
+def _links(lesson: Lesson) -> str:
+    rows = [
+        f'<li><a href="../{name}/index.html">{_said(scenes.title(name))}</a></li>'
+        for name in lesson.scenes
+    ]
+    if lesson.name in ("least", "sum"):
+        rows.append(f'<li><a href="../least.html">{say("Is it really least?")}</a></li>')
+    return f"<p>{say('Pages to open:')}</p><ul>{''.join(rows)}</ul>" if rows else ""
+
+
+def _turn(k: int) -> str:
+    """Return links to the lessons before and after."""
+    links = []
+    for at, name in ((k - 1, "Before: {title}"), (k + 1, "Next: {title}")):
+        if 0 <= at < len(LESSONS):
+            text = say(name, title=_said(LESSONS[at].title))
+            links.append(f'<a href="{LESSONS[at].name}.html">{text}</a>')
+    return f'<nav class="turn" aria-label="{say("Lessons")}">{"".join(links)}</nav>'
+
+
+def _said(text: str) -> str:
+    return typeset(say(text))
+
+
+def _prose(paragraphs: tuple[str, ...]) -> str:
+    return "".join(f"<p>{_said(text)}</p>" for text in paragraphs)

@@ -1,0 +1,126 @@
+"""The question of a path whose contacts with an obstacle are known: they are constraints then."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from actionopt.mechanics.obstacle import Arc
+from actionopt.mechanics.problem import Problem
+from actionopt.tools.types import Array, NDInt
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Held(Problem):
+    """A problem with an obstacle, rows of which are constraints while they are in contact.
+
+    Parameters
+    ----------
+    free : Problem
+        The question itself.
+    arcs : sequence of Arc, optional
+        When each row is in force, times that are boundaries of elements; always if None.
+    """
+
+    free: Problem
+    arcs: tuple[Arc, ...] | None
+
+    def __init__(self, free: Problem, arcs: tuple[Arc, ...] | None = None) -> None:
+        for name in ("start", "end", "parameters", "packed"):
+            object.__setattr__(self, name, getattr(free, name))
+        for name, value in (("system", free.system.held), ("free", free), ("arcs", arcs)):
+            object.__setattr__(self, name, value)
+
+    def holding(self, arcs: tuple[Arc, ...]) -> Held:
+        """Return the same with other parts in force."""
+        other = Held(self.free, arcs)
+        object.__setattr__(other, "instants", self.instants)  # they are found but once
+        return other
+
+    @cached_property
+    def fixed(self) -> Array:
+        """The times of the events, and those between at which a law switches, in order."""
+        t0, t1 = self.start.t, self.end.t
+        return np.array([t0, *(t for _, t in self.instants if t0 < t < t1), t1])
+
+    @cached_property
+    def joints(self) -> Array:
+        """The times at which contact begins or ends but for the `fixed` ones, in order."""
+        times = [t for arc in self.arcs or () for t in (arc.begin, arc.end)]
+        return np.setdiff1d(times, self.fixed)
+
+    def __reduce__(self) -> tuple:
+        """Make it anew of the question."""
+        return Held, (self.free, self.arcs)
+
+    def in_force(self, boundaries: Array, offsets: NDInt) -> NDArray[np.bool_] | None:
+        """Return which rows are in force at the nodes of a mesh, (K, m + r); None for all.
+
+        The mesh is given by the boundaries of its elements and the nodes there, both (N + 1,).
+        """
+        if self.arcs is None:
+            return None
+        m, middle = self.free.system.m, (boundaries[:-1] + boundaries[1:]) / 2
+        found = np.zeros((offsets[-1] + 1, self.system.m), dtype=bool)
+        found[:, :m] = True
+        for arc in self.arcs:
+            inside = np.flatnonzero((arc.begin < middle) & (middle < arc.end))
+            if inside.size:
+                found[offsets[inside[0]] : offsets[inside[-1] + 1] + 1, m + arc.row] = True
+            elif arc.point:
+                b = int(np.argmin(np.abs(boundaries - arc.begin)))
+                found[offsets[b], m + arc.row] = True
+        return found
+
+    def acceleration(self, q: Array, v: Array, t: Array, *, parameters=None) -> Array:
+        """Return the accelerations of motions held where contact is, (n, K) or (n,)."""
+        return self._dynamics(q, v, t, parameters)[0]
+
+    def multipliers(self, q: Array, v: Array, t: Array, *, parameters=None) -> Array:
+        """Return the multipliers of the constraints, (m, K) or (m,)."""
+        return self._dynamics(q, v, t, parameters)[1][: self.free.system.m]
+
+    def constraint_force(self, q: Array, v: Array, t: Array, *, parameters=None) -> Array:
+        """Return the generalized forces of constraint, (n, K) or (n,): no contact forces."""
+        G = self.free.system.constraint_jacobian(q, t, parameters=parameters)
+        lam = self.multipliers(q, v, t, parameters=parameters)
+        return np.einsum("mn...,m...->n...", G, lam)
+
+    def contact_force(self, q: Array, v: Array, t: Array, *, parameters=None) -> Array:
+        """Return what the obstacle's rows push with, (r, K) or (r,)."""
+        return 0.0 - self._dynamics(q, v, t, parameters)[1][self.free.system.m :]
+
+    def _dynamics(self, q: Array, v: Array, t: Array, parameters: Any) -> tuple[Array, Array]:
+        return self.system.dynamics(q, v, t, parameters, self.active(np.atleast_1d(t)))
+
+    def active(self, t: Array) -> NDArray[np.bool_]:
+        """Return which rows are in force at times t (K,), (m + r, K)."""
+        found = np.ones((self.system.m, t.size), dtype=bool)
+        if self.arcs is not None:
+            found[self.free.system.m :] = False
+            for arc in self.arcs:
+                found[self.free.system.m + arc.row] |= (
+                    (arc.begin <= t) & (t <= arc.end) & (not arc.point)
+                )
+        return found
+
+
+def arcs_of(on: NDArray[np.bool_], boundaries: Array, offsets: NDInt) -> tuple[Arc, ...]:
+    """Return the parts in contact, in order of time, from where rows are in force, (r, K).
+
+    The inverse of `Held.in_force`; pinned events, which have no rows, are told by the elements.
+    """
+    found = []
+    for i, row in enumerate(on):
+        inside = [bool(row[a + 1 : b].all()) and b > a + 1 for a, b in pairwise(offsets.tolist())]
+        change = np.flatnonzero(np.diff([False, *inside, False]))
+        times = boundaries[change].reshape(-1, 2).tolist()
+        beside = np.array([False, *inside]) | np.array([*inside, False])
+        times += [[t, t] for t in boundaries[row[offsets] & ~beside].tolist()]
+        found += [Arc(i, begin, end) for begin, end in times]
+    return tuple(sorted(found, key=lambda arc: (arc.begin, arc.row)))

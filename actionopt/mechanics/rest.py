@@ -1,0 +1,180 @@
+"""What a path does near an equilibrium from which it comes, or to which it tends.
+
+Near a saddle of the Hamiltonian flow the motions that tend to it are a Lagrangian manifold, tangent
+to the stable subspace of the linearised flow
+
+    eta' = C^-1 (pi - B' eta),    pi' = A eta + B eta',    A = L_qq, B = L_qv, C = L_vv at rest,
+
+pi = K eta with a symmetric K; those that come from it, to the unstable one. A path that stays on it
+from a time on has there v = W eta, W = C^-1 (K - B'), and its action above rest on the way is
+-(p.eta + eta.K eta / 2), the opposite where it comes from: a term that depends on where it is then.
+
+References: Lentini and Keller, *SIAM J. Numer. Anal.* 17 (1980) 577-604; Beyn, *IMA J. Numer.
+Anal.* 10 (1990) 379-405.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from actionopt.mechanics.system import System
+from actionopt.tools.types import Array
+
+# Ad hoc, where nothing else is said.
+SLOWEST_DECAY = 1e-7  # rate of decay, in the fastest: a slower one is none
+GRAPH = 1e-10  # singular values of the subspace's coordinates, at least: else it is no graph over q
+NEAR_REST = 1e-6  # of the coordinates' size: how far from an equilibrium one may be given
+REST_STEPS = 8
+SIGN_STEPS, SIGN_CHANGE = 60, 1e-14
+SERIES_TERMS = 18  # of exp(x) for |x| < 1/2: 2^-18 / 18! = 6e-22
+
+
+@dataclass(frozen=True, eq=False)
+class Rest:
+    """An equilibrium, and the linear manifold of the motions that come from it or tend to it.
+
+    Attributes
+    ----------
+    side : int
+        -1 for motions that come from it, 1 for those that tend to it.
+    q, p : (n,) arrays
+        Coordinates and momenta at rest.
+    slope, rates : (n, n) arrays
+        p = self.p + slope eta, v = rates eta, eta = q - self.q.
+    slow, fast : float
+        The least and the largest rate of decay.
+    lagrangian : float
+        L at rest.
+    """
+
+    side: int
+    q: Array
+    p: Array
+    slope: Array
+    rates: Array
+    slow: float
+    fast: float
+    lagrangian: float
+
+    def beyond(self, eta: Array, since: Array) -> Array:
+        """Return eta (n, K) at times `since` (K,) from where it was (n,): exp(rates since) eta."""
+        found = np.zeros((eta.size, since.size))
+        # Beyond so many of the slowest e-foldings nothing is left, infinite times included.
+        some = np.abs(since) * self.slow < -np.log(np.finfo(float).tiny)
+        if not some.any():
+            return found
+        x = self.rates * since[some, None, None]
+        halvings = max(0, int(np.ceil(np.log2(2 * np.abs(x).sum(axis=2).max() + 1e-300))))
+        x = x / 2**halvings
+        total = power = np.broadcast_to(np.eye(eta.size), x.shape)
+        for k in range(1, SERIES_TERMS + 1):
+            power = power @ x / k
+            total = total + power
+        for _ in range(halvings):
+            total = total @ total
+        found[:, some] = (total @ eta).T
+        return found
+
+
+def rest(system: System, packed: Array, q: Array, t: float, side: int) -> Rest:
+    """Return the equilibrium near q (n,) and its manifold as it is at the time t.
+
+    Raises ValueError if there is no equilibrium, or it is no saddle.
+    """
+    names, given = system.coordinates, q
+    second, first = system.pointwise("second"), system.pointwise("first")
+    v, now = np.zeros((1, system.n)), np.array([[t]])
+    if system.m or system.structure.forced:
+        raise ValueError(
+            "expected a system without constraints or forces for an event at infinite time, found "
+            "one with: use coordinates in which there are none, or give a finite time"
+        )
+    for _ in range(REST_STEPS):
+        force = first(q[None], v, now, packed)[0][0].copy()
+        values = [x.copy() for x in second(q[None], v, now, packed)]
+        A, B, C = (second.full(i, values[i], symmetric=i != 1)[0] for i in range(3))
+        if not all(np.isfinite(x).all() for x in (force, A, B, C)):
+            raise ValueError(
+                "expected a Lagrangian that is finite, with its derivatives, where the path comes "
+                f"from or tends to in infinite time, found NaN or infinity at rest at q = {given}; "
+                "give a finite time"
+            )
+        step = np.linalg.lstsq(A, force, rcond=None)[0]
+        q = q - step
+        if np.abs(step).max() <= 1e-15 * max(np.abs(q).max(), 1e-300):
+            break
+    size = np.maximum(np.abs(given), np.abs(q))
+    size = np.where(size > 0, size, 1.0)
+    off = np.abs(force) > NEAR_REST * (np.abs(A) @ size)
+    if off.any() or np.any(np.abs(q - given) > NEAR_REST * size):
+        at = first(given[None], v, now, packed)[0][0]
+        near = "" if off.any() else f"; one is near {q.tolist()}"
+        raise ValueError(
+            "expected an equilibrium where a path comes from or tends to in infinite time, found "
+            f"the generalized forces {at.tolist()} at rest at q = {given.tolist()}{near}"
+        )
+    momentum, L = (x[0].copy() for x in first(q[None], v, now, packed)[1:])
+    slope, rates, decay = _subspace(A, B, C, side, names)
+    return Rest(side, q, momentum, slope, rates, decay.min(), decay.max(), float(L[0]))
+
+
+def _subspace(
+    A: Array, B: Array, C: Array, side: int, names: tuple[str, ...]
+) -> tuple[Array, Array, Array]:
+    """Return slope and rates (n, n) of the stable (side 1) or unstable subspace.
+
+    And how fast its motions decay, (n,).
+    """
+    n = len(A)
+    try:
+        inverse = np.linalg.inv(C)
+    except np.linalg.LinAlgError:
+        inverse = np.full((n, n), np.inf)
+    if not np.isfinite(inverse).all():
+        raise ValueError(
+            "expected a regular mass matrix d2L/dv2 at the equilibrium, found it singular"
+        )
+    # In units in which both parts of the matrix are of one size.
+    unit = np.sqrt(np.abs(np.diagonal(C)))
+    unit = np.where(unit > 0, unit, 1.0)
+    H = np.block([[-inverse @ B.T, inverse], [A - B @ inverse @ B.T, B @ inverse]])
+    rate = np.sqrt(np.abs(H[n:, :n]).max() * np.abs(inverse).max()) or 1.0
+    scale = np.r_[1 / unit, unit * rate]
+    H = H * scale / scale[:, None]
+    values = np.linalg.eigvals(H)
+    fastest = np.abs(values).max()
+    if (
+        np.sum(values.real > SLOWEST_DECAY * fastest) != n
+        or np.sum(-values.real > SLOWEST_DECAY * fastest) != n
+    ):
+        slow = ", ".join(f"{x:.4g}" for x in sorted(values, key=lambda x: abs(x.real)))
+        raise ValueError(
+            "expected a saddle of the equations of motion where a path comes from or tends to in "
+            f"infinite time, found motions near q that grow or decay at the rates {slow}: those "
+            "with no real part turn, or come closer more slowly than any exponential; is the sign "
+            "of the potential right (L = T - V rests where V is greatest)? Else give a finite time"
+        )
+    # The matrix sign function by Newton's method: no eigenvectors, which may be dependent.
+    Z = H
+    for _ in range(SIGN_STEPS):
+        other = np.linalg.inv(Z)
+        factor = np.sqrt(np.linalg.norm(other) / np.linalg.norm(Z))
+        new = (factor * Z + other / factor) / 2
+        done = np.linalg.norm(new - Z) <= SIGN_CHANGE * np.linalg.norm(new)
+        Z = new
+        if done:
+            break
+    basis = np.linalg.svd(np.eye(2 * n) - side * Z)[0][:, :n] * scale[:, None]
+    upper = basis[:n] * unit[:, None]  # in units of size one
+    if np.linalg.svd(upper, compute_uv=False).min() <= GRAPH * np.linalg.norm(upper):
+        raise ValueError(
+            "expected an equilibrium near which the motions that tend to it, or come from it, are "
+            f"told apart by {', '.join(names)}, found that they are not; give a finite time"
+        )
+    slope = basis[n:] @ np.linalg.inv(basis[:n])
+    slope = (slope + slope.T) / 2
+    rates = inverse @ (slope - B.T)
+    decay = -side * np.real(values)
+    return slope, rates, decay[decay > 0]

@@ -1,0 +1,337 @@
+"""A traced law written as formulas: the Lagrangian, and the equations of motion from it.
+
+They come out as the docstrings of the scenes have them, `l theta'' = -g sin theta`: a space
+multiplies, a prime is a time derivative, the multiplier is `lamda`, as in Python's libraries.
+
+An expression is read as a sum of products of powers, multiplied out, in which equal products are
+collected and sin^2 + cos^2 = 1. What stands under a root or in a function is left as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import combinations
+from typing import Any
+
+import casadi as ca
+
+from actionopt.mechanics.laws import Laws
+from actionopt.mechanics.tracing import ParameterTable
+
+LONGEST = 60  # terms; more are no formula to be read (ad hoc)
+ELEMENTARY = {
+    ca.OP_SIN: "sin", ca.OP_COS: "cos", ca.OP_TAN: "tan", ca.OP_EXP: "exp", ca.OP_LOG: "log",
+    ca.OP_FABS: "abs", ca.OP_SINH: "sinh", ca.OP_COSH: "cosh", ca.OP_TANH: "tanh",
+    ca.OP_ASIN: "arcsin", ca.OP_ACOS: "arccos", ca.OP_ATAN: "arctan",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, order=True)
+class Symbol:
+    """A name, and its place in a product: parameters, coordinates and rates as they are given."""
+
+    place: int
+    name: str
+
+
+# An atom is a Symbol, (function, sum) or (sum,); a product a sorted tuple of (atom, power).
+Product = tuple[tuple[Any, Fraction], ...]
+Sum = dict[Product, float | Fraction]
+ONE: Product = ()
+
+
+def lagrangian(system: Laws, table: ParameterTable) -> str:
+    """Return L as a formula. Raises ValueError for one that cannot be written."""
+    return f"L = {_text(_read(system, table, ca.vertcat(system.L))[0])}"
+
+
+def equations(system: Laws, table: ParameterTable) -> list[str]:
+    """Return the equations of motion as formulas, one for each coordinate, then the constraints.
+
+    d/dt dL/dv = dL/dq + Q + sum over constraints of lambda df/dq (equation 12.8), what is common
+    to all terms and no coordinate's divided out, accelerations to the left.
+
+    Raises ValueError for a law that cannot be written.
+
+    >>> import numpy as np
+    >>> from actionopt.mechanics.system import System
+    >>> pendulum = System(
+    ...     lambda q, v, t, *, l, g: (l * v[0]) ** 2 / 2 + g * l * np.cos(q[0]),
+    ...     ["theta"],
+    ...     parameters={"l": 1.0, "g": 9.81},
+    ... )
+    >>> equations(pendulum, pendulum.table)
+    ["l theta'' = -g sin theta"]
+    """
+    s, n, m = system.symbols, system.n, system.m
+    a, multipliers = ca.SX.sym("a", n), ca.SX.sym("lamda", m)
+    p = ca.gradient(system.L, s.v)
+    rate = ca.jtimes(p, s.v, a) + ca.jtimes(p, s.q, s.v) + ca.jacobian(p, s.t)
+    rest = ca.gradient(system.L, s.q)
+    if system.Q.numel():
+        rest += system.Q
+    if m:
+        rest += ca.jacobian(system.f, s.q).T @ multipliers
+    found = _read(system, table, ca.vertcat(rate - rest, system.f), a, multipliers)
+    rows = [_equation(row, {*_named(table)}) for row in found[:n]]
+    return rows + [f"{_text(row)} = 0" for row in found[n:]]
+
+
+def _equation(row: Sum, parameters: set[str]) -> str:
+    """Return a row that vanishes as an equation."""
+    divided = tuple((x, -k) for x, k in _common(row) if _names(x) <= parameters)
+    row = _times(row, {divided: Fraction(1)})
+    numbers = [abs(c) for c in row.values()]
+    if len(set(numbers)) == 1:
+        row = {product: c / numbers[0] for product, c in row.items()}
+    left = {p: c for p, c in row.items() if any(getattr(x, "name", "")[-2:] == "''" for x, _ in p)}
+    right = {p: -c for p, c in row.items() if p not in left}
+    if sum(c < 0 for c in left.values()) > len(left) / 2:
+        left, right = ({p: -c for p, c in side.items()} for side in (left, right))
+    if not left:
+        left, right = right, {}
+    return f"{_text(left)} = {_text(right)}"
+
+
+def _names(x: Any) -> set[str]:
+    """Return the names in an atom."""
+    if isinstance(x, Symbol):
+        return {x.name}
+    return {name for product, _ in x[-1] for y, _ in product for name in _names(y)}
+
+
+def _named(table: ParameterTable) -> list[str]:
+    """Return the names of the entries of the parameters, in their order."""
+    names = []
+    for name, value in table.defaults.items():
+        names += [name] if not value.shape else [f"{name}_{k + 1}" for k in range(value.size)]
+    return names
+
+
+# -- reading ---------------------------------------------------------------------------------
+
+
+def _read(system: Laws, table: ParameterTable, expression: ca.SX, *more: ca.SX) -> list[Sum]:
+    """Return the entries of a column as sums; `more` are accelerations and multipliers."""
+    s, names = system.symbols, list(system.coordinates)
+    dots = [[name + "'" * k for name in names] for k in range(3)]
+    lamda = ["lamda"] if system.m == 1 else [f"lamda{k + 1}" for k in range(system.m)]
+    known = [dots[0], dots[1], ["t"], _named(table), dots[2], lamda]
+    places = [name for k in (5, 3, 2, 0, 1, 4) for name in known[k]]
+    f = ca.Function("written", [s.q, s.v, s.t, s.p, *more], [ca.densify(expression)])
+    place: dict[int, Sum] = {}
+    found: list[Sum] = [{} for _ in range(f.numel_out(0))]
+    for k in range(f.n_instructions()):
+        op, to, of = f.instruction_id(k), f.instruction_output(k), f.instruction_input(k)
+        if op == ca.OP_CONST:
+            value = f.instruction_constant(k)
+            place[to[0]] = {ONE: _number(value)} if value else {}
+        elif op == ca.OP_INPUT:
+            name = known[of[0]][of[1]]
+            place[to[0]] = {((Symbol(places.index(name), name), Fraction(1)),): Fraction(1)}
+        elif op == ca.OP_OUTPUT:
+            found[to[1]] = _collected(place[of[0]])
+        else:
+            place[to[0]] = _applied(op, [place[i] for i in of])
+            if len(place[to[0]]) > LONGEST:
+                raise ValueError(f"expected formulas of at most {LONGEST} terms, found longer ones")
+    return found
+
+
+def _number(value: float) -> float | Fraction:
+    near = Fraction(value).limit_denominator(100)
+    return near if float(near) == value else value
+
+
+def _applied(op: int, of: Sequence[Sum]) -> Sum:
+    """Return what an operation makes of sums. Raises ValueError for one without a formula."""
+    a, b = of[0], of[-1]
+    match op:
+        case ca.OP_ASSIGN:
+            return a
+        case ca.OP_ADD:
+            return _plus(a, b)
+        case ca.OP_SUB:
+            return _plus(a, _scaled(b, -1))
+        case ca.OP_NEG:
+            return _scaled(a, -1)
+        case ca.OP_TWICE:
+            return _scaled(a, 2)
+        case ca.OP_MUL:
+            return _times(a, b)
+        case ca.OP_SQ:
+            return _power(a, Fraction(2))
+        case ca.OP_INV:
+            return _power(a, Fraction(-1))
+        case ca.OP_DIV:
+            return _times(a, _power(b, Fraction(-1)))
+        case ca.OP_SQRT:
+            return _power(a, Fraction(1, 2))
+        case ca.OP_POW | ca.OP_CONSTPOW if set(b) <= {ONE}:
+            return _power(a, Fraction(b.get(ONE, 0)).limit_denominator(100))
+        case _ if op in ELEMENTARY:
+            inner, sign = a, Fraction(1)
+            if a and all(c < 0 for c in a.values()) and op in (ca.OP_SIN, ca.OP_COS):
+                inner, sign = _scaled(a, -1), Fraction(-1 if op == ca.OP_SIN else 1)
+            return {(((ELEMENTARY[op], _frozen(inner)), Fraction(1)),): sign}
+    raise ValueError("expected a law of elementary functions to write, found others in it")
+
+
+def _frozen(a: Sum) -> tuple:
+    return tuple(sorted(a.items(), key=repr))
+
+
+def _plus(a: Sum, b: Sum) -> Sum:
+    found = dict(a)
+    for product, c in b.items():
+        found[product] = found.get(product, 0) + c
+        if not found[product]:
+            del found[product]
+    return found
+
+
+def _scaled(a: Sum, by: Any) -> Sum:
+    return {product: by * c for product, c in a.items()}
+
+
+def _times(a: Sum, b: Sum) -> Sum:
+    found: Sum = {}
+    for p, c in a.items():
+        for q, d in b.items():
+            powers = dict(p)
+            for x, k in q:
+                powers[x] = powers.get(x, Fraction(0)) + k
+            product = tuple(sorted(((x, k) for x, k in powers.items() if k), key=repr))
+            found = _plus(found, {product: c * d})
+    return found
+
+
+def _power(a: Sum, k: Fraction) -> Sum:
+    """Return a power: of a product the powers of its factors, of a sum an atom's."""
+    if len(a) == 1:
+        ((product, c),) = a.items()
+        if k.denominator == 1:
+            return {tuple((x, j * k) for x, j in product): c ** int(k)}
+        if c == 1 and all((j * k).denominator > 1 or j * k < 0 for _, j in product):
+            return {tuple((x, j * k) for x, j in product): c}
+    return {(((_frozen(a),), k),): Fraction(1)}
+
+
+def _collected(a: Sum) -> Sum:
+    """Return a sum with its whole powers of sums multiplied out and squared sines collected."""
+    found: Sum = {}
+    for product, c in a.items():
+        part: Sum = {ONE: c}
+        for x, k in product:
+            whole = isinstance(x, tuple) and len(x) == 1 and k.denominator == 1 and k > 0
+            for _ in range(int(k) if whole else 1):
+                part = _times(part, dict(x[0]) if whole else {((x, k),): Fraction(1)})
+        found = _plus(found, part)
+    changed = True
+    while changed:
+        changed = False
+        for p, q in combinations(list(found), 2):
+            rest = _pythagoras(p, q) or _pythagoras(q, p)
+            if rest is not None and found[p] == found[q]:
+                c = found.pop(p)
+                del found[q]
+                found, changed = _plus(found, {rest: c}), True
+                break
+    return found
+
+
+def _pythagoras(p: Product, q: Product) -> Product | None:
+    """Return r where p = r sin(u)^2 and q = r cos(u)^2."""
+    for x, k in p:
+        if isinstance(x, tuple) and x[0] == "sin" and k >= 2:
+            down = _times({p: 1}, {((x, Fraction(-2)),): 1})
+            if _times(down, {((("cos", x[1]), Fraction(2)),): 1}).get(q):
+                return next(iter(down))
+    return None
+
+
+# -- writing ---------------------------------------------------------------------------------
+
+
+def _common(a: Sum) -> Product:
+    """Return the factors that all products of a sum have."""
+    if not a:
+        return ONE
+    first, *others = (dict(product) for product in a)
+    least = {x: min([k] + [o.get(x, Fraction(0)) for o in others]) for x, k in first.items()}
+    return tuple((x, k) for x, k in least.items() if k > 0)
+
+
+def _text(a: Sum) -> str:
+    """Return a sum as text, products over the same root together."""
+    groups: dict[Product, Sum] = {}
+    for product, c in a.items():
+        roots = tuple((x, k) for x, k in product if isinstance(x, tuple) and len(x) == 1 and k < 0)
+        rest = tuple((x, k) for x, k in product if (x, k) not in roots)
+        groups.setdefault(roots, {})[rest] = c
+    terms: list[tuple[bool, str]] = []
+    for roots, inner in groups.items():
+        if len(inner) == 1 or not roots:
+            terms += [_term(_joined(p, roots), c) for p, c in inner.items()]
+            continue
+        common = _common(inner)
+        size = min((abs(c) for c in inner.values()), key=float)
+        sign = -1 if next(iter(inner.values())) < 0 else 1
+        left = _times(inner, {tuple((x, -k) for x, k in common): Fraction(1) / (sign * size)})
+        whole = (((_ordered(left),), Fraction(1)),)
+        terms.append(_term(_joined(_joined(common, whole), roots), sign * size))
+    terms.sort(key=lambda term: term[0])  # one that is added first, if there is any
+    (minus, first), *others = terms or [(False, "0")]
+    return "-" * minus + first + "".join(f" {'-' if minus else '+'} {x}" for minus, x in others)
+
+
+def _ordered(a: Sum) -> tuple:
+    return tuple(a.items())
+
+
+def _joined(p: Product, q: Product) -> Product:
+    return (*p, *q)
+
+
+def _term(product: Product, c: float | Fraction) -> tuple[bool, str]:
+    """Return whether a term is subtracted, and its text without the sign."""
+    size = abs(c)
+    top, bottom = (size.numerator, size.denominator) if isinstance(size, Fraction) else (size, 1)
+    above, below = (
+        [_factor(x, abs(k)) for x, k in sorted(product, key=_place) if (k > 0) == over]
+        for over in (True, False)
+    )
+    above = [f"{top:g}"] * (top != 1 or not above) + above
+    if below and bottom != 1:
+        below, bottom = [f"{bottom}", *below], 1
+    text = " ".join(above)
+    if below:
+        text += f" / ({' '.join(below)})" if len(below) > 1 else f" / {below[0]}"
+    return c < 0, text + (f" / {bottom}" if bottom != 1 else "")
+
+
+def _place(factor: tuple[Any, Fraction]) -> tuple[int, Any]:
+    """Return where a factor stands: symbols first, then sums, then functions."""
+    x, _ = factor
+    return (0, x) if isinstance(x, Symbol) else (3 - len(x) % 2, repr(x))
+
+
+def _factor(x: Any, k: Fraction) -> str:
+    if isinstance(x, Symbol):
+        text = x.name
+    elif len(x) == 1:
+        if k == Fraction(1, 2):
+            return f"sqrt({_text(dict(x[0]))})"
+        text = f"({_text(dict(x[0]))})"
+    else:
+        name, inner = x[0], _text(dict(x[1]))
+        if name == "abs":
+            text = f"|{inner}|"
+        else:
+            plain = inner.isidentifier() and k == 1 and name in ("sin", "cos")
+            text = f"{name} {inner}" if plain else f"{name}({inner})"
+    if k == 1:
+        return text
+    return f"{text}^{k}" if k.denominator == 1 else f"{text}^({k.numerator}/{k.denominator})"

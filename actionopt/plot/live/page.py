@@ -1,0 +1,162 @@
+"""A page of its own for any problem: one file, that needs neither network nor server."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from actionopt import __version__
+from actionopt.analysis.solution import Solution
+from actionopt.mechanics.problem import Problem
+from actionopt.plot._names import NONE, SI, Units
+from actionopt.plot.data.motion import Draw
+from actionopt.plot.live.data import check, data, written
+from actionopt.plot.live.drawing import drawing
+from actionopt.scenes import Scene
+from actionopt.solver.arguments import Guess
+from actionopt.solver.solve import solve
+from actionopt.tools.files import ready, write
+
+STATIC = Path(__file__).parent / "static"
+SCRIPTS = ("action.js", "live.js")
+TOL = 1e-10  # of the path that the page has as its answer
+
+
+def page(
+    question: Scene | Problem,
+    file: str | Path,
+    *,
+    draw: Draw | None = None,
+    guess: Guess | None = None,
+    units: Units | None = None,
+) -> None:
+    """Write a page on which the path of a problem is bent, solved and relaxed by its reader.
+
+    One file of HTML, below 300 kB, that computes by itself: the Lagrangian and its derivatives
+    are in it as JavaScript. With `?embed` behind its address it is the figure alone, for frames.
+
+    Parameters
+    ----------
+    question : Scene or Problem
+    file : path
+        Ends in .html or .htm.
+    draw : callable, optional
+        `draw(q, t)`, the shapes of the system, in place of a scene's.
+    guess : Path, callable or array, optional
+        In place of a scene's guess.
+    units : Units, optional
+        Words for the labels; SI for a scene, none for a problem.
+
+    Raises
+    ------
+    ValueError
+        For a path that closes, an event at infinite time, an obstacle, or a law that a page
+        cannot compute.
+    SolveError
+        If no path is found.
+    OSError
+        If the file cannot be written.
+    """
+    target = ready(file, ".html", ".htm")
+    write(target, whole(question, draw=draw, guess=guess, units=units))
+
+
+def whole(
+    question: Scene | Problem,
+    *,
+    draw: Draw | None = None,
+    guess: Guess | None = None,
+    units: Units | None = None,
+    above: str = "",
+) -> str:
+    """Return the page as text; `above` is HTML that leads elsewhere. Raises as `page` does."""
+    title = titled(question)
+    problem = question.problem if isinstance(question, Scene) else question
+    if isinstance(question, Scene):
+        draw, guess = draw or question.draw, question.guess if guess is None else guess
+        units = SI if units is None else units
+    units = NONE if units is None else units
+    check(problem)
+    solution = solve(problem, tol=TOL, guess=guess)
+    style, *scripts = (
+        (STATIC / name).read_text(encoding="utf-8") for name in ("style.css", *SCRIPTS)
+    )
+    code = "\n".join(f"<script>\n{text}</script>" for text in scripts)
+    return f"""<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="color-scheme" content="light dark">
+<meta name="description" content="{escape(title)}: bend the path, and see its action">
+<title>{escape(title)}</title>
+<link rel="icon" href="data:,">
+<style>
+{style}</style>
+</head>
+<body>
+<main>
+{above}<header class="title"><h1>{escape(title)}</h1>
+<p class="lead">{escape(_sentence(problem, units))}</p></header>
+{figure(problem, solution, units=units, draw=draw)}
+</main>
+<footer class="site"><p>Made by actionopt {escape(__version__)}.</p></footer>
+{code}
+</body>
+</html>
+"""
+
+
+def titled(question: Scene | Problem) -> str:
+    """Return the heading of a page."""
+    title = question.title if isinstance(question, Scene) else question.name.replace("_", " ")
+    return title[:1].upper() + title[1:]
+
+
+def figure(
+    problem: Problem,
+    solution: Solution,
+    *,
+    units: Units = NONE,
+    draw: Draw | None = None,
+    caption: str = "",
+    name: str = "",
+    shown: bool = False,
+    arrows: bool = False,
+) -> str:
+    """Return the live figure of a problem as HTML; it needs `SCRIPTS` and the style.
+
+    `name` tells it from others on a page; `shown` is whether the motion is seen from the start,
+    and with `arrows` the sum over paths is all that is. Raises ValueError as `data` does.
+    """
+    found: dict[str, Any] = {"name": name or problem.name, **data(problem, solution, units)}
+    if draw is not None:
+        found["picture"] = drawing(solution, draw)
+    text = json.dumps(found, separators=(",", ":")).replace("</", "<\\/")
+    words = f"\n<figcaption>{caption}</figcaption>" if caption else ""
+    looks = " data-show" * shown + " data-sum" * arrows
+    return f"""<figure class="live" data-live="{escape(found["name"])}"{looks}>
+<script type="application/json">{text}</script>
+<noscript><p>Scripts are off: the path cannot be bent.</p></noscript>{words}
+</figure>"""
+
+
+def _sentence(problem: Problem, units: Units) -> str:
+    """Return what is asked, in words."""
+
+    def at(q: Sequence[float | None]) -> str:
+        known = [
+            f"{written(name)} = {x:.4g} {units.coordinate(name)}".rstrip()
+            for name, x in zip(problem.system.coordinates, q, strict=True)
+            if x is not None
+        ]
+        return ", ".join(known[:4]) + (" and more" if len(known) > 4 else "") or "anywhere"
+
+    return (
+        f"From {at(problem.start.q)} to {at(problem.end.q)} in "
+        f"{problem.duration:.4g} {units.time}".rstrip()
+        + ": of all the paths between, which is the motion?"
+    ).replace("-", "\N{MINUS SIGN}")

@@ -1,0 +1,472 @@
+// The discrete action in the page: its value, gradient and Hessian, and Newton's method on it.
+// The rule is the package's own: polynomials through LGL nodes on equal elements, summed with the
+// LGL weights. Constraints are held at each node by itself: a path lies on their surface, and
+// varies in their tangent planes, of which `planes` has an orthonormal basis at every node.
+globalThis.actionopt = (() => {
+  "use strict";
+  const STEPS = 40, HALVINGS = 12; // of Newton's method
+  const CLOSE = 1e-11; // a step relative to the coordinates' sizes that is the last
+  const SEEN = 160; // points of a curve
+  const DEPENDENT = 1e-9; // of a constraint's gradient, what is left of one that others imply
+  const FLAT = 1e-6; // of the kinetic part of the second variation: eigenvalues that are zero
+
+  // Abramowitz and Stegun 7.1.6, and by continued fractions where that takes long (7.1.14).
+  function erf(x) {
+    const y = Math.abs(x);
+    if (y > 6) return Math.sign(x);
+    if (y < 2.5) {
+      let term = x, sum = x;
+      for (let k = 1; Math.abs(term) > 1e-17 * Math.abs(sum); k++) sum += term *= (2 * x * x) / (2 * k + 1);
+      return (2 / Math.sqrt(Math.PI)) * Math.exp(-x * x) * sum;
+    }
+    let tail = y;
+    for (let k = 80; k > 0; k--) tail = y + k / 2 / tail;
+    return Math.sign(x) * (1 - Math.exp(-y * y) / tail / Math.sqrt(Math.PI));
+  }
+
+  function compiled({ body, work, sizes, places }) {
+    const run = new Function("erf", `return (x,o,w)=>{${body}}`)(erf);
+    const out = sizes.map((size) => new Float64Array(size)), memory = new Float64Array(work);
+    return { out, places, at: (x) => (run(x, out, memory), out) };
+  }
+
+  // -- linear algebra: square matrices row by row, `band` entries either side of the diagonal
+
+  // Gauss's elimination with partial pivoting, in place; returns the function b -> x.
+  function factored(A, N, band) {
+    const pivots = new Int32Array(N);
+    for (let i = 0; i < N; i++) {
+      const last = Math.min(N - 1, i + band), right = Math.min(N - 1, i + 2 * band);
+      let p = i;
+      for (let r = i + 1; r <= last; r++) if (Math.abs(A[r * N + i]) > Math.abs(A[p * N + i])) p = r;
+      pivots[i] = p;
+      if (p !== i) for (let c = i; c <= right; c++) [A[i * N + c], A[p * N + c]] = [A[p * N + c], A[i * N + c]];
+      for (let r = i + 1; r <= last; r++) {
+        const x = (A[r * N + i] /= A[i * N + i]);
+        if (x) for (let c = i + 1; c <= right; c++) A[r * N + c] -= x * A[i * N + c];
+      }
+    }
+    return (b) => {
+      const x = b.slice();
+      for (let i = 0; i < N; i++) {
+        [x[i], x[pivots[i]]] = [x[pivots[i]], x[i]];
+        for (let r = i + 1; r <= Math.min(N - 1, i + band); r++) x[r] -= A[r * N + i] * x[i];
+      }
+      for (let i = N - 1; i >= 0; i--) {
+        for (let c = i + 1; c <= Math.min(N - 1, i + 2 * band); c++) x[i] -= A[i * N + c] * x[c];
+        x[i] /= A[i * N + i];
+      }
+      return x;
+    };
+  }
+
+  // The number of negative eigenvalues of a symmetric A: the signs of its pivots (Sylvester).
+  function negative(A, N, band) {
+    let count = 0;
+    for (let i = 0; i < N; i++) {
+      const pivot = A[i * N + i] || Number.MIN_VALUE, last = Math.min(N - 1, i + band);
+      count += pivot < 0;
+      for (let r = i + 1; r <= last; r++) {
+        const x = A[r * N + i] / pivot;
+        if (x) for (let c = i + 1; c <= last; c++) A[r * N + c] -= x * A[i * N + c];
+      }
+    }
+    return count;
+  }
+
+  const dot = (a, b) => a.reduce((sum, x, i) => sum + x * b[i], 0);
+  const largest = (row) => row.reduce((most, x) => (Math.abs(x) <= most ? most : Math.abs(x)), 0); // NaN is
+
+  // -- the action
+
+  class Action {
+    // `data` is that of `figure.py`; `duration` and `p`, the packed parameters, may be changed.
+    constructor(data) {
+      const { law, rule, elements } = data;
+      Object.assign(this, { data, n: law.n, m: law.m, forced: law.forced, elements });
+      this.degree = rule.nodes.length - 1;
+      this.count = elements * this.degree + 1; // nodes
+      this.first = compiled(law.first);
+      this.second = compiled(law.second);
+      this.sizes = data.sizes; // of the coordinates
+      this.start = data.start;
+      this.duration = data.duration;
+      this.p = Float64Array.from(data.p);
+      this.ends = [data.q0, data.q1].map((row) => Array.from(row)); // null where it is free
+      this.shares = Array.from({ length: this.count }, (_, k) => {
+        const e = Math.min(Math.floor(k / this.degree), elements - 1);
+        return (e + (1 + rule.nodes[k - e * this.degree]) / 2) / elements;
+      });
+    }
+
+    get half() { return this.duration / this.elements / 2; }
+    times() { return this.shares.map((s) => this.start + s * this.duration); }
+    node(e, k) { return e * this.degree + k; }
+    row(Q, k) { return Q.subarray(k * this.n, (k + 1) * this.n); }
+    pinned(k) {
+      const end = k === 0 ? 0 : k === this.count - 1 ? 1 : -1;
+      return Array.from({ length: this.n }, (_, i) => end >= 0 && this.ends[end][i] !== null);
+    }
+
+    // Weights of the nodes in the whole sum.
+    weights() {
+      const found = new Float64Array(this.count);
+      for (let e = 0; e < this.elements; e++)
+        this.data.rule.weights.forEach((w, k) => (found[this.node(e, k)] += w * this.half));
+      return found;
+    }
+
+    // Coordinates and velocity at node k of element e, into q and v.
+    place(Q, e, k, q, v) {
+      const { derivative } = this.data.rule, first = this.node(e, 0) * this.n;
+      for (let i = 0; i < this.n; i++) {
+        const origin = Q[first + i];
+        let rate = 0;
+        for (let j = 1; j <= this.degree; j++) rate += derivative[k][j] * (Q[first + j * this.n + i] - origin);
+        q[i] = Q[first + k * this.n + i];
+        v[i] = rate / this.half;
+      }
+    }
+
+    time(e, k) { return this.start + this.half * (2 * e + 1 + this.data.rule.nodes[k]); }
+
+    // S, and into g (K n) its gradient with the virtual work of the forces.
+    value(Q, g) {
+      const { weights, derivative } = this.data.rule, { n, half } = this;
+      const q = new Float64Array(n), v = new Float64Array(n), x = [q, v, [0], this.p];
+      let S = 0;
+      if (g) g.fill(0);
+      for (let e = 0; e < this.elements; e++)
+        for (let k = 0; k <= this.degree; k++) {
+          this.place(Q, e, k, q, v);
+          x[2][0] = this.time(e, k);
+          const [L, Lq, Lv, force] = this.first.at(x), w = weights[k];
+          S += half * w * L[0];
+          if (!g) continue;
+          const here = this.node(e, k) * n, base = this.node(e, 0) * n;
+          for (let i = 0; i < n; i++) {
+            g[here + i] += half * w * (Lq[i] + (force.length ? force[i] : 0));
+            for (let j = 0; j <= this.degree; j++) g[base + j * n + i] += w * derivative[k][j] * Lv[i];
+          }
+        }
+      return S;
+    }
+
+    // The path at `parts` equal steps of every element: rows of t, q and v.
+    seen(Q, parts = Math.ceil(SEEN / this.elements)) {
+      const { n, degree, elements } = this, q = new Float64Array(n), rows = [];
+      const basis = Array.from({ length: parts + 1 }, (_, i) => this.basis((2 * i) / parts - 1));
+      const rates = Array.from({ length: degree + 1 }, () => new Float64Array(n));
+      for (let e = 0; e < elements; e++) {
+        for (let k = 0; k <= degree; k++) this.place(Q, e, k, q, rates[k]);
+        for (let i = +(e > 0); i <= parts; i++) {
+          const at = new Float64Array(n), v = new Float64Array(n);
+          basis[i].forEach((c, k) => { for (let j = 0; j < n; j++) { at[j] += c * Q[this.node(e, k) * n + j]; v[j] += c * rates[k][j]; } });
+          rows.push({ t: this.start + 2 * this.half * (e + i / parts), q: at, v });
+        }
+      }
+      return rows;
+    }
+
+    // The values at x of the polynomials that are one at one node.
+    basis(x) {
+      const { nodes, barycentric } = this.data.rule, at = nodes.findIndex((y) => Math.abs(y - x) < 1e-14);
+      if (at >= 0) return nodes.map((_, k) => +(k === at));
+      const terms = nodes.map((y, k) => barycentric[k] / (x - y)), sum = terms.reduce((a, b) => a + b);
+      return terms.map((c) => c / sum);
+    }
+
+    // [t, L] along what is `seen`.
+    along(rows) { return rows.map(({ t, q, v }) => [t, this.first.at([q, v, [t], this.p])[0][0]]); }
+
+    // The Hessian of S + sum w lam f, with the derivatives of the forces, (K n)^2; `kinetic` only
+    // what d2L/dv2 makes of it.
+    hessian(Q, lam, kinetic = false) {
+      const { weights, derivative } = this.data.rule, { n, half, degree } = this, N = this.count * n;
+      const q = new Float64Array(n), v = new Float64Array(n), none = new Float64Array(this.m);
+      const x = [q, v, [0], this.p, none], A = new Float64Array(N * N), [W, forces, , curved] = this.second.places;
+      for (let e = 0; e < this.elements; e++)
+        for (let k = 0; k <= degree; k++) {
+          this.place(Q, e, k, q, v);
+          x[2][0] = this.time(e, k);
+          if (lam) x[4] = lam.subarray(this.node(e, k) * this.m, (this.node(e, k) + 1) * this.m);
+          const out = this.second.at(x), w = half * weights[k], base = this.node(e, 0) * n, slope = derivative[k];
+          const add = (a, b, value) => { // derivative by q or v (from n on) number a, and b
+            if (kinetic && (a < n || b < n)) return;
+            const from = a < n ? [k, k] : [0, degree], to = b < n ? [k, k] : [0, degree];
+            for (let i = from[0]; i <= from[1]; i++) {
+              const left = w * value * (a < n ? 1 : slope[i] / half), row = base + i * n + (a % n);
+              for (let j = to[0]; j <= to[1]; j++) A[row * N + base + j * n + (b % n)] += left * (b < n ? 1 : slope[j] / half);
+            }
+          };
+          const both = ([rows, cols], values) => {
+            for (let i = 0; i < values.length; i++) {
+              add(rows[i], cols[i], values[i]);
+              if (rows[i] !== cols[i]) add(cols[i], rows[i], values[i]);
+            }
+          };
+          both(W, out[0]);
+          if (kinetic) continue;
+          for (let i = 0; i < out[1].length; i++) add(forces[0][i], forces[1][i], out[1][i]);
+          if (lam) both(curved, out[3]);
+        }
+      return A;
+    }
+
+    // -- constraints, node by node
+
+    // f and G at a node, as plain rows.
+    surface(Q, k) {
+      const q = this.row(Q, k), still = new Float64Array(this.n), t = [this.start + this.shares[k] * this.duration];
+      const f = Array.from(this.first.at([q, still, t, this.p])[4]);
+      const G = f.map(() => new Float64Array(this.n)), [rows, cols] = this.second.places[2];
+      const values = this.second.at([q, still, t, this.p, new Float64Array(this.m)])[2];
+      for (let i = 0; i < values.length; i++) G[rows[i]][cols[i]] = values[i];
+      return { f, G };
+    }
+
+    // Of the coordinates free at node k, in units of their sizes: orthonormal rows `normal` that
+    // span the constraints' gradients, G = lower normal, and `tangent` rows across them.
+    plane(Q, k, free = this.pinned(k).map((x) => !x)) {
+      const { f, G } = this.m ? this.surface(Q, k) : { f: [], G: [] }, normal = [], lower = [], kept = [];
+      const clean = (x, rows) => { // twice: once leaves round-off
+        for (let round = 0; round < 2; round++) for (const r of rows) { const c = dot(r, x); x.forEach((_, i) => (x[i] -= c * r[i])); }
+        return Math.sqrt(dot(x, x));
+      };
+      G.forEach((g, row) => {
+        const x = g.map((value, i) => (free[i] ? value * this.sizes[i] : 0)), scaled = x.slice(), size = Math.sqrt(dot(x, x));
+        const left = clean(x, normal);
+        if (left <= DEPENDENT * size || !size) return;
+        normal.push(x.map((value) => value / left));
+        lower.push(normal.map((r) => dot(r, scaled)));
+        kept.push(row);
+      });
+      const tangent = [], wanted = free.filter(Boolean).length - normal.length;
+      const axes = free.map((yes, i) => (yes ? Float64Array.from(free, (_, j) => +(i === j)) : null)).filter(Boolean);
+      if (!normal.length) return { normal, lower, kept, tangent: axes, f: [] };
+      while (tangent.length < wanted) { // the axis that is least known, so far
+        const rest = axes.map((axis) => { const x = axis.slice(); return [clean(x, [...normal, ...tangent]), x]; });
+        const [left, x] = rest.reduce((a, b) => (b[0] > a[0] + 1e-6 ? b : a));
+        tangent.push(x.map((value) => value / left));
+      }
+      return { normal, lower, kept, tangent, f: kept.map((row) => f[row]) };
+    }
+
+    planes(Q) { return this.shares.map((_, k) => this.plane(Q, k)); }
+
+    // Move each node onto the surface, along its normals; false where there is none near.
+    project(Q) {
+      if (!this.m) return true;
+      for (let k = 0; k < this.count; k++) {
+        let size = Infinity;
+        for (let round = 0; round < 30 && size > 1e-14; round++) {
+          const { normal, lower, f } = this.plane(Q, k), c = [];
+          lower.forEach((row, i) => c.push((-f[i] - dot(row.slice(0, i), c)) / row[i]));
+          let step = 0;
+          for (let i = 0; i < this.n; i++) {
+            const by = normal.reduce((sum, r, j) => sum + r[i] * c[j], 0);
+            step = Math.max(step, Math.abs(by));
+            Q[k * this.n + i] += by * this.sizes[i];
+          }
+          if (!(step < size) && round > 20) break;
+          size = step;
+        }
+        if (!(size < 1e-9)) return false;
+      }
+      return true;
+    }
+
+    // The multipliers (K, m) that come nearest to g + w G' lam = 0.
+    multipliers(g, planes) {
+      const found = new Float64Array(this.count * this.m), w = this.weights();
+      planes.forEach(({ normal, lower, kept }, k) => {
+        const mu = normal.map((r) => -r.reduce((sum, x, i) => sum + x * this.sizes[i] * g[k * this.n + i], 0) / w[k]);
+        for (let i = mu.length - 1; i >= 0; i--) {
+          let sum = mu[i];
+          for (let j = i + 1; j < mu.length; j++) sum -= lower[j][i] * found[k * this.m + kept[j]];
+          found[k * this.m + kept[i]] = sum / lower[i][i];
+        }
+      });
+      return found;
+    }
+
+    // Where the unknowns of each node begin, one for each tangent, and how many there are.
+    offsets(planes) {
+      const found = [0];
+      for (const { tangent } of planes) found.push(found[found.length - 1] + tangent.length);
+      return found;
+    }
+
+    reduced(g, planes) {
+      return Float64Array.from(planes.flatMap(({ tangent }, k) =>
+        tangent.map((z) => z.reduce((sum, x, i) => sum + x * this.sizes[i] * g[k * this.n + i], 0))));
+    }
+
+    // Z' A Z for bases of rows and columns at each node.
+    within(A, left, right = left) {
+      const { n, degree, count } = this, N = count * n, a = this.offsets(left), b = this.offsets(right);
+      const M = b[count], R = new Float64Array(a[count] * M);
+      const scaled = (planes) => planes.map(({ tangent }) => tangent.map((z) => z.map((x, i) => x * this.sizes[i])));
+      const Y = scaled(left), Z = scaled(right), half = new Float64Array(n);
+      for (let k = 0; k < count; k++)
+        for (let r = 0; r < Y[k].length; r++)
+          for (let l = Math.max(0, k - degree); l <= Math.min(count - 1, k + degree); l++) {
+            half.fill(0);
+            for (let i = 0; i < n; i++) {
+              const y = Y[k][r][i];
+              if (y) for (let j = 0; j < n; j++) half[j] += y * A[(k * n + i) * N + l * n + j];
+            }
+            for (let s = 0; s < Z[l].length; s++) R[(a[k] + r) * M + b[l] + s] = dot(Z[l][s], half);
+          }
+      return R;
+    }
+
+    // Unknowns of one element and of one node more: the rows of a motion are shifted by one.
+    band(planes) { return (this.degree + 2) * Math.max(...planes.map(({ tangent }) => tangent.length)); }
+
+    // Q moved by y along the tangents, and back onto the surface; null where it cannot be.
+    moved(Q, planes, y, by = 1) {
+      const found = Q.slice(), at = this.offsets(planes);
+      planes.forEach(({ tangent }, k) => tangent.forEach((z, r) => {
+        for (let i = 0; i < this.n; i++) found[k * this.n + i] += by * y[at[k] + r] * z[i] * this.sizes[i];
+      }));
+      return this.project(found) ? found : null;
+    }
+
+    // How far a path is from stationary, an action: duration times the mean of missing force and size.
+    slope(Q, g = this.gradient(Q), planes = this.planes(Q)) {
+      const w = this.weights(), at = this.offsets(planes), r = this.reduced(g, planes);
+      let sum = 0;
+      for (let k = 0; k < this.count; k++) {
+        const mass = w[k] / this.duration + +(k === 0 || k === this.count - 1);
+        for (let i = at[k]; i < at[k + 1]; i++) sum += r[i] ** 2 / mass;
+      }
+      return Math.sqrt(sum);
+    }
+
+    gradient(Q) {
+      const g = new Float64Array(this.count * this.n);
+      this.value(Q, g);
+      return g;
+    }
+
+    // The force missing at the nodes, as rows of one coordinate each; what constraints provide is not.
+    missing(Q) {
+      const g = this.gradient(Q), w = this.weights(), planes = this.m ? this.planes(Q) : null;
+      if (planes) {
+        const lam = this.multipliers(g, planes);
+        planes.forEach((_, k) => this.surface(Q, k).G.forEach((row, c) =>
+          row.forEach((x, i) => (g[k * this.n + i] += w[k] * x * lam[k * this.m + c]))));
+      }
+      return Array.from({ length: this.n }, (_, i) => Array.from(w, (x, k) => (k && k < this.count - 1 ? -g[k * this.n + i] / x : 0)));
+    }
+
+    // The straight line between the events; a free end keeps the other's.
+    straight() {
+      const Q = new Float64Array(this.count * this.n);
+      this.shares.forEach((s, k) => {
+        for (let i = 0; i < this.n; i++) {
+          const [a, b] = [0, 1].map((end) => this.ends[end][i] ?? this.ends[1 - end][i] ?? 0);
+          Q[k * this.n + i] = a + s * (b - a);
+        }
+      });
+      return Q;
+    }
+
+    // -- Newton's method
+
+    // The stationary path near Q, or null. Steps are shortened until the next one, by the same
+    // matrix, is shorter than this one: Deuflhard's natural test (Newton Methods, section 3.3).
+    // `sides` gives the planes of rows and columns, `force` is added to the gradient.
+    newton(Q, { steps = STEPS, sides = (P) => [P, P], force = null, follow = null } = {}) {
+      Q = Q.slice();
+      if (!this.project(Q)) return null;
+      for (let k = 0; k < steps; k++) {
+        const g = this.gradient(Q);
+        if (force) force.forEach((x, i) => (g[i] += x));
+        const [rows, cols] = sides(this.planes(Q), Q);
+        const lam = this.m ? this.multipliers(g, this.planes(Q)) : null;
+        const r = this.reduced(g, rows).map((x) => -x);
+        const backward = factored(this.within(this.hessian(Q, lam), rows, cols), r.length, this.band(cols));
+        const y = backward(r), size = largest(y);
+        if (!Number.isFinite(size)) return null;
+        const last = size < CLOSE;
+        let t = Math.min(1, 2 / size), ahead = null; // no coordinate by more than twice its size
+        for (let h = 0; h < HALVINGS; h++, t /= 2) {
+          ahead = this.moved(Q, cols, y, t);
+          if (!ahead || last) { if (last) break; continue; }
+          const next = this.gradient(ahead);
+          if (force) force.forEach((x, i) => (next[i] += x));
+          const there = sides(this.planes(ahead), ahead)[0];
+          const after = largest(backward(this.reduced(next, there)));
+          if (after <= (1 - t / 4) * size || (size < 1e-7 && after < 1e-7)) break;
+          ahead = null;
+        }
+        if (!ahead) return size < 1e-8 ? Q : null;
+        Q = ahead;
+        if (follow) follow(Q);
+        if (last) return Q;
+      }
+      return null;
+    }
+
+    // Kind and index of the action at a path.
+    index(Q) {
+      const planes = this.planes(Q), g = this.gradient(Q), lam = this.m ? this.multipliers(g, planes) : null;
+      const A = this.within(this.hessian(Q, lam), planes), N = this.offsets(planes)[this.count];
+      const kinetic = this.within(this.hessian(Q, null, true), planes);
+      const [below, above] = [FLAT, -FLAT].map((by) => {
+        const B = A.map((x, i) => x + by * kinetic[i]);
+        return negative(B, N, this.band(planes));
+      });
+      const index = below;
+      return { kind: below !== above ? "degenerate" : index ? "saddle" : "minimum", index };
+    }
+
+    // One step downhill in S, in the metric of the kinetic energy; null where none goes down.
+    descend(Q, longest = 0.5) {
+      const planes = this.planes(Q), g = new Float64Array(Q.length), S = this.value(Q, g), r = this.reduced(g, planes);
+      const K = this.within(this.hessian(Q, null, true), planes);
+      const y = factored(K, r.length, this.band(planes))(r.map((x) => -x)), falls = dot(r, y);
+      if (!(falls < 0)) return null;
+      const size = largest(y);
+      for (let t = Math.min(longest, 0.1 / size); t > 1e-6; t /= 2) {
+        const ahead = this.moved(Q, planes, y, t);
+        if (ahead && this.value(ahead) < S + 1e-4 * t * falls) return ahead;
+      }
+      return null;
+    }
+
+    // -- motions from the start: the same equations, with the first momentum given
+
+    // Of a stationary path: minus its gradient at the start.
+    momentum(Q) { return this.gradient(Q).slice(0, this.n).map((x) => -x); }
+
+    // The motion with this momentum at the start over the present duration, near Q; null if none.
+    motion(Q, p0) {
+      const force = new Float64Array(Q.length);
+      force.set(p0);
+      const ends = this.ends, all = Array.from({ length: this.n }, () => true);
+      this.ends = [Array.from(this.row(Q, 0)), all.map(() => null)];
+      const rows = (P, at) => [this.plane(at, 0, all), ...P.slice(1, -1), { tangent: [] }];
+      const cols = (P) => [{ ...P[0], tangent: [] }, ...P.slice(1)];
+      const found = this.newton(Q, { force, steps: 12, sides: (P, at) => [rows(P, at), cols(P)] });
+      this.ends = ends;
+      return found;
+    }
+
+    // A path at shares of its duration, beyond the end along its last velocity.
+    sample(Q, share) {
+      const { n, elements, degree } = this, e = Math.min(elements - 1, Math.max(0, Math.floor(share * elements)));
+      const x = 2 * (share * elements - e) - 1, q = new Float64Array(n), v = new Float64Array(n);
+      this.basis(Math.min(x, 1)).forEach((c, k) => { for (let i = 0; i < n; i++) q[i] += c * Q[this.node(e, k) * n + i]; });
+      if (x > 1) {
+        this.place(Q, e, degree, new Float64Array(n), v);
+        v.forEach((rate, i) => (q[i] += rate * (x - 1) * this.half));
+      }
+      return q;
+    }
+  }
+
+  return { Action, compiled, erf };
+})();

@@ -1,0 +1,827 @@
+// A trial path under the reader's hand. What is computed stands in action.js; here are the
+// panels, the handles and what the buttons do.
+(() => {
+  "use strict";
+  const NS = "http://www.w3.org/2000/svg";
+  const STEP = 0.02, FINE = 0.1; // of the picture, for one key; with shift
+  const REACH = 1.5, CURVE = 41; // alpha to either side; points of S(alpha)
+  const ROOM = 0.45; // around a path, to drag into, of its extent
+  const SLOW = 0.15, MOST = 400; // of a step downhill; steps
+  const AWAY = 12; // of the picture, where a path that runs away is let go
+  const SHOWING = 4; // seconds of the picture
+  const SNAP = 0.006; // of the slider: nearer than this to a conjugate time it is that time
+  const TURNS = 6, WHOLE = 0.3, ARROWS = 361, NEIGHBOURS = 31, WIDEST = 8; // of the sum over paths: data/phasors.py
+  const still = matchMedia("(prefers-reduced-motion: reduce)");
+  const { Action, compiled } = globalThis.actionopt;
+
+  const WORDS = {
+    path: "The path", lagrangian: "L along the path", alpha: "S along the present bend",
+    missing: "Missing force", square: (x) => `the area is S; one square is ${x}`,
+    solve: "Solve", relax: "Relax", hunt: "Let it hunt", bend: "Bend it", wave: "Make waves",
+    half: "Half the bend", restart: "Start over", stop: "Stop", show: "Show the motion", parameters: "Parameters",
+    duration: "Duration", coordinate: "Coordinate", at: (t) => `Path at t = ${t}`,
+    same: "as on the motion", more: (x) => `${x} more than on the motion`,
+    less: (x) => `${x} less than on the motion`, best: (x) => `best so far ${x}`,
+    minimum: "minimum", saddle: (k) => `saddle, index ${k}`, degenerate: "degenerate: the end is conjugate to the start",
+    slope: (here, there) => `first order: slope ${here} on your path, ${there} on the motion`,
+    slopes: (here, there) => `first order: slope ${here} on your path, ${there} on the straight line`,
+    steepest: (x) => `first order: the steepest slope of S is ${x} here`,
+    distance: (x) => `distance from the Lagrange\u2013d\u2019Alembert equations: ${x}`,
+    forced: "a force without a potential acts: no action is stationary",
+    solved: (k) => `Newton\u2019s method, ${k === 1 ? "one step" : `${k} steps`}: here the slope is zero in every direction.`,
+    elsewhere: "No stationary path was found near yours; this one is elsewhere.",
+    lost: "The motion could not be followed farther.",
+    none: "No motion was found near the former one with these numbers.",
+    halved: (a, b, r) => `Half the bend: the change of S went from ${a} to ${b}, ${r} of it.`,
+    quarter: " A quarter: on the motion nothing is left of the first order.",
+    straighten: " Half would be first order: the straight line is not stationary.",
+    hint: "Drag a handle. The motion is hidden until you ask for it.",
+    nothing: "The path is not bent. Drag a handle, or press \u201cBend it\u201d.",
+    arrived: "Downhill as far as it goes: this is a path of least action among its neighbours.",
+    runs: "The path runs away and S falls without end: the motion is on no valley\u2019s floor.",
+    level: "The slope is zero here: bend the path a little, and let go.",
+    hunted: (k) => `The machine moved one handle at a time, ${k} trials, and kept what lowered S.`,
+    picture: "What moves", film: "What moves, on the motion", play: "Play", pause: "Pause", clock: (t) => `t = ${t}`,
+    sum: "Sum over paths", hbar: "\u0127", neighbours: "Neighbours, coloured by the phase of exp(iS/\u0127)", arrows: "An arrow exp(iS/\u0127) for each, end to end",
+    turned: (found, known) => `The sum of all arrows is turned by ${found}\u00b0; by ${known}\u00b0 for small \u0127.`,
+    focus: "At the focus S does not change to second order: all the neighbours agree, and the sum is as long as it gets.",
+  };
+
+  const element = (parent, name, look, text) => {
+    const made = document.createElementNS(NS, name);
+    if (look) made.setAttribute("class", look);
+    if (text) made.textContent = text;
+    parent.append(made);
+    return made;
+  };
+  const html = (parent, name, attributes = {}, text = "") => {
+    const made = document.createElement(name);
+    for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+    made.textContent = text;
+    parent.append(made);
+    return made;
+  };
+  const put = (made, attributes) => {
+    for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
+  };
+  const minus = (text) => text.replace("e", "\u00d710^").replace(/-/g, "\u2212").replace(/\^(\u2212?)\+?(\d+)/, (_, s, d) =>
+    [...(s ? "\u207b" : ""), ...[...d].map((x) => "\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079"[x])].join(""));
+  // A number in so many digits, as small as nothing beside `size` if it is.
+  const written = (x, digits = 4, size = 0) => {
+    if (!Number.isFinite(x)) return "\u2014";
+    if (Math.abs(x) <= 1e-9 * size || x === 0) return "0";
+    const large = Math.abs(x) >= 1e5 || Math.abs(x) < 1e-3;
+    return minus(large ? x.toExponential(Math.max(0, digits - 2)) : String(Number(x.toPrecision(digits))));
+  };
+  const fixed = (x, places) => minus((Math.abs(x) < 0.5 * 10 ** -places ? 0 : x).toFixed(places));
+  const nice = (x) => { // 1, 2 or 5 times a power of ten, at least x
+    const power = 10 ** Math.floor(Math.log10(x));
+    return power * ([1, 2, 5, 10].find((k) => k * power >= x * 0.999) ?? 10);
+  };
+  const span = (rows) => rows.reduce(([a, b], x) => (Number.isFinite(x) ? [Math.min(a, x), Math.max(b, x)] : [a, b]), [Infinity, -Infinity]);
+
+  // B-splines of degree 3, knots at the handles: the bend of one handle ends two handles away.
+  const spline = (x) => {
+    const y = Math.abs(x);
+    return y >= 2 ? 0 : y >= 1 ? (2 - y) ** 3 / 6 : 2 / 3 - y * y + y ** 3 / 2;
+  };
+
+  // A panel: axes with their own scale, which stays while a pointer is down.
+  class Panel {
+    constructor(parent, title, look, height) {
+      this.box = html(parent, "div", { class: `panel ${look}` });
+      this.title = html(this.box, "p", { class: "panel-title" }, title);
+      this.svg = element(this.box, "svg");
+      this.height = height;
+      this.back = element(this.svg, "g", "back");
+      const clip = element(this.svg, "clipPath");
+      clip.id = `clip-${(Panel.count = (Panel.count ?? 0) + 1)}`;
+      this.frame = element(clip, "rect");
+      this.lines = element(this.svg, "g", "lines");
+      this.lines.setAttribute("clip-path", `url(#${clip.id})`);
+      this.marks = element(this.svg, "g", "marks");
+    }
+
+    layout() {
+      const width = Math.max(240, this.svg.clientWidth), height = this.height(width);
+      put(this.svg, { viewBox: `0 0 ${width} ${height}`, height });
+      Object.assign(this, { left: 50, right: width - 12, top: 24, bottom: height - 30 });
+      put(this.frame, { x: this.left, y: this.top - 6, width: this.right - this.left, height: this.bottom - this.top + 8 });
+    }
+
+    scale(x, y, equal = false) {
+      let a = (this.right - this.left) / (x[1] - x[0]), b = (this.bottom - this.top) / (y[1] - y[0]);
+      if (equal) a = b = Math.min(a, b);
+      const left = (this.left + this.right - a * (x[1] - x[0])) / 2, base = (this.top + this.bottom + b * (y[1] - y[0])) / 2;
+      this.X = (value) => left + a * (value - x[0]);
+      this.Y = (value) => base - b * (value - y[0]);
+      this.value = (px, py) => [(px - left) / a + x[0], (base - py) / b + y[0]];
+      this.unit = [a, b];
+      this.shown = { x: [this.value(this.left, 0)[0], this.value(this.right, 0)[0]], y: [this.value(0, this.bottom)[1], this.value(0, this.top)[1]] };
+    }
+
+    axes(across, up, grid = false) {
+      this.back.replaceChildren();
+      const { x, y } = this.shown, dx = nice(((x[1] - x[0]) * 66) / (this.right - this.left)), dy = nice(((y[1] - y[0]) * 30) / (this.bottom - this.top));
+      const label = (value, step) => written(Math.abs(value) < step / 2 ? 0 : value, Math.max(2, Math.ceil(Math.log10(Math.abs(value) / step || 1)) + 1));
+      for (let value = Math.ceil(x[0] / dx) * dx; value <= x[1] + 1e-9 * dx; value += dx) {
+        const at = this.X(value);
+        element(this.back, "path", grid ? "grid" : "axis").setAttribute("d", `M${at},${this.bottom}V${grid ? this.top : this.bottom + 4}`);
+        if (at < this.right - 10 - 7 * across.length) put(element(this.back, "text", "", label(value, dx)), { x: at, y: this.bottom + 18, "text-anchor": "middle" });
+      }
+      for (let value = Math.ceil(y[0] / dy) * dy; value <= y[1] + 1e-9 * dy; value += dy) {
+        const at = this.Y(value);
+        element(this.back, "path", grid ? "grid" : "axis").setAttribute("d", `M${this.left},${at}H${grid ? this.right : this.left - 4}`);
+        put(element(this.back, "text", "", label(value, dy)), { x: this.left - 7, y: at + 4, "text-anchor": "end" });
+      }
+      element(this.back, "path", "axis").setAttribute("d", `M${this.left},${this.top}V${this.bottom}H${this.right}`);
+      put(element(this.back, "text", "name", across), { x: this.right, y: this.bottom + 18, "text-anchor": "end" });
+      put(element(this.back, "text", "name", up), { x: 4, y: 12 });
+      this.cell = [dx, dy];
+    }
+
+    points(rows) { return rows.map(([x, y]) => `${this.X(x).toFixed(2)},${this.Y(y).toFixed(2)}`).join(" "); }
+  }
+
+  // How the system looks at one time, of any path or, where that is not known, of the motion alone.
+  class Picture extends Panel {
+    constructor(parent, title, data) {
+      super(parent, data.frames ? WORDS.film : title, "picture", (w) => Math.min(330, 0.8 * w));
+      this.data = data;
+      this.make = data.draw && compiled(data.draw);
+      let bodies = 0;
+      this.shapes = (data.frames ?? data.shapes).map(({ kind, count, points }) => {
+        const dot = (count ?? (data.frames ? points[0] : points).length) === 1;
+        return element(this.lines, dot ? "circle" : "polyline", kind === "body" ? `body b${bodies++ % 5}` : kind);
+      });
+      this.controls = html(this.box, "div", { class: "controls" });
+      this.button = html(this.controls, "button", { type: "button", "data-do": "play" }, WORDS.play);
+      this.input = html(this.controls, "input", { type: "range", min: 0, max: 1, step: "any", value: 0, "aria-label": title });
+      this.clock = html(this.controls, "span", { class: "clock" });
+    }
+
+    layout() {
+      super.layout();
+      Object.assign(this, { left: 8, right: this.svg.clientWidth - 8, top: 8, bottom: this.height(this.svg.clientWidth) - 8 });
+      put(this.frame, { x: 0, y: 0, width: this.right + 8, height: this.bottom + 8 });
+      const [a, b, c, d] = this.data.box, room = 0.15 * Math.max(b - a, d - c, 1e-9);
+      this.scale([a - room, b + room], [c - room, d + room], true);
+    }
+
+    show(share, q, t) {
+      const values = this.make ? this.make.at([q, [t]])[0] : null;
+      let at = 0;
+      (this.data.frames ?? this.data.shapes).forEach(({ kind, count, points, still }, i) => {
+        let rows = points;
+        if (count) rows = Array.from({ length: count }, () => [values[at++], values[at++]]);
+        else if (this.data.frames) {
+          const place = share * (points.length - 1), k = Math.min(Math.floor(place), points.length - 2);
+          rows = still ? points[0] : points[k].map(([x, y], j) => [x + (place - k) * (points[k + 1][j][0] - x), y + (place - k) * (points[k + 1][j][1] - y)]);
+        }
+        const shape = this.shapes[i];
+        if (rows.length === 1) put(shape, { cx: this.X(rows[0][0]), cy: this.Y(rows[0][1]), r: kind === "body" ? 7 : 3.5 });
+        else shape.setAttribute("points", this.points(kind === "spring" ? coil(rows, 7 / this.unit[0]) : rows));
+      });
+    }
+  }
+
+  const coil = ([a, b], width) => {
+    const turns = 9, dx = b[0] - a[0], dy = b[1] - a[1], side = width / (Math.hypot(dx, dy) || 1), rows = [a];
+    for (let k = 0; k < 2 * turns; k++) {
+      const along = 0.1 + (0.8 * (k + 0.5)) / (2 * turns), way = k % 2 ? -side : side;
+      rows.push([a[0] + along * dx - way * dy, a[1] + along * dy + way * dx]);
+    }
+    return [...rows, b];
+  };
+
+  function start(figure) {
+    const data = JSON.parse(figure.querySelector("script").textContent), W = { ...WORDS, ...data.words };
+    const A = new Action(data), { n, forced } = A, units = data.units, spans = data.spans;
+    const unit = (x, word) => (word ? `${x} ${word}` : x);
+    const energy = (x, digits = 4, size = 0) => unit(written(x, digits, size), units.action);
+    const every = data.elements / spans, knot = (j) => j * every * A.degree;
+    const free = (j, i) => !(j === 0 || j === spans) || A.ends[j ? 1 : 0][i] === null;
+
+    // -- what is known at one moment
+    let motion = { Q: Float64Array.from(data.answer), own: true }; // own: that of the numbers given
+    const begun = () => { // the straight line, where there is an action along it
+      const Q = A.straight();
+      return A.project(Q) && Number.isFinite(A.slope(Q)) ? Q : motion.Q.slice();
+    };
+    let first = begun(), trial, best = null, shown = "show" in figure.dataset, chosen = 0, held = null, busy = null, wide = false;
+    motion.p0 = A.momentum(motion.Q);
+    trial = first.slice();
+    const S = (Q) => A.value(Q);
+    const base = () => (shown ? motion.Q : first);
+    const plus = (Q, by, b) => {
+      const found = Q.map((x, i) => x + by * b[i]);
+      return A.project(found) ? found : null;
+    };
+    const bend = () => { const Q = base(); return trial.map((x, i) => x - Q[i]); };
+    const size = (b) => b.reduce((most, x, i) => Math.max(most, Math.abs(x) / data.sizes[i % n]), 0);
+
+    // -- the frame
+    const verdict = html(figure, "div", { class: "verdict" });
+    const output = html(verdict, "output", { class: "action" }), badge = html(verdict, "span", { class: "badge" });
+    const order = html(verdict, "p", { class: "order" });
+    const controls = html(figure, "div", { class: "controls" });
+    const buttons = {};
+    for (const name of ["solve", ...(forced ? [] : ["relax", "hunt"]), "bend", "wave", ...(forced ? [] : ["half"]), "restart"])
+      buttons[name] = html(controls, "button", { type: "button", "data-do": name }, W[name]);
+    const check = html(controls, "label", { class: "check" }), reveal = html(check, "input", { type: "checkbox" });
+    check.append(W.show);
+    const sliders = html(figure, "div", { class: "controls sliders" });
+    const slider = (parent, name, low, high, value) => {
+      const label = html(parent, "label"), text = html(label, "span", { class: "slider-name" }, name);
+      const track = html(label, "span", { class: "track" });
+      const input = html(track, "input", { type: "range", min: low, max: high, step: "any", "aria-label": name });
+      input.value = value;
+      return { label, text, input, track, clock: html(label, "span", { class: "clock" }) };
+    };
+    const time = slider(sliders, W.duration, 0.1 * data.duration, data.longest, data.duration);
+    time.input.dataset.duration = "";
+    const marks = html(time.track, "span", { class: "foci", "aria-hidden": "true" });
+    const message = html(figure, "p", { class: "message", role: "status" });
+    const panels = html(figure, "div", { class: "panels" });
+    const [left, right] = [0, 1].map(() => html(panels, "div", { class: "column" }));
+    const pathPanel = new Panel(left, W.path, "path", (w) => Math.min(370, 0.6 * w + 60));
+    const energyPanel = forced ? null : new Panel(left, W.lagrangian, "lagrangian", (w) => Math.min(240, 0.35 * w + 70));
+    const alphaPanel = forced ? null : new Panel(right, W.alpha, "alpha", (w) => Math.min(330, 0.75 * w + 40));
+    const missingPanel = new Panel(data.picture && !forced ? left : right, W.missing, "missing", (w) => Math.min(forced && !data.picture ? 370 : 220, 0.5 * w + 40));
+    const picture = data.picture ? new Picture(right, W.picture, data.picture) : null;
+    const all = [pathPanel, alphaPanel, energyPanel, missingPanel, picture].filter(Boolean);
+    const numbers = data.parameters.length ? html(figure, "details") : null;
+    if (numbers) html(numbers, "summary", {}, W.parameters);
+    const table = numbers && html(numbers, "div", { class: "controls sliders" });
+    data.parameters.forEach(({ name, place, value }) => {
+      const [low, high] = value ? [0.1 * value, 2.5 * value].sort((a, b) => a - b) : [-1, 1];
+      const made = slider(table, name, low, high, value);
+      made.input.dataset.parameter = name;
+      const say = () => (made.clock.textContent = written(A.p[place], 4));
+      made.input.addEventListener("input", () => { setParameter(place, Number(made.input.value)); say(); });
+      made.reset = () => { made.input.value = value; say(); };
+      (table.rows ??= []).push(made);
+      say();
+    });
+    const paths = forced ? null : html(figure, "details", { class: "sum" });
+    if (paths) {
+      html(paths, "summary", {}, W.sum);
+      paths.open = "sum" in figure.dataset;
+      paths.hbar = slider(html(paths, "div", { class: "controls sliders" }), W.hbar, -3, -0.3, -1.2);
+      const both = html(paths, "div", { class: "panels even" });
+      paths.near = new Panel(html(both, "div", { class: "column" }), W.neighbours, "near", (w) => Math.min(330, 0.7 * w + 40));
+      paths.spiral = new Panel(html(both, "div", { class: "column" }), W.arrows, "spiral", (w) => Math.min(330, 0.7 * w + 40));
+      paths.words = html(paths, "p", { class: "note", role: "status" });
+      for (const [parent, name, count, look] of [["near", "strands", NEIGHBOURS, ""], ["spiral", "turns", 24, ""]])
+        paths[name] = Array.from({ length: count }, () => element(paths[parent].lines, name === "turns" ? "path" : "g", look));
+      paths.truth = element(paths.near.lines, "g");
+      paths.total = element(paths.spiral.marks, "path", "total");
+      paths.limit = element(paths.spiral.marks, "path", "motion");
+      paths.hbar.input.addEventListener("input", sum);
+      paths.addEventListener("toggle", () => { layout(); });
+    }
+    const caption = figure.querySelector("figcaption");
+    if (caption) figure.append(caption);
+
+    // -- curves: pairs (x, y), or one coordinate against time
+    const pairs = data.pairs.length ? data.pairs : null;
+    const curves = () => pairs ?? [[null, chosen]];
+    if (!pairs && n > 1) {
+      const set = html(pathPanel.title, "span", { class: "chips", role: "radiogroup", "aria-label": W.coordinate });
+      data.coordinates.forEach(({ name }, i) => {
+        const label = html(set, "label"), input = html(label, "input", { type: "radio", name: `chosen-${data.name}-${Panel.count}` });
+        label.append(name);
+        input.checked = i === 0;
+        input.addEventListener("change", () => { chosen = i; rebuild(); });
+      });
+    }
+    const axis = (i) => unit(data.coordinates[i].name, data.coordinates[i].unit && `(${data.coordinates[i].unit})`);
+    const inTime = unit("t", units.time && `(${units.time})`);
+    const spot = (Q, k, [x, y]) => [x === null ? A.start + A.shares[k] * A.duration : Q[k * n + x], Q[k * n + y]];
+    const drawn = (rows, [x, y]) => rows.map(({ t, q }) => [x === null ? t : q[x], q[y]]);
+
+    let shapes = [], handles = [];
+    function rebuild() {
+      pathPanel.lines.replaceChildren();
+      pathPanel.marks.replaceChildren();
+      shapes = curves().map((pair, c) => ({
+        pair, truth: element(pathPanel.lines, "polyline", "motion"), line: element(pathPanel.lines, "polyline", `trial c${c % 5}`),
+        ends: [0, 1].map((end) => element(pathPanel.marks, "circle", end ? "event" : "event first")),
+      }));
+      handles = shapes.flatMap(({ pair }, c) => Array.from({ length: spans + 1 }, (_, j) => j)
+        .filter((j) => pair.some((i) => i !== null && free(j, i))).map((j) => handle(pair, c, j)));
+      fit(true);
+      draw();
+    }
+
+    // -- scales, which stay while a pointer is down
+    let view = null, levels = null, rises = null, forces = null;
+    const padded = ([a, b], room, least) => {
+      const extra = room * Math.max(b - a, least), middle = (a + b) / 2, half = Math.max(b - a, least) / 2;
+      return [middle - half - extra, middle + half + extra];
+    };
+    // Of values: kept where they fit and use a quarter of it, else ends on a step.
+    const range = (old, values, zero) => {
+      let [a, b] = span(values);
+      if (!(b > a)) [a, b] = Number.isFinite(a) ? [a - 1e-9 - 1e-6 * Math.abs(a), b + 1e-9 + 1e-6 * Math.abs(a)] : [-1, 1];
+      if (zero) [a, b] = [Math.min(a, 0), Math.max(b, 0)];
+      if (old && a >= old[0] && b <= old[1] && b - a >= (old[1] - old[0]) / 4) return old;
+      const step = nice((b - a) / 4);
+      return [Math.floor(a / step - 0.2) * step, Math.ceil(b / step + 0.2) * step];
+    };
+    function fit(anew = false) {
+      if (held !== null && !anew) return;
+      const seen = [motion.Q, trial, first].map((Q) => A.seen(Q, 4));
+      const rows = seen.flatMap((one) => curves().flatMap((pair) => drawn(one, pair)));
+      const y = span(rows.map((r) => r[1])), x = span(rows.map((r) => r[0]));
+      const most = Math.max(...curves().flat().filter((i) => i !== null).map((i) => data.sizes[i]));
+      const inside = view && rows.every(([a, b]) => a >= view.x[0] && a <= view.x[1] && b >= view.y[0] && b <= view.y[1]);
+      if (anew || !inside || wide !== view.wide) {
+        const right = wide ? data.longest : Math.max(A.duration, data.duration);
+        view = pairs ? { x: padded(x, ROOM, 0.3 * most), y: padded(y, ROOM, 0.3 * most) }
+          : { x: [A.start, A.start + right], y: padded(y, ROOM, 0.6 * most) };
+        view.wide = wide;
+      }
+    }
+
+    function layout() {
+      all.forEach((panel) => panel.layout());
+      if (paths?.open) for (const panel of [paths.near, paths.spiral]) panel.layout();
+      draw();
+    }
+
+    const truth = { L: energyPanel && element(energyPanel.lines, "polyline", "motion") };
+    const adds = energyPanel && element(energyPanel.lines, "path", "adds"), takes = energyPanel && element(energyPanel.lines, "path", "takes");
+    const parabola = alphaPanel && element(alphaPanel.lines, "polyline", "trial"), tangent = alphaPanel && element(alphaPanel.lines, "path", "tangent");
+    const now = alphaPanel && element(alphaPanel.lines, "path", "tangent here");
+    const dot = alphaPanel && element(alphaPanel.marks, "circle", "dot"), foot = alphaPanel && element(alphaPanel.marks, "circle", "event");
+    const lacking = data.coordinates.map((_, i) => element(missingPanel.lines, "polyline", `trial thin c${i % 5}`));
+    if (energyPanel) energyPanel.note = html(energyPanel.box, "p", { class: "note" });
+
+    function draw() {
+      if (!pathPanel.right) return;
+      fit();
+      const reference = S(motion.Q), value = S(trial), right = A.start + (wide ? data.longest : Math.max(A.duration, data.duration));
+      const mineSeen = A.seen(trial), exactSeen = shown ? A.seen(motion.Q) : [];
+      // the path
+      pathPanel.scale(view.x, view.y, Boolean(pairs));
+      const [x, y] = curves()[0];
+      pathPanel.axes(x === null ? inTime : axis(x), axis(y));
+      shapes.forEach(({ pair, truth: line, line: mine, ends }) => {
+        line.setAttribute("points", pathPanel.points(drawn(exactSeen, pair)));
+        mine.setAttribute("points", pathPanel.points(drawn(mineSeen, pair)));
+        [0, A.count - 1].forEach((k, end) => { const [a, b] = spot(trial, k, pair); put(ends[end], { cx: pathPanel.X(a), cy: pathPanel.Y(b), r: 5.5 }); });
+      });
+      handles.forEach((it) => it.place());
+      // S along the bend
+      let slopes = null, bare = false;
+      if (alphaPanel) {
+        let b = bend(), at = 1;
+        if (size(b) < 1e-7) { b = ripple(1); at = 0; bare = true; }
+        const from = base(), curve = [], along = (a) => { const Q = plus(from, a, b); return Q ? S(Q) : NaN; };
+        const count = held === null ? CURVE : 21;
+        for (let k = 0; k < count; k++) { const a = REACH * ((2 * k) / (count - 1) - 1); curve.push([a, along(a)]); }
+        const h = 1e-4, S0 = along(0), slope = (a) => (along(a + h) - along(a - h)) / (2 * h);
+        slopes = [slope(at), slope(0)];
+        if (held === null || !rises) rises = range(rises, curve.filter(([a]) => Math.abs(a) <= 1.25).map((r) => r[1]));
+        alphaPanel.scale([-REACH, REACH], rises);
+        alphaPanel.axes("\u03b1", unit("S", units.action && `(${units.action})`));
+        parabola.setAttribute("points", alphaPanel.points(curve.filter((r) => Number.isFinite(r[1]))));
+        const line = (a, s, g, reach) => `M${alphaPanel.X(a - reach)},${alphaPanel.Y(s - g * reach)}L${alphaPanel.X(a + reach)},${alphaPanel.Y(s + g * reach)}`;
+        tangent.setAttribute("d", line(0, S0, slopes[1], 1.2));
+        now.setAttribute("d", at ? line(1, value, slopes[0], 0.35) : "");
+        put(dot, { cx: alphaPanel.X(at), cy: Math.max(-20, Math.min(alphaPanel.bottom + 60, alphaPanel.Y(value))), r: 6 });
+        put(foot, { cx: alphaPanel.X(0), cy: alphaPanel.Y(S0), r: 4 });
+        // the Lagrangian, whose area is S
+        const L = A.along(mineSeen), exact = A.along(exactSeen);
+        if (held === null || !levels) levels = range(levels, [...L, ...exact].map((r) => r[1]), true);
+        energyPanel.scale([A.start, right], levels);
+        energyPanel.axes(inTime, unit("L", units.energy && `(${units.energy})`), true);
+        const cell = energyPanel.cell[0] * energyPanel.cell[1];
+        energyPanel.note.textContent = W.square(energy(cell, 3));
+        const area = (cut) => `M${energyPanel.points([[A.start, 0]])}L` + energyPanel.points(L.map(([t, l]) => [t, cut(l)])) + `L${energyPanel.points([[A.start + A.duration, 0]])}Z`;
+        adds.setAttribute("d", area((l) => Math.max(l, 0)));
+        takes.setAttribute("d", area((l) => Math.min(l, 0)));
+        truth.L.setAttribute("points", energyPanel.points(exact));
+        Object.assign(figure.dataset, { area: cell, pixels: energyPanel.unit[0] * energyPanel.unit[1] });
+      }
+      // the missing force
+      const missing = A.missing(trial), mine = pairs ? pairs.flat() : [chosen];
+      if (held === null || !forces) {
+        const reach = Math.max(...mine.flatMap((i) => Array.from(missing[i], Math.abs)), 1e-9 * (forces?.[1] ?? 1) + 1e-12);
+        const top = Math.max(1.1 * reach, (forces?.most ?? 0) / 8); // what vanishes is seen to vanish
+        forces = Object.assign([-top, top], { most: Math.max(top, forces?.most ?? 0) });
+      }
+      missingPanel.scale([A.start, right], forces);
+      missingPanel.axes(inTime, [...new Set(mine.map((i) => data.coordinates[i].force).filter(Boolean))].map((word) => `(${word})`).join(" "));
+      lacking.forEach((line, i) => line.setAttribute("points", mine.includes(i) ? missingPanel.points(Array.from(missing[i], (f, k) => [A.start + A.shares[k] * A.duration, f]).slice(1, -1)) : ""));
+      // words
+      const scale = Math.abs(reference) + Math.abs(value), rise = value - reference, distance = A.slope(trial);
+      const places = Math.max(0, Math.min(8, 4 - Math.floor(Math.log10(Math.max(scale, 1e-6)))));
+      const text = [["S", `S = ${unit(fixed(value, places), units.action)}`]];
+      if (!forced && shown) {
+        const same = Math.abs(rise) < 0.5 * 10 ** -places, by = energy(Math.abs(rise), 4);
+        text.push(same ? ["", W.same] : rise > 0 ? ["more", W.more(by)] : ["less", W.less(by)]);
+      } else if (!forced) {
+        best = best === null ? value : Math.min(best, value);
+        text.push(["", W.best(unit(fixed(best, places), units.action))]);
+      }
+      output.replaceChildren(...text.map(([look, words]) => { const part = document.createElement("span"); part.className = look; part.textContent = words; return part; }));
+      order.textContent = forced ? W.distance(energy(distance, 3, scale)) : bare ? W.steepest(energy(distance, 2, 10 * scale)) : (shown ? W.slope : W.slopes)(...slopes.map((s) => energy(s, 2, 10 * scale)));
+      verdictOf();
+      time.clock.textContent = unit(fixed(A.duration, 3), units.time);
+      time.input.setAttribute("aria-valuetext", time.clock.textContent);
+      sum();
+      show();
+      Object.assign(figure.dataset, { action: value, rise, slope: distance, duration: A.duration, best: best ?? "", bend: size(bend()) });
+    }
+
+    // -- the picture, and a mark of its time on the path and on L
+    let share = 0, playing = null;
+    const cursors = picture ? [pathPanel, energyPanel].filter(Boolean).map((panel) => element(panel.marks, "path", "cursor")) : [];
+    const places = picture ? element(pathPanel.svg, "g", "places") : null;
+    function show() { // at the share of the duration
+      if (!picture) return;
+      const Q = data.picture.frames ? motion.Q : trial, q = A.sample(Q, share), t = A.start + share * A.duration;
+      picture.show(share, q, t);
+      picture.clock.textContent = W.clock(unit(fixed(t, 2), units.time));
+      picture.input.value = share;
+      picture.input.setAttribute("aria-valuetext", picture.clock.textContent);
+      const moved = share > 0;
+      cursors.forEach((cursor, i) => {
+        const panel = i ? energyPanel : pathPanel;
+        cursor.setAttribute("d", moved && (i || !pairs) ? `M${panel.X(t)},${panel.top}V${panel.bottom}` : "");
+      });
+      places.replaceChildren(...(moved ? curves().map(([x, y], c) => {
+        const dot = document.createElementNS(NS, "circle");
+        put(dot, { class: `place c${c % 5}`, cx: pathPanel.X(x === null ? t : q[x]), cy: pathPanel.Y(q[y]), r: 5 });
+        return dot;
+      }) : []));
+    }
+    function play(yes) {
+      if (playing !== null) cancelAnimationFrame(playing);
+      playing = null;
+      picture.button.textContent = yes ? W.pause : W.play;
+      if (!yes) return;
+      if (share >= 1) share = 0;
+      let before = performance.now();
+      const tick = (now) => {
+        share = Math.min(1, share + Math.max(0, now - before) / 1000 / SHOWING);
+        before = now;
+        show();
+        if (share >= 1) play(false);
+        else playing = requestAnimationFrame(tick);
+      };
+      playing = requestAnimationFrame(tick);
+    }
+    if (picture) {
+      picture.button.addEventListener("click", () => play(playing === null));
+      picture.input.addEventListener("input", () => { play(false); share = Number(picture.input.value); show(); });
+    }
+
+    // -- the sum over paths, along the present bend or half a wave
+    function sum() {
+      if (!paths?.open || held !== null) return;
+      const Q = motion.Q, wave = ripple(1), mine = trial.map((x, i) => x - Q[i]);
+      const b = size(mine) < 1e-7 ? wave : mine.map((x) => (x * size(wave)) / size(mine));
+      const S0 = S(Q), along = (a) => { const moved = plus(Q, a, b); return moved ? S(moved) - S0 : NaN; };
+      const h = 1e-3, second = (along(h) + along(-h)) / (h * h), unitOf = (paths.unit ??= Math.abs(second) || 1);
+      const hbar = unitOf * 10 ** Number(paths.hbar.input.value), reach = Math.min(WIDEST, Math.sqrt((4 * Math.PI * TURNS * hbar) / Math.abs(second)));
+      paths.hbar.clock.textContent = energy(hbar, 2);
+      const whole = (x) => { // falls smoothly from 1 to 0 towards the ends
+        const u = (Math.abs(x) - WHOLE) / (1 - WHOLE);
+        return u <= 0 ? 1 : u >= 1 ? 0 : 1 / (1 + Math.exp(1 / (1 - u) - 1 / u));
+      };
+      const hue = (phase) => `hsl(${(((phase * 180) / Math.PI) % 360).toFixed(0)} 70% 50%)`, step = (2 * reach) / (ARROWS - 1);
+      const ends = [[0, 0]], phases = [];
+      for (let k = 0; k < ARROWS; k++) {
+        const a = reach * ((2 * k) / (ARROWS - 1) - 1), rise = along(a), [x, y] = ends[k];
+        if (!Number.isFinite(rise)) { ends.push([x, y]); phases.push(0); continue; }
+        const long = step * whole(a / reach);
+        phases.push(rise / hbar);
+        ends.push([x + long * Math.cos(rise / hbar), y + long * Math.sin(rise / hbar)]);
+      }
+      const total = ends[ARROWS], limit = second > 0 ? 45 : -45, length = Math.sqrt((2 * Math.PI * hbar) / Math.abs(second));
+      const known = [length * Math.SQRT1_2, Math.sign(second) * length * Math.SQRT1_2];
+      // the neighbours
+      const near = paths.near, [x, y] = curves()[0];
+      near.scale(view.x, view.y, Boolean(pairs));
+      near.axes(x === null ? inTime : axis(x), axis(y));
+      const curve = (group, rows, look, colour) => group.replaceChildren(...curves().map((pair) => {
+        const line = document.createElementNS(NS, "polyline");
+        put(line, { points: near.points(drawn(rows, pair)), class: look, ...(colour && { style: `stroke: ${colour}` }) });
+        return line;
+      }));
+      paths.strands.forEach((group, k) => {
+        const a = 0.4 * reach * ((2 * k) / (NEIGHBOURS - 1) - 1), moved = plus(Q, a, b);
+        if (moved) curve(group, A.seen(moved, 6), "strand", hue((S(moved) - S0) / hbar));
+        else group.replaceChildren();
+      });
+      curve(paths.truth, A.seen(Q, 6), "trial truth");
+      // the arrows
+      const spiral = paths.spiral, [a, c] = span([...ends.map((e) => e[0]), known[0]]), [d, e] = span([...ends.map((p) => p[1]), known[1]]);
+      spiral.scale(padded([a, c], 0.12, 1e-9), padded([d, e], 0.12, 1e-9), true);
+      spiral.axes("Re", "Im");
+      paths.turns.forEach((line, k) => {
+        const from = Math.round((k * ARROWS) / 24), to = Math.round(((k + 1) * ARROWS) / 24);
+        put(line, { d: `M${spiral.points(ends.slice(from, to + 1)).replace(/ /g, "L")}`, class: "arrows" });
+      });
+      const arrow = ([u, v]) => {
+        const [px, py, qx, qy] = [spiral.X(0), spiral.Y(0), spiral.X(u), spiral.Y(v)], way = Math.atan2(qy - py, qx - px);
+        const tip = (by) => `M${qx},${qy}L${qx - 11 * Math.cos(way + by)},${qy - 11 * Math.sin(way + by)}`;
+        return `M${px},${py}L${qx},${qy}${tip(0.4)}${tip(-0.4)}`;
+      };
+      paths.total.setAttribute("d", arrow(total));
+      paths.limit.setAttribute("d", `M${spiral.X(0)},${spiral.Y(0)}L${spiral.X(known[0])},${spiral.Y(known[1])}`);
+      const degrees = (Math.atan2(total[1], total[0]) * 180) / Math.PI, signed = (x) => (x > 0 ? "+" : "") + fixed(x, 0);
+      paths.words.textContent = reach >= WIDEST ? W.focus : W.turned(signed(degrees), signed(limit));
+      Object.assign(figure.dataset, { turned: degrees, sum: Math.hypot(...total), limit: length });
+    }
+
+    // -- what the motion is
+    function verdictOf() {
+      if (forced) { badge.textContent = W.forced; figure.dataset.kind = "forced"; return; }
+      badge.hidden = !shown;
+      if (motion.verdict?.T !== A.duration || motion.verdict.Q !== motion.Q) motion.verdict = { ...A.index(motion.Q), T: A.duration, Q: motion.Q };
+      const { kind, index } = motion.verdict;
+      badge.textContent = kind === "minimum" ? W.minimum : kind === "saddle" ? W.saddle(index) : W.degenerate;
+      badge.className = `badge ${kind}`;
+      Object.assign(figure.dataset, { kind, index });
+    }
+
+    function foci() {
+      const low = Number(time.input.min), high = Number(time.input.max);
+      marks.replaceChildren();
+      if (motion.own) for (const t of data.conjugate) {
+        const share = (t - A.start - low) / (high - low);
+        if (share >= 0 && share <= 1) html(marks, "i", { style: `left:${(100 * share).toFixed(2)}%` });
+      }
+    }
+
+    // -- what the reader does
+    function become(Q, words = "") {
+      trial = Q;
+      message.textContent = words;
+      draw();
+    }
+
+    // Half waves along the path, of the coordinates that are shown: of the last of each pair.
+    function ripple(waves) {
+      const b = new Float64Array(trial.length);
+      for (const [, i] of curves()) {
+        const by = (0.22 * (view.y[1] - view.y[0])) / Math.sqrt(waves);
+        A.shares.forEach((s, k) => (b[k * n + i] += by * Math.sin(waves * Math.PI * s)));
+      }
+      return b;
+    }
+
+    function bent(from, j, to) { // handle j of `from` moved: to = {coordinate: value}
+      const Q = from.slice(), peak = bump(j, j);
+      for (const [i, value] of Object.entries(to)) {
+        if (!free(j, Number(i))) continue;
+        const by = value - from[knot(j) * n + Number(i)];
+        A.shares.forEach((s, k) => (Q[k * n + Number(i)] += (by * bump(j, s * spans)) / peak));
+      }
+      return A.project(Q) ? Q : null;
+    }
+    const bump = (j, u) => // odd about both ends, where the path is held
+      spline(u - j) - (j > 0 ? spline(u + j) : 0) - (j < spans ? spline(u - 2 * spans + j) : 0);
+
+    function stop() {
+      if (busy === null) return false;
+      cancelAnimationFrame(busy.frame);
+      buttons[busy.name].textContent = W[busy.name];
+      busy = null;
+      return true;
+    }
+
+    // Run `step` until it returns words, a frame each; all at once for who wants no motion.
+    function animate(name, step) {
+      if (busy?.name === name) { stop(); return; }
+      stop();
+      if (still.matches) {
+        let words;
+        for (let k = 0; k < MOST && !words; k++) words = step(k);
+        become(trial, words ?? "");
+        return;
+      }
+      busy = { name };
+      message.textContent = "";
+      buttons[name].textContent = W.stop;
+      let k = 0;
+      const tick = () => {
+        if (busy === null) return;
+        const words = step(k++);
+        if (words || k > MOST) { stop(); become(trial, words || ""); return; }
+        draw();
+        busy.frame = requestAnimationFrame(tick);
+      };
+      busy.frame = requestAnimationFrame(tick);
+    }
+
+    function solve() {
+      stop();
+      const seen = [];
+      let found = A.newton(trial, { follow: (Q) => seen.push(Q) }), words = W.solved(Math.max(1, seen.length));
+      if (!found) {
+        found = A.newton(motion.Q) ?? motion.Q;
+        words = W.elsewhere;
+        seen.splice(0);
+      }
+      const near = Math.abs(S(found) - S(motion.Q)) <= 1e-7 * (Math.abs(S(found)) + 1e-9) && size(found.map((x, i) => x - motion.Q[i])) < 1e-4;
+      motion = { Q: found, p0: A.momentum(found), own: motion.own && near };
+      told(true);
+      foci();
+      if (forced) words = seen.length ? words.replace(/:.*/, ".") : words;
+      if (still.matches || seen.length < 2) { become(found, words); return; }
+      animate("solve", (k) => { trial = seen[Math.min(seen.length - 1, Math.floor(k / 12))]; if (k >= 12 * seen.length) { trial = found; return words; } });
+    }
+
+    function relax() {
+      let before = S(trial);
+      animate("relax", () => {
+        const next = A.descend(trial, SLOW), scale = Math.abs(before) + Math.abs(S(motion.Q));
+        if (!next || before - S(next) < 1e-11 * scale) return A.slope(trial) < 1e-4 * scale || !next ? (motion.verdict?.index && size(trial.map((x, i) => x - motion.Q[i])) < 1e-3 ? W.level : W.arrived) : W.arrived;
+        trial = next;
+        before = S(next);
+        if (size(bend()) > AWAY) return W.runs;
+      });
+    }
+
+    function hunt() {
+      let by = 0.12 * (view.y[1] - view.y[0]), j = 0, tries = 0, luck = false, sign = 1;
+      const moves = handles.flatMap((it) => it.pair.filter((i) => i !== null && free(it.j, i)).map((i) => [it.j, i]));
+      animate("hunt", () => {
+        for (let round = 0; round < (still.matches ? 40 : 1); round++) {
+          const [k, i] = moves[j], Q = bent(trial, k, { [i]: trial[knot(k) * n + i] + sign * by });
+          tries++;
+          if (Q && S(Q) < S(trial)) { trial = Q; luck = true; } // and again the same way
+          else if (sign > 0) sign = -1;
+          else { sign = 1; if (++j === moves.length) { j = 0; if (!luck) by /= 2; luck = false; } }
+          if (by < 2e-4 * (view.y[1] - view.y[0])) return W.hunted(tries);
+          if (size(trial.map((x, c) => x - first[c])) > AWAY) return W.runs;
+        }
+      });
+    }
+
+    function half() {
+      const b = bend(), reference = S(base()), before = S(trial) - reference;
+      if (size(b) < 1e-7) { message.textContent = W.nothing; return; }
+      const Q = plus(base(), 0.5, b);
+      if (!Q) return;
+      const after = S(Q) - reference;
+      become(Q, W.halved(energy(before, 4), energy(after, 4), fixed(after / before, 3)) + (shown ? W.quarter : W.straighten));
+    }
+
+    function told(yes) { // whether the motion is seen
+      shown = reveal.checked = yes;
+      figure.toggleAttribute("data-show", yes);
+      if (yes) best = null;
+    }
+
+    function setDuration(T) {
+      stop();
+      wide = true;
+      const nearest = motion.own ? data.conjugate.find((t) => Math.abs(t - A.start - T) < SNAP * (data.longest - 0.1 * data.duration)) : undefined;
+      const goal = nearest === undefined ? T : nearest - A.start, from = base(), b = trial.map((x, i) => x - from[i]), line = !shown;
+      const pinned = A.ends[1].map((x) => x !== null);
+      while (Math.abs(A.duration - goal) > 1e-12 * goal) {
+        const before = A.duration, next = before + Math.max(-0.06 * data.duration, Math.min(0.06 * data.duration, goal - before));
+        let Q = new Float64Array(trial.length);
+        A.shares.forEach((s, k) => Q.set(A.sample(motion.Q, (s * next) / before), k * n));
+        A.duration = next;
+        Q = A.motion(Q, motion.p0);
+        if (Q && !pinned.every(Boolean)) Q = A.newton(Q);
+        if (!Q) { A.duration = before; message.textContent = W.lost; break; }
+        motion = { ...motion, Q };
+        if (!pinned.every(Boolean)) motion.p0 = A.momentum(Q);
+        A.ends[1] = pinned.map((yes, i) => (yes ? Q[(A.count - 1) * n + i] : null));
+      }
+      first = begun();
+      trial = plus(line ? first : motion.Q, 1, b) ?? motion.Q.slice();
+      time.input.value = A.duration;
+      best = null;
+      draw();
+    }
+
+    function setParameter(place, value) {
+      stop();
+      const b = trial.map((x, i) => x - motion.Q[i]), kept = A.p[place];
+      A.p[place] = value;
+      let found = A.newton(motion.Q);
+      for (let parts = 4; !found && parts <= 64; parts *= 4) { // in smaller steps
+        found = motion.Q;
+        for (let k = 1; k <= parts && found; k++) { A.p[place] = kept + ((value - kept) * k) / parts; found = A.newton(found); }
+      }
+      A.p[place] = value;
+      message.textContent = found ? "" : W.none;
+      const own = data.p.every((x, i) => x === A.p[i]);
+      if (found) motion = { Q: found, p0: A.momentum(found), own };
+      if (shown) trial = plus(motion.Q, 1, b) ?? motion.Q.slice();
+      best = null;
+      foci();
+      draw();
+    }
+
+    function restart() {
+      stop();
+      A.duration = data.duration;
+      A.p.set(data.p);
+      A.ends = [data.q0, data.q1].map((row) => Array.from(row));
+      motion = { Q: Float64Array.from(data.answer), own: true };
+      motion.p0 = A.momentum(motion.Q);
+      first = begun();
+      time.input.value = data.duration;
+      table?.rows.forEach((row) => row.reset());
+      wide = false;
+      best = levels = rises = forces = null;
+      told(false);
+      foci();
+      trial = first.slice();
+      fit(true);
+      become(trial);
+    }
+
+    const ways = {
+      solve, relax, hunt, half, restart,
+      bend: () => { stop(); become(plus(shown ? motion.Q : first, 1, ripple(1)) ?? trial); },
+      wave: () => { stop(); become(plus(shown ? motion.Q : first, 1, ripple(3)) ?? trial); },
+    };
+    for (const [name, button] of Object.entries(buttons)) button.addEventListener("click", () => ways[name]());
+    reveal.addEventListener("change", () => { told(reveal.checked); draw(); });
+    time.input.addEventListener("pointerdown", () => { wide = true; fit(true); draw(); });
+    time.input.addEventListener("input", () => setDuration(Number(time.input.value)));
+
+    // -- handles
+    function handle(pair, c, j) {
+      const group = element(pathPanel.marks, "g", `handle c${c % 5}`);
+      put(group, { tabindex: 0, role: "slider", "data-handle": j });
+      element(group, "circle", "reach").setAttribute("r", 22);
+      element(group, "circle", "knob").setAttribute("r", 8);
+      const place = () => {
+        const [x, y] = spot(trial, knot(j), pair), named = pair.filter((i) => i !== null);
+        group.setAttribute("transform", `translate(${pathPanel.X(x).toFixed(2)},${pathPanel.Y(y).toFixed(2)})`);
+        put(group, {
+          "aria-label": W.at(unit(fixed(A.start + (A.duration * j) / spans, 2), units.time)), "aria-valuenow": y.toFixed(4),
+          "aria-valuemin": view.y[0].toFixed(4), "aria-valuemax": view.y[1].toFixed(4),
+          "aria-valuetext": named.map((i) => unit(`${data.coordinates[i].name} = ${fixed(trial[knot(j) * n + i], 3)}`, data.coordinates[i].unit)).join(", "),
+        });
+      };
+      const move = (from, x, y) => {
+        const Q = bent(from, j, pair[0] === null ? { [pair[1]]: y } : { [pair[0]]: x, [pair[1]]: y });
+        if (Q) become(Q);
+      };
+      const clamp = (x, [a, b]) => Math.min(b, Math.max(a, x));
+      group.addEventListener("pointerdown", (event) => {
+        stop();
+        const taken = nearest(event);
+        taken.group.setPointerCapture(event.pointerId);
+        taken.group.classList.add("held");
+        taken.group.focus({ preventScroll: true });
+        held = { from: trial.slice(), by: pathPanel.value(...under(event)).map((x, i) => x - spot(trial, knot(taken.j), taken.pair)[i]) };
+        event.preventDefault();
+      });
+      group.addEventListener("pointermove", (event) => {
+        if (held === null || !group.hasPointerCapture(event.pointerId)) return;
+        const [x, y] = pathPanel.value(...under(event)).map((value, i) => value - held.by[i]);
+        move(held.from, clamp(x, pathPanel.shown.x), clamp(y, pathPanel.shown.y));
+      });
+      for (const end of ["pointerup", "pointercancel"])
+        group.addEventListener(end, () => { group.classList.remove("held"); if (held) { held = null; draw(); } });
+      group.addEventListener("keydown", (event) => {
+        const way = { ArrowUp: [0, 1], ArrowDown: [0, -1], ArrowRight: [1, 0], ArrowLeft: [-1, 0] }[event.key];
+        if (!way) return;
+        event.preventDefault();
+        stop();
+        const step = STEP * (view.y[1] - view.y[0]) * (event.shiftKey ? FINE : 1), [x, y] = spot(trial, knot(j), pair);
+        move(trial, x + step * way[0], y + step * (pair[0] === null ? way[1] || way[0] : way[1]));
+      });
+      return { group, pair, j, place };
+    }
+
+    const under = (event) => {
+      const frame = pathPanel.svg.getBoundingClientRect(), zoom = pathPanel.svg.viewBox.baseVal.width / frame.width;
+      return [(event.clientX - frame.left) * zoom, (event.clientY - frame.top) * zoom];
+    };
+    const nearest = (event) => { // their reaches overlap where they stand close
+      const away = handles.map(({ group }) => {
+        const knob = group.lastChild.getBoundingClientRect();
+        return Math.hypot(knob.x + knob.width / 2 - event.clientX, knob.y + knob.height / 2 - event.clientY);
+      });
+      return handles[away.indexOf(Math.min(...away))];
+    };
+
+    told(shown);
+    rebuild();
+    if (shown) trial = motion.Q.slice();
+    layout();
+    if (shown && !("sum" in figure.dataset)) ways.bend();
+    else if (!shown) message.textContent = W.hint;
+    foci();
+    new ResizeObserver(layout).observe(figure);
+    figure.live = { A, sum, setDuration, setParameter, trial: () => trial, motion: () => motion.Q };
+  }
+
+  document.querySelectorAll("[data-live]").forEach(start);
+  if (new URLSearchParams(location.search).has("embed")) document.documentElement.classList.add("embed");
+})();

@@ -1,0 +1,71 @@
+"""Scenes and problems of the user's own, from plain Python files."""
+
+from __future__ import annotations
+
+import inspect
+import runpy
+import sys
+import traceback
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.tracing import suggestion
+from actionopt.scenes._scene import Scene
+
+
+def from_file(file: str | Path, settings: Mapping[str, Any] | None = None) -> Problem | Scene:
+    """Return what a Python file defines as `problem` or `scene`.
+
+    That is a Problem, a Scene, or a function of keyword parameters that returns one. `settings`
+    are these parameters, or those of the system. The file is run; its folder is where it imports
+    from.
+
+    Raises ValueError, with the line, if there is no such file, it raises or defines neither, or it
+    has no such parameter.
+    """
+    file, settings = Path(file), dict(settings or {})
+
+    if not file.is_file():
+        raise ValueError(f"expected a Python file, found no file {str(file)!r}")
+    sys.path.insert(0, str(file.parent))  # as `python file` does, for its neighbours
+    try:
+        defined = runpy.run_path(str(file))
+        found = defined.get("problem", defined.get("scene"))
+        if inspect.isfunction(found):
+            _known(found, settings)
+            found, settings = found(**settings), {}
+    except Exception as error:
+        raise ValueError(f"{_place(file, error)}: {type(error).__name__}: {error}") from error
+    finally:
+        sys.path.pop(0)
+    if not isinstance(found, (Problem, Scene)):
+        raise ValueError(
+            f"expected {file} to define `problem` or `scene`, a Problem, a Scene or a function "
+            f"that returns one, found {'neither' if found is None else repr(found)}"
+        )
+    asked = found.problem if isinstance(found, Scene) else found
+    return asked.replace(parameters=settings) if settings else found
+
+
+def _known(made: Callable[..., Any], settings: Mapping[str, Any]) -> None:
+    """Raise ValueError if a function of the user's has no parameter of one of these names."""
+    parameters = inspect.signature(made).parameters
+    if any(p.kind is p.VAR_KEYWORD for p in parameters.values()):
+        return
+    for name in settings:
+        if name not in parameters:
+            raise ValueError(
+                f"unknown parameter {name!r}; the parameters of {made.__name__} are "
+                f"{', '.join(parameters) or 'none'}{suggestion(name, list(parameters))}"
+            )
+
+
+def _place(file: Path, error: Exception) -> str:
+    """Return the file, and the last line in it that the error came through."""
+    frames = traceback.extract_tb(error.__traceback__)
+    lines = [frame.lineno for frame in frames if frame.filename == str(file)]
+    if isinstance(error, SyntaxError) and error.lineno is not None:
+        lines = [error.lineno]
+    return f"{file}, line {lines[-1]}" if lines else str(file)

@@ -1,0 +1,624 @@
+"""Paths of least action along an obstacle, f(q, t) >= 0: where they touch it, and the path between.
+
+On a coarse mesh Ipopt minimises S with f >= 0 at the nodes; its multipliers tell which parts of the
+path are in contact. There f = 0 is a constraint like any other, elements end where contact begins
+and ends, and the path is followed from mesh to mesh as other paths are. The times of contact are
+unknowns of an outer Newton's method: a path of least action meets the obstacle tangentially,
+
+    df/dt = f_q . v + f_t = 0    where contact begins and ends, on the free side of it,
+
+v from the discrete momentum there, which is accurate to order 2d. (Of all joints the action is
+least at these, so that the path depends on the times of contact to second order only.) At last the
+conditions of Karush, Kuhn and Tucker are looked at between the nodes as well: a part where the
+obstacle would have to pull is freed, one inside of it brought in contact, and all done again.
+
+References
+----------
+A. E. Bryson and Y.-C. Ho, *Applied Optimal Control* (1975), section 3.11; J. Nocedal and
+S. J. Wright, *Numerical Optimization* (2nd ed. 2006), section 12.3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from actionopt.analysis.second_variation import RANK
+from actionopt.analysis.status import Status
+from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.factors import Factors
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.path import Path
+from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.held import Held
+from actionopt.mechanics.obstacle import EVENT_TOLERANCE, Arc
+from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.tracing import is_smooth
+from actionopt.solver.ipopt import Principle, find
+from actionopt.solver.iterate import Iterate
+from actionopt.solver.preflight import check
+from actionopt.solver.refine import refine
+from actionopt.solver.workspace import Workspace
+from actionopt.tools.lobatto import lgl
+from actionopt.tools.types import EPS, Array
+
+# Ad hoc, all of them, where nothing else is said.
+SOUGHT, SOUGHT_DEGREE = 16, 4  # elements on which contact is sought first, and their degree
+TRIES, MOST = 7, 200  # meshes on which it is sought, and elements of one
+HEIGHTS = (0.4, 0.8, 1.6, 3.2)  # in the motion's sizes, of the lines to either side of the straight
+FLAT = 1e-3  # in units of the rows' typical gradients: a row has none
+WEAK = 1e-3  # impulse in its own unit: a weaker one may be the barrier's
+BARRIER = 1e-6  # in units of the motion: Ipopt's tolerance
+WINDOW = 8  # elements where a path passes through what no node sees, such as a peg
+UNSEEN = 1e-9  # in units of the rows: what f is below zero there
+HELD_ELEMENTS, HELD_DEGREE = 8, 6  # with which a path is followed first, once contact is known
+JOINS = 25  # steps to the times of contact
+TANGENTIAL = 1e-15  # of a typical rate of f: a rate that is zero
+SHORTER, SHORTENED = 3, 0.05  # how often, and to what part, contact is made shorter
+CHANGES = 8  # of what is in contact, before it is given up
+# For derivatives by a time of contact: of the shortest part, but of the duration at least so much,
+# far above its round-off, and of the part at most.
+DIFFERENCE, LEAST_DIFFERENCE, MOST_DIFFERENCE = 1e-6, 1e-11, 1e-2
+SHRINK = 0.2  # of its length, what one step leaves of a part at least
+# Of the duration, in this range the tolerance: a shorter part between times of contact is none.
+VANISHING = 1e-10, 1e-5
+VELOCITY_STEPS = 4  # of Newton's method from the polynomial's velocity: it converges in two
+SETTLED_TIME = 1e-13  # of the duration: a step of the times of contact that is the last
+STALLED_TIME = 1e-6  # of the duration: steps that stop contracting below this are round-off
+LEAST = 3  # times that the least of f is looked for by parabolas
+BETWEEN = 8  # degree of the points in an element where contact is looked at between nodes
+INSIDE = 10.0  # times the error of the path: what f may be below zero
+PULLING = 1e-6  # of the largest contact force: what it may be below zero
+NO_ROOM = "no path outside of the obstacle was found: its rows may contradict each other somewhere"
+KINKED = "the obstacle has a kink in the coordinates: round it, its force there has no direction"
+NO_SLOPE = "the obstacle has no slope where it is met: give a function that has, such as a distance"
+DEPENDENT = "rows in contact have gradients that depend on each other: give each surface once"
+HOPELESS = (NO_ROOM, KINKED, DEPENDENT)  # what finer meshes do not mend
+FAMILY = (
+    "where events and obstacle have a symmetry, such as a sphere between them, the least path may "
+    "be one of a family: move an event a little"
+)
+
+
+class Changed(Exception):
+    """Other parts of the path are in contact than was thought."""
+
+    def __init__(self, arcs: tuple[Arc, ...]) -> None:
+        super().__init__()
+        self.arcs = arcs
+
+
+@dataclass(eq=False)
+class Along(Workspace):
+    """What a search for a path along an obstacle works on: its problem is `Held`.
+
+    Attributes
+    ----------
+    inside : float
+        How far the path is inside of the obstacle where it is not held, in its own size.
+    freed : bool
+        Whether parts that do not press were freed already.
+    """
+
+    inside: float = 0.0
+    freed: bool = False
+
+    @property
+    def held(self) -> Held:
+        """The question with the parts in contact that are thought so."""
+        assert isinstance(self.problem, Held)
+        return self.problem
+
+    @property
+    def question(self) -> Problem:
+        """What was asked."""
+        return self.held.free
+
+    # -- a first path, and where it is in contact ------------------------------------------------
+
+    def touch(self, mesh: Mesh, path: Path | None, principle: Principle) -> bool:
+        """Ask Ipopt for a least path with f >= 0 at the nodes; False if it finds none."""
+        free, started = self.question, perf_counter()
+        self.problem = Held(free)
+        mesh = self._bounded(mesh)
+        if not self.checked:
+            plain = Transcription(free, mesh, free.lengths)
+            check(plain, plain.straight() if path is None else path.on(mesh).values.T)
+            self.checked = True
+        lam = np.zeros((mesh.nodes.size, self.problem.system.m))
+        self.transcribe(mesh, path, lam)
+        tr = self.here.tr
+        with self.record.clock("solve"):
+            outside = tr.layout.row_constraint >= free.system.m
+            attempt = find(tr, self.here.z, principle, outside)
+        self.record.iterations["ipopt"] += attempt.iterations
+        self.unbounded = attempt.status == "Diverging_Iterates"
+        self.hint = NO_ROOM if attempt.status == "Infeasible_Problem_Detected" else ""
+        if attempt.converged:
+            self.here = self.here.moved(attempt.z)
+            self.record.round(tr, perf_counter() - started)
+        return attempt.converged
+
+    def pressed(self) -> NDArray[np.bool_]:
+        """Return at which nodes a row presses, (K, m + r): its multiplier exceeds the row."""
+        here, layout = self.here, self.here.tr.layout
+        push = -here.z[layout.unknowns :]
+        pressing = push > np.maximum(here.tr.constraint(here.x), WEAK)
+        on = np.zeros((layout.node_count, self.held.system.m), dtype=bool)
+        on[layout.row_node[pressing], layout.row_constraint[pressing]] = True
+        on[:, : self.question.system.m] = False
+        return on
+
+    def touched(self) -> tuple[Arc, ...]:
+        """Return the parts in contact, as far as nodes tell."""
+        here, held, m = self.here, self.held, self.question.system.m
+        tr, t, on = here.tr, here.mesh.nodes, self.pressed()
+        f = held.system.pointwise("constraint")(here.Q, t[:, None], held.packed)[0]
+        met = np.abs(f) <= EVENT_TOLERANCE * tr.row_units  # events on the obstacle have no rows
+        distance = np.sqrt(np.maximum(f, 0.0))
+        found = []
+        for i in range(m, held.system.m):
+            row = on[:, i].copy()
+            row[0] |= row[1] and met[0, i]
+            row[-1] |= row[-2] and met[-1, i]
+            for k, l in _runs(row):
+                if k == l and t[k] in held.fixed:  # at a free end alone, or at a kink
+                    found.append(Arc(i - m, float(t[k]), float(t[k])))
+                    continue
+                begin = _where_zero(t[k::-1], distance[k::-1, i])
+                end = _where_zero(t[l:], distance[l:, i])
+                found.append(Arc(i - m, begin, end))
+        return tuple(found)
+
+    def unseen(self, found: Iterate) -> list[Array]:
+        """Return times since the start around which a path is inside of the obstacle unseen.
+
+        There elements have to be shorter for their nodes to see it.
+        """
+        self.problem, self.here, m = found.problem, found, self.question.system.m
+        t, reach = self._looked_at(), float(np.diff(found.mesh.nodes).max())
+        f = self.held.system.constraint(found.path(t), t, parameters=self.held.parameters)[m:]
+        windows = []
+        for i, row in enumerate(f < -UNSEEN * found.tr.row_units[m:, None]):
+            held = [arc for arc in self.touched() if arc.row == i]
+            for k, l in _runs(row):
+                a, b = t[max(k - 1, 0)], t[min(l + 1, t.size - 1)]
+                if not any(arc.begin < b + reach and a - reach < arc.end for arc in held):
+                    windows.append(self._window(a - (b - a), b + (b - a)))
+        return windows
+
+    def narrow(self, found: Iterate) -> list[Array]:
+        """Return times since the start around which contact is seen by one or two nodes."""
+        self.problem, self.here, t = found.problem, found, found.mesh.nodes
+        return [
+            self._window(t[max(k - 1, 0)], t[min(l + 1, t.size - 1)])
+            for row in self.pressed().T
+            for k, l in _runs(row)
+            if l - k < 2
+        ]
+
+    def _window(self, a: float, b: float) -> Array:
+        """Return times since the start at which to cut elements from a to b."""
+        since = np.linspace(a, b, WINDOW + 1) - self.question.start.t
+        return since[(since > 0) & (since < self.question.duration)]
+
+    def hold(self, arcs: tuple[Arc, ...]) -> None:
+        """Stand on a mesh whose elements end where these parts do, and hold them there."""
+        old, free = self.here.bare(), self.question
+        self.problem = held = self.held.holding(arcs)
+        T = free.duration
+        parts = [np.zeros(1)]
+        for a, b in pairwise(np.union1d(held.fixed, held.joints) - free.start.t):
+            count = max(int(np.ceil(HELD_ELEMENTS * (b - a) / T)), 1)
+            parts.append(np.linspace(a, b, count + 1)[1:])
+        mesh = Mesh.over(free.start.t, free.end.t, np.concatenate(parts), HELD_DEGREE)
+        # What Ipopt's barrier leaves of a coordinate that is zero is no size of it.
+        values = np.where(np.abs(old.Q) < BARRIER * free.lengths, 0.0, old.Q).T
+        path = Path(old.mesh, values)
+        self.transcribe(mesh, path, old.rows_on(mesh), like=path)
+
+    # -- the path and its times of contact -------------------------------------------------------
+
+    def follow(self, reach: float = np.inf) -> bool:
+        """Polish the path, and the times at which contact begins and ends."""
+        return super().follow(reach) and self._join() and self._at_rest()
+
+    def _at_rest(self) -> bool:
+        """Make zero of what is zero but for round-off, all of it: a path at rest on an obstacle."""
+        here, lengths = self.here, self.question.lengths
+        if here.Q.any() and (np.abs(here.Q) <= EPS * lengths).all():
+            z = here.z.copy()
+            z[: here.x.size] = here.tr.pack(np.zeros(here.Q.shape))[: here.x.size]
+            scales = self.question.scales
+            self.here = replace(here.moved(z), sizes=scales, lengths=lengths).estimated(
+                here.gain, 0.0
+            )
+        return True
+
+    def _change(self, first: Iterate, old: Iterate) -> Array:
+        """Return by how much the path changed, (K, n): its nodes have moved with the mesh."""
+        return self.here.Q - old.path.on(self.here.mesh).values.T
+
+    def _recover(self, least: bool) -> bool:
+        return False
+
+    def _join(self) -> bool:
+        """Move the times of contact to where the path is tangential; False if that fails."""
+        last, duration = np.inf, self.question.duration
+        for _ in range(JOINS):
+            times = self.held.joints
+            if not times.size:
+                return True
+            with self.record.clock("solve"):
+                step = self._step(times)
+            size = float(np.abs(step).max()) / duration
+            if not np.isfinite(size):
+                return False
+            if last < STALLED_TIME and size > last / 2:
+                return True
+            self._shift(times, self._within(times, step))
+            if not super().follow():
+                return False
+            if size < SETTLED_TIME:
+                return True
+            last = size
+        return False
+
+    def _step(self, times: Array) -> Array:
+        """Return Newton's step for the times of contact (J,); not finite if there is none."""
+        here = self.here
+        slip, residual = _slips(here), here.tr.residual(here.z)
+        speed = float(here.tr.row_units.max()) / self.question.duration
+        if (
+            np.abs(slip).max() <= TANGENTIAL * speed
+        ):  # whatever the times are, where nothing presses
+            return np.zeros(times.size)
+        knots, duration = np.union1d(self.held.fixed, times), self.question.duration
+        part = float(np.diff(knots).min())
+        delta = min(max(DIFFERENCE * part, LEAST_DIFFERENCE * duration), MOST_DIFFERENCE * part)
+        slopes = np.empty((slip.size, times.size))
+        try:
+            factors = Factors(here.tr.layout, here.tr.kkt(here.z), many=True)
+            for j in range(times.size):
+                tr = _stretched(here.tr, times, np.where(np.arange(times.size) == j, delta, 0.0))
+                there = DiscretePath(tr, here.z - factors.solve(tr.residual(here.z) - residual))
+                slopes[:, j] = (_slips(there) - slip) / delta
+            return -np.linalg.lstsq(slopes, slip, rcond=None)[0]
+        except np.linalg.LinAlgError:
+            return np.full(times.size, np.nan)
+
+    def _within(self, times: Array, step: Array) -> Array:
+        """Return the step, shortened where a part shrinks too much; raise where one vanishes."""
+        knots = np.union1d(self.held.fixed, times)
+        moves = np.zeros(knots.size)
+        moves[np.searchsorted(knots, times)] = step
+        lengths, changes = np.diff(knots), np.diff(moves)
+        shortest = float(np.clip(self.tol, *VANISHING)) * self.question.duration
+        gone = (lengths < shortest) & (changes < 0)
+        if gone.any():
+            k = int(np.flatnonzero(gone)[0])
+            raise Changed(_without(self.held, knots[k], knots[k + 1]))
+        limit = (SHRINK - 1) * lengths
+        return step * min(1.0, float(np.min(limit / np.minimum(changes, limit))))
+
+    def _shift(self, times: Array, step: Array) -> None:
+        """Move the times of contact, and the mesh and the path with them."""
+        here = self.here
+        here.tr.forget()
+        self.units = tr = _stretched(here.tr, times, step)
+        self.problem = tr.problem
+        self._attach(tr)
+        self.here = replace(here.moved(here.z), tr=tr)
+
+    def why(self) -> str:
+        """Return why a path may not be found by Newton's method."""
+        system = self.held.system
+        if not is_smooth(self.question.system.outside):
+            return KINKED
+        t = self.here.mesh.nodes
+        on = self.held.active(t)
+        G = system.constraint_jacobian(self.here.Q.T, t, parameters=self.held.parameters)
+        G = G * self.here.tr.lengths[:, None] / self.here.tr.row_units[:, None, None]
+        for rows in (G[on[:, k], :, k] for k in np.flatnonzero(on.any(axis=0))):
+            size = np.linalg.norm(rows, axis=1)
+            if size.min() < FLAT:
+                return NO_SLOPE
+            if len(rows) > system.n or np.linalg.svd(rows.T / size, compute_uv=False)[-1] < RANK:
+                return DEPENDENT
+        return FAMILY
+
+    # -- the conditions between the nodes --------------------------------------------------------
+
+    def changed(self, allowed: float) -> tuple[Arc, ...] | None:
+        """Return other parts to hold, if the path violates a condition somewhere; else None.
+
+        A part that would have to be pulled is freed, one inside of the obstacle is held, if it is
+        so by more than is `allowed`, in the path's own size; `inside` tells by how much.
+        """
+        here, held, m = self.here, self.held, self.question.system.m
+        assert held.arcs is not None
+        parameters = held.parameters
+        t = self._looked_at()
+        f = held.system.constraint(here.path(t), t, parameters=parameters)[m:]
+        G = held.system.constraint_jacobian(here.path(t), t, parameters=parameters)[m:]
+        on = held.active(t)[m:]
+        push = np.zeros(f.shape)
+        if on.any():
+            state = here.path(t), here.path.velocity(t), t, parameters
+            push = -held.system.dynamics(*state, held.active(t))[1][m:]
+        known = max(here.error if np.isfinite(here.error) else 0.0, here.resolution.worst)
+        depth = np.where(on, 0.0, -f) / np.einsum("rnk,n->rk", np.abs(G), here.sizes)
+        self.inside = float(depth.max(initial=0.0))
+        inside = depth > max(INSIDE * known, allowed)
+        unit = here.tr.action_unit / (here.problem.duration * here.tr.row_units[m:, None])
+        pulled = on & (push < -PULLING * np.maximum(np.abs(push).max(initial=0.0), unit))
+        found = [
+            arc
+            for arc in held.arcs
+            if (arc.point and not self._pulls(arc))
+            or not (arc.point or (inside | pulled)[arc.row].any())
+        ]
+        if len(found) == len(held.arcs) and not inside.any():
+            return self._idle(t, push, PULLING * unit)
+        middle = (t[:-1] + t[1:]) / 2
+        for i in np.flatnonzero((inside | pulled).any(axis=1)).tolist():
+            for k, l in _runs((on[i] & ~pulled[i]) | inside[i]):
+                begin = t[k] if on[i, k] or k == 0 else middle[k - 1]
+                end = t[l] if on[i, l] or l == t.size - 1 else middle[l]
+                if begin < end:
+                    found.append(Arc(i, float(begin), float(end)))
+        return tuple(found)
+
+    def _idle(self, t: Array, push: Array, least: Array) -> tuple[Arc, ...] | None:
+        """Return the parts without those that touch and hardly press, once; None if all press."""
+        arcs = self.held.arcs or ()
+        pressing = tuple(
+            arc
+            for arc in arcs
+            if arc.point or np.any((push > least)[arc.row, (arc.begin <= t) & (t <= arc.end)])
+        )
+        if self.freed or len(pressing) == len(arcs):
+            return None
+        self.freed = True
+        return pressing
+
+    def _pulls(self, arc: Arc) -> bool:
+        """Whether the impulse of a moment points inwards."""
+        node = self.here.mesh.offsets[np.argmin(np.abs(self.here.mesh.boundaries - arc.begin))]
+        return bool(self.here.rows[node, self.question.system.m + arc.row] > 0)
+
+    def _looked_at(self) -> Array:
+        """Return times between the nodes, and those at which f is least among its neighbours."""
+        mesh, held, m = self.here.mesh, self.held, self.question.system.m
+        inner = (lgl(BETWEEN).nodes[1:-1] + 1) / 2
+        between = (mesh.boundaries[:-1, None] + mesh.lengths[:, None] * inner).ravel()
+        t = np.unique(np.concatenate([between, mesh.nodes]))
+        for _ in range(LEAST):
+            f = held.system.constraint(self.here.path(t), t, parameters=held.parameters)[m:]
+            slope = np.diff(f) / np.diff(t)
+            i, k = np.nonzero((slope[:, :-1] < 0) & (slope[:, 1:] > 0))
+            # The vertex of the parabola through three neighbours: slopes are those of the middles.
+            rise, before, behind = slope[i, k + 1], slope[i, k], (t[:-1] + t[1:]) / 2
+            vertex = behind[k] - before * (behind[k + 1] - behind[k]) / (rise - before)
+            t = np.unique(np.concatenate([t, vertex]))
+        return t
+
+
+def along(ws: Along, tol: float, curve_of: Callable[[Mesh], Path] | None) -> Status:
+    """Find the path along the obstacle that is least near a guess or, without one, near lines.
+
+    That is the straight one and, against symmetries that would hold the path there, curved ones to
+    either side; of what Ipopt finds from them, the least action first.
+    """
+    problem, status = ws.question, Status.NOT_FOUND
+    since = np.linspace(0.0, problem.duration, SOUGHT + 1)
+    for k in range(TRIES):
+        mesh = Mesh.over(problem.start.t, problem.end.t, since, SOUGHT_DEGREE)
+        lines = _lines(problem, mesh) if curve_of is None else [curve_of(mesh)]
+        # The straight line may be a trap, in which Ipopt goes about for long.
+        principle = "patient least" if k or len(lines) == 1 else "least"
+        first: list[Iterate] = []
+        for line in lines:
+            ws.restart()
+            if ws.touch(mesh, line, principle):
+                first.append(ws.here)
+            elif ws.unbounded and line is None:
+                return Status.UNBOUNDED
+        first.sort(key=lambda found: found.action)
+        windows = ws.unseen(first[0]) if first else []
+        if not windows:
+            for found in first:
+                ws.restart()
+                ws.problem, ws.here = found.problem, found
+                status = _refined(ws, tol)
+                if status.success or status in (Status.FLOOR, Status.DEGENERATE):
+                    return status
+            windows = ws.narrow(first[0]) if first else []
+        since = np.unique(np.concatenate([since, *(windows or [(since[:-1] + since[1:]) / 2])]))
+        if since.size > MOST or ws.hint in HOPELESS:
+            break
+    return status
+
+
+def _refined(ws: Along, tol: float) -> Status:
+    """Hold what is in contact and refine the path, until all conditions are satisfied.
+
+    Round a small peg a path may turn at one node: contact is far shorter than nodes tell. Then it
+    is made so, about the middle, as it grows to its size more easily than it shrinks.
+    """
+    first, arcs, allowed, ws.freed = ws.here, ws.touched(), tol / 4, False
+    shorter, coarse = 0, 2 * float(np.diff(first.mesh.nodes).max())
+    for k in range(CHANGES):
+        if k == CHANGES - 1:  # what comes and goes is shorter than times can be told apart
+            allowed = np.inf
+        ws.hold(arcs)
+        try:
+            if not ws.follow():
+                ws.hint = ws.why()
+                if shorter == SHORTER or not any(arc.end - arc.begin < coarse for arc in arcs):
+                    return Status.NOT_FOUND
+                shorter, ws.problem, ws.here = shorter + 1, first.problem, first
+                arcs = tuple(_shortened(arc, coarse) for arc in arcs)
+                continue
+            ws.hint = ""
+            other = ws.changed(allowed)
+            if other is None:
+                status = refine(ws, tol, least=True)
+                other = ws.changed(allowed) if status.success else None
+                if other is None:
+                    return _judged(ws, tol, status)
+            arcs = other
+        except Changed as change:
+            arcs = change.arcs
+        except np.linalg.LinAlgError:
+            ws.hint = DEPENDENT
+            return Status.NOT_FOUND
+    return Status.UNRESOLVED
+
+
+def _shortened(arc: Arc, coarse: float) -> Arc:
+    """Return the same or, if it is not longer than `coarse`, a shorter one about its middle."""
+    middle, half = (arc.begin + arc.end) / 2, SHORTENED * (arc.end - arc.begin) / 2
+    long = arc.end - arc.begin >= coarse
+    return arc if arc.point or long else Arc(arc.row, middle - half, middle + half)
+
+
+def _judged(ws: Along, tol: float, status: Status) -> Status:
+    """Return the verdict on a path that may be inside of the obstacle by a part of the tolerance.
+
+    Where it is held at last it moves by as much.
+    """
+    depth = 2 * ws.inside
+    if status.success and ws.here.error + depth > tol:
+        status = refine(ws, max(tol - depth, tol / 2), least=True)
+    error = ws.here.error + depth
+    ws.here = replace(ws.here, error=error)
+    return Status.FLOOR if status.success and error > tol else status
+
+
+def _lines(problem: Problem, mesh: Mesh) -> list[Path | None]:
+    """Return the straight line (None), and lines curved to either side of it: past the obstacle."""
+    n, m = problem.system.n, problem.system.m
+    if n == 1:
+        return [None]
+    Q = Transcription(problem, mesh, problem.lengths).straight()
+    along, side = (Q[-1] - Q[0]) / problem.lengths, np.cos(np.arange(1.0, 1.0 + n))
+    if along.any():
+        side = side - (side @ along) / (along @ along) * along
+    bow = np.sin(np.pi * mesh.nodes_since / mesh.duration)[:, None] * (side * problem.lengths)
+    outside = problem.system.held.pointwise("constraint")
+    found: list[Path | None] = [None]
+    for sign in (1.0, -1.0):
+        for height in HEIGHTS:
+            line = Q + sign * height * bow
+            if (outside(line, mesh.nodes[:, None], problem.packed)[0][:, m:] >= 0).all():
+                break
+        found.append(Path(mesh, line.T))
+    return found
+
+
+def _stretched(tr: Transcription, times: Array, moves: Array) -> Transcription:
+    """Return the discrete problem whose times of contact (J,) move, and the elements with them."""
+    held = tr.problem
+    assert isinstance(held, Held) and held.arcs is not None
+    after = dict(zip(times.tolist(), (times + moves).tolist(), strict=True))
+    moved = held.holding(
+        tuple(
+            Arc(arc.row, after.get(arc.begin, arc.begin), after.get(arc.end, arc.end))
+            for arc in held.arcs
+        )
+    )
+    before, now = (np.union1d(held.fixed, t) - held.start.t for t in (times, times + moves))
+    before[-1] = now[-1] = held.duration
+    mesh = tr.mesh.cut(np.interp(tr.mesh.since, before, now), tr.mesh.degrees)
+    return Transcription(moved, mesh, tr.lengths, like=tr)
+
+
+def _without(held: Held, a: float, b: float) -> tuple[Arc, ...]:
+    """Return the parts in contact when what is between two times of contact has vanished."""
+    both = a if a in held.fixed else b if b in held.fixed else (a + b) / 2
+    found: list[Arc] = []
+    for arc in sorted(held.arcs or (), key=lambda arc: (arc.row, arc.begin)):
+        begin, end = (both if t in (a, b) else t for t in (arc.begin, arc.end))
+        if begin == end and begin not in held.fixed:
+            continue
+        if found and found[-1].row == arc.row and begin <= found[-1].end:
+            begin = found.pop().begin
+        found.append(Arc(arc.row, begin, end))
+    return tuple(found)
+
+
+def _slips(at: DiscretePath) -> Array:
+    """Return df/dt where contact begins and ends, on the free side: zero at tangential joints."""
+    held, mesh = at.problem, at.mesh
+    assert isinstance(held, Held) and held.arcs is not None
+    jacobian, rate = (held.system.pointwise(f"constraint_{x}") for x in ("jacobian", "rate"))
+    found = []
+    for arc in held.arcs:
+        for t, first in ((arc.begin, False), (arc.end, True)):
+            if t in held.fixed:
+                continue
+            b = int(np.argmin(np.abs(mesh.boundaries - t)))
+            state = at.Q[None, mesh.offsets[b]], mesh.boundaries[b, None, None], held.packed
+            G = jacobian.full(0, jacobian(*state)[0])[0]
+            v = _free_velocity(at, b if first else b - 1, first, G, rate(*state)[0][0])
+            i = held.free.system.m + arc.row
+            found.append(G[i] @ v + rate(*state)[0][0, i])
+    return np.array(found)
+
+
+def _free_velocity(at: DiscretePath, element: int, first: bool, G: Array, rate: Array) -> Array:
+    """Return the velocity (n,) at the first or the last node of an element, by its momentum.
+
+    It satisfies the constraints in force there, of the gradients G (m + r, n) and the `rate`
+    (m + r,) of all. Newton's method from the polynomial's: one step where L is quadratic in v.
+    """
+    held, tr = at.problem, at.tr
+    assert isinstance(held, Held)
+    n, mesh = held.system.n, at.mesh
+    for g, work in zip(tr.layout.groups, tr.work(at.x), strict=True):
+        e = np.flatnonzero(g.elements == element)
+        if e.size:
+            k = 0 if first else g.rule.degree
+            p = work[e[0], k] * (-1.0 if first else 1.0)
+            i = g.span.start + int(e[0]) * (g.rule.degree + 1) + k
+            break
+    else:
+        raise AssertionError("an element of no degree")
+    point = tr.place(at.x)
+    q, v, t = point.at[i : i + 1], point.v[i].copy(), tr.times[i : i + 1]
+    middle = (mesh.boundaries[element] + mesh.boundaries[element + 1]) / 2
+    rows = held.active(np.array([middle]))[:, 0]
+    G, rate = G[rows], rate[rows]
+    first_of, second = (held.system.pointwise(x) for x in ("first", "second"))
+    K = np.zeros((n + len(G), n + len(G)))
+    K[n:, :n], K[:n, n:] = G, -G.T
+    for _ in range(1 if held.system.structure.constant_mass else VELOCITY_STEPS):
+        K[:n, :n] = second.full(2, second(q, v[None], t, held.packed)[2], symmetric=True)[0]
+        short = p - first_of(q, v[None], t, held.packed)[1][0]
+        v = v + np.linalg.solve(K, np.concatenate([short, -rate - G @ v]))[:n]
+    return v
+
+
+def _where_zero(t: Array, distance: Array) -> float:
+    """Return where contact begins, behind the first of the times t (K,), which go away from it.
+
+    There f grows with the square of the time, so that its root `distance` (K,) is extrapolated.
+    """
+    if t.size < 3:
+        return float(t[-1] if t.size == 1 else t.mean())
+    rate = (distance[2] - distance[1]) / (t[2] - t[1])
+    zero = t[1] - distance[1] / rate if rate else t[0]
+    return float(np.clip(zero, min(t[0], t[1]), max(t[0], t[1])) * 0.98 + 0.02 * t[:2].mean())
+
+
+def _runs(row: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Return the first and the last index of each run of True in a row (K,)."""
+    change = np.diff(np.concatenate([[0], row.astype(int), [0]]))
+    first, behind = np.flatnonzero(change == 1), np.flatnonzero(change == -1)
+    return list(zip(first.tolist(), (behind - 1).tolist(), strict=True))

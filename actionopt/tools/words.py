@@ -1,0 +1,57 @@
+"""What is shown, in the reader's language: sentences in English, and tables that translate them.
+
+A table is a file of `languages`: JSON, from English to its language, what varies in braces. What it
+has not is shown in English.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Generator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+TABLES = Path(__file__).parent / "languages"
+SPOKEN = ("en", *sorted(file.stem for file in TABLES.glob("*.json")))
+_current: ContextVar[str] = ContextVar("language", default="en")
+
+
+def say(text: str, **values: Any) -> str:
+    """Return a text in the current language, `values` in its braces.
+
+    >>> with language("de"):
+    ...     say("time")
+    'Zeit'
+    >>> say("at {t} s", t=2)
+    'at 2 s'
+    """
+    text = table(_current.get()).get(text, text)
+    return text.format(**values) if values else text
+
+
+def current() -> str:
+    """Return the language spoken now, as HTML names it."""
+    return _current.get()
+
+
+@contextmanager
+def language(name: str) -> Generator[None, None, None]:
+    """Speak another language meanwhile. Raises ValueError for one that has no table."""
+    if name not in SPOKEN:
+        raise ValueError(f"expected a language of {', '.join(SPOKEN)}, found {name!r}")
+    token = _current.set(name)
+    try:
+        yield
+    finally:
+        _current.reset(token)
+
+
+@cache
+def table(name: str) -> Mapping[str, str]:
+    """Return a language's table; English has none."""
+    if name == "en":
+        return {}
+    return json.loads((TABLES / f"{name}.json").read_text(encoding="utf-8"))

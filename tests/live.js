@@ -1,0 +1,20 @@
+// Run with: node live.js action.js < cases.json. For each case S, gradient and Hessian at a path,
+// and what Newton's method makes of others; answers as JSON.
+const fs = require("fs");
+(0, eval)(fs.readFileSync(process.argv[2], "utf8"));
+const { Action, erf } = globalThis.actionopt;
+const answers = JSON.parse(fs.readFileSync(0, "utf8")).map(({ data, Q, lam }) => {
+  const A = new Action(data), at = Float64Array.from(Q), multipliers = Float64Array.from(lam);
+  const answer = Float64Array.from(data.answer), newton = A.newton(A.straight());
+  return {
+    S: A.value(at),
+    g: Array.from(A.gradient(at)),
+    H: Array.from(A.hessian(at, multipliers)),
+    f: A.m ? A.shares.map((_, k) => A.surface(at, k).f) : [],
+    known: A.value(answer),
+    index: A.forced ? null : A.index(answer),
+    slope: A.slope(answer),
+    solved: newton && [A.value(newton), A.slope(newton)],
+  };
+});
+process.stdout.write(JSON.stringify({ answers, erf: [-7, -3, -1, 0, 1e-3, 0.5, 2.4, 2.6, 4].map(erf) }));

@@ -1,0 +1,136 @@
+"""The course: short pages, answers that are computed, notebooks that run."""
+
+import io
+import json
+import re
+from contextlib import redirect_stdout
+
+import numpy as np
+import pytest
+
+from actionopt import scenes
+from actionopt.cli import main
+from actionopt.gallery.course.lessons import BY_NAME, LESSONS
+from actionopt.gallery.course.notebook import exercise
+from actionopt.gallery.course.pages import course
+
+# What each program must find, by formulas of its own: (lesson, exercise): name, value, error.
+G = 9.81
+LEAST = 5 - G / 2 - G**2 / 24  # the ball's action
+BEND = np.pi**2 / 4  # J s/m^2, by which a bend of it raises S
+KNOWN = {
+    ("hunt", 0): {"straight": (5 - G / 2, 1e-12)},
+    ("hunt", 1): {"best": (G, 1e-3), "least": (LEAST, 2e-4)},
+    ("hunt", 2): {"action": (LEAST, 1e-8), "top": ((0.5 * G + 1) ** 2 / (2 * G), 1e-6)},
+    ("first", 0): {
+        k: (BEND * e**2, 1e-6) for k, e in (("one", 0.1), ("two", 0.2), ("four", 0.4))
+    },
+    ("first", 1): {
+        k: (BEND * e**2 - 2 * G / np.pi * e, 1e-6) for k, e in (("up", 0.1), ("down", -0.1))
+    },
+    ("first", 2): {"change": (0.01 / 4 * (np.pi**2 / 4 - 4), 1e-6)},
+    ("local", 0): {"after": (1 - G / 100, 1e-12)},
+    ("local", 2): {"missing": (G, 1e-12)},
+    ("minus", 0): {"below": (G / 8, 1e-8)},
+    ("minus", 1): {"kinetic": (0.25, 1e-8), "potential": (0.25, 1e-8), "S": (0.0, 1e-9)},
+    ("minus", 2): {"change": (-5.0, 1e-9), "apart": (0.0, 1e-8)},
+    ("light", 0): {"ratio": (1.33, 1e-3)},
+    # y'' = b with 2 b c^2 = 1/5 and c^2 = 1.2 / (1 + 4 b^2), and it dips by 2 b
+    ("light", 1): {"dip": ((1.2 - np.sqrt(1.44 - 0.16)) / 0.4, 1e-6)},
+    ("least", 0): {"focus": (np.pi / 3, 1e-8)},
+    ("least", 1): {"index": (3, 0)},
+    ("least", 2): {"index": (1, 0), "focus": (180.0, 1e-8)},
+    ("push", 0): {"pull": (G * (3 - 2 * np.cos(0.7916850338091145)), 1e-6)},
+    ("push", 1): {"angle": (np.degrees(np.arccos(2 / 3)), 1e-6)},
+    ("push", 2): {"work": (scenes.get("turning_wire_radial"), 1e-8)},
+    ("symmetry", 0): {k: (np.sqrt(1 - 0.6**2), 1e-8) for k in ("first", "last")},
+    ("symmetry", 1): {"both": (0.0, 1e-8)},
+    ("symmetry", 2): {"change": (2 * (3.01**2 - 9) / 3, 1e-9), "p": (4.0, 1e-12)},
+    ("sum", 0): {"length": (np.sqrt(2 * np.pi), 1e-3), "angle": (45.0, 1e-2)},
+    ("sum", 1): {"length": (np.sqrt(2 * np.pi), 1e-3), "angle": (-45.0, 1e-2)},
+    ("sum", 2): {"e": (2 * np.sqrt(1.054571817e-34 / np.pi), 1e-9)},
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def found():
+    """What the programs leave."""
+    with redirect_stdout(io.StringIO()):
+        return {(x.name, k): e.run() for x in LESSONS for k, e in enumerate(x.exercises)}
+
+
+def test_every_number_of_an_answer_is_known_otherwise(found):
+    for at, names in found.items():
+        lesson, k = at
+        answer = BY_NAME[lesson].exercises[k].answer
+        shown = set(re.findall(r"\{(\w+)", answer))
+        assert shown and shown <= set(names), at
+        for name, (value, error) in KNOWN.get(at, {}).items():
+            assert name in names
+            if isinstance(value, scenes.Scene):  # of the same bead, in another coordinate
+                t = np.array([0.0, value.problem.duration])
+                q, v = value.exact(t), value.facts.velocity(t)
+                value = float(np.diff(value.kinetic(q, v, t))[0])
+            assert names[name] == pytest.approx(value, rel=error, abs=error), (at, name)
+
+
+def test_what_the_answers_say_besides_is_so(found):
+    assert found["local", 1]["off"] < 1e-5
+    assert 0.5 < found["light", 0]["cross"] < 0.6
+    assert found["light", 2]["fast"] < 0.9 * found["light", 2]["straight"]
+    speed = np.sqrt(2 * G * (1 - np.cos(0.7916850338091145)))
+    assert found["push", 0]["speed"] == pytest.approx(speed, rel=1e-6)
+    assert found["push", 0]["parts"] > 1
+    one, two = (abs(found["symmetry", 1][k]) for k in ("one", "two"))
+    assert min(one, two) > 0.1
+
+
+def test_the_fastest_slide_is_a_cycloid(found):
+    """y = a (1 - cos s), x = a (s - sin s): through both ends of exercise 3 of light, its time."""
+    from scipy.optimize import fsolve
+
+    first = 1 / (2 * G)
+
+    def missed(p):
+        a, s0, s1 = p
+        y0, y1 = a * (1 - np.cos(s0)) - first, a * (1 - np.cos(s1)) - first - 1
+        return y0, y1, a * (s1 - np.sin(s1) - s0 + np.sin(s0)) - 2
+
+    a, s0, s1 = fsolve(missed, (0.7, 0.4, 2.6), xtol=1e-13)
+    assert found["light", 2]["fast"] == pytest.approx(np.sqrt(a / G) * (s1 - s0), rel=1e-7)
+
+
+def test_pages_are_short_and_say_everything():
+    page = course()
+    assert len(page.files) == len(LESSONS) + 1 == 10
+    for lesson in LESSONS:
+        html = page.files[f"course/{lesson.name}.html"]
+        words = re.sub(r"<script.*?</script>|<pre.*?</pre>|<[^>]*>", " ", html, flags=re.S)
+        assert 200 < len(words.split()) < 900, lesson.name
+        assert html.count("<details") == 3 == len(lesson.exercises)
+        assert "{" not in words
+        assert lesson.name in page.files["course.html"]
+        assert set(lesson.scenes) <= set(scenes.SCENES)
+
+
+def test_the_command_writes_both_notebooks(tmp_path, capsys):
+    assert main(["exercise"]) == 0
+    listed = capsys.readouterr().out
+    assert all(lesson.name in listed for lesson in LESSONS)
+    assert main(["exercise", "minus", str(tmp_path)]) == 0
+    plain, answers = (tmp_path / name for name in ("minus.ipynb", "minus-answers.ipynb"))
+    assert capsys.readouterr().out.split() == [str(plain), str(answers)]
+    cells = json.loads(answers.read_text())["cells"]
+    programs = [c["source"] for c in cells if c["cell_type"] == "code"]
+    assert programs == [e.program.rstrip() for e in BY_NAME["minus"].exercises]
+    assert not any(p in plain.read_text() for p in programs)
+    assert main(["exercise", "minsu"]) == 1
+    assert "minus" in capsys.readouterr().err
+
+
+def test_a_notebook_runs(tmp_path):
+    nbclient, nbformat = pytest.importorskip("nbclient"), pytest.importorskip("nbformat")
+    for file in exercise("minus", tmp_path):
+        book = nbformat.read(file, as_version=4)
+        nbformat.validate(book)
+        nbclient.NotebookClient(book, timeout=120).execute()

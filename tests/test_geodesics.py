@@ -1,0 +1,117 @@
+"""Geodesics and rays: lengths that are homogeneous of degree one in the velocities."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+import actionopt as ao
+
+
+def sphere(q, v):
+    return np.sqrt(v[0] ** 2 + np.sin(q[0]) ** 2 * v[1] ** 2)
+
+
+def wind(q, v, *, w):
+    """Travel time at unit speed in the wind (w, 0): |v - F W| = F."""
+    along, rest = w * v[0], 1 - w * w
+    return (np.sqrt(rest * (v @ v) + along**2) - along) / rest
+
+
+def optical(q, v, *, M):
+    """Coordinate time of light around a black hole, in the equatorial plane."""
+    f = 1 - 2 * M / q[0]
+    return np.sqrt(v[0] ** 2 / f**2 + q[0] ** 2 * v[1] ** 2 / f)
+
+
+@pytest.mark.parametrize("w, T", [(0.5, 1.09716754070973), (0.0, np.sqrt(2))])
+def test_the_least_time_in_a_wind(w, T):
+    """(w T - 1)^2 + 1 = T^2: 1.097... for w = 1/2."""
+    air = ao.System.geodesic(wind, ["x", "y"], parameters={"w": w})
+    solution = ao.solve(ao.Problem(air, ao.Event(0, [0, 0]), ao.Event(1, [1, 1])))
+    assert abs((w * T - 1) ** 2 + 1 - T**2) < 1e-13
+    assert abs(solution.length - T) < 1e-13
+    assert pickle.loads(pickle.dumps(solution)).length == solution.length
+
+
+@pytest.mark.parametrize("angle, T", [(3.3, 50.4997725673849), (9.5, 84.8553103202039)])
+def test_light_around_a_black_hole(angle, T):
+    """Values by quadrature in 25 digits, at any rate of the clock."""
+    space = ao.System.geodesic(optical, ["r", "phi"], parameters={"M": 1.0})
+    solution = ao.solve(ao.Problem(space, ao.Event(2, [20, 0]), ao.Event(5, [20, angle])))
+    assert abs(solution.length - T) < 1e-11 * T
+    assert solution.compare().agrees
+
+
+def test_the_two_ways_around_a_sphere():
+    ball = ao.System.geodesic(sphere, ["theta", "phi"])
+    ends = ao.Event(0, [1.2, 0.0]), ao.Event(1, [1.9, 2.0])
+    beeline = np.cos(1.2) * np.cos(1.9) + np.sin(1.2) * np.sin(1.9) * np.cos(2.0)
+    short = ao.solve(ao.Problem(ball, *ends))
+    assert abs(short.length - np.arccos(beeline)) < 1e-12
+    there = lambda t: np.stack([1.2 + 0.7 * t, (2 - 2 * np.pi) * t])  # noqa: E731
+    other = ao.Event(1, [1.9, 2.0 - 2 * np.pi])
+    long = ao.solve(ao.Problem(ball, ends[0], other), guess=there)
+    assert abs(long.length - (2 * np.pi - np.arccos(beeline))) < 1e-12
+    assert (short.morse_index, long.morse_index) == (0, 1)
+    (point,) = ao.conjugate_points(long)
+    assert abs(point.t * long.length - np.pi) < 1e-8
+
+
+def test_a_length_survives_a_file(tmp_path):
+    ball = ao.System.geodesic(sphere, ["theta", "phi"])
+    solution = ao.solve(ao.Problem(ball, ao.Event(0, [1, 0]), ao.Event(1, [1.5, 1])))
+    solution.save(tmp_path / "way.npz")
+    assert abs(ao.load(tmp_path / "way.npz", ball).length - solution.length) < 1e-14
+    with pytest.raises(ValueError, match="load it with"):
+        ao.load(tmp_path / "way.npz").length  # noqa: B018
+
+
+def test_a_metric_under_a_constraint():
+    ball = ao.System.geodesic(
+        lambda q, v: np.sqrt(v @ v), ["x", "y", "z"], constraint=lambda q, t: q @ q - 1
+    )
+    solution = ao.solve(ao.Problem(ball, ao.Event(0, [1, 0, 0]), ao.Event(1, [0, 0.6, 0.8])))
+    assert abs(solution.length - np.pi / 2) < 1e-12
+
+
+def test_a_length_given_as_a_lagrangian_is_recognised():
+    for n in (1, 2):
+        system = ao.System(lambda q, v, t: (1 + q[0] ** 2) * np.sqrt(v @ v), ["x", "y"][:n])
+        problem = ao.Problem(system, ao.Event(0, [0] * n), ao.Event(1, [1] * n))
+        with pytest.raises(ValueError, match=r"System\.geodesic\(length"):
+            ao.solve(problem)
+
+
+@pytest.mark.parametrize(
+    "length, said",
+    [
+        (lambda q, v: v @ v, "homogeneous of degree one"),
+        (lambda q, v: np.sqrt(1 + v @ v), "homogeneous of degree one"),
+        (lambda q, v, t: np.sqrt(v @ v), "no clock"),
+    ],
+)
+def test_what_is_no_length(length, said):
+    with pytest.raises(ValueError, match=said):
+        ao.System.geodesic(length, ["x", "y"])
+
+
+def test_only_geodesics_have_a_length_that_is_positive():
+    ends = ao.Event(0, [0, 0]), ao.Event(1, [1, 1])
+    plane = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
+    with pytest.raises(ValueError, match=r"expected a path of System\.geodesic"):
+        ao.solve(ao.Problem(plane, *ends)).length  # noqa: B018
+    back = ao.System.geodesic(lambda q, v: 0.5 * np.sqrt(v @ v) - v[0], ["x", "y"])
+    with pytest.raises(ValueError, match="expected a length that is not negative"):
+        ao.solve(ao.Problem(back, *ends), throw=False).length  # noqa: B018
+
+
+def test_a_jump_of_the_refractive_index_is_named_at_once():
+    glass = ao.System.geodesic(
+        lambda q, v: np.where(q[1] > 0.3, 1.0, 1.5) * np.sqrt(v @ v), ["x", "depth"]
+    )
+    problem = ao.Problem(glass, ao.Event(0, [0, 0]), ao.Event(1, [1, 1]))
+    with pytest.raises(ao.SolveError, match=r"0\.3<depth changes") as error:
+        ao.solve(problem)
+    assert error.value.solution.status is ao.Status.JUMP
+    assert error.value.solution.stats["iterations"] == {}

@@ -1,0 +1,191 @@
+"""Events at infinite times: paths that come from equilibria and tend to them."""
+
+import math
+import pickle
+
+import numpy as np
+import pytest
+
+import actionopt as ao
+
+INF = math.inf
+
+
+def double_well(q, v, t, *, w):
+    return v[0] ** 2 / 2 + w**2 * (q[0] ** 2 - 1) ** 2 / 2
+
+
+KINK = ao.System(double_well, ["x"], parameters={"w": 1.0})
+JOIN = ao.Problem(KINK, ao.Event(-INF, [-1.0]), ao.Event(INF, [1.0]))
+
+
+def maier_stein(q, v, t, *, beta):
+    x, y = q
+    b = np.stack([x - x**3 - beta * x * y**2, -(1 + x**2) * y])
+    return (v - b) @ (v - b) / 2
+
+
+def exit_path(beta, **choices):
+    system = ao.System(maier_stein, ["x", "y"], parameters={"beta": beta})
+    return ao.solve(ao.Problem(system, ao.Event(-INF, [-1, 0]), ao.Event(INF, [0, 0])), **choices)
+
+
+@pytest.mark.parametrize("w, tol", [(1.0, 1e-6), (1.0, 1e-11), (5.0, 1e-8)])
+def test_a_kink(w, tol):
+    """x = tanh(w t), S = 4 w / 3, on all of time."""
+    kink = ao.solve(JOIN.replace(parameters={"w": w}), tol=tol)
+    t = np.linspace(-40, 40, 333) / w
+    wrong = np.abs(kink(t) - np.tanh(w * t)).max()
+    assert wrong <= kink.error <= tol
+    assert np.abs(kink.velocity(t) - w / np.cosh(w * t) ** 2).max() < 30 * w * tol
+    assert abs(kink.action - 4 * w / 3) < tol
+    assert kink([-INF, INF]).tolist() == [[-1.0, 1.0]]
+    assert kink(1e9).tolist() == [1.0]
+    assert (kink.morse_index, kink.kind) == (0, "minimum")
+    assert np.abs(kink.energy(t)).max() < 30 * w**2 * tol
+
+
+def test_what_is_kept_of_a_kink(tmp_path):
+    kink = ao.solve(JOIN)
+    for copy in (pickle.loads(pickle.dumps(kink)), _saved(kink, tmp_path / "kink.npz")):
+        assert copy(7.5) == kink(7.5) and copy(9.9) == kink(9.9)
+        assert copy.action == kink.action
+    with pytest.raises(ValueError, match="load it with"):
+        ao.load(tmp_path / "kink.npz")(50.0)
+
+
+def _saved(solution, file):
+    solution.save(file)
+    return ao.load(file, solution.problem.system)
+
+
+def test_a_long_dwell_is_said_and_shorter_ones_are_solved():
+    """At T = 20 the kink's place in time is known to e^-40; at T = 10, S - 4/3 is 3.3e-8."""
+    long = ao.Problem(KINK, ao.Event(-10, [-1.0]), ao.Event(10, [1.0]))
+    dwelt = ao.solve(long, throw=False)
+    assert dwelt.status is ao.Status.DWELLING
+    assert abs(dwelt.action - 4 / 3) < 1e-10
+    with pytest.raises(ao.SolveError, match=r"infinite times, Event\(-math\.inf, q\)"):
+        ao.solve(long)
+    short = ao.solve(ao.Problem(KINK, ao.Event(-5, [-1.0]), ao.Event(5, [1.0])))
+    assert abs(short.action - 1.3333333663) < 1e-10
+
+
+def test_half_a_kink_has_its_own_clock():
+    half = ao.solve(ao.Problem(KINK, ao.Event(2.0, [0.5]), ao.Event(INF, [1.0])))
+    t = np.linspace(2, 60, 99)
+    assert np.abs(half(t) - np.tanh(t - 2 + np.arctanh(0.5))).max() <= half.error <= 1e-8
+    assert abs(half.action - (2 / 3 - (0.5 - 0.125 / 3))) < 1e-10
+    back = ao.solve(ao.Problem(KINK, ao.Event(-INF, [1.0]), ao.Event(2.0, [0.5])))
+    assert np.abs(back(4 - t) - half(t)).max() < 1e-8
+
+
+def test_a_separatrix_is_measured_from_rest():
+    """L = v^2/2 + cos x: x = 4 arctan e^t - pi, and S = 8 above rest, where L = -1."""
+    pendulum = ao.System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]) + 0.3 * v[0], ["x"])
+    over = ao.solve(
+        ao.Problem(pendulum, ao.Event(-INF, [-np.pi]), ao.Event(INF, [np.pi])), tol=1e-10
+    )
+    t = np.linspace(-30, 30, 99)
+    assert np.abs(over(t) - (4 * np.arctan(np.exp(t)) - np.pi)).max() < 1e-9
+    assert abs(over.action - 8 - 0.6 * np.pi) < 1e-9
+
+
+def test_a_homoclinic_path_has_its_farthest_point_at_zero():
+    """x = (3/2) / cosh(t / 2)^2, S = 6/5; one direction lowers S."""
+    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 + q[0] ** 2 / 2 - q[0] ** 3 / 3, ["x"])
+    problem = ao.Problem(system, ao.Event(-INF, [0.0]), ao.Event(INF, [0.0]))
+    bump = ao.solve(problem, guess=lambda t: 1.3 / np.cosh(t / 2 + 1) ** 2)
+    t = np.linspace(-50, 50, 333)
+    assert np.abs(bump(t) - 1.5 / np.cosh(t / 2) ** 2).max() <= 1.5 * bump.error <= 1.5e-8
+    assert abs(bump.action - 1.2) < 1e-10
+    assert bump.morse_index == 1
+    assert ao.solve(problem).action == 0  # rest
+
+
+def test_an_exit_path_leaves_the_axis_without_a_guess():
+    """Maier and Stein, PRE 48, 931 (1993): 1/2 below beta = 4; two methods agree on the other."""
+    assert abs(exit_path(3.0).action - 0.5) < 1e-10
+    off = exit_path(10.0)
+    assert abs(off.action - 0.340041403) < 1.5e-9
+    assert off.kind == "minimum"
+    assert np.abs(off(0.0)[1]) > 0.1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "beta, index", [(3.9, 0), (4.1, 1), (8.8, 1), (9.2, 2), (15.5, 2), (16.5, 3)]
+)
+def test_the_index_on_the_axis_rises_at_squares(beta, index):
+    axis = lambda t: np.stack([(np.tanh(t) - 1) / 2, 0 * t])  # noqa: E731
+    path = exit_path(beta, guess=axis, principle="stationary")
+    assert abs(path.action - 0.5) < 1e-10
+    assert path.morse_index == index
+
+
+def test_a_bounce_from_the_centre_to_infinity():
+    """As in test_singular_ends.py, where the end is far and finite."""
+
+    def radial(q, v, r):
+        return 4 * np.pi * r**2 * (v[0] ** 2 / 2 + q[0] ** 2 / 2 - q[0] ** 3 / 2 + q[0] ** 4 / 10)
+
+    problem = ao.Problem(ao.System(radial, ["phi"]), ao.Event(0, [None]), ao.Event(INF, [0.0]))
+    bounce = ao.solve(problem, guess=lambda r: 1.4 * (1 - np.tanh((r - 8) / 1.5)), tol=1e-10)
+    assert abs(bounce.action - 94.958199565145) < 1e-11
+    assert abs(bounce.start.q[0] - 2.7412091182694) < 1e-10
+    assert bounce.morse_index == 1
+    assert np.abs(bounce(np.array([40.0, 200.0]))).max() < 1e-10
+
+
+@pytest.mark.parametrize(
+    "lagrangian, start, end, said",
+    [
+        (
+            lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2,
+            -INF,
+            0.0,
+            "saddle of the equations of mot",
+        ),
+        (lambda q, v, t: v[0] ** 2 / 2 + q[0], -INF, 0.0, "expected an equilibrium .* forces .1.0"),
+        (lambda q, v, t: v[0] ** 2 / 2, -INF, 0.0, "saddle of the equations of motion"),
+        (lambda q, v, t: v[0] ** 2 / 2 + np.log(q[0]), -INF, 0.0, "finite, with its derivatives"),
+        (
+            lambda q, v, t: v[0] ** 2 / 2 + q[0] ** 2,
+            INF,
+            0.0,
+            "expected the end event after the start",
+        ),
+        (
+            lambda q, v, t: v[0] ** 2 / 2 + (q[0] ** 2 - 1) ** 2 / 2 + (q[0] + 1) ** 2 * q[0] ** 3,
+            -INF,
+            -1.0,
+            None,
+        ),
+    ],
+)
+def test_what_does_not_begin_at_rest(lagrangian, start, end, said):
+    def solved():
+        q = [0.0] if end == 0 else [-1.0]
+        problem = ao.Problem(
+            ao.System(lagrangian, ["x"]), ao.Event(start, q), ao.Event(0.0, [-0.8])
+        )
+        return ao.solve(problem)
+
+    if said is None:
+        assert solved().success
+        return
+    with pytest.raises(ValueError, match=said):
+        solved()
+
+
+def test_equilibria_of_two_energies_are_not_joined():
+    tilted = ao.System(
+        lambda q, v, t: v[0] ** 2 / 2 + (q[0] ** 2 - 1) ** 2 / 2 + 0.1 * (q[0] ** 3 - 3 * q[0]),
+        ["x"],
+    )
+    problem = ao.Problem(tilted, ao.Event(-INF, [-1.0]), ao.Event(INF, [1.0]))
+    with pytest.raises(ValueError, match=r"two equilibria of one energy.* found -0.2 and 0.2"):
+        ao.solve(problem)
+    bound = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"], constraint=lambda q, t: q @ q - 1)
+    with pytest.raises(ValueError, match="without constraints or forces"):
+        ao.solve(ao.Problem(bound, ao.Event(-INF, [1, 0]), ao.Event(0, [0, 1])))

@@ -1,0 +1,336 @@
+"""Paths along obstacles, f(q, t) >= 0, against closed forms and elementary geometry."""
+
+import pickle
+from copy import deepcopy
+
+import numpy as np
+import pytest
+
+import actionopt as ao
+
+FREE = "expected a system without an obstacle"
+
+
+def string():
+    """Return a string of unit tension and weight g per length over x, kept above a floor."""
+    return ao.System(
+        lambda q, v, t, *, g: v[0] ** 2 / 2 + g * q[0],
+        ["height"],
+        parameters={"g": 2.0},
+        obstacle=lambda q, t: q[0],
+    )
+
+
+def body(*rows, names="xy"):
+    """Return free motion outside of obstacles."""
+    return ao.System(lambda q, v, t: v @ v / 2, list(names), obstacle=lambda q, t: rows_of(rows, q))
+
+
+def rows_of(rows, q):
+    return [row(q) for row in rows]
+
+
+def disc(x=0.0, y=0.0, radius=1.0):
+    return lambda q: (q[0] - x) ** 2 + (q[1] - y) ** 2 - radius**2
+
+
+def around(A, B, duration=1.0):
+    """Return the shortest path round the unit circle, S, and the times of contact."""
+    A, B = np.array(A), np.array(B)
+    ra, rb = np.hypot(*A), np.hypot(*B)
+    before, behind = np.sqrt(ra**2 - 1), np.sqrt(rb**2 - 1)
+    turn = A[0] * B[1] - A[1] * B[0]
+    side = np.sign(turn)
+    angle = np.arctan2(abs(turn), A @ B) - np.arctan(before) - np.arctan(behind)
+    length = before + angle + behind
+    first = np.arctan2(A[1], A[0]) + side * np.arctan(before)
+
+    def path(t):
+        s = np.asarray(t) / duration * length - before
+        th = first + side * np.clip(s, 0, angle)
+        beyond = np.where(s < 0, s, np.maximum(s - angle, 0))
+        point, along = (
+            np.array([np.cos(th), np.sin(th)]),
+            side * np.array([-np.sin(th), np.cos(th)]),
+        )
+        return point + along * beyond
+
+    times = before / length * duration, (before + angle) / length * duration
+    return path, length**2 / (2 * duration), times
+
+
+@pytest.mark.parametrize(
+    ("ends", "tol"),
+    [
+        (((-2, 0.3), (2, 0)), 1e-3),
+        (((-2, 0.3), (2, 0)), 1e-10),
+        (((-1.2, 0.3), (1.02, -0.3)), 1e-8),
+    ],
+)
+def test_shortest_way_round_a_circle(ends, tol):
+    A, B = ends
+    sol = ao.solve(ao.Problem(body(disc()), ao.Event(0, A), ao.Event(1, B)), tol=tol)
+    path, S, times = around(A, B)
+    t = np.linspace(0, 1, 400)
+    true = np.max(np.abs(sol(t) - path(t)).max(axis=1) / np.abs(path(t)).max(axis=1))
+    assert true <= sol.error <= tol
+    assert sol.action == pytest.approx(S, rel=1e-13)
+    (arc,) = sol.contacts
+    assert (arc.begin, arc.end) == pytest.approx(times, abs=1e-12)
+    assert (sol.kind, sol.morse_index) == ("minimum", 0)
+    # The centripetal force 2 nu r of the speed L: nu = L^2 / 2.
+    middle, away = sum(times) / 2, times[0] / 2
+    assert sol.contact_force([away, middle]) == pytest.approx(np.array([[0, S]]), abs=1e-6 * S)
+    assert sol.contact_force(middle).shape == (1,)
+
+
+def test_a_string_above_a_floor():
+    """Parabolas of the curvature g end on the floor, tangentially."""
+    for g, h in ((2.0, 1.0), (5.0, 0.3)):
+        problem = ao.Problem(string(), ao.Event(0, [h]), ao.Event(4, [h / 2]), parameters={"g": g})
+        sol = ao.solve(problem, tol=1e-10)
+        begin, end = np.sqrt(2 * h / g), 4 - np.sqrt(h / g)
+        assert [(arc.begin, arc.end) for arc in sol.contacts] == [pytest.approx((begin, end))]
+        t = np.linspace(0, 4, 101)
+        exact = g / 2 * (np.maximum(begin - t, 0) ** 2 + np.maximum(t - end, 0) ** 2)
+        assert np.abs(sol(t)[0] - exact).max() <= sol.error * h
+        force = np.where((begin < t) & (t < end), g, 0)
+        assert sol.contact_force(t)[0] == pytest.approx(force, abs=1e-9)
+        assert np.abs(sol.contact_force(t) * sol(t)).max() < 1e-10  # complementary
+        assert sol.acceleration(2.0) == pytest.approx([0], abs=1e-12)
+        assert sol.start.v == pytest.approx([-g * begin])
+
+
+def test_a_catenary_above_a_floor():
+    rope = ao.System(  # its tension at the floor is c
+        lambda q, v, x, *, c: (q[0] + c) * np.sqrt(1 + v[0] ** 2),
+        ["y"],
+        parameters={"c": 0.5},
+        obstacle=lambda q, x: q[0],
+    )
+    sol = ao.solve(ao.Problem(rope, ao.Event(0, [1.0]), ao.Event(3, [0.7])), tol=1e-9)
+    c = 0.5
+    begin, end = c * np.arccosh(1 + 1 / c), 3 - c * np.arccosh(1 + 0.7 / c)
+    assert (sol.contacts[0].begin, sol.contacts[0].end) == pytest.approx((begin, end), abs=1e-12)
+    t = np.linspace(0, 3, 300)
+    gap = np.maximum(begin - t, 0) + np.maximum(t - end, 0)
+    assert np.abs(sol(t)[0] - c * (np.cosh(gap / c) - 1)).max() <= sol.error
+
+
+@pytest.mark.parametrize("h", [1.0, 0.4])
+def test_a_moving_wall(h):
+    """Straight world lines touch the wall x = h (1 - 8 (t - 1/2)^2) where they are tangents."""
+    wall = ao.System(
+        lambda q, v, t: v[0] ** 2 / 2,
+        ["x"],
+        obstacle=lambda q, t, *, h: q[0] - h * (1 - 8 * (t - 0.5) ** 2),
+        parameters={"h": h},
+    )
+    sol = ao.solve(ao.Problem(wall, ao.Event(0, [0.0]), ao.Event(1, [0.0])))
+    begin = 1 / np.sqrt(8)
+    assert (sol.contacts[0].begin, sol.contacts[0].end) == pytest.approx((begin, 1 - begin))
+    assert sol(0.25) == pytest.approx([16 * h * (0.5 - begin) * 0.25])
+    assert sol.contact_force(0.5) == pytest.approx([16 * h])
+
+
+def test_geodesic_round_a_sphere():
+    ball = body(lambda q: q @ q - 1, names="xyz")
+    A, B = np.array([-2, 0.3, 0.1]), np.array([1.5, 0.2, -0.4])
+    sol = ao.solve(ao.Problem(ball, ao.Event(0, A), ao.Event(1, B)))
+    ra, rb = np.linalg.norm(A), np.linalg.norm(B)
+    angle = np.arccos(A @ B / ra / rb) - np.arccos(1 / ra) - np.arccos(1 / rb)
+    length = np.sqrt(ra**2 - 1) + np.sqrt(rb**2 - 1) + angle
+    assert sol.action == pytest.approx(length**2 / 2, rel=1e-12)
+    assert np.cross(A, B) @ sol(0.5) == pytest.approx(0, abs=1e-9)  # in the plane of the centre
+
+
+def test_two_discs_in_order():
+    """The shorter of four ways is below one and above the other, or on one side of both."""
+    discs = body(disc(-1.5, 0.3), disc(1.5, -0.2))
+    sol = ao.solve(ao.Problem(discs, ao.Event(0, [-3.5, 0]), ao.Event(1, [3.5, 0])))
+    assert [arc.row for arc in sol.contacts] == [0, 1]
+    first, second = sol.contacts
+    assert 0 < first.begin < first.end < second.begin < second.end < 1
+    t = np.linspace(0, 1, 300)
+    outside = discs.obstacle(sol(t), t)
+    assert outside.min() > -1e-8
+    speeds = np.linalg.norm(sol.velocity(t), axis=0)
+    assert speeds == pytest.approx(speeds[0])
+    assert sol.contact_force(t).min() >= 0
+
+
+@pytest.mark.parametrize("more", [-1e-3, 0, 1e-6, 1e-3])
+def test_grazing_contact(more):
+    """Two parabolas meet on the floor after 1 + sqrt(1/2); from there on they part."""
+    T = 1 + np.sqrt(0.5) + more
+    sol = ao.solve(ao.Problem(string(), ao.Event(0, [1.0]), ao.Event(T, [0.5])))
+    t = np.linspace(0, T, 300)
+    assert sol(t).min() >= -1e-8
+    if more > 0:
+        assert (sol.contacts[0].begin, sol.contacts[0].end) == pytest.approx(
+            (1, 1 + more), abs=1e-9
+        )
+    else:
+        assert sol.contacts == ()
+        assert sol.compare().agrees
+
+
+def test_links_above_a_floor():
+    """A bob on a rod in Cartesian coordinates goes as the angle does."""
+    common = {"obstacle": lambda q, t: q[1] + 0.5, "constraint": lambda q, t: (q @ q - 1) / 2}
+    rod = ao.System(lambda q, v, t: v @ v / 2 + 3 * q[1], ["x", "y"], **common)
+    angle = ao.System(
+        lambda q, v, t: v[0] ** 2 / 2 - 3 * np.cos(q[0]),
+        ["theta"],
+        obstacle=lambda q, t: 0.5 - np.cos(q[0]),
+    )
+    ends = [(0, 1.6), (3, 2.5)]
+    a = ao.solve(ao.Problem(rod, *[ao.Event(t, [np.sin(th), -np.cos(th)]) for t, th in ends]))
+    b = ao.solve(ao.Problem(angle, *[ao.Event(t, [th]) for t, th in ends]))
+    assert a.action == pytest.approx(b.action, rel=1e-12)
+    for one, other in zip(a.contacts, b.contacts, strict=True):
+        assert (one.begin, one.end) == pytest.approx((other.begin, other.end))
+    assert a.contact_force(1.2) == pytest.approx(b.contact_force(1.2))
+    assert a.multipliers(0.3) == pytest.approx(-(a.velocity(0.3) @ a.velocity(0.3)) - 3 * a(0.3)[1])
+    assert a.morse_index == b.morse_index == 0
+
+
+def test_free_ends_on_the_floor():
+    for T, contact in ((0.9, []), (1.5, [(1.0, 1.5)])):
+        sol = ao.solve(ao.Problem(string(), ao.Event(0, [1.0]), ao.Event(T, [None])))
+        assert [(arc.begin, arc.end) for arc in sol.contacts] == [pytest.approx(x) for x in contact]
+        assert sol.momenta[1] == pytest.approx([0], abs=1e-9)
+    drawn = ao.System(lambda q, v, t: v[0] ** 2 / 2 + v[0], ["x"], obstacle=lambda q, t: q[0])
+    sol = ao.solve(ao.Problem(drawn, ao.Event(0, [0.5]), ao.Event(1, [None])))
+    assert [(arc.begin, arc.end) for arc in sol.contacts] == [(1, 1)]
+    assert sol.momenta[1] == pytest.approx([0.5])  # the impulse
+
+
+def test_at_rest_on_the_floor():
+    sol = ao.solve(ao.Problem(string(), ao.Event(0, [0.0]), ao.Event(1, [0.0])))
+    assert [(arc.begin, arc.end) for arc in sol.contacts] == [(0, 1)]
+    assert sol.contact_force(0.5) == pytest.approx([2])
+    assert not sol(np.linspace(0, 1, 9)).any()
+
+
+def test_it_travels():
+    problem = ao.Problem(string(), ao.Event(0, [1.0]), ao.Event(4, [0.5]))
+    sol = ao.solve(problem)
+    for other in (pickle.loads(pickle.dumps(sol)), deepcopy(sol)):
+        assert other.contacts == sol.contacts
+        assert other.kind == "minimum"
+        assert other.contact_force(2.0) == pytest.approx([2])
+
+
+def test_it_is_saved(tmp_path):
+    sol = ao.solve(ao.Problem(string(), ao.Event(0, [1.0]), ao.Event(4, [0.5])))
+    sol.save(tmp_path / "string.npz")
+    again = ao.load(tmp_path / "string.npz", string())
+    assert again.contacts == sol.contacts
+    assert again.kind == "minimum"
+    with pytest.raises(ValueError, match="without its system"):
+        _ = ao.load(tmp_path / "string.npz").contacts
+
+
+def test_a_grid_of_strings():
+    problem = ao.Problem(string(), ao.Event(0, [1.0]), ao.Event(4, [0.5]))
+    runs = ao.sweep(problem, {"g": [0.1, 1.0, 3.0]})
+    assert runs.success.all()
+    assert [len(runs.solution(i).contacts) for i in range(3)] == [0, 1, 1]
+
+
+def test_bad_questions():
+    problem = ao.Problem(string(), ao.Event(0, [1.0]), ao.Event(4, [0.5]))
+    with pytest.raises(ValueError, match="start event outside of the obstacle"):
+        problem.replace(start=ao.Event(0, [-0.1]))
+    with pytest.raises(ValueError, match="found 'stationary'"):
+        ao.solve(problem, principle="stationary")
+    with pytest.raises(ValueError, match="expected no mesh"):
+        ao.solve(problem, mesh=ao.Mesh.uniform(0, 4, 8, 4))
+    with pytest.raises(ValueError, match="found both"):
+        ao.System(
+            lambda q, v, t: v @ v / 2,
+            ["x"],
+            force=lambda q, v, t: [-v[0]],
+            obstacle=lambda q, t: q[0],
+        )
+    with pytest.raises(ValueError, match="row 1 contains none"):
+        ao.Problem(body(disc(), lambda q: 1.0), ao.Event(0, [2, 2]), ao.Event(1, [2, 3]))
+    with pytest.raises(ValueError, match="Periodic"):
+        ao.Problem(body(disc()), ao.Event(0, [2, 2]), ao.Periodic(1))
+    for t in (None, np.inf):
+        with pytest.raises(ValueError, match="times of a path along"):
+            ao.Problem(string(), ao.Event(0, [1.0]), ao.Event(t, [0.5]))
+    plain = ao.System(lambda q, v, t: v @ v / 2, ["x"])
+    with pytest.raises(ValueError, match="expected a system with an obstacle"):
+        ao.solve(ao.Problem(plain, ao.Event(0, [0]), ao.Event(1, [1]))).contact_force(0.5)
+
+
+def test_what_does_not_know_contact_says_so():
+    problem = ao.Problem(string(), ao.Event(0, [1.0]), ao.Event(4, [0.5]))
+    sol = ao.solve(problem)
+    for ask in (
+        lambda: ao.solve_all(problem),
+        lambda: ao.trace(problem, "g", 3.0),
+        lambda: ao.integrate(problem.system, sol.start, 1.0),
+        lambda: ao.find_symmetries(problem.system),
+        lambda: ao.noether(problem.system, [1.0]),
+    ):
+        with pytest.raises(ValueError, match=FREE):
+            ask()
+    for ask in (sol.compare, sol.sensitivity, lambda: ao.conjugate_points(sol)):
+        with pytest.raises(ValueError, match="touches no obstacle"):
+            ask()
+
+
+def test_shortest_way_in_a_length():
+    """A geodesic system with an obstacle has its length, whatever runs it through."""
+    flat = ao.System.geodesic(
+        lambda q, v: np.sqrt(v @ v), ["x", "y"], obstacle=lambda q, t: q @ q - 1
+    )
+    A, B = (-2, 0.3), (2, 0)
+    sol = ao.solve(ao.Problem(flat, ao.Event(0, A), ao.Event(1, B)))
+    assert sol.length == pytest.approx(np.sqrt(2 * around(A, B)[1]), rel=1e-12)
+    loaded = pickle.loads(pickle.dumps(sol))
+    assert loaded.length == sol.length
+    assert loaded.contacts == sol.contacts
+
+
+def test_a_wall_with_a_kink_gives_an_impulse():
+    wall = ao.System(
+        lambda q, v, t: v[0] ** 2 / 2, ["x"], obstacle=lambda q, t: q[0] - 2 + 4 * abs(t - 0.4)
+    )
+    sol = ao.solve(ao.Problem(wall, ao.Event(0, [1.0]), ao.Event(1, [1.0])))
+    assert [(arc.begin, arc.end) for arc in sol.contacts] == [pytest.approx((0.4, 0.4))]
+    assert sol.velocity([0.2, 0.7])[0] == pytest.approx([1 / 0.4, -1 / 0.6])
+
+
+def test_a_path_along_a_wall_that_does_not_press():
+    """Straight along the wall: f = 0 all the way, and no force (complementarity is not strict)."""
+    wall = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"], obstacle=lambda q, t: q[1])
+    sol = ao.solve(ao.Problem(wall, ao.Event(0, [0, 0]), ao.Event(1, [1, 0])))
+    t = np.linspace(0, 1, 50)
+    assert np.abs(sol(t)[1]).max() < 1e-8
+    assert np.abs(sol.contact_force(t)).max() < 1e-6
+    assert sol.action == pytest.approx(0.5)
+
+
+def test_round_a_small_peg():
+    for R in (0.2, 0.03):
+        A, B = np.array([-1.3, 0.4]) / R, np.array([1.6, -0.47]) / R
+        peg = body(disc(radius=R))
+        sol = ao.solve(ao.Problem(peg, ao.Event(0, A * R), ao.Event(1, B * R)))
+        assert sol.action == pytest.approx(around(A, B)[1] * R**2, rel=1e-11)
+
+
+def test_why_there_is_no_path():
+    walls = ao.System(
+        lambda q, v, t: v[0] ** 2 / 2,
+        ["x"],
+        obstacle=lambda q, t: [q[0] - 3 * np.sin(np.pi * t), 2 - q[0]],
+    )
+    with pytest.raises(ao.SolveError, match="may contradict each other"):
+        ao.solve(ao.Problem(walls, ao.Event(0, [1.0]), ao.Event(1, [1.0])))
+    twice = body(disc(), lambda q: 2 * disc()(q))
+    with pytest.raises(ao.SolveError, match="give each surface once"):
+        ao.solve(ao.Problem(twice, ao.Event(0, [-2, 0.3]), ao.Event(1, [2, 0])), tol=1e-6)

@@ -1,0 +1,115 @@
+"""Paths from where the mass vanishes: the centre of a radial problem."""
+
+import numpy as np
+import pytest
+
+import actionopt as ao
+from actionopt.analysis.flow import IntegrationError
+
+AREA = {3: 4 * np.pi, 4: 2 * np.pi**2}  # of the unit sphere in D dimensions
+
+
+def radial(potential, D):
+    def lagrangian(q, v, r):
+        return AREA[D] * r ** (D - 1) * (v[0] ** 2 / 2 + potential(q[0]))
+
+    return ao.System(lagrangian, ["phi"])
+
+
+def quartic(x):
+    return x**2 / 2 - x**3 / 2 + 0.1 * x**4
+
+
+def helmholtz(k):
+    return ao.System(lambda q, v, r: r**k * (v[0] ** 2 - q[0] ** 2) / 2, ["u"])
+
+
+def gradient_part(solution, D):
+    """Return the action of the gradient alone, by quadrature on the elements."""
+    mesh, total = solution.mesh, 0.0
+    for g in mesh.groups:
+        half = mesh.lengths[g.elements][:, None] / 2
+        r = mesh.nodes[g.nodes]
+        v = solution.path.values[0][g.nodes] @ g.rule.derivative.T / half
+        total += float(np.sum(half * g.rule.weights * AREA[D] * r ** (D - 1) * v**2 / 2))
+    return total
+
+
+@pytest.mark.parametrize(
+    "D, S, phi0, wall",
+    [(3, 94.958199565145, 2.7412091182694, 8.0), (4, 1511.88294432230, 2.8607617764052, 10.0)],
+)
+def test_a_bounce(D, S, phi0, wall):
+    """Values that two methods share; Derrick's theorem; Coleman: one direction lowers S."""
+    problem = ao.Problem(radial(quartic, D), ao.Event(0, [None]), ao.Event(25, [0]))
+    bounce = ao.solve(problem, guess=lambda r: 1.4 * (1 - np.tanh((r - wall) / 1.5)), tol=1e-10)
+    assert abs(bounce.action - S) < 1e-12 * S
+    assert abs(bounce.start.q[0] - phi0) < 1e-9
+    assert abs(2 * gradient_part(bounce, D) / D - S) < 1e-11 * S
+    assert bounce.morse_index == 1 == len(ao.conjugate_points(bounce))
+    assert bounce.compare().agrees
+
+
+def test_a_bounce_in_a_logarithmic_potential():
+    """phi = exp(2 - r^2 / 2), S = pi^2 e^4 / 2 on all r (BubbleProfiler)."""
+    system = radial(lambda x: x**2 * (1 - np.log(x**2)) / 2, 4)
+    exact = lambda r: np.exp(2 - r**2 / 2)  # noqa: E731
+    problem = ao.Problem(system, ao.Event(0, [None]), ao.Event(7, [exact(7.0)]))
+    bounce = ao.solve(problem, guess=lambda r: [0.9 * np.exp(2 - r**2 / 2.2)])
+    r = np.linspace(0, 7, 30)
+    assert np.abs(bounce(r)[0] - exact(r)).max() < 1e-8 * np.e**2
+    assert abs(bounce.action - np.pi**2 * np.e**4 / 2) < 1e-10 * bounce.action
+    assert bounce.morse_index == 1
+
+
+@pytest.mark.slow
+def test_the_bounce_is_among_all_paths():
+    problem = ao.Problem(radial(quartic, 3), ao.Event(0, [None]), ao.Event(25, [0]))
+    found = ao.solve_all(problem, shots=10)
+    assert any(abs(path.action - 94.958199565145) < 1e-8 for path in found)
+
+
+@pytest.mark.parametrize("k", [1, 2, 3])
+def test_focal_points_are_zeros_of_bessel_functions(k):
+    """u'' + k u' / r + u = 0: J0, sin r / r and J1 / r; tables of their zeros."""
+    zeros = {
+        1: [2.404825557695773, 5.520078110286311],
+        2: [np.pi, 2 * np.pi],
+        3: [3.831705970207512, 7.015586669815619],
+    }[k]
+    end = ao.Event(8.0, [1.0])
+    solution = ao.solve(ao.Problem(helmholtz(k), ao.Event(0, [None]), end))
+    assert [p.t for p in ao.conjugate_points(solution)] == pytest.approx(zeros, abs=1e-9)
+    assert solution.morse_index == 2
+
+
+def test_a_motion_forward_from_the_centre():
+    path = ao.integrate(helmholtz(2), ao.State(0, [2.0], [0.0]), 20.0)
+    r = np.linspace(0.01, 20, 77)
+    assert np.abs(path(r)[0] - 2 * np.sin(r) / r).max() < 1e-11
+    assert path(0.0)[0] == 2.0
+    assert abs(path.velocity(0.0)[0]) < 1e-11
+    before = ao.integrate(helmholtz(2), ao.State(0, [2.0], [0.0]), -20.0)
+    assert np.abs(before(-r) - path(r)).max() < 1e-11
+
+
+def test_two_coupled_fields_from_the_centre():
+    """A rotation of u = sin r / r and w = sin(2 r) / r."""
+
+    def lagrangian(q, v, r):
+        a, b = 0.6 * q[0] + 0.8 * q[1], -0.8 * q[0] + 0.6 * q[1]
+        return r**2 * (v @ v - a**2 - 4 * b**2) / 2
+
+    path = ao.integrate(ao.System(lagrangian, ["x", "y"]), ao.State(0, [0.6, 0.8], [0, 0]), 9.0)
+    r = np.linspace(0.1, 9, 33)
+    assert np.abs(path(r) - np.array([[0.6], [0.8]]) * np.sin(r) / r).max() < 1e-11
+
+
+def test_what_does_not_begin_at_the_centre():
+    with pytest.raises(ValueError, match="the equations of motion decide it"):
+        ao.integrate(helmholtz(2), ao.State(0, [2.0], [1.0]), 1.0)
+    steep = ao.System(lambda q, v, r: r**2 * (v[0] ** 2 / 2 - abs(r - 1e-9) * q[0]), ["u"])
+    assert ao.integrate(steep, ao.State(0, [1.0], [0.0]), 1.0) is not None
+    with pytest.raises(IntegrationError, match="singular point"):
+        rough = ao.System(lambda q, v, r: r**2 * v[0] ** 2 / 2 - np.sqrt(r) * q[0], ["u"])
+        ao.integrate(rough, ao.State(0, [1.0], [0.0]), 1.0)
