@@ -294,7 +294,7 @@ def test_the_front_comes_to_everyone_and_goes_no_farther_than_it_is_let():
     known = np.zeros(200, dtype=bool)
     known[0] = True
     front, waves = Front(at), 0
-    front.learn(np.array([0]), at[:1])
+    front.learn(np.array([0]), at[:1], ~known)
     while not known.all():
         chosen = front.wave(~known, known)
         assert chosen.size and not known[chosen].any()
@@ -304,11 +304,11 @@ def test_the_front_comes_to_everyone_and_goes_no_farther_than_it_is_let():
             [np.linalg.norm(at[i] - at[front.nearest[i]]) for i in helped]
         )
         front.told(chosen.size, helped.size)
-        front.learn(helped, at[helped])
+        front.learn(helped, at[helped], ~known)
         waves += 1
     assert waves < 40
     lost = Front(at)
-    lost.learn(np.array([0]), at[:1])
+    lost.learn(np.array([0]), at[:1], np.arange(200) > 0)
     tried = 0
     while (chosen := lost.wave(np.arange(200) > 0, np.arange(200) < 1)).size:
         tried += chosen.size

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from actionopt.families.sheets import sheets
+from actionopt.families.sheets import leapt, sheets
 
 ALL = np.ones((30, 40), dtype=bool)
 X, Y = np.meshgrid(np.linspace(-1, 1, 30), np.linspace(-1, 1, 40), indexing="ij")
@@ -85,3 +85,26 @@ def test_few_members_are_not_judged():
 def test_uneven_steps_are_no_breaks():
     x = np.geomspace(1e-3, 1, 40)
     assert not sheets(np.ones(40, bool), None, np.stack([np.log(x), x], axis=-1)).any()
+
+
+def test_sheets_that_hang_together_round_a_cusp_are_two():
+    """The least x of x^4/4 + a x^2/2 + b x: for a < 0 it leaps where b changes its sign."""
+    b, a = np.meshgrid(np.linspace(-1, 1, 41), np.linspace(-1, 1, 40))
+    x = np.empty(a.shape)
+    for at in np.ndindex(a.shape):
+        roots = np.roots([1, 0, a[at], b[at] - 1e-3])
+        roots = roots[np.abs(roots.imag) < 1e-9].real
+        x[at] = roots[np.argmin(roots**4 / 4 + a[at] * roots**2 / 2 + (b[at] - 1e-3) * roots)]
+    found = sheets(np.ones(a.shape, bool), None, x[..., None])
+    leaps = (np.abs(np.diff(x, axis=1)) > 0.5) & (a[:, 1:] < -0.2)
+    assert leaps.sum() >= 10 and found.max() == 1
+    assert (np.diff(found, axis=1)[leaps] != 0).all()
+    assert (np.diff(found[:, :20], axis=1) == 0)[a[:, 1:20] < -0.2].all()
+
+
+def test_the_action_tells_a_leap_among_momenta_that_change_as_much():
+    x = np.linspace(0, 4, 41)
+    assert not leapt(-np.cos(3 * x), 3 * np.sin(3 * x), x, 0).any()
+    up = x > 1.95
+    S, p = np.where(up, -np.cos(3 * x), 0.4 + x**2), np.where(up, 3 * np.sin(3 * x), 2 * x)
+    assert np.flatnonzero(leapt(S, p, x, 0)).tolist() == [19]

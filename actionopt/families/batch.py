@@ -259,7 +259,7 @@ class _Run:
     def _block(self, block: NDInt) -> None:
         """Solve some members, in waves from those that are known."""
         front, known = Front(self.at[block]), np.flatnonzero(self.known)
-        front.learn(known, self.at[known])
+        front.learn(known, self.at[known], ~self.decided[block])
         while not self.decided[block].all():
             left = ~self.decided[block]
             chosen = front.wave(left & ~self.doubtful[block], self.known[block])
@@ -279,7 +279,7 @@ class _Run:
                     front.lost(self.at[new])
                     continue
                 front.again()
-            front.learn(new, self.at[new])
+            front.learn(new, self.at[new], ~self.decided[block])
 
     # -- one by one ------------------------------------------------------------------------------
 

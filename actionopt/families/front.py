@@ -49,17 +49,21 @@ class Front:
         self._reach, self._growing, self._progress = FIRST_REACH, True, False
         self._smallest = 0.5 / len(at)  # cells that hold one member each, in a row
 
-    def learn(self, which: NDInt, points: Array) -> None:
-        """Take note of members that are known, numbered `which`, at points (.., columns)."""
-        for first in range(0, which.size, TOGETHER):
+    def learn(self, which: NDInt, points: Array, left: NDInt) -> None:
+        """Take note of members that are known, numbered `which`, at points (.., columns).
+
+        For those who are `left`, (k,) of bool: nobody else asks who is near.
+        """
+        to = np.flatnonzero(left)
+        for first in range(0, which.size if to.size else 0, TOGETHER):
             some = slice(first, first + TOGETHER)
-            apart = squares(self.at, points[some])
+            apart = squares(self.at[to], points[some])
             closest = np.argmin(apart, axis=1)
             least = np.sqrt(apart[np.arange(len(apart)), closest])
-            nearer = least < self.near
-            self.nearest[nearer] = which[some][closest[nearer]]
-            self._towards[nearer] = points[some][closest[nearer]]
-            np.minimum(self.near, least, out=self.near)
+            nearer = least < self.near[to]
+            here, closest = to[nearer], closest[nearer]
+            self.near[here], self.nearest[here] = least[nearer], which[some][closest]
+            self._towards[here] = points[some][closest]
 
     def lost(self, points: Array) -> None:
         """Take note of members that were given up, at points (.., columns)."""

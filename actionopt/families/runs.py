@@ -18,7 +18,7 @@ from actionopt.analysis.status import Status
 from actionopt.discrete.path import Path
 from actionopt.families.grid import Grid, said
 from actionopt.families.kept import Kept, find
-from actionopt.families.sheets import sheets
+from actionopt.families.sheets import leapt, sheets
 from actionopt.families.task import Answers, solved
 from actionopt.mechanics.problem import Problem, State
 from actionopt.solver.solve import Guess, solve
@@ -155,13 +155,27 @@ class Runs:
         """Labels from 0 of what hangs together, -1 where a member failed: an array of int.
 
         Neighbours are told apart where the index changes between them, or where the momenta at the
-        ends (and coordinates that are free there) change several times as much as around.
+        ends (and coordinates that are free there) change several times as much as around, or the
+        action otherwise than the momenta say.
         """
         told = [self.momenta.reshape(*self.shape, -1)]
         for k, event in enumerate((self.problem.start, self.problem.end)):
             free = [i for i, x in enumerate(event.q) if x is None]
             told.append(self.ends[..., k, free])
-        return sheets(self.success, self.index, np.concatenate(told, axis=-1))
+        return sheets(self.success, self.index, np.concatenate(told, axis=-1), self._leaps())
+
+    def _leaps(self) -> list[NDInt]:
+        """Return where the action leaps along each axis, as far as its derivative is known."""
+        found, coordinates = [], self.problem.system.coordinates
+        S = np.where(self.success, self.action, np.nan)
+        for axis, name in enumerate(self.grid.names if not self.grid.zipped else ()):
+            if isinstance(name, tuple):
+                i, last = coordinates.index(name[1]), name[0] == "end"
+                slope = self.momenta[..., int(last), i] * (1 if last else -1)
+                found.append(leapt(S, slope, self.grid.values[axis], axis))
+            else:
+                found.append(np.zeros(1, dtype=bool))
+        return found
 
     def solution(self, *at: int) -> Solution:
         """Return the member at a place in the grid as a full solution.

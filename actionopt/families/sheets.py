@@ -7,6 +7,9 @@ changes, the members do not hang together.
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Sequence
+
 import numpy as np
 
 from actionopt.tools.types import Array, NDInt
@@ -14,11 +17,15 @@ from actionopt.tools.types import Array, NDInt
 # Of a change, in units of the changes between the two neighbours on either side: more is a break.
 # Ad hoc: beside a fold, where paths differ by the square root of the distance, it is 2.7.
 BREAK = 4.0
-UNSEEN = 1e-6  # of the range over the grid: smaller changes tell nothing; ad hoc, above their error
+TORN = 8.0  # the same, of a change inside what hangs together otherwise; ad hoc
+TEARS = 16  # that are followed in one map; ad hoc
+# Of the range over the grid: smaller changes tell nothing, nor does a smaller range of a quantity's
+# own size; ad hoc, above their error.
+UNSEEN = 1e-6
 AROUND = (-2, -1, 1, 2)
 
 
-def sheets(solved: NDInt, index: NDInt | None, told: Array) -> NDInt:
+def sheets(solved: NDInt, index: NDInt | None, told: Array, leaps: Sequence[NDInt] = ()) -> NDInt:
     """Return a label for every member, in the grid's shape: equal ones hang together.
 
     Parameters
@@ -29,6 +36,8 @@ def sheets(solved: NDInt, index: NDInt | None, told: Array) -> NDInt:
         Morse indices, -1 where there is none.
     told : (..., k) array
         k numbers of each member that say which path it has.
+    leaps : sequence of arrays of bool, optional
+        Along each axis, from which members to the next ones there is a leap, as is known besides.
 
     Returns
     -------
@@ -43,10 +52,10 @@ def sheets(solved: NDInt, index: NDInt | None, told: Array) -> NDInt:
     # Towards a pole, as at a conjugate point, numbers grow without bound; these do not.
     bounded = told / np.where(usual > 0, np.abs(told) + usual, 1.0)
     spread = np.ptp(bounded[solved], axis=0)
-    units = np.where(spread > 0, spread, np.inf)
+    units = np.where(spread > UNSEEN, spread, np.inf)  # they are of order one
     told = np.where(solved[..., None], bounded, np.nan)
     numbers = np.arange(solved.size).reshape(solved.shape)
-    pairs = []
+    pairs, tears, torn = [], [], []
     for axis in range(solved.ndim):
         first, second = _halves(numbers, axis)
         here, there = _halves(solved, axis)
@@ -55,13 +64,39 @@ def sheets(solved: NDInt, index: NDInt | None, told: Array) -> NDInt:
             a, b = _halves(index, axis)
             joined = joined & ((a == b) | (a < 0) | (b < 0))
         a, b = _halves(told, axis)
-        joined = joined & ~_breaks(np.max(np.abs(b - a) / units, axis=-1, initial=0.0), axis)
-        pairs.append(np.stack([first[joined], second[joined]]))
+        changes = np.max(np.abs(b - a) / units, axis=-1, initial=0.0)
+        times = _times(changes, axis)
+        if leaps:
+            times = np.where(leaps[axis], np.inf, times)
+        wide, joined = joined & (times > TORN), joined & ~(times > BREAK)
+        for found, at in ((pairs, joined), (tears, wide)):
+            found.append(np.stack([first[at], second[at]]))
+        torn.append(changes[wide])
     labels = _components(solved.size, np.hstack(pairs))
+    if tears:
+        order = np.argsort(-np.hstack(torn), kind="stable")
+        _part(labels, np.hstack(pairs), np.hstack(tears)[:, order])
     labels[~solved.ravel()] = -1
     _, names = np.unique(labels[labels >= 0], return_inverse=True)
     labels[labels >= 0] = names
     return labels.reshape(solved.shape)
+
+
+def leapt(action: Array, momentum: Array, values: Array, axis: int) -> NDInt:
+    """Return where the action leaps along an axis whose `values` are those of a coordinate.
+
+    `momentum` is its derivative by them. Between two members it changes by the integral of the
+    momentum, which lies between those of both; where the momentum turns, a little beside.
+    """
+    S, p = (np.moveaxis(x, axis, -1) for x in (action, momentum))
+    h = np.diff(values)
+    turn = np.abs(np.diff(p))
+    around = np.full((2, *turn.shape), np.nan)
+    around[0][..., 1:], around[1][..., :-1] = turn[..., :-1], turn[..., 1:]
+    allowed = np.abs(h) * (turn / 2 + np.nan_to_num(np.fmin(*around)) / 4)
+    off = np.abs(np.diff(S) - h * (p[..., 1:] + p[..., :-1]) / 2)
+    known = S[np.isfinite(S)]
+    return np.moveaxis(off > allowed + UNSEEN * (np.ptp(known) if known.size else 0.0), -1, axis)
 
 
 def _halves(values: Array, axis: int) -> tuple[Array, Array]:
@@ -70,8 +105,11 @@ def _halves(values: Array, axis: int) -> tuple[Array, Array]:
     return values.take(range(count - 1), axis), values.take(range(1, count), axis)
 
 
-def _breaks(changes: Array, axis: int) -> NDInt:
-    """Return which changes along an axis are far larger than those around, as far as known."""
+def _times(changes: Array, axis: int) -> Array:
+    """Return how many times as large as those around changes along an axis are.
+
+    The median of those around, as far as they are known; zero where there are fewer than two.
+    """
     rows = np.moveaxis(changes, axis, -1)
     count = rows.shape[-1]
     around = np.full((len(AROUND), *rows.shape), np.nan)
@@ -83,8 +121,9 @@ def _breaks(changes: Array, axis: int) -> NDInt:
     known = np.isfinite(around).sum(axis=0)
     middle = np.maximum(known - 1, 0) // 2, np.minimum(known // 2, len(AROUND) - 1)
     low, high = (np.take_along_axis(around, i[None], 0)[0] for i in middle)
-    with np.errstate(invalid="ignore"):
-        found = (known >= 2) & (rows > UNSEEN) & (rows > BREAK * (low + high) / 2)  # the median
+    with np.errstate(invalid="ignore", divide="ignore"):
+        found = rows / ((low + high) / 2)
+        found = np.where((known >= 2) & (rows > UNSEEN), found, 0.0)
     return np.moveaxis(found, -1, axis)
 
 
@@ -100,3 +139,35 @@ def _components(count: int, pairs: NDInt) -> NDInt:
             np.minimum.at(least, end, low)
         while (least[least] != least).any():
             least = least[least]
+
+
+def _part(labels: NDInt, pairs: NDInt, tears: NDInt) -> None:
+    """Give the two sides of each tear labels of their own, in place.
+
+    Parameters
+    ----------
+    labels : (count,) array of int
+    pairs : (2, K) array of int
+        Members that hang together.
+    tears : (2, T) array of int
+        Members that do not, the largest change first.
+    """
+    near: list[list[int]] = []
+    for _ in range(TEARS):
+        tears = tears[:, labels[tears[0]] == labels[tears[1]]]
+        if not tears.size:
+            return
+        if not near:
+            near = [[] for _ in labels]
+            for i, j in pairs.T.tolist():
+                near[i].append(j)
+                near[j].append(i)
+        one, other = tears[:, 0].tolist()
+        own, new = int(labels[one]), int(labels.max()) + 1
+        way, done = deque([(one, own), (other, new)]), {one, other}
+        while way:  # from both sides at once
+            i, side = way.popleft()
+            beyond = [j for j in near[i] if j not in done and labels[j] == own]
+            labels[i] = side
+            done.update(beyond)
+            way.extend((j, side) for j in beyond)
