@@ -89,6 +89,8 @@ def test_where_solvers_do_not_agree_is_counted_by_hand():
         record("a", "heavy_top"),
         record("b", "heavy_top", outcome="failed"),
         record("a", "pendulum"),
+        record("b", "chain", outcome="limit"),  # a machine's verdict, not the solver's
+        record("a", "chain"),
         record("b", "pendulum", outcome="absent"),  # not scored: not all have answered
     ]
     apart, members = dial_report.disagreeing(records)

@@ -30,7 +30,8 @@ minimiser (a local minimum no higher than the known optimum, or "unbounded" wher
 where it is not. The tables have the verdicts, too.</p>
 {dials}
 <h2>Where they do not agree</h2>
-<p>On {apart} of {members} members not all of {solvers} come to the same verdict.</p>
+<p>On {apart} of {members} members not all of {solvers} come to the same verdict; to run out of
+time is none.</p>
 {names}
 <h2>What is hard for Ipopt</h2>
 <p>With its defaults Ipopt takes more than fifty Hessians here, or fails.</p>
@@ -108,11 +109,12 @@ def _cell(record: Mapping[str, Any]) -> str:
 def disagreeing(records: Records) -> tuple[list[tuple], int]:
     """Return the members on which solvers come to different verdicts as minimisers, of how many.
 
-    Those that a solver is scored on, and another one too.
+    Those on which two solvers at least are scored. To run out of time is no verdict here, but the
+    machine's.
     """
     found: dict[tuple, list[str]] = {}
     for r in records:
-        if r["outcome"] not in UNSCORED:
+        if r["outcome"] not in (*UNSCORED, "limit"):
             found.setdefault(profile.asked(r), []).append(verdict(r, "minimise"))
     several = {member: said for member, said in found.items() if len(said) > 1}
     return [member for member, said in several.items() if len(set(said)) > 1], len(several)
