@@ -48,7 +48,7 @@ FAMILY_CHANGE = 2.0  # of it by two more steps; measured: single paths 1.0, fami
 FAMILY_NOISE = 1e-9  # of one coordinate the noise itself tells; ad hoc
 OUTDATED = 1e-6  # change of multipliers, in whose matrix no family may show; ad hoc
 BENT = 1e-4  # in units of kinetic energy, as the index has it: of a family 1e-8; ad hoc
-DWELT = (Status.NOT_FOUND, Status.UNRESOLVED, Status.DEGENERATE, Status.FLOOR)  # what it may be
+DWELT = (Status.NOT_FOUND, Status.UNRESOLVED, Status.DEGENERATE)  # what it may be
 LOST = (Status.NOT_FOUND, Status.UNRESOLVED)  # where one of a family may have been near
 
 
@@ -189,6 +189,7 @@ def _solved(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[So
         search.ws.hint = f"tried: {', '.join(dict.fromkeys(search.tried))}"
         status = Status.OUT_OF_TIME
     ws = search.ws
+    ws.here.tr.watch = None  # a verdict is not left half done
     if watch is not None and watch.raised is not None and not isinstance(watch.raised, OutOfTime):
         raise watch.raised
     if (principle == "least" or system.r) and status.success and ws.here.index > 0:

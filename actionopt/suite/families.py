@@ -69,6 +69,8 @@ class Family:
         The default starting point, where it is not the scene's guess or the straight line.
     limits : Limits
         Bounds of coordinates and constraint functions.
+    why : str
+        Why Ipopt with its defaults takes more than fifty iterations, or fails, where it does so.
     made : callable, optional
         Of the family's name and parameters: its own scene, where `scenes` has none.
     once : mapping
@@ -87,6 +89,7 @@ class Family:
     decades: float = 0.0
     start: str = ""
     limits: Limits = UNLIMITED
+    why: str = ""
     made: Callable[..., Scene] | None = None
     once: Mapping[str, Any] = field(default_factory=dict)
 
@@ -189,14 +192,20 @@ MESHES = {  # elements and degree where 8 of degree 4 are too few
     **dict.fromkeys(("two_body", "hoop_bead", "heavy_top"), (8, 6)),
 }
 STEADY = "steady motion"  # the straight line is the path: nobody may start there
+CYCLIC = "two angles hardly enter: f is nearly flat along them, and falls in other directions"
+TURNS = (
+    "so long a time has many paths, and between them minima that are none: on the way most "
+    "Hessians have many negative eigenvalues"
+)
 OWN = {
     "inverted_cone": {"tags": (STEADY,), "start": "perturbed"},
-    "heavy_top": {"tags": (STEADY, "several optima"), "start": "perturbed"},
+    "heavy_top": {"tags": (STEADY, "several optima"), "start": "perturbed", "why": CYCLIC},
     "hoop_bead": {"tags": ("several optima",), "bends": ((1.5,), (-1.5,))},
 }
 EASY = tuple(Family(name, name, *MESHES.get(name, ()), **OWN.get(name, {})) for name in PLAIN)
 
 SEVERAL = ("several optima",)
+MANY = ("many turns",)
 PAST = ("unbounded below", "saddle only")
 UNITS = ("badly scaled units",)
 DECADES = 8.0
@@ -248,6 +257,7 @@ HARD = (
         4,
         {"m": 1.67e-27, "k": 500.0, "start": 1e-11, "end": 5e-12, "duration": 4e-15},
         (*UNITS, "absolute tolerances"),
+        why="all derivatives are below its absolute tolerances at the start already",
     ),
     Family(
         "kepler_planet",
@@ -298,6 +308,7 @@ HARD = (
         10,
         {"eccentricity": 0.95, "start": -0.2},
         ("coordinate singularity", "near collision"),
+        why="a step takes r through zero, where f falls without bound",
     ),
     Family(
         "kepler_spherical_singular",
@@ -361,7 +372,39 @@ HARD = (
         bends=((0.0, 0.0), (4.0, 0.0), (-4.0, 0.0)),
     ),
     Family("chain", "chain", 8, 6, tags=SEVERAL),
-    Family("chain_long", "chain", 6, 6, {"links": 20}, (*SEVERAL, "many constraints")),
+    Family(
+        "chain_long",
+        "chain",
+        6,
+        6,
+        {"links": 20},
+        (*SEVERAL, "many constraints"),
+        why="minima far from the path, along which the Hessian has 129 negative eigenvalues",
+    ),
+    Family("pendulum_turns", "pendulum", 48, 8, {"duration": 18.0}, MANY, why=TURNS),
+    Family("rod_pendulum_turns", "rod_pendulum", 24, 8, {"duration": 8.0}, MANY, why=TURNS),
+    Family("polar_pendulum_turns", "polar_pendulum", 32, 8, {"duration": 12.0}, MANY, why=TURNS),
+    Family("moving_pivot_turns", "moving_pivot", 24, 8, {"duration": 12.0}, MANY, why=TURNS),
+    Family(
+        "inverted_cone_turns",
+        "inverted_cone",
+        24,
+        8,
+        {"duration": 8.0},
+        (*MANY, STEADY),
+        start="perturbed",
+        why=TURNS,
+    ),
+    Family(
+        "heavy_top_turns",
+        "heavy_top",
+        16,
+        6,
+        {"duration": 0.8},
+        (*MANY, STEADY),
+        start="perturbed",
+        why=f"{CYCLIC}; {TURNS}",
+    ),
 )
 
 # With inequalities: unilateral contact, whose times and multipliers the scenes have in closed form
