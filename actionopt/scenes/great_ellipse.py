@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from actionopt.scenes._scene import Facts, Setup, Words
-from actionopt.scenes._shapes import body, ground, project
+from actionopt.scenes._shapes import body, ground
 
 TITLE = "shortest way on a flattened Earth"
 SOURCE = (
@@ -46,18 +46,15 @@ def scene(*, a=6384e3, b=6353e3, start=(40.6413, -73.7781), end=(51.47, -0.4543)
     parallels = np.linspace(0, 2 * np.pi, 61)
 
     def place(theta, phi):
-        return project(
-            a * np.cos(theta) * np.cos(phi + np.pi),
-            a * np.cos(theta) * np.sin(phi + np.pi),
-            b * np.sin(theta),
-        )
+        across = a * np.cos(theta)
+        return across * np.cos(phi + np.pi), across * np.sin(phi + np.pi), b * np.sin(theta)
 
     return Setup(
         ["theta", "phi"],
         duration,
         draw=lambda q, t: [
-            ground(*place(0.0, parallels).T),
-            ground(*place(np.pi / 4, parallels).T),
+            ground(*(place(0.0, x) for x in parallels)),
+            ground(*(place(np.pi / 4, x) for x in parallels)),
             body(place(*q)),
         ],
         ends=(np.radians(start), np.radians(end)),
