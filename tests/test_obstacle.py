@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import actionopt as ao
+from actionopt import plot
 
 FREE = "expected a system without an obstacle"
 
@@ -334,3 +335,15 @@ def test_why_there_is_no_path():
     twice = body(disc(), lambda q: 2 * disc()(q))
     with pytest.raises(ao.SolveError, match="give each surface once"):
         ao.solve(ao.Problem(twice, ao.Event(0, [-2, 0.3]), ao.Event(1, [2, 0])), tol=1e-6)
+
+
+def test_pictures():
+    sol = ao.solve(ao.Problem(body(disc()), ao.Event(0, [-2, 0.3]), ao.Event(1, [2, 0])))
+    above, below = plot.overview(sol)
+    assert len(above.collections) == 2  # the disc and its edge
+    t, force = below.lines[0].get_data()
+    assert force.max() == pytest.approx(sol.action)
+    (arc,) = sol.contacts
+    assert np.all((force > 0) == ((arc.begin <= t) & (t <= arc.end)))
+    with pytest.raises(ValueError, match=FREE):
+        plot.relaxation_data(sol)

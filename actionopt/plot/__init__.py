@@ -10,7 +10,7 @@ from actionopt.plot._fan import fan, wavefronts
 from actionopt.plot._files import save, save_runs, svg, svgs
 from actionopt.plot._film import animation, film
 from actionopt.plot._names import SI, Units, planar, symbol
-from actionopt.plot._paths import deviation, family, mesh, overview, paths
+from actionopt.plot._paths import contact, deviation, family, mesh, overview, paths
 from actionopt.plot._phasors import phasors
 from actionopt.plot._relaxation import Panels, relaxation, relaxation_film
 from actionopt.plot._runs import runs
@@ -66,6 +66,7 @@ __all__ = [
     "bundle_data",
     "conserved",
     "conserved_data",
+    "contact",
     "curves",
     "deviation",
     "energies",

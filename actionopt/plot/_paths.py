@@ -18,8 +18,11 @@ from actionopt.analysis.solution import Solution
 from actionopt.plot import _style as style
 from actionopt.plot._names import NONE, Units, label, symbol
 from actionopt.plot.data.along import curves, family_data, followed, mesh_data, times
+from actionopt.tools.types import Array
 
 BADGE: Any = {"boxstyle": "circle,pad=0.2", "edgecolor": style.GREY}
+HALVES = np.array([-0.5, 0.5])
+OBSTACLE = 200  # points along each axis where an obstacle is asked: half a line's width apart
 BOUND: Any = {"color": style.GREY, "linewidth": 1.2}
 
 
@@ -27,11 +30,16 @@ BOUND: Any = {"color": style.GREY, "linewidth": 1.2}
 def overview(
     solution: Solution, axes: Sequence[Axes] | None = None, *, units: Units = NONE
 ) -> tuple[Axes, Axes]:
-    """Draw `paths` above `deviation`, on two axes or in a figure of their own."""
+    """Draw `paths` above `deviation`, on two axes or in a figure of their own.
+
+    A path in contact with an obstacle has `contact` in place of the deviation.
+    """
     if axes is None:
         axes = style.new_figure(figsize=(6.4, 6.4)).subplots(2, height_ratios=(3, 2))
     above, below = axes  # type: ignore[misc]
-    return paths(solution, above, units=units), deviation(solution, below, units=units)
+    touches = solution.problem.system.r and solution.contacts
+    second = contact if touches else deviation
+    return paths(solution, above, units=units), second(solution, below, units=units)
 
 
 @style.styled
@@ -41,19 +49,67 @@ def paths(
     """Draw the path, and unless `compare` is False the forward integration over it.
 
     Cartesian coordinates, pairs named x and y with the same ending, are drawn as orbits in the
-    plane; any others against time.
+    plane; any others against time. An obstacle is drawn where f = 0: in the plane of a path of two
+    coordinates that is an orbit, at the start, or over the time of a path of one coordinate. There
+    is no forward integration of a path in contact.
     """
     names, t = solution.problem.system.coordinates, times(solution)
     ax = style.on(ax)
     for x, y, what in style.traces(names, t, solution(t)):
         ax.plot(x, y, **style.PATH, label=what)
-    if compare:
+    touches = solution.problem.system.r and solution.contacts
+    if compare and not touches:
         forward = followed(solution, t)
         style.draw(ax, names, t, forward, None, "forward integration", **style.forward())
     style.frame(ax, solution, units)
+    if solution.problem.system.r:
+        _obstacle(ax, solution, t)
     S = f"{style.number(solution.action, 8)} {units.action}".rstrip()
     ax.set_title(f"{style.heading(solution)}: $S$ = {S}")
     style.legend(ax)
+    return ax
+
+
+def _obstacle(ax: Axes, solution: Solution, t: Array) -> None:
+    """Draw where f = 0, as far as the axes reach."""
+    problem, n = solution.problem, solution.problem.system.n
+    rows = style.traces(problem.system.coordinates, t, solution(t))
+    if n > 2 or len(rows) > 1:
+        return
+    limits = np.array([ax.get_xlim(), ax.get_ylim()])
+    reach = limits
+    if n == 2:  # of equal scales, an axis may reach farther than its limits say yet
+        reach = limits.mean(axis=1, keepdims=True) + np.ptp(limits, axis=1).max() * HALVES
+    (left, right), (low, high) = reach
+    x, y = np.meshgrid(np.linspace(left, right, OBSTACLE), np.linspace(low, high, OBSTACLE))
+    q, time = (y.reshape(1, -1), x.ravel()) if n == 1 else (np.stack([x.ravel(), y.ravel()]), t[0])
+    f = problem.system.obstacle(q, time, parameters=problem.parameters)
+    seen = ax.dataLim.frozen()  # the axes are those of the path
+    for row in f.reshape(-1, OBSTACLE, OBSTACLE):
+        ax.contourf(x, y, row, [-np.inf, 0.0], colors=style.PALE, alpha=0.4, zorder=0)
+        ax.contour(x, y, row, [0.0], colors=style.GREY, linewidths=1.2, zorder=1)
+    ax.dataLim.set(seen)
+    ax.autoscale_view()
+
+
+@style.styled
+def contact(solution: Solution, ax: Axes | None = None, *, units: Units = NONE) -> Axes:
+    """Draw the contact force nu of each row of an obstacle against time.
+
+    Raises ValueError for a system without an obstacle.
+    """
+    t, ax = times(solution), style.on(ax)
+    ends = [x for arc in solution.contacts if not arc.point for x in (arc.begin, arc.end)]
+    t = np.sort(np.concatenate([t, ends, np.nextafter(ends, -np.inf), np.nextafter(ends, np.inf)]))
+    t = t[(t >= solution.problem.start.t) & (t <= solution.problem.end.t)]
+    force = solution.contact_force(t)
+    for i, row in enumerate(force):
+        what = r"$\nu$" if len(force) == 1 else rf"$\nu_{{{i}}}$"
+        ax.plot(t, row, **{**style.PATH, "linewidth": 2.0}, **style.strand(i), label=what)
+    ax.set(xlabel=label("time $t$", units.time), ylabel=r"contact force $\nu$")
+    ax.margins(x=0)
+    if len(force) > 1:
+        style.legend(ax)
     return ax
 
 
