@@ -379,7 +379,7 @@
         let b = bend(), at = 1;
         if (size(b) < 1e-7) { b = ripple(1); at = 0; bare = true; }
         const from = base(), curve = [], along = (a) => { const Q = plus(from, a, b); return Q ? S(Q) : NaN; };
-        const count = held === null ? CURVE : 21;
+        const count = held === null ? CURVE : A.m ? 11 : 21; // paths are moved onto a surface one by one
         for (let k = 0; k < count; k++) { const a = REACH * ((2 * k) / (count - 1) - 1); curve.push([a, along(a)]); }
         const h = 1e-4, S0 = along(0), slope = (a) => (along(a + h) - along(a - h)) / (2 * h);
         slopes = [slope(at), slope(0)];
