@@ -9,6 +9,7 @@ start. No search of this kind proves that nothing is left.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from actionopt.analysis.solution import Solution
+from actionopt.families.free_times import all_durations
 from actionopt.families.searches import SAME_PATH, Sweep
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
@@ -169,6 +171,7 @@ def solve_all(
     asked(problem)
     problem.system.check_free("only least paths are sought along it, by solve from guesses")
     tolerance(tol)
+    problem = problem.asked or problem
     _check_clock(problem)
     whole = problem.whole
     if whole.is_infinite:
@@ -189,6 +192,9 @@ def solve_all(
                 "expected whole numbers >= 0 of windings, starts, shots and continuations, "
                 f"found {count!r}"
             )
+    if problem.free_time:
+        timed = all_durations(problem, tol, turning, windings, shots, seed, progress)
+        return _paths_of(problem, turning, *timed)
     run = Sweep(problem, tol, turning, windings, seed, progress)
     try:
         run.straight()
@@ -224,6 +230,11 @@ def _without_end(run: Sweep, whole: Problem) -> list[tuple[Solution, tuple[int, 
 def _check_clock(problem: Problem) -> None:
     """Raise ValueError if closed paths may start anywhere along themselves."""
     structure = problem.system.structure
+    if problem.advance is not None and problem.free_time:
+        raise ValueError(
+            "expected events, or a period that is given, to look for all paths, found closed ones "
+            "of a given energy; give a guess to `solve`, and follow it by `trace`"
+        )
     if problem.advance is None or problem.start.pinned:
         return
     if not (structure.depends_on_time or structure.linear):
@@ -232,6 +243,20 @@ def _check_clock(problem: Problem) -> None:
             "and a start that gives no coordinate: each path may start anywhere along itself; "
             "give one coordinate at the start"
         )
+
+
+def _paths_of(
+    problem: Problem,
+    turning: tuple[int, ...],
+    found: list[tuple[Solution, tuple[int, ...], str]],
+    tried: Counter[str],
+    interrupted: bool,
+) -> Paths:
+    """Return the paths of a given energy, by increasing action."""
+    found = sorted(found, key=lambda item: item[0].action)
+    names = tuple(problem.system.coordinates[i] for i in turning)
+    solutions, turns, how = zip(*found, strict=True) if found else ((), (), ())
+    return Paths(solutions, turns, how, names, dict(tried), 0, False, interrupted)
 
 
 def _ordered(run: Sweep) -> Paths:
@@ -259,7 +284,8 @@ def detected_angles(problem: Problem) -> tuple[int, ...]:
     known = [x for e in (problem.start, problem.end) for x in e.q if x is not None]
     size = max(1.0, *(abs(x) for x in known)) if known else 1.0
     q, v = size * rng.standard_normal((2, system.n, PROBES))
-    t = problem.start.t + problem.duration * rng.random(PROBES)
+    duration = 1.0 if problem.free_time else problem.duration
+    t = (problem.start.t or 0.0) + duration * rng.random(PROBES)
     here = _everything(system, problem, q, v, t)
     result = []
     for i, name in enumerate(system.coordinates):
