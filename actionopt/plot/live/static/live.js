@@ -567,11 +567,16 @@
 
     // Half waves along the path, of the coordinates that are shown: of the last of each pair.
     function ripple(waves) {
-      const b = new Float64Array(trial.length);
-      for (const [, i] of curves()) {
-        const by = (0.22 * (view.y[1] - view.y[0])) / Math.sqrt(waves);
-        A.shares.forEach((s, k) => (b[k * n + i] += by * Math.sin(waves * Math.PI * s)));
+      const b = new Float64Array(trial.length), shape = A.shares.map((s) => Math.sin(waves * Math.PI * s) / Math.sqrt(waves));
+      if (!A.m) {
+        const by = 0.22 * (view.y[1] - view.y[0]);
+        for (const [, i] of curves()) shape.forEach((x, k) => (b[k * n + i] += by * x));
+        return b;
       }
+      A.planes(base()).forEach(({ tangent }, k) => tangent.forEach((z) => { // along the surface
+        const c = 0.3 * shape[k] * z.reduce((sum, x) => sum + x, 0);
+        for (let i = 0; i < n; i++) b[k * n + i] += c * z[i] * data.sizes[i];
+      }));
       return b;
     }
 
