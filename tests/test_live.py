@@ -262,6 +262,9 @@ def test_bad_questions_are_refused(folder):
     for_ever = ao.Problem(DOUBLE_WELL, ao.Event(-math.inf, [-1.0]), ao.Event(0.0, [0.0]))
     with pytest.raises(ValueError, match="infinite time"):
         plot.page(for_ever, folder / "closed.html")
+    some_time = ao.Problem(DOUBLE_WELL, ao.Event(0, [-1.0]), ao.Event(None, [1.0]), energy=1.0)
+    with pytest.raises(ValueError, match="time that is free"):
+        plot.page(some_time, folder / "closed.html")
     with pytest.raises(ValueError, match=r"ends in \.html"):
         plot.page(closed, folder / "closed.pdf")
     assert not list(folder.glob("closed*"))

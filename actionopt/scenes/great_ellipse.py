@@ -47,7 +47,8 @@ def scene(*, a=6384e3, b=6353e3, start=(40.6413, -73.7781), end=(51.47, -0.4543)
 
     def place(theta, phi):
         across = a * np.cos(theta)
-        return across * np.cos(phi + np.pi), across * np.sin(phi + np.pi), b * np.sin(theta)
+        height = b * np.sin(theta) + 0 * phi  # of a whole parallel
+        return np.stack([across * np.cos(phi + np.pi), across * np.sin(phi + np.pi), height])
 
     return Setup(
         ["theta", "phi"],

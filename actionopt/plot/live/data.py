@@ -73,6 +73,8 @@ def check(problem: Problem) -> None:
     found = (
         "a path that closes: its end follows its start; give the end event of one turn"
         if isinstance(problem.end, Periodic)
+        else "a time that is free; give it the time that `solve` finds"
+        if problem.free_time
         else "an event at infinite time; give it a time"
         if problem.is_infinite or problem.has_tails
         else "an obstacle, which a path along it touches only in parts; leave it out"

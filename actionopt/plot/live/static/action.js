@@ -74,7 +74,12 @@ globalThis.actionopt = (() => {
     return count;
   }
 
-  const dot = (a, b) => a.reduce((sum, x, i) => sum + x * b[i], 0);
+  const dot = (a, b) => {
+    let sum = 0;
+    for (let i = 0; i < a.length; i++) sum += a[i] * b[i];
+    return sum;
+  };
+  const less = (x, c, row) => { for (let i = 0; i < x.length; i++) x[i] -= c * row[i]; };
   const largest = (row) => row.reduce((most, x) => (Math.abs(x) <= most ? most : Math.abs(x)), 0); // NaN is
 
   // -- the action
@@ -226,30 +231,38 @@ globalThis.actionopt = (() => {
     }
 
     // Of the coordinates free at node k, in units of their sizes: orthonormal rows `normal` that
-    // span the constraints' gradients, G = lower normal, and `tangent` rows across them.
-    plane(Q, k, free = this.pinned(k).map((x) => !x)) {
+    // span the constraints' gradients, G = lower normal, and `tangent` rows across them, unless `bare`.
+    plane(Q, k, free = this.pinned(k).map((x) => !x), bare = false) {
       const { f, G } = this.m ? this.surface(Q, k) : { f: [], G: [] }, normal = [], lower = [], kept = [];
       const clean = (x, rows) => { // twice: once leaves round-off
-        for (let round = 0; round < 2; round++) for (const r of rows) { const c = dot(r, x); x.forEach((_, i) => (x[i] -= c * r[i])); }
+        for (let round = 0; round < 2; round++) for (const r of rows) less(x, dot(r, x), r);
         return Math.sqrt(dot(x, x));
       };
       G.forEach((g, row) => {
-        const x = g.map((value, i) => (free[i] ? value * this.sizes[i] : 0)), scaled = x.slice(), size = Math.sqrt(dot(x, x));
+        const x = g, scaled = new Float64Array(this.n);
+        for (let i = 0; i < this.n; i++) scaled[i] = x[i] = free[i] ? g[i] * this.sizes[i] : 0;
+        const size = Math.sqrt(dot(x, x));
         const left = clean(x, normal);
         if (left <= DEPENDENT * size || !size) return;
         normal.push(x.map((value) => value / left));
         lower.push(normal.map((r) => dot(r, scaled)));
         kept.push(row);
       });
-      const tangent = [], wanted = free.filter(Boolean).length - normal.length;
-      const axes = free.map((yes, i) => (yes ? Float64Array.from(free, (_, j) => +(i === j)) : null)).filter(Boolean);
-      if (!normal.length) return { normal, lower, kept, tangent: axes, f: [] };
-      while (tangent.length < wanted) { // the axis that is least known, so far
-        const rest = axes.map((axis) => { const x = axis.slice(); return [clean(x, [...normal, ...tangent]), x]; });
-        const [left, x] = rest.reduce((a, b) => (b[0] > a[0] + 1e-6 ? b : a));
-        tangent.push(x.map((value) => value / left));
+      const known = { normal, lower, kept, f: kept.map((row) => f[row]) };
+      if (bare) return known;
+      const axes = [];
+      for (let i = 0; i < this.n; i++) if (free[i]) (axes[axes.length] = new Float64Array(this.n))[i] = 1;
+      if (!normal.length) return { ...known, tangent: axes };
+      const tangent = [];
+      for (const axis of axes) clean(axis, normal);
+      for (let left = axes.length - normal.length; left > 0; left--) { // the longest that is left
+        const sizes = axes.map((x) => dot(x, x)), at = sizes.indexOf(Math.max(...sizes)), [x] = axes.splice(at, 1);
+        const size = clean(x, [...normal, ...tangent]);
+        tangent.push(x.map((value) => value / size));
+        const z = tangent[tangent.length - 1];
+        for (const axis of axes) less(axis, dot(axis, z), z);
       }
-      return { normal, lower, kept, tangent, f: kept.map((row) => f[row]) };
+      return { ...known, tangent };
     }
 
     planes(Q) { return this.shares.map((_, k) => this.plane(Q, k)); }
@@ -260,7 +273,7 @@ globalThis.actionopt = (() => {
       for (let k = 0; k < this.count; k++) {
         let size = Infinity;
         for (let round = 0; round < 30 && size > 1e-14; round++) {
-          const { normal, lower, f } = this.plane(Q, k), c = [];
+          const { normal, lower, f } = this.plane(Q, k, undefined, true), c = [];
           lower.forEach((row, i) => c.push((-f[i] - dot(row.slice(0, i), c)) / row[i]));
           let step = 0;
           for (let i = 0; i < this.n; i++) {

@@ -379,7 +379,7 @@
         let b = bend(), at = 1;
         if (size(b) < 1e-7) { b = ripple(1); at = 0; bare = true; }
         const from = base(), curve = [], along = (a) => { const Q = plus(from, a, b); return Q ? S(Q) : NaN; };
-        const count = held === null ? CURVE : 21;
+        const count = held === null ? CURVE : A.m ? 11 : 21; // paths are moved onto a surface one by one
         for (let k = 0; k < count; k++) { const a = REACH * ((2 * k) / (count - 1) - 1); curve.push([a, along(a)]); }
         const h = 1e-4, S0 = along(0), slope = (a) => (along(a + h) - along(a - h)) / (2 * h);
         slopes = [slope(at), slope(0)];
@@ -567,11 +567,16 @@
 
     // Half waves along the path, of the coordinates that are shown: of the last of each pair.
     function ripple(waves) {
-      const b = new Float64Array(trial.length);
-      for (const [, i] of curves()) {
-        const by = (0.22 * (view.y[1] - view.y[0])) / Math.sqrt(waves);
-        A.shares.forEach((s, k) => (b[k * n + i] += by * Math.sin(waves * Math.PI * s)));
+      const b = new Float64Array(trial.length), shape = A.shares.map((s) => Math.sin(waves * Math.PI * s) / Math.sqrt(waves));
+      if (!A.m) {
+        const by = 0.22 * (view.y[1] - view.y[0]);
+        for (const [, i] of curves()) shape.forEach((x, k) => (b[k * n + i] += by * x));
+        return b;
       }
+      A.planes(base()).forEach(({ tangent }, k) => tangent.forEach((z) => { // along the surface
+        const c = 0.3 * shape[k] * z.reduce((sum, x) => sum + x, 0);
+        for (let i = 0; i < n; i++) b[k * n + i] += c * z[i] * data.sizes[i];
+      }));
       return b;
     }
 
