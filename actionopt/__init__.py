@@ -8,6 +8,7 @@ from actionopt.analysis.conjugate import conjugate_points
 from actionopt.analysis.contact import contact_loss
 from actionopt.analysis.forward import IntegrationError, integrate
 from actionopt.analysis.modes import second_variation
+from actionopt.analysis.monodromy import monodromy
 from actionopt.analysis.solution import Solution, SolveError
 from actionopt.analysis.status import Status
 from actionopt.analysis.store import load
@@ -44,6 +45,7 @@ __all__ = [
     "integrate",
     "integrate_pfaffian",
     "load",
+    "monodromy",
     "noether",
     "second_variation",
     "solve",

@@ -17,7 +17,8 @@ SPEC.loader.exec_module(rooms)
 # Library: its only room. PIL comes with matplotlib. scipy is no dependency: the suite compares
 # its solvers where it is there. So are xarray and Dask, of which the package needs one call each.
 THIRD_PARTY = {"casadi": None, "numpy": None, "matplotlib": "plot", "PIL": "plot", "scipy": "suite"}
-THIRD_PARTY |= {"xarray": "families", "distributed": "cli"}
+THIRD_PARTY |= {"xarray": "families", "distributed": "cli", "nlopt": "suite", "cyipopt": "suite"}
+THIRD_PARTY |= {"optiprofiler": "suite"}
 ONE_NAME = ("tools", "mechanics", "discrete")  # where a constant's name is no other's
 SOLVERS = ("actionopt.solver.ipopt", "actionopt.suite")  # the suite compares all there are
 

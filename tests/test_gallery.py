@@ -360,11 +360,17 @@ def test_a_scene_that_is_not_there(tmp_path):
 # -- films ------------------------------------------------------------------------------------
 
 
-def test_one_path_relaxes_to_the_motion_and_the_other_falls_below_it(gallery):
+def test_one_path_relaxes_to_the_motion_and_the_other_runs_away_on_one_clock(gallery):
     page = (gallery / "least.html").read_text(encoding="utf-8")
     found = map(json.loads, re.findall(r'<script type="application/json">(.*?)</script>', page))
-    films = [data for data in found if "shapes" in data]
-    away = [np.array(f["shapes"][1]["points"][-1]) - f["shapes"][0]["points"][0] for f in films]
+    (film,) = (data for data in found if "shapes" in data)
+    kinds = ("motion", "trial", "dot")
+    truth, trial, dots = (
+        [np.array(s["points"]) for s in film["shapes"] if s["kind"] == kind] for kind in kinds
+    )
+    away = [path[-1] - still[0] for path, still in zip(trial, truth, strict=True)]
+    assert len(trial[0]) == len(trial[1]) == len(dots[0]) == len(film["labels"])  # one clock
+    assert np.ptp(dots[0][-5:], axis=0) == pytest.approx(0, abs=1e-3)  # at rest on the map
     assert np.max(np.abs(away[0])) < 0.01 < 0.3 < np.max(np.abs(away[1]))
 
 

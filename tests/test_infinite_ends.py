@@ -59,6 +59,18 @@ def _saved(solution, file):
     return ao.load(file, solution.problem.system)
 
 
+def test_a_long_dwell_is_said_and_shorter_ones_are_solved():
+    """At T = 20 the kink's place in time is known to e^-40; at T = 10, S - 4/3 is 3.3e-8."""
+    long = ao.Problem(KINK, ao.Event(-10, [-1.0]), ao.Event(10, [1.0]))
+    dwelt = ao.solve(long, throw=False)
+    assert dwelt.status is ao.Status.DWELLING
+    assert abs(dwelt.action - 4 / 3) < 1e-10
+    with pytest.raises(ao.SolveError, match=r"infinite times, Event\(-math\.inf, q\)"):
+        ao.solve(long)
+    short = ao.solve(ao.Problem(KINK, ao.Event(-5, [-1.0]), ao.Event(5, [1.0])))
+    assert abs(short.action - 1.3333333663) < 1e-10
+
+
 def test_half_a_kink_has_its_own_clock():
     half = ao.solve(ao.Problem(KINK, ao.Event(2.0, [0.5]), ao.Event(INF, [1.0])))
     t = np.linspace(2, 60, 99)
@@ -168,11 +180,11 @@ def test_what_does_not_begin_at_rest(lagrangian, start, end, said):
 
 def test_equilibria_of_two_energies_are_not_joined():
     tilted = ao.System(
-        lambda q, v, t: v[0] ** 2 / 2 - np.cos(q[0]) + np.cos(2 * q[0]) - 0.5 * np.cos(q[0] / 2),
+        lambda q, v, t: v[0] ** 2 / 2 + (q[0] ** 2 - 1) ** 2 / 2 + 0.1 * (q[0] ** 3 - 3 * q[0]),
         ["x"],
     )
-    problem = ao.Problem(tilted, ao.Event(-INF, [0.0]), ao.Event(INF, [2 * np.pi]))
-    with pytest.raises(ValueError, match=r"saddle|two equilibria of one energy"):
+    problem = ao.Problem(tilted, ao.Event(-INF, [-1.0]), ao.Event(INF, [1.0]))
+    with pytest.raises(ValueError, match=r"two equilibria of one energy.* found -0.2 and 0.2"):
         ao.solve(problem)
     bound = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"], constraint=lambda q, t: q @ q - 1)
     with pytest.raises(ValueError, match="without constraints or forces"):

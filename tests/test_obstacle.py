@@ -258,6 +258,9 @@ def test_bad_questions():
         ao.Problem(body(disc(), lambda q: 1.0), ao.Event(0, [2, 2]), ao.Event(1, [2, 3]))
     with pytest.raises(ValueError, match="Periodic"):
         ao.Problem(body(disc()), ao.Event(0, [2, 2]), ao.Periodic(1))
+    for t in (None, np.inf):
+        with pytest.raises(ValueError, match="times of a path along"):
+            ao.Problem(string(), ao.Event(0, [1.0]), ao.Event(t, [0.5]))
     plain = ao.System(lambda q, v, t: v @ v / 2, ["x"])
     with pytest.raises(ValueError, match="expected a system with an obstacle"):
         ao.solve(ao.Problem(plain, ao.Event(0, [0]), ao.Event(1, [1]))).contact_force(0.5)
@@ -291,3 +294,43 @@ def test_shortest_way_in_a_length():
     loaded = pickle.loads(pickle.dumps(sol))
     assert loaded.length == sol.length
     assert loaded.contacts == sol.contacts
+
+
+def test_a_wall_with_a_kink_gives_an_impulse():
+    wall = ao.System(
+        lambda q, v, t: v[0] ** 2 / 2, ["x"], obstacle=lambda q, t: q[0] - 2 + 4 * abs(t - 0.4)
+    )
+    sol = ao.solve(ao.Problem(wall, ao.Event(0, [1.0]), ao.Event(1, [1.0])))
+    assert [(arc.begin, arc.end) for arc in sol.contacts] == [pytest.approx((0.4, 0.4))]
+    assert sol.velocity([0.2, 0.7])[0] == pytest.approx([1 / 0.4, -1 / 0.6])
+
+
+def test_a_path_along_a_wall_that_does_not_press():
+    """Straight along the wall: f = 0 all the way, and no force (complementarity is not strict)."""
+    wall = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"], obstacle=lambda q, t: q[1])
+    sol = ao.solve(ao.Problem(wall, ao.Event(0, [0, 0]), ao.Event(1, [1, 0])))
+    t = np.linspace(0, 1, 50)
+    assert np.abs(sol(t)[1]).max() < 1e-8
+    assert np.abs(sol.contact_force(t)).max() < 1e-6
+    assert sol.action == pytest.approx(0.5)
+
+
+def test_round_a_small_peg():
+    for R in (0.2, 0.03):
+        A, B = np.array([-1.3, 0.4]) / R, np.array([1.6, -0.47]) / R
+        peg = body(disc(radius=R))
+        sol = ao.solve(ao.Problem(peg, ao.Event(0, A * R), ao.Event(1, B * R)))
+        assert sol.action == pytest.approx(around(A, B)[1] * R**2, rel=1e-11)
+
+
+def test_why_there_is_no_path():
+    walls = ao.System(
+        lambda q, v, t: v[0] ** 2 / 2,
+        ["x"],
+        obstacle=lambda q, t: [q[0] - 3 * np.sin(np.pi * t), 2 - q[0]],
+    )
+    with pytest.raises(ao.SolveError, match="may contradict each other"):
+        ao.solve(ao.Problem(walls, ao.Event(0, [1.0]), ao.Event(1, [1.0])))
+    twice = body(disc(), lambda q: 2 * disc()(q))
+    with pytest.raises(ao.SolveError, match="give each surface once"):
+        ao.solve(ao.Problem(twice, ao.Event(0, [-2, 0.3]), ao.Event(1, [2, 0])), tol=1e-6)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from helpers import integrated
 from scipy.optimize import fsolve
+from scipy.special import ellipk
 
 import actionopt as ao
 from actionopt import Periodic, plot, scenes
@@ -131,11 +132,16 @@ def test_what_does_not_fit_is_refused():
         ao.conjugate_points(ao.solve(problem))
 
 
-def test_a_closed_path_without_a_clock_is_told_to_have_one():
+def test_a_closed_path_without_a_clock_begins_anywhere_along_itself():
     pendulum = ao.System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]), ["theta"])
-    problem = ao.Problem(pendulum, ao.Event(0.0, [None]), ao.Periodic(8.0))
-    with pytest.raises(ao.SolveError, match="give one coordinate at the start"):
-        ao.solve(problem, guess=lambda t: [1.2 * np.cos(2 * np.pi * t / 8)])
+    for start in (None, 0.5):
+        problem = ao.Problem(pendulum, ao.Event(0.0, [start]), ao.Periodic(8.0))
+        found = ao.solve(problem, guess=lambda t: [1.2 * np.cos(2 * np.pi * t / 8)], tol=1e-11)
+        assert np.max(np.abs(found.momenta[1] - found.momenta[0])) < CLOSED
+        assert start is None or abs(found.start.q[0] - start) < CLOSED
+        # T = 4 K(sin(a / 2)) with the amplitude a
+        a = np.abs(found(np.linspace(0, 8, 4001))[0]).max()
+        assert 4 * ellipk(np.sin(a / 2) ** 2) == pytest.approx(8.0, rel=1e-5)
 
 
 # -- all of them -----------------------------------------------------------------------------------

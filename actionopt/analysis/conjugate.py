@@ -16,6 +16,7 @@ import numpy as np
 
 from actionopt.analysis.jacobi import fields, resolved
 from actionopt.analysis.second_variation import Form, check_legendre, coefficients, tangent
+from actionopt.analysis.second_variation import form as form_of
 from actionopt.analysis.solution import Solution
 from actionopt.mechanics.problem import Periodic
 from actionopt.tools.blas import one_thread
@@ -62,6 +63,8 @@ def conjugate_points(solution: Solution) -> tuple[ConjugatePoint, ...]:
             "that); pin both ends, guess=solution, for those of the motion between them"
         )
     form = resolved(solution.discrete, solution.error, CONJUGATE_RESOLUTION, polish=True)
+    if any(term.phase for term in form.tr.nodal):  # no part of how neighbours move
+        form = form_of(form.at, phase=False)
     if not form.freedom:
         return ()
     check_legendre(form)

@@ -22,6 +22,7 @@ import numpy as np
 
 from actionopt.analysis.jacobi import polished, resolved
 from actionopt.analysis.second_variation import Form, check_legendre, condense
+from actionopt.discrete.bordered import Bordered, moves_of
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import Factors
 from actionopt.mechanics.held import Held
@@ -50,17 +51,20 @@ class Inertia:
     tolerance : float
         1e-8, or ten times the path's own error estimate where that is larger and leaves no sign
         open, or where the path cannot be improved.
+    moves : int
+        Of these, those that move a closed path along itself, or as a whole by a symmetry of L.
     """
 
     index: int
     nullity: int
     smallest: float | None
     tolerance: float
+    moves: int = 0
 
     @property
     def kind(self) -> Literal["minimum", "saddle", "degenerate"]:
         """What the action is at the path, among its near neighbours."""
-        if self.nullity:
+        if self.nullity > self.moves:
             return "degenerate"
         return "saddle" if self.index else "minimum"
 
@@ -112,6 +116,35 @@ def _held(at: DiscretePath, tolerance: float) -> Inertia:
 
     index = below(-tolerance)
     return Inertia(index, below(tolerance) - index, None, tolerance)
+
+
+def inertia_asked(at: DiscretePath, error: float) -> Inertia:
+    """Return the index and nullity of a path whose duration was found, or that closes anywhere.
+
+    Its duration varies with it, S + E T is what is lowered. Where the paths over fixed durations
+    follow one another as T changes, that has one direction more, along them, in which it bends by
+    d2S/dT2 = -dE/dT. What moves a closed path along itself, or as a whole by a symmetry of L, makes
+    no other path of it, but where the start gives coordinates.
+    """
+    asked = at.problem.asked or at.problem
+    moves = moves_of(asked)
+    path, rows = at.path, at.rows if at.tr.layout.rows else None
+    lam = None if rows is None else np.nan_to_num(rows)
+    bordered, y = Bordered.around(asked, path, lam, at.tr.lengths, moves)
+    found = inertia(bordered.discrete(y) if asked.closes else at, error)
+    moves = bordered.borders.c.size
+    others = max(found.nullity - moves, 0)
+    index = found.index
+    if bordered.timed:
+        if others:  # fixed durations have a fold there
+            index, others = index + 1, others - 1
+        else:
+            bend = bordered.bend(y)
+            others = int(abs(bend) <= found.tolerance)
+            index += not others and bend < 0
+    moves = min(found.nullity, moves) - bordered.borders.held
+    smallest = found.smallest if others + moves else None
+    return Inertia(index, others + moves, smallest, found.tolerance, moves)
 
 
 def inertia_of(form: Form, tolerance: float = INDEX_TOLERANCE) -> Inertia:

@@ -76,9 +76,10 @@ def second_variation(
     found = solution.inertia
     # A mesh for the units of the motion: in others the Jacobi fields may be lost in round-off.
     fine = resolved(solution.discrete, solution.error, INDEX_RESOLUTION / 100)
-    form = form_of(fine.at, given)
+    form = form_of(fine.at, given, phase=False)
     values, vectors = lowest(form, count)
-    low = found.index, found.index + found.nullity
+    shifts = any(term.phase for term in form.tr.nodal)  # of time: they are a mode of their own
+    low = found.index, found.index + found.nullity + shifts
     if not min(low[0], len(values)) <= np.sum(values < 0) <= low[1]:
         raise ValueError(
             f"expected the signs of the eigenvalues to be those of index {low[0]}, found "

@@ -118,8 +118,10 @@ class Form:
         return result
 
 
-def form(at: DiscretePath, units: Array | None = None) -> Form:
+def form(at: DiscretePath, units: Array | None = None, *, phase: bool = True) -> Form:
     """Return the second variation along a path, the coordinates in `units` (n,).
+
+    Without `phase` what chooses one of the paths that differ by a shift of time is left out.
 
     Raises ValueError for a system with non-conservative forces, or a path along which L is not
     finite.
@@ -185,6 +187,8 @@ def form(at: DiscretePath, units: Array | None = None) -> Form:
             block = slice(None, r) if k == 0 else slice(-r, None)
             elements[e][block, block] += sign * basis[k].T @ (S[ends[k]] * scale) @ basis[k]
     for term in tr.nodal:
+        if term.phase and not phase:
+            continue
         r = basis.shape[2]
         e, block = (
             (0, slice(None, r)) if term.boundary == 0 else (term.boundary - 1, slice(-r, None))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from copy import deepcopy
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path as FilePath
 from typing import Any
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt.analysis.compare import Comparison, compare
-from actionopt.analysis.index import Inertia, inertia
+from actionopt.analysis.index import Inertia, inertia, inertia_asked
 from actionopt.analysis.saved import save
 from actionopt.analysis.sensitivity import Sensitivity, sensitivity
 from actionopt.analysis.status import Status
@@ -162,6 +162,36 @@ class Solution:
         return self.status.success
 
     @property
+    def duration(self) -> float:
+        """Time between the events, given or found."""
+        return self.problem.duration
+
+    @property
+    def abbreviated_action(self) -> float:
+        """S + E T, which is the integral of p dq where L does not depend on the time.
+
+        E is the energy of the problem where a time was to be found, else the mean of H.
+        """
+        energy = self.problem.energy
+        if energy is not None:
+            return self.action + energy * self.duration
+        tr, x = self.discrete.tr, self.discrete.x
+        place = tr.place(x)
+        parameters = self.problem.packed
+        first = self.problem.system.pointwise("first")
+        p = first(place.at, place.v, tr.times, parameters)[1]
+        return float(np.sum(tr.weight * place.v * p))
+
+    @cached_property
+    def between_times(self) -> Solution:
+        """The same path as the answer to the question with the times that were found given."""
+        problem = self.problem
+        if problem.asked is None:
+            return self
+        given = Problem(problem.system, problem.start, problem.end, parameters=problem.parameters)
+        return replace(self, problem=given, known=None)
+
+    @property
     def mesh(self) -> Mesh:
         """The mesh of the path."""
         return self.path.mesh
@@ -229,7 +259,7 @@ class Solution:
     def contacts(self) -> tuple[Arc, ...]:
         """The parts of the path in contact with the obstacle, in order of time.
 
-        One of no length at a free end stands for an impulse: the momentum there.
+        A moment only is an impulse, p(t+) - p(t-) = - its size df/dq; at a free end, the momentum.
         """
         rows = np.isfinite(self.lam[self.problem.system.m :])
         return arcs_of(rows, self.mesh.boundaries, self.mesh.offsets)
@@ -252,7 +282,13 @@ class Solution:
 
     @cached_property
     def inertia(self) -> Inertia:
-        """Index and nullity of the second variation, counted when first asked for."""
+        """Index and nullity of the second variation, counted when first asked for.
+
+        Of a path whose duration was to be found it is that of S + E T, the duration varying;
+        `between_times` has the other.
+        """
+        if self.problem.asked is not None or self.problem.closes:
+            return inertia_asked(self.discrete, self.error)
         return inertia(self.discrete, self.error)
 
     @property
@@ -410,7 +446,7 @@ class Solution:
     def _held_at(self, k: int) -> bool:
         """Whether the path is in contact next to the start (k = 0) or the end (1)."""
         t = self.mesh.boundaries[-k]
-        return any(arc.begin < arc.end and t in (arc.begin, arc.end) for arc in self.contacts)
+        return any(not arc.point and t in (arc.begin, arc.end) for arc in self.contacts)
 
     def _pointwise(self, name: str, t: ArrayLike) -> Array:
         """Return what a method of the system says along the path, (..., *t.shape)."""

@@ -21,6 +21,12 @@ class Status(Enum):
         "the end event is (numerically) conjugate to the start event: the path is not determined "
         "by its end points, and no number here can be trusted; move an end point or the end time"
     )
+    DWELLING = (
+        "both events are equilibria, at which the motion dwells for most of the time: when it "
+        "passes from one to the other is hardly determined, or not at all, and so is no number "
+        "here but the action; put the events at infinite times, Event(-math.inf, q) and "
+        "Event(math.inf, q), which chooses an origin of time"
+    )
     UNRESOLVED = (
         "the path found on a coarse mesh did not settle under refinement: (a) the motion has a "
         "collision or a singularity, (b) the first path was an artefact of the coarse mesh, or "

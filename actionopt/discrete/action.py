@@ -37,13 +37,13 @@ from actionopt.tools.types import Array, NDInt
 
 @dataclass(eq=False, slots=True)
 class Point:
-    """What was computed for the unknowns x (unknowns,), to be used again.
+    """What was computed for unknowns, to be used again; `x` are their bytes, soon compared.
 
     Coordinates Q (K, n) at the nodes; coordinates and velocities at the evaluations, `at` and `v`,
     both (evaluations, n).
     """
 
-    x: Array
+    x: bytes
     Q: Array
     at: Array
     v: Array
@@ -268,11 +268,12 @@ class Action:
     def place(self, x: Array) -> Point:
         """Return what is known for x (unknowns,): the last one is kept."""
         point = self._point
-        if point is None or not np.array_equal(point.x, x):
+        key = x.tobytes()
+        if point is None or point.x != key:
             Q = self.coordinates(x)
             at = Q[self.layout.node_of]
             # Several threads may read one solution: what one found is never taken for another x.
-            self._point = point = Point(x.copy(), Q, at, self.velocities(at))
+            self._point = point = Point(key, Q, at, self.velocities(at))
         return point
 
     def _first(self, x: Array) -> tuple[float, Array, Array]:

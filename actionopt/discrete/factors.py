@@ -62,16 +62,32 @@ class Factors:
         """What solves but for errors; None if nothing does so quickly."""
         layout, system = self.layout, self.layout.system
         slim = system.n + system.m <= SLIM and layout.size <= PATTERN
-        pays = self._many and slim and not system.structure.forced
+        pays = self._many and slim and layout.unpivoted
         if layout.condensed and not pays:
             with suppress(np.linalg.LinAlgError):  # a block may be singular where all are not
                 return self._condensed.solve
-        elif not system.structure.forced:
+        elif layout.unpivoted:
             if layout.keeps_factors:
                 return self._kept.solve
             regular = _regular(layout, compressed(layout, self.nonzeros))
             return lambda right: _solver(layout, "ldl")(regular, right)
+        elif layout.bordered:
+            return self._pivoted
         return None
+
+    @cached_property
+    def _pivoted(self) -> Callable[[Array], Array]:
+        """LU factors with pivoting, which dense rows do not fill as they do those of QR."""
+        layout, matrix = self.layout, ca.DM(self.layout.kkt.sparsity, self.nonzeros)
+        solver = layout.solvers.get("lu")
+        if solver is None:
+            solver = layout.solvers["lu"] = ca.Linsol("lu", "csparse", matrix.sparsity())
+            solver.sfact(matrix)
+        try:
+            solver.nfact(matrix)
+        except RuntimeError as error:
+            raise np.linalg.LinAlgError("the matrix is singular") from error
+        return lambda right: np.asarray(solver.solve(matrix, ca.DM(right))).ravel()
 
     @cached_property
     def _kept(self) -> _Kept:
@@ -92,6 +108,8 @@ class Factors:
     @property
     def cheap(self) -> bool:
         """Whether another solution costs far less than another factorization."""
+        if self.layout.bordered:
+            return not self.layout.small
         return self.layout.keeps_factors or (self._many and self.layout.condensed)
 
     def solve(self, right: Array) -> Array:
@@ -104,6 +122,8 @@ class Factors:
             if x is not None:
                 return x
             self._direct = None
+        if self.layout.bordered:
+            raise np.linalg.LinAlgError("the matrix is singular")
         x = _solver(self.layout, "qr")(compressed(self.layout, self.nonzeros), right)
         if not np.all(np.isfinite(x)):
             raise np.linalg.LinAlgError("the matrix is singular")

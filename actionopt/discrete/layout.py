@@ -142,6 +142,13 @@ class Layout:
         """Whether sparse factors are kept: solutions under constraints have to be refined."""
         return self.storage == "sparse" and self.rows > 0 and self.size > KEPT_SIZE
 
+    @property
+    def unpivoted(self) -> bool:
+        """Whether factors without pivoting serve: those of a symmetric matrix."""
+        return not self.system.structure.forced
+
+    bordered = False  # by dense rows and columns
+
     @cached_property
     def blocks(self) -> Blocks:
         """Where everything is in a matrix stored in blocks."""

@@ -45,7 +45,7 @@ class Resolution:
     scaled : (K, n) array
         Nodal coordinates in units of their sizes.
     omitted : (N,) array
-        Size of the first Legendre coefficient left out, in the same units.
+        Size of the first Legendre coefficient left out, in the same units; rather too large.
     rate : (N,) array
         Natural logarithm of rho, the decay per degree.
     """
@@ -59,6 +59,17 @@ class Resolution:
     def worst(self) -> float:
         """The largest coefficient left out."""
         return float(self.omitted.max())
+
+    @cached_property
+    def expected(self) -> float:
+        """The same as errors are reckoned by: by the rate alone, where degrees are above five.
+
+        `omitted`, by which meshes are made, is larger where degrees are below ten: what few
+        coefficients tell of another mesh is worth less.
+        """
+        d = np.array(self.mesh.degrees)
+        farther = np.minimum(2.0, (d - 2) / 2) - np.minimum(2.0, (d - 2) / 4)
+        return float((self.omitted * np.exp(-np.maximum(farther, 0.0) * self.rate)).max())
 
     def steep(self) -> Array:
         """Return where a layer or a kink sits that an element does not resolve, (2, N).

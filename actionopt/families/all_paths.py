@@ -9,6 +9,7 @@ start. No search of this kind proves that nothing is left.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -17,14 +18,18 @@ from html import escape
 import numpy as np
 
 from actionopt.analysis.solution import Solution
-from actionopt.families.searches import Sweep
+from actionopt.families.free_times import all_durations
+from actionopt.families.searches import SAME_PATH, Sweep
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
 from actionopt.solver.arguments import asked
+from actionopt.solver.solve import solve_near
+from actionopt.solver.window import searched
 from actionopt.tools.blas import one_thread
 from actionopt.tools.checks import tolerance
 from actionopt.tools.types import Array
 
+SAME_MOTION = 0.05  # of its size, by which a path may differ from one on a window; ad hoc
 PROBES = 16  # random points at which periodicity is checked; ad hoc: one would do, as a rule
 
 
@@ -182,7 +187,11 @@ def solve_all(
     asked(problem)
     problem.system.check_free("only least paths are sought along it, by solve from guesses")
     tolerance(tol)
+    problem = problem.asked or problem
     _check_clock(problem)
+    whole = problem.whole
+    if whole.is_infinite:
+        problem = searched(whole, tol)
     names = problem.system.coordinates
     if angles is None:
         turning = detected_angles(problem)
@@ -199,6 +208,9 @@ def solve_all(
                 "expected whole numbers >= 0 of windings, starts, shots and continuations, "
                 f"found {count!r}"
             )
+    if problem.free_time:
+        timed = all_durations(problem, tol, turning, windings, shots, seed, progress)
+        return _paths_of(problem, turning, *timed)
     run = Sweep(problem, tol, turning, windings, seed, progress)
     try:
         run.straight()
@@ -211,12 +223,34 @@ def solve_all(
         run.interrupted = True
     if run.refused is not None and not (run.found or run.families or run.interrupted):
         raise run.refused
+    if whole.is_infinite:
+        run.found = _without_end(run, whole)
     return _ordered(run)
+
+
+def _without_end(run: Sweep, whole: Problem) -> list[tuple[Solution, tuple[int, ...], str]]:
+    """Return the paths of a problem of infinite times near those found on a window."""
+    found: list[tuple[Solution, tuple[int, ...], str]] = []
+    for near, turns, how in run.found:
+        t = near.mesh.nodes
+        path = solve_near(whole, near, run.tol)
+        size = np.abs(near.path.values).max(axis=1, keepdims=True)
+        size = np.where(size > 0, size, 1.0)
+        if not path.success or np.any(np.abs(path(t) - near.path.values) > SAME_MOTION * size):
+            continue  # it was held at the window's edge
+        if all(np.any(np.abs(path(t) - other(t)) > SAME_PATH * size) for other, _, _ in found):
+            found.append((path, turns, how))
+    return found
 
 
 def _check_clock(problem: Problem) -> None:
     """Raise ValueError if closed paths may start anywhere along themselves."""
     structure = problem.system.structure
+    if problem.advance is not None and problem.free_time:
+        raise ValueError(
+            "expected events, or a period that is given, to look for all paths, found closed ones "
+            "of a given energy; give a guess to `solve`, and follow it by `trace`"
+        )
     if problem.advance is None or problem.start.pinned:
         return
     if not (structure.depends_on_time or structure.linear):
@@ -225,6 +259,20 @@ def _check_clock(problem: Problem) -> None:
             "and a start that gives no coordinate: each path may start anywhere along itself; "
             "give one coordinate at the start"
         )
+
+
+def _paths_of(
+    problem: Problem,
+    turning: tuple[int, ...],
+    found: list[tuple[Solution, tuple[int, ...], str]],
+    tried: Counter[str],
+    interrupted: bool,
+) -> Paths:
+    """Return the paths of a given energy, by increasing action."""
+    found = sorted(found, key=lambda item: item[0].action)
+    names = tuple(problem.system.coordinates[i] for i in turning)
+    solutions, turns, how = zip(*found, strict=True) if found else ((), (), ())
+    return Paths(solutions, turns, how, names, dict(tried), 0, False, interrupted)
 
 
 def _ordered(run: Sweep) -> Paths:
@@ -252,7 +300,8 @@ def detected_angles(problem: Problem) -> tuple[int, ...]:
     known = [x for e in (problem.start, problem.end) for x in e.q if x is not None]
     size = max(1.0, *(abs(x) for x in known)) if known else 1.0
     q, v = size * rng.standard_normal((2, system.n, PROBES))
-    t = problem.start.t + problem.duration * rng.random(PROBES)
+    duration = 1.0 if problem.free_time else problem.duration
+    t = (problem.start.t or 0.0) + duration * rng.random(PROBES)
     here = _everything(system, problem, q, v, t)
     result = []
     for i, name in enumerate(system.coordinates):

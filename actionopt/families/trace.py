@@ -23,6 +23,7 @@ from actionopt.discrete.path import Path
 from actionopt.families.vary import Name, moved, present
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.solve import Guess, solve
+from actionopt.solver.window import framed
 from actionopt.tools.blas import one_thread
 from actionopt.tools.types import Array
 
@@ -191,6 +192,9 @@ def trace(
     if not np.isfinite(to) or to == value:
         raise ValueError(f"expected a finite value other than the present {value}, found {to}")
     first = solve(family(value), guess=guess, tol=tol)
+    if first.problem.has_tails:
+        asked_for = family
+        family = lambda value: framed(asked_for(value), first.problem)  # noqa: E731
     counting = count and not problem.system.structure.forced
     run = _Run(family, value, float(to), tol, counting)
     try:

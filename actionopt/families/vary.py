@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from actionopt.discrete.path import Path
-from actionopt.mechanics.problem import Event, Periodic, Problem
+from actionopt.mechanics.problem import Event, Periodic, Problem, Tail
 
 Name = str | tuple[str, str]
 
@@ -23,13 +23,18 @@ def present(problem: Problem, name: Name) -> float:
         If there is no such quantity, or the events leave it open.
     """
     if name in ("t0", "t1"):
-        return (problem.start if name == "t0" else problem.end).t
+        event = problem.start if name == "t0" else problem.end
+        if np.isinf(event.t) or isinstance(event, Tail):
+            raise ValueError(
+                f"expected a finite time to vary, found the event at infinity as {name!r}"
+            )
+        return event.t
     if isinstance(name, tuple) and len(name) == 2 and name[0] in ("start", "end"):
         if name[0] == "end" and isinstance(problem.end, Periodic):
             raise ValueError("expected an end of its own to vary: this one closes on the start")
         event = problem.start if name[0] == "start" else problem.end
         coordinates = problem.system.coordinates
-        value = event.q[coordinates.index(name[1])] if name[1] in coordinates else None
+        value = event.near[coordinates.index(name[1])] if name[1] in coordinates else None
         if value is None:
             raise ValueError(
                 f"expected a coordinate that the event gives, one of {coordinates}, "
@@ -57,19 +62,27 @@ def moved(problem: Problem, values: Mapping[Name, float]) -> Problem:
     >>> later.end.t, later.end.q, float(later.parameters["g"])
     (2.0, (0.5,), 1.62)
     """
-    events = {"start": list(problem.start.q), "end": list(problem.end.q)}
+    events = {"start": list(problem.start.near), "end": list(problem.end.near)}
     times, parameters = {"t0": problem.start.t, "t1": problem.end.t}, {}
     for name, value in values.items():
         if isinstance(name, tuple):
             events[name[0]][problem.system.coordinates.index(name[1])] = value
         else:
             (times if name in times else parameters)[name] = value
-    closes = isinstance(problem.end, Periodic)
     return problem.replace(
-        start=Event(times["t0"], events["start"]),
-        end=problem.end.at(times["t1"]) if closes else Event(times["t1"], events["end"]),
+        start=_event(problem.start, times["t0"], events["start"]),
+        end=_event(problem.end, times["t1"], events["end"]),
         parameters=parameters,
     )
+
+
+def _event(old: Event, t: float, q: list[float | None]) -> Event:
+    """Return an event of the same kind at another time and place."""
+    if isinstance(old, Periodic):
+        return old.at(t)
+    if isinstance(old, Tail):
+        return Tail(t, np.array(q, dtype=float), old.side, old.phase)
+    return Event(t, q)
 
 
 def led(path: Path, problem: Problem) -> Path:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
+from actionopt.analysis.solution import Solution
 from actionopt.gallery.page import letter, number, rounded
 from actionopt.gallery.subject import Subject
-from actionopt.plot import SI, Motion, motion, motion_data, svg
+from actionopt.plot import SI, Motion, landscape_data, motion, motion_data, svg
+from actionopt.plot._variations import level_lines
 from actionopt.plot.data.relaxation import relaxation_data
+from actionopt.plot.data.variations import over_modes, telling
 from actionopt.plot.live.film import frames, player
 from actionopt.tools.types import Array
 from actionopt.tools.words import say
@@ -17,6 +21,10 @@ from actionopt.tools.words import say
 FRAMES = 121
 WIDE = 1.5  # of the height, for one coordinate against time
 GHOSTS = 6  # times in the small picture
+APART = 0.3  # between films on one clock
+START = (0.12, 1.2)  # of the modes: where a path on a map begins
+MAPPED = 1.5  # of the modes, to either side on their maps
+LEVELS = 8  # lines of a map, on either side of the motion's
 ARROW = 0.16  # of the picture's size: one that shows which way a coordinate grows
 STEP = 1e-5  # of a coordinate's size, to see which way that is
 CURVES = 4  # coordinates in a graph
@@ -170,6 +178,71 @@ def relaxing(subject: Subject) -> str:
     )
     what = say(reaches if found.arrived else leaves, **values)
     return player(data, what, say(there if found.arrived else away, **values))
+
+
+def beside(*subjects: Subject) -> str:
+    """Return the player of wild paths that go downhill side by side, on one clock.
+
+    Above, the path of one coordinate against time; below, where it stands on the map of the action
+    over two modes.
+    """
+    found = [relaxation_data(s.solution, _high_up(s.solution)) for s in subjects]
+    steps = max(len(f.action) for f in found)
+    shapes: list[dict[str, Any]] = []
+    trails, labels = [], []
+    for k, (s, f) in enumerate(zip(subjects, found, strict=True)):
+        still, places = k * (WIDE + APART), np.minimum(np.arange(steps), len(f.action) - 1)
+        low, high = np.min([f.target, *f.paths]), np.max([f.target, *f.paths])
+        across = still + WIDE * (f.t - f.t[0]) / (f.t[-1] - f.t[0])
+        up = 1 + APART / 2 + (np.stack([f.target, *f.paths])[:, 0] - low) / (high - low)
+        rows = [np.round(np.stack([across, y], axis=1)[::4], 4).tolist() for y in up]
+        # The map, two units of the modes to either side of the path.
+        map_, half = landscape_data(s.solution, MAPPED), 0.5 / MAPPED
+        middle = np.array([still + WIDE / 2, 0.5])
+        dots = np.clip(over_modes(s.solution, f.t, f.paths), -MAPPED, MAPPED)
+        dots = np.round(middle + half * dots, 4)
+        largest = float(np.max(np.abs(map_.rise)))
+        for level in largest * np.linspace(-1, 1, 2 * LEVELS + 1):
+            kind = "higher" if level > 0 else "lower" if level < 0 else "level"
+            for line in level_lines(map_, level * abs(level) / largest):
+                points = np.round(middle + half * line, 4).tolist()
+                shapes.append({"kind": kind, "still": True, "points": [points]})
+        shapes += [
+            {"kind": "motion", "still": True, "points": rows[:1]},
+            {"kind": "trial", "still": False, "points": [rows[1 + i] for i in places]},
+            *({"kind": "event", "still": True, "points": [[rows[0][i]]]} for i in (0, -1)),
+            {"kind": "event", "still": True, "points": [[middle.tolist()]]},
+            {"kind": "dot", "still": False, "points": [[dots[i].tolist()] for i in places]},
+        ]
+        trails.append(dots[places].tolist())
+        labels.append([f"{s.solution.kind}: S = {f.action[i]:.3f} J s" for i in places])
+    wide = len(subjects) * (WIDE + APART) - APART
+    data = {
+        "labels": [" \u00b7 ".join(words) for words in zip(*labels, strict=True)],
+        "box": [0.0, wide, 0.0, 2 + APART / 2],
+        "shapes": shapes,
+        "trails": trails,
+        "points": 0.6,
+    }
+    ends = [
+        f"of the {s.solution.kind} from {rounded(f.action[0])} to {rounded(f.action[-1])} J s"
+        for s, f in zip(subjects, found, strict=True)
+    ]
+    return player(
+        data,
+        f"Film: wild paths go downhill in action, {' and '.join(ends)}; below each, a dot on the "
+        "map of the action over the two modes, which the one enters and the other leaves.",
+        "Left the short motion, dashed, right the long one. Below each path the map of its action: "
+        "vermilion lines are higher than the motion, which is the dot in the middle, blue ones "
+        "lower. The two films have one clock.",
+    )
+
+
+def _high_up(solution: Solution) -> Callable[[Array], Array]:
+    """Return a path that stands high on the map: off along the mode that rises most."""
+    chosen, modes = telling(solution)
+    first, second = (modes[k] for k in chosen)
+    return lambda t: solution(t) + START[0] * first(t) + START[1] * second(t)
 
 
 def thumbnail(subject: Subject) -> str:

@@ -86,7 +86,7 @@ def scene_page(name: str) -> Page:
 </section>
 <section><h2>{say("The path under your hand")}</h2>
 <p class="section-note">{say(LIVE)}</p>
-{figure(solution.problem, solution, units=SI)}
+{figure(solution.problem, solution, units=SI, draw=scene.draw)}
 </section>
 <section><h2>{say("The principle, and the equation of motion")}</h2>
 {_principle(s, words)}

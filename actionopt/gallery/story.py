@@ -10,7 +10,7 @@ import numpy as np
 
 from actionopt import plot, scenes
 from actionopt.gallery.figures import Figure
-from actionopt.gallery.film import relaxing
+from actionopt.gallery.film import beside
 from actionopt.gallery.page import Page, frame, rounded
 from actionopt.gallery.subject import Subject
 from actionopt.plot import SI
@@ -42,7 +42,14 @@ def story() -> Page:
             "oscillator",
             "Place of the mass against time. Arrow keys move a handle, with Shift in small steps.",
         ),
-        relaxing="".join(relaxing(s) for s in (short, long)),
+        sum=_live(
+            "oscillator",
+            "Left, the oscillator's motion among neighbours, each in the colour of its phase. "
+            "Right, their arrows end to end; the broad one is the sum, the dashed one "
+            "\u221a(2\u03c0i\u0127/S\u2033).",
+            arrows=True,
+        ),
+        relaxing=beside(short, long),
         census=_census(),
     )
     html = frame(
@@ -55,11 +62,18 @@ def story() -> Page:
     return Page({"least.html": html, **{f"least/{p.name}.svg": p.svg for p in found}})
 
 
-def _live(name: str, caption: str) -> str:
-    """Return a scene's path to be bent, its motion seen from the start."""
+def _live(name: str, caption: str, arrows: bool = False) -> str:
+    """Return a scene's path to be bent, its motion seen from the start; or its sum over paths."""
     scene = scenes.get(name)
     solution = solve(scene.problem, tol=1e-10)
-    return figure(scene.problem, solution, units=SI, caption=caption, shown=True)
+    return figure(
+        *(scene.problem, solution),
+        units=SI,
+        caption=caption,
+        name=f"{name}_sum" if arrows else name,
+        shown=True,
+        arrows=arrows,
+    )
 
 
 def _oscillator(share: float) -> Subject:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -35,6 +36,24 @@ class Held(Problem):
         for name, value in (("system", free.system.held), ("free", free), ("arcs", arcs)):
             object.__setattr__(self, name, value)
 
+    def holding(self, arcs: tuple[Arc, ...]) -> Held:
+        """Return the same with other parts in force."""
+        other = Held(self.free, arcs)
+        object.__setattr__(other, "instants", self.instants)  # they are found but once
+        return other
+
+    @cached_property
+    def fixed(self) -> Array:
+        """The times of the events, and those between at which a law switches, in order."""
+        t0, t1 = self.start.t, self.end.t
+        return np.array([t0, *(t for _, t in self.instants if t0 < t < t1), t1])
+
+    @cached_property
+    def joints(self) -> Array:
+        """The times at which contact begins or ends but for the `fixed` ones, in order."""
+        times = [t for arc in self.arcs or () for t in (arc.begin, arc.end)]
+        return np.setdiff1d(times, self.fixed)
+
     def __reduce__(self) -> tuple:
         """Make it anew of the question."""
         return Held, (self.free, self.arcs)
@@ -53,10 +72,9 @@ class Held(Problem):
             inside = np.flatnonzero((arc.begin < middle) & (middle < arc.end))
             if inside.size:
                 found[offsets[inside[0]] : offsets[inside[-1] + 1] + 1, m + arc.row] = True
-            elif arc.begin == arc.end == boundaries[-1]:
-                found[-1, m + arc.row] = True
-            elif arc.begin == arc.end == boundaries[0]:
-                found[0, m + arc.row] = True
+            elif arc.point:
+                b = int(np.argmin(np.abs(boundaries - arc.begin)))
+                found[offsets[b], m + arc.row] = True
         return found
 
     def acceleration(self, q: Array, v: Array, t: Array, *, parameters=None) -> Array:
@@ -87,7 +105,7 @@ class Held(Problem):
             found[self.free.system.m :] = False
             for arc in self.arcs:
                 found[self.free.system.m + arc.row] |= (
-                    (arc.begin <= t) & (t <= arc.end) & (arc.begin < arc.end)
+                    (arc.begin <= t) & (t <= arc.end) & (not arc.point)
                 )
         return found
 
@@ -102,9 +120,7 @@ def arcs_of(on: NDArray[np.bool_], boundaries: Array, offsets: NDInt) -> tuple[A
         inside = [bool(row[a + 1 : b].all()) and b > a + 1 for a, b in pairwise(offsets.tolist())]
         change = np.flatnonzero(np.diff([False, *inside, False]))
         times = boundaries[change].reshape(-1, 2).tolist()
-        if row[0] and not inside[0]:
-            times.append([float(boundaries[0])] * 2)
-        if row[-1] and not inside[-1]:
-            times.append([float(boundaries[-1])] * 2)
+        beside = np.array([False, *inside]) | np.array([*inside, False])
+        times += [[t, t] for t in boundaries[row[offsets] & ~beside].tolist()]
         found += [Arc(i, begin, end) for begin, end in times]
     return tuple(sorted(found, key=lambda arc: (arc.begin, arc.row)))

@@ -29,12 +29,18 @@ class Arc:
     row : int
         Index of the row of the obstacle.
     begin, end : float
-        The times between which it is zero.
+        The times between which it is zero. They are one where the obstacle gives an impulse: at a
+        free end, or where it has a kink in time.
     """
 
     row: int
     begin: float
     end: float
+
+    @property
+    def point(self) -> bool:
+        """Whether it is a moment only."""
+        return self.begin == self.end
 
 
 def check_rows(system: System) -> None:

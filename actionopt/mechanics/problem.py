@@ -41,10 +41,10 @@ class Event:
 
     Parameters
     ----------
-    t : float
-        Time. With -math.inf at the start the path comes from the equilibrium q, with math.inf at
-        the end it tends to it: a saddle of the equations of motion, along its unstable or stable
-        manifold.
+    t : float or None
+        Time; None leaves it free, and the energy function H is that of the problem there. With
+        -math.inf at the start the path comes from the equilibrium q, with math.inf at the end it
+        tends to it: a saddle of the equations of motion, along its unstable or stable manifold.
     q : sequence of n numbers or None
         Coordinates; None leaves that coordinate free, and the natural condition p = 0 holds.
 
@@ -61,7 +61,11 @@ class Event:
     q: tuple[float | None, ...]
 
     def __init__(
-        self, t: float, q: Sequence[float | None] | ArrayLike, *others: Never, **named: Never
+        self,
+        t: float | None,
+        q: Sequence[float | None] | ArrayLike,
+        *others: Never,
+        **named: Never,
     ) -> None:
         if others or named:
             found = [*map(repr, others), *(f"{name}={x!r}" for name, x in named.items())]
@@ -70,14 +74,15 @@ class Event:
                 f"{', '.join(found)}; None leaves a coordinate free, and a motion from initial "
                 "values is actionopt.integrate(system, State(t, q, v), t_end)"
             )
-        infinite = isinstance(t, float) and math.isinf(t)
-        object.__setattr__(self, "t", t if infinite else number(t, "the time of an event"))
+        # A time that is free is None: it is known before anything reckons with it.
+        kept = t is None or (isinstance(t, float) and math.isinf(t))
+        object.__setattr__(self, "t", t if kept else number(t, "the time of an event"))
         row = tuple(
             None if x is None else number(x, f"coordinate {i} of an event")
             for i, x in enumerate(items(q, "the coordinates of an event"))
         )
         object.__setattr__(self, "q", row)
-        if infinite and None in row:
+        if kept and t is not None and None in row:
             raise ValueError(
                 "expected all coordinates of the equilibrium at infinite time, found "
                 f"{list(row)}; give the numbers, or a finite time"
@@ -93,7 +98,7 @@ class Event:
         """Indices of the coordinates that are given."""
         return tuple(i for i, x in enumerate(self.q) if x is not None)
 
-    def at(self, t: float) -> Event:
+    def at(self, t: float | None) -> Event:
         """Return the same event at another time."""
         return Event(t, self.q)
 
@@ -107,13 +112,13 @@ class Event:
 class Periodic(Event):
     """The end of a path that closes: q(t1) = q(t0) + advance, and p(t1) = p(t0).
 
-    A coordinate that the start gives is given here as well, and its momentum is left alone: so
-    a path without a clock, which may start anywhere along itself, is told from its copies.
+    A path without a clock may start anywhere along itself: a coordinate that the start gives says
+    where. (With a clock that coordinate returns, and its momentum is left alone.)
 
     Parameters
     ----------
-    t : float
-        Time.
+    t : float or None
+        Time; None leaves the period to be found, from the energy of the problem.
     advance : sequence of n numbers, optional
         Whole turns of coordinates that are angles, say; zero if None.
 
@@ -131,7 +136,7 @@ class Periodic(Event):
 
     advance: tuple[float, ...] | None
 
-    def __init__(self, t: float, advance: Sequence[float] | ArrayLike | None = None) -> None:
+    def __init__(self, t: float | None, advance: Sequence[float] | ArrayLike | None = None) -> None:
         super().__init__(t, [])
         given = () if advance is None else items(advance, "the advance of a periodic end")
         row = tuple(number(x, f"advance {i} of a periodic end") for i, x in enumerate(given))
@@ -148,7 +153,7 @@ class Periodic(Event):
         object.__setattr__(end, "q", tuple(None if x is None else x + a for x, a in pairs))
         return end
 
-    def at(self, t: float) -> Periodic:
+    def at(self, t: float | None) -> Periodic:
         """Return the end of a path that closes at another time; a problem gives it coordinates."""
         return Periodic(t, self.advance)
 
@@ -194,7 +199,7 @@ class Tail(Event):
     phase: Phase | None
 
     def __init__(
-        self, t: float, rest: Sequence[float] | ArrayLike, side: int, phase: Phase | None = None
+        self, t: float, rest: Sequence[Any] | ArrayLike, side: int, phase: Phase | None = None
     ) -> None:
         row = tuple(number(x, "a coordinate at rest") for x in items(rest, "an equilibrium"))
         super().__init__(t, [None] * len(row))
@@ -263,6 +268,14 @@ class Problem:
     parameters : mapping, optional
         Overrides the system's default parameters by name; nothing is derived again. After
         construction the attribute holds every parameter.
+    energy : float, optional
+        Where a time is free: S + energy (t1 - t0) is stationary, so that the energy function H is
+        `energy` at the events whose times are free. 0 if None.
+
+    Attributes
+    ----------
+    asked : Problem or None
+        The problem whose times were free, of one in which they have been found.
 
     Raises
     ------
@@ -276,6 +289,8 @@ class Problem:
     start: Event
     end: Event
     parameters: Mapping[str, Any] = field(default=None, kw_only=True)  # type: ignore[assignment]
+    energy: float | None = field(default=None, kw_only=True)
+    asked: Problem | None = field(default=None, init=False, repr=False)
 
     def __post_init__(self) -> None:
         if not isinstance(self.system, System):
@@ -297,12 +312,14 @@ class Problem:
                     f"expected {len(names)} coordinates ({', '.join(names)}) at the {role} "
                     f"event, found {len(event.q)}"
                 )
-        if not self.start.t < self.end.t:
+        if self.free_time or self.energy is not None:
+            _check_free_time(self)
+        elif not self.start.t < self.end.t:
             raise ValueError(
                 f"expected the end event after the start event, found t1 = {self.end.t} and "
                 f"t0 = {self.start.t}; exchange the events to run the motion backwards"
             )
-        if self.is_infinite:
+        elif self.is_infinite:
             if self.advance is not None:
                 raise ValueError(
                     "expected a path that closes after a finite time, found the times "
@@ -325,7 +342,9 @@ class Problem:
 
     def __reduce__(self) -> tuple:
         """Ask it anew: what follows from it is made where it is needed."""
-        return _asked, (self.system, self.start, self.end, self.parameters)
+        if self.asked is not None:
+            return _found, (self.asked, self.start.t, self.end.t)
+        return _asked, (self.system, self.start, self.end, self.parameters, self.energy)
 
     def _repr_html_(self) -> str:
         """Show the system's formulas and the events, as a notebook does."""
@@ -350,6 +369,12 @@ class Problem:
 
     def _check_obstacle(self) -> None:
         """Raise ValueError if an event lies inside the obstacle, or there is no path along it."""
+        if self.is_infinite:
+            raise ValueError(
+                "expected finite times of a path along an obstacle, found "
+                f"{self.start.t} and {self.end.t}: no motion tends to rest there that is known "
+                "beyond a window; give finite times"
+            )
         if isinstance(self.end, Periodic):
             raise ValueError(
                 "expected an Event as the end of a path along an obstacle, found a Periodic end: "
@@ -365,11 +390,13 @@ class Problem:
         start: Event | None = None,
         end: Event | None = None,
         parameters: Mapping[str, Any] | None = None,
+        energy: float | None = None,
     ) -> Problem:
-        """Return the problem with another start, another end or some other parameters.
+        """Return the problem with another start or end, some other parameters or another energy.
 
-        All else is kept: parameters that are not named, coordinates that are free, and an end
-        that is `Periodic`, which follows another start. Raises ValueError as a `Problem` does.
+        Times that were free are so again, if no event says otherwise. All else is kept: parameters
+        that are not named, coordinates that are free, and an end that is `Periodic`, which follows
+        another start. Raises ValueError as a `Problem` does.
 
         Examples
         --------
@@ -379,11 +406,40 @@ class Problem:
         >>> later.end.t, float(later.parameters["g"]), float(later.parameters["l"])
         (3.0, 1.62, 2.0)
         """
+        old = self.asked or self
+        start, end = old.start if start is None else start, old.end if end is None else end
+        free = getattr(start, "t", 0.0) is None or getattr(end, "t", 0.0) is None
         return Problem(
             self.system,
-            self.start if start is None else start,
-            self.end if end is None else end,
+            start,
+            end,
             parameters={**self.parameters, **(parameters or {})},
+            energy=old.energy if energy is None and free else energy,
+        )
+
+    @property
+    def free_time(self) -> bool:
+        """Whether the time of an event is to be found."""
+        return self.start.t is None or self.end.t is None
+
+    def found(self, t0: float, t1: float) -> Problem:
+        """Return the problem with the times t0 and t1 at its events, one that was `asked` as this.
+
+        Raises ValueError as a `Problem` does.
+        """
+        problem = Problem(
+            self.system, self.start.at(t0), self.end.at(t1), parameters=self.parameters
+        )
+        object.__setattr__(problem, "asked", self)
+        object.__setattr__(problem, "energy", self.energy)
+        return problem
+
+    @property
+    def closes(self) -> bool:
+        """Whether paths close that may start anywhere along themselves, as L has no clock."""
+        structure = self.system.structure
+        return isinstance(self.end, Periodic) and not (
+            structure.depends_on_time or structure.forced
         )
 
     @cached_property
@@ -394,7 +450,7 @@ class Problem:
     @property
     def is_infinite(self) -> bool:
         """Whether an event lies at infinite time: `solve` then works on a window."""
-        return math.isinf(self.start.t) or math.isinf(self.end.t)
+        return not self.free_time and (math.isinf(self.start.t) or math.isinf(self.end.t))
 
     @property
     def has_tails(self) -> bool:
@@ -402,12 +458,20 @@ class Problem:
         return isinstance(self.start, Tail) or isinstance(self.end, Tail)
 
     @property
+    def is_shifted(self) -> bool:
+        """Whether each path may be shifted in time at will, and nothing chooses one of them."""
+        ends = self.start, self.end
+        tails = all(isinstance(e, Tail) for e in ends)
+        timed = self.system.structure.depends_on_time
+        return tails and not timed and getattr(self.start, "phase", None) is None
+
+    @property
     def whole(self) -> Problem:
         """The problem with its events at infinite times, where it has windows' edges."""
         if not self.has_tails:
             return self
         ends = [e.limit if isinstance(e, Tail) else e for e in (self.start, self.end)]
-        return Problem(self.system, *ends, parameters=self.parameters)
+        return self.replace(start=ends[0], end=ends[1])
 
     @cached_property
     def rests(self) -> tuple[Rest | None, Rest | None]:
@@ -445,7 +509,12 @@ class Problem:
 
     @property
     def duration(self) -> float:
-        """Time between the events."""
+        """Time between the events. Raises ValueError where it is to be found."""
+        if self.free_time:
+            raise ValueError(
+                "expected a problem between given times, found one whose duration is to be found; "
+                "solve it, and ask the solution's own problem"
+            )
         return self.end.t - self.start.t
 
     @cached_property
@@ -532,8 +601,61 @@ class Problem:
         return diagonal(self.system, 2, values[None])[0]
 
 
-def _asked(system: System, start: Event, end: Event, parameters: dict[str, Array]) -> Problem:
-    return Problem(system, start, end, parameters=parameters)
+def _asked(
+    system: System,
+    start: Event,
+    end: Event,
+    parameters: dict[str, Array],
+    energy: float | None,
+) -> Problem:
+    return Problem(system, start, end, parameters=parameters, energy=energy)
+
+
+def _found(asked: Problem, t0: float, t1: float) -> Problem:
+    return asked.found(t0, t1)
+
+
+def _check_free_time(problem: Problem) -> None:
+    """Raise ValueError where a free time or an energy does not fit the problem."""
+    system = problem.system
+    structure = system.structure
+    if not problem.free_time:
+        raise ValueError(
+            f"expected an energy where the time of an event is free, found energy = "
+            f"{problem.energy} and both times given; make one of them None"
+        )
+    energy = 0.0 if problem.energy is None else number(problem.energy, "the energy")
+    object.__setattr__(problem, "energy", energy)
+    if any(e.t is not None and math.isinf(e.t) for e in (problem.start, problem.end)):
+        raise ValueError(
+            "expected a finite time beside one that is free, found an infinite one: the duration "
+            "is then infinite; give both events their times"
+        )
+    if system.r:
+        raise ValueError(
+            "expected both times of a path along an obstacle, found one that is free; give it, and "
+            "follow the solutions by their energy"
+        )
+    if structure.forced:
+        raise ValueError(
+            "expected a system without non-conservative forces where a time is free: with them "
+            "no action is stationary in the time; give both times"
+        )
+    closes = isinstance(problem.end, Periodic)
+    if closes and (problem.start.t is None or structure.depends_on_time):
+        raise ValueError(
+            "expected a closed path of a system without a clock, begun at a given time, where the "
+            "period is to be found; give it, a multiple of that of the clock"
+        )
+    if problem.start.t is None and problem.end.t is None and structure.depends_on_time:
+        raise ValueError(
+            "expected one time that is given, where L depends on the time, found both free"
+        )
+    if system.m and structure.depends_on_time:
+        raise ValueError(
+            "expected a system under constraints that does not depend on the time where one is to "
+            "be found; give both times"
+        )
 
 
 def diagonal(system: System, output: int, values: Array) -> Array:
@@ -565,7 +687,7 @@ def _check_on_surface(problem: Problem) -> None:
     system = problem.system
     events = {"start": problem.start, "end": problem.end}
     q = np.array([[0.0 if x is None else x for x in e.q] for e in events.values()])
-    t = np.array([[e.t] for e in events.values()])
+    t = np.array([[e.t or 0.0] for e in events.values()])
     f = system.pointwise("constraint")(q, t, problem.packed)[0]
     jacobian = system.pointwise("constraint_jacobian")
     G = np.abs(jacobian(q, t, problem.packed)[0])

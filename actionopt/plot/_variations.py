@@ -7,18 +7,21 @@ from itertools import pairwise
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from actionopt.analysis.solution import Solution
 from actionopt.discrete.path import Path
 from actionopt.plot import _style as style
 from actionopt.plot._names import NONE, Units, label
 from actionopt.plot.data.variations import (
+    Landscape,
     bundle_data,
     landscape_data,
     slice_data,
     spectrum_data,
     telling,
 )
+from actionopt.tools.types import Array
 
 LEVELS = 14  # contours from 0 to the largest
 ABOVE = 2.5  # times the most along either mode: higher is no part of the bowl, but a singularity
@@ -117,6 +120,12 @@ def landscape(
     ax.grid(False)
     ax.set_title(f"{style.heading(solution)}: {solution.kind}, index {solution.morse_index}")
     return ax
+
+
+def level_lines(data: Landscape, level: float) -> list[Array]:
+    """Return the lines on a landscape where S - S* is `level`, each (P, 2)."""
+    lines = Figure().subplots().contour(data.a, data.b, data.rise, [level])
+    return [line for line in lines.allsegs[0] if len(line) > 1]
 
 
 @style.styled

@@ -35,9 +35,10 @@ SAFETY = 4.0
 # for the weights.
 POLYNOMIAL_ROUNDOFF = 2 * float(np.finfo(float).eps)
 ORDINARY = 100.0  # amplification of round-off on a mesh where nothing is sensitive, at most; ad hoc
-# Assumed ratio of global to local error before there is a measured one. Three times more or less
-# changes no status there, and iterations by 1 %.
-UNKNOWN_GAIN = 10.0
+# Assumed ratio of global to local error before there is a measured one. Measured on the problems of
+# docs/calibration.md and 100 pendulums and lattices: 96 to 100 % of the errors are below their
+# estimates at any tolerance. Three times more changes iterations by 1 %.
+UNKNOWN_GAIN = 5.0
 
 
 Number = TypeVar("Number", float, Array)
@@ -105,7 +106,7 @@ class Iterate(DiscretePath):
         """
         noise = self.noise if noise is None else noise
         gain = max(gain, amplified(noise) / self.unit)
-        error = estimate(gain, self.resolution.worst, noise)
+        error = estimate(gain, self.resolution.expected, noise)
         return replace(self, gain=gain, noise=noise, error=error)
 
     @property

@@ -28,6 +28,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
+from actionopt.analysis.second_variation import RANK
 from actionopt.analysis.status import Status
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import Factors
@@ -37,6 +38,7 @@ from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.held import Held
 from actionopt.mechanics.obstacle import EVENT_TOLERANCE, Arc
 from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.tracing import is_smooth
 from actionopt.solver.ipopt import Principle, find
 from actionopt.solver.iterate import Iterate
 from actionopt.solver.preflight import check
@@ -46,12 +48,18 @@ from actionopt.tools.lobatto import lgl
 from actionopt.tools.types import EPS, Array
 
 # Ad hoc, all of them, where nothing else is said.
-SOUGHT = (16, 32, 64)  # elements on which contact is sought, and their degree
-SOUGHT_DEGREE = 4
+SOUGHT, SOUGHT_DEGREE = 16, 4  # elements on which contact is sought first, and their degree
+TRIES, MOST = 7, 200  # meshes on which it is sought, and elements of one
 HEIGHTS = (0.4, 0.8, 1.6, 3.2)  # in the motion's sizes, of the lines to either side of the straight
+FLAT = 1e-3  # in units of the rows' typical gradients: a row has none
+WEAK = 1e-3  # impulse in its own unit: a weaker one may be the barrier's
 BARRIER = 1e-6  # in units of the motion: Ipopt's tolerance
+WINDOW = 8  # elements where a path passes through what no node sees, such as a peg
+UNSEEN = 1e-9  # in units of the rows: what f is below zero there
 HELD_ELEMENTS, HELD_DEGREE = 8, 6  # with which a path is followed first, once contact is known
 JOINS = 25  # steps to the times of contact
+TANGENTIAL = 1e-15  # of a typical rate of f: a rate that is zero
+SHORTER, SHORTENED = 3, 0.05  # how often, and to what part, contact is made shorter
 CHANGES = 8  # of what is in contact, before it is given up
 # For derivatives by a time of contact: of the shortest part, but of the duration at least so much,
 # far above its round-off, and of the part at most.
@@ -66,6 +74,11 @@ LEAST = 3  # times that the least of f is looked for by parabolas
 BETWEEN = 8  # degree of the points in an element where contact is looked at between nodes
 INSIDE = 10.0  # times the error of the path: what f may be below zero
 PULLING = 1e-6  # of the largest contact force: what it may be below zero
+NO_ROOM = "no path outside of the obstacle was found: its rows may contradict each other somewhere"
+KINKED = "the obstacle has a kink in the coordinates: round it, its force there has no direction"
+NO_SLOPE = "the obstacle has no slope where it is met: give a function that has, such as a distance"
+DEPENDENT = "rows in contact have gradients that depend on each other: give each surface once"
+HOPELESS = (NO_ROOM, KINKED, DEPENDENT)  # what finer meshes do not mend
 FAMILY = (
     "where events and obstacle have a symmetry, such as a sphere between them, the least path may "
     "be one of a family: move an event a little"
@@ -88,9 +101,12 @@ class Along(Workspace):
     ----------
     inside : float
         How far the path is inside of the obstacle where it is not held, in its own size.
+    freed : bool
+        Whether parts that do not press were freed already.
     """
 
     inside: float = 0.0
+    freed: bool = False
 
     @property
     def held(self) -> Held:
@@ -108,11 +124,12 @@ class Along(Workspace):
     def touch(self, mesh: Mesh, path: Path | None, principle: Principle) -> bool:
         """Ask Ipopt for a least path with f >= 0 at the nodes; False if it finds none."""
         free, started = self.question, perf_counter()
+        self.problem = Held(free)
+        mesh = self._bounded(mesh)
         if not self.checked:
             plain = Transcription(free, mesh, free.lengths)
             check(plain, plain.straight() if path is None else path.on(mesh).values.T)
             self.checked = True
-        self.problem = Held(free)
         lam = np.zeros((mesh.nodes.size, self.problem.system.m))
         self.transcribe(mesh, path, lam)
         tr = self.here.tr
@@ -120,20 +137,27 @@ class Along(Workspace):
             outside = tr.layout.row_constraint >= free.system.m
             attempt = find(tr, self.here.z, principle, outside)
         self.record.iterations["ipopt"] += attempt.iterations
-        self.unbounded = attempt.diverged
+        self.unbounded = attempt.status == "Diverging_Iterates"
+        self.hint = NO_ROOM if attempt.status == "Infeasible_Problem_Detected" else ""
         if attempt.converged:
             self.here = self.here.moved(attempt.z)
             self.record.round(tr, perf_counter() - started)
         return attempt.converged
 
-    def touched(self) -> tuple[Arc, ...]:
-        """Return the parts in contact: the multipliers of their rows exceed the rows."""
-        here, held, m = self.here, self.held, self.question.system.m
-        tr, t = here.tr, here.mesh.nodes
-        layout = tr.layout
-        pressing = -here.z[layout.unknowns :] > tr.constraint(here.x)
-        on = np.zeros((layout.node_count, held.system.m), dtype=bool)
+    def pressed(self) -> NDArray[np.bool_]:
+        """Return at which nodes a row presses, (K, m + r): its multiplier exceeds the row."""
+        here, layout = self.here, self.here.tr.layout
+        push = -here.z[layout.unknowns :]
+        pressing = push > np.maximum(here.tr.constraint(here.x), WEAK)
+        on = np.zeros((layout.node_count, self.held.system.m), dtype=bool)
         on[layout.row_node[pressing], layout.row_constraint[pressing]] = True
+        on[:, : self.question.system.m] = False
+        return on
+
+    def touched(self) -> tuple[Arc, ...]:
+        """Return the parts in contact, as far as nodes tell."""
+        here, held, m = self.here, self.held, self.question.system.m
+        tr, t, on = here.tr, here.mesh.nodes, self.pressed()
         f = held.system.pointwise("constraint")(here.Q, t[:, None], held.packed)[0]
         met = np.abs(f) <= EVENT_TOLERANCE * tr.row_units  # events on the obstacle have no rows
         distance = np.sqrt(np.maximum(f, 0.0))
@@ -143,7 +167,7 @@ class Along(Workspace):
             row[0] |= row[1] and met[0, i]
             row[-1] |= row[-2] and met[-1, i]
             for k, l in _runs(row):
-                if k == l and k in (0, t.size - 1):  # at a free end alone
+                if k == l and t[k] in held.fixed:  # at a free end alone, or at a kink
                     found.append(Arc(i - m, float(t[k]), float(t[k])))
                     continue
                 begin = _where_zero(t[k::-1], distance[k::-1, i])
@@ -151,13 +175,45 @@ class Along(Workspace):
                 found.append(Arc(i - m, begin, end))
         return tuple(found)
 
+    def unseen(self, found: Iterate) -> list[Array]:
+        """Return times since the start around which a path is inside of the obstacle unseen.
+
+        There elements have to be shorter for their nodes to see it.
+        """
+        self.problem, self.here, m = found.problem, found, self.question.system.m
+        t, reach = self._looked_at(), float(np.diff(found.mesh.nodes).max())
+        f = self.held.system.constraint(found.path(t), t, parameters=self.held.parameters)[m:]
+        windows = []
+        for i, row in enumerate(f < -UNSEEN * found.tr.row_units[m:, None]):
+            held = [arc for arc in self.touched() if arc.row == i]
+            for k, l in _runs(row):
+                a, b = t[max(k - 1, 0)], t[min(l + 1, t.size - 1)]
+                if not any(arc.begin < b + reach and a - reach < arc.end for arc in held):
+                    windows.append(self._window(a - (b - a), b + (b - a)))
+        return windows
+
+    def narrow(self, found: Iterate) -> list[Array]:
+        """Return times since the start around which contact is seen by one or two nodes."""
+        self.problem, self.here, t = found.problem, found, found.mesh.nodes
+        return [
+            self._window(t[max(k - 1, 0)], t[min(l + 1, t.size - 1)])
+            for row in self.pressed().T
+            for k, l in _runs(row)
+            if l - k < 2
+        ]
+
+    def _window(self, a: float, b: float) -> Array:
+        """Return times since the start at which to cut elements from a to b."""
+        since = np.linspace(a, b, WINDOW + 1) - self.question.start.t
+        return since[(since > 0) & (since < self.question.duration)]
+
     def hold(self, arcs: tuple[Arc, ...]) -> None:
         """Stand on a mesh whose elements end where these parts do, and hold them there."""
         old, free = self.here.bare(), self.question
-        self.problem = held = Held(free, arcs)
+        self.problem = held = self.held.holding(arcs)
         T = free.duration
         parts = [np.zeros(1)]
-        for a, b in pairwise(_knots(held)):
+        for a, b in pairwise(np.union1d(held.fixed, held.joints) - free.start.t):
             count = max(int(np.ceil(HELD_ELEMENTS * (b - a) / T)), 1)
             parts.append(np.linspace(a, b, count + 1)[1:])
         mesh = Mesh.over(free.start.t, free.end.t, np.concatenate(parts), HELD_DEGREE)
@@ -195,7 +251,7 @@ class Along(Workspace):
         """Move the times of contact to where the path is tangential; False if that fails."""
         last, duration = np.inf, self.question.duration
         for _ in range(JOINS):
-            times = _joints(self.held)
+            times = self.held.joints
             if not times.size:
                 return True
             with self.record.clock("solve"):
@@ -217,7 +273,13 @@ class Along(Workspace):
         """Return Newton's step for the times of contact (J,); not finite if there is none."""
         here = self.here
         slip, residual = _slips(here), here.tr.residual(here.z)
-        part, duration = float(np.diff(self._parts(times)).min()), self.question.duration
+        speed = float(here.tr.row_units.max()) / self.question.duration
+        if (
+            np.abs(slip).max() <= TANGENTIAL * speed
+        ):  # whatever the times are, where nothing presses
+            return np.zeros(times.size)
+        knots, duration = np.union1d(self.held.fixed, times), self.question.duration
+        part = float(np.diff(knots).min())
         delta = min(max(DIFFERENCE * part, LEAST_DIFFERENCE * duration), MOST_DIFFERENCE * part)
         slopes = np.empty((slip.size, times.size))
         try:
@@ -230,15 +292,12 @@ class Along(Workspace):
         except np.linalg.LinAlgError:
             return np.full(times.size, np.nan)
 
-    def _parts(self, times: Array) -> Array:
-        """Return the times of contact with those of the events, (J + 2,)."""
-        ends = self.here.mesh.boundaries[[0, -1]]
-        return np.concatenate([ends[:1], times, ends[1:]])
-
     def _within(self, times: Array, step: Array) -> Array:
         """Return the step, shortened where a part shrinks too much; raise where one vanishes."""
-        knots = self._parts(times)
-        lengths, changes = np.diff(knots), np.diff(np.concatenate([[0.0], step, [0.0]]))
+        knots = np.union1d(self.held.fixed, times)
+        moves = np.zeros(knots.size)
+        moves[np.searchsorted(knots, times)] = step
+        lengths, changes = np.diff(knots), np.diff(moves)
         shortest = float(np.clip(self.tol, *VANISHING)) * self.question.duration
         gone = (lengths < shortest) & (changes < 0)
         if gone.any():
@@ -256,6 +315,23 @@ class Along(Workspace):
         self._attach(tr)
         self.here = replace(here.moved(here.z), tr=tr)
 
+    def why(self) -> str:
+        """Return why a path may not be found by Newton's method."""
+        system = self.held.system
+        if not is_smooth(self.question.system.outside):
+            return KINKED
+        t = self.here.mesh.nodes
+        on = self.held.active(t)
+        G = system.constraint_jacobian(self.here.Q.T, t, parameters=self.held.parameters)
+        G = G * self.here.tr.lengths[:, None] / self.here.tr.row_units[:, None, None]
+        for rows in (G[on[:, k], :, k] for k in np.flatnonzero(on.any(axis=0))):
+            size = np.linalg.norm(rows, axis=1)
+            if size.min() < FLAT:
+                return NO_SLOPE
+            if len(rows) > system.n or np.linalg.svd(rows.T / size, compute_uv=False)[-1] < RANK:
+                return DEPENDENT
+        return FAMILY
+
     # -- the conditions between the nodes --------------------------------------------------------
 
     def changed(self, allowed: float) -> tuple[Arc, ...] | None:
@@ -271,15 +347,24 @@ class Along(Workspace):
         f = held.system.constraint(here.path(t), t, parameters=parameters)[m:]
         G = held.system.constraint_jacobian(here.path(t), t, parameters=parameters)[m:]
         on = held.active(t)[m:]
-        push = -here.multipliers(t).T[m:] if on.any() else np.zeros(f.shape)
+        push = np.zeros(f.shape)
+        if on.any():
+            state = here.path(t), here.path.velocity(t), t, parameters
+            push = -held.system.dynamics(*state, held.active(t))[1][m:]
         known = max(here.error if np.isfinite(here.error) else 0.0, here.resolution.worst)
         depth = np.where(on, 0.0, -f) / np.einsum("rnk,n->rk", np.abs(G), here.sizes)
         self.inside = float(depth.max(initial=0.0))
         inside = depth > max(INSIDE * known, allowed)
-        pulled = on & (push < -PULLING * np.abs(push).max(initial=0.0))
-        found = [arc for arc in held.arcs if not (inside | pulled)[arc.row].any()]
+        unit = here.tr.action_unit / (here.problem.duration * here.tr.row_units[m:, None])
+        pulled = on & (push < -PULLING * np.maximum(np.abs(push).max(initial=0.0), unit))
+        found = [
+            arc
+            for arc in held.arcs
+            if (arc.point and not self._pulls(arc))
+            or not (arc.point or (inside | pulled)[arc.row].any())
+        ]
         if len(found) == len(held.arcs) and not inside.any():
-            return None
+            return self._idle(t, push, PULLING * unit)
         middle = (t[:-1] + t[1:]) / 2
         for i in np.flatnonzero((inside | pulled).any(axis=1)).tolist():
             for k, l in _runs((on[i] & ~pulled[i]) | inside[i]):
@@ -288,6 +373,24 @@ class Along(Workspace):
                 if begin < end:
                     found.append(Arc(i, float(begin), float(end)))
         return tuple(found)
+
+    def _idle(self, t: Array, push: Array, least: Array) -> tuple[Arc, ...] | None:
+        """Return the parts without those that touch and hardly press, once; None if all press."""
+        arcs = self.held.arcs or ()
+        pressing = tuple(
+            arc
+            for arc in arcs
+            if arc.point or np.any((push > least)[arc.row, (arc.begin <= t) & (t <= arc.end)])
+        )
+        if self.freed or len(pressing) == len(arcs):
+            return None
+        self.freed = True
+        return pressing
+
+    def _pulls(self, arc: Arc) -> bool:
+        """Whether the impulse of a moment points inwards."""
+        node = self.here.mesh.offsets[np.argmin(np.abs(self.here.mesh.boundaries - arc.begin))]
+        return bool(self.here.rows[node, self.question.system.m + arc.row] > 0)
 
     def _looked_at(self) -> Array:
         """Return times between the nodes, and those at which f is least among its neighbours."""
@@ -313,39 +416,55 @@ def along(ws: Along, tol: float, curve_of: Callable[[Mesh], Path] | None) -> Sta
     either side; of what Ipopt finds from them, the least action first.
     """
     problem, status = ws.question, Status.NOT_FOUND
-    for elements in SOUGHT:
-        # The straight line may be a trap, in which Ipopt goes about for long.
-        principle = "least" if elements == SOUGHT[0] and problem.system.n > 1 else "patient least"
-        mesh = Mesh.uniform(problem.start.t, problem.end.t, elements, SOUGHT_DEGREE)
+    since = np.linspace(0.0, problem.duration, SOUGHT + 1)
+    for k in range(TRIES):
+        mesh = Mesh.over(problem.start.t, problem.end.t, since, SOUGHT_DEGREE)
         lines = _lines(problem, mesh) if curve_of is None else [curve_of(mesh)]
+        # The straight line may be a trap, in which Ipopt goes about for long.
+        principle = "patient least" if k or len(lines) == 1 else "least"
         first: list[Iterate] = []
         for line in lines:
             ws.restart()
-            ws.problem = Held(problem)
             if ws.touch(mesh, line, principle):
                 first.append(ws.here)
             elif ws.unbounded and line is None:
                 return Status.UNBOUNDED
-        for found in sorted(first, key=lambda found: found.action):
-            ws.restart()
-            ws.problem, ws.here = found.problem, found
-            status = _refined(ws, tol)
-            if status.success or status in (Status.FLOOR, Status.DEGENERATE):
-                return status
+        first.sort(key=lambda found: found.action)
+        windows = ws.unseen(first[0]) if first else []
+        if not windows:
+            for found in first:
+                ws.restart()
+                ws.problem, ws.here = found.problem, found
+                status = _refined(ws, tol)
+                if status.success or status in (Status.FLOOR, Status.DEGENERATE):
+                    return status
+            windows = ws.narrow(first[0]) if first else []
+        since = np.unique(np.concatenate([since, *(windows or [(since[:-1] + since[1:]) / 2])]))
+        if since.size > MOST or ws.hint in HOPELESS:
+            break
     return status
 
 
 def _refined(ws: Along, tol: float) -> Status:
-    """Hold what is in contact and refine the path, until all conditions are satisfied."""
-    arcs, allowed = ws.touched(), tol / 4
+    """Hold what is in contact and refine the path, until all conditions are satisfied.
+
+    Round a small peg a path may turn at one node: contact is far shorter than nodes tell. Then it
+    is made so, about the middle, as it grows to its size more easily than it shrinks.
+    """
+    first, arcs, allowed, ws.freed = ws.here, ws.touched(), tol / 4, False
+    shorter, coarse = 0, 2 * float(np.diff(first.mesh.nodes).max())
     for k in range(CHANGES):
         if k == CHANGES - 1:  # what comes and goes is shorter than times can be told apart
             allowed = np.inf
         ws.hold(arcs)
         try:
             if not ws.follow():
-                ws.hint = FAMILY
-                return Status.NOT_FOUND
+                ws.hint = ws.why()
+                if shorter == SHORTER or not any(arc.end - arc.begin < coarse for arc in arcs):
+                    return Status.NOT_FOUND
+                shorter, ws.problem, ws.here = shorter + 1, first.problem, first
+                arcs = tuple(_shortened(arc, coarse) for arc in arcs)
+                continue
             ws.hint = ""
             other = ws.changed(allowed)
             if other is None:
@@ -356,7 +475,17 @@ def _refined(ws: Along, tol: float) -> Status:
             arcs = other
         except Changed as change:
             arcs = change.arcs
+        except np.linalg.LinAlgError:
+            ws.hint = DEPENDENT
+            return Status.NOT_FOUND
     return Status.UNRESOLVED
+
+
+def _shortened(arc: Arc, coarse: float) -> Arc:
+    """Return the same or, if it is not longer than `coarse`, a shorter one about its middle."""
+    middle, half = (arc.begin + arc.end) / 2, SHORTENED * (arc.end - arc.begin) / 2
+    long = arc.end - arc.begin >= coarse
+    return arc if arc.point or long else Arc(arc.row, middle - half, middle + half)
 
 
 def _judged(ws: Along, tol: float, status: Status) -> Status:
@@ -393,43 +522,30 @@ def _lines(problem: Problem, mesh: Mesh) -> list[Path | None]:
     return found
 
 
-def _joints(held: Held) -> Array:
-    """Return the times at which contact begins or ends, in order; none of those at an event."""
-    t0, t1 = held.start.t, held.end.t
-    times = [t for arc in held.arcs or () for t in (arc.begin, arc.end)]
-    return np.unique([t for t in times if t0 < t < t1])
-
-
-def _knots(held: Held) -> Array:
-    """Return the times since the start at which elements have to end."""
-    t0, T = held.start.t, held.duration
-    fixed = [after - t0 for _, after in held.instants if 0 < after - t0 < T]
-    return np.unique([0.0, *fixed, *(_joints(held) - t0), T])
-
-
 def _stretched(tr: Transcription, times: Array, moves: Array) -> Transcription:
     """Return the discrete problem whose times of contact (J,) move, and the elements with them."""
     held = tr.problem
     assert isinstance(held, Held) and held.arcs is not None
     after = dict(zip(times.tolist(), (times + moves).tolist(), strict=True))
-    arcs = tuple(
-        Arc(arc.row, after.get(arc.begin, arc.begin), after.get(arc.end, arc.end))
-        for arc in held.arcs
+    moved = held.holding(
+        tuple(
+            Arc(arc.row, after.get(arc.begin, arc.begin), after.get(arc.end, arc.end))
+            for arc in held.arcs
+        )
     )
-    moved = Held(held.free, arcs)
-    before, now = _knots(held), _knots(moved)
-    since = np.interp(tr.mesh.since, before, now)
-    return Transcription(moved, tr.mesh.cut(since, tr.mesh.degrees), tr.lengths, like=tr)
+    before, now = (np.union1d(held.fixed, t) - held.start.t for t in (times, times + moves))
+    before[-1] = now[-1] = held.duration
+    mesh = tr.mesh.cut(np.interp(tr.mesh.since, before, now), tr.mesh.degrees)
+    return Transcription(moved, mesh, tr.lengths, like=tr)
 
 
 def _without(held: Held, a: float, b: float) -> tuple[Arc, ...]:
     """Return the parts in contact when what is between two times of contact has vanished."""
-    t0, t1 = held.start.t, held.end.t
-    both = a if a <= t0 else b if b >= t1 else (a + b) / 2
+    both = a if a in held.fixed else b if b in held.fixed else (a + b) / 2
     found: list[Arc] = []
     for arc in sorted(held.arcs or (), key=lambda arc: (arc.row, arc.begin)):
         begin, end = (both if t in (a, b) else t for t in (arc.begin, arc.end))
-        if t0 < begin == end < t1:
+        if begin == end and begin not in held.fixed:
             continue
         if found and found[-1].row == arc.row and begin <= found[-1].end:
             begin = found.pop().begin
@@ -445,7 +561,7 @@ def _slips(at: DiscretePath) -> Array:
     found = []
     for arc in held.arcs:
         for t, first in ((arc.begin, False), (arc.end, True)):
-            if not held.start.t < t < held.end.t:
+            if t in held.fixed:
                 continue
             b = int(np.argmin(np.abs(mesh.boundaries - t)))
             state = at.Q[None, mesh.offsets[b]], mesh.boundaries[b, None, None], held.packed

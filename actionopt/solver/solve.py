@@ -8,6 +8,7 @@ round interpolates the path on a better mesh and polishes it there, always the s
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Any, Literal, Never
@@ -30,12 +31,14 @@ from actionopt.solver.arguments import Guess, asked, checked
 from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF
 from actionopt.solver.ladder import COARSE_DEGREE, IPOPT, LADDER, LINEAR, NEAR, Rung, Search
 from actionopt.solver.obstacle import Along, along
+from actionopt.solver.unfixed import solve_unfixed
 from actionopt.solver.workspace import Workspace
 from actionopt.tools.blas import one_thread
 from actionopt.tools.checks import COARSEST, FINEST, tolerance
 from actionopt.tools.watch import OutOfTime, Progress, Watch
 
 LADDERS = {"auto": LADDER, "ipopt": IPOPT}  # by method
+AT_REST = 1e-6  # of its size, the way of a closed path that is none; ad hoc
 BEFORE_A_JUMP = 3  # rungs tried where the first path crosses a jump: seconds are lost there; ad hoc
 # Amplified round-off above which a path may be one of many, and above which that is to be counted;
 # measured: of 400 families in all directions and at any tol the least is 2.4e-7, and chains of 10
@@ -45,6 +48,7 @@ FAMILY_CHANGE = 2.0  # of it by two more steps; measured: single paths 1.0, fami
 FAMILY_NOISE = 1e-9  # of one coordinate the noise itself tells; ad hoc
 OUTDATED = 1e-6  # change of multipliers, in whose matrix no family may show; ad hoc
 BENT = 1e-4  # in units of kinetic energy, as the index has it: of a family 1e-8; ad hoc
+DWELT = (Status.NOT_FOUND, Status.UNRESOLVED, Status.DEGENERATE)  # what it may be
 LOST = (Status.NOT_FOUND, Status.UNRESOLVED)  # where one of a family may have been near
 
 
@@ -116,6 +120,9 @@ def solve(
     watch = None if seconds is progress is None else Watch(seconds, progress)
     choices = Choices(tol, principle, LADDERS[method], mesh, watch)
     solution, message = _asked(problem, guess, choices)
+    fixed = mesh is not None or problem.system.r > 0
+    if solution.status in DWELT and not fixed and not solution.problem.has_tails:
+        solution, message = _dwelling(problem, guess, choices, solution, message)
     if throw and not solution.success:
         raise SolveError(message, solution)
     return solution
@@ -147,7 +154,12 @@ def _asked(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[Sol
     """Return the path, and the verdict with its figures."""
     if problem.is_infinite or problem.has_tails:
         return _in_windows(problem.whole, guess, choices)
-    return _solved(problem, guess, choices)
+    if problem.asked or problem.free_time or (problem.closes and guess is not None):
+        return _unfixed(problem.asked or problem, guess, choices)
+    solution, message = _solved(problem, guess, choices)
+    if problem.closes and choices.mesh is None and _moves(solution):
+        return _unfixed(problem, solution, choices)  # it may be kinked at the start
+    return solution, message
 
 
 def _solved(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[Solution, str]:
@@ -177,6 +189,7 @@ def _solved(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[So
         search.ws.hint = f"tried: {', '.join(dict.fromkeys(search.tried))}"
         status = Status.OUT_OF_TIME
     ws = search.ws
+    ws.here.tr.watch = None  # a verdict is not left half done
     if watch is not None and watch.raised is not None and not isinstance(watch.raised, OutOfTime):
         raise watch.raised
     if (principle == "least" or system.r) and status.success and ws.here.index > 0:
@@ -187,27 +200,83 @@ def _solved(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[So
     return solution, "" if solution.success else _message(ws, solution.status, tol)
 
 
+def _dwelling(
+    problem: Problem, guess: Guess | None, choices: Choices, solution: Solution, message: str
+) -> tuple[Solution, str]:
+    """Return what can be said of a path that was not found between two equilibria, and a verdict.
+
+    That of infinite time shows the way, if there is one.
+    """
+    whole = window.between(problem)
+    if whole is None:
+        return solution, message
+    if guess is None:
+        with suppress(OutOfTime, ValueError):
+            known, _ = _in_windows(whole, None, choices)
+            if known.success:
+                near = _solved(problem, window.within(known, problem), choices)
+                # What a symmetry holds in its place shows no round-off.
+                if near[0].success and not near[0].inertia.nullity:
+                    return near
+                if near[0].success or near[0].status is Status.DEGENERATE:
+                    solution = near[0]
+    solution = replace(solution, status=Status.DWELLING)
+    return solution, f"{problem.name}: {Status.DWELLING.value} (tol = {choices.tol:g})"
+
+
 def _in_windows(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[Solution, str]:
     """Return the path of a problem with events at infinite times, and the verdict."""
     tolerance(choices.tol)
     here = window.first(problem, guess, choices.tol, choices.mesh)
     inner = replace(choices, tol=max(choices.tol * (1 - window.SHARE), FINEST))
-    for _ in range(window.WINDOWS):
+    left = np.inf
+    while True:
         solution, message = _solved(here.problem, here.guess, inner)
-        if guess is here.guess is None and solution.success and choices.principle != "stationary":
+        below = None
+        if solution.status in LOST and problem.system.n <= window.FEW:
+            below = window.down(here)
+        elif here.guess is None and solution.success and inner.principle != "stationary":
             below = window.lower(solution)
-            if below is not None:
-                solution, message = _solved(here.problem, below, inner)
+        if below is not None:
+            solution, message = _solved(here.problem, below, inner)
         later = window.longer(here, solution, choices.tol)
         if not solution.success or later is None or choices.mesh is not None:
             break
+        left, before = max(x[0] for x in here.edges(solution)), left
+        if left > before / 2:
+            message = window.unmet(choices.tol, left)
+            solution = replace(solution, status=Status.UNRESOLVED)
+            break
         here = later
-    else:
-        left = max(x[0] for x in here.edges(solution))
-        message = window.unmet(choices.tol, left)
-        solution = replace(solution, status=Status.UNRESOLVED)
     solution = window.judged(here, solution)
     return window.centred(solution), message
+
+
+def _moves(solution: Solution) -> bool:
+    """Whether a path is no rest."""
+    speed = np.abs(solution.velocity(solution.mesh.nodes)).max(axis=1)
+    size = np.abs(solution.path.values).max(axis=1)
+    return bool((speed * solution.duration > AT_REST * size).any())
+
+
+def _unfixed(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[Solution, str]:
+    """Return the path where the duration is free or it closes anywhere, and the verdict."""
+    tolerance(choices.tol)
+    if choices.mesh is not None:
+        if not problem.free_time:
+            return _solved(problem, guess, choices)
+        raise ValueError(
+            "expected no mesh where a time is free, found one: it would be over given times"
+        )
+    if problem.closes and guess is None:
+        raise ValueError(
+            "expected a guess for a closed path whose period is to be found: a Path or a "
+            "solution near it, or waypoints round it"
+        )
+    thorough = choices.ladder is not NEAR
+    arguments = choices.tol, guess, choices.principle, choices.watch
+    solution, hint = solve_unfixed(problem, solve, *arguments, thorough=thorough)
+    return solution, "" if solution.success else _sentence(solution, choices.tol, hint)
 
 
 def _found(search: Search, guess: Guess | None, curve_of: Callable[[Mesh], Path] | None) -> Status:
@@ -327,9 +396,14 @@ def _message(ws: Workspace, status: Status, tol: float) -> str:
             f"; {ws.problem.system.coordinates[i]} is about {size:.3g} and known to "
             f"{np.spacing(size):.1g} only: measure it from a point near the motion"
         )
-    if ws.problem.advance is not None and not ws.problem.start.pinned:
-        hint += "; a closed path may start anywhere along itself: give one coordinate at the start"
     return f"{name}: {status.value} ({figures}){hint}"
+
+
+def _sentence(solution: Solution, tol: float, hint: str) -> str:
+    """Return the verdict of a path whose duration is free or that closes, and what to try next."""
+    figures = f"tol = {tol:g}, error estimate {solution.error:.2g}"
+    hint = f"; {hint}" if hint else ""
+    return f"{solution.problem.name}: {solution.status.value} ({figures}){hint}"
 
 
 def _solution(ws: Workspace, status: Status, found_by: str, started: float) -> Solution:

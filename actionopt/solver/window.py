@@ -18,22 +18,28 @@ import numpy as np
 
 from actionopt.analysis.modes import second_variation
 from actionopt.analysis.solution import Solution
+from actionopt.discrete.boundaries import bounded
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
+from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Event, Phase, Problem, Tail
 from actionopt.mechanics.rest import Rest, rest
 from actionopt.solver.descent import descend
 from actionopt.solver.iterate import sizes
-from actionopt.tools.checks import numbers
+from actionopt.tools.checks import COARSEST, numbers
 from actionopt.tools.types import Array
 
 # Ad hoc, where nothing else is said.
 CORE = 4.0  # e-foldings of a window besides those of its tail: the path is somewhere, too
-WINDOWS = 10  # that are tried
+FEW = 8  # coordinates up to which a descent costs little: `ladder.DESCENT_COORDINATES`
 SHARE = 0.25  # of the tolerance for what the windows' edges leave out
 WINDOW_GROWTH = 3.0  # times as long the next window may be
 ASIDE = (0.1, -0.1, 0.3, -0.3)  # of its size, how far a saddle is left along its lowest mode
+DOWN_ELEMENTS, DOWN_DEGREE = 24, 6  # of the mesh on which a guess is left
+FARTHEST = 100.0  # times the first window, in which a guess is looked at
+CORE_SIZE = 0.1  # of how far a guess is from rest, beyond which something happens
+CUT = 0.25  # of its shortest element, where a mesh is cut
 GUESS_SAMPLES = 512  # of a guess, where its phase is sought
 SAME_ENERGY = 1e-8  # of what moving between two equilibria takes
 SAME_PLACE = 1e-9  # of the coordinates' size, within which two equilibria are one
@@ -44,7 +50,7 @@ class Window:
     """A problem of finite times in the place of one of infinite ones, and what is guessed of it."""
 
     problem: Problem
-    guess: Callable[[Array], Array] | None
+    guess: Any
 
     def edges(self, solution: Solution) -> list[tuple[float, Rest, float]]:
         """Return what each tail leaves out, relative to q; its equilibrium, and the time."""
@@ -76,26 +82,75 @@ def first(whole: Problem, guess: Any, tol: float, mesh: Mesh | None) -> Window:
     folds = CORE + (1.0 if timed else 0.5) * -np.log(tol)
     start, end = whole.start, whole.end
     infinite = [np.isinf(e.t) for e in (start, end)]
+    curve, own = _curve(whole, guess)
     if mesh is not None:
         t0, t1 = float(mesh.boundaries[0]), float(mesh.boundaries[-1])
     else:
-        t0 = _reach(whole, start, end, folds) if infinite[0] else start.t
-        t1 = _reach(whole, end, start, folds) if infinite[1] else end.t
-    curve = _extended(whole, guess, t0, t1)
-    if not all(infinite) or timed:
-        phase = None
-    else:
+        t0 = _reach(whole, start, end, folds, curve) if infinite[0] else start.t
+        t1 = _reach(whole, end, start, folds, curve) if infinite[1] else end.t
+    if curve is None and guess is not None:  # waypoints
+        curve = _waypoints(whole, guess, t0, t1)
+        own = None
+    if curve is not None and own is None and _is_straight(whole, curve, t0, t1):
+        curve = None
+    phase = None
+    if all(infinite) and not timed:
         phase, shift = _phase(whole, curve, t0, t1)
         if curve is not None and shift:
             inner = curve
             curve = lambda t: inner(t + shift)  # noqa: E731
-    ends = (
-        Tail(t0, _place(start), -1, phase) if infinite[0] else start,
-        Tail(t1, _place(end), 1) if infinite[1] else end,
+            own = (
+                None
+                if own is None
+                else own.moved(own.boundaries[0] - shift, own.boundaries[-1] - shift)
+            )
+    problem = whole.replace(
+        start=Tail(t0, _place(start), -1, phase) if infinite[0] else start,
+        end=Tail(t1, _place(end), 1) if infinite[1] else end,
     )
-    problem = Problem(whole.system, *ends, parameters=whole.parameters)
     _ = problem.rests  # raises
-    return Window(problem, curve)
+    return Window(problem, curve if curve is None or own is None else _carried(curve, own, problem))
+
+
+def _is_straight(whole: Problem, curve: Callable[[Array], Any], t0: float, t1: float) -> bool:
+    """Whether a guess is the straight line over the window: it says nothing."""
+    pairs = zip(whole.start.q, whole.end.q, strict=True)
+    known = [(b if a is None else a, a if b is None else b) for a, b in pairs]
+    start, end = np.array([[x or 0.0 for x in pair] for pair in known]).T
+    t = np.linspace(t0, t1, GUESS_SAMPLES)
+    values = curve(t)
+    line = start[:, None] + (t - t0) / (t1 - t0) * (end - start)[:, None]
+    size = SAME_PLACE * np.abs(line).max()
+    return bool(np.abs(values - line).max() <= size)
+
+
+def framed(problem: Problem, like: Problem) -> Problem:
+    """Return a problem with the window of another one where its events lie at infinite times."""
+    ends = [
+        Tail(edge.t, e.near, edge.side, edge.phase) if isinstance(edge, Tail) else e
+        for e, edge in ((problem.start, like.start), (problem.end, like.end))
+    ]
+    return problem.replace(start=ends[0], end=ends[1])
+
+
+def searched(whole: Problem, tol: float) -> Problem:
+    """Return the problem on a window, to search for paths of infinite time.
+
+    With one event at infinite time its coordinates are given at the edge of a longer window: more
+    ways of searching are open to such a problem, and few paths are held there that would not be.
+
+    Raises ValueError as `first` does, and for paths from an equilibrium back to itself.
+    """
+    problem = first(whole, None, tol, None).problem
+    if problem.is_shifted:
+        raise ValueError(
+            "expected paths between two equilibria, or with a clock, found paths from one back "
+            "to itself, which may leave it at any time; use solve with a guess"
+        )
+    if np.isinf(whole.start.t) and np.isinf(whole.end.t):
+        return problem
+    ends = [Event(e.t, e.near) if isinstance(e, Tail) else e for e in (problem.start, problem.end)]
+    return problem.replace(start=ends[0], end=ends[1])
 
 
 def longer(window: Window, solution: Solution, tol: float) -> Window | None:
@@ -114,7 +169,20 @@ def longer(window: Window, solution: Solution, tol: float) -> Window | None:
         ends[k] = event.at(t + known.side * by)
     if not grown:
         return None
-    return Window(Problem(problem.system, *ends, parameters=problem.parameters), solution)
+    wider = problem.replace(start=ends[0], end=ends[1])
+    return Window(wider, _carried(solution, solution.mesh, wider))
+
+
+def down(window: Window) -> Path | None:
+    """Return a least path that the action leads down to from the guess, or from the line."""
+    problem = window.problem
+    mesh = bounded(
+        Mesh.uniform(problem.start.t, problem.end.t, DOWN_ELEMENTS, DOWN_DEGREE), problem.boundaries
+    )
+    tr = Transcription(problem, mesh, problem.lengths)
+    Q = tr.straight() if window.guess is None else window.guess(mesh.nodes).T
+    found = descend(tr, tr.pack(Q))
+    return DiscretePath(tr, found.z).path if found.found else None
 
 
 def lower(solution: Solution) -> Path | None:
@@ -162,12 +230,7 @@ def centred(solution: Solution) -> Solution:
     by = -(low + high) / 2
     mesh = solution.mesh.moved(start.t + by, end.t + by)
     phase = start.phase._replace(t=start.phase.t + by)
-    moved = Problem(
-        problem.system,
-        Tail(start.t + by, start.rest, -1, phase),
-        end.at(end.t + by),
-        parameters=problem.parameters,
-    )
+    moved = problem.replace(start=Tail(start.t + by, start.rest, -1, phase), end=end.at(end.t + by))
     return replace(solution, problem=moved, path=Path(mesh, solution.path.values), known=None)
 
 
@@ -177,32 +240,90 @@ def judged(window: Window, solution: Solution) -> Solution:
     return replace(solution, error=solution.error + left)
 
 
-def _reach(whole: Problem, event: Event, other: Event, folds: float) -> float:
-    """Return a time for the window's edge: so many e-foldings from the other event or from 0."""
+def _reach(whole: Problem, event: Event, other: Event, folds: float, curve: Any) -> float:
+    """Return a time for the window's edge, so many e-foldings from where something happens.
+
+    That is the other event, or 0, or where a guess is last away from rest.
+    """
     side = 1 if event.t > 0 else -1
     origin = 0.0 if np.isinf(other.t) else other.t
-    t = origin + side
+    t, q = origin + side, _place(event)
     for _ in range(3):  # the rates may depend on the time a little
-        known = rest(whole.system, whole.packed, _place(event), t, side)
+        known = rest(whole.system, whole.packed, q, t, side)
         t = origin + side * folds / known.slow
-    return t
+    if curve is None:
+        return t
+    seen = np.append(
+        origin, origin + (t - origin) * np.geomspace(1 / FARTHEST, FARTHEST, GUESS_SAMPLES)
+    )
+    with np.errstate(all="ignore"):  # so late a guess may be anything
+        away = np.abs(curve(seen) - q[:, None])
+    away = np.where(np.isfinite(away), away, 0.0)
+    last = np.flatnonzero((away > CORE_SIZE * away.max(axis=1, keepdims=True)).any(axis=0))
+    far = seen[last[-1]] if last.size and last[-1] < seen.size - 1 else origin
+    return float(far + side * folds / known.slow) if side * (far - origin) > 0 else t
 
 
-def _extended(whole: Problem, guess: Any, t0: float, t1: float) -> Any:
-    """Return a guess as a function of any times; what is no path is left as it is."""
-    if isinstance(guess, Solution) and isinstance(guess.problem, Problem):
-        return guess
+def _curve(whole: Problem, guess: Any) -> tuple[Any, Mesh | None]:
+    """Return a guess as a function of any times, and its mesh if it has one; None for waypoints.
+
+    What ends somewhere stays there.
+    """
+    if isinstance(guess, Solution) and guess.problem.has_tails:
+        return guess, guess.mesh
     path = guess.path if isinstance(guess, Solution) else guess
     if isinstance(path, Path):
+        if path.values.shape[0] != whole.system.n:
+            raise ValueError(
+                f"expected a guess of {whole.system.n} coordinates, found {path.values.shape[0]}"
+            )
         b = path.mesh.boundaries
-        return lambda t: path(np.clip(t, b[0], b[-1]))
-    if guess is None or callable(guess):
-        return guess
+        return (lambda t: path(np.clip(t, b[0], b[-1]))), path.mesh
+    if not callable(path):
+        return None, None
+    wanted, n = path, whole.system.n
+
+    def sampled(t: Array) -> Array:
+        values = np.atleast_2d(numbers(wanted(t), "the guess at times t"))
+        if values.shape != (n, t.size):
+            raise ValueError(
+                f"expected the guess to return ({n}, K) for K times, found {values.shape}"
+            )
+        return values
+
+    return sampled, None
+
+
+def _waypoints(whole: Problem, guess: Any, t0: float, t1: float) -> Callable[[Array], Array]:
+    """Return waypoints at equal times over the window as a function of time."""
     points = np.atleast_2d(numbers(guess, "the guess, a callable or waypoints"))
-    if points.ndim != 2 or points.shape[0] != whole.system.n or points.shape[1] < 2:
-        return guess  # refused later
+    n = whole.system.n
+    if points.ndim != 2 or points.shape[0] != n or points.shape[1] < 2:
+        raise ValueError(f"expected waypoints of shape ({n}, K) with K >= 2, found {points.shape}")
     times = np.linspace(t0, t1, points.shape[1])
     return lambda t: np.stack([np.interp(t, times, row) for row in points])
+
+
+def _carried(curve: Callable[[Array], Array], own: Mesh, problem: Problem) -> Path:
+    """Return a curve on its own elements over another window, with more where that is longer."""
+    t0, t1 = problem.start.t, problem.end.t
+    b, degrees = own.boundaries, np.array(own.degrees)
+    shortest = CUT * own.lengths.min()
+    inner = (b > t0 + shortest) & (b < t1 - shortest)
+    inside = b[inner]
+    if not inside.size:
+        return Path.interpolate(curve, Mesh.uniform(t0, t1, DOWN_ELEMENTS, DOWN_DEGREE))
+    longest = own.lengths.max()
+    before = np.linspace(t0, inside[0], 1 + max(1, int(np.ceil((inside[0] - t0) / longest))))
+    after = np.linspace(inside[-1], t1, 1 + max(1, int(np.ceil((t1 - inside[-1]) / longest))))
+    between = degrees[np.flatnonzero(inner)[:-1]]
+    mesh = Mesh(
+        np.concatenate([before, inside[1:], after[1:]]),
+        np.concatenate(
+            [np.full(before.size - 1, degrees[0]), between, np.full(after.size - 1, degrees[-1])]
+        ),
+    )
+    return Path.interpolate(curve, mesh)
 
 
 def _phase(whole: Problem, curve: Any, t0: float, t1: float) -> tuple[Phase | None, float]:
@@ -221,9 +342,7 @@ def _phase(whole: Problem, curve: Any, t0: float, t1: float) -> tuple[Phase | No
     apart = rests[1].q - rests[0].q
     t, values = np.linspace(t0, t1, GUESS_SAMPLES), None
     if curve is not None:
-        values = np.atleast_2d(numbers(curve(t), "the guess at times t"))
-        if values.shape != (system.n, t.size):
-            return None, 0.0  # refused later
+        values = curve(t)
     if _same(rests[0].q, rests[1].q):
         if values is None:
             return None, 0.0  # rest itself
@@ -259,6 +378,36 @@ def _same(a: Array, b: Array) -> bool:
     """Whether two equilibria are one."""
     size = max(np.abs(a).max(), np.abs(b).max())
     return bool(np.abs(a - b).max() <= SAME_PLACE * size)
+
+
+def between(problem: Problem) -> Problem | None:
+    """Return the problem with its events at infinite times, if both are equilibria it may join.
+
+    A path between them would dwell at either; None if they are not, or it has a clock.
+    """
+    system, n = problem.system, problem.system.n
+    bound = system.m or system.r or system.structure.forced
+    plain = not (bound or system.structure.depends_on_time)
+    ends = problem.start, problem.end
+    if not plain or any(len(e.pinned) < n for e in ends) or problem.advance is not None:
+        return None
+    whole = problem.replace(start=Event(-np.inf, problem.start.q), end=Event(np.inf, problem.end.q))
+    try:
+        first(whole, None, COARSEST, None)
+    except ValueError:
+        return None
+    return whole
+
+
+def within(solution: Solution, problem: Problem) -> Callable[[Array], Array]:
+    """Return a path of infinite time as a guess for one of finite time between the same places.
+
+    Placed so that it dwells at either end for as many e-foldings.
+    """
+    before, after = solution.problem.rests
+    assert before is not None and after is not None
+    t = problem.start.t + problem.duration * after.slow / (before.slow + after.slow)
+    return lambda times: solution(times - t)
 
 
 def unmet(tol: float, left: float) -> str:

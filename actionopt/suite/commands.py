@@ -9,6 +9,7 @@ from typing import Any
 from actionopt import suite
 from actionopt.suite import runner, solvers
 from actionopt.suite.cell import Cell
+from actionopt.suite.dials import DIALS
 from actionopt.suite.verdict import MODES, meaning, verdict
 from actionopt.tools.progress import progress
 from actionopt.tools.table import print_table
@@ -21,9 +22,23 @@ file, its version or the problem's numbers are others, or what was too short is 
 
   actionopt suite run --solver ipopt --solver sqpmethod --solver scipy:SLSQP
   actionopt suite run --solver mine.py:solve --problem kepler --set eccentricity=0.5 --set decades=4
+  actionopt suite run --solver ipopt --solver uno --dial eccentricity
   actionopt suite report --output results.jsonl --to report
 
+The dials are {", ".join(DIALS)}: a parameter of a family from easy to hard.
+
 {solvers.OWN}
+"""
+
+
+DUMP = """\
+Each problem is FILE.nl for AMPL's solvers (with names in .row and .col), FILE.mof.json for JuMP and
+NLPModels, FILE.py that needs numpy alone, and FILE.json with all that is known of it. Other sizes
+and parameters go into the same folder: what is there stays.
+
+  actionopt suite dump problems --elements 8
+  actionopt suite dump problems --elements 32
+  actionopt suite dump problems --problem kepler --set eccentricity=0.6 --zip problems.zip
 """
 
 
@@ -64,14 +79,22 @@ def add_to(parser: argparse.ArgumentParser) -> None:
     command.set_defaults(run=run)
     add = command.add_argument
     add("--solver", action="append", required=True, help="a solver; may be repeated")
+    add("--dial", action="append", default=[], choices=DIALS, help="the members of a dial instead")
     add("--start", help="starting point: guess, straight, perturbed, coarse or near")
     add("--seconds", type=float, default=60.0, help="wall time of one run (60)")
     add("--memory", type=float, default=8.0, help="memory of one run, GiB (8)")
     add("--repeats", type=_whole, default=3, help="solves timed, the least counts (3)")
     add("--again", action="store_true", help="run what the file has already, too")
     add("--jobs", type=int, default=1, help="runs at the same time (1)")
-    command = commands.add_parser("dump", help="write .nl files and answers", parents=[chosen])
+    command = commands.add_parser(
+        "dump",
+        help="write .nl, .mof.json and .py files, and answers",
+        parents=[chosen],
+        epilog=DUMP,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     command.set_defaults(run=dump)
+    command.add_argument("--zip", metavar="FILE", help="pack all that is there into one file, too")
     command.add_argument("directory", metavar="DIRECTORY", help="where to; made if it is not there")
     command = commands.add_parser("report", help="profiles and tables", parents=[output])
     command.set_defaults(run=report)
@@ -151,7 +174,7 @@ def run(options: argparse.Namespace) -> int:
     """
     for solver in options.solver:
         solvers.check(solver)
-    cells = [
+    cells = _on_dials(options) or [
         Cell(
             solver,
             name,
@@ -189,6 +212,24 @@ def run(options: argparse.Namespace) -> int:
     return 1 if mistakes else 0
 
 
+def _on_dials(options: argparse.Namespace) -> list[Cell]:
+    """Return the cells of the dials that were asked for."""
+    return [
+        Cell(
+            solver,
+            dial.family,
+            dial.elements,
+            dial.degree,
+            dial.start,
+            {dial.parameter: value},
+            options.repeats,
+        )
+        for dial in map(DIALS.__getitem__, options.dial)
+        for value in dial.values
+        for solver in options.solver
+    ]
+
+
 def show_record(done: int, total: int, record: dict[str, Any]) -> None:
     """Write a progress bar to the standard error."""
     progress(done, total, f"{record['solver']} {record['problem']}: {verdict(record, MODES[0])}")
@@ -196,10 +237,25 @@ def show_record(done: int, total: int, record: dict[str, Any]) -> None:
 
 def dump(options: argparse.Namespace) -> int:
     """Write the problems to a directory."""
+    from actionopt.suite.dump import archive
     from actionopt.suite.dump import dump as write
 
-    chosen = (_get(name, options) for name in _names(options))
-    print(write(chosen, options.directory))
+    def skipped(problem: suite.TestProblem, error: ValueError) -> None:
+        if options.problem:
+            raise error
+        print(f"  left out: {problem.name}: {error}", file=sys.stderr)
+
+    chosen = []
+    for name in _names(options):
+        try:
+            chosen.append(_get(name, options))
+        except ValueError as error:  # the scene has no such parameter
+            if options.problem:
+                raise
+            print(f"  left out: {name}: {error}", file=sys.stderr)
+    print(write(chosen, options.directory, skipped=skipped))
+    if options.zip:
+        print(archive(options.directory, options.zip))
     return 0
 
 

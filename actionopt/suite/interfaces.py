@@ -6,68 +6,144 @@ from typing import Any
 
 import numpy as np
 
-from actionopt.suite.problem import TestProblem
+from actionopt.suite.cutest import Cutest
+from actionopt.suite.optiprofiler import actionopt_load, actionopt_select
 from actionopt.suite.program import Program
+from actionopt.suite.sparse import hessian, jacobian
 from actionopt.tools.types import Array, NDInt
 
+__all__ = [
+    "Cutest",
+    "Ipopt",
+    "actionopt_load",
+    "actionopt_select",
+    "cyipopt_arguments",
+    "hessian",
+    "jacobian",
+    "nlopt_problem",
+    "scipy_arguments",
+]
 
-def _matrix(values: Array, structure: tuple[NDInt, NDInt], shape: tuple[int, int]):
-    from scipy.sparse import csc_array
-
-    return csc_array((values, structure), shape=shape)
-
-
-def jacobian(problem: Program, x: Array):
-    """Return dc/dx as a scipy.sparse array, (m, n)."""
-    return _matrix(problem.jacobian(x), problem.jacobian_structure, (problem.m, problem.n))
-
-
-def hessian(problem: Program, x: Array, lam: Array | None = None, factor: float = 1.0):
-    """Return the whole Hessian of the Lagrangian as a scipy.sparse array, (n, n)."""
-    rows, cols = problem.hessian_structure
-    values = problem.hessian(x, lam, factor)
-    off = rows != cols
-    both = np.concatenate([rows, cols[off]]), np.concatenate([cols, rows[off]])
-    return _matrix(np.concatenate([values, values[off]]), both, (problem.n, problem.n))
+# SciPy's methods: those that use no derivatives, and those that take bounds.
+FREE = ("Nelder-Mead", "Powell", "COBYLA", "COBYQA")
+ROW = 1e-8  # NLopt's tolerance of a row; ad hoc
+BOUNDED = (*FREE, "L-BFGS-B", "TNC", "SLSQP", "trust-constr")
 
 
 def scipy_arguments(problem: Program, method: str) -> dict[str, Any]:
     """Return keywords for `scipy.optimize.minimize`, but for x0: what the method can use.
 
-    Raises ValueError for a method that takes no constraints, where there are some.
+    Raises ValueError for a method that takes no constraints or bounds, where there are some.
     """
-    given: dict[str, Any] = {
-        "method": method,
-        "fun": problem.objective,
-        "jac": problem.gradient,
-    }
+    given: dict[str, Any] = {"method": method, "fun": problem.objective}
+    if method not in FREE:
+        given["jac"] = problem.gradient
     if method == "trust-constr":
         given["hess"] = lambda x: hessian(problem, x)
     elif method in ("Newton-CG", "trust-ncg", "trust-krylov"):
         given["hessp"] = lambda x, p: problem.hessian_product(x, None, p)
     elif method in ("trust-exact", "dogleg"):
         given["hess"] = lambda x: hessian(problem, x).toarray()
-    if not problem.m:
-        return given
-    if method == "trust-constr":
+    if problem.limits.coordinates:
+        if method not in BOUNDED:
+            raise ValueError(f"expected a method that takes bounds, found {method!r}")
+        given["bounds"] = np.stack(problem.bounds, axis=1)
+    if problem.m:
+        given["constraints"] = _scipy_constraints(problem, method)
+    return given
+
+
+def _scipy_constraints(problem: Program, method: str) -> Any:
+    lower, upper = problem.constraint_bounds
+    if method in ("trust-constr", "COBYLA", "COBYQA"):
         from scipy import optimize
 
         build: Any = optimize.NonlinearConstraint  # its types know no functions
-        given["constraints"] = build(
-            problem.constraints,
-            *problem.constraint_bounds,
-            jac=lambda x: jacobian(problem, x),
-            hess=lambda x, lam: hessian(problem, x, lam, 0.0),
-        )
-    elif method == "SLSQP":
-        given["constraints"] = {
-            "type": "eq",
-            "fun": problem.constraints,
-            "jac": lambda x: jacobian(problem, x).toarray(),
+        derivatives = {
+            "jac": lambda x: jacobian(problem, x),
+            "hess": lambda x, lam: hessian(problem, x, lam, 0.0),
         }
-    else:
+        return build(problem.constraints, lower, upper, **({} if method in FREE else derivatives))
+    if method != "SLSQP":
         raise ValueError(f"expected a method that takes constraints, found {method!r}")
-    return given
+    sides = _sides(lower, upper)
+    return [
+        {
+            "type": kind,
+            "fun": lambda x, r=rows, s=sign, b=bound: s * (problem.constraints(x)[r] - b),
+            "jac": lambda x, r=rows, s=sign: s * jacobian(problem, x).toarray()[r],
+        }
+        for kind, rows, sign, bound in sides
+    ]
+
+
+def _sides(lower: Array, upper: Array) -> list[tuple[str, NDInt, float, Array]]:
+    """Return equations, lower and upper bounds, as far as there are any: sign (c - bound) >= 0."""
+    apart = lower < upper
+    found = [
+        ("eq", np.flatnonzero(~apart), 1.0, lower),
+        ("ineq", np.flatnonzero(apart & np.isfinite(lower)), 1.0, lower),
+        ("ineq", np.flatnonzero(apart & np.isfinite(upper)), -1.0, upper),
+    ]
+    return [(kind, rows, sign, side[rows]) for kind, rows, sign, side in found if rows.size]
+
+
+def nlopt_problem(problem: Program, algorithm: str):
+    """Return the `nlopt.opt` of an algorithm such as "LD_SLSQP"; criteria to stop are not set.
+
+    Raises ValueError for an algorithm that is none, or takes no such constraints.
+    """
+    import nlopt  # pyright: ignore[reportMissingImports]
+
+    code = getattr(nlopt, algorithm, None)
+    if not isinstance(code, int):
+        raise ValueError(f"expected an algorithm of NLopt's, such as LD_SLSQP, found {algorithm!r}")
+
+    def objective(x: Array, slope: Array) -> float:
+        if slope.size:
+            slope[:] = problem.gradient(x)
+        return problem.objective(x)
+
+    optimizer = nlopt.opt(code, problem.n)
+    optimizer.set_min_objective(objective)
+    if problem.limits.coordinates:
+        lower, upper = problem.bounds
+        optimizer.set_lower_bounds(lower)
+        optimizer.set_upper_bounds(upper)
+    for kind, rows, sign, bound in _sides(*problem.constraint_bounds):
+
+        def constraint(value: Array, x: Array, slope: Array, r=rows, s=sign, b=bound) -> None:
+            if slope.size:
+                slope[:] = -s * jacobian(problem, x).toarray()[r]
+            value[:] = -s * (problem.constraints(x)[r] - b)
+
+        add = (
+            optimizer.add_equality_mconstraint
+            if kind == "eq"
+            else optimizer.add_inequality_mconstraint
+        )
+        try:
+            add(constraint, np.full(rows.size, ROW))
+        except Exception as error:  # its own; ValueError before NLopt 2.10
+            raise ValueError(
+                f"expected an algorithm with constraints, found {algorithm}"
+            ) from error
+    return optimizer
+
+
+def cyipopt_arguments(problem: Program) -> dict[str, Any]:
+    """Return keywords for `cyipopt.Problem`."""
+    lower, upper = problem.bounds
+    below, above = problem.constraint_bounds
+    return {
+        "n": problem.n,
+        "m": problem.m,
+        "problem_obj": Ipopt(problem),
+        "lb": lower,
+        "ub": upper,
+        "cl": below,
+        "cu": above,
+    }
 
 
 class Ipopt:
@@ -90,99 +166,3 @@ class Ipopt:
     def hessian(self, x: Array, lagrange: Array, obj_factor: float) -> Array:
         """Return the nonzeros of obj_factor * f'' + sum lagrange c''."""
         return self.problem.hessian(x, lagrange, obj_factor)
-
-
-class Cutest:
-    """A test problem under the names of PyCUTEst's `CUTEstProblem`.
-
-    The Lagrangian is f + v'c, as there. Matrices are dense where PyCUTEst's are, and sparse in
-    the methods that begin with s.
-    """
-
-    def __init__(self, problem: TestProblem) -> None:
-        self.problem = problem
-        self.name, self.n, self.m = problem.name, problem.n, problem.m
-        self.x0, self.v0 = problem.start(), np.zeros(problem.m)
-        self.bl, self.bu = problem.bounds
-        self.cl, self.cu = problem.constraint_bounds
-        self.nnzj, self.nnzh = problem.nnz_jacobian, problem.nnz_hessian
-        self.is_eq_cons = np.ones(problem.m, dtype=bool)
-        self.is_linear_cons = np.full(problem.m, problem.classification[1] == "L")
-
-    def obj(self, x: Array, gradient: bool = False):
-        """Return f, and grad f if asked."""
-        f = self.problem.objective(x)
-        return (f, self.problem.gradient(x)) if gradient else f
-
-    def grad(self, x: Array, index: int | None = None) -> Array:
-        """Return grad f, or the gradient of constraint `index`."""
-        if index is None:
-            return self.problem.gradient(x)
-        return self.sjac(x)[[index]].toarray().ravel()
-
-    def cons(self, x: Array, index: int | None = None, gradient: bool = False):
-        """Return c or one entry of it, and its derivative if asked."""
-        c, J = self.problem.constraints(x), None
-        if gradient:
-            J = self.sjac(x).toarray()
-        if index is not None:
-            c, J = c[index], None if J is None else J[index]
-        return c if J is None else (c, J)
-
-    def lag(self, x: Array, v: Array, gradient: bool = False):
-        """Return f + v'c, and its gradient if asked."""
-        value = self.problem.objective(x) + float(np.dot(v, self.problem.constraints(x)))
-        return (value, self.lagjac(x, v)[0]) if gradient else value
-
-    def sjac(self, x: Array):
-        """Return the sparse Jacobian."""
-        return jacobian(self.problem, x).tocsr()
-
-    def lagjac(self, x: Array, v: Array | None = None):
-        """Return the gradient of f (of the Lagrangian with v) and the dense Jacobian."""
-        J = self.sjac(x)
-        gradient = self.problem.gradient(x)
-        return (gradient if v is None else gradient + J.T @ v), J.toarray()
-
-    def slagjac(self, x: Array, v: Array | None = None):
-        """Return the same with a sparse Jacobian."""
-        J = self.sjac(x)
-        gradient = self.problem.gradient(x)
-        return (gradient if v is None else gradient + J.T @ v), J
-
-    def scons(self, x: Array):
-        """Return c and the sparse Jacobian."""
-        return self.problem.constraints(x), self.sjac(x)
-
-    def jprod(self, p: Array, transpose: bool = False, x: Array | None = None) -> Array:
-        """Return J p, or J' p."""
-        J = self.sjac(self.x0 if x is None else x)
-        return J.T @ p if transpose else J @ p
-
-    def hess(self, x: Array, v: Array | None = None) -> Array:
-        """Return the dense Hessian of the Lagrangian."""
-        return self.sphess(x, v).toarray()
-
-    def sphess(self, x: Array, v: Array | None = None):
-        """Return the sparse Hessian of the Lagrangian."""
-        return hessian(self.problem, x, v)
-
-    def ihess(self, x: Array, cons_index: int | None = None) -> Array:
-        """Return the dense Hessian of f, or of constraint `cons_index`."""
-        if cons_index is None:
-            return self.hess(x)
-        return hessian(self.problem, x, np.eye(self.m)[cons_index], 0.0).toarray()
-
-    def hprod(self, p: Array, x: Array | None = None, v: Array | None = None) -> Array:
-        """Return the Hessian of the Lagrangian times p."""
-        return self.problem.hessian_product(self.x0 if x is None else x, v, p)
-
-    def gradhess(self, x: Array, v: Array | None = None):
-        """Return the gradient, the Jacobian if there is one, and the Hessian, all dense."""
-        gradient, J = self.lagjac(x, v)
-        H = self.hess(x, v)
-        return (gradient, J, H) if self.m else (gradient, H)
-
-    def report(self) -> dict[str, int]:
-        """Return the evaluations so far."""
-        return dict(self.problem.counts)

@@ -1,24 +1,25 @@
-"""Write a test problem as an AMPL `.nl` file: ASCII, 17 significant digits.
+"""Write a test problem as an AMPL `.nl` file: ASCII, 17 significant digits, line by line.
 
-The expression graph is written as it is: what is used more than once becomes a defined variable,
-sums in a row one n-ary sum, so that no reader has to recurse deeply. Everything is declared
-nonlinear; the J and G segments carry the structure with zero coefficients.
+Velocities are defined variables, linear in x; what the Lagrangian uses more than once is a defined
+variable at each time, too, and f one n-ary sum, so that no reader has to recurse deeply. Of the
+constraints, what is linear in x stands in the J segments; where all of them are, constants are
+taken into their bounds. Multipliers of AMPL have the sign of df*/dc: minus those of f + lam'c.
 
 Source: D. M. Gay, *Writing .nl Files*, Sandia report SAND2005-7907P (2005).
 """
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from actionopt.suite.expression import nlp
 from actionopt.suite.problem import TestProblem
+from actionopt.suite.program import Program
+from actionopt.suite.tape import Evaluation, Listing, Node, Row, Tape, first_multipliers
 from actionopt.tools.files import whole
 from actionopt.tools.types import Array
 
@@ -36,149 +37,233 @@ OPERATIONS = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class Node:
-    """An operation and its operands; a leaf has the text of its line instead."""
+def write(
+    problem: Program, file: str | Path, x0: Array | None = None, *, names: bool = True
+) -> list[Path]:
+    """Write the problem with the starting point x0 (n,), by default its own; return the files.
 
-    operation: int
-    operands: tuple[int, ...] = ()
-    text: str = ""
-
-
-def write(problem: TestProblem, file: str | Path, x0: Array | None = None) -> None:
-    """Write the problem with the starting point x0 (n,), by default its own.
-
-    Raises ValueError if its Lagrangian has an operation the format does not know.
+    With `names`, `.col` and `.row` files beside it name the variables, and the constraints and the
+    objective. Raises ValueError if its Lagrangian has an operation the format does not know.
     """
-    start = problem.start() if x0 is None else x0
-    with whole(file) as part, open(part, "w", encoding="ascii", newline="\n") as out:
-        out.writelines(line + "\n" for line in lines(problem, start))
+    if x0 is None:
+        assert isinstance(problem, TestProblem)
+        x0 = problem.start()
+    rows, columns = [*problem.constraint_names, "action"], problem.variable_names
+    longest = (max(map(len, rows)), max(map(len, columns))) if names else (0, 0)
+    texts: dict[Path, Iterable[str]] = {Path(file): lines(problem, x0, longest)}
+    if names:
+        texts[Path(file).with_suffix(".row")] = (f"{name}\n" for name in rows)
+        texts[Path(file).with_suffix(".col")] = (f"{name}\n" for name in columns)
+    for place, text in texts.items():
+        with whole(place) as part, open(part, "w", encoding="ascii", newline="\n") as out:
+            out.writelines(text)
+    return list(texts)
 
 
-def lines(problem: TestProblem, x0: Array) -> Iterator[str]:
-    """Yield the lines of the file."""
-    given = nlp(problem, "SX")
-    function = ca.Function("nlp", [given["x"]], [given["f"], given["g"]])
-    nodes, results = _graph(function)
-    uses = Counter(operand for node in nodes for operand in node.operands)
-    uses.update(results)
-    shared = [k for k, node in enumerate(nodes) if node.operands and uses[k] > 1]
-    names = {k: f"v{problem.n + i}" for i, k in enumerate(shared)}
-    rows, cols = problem.jacobian_structure
-    yield from _header(problem, len(shared))
-    for k in shared:
-        yield f"V{names[k][1:]} 0 0"
-        yield from _prefix(nodes, k, names)
-    for i, k in enumerate(results[1:]):
-        yield f"C{i}"
-        yield from _prefix(nodes, k, names, top=True)
-    yield "O0 0"
-    yield from _prefix(nodes, results[0], names, top=True)
-    yield f"x{problem.n}"
-    yield from (f"{i} {_number(v)}" for i, v in enumerate(x0))
+def lines(problem: Program, x0: Array, longest: tuple[int, int] = (0, 0)) -> Iterator[str]:
+    """Yield the text of the file in pieces that end with a line.
+
+    `longest` are the lengths of the longest names, of rows and of columns, if there are any.
+    """
+    listing = Listing(problem)
+    first = problem.n + sum(len(tape.shared) for _, _, tape in _bent(listing))
+    yield _header(problem, listing, first - problem.n, longest)
+    for names, places, tape in _bent(listing):
+        for name, k in zip(names, tape.shared, strict=True):
+            yield f"V{name[1:]} 0 0\n" + _text(tape, k).format(**places)
+    for here, at, places in _placed(listing, first):
+        yield from _defined(listing, here, at, places)
+    yield from _rows(listing)
+    yield from _objective(listing, first)
+    lam = first_multipliers(problem, x0)
+    if lam.size:
+        yield f"d{lam.size}\n"
+        yield from _numbered(-lam)
+    yield f"x{problem.n}\n"
+    yield from _numbered(x0)
+    coefficients, constants = listing.linear
     if problem.m:
-        yield "r"
-        yield from ("4 0" for _ in range(problem.m))
-    yield "b"
-    yield from ("3" for _ in range(problem.n))
+        shift = constants if listing.affine else 0.0
+        lower, upper = problem.constraint_bounds
+        yield "r\n"
+        yield from map(_bound, lower - shift, upper - shift)
+    yield "b\n"
+    yield from map(_bound, *problem.bounds)
+    yield from _derivatives(problem, coefficients)
+
+
+def _header(problem: Program, listing: Listing, rows: int, longest: tuple[int, int]) -> str:
+    n, m = problem.n, problem.m
+    bent = 0 if listing.affine else m
+    lower, upper = problem.constraint_bounds
+    equations = int(np.sum(lower == upper))
+    ranges = int(np.sum((lower < upper) & np.isfinite(lower) & np.isfinite(upper)))
+    each = len(listing.moving) + len(listing.lagrangian.shared)
+    return f"""\
+g3 1 1 0  # problem {problem.name}; the multipliers of AMPL are minus those of f + lam'c
+ {n} {m} 1 {ranges} {equations}  # vars, constraints, objectives, ranges, eqns
+ {bent} 1  # nonlinear constraints, objectives
+ 0 0  # network constraints: nonlinear, linear
+ {n if bent else 0} {n} {n if bent else 0}  # nonlinear vars in constraints, objectives, both
+ 0 0 0 1  # linear network variables; functions; arith, flags
+ 0 0 0 0 0  # discrete variables: binary, integer, nonlinear (b,c,o)
+ {problem.nnz_jacobian} {n}  # nonzeros in Jacobian, gradients
+ {longest[0]} {longest[1]}  # max name lengths: constraints, variables
+ 0 {rows} {listing.layout.evaluations * each} 0 0  # common exprs: b,c,o,c1,o1
+"""
+
+
+# -- the objective ---------------------------------------------------------------------------
+
+
+def _placed(listing: Listing, first: int) -> Iterator[tuple[Evaluation, int, dict[str, Any]]]:
+    """Yield each evaluation, its first defined variable, and what L's operands are there."""
+    moving, shared = listing.moving, len(listing.lagrangian.shared)
+    place = {a: i for i, a in enumerate(moving)}
+    at = first
+    for here in listing.evaluations():
+        velocities = [f"v{at + place[a]}" if a in place else "" for a in range(here.columns.size)]
+        own = [f"v{at + len(moving) + i}" for i in range(shared)]
+        yield here, at, {**_places(listing, here), "v": velocities, "s": own}
+        at += len(moving) + shared
+
+
+def _places(listing: Listing, here: Evaluation | Row) -> dict[str, Any]:
+    """Return how the coordinates there, in the scene's units, and the time are written."""
+    stretch, plain = listing.program.stretch, not listing.program.decades
+    q = [
+        f"n{_number(value)}"
+        if j < 0
+        else (f"v{j}" if plain else f"o2\nn{_number(1 / float(stretch[j]))}\nv{j}")
+        for j, value in zip(here.columns.tolist(), here.given.tolist(), strict=True)
+    ]
+    return {"q": q, "t": f"n{_number(here.time)}"}
+
+
+def _defined(listing: Listing, here: Evaluation, at: int, places: dict[str, Any]) -> Iterator[str]:
+    """Yield the defined variables of one evaluation: the velocities, and what is shared."""
+    moving, tape = listing.moving, listing.lagrangian
+    for i, a in enumerate(moving):
+        free = (here.around[:, a] >= 0) & (here.rate != 0)
+        columns = here.around[free, a]
+        rates = here.rate[free] / listing.program.stretch[columns]
+        yield f"V{at + i} {columns.size} 0\n"
+        terms = zip(columns.tolist(), rates.tolist(), strict=True)
+        yield from (f"{j} {_number(rate)}\n" for j, rate in terms)
+        yield f"n{_number(float(here.fixed[a]))}\n"
+    for i, k in enumerate(tape.shared):
+        yield f"V{at + len(moving) + i} 0 0\n" + _text(tape, k).format(**places)
+
+
+def _objective(listing: Listing, first: int) -> Iterator[str]:
+    tape, count = listing.lagrangian, listing.layout.evaluations
+    yield f"O0 0\no54\n{count}\n" if count > 2 else "O0 0\no0\n"
+    template = _text(tape, tape.results[0][0], named=True)
+    for here, _, places in _placed(listing, first):
+        yield f"o2\nn{_number(here.weight)}\n" + template.format(**places)
+
+
+# -- the constraints -------------------------------------------------------------------------
+
+
+def _bent(listing: Listing) -> Iterator[tuple[list[str], dict[str, Any], Tape]]:
+    """Yield the defined variables of each row, what its operands are, and its tape."""
+    if listing.affine:
+        return
+    at = listing.program.n
+    for here in listing.rows():
+        tape = listing.constraints[here.which]
+        own = [f"v{at + i}" for i in range(len(tape.shared))]
+        yield own, {**_places(listing, here), "s": own}, tape
+        at += len(own)
+
+
+def _rows(listing: Listing) -> Iterator[str]:
+    if listing.affine:
+        yield from (f"C{r}\nn0\n" for r in range(listing.program.m))
+        return
+    templates = [_text(tape, tape.results[0][0], named=True) for tape in listing.constraints]
+    constants = listing.linear[1]
+    rows = zip(listing.rows(), _bent(listing), constants.tolist(), strict=True)
+    for r, (here, (_, places, _), constant) in enumerate(rows):
+        added = f"o0\nn{_number(constant)}\n" if constant else ""
+        text = templates[here.which].format(**places)
+        yield f"C{r}\n{added}o2\nn{_number(here.weight)}\n{text}"
+
+
+def _derivatives(problem: Program, coefficients: Array) -> Iterator[str]:
+    """Yield the structure of Jacobian and gradient, with what is linear."""
+    rows, cols = problem.jacobian_structure
     columns = np.cumsum(np.bincount(cols, minlength=problem.n))
-    yield f"k{problem.n - 1}"
-    yield from map(str, columns[:-1].tolist())
+    yield f"k{problem.n - 1}\n"
+    yield from (f"{count}\n" for count in columns[:-1].tolist())
     order = np.argsort(rows, kind="stable")
     splits = np.searchsorted(rows[order], np.arange(1, problem.m))
-    for i, mine in enumerate(np.split(cols[order], splits) if problem.m else []):
-        yield f"J{i} {mine.size}"
-        yield from (f"{j} 0" for j in mine.tolist())
-    yield f"G0 {problem.n}"
-    yield from (f"{j} 0" for j in range(problem.n))
+    for i, mine in enumerate(np.split(order, splits) if problem.m else []):
+        yield f"J{i} {mine.size}\n"
+        values = zip(cols[mine].tolist(), coefficients[mine].tolist(), strict=True)
+        yield from (f"{j} {_number(value)}\n" for j, value in values)
+    yield f"G0 {problem.n}\n"
+    yield from (f"{j} 0\n" for j in range(problem.n))
 
 
-def _header(problem: TestProblem, shared: int) -> list[str]:
-    n, m = problem.n, problem.m
-    return [
-        f"g3 1 1 0  # problem {problem.name}",
-        f" {n} {m} 1 0 {m}  # vars, constraints, objectives, ranges, eqns",
-        f" {m} 1  # nonlinear constraints, objectives",
-        " 0 0  # network constraints: nonlinear, linear",
-        f" {n if m else 0} {n} {n if m else 0}  # nonlinear vars in constraints, objectives, both",
-        " 0 0 0 1  # linear network variables; functions; arith, flags",
-        " 0 0 0 0 0  # discrete variables: binary, integer, nonlinear (b,c,o)",
-        f" {problem.nnz_jacobian} {n}  # nonzeros in Jacobian, gradients",
-        " 0 0  # max name lengths: constraints, variables",
-        f" {shared if m else 0} 0 {0 if m else shared} 0 0  # common exprs: b,c,o,c1,o1",
-    ]
+# -- lines -----------------------------------------------------------------------------------
 
 
-def _graph(function: ca.Function) -> tuple[list[Node], list[int]]:
-    """Return the nodes of the expression in order, and those of the outputs' entries.
+def _text(tape: Tape, root: int, named: bool = False) -> str:
+    """Return an expression in Polish prefix form, to be formatted with what its operands are.
 
-    CasADi's instructions overwrite their work vector; a node is made for each value instead.
+    What is shared is only named; `named`: even the expression itself.
     """
-    nodes: list[Node] = []
-    work: dict[int, int] = {}
-    sizes = [function.nnz_out(0), function.numel_out(1)]
-    results = [_leaf(nodes, "n0")] * (sizes[0] + sizes[1])
-    for k in range(function.n_instructions()):
-        operation = function.instruction_id(k)
-        out, given = function.instruction_output(k), function.instruction_input(k)
-        if operation == ca.OP_OUTPUT:
-            results[out[1] + (sizes[0] if out[0] else 0)] = work[given[0]]
-        elif operation == ca.OP_INPUT:
-            work[out[0]] = _leaf(nodes, f"v{given[1]}")
-        elif operation == ca.OP_CONST:
-            work[out[0]] = _leaf(nodes, f"n{_number(function.instruction_constant(k))}")
-        elif operation in OPERATIONS:
-            nodes.append(Node(operation, tuple(work[i] for i in given)))
-            work[out[0]] = len(nodes) - 1
-        else:
-            raise ValueError(f"expected an operation of the .nl format, found CasADi's {operation}")
-    return nodes, results
-
-
-def _leaf(nodes: list[Node], text: str) -> int:
-    nodes.append(Node(ca.OP_CONST, text=text))
-    return len(nodes) - 1
-
-
-def _prefix(
-    nodes: list[Node], root: int, names: dict[int, str], top: bool = False
-) -> Iterator[str]:
-    """Yield an expression in Polish prefix form; at the `top` a shared one is only named."""
+    names = {k: f"{{s[{i}]}}" for i, k in enumerate(tape.shared)}
     stack: list[int | str] = [root]
-    first = not top
+    lines: list[str] = []
     while stack:
         item = stack.pop()
         if isinstance(item, str):
-            yield item
+            lines.append(item)
             continue
-        if item in names and not first:
-            yield names[item]
-            continue
-        first = False
-        node = nodes[item]
-        if not node.operands:
-            yield node.text
-            continue
-        terms = _sum(nodes, item, names)
-        if len(terms) > 2:
-            yield "o54"
-            yield str(len(terms))
+        node = tape.nodes[item]
+        if item in names and (named or lines):
+            lines.append(names[item])
+        elif node.kind == "input":
+            lines.append(f"{{{tape.place(node)}}}")
+        elif node.kind == "constant":
+            lines.append(f"n{_number(node.value)}")
+        elif len(terms := _sum(tape.nodes, item, names)) > 2:
+            lines += ["o54", str(len(terms))]
             stack.extend(reversed(terms))
-            continue
-        before, after = OPERATIONS[node.operation]
-        yield before
-        if after:
-            stack.append(after)
-        stack.extend(reversed(node.operands))
+        else:
+            if node.operation not in OPERATIONS:
+                raise ValueError(
+                    f"expected an operation of the .nl format, found CasADi's {node.operation}"
+                )
+            before, after = OPERATIONS[node.operation]
+            lines.append(before)
+            stack.extend([after] if after else [])
+            stack.extend(reversed(node.operands))
+    return "\n".join(lines) + "\n"
 
 
-def _sum(nodes: list[Node], item: int, names: dict[int, str]) -> list[int]:
+def _sum(nodes: Sequence[Node], item: int, names: Mapping[int, str]) -> list[int]:
     """Return the terms of ((a + b) + c) + ..., from the left: the order of summation is kept."""
     terms: list[int] = []
     while nodes[item].operation == ca.OP_ADD and not (terms and item in names):
         item, last = nodes[item].operands
         terms.append(last)
     return [item, *reversed(terms)]
+
+
+def _numbered(values: Array) -> Iterator[str]:
+    yield from (f"{i} {_number(value)}\n" for i, value in enumerate(values.tolist()))
+
+
+def _bound(lower: float, upper: float) -> str:
+    if lower == upper:
+        return f"4 {_number(lower)}\n"
+    if np.isinf(lower):
+        return "3\n" if np.isinf(upper) else f"1 {_number(upper)}\n"
+    return f"2 {_number(lower)}\n" if np.isinf(upper) else f"0 {_number(lower)} {_number(upper)}\n"
 
 
 def _number(value: float) -> str:

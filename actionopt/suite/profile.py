@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 
+from actionopt.suite.solvers import counted
 from actionopt.suite.verdict import UNSCORED, verdict
 from actionopt.tools.types import Array
 
@@ -47,8 +48,11 @@ def costs(records: Records, measure: str, mode: str, accuracy: float) -> dict[st
     Returns
     -------
     dict of str to (problems,) array
-        NaN where a solver is not scored, for it was not there or its file had a mistake.
+        NaN where a solver is not scored, for it was not there or its file had a mistake. Solvers
+        whose evaluations are not counted have no others than seconds.
     """
+    if measure != "seconds":
+        records = [r for r in records if counted(r["solver"])]
     return _table(records, lambda r: _cost(r, measure, mode, accuracy))
 
 
@@ -87,7 +91,7 @@ def evaluations_per_unknown(records: Records, tau: float) -> dict[str, Array]:
     is known and none was found.
     """
     least = _least(records)
-    bounded = [r for r in records if asked(r) in least]
+    bounded = [r for r in records if asked(r) in least and counted(r["solver"])]
     return _table(bounded, lambda r: _reached(r, least[asked(r)], tau) / (r.get("n", 0) + 1))
 
 

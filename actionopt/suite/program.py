@@ -2,6 +2,8 @@
 
     minimise f(x) subject to c(x) = 0,      grad f(x) + J(x)' lam = 0 at a stationary point
 
+or to c_lower <= c(x) <= c_upper and x_lower <= x <= x_upper, where a member has inequalities: then
+grad f + J' lam + z = 0, lam and z being >= 0 at an upper bound, <= 0 at a lower one, else 0.
 x are the free coordinates at the nodes, node by node, in the units the scene is written in or those
 of the member (unlike the transcription, which scales them): units of atoms or planets, or of both
 at once, are a difficulty that a solver should meet. f is the discrete action and
@@ -20,6 +22,7 @@ import numpy as np
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.system import System
+from actionopt.suite.limits import UNLIMITED, Limits
 from actionopt.tools.types import Array, NDInt
 
 
@@ -35,6 +38,8 @@ class Program:
     decades : float
         Powers of ten over which the units of the unknowns range, evenly from the first to the
         last; 0 for those the scene is written in.
+    limits : Limits
+        Bounds; none, and equations f = 0, by default.
 
     Attributes
     ----------
@@ -44,17 +49,45 @@ class Program:
         Where f was evaluated, in this order, if it is to be kept: set it to [].
     """
 
-    def __init__(self, transcription: Transcription, decades: float = 0.0) -> None:
+    def __init__(
+        self,
+        transcription: Transcription,
+        decades: float = 0.0,
+        limits: Limits = UNLIMITED,
+    ) -> None:
         self.transcription = transcription
         self.decades = decades
+        self.limits = limits
         self.counts: Counter[str] = Counter()
         self.visited: list[Array] | None = None
 
     def view(self) -> Program:
         """Return the same functions with counts of their own, and no answer anywhere near."""
-        return Program(self.transcription, self.decades)
+        return Program(self.transcription, self.decades, self.limits)
 
     # -- what it is --------------------------------------------------------------------------
+
+    @property
+    def name(self) -> str:
+        """That of the system."""
+        return self.transcription.problem.system.name
+
+    @property
+    def variable_names(self) -> list[str]:
+        """Coordinate and node of each unknown, as "theta[1]"."""
+        system = self.transcription.problem.system
+        node, which = np.divmod(self.transcription.layout.free, system.n)
+        return [f"{system.coordinates[a]}[{k}]" for k, a in zip(node, which, strict=True)]
+
+    @property
+    def constraint_names(self) -> list[str]:
+        """Function and node of each row, as "f[1]"; "f0[1]" where there are several functions."""
+        if not self.m:
+            return []
+        layout = self.transcription.layout
+        pairs = zip(layout.row_constraint, layout.row_node, strict=True)
+        several = layout.system.m > 1
+        return [f"f{i}[{k}]" if several else f"f[{k}]" for i, k in pairs]
 
     @property
     def mesh(self) -> Mesh:
@@ -85,8 +118,8 @@ class Program:
     def classification(self) -> str:
         """The class in the manner of CUTEst, as "QUR2-MN-31-0".
 
-        Objective Quadratic or Other; constraints Unconstrained (none), Linear, Quadratic or
-        Other; Regular, with second derivatives; a Model; No internal variables; n and m.
+        Objective Quadratic or Other; constraints Unconstrained (none), Bounds alone, Linear,
+        Quadratic or Other; Regular, with second derivatives; a Model; No internal variables; n, m.
         """
         system = self.transcription.problem.system
         structure = system.structure
@@ -95,22 +128,37 @@ class Program:
         )
         kind = "O"
         if not self.m:
-            kind = "U"
+            kind = "B" if self.limits.coordinates else "U"
         elif structure.affine_constraint:
             kind = "L"
         elif _quadratic_constraint(system):
             kind = "Q"
         return f"{'Q' if quadratic else 'O'}{kind}R2-MN-{self.n}-{self.m}"
 
-    @property
+    @cached_property
     def bounds(self) -> tuple[Array, Array]:
-        """Lower and upper bounds of x, each (n,): there are none."""
-        return np.full(self.n, -np.inf), np.full(self.n, np.inf)
+        """Lower and upper bounds of x, each (n,); infinite where there are none."""
+        layout = self.transcription.layout
+        node, which = np.divmod(layout.free, self.transcription.problem.system.n)
+        lower, upper = self.limits.of_coordinates(which, self.mesh.nodes[node])
+        return lower * self.stretch, upper * self.stretch
+
+    @cached_property
+    def constraint_bounds(self) -> tuple[Array, Array]:
+        """Lower and upper bounds of c, each (m,): zero both where the row is an equation."""
+        if not self.m:
+            return np.zeros(0), np.zeros(0)
+        tr, layout = self.transcription, self.transcription.layout
+        times = self.mesh.nodes[layout.row_node]
+        lower, upper = self.limits.of_constraints(layout.row_constraint, times)
+        weight = np.repeat(tr.row_weight.ravel(), tr.problem.system.m)[layout.row_select]
+        return lower * weight, upper * weight
 
     @property
-    def constraint_bounds(self) -> tuple[Array, Array]:
-        """Lower and upper bounds of c, each (m,): zero."""
-        return np.zeros(self.m), np.zeros(self.m)
+    def inequalities(self) -> bool:
+        """Whether anything may hold strictly: a bound of x, or a row that is no equation."""
+        lower, upper = self.constraint_bounds
+        return bool(self.limits.coordinates) or bool(np.any(lower < upper))
 
     # -- functions ---------------------------------------------------------------------------
 

@@ -5,6 +5,9 @@ A name is one of these:
 ====================  ==========================================================================
 `ipopt`, `fatrop` ...  a plugin of `casadi.nlpsol`; `sqpmethod:osqp` names its QP solver too
 `scipy:SLSQP`          a method of `scipy.optimize.minimize`
+`nlopt:LD_LBFGS`       an algorithm of NLopt
+`cyipopt`              Ipopt by its callbacks
+`asl:ipopt`            a program that reads AMPL's `.nl` files: a path, or a name on the search path
 `my_solver.py:solve`   a function of yours, in a file or a module: `OWN` has its protocol
 ====================  ==========================================================================
 
@@ -12,7 +15,8 @@ Solvers run with their own defaults, but for being silent: what their authors ch
 What is not so is in `CHANGED`. None is given the answer: a solver sees a `Program`.
 
 Evaluations are counted in the functions that a solver is given, whichever it is: CasADi's plugins
-ask for several at once, and a call that returns f and c is one of each.
+ask for several at once, and a call that returns f and c is one of each. Programs that read a file
+evaluate it themselves, and are not counted: `counted`.
 """
 
 from __future__ import annotations
@@ -24,15 +28,18 @@ import importlib.util
 import runpy
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import metadata
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from time import perf_counter
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from actionopt.suite import asl, nl
 from actionopt.suite.expression import nlp
-from actionopt.suite.interfaces import scipy_arguments
+from actionopt.suite.interfaces import cyipopt_arguments, nlopt_problem, scipy_arguments
 from actionopt.suite.program import Program
 from actionopt.suite.words import SAID, said
 from actionopt.tools.types import Array
@@ -61,7 +68,12 @@ PLUGINS: dict[str, dict[str, Any]] = {
     "uno": {},
 }
 WITH_QP = ("sqpmethod", "feasiblesqpmethod")
-CHANGED = {"blocksqp": "linear solver ldl, as its own default is not shipped with CasADi"}
+PACKAGES = {"scipy": "scipy", "nlopt": "nlopt", "cyipopt": "cyipopt"}
+FLAT = 1e-12  # relative change of f at which NLopt's algorithms stop; ad hoc
+CHANGED = {
+    "blocksqp": "linear solver ldl, as its own default is not shipped with CasADi",
+    "nlopt": f"ftol_rel {FLAT:g}, as it has no stopping criterion of its own",
+}
 # What each of the plugins' functions evaluates. Gradients of the Lagrangian are one of f and one of
 # c; `nlp_grad`, which CasADi asks for itself when all is done, is none of the solver's.
 CALLS = {
@@ -89,7 +101,8 @@ LONG = 1.0  # seconds of a solve that a clock measures well enough at once; ad h
 OWN = """\
 A solver of yours is FILE.py:FUNCTION. It is called with a problem and x0 (n,), to minimise f(x)
 subject to c(x) = 0, and returns x (n,), or (x, lam, word): lam (m,) or None, word True for success,
-False for giving up, or "unbounded".
+False for giving up, or "unbounded". With inequalities, constraint_bounds and bounds are those of
+c(x) and of x, lower and upper.
 
   def solve(problem, x0):
       for _ in range(1000):
@@ -147,12 +160,23 @@ class Answer:
 
 # x, lam, what is said, the status: what one solve returns.
 Outcome = tuple[Array, Array | None, str, str]
+Prepare = Callable[[Program, Array], Callable[[Array], Outcome]]  # what no clock measures
+
+
+def counted(name: str) -> bool:
+    """Whether what a solver of this name evaluates is counted."""
+    return not name.startswith("asl:")
 
 
 def check(name: str) -> None:
     """Raise ValueError if `name` is the name of no solver that could be run."""
     base, _, rest = name.partition(":")
-    if base == "scipy":
+    if base in PACKAGES:
+        if bool(rest) == (base == "cyipopt"):
+            raise ValueError(f"expected scipy:METHOD, nlopt:ALGORITHM or cyipopt, found {name!r}")
+        return
+    if base == "asl":
+        asl.find(rest)
         return
     if base in PLUGINS:
         if rest and (base not in WITH_QP or rest not in QP):
@@ -163,8 +187,8 @@ def check(name: str) -> None:
     place, _, function = name.rpartition(":")
     if not place:
         raise ValueError(
-            f"expected a solver among {', '.join(PLUGINS)}, scipy:METHOD or FILE.py:FUNCTION, "
-            f"found {name!r}"
+            f"expected a solver among {', '.join(PLUGINS)}, cyipopt, scipy:METHOD, "
+            f"nlopt:ALGORITHM, asl:PATH or FILE.py:FUNCTION, found {name!r}"
         )
     if place.endswith(".py"):
         _check_file(Path(place), function)
@@ -202,14 +226,13 @@ def content(name: str) -> str:
     place = name.rpartition(":")[0]
     if base in PLUGINS:
         return f"casadi {ca.CasadiMeta.version()}"
-    if base == "scipy":
+    if base in PACKAGES:
         try:
-            import scipy
-        except ImportError:
+            return f"{base} {metadata.version(base)}, numpy {np.__version__}"
+        except metadata.PackageNotFoundError:
             return "absent"
-        return f"scipy {scipy.__version__}, numpy {np.__version__}"
-    file = Path(place)
-    if not place.endswith(".py"):
+    file = asl.find(name.partition(":")[2]) if base == "asl" else Path(place)
+    if base != "asl" and not place.endswith(".py"):
         found = importlib.util.find_spec(place)
         if found is None or found.origin is None:
             return "absent"
@@ -226,18 +249,25 @@ def run(name: str, problem: Program, x0: Array, repeats: int = 1) -> Answer:
     """
     check(name)
     base, _, rest = name.partition(":")
-    if base == "scipy":
-        prepare = _scipy(rest)
+    if base == "asl":
+        with TemporaryDirectory() as folder:
+            return _repeated(_asl(rest, Path(folder)), problem, x0, repeats)
+    if base in PACKAGES:
+        prepare = {"scipy": _scipy, "nlopt": _nlopt, "cyipopt": _cyipopt}[base](rest)
     elif base in PLUGINS:
         prepare = _plugin(base, rest)
     else:
         prepare = _function(name.rpartition(":")[0], name.rpartition(":")[2])
+    return _repeated(prepare, problem, x0, repeats)
+
+
+def _repeated(prepare: Prepare, problem: Program, x0: Array, repeats: int) -> Answer:
     first = problem.view()
     first.visited = []
-    found, best = _timed(prepare(first), x0)
+    found, best = _timed(prepare(first, x0), x0)
     count = 1
     while count < repeats and best < LONG:
-        best = min(best, _timed(prepare(problem.view()), x0)[1])
+        best = min(best, _timed(prepare(problem.view(), x0), x0)[1])
         count += 1
     x, lam, word, status = found
     return Answer(np.asarray(x), word, status, best, first, lam, count)
@@ -285,7 +315,7 @@ class Counted(ca.Callback):
         return self.inner.call(arg)
 
 
-def _plugin(plugin: str, qp: str) -> Callable[[Program], Callable[[Array], Outcome]]:
+def _plugin(plugin: str, qp: str) -> Prepare:
     if not ca.has_nlpsol(plugin):
         raise Absent(f"this CasADi has no {plugin}")
     options: dict[str, Any] = {"print_time": False, "calc_lam_p": False, **PLUGINS[plugin]}
@@ -298,7 +328,7 @@ def _plugin(plugin: str, qp: str) -> Callable[[Program], Callable[[Array], Outco
             "qpsol_options": {"error_on_fail": False, "print_time": False, **QP[qp]},
         }
 
-    def prepare(program: Program) -> Callable[[Array], Outcome]:
+    def prepare(program: Program, x0: Array) -> Callable[[Array], Outcome]:
         expression = nlp(program)
         solver = ca.nlpsol("solver", plugin, expression, options)
         counted: dict[str, Counted] = {}
@@ -310,8 +340,13 @@ def _plugin(plugin: str, qp: str) -> Callable[[Program], Callable[[Array], Outco
             }
             solver = ca.nlpsol("solver", plugin, expression, options | {"cache": counted})
 
+        bounds: dict[str, Any] = {}
+        bounds |= zip(("lbg", "ubg"), program.constraint_bounds, strict=True)
+        if program.limits.coordinates:
+            bounds |= zip(("lbx", "ubx"), program.bounds, strict=True)
+
         def solve(x0: Array, _alive: Any = counted) -> Outcome:  # CasADi keeps no reference
-            found = solver(x0=x0, lbg=0.0, ubg=0.0) if program.m else solver(x0=x0)
+            found = solver(x0=x0, **bounds)
             stats = solver.stats()
             status = str(stats.get("return_status", ""))
             word = said(plugin, status, bool(stats.get("success", False)))
@@ -322,13 +357,13 @@ def _plugin(plugin: str, qp: str) -> Callable[[Program], Callable[[Array], Outco
     return prepare
 
 
-def _scipy(method: str) -> Callable[[Program], Callable[[Array], Outcome]]:
+def _scipy(method: str) -> Prepare:
     try:
         from scipy.optimize import minimize
     except ImportError:
         raise Absent("SciPy is not installed: pip install 'actionopt[suite]'") from None
 
-    def prepare(program: Program) -> Callable[[Array], Outcome]:
+    def prepare(program: Program, x0: Array) -> Callable[[Array], Outcome]:
         try:
             arguments = scipy_arguments(program, method)
         except ValueError as error:
@@ -344,7 +379,74 @@ def _scipy(method: str) -> Callable[[Program], Callable[[Array], Outcome]]:
     return prepare
 
 
-def _function(place: str, name: str) -> Callable[[Program], Callable[[Array], Outcome]]:
+def _nlopt(algorithm: str) -> Prepare:
+    try:
+        import nlopt  # noqa: F401  # pyright: ignore[reportMissingImports]
+    except ImportError:
+        raise Absent("NLopt is not installed: pip install nlopt") from None
+
+    def prepare(program: Program, x0: Array) -> Callable[[Array], Outcome]:
+        try:
+            optimizer = nlopt_problem(program, algorithm)
+        except ValueError as error:
+            raise Absent(str(error)) from None
+        optimizer.set_ftol_rel(FLAT)
+
+        def solve(x0: Array) -> Outcome:
+            lower, upper = program.bounds
+            try:
+                x = optimizer.optimize(np.clip(x0, lower, upper))
+            except MemoryError:
+                raise
+            except Exception as error:  # its own kinds of giving up; the last point is lost
+                return x0, None, "gave up", f"{type(error).__name__} {error}"
+            status = str(optimizer.last_optimize_result())
+            return x, None, said("nlopt", status, False), status
+
+        return solve
+
+    return prepare
+
+
+def _cyipopt(_: str) -> Prepare:
+    try:
+        import cyipopt  # pyright: ignore[reportMissingImports]
+    except ImportError:
+        raise Absent("cyipopt is not installed: pip install cyipopt") from None
+
+    def prepare(program: Program, x0: Array) -> Callable[[Array], Outcome]:
+        def solve(x0: Array) -> Outcome:
+            problem = cyipopt.Problem(**cyipopt_arguments(program))
+            problem.add_option("print_level", 0)
+            problem.add_option("sb", "yes")
+            x, info = problem.solve(x0)
+            status = str(info["status"])
+            return x, info["mult_g"], said("cyipopt", status, False), status
+
+        return solve
+
+    return prepare
+
+
+def _asl(binary: str, folder: Path) -> Prepare:
+    found = asl.find(binary)
+
+    def prepare(program: Program, x0: Array) -> Callable[[Array], Outcome]:
+        stub = folder / "problem"
+        nl.write(program, stub.with_suffix(".nl"), x0, names=False)
+
+        def solve(_: Array) -> Outcome:
+            answer = asl.run(found, stub)
+            if answer.x.shape != (program.n,):  # it gave up, and has none
+                return np.full(program.n, np.nan), None, "gave up", answer.message
+            return answer.x, answer.lam, answer.said, answer.message
+
+        return solve
+
+    return prepare
+
+
+def _function(place: str, name: str) -> Prepare:
     try:
         if place.endswith(".py"):
             function = runpy.run_path(place)[name]
@@ -353,7 +455,7 @@ def _function(place: str, name: str) -> Callable[[Program], Callable[[Array], Ou
     except Exception as error:
         raise Mistake(f"{place} could not be loaded") from error
 
-    def prepare(program: Program) -> Callable[[Array], Outcome]:
+    def prepare(program: Program, x0: Array) -> Callable[[Array], Outcome]:
         def solve(x0: Array) -> Outcome:
             try:
                 found = function(program, x0)

@@ -19,6 +19,8 @@ _SQP = {"Solve_Succeeded": "solved", "No_Feasible_Initialization": "infeasible"}
 TABLE: dict[str, dict[str, str]] = {
     "ipopt": _IPOPT,
     "fatrop": {"0": "solved"},
+    "cyipopt": {"0": "solved", "1": "solved", "2": "infeasible", "4": "unbounded", "6": "solved"},
+    "nlopt": {"1": "solved", "2": "unbounded", "3": "solved", "4": "solved"},
     "sqpmethod": _SQP,
     "feasiblesqpmethod": _SQP,
     "qrsqp": _SQP,

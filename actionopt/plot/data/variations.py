@@ -196,6 +196,17 @@ def landscape_data(solution: Solution, reach: float = 0.5, count: int = 35) -> L
     return Landscape(steps, steps, rise, (chosen[0], chosen[1]))
 
 
+def over_modes(solution: Solution, t: Array, q: Array) -> Array:
+    """Return where paths q (R, n, K) at the times t stand on the landscape, (R, 2).
+
+    That is how much of its two modes their deviation from the path has, by least squares.
+    """
+    chosen, modes = telling(solution)
+    shapes = np.stack([modes[k](t).ravel() for k in chosen], axis=1)
+    away = (q - solution(t)).reshape(len(q), -1)
+    return np.linalg.lstsq(shapes, away.T, rcond=None)[0].T
+
+
 @dataclass(frozen=True, eq=False)
 class Spectrum:
     """Eigenvalues of d2S on the first part of a path, as a function of its duration.

@@ -143,7 +143,7 @@
       const dot = points[0].length === 1;
       const look = kind === "body" ? `body b${bodies++ % COLOURS}` : kind;
       const made = element(svg, dot ? "circle" : "polyline", look);
-      if (dot) made.setAttribute("r", (kind === "body" ? 0.022 : kind === "event" ? 0.014 : 0.01) * size);
+      if (dot) made.setAttribute("r", (kind === "body" ? 0.022 : kind === "event" ? 0.014 : 0.01) * size * (film.points ?? 1));
       return made;
     });
     const arrows = (film.arrows || []).map(() => element(svg, "path", "force"));

@@ -1,0 +1,162 @@
+"""How neighbours of a path are carried from its start to its end: the monodromy matrix.
+
+The second variation on one element, its inner nodes eliminated, is the Hessian of the principal
+function S(a, b) of the coordinates at its ends, with p_a = -dS/da and p_b = dS/db; solved for
+(b, p_b) it is a symplectic matrix, and the product of those of all elements carries (q, p) along
+the path. For a closed path the eigenvalues of that matrix are the Floquet multipliers. They come in
+pairs z, 1 / z: both are found from z + 1 / z, an eigenvalue of M + M^-1, where M^-1 = -J M' J.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from actionopt.analysis.jacobi import resolved
+from actionopt.analysis.second_variation import Form
+from actionopt.analysis.solution import Solution
+from actionopt.discrete.bordered import Bordered, moves_of
+from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.mechanics.problem import Event, Problem
+from actionopt.tools.blas import one_thread
+from actionopt.tools.types import Array
+
+# Of the Jacobi fields; derived: second derivatives converge twice as fast, to round-off.
+MONODROMY_RESOLUTION = 1e-8
+ON_CIRCLE = 1e-5  # how far from the circle a multiplier may be that is on it; ad hoc
+
+
+class Monodromy(np.ndarray):
+    """The matrix (2n, 2n) that carries (dq, dp) from the start of a path to its end: an array.
+
+    Attributes
+    ----------
+    trivial : int
+        How many pairs of eigenvalues are 1 because the path may be moved: along itself, where
+        there is no clock, and as a whole by each symmetry of L. Such an eigenvalue is double, and
+        so known to the root of what the matrix is.
+    eigenvalues : (2n,) array, complex
+        Of a closed path the Floquet multipliers, in pairs z, 1 / z.
+    stable : bool
+        Whether all but the trivial ones are on the unit circle.
+    stability : str
+        That in a sentence, with how many are not.
+    """
+
+    trivial: int = 0
+
+    def __array_finalize__(self, other: object) -> None:
+        """Keep what is known of the matrix this one is taken from."""
+        self.trivial = getattr(other, "trivial", 0)
+
+    @property
+    def eigenvalues(self) -> Array:
+        """Eigenvalues in pairs z, 1 / z, the largest first."""
+        M = np.asarray(self)
+        n = len(M) // 2
+        J = np.block([[np.zeros((n, n)), np.eye(n)], [-np.eye(n), np.zeros((n, n))]])
+        # In units in which q and p are of one size: no eigenvalue depends on them.
+        unit = _balance(M)
+        M = M * unit / unit[:, None]
+        values = list(np.linalg.eigvals(M - J @ M.T @ J))
+        pairs = []
+        for _ in range(n):  # each is double
+            one = values.pop(int(np.argmax(np.abs(values))))
+            other = values.pop(int(np.argmin(np.abs(np.array(values) - one))))
+            half = complex(one + other) / 4
+            root = np.sqrt(half**2 - 1)
+            large = half + root if abs(half + root) >= abs(half - root) else half - root
+            pairs += [large, 1 / large]
+        return np.array(pairs)
+
+    @property
+    def stable(self) -> bool:
+        """Whether no neighbour leaves the path exponentially."""
+        return self._leaving == 0
+
+    @property
+    def _leaving(self) -> int:
+        pairs = self.eigenvalues.reshape(-1, 2)[:, 0]
+        apart = pairs[np.argsort(np.abs(pairs - 1))][self.trivial :]
+        return int(np.sum(np.abs(apart) > 1 + ON_CIRCLE))
+
+    @property
+    def stability(self) -> str:
+        """Whether neighbours stay near, in a sentence."""
+        largest = np.abs(self.eigenvalues).max()
+        if not self._leaving:
+            return "linearly stable: all multipliers are on the unit circle"
+        count = self._leaving
+        return (
+            f"unstable: {count} multiplier{'s' if count > 1 else ''} outside the unit circle, the "
+            f"largest of modulus {largest:.6g}"
+        )
+
+
+@one_thread
+def monodromy(solution: Solution) -> Monodromy:
+    """Return the matrix (2n, 2n) that carries (dq, dp) along a path from its start to its end.
+
+    Its eigenvalues are the Floquet multipliers of a path that closes.
+
+    Raises
+    ------
+    ValueError
+        For a system under constraints, whose (q, p) are not independent, or with non-conservative
+        forces; for a path through a singularity.
+
+    References
+    ----------
+    Meyer, Hall and Offin, *Introduction to Hamiltonian Dynamical Systems* (2009), chapters 2 and 8.
+    """
+    problem = solution.problem
+    system = problem.system
+    if system.m:
+        raise ValueError(
+            "expected a system without constraints, found one with: its coordinates and momenta "
+            "are not independent; choose independent coordinates"
+        )
+    n = system.n
+    loose_ends = [Event(e.t, [None] * n) for e in (problem.start, problem.end)]
+    free = Problem(system, *loose_ends, parameters=problem.parameters)
+    at = DiscretePath.of(free, solution.path, lengths=solution.discrete.tr.lengths)
+    found = _carried(resolved(at, solution.error, MONODROMY_RESOLUTION)).view(Monodromy)
+    if problem.closes:
+        discrete = solution.discrete
+        asked = problem.asked or problem
+        moves = moves_of(asked)
+        bordered, _ = Bordered.around(asked, solution.path, None, discrete.tr.lengths, moves)
+        found.trivial = bordered.borders.c.size
+    return found
+
+
+def _carried(form: Form) -> Array:
+    """Return the product of the elements' symplectic matrices, in the user's units."""
+    r = form.freedom
+    M = np.eye(2 * r)
+    for E in form.elements:
+        ends = np.r_[:r, len(E) - r : len(E)]
+        inner = np.arange(r, len(E) - r)
+        S = E[np.ix_(ends, ends)]
+        if inner.size:
+            S = S - E[np.ix_(ends, inner)] @ np.linalg.solve(
+                E[np.ix_(inner, inner)], E[np.ix_(inner, ends)]
+            )
+        a, b, c = S[:r, :r], (S[:r, r:] + S[r:, :r].T) / 2, S[r:, r:]
+        inverse = np.linalg.inv(b)
+        step = np.block([[-inverse @ a, -inverse], [b.T - c @ inverse @ a, -c @ inverse]])
+        M = step @ M
+    # dq = units basis a, and p . dq is the same in both.
+    unit = np.concatenate([form.units, 1 / form.units])
+    frames = []
+    for Z in (form.basis[0], form.basis[-1]):
+        zero = np.zeros_like(Z)
+        frames.append(np.block([[Z, zero], [zero, Z]]))
+    return unit[:, None] * (frames[1] @ M @ frames[0].T) / unit
+
+
+def _balance(M: Array) -> Array:
+    """Return units (2n,) of (q, p), each pair inverse, in which M's blocks are of one size."""
+    n = len(M) // 2
+    upper, lower = np.abs(M[:n, n:]).max(), np.abs(M[n:, :n]).max()
+    ratio = np.sqrt(np.sqrt(upper / lower)) if upper > 0 and lower > 0 else 1.0
+    return np.concatenate([np.full(n, ratio), np.full(n, 1 / ratio)])

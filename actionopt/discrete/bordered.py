@@ -1,0 +1,317 @@
+"""Paths with numbers to be found beside them: a duration, and where a closed one begins.
+
+The unknowns are y = (z, log T, a). With the coordinates at fixed fractions of the time, S + E T is
+a function of z and T, and stationary in both: the derivative by T is E - H. A closed path without
+a clock may be moved along itself, or as a whole if L has symmetries, and S does not change; so
+the KKT matrix K is singular. Phase conditions C z = c say where it is, and forces a along these
+directions B make the matrix regular,
+
+    [ K        dr/dT    B ] [ dz ]     [ r + B a      ]
+    [ (dr/dT)' d2S/dT2  0 ] [ dT ] = - [ dS/dT + E    ]
+    [ C        0        0 ] [ da ]     [ C z - c      ].
+
+The forces vanish at a path up to its discretization, as no symmetric system can be pushed along its
+symmetry and close: they are the unfolding parameters of Munoz-Almaraz, Freire, Galan, Doedel and
+Vanderbauwhede, *Physica D* 181 (2003), p. 1. The phase condition is that of least distance from the
+first iterate, int xi.(q - q_first) dt = 0 (Doedel, in *Numerical Continuation Methods for
+Dynamical Systems* (2007), section 1.3.6), or a coordinate that the start gives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from actionopt.discrete.boundaries import moved
+from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.end_times import by_times
+from actionopt.discrete.factors import Factors
+from actionopt.discrete.layout import Layout, Pattern
+from actionopt.discrete.path import Path
+from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.problem import Event, Periodic, Problem
+from actionopt.mechanics.symmetry import find_symmetries
+from actionopt.tools.types import Array
+
+STRETCH = 1e-6  # of log T, for dr/dT: near EPS^(1/3), as central differences ask
+OFF = 20.0  # |log T| against the first duration that is reckoned with; ad hoc
+FULL = 300  # unknowns up to which a full matrix costs less than a sparse one; ad hoc
+# Of the coordinates' sizes: directions in which a path moves less than this against its others
+# are none of their own, as time along a path at rest, or a turn of one that turns anyway. Ad hoc.
+DISTINCT = 1e-4
+
+
+class Move(NamedTuple):
+    """A motion of configuration space xi = b + A q under which L does not change."""
+
+    A: Array
+    b: Array
+
+
+def loose(problem: Problem) -> Problem:
+    """Return the problem with nothing given at the start, if its paths close."""
+    if not problem.closes:
+        return problem
+    start = Event(problem.start.t, [None] * problem.system.n)
+    end = Periodic(problem.end.t, problem.advance)
+    values, energy = problem.parameters, problem.energy
+    return Problem(problem.system, start, end, parameters=values, energy=energy)
+
+
+def over(problem: Problem, duration: float) -> Problem:
+    """Return the problem at a duration, where its own is free; the times that are given stay."""
+    if not problem.free_time:
+        return problem
+    t0, t1 = problem.start.t, problem.end.t
+    if t0 is None:
+        t0 = 0.0 if t1 is None else t1 - duration
+    return problem.found(t0, t0 + duration if t1 is None else t1)
+
+
+def moves_of(problem: Problem) -> tuple[Move, ...]:
+    """Return the motions of configuration space that a closed path may be subjected to."""
+    if not problem.closes or problem.system.n == 1:
+        return ()
+    system, advance = problem.system, problem.advance
+    known = system.made("moves", dict)
+    key = problem.packed.tobytes()
+    if key not in known:
+        found = find_symmetries(system, parameters=problem.parameters)
+        known[key] = [Move(s.A, s.b) for s in found if not (s.time or s.rate or s.c.any())]
+    return tuple(m for m in known[key] if not (m.A @ advance).any())
+
+
+class Borders(NamedTuple):
+    """What is beside the KKT matrix: directions B (size, k), rows C (k, size) and C z there (k,).
+
+    The first `held` rows are coordinates that the start gives.
+    """
+
+    B: Array
+    C: Array
+    c: Array
+    held: int = 0
+
+
+class BorderedLayout:
+    """The pattern of a KKT matrix with dense rows and columns beside it."""
+
+    bordered, unpivoted, storage, condensed, keeps_factors = True, False, "sparse", False, False
+
+    def __init__(self, inner: Layout, beside: int) -> None:
+        self.inner, self.system = inner, inner.system
+        self.unknowns, self.rows, self.size = inner.unknowns, inner.rows, inner.size + beside
+        self.small, self.solvers = self.size <= FULL, {}
+        self.blocks = self
+        self.probe = np.concatenate([inner.probe, np.zeros(beside)])
+
+    @cached_property
+    def kkt(self) -> Pattern:
+        """Those of the inner matrix, then the rows below, then the columns beside."""
+        K, size, inner = self.inner.kkt, self.size, self.inner.size
+        added = np.arange(inner, size)
+        every, above = np.arange(size), np.arange(inner)
+        row = [K.row, np.repeat(added, size), np.tile(above, added.size)]
+        col = [K.col, np.tile(every, added.size), np.repeat(added, inner)]
+        row, col = np.concatenate(row), np.concatenate(col)
+        return Pattern.build(size, size, [(row, col)])
+
+    def full(self, nonzeros: Array) -> Array:
+        """Return the full matrix."""
+        matrix = np.zeros((self.size, self.size))
+        matrix[self.kkt.row, self.kkt.col] = nonzeros
+        return matrix
+
+
+@dataclass(eq=False)
+class Bordered:
+    """The equations of a path and of what is to be found beside it, as a `Transcription` has them.
+
+    Parameters
+    ----------
+    asked : Problem
+        Its duration is free, or its paths close, or both.
+    first : Transcription
+        Of a `loose` problem, over a first duration: it sets the units.
+    borders : Borders
+    """
+
+    asked: Problem
+    first: Transcription
+    borders: Borders
+    layout: Any = None
+
+    def __post_init__(self) -> None:
+        self.free = loose(self.asked)
+        self.timed = int(self.asked.free_time)  # unknowns of the duration
+        self.unit = self.first.mesh.duration
+        # How far a path moves, in its sizes, as its duration grows by a part of itself.
+        self.reach = 1.0
+        self._last = self.first
+        if self.layout is None:
+            self.layout = BorderedLayout(self.first.layout, self.timed + self.borders.c.size)
+
+    @classmethod
+    def around(
+        cls,
+        asked: Problem,
+        path: Path,
+        lam: Array | None,
+        lengths: Array,
+        moves: Sequence[Move] = (),
+        like: Transcription | None = None,
+    ) -> tuple[Bordered, Array]:
+        """Return the equations on the mesh of a path, with a phase near it, and their unknowns."""
+        problem = over(loose(asked), path.mesh.duration)
+        tr = Transcription(problem, path.mesh, lengths, like=like)
+        z = tr.pack(path.values.T, lam)
+        borders = _borders(asked, tr, z, moves)
+        found = cls(asked, tr, borders)
+        speeds = np.abs(path.velocity(path.mesh.nodes)).max(axis=1)
+        found.reach = max(1.0, float((speeds * path.mesh.duration / lengths).max()))
+        return found, np.concatenate([z, np.zeros(found.timed + borders.c.size)])
+
+    def duration(self, y: Array) -> float:
+        """Return the duration of unknowns y (size,)."""
+        if not self.timed:
+            return self.unit
+        return self.unit * float(np.exp(np.clip(y[self.first.layout.size], -OFF, OFF)))
+
+    def at(self, y: Array) -> Transcription:
+        """Return the discrete action over the duration that belongs to y."""
+        return self._over(self.duration(y))
+
+    def _over(self, duration: float) -> Transcription:
+        if duration != self._last.mesh.duration:
+            problem, like = over(self.free, duration), self.first
+            ends = problem.start.t, problem.end.t
+            mesh = moved(like.mesh, like.problem.instants, problem.instants, *ends)
+            self._last = Transcription(problem, mesh, like.lengths, like=like)
+            self._last.counts, self._last.watch = like.counts, like.watch
+        return self._last
+
+    def discrete(self, y: Array) -> DiscretePath:
+        """Return the path of unknowns y."""
+        return DiscretePath(self.at(y), y[: self.first.layout.size])
+
+    def residual(self, y: Array) -> Array:
+        """Return the equations' residual, (size,)."""
+        at, k, (B, C, c, _) = self.discrete(y), self.borders.c.size, self.borders
+        r = at.tr.residual(at.z)
+        forces = y[y.size - k :]
+        parts = [r + B @ forces if k else r]
+        if self.timed:
+            parts.append(np.array([self._excess(at)]))
+        return np.concatenate([*parts, C @ at.z - c])
+
+    def _excess(self, at: DiscretePath) -> float:
+        """Return d(S + E T)/d log T, which is T (E - H), in units of action."""
+        t0, t1 = by_times(at)
+        slope = -t0 if self.asked.end.t is not None else t1
+        return (slope + self.asked.energy) * at.mesh.duration / at.tr.action_unit  # type: ignore[operator]
+
+    def kkt(self, y: Array) -> Array:
+        """Return the nonzeros of the derivative of `residual` on `layout.kkt`."""
+        at, (B, C, _, _) = self.discrete(y), self.borders
+        inner, size, k = self.first.layout, self.first.layout.size, self.borders.c.size
+        K = at.tr.kkt(at.z)
+        K = inner.kkt.sum(K) if inner.storage == "blocks" else K
+        below = np.zeros((self.timed + k, self.layout.size))
+        beside = np.zeros((size, self.timed + k))
+        beside[:, self.timed :], below[self.timed :, :size] = B, C
+        if self.timed:
+            T, h = self.duration(y), STRETCH
+            sides = []
+            for sign in (1, -1):
+                tr = self._over(T * float(np.exp(sign * h)))
+                sides.append((tr.residual(at.z), self._excess(DiscretePath(tr, at.z))))
+            (r1, g1), (r0, g0) = sides
+            beside[:, 0] = below[0, :size] = (r1 - r0) / (2 * h)
+            below[0, size] = (g1 - g0) / (2 * h)
+            self._last = at.tr
+        return self.layout.kkt.sum(np.concatenate([K, below.ravel(), beside.T.ravel()]))
+
+    def bend(self, y: Array) -> float:
+        """Return d2S/d(log T)2 along the paths over fixed durations, in units of action.
+
+        Raises numpy.linalg.LinAlgError where they do not follow one another.
+        """
+        k = self.first.layout.size
+        nonzeros, pattern = self.kkt(y), self.layout.kkt
+        across, down = pattern.row == k, pattern.col == k
+        row, column = np.zeros((2, self.layout.size))
+        row[pattern.col[across]] = nonzeros[across]
+        column[pattern.row[down]] = nonzeros[down]
+        own, row[k], column[k] = row[k], 0.0, 0.0
+        fixed = np.where(across | down, np.where(across & down, 1.0, 0.0), nonzeros)
+        return float(own - row @ Factors(self.layout, fixed).solve(column))  # type: ignore[arg-type]
+
+    def measured(self, step: Array) -> float:
+        """Return the largest change of a coordinate by a step, as a function of time."""
+        found = self.first.measured(step)
+        if not self.timed:
+            return found
+        return max(found, self.reach * abs(float(step[self.first.layout.size])))
+
+    @cached_property
+    def magnitudes(self) -> Array:
+        """Sizes of the unknowns in their units, (size,)."""
+        beside = self.layout.size - self.first.layout.size
+        found = np.concatenate([self.first.magnitudes, np.ones(beside)])
+        found[found.size - self.borders.c.size :] = 0.0  # the forces vanish
+        return found
+
+
+def _borders(asked: Problem, tr: Transcription, z: Array, moves: Sequence[Move]) -> Borders:
+    """Return the directions in which a closed path may be moved, and the conditions for where."""
+    layout, size = tr.layout, tr.layout.size
+    if not asked.closes:
+        return Borders(np.zeros((size, 0)), np.zeros((0, size)), np.zeros(0))
+    at, n = DiscretePath(tr, z), asked.system.n
+    fields = [tr.mesh.duration * at.path.velocity(tr.mesh.nodes).T]
+    fields += [at.Q @ move.A.T + move.b for move in moves]
+    weight = np.bincount(layout.node_of, tr.weight[:, 0], layout.node_count) / tr.mesh.duration
+    weight[0] += weight[-1]
+    root = np.sqrt(weight[layout.free // n])
+    xi = np.stack([f.ravel()[layout.free] / tr.x_unit for f in fields], axis=1)
+    # An independent set: a body that turns uniformly is turned as it goes on.
+    norm = np.linalg.norm(root[:, None] * xi, axis=0)
+    use = norm > DISTINCT
+    left, values, _ = np.linalg.svd(root[:, None] * xi[:, use] / norm[use], full_matrices=False)
+    left = left[:, values > DISTINCT]
+    k = left.shape[1]
+    B, C, c = np.zeros((size, k)), np.zeros((k, size)), np.zeros(k)
+    directions = left / root[:, None]  # in the coordinates
+    B[: layout.unknowns] = left * root[:, None]
+    # Coordinates that the start gives are conditions as far as they can be met by moving the path.
+    pinned = [int(layout.number[0, i]) for i in asked.start.pinned]
+    held = _independent(directions[pinned]) if k else []
+    for row, j in enumerate(held):
+        i = asked.start.pinned[j]
+        C[row, pinned[j]] = 1.0
+        c[row] = asked.start.q[i] / tr.lengths[i]  # type: ignore[operator]
+    rest = np.eye(k)
+    if held:
+        _, _, right = np.linalg.svd(directions[[pinned[j] for j in held]])
+        rest = right[len(held) :].T
+    C[len(held) :] = (B @ rest).T if held else B.T
+    c[len(held) :] = C[len(held) :] @ z
+    return Borders(B, C, c, len(held))
+
+
+def _independent(rows: Array) -> list[int]:
+    """Return which of the rows are independent, the largest first (Gram and Schmidt's way)."""
+    left, chosen = rows.copy(), []
+    for _ in range(min(rows.shape)):
+        norms = np.linalg.norm(left, axis=1)
+        j = int(np.argmax(norms))
+        if not norms[j] > DISTINCT * np.linalg.norm(rows, axis=1).max():
+            break
+        chosen.append(j)
+        unit = left[j] / norms[j]
+        left = left - np.outer(left @ unit, unit)
+    return chosen

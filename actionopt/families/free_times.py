@@ -1,0 +1,181 @@
+"""All the paths of a given energy between two events, as far as they can be found.
+
+The energy leaves a motion from the start nothing but its direction. Motions in all directions are
+followed past the end, and from where each is nearest to it a path is sought, over the time that
+took; besides those between whose durations the energy of the paths over given ones passes the one
+asked.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from itertools import product
+
+import numpy as np
+
+from actionopt.analysis.shooting import motions
+from actionopt.analysis.solution import Solution
+from actionopt.discrete.bordered import over
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.path import Path
+from actionopt.mechanics.problem import Problem
+from actionopt.solver.durations import along, rates, returning
+from actionopt.solver.solve import solve
+from actionopt.solver.unfixed import Unfixed, solve_unfixed, straight
+from actionopt.tools.types import Array
+
+# Ad hoc.
+LONG = (
+    6.0  # times the duration along the straight line, or up and back: how far motions are followed
+)
+LOOKED_AT = 600  # times at which a motion is compared with the end
+NEAREST = 40  # passages from which paths are sought, of each class of windings
+PASSED_BY = 0.5  # of the coordinates' sizes: farther passages lead nowhere
+NEARBY_TARGET = 1e-1  # of the sizes: a sample of a path that may pass the end is no farther
+FAN = 72  # directions in the plane
+SAME = 1e-6  # of its size and duration: paths closer than that are one
+
+
+def all_durations(
+    problem: Problem,
+    tol: float,
+    turning: tuple[int, ...],
+    windings: int,
+    shots: int,
+    seed: int,
+    progress: Callable[[str, int, int, int], object] | None,
+) -> tuple[list[tuple[Solution, tuple[int, ...], str]], Counter[str], bool]:
+    """Return paths with their windings and how each was found, what was tried, and an interruption.
+
+    A path that passes the end on its way is another one with a period or a turn more, and left
+    out; in one dimension it turns back, and `windings` says how often.
+    """
+    found: list[tuple[Solution, tuple[int, ...], str]] = []
+    tried: Counter[str] = Counter()
+    turns = range(-windings, windings + 1)
+    try:
+        for k in sorted(product(turns, repeat=len(turning)), key=lambda k: np.abs(k).sum()):
+            by = np.zeros(problem.system.n)
+            by[list(turning)] = 2 * np.pi * np.array(k)
+            mine = problem.replace(end=problem.end.shifted(by))
+            run = Unfixed(mine, tol, solve)
+            known = [(at.path, "durations") for at in run.near()]
+            passing = _passages(mine, known, shots, windings, np.random.default_rng(seed))
+            guesses = known + [(path, "forward shots") for path in passing]
+            for i, (path, how) in enumerate(guesses):
+                tried[how] += 1
+                if progress is not None:
+                    progress(how, i, len(guesses), len(found))
+                solution = solve_unfixed(mine, solve, tol, path, "auto", None, thorough=False)[0]
+                if solution.success and _new(solution, k, found) and _first(solution, windings):
+                    found.append((solution, k, how))
+    except KeyboardInterrupt:
+        return found, tried, True
+    return found, tried, False
+
+
+def _passages(
+    problem: Problem,
+    known: list[tuple[Path, str]],
+    shots: int,
+    windings: int,
+    rng: np.random.Generator,
+) -> list[Path]:
+    """Return motions of the energy from the start to where they pass the end, the nearest first."""
+    n, start, end = problem.system.n, problem.start, problem.end
+    if len(start.pinned) < n or problem.system.m or (start.t is None and end.t is not None):
+        return []
+    t0, q0 = start.t or 0.0, np.array(start.q, dtype=float)
+    if n == 1:
+        u = np.array([[1.0], [-1.0]])
+    elif n == 2:
+        angle = 2 * np.pi * (np.arange(FAN) + rng.random()) / FAN
+        u = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    else:
+        u = rng.standard_normal((max(shots, 1), n))
+    line = along(problem, straight(problem), t0)
+    T = [path.mesh.duration for path, _ in known] + [returning(problem, q0, t0)]
+    T += [] if line is None else [float(line[0][-1])]
+    fixed = over(problem, LONG * max(T))
+    size = fixed.scales
+    u = u * size  # alike in the coordinates' own sizes
+    speed, left = rates(problem, np.repeat(q0[None], len(u), axis=0), u, np.full((len(u), 1), t0))
+    if not np.all(left > 0):
+        raise ValueError(
+            f"expected an energy above that of rest at the start, {problem.energy - left[0]:.6g}, "  # type: ignore[operator]
+            f"found {problem.energy:.6g}: no motion leaves from there"
+        )
+    pinned = list(end.pinned)
+    target = np.array([end.q[i] for i in pinned], dtype=float)[:, None]
+    unit = np.maximum(size, np.abs(straight(problem)[-1] - q0))[pinned, None]
+    paths: list[tuple[float, Path]] = []
+    for T in (fixed.duration, fixed.duration / 4):
+        for path in motions(over(problem, T), (speed[:, None] * u).T):
+            if path is None:
+                continue
+            t = t0 + np.linspace(0, T, LOOKED_AT + 1)
+            away = np.linalg.norm((path(t)[pinned] - target) / unit, axis=0)
+            low = 1 + np.flatnonzero((away[1:-1] <= away[:-2]) & (away[1:-1] < away[2:]))
+            low = [i for i in low if away[i] < PASSED_BY][: 2 + windings if n == 1 else 3]
+            paths += [(float(away[i]), _until(path, t[i], target[:, 0], pinned)) for i in low]
+    paths.sort(key=lambda item: item[0])
+    return [path for _, path in paths[:NEAREST]]
+
+
+def _until(path: Path, t: float, target: Array, pinned: list[int]) -> Path:
+    """Return the path up to the time t, sheared so that it ends at the target (k,)."""
+    mesh = path.mesh
+    T = t - mesh.boundaries[0]
+    since = np.append(mesh.since[mesh.since < T * (1 - 1e-9)], T)
+    shear = np.zeros(path.values.shape[0])
+    shear[pinned] = target - path(t)[pinned]
+    cut = Mesh.over(mesh.boundaries[0], t, since, np.array(mesh.degrees)[: since.size - 1])
+    s = cut.nodes_since / T
+    return Path(cut, path(np.minimum(cut.nodes, t)) + s * shear[:, None])
+
+
+def _new(solution: Solution, turns: tuple[int, ...], found: list) -> bool:
+    """Whether a path is none of those found."""
+    s = np.linspace(0, 1, 33)
+    t0, T = solution.start.t, solution.duration
+    mine = solution(t0 + s * T)
+    size = np.maximum(np.abs(mine).max(axis=1), 1e-300)[:, None]
+    for other, other_turns, _ in found:
+        if other_turns != turns or abs(other.duration / T - 1) > SAME:
+            continue
+        there = other(other.start.t + s * other.duration)
+        if np.max(np.abs(there - mine) / size) < np.sqrt(SAME):
+            return False
+    return True
+
+
+def _first(solution: Solution, windings: int) -> bool:
+    """Whether the path does not pass its end before, in one dimension no more than it may."""
+    pinned = list(solution.problem.end.pinned)
+    t0, T = solution.start.t, solution.duration
+    t = t0 + T * np.linspace(0, 1, LOOKED_AT + 1)
+    q, end = solution(t)[pinned], solution.end.q[pinned, None]
+    size = np.maximum(np.abs(solution(t)).max(axis=1), 1e-300)[pinned, None]
+    if len(solution.problem.end.q) == 1:
+        away = (q - end)[0, 1:-1]
+        return int(np.sum(away[1:] * away[:-1] < 0)) <= windings
+    away = np.linalg.norm((q - end) / size, axis=0)
+    low = (away[1:-1] <= away[:-2]) & (away[1:-1] < away[2:])
+    return not _passes(solution, t[1:-1][low & (away[1:-1] < NEARBY_TARGET)], size)
+
+
+def _passes(solution: Solution, times: Array, size: Array) -> bool:
+    """Whether the path is at its end at a time near one of those."""
+    pinned = list(solution.problem.end.pinned)
+    end = solution.end.q[pinned]
+    for t in times:
+        for _ in range(8):  # Newton's method for the time of least distance
+            away, v = solution(t)[pinned] - end, solution.velocity(t)[pinned]
+            step = float((away / size[:, 0]) @ (v / size[:, 0]) / np.sum((v / size[:, 0]) ** 2))
+            t = float(np.clip(t - step, solution.start.t, solution.end.t))
+        if np.linalg.norm((solution(t)[pinned] - end) / size[:, 0]) < np.sqrt(SAME):
+            apart = min(t - solution.start.t, solution.end.t - t)
+            if apart > SAME * solution.duration:
+                return True
+    return False

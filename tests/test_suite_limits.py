@@ -1,0 +1,138 @@
+"""Bounds and inequalities reach every solver and every file, and all come to one answer."""
+
+import stat
+import sys
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from actionopt import suite
+from actionopt.suite import asl, nl, solvers
+from actionopt.suite.families import Family
+from actionopt.suite.limits import Limits
+from actionopt.suite.solvers import run
+
+CEILING = Family(  # a stone that may not fly higher, and the ceiling sinks
+    "ceiling",
+    "projectile",
+    4,
+    3,
+    limits=Limits(coordinates=[(-np.inf, np.inf), (-1.0, lambda t: 1.0 - 0.1 * t)]),
+)
+# A body that may not come into a disc.
+DISC = Family("disc", "rod_pendulum", 4, 4, limits=Limits(constraints=[(0.0, np.inf)]))
+QUIET = {"print_time": 0, "ipopt.print_level": 0, "ipopt.sb": "yes", "ipopt.tol": 1e-11}
+
+SOLVER = """\
+#!{python}
+import sys
+
+import casadi as ca
+
+builder = ca.NlpBuilder()
+builder.import_nl(sys.argv[1] + ".nl", {{"verbose": False}})
+nlp = {{"x": ca.vertcat(*builder.x), "f": builder.f, "g": ca.vertcat(*builder.g)}}
+solver = ca.nlpsol("s", "ipopt", nlp, {quiet})
+found = solver(
+    x0=builder.x_init, lbx=builder.x_lb, ubx=builder.x_ub, lbg=builder.g_lb, ubg=builder.g_ub
+)
+dual = [-v for v in found["lam_g"].nonzeros()] if {duals} else []
+x = found["x"].nonzeros()
+with open(sys.argv[1] + ".sol", "w") as out:
+    print("made by hand\\n  in two lines\\n\\nOptions\\n3\\n1\\n1\\n0", file=out)
+    print(len(builder.g), len(dual), len(x), len(x), sep="\\n", file=out)
+    print(*dual, *x, "objno 0 {code}", sep="\\n", file=out)
+"""
+
+
+def program(tmp_path, code=0, duals=True):
+    """Return a solver that reads .nl files."""
+    file = tmp_path / "solver"
+    text = SOLVER.format(python=sys.executable, quiet=QUIET, code=code, duals=duals)
+    file.write_text(text)
+    file.chmod(file.stat().st_mode | stat.S_IXUSR)
+    return file
+
+
+@pytest.mark.parametrize("family", [CEILING, DISC], ids=["ceiling", "disc"])
+def test_all_solvers_come_to_the_same_bounded_minimum(family, tmp_path):
+    problem = suite.TestProblem(family)
+    assert problem.inequalities
+    x0 = problem.start()
+    best = run("ipopt", problem, x0)
+    x, unbound = best.x, suite.get(family.scene, family.elements, family.degree).x_star
+    assert problem.violation(x) <= 1e-6
+    if family is CEILING:
+        assert problem.classification.startswith("QB")
+        assert problem.violation(unbound) > 0.1  # the bounds hold something
+        lower, upper = problem.bounds
+        assert np.sum(upper - x < 1e-6) >= 3 and np.all(x[::2] != upper[::2])
+    else:
+        assert np.min(best.lam) < -0.1 and np.max(best.lam) < 1e-6  # held from below
+    for name in ("scipy:SLSQP", "scipy:trust-constr", f"asl:{program(tmp_path)}"):
+        answer = run(name, problem, x0)
+        assert problem.violation(answer.x) <= 1e-5, name
+        assert problem.distance(answer.x, x) <= 2e-3, (name, answer.word)
+        f = [problem.objective(y) for y in (x, answer.x)]
+        assert f[0] == pytest.approx(f[1], abs=1e-4 * abs(f[0])), name
+        if answer.lam is not None and problem.m:
+            np.testing.assert_allclose(answer.lam, best.lam, atol=1e-4)
+
+
+def test_methods_that_know_no_bounds_are_told():
+    problem = suite.TestProblem(CEILING)
+    with pytest.raises(solvers.Absent, match="takes bounds"):
+        run("scipy:BFGS", problem, problem.start())
+
+
+@pytest.mark.parametrize(
+    ("limits", "found"),
+    [
+        (Limits(coordinates=[(1.0, 1.0)]), "lower bound of coordinate 0 below the upper one"),
+        (Limits(constraints=[(1.0, lambda t: -t)]), "lower bound of constraint 0 not above"),
+    ],
+)
+def test_bounds_that_cross_are_refused(limits, found):
+    with pytest.raises(ValueError, match=found):
+        problem = suite.TestProblem(Family("crossed", "rod_pendulum", 2, limits=limits))
+        solvers.run("ipopt", problem, problem.start())
+
+
+def test_a_solver_that_reads_nl_files(tmp_path):
+    problem = suite.get("rod_pendulum")
+    name = f"asl:{program(tmp_path)}"
+    answer = run(name, problem, problem.start())
+    assert problem.distance(answer.x) < 1e-7
+    np.testing.assert_allclose(answer.lam, problem.lam_star, atol=1e-7)  # the sign is ours
+    assert (answer.said, answer.word) == ("solved", "made by hand in two lines")
+    assert answer.evaluations == {} and not solvers.counted(name)
+    assert answer.seconds > 0.0
+    assert run(f"asl:{program(tmp_path, 300)}", problem, problem.start()).said == "unbounded"
+    bare = run(f"asl:{program(tmp_path, 502, duals=False)}", problem, problem.start())
+    assert bare.said == "gave up" and bare.lam is None
+    with pytest.raises(ValueError, match="found no 'nowhere'"):
+        solvers.check("asl:nowhere")
+    with pytest.raises(RuntimeError, match="true left no answer, code 0"):
+        run("asl:true", problem, problem.start())
+    first = solvers.content(name)
+    program(tmp_path, 1)
+    assert solvers.content(name) != first  # an edited solver is another one
+
+
+def test_bounds_read_back_from_an_nl_file(tmp_path):
+    for family in (CEILING, DISC):
+        problem = suite.TestProblem(family)
+        nl.write(problem, tmp_path / "a.nl")
+        builder = ca.NlpBuilder()
+        builder.import_nl(str(tmp_path / "a.nl"), {"verbose": False})
+        np.testing.assert_array_equal(builder.x_lb, problem.bounds[0])
+        np.testing.assert_array_equal(builder.x_ub, problem.bounds[1])
+        np.testing.assert_array_equal(builder.g_lb, problem.constraint_bounds[0])
+        np.testing.assert_array_equal(builder.g_ub, problem.constraint_bounds[1])
+
+
+def test_a_solution_file_that_ends_too_soon_is_none(tmp_path):
+    (tmp_path / "a.sol").write_text("said\n\nOptions\n3\n1\n1\n0\n0\n0\n2\n2\n1.5\n")
+    with pytest.raises((ValueError, IndexError)):
+        asl.read(tmp_path / "a.sol")

@@ -1,0 +1,230 @@
+"""Paths whose duration is to be found, against closed forms; orbits, and their period."""
+
+import numpy as np
+import pytest
+from scipy.special import ellipj, ellipk, ellipkinc
+
+import actionopt as ao
+
+G = 9.81
+
+
+def free(T, q):
+    return ao.Event(T, q)
+
+
+def throw(energy, to=(4.0, 1.0)):
+    system = ao.System(lambda q, v, t: v @ v / 2 - G * q[1], ["x", "y"])
+    return ao.Problem(system, ao.Event(0.0, [0.0, 0.0]), ao.Event(None, to), energy=energy)
+
+
+def flights(energy, to=(4.0, 1.0)):
+    """T^4 g^2 / 4 + T^2 (g y - 2 E) + d^2 = 0."""
+    return np.sqrt(np.sort(np.roots([G * G / 4, G * to[1] - 2 * energy, np.dot(to, to)])))
+
+
+@pytest.mark.parametrize("energy", [30.0, 90.0])
+def test_low_and_high_throw(energy):
+    problem, (short, long) = throw(energy), flights(energy)
+    low = ao.solve(problem, tol=1e-11)
+    assert abs(low.duration - short) < 1e-11 * short
+    guess = ao.solve(ao.Problem(problem.system, problem.start, ao.Event(1.1 * long, (4.0, 1.0))))
+    high = ao.solve(problem, guess=guess, tol=1e-11)
+    assert abs(high.duration - long) < 1e-11 * long
+    for s in (low, high):
+        assert s.energy([0.0, s.duration]) == pytest.approx(energy, abs=1e-9)
+        assert s.abbreviated_action == pytest.approx(s.action + energy * s.duration, rel=1e-14)
+        v = s.velocity(np.linspace(0, s.duration, 2001))
+        along = np.trapezoid(np.sum(v * v, axis=0), dx=s.duration / 2000)
+        assert s.abbreviated_action == pytest.approx(along, rel=1e-5)
+        assert s.compare().agrees
+    # the high throw lies beyond the envelope of safety: it has touched a caustic of its energy
+    assert (low.morse_index, high.morse_index) == (0, 1)
+    assert (low.between_times.morse_index, high.between_times.morse_index) == (0, 0)
+
+
+def test_below_the_energy_that_is_needed_a_sentence():
+    least = G * (1 + np.sqrt(17.0)) / 2  # E = g (y + d) / 2
+    assert ao.solve(throw(least + 0.01)).success
+    with pytest.raises(ao.SolveError, match="lowest energy is that over"):
+        ao.solve(throw(least - 0.5))
+
+
+@pytest.mark.parametrize(("energy", "a", "b"), [(12.0, 0.0, 2.0), (-3.0, -0.4, 1.1)])
+def test_pendulum_of_given_energy(energy, a, b):
+    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 + G * np.cos(q[0]), ["a"])
+    k2 = (energy + G) / (2 * G)
+
+    def clock(x):
+        if k2 > 1:
+            return ellipkinc(x / 2, 1 / k2) / np.sqrt(G * k2)
+        return ellipkinc(np.arcsin(np.sin(x / 2) / np.sqrt(k2)), k2) / np.sqrt(G)
+
+    exact = clock(b) - clock(a)
+    for tol in (1e-5, 1e-9, 1e-13):
+        s = ao.solve(
+            ao.Problem(system, ao.Event(1.0, [a]), free(None, [b]), energy=energy), tol=tol
+        )
+        off = abs(s.duration - exact) * np.abs(s.velocity(s.mesh.nodes)).max() / b
+        assert off <= s.error <= tol and s.start.t == 1.0
+    t = np.linspace(0, exact, 40)
+    u = clock(a) + t
+    if k2 > 1:
+        sn = ellipj(u * np.sqrt(G * k2), 1 / k2)[0]
+        q = 2 * np.arcsin(sn)
+    else:
+        q = 2 * np.arcsin(np.sqrt(k2) * ellipj(u * np.sqrt(G), k2)[0])
+    assert np.max(np.abs(s(np.minimum(1.0 + t, s.end.t))[0] - q)) < 1e-12 * b
+
+
+def test_a_start_whose_time_is_free():
+    oscillator = ao.System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
+    problem = ao.Problem(oscillator, free(None, [0.3]), ao.Event(2.0, [0.8]), energy=0.5)
+    s = ao.solve(problem, tol=1e-12)
+    assert abs(s.start.t - (2.0 - np.arcsin(0.8) + np.arcsin(0.3))) < 1e-12
+    both = ao.solve(problem.replace(end=free(None, [0.8])))
+    assert both.start.t == 0.0 and both.duration == pytest.approx(s.duration, abs=1e-8)
+
+
+def test_up_and_back():
+    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 - G * q[0], ["z"])
+    s = ao.solve(ao.Problem(system, free(0.0, [0.0]), free(None, [0.0]), energy=8.0))
+    assert s.duration == pytest.approx(8 / G, abs=1e-8)
+
+
+@pytest.mark.parametrize("E", [0.0, 1.3])
+def test_a_clock_and_a_free_end(E):
+    """L = v^2/2 + a t x: x'' = a t, so that x = x0 + c t + a t^3 / 6, and H = v^2/2 - a t x."""
+    a, x1 = 0.8, 1.5
+    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 + a * t * q[0], ["x"])
+    s = ao.solve(ao.Problem(system, ao.Event(0.0, [0.0]), free(None, [x1]), energy=E), tol=1e-12)
+    T = s.duration
+    v1 = x1 / T + a * T**2 / 3
+    assert abs(v1**2 / 2 - a * T * x1 - E) < 1e-11
+    assert abs(float(s.energy(T)) - E) < 1e-9
+
+
+def test_what_does_not_fit_is_refused():
+    system, q = throw(30.0).system, [0.0, 0.0]
+    timed = ao.System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(t) * q[0], ["x"])
+    dragged = ao.System(lambda q, v, t: v[0] ** 2 / 2, ["x"], force=lambda q, v, t: [-v[0]])
+    for ask, what in (
+        (lambda: ao.Problem(system, free(0.0, q), free(1.0, q), energy=1.0), "time of an event is"),
+        (lambda: ao.Problem(timed, free(0.0, [None]), ao.Periodic(None)), "without a clock"),
+        (lambda: ao.Problem(timed, free(None, [0]), free(None, [1])), "one time that is given"),
+        (lambda: ao.Problem(dragged, free(0, [0]), free(None, [1])), "non-conservative"),
+        (lambda: throw(30.0).duration, "to be found"),
+        (lambda: ao.solve(throw(30.0), mesh=ao.Mesh.uniform(0, 1, 2, 4)), "no mesh"),
+        (lambda: ao.solve(throw(30.0), guess=lambda t: [t, t]), "says its duration"),
+        (lambda: ao.Problem(system, free(0, q), free(None, q), energy=np.nan), "the energy"),
+    ):
+        with pytest.raises(ValueError, match=what):
+            ask()
+
+
+# -- all of them -----------------------------------------------------------------------------------
+
+
+def test_both_throws_are_found():
+    found = ao.solve_all(throw(40.0), tol=1e-10)
+    assert sorted(s.duration for s in found) == pytest.approx(flights(40.0), rel=1e-10)
+    assert found.indices == (1, 0)
+
+
+def lambert(energy, r1, r2):
+    """The four flights of one ellipse or the other, either way round (Battin, section 6.6)."""
+    a, c = -1 / (2 * energy), np.linalg.norm(np.subtract(r1, r2))
+    s = (np.linalg.norm(r1) + np.linalg.norm(r2) + c) / 2
+    alpha, beta = 2 * np.arcsin(np.sqrt(s / (2 * a))), 2 * np.arcsin(np.sqrt((s - c) / (2 * a)))
+    return sorted(
+        a**1.5 * (x - np.sin(x) - way * (beta - np.sin(beta)))
+        for x in (alpha, 2 * np.pi - alpha)
+        for way in (1, -1)
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("energy", "end"), [(-0.4, (0.3, 0.9)), (-0.3, (-0.8, 0.9))])
+def test_all_four_transfers_of_given_energy(energy, end):
+    system = ao.System(lambda q, v, t: v @ v / 2 + 1 / np.sqrt(q @ q), ["x", "y"])
+    problem = ao.Problem(system, free(0.0, [1.0, 0.0]), free(None, end), energy=energy)
+    found = ao.solve_all(problem)
+    exact = lambert(energy, (1.0, 0.0), end)
+    assert sorted(s.duration for s in found) == pytest.approx(exact, rel=1e-7)
+    # the long way of each round passes a caustic
+    assert sorted(s.morse_index for s in found) == [0, 0, 1, 1]
+    assert all(s.compare().agrees for s in found)
+
+
+# -- orbits ----------------------------------------------------------------------------------------
+
+
+def quartic_period(energy):
+    """Of v^2/2 + x^2/2 + x^4/4: T = 4 K(m) / (1 + A^2)^(1/2), with m = A^2 / (2 + 2 A^2)."""
+    square = np.sqrt(1 + 4 * energy) - 1
+    return 4 * ellipk(square / (2 + 2 * square)) / np.sqrt(1 + square)
+
+
+SPRING = ao.System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2 - q[0] ** 4 / 4, ["x"])
+
+
+@pytest.mark.parametrize("start", [None, 0.0, 0.7])
+@pytest.mark.parametrize("energy", [0.9, 4.0])
+def test_period_of_a_quartic_oscillator(start, energy):
+    guess = ao.Path.interpolate(lambda t: 1.4 * np.sin([t]), ao.Mesh.uniform(0, 2 * np.pi, 3, 10))
+    problem = ao.Problem(SPRING, free(0.0, [start]), ao.Periodic(None), energy=energy)
+    s = ao.solve(problem, guess=guess, tol=1e-11)
+    assert abs(s.duration - quartic_period(energy)) < 1e-10
+    assert start is None or abs(s.start.q[0] - start) < 1e-10
+    assert np.max(np.abs(s.momenta[1] - s.momenta[0])) < 1e-10
+    M = ao.monodromy(s)
+    h = 1e-4
+    slope = (quartic_period(energy + h) - quartic_period(energy - h)) / (2 * h)
+    # the flow over a period: 1 - (dT/dE) X dH, with X the rates (q', p')
+    x, v = s.start.q[0], s.start.v[0]
+    rates, dH = np.array([v, -x - x**3]), np.array([x + x**3, v])
+    assert np.asarray(M) == pytest.approx(np.eye(2) - slope * np.outer(rates, dH), abs=1e-6)
+    assert abs(np.linalg.det(M) - 1) < 1e-12 and M.stable and M.trivial == 1
+    assert s.kind == "saddle" and s.morse_index == s.between_times.morse_index == 2
+
+
+def bodies(count):
+    names = [f"{c}{i}" for i in range(count) for c in "xy"]
+
+    def lagrangian(q, v, t):
+        L = v @ v / 2
+        for i in range(count):
+            for j in range(i):
+                d = q[2 * i : 2 * i + 2] - q[2 * j : 2 * j + 2]
+                L = L + 1 / np.sqrt(d @ d)
+        return L
+
+    return ao.System(lagrangian, names)
+
+
+def orbit(system, q, v, T, **options):
+    energy = float(system.energy(np.array(q), np.array(v), 0.0))
+    guess = ao.integrate(system, ao.State(0.0, q, v), T)
+    problem = ao.Problem(system, free(0.0, [None] * system.n), ao.Periodic(None), energy=energy)
+    return ao.solve(problem, guess=guess, **options)
+
+
+def test_figure_eight():
+    """Chenciner and Montgomery; data of Li and Liao (2017), Fukuda et al. (2018) for the index."""
+    a = np.array([0.3471168881189300012, 0.5327249453880287022])
+    T, S = 6.325913982926222812, 24.42704864453737307
+    s = orbit(bodies(3), [-1, 0, 1, 0, 0, 0], [*a, *a, *(-2 * a)], T, tol=1e-10)
+    assert abs(s.duration - T) < 1e-12 * T and abs(s.action - S) < 1e-12 * S
+    assert np.max(np.abs(s.end.q - s.start.q)) < 1e-12
+    assert np.max(np.abs(s.momenta[1] - s.momenta[0])) < 1e-10
+    assert s.between_times.morse_index == 2 and s.kind == "saddle"
+    M = ao.monodromy(s)
+    J = np.block([[np.zeros((6, 6)), np.eye(6)], [-np.eye(6), np.zeros((6, 6))]])
+    assert np.max(np.abs(M.T @ J @ M - J)) < 1e-14 * np.max(np.abs(M)) ** 2
+    assert M.stable and M.trivial == 4
+    z = M.eigenvalues.reshape(-1, 2)
+    assert np.max(np.abs(z[:, 0] * z[:, 1] - 1)) < 1e-8
+    raw = np.linalg.eigvals(np.asarray(M))
+    apart = [x for x in z.ravel() if abs(x - 1) > 1e-3]
+    assert len(apart) == 4
+    assert all(np.min(np.abs(raw - x)) < 1e-8 for x in apart)
