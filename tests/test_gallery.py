@@ -1,9 +1,11 @@
 """Pages are whole, true and made once."""
 
+import base64
 import json
 import re
 import subprocess
 import sys
+from collections import Counter
 from html.parser import HTMLParser
 
 import browser
@@ -553,7 +555,93 @@ def test_the_keyboard_reaches_everything(gallery, chromium):
 @pytest.mark.slow
 def test_the_whole_gallery(chromium, tmp_path):
     assert len(build(tmp_path)) == 1 + len(scenes.SCENES)
-    assert sum(map(len, files(tmp_path).values())) < 40e6
+    assert sum(map(len, files(tmp_path).values())) < 60e6
+    said = Counter(
+        caption
+        for file in pages(tmp_path)
+        for caption in set(re.findall("<figcaption>(.*?)</figcaption>", file.read_text("utf-8")))
+        if 'class="scene"' in file.read_text("utf-8")
+    )
+    assert {text: count for text, count in said.items() if count > 5} == {}
     test_pages_load_whole_and_from_here_alone(tmp_path, chromium)
     for size in ((360, 740), (1920, 1080)):
         test_pages_fit_from_phone_to_projector(tmp_path, chromium, *size)
+
+
+SMALL = """(() => {
+  const found = [], walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  for (let x; x = walk.nextNode();) {
+    const e = x.parentElement, not = ["SCRIPT", "STYLE", "NOSCRIPT", "OPTION", "TITLE"];
+    if (!x.data.trim() || not.includes(e.tagName) || !e.getBoundingClientRect().width) continue;
+    const m = e.ownerSVGElement && e.getScreenCTM();
+    const px = parseFloat(getComputedStyle(e).fontSize) * (m ? Math.hypot(m.a, m.b) : 1);
+    if (px < 11) found.push([e.tagName, px, x.data.trim()]);
+  }
+  return found;
+})()"""
+
+
+def test_no_words_are_too_small_on_a_phone(gallery, chromium):
+    for file in pages(gallery):
+        chromium.open(file, 360, 740, still=True)
+        assert chromium.run(SMALL) == [], file
+    file = gallery / "rod_pendulum" / "index.html"
+    chromium.open(file, 360, 740, still=True)
+    chromium.run("document.querySelectorAll('img').forEach(i => { i.loading = 'eager' })")
+    chromium.until("[...document.images].every(i => i.complete)")
+    shown = chromium.run("[...document.images].map(i => [i.currentSrc, i.width])")
+    for source, width in shown:  # letters of 8.9 points or more, in a picture of so many
+        assert source.endswith("-narrow.svg")
+        picture = (file.parent / source.rsplit("/", 1)[1]).read_text(encoding="utf-8")
+        points = float(re.search(r'width="([\d.]+)pt"', picture)[1])
+        assert 8.9 * width / points >= 11
+
+
+def test_a_scene_is_printed_on_four_pages(gallery, chromium):
+    sides = {f"margin{side}": 0.4 for side in ("Top", "Bottom", "Left", "Right")}
+    for name in NAMES:
+        chromium.open(gallery / name / "index.html", still=True)
+        chromium.run("document.querySelectorAll('img').forEach(i => { i.loading = 'eager' })")
+        chromium.until("[...document.images].every(i => i.complete)")
+        paper = {"paperWidth": 8.27, "paperHeight": 11.69, **sides}
+        printed = base64.b64decode(chromium.order("Page.printToPDF", **paper)["data"])
+        assert 1 <= len(re.findall(rb"/Type\s*/Page[^s]", printed)) <= 4
+
+
+def test_without_scripts_the_first_frame_is_there(gallery):
+    page = (gallery / "rod_pendulum" / "index.html").read_text(encoding="utf-8")
+    stage = re.search(r'<svg role="img" class="stage".*?</svg>', page, re.DOTALL)[0]
+    assert stage.count("<circle") >= 2 and stage.count("<polyline") >= 2
+    assert re.findall(r'<text class="name".*?>(.*?)</text>', stage) == ["x", "y"]
+
+
+def test_film_and_graphs_have_one_clock(gallery, chromium):
+    chromium.open(gallery / "rod_pendulum" / "index.html", still=True)
+    film = "document.querySelector('.opening [data-film]')"
+    go = f"(v => {{ const s = {film}.querySelector('input'); s.value = v;"
+    go += " s.dispatchEvent(new Event('input')) })"
+    chromium.run(f"{go}(120)")
+    cursors = chromium.run(
+        f"[...{film}.querySelectorAll('.cursor')].map(c => +c.getAttribute('x1'))"
+    )
+    assert len(cursors) == 2 and cursors[0] == pytest.approx(cursors[1], abs=1e-6)
+    said = chromium.run(f"{film}.querySelector('.sum').textContent")
+    action = scenes.get("rod_pendulum").action
+    assert float(re.search(r"[\d.]+", said)[0]) == pytest.approx(action, rel=5e-3)
+    chromium.run(f"{film}.querySelector('[data-step=\"-1\"]').click()")
+    assert chromium.run(f"Number({film}.dataset.frame)") == 119
+    chromium.run(
+        f"(s => {{ s.value = '0.1'; s.dispatchEvent(new Event('change')) }})"
+        f"({film}.querySelector('select'))"
+    )
+    assert "10 times slower" in chromium.run(f"{film}.dataset.pace")
+
+
+def test_slides_are_a_section_a_screen(gallery, chromium):
+    file = gallery / "rod_pendulum" / "index.html"
+    chromium.open(file, 1280, 720, still=True)
+    assert chromium.run("document.documentElement.className") == ""
+    chromium.order("Page.navigate", url=file.as_uri() + "?slides")
+    chromium.until("document.readyState == 'complete' && document.documentElement.className")
+    heights = "[...document.querySelectorAll('article > section')].map(s => s.offsetHeight)"
+    assert min(chromium.run(heights)) >= 720

@@ -15,6 +15,7 @@ from actionopt.gallery.subject import Subject
 from actionopt.solver.solve import solve
 from actionopt.tools.mathml import inline
 from actionopt.tools.types import Array
+from actionopt.tools.words import say
 
 DIGITS = 10
 ROUNDING = 1e-9  # what is smaller than this part of a size is zero
@@ -75,7 +76,7 @@ def _index(s: Subject) -> Rows:
         found = [p.t for p in s.conjugate for _ in range(p.multiplicity)]
         times = facts.conjugate_times
         for k, (a, b) in enumerate(zip(times[times <= end], found, strict=False)):
-            yield _numbers(f"conjugate time {k + 1}", float(a), b, "s")
+            yield _numbers(say("conjugate time {k}", k=k + 1), float(a), b, "s")
         later = times[times > end]
         if not found and later.size:
             yield Known("first conjugate time", f"{number(later[0], DIGITS)} s", "after the end")

@@ -39,7 +39,10 @@ def film(subject: Subject) -> str:
     data["graphs"] = [*_coordinates(s, motion.t), *_energies(s, motion.t)]
     data["labels_at_start"] = growing(s, motion)
     what = say("Film: {title}, {motion}.", title=say(s.scene.title), motion=s.motion)
-    words = [say("At the start, an arrow shows which way each coordinate grows.")]
+    words = [
+        f"{s.motion[0].upper()}{s.motion[1:]}.",
+        say("At the start, an arrow shows which way each coordinate grows."),
+    ]
     if s.arrows:
         what += " " + say("Arrows are forces of constraint.")
         words.append(say("Arrows on the bodies are forces of constraint."))

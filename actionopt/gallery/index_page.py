@@ -9,6 +9,7 @@ from typing import Any
 from actionopt import scenes
 from actionopt.gallery.page import escape, frame, typeset
 from actionopt.scenes import Scene
+from actionopt.tools.words import say
 
 SECTIONS = {
     "12.2": (
@@ -60,21 +61,29 @@ def index_page(pages: Mapping[str, Mapping[str, Any]], own: Mapping[str, str] = 
         scene, about = scenes.get(name), pages[name]
         cards[section(scene.source)].append(_card(scene, about["tags"], about["motion"]))
     body = "\n".join(
-        f'<section><h2><span class="no">{number}</span> {title}</h2>'
-        f'<p class="section-note">{note}</p>'
+        f'<section><h2><span class="no">{number}</span> {say(title)}</h2>'
+        f'<p class="section-note">{say(note)}</p>'
         f'<ul class="cards">{"".join(cards[number])}</ul></section>'
         for number, (title, note) in SECTIONS.items()
         if cards[number]
     )
-    main = f"""<header class="title"><h1>Stationary action, scene by scene</h1>
-<p class="lead">Where a system is at one time and where at another: of all the ways between the
-two, it takes one whose action is stationary. Each page has a motion, its Lagrangian, its film, and
-the numbers found next to what is known exactly. The sections are those of a textbook chapter,
-<cite>Competitive Physics: Mechanics and Waves</cite> (2018), chapter 12.</p>
-<p class="feature"><strong><a href="least.html">Is it really least?</a></strong>
-<span>Bend a path yourself, and see the action rise, or fall.</span></p></header>
-{_own(own)}{body}"""
-    return frame("Gallery", main, root="", description="Stationary action in pictures")
+    lead = say(
+        "Where a system is at one time and where at another: of all the ways between the two, it "
+        "takes one whose action is stationary. Each page asks a question, and has a motion, its "
+        "Lagrangian, its film, and the numbers found next to what is known exactly."
+    )
+    story = say("Bend a path yourself, and see the action rise, or fall.")
+    lessons = say("Nine lessons: predict, try, explain.")
+    main = f"""<header class="title"><h1>{say("Stationary action, scene by scene")}</h1>
+<p class="lead">{lead}</p>
+<p class="feature"><strong><a href="course.html">{say("A course")}</a></strong>
+<span>{lessons}</span></p>
+<p class="feature"><strong><a href="least.html">{say("Is it really least?")}</a></strong>
+<span>{story}</span></p></header>
+{_own(own)}{body}
+<p class="source">{say("The sections are those of")} <cite>Competitive Physics: Mechanics and
+Waves</cite> (2018), 12.</p>"""
+    return frame(say("Gallery"), main, root="", description="Stationary action in pictures")
 
 
 def _own(titles: Mapping[str, str]) -> str:
@@ -87,9 +96,10 @@ def _own(titles: Mapping[str, str]) -> str:
 
 
 def _card(scene: Scene, tags: Sequence[str], motion: str) -> str:
-    name, title = scene.name, scene.title[0].upper() + scene.title[1:]
+    title = say(scene.title)
+    name, title = scene.name, title[0].upper() + title[1:]
     words = "".join(f"<li>{escape(tag)}</li>" for tag in tags)
-    what = escape(f"The motion at a few equal times, {motion}.")
+    what = escape(say("The motion at a few equal times, {motion}.", motion=motion))
     return (
         f'<li class="card"><img src="{name}/thumbnail.svg" alt="{what}" loading="lazy">'
         f'<h3><a href="{name}/index.html">{typeset(title)}</a></h3>'

@@ -85,7 +85,8 @@ def scene_page(name: str) -> Page:
 {film.film(s)}
 </section>
 <section><h2>{say("The path under your hand")}</h2>
-{figure(solution.problem, solution, units=SI, draw=scene.draw, caption=say(LIVE))}
+<p class="section-note">{say(LIVE)}</p>
+{figure(solution.problem, solution, units=SI, draw=scene.draw)}
 </section>
 <section><h2>{say("The principle, and the equation of motion")}</h2>
 {_principle(s, words)}
@@ -107,7 +108,7 @@ def scene_page(name: str) -> Page:
 <p>{say("The system it solves:")}</p>
 {_code("System", words.source)}
 <div class="usage"><p>{say("With other numbers:")} <code>scenes.get("{name}", &hellip;)</code></p>
-{prose(say(words.usage))}</div>
+<div lang="en">{prose(words.usage)}</div></div>
 </details>
 </section>
 {_beside(s)}
@@ -250,7 +251,12 @@ def _events(s: Subject) -> str:
 
 def _known(s: Subject) -> str:
     rows = [
-        (r.what, r.expected, r.found, "" if r.difference is None else number(r.difference, 2))
+        (
+            say(r.what),
+            say(r.expected),
+            say(r.found) if r.found else "",
+            "" if r.difference is None else number(r.difference, 2),
+        )
         for r in known(s)
     ]
     if not rows:

@@ -10,6 +10,7 @@ from textwrap import fill
 from typing import Any
 
 from matplotlib.backend_bases import FigureCanvasBase
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from actionopt.analysis.solution import Solution
@@ -45,10 +46,24 @@ def svgs(draw: Callable[[Figure], Any], *sizes: tuple[float, float]) -> list[str
         figure.set_size_inches(size)
         if size[0] < sizes[0][0]:
             _broken(figure)
-        text = StringIO()
-        figure.savefig(text, format="svg", transparent=True, metadata={"Date": None})
-        found.append(LINES.sub(lambda line: DIGITS.sub(r"\1", line[0]), text.getvalue()))
+        found.append(LINES.sub(lambda line: DIGITS.sub(r"\1", line[0]), _printed(figure)))
     return found
+
+
+def _printed(figure: Figure) -> str:
+    """Return a figure as SVG, laid out once: `savefig` draws everything twice."""
+    canvas, text = FigureCanvasSVG(figure), StringIO()
+    engine = figure.get_layout_engine()
+    assert engine is not None
+    figure.dpi = 72  # as in the file
+    engine.execute(figure)
+    figure.patch.set_alpha(0)
+    for ax in figure.axes:
+        ax.patch.set_alpha(0)
+    figure.set_layout_engine("none")
+    canvas.print_svg(text, metadata={"Date": None})
+    figure.set_layout_engine(engine)
+    return text.getvalue()
 
 
 def _broken(figure: Figure) -> None:

@@ -92,7 +92,7 @@ FIRST = Lesson(
         "does the change of S grow?",
     ),
     attempt=(
-        "Press True motion, pull one handle a little, and write down by how much S has grown. Pull "
+        "Press Solve, pull one handle a little, and write down by how much S has grown. Pull "
         "it twice and four times as far. Then start from a path that is not the motion, and do the "
         "same.",
     ),

@@ -1,0 +1,89 @@
+"""Languages: complete tables, the same values in braces, numbers and formulas left alone."""
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+import actionopt
+from actionopt import scenes
+from actionopt.gallery import build, figures, scene_page
+from actionopt.gallery.course import pages
+from actionopt.gallery.course.lessons import LESSONS
+from actionopt.gallery.page import SITE
+from actionopt.gallery.texts import texts
+from actionopt.plot.live import film
+from actionopt.tools.words import SPOKEN, language, say, table
+
+OTHERS = [name for name in SPOKEN if name != "en"]
+
+
+def said():
+    """Return what pages say: the arguments of `say`, and the tables whose entries it is given."""
+    found = {title for title, *_ in figures.KINDS}
+    found |= {why for _, _, unless, _ in figures.KINDS for _, why in unless}
+    found |= {*film.SAID.values(), *film.SPEEDS.values(), *pages.PARTS, scene_page.LIVE}
+    found |= {*figures._FRONTS.values(), *(text for _, text in SITE)}
+    for lesson in LESSONS:
+        found |= {lesson.title, lesson.idea, lesson.trap}
+        found |= {*lesson.predict, *lesson.attempt, *lesson.explain}
+        found |= {text for e in lesson.exercises for text in (e.question, e.answer)}
+    for name in scenes.SCENES:
+        words, own = texts(name), scenes.get(name).words
+        found |= {scenes.title(name), own.question, own.answer, own.look, *own.captions.values()}
+        rest = (words.statement, words.remarks, *(f.remark for f in words.formulas))
+        found |= {" ".join(text.split()) for text in rest}
+    for file in (Path(actionopt.__file__).parent / "gallery").rglob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "say":
+                found |= {
+                    c.value
+                    for c in ast.walk(node.args[0])
+                    if isinstance(c, ast.Constant) and isinstance(c.value, str)
+                }
+    return {text for text in found if re.search("[A-Za-z]{2}", text)} - {"along", "askew", "time"}
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_tables_are_complete(name):
+    missing = {text for text in said() if text not in table(name)}
+    assert not missing
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_translations_have_the_same_values(name):
+    for text, other in table(name).items():
+        braces = [sorted(re.findall(r"\{.*?\}", x)) for x in (text, other)]
+        assert braces[0] == braces[1], text
+        numbers = [sorted(re.findall(r"(?<![\w.])\d+\.\d+", x)) for x in (text, other)]
+        assert numbers[0] == numbers[1], text
+        assert other.strip() == other or text.strip() != text
+
+
+def test_languages_are_spoken_meanwhile():
+    with language("de"):
+        assert say("Course") == "Kurs"
+        with language("fr"):
+            assert say("at {t} s", t=2) == "à 2 s"
+        assert say("what no table has") == "what no table has"
+    assert say("Course") == "Course"
+    with (
+        pytest.raises(ValueError, match="expected a language of en, de, fr, found 'eo'"),
+        language("eo"),
+    ):
+        pass
+
+
+@pytest.mark.slow
+def test_a_gallery_speaks_one_language(tmp_path):
+    build(tmp_path, ["projectile"], jobs=1, lang="de")
+    page = (tmp_path / "projectile" / "index.html").read_text(encoding="utf-8")
+    assert '<html lang="de">' in page and "Worauf zu achten ist" in page
+    shown = re.sub(r"(?s)<script.*?</script>|<pre.*?</pre>", "", page)
+    assert "What to look at" not in shown and "minimum" not in shown
+    index = (tmp_path / "index.html").read_text(encoding="utf-8")
+    assert "Stationäre Wirkung" in index and "Wurf in gleichförmiger Schwere" in index
+    assert build(tmp_path, ["projectile"], jobs=1, lang="de") == []
+    with pytest.raises(ValueError, match="expected a language"):
+        build(tmp_path, ["projectile"], lang="eo")
