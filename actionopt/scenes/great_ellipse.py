@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from actionopt.scenes._scene import Facts, Setup, Words
-from actionopt.scenes._shapes import body, ground, project
+from actionopt.scenes._shapes import body, ground
 
 TITLE = "shortest way on a flattened Earth"
 SOURCE = (
@@ -46,10 +46,13 @@ def scene(*, a=6384e3, b=6353e3, start=(40.6413, -73.7781), end=(51.47, -0.4543)
     parallels = np.linspace(0, 2 * np.pi, 61)
 
     def place(theta, phi):
-        return project(
-            a * np.cos(theta) * np.cos(phi + np.pi),
-            a * np.cos(theta) * np.sin(phi + np.pi),
-            b * np.sin(theta),
+        east = phi + np.pi  # the Atlantic is in front
+        return np.stack(
+            np.broadcast_arrays(
+                a * np.cos(theta) * np.cos(east),
+                a * np.cos(theta) * np.sin(east),
+                b * np.sin(theta),
+            )
         )
 
     return Setup(
