@@ -46,21 +46,15 @@ def scene(*, a=6384e3, b=6353e3, start=(40.6413, -73.7781), end=(51.47, -0.4543)
     parallels = np.linspace(0, 2 * np.pi, 61)
 
     def place(theta, phi):
-        east = phi + np.pi  # the Atlantic is in front
-        return np.stack(
-            np.broadcast_arrays(
-                a * np.cos(theta) * np.cos(east),
-                a * np.cos(theta) * np.sin(east),
-                b * np.sin(theta),
-            )
-        )
+        across = a * np.cos(theta)
+        return across * np.cos(phi + np.pi), across * np.sin(phi + np.pi), b * np.sin(theta)
 
     return Setup(
         ["theta", "phi"],
         duration,
         draw=lambda q, t: [
-            ground(*place(0.0, parallels).T),
-            ground(*place(np.pi / 4, parallels).T),
+            ground(*(place(0.0, x) for x in parallels)),
+            ground(*(place(np.pi / 4, x) for x in parallels)),
             body(place(*q)),
         ],
         ends=(np.radians(start), np.radians(end)),

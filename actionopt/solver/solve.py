@@ -120,7 +120,8 @@ def solve(
     watch = None if seconds is progress is None else Watch(seconds, progress)
     choices = Choices(tol, principle, LADDERS[method], mesh, watch)
     solution, message = _asked(problem, guess, choices)
-    if solution.status in DWELT and mesh is None and not solution.problem.has_tails:
+    fixed = mesh is not None or problem.system.r > 0
+    if solution.status in DWELT and not fixed and not solution.problem.has_tails:
         solution, message = _dwelling(problem, guess, choices, solution, message)
     if throw and not solution.success:
         raise SolveError(message, solution)
@@ -188,6 +189,7 @@ def _solved(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[So
         search.ws.hint = f"tried: {', '.join(dict.fromkeys(search.tried))}"
         status = Status.OUT_OF_TIME
     ws = search.ws
+    ws.here.tr.watch = None  # a verdict is not left half done
     if watch is not None and watch.raised is not None and not isinstance(watch.raised, OutOfTime):
         raise watch.raised
     if (principle == "least" or system.r) and status.success and ws.here.index > 0:
