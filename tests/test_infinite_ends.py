@@ -60,8 +60,8 @@ def _saved(solution, file):
 
 
 def test_a_long_dwell_is_said_and_shorter_ones_are_solved():
-    """At T = 20 the kink's place in time is known to e^-40; at T = 10, S - 4/3 is 3.3e-8."""
-    long = ao.Problem(KINK, ao.Event(-10, [-1.0]), ao.Event(10, [1.0]))
+    """At T = 40 the kink's place in time is known to e^-80; at T = 10, S - 4/3 is 3.3e-8."""
+    long = ao.Problem(KINK, ao.Event(-20, [-1.0]), ao.Event(20, [1.0]))
     dwelt = ao.solve(long, throw=False)
     assert dwelt.status is ao.Status.DWELLING
     assert abs(dwelt.action - 4 / 3) < 1e-10

@@ -18,6 +18,7 @@ from html import escape
 import numpy as np
 
 from actionopt.analysis.solution import Solution
+from actionopt.families.centres import guesses
 from actionopt.families.free_times import all_durations
 from actionopt.families.searches import SAME_PATH, Sweep
 from actionopt.mechanics.problem import Problem
@@ -231,7 +232,15 @@ def solve_all(
 def _without_end(run: Sweep, whole: Problem) -> list[tuple[Solution, tuple[int, ...], str]]:
     """Return the paths of a problem of infinite times near those found on a window."""
     found: list[tuple[Solution, tuple[int, ...], str]] = []
-    for near, turns, how in run.found:
+    candidates = list(run.found)
+    if whole.system.n == 1 and not whole.start.pinned and np.isinf(whole.end.t):
+        rest, none = whole.end.near[0], (0,) * len(run.turning)
+        for guess in guesses(run.problem, float(rest or 0.0)):
+            run.tried["motions from the centre"] += 1
+            path = solve_near(whole, guess, run.tol)
+            if path.success:
+                candidates.append((path, none, "a motion from the centre"))
+    for near, turns, how in candidates:
         t = near.mesh.nodes
         path = solve_near(whole, near, run.tol)
         size = np.abs(near.path.values).max(axis=1, keepdims=True)

@@ -36,7 +36,7 @@ def lagrangian(q, v, t, *, m, k, a, b):
     return (w * t + b) ** 3 * (m * v[0] ** 2 / 2 + k * x**2 * (1 - np.log(x**2 / a**2)) / 2)
 
 
-def scene(*, m=1.0, k=1.0, a=0.1, b=0.1, duration=4.0):
+def scene(*, m=1.0, k=1.0, a=0.1, b=0.2, duration=4.0):
     """Follow x = a exp(2 - (w t + b)^2 / 2) from near the centre, at the distance b / w."""
     w = np.sqrt(k / m)
 

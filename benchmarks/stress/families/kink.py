@@ -50,7 +50,10 @@ def criteria(rows) -> list[Criterion]:
     """Return them."""
     wide, narrow = mine(rows)
     placed = wide["error"] <= 1e-9 and wide["status"] in ("SOLVED", "FLOOR")
-    said = narrow["status"] in ("DEGENERATE", "FLOOR") and narrow["condition"] > UNDETERMINED / 1e3
+    said = (
+        narrow["status"] in ("DWELLING", "DEGENERATE", "FLOOR")
+        and narrow["condition"] > UNDETERMINED / 1e3
+    )
     return [
         Criterion(
             "eps = 0.1: true error, at the floor of round-off (solved, or said to be that)",
@@ -60,7 +63,7 @@ def criteria(rows) -> list[Criterion]:
         ),
         Criterion(
             "eps = 0.02: not determined, and said to be",
-            "DEGENERATE or FLOOR, with the condition",
+            "DWELLING, DEGENERATE or FLOOR, with the condition",
             f"{narrow['status']}, condition {narrow['condition']:.0e}",
             said,
         ),
