@@ -102,6 +102,23 @@ def inertia(at: DiscretePath, error: float, *, tolerance: float | None = None) -
     return found
 
 
+def _held(at: DiscretePath, tolerance: float) -> Inertia:
+    """Return the inertia of a path in contact: of variations that keep what is in contact there.
+
+    From the inertia of the matrix of its mesh, [d2S - mu K, G'; G, 0], which has one negative
+    eigenvalue for each row besides (J. Nocedal and S. J. Wright, *Numerical Optimization* (2nd ed.
+    2006), theorem 16.3).
+    """
+    tr = at.tr
+    matrix, kinetic = tr.kkt(at.z), tr.kinetic(at.z)
+
+    def below(mu: float) -> int:
+        return Factors(tr.layout, matrix - mu * kinetic).negative() - tr.layout.rows
+
+    index = below(-tolerance)
+    return Inertia(index, below(tolerance) - index, None, tolerance)
+
+
 def inertia_asked(at: DiscretePath, error: float) -> Inertia:
     """Return the index and nullity of a path whose duration was found, or that closes anywhere.
 
@@ -132,23 +149,6 @@ def counted(found: Inertia, bordered: Bordered, y: Array) -> Inertia:
     if abs(bend) <= found.tolerance:
         return replace(found, nullity=found.nullity + 1)
     return replace(found, index=found.index + (bend < 0))
-
-
-def _held(at: DiscretePath, tolerance: float) -> Inertia:
-    """Return the inertia of a path in contact: of variations that keep what is in contact there.
-
-    From the inertia of the matrix of its mesh, [d2S - mu K, G'; G, 0], which has one negative
-    eigenvalue for each row besides (J. Nocedal and S. J. Wright, *Numerical Optimization* (2nd ed.
-    2006), theorem 16.3).
-    """
-    tr = at.tr
-    matrix, kinetic = tr.kkt(at.z), tr.kinetic(at.z)
-
-    def below(mu: float) -> int:
-        return Factors(tr.layout, matrix - mu * kinetic).negative() - tr.layout.rows
-
-    index = below(-tolerance)
-    return Inertia(index, below(tolerance) - index, None, tolerance)
 
 
 def inertia_of(form: Form, tolerance: float = INDEX_TOLERANCE) -> Inertia:

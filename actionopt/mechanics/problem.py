@@ -75,15 +75,14 @@ class Event:
                 "values is actionopt.integrate(system, State(t, q, v), t_end)"
             )
         # A time that is free is None: it is known before anything reckons with it.
-        infinite = isinstance(t, float) and math.isinf(t)
-        known = t if t is None or infinite else number(t, "the time of an event")
-        object.__setattr__(self, "t", known)
+        kept = t is None or (isinstance(t, float) and math.isinf(t))
+        object.__setattr__(self, "t", t if kept else number(t, "the time of an event"))
         row = tuple(
             None if x is None else number(x, f"coordinate {i} of an event")
             for i, x in enumerate(items(q, "the coordinates of an event"))
         )
         object.__setattr__(self, "q", row)
-        if infinite and None in row:
+        if kept and t is not None and None in row:
             raise ValueError(
                 "expected all coordinates of the equilibrium at infinite time, found "
                 f"{list(row)}; give the numbers, or a finite time"
@@ -349,6 +348,12 @@ class Problem:
 
     def _check_obstacle(self) -> None:
         """Raise ValueError if an event lies inside the obstacle, or there is no path along it."""
+        if self.is_infinite:
+            raise ValueError(
+                "expected finite times of a path along an obstacle, found "
+                f"{self.start.t} and {self.end.t}: no motion tends to rest there that is known "
+                "beyond a window; give finite times"
+            )
         if isinstance(self.end, Periodic):
             raise ValueError(
                 "expected an Event as the end of a path along an obstacle, found a Periodic end: "
@@ -429,7 +434,7 @@ class Problem:
     @property
     def is_infinite(self) -> bool:
         """Whether an event lies at infinite time: `solve` then works on a window."""
-        return math.isinf(self.start.t or 0.0) or math.isinf(self.end.t or 0.0)
+        return not self.free_time and (math.isinf(self.start.t) or math.isinf(self.end.t))
 
     @property
     def has_tails(self) -> bool:
@@ -603,13 +608,18 @@ def _check_free_time(problem: Problem) -> None:
             f"expected an energy where the time of an event is free, found energy = "
             f"{problem.energy} and both times given; make one of them None"
         )
-    if system.r or np.inf in (abs(e.t or 0.0) for e in (problem.start, problem.end)):
-        raise ValueError(
-            "expected events at finite times and no obstacle where a time is free: paths with "
-            "either are found between given times"
-        )
     energy = 0.0 if problem.energy is None else number(problem.energy, "the energy")
     object.__setattr__(problem, "energy", energy)
+    if any(e.t is not None and math.isinf(e.t) for e in (problem.start, problem.end)):
+        raise ValueError(
+            "expected a finite time beside one that is free, found an infinite one: the duration "
+            "is then infinite; give both events their times"
+        )
+    if system.r:
+        raise ValueError(
+            "expected both times of a path along an obstacle, found one that is free; give it, and "
+            "follow the solutions by their energy"
+        )
     if structure.forced:
         raise ValueError(
             "expected a system without non-conservative forces where a time is free: with them "

@@ -48,7 +48,7 @@ FAMILY_CHANGE = 2.0  # of it by two more steps; measured: single paths 1.0, fami
 FAMILY_NOISE = 1e-9  # of one coordinate the noise itself tells; ad hoc
 OUTDATED = 1e-6  # change of multipliers, in whose matrix no family may show; ad hoc
 BENT = 1e-4  # in units of kinetic energy, as the index has it: of a family 1e-8; ad hoc
-DWELT = (Status.NOT_FOUND, Status.UNRESOLVED, Status.DEGENERATE, Status.FLOOR)  # what it may be
+DWELT = (Status.NOT_FOUND, Status.UNRESOLVED, Status.DEGENERATE)  # what it may be
 LOST = (Status.NOT_FOUND, Status.UNRESOLVED)  # where one of a family may have been near
 
 
@@ -120,8 +120,8 @@ def solve(
     watch = None if seconds is progress is None else Watch(seconds, progress)
     choices = Choices(tol, principle, LADDERS[method], mesh, watch)
     solution, message = _asked(problem, guess, choices)
-    timed = not (problem.unfixed or solution.problem.has_tails)
-    if solution.status in DWELT and mesh is None and timed:
+    fixed = mesh is not None or problem.system.r > 0 or problem.unfixed
+    if solution.status in DWELT and not fixed and not solution.problem.has_tails:
         solution, message = _dwelling(problem, guess, choices, solution, message)
     if throw and not solution.success:
         raise SolveError(message, solution)
@@ -152,16 +152,14 @@ class Choices:
 
 def _asked(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[Solution, str]:
     """Return the path, and the verdict with its figures."""
-    if problem.unfixed:
-        found = _unfixed(problem.asked or problem, guess, choices)
-        if found is None:
-            found = _solved(problem, guess, choices)
-            if choices.mesh is None and _moves(found[0]):  # it may be kinked at the start
-                found = _unfixed(problem, found[0], choices) or found
-        return found
     if problem.is_infinite or problem.has_tails:
         return _in_windows(problem.whole, guess, choices)
-    return _solved(problem, guess, choices)
+    if problem.asked or problem.free_time or (problem.closes and guess is not None):
+        return _unfixed(problem.asked or problem, guess, choices)
+    solution, message = _solved(problem, guess, choices)
+    if problem.closes and choices.mesh is None and _moves(solution):
+        return _unfixed(problem, solution, choices)  # it may be kinked at the start
+    return solution, message
 
 
 def _solved(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[Solution, str]:
@@ -191,6 +189,7 @@ def _solved(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[So
         search.ws.hint = f"tried: {', '.join(dict.fromkeys(search.tried))}"
         status = Status.OUT_OF_TIME
     ws = search.ws
+    ws.here.tr.watch = None  # a verdict is not left half done
     if watch is not None and watch.raised is not None and not isinstance(watch.raised, OutOfTime):
         raise watch.raised
     if (principle == "least" or system.r) and status.success and ws.here.index > 0:
@@ -260,32 +259,24 @@ def _moves(solution: Solution) -> bool:
     return bool((speed * solution.duration > AT_REST * size).any())
 
 
-def _unfixed(
-    problem: Problem, guess: Guess | None, choices: Choices
-) -> tuple[Solution, str] | None:
-    """Return the path whose duration is free or that closes anywhere, and the verdict.
-
-    None where there is nothing of the kind to be found: a closed path that is not said to move.
-    """
+def _unfixed(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[Solution, str]:
+    """Return the path where the duration is free or it closes anywhere, and the verdict."""
     tolerance(choices.tol)
-    if problem.free_time:
-        if choices.mesh is not None:
-            raise ValueError(
-                "expected no mesh where a time is free, found one: it would be over given times"
-            )
-        if problem.closes and guess is None:
-            raise ValueError(
-                "expected a guess for a closed path whose period is to be found: a Path or a "
-                "solution near it, or waypoints round it"
-            )
-    elif guess is None or choices.mesh is not None:
-        return None
-    tol, principle, watch = choices.tol, choices.principle, choices.watch
+    if choices.mesh is not None:
+        if not problem.free_time:
+            return _solved(problem, guess, choices)
+        raise ValueError(
+            "expected no mesh where a time is free, found one: it would be over given times"
+        )
+    if problem.closes and guess is None:
+        raise ValueError(
+            "expected a guess for a closed path whose period is to be found: a Path or a "
+            "solution near it, or waypoints round it"
+        )
     thorough = choices.ladder is not NEAR
-    solution, hint = solve_unfixed(problem, solve, tol, guess, principle, watch, thorough=thorough)
-    figures = f"tol = {tol:g}, error estimate {solution.error:.2g}"
-    hint = f"; {hint}" if hint else ""
-    return solution, f"{problem.name}: {solution.status.value} ({figures}){hint}"
+    arguments = choices.tol, guess, choices.principle, choices.watch
+    solution, hint = solve_unfixed(problem, solve, *arguments, thorough=thorough)
+    return solution, "" if solution.success else _sentence(solution, choices.tol, hint)
 
 
 def _found(search: Search, guess: Guess | None, curve_of: Callable[[Mesh], Path] | None) -> Status:
@@ -406,6 +397,13 @@ def _message(ws: Workspace, status: Status, tol: float) -> str:
             f"{np.spacing(size):.1g} only: measure it from a point near the motion"
         )
     return f"{name}: {status.value} ({figures}){hint}"
+
+
+def _sentence(solution: Solution, tol: float, hint: str) -> str:
+    """Return the verdict of a path whose duration is free or that closes, and what to try next."""
+    figures = f"tol = {tol:g}, error estimate {solution.error:.2g}"
+    hint = f"; {hint}" if hint else ""
+    return f"{solution.problem.name}: {solution.status.value} ({figures}){hint}"
 
 
 def _solution(ws: Workspace, status: Status, found_by: str, started: float) -> Solution:

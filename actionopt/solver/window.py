@@ -386,7 +386,8 @@ def between(problem: Problem) -> Problem | None:
     A path between them would dwell at either; None if they are not, or it has a clock.
     """
     system, n = problem.system, problem.system.n
-    plain = not (system.m or system.structure.forced or system.structure.depends_on_time)
+    bound = system.m or system.r or system.structure.forced
+    plain = not (bound or system.structure.depends_on_time)
     ends = problem.start, problem.end
     if not plain or any(len(e.pinned) < n for e in ends) or problem.advance is not None:
         return None
