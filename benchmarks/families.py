@@ -1,27 +1,36 @@
-"""Many members of a family: together, one by one, and by scipy's solver.
+"""Many members of a family: together, one by one, and by scipy's solver; on several processes.
 
-    python -m benchmarks.families [--quick]
+    python -m benchmarks.families [PART ...] [--quick]
 
 The end and its time vary on a grid, gone through row by row, to and fro. Each is asked for an error
 of 1e-9; the true one is the distance from the motion that is integrated forward from the path's own
 start. One process on one thread, seconds of its processor, the least of several turns that are
-taken in turn. The page `docs/families.md` is written by this command.
+taken in turn. The page `docs/families.md` is written by this command, part by part: `members`,
+`transfers`, and `processes` and `dask`, which need a machine that does nothing else.
 """
 
 from __future__ import annotations
 
 import argparse
 import datetime
+import math
+import pickle
+import runpy
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from functools import cache
+from multiprocessing import get_context
 from pathlib import Path
-from time import process_time
+from time import perf_counter, process_time
 
 import numpy as np
 from scipy.integrate import solve_bvp, solve_ivp
 
 import actionopt as ao
 from actionopt import scenes
+from actionopt.families import sweep as sweeping
 from actionopt.families.batch import Members, member, solve_run
+from actionopt.families.runs import Runs
+from actionopt.families.task import work
 from actionopt.tools.files import write
 from actionopt.tools.progress import steps
 from benchmarks import child
@@ -29,11 +38,14 @@ from benchmarks.peers import scipy_bvp
 from benchmarks.problems import Case, Ends, load
 from benchmarks.results import table, versions
 
-PAGE = Path(__file__).parents[1] / "docs" / "families.md"
+ROOT = Path(__file__).parents[1]
+PAGE = ROOT / "docs" / "families.md"
 PACKAGES = ("actionopt", "casadi", "numpy", "scipy")
 TOL = 1e-9
 TURNS, ALONE, OTHERS, SAMPLE = 3, 60, 6, 20  # turns, members one by one, by scipy, integrated
 MEMORY = (1000, 4000, 16_000)  # members
+DAYS, EMPTY, MANY = 300, 1000, 10**7  # of a side of the map; tasks that do nothing; members
+SPHERE = (np.cos, np.sin), (lambda x: -np.sin(x), np.cos)  # outwards, and across
 MEASURABLE = 1e-12  # a smaller true error is that of the integration
 GRIDS = {  # name: rows and columns, ranges of the end's time and of one coordinate there
     "pendulum": ((0.4, 0.8), "theta", (-0.8, 0.6)),
@@ -144,12 +156,9 @@ def _bases(found: Members) -> list[np.ndarray]:
     return list({id(v.base): v for v in found.values if v.base is not None}.values())
 
 
-def main() -> None:
-    """Measure, and write the page."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="one turn, and no page")
-    quick = parser.parse_args().quick
-    turns, rows, members = 1 if quick else TURNS, [], []
+def members(turns: int) -> list[str]:
+    """Return the part on members in one process."""
+    rows, answers = [], []
     for name in steps(list(GRIDS)):
         one, many, others, far, found = np.inf, np.inf, [np.inf] * 2, 0.0, None
         for turn in range(turns):
@@ -169,7 +178,7 @@ def main() -> None:
                 *(x for t in others for x in (f"{1e3 * t:.1f} ms", f"{t / many:.0f}")),
             )
         )
-        members.append(
+        answers.append(
             (
                 name.replace("_", " "),
                 f"{found.success.sum()} of {len(found.status)}",
@@ -182,68 +191,207 @@ def main() -> None:
             )
         )
     memory = []
-    for count in MEMORY[: 1 if quick else None]:
+    for count in MEMORY[:turns]:
         found, peak = child.run("benchmarks.families:held", count)
         rest = peak - found["held"]
         memory.append((f"{count}", f"{peak / 1e6:.0f} MB", f"{rest / 1e6:.0f} MB"))
-    text = _page(rows, members, memory)
-    print(text)
-    if not quick:
-        write(PAGE, text)
-
-
-def _page(rows: list, members: list, memory: list) -> str:
-    """Return the page."""
-    intro = __doc__.split("\n\n")[2]
-    lines = [
-        "# Many members of a family",
-        "",
-        f"Made by `python -m benchmarks.families`, {datetime.date.today()}; {versions(*PACKAGES)}.",
-        "",
-        intro.rsplit(" The page", 1)[0].replace("\n", " "),
+    others = "`solve_bvp`", "times", "with Jacobians", "times"
+    told = "factorizations", "true error", "estimate", "true <= estimate", "from `solve_bvp`"
+    return [
+        "The end and its time vary on a grid, gone through row by row, to and fro. Each is asked",
+        "for an error of 1e-9; the true one is the distance from the motion that is integrated",
+        "forward from the path's own start. One process on one thread, seconds of its processor,",
+        "the least of several turns that are taken in turn.",
         "",
         "Seconds a member, of a thousand. One by one is `solve(problem, guess=neighbour)`; scipy's",
         "`solve_bvp` begins with its own answer for the neighbour, on its mesh.",
         "",
-        *table(
-            (
-                "family",
-                "together",
-                "one by one",
-                "times",
-                "`solve_bvp`",
-                "times",
-                "with Jacobians",
-                "times",
-            ),
-            rows,
-            range(1, 8),
-        ),
+        *table(("family", "together", "one by one", "times", *others), rows, range(1, 8)),
         "",
         f"True errors are those of {SAMPLE} members; `solve_bvp` is compared with them where it",
         "was asked.",
         "",
-        *table(
-            (
-                "family",
-                "solved",
-                "left to `solve`",
-                "factorizations",
-                "true error",
-                "estimate",
-                "true <= estimate",
-                "from `solve_bvp`",
-            ),
-            members,
-            range(1, 8),
-        ),
+        *table(("family", "solved", "left to `solve`", *told), answers, range(1, 8)),
         "",
         "Memory at its peak, of pendulums, and less the paths that are returned.",
         "",
         *table(("members", "peak", "less the paths"), memory, range(3)),
-        "",
     ]
-    return "\n".join(lines)
+
+
+def transfers(turns: int) -> list[str]:
+    """Return the part on transfers from the Earth to Mars, beside Izzo's solver."""
+    from lamberthub import izzo2015  # pyright: ignore[reportMissingImports]
+
+    example = runpy.run_path(str(ROOT / "examples" / "09_pork_chop.py"))
+    mu, rows, count = example["mu"], [], DAYS if turns > 1 else 30
+    for prograde in (True, False):  # compiles
+        izzo2015(1.0, np.array([1.0, 0, 0]), np.array([0, 1.1, 0]), 1.5, prograde=prograde)
+    for way, name in enumerate(example["WAYS"]):
+        started = process_time()
+        runs, _ = example["transfers"](count, way)
+        between = process_time()
+        (r, phi), (radial, h) = runs.ends[:, 0].T, runs.momenta[:, 0].T
+        out, across = (np.array([f(phi), g(phi), 0 * phi]) for f, g in SPHERE)
+        velocity = radial * out + h / r * across
+        (there, angle), over = runs.ends[:, 1].T, runs.grid.columns(np.arange(runs.grid.size))
+        q0, q1 = r * out, there * np.array([np.cos(angle), np.sin(angle), 0 * angle])
+        flights, apart, answered = over["t1"] - over["t0"], [], 0
+        before = process_time()
+        for i in range(runs.grid.size):
+            try:
+                v, _ = izzo2015(mu, q0[:, i], q1[:, i], flights[i], prograde=way == 0)
+            except (RuntimeError, ValueError):  # it does not converge
+                continue
+            answered += 1
+            if runs.success[i]:
+                apart.append(np.linalg.norm(v - velocity[:, i]) / np.linalg.norm(v))
+        spent = between - started, process_time() - before
+        rows.append(
+            (
+                name,
+                f"{runs.success.sum()} of {runs.grid.size}",
+                f"{answered}",
+                f"{max(apart):.1e}",
+                *(f"{1e6 * t / runs.grid.size:.0f} µs" for t in spent),
+            )
+        )
+    return [
+        "`examples/09_pork_chop.py`: when to leave for Mars, both ways round the Sun. Lambert's",
+        "problem has solvers of its own, which know that paths are conic sections; the one of",
+        "lamberthub (Izzo's) is asked for every cell of the map. Velocities at the departure are",
+        "compared; seconds are those of a cell.",
+        "",
+        *table(
+            ("way", "solved", "Lambert's solver", "velocities differ by", "sweep", "its time"),
+            rows,
+            range(1, 6),
+        ),
+        "",
+        "![speeds of departure](pork_chop.png)",
+        "",
+        "`examples/10_fronts.py`: the action of a double pendulum's paths from rest to all places.",
+        "",
+        "![fronts](fronts.png)",
+        "",
+        "Both pictures are made by `python docs/pictures.py`.",
+    ]
+
+
+def swept(executor: Executor | None, size: int) -> tuple[float, Runs]:
+    """Return the seconds that a sweep of double pendulums takes, after a small one."""
+    problem, columns = family("double_pendulum")
+    over = {name: (min(row), max(row)) for name, row in columns.items()}
+    ao.sweep(problem, {name: np.linspace(*row, 8) for name, row in over.items()}, executor=executor)
+    sizes = zip(over.items(), (size, 100), strict=True)
+    rows = {name: np.linspace(*row, count) for (name, row), count in sizes}
+    started = perf_counter()
+    runs = ao.sweep(problem, rows, executor=executor, tol=TOL)
+    return perf_counter() - started, runs
+
+
+def processes(turns: int) -> list[str]:
+    """Return the part on several processes."""
+    size, seconds = 200 if turns > 1 else 20, {1: np.inf, 2: np.inf}
+    runs = []
+    for _ in range(turns):
+        for workers in seconds:
+            with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+                for _ in pool.map(math.sqrt, range(8 * workers)):  # all are started
+                    pass
+                spent, found = swept(pool, size)
+            seconds[workers] = min(seconds[workers], spent)
+            runs.append(found)
+    assert all(np.array_equal(found.action, runs[0].action) for found in runs)
+    one, two = seconds.values()
+    whole = runs[0]
+    return [
+        f"A sweep of {whole.grid.size} double pendulums in {whole.stats['tasks']} tasks, by one",
+        f"process and by two: {one:.2f} s and {two:.2f} s, a ratio of {one / two:.2f}.",
+    ]
+
+
+def dask(turns: int) -> list[str]:
+    """Return the part on Dask's scheduler: what a task costs, and how many workers one feeds."""
+    from distributed import Client, LocalCluster  # pyright: ignore[reportMissingImports]
+
+    size, seconds = 200 if turns > 1 else 20, {"a pool": np.inf, "Dask": np.inf}
+    local = {"n_workers": 1, "threads_per_worker": 1, "dashboard_address": None}
+    with (
+        LocalCluster(**local) as cluster,
+        Client(cluster) as client,
+        ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool,
+    ):
+        cluster_executor = client.get_executor()
+        for _ in range(turns):
+            for name, executor in (("a pool", pool), ("Dask", cluster_executor)):
+                spent, runs = swept(executor, size)
+                seconds[name] = min(seconds[name], spent)
+        started = perf_counter()
+        waiting = [cluster_executor.submit(_nothing, i) for i in range(EMPTY)]
+        for future in as_completed(waiting):
+            future.result()
+        empty = (perf_counter() - started) / EMPTY
+    run, tasks = sweeping._Run(runs.grid, runs, None, None, None), runs.stats["tasks"]
+    run.begin()
+    given = run._given(0)
+    there = len(pickle.dumps(given))
+    back = len(pickle.dumps(work(*given)))
+    arrays = [runs.action, runs.error, runs.status, runs.momenta, runs.ends]
+    member = sum(x.nbytes for x in arrays) / runs.grid.size
+    task = seconds["a pool"] / tasks
+    pool, far = seconds.values()
+    many = MANY / run.length  # tasks
+    return [
+        f"The same {runs.grid.size} members in {tasks} tasks by one worker: {pool:.2f} s as a",
+        f"process of a pool, {far:.2f} s with Dask's `LocalCluster`, {far / pool - 1:+.1%}.",
+        "",
+        f"A task takes {task:.2f} s; {there / 1e3:.0f} kB go there, {back / 1e3:.0f} kB come back.",
+        f"One that does nothing takes Dask {1e3 * empty:.2f} ms, most of it the scheduler's, which",
+        f"does one at a time: it feeds {task / empty:.0f} workers at most.",
+        "",
+        f"Ten million members are {many:.0f} tasks: {task * many / 3600:.1f} hours of a processor, "
+        f"{task * many / 6000:.1f}",
+        f"minutes of a hundred; {many * empty:.0f} s of the scheduler, "
+        f"{many * back / 1e9:.1f} GB that come back, {MANY * member / 1e9:.1f} GB of",
+        "arrays.",
+    ]
+
+
+def _nothing(i: int) -> int:
+    """Be a task that does nothing."""
+    return i
+
+
+PARTS = {
+    "members": ("One process", members),
+    "transfers": ("Maps of two", transfers),
+    "processes": ("Several processes", processes),
+    "dask": ("One scheduler, and ten million members", dask),
+}
+
+
+def main() -> None:
+    """Measure parts, and write them into the page."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("part", nargs="*", choices=[[], *PARTS], help="all, if none is given")
+    parser.add_argument("--quick", action="store_true", help="one turn, and no page")
+    given = parser.parse_args()
+    for part in given.part or PARTS:
+        heading, measure = PARTS[part]
+        made = f"Made by `python -m benchmarks.families {part}`, {datetime.date.today()}; "
+        body = [f"{made}{versions(*PACKAGES)}.", "", *measure(1 if given.quick else TURNS)]
+        print("\n".join(body))
+        if not given.quick:
+            _enter(heading, "\n".join(body))
+
+
+def _enter(heading: str, body: str) -> None:
+    """Write a part of the page, and leave the others as they are."""
+    _, *parts = PAGE.read_text().split("\n## ")
+    known = dict(part.split("\n\n", 1) for part in parts) | {heading: body}
+    found = [f"## {name}\n\n{known[name].strip()}\n" for name, _ in PARTS.values() if name in known]
+    write(PAGE, "\n".join(["# Many members of a family\n", *found]))
 
 
 if __name__ == "__main__":

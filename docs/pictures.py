@@ -1,8 +1,9 @@
-"""The pictures of the README.
+"""The pictures of the README, and of the page on families by the examples.
 
 python docs/pictures.py
 """
 
+import runpy
 from pathlib import Path
 
 import matplotlib
@@ -39,7 +40,25 @@ def first(file):
         figure.savefig(file, dpi=110)
 
 
+def maps(name, families, file):
+    """Draw an example's maps of many members."""
+    example = runpy.run_path(str(FOLDER.parent / "examples" / name))
+    with matplotlib.rc_context(plot.STYLE):
+        axes = example["visualize"](families(example))
+        axes[0].figure.savefig(file, dpi=80)
+
+
 if __name__ == "__main__":
+    maps(
+        "09_pork_chop.py",
+        lambda example: [example["transfers"](300, way) for way in (0, 1)],
+        FOLDER / "pork_chop.png",
+    )
+    maps(
+        "10_fronts.py",
+        lambda example: [example["fronts"](80, T) for T in example["TIMES"]],
+        FOLDER / "fronts.png",
+    )
     first(FOLDER / "first.png")
     plot.save(solved("double_pendulum")[1], FOLDER / "double_pendulum.png")
     plot.relaxation_film(solved("pendulum")[1], FOLDER / "relaxation.gif", units=plot.SI)

@@ -107,7 +107,61 @@ def links(s):
     return np.diff(places, axis=0)
 
 
+def cycloid(s):
+    """Return whether points lie on a cycloid below y = 0, and the angles of the wheel there."""
+    R = scenes.parameters("brachistochrone")["R"]
+    angle = np.arccos(1 - s.y / R)
+    return same(R * (angle - np.sin(angle)), s.x), angle
+
+
 W = {  # scene: sentence: whether it is so
+    "fish_eye": {
+        "answer": lambda s: fitted(s, [s.x, s.y, 1], s.x**2 + s.y**2),
+        "look": lambda s: (
+            fitted(s, [s.x, s.y, 1], s.x**2 + s.y**2)
+            and abs(np.argmin(np.hypot(s.x, s.y)) - np.argmin(s.speed[0])) <= 1
+        ),
+    },
+    "brachistochrone": {
+        "answer": lambda s: cycloid(s)[0],
+        "look": lambda s: s.vy[0] > s.vx[0] and line(s, cycloid(s)[1]),
+    },
+    "great_ellipse": {
+        "answer": lambda s: s.theta.max() > max(s.theta[0], s.theta[-1]) + 0.01,
+        "look": lambda s: np.argmax(s.theta) == np.argmax(s.vphi) not in (0, s.t.size - 1),
+    },
+    "light_around_star": {
+        "answer": lambda s: (
+            same(s.r, s.r[::-1]) and abs(s.t[np.argmin(s.r)] - s.T / 2) < 0.02 * s.T
+        ),
+        "look": lambda s: (
+            turns(s.r) == 1 and s.vr[0] < 0 < s.vr[-1] and np.argmin(s.r) == np.argmax(s.vphi)
+        ),
+    },
+    "zermelo": {
+        "answer": lambda s: (s.y[1:-1] > s.x[1:-1] * s.y[-1] / s.x[-1]).all(),
+        "look": lambda s: (s.y[1:-1] > s.x[1:-1] * s.y[-1] / s.x[-1]).all() and rising(s.x),
+    },
+    "catenoid": {
+        "answer": lambda s: same(s.y, s.f["waist"] * np.cosh((s.x - s.x[-1] / 2) / s.f["waist"])),
+        "look": lambda s: turns(s.y) == 1 and abs(s.t[np.argmin(s.y)] - s.T / 2) < 0.02 * s.T,
+    },
+    "kink": {
+        "answer": lambda s: constant(s.H) and abs(s.H[0]) < 1e-9 and s.vx[0] < 0.05 * s.vx.max(),
+        "look": lambda s: (
+            abs(s.t[np.argmax(s.vx)] - s.T / 2) < 0.02 * s.T and same(s.vx, s.vx[::-1])
+        ),
+    },
+    "exit_path": {
+        "answer": lambda s: np.abs(s.y).max() > 0.1 * s.n["a"],
+        "look": lambda s: (
+            turns(s.y) == 1 and np.abs(s.p[:, -s.t.size // 8 :]).max() < 0.15 * np.abs(s.p).max()
+        ),
+    },
+    "vacuum_decay": {
+        "answer": lambda s: s.solution.morse_index == 1 == s.f["morse_index"],
+        "look": lambda s: falling(s.x) and parabola(s, np.log(s.x), 1e-6),
+    },
     "chain": {
         "answer": lambda s: falling(np.abs(s.lamda).max(axis=1)),
         "look": lambda s: rising(s.speed.max(axis=1)),

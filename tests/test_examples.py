@@ -68,6 +68,20 @@ def gallery(found):
     assert all(page.is_file() for page in (index, *pages))
 
 
+def pork_chop(found):
+    for (runs, planets), least in zip(found["maps"], (2.98, 48.43), strict=True):
+        assert runs.success.all() and runs.branch.max() == 0
+        assert found["misses"](runs).max() <= 1e-9
+        assert abs(found["excess"](runs, planets)[0].min() - least) <= 0.01
+
+
+def fronts(found):
+    for runs, off in zip(found["found"], (1e-4, 1e-3, 1e-2), strict=True):
+        assert runs.success.all() and runs.branch.max() == 0
+        momenta, by_action = found["slopes"](runs)
+        assert np.abs(momenta - by_action).max() <= off * np.abs(momenta).max()
+
+
 PROMISES = {
     "01_hello_action": hello_action,
     "02_two_paths": two_paths,
@@ -77,6 +91,8 @@ PROMISES = {
     "06_convergence": convergence,
     "07_your_own_system": your_own_system,
     "08_gallery": gallery,
+    "09_pork_chop": pork_chop,
+    "10_fronts": fronts,
 }
 
 

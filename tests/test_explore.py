@@ -178,7 +178,7 @@ def test_sliding_the_end_time_through_pi_changes_the_index():
         shown.append(window.words.kind.get_text())
     assert shown == ["minimum, index 0", "degenerate, index 0", "saddle, index 1"]
     assert window.slider.val == 3.3 == window.now.trial.tr.problem.end.t
-    assert window.words.passed.get_text().endswith("$t$ = 3.142")
+    assert window.words.passed.get_text().endswith("$t$ = 3.142 s")
     assert window.words.message.get_text() == ""
     window.slider.set_val(3.15)  # near enough to pi to be pi
     assert window.slider.val == pytest.approx(np.pi, abs=1e-9)

@@ -252,6 +252,8 @@ class Powers:
                 return self(argument)
             case ast.Call(ast.Name("rate"), [argument]):
                 return self(argument) - powers("s")
+            case ast.Call(ast.Name("sqrt"), [argument]):
+                return self(argument) / 2
             case ast.Call(_, [argument]):
                 assert not self(argument).any(), ast.unparse(node)
                 return NONE

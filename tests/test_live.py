@@ -16,12 +16,23 @@ import actionopt as ao
 from actionopt import plot, scenes
 from actionopt.discrete.factors import compressed
 from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.expressions import Expressions
 from actionopt.plot.live import javascript
 from actionopt.plot.live.data import MESHES, data
+from actionopt.plot.live.drawing import drawing, traced
 from actionopt.plot.live.page import STATIC
 
 NODE = shutil.which("node")
 SAME = 1e-12  # of the largest entry: sums of the same terms in another order
+# Other paths join their events, and are nearer the straight line.
+LED_ELSEWHERE = (
+    "double_pendulum",
+    "exit_path",
+    "figure_eight",
+    "hoop_bead",
+    "kepler",
+    "vacuum_decay",
+)
 KNOWN = 1e-8  # of S: what a page promises
 SIZE = 300e3  # bytes of a page
 
@@ -92,7 +103,7 @@ def test_newtons_method_and_the_index_in_the_page(computed, name):
     # From the straight line it leads to a stationary path, to this one where there is no other.
     S, slope = told["solved"]
     assert slope < 1e-7 * (abs(S) + scale)
-    if name not in ("double_pendulum", "figure_eight", "hoop_bead", "kepler"):
+    if name not in LED_ELSEWHERE:
         assert pytest.approx(solution.action, abs=KNOWN * scale) == S
 
 
@@ -203,10 +214,54 @@ def test_a_problem_of_ones_own_has_a_page_that_needs_nothing_else(folder, chromi
     assert not chromium.run(seen)
 
 
+def test_the_picture_is_that_of_the_path_that_is_bent(folder, chromium):
+    opened(chromium, folder, scenes.get("pendulum"))
+    chromium.run(
+        "(() => { const s = document.querySelector('.picture input'); s.value = 0.5;"
+        " s.dispatchEvent(new Event('input')) })()"
+    )
+    bob = (
+        "(() => { const [a, b] = ['.ground', '.body'].map(k => document.querySelector('.picture '"
+        " + k)); const d = n => b.getAttribute(n) - a.getAttribute(n);"
+        " return Math.atan2(d('cx'), d('cy')) })()"
+    )
+    theta = "document.querySelector('.live').live.trial()[24]"  # half way along 8 times 6 steps
+    assert chromium.run(bob) == pytest.approx(chromium.run(theta), abs=1e-6)
+    x, y = middle(chromium, 4)
+    chromium.drag(x, y, x, y - 30)
+    assert abs(chromium.run(theta)) > 0.1
+    assert chromium.run(bob) == pytest.approx(chromium.run(theta), abs=1e-6)
+
+
+@pytest.mark.parametrize("name", scenes.SCENES)
+def test_how_a_scene_looks_is_known_of_any_path(name):
+    scene, rng = scenes.get(name), np.random.default_rng(3)
+    shapes, function = traced(scene.problem.system.n, scene.draw)
+    q, t = rng.normal(size=scene.problem.system.n), 0.7
+    found, at = np.array(function(q, t)).ravel(), 0
+    for shape, other in zip(scene.draw(q, t), shapes, strict=True):
+        points = other.points
+        if isinstance(points, Expressions):
+            points = found[at : at + 2 * shape.points.shape[1]].reshape(-1, 2).T
+            at += points.size
+        assert shape.kind == other.kind
+        seen = scenes.project(shape.points)
+        assert seen == pytest.approx(scenes.project(points), abs=1e-12)
+
+
+def test_what_cannot_be_traced_is_shown_on_the_motion():
+    scene, solution = scenes.get("pendulum"), solved("pendulum", tol=1e-10)
+    blind = drawing(solution, lambda q, t: scene.draw(np.asarray(q, dtype=float), t))
+    assert [shape["kind"] for shape in blind["frames"]] == ["ground", "rod", "body"]
+
+
 def test_bad_questions_are_refused(folder):
     closed = ao.Problem(DOUBLE_WELL, ao.Event(0, [None]), ao.Periodic(6.0))
     with pytest.raises(ValueError, match="path that closes"):
         plot.page(closed, folder / "closed.html")
+    for_ever = ao.Problem(DOUBLE_WELL, ao.Event(-math.inf, [-1.0]), ao.Event(0.0, [0.0]))
+    with pytest.raises(ValueError, match="infinite time"):
+        plot.page(for_ever, folder / "closed.html")
     with pytest.raises(ValueError, match=r"ends in \.html"):
         plot.page(closed, folder / "closed.pdf")
     assert not list(folder.glob("closed*"))

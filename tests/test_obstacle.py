@@ -258,6 +258,9 @@ def test_bad_questions():
         ao.Problem(body(disc(), lambda q: 1.0), ao.Event(0, [2, 2]), ao.Event(1, [2, 3]))
     with pytest.raises(ValueError, match="Periodic"):
         ao.Problem(body(disc()), ao.Event(0, [2, 2]), ao.Periodic(1))
+    for t in (None, np.inf):
+        with pytest.raises(ValueError, match="times of a path along"):
+            ao.Problem(string(), ao.Event(0, [1.0]), ao.Event(t, [0.5]))
     plain = ao.System(lambda q, v, t: v @ v / 2, ["x"])
     with pytest.raises(ValueError, match="expected a system with an obstacle"):
         ao.solve(ao.Problem(plain, ao.Event(0, [0]), ao.Event(1, [1]))).contact_force(0.5)

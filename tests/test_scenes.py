@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from actionopt import Mesh, Path, scenes
+from actionopt import Mesh, Path, scenes, solve
 from actionopt.scenes._elliptic import complete, jacobi
 
 # An interpolant of degree 16 on 16 elements resolves these curves to rounding; its derivative
@@ -497,3 +497,52 @@ def test_free_particle_in_the_rotating_frame_is_straight_at_rest():
 def test_values_that_a_scene_cannot_compute_with_are_refused(value):
     with pytest.raises(ValueError, match="pendulum"):
         scenes.get("pendulum", g=value)
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "length"),
+    [
+        ("light_around_star", {}, 50.4997725673849),
+        ("light_around_star", {"angle": 9.5, "duration": 2.0}, 84.8553103202039),
+        ("great_ellipse", {}, 5549681.852370944),  # geographiclib; PSOPT prints 5549.682 km
+        ("brachistochrone", {"h": 2.0}, 2.1 * np.sqrt(2.0)),
+    ],
+)
+def test_lengths_are_those_of_the_literature(name, changes, length):
+    scene = scenes.get(name, **changes)
+    found = solve(scene.problem, guess=scene.guess, tol=1e-11).length
+    assert abs(found - length) < 1e-11 * length
+    if name == "brachistochrone":  # that of light is sqrt(2 g h) times the time
+        assert abs(found - np.sqrt(2 * 9.81 * 2.0) * scene.facts["fall_time"]) < 1e-11
+
+
+def test_two_films_hang_between_near_rings_and_none_between_far_ones():
+    """OEIS A033259: d / (2 R) = 0.6627434193; the narrower film is no minimum."""
+    scene = scenes.get("catenoid", d=1.0)
+    wide = solve(scene.problem, tol=1e-11)
+    assert abs(2 * np.pi * wide.length - scene.facts["area"]) < 1e-11 * scene.facts["area"]
+    c = 0.235094990234532  # the other root of c cosh(d / 2 c) = R, in extended precision
+
+    def rough(t):
+        s = 2 * np.asarray(t) - 1
+        steep = np.sign(s) * np.sqrt(np.abs(s)) * np.sinh(0.5 / c)
+        bend = 1 + 0.02 * (1 - s**2)
+        return np.stack([0.5 + c * np.arcsinh(steep), c * np.sqrt(1 + steep**2) * bend])
+
+    narrow = solve(scene.problem, guess=rough, tol=1e-11)
+    assert abs(narrow(0.5)[1] - c) < 1e-10
+    assert (wide.kind, narrow.kind, narrow.morse_index) == ("minimum", "saddle", 1)
+    with pytest.raises(ValueError, match="beyond which no film"):
+        scenes.get("catenoid", d=1.33)
+
+
+def test_the_exit_path_has_the_action_of_two_methods():
+    scene = scenes.get("exit_path", duration=10.0)
+    solution = solve(scene.problem, guess=scene.guess)
+    assert abs(solution.action - 0.34004739843) < 1e-10
+
+
+def test_a_whole_kink_and_the_goldschmidt_limit():
+    assert abs(scenes.get("kink", duration=40.0).action - 4 / 3) < 1e-12
+    near = scenes.get("catenoid", d=2 * 0.527697396962571528)
+    assert abs(near.facts["area"] - 2 * np.pi) < 1e-12  # as much as the two discs

@@ -2,6 +2,10 @@
 
 import dataclasses
 import json
+import sys
+import tracemalloc
+from collections import Counter
+from time import process_time
 from types import SimpleNamespace
 
 import mpmath
@@ -9,12 +13,13 @@ import numpy as np
 import pytest
 
 from actionopt import scenes, suite
-from actionopt.suite import known, stars
+from actionopt.suite import known, solvers, stars
 from actionopt.suite.families import redundant
 from actionopt.suite.learn import learn
 from actionopt.suite.stars import STATIONARY
 
 NAMES = tuple(suite.FAMILIES)
+HELD = {name for name in NAMES if "unilateral contact" in suite.FAMILIES[name].tags}
 STEP = 1e-3  # of the sixth-order differences: truncation 1e-18 of the seventh derivative
 DIFFERENCE = 1e-7  # what they leave where potentials are steep, relative
 DENSE = 700  # unknowns and rows above which dense algebra takes seconds
@@ -145,7 +150,7 @@ def test_derivatives_agree_with_differences(name):
         )
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [name for name in NAMES if name not in HELD])
 def test_stars_satisfy_the_conditions_of_kuhn_and_tucker(name):
     problem = suite.get(name)
     x, lam = problem.x_star, problem.lam_star
@@ -232,6 +237,19 @@ def test_how_each_answer_is_known():
     tension = problem.scene.facts["multipliers"](q, v, t)[0]
     np.testing.assert_allclose(problem.lam_star, tension, atol=1e-3 * np.max(np.abs(tension)))
     assert set(problem.known_by) == {"x_star", "f_star", "lam_star", "index_star", "continuous"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [n for n, family in suite.FAMILIES.items() if family.why])
+def test_what_is_said_to_be_hard_for_ipopt_is(name):
+    problem = suite.get(name)
+    answer = solvers.run("ipopt", problem, problem.start())
+    right = problem.residual(answer.x) < 1e-4 and answer.said == "solved"
+    assert not right or answer.evaluations["hess"] > 50, answer.word
+
+
+def test_ten_families_are_hard_for_ipopt_and_say_why():
+    assert sum(bool(family.why) for family in suite.FAMILIES.values()) >= 10
 
 
 def test_copies_of_a_constraint_leave_the_optimum_alone():
@@ -448,21 +466,45 @@ def test_class_and_sizes():
     assert np.all(np.isinf(problem.bounds[0]))
 
 
-@pytest.mark.slow
 def test_size_costs_no_more_than_its_share():
-    from time import process_time
+    """Counted, not timed: calls of functions do not grow with the size, memory grows as it does."""
 
     def cost(elements):
-        clock = process_time()
-        problem = suite.get("oscillator", elements=elements)
-        x = problem.start()
-        problem.gradient(x)
-        problem.hessian(x)
-        return process_time() - clock
+        calls = Counter()
+        tracemalloc.start()
+        sys.setprofile(lambda frame, event, _: calls.update([event]))
+        try:
+            problem = suite.get("oscillator", elements=elements)
+            x = problem.start()
+            problem.gradient(x)
+            problem.hessian(x)
+        finally:
+            sys.setprofile(None)
+            _, peak = tracemalloc.get_traced_memory()
+            tracemalloc.stop()
+        return calls["call"] + calls["c_call"], peak
 
-    cost(150_000)  # the memory is at hand from here on
-    # Eight times the size; what no longer fits the caches costs up to three times its share.
-    assert cost(200_000) < 24 * cost(25_000)  # no size twice: numberings are kept
+    cost(900)  # what is made once is at hand from here on
+    small, large = cost(1_000), cost(8_000)  # no size twice: numberings are kept
+    assert large[0] <= 1.1 * small[0]  # a collection of garbage may add some
+    assert large[1] <= 8.5 * small[1]
+
+
+@pytest.mark.slow
+def test_a_million_unknowns_are_built_in_seconds():
+    """Of processor time four seconds and a quarter of one a gradient; thrice that at most."""
+    clock = process_time()
+    problem = suite.get("oscillator", elements=250_000)
+    x = problem.start()
+    problem.gradient(x)
+    assert problem.n == 999_999 and process_time() - clock < 12.0
+    times = []
+    for _ in range(3):
+        x = x + 1e-9  # what is known of the last point is kept
+        clock = process_time()
+        problem.gradient(x)
+        times.append(process_time() - clock)
+    assert min(times) < 0.75
 
 
 @pytest.mark.slow

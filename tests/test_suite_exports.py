@@ -134,7 +134,10 @@ def test_nl_files_read_back(name, tmp_path):
     nl.write(problem, tmp_path / "a.nl")
     builder, back = read(tmp_path / "a.nl")
     # Where all is linear constants are in the bounds of c.
-    assert builder.g_lb == builder.g_ub
+    lower, upper = np.array(builder.g_lb), np.array(builder.g_ub)
+    equal = np.equal(*problem.constraint_bounds)
+    assert np.array_equal(lower[equal], upper[equal])
+    assert np.all(np.isinf(upper[~equal]))
     back["g"] = back["g"] - ca.DM(builder.g_lb) if problem.m else back["g"]
     x, lam = somewhere(problem)
     f, c, gradient, J, H = off(problem, back, x, lam)

@@ -30,6 +30,8 @@ from actionopt.tools.types import Array
 
 IN_CONTACT = ("acceleration", "multipliers", "constraint_force", "contact_force")
 
+DRAWN, SEEN = 201, 4  # points of a path in a notebook, and coordinates
+
 
 @dataclass(frozen=True, eq=False)
 class Ends:
@@ -86,6 +88,22 @@ class Solution:
             f"error {self.error:.1e}, elements {self.mesh.elements}, "
             f"unknowns {self.stats.get('unknowns', 'not counted')})"
         )
+
+    def _repr_html_(self) -> str:
+        """Show the numbers that matter and the path, as a notebook does."""
+        from actionopt.tools.notebook import picture, table
+
+        rows = [
+            ("status", self.status.name),
+            ("action S", f"{self.action:.10g}"),
+            ("error of the path, relative", f"{self.error:.1e}"),
+            ("mesh", f"{self.mesh.elements} elements, {self.mesh.nodes.size} nodes"),
+        ]
+        with suppress(ValueError, np.linalg.LinAlgError):  # forced, or too rough to be counted
+            rows.insert(2, ("it is a", f"{self.kind}, Morse index {self.morse_index}"))
+        t = np.linspace(self.mesh.boundaries[0], self.mesh.boundaries[-1], DRAWN)
+        curves = list(zip(self.problem.system.coordinates, self(t), strict=True))
+        return table(self.problem.name, rows) + picture(t, curves[:SEEN])
 
     @cached_property
     def momenta(self) -> tuple[Array, Array]:

@@ -45,7 +45,7 @@ class Resolution:
     scaled : (K, n) array
         Nodal coordinates in units of their sizes.
     omitted : (N,) array
-        Size of the first Legendre coefficient left out, in the same units.
+        Size of the first Legendre coefficient left out, in the same units; rather too large.
     rate : (N,) array
         Natural logarithm of rho, the decay per degree.
     """
@@ -59,6 +59,17 @@ class Resolution:
     def worst(self) -> float:
         """The largest coefficient left out."""
         return float(self.omitted.max())
+
+    @cached_property
+    def expected(self) -> float:
+        """The same as errors are reckoned by: by the rate alone, where degrees are above five.
+
+        `omitted`, by which meshes are made, is larger where degrees are below ten: what few
+        coefficients tell of another mesh is worth less.
+        """
+        d = np.array(self.mesh.degrees)
+        farther = np.minimum(2.0, (d - 2) / 2) - np.minimum(2.0, (d - 2) / 4)
+        return float((self.omitted * np.exp(-np.maximum(farther, 0.0) * self.rate)).max())
 
     def steep(self) -> Array:
         """Return where a layer or a kink sits that an element does not resolve, (2, N).
@@ -95,9 +106,9 @@ def left_out(rule: Rule, scaled: Array) -> tuple[Array, Array]:
     final = np.maximum(coefficients[:, last - early :].max(axis=(1, 2)), COEFFICIENT_FLOOR)
     largest = np.maximum(coefficients.max(axis=(1, 2)), COEFFICIENT_FLOOR)
     rate = np.log(largest / final) / max(last - early, 1)
-    # From the last pair to the first coefficient left out it is two degrees; the few of degrees
-    # four and five do not tell a rate well enough to go that far.
-    return final * np.exp(-min(2.0, max(d - 2, 0) / 2) * rate), rate
+    # From the last pair to the first coefficient left out it is two degrees; few
+    # coefficients do not tell a rate well enough to go that far.
+    return final * np.exp(-min(2.0, max(d - 2, 0) / 4) * rate), rate
 
 
 def refined(found: Resolution, target: float) -> Mesh:

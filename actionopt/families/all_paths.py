@@ -13,6 +13,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from html import escape
 
 import numpy as np
 
@@ -92,6 +93,21 @@ class Paths:
     def indices(self) -> tuple[int, ...]:
         """Morse indices of the paths. Raises ValueError where the paths are forced."""
         return tuple(s.morse_index for s in self.solutions)
+
+    def _repr_html_(self) -> str:
+        """Show a row for each path, and how they were sought, as a notebook does."""
+        from actionopt.tools.notebook import table
+
+        rows = []
+        for s, turns, how in zip(self.solutions, self.windings, self.found_by, strict=True):
+            index = ""
+            with suppress(ValueError):  # forced paths have none
+                index = f"index {s.morse_index}"
+            wound = f"windings {turns}" if self.angles else ""
+            rows.append((f"S = {s.action:.10g}", index, wound, f"found by {how}"))
+        first, _, rest = str(self).partition("\n")
+        said = [line for line in rest.split("\n") if not line.startswith(" ")]
+        return table(first, rows) + "".join(f"<p>{escape(line)}</p>" for line in said)
 
     def __str__(self) -> str:
         """Say what was found and how it was sought, in sentences."""

@@ -28,7 +28,7 @@ from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import left_out
 from actionopt.discrete.stacks import Shape, functions
 from actionopt.families.front import NEIGHBOURS, Front, squares, weights
-from actionopt.families.vary import moved
+from actionopt.families.vary import led, moved
 from actionopt.mechanics.problem import Periodic, Problem
 from actionopt.solver.arguments import checked
 from actionopt.solver.iterate import LATE_TIME, SAFETY, UNKNOWN_GAIN, amplified, estimate, sizes
@@ -289,6 +289,7 @@ class _Run:
         self.neighbour[i] = neighbour
         try:
             problem = member(self.problem, self.columns, i)
+            guess = led(guess, problem) if isinstance(guess, Path) else guess
             if guess is None or self.patience > 0:
                 found = solve(problem, tol=self.tol, guess=guess, throw=False)
                 self.patience = min(self.patience + (1 if found.success else -1), PATIENCE)

@@ -27,6 +27,7 @@ from actionopt.gallery.page import Page
 from actionopt.mechanics.problem import Problem
 from actionopt.scenes import Scene
 from actionopt.tools.files import write
+from actionopt.tools.words import SPOKEN, language
 
 PACKAGE = Path(scenes.__file__).parent.parent
 SHARED = (PACKAGE / "gallery" / "static", PACKAGE / "plot" / "live" / "static")  # by all pages
@@ -46,6 +47,7 @@ def build(
     *,
     show: Show | None = None,
     jobs: int = JOBS,
+    lang: str = "en",
 ) -> list[str]:
     """Write the pages of what is asked for (all scenes by default), story, course and index.
 
@@ -60,6 +62,9 @@ def build(
         `show(done, total, name)` is called after each page.
     jobs : int
         Pages made at the same time, each in a process of its own; 1 makes them in this one.
+
+    lang : str
+        Language of the pages: "en", "de" or "fr".
 
     Returns
     -------
@@ -78,19 +83,23 @@ def build(
     for name in known:
         scenes.title(name)  # raises for one that does not exist
     own = _named([question for question in names if not isinstance(question, str)])
+    if lang not in SPOKEN:
+        raise ValueError(f"expected a language of {', '.join(SPOKEN)}, found {lang!r}")
+    if jobs < 1:
+        raise ValueError(f"expected one job or more, found {jobs}")
     target = Path(directory)
     target.mkdir(parents=True, exist_ok=True)
     written = _manifest(target)
     _keep(target, written)
     wanted = [STORY, COURSE, *dict.fromkeys(known or (() if own else scenes.SCENES))]
-    key = sources()
+    key = f"{lang} {sources()}"
     there = {*wanted, *written}
     ahead = [name for name in wanted if not _stands(target, written.get(name), key, there)]
     total = len(wanted) + len(own)
     for file in (file for folder in SHARED for file in folder.iterdir()):
         write(target / file.name, file.read_bytes())
     done = len(wanted) - len(ahead)
-    with closing(_made(ahead, jobs)) as made:
+    with language(lang), closing(_made(ahead, jobs, lang)) as made:
         for name, page in chain(made, ((name, _own(own[name])) for name in own)):
             files = {
                 f"{name}/{file}" if name in own else file: text for file, text in page.files.items()
@@ -115,7 +124,8 @@ def build(
                 show(done, total, name)
     shown = {name: entry for name, entry in written.items() if name in scenes.SCENES}
     others = {name: entry["title"] for name, entry in written.items() if entry.get("title")}
-    write(target / "index.html", index_page(shown, others))
+    with language(lang):
+        write(target / "index.html", index_page(shown, others))
     return [*ahead, *own]
 
 
@@ -161,7 +171,13 @@ def make(name: str) -> Page:
     return story.story() if name == STORY else scene_page.scene_page(name)
 
 
-def _made(names: Sequence[str], jobs: int) -> Generator[tuple[str, Page], None, None]:
+def _spoken(name: str, lang: str) -> Page:
+    """Return a page in a language."""
+    with language(lang):
+        return make(name)
+
+
+def _made(names: Sequence[str], jobs: int, lang: str) -> Generator[tuple[str, Page], None, None]:
     """Yield names and pages, as they are made."""
     if jobs == 1 or not names:
         yield from ((name, make(name)) for name in names)
@@ -172,7 +188,7 @@ def _made(names: Sequence[str], jobs: int) -> Generator[tuple[str, Page], None, 
     others = set(multiprocessing.active_children())
     with ProcessPoolExecutor(jobs, context, initializer=leave) as pool:
         with _one_thread():  # each, or they get in each other's way
-            waiting = {pool.submit(make, name): name for name in names}
+            waiting = {pool.submit(_spoken, name, lang): name for name in names}
         try:
             for future in as_completed(waiting):
                 yield waiting[future], future.result()

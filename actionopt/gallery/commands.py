@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import webbrowser
 from pathlib import Path
 
 from actionopt import scenes
-from actionopt.gallery.builder import build
+from actionopt.gallery.builder import JOBS, build
 from actionopt.tools.progress import progress
+from actionopt.tools.words import SPOKEN
 
 
 def add_to(parser: argparse.ArgumentParser) -> None:
@@ -23,11 +25,18 @@ def add_to(parser: argparse.ArgumentParser) -> None:
         "asked", nargs="*", default=[], metavar="SCENE|FILE.py",
         help="only these scenes (all), and Python files that define `problem` or `scene`",
     )  # fmt: skip
+    add = parser.add_argument
+    add("--lang", choices=SPOKEN, default="en", help="language of the pages (en)")
+    add("--jobs", type=int, default=JOBS, metavar="N", help=f"pages at the same time ({JOBS})")
+    add("--open", action="store_true", help="show them in the browser")
 
 
 def run(options: argparse.Namespace) -> int:
     """Write the pages and print where they start."""
     asked = [scenes.from_file(name) if name.endswith(".py") else name for name in options.asked]
-    build(options.directory, asked, show=progress)
-    print(Path(options.directory) / "index.html")
+    build(options.directory, asked, show=progress, jobs=options.jobs, lang=options.lang)
+    first = Path(options.directory) / "index.html"
+    print(first)
+    if options.open:
+        webbrowser.open(first.resolve().as_uri())
     return 0

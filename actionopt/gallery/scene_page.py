@@ -85,7 +85,7 @@ def scene_page(name: str) -> Page:
 {film.film(s)}
 </section>
 <section><h2>{say("The path under your hand")}</h2>
-{figure(solution.problem, solution, units=SI, caption=say(LIVE))}
+{figure(solution.problem, solution, units=SI, draw=scene.draw, caption=say(LIVE))}
 </section>
 <section><h2>{say("The principle, and the equation of motion")}</h2>
 {_principle(s, words)}

@@ -48,7 +48,9 @@ def texts(name: str) -> Texts:
     remarks = "\n\n".join(parts[1:first] + parts[last + 1 :])
     sketch = inspect.cleandoc("\n" + "\n\n".join(parts[first : last + 1]))
     usage = re.sub(r"\s*Raises\s+\w+Error.*", "", inspect.getdoc(module.scene) or "", flags=re.S)
-    defined = (getattr(module, what, None) for what in ("lagrangian", "constraint", "force"))
+    defined = (
+        getattr(module, what, None) for what in ("lagrangian", "length", "constraint", "force")
+    )
     functions = [f for f in defined if f is not None]
     formulas = tuple(formula(inspect.getdoc(f) or "") for f in functions)
     source = "\n\n".join(map(inspect.getsource, functions)).rstrip()

@@ -15,6 +15,14 @@ UNITS = {
 OWN = {
     "drag_quadratic": {"c": "kg/m"},
     "oscillator_gauge": {"c": "kg/s^2"},
+    "light_around_star": {"M": "m"},
+    "brachistochrone": {"h": "m"},
+    "exit_path": {"w": "rad/s", "a": "m", "beta": ""},
+    "great_ellipse": {"a": "m", "b": "m"},
+    "fish_eye": {"a": "m"},
+    "kink": {"a": "m"},
+    "vacuum_decay": {"a": "m", "b": ""},
+    "zermelo": {"w": "rad/m"},
     "screw": {"c": "rad/m", "k": "J"},
     "two_on_a_line": {"a": "", "b": ""},
 }
@@ -23,7 +31,7 @@ FACTS = {
     "contact_angle": "rad", "rest_angle": "rad", "tilt": "rad", "cyclotron": "rad/s",
     "oscillation": "rad/s", "spin": "rad/s", "block_acceleration": "m/s^2",
     "rolling_acceleration": "m/s^2", "wedge_acceleration": "m/s^2", "friction": "N",
-    "period_action": "J s",
+    "period_action": "J s", "fall_time": "s", "waist": "m", "area": "m^2", "whole_action": "J s",
 }  # fmt: skip
 
 

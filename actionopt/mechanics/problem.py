@@ -346,6 +346,27 @@ class Problem:
             return _found, (self.asked, self.start.t, self.end.t)
         return _asked, (self.system, self.start, self.end, self.parameters, self.energy)
 
+    def _repr_html_(self) -> str:
+        """Show the system's formulas and the events, as a notebook does."""
+        from actionopt.tools.notebook import table
+
+        def shown(x: float | None) -> str:
+            return "free" if x is None else f"{x:.6g}"
+
+        names = self.system.coordinates
+        values = self.system.table.values(self.parameters)
+        rows = [("t", f"{self.start.t:.6g}", f"{self.end.t:.6g}")]
+        rows += [
+            (n, shown(a), shown(b))
+            for n, a, b in zip(names, self.start.near, self.end.near, strict=True)
+        ]
+        given = [(name, np.array2string(np.asarray(x), precision=6)) for name, x in values.items()]
+        return (
+            self.system._repr_html_()
+            + table("The two events", rows)
+            + (table("Parameters", given) if given else "")
+        )
+
     def _check_obstacle(self) -> None:
         """Raise ValueError if an event lies inside the obstacle, or there is no path along it."""
         if self.is_infinite:

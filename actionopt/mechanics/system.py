@@ -205,7 +205,7 @@ class System(Laws):
                 f"{', '.join(sorted(used)) or 'no parameters'}{suggestion(unused[0], sorted(used))}"
             )
         F = L if role == "length" else None
-        laws = L if F is None else F**2 / 2, constraints, forces, outside
+        laws = L if F is None else _square(F) / 2, constraints, forces, outside
         self._set(symbols, laws, names_of, table, name, _place(law), F=F)
         if F is not None:
             self._check_length(F)
@@ -568,6 +568,18 @@ def _loaded(digest: str, derived: list[str], version: str, state: bytes) -> Syst
                 for key, value in part.items():
                     own.setdefault(key, value)
         return system
+
+
+def _square(F: ca.SX) -> ca.SX:
+    """Return F^2, without the roots that are factors of F: smooth where they vanish."""
+    if F.op() == ca.OP_SQRT:
+        return F.dep(0)
+    if F.op() == ca.OP_TWICE:
+        return 4 * _square(F.dep(0))
+    if F.op() in (ca.OP_MUL, ca.OP_DIV):
+        a, b = _square(F.dep(0)), _square(F.dep(1))
+        return a * b if F.op() == ca.OP_MUL else a / b
+    return F**2
 
 
 def _symbols(n: int, table: ParameterTable) -> Symbols:

@@ -18,7 +18,7 @@ from matplotlib.widgets import Button, Slider
 from actionopt.mechanics.problem import Problem
 from actionopt.plot import _style as style
 from actionopt.plot._explore_parts import ASIDE, LEFT, RIGHT, Missing, Panel, Words, fit, panels
-from actionopt.plot._names import NONE, Units, label
+from actionopt.plot._names import NONE, SI, Units, label
 from actionopt.plot.data.exploration import Exploration, begin, bent, lasting, restarted, solved
 from actionopt.plot.data.trial import Trial, knots
 from actionopt.scenes import Scene
@@ -36,7 +36,7 @@ NO_WINDOW = (
 
 
 def explore(
-    question: Scene | Problem, *, guess: Guess | None = None, units: Units = NONE
+    question: Scene | Problem, *, guess: Guess | None = None, units: Units | None = None
 ) -> Explorer:
     """Open a window on a trial path between the events of a scene or a problem; nothing is shown.
 
@@ -51,8 +51,8 @@ def explore(
     question : Scene or Problem
     guess : Path, callable or array, optional
         The first trial, in place of a scene's guess or the straight line.
-    units : Units
-        Words for the labels.
+    units : Units, optional
+        Words for the labels; SI for a scene, none for a problem.
 
     Raises
     ------
@@ -63,10 +63,10 @@ def explore(
     """
     if isinstance(question, Scene):
         guess = question.guess if guess is None else guess
-        question = question.problem
+        question, units = question.problem, SI if units is None else units
     first = begin(question, guess)
     try:
-        return Explorer(first, units)
+        return Explorer(first, NONE if units is None else units)
     except ImportError as error:
         raise RuntimeError(NO_WINDOW.format(reason=error)) from error
 

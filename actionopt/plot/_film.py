@@ -17,7 +17,9 @@ from actionopt.plot import _strobe as strobe
 from actionopt.plot import _style as style
 from actionopt.plot._names import NONE, Units
 from actionopt.plot.data.motion import Draw, motion_data
+from actionopt.plot.live.film import film_page
 from actionopt.tools.files import ready, whole
+from actionopt.tools.files import write as write_file
 
 SECONDS, FPS = 5.0, 25
 DPI, FINE_DPI = 100, 200  # of a film of images, and of one by ffmpeg, which presses it
@@ -25,6 +27,7 @@ NEAR_WHITE = 243
 AHEAD = 0.25  # strength of a trail that is still to come
 CODECS = {".mp4": "h264", ".webm": "libvpx-vp9"}
 IMAGES = (".gif", ".png")
+PAGE = ".html"
 FFMPEG = [
     *("-pix_fmt", "yuv420p", "-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2:color=white"),  # for any player
     *("-fflags", "+bitexact", "-flags:v", "+bitexact"),  # no date, no version
@@ -44,8 +47,9 @@ def film(
 ) -> None:
     """Write the motion to a film that lasts `seconds`, whatever the motion's own duration.
 
-    A file that ends in .gif or .png (an animated one) needs nothing else, one in .mp4 or .webm
-    ffmpeg. The same motion makes the same file. With `force` the forces of constraint are arrows.
+    A file that ends in .html is a page with a player, which needs no network; one in .gif or .png
+    (an animated one) needs nothing else, one in .mp4 or .webm ffmpeg. The same motion makes the
+    same file. With `force` the forces of constraint are arrows.
 
     Raises
     ------
@@ -54,8 +58,12 @@ def film(
     OSError
         If the file cannot be written.
     """
-    film_file(file)
+    target = film_file(file, PAGE)
     count = frames(seconds, fps)
+    if target.suffix.lower() == PAGE:
+        data = motion_data(solution, draw, count, force)
+        write_file(target, film_page(data, style.heading(solution), units.time))
+        return
     figure, update = _reel(solution, draw, count, force, units)
     write(figure, update, count, file, fps)
 
@@ -69,10 +77,18 @@ def animation(
     force: bool = False,
     units: Units = NONE,
 ) -> FuncAnimation:
-    """Return the film as matplotlib's animation; a notebook shows its `to_jshtml()`."""
+    """Return the film as matplotlib's animation, which a notebook shows as a player."""
     count = frames(seconds, fps)
     figure, update = _reel(solution, draw, count, force, units)
-    return FuncAnimation(figure, update, count, interval=1000 / fps)
+    return Shown(figure, update, count, interval=1000 / fps)
+
+
+class Shown(FuncAnimation):
+    """An animation that is a player in a notebook, whatever matplotlib's settings."""
+
+    def _repr_html_(self) -> str:
+        """Return the player."""
+        return self.to_jshtml()
 
 
 def frames(seconds: float, fps: int) -> int:
@@ -86,9 +102,9 @@ def frames(seconds: float, fps: int) -> int:
     return count
 
 
-def film_file(file: str | Path) -> Path:
+def film_file(file: str | Path, *others: str) -> Path:
     """Return where a film goes. Raises as `film`, and before anything is drawn."""
-    target = ready(file, *IMAGES, *CODECS)
+    target = ready(file, *IMAGES, *CODECS, *others)
     ending = target.suffix.lower()
     if ending in CODECS and not FFMpegWriter.isAvailable():
         raise ValueError(

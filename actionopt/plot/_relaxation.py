@@ -14,13 +14,14 @@ from numpy.typing import ArrayLike
 from actionopt.analysis.solution import Solution
 from actionopt.discrete.path import Path
 from actionopt.plot import _style as style
-from actionopt.plot._film import FPS, Update, film_file, write
+from actionopt.plot._film import FPS, film_file, write
 from actionopt.plot._names import NONE, Units, label
 from actionopt.plot._strobe import faded
 from actionopt.plot.data.relaxation import Relaxation, relaxation_data
 from actionopt.tools.types import Array
 
 SIZE = (9.6, 5.4)  # inches
+LEAST = 3.0  # seconds of a film, ad hoc
 SHOWN, FAINTEST = 14, 0.15  # paths shown together, and how strong the first of them is
 FIRST: Any = {"color": style.PALE, "linewidth": 1.4}
 NOW: Any = {"color": style.BLUE, "linewidth": 4.0, "zorder": 3.5}  # the true path shows upon it
@@ -76,18 +77,29 @@ def relaxation_film(
     fps: int = FPS,
     units: Units = NONE,
 ) -> None:
-    """Write the relaxation to a film, one step a frame; files and what is raised as in `film`."""
+    """Write the relaxation to a film, one step a frame; files and what is raised as in `film`.
+
+    One that runs away takes few steps, and is slowed down to `LEAST` seconds.
+    """
     film_file(file)
     data, at = relaxation_data(solution, start, method=method), style.shown(solution, coordinate)
     figure, update = _reel(solution, data, at, units)
-    write(figure, update, len(data.action), file, fps)
+    steps, count = len(data.action) - 1, frame_count(data, fps)
+    write(figure, lambda k: update(k * steps / max(1, count - 1)), count, file, fps)
+
+
+def frame_count(data: Relaxation, fps: int) -> int:
+    """Return the number of frames: of steps, but for a path that runs away not too few."""
+    steps = len(data.action)
+    away = not data.arrived and data.action[-1] < data.target_action
+    return max(steps, round(LEAST * fps)) if away else steps
 
 
 @style.styled
 def _reel(
     solution: Solution, data: Relaxation, at: int | None, units: Units
-) -> tuple[Figure, Update]:
-    """Return a figure, and the function that turns it to the k-th step."""
+) -> tuple[Figure, Callable[[float], None]]:
+    """Return a figure, and the function that turns it to a step, or between two."""
     names = solution.problem.system.coordinates
     figure = Figure(SIZE, layout="constrained")
     panels = _panels(figure)
@@ -100,12 +112,18 @@ def _reel(
     _prepare(panels, solution, data, at, units)
     style.freeze_layout(figure)
 
-    def update(k: int) -> None:
-        now = style.traces(names, data.t, data.paths[k], at)
+    def update(step: float) -> None:
+        k = min(int(step), len(data.action) - 2) if len(data.action) > 1 else 0
+        share, after = step - k, min(k + 1, len(data.action) - 1)
+
+        def between(values: Array) -> Any:
+            return (1 - share) * values[k] + share * values[after]
+
+        now = style.traces(names, data.t, between(data.paths), at)
         for line, (x, y, _) in zip(lines, now, strict=True):
             line.set_data(x, y)
         for dot, values in zip(dots, curves, strict=True):
-            dot.set_data([k], [values[k]])
+            dot.set_data([step], [between(values)])
 
     return figure, update
 

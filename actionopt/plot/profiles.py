@@ -54,6 +54,37 @@ def profiles(
 
 
 @style.styled
+def dial(
+    found: Mapping[str, tuple[Array, Array, Array]], *, ax: Any = None, xlabel: str = ""
+) -> Any:
+    """Draw what solvers cost along a parameter: filled where the answer is right.
+
+    Parameters
+    ----------
+    found : mapping of str to (values, costs, right)
+        Of each solver, at each value it gave an answer at; `right` are booleans.
+    ax : matplotlib Axes, optional
+    xlabel : str
+        What the values are.
+
+    Returns
+    -------
+    Axes
+    """
+    if ax is None:
+        ax = Figure(layout="constrained").add_subplot()
+    for i, (name, (values, costs, right)) in enumerate(found.items()):
+        strand = style.strand(i)
+        (line,) = ax.plot(values, costs, label=name, **strand)
+        for mine, face in ((right, line.get_color()), (~right, "none")):
+            ax.plot(values[mine], costs[mine], "o", mfc=face, mec=line.get_color(), ls="none")
+    ax.set(yscale="log", ylabel="gradients evaluated")
+    ax.set_xlabel(xlabel)
+    ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    return ax
+
+
+@style.styled
 def save(ax: Any, file: str | Path) -> None:
     """Write the figure of `ax`; the same data give the same file, with its words as text."""
     with rc_context({"svg.fonttype": "none"}), whole(file) as part:

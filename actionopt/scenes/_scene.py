@@ -1,9 +1,10 @@
 """What a scene is, what can be known exactly about one, and how its file says both.
 
 A scene's file has a docstring with a sketch, `TITLE` and `SOURCE` (one line each: what it is, and
-the section, page or equation it is taken from), `WORDS` for its page, `lagrangian`, `constraint`
-and `force` if it has them, and `scene`. The signature of `scene` has the names and defaults of all
-parameters, those of the system among them; called with numbers, it returns a `Setup`.
+the section, page or equation it is taken from), `WORDS` for its page, `lagrangian` or, of a
+geodesic, `length`, `constraint` and `force` if it has them, and `scene`. The signature of `scene`
+has the names and defaults of all parameters, those of the system among them; called with numbers,
+it returns a `Setup`.
 """
 
 from __future__ import annotations
@@ -231,9 +232,13 @@ def system(file: ModuleType, coordinates: tuple[str, ...]) -> System:
     """Return the system of a scene's file, derived once for each set of coordinates."""
     roles = ("lagrangian", "constraint", "force")
     laws = {role: getattr(file, role) for role in roles if hasattr(file, role)}
-    named = {name for law in laws.values() for name in inspect.signature(law).parameters}
+    measure = getattr(file, "length", None)
+    everything = [*laws.values(), *([measure] if measure else [])]
+    named = {name for law in everything for name in inspect.signature(law).parameters}
     values = {name: x for name, x in parameters(file.scene).items() if name in named}
     name = file.__name__.rpartition(".")[2]
+    if measure:
+        return System.geodesic(measure, coordinates, parameters=values, name=name, **laws)
     return System(coordinates=coordinates, parameters=values, name=name, **laws)
 
 

@@ -9,8 +9,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import casadi as ca
 import numpy as np
 
+from actionopt.mechanics.expressions import Expressions
+from actionopt.mechanics.tracing import column
 from actionopt.tools.types import Array
 
 Point = Sequence[float] | Array
@@ -28,7 +31,8 @@ class Shape:
         "body", a point mass; "rod", a rigid polyline; "spring", a spring between two points;
         "ground", scenery: a surface, a wall, an axis, a centre of force.
     points : (2, P) or (3, P) array
-        Its P points in the scene's unit of length; P is 1 for a body and 2 for a spring.
+        Its P points in the scene's unit of length; P is 1 for a body and 2 for a spring. Of a
+        `draw` that is traced, expressions.
 
     Raises
     ------
@@ -40,7 +44,8 @@ class Shape:
     points: Array
 
     def __post_init__(self) -> None:
-        points = np.asarray(self.points, dtype=float)
+        traced = isinstance(self.points, Expressions)
+        points = self.points if traced else np.asarray(self.points, dtype=float)
         count = {"body": 1, "spring": 2}.get(self.kind, points.shape[-1] if points.ndim else 0)
         if self.kind not in KINDS or points.shape not in ((2, count), (3, count)):
             raise ValueError(
@@ -86,13 +91,15 @@ def project(points: Array) -> Array:
     """
     if points.shape[-2] == 2:
         return points
-    x, y, z = np.moveaxis(points, -2, 0)
+    x, y, z = points if isinstance(points, Expressions) else np.moveaxis(points, -2, 0)
     return np.stack([x, z + BACK * y], axis=-2)
 
 
 def _columns(*points: Point) -> Array:
     """Return the points as columns, (2, P) or (3, P)."""
     try:
+        if any(isinstance(x, Expressions) for p in points for x in (p, *p)):
+            return _traced(points)  # type: ignore[return-value]
         rows = [np.asarray(p, dtype=float).ravel() for p in points]
         if {row.size for row in rows} not in ({2}, {3}):
             raise ValueError
@@ -102,3 +109,11 @@ def _columns(*points: Point) -> Array:
             "expected points (x, y) in the plane or (x, y, z) in space, found "
             f"{', '.join(map(repr, points)) or 'none'}"
         ) from error
+
+
+def _traced(points: tuple[Point, ...]) -> Expressions:
+    """Return the points of a `draw` that is traced, as columns, (2, P) or (3, P)."""
+    rows = [column(p if isinstance(p, Expressions) else list(p), "draw") for p in points]
+    if {row.numel() for row in rows} not in ({2}, {3}):
+        raise ValueError
+    return Expressions(ca.horzcat(*rows), 2)

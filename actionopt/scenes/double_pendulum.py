@@ -76,8 +76,8 @@ def scene(
         return kinetic + coupling - (m1 + m2) * g * l1 * np.cos(a) - m2 * g * l2 * np.cos(b)
 
     def draw(q, t):
-        joint = l1 * np.array([np.sin(q[0]), -np.cos(q[0])])
-        tip = joint + l2 * np.array([np.sin(q[1]), -np.cos(q[1])])
+        joint = l1 * np.stack([np.sin(q[0]), -np.cos(q[0])])
+        tip = joint + l2 * np.stack([np.sin(q[1]), -np.cos(q[1])])
         return [ground((0.0, 0.0)), rod((0.0, 0.0), joint, tip), body(joint), body(tip)]
 
     return Setup(

@@ -78,9 +78,9 @@ def scene(*, I1=0.005, I3=0.002, m=0.5, l=0.08, g=9.81, theta=1.0, precession=2.
 
     def draw(q, t):  # a disc with a mark that shows its spin
         (phi, tilt, psi), turn = q, np.linspace(0, 2 * np.pi, 41)
-        axis = np.array([np.sin(tilt) * np.cos(phi), np.sin(tilt) * np.sin(phi), np.cos(tilt)])
-        down = np.array([np.cos(tilt) * np.cos(phi), np.cos(tilt) * np.sin(phi), -np.sin(tilt)])
-        level = np.array([-np.sin(phi), np.cos(phi), 0.0])
+        axis = np.stack([np.sin(tilt) * np.cos(phi), np.sin(tilt) * np.sin(phi), np.cos(tilt)])
+        down = np.stack([np.cos(tilt) * np.cos(phi), np.cos(tilt) * np.sin(phi), -np.sin(tilt)])
+        level = np.stack([-np.sin(phi), np.cos(phi), 0.0])
 
         def place(angle):
             return l * (axis + DISC * (np.cos(angle) * down + np.sin(angle) * level))

@@ -67,7 +67,7 @@ def scene(*, m=1.0, R=0.2, inertia=0.5, angle=0.3, g=9.81, start=0.0, end=1.0, d
     def draw(q, t):
         c, s = np.cos(angle), np.sin(angle)
         center = q[0] * np.array([c, -s])
-        spoke = R * np.array([np.sin(q[1]), np.cos(q[1])])
+        spoke = R * np.stack([np.sin(q[1]), np.cos(q[1])])
         foot = -R * np.array([s, c])
         far = 1.2 * max(abs(start), abs(end)) * np.array([c, -s])
         slope = ground(foot - far / 4, foot + far)

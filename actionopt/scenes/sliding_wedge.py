@@ -65,7 +65,7 @@ def scene(*, m=1.0, M=2.0, angle=0.5, g=9.81, start=(0.0, 0.0), end=(-0.3, 1.5),
 
     def draw(q, t):
         x, s = q
-        top = np.array([x, base * np.tan(angle)])
+        top = np.stack([x, base * np.tan(angle)])
         wedge = rod((x, 0.0), top, (x + base, 0.0), (x, 0.0))
         return [ground((left, 0.0), (right, 0.0)), wedge, body(top + s * slope)]
 

@@ -54,7 +54,7 @@ def scene(twin, *, m, w, start, end, duration):
         ["r"],
         T,
         ends=([start], [end]),
-        draw=lambda q, t: twin.draw(q[0] * np.array([np.cos(w * t), np.sin(w * t)]), t),
+        draw=lambda q, t: twin.draw(q[0] * np.stack([np.cos(w * t), np.sin(w * t)]), t),
         kinetic=lambda q, v, t: m * (v[0] ** 2 + (w * q[0]) ** 2) / 2,
         exact=curve(lambda t: [distance(t)]),
         facts=Facts(

@@ -77,8 +77,8 @@ def refine(ws: Workspace, tol: float, *, least: bool) -> Status:
             return _failed(ws)
         if resolved:
             continue
-        here, worst = ws.here, ws.here.resolution.worst
-        rounded = worst < MEASURABLE or here.gain * worst < here.noise
+        here, worst, expected = ws.here, ws.here.resolution.worst, ws.here.resolution.expected
+        rounded = expected < MEASURABLE or here.gain * expected < here.noise
         if rounded and SAFETY * here.noise > tol:
             return Status.DEGENERATE if here.noise > UNDETERMINED else Status.FLOOR
         stalled = stalled + 1 if worst > before.worst / 2 else 0

@@ -335,8 +335,8 @@ class Workspace:
 
         def passable(z: Array) -> float:
             """Return how far a path may be from stationary that goes on to another mesh."""
-            worst = here.moved(z).resolution.worst
-            return PASSABLE * worst if SAFETY * here.gain * worst > self.tol else 0.0
+            left = here.moved(z).resolution.expected
+            return PASSABLE * left if SAFETY * here.gain * left > self.tol else 0.0
 
         with self.record.clock("solve"):
             result = follow(
@@ -382,8 +382,8 @@ class Workspace:
         here = self.here
         # In the sizes of the old path, in which its omitted coefficients are.
         change, gain = float(np.max(np.abs(self._change(first, old)) / old.sizes)), here.gain
-        if old.resolution.worst > MEASURABLE:
-            left = old.resolution.worst
+        if old.resolution.expected > MEASURABLE:
+            left = old.resolution.expected
             if change > UNLIKELY * left and not self.problem.system.structure.steady:
                 with suppress(np.linalg.LinAlgError):  # what was not seen moves the path as well
                     factors = Factors(old.tr.layout, old.tr.kkt(old.z))

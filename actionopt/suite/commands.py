@@ -9,6 +9,7 @@ from typing import Any
 from actionopt import suite
 from actionopt.suite import runner, solvers
 from actionopt.suite.cell import Cell
+from actionopt.suite.dials import DIALS
 from actionopt.suite.verdict import MODES, meaning, verdict
 from actionopt.tools.progress import progress
 from actionopt.tools.table import print_table
@@ -21,7 +22,10 @@ file, its version or the problem's numbers are others, or what was too short is 
 
   actionopt suite run --solver ipopt --solver sqpmethod --solver scipy:SLSQP
   actionopt suite run --solver mine.py:solve --problem kepler --set eccentricity=0.5 --set decades=4
+  actionopt suite run --solver ipopt --solver uno --dial eccentricity
   actionopt suite report --output results.jsonl --to report
+
+The dials are {", ".join(DIALS)}: a parameter of a family from easy to hard.
 
 {solvers.OWN}
 """
@@ -75,6 +79,7 @@ def add_to(parser: argparse.ArgumentParser) -> None:
     command.set_defaults(run=run)
     add = command.add_argument
     add("--solver", action="append", required=True, help="a solver; may be repeated")
+    add("--dial", action="append", default=[], choices=DIALS, help="the members of a dial instead")
     add("--start", help="starting point: guess, straight, perturbed, coarse or near")
     add("--seconds", type=float, default=60.0, help="wall time of one run (60)")
     add("--memory", type=float, default=8.0, help="memory of one run, GiB (8)")
@@ -169,7 +174,7 @@ def run(options: argparse.Namespace) -> int:
     """
     for solver in options.solver:
         solvers.check(solver)
-    cells = [
+    cells = _on_dials(options) or [
         Cell(
             solver,
             name,
@@ -205,6 +210,24 @@ def run(options: argparse.Namespace) -> int:
     for solver, trace in mistakes.items():
         print(f"{solver} has a mistake:\n{trace}", file=sys.stderr)
     return 1 if mistakes else 0
+
+
+def _on_dials(options: argparse.Namespace) -> list[Cell]:
+    """Return the cells of the dials that were asked for."""
+    return [
+        Cell(
+            solver,
+            dial.family,
+            dial.elements,
+            dial.degree,
+            dial.start,
+            {dial.parameter: value},
+            options.repeats,
+        )
+        for dial in map(DIALS.__getitem__, options.dial)
+        for value in dial.values
+        for solver in options.solver
+    ]
 
 
 def show_record(done: int, total: int, record: dict[str, Any]) -> None:

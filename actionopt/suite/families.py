@@ -23,6 +23,7 @@ from __future__ import annotations
 
 import functools
 import importlib
+import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -32,7 +33,9 @@ import numpy as np
 from actionopt import scenes
 from actionopt.mechanics.problem import Event, Problem
 from actionopt.mechanics.system import System
+from actionopt.mechanics.tracing import suggestion
 from actionopt.scenes import Facts, Scene
+from actionopt.suite import obstacles
 from actionopt.suite.limits import UNLIMITED, Limits
 from actionopt.tools.types import Array
 
@@ -66,6 +69,12 @@ class Family:
         The default starting point, where it is not the scene's guess or the straight line.
     limits : Limits
         Bounds of coordinates and constraint functions.
+    why : str
+        Why Ipopt with its defaults takes more than fifty iterations, or fails, where it does so.
+    made : callable, optional
+        Of the family's name and parameters: its own scene, where `scenes` has none.
+    once : mapping
+        Parameters with which that states each row once.
     """
 
     name: str
@@ -80,18 +89,32 @@ class Family:
     decades: float = 0.0
     start: str = ""
     limits: Limits = UNLIMITED
+    why: str = ""
+    made: Callable[..., Scene] | None = None
+    once: Mapping[str, Any] = field(default_factory=dict)
 
     def build(self, **parameters: Any) -> Scene:
         """Return the scene, changed as this family has it.
 
         Raises ValueError for a parameter the scene does not have or values it refuses.
         """
-        scene = scenes.get(self.scene, **{**self.parameters, **parameters})
+        scene = self._scene({**self.parameters, **parameters})
         return self.change(scene) if self.change else scene
 
     def plain(self, **parameters: Any) -> Scene:
-        """Return the scene before the change."""
-        return scenes.get(self.scene, **{**self.parameters, **parameters})
+        """Return the scene before the change, its rows stated once."""
+        return self._scene({**self.parameters, **parameters, **self.once})
+
+    def _scene(self, parameters: dict[str, Any]) -> Scene:
+        if self.made is None:
+            return scenes.get(self.scene, **parameters)
+        known = inspect.signature(self.made).parameters
+        for name in parameters:
+            if name not in known:
+                raise ValueError(
+                    f"unknown parameter {name!r} of {self.name}{suggestion(name, tuple(known)[1:])}"
+                )
+        return self.made(self.name, **parameters)
 
 
 # -- changes ---------------------------------------------------------------------------------
@@ -169,14 +192,20 @@ MESHES = {  # elements and degree where 8 of degree 4 are too few
     **dict.fromkeys(("two_body", "hoop_bead", "heavy_top"), (8, 6)),
 }
 STEADY = "steady motion"  # the straight line is the path: nobody may start there
+CYCLIC = "two angles hardly enter: f is nearly flat along them, and falls in other directions"
+TURNS = (
+    "so long a time has many paths, and between them minima that are none: on the way most "
+    "Hessians have many negative eigenvalues"
+)
 OWN = {
     "inverted_cone": {"tags": (STEADY,), "start": "perturbed"},
-    "heavy_top": {"tags": (STEADY, "several optima"), "start": "perturbed"},
+    "heavy_top": {"tags": (STEADY, "several optima"), "start": "perturbed", "why": CYCLIC},
     "hoop_bead": {"tags": ("several optima",), "bends": ((1.5,), (-1.5,))},
 }
 EASY = tuple(Family(name, name, *MESHES.get(name, ()), **OWN.get(name, {})) for name in PLAIN)
 
 SEVERAL = ("several optima",)
+MANY = ("many turns",)
 PAST = ("unbounded below", "saddle only")
 UNITS = ("badly scaled units",)
 DECADES = 8.0
@@ -228,6 +257,7 @@ HARD = (
         4,
         {"m": 1.67e-27, "k": 500.0, "start": 1e-11, "end": 5e-12, "duration": 4e-15},
         (*UNITS, "absolute tolerances"),
+        why="all derivatives are below its absolute tolerances at the start already",
     ),
     Family(
         "kepler_planet",
@@ -278,6 +308,7 @@ HARD = (
         10,
         {"eccentricity": 0.95, "start": -0.2},
         ("coordinate singularity", "near collision"),
+        why="a step takes r through zero, where f falls without bound",
     ),
     Family(
         "kepler_spherical_singular",
@@ -341,10 +372,105 @@ HARD = (
         bends=((0.0, 0.0), (4.0, 0.0), (-4.0, 0.0)),
     ),
     Family("chain", "chain", 8, 6, tags=SEVERAL),
-    Family("chain_long", "chain", 6, 6, {"links": 20}, (*SEVERAL, "many constraints")),
+    Family(
+        "chain_long",
+        "chain",
+        6,
+        6,
+        {"links": 20},
+        (*SEVERAL, "many constraints"),
+        why="minima far from the path, along which the Hessian has 129 negative eigenvalues",
+    ),
+    Family("pendulum_turns", "pendulum", 48, 8, {"duration": 18.0}, MANY, why=TURNS),
+    Family("rod_pendulum_turns", "rod_pendulum", 24, 8, {"duration": 8.0}, MANY, why=TURNS),
+    Family("polar_pendulum_turns", "polar_pendulum", 32, 8, {"duration": 12.0}, MANY, why=TURNS),
+    Family("moving_pivot_turns", "moving_pivot", 24, 8, {"duration": 12.0}, MANY, why=TURNS),
+    Family(
+        "inverted_cone_turns",
+        "inverted_cone",
+        24,
+        8,
+        {"duration": 8.0},
+        (*MANY, STEADY),
+        start="perturbed",
+        why=TURNS,
+    ),
+    Family(
+        "heavy_top_turns",
+        "heavy_top",
+        16,
+        6,
+        {"duration": 0.8},
+        (*MANY, STEADY),
+        start="perturbed",
+        why=f"{CYCLIC}; {TURNS}",
+    ),
 )
 
-FAMILIES: dict[str, Family] = {family.name: family for family in (*EASY, *SCALED, *HARD)}
+# With inequalities: unilateral contact, whose times and multipliers the scenes have in closed form
+# or from a solve that is accurate to round-off.
+UNILATERAL, WEAK = ("unilateral contact",), ("unilateral contact", "weak complementarity")
+GRAZING = {"extra": 0.0, "lower": 1.0}  # at a node, in the middle
+FLOOR = Limits(coordinates=[(0.0, np.inf)])
+CONTACT = tuple(
+    Family(
+        name,
+        name,
+        elements,
+        4,
+        parameters,
+        tags,
+        bends=((0.0, 3.0), (0.0, -3.0)) if name.startswith("disc") else (),
+        start="perturbed" if STEADY in tags else "",
+        limits=FLOOR if "bounds on coordinates" in tags else UNLIMITED,
+        made=made,
+        once=once,
+    )
+    for name, made, elements, parameters, tags, once in (
+        ("string_floor", obstacles.string_on_floor, 12, {"extra": 2.0}, UNILATERAL, {}),
+        (
+            "string_floor_bounds",
+            obstacles.string_on_floor,
+            12,
+            {"extra": 2.0},
+            (*UNILATERAL, "bounds on coordinates"),
+            {},
+        ),
+        ("string_grazing", obstacles.string_on_floor, 12, GRAZING, WEAK, {}),
+        (
+            "string_floor_twice",
+            obstacles.string_on_floor,
+            12,
+            {"extra": 2.0, "twice": True},
+            (*UNILATERAL, "LICQ fails"),
+            {"twice": False},
+        ),
+        ("string_bump", obstacles.string_over_bump, 12, {}, UNILATERAL, {}),
+        ("string_waves", obstacles.oscillating_floor, 24, {}, UNILATERAL, {}),
+        ("wall_straight", obstacles.along_wall, 8, {}, (*WEAK, STEADY), {}),
+        (
+            "wall_both_sides",
+            obstacles.along_wall,
+            8,
+            {"both": True},
+            (*WEAK, "MFCQ fails", STEADY),
+            {"both": False},
+        ),
+        ("disc", obstacles.round_discs, 16, {}, UNILATERAL, {}),
+        (
+            "discs",
+            obstacles.round_discs,
+            24,
+            {"centres": ((-1.5, 0.3), (1.5, -0.2)), "ends": ((-3.5, 0), (3.5, 0))},
+            UNILATERAL,
+            {},
+        ),
+        ("ball", obstacles.round_ball, 16, {}, UNILATERAL, {}),
+        ("rod_floor", obstacles.links_on_floor, 16, {}, UNILATERAL, {}),
+    )
+)
+
+FAMILIES: dict[str, Family] = {family.name: family for family in (*EASY, *SCALED, *HARD, *CONTACT)}
 
 
 def sample(curve: Callable[[Array], Any], t: Array, n: int) -> Array:

@@ -11,8 +11,10 @@ import numpy as np
 
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.transcription import Transcription
-from actionopt.suite import known
+from actionopt.mechanics.held import Held
+from actionopt.suite import active_set, known
 from actionopt.suite.families import STEADY, Family, sample
+from actionopt.suite.limits import EQUAL, UNLIMITED, Limits
 from actionopt.suite.program import Program
 from actionopt.suite.stars import (
     Continuous,
@@ -98,7 +100,12 @@ class TestProblem(Program):
                 "two units are to be numbers still"
             )
         mesh = Mesh.uniform(asked.start.t, asked.end.t, int(elements), degree)
-        super().__init__(Transcription(asked, mesh, asked.scales), float(decades), family.limits)
+        limits, r = family.limits, asked.system.r
+        if r and limits is UNLIMITED:
+            limits = Limits(constraints=[EQUAL] * asked.system.m + [(0.0, np.inf)] * r)
+        rows = r and not limits.coordinates  # else they are bounds
+        tr = Transcription(Held(asked) if rows else asked, mesh, asked.scales)
+        super().__init__(tr, float(decades), limits)
 
     def __repr__(self) -> str:
         """Show the name, the class and the size."""
@@ -193,7 +200,7 @@ class TestProblem(Program):
     @cached_property
     def continuous(self) -> Continuous:
         """The path of the continuous problem: what the discrete optimum tends to."""
-        scene = self.family.plain(**self.parameters) if self._redundant else self.scene
+        scene = self.family.plain(**self.parameters) if self._stated_again else self.scene
         return continuous(scene, self.family.waypoints)
 
     @property
@@ -201,12 +208,21 @@ class TestProblem(Program):
         return "redundant constraints" in self.tags
 
     @property
+    def _stated_again(self) -> bool:
+        return self._redundant or bool(self.family.once)
+
+    @property
+    def _held(self) -> bool:
+        """Whether rows are inequalities of an obstacle."""
+        return self.scene.problem.system.r > 0
+
+    @property
     def _plain(self) -> Transcription:
         """The discrete problem with each constraint stated once: its KKT matrix is regular."""
-        if not self._redundant:
+        if not self._stated_again and not (self._held and self.limits.coordinates):
             return self.transcription
         asked = self.family.plain(**self.parameters).problem
-        return Transcription(asked, self.mesh, asked.scales)
+        return Transcription(Held(asked) if self._held else asked, self.mesh, asked.scales)
 
     @property
     def path(self) -> Array:
@@ -235,6 +251,8 @@ class TestProblem(Program):
 
     @cached_property
     def _nearest_the_path(self) -> Star:
+        if self._held:
+            return active_set.from_path(self._plain, self.continuous.path)
         return star(self._plain, self.continuous.path, polish=not self.scene.facts.flat)
 
     @property
@@ -262,7 +280,7 @@ class TestProblem(Program):
         plain = self._plain
         _, lam = plain.unpack(self.star.z)
         layout = self.transcription.layout
-        lam = np.pad(lam, ((0, 0), (0, self.scene.problem.system.m - lam.shape[1])))
+        lam = np.pad(lam, ((0, 0), (0, max(layout.system.m - lam.shape[1], 0))))
         return lam[layout.row_node, layout.row_constraint]
 
     @cached_property
@@ -289,6 +307,9 @@ class TestProblem(Program):
     @cached_property
     def others(self) -> tuple[Stationary, ...]:
         """Other stationary points that are known; the linear ones have none."""
+        if self._held:
+            found = active_set.others(self._plain, self.scene, self.family.bends, self.star)
+            return tuple(map(self._stationary, found))
         if self.scene.problem.system.structure.linear:
             return ()
         points = () if self.parameters else known.points(self.name, self)
@@ -343,7 +364,8 @@ class TestProblem(Program):
 
         None if there is none.
         """
-        found = nearest(self._plain, self._scaled(x), reach)
+        near = active_set.nearest if self._held else nearest
+        found = near(self._plain, self._scaled(x), reach)
         return None if found is None else self._stationary(found)
 
     def violation(self, x: Array) -> float:
@@ -385,5 +407,12 @@ class TestProblem(Program):
         """
         tr = self.transcription
         scaled = self._scaled(x)
+        if self._held:
+            if lam is None or self.limits.coordinates:
+                tr = self._plain
+                mu = active_set.fitted(tr, scaled)
+            else:
+                mu = np.asarray(lam) / tr.mu_unit
+            return active_set.residual(tr, np.concatenate([scaled, mu]))
         mu = least_multipliers(tr, scaled) if lam is None else np.asarray(lam) / tr.mu_unit
         return relative_residual(tr, np.concatenate([scaled, mu]))

@@ -8,27 +8,30 @@ from pathlib import Path, PurePath
 from statistics import median
 from typing import Any
 
-from actionopt.suite import FAMILIES, profile
+from actionopt.suite import FAMILIES, dial_report, profile
+from actionopt.suite.dial_report import on_a_dial
+from actionopt.suite.dials import DIALS
 from actionopt.suite.runner import Limits, tally
 from actionopt.suite.solvers import CHANGED, counted
 from actionopt.suite.verdict import ACCURACIES, MODES, UNSCORED, meaning, verdict
 from actionopt.tools.files import write as write_file
 
+STYLE = """
+body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto }
+div { overflow-x: auto }
+table { border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums }
+pre { overflow-x: auto }
+th, td { padding: 0.2rem 0.7rem; border-bottom: 1px solid #ddd; text-align: right }
+th:first-child, td:first-child { text-align: left }
+img { max-width: 100% }
+.right { color: #007a5a } .wrong { color: #b84a00; font-weight: bold }
+"""
 PAGE = """\
 <!doctype html>
 <html lang="en">
 <meta charset="utf-8">
 <title>Solvers on stationary-action problems</title>
-<style>
-body {{ font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto }}
-div {{ overflow-x: auto }}
-table {{ border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums }}
-pre {{ overflow-x: auto }}
-th, td {{ padding: 0.2rem 0.7rem; border-bottom: 1px solid #ddd; text-align: right }}
-th:first-child, td:first-child {{ text-align: left }}
-img {{ max-width: 100% }}
-.right {{ color: #007a5a }} .wrong {{ color: #b84a00; font-weight: bold }}
-</style>
+<style>{style}</style>
 <h1>Solvers on stationary-action problems</h1>
 <p>{cells} runs: {solvers} solvers on {problems} problems, {dates}, {machines}; {packages}. Every
 solver has its own default options{changed}. Two questions are put to each answer: whether it is
@@ -51,7 +54,7 @@ SciPy's solvers are called from Python, and take longer.</p>
 {versions}
 <h2>Problem by problem</h2>
 {matrices}
-{unknown}{mistakes}<p>Made by</p>
+{unknown}{mistakes}{dials}<p>Made by</p>
 <pre>{commands}</pre>
 </html>
 """
@@ -91,6 +94,7 @@ def write(records: Records, directory: str | Path) -> Path:
     records = _in_order([{**r, "solver": _short(r["solver"])} for r in latest.values()])
     folder = Path(directory)
     folder.mkdir(parents=True, exist_ok=True)
+    every, records = records, [r for r in records if not on_a_dial(r)] or records
     ran = [r for r in records if r["outcome"] != "absent"]
     tables = {tau: profile.evaluations_per_unknown(ran, tau) for tau in profile.TAUS}
     data = [
@@ -104,6 +108,8 @@ def write(records: Records, directory: str | Path) -> Path:
     ]
     page = folder / "index.html"
     text = PAGE.format(
+        style=STYLE,
+        dials=_dials(every, folder),
         cells=len(records),
         solvers=len({r["solver"] for r in records}),
         problems=len({profile.asked(r) for r in records}),
@@ -124,10 +130,18 @@ def write(records: Records, directory: str | Path) -> Path:
         matrices="\n".join(f"<h3>{VERBS[mode]}</h3>{_matrix(records, mode)}" for mode in MODES),
         unknown=_unknown(records),
         mistakes=_mistakes(records),
-        commands=_commands(records),
+        commands=_commands(every),
     )
     write_file(page, text)
     return page
+
+
+def _dials(records: Records, folder: Path) -> str:
+    if not any(map(on_a_dial, records)):
+        return ""
+    page = dial_report.write(records, folder, STYLE, table)
+    link = f'<a href="{page.name}">along the dials</a>'
+    return f"<p>Families from easy to hard, and where solvers differ: {link}.</p>"
 
 
 def _in_order(records: Records) -> Records:
@@ -192,6 +206,7 @@ def _commands(records: Records) -> str:
     """Return the commands that make these records, and the report."""
     groups: dict[tuple[str, ...], dict[str, list[str]]] = {}
     for r in records:
+        dial = next((d.name for d in DIALS.values() if d.value(r) is not None), "")
         family = FAMILIES.get(r["problem"])
         options = [
             f"--{name} {r[name]}"
@@ -201,6 +216,8 @@ def _commands(records: Records) -> str:
         if "start" in r and r["start"] != r.get("own_start", r["start"]):
             options.append(f"--start {r['start']}")
         options += [f"--set {k}={v}" for k, v in r.get("parameters", {}).items()]
+        if dial:
+            options = [f"--dial '{dial}'"]
         for name, value, usual in (
             ("repeats", r.get("repeats", REPEATS), REPEATS),
             ("seconds", r.get("allowed", LIMITS.seconds), LIMITS.seconds),
@@ -216,7 +233,8 @@ def _commands(records: Records) -> str:
             alike.setdefault(tuple(sorted(set(problems))), []).append(solver)
         for problems, names in alike.items():
             every = set(problems) == set(FAMILIES)
-            chosen = [] if every else [f"--problem {name}" for name in problems]
+            dialled = any(option.startswith("--dial") for option in options)
+            chosen = [] if every or dialled else [f"--problem {name}" for name in problems]
             words = [*(f"--solver {name}" for name in names), *options, *chosen]
             lines.append(" \\\n  ".join(["actionopt suite run", *words]))
     return escape("\n".join([*lines, "actionopt suite report --to DIRECTORY"]))
@@ -230,7 +248,7 @@ def _verdicts(records: Records, mode: str) -> str:
         exact = sum(verdict(r, mode, tight) == "right" for r in mine)
         counts = [str(found.count(name)) for name in names]
         rows.append([solver, f"{counts[0]} ({exact})", *counts[1:]])
-    return _html(["solver", *names], rows)
+    return table(["solver", *names], rows)
 
 
 def _classes(records: Records, mode: str) -> str:
@@ -242,7 +260,7 @@ def _classes(records: Records, mode: str) -> str:
         kinds = [(letters.get(profile.asked(r)), verdict(r, mode) == "right") for r in scored]
         counts = ([right for kind, right in kinds if kind == wanted] for wanted in classes)
         rows.append([solver, *(f"{sum(c)} / {len(c)}" for c in counts)])
-    return _html(["solver", *classes], rows)
+    return table(["solver", *classes], rows)
 
 
 def _evaluations(records: Records) -> str:
@@ -255,7 +273,7 @@ def _evaluations(records: Records) -> str:
             shown = [f"{c:.0f}" for c in counts] if counted(solver) else cells[:-1]
             cells = [*shown, f"{median(r['seconds'] for r in mine):.2g}"]
         rows.append([solver, *cells])
-    return _html(["solver", *COUNTED, "seconds"], rows)
+    return table(["solver", *COUNTED, "seconds"], rows)
 
 
 def _versions(records: Records) -> str:
@@ -265,7 +283,7 @@ def _versions(records: Records) -> str:
         rows.append(
             [solver, "; ".join(sorted({r.get("content", "") for r in mine})), f"{least:g} s"]
         )
-    return _html(["solver", "version", "time allowed"], rows)
+    return table(["solver", "version", "time allowed"], rows)
 
 
 def _by_solver(records: Records) -> dict[str, list[Mapping[str, Any]]]:
@@ -296,7 +314,7 @@ def _matrix(records: Records, mode: str) -> str:
             ", ".join(family.tags if family else ()),
         ]
         rows.append([name, *facts, *(found.get((where, solver), "") for solver in names)])
-    return _html(["problem", "class", "mesh", "start", "f*", "", *names], rows)
+    return table(["problem", "class", "mesh", "start", "f*", "", *names], rows)
 
 
 def _unknown(records: Records) -> str:
@@ -314,8 +332,8 @@ def _unknown(records: Records) -> str:
         ]
         for r in found
     )
-    table = _html(["problem", "solver", "f", "f*", "index"], rows)
-    return f"<h2>Stationary points that were not known</h2>{table}"
+    shown = table(["problem", "solver", "f", "f*", "index"], rows)
+    return f"<h2>Stationary points that were not known</h2>{shown}"
 
 
 def _mistakes(records: Records) -> str:
@@ -326,7 +344,8 @@ def _mistakes(records: Records) -> str:
     return f"<h2>Mistakes in solvers' files</h2>{''.join(texts)}"
 
 
-def _html(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return a table in HTML."""
     lines = ["<div><table>", f"<tr>{''.join(f'<th>{escape(cell)}</th>' for cell in head)}</tr>"]
     for row in rows:
         lines.append(f"<tr>{''.join(map(_cell, row))}</tr>")

@@ -199,10 +199,10 @@ def others(
 
     for bend in bends:
         try:
-            keep(star(tr, solve(scene.problem, tol=1e-10, guess=_bent(tr, bend))))
+            keep(star(tr, solve(scene.problem, tol=1e-10, guess=bent(tr, bend))))
         except (SolveError, ValueError):
             continue
-    for curve in (scene.guess, _bent(tr, (0.0,) * scene.problem.system.n)):
+    for curve in (scene.guess, bent(tr, (0.0,) * scene.problem.system.n)):
         if curve is None:
             continue
         Q = sample(curve, tr.mesh.nodes, scene.problem.system.n)
@@ -229,7 +229,7 @@ def _polished(tr: Transcription, z: Array) -> Star | None:
     return Star(followed.z, _index(tr, followed.z), 12)
 
 
-def _bent(tr: Transcription, bend: tuple[float, ...]) -> Callable[[Array], Array]:
+def bent(tr: Transcription, bend: tuple[float, ...]) -> Callable[[Array], Array]:
     """Return the straight line with half a sine wave added."""
     t0, T = tr.problem.start.t, tr.problem.duration
     line = tr.straight()

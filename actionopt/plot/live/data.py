@@ -26,13 +26,9 @@ CLOSE = 1e-10  # of S, and of how far S ranges on the way, where it cancels
 def data(problem: Problem, solution: Solution, units: Units = NONE) -> dict[str, Any]:
     """Return what the page needs to compute, for JSON.
 
-    Raises ValueError for a path that closes, and for a law that a page cannot compute.
+    Raises ValueError as `check` does.
     """
-    if isinstance(problem.end, Periodic):
-        raise ValueError(
-            "expected events that pin the ends or leave them free, found a path that closes: its "
-            "end follows its start; give the end event of one turn"
-        )
+    check(problem)
     system, names = problem.system, problem.system.coordinates
     found = resolved(problem, solution)
     mesh = found.mesh
@@ -70,6 +66,25 @@ def data(problem: Problem, solution: Solution, units: Units = NONE) -> dict[str,
         "pairs": planar(names),
         "units": {"time": units.time, "energy": units.energy, "action": units.action},
     }
+
+
+def check(problem: Problem) -> None:
+    """Raise ValueError for a question that a page cannot ask, or a law that it cannot compute."""
+    found = (
+        "a path that closes: its end follows its start; give the end event of one turn"
+        if isinstance(problem.end, Periodic)
+        else "an event at infinite time; give it a time"
+        if problem.is_infinite or problem.has_tails
+        else "an obstacle, which a path along it touches only in parts; leave it out"
+        if problem.system.r
+        else ""
+    )
+    if found:
+        raise ValueError(
+            "expected events at two times that pin the ends or leave them free, and nothing else "
+            f"for the path of a page to obey but constraints, found {found}"
+        )
+    law(problem.system)
 
 
 def resolved(problem: Problem, solution: Solution) -> Solution:

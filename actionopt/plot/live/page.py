@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -12,18 +12,17 @@ from actionopt import __version__
 from actionopt.analysis.solution import Solution
 from actionopt.mechanics.problem import Problem
 from actionopt.plot._names import NONE, SI, Units
-from actionopt.plot.live.data import data, written
-from actionopt.scenes import Scene, Shape
+from actionopt.plot.data.motion import Draw
+from actionopt.plot.live.data import check, data, written
+from actionopt.plot.live.drawing import drawing
+from actionopt.scenes import Scene
 from actionopt.solver.arguments import Guess
 from actionopt.solver.solve import solve
 from actionopt.tools.files import ready, write
-from actionopt.tools.types import Array
 
 STATIC = Path(__file__).parent / "static"
 SCRIPTS = ("action.js", "live.js")
 TOL = 1e-10  # of the path that the page has as its answer
-
-Draw = Callable[[Array, float], Sequence[Shape]]
 
 
 def page(
@@ -54,7 +53,8 @@ def page(
     Raises
     ------
     ValueError
-        For a path that closes, or a law that a page cannot compute.
+        For a path that closes, an event at infinite time, an obstacle, or a law that a page
+        cannot compute.
     SolveError
         If no path is found.
     OSError
@@ -79,6 +79,7 @@ def whole(
         draw, guess = draw or question.draw, question.guess if guess is None else guess
         units = SI if units is None else units
     units = NONE if units is None else units
+    check(problem)
     solution = solve(problem, tol=TOL, guess=guess)
     style, *scripts = (
         (STATIC / name).read_text(encoding="utf-8") for name in ("style.css", *SCRIPTS)
@@ -132,6 +133,8 @@ def figure(
     and with `arrows` the sum over paths is all that is. Raises ValueError as `data` does.
     """
     found: dict[str, Any] = {"name": name or problem.name, **data(problem, solution, units)}
+    if draw is not None:
+        found["picture"] = drawing(solution, draw)
     text = json.dumps(found, separators=(",", ":")).replace("</", "<\\/")
     words = f"\n<figcaption>{caption}</figcaption>" if caption else ""
     looks = " data-show" * shown + " data-sum" * arrows
@@ -156,4 +159,4 @@ def _sentence(problem: Problem, units: Units) -> str:
         f"From {at(problem.start.q)} to {at(problem.end.q)} in "
         f"{problem.duration:.4g} {units.time}".rstrip()
         + ": of all the paths between, which is the motion?"
-    )
+    ).replace("-", "\N{MINUS SIGN}")

@@ -468,5 +468,5 @@ globalThis.actionopt = (() => {
     }
   }
 
-  return { Action, erf };
+  return { Action, compiled, erf };
 })();

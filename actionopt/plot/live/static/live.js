@@ -8,10 +8,11 @@
   const ROOM = 0.45; // around a path, to drag into, of its extent
   const SLOW = 0.15, MOST = 400; // of a step downhill; steps
   const AWAY = 12; // of the picture, where a path that runs away is let go
+  const SHOWING = 4; // seconds of the picture
   const SNAP = 0.006; // of the slider: nearer than this to a conjugate time it is that time
   const TURNS = 6, WHOLE = 0.3, ARROWS = 361, NEIGHBOURS = 31, WIDEST = 8; // of the sum over paths: data/phasors.py
   const still = matchMedia("(prefers-reduced-motion: reduce)");
-  const { Action } = globalThis.actionopt;
+  const { Action, compiled } = globalThis.actionopt;
 
   const WORDS = {
     path: "The path", lagrangian: "L along the path", alpha: "S along the present bend",
@@ -40,6 +41,7 @@
     runs: "The path runs away and S falls without end: the motion is on no valley\u2019s floor.",
     level: "The slope is zero here: bend the path a little, and let go.",
     hunted: (k) => `The machine moved one handle at a time, ${k} trials, and kept what lowered S.`,
+    picture: "What moves", film: "What moves, on the motion", play: "Play", pause: "Pause", clock: (t) => `t = ${t}`,
     sum: "Sum over paths", hbar: "\u0127", neighbours: "Neighbours, coloured by the phase of exp(iS/\u0127)", arrows: "An arrow exp(iS/\u0127) for each, end to end",
     turned: (found, known) => `The sum of all arrows is turned by ${found}\u00b0; by ${known}\u00b0 for small \u0127.`,
     focus: "At the focus S does not change to second order: all the neighbours agree, and the sum is as long as it gets.",
@@ -141,6 +143,57 @@
     points(rows) { return rows.map(([x, y]) => `${this.X(x).toFixed(2)},${this.Y(y).toFixed(2)}`).join(" "); }
   }
 
+  // How the system looks at one time, of any path or, where that is not known, of the motion alone.
+  class Picture extends Panel {
+    constructor(parent, title, data) {
+      super(parent, data.frames ? WORDS.film : title, "picture", (w) => Math.min(330, 0.8 * w));
+      this.data = data;
+      this.make = data.draw && compiled(data.draw);
+      let bodies = 0;
+      this.shapes = (data.frames ?? data.shapes).map(({ kind, count, points }) => {
+        const dot = (count ?? (data.frames ? points[0] : points).length) === 1;
+        return element(this.lines, dot ? "circle" : "polyline", kind === "body" ? `body b${bodies++ % 5}` : kind);
+      });
+      this.controls = html(this.box, "div", { class: "controls" });
+      this.button = html(this.controls, "button", { type: "button", "data-do": "play" }, WORDS.play);
+      this.input = html(this.controls, "input", { type: "range", min: 0, max: 1, step: "any", value: 0, "aria-label": title });
+      this.clock = html(this.controls, "span", { class: "clock" });
+    }
+
+    layout() {
+      super.layout();
+      Object.assign(this, { left: 8, right: this.svg.clientWidth - 8, top: 8, bottom: this.height(this.svg.clientWidth) - 8 });
+      put(this.frame, { x: 0, y: 0, width: this.right + 8, height: this.bottom + 8 });
+      const [a, b, c, d] = this.data.box, room = 0.15 * Math.max(b - a, d - c, 1e-9);
+      this.scale([a - room, b + room], [c - room, d + room], true);
+    }
+
+    show(share, q, t) {
+      const values = this.make ? this.make.at([q, [t]])[0] : null;
+      let at = 0;
+      (this.data.frames ?? this.data.shapes).forEach(({ kind, count, points, still }, i) => {
+        let rows = points;
+        if (count) rows = Array.from({ length: count }, () => [values[at++], values[at++]]);
+        else if (this.data.frames) {
+          const place = share * (points.length - 1), k = Math.min(Math.floor(place), points.length - 2);
+          rows = still ? points[0] : points[k].map(([x, y], j) => [x + (place - k) * (points[k + 1][j][0] - x), y + (place - k) * (points[k + 1][j][1] - y)]);
+        }
+        const shape = this.shapes[i];
+        if (rows.length === 1) put(shape, { cx: this.X(rows[0][0]), cy: this.Y(rows[0][1]), r: kind === "body" ? 7 : 3.5 });
+        else shape.setAttribute("points", this.points(kind === "spring" ? coil(rows, 7 / this.unit[0]) : rows));
+      });
+    }
+  }
+
+  const coil = ([a, b], width) => {
+    const turns = 9, dx = b[0] - a[0], dy = b[1] - a[1], side = width / (Math.hypot(dx, dy) || 1), rows = [a];
+    for (let k = 0; k < 2 * turns; k++) {
+      const along = 0.1 + (0.8 * (k + 0.5)) / (2 * turns), way = k % 2 ? -side : side;
+      rows.push([a[0] + along * dx - way * dy, a[1] + along * dy + way * dx]);
+    }
+    return [...rows, b];
+  };
+
   function start(figure) {
     const data = JSON.parse(figure.querySelector("script").textContent), W = { ...WORDS, ...data.words };
     const A = new Action(data), { n, forced } = A, units = data.units, spans = data.spans;
@@ -194,8 +247,9 @@
     const pathPanel = new Panel(left, W.path, "path", (w) => Math.min(370, 0.6 * w + 60));
     const energyPanel = forced ? null : new Panel(left, W.lagrangian, "lagrangian", (w) => Math.min(240, 0.35 * w + 70));
     const alphaPanel = forced ? null : new Panel(right, W.alpha, "alpha", (w) => Math.min(330, 0.75 * w + 40));
-    const missingPanel = new Panel(right, W.missing, "missing", (w) => Math.min(forced ? 370 : 240, 0.5 * w + 40));
-    const all = [pathPanel, alphaPanel, energyPanel, missingPanel].filter(Boolean);
+    const missingPanel = new Panel(data.picture && !forced ? left : right, W.missing, "missing", (w) => Math.min(forced && !data.picture ? 370 : 220, 0.5 * w + 40));
+    const picture = data.picture ? new Picture(right, W.picture, data.picture) : null;
+    const all = [pathPanel, alphaPanel, energyPanel, missingPanel, picture].filter(Boolean);
     const numbers = data.parameters.length ? html(figure, "details") : null;
     if (numbers) html(numbers, "summary", {}, W.parameters);
     const table = numbers && html(numbers, "div", { class: "controls sliders" });
@@ -378,7 +432,51 @@
       time.clock.textContent = unit(fixed(A.duration, 3), units.time);
       time.input.setAttribute("aria-valuetext", time.clock.textContent);
       sum();
+      show();
       Object.assign(figure.dataset, { action: value, rise, slope: distance, duration: A.duration, best: best ?? "", bend: size(bend()) });
+    }
+
+    // -- the picture, and a mark of its time on the path and on L
+    let share = 0, playing = null;
+    const cursors = picture ? [pathPanel, energyPanel].filter(Boolean).map((panel) => element(panel.marks, "path", "cursor")) : [];
+    const places = picture ? element(pathPanel.svg, "g", "places") : null;
+    function show() { // at the share of the duration
+      if (!picture) return;
+      const Q = data.picture.frames ? motion.Q : trial, q = A.sample(Q, share), t = A.start + share * A.duration;
+      picture.show(share, q, t);
+      picture.clock.textContent = W.clock(unit(fixed(t, 2), units.time));
+      picture.input.value = share;
+      picture.input.setAttribute("aria-valuetext", picture.clock.textContent);
+      const moved = share > 0;
+      cursors.forEach((cursor, i) => {
+        const panel = i ? energyPanel : pathPanel;
+        cursor.setAttribute("d", moved && (i || !pairs) ? `M${panel.X(t)},${panel.top}V${panel.bottom}` : "");
+      });
+      places.replaceChildren(...(moved ? curves().map(([x, y], c) => {
+        const dot = document.createElementNS(NS, "circle");
+        put(dot, { class: `place c${c % 5}`, cx: pathPanel.X(x === null ? t : q[x]), cy: pathPanel.Y(q[y]), r: 5 });
+        return dot;
+      }) : []));
+    }
+    function play(yes) {
+      if (playing !== null) cancelAnimationFrame(playing);
+      playing = null;
+      picture.button.textContent = yes ? W.pause : W.play;
+      if (!yes) return;
+      if (share >= 1) share = 0;
+      let before = performance.now();
+      const tick = (now) => {
+        share = Math.min(1, share + Math.max(0, now - before) / 1000 / SHOWING);
+        before = now;
+        show();
+        if (share >= 1) play(false);
+        else playing = requestAnimationFrame(tick);
+      };
+      playing = requestAnimationFrame(tick);
+    }
+    if (picture) {
+      picture.button.addEventListener("click", () => play(playing === null));
+      picture.input.addEventListener("input", () => { play(false); share = Number(picture.input.value); show(); });
     }
 
     // -- the sum over paths, along the present bend or half a wave
@@ -532,7 +630,7 @@
       }
       const near = Math.abs(S(found) - S(motion.Q)) <= 1e-7 * (Math.abs(S(found)) + 1e-9) && size(found.map((x, i) => x - motion.Q[i])) < 1e-4;
       motion = { Q: found, p0: A.momentum(found), own: motion.own && near };
-      show(true);
+      told(true);
       foci();
       if (forced) words = seen.length ? words.replace(/:.*/, ".") : words;
       if (still.matches || seen.length < 2) { become(found, words); return; }
@@ -575,7 +673,7 @@
       become(Q, W.halved(energy(before, 4), energy(after, 4), fixed(after / before, 3)) + (shown ? W.quarter : W.straighten));
     }
 
-    function show(yes) {
+    function told(yes) { // whether the motion is seen
       shown = reveal.checked = yes;
       figure.toggleAttribute("data-show", yes);
       if (yes) best = null;
@@ -637,7 +735,7 @@
       table?.rows.forEach((row) => row.reset());
       wide = false;
       best = levels = rises = forces = null;
-      show(false);
+      told(false);
       foci();
       trial = first.slice();
       fit(true);
@@ -650,7 +748,7 @@
       wave: () => { stop(); become(plus(shown ? motion.Q : first, 1, ripple(3)) ?? trial); },
     };
     for (const [name, button] of Object.entries(buttons)) button.addEventListener("click", () => ways[name]());
-    reveal.addEventListener("change", () => { show(reveal.checked); draw(); });
+    reveal.addEventListener("change", () => { told(reveal.checked); draw(); });
     time.input.addEventListener("pointerdown", () => { wide = true; fit(true); draw(); });
     time.input.addEventListener("input", () => setDuration(Number(time.input.value)));
 
@@ -713,7 +811,7 @@
       return handles[away.indexOf(Math.min(...away))];
     };
 
-    show(shown);
+    told(shown);
     rebuild();
     if (shown) trial = motion.Q.slice();
     layout();

@@ -187,7 +187,7 @@
       graphs.forEach((g) => g.show(k, s));
       clock.textContent = film.labels
         ? minus(film.labels[Math.round(frame)])
-        : `t = ${(film.t[k] + s * (film.t[k + 1] - film.t[k])).toFixed(2)} s`;
+        : `t = ${(film.t[k] + s * (film.t[k + 1] - film.t[k])).toFixed(2)} ${film.unit ?? "s"}`;
       slider.value = frame;
       slider.setAttribute("aria-valuetext", clock.textContent);
       figure.dataset.frame = frame;

@@ -1,0 +1,152 @@
+"""Members with inequalities: a path that an obstacle holds, f(q, t) >= 0 at every node.
+
+Their discrete optimum is found by an active set: rows that press are equations, the others are left
+out, and both change until no row pulls and none is violated. What is left are Karush, Kuhn and
+Tucker's conditions, which certify it: J. Nocedal and S. J. Wright, *Numerical Optimization* (2nd
+ed. 2006), section 12.3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from actionopt.analysis.solution import SolveError
+from actionopt.discrete.factors import negative_eigenvalues
+from actionopt.discrete.newton import follow
+from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.held import Held
+from actionopt.mechanics.problem import Problem
+from actionopt.scenes import Scene
+from actionopt.solver.solve import solve
+from actionopt.suite.stars import APART, FAR, Star, bent, least_multipliers, too_coarse
+from actionopt.tools.types import Array, NDInt
+
+ROUNDS = 60  # of the active set; ad hoc: rows at the ends of contact come and go one by one
+TOUCHING = 1e-9  # of a row's unit: what a path leaves of one that it touches
+MET = 1e-4  # the same of an answer whose multipliers are fitted: far above solvers' tolerances
+
+
+class Pressed(Held):
+    """A problem in which the rows are in force at some nodes, (K, m + r), of one mesh."""
+
+    on: NDArray[np.bool_]
+
+    def __init__(self, free: Problem, on: NDArray[np.bool_]) -> None:
+        super().__init__(free, ())
+        object.__setattr__(self, "on", on)
+
+    def in_force(self, boundaries: Array, offsets: NDInt) -> NDArray[np.bool_]:
+        """Return which rows those are."""
+        return self.on
+
+
+def star(tr: Transcription, z: Array, on: NDArray[np.bool_], reach: float = FAR) -> Star:
+    """Return the discrete optimum near z, (size,) of all rows, from the rows in force `on`.
+
+    Raises ValueError if there is none within `reach`.
+    """
+    asked, cut = tr.problem, tr.layout.unknowns
+    assert isinstance(asked, Held)
+    first, layout, seen = z[:cut], tr.layout, []
+    _, lam = tr.unpack(z)
+    while len(seen) < ROUNDS and not any(np.array_equal(on, other) for other in seen):
+        seen.append(on)
+        part = Transcription(Pressed(asked.free, on), tr.mesh, tr.lengths, like=tr)
+        found = follow(part, part.pack(tr.coordinates(z), np.nan_to_num(lam)), steps=30)
+        if not found.converged:
+            raise too_coarse(tr, "Newton's method leaves it")
+        again = follow(part, found.z, linear=True, steps=1)
+        Q, lam = part.unpack(again.z)
+        z = tr.pack(Q, np.nan_to_num(lam))
+        push = np.zeros(on.shape)
+        push[layout.row_node, layout.row_constraint] = -z[cut:]
+        row = np.ones(on.shape)
+        row[layout.row_node, layout.row_constraint] = tr.constraint(z[:cut])
+        m = asked.free.system.m
+        new = np.where(on, push >= -TOUCHING, row < -TOUCHING)
+        new[:, :m] = True
+        if np.array_equal(new, on):
+            break
+        on = new
+    else:
+        raise too_coarse(tr, "its active set does not settle")
+    away = float(np.max(np.abs(z[:cut] - first), initial=0.0))
+    if not away <= reach:
+        raise too_coarse(tr, f"it is {away:.2g} of the coordinates' sizes away")
+    kkt = part.kkt(again.z)
+    index = negative_eigenvalues(part.layout, kkt) - part.layout.rows
+    return Star(z, index, int(np.clip(-np.log10(max(again.noise, 1e-16)), 0, 15)))
+
+
+def from_path(tr: Transcription, path: Callable[[Array], Array]) -> Star:
+    """Return the discrete optimum near a continuous path."""
+    Q = np.asarray(path(tr.mesh.nodes), dtype=float).reshape(tr.problem.system.n, -1).T
+    return star(tr, tr.pack(Q), touching(tr, tr.pack(Q), TOUCHING))
+
+
+def others(
+    tr: Transcription, scene: Scene, bends: tuple[tuple[float, ...], ...], known: Star
+) -> list[Star]:
+    """Return other optima: those near paths round other sides of the obstacle."""
+    cut, stars = tr.layout.unknowns, [known]
+    for bend in bends:
+        try:
+            path = solve(scene.problem, tol=1e-10, guess=bent(tr, bend))
+            found = from_path(tr, path)
+        except (SolveError, ValueError):
+            continue
+        if all(np.max(np.abs(found.z[:cut] - s.z[:cut])) > APART for s in stars):
+            stars.append(found)
+    return stars[1:]
+
+
+def nearest(tr: Transcription, x: Array, reach: float) -> Star | None:
+    """Return the optimum within `reach` of x (unknowns,), if there is one."""
+    z = np.concatenate([x, fitted(tr, x)])
+    try:
+        return star(tr, z, touching(tr, z, MET), reach)
+    except ValueError:
+        return None
+
+
+def touching(tr: Transcription, z: Array, least: float) -> NDArray[np.bool_]:
+    """Return at which nodes rows are equations, or smaller than `least`, (K, m + r)."""
+    asked, layout = tr.problem, tr.layout
+    assert isinstance(asked, Held)
+    on = np.zeros((layout.node_count, asked.system.m), dtype=bool)
+    on[layout.row_node, layout.row_constraint] = tr.constraint(z[: layout.unknowns]) <= least
+    on[:, : asked.free.system.m] = True
+    return on
+
+
+def fitted(tr: Transcription, x: Array) -> Array:
+    """Return the multipliers (rows,) of the rows that x touches, fitted to the gradient."""
+    asked, layout = tr.problem, tr.layout
+    assert isinstance(asked, Held)
+    on = touching(tr, tr.pack(tr.coordinates(x)), MET)
+    part = Transcription(Pressed(asked.free, on), tr.mesh, tr.lengths, like=tr)
+    _, lam = part.unpack(np.concatenate([x, least_multipliers(part, x)]))
+    mu = np.nan_to_num(lam)[layout.row_node, layout.row_constraint] / tr.mu_unit
+    return np.where(layout.row_constraint < asked.free.system.m, mu, np.minimum(mu, 0.0))
+
+
+def residual(tr: Transcription, z: Array) -> float:
+    """Return the largest violation of the conditions, relative to the gradient's largest terms.
+
+    Of the gradient of S + mu c; of c >= 0, or c = 0; of mu <= 0; and of the complementarity of
+    the two, whose smaller one is to vanish.
+    """
+    asked, layout = tr.problem, tr.layout
+    assert isinstance(asked, Held)
+    x, mu = z[: layout.unknowns], z[layout.unknowns :]
+    with np.errstate(all="ignore"):
+        c, whole = tr.constraint(x), tr.residual(z)[: layout.unknowns]
+        work = np.max(np.abs(np.concatenate([g.ravel() for g in tr.work(x)])))
+        size = max(float(work * tr.x_unit.max() / tr.action_unit), np.finfo(float).tiny)
+        push = -mu / size
+        equal = layout.row_constraint < asked.free.system.m
+        miss = np.where(equal, np.abs(c), np.abs(np.minimum(c, push)))
+        return float(max(np.max(np.abs(whole)) / size, np.max(miss, initial=0.0)))

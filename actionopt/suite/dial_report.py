@@ -1,0 +1,142 @@
+"""A page of what solvers do along the dials, and of where they do not agree."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from actionopt.suite import FAMILIES, profile
+from actionopt.suite.dials import DIALS, Dial
+from actionopt.suite.solvers import counted
+from actionopt.suite.verdict import UNSCORED, verdict
+from actionopt.tools.files import write as write_file
+
+Records = Sequence[Mapping[str, Any]]
+Table = Callable[[Sequence[str], Sequence[Sequence[str]]], str]
+PAGE = """\
+<!doctype html>
+<html lang="en">
+<meta charset="utf-8">
+<title>Solvers along the dials</title>
+<style>{style}</style>
+<h1>Solvers along the dials</h1>
+<p>One parameter of a family is turned from easy to hard; mesh and starting point stay. Counted are
+the gradients that a solver evaluates, which are about its iterations; filled where it is right as a
+minimiser (a local minimum no higher than the known optimum, or "unbounded" where f is), hollow
+where it is not. The tables have the verdicts, too.</p>
+{dials}
+<h2>Where they do not agree</h2>
+<p>On {apart} of {members} members not all of {solvers} come to the same verdict.</p>
+{names}
+<h2>What is hard for Ipopt</h2>
+<p>With its defaults Ipopt takes more than fifty Hessians here, or fails.</p>
+{hard}
+</html>
+"""
+
+
+def on_a_dial(record: Mapping[str, Any]) -> bool:
+    """Whether a record is of a member that is there for a dial alone."""
+    return any(dial.value(record) is not None for dial in DIALS.values())
+
+
+def write(records: Records, folder: Path, style: str, table: Table) -> Path:
+    """Write `dials.html` and its figures on the last records of each cell; return the page.
+
+    `style` is the page's, and `table(head, rows)` makes one in HTML.
+    """
+    text = PAGE.format(
+        style=style,
+        dials="\n".join(_dial(dial, records, folder, table) for dial in DIALS.values()),
+        hard=table(["family", "Hessians", "verdict", "why"], hard(records)),
+        **_disagreement(records),
+    )
+    page = folder / "dials.html"
+    write_file(page, text)
+    return page
+
+
+def _dial(dial: Dial, records: Records, folder: Path, table: Table) -> str:
+    mine = [r for r in records if dial.value(r) is not None and r["outcome"] not in UNSCORED]
+    if not mine:
+        return ""
+    solvers = list(dict.fromkeys(r["solver"] for r in mine))
+    curves = {}
+    for solver in filter(counted, solvers):
+        own = [r for r in mine if r["solver"] == solver and r["outcome"] == "answered"]
+        own.sort(key=lambda r: dial.values.index(dial.value(r)))
+        if own:
+            curves[solver] = (
+                np.array([dial.value(r) for r in own], dtype=float),
+                np.array([max(r["evaluations"].get("grad", 0), 1) for r in own], dtype=float),
+                np.array([verdict(r, "minimise") == "right" for r in own], dtype=bool),
+            )
+    found = {(dial.value(r), r["solver"]): _cell(r) for r in mine}
+    rows = [[f"{v:g}", *(found.get((v, s), "") for s in solvers)] for v in dial.values]
+    return "\n".join(
+        [
+            f"<h2>{escape(dial.name.capitalize())}</h2>",
+            f"<p>{escape(dial.family)}, {dial.elements} elements of degree {dial.degree}, from "
+            f"{dial.start!r}: {escape(dial.parameter)} sets {escape(dial.shows)}.</p>",
+            _figure(curves, folder, dial) if curves else "",
+            table([dial.parameter, *solvers], rows),
+        ]
+    )
+
+
+def _figure(curves: Mapping[str, Any], folder: Path, dial: Dial) -> str:
+    from actionopt.plot import profiles as draw  # matplotlib only where something is drawn
+
+    name = f"dial_{dial.name.replace(' ', '_')}.svg"
+    ax = draw.dial(curves, xlabel=dial.parameter)
+    if dial.values[0] > 0 and dial.values[-1] > 50 * dial.values[0]:
+        ax.set_xscale("log")
+    draw.save(ax, folder / name)
+    return f'<p><img src="{name}" alt="{escape(dial.name)}"></p>'
+
+
+def _cell(record: Mapping[str, Any]) -> str:
+    said = verdict(record, "minimise")
+    count = record.get("evaluations", {}).get("grad")
+    return f"{count} {said}" if count else said
+
+
+def disagreeing(records: Records) -> tuple[list[tuple], int]:
+    """Return the members on which solvers come to different verdicts as minimisers, of how many.
+
+    Those that a solver is scored on, and another one too.
+    """
+    found: dict[tuple, list[str]] = {}
+    for r in records:
+        if r["outcome"] not in UNSCORED:
+            found.setdefault(profile.asked(r), []).append(verdict(r, "minimise"))
+    several = {member: said for member, said in found.items() if len(said) > 1}
+    return [member for member, said in several.items() if len(set(said)) > 1], len(several)
+
+
+def _disagreement(records: Records) -> dict[str, Any]:
+    apart, members = disagreeing(records)
+    solvers = dict.fromkeys(r["solver"] for r in records)
+    names = (name + "".join(f", {k} = {v:g}" for k, v in rest) for name, _, _, _, *rest in apart)
+    return {
+        "apart": len(apart),
+        "members": members,
+        "solvers": escape(", ".join(solvers)),
+        "names": f"<p>{escape('; '.join(names))}.</p>" if apart else "",
+    }
+
+
+def hard(records: Records) -> list[list[str]]:
+    """Return the families that say why they are hard for Ipopt: Hessians, verdict, and why."""
+    rows = []
+    for r in records:
+        family = FAMILIES.get(r["problem"])
+        if family is None or r["solver"] != "ipopt" or not family.why or r.get("parameters"):
+            continue
+        count = r.get("evaluations", {}).get("hess", "")
+        rows.append([family.name, str(count), verdict(r, "minimise"), family.why])
+    return rows

@@ -1,0 +1,98 @@
+"""Members with inequalities: their certificates, from the functions a solver sees alone."""
+
+import numpy as np
+import pytest
+from scipy.linalg import null_space
+
+from actionopt import suite
+
+NAMES = tuple(suite.find(tags="unilateral contact"))
+STATIONARY, ACTIVE = 1e-10, 1e-9
+
+
+def gap(problem, x):
+    """Return the rows that are inequalities, J (all rows) and which rows those are."""
+    lower, upper = problem.constraint_bounds
+    J = np.zeros((problem.m, problem.n))
+    J[problem.jacobian_structure] = problem.jacobian(x)
+    return problem.constraints(x), J, lower < upper
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_stars_satisfy_the_conditions_of_karush_kuhn_and_tucker(name):
+    problem = suite.get(name)
+    x, lam, u = problem.x_star, problem.lam_star, problem.unit
+    if "bounds on coordinates" in problem.tags:
+        pushed = problem.gradient(x)  # z = - grad f, at lower bounds only
+        at = x - problem.bounds[0] <= ACTIVE * u
+        assert np.all(pushed[at] >= -STATIONARY) and at.sum() > 20
+        assert np.max(np.abs(pushed[~at])) <= STATIONARY
+        return
+    c, J, unequal = gap(problem, x)
+    size = np.abs(J * u * lam[:, None]).max() + problem.transcription.action_unit
+    slope = problem.gradient(x) + J.T @ lam
+    assert np.max(np.abs(slope * u)) <= STATIONARY * size
+    weight = problem.transcription.row_unit
+    assert np.min(c[unequal] / weight[unequal]) >= -STATIONARY
+    assert np.max(np.abs(c[~unequal] / weight[~unequal]), initial=0.0) <= STATIONARY
+    assert np.max(lam[unequal]) <= STATIONARY  # lower bounds hold it
+    assert np.max(np.abs(lam * c)[unequal]) <= STATIONARY * size
+    assert problem.residual(x, lam) <= STATIONARY
+    assert problem.residual(x) <= 1e-8
+    assert problem.violation(x) <= STATIONARY
+    # Astray, one of the conditions fails.
+    astray = x + 1e-4 * u * np.cos(np.arange(problem.n))
+    assert problem.residual(astray, lam) > 1e-6
+    # The Hessian is positive on what the rows in contact allow: a strict minimum.
+    H = np.zeros((problem.n, problem.n))
+    H[problem.hessian_structure] = problem.hessian(x, lam)
+    H = np.triu(H) + np.triu(H, 1).T
+    held = J[(lam < -ACTIVE) | ~unequal] * u
+    free = null_space(held) if len(held) else np.eye(problem.n)
+    assert np.linalg.eigvalsh(free.T @ (H * u * u[:, None]) @ free).min() > 0
+    assert (problem.index_star, problem.kind) == (0, "minimum")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_qualifications_hold_or_fail_as_the_tags_say(name):
+    problem = suite.get(name)
+    if "bounds on coordinates" in problem.tags:
+        return
+    x, lam = problem.x_star, problem.lam_star
+    c, J, unequal = gap(problem, x)
+    near = ~unequal | (c / problem.transcription.row_unit <= ACTIVE)
+    rows = J[near] * problem.unit
+    independent = np.linalg.matrix_rank(rows / np.linalg.norm(rows, axis=1)[:, None]) == len(rows)
+    doubled = {"LICQ fails", "MFCQ fails"} & set(problem.tags)
+    assert independent == (not doubled)
+    if "MFCQ fails" in problem.tags:  # no direction d has J d > 0: rows and their opposites
+        assert any(np.allclose(row, -other) for row in rows for other in rows)
+    weak = near & unequal & (np.abs(lam) <= ACTIVE)
+    if "weak complementarity" in problem.tags:
+        assert weak.any()
+    elif independent:
+        assert not weak.any()
+
+
+def test_discrete_optima_tend_to_closed_forms():
+    for name in ("string_floor", "string_bump", "string_grazing"):
+        coarse, fine = (suite.get(name, elements=N) for N in (12, 96))
+        exact = coarse.continuous.action
+        assert coarse.continuous.how == "closed form"
+        assert abs(fine.f_star - exact) <= abs(coarse.f_star - exact) / 20 + 1e-12
+        assert fine.distance(fine.path) < 1e-3
+        force = -fine.lam_star[np.abs(fine.lam_star) > ACTIVE]  # lambda(t) itself
+        if force.size:
+            assert np.median(force) == pytest.approx(coarse.scene.facts["force"], rel=1e-6)
+
+
+def test_other_ways_round_are_known():
+    others = suite.get("disc").others
+    assert [s.kind for s in others] == ["minimum"]
+    assert others[0].f > suite.get("disc").f_star
+
+
+def test_parameters_of_a_member():
+    assert suite.get("string_floor", extra=0.5).scene.facts["end"] == 1.5
+    with pytest.raises(ValueError, match="unknown parameter 'g'"):
+        suite.get("string_floor", g=1.0)

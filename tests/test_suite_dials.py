@@ -1,0 +1,133 @@
+"""Dials: their members, their runs, and the page that is made of these."""
+
+import re
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from actionopt import suite
+from actionopt.cli import main
+from actionopt.suite import dial_report, profile, report
+from actionopt.suite.commands import _on_dials
+from actionopt.suite.dials import DIALS
+
+ECCENTRICITY = DIALS["eccentricity"]
+
+
+def record(solver, problem, parameters=None, *, right=True, **more):
+    """Return a record as the runner writes it; of a dial's member unless told otherwise."""
+    dial = ECCENTRICITY
+    return {
+        "solver": solver,
+        "problem": problem,
+        "elements": dial.elements,
+        "degree": dial.degree,
+        "start": dial.start,
+        "parameters": parameters or {},
+        "outcome": "answered",
+        "said": "solved",
+        "unbounded": False,
+        "at": "optimum",
+        "off": 0.0 if right else 1.0,
+        "residual": 0.0,
+        "index": 0,
+        "f_start": 2.0,
+        "f_there": 1.0,
+        "f_star": 1.0,
+        "f_lowest": 1.0,
+        "n": 9,
+        "class": "OUR2-MN-9-0",
+        "seconds": 0.1,
+        "history": [],
+        "evaluations": {"f": 30, "grad": 20, "hess": 60},
+        **more,
+    }
+
+
+@pytest.mark.parametrize("dial", DIALS.values(), ids=list(DIALS))
+def test_members_of_a_dial_have_optima_and_grow_harder(dial):
+    assert len(dial.values) >= 6 and list(dial.values) == sorted(dial.values)
+    ends = dial.values[0], dial.values[-1]
+    easy, hard = (p for value, p in dial.members() if value in ends)
+    for problem in (easy, hard):
+        assert dial.start in problem.start_names
+        assert np.isfinite(problem.f_star)
+    assert easy.index_star == 0
+    if dial.name not in ("eccentricity", "layer", "units"):
+        assert hard.index_star > 0
+    if dial.name == "negative curvature":
+        indices = [p.index_star for _, p in dial.members()]
+        assert indices == [int(T / np.pi) for T in dial.values]  # conjugate times are k pi
+
+
+def test_what_is_asked_for_in_parts_are_the_dials_of_the_issue():
+    wanted = {"eccentricity", "links", "duration", "stiffness", "negative curvature"}
+    assert wanted <= set(DIALS)
+    assert sum(len(dial.values) for dial in DIALS.values()) + len(suite.FAMILIES) >= 100
+
+
+def test_records_are_found_on_their_dial():
+    at = record("a", "kepler", {"eccentricity": 0.4})
+    assert ECCENTRICITY.value(at) == 0.4 and dial_report.on_a_dial(at)
+    for other in (
+        at | {"elements": 8},
+        at | {"start": "straight"},
+        at | {"parameters": {"eccentricity": 0.41}},
+        at | {"parameters": {"eccentricity": 0.4, "decades": 2}},
+        at | {"problem": "kepler_polar"},
+    ):
+        assert ECCENTRICITY.value(other) is None and not dial_report.on_a_dial(other)
+
+
+def test_where_solvers_do_not_agree_is_counted_by_hand():
+    records = [
+        record("a", "kepler", {"eccentricity": 0.2}),
+        record("b", "kepler", {"eccentricity": 0.2}),
+        record("a", "kepler", {"eccentricity": 0.4}),
+        record("b", "kepler", {"eccentricity": 0.4}, right=False),
+        record("a", "heavy_top"),
+        record("b", "heavy_top", outcome="failed"),
+        record("a", "pendulum"),
+        record("b", "pendulum", outcome="absent"),  # not scored: not all have answered
+    ]
+    apart, members = dial_report.disagreeing(records)
+    assert members == 3
+    assert apart == [profile.asked(records[2]), profile.asked(records[4])]
+
+
+def test_the_page_of_dials(tmp_path, monkeypatch):
+    monkeypatch.setattr(report, "_figure", lambda *_: "")  # of its own page
+    records = [
+        record("ipopt", "kepler", {"eccentricity": 0.2}, evaluations={"grad": 7}),
+        record("ipopt", "kepler", {"eccentricity": 0.8}, evaluations={"grad": 33}),
+        record("uno", "kepler", {"eccentricity": 0.2}, right=False),
+        record("asl:far/away/x", "kepler", {"eccentricity": 0.2}, evaluations={}),
+        record("ipopt", "heavy_top"),
+    ]
+    page = report.write(records, tmp_path)
+    text = page.read_text()
+    assert 'href="dials.html"' in text
+    assert "1 runs: 1 solvers on 1 problems" in text  # members of dials are counted there alone
+    assert "--dial &#x27;eccentricity&#x27;" in text
+    dials = (tmp_path / "dials.html").read_text()
+    assert "<h2>Eccentricity</h2>" in dials and "<h2>Links</h2>" not in dials
+    row = re.search(r"<tr><td>0.2</td>(.*?)</tr>", dials).group(1)
+    assert row == '<td>7 right</td><td class="right">right</td><td>20 wrong</td>'
+    assert "<td>heavy_top</td><td>60</td>" in dials and suite.FAMILIES["heavy_top"].why in dials
+    assert (tmp_path / "dial_eccentricity.svg").read_text().rstrip().endswith("</svg>")
+    assert "far/away" not in dials
+
+
+def test_a_dial_is_asked_for_by_its_name():
+    options = SimpleNamespace(dial=["units"], solver=["ipopt", "uno"], repeats=1)
+    cells = _on_dials(options)
+    assert len(cells) == 2 * len(DIALS["units"].values)
+    found = []
+    for cell in cells[::2]:
+        problem = cell.make()
+        mesh = {"elements": problem.mesh.elements, "degree": max(problem.mesh.degrees)}
+        found.append(DIALS["units"].value({**vars(cell), **mesh}))
+    assert found == list(DIALS["units"].values)
+    with pytest.raises(SystemExit):
+        main(["suite", "run", "--solver", "ipopt", "--dial", "colour"])
