@@ -55,6 +55,17 @@ def test_below_the_energy_that_is_needed_a_sentence():
         ao.solve(throw(least - 0.5))
 
 
+def test_behind_a_wall_the_sentence_says_so():
+    wells = ao.System(lambda q, v, t: v[0] ** 2 / 2 - (q[0] ** 2 - 1) ** 2, ["x"])
+    for energy, ask in ((1.2, None), (0.5, "below the potential on the straight line")):
+        problem = ao.Problem(wells, ao.Event(0.0, [-1.0]), ao.Event(None, [1.0]), energy=energy)
+        found = ao.solve(problem, throw=False)
+        assert found.success is (ask is None)
+        if ask:
+            with pytest.raises(ao.SolveError, match=ask):
+                ao.solve(problem)
+
+
 @pytest.mark.parametrize(("energy", "a", "b"), [(12.0, 0.0, 2.0), (-3.0, -0.4, 1.1)])
 def test_pendulum_of_given_energy(energy, a, b):
     system = ao.System(lambda q, v, t: v[0] ** 2 / 2 + G * np.cos(q[0]), ["a"])

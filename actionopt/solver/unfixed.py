@@ -95,6 +95,7 @@ class Unfixed:
     noise: float = 0.0
     error: float = np.inf
     found_by: str = "none"
+    blocked: str = ""
     _reached: bool = False
 
     def __post_init__(self) -> None:
@@ -150,6 +151,8 @@ class Unfixed:
             durations = [float(known[0][-1])]
         else:
             durations = self._crossed()
+            if known is not None and known[1] < 0:
+                self.blocked = "the energy is below the potential on the straight line; "
             if known is not None:
                 durations.append(float(known[0][-1]))
         if not durations:
@@ -201,7 +204,7 @@ class Unfixed:
                     yield middle if middle is not None else at
                 last, before = at, excess
         if np.isfinite(lowest[0]):
-            self.hint = (
+            self.hint = self.blocked + (
                 f"of the paths over {2 * SCANNED + 1} durations that were tried, the lowest energy "
                 f"is that over {lowest[1]:.6g}, {lowest[0]:.6g}"
             )
