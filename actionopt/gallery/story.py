@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from pathlib import Path
-from string import Template
 
 import numpy as np
 
@@ -16,50 +16,65 @@ from actionopt.gallery.subject import Subject
 from actionopt.plot import SI
 from actionopt.plot.live.page import SCRIPTS, figure
 from actionopt.solver.solve import solve
+from actionopt.tools.words import say
 
 SHORT, LONG = 0.7, 1.4  # durations of the two oscillators, in half periods
 TEMPLATE = Path(__file__).parent / "templates" / "least.html"
-TITLE = "Is it really least?"
+PARAGRAPH = re.compile(r"(?s)(<(h1|h2|p)\b[^>]*>)(.*?)(?=</\2>)")
 
 
 def story() -> Page:
     """Return the page."""
     short, long = (_oscillator(share) for share in (SHORT, LONG))
     found = [_landscapes(short, long), _slices(short, long), _fan(long), _spectrum(long)]
-    text = TEMPLATE.read_text(encoding="utf-8")
-    main = Template(text).substitute(
-        {f.name: f'<figure class="wide">{f.html("least/")}' for f in found},
-        title=TITLE,
-        half=f"{np.pi:.4g}",  # of the scene's mass and spring
-        short=f"{SHORT:g}",
-        long=f"{LONG:g}",
-        projectile=_live(
-            "projectile",
+    values = {
+        "half": f"{np.pi:.4g}",  # of the scene's mass and spring
+        "short": f"{SHORT:g}",
+        "long": f"{LONG:g}",
+    }
+    pictures = {f.name: f'<figure class="wide">{f.html("least/")}' for f in found}
+    projectile = _live(
+        "projectile",
+        say(
             "The ball's path between its two events, with handles at fixed times. Below, the "
-            "Lagrangian along the path: the blue area less the vermilion one is the action.",
+            "Lagrangian along the path: the blue area less the vermilion one is the action."
         ),
-        oscillator=_live(
-            "oscillator",
-            "Place of the mass against time. Arrow keys move a handle, with Shift in small steps.",
-        ),
-        sum=_live(
-            "oscillator",
+    )
+    oscillator = _live(
+        "oscillator",
+        say("Place of the mass against time. Arrow keys move a handle, with Shift in small steps."),
+    )
+    arrows = _live(
+        "oscillator",
+        say(
             "Left, the oscillator's motion among neighbours, each in the colour of its phase. "
             "Right, their arrows end to end; the broad one is the sum, the dashed one "
-            "\u221a(2\u03c0i\u0127/S\u2033).",
-            arrows=True,
+            "\u221a(2\u03c0i\u0127/S\u2033)."
         ),
+        arrows=True,
+    )
+    main = PARAGRAPH.sub(_said, TEMPLATE.read_text(encoding="utf-8")).format(
+        **values,
+        **pictures,
+        projectile=projectile,
+        oscillator=oscillator,
+        sum=arrows,
         relaxing=beside(short, long),
-        census=_census(),
+        census=f"<p>{_census()}</p>",
     )
     html = frame(
-        TITLE,
+        say("Is it really least?"),
         main,
         root="",
-        description="When a stationary action is a least one: bowl, focus, saddle.",
+        description=say("When a stationary action is a least one: bowl, focus, saddle."),
         scripts=["film.js", *SCRIPTS],
     )
     return Page({"least.html": html, **{f"least/{p.name}.svg": p.svg for p in found}})
+
+
+def _said(paragraph: re.Match[str]) -> str:
+    """Return a paragraph of the template in the current language, its braces not yet filled."""
+    return paragraph[1] + say(" ".join(paragraph[3].split()))
 
 
 def _live(name: str, caption: str, arrows: bool = False) -> str:
@@ -90,11 +105,16 @@ def _landscapes(short: Subject, long: Subject) -> Figure:
         "landscapes",
         plot.svg(lambda f: plot.landscapes(both, list(f.subplots(1, 2)), units=SI), size),
         size,
-        "Two contour maps of the action over two variations. Left, after "
-        f"{rounded(short.t[-1])} s: closed contours around a lowest point. Right, after "
-        f"{rounded(long.t[-1])} s: from the middle the action falls to two sides and rises to the "
-        "other two.",
-        "The oscillator's action over its two lowest modes, for a short and for a long motion.",
+        say(
+            "Two contour maps of the action over two variations. Left, after {short} s: closed "
+            "contours around a lowest point. Right, after {long} s: from the middle the action "
+            "falls to two sides and rises to the other two.",
+            short=rounded(short.t[-1]),
+            long=rounded(long.t[-1]),
+        ),
+        say(
+            "The oscillator's action over its two lowest modes, for a short and for a long motion."
+        ),
     )
 
 
@@ -109,11 +129,16 @@ def _slices(short: Subject, long: Subject) -> Figure:
         "slices",
         plot.svg(draw, size),
         size,
-        f"The action along the two lowest modes. Left, after {rounded(short.t[-1])} s: two "
-        f"parabolas that open upward. Right, after {rounded(long.t[-1])} s: the first opens "
-        "downward, the second upward.",
-        "Cuts through the two landscapes. The action of the oscillator is a parabola, and so the "
-        "same as its second variation, dashed.",
+        say(
+            "The action along the two lowest modes. Left, after {short} s: two parabolas that open "
+            "upward. Right, after {long} s: the first opens downward, the second upward.",
+            short=rounded(short.t[-1]),
+            long=rounded(long.t[-1]),
+        ),
+        say(
+            "Cuts through the two landscapes. The action of the oscillator is a parabola, and so "
+            "the same as its second variation, dashed."
+        ),
     )
 
 
@@ -123,9 +148,17 @@ def _fan(long: Subject) -> Figure:
         "fan",
         plot.svg(lambda f: plot.fan(long.solution, f.subplots(), units=SI), size),
         size,
-        "Motions of the oscillator that leave one event with different velocities and all meet at "
-        f"t = {rounded(focus.t, 5)} s; the motion itself goes on to {rounded(long.t[-1])} s.",
-        f"The focus was found at {focus.t:.12g} s; half a period is {np.pi:.12g} s.",
+        say(
+            "Motions of the oscillator that leave one event with different velocities and all meet "
+            "at t = {focus} s; the motion itself goes on to {end} s.",
+            focus=rounded(focus.t, 5),
+            end=rounded(long.t[-1]),
+        ),
+        say(
+            "The focus was found at {focus} s; half a period is {half} s.",
+            focus=f"{focus.t:.12g}",
+            half=f"{np.pi:.12g}",
+        ),
     )
 
 
@@ -136,9 +169,13 @@ def _spectrum(long: Subject) -> Figure:
         "spectrum",
         plot.svg(lambda f: plot.spectrum(long.solution, f.subplots(), units=SI), size),
         size,
-        "Three falling curves, the eigenvalues against the duration; the lowest passes zero at "
-        f"{rounded(focus.t, 4)} s and reaches {rounded(lowest[-1])} at the end.",
-        "In units in which the eigenvalues of a free particle are 1, 4, 9 for every duration.",
+        say(
+            "Three falling curves, the eigenvalues against the duration; the lowest passes zero at "
+            "{focus} s and reaches {last} at the end.",
+            focus=rounded(focus.t, 4),
+            last=rounded(lowest[-1]),
+        ),
+        say("In units in which the eigenvalues of a free particle are 1, 4, 9 for every duration."),
     )
 
 
@@ -154,10 +191,14 @@ def _census() -> str:
         solution = solve(scene.problem, tol=1e-10, guess=scene.guess)
         kinds[solution.kind] += 1
         if solution.kind != "minimum":
-            saddles.append(f"{name.replace('_', ' ')} ({solution.morse_index})")
-    return (
-        f"Of the {len(scenes.SCENES)} scenes, with the numbers they have here, {kinds['minimum']} "
-        f"follow a path of least action and {len(saddles)} one that is a saddle: "
-        f"{', '.join(saddles)}, with the index in brackets. {kinds['drag']} have drag, and so no "
-        "action to be least."
+            saddles.append(f"{say(scene.title)} ({solution.morse_index})")
+    return say(
+        "Of the {count} scenes, with the numbers they have here, {least} follow a path of least "
+        "action and {more} one that is a saddle: {names}, with the index in brackets. {drag} have "
+        "drag, and so no action to be least.",
+        count=len(scenes.SCENES),
+        least=kinds["minimum"],
+        more=len(saddles),
+        names="; ".join(saddles),
+        drag=kinds["drag"],
     )
