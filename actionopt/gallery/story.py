@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from actionopt import plot, scenes
-from actionopt.gallery.figures import Figure
+from actionopt.gallery.figures import NARROW, Figure, cut
 from actionopt.gallery.film import beside
 from actionopt.gallery.page import Page, frame, rounded
 from actionopt.gallery.subject import Subject
@@ -19,6 +21,7 @@ from actionopt.solver.solve import solve
 from actionopt.tools.words import say
 
 SHORT, LONG = 0.7, 1.4  # durations of the two oscillators, in half periods
+SIZE, BOTH = (6.4, 4.4), (10.4, 4.4)  # inches: of one figure, and of two side by side
 TEMPLATE = Path(__file__).parent / "templates" / "least.html"
 PARAGRAPH = re.compile(r"(?s)(<(h1|h2|p)\b[^>]*>)(.*?)(?=</\2>)")
 
@@ -69,7 +72,10 @@ def story() -> Page:
         description=say("When a stationary action is a least one: bowl, focus, saddle."),
         scripts=["film.js", *SCRIPTS],
     )
-    return Page({"least.html": html, **{f"least/{p.name}.svg": p.svg for p in found}})
+    files = {"least.html": html}
+    for f in found:
+        files |= f.files("least/")
+    return Page(files)
 
 
 def _said(paragraph: re.Match[str]) -> str:
@@ -99,12 +105,25 @@ def _oscillator(share: float) -> Subject:
     return Subject(scene, solve(scene.problem, tol=1e-10))
 
 
+def _one(name: str, draw: Callable[[Any], Any], alt: str, caption: str) -> Figure:
+    """Return what `draw` puts on axes, with its narrow cut."""
+    wide, narrow = plot.svgs(lambda f: draw(f.subplots()), SIZE, cut(SIZE))
+    return Figure(name, wide, SIZE, alt, caption, narrow=narrow)
+
+
+def _pair(name: str, draw: Callable[[Sequence[Any]], Any], alt: str, caption: str) -> Figure:
+    """Return what `draw` puts on two axes side by side; its narrow cut has the second below."""
+    wide = plot.svg(lambda f: draw(list(f.subplots(1, 2))), BOTH)
+    high = (SIZE[0], 2 * SIZE[1])
+    below = plot.svgs(lambda f: draw(list(f.subplots(2, 1))), high, (NARROW, 1.7 * NARROW))
+    return Figure(name, wide, BOTH, alt, caption, narrow=below[1])
+
+
 def _landscapes(short: Subject, long: Subject) -> Figure:
-    both, size = [short.solution, long.solution], (10.4, 4.4)
-    return Figure(
+    both = [short.solution, long.solution]
+    return _pair(
         "landscapes",
-        plot.svg(lambda f: plot.landscapes(both, list(f.subplots(1, 2)), units=SI), size),
-        size,
+        lambda axes: plot.landscapes(both, axes, units=SI),
         say(
             "Two contour maps of the action over two variations. Left, after {short} s: closed "
             "contours around a lowest point. Right, after {long} s: from the middle the action "
@@ -119,16 +138,13 @@ def _landscapes(short: Subject, long: Subject) -> Figure:
 
 
 def _slices(short: Subject, long: Subject) -> Figure:
-    size = (10.4, 4.2)
-
-    def draw(figure):
-        for s, ax in zip((short, long), figure.subplots(1, 2), strict=True):
+    def draw(axes: Sequence[Any]) -> None:
+        for s, ax in zip((short, long), axes, strict=True):
             plot.slices(s.solution, ax, units=SI)
 
-    return Figure(
+    return _pair(
         "slices",
-        plot.svg(draw, size),
-        size,
+        draw,
         say(
             "The action along the two lowest modes. Left, after {short} s: two parabolas that open "
             "upward. Right, after {long} s: the first opens downward, the second upward.",
@@ -143,11 +159,10 @@ def _slices(short: Subject, long: Subject) -> Figure:
 
 
 def _fan(long: Subject) -> Figure:
-    (focus,), size = long.conjugate, (6.4, 4.4)
-    return Figure(
+    (focus,) = long.conjugate
+    return _one(
         "fan",
-        plot.svg(lambda f: plot.fan(long.solution, f.subplots(), units=SI), size),
-        size,
+        lambda ax: plot.fan(long.solution, ax, units=SI),
         say(
             "Motions of the oscillator that leave one event with different velocities and all meet "
             "at t = {focus} s; the motion itself goes on to {end} s.",
@@ -163,12 +178,11 @@ def _fan(long: Subject) -> Figure:
 
 
 def _spectrum(long: Subject) -> Figure:
-    (focus,), size = long.conjugate, (6.4, 4.4)
+    (focus,) = long.conjugate
     lowest = plot.spectrum_data(long.solution).eigenvalues[0]
-    return Figure(
+    return _one(
         "spectrum",
-        plot.svg(lambda f: plot.spectrum(long.solution, f.subplots(), units=SI), size),
-        size,
+        lambda ax: plot.spectrum(long.solution, ax, units=SI),
         say(
             "Three falling curves, the eigenvalues against the duration; the lowest passes zero at "
             "{focus} s and reaches {last} at the end.",

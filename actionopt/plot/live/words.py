@@ -58,7 +58,7 @@ WORDS = {
     "sum": "Sum over paths",
     "hbar": "\u0127",
     "neighbours": "Neighbours, coloured by the phase of exp(iS/\u0127)",
-    "arrows": "An arrow exp(iS/\u0127) for each, end to end",
+    "spiral": "An arrow exp(iS/\u0127) for each, end to end",
     "turned": "The sum of all arrows is turned by {found}\u00b0; "
     "by {known}\u00b0 for small \u0127.",
     "focus": "At the focus S does not change to second order: all the neighbours agree, "

@@ -240,7 +240,7 @@
       paths.hbar = slider(html(paths, "div", { class: "controls sliders" }), W.hbar, -3, -0.3, -1.2);
       const both = html(paths, "div", { class: "panels even" });
       paths.near = new Panel(html(both, "div", { class: "column" }), W.neighbours, "near", (w) => Math.min(330, 0.7 * w + 40));
-      paths.spiral = new Panel(html(both, "div", { class: "column" }), W.arrows, "spiral", (w) => Math.min(330, 0.7 * w + 40));
+      paths.spiral = new Panel(html(both, "div", { class: "column" }), W.spiral, "spiral", (w) => Math.min(330, 0.7 * w + 40));
       paths.words = html(paths, "p", { class: "note", role: "status" });
       for (const [parent, name, count, look] of [["near", "strands", NEIGHBOURS, ""], ["spiral", "turns", 24, ""]])
         paths[name] = Array.from({ length: count }, () => element(paths[parent].lines, name === "turns" ? "path" : "g", look));
