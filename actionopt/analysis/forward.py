@@ -110,9 +110,9 @@ def integrate(
     >>> bool(abs(path(1.0)[0] - 0.5) < 1e-12)
     True
     """
-    flow = Flow(system, parameters)
-    system.check_free("forward integration does not know contact")
-    return follow(flow, state, t_end, tol=tol, mesh=mesh).path
+    if isinstance(system, System):  # else it is told what was expected
+        system.check_free("forward integration does not know contact")
+    return follow(Flow(system, parameters), state, t_end, tol=tol, mesh=mesh).path
 
 
 @dataclass(frozen=True, eq=False)
