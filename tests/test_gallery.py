@@ -585,16 +585,18 @@ def test_no_words_are_too_small_on_a_phone(gallery, chromium):
     for file in pages(gallery):
         chromium.open(file, 360, 740, still=True)
         assert chromium.run(SMALL) == [], file
-    file = gallery / "rod_pendulum" / "index.html"
-    chromium.open(file, 360, 740, still=True)
-    chromium.run("document.querySelectorAll('img').forEach(i => { i.loading = 'eager' })")
-    chromium.until("[...document.images].every(i => i.complete)")
-    shown = chromium.run("[...document.images].map(i => [i.currentSrc, i.width])")
-    for source, width in shown:  # letters of 8.9 points or more, in a picture of so many
-        assert source.endswith("-narrow.svg")
-        picture = (file.parent / source.rsplit("/", 1)[1]).read_text(encoding="utf-8")
-        points = float(re.search(r'width="([\d.]+)pt"', picture)[1])
-        assert 8.9 * width / points >= 11
+    for file, folder in (("rod_pendulum/index.html", "rod_pendulum"), ("least.html", "least")):
+        chromium.open(gallery / file, 360, 740, still=True)
+        chromium.run("document.querySelectorAll('img').forEach(i => { i.loading = 'eager' })")
+        chromium.until("[...document.images].every(i => i.complete)")
+        shown = chromium.run("[...document.images].map(i => [i.currentSrc, i.width])")
+        assert shown
+        for source, width in shown:  # letters of 8.9 points or more, in a picture of so many
+            assert source.endswith("-narrow.svg")
+            name = source.rsplit("/", 1)[1]
+            picture = (gallery / folder / name).read_text(encoding="utf-8")
+            points = float(re.search(r'width="([\d.]+)pt"', picture)[1])
+            assert 8.9 * width / points >= 11
 
 
 def test_a_scene_is_printed_on_four_pages(gallery, chromium):

@@ -11,6 +11,7 @@ from matplotlib.text import Text
 
 import actionopt as ao
 from actionopt import plot, scenes
+from actionopt.gallery.figures import cut
 from actionopt.mechanics.symmetry import cyclic
 from actionopt.plot.data.variations import directions, sizes
 
@@ -88,6 +89,21 @@ def test_every_figure_is_labelled_and_nothing_is_clipped(figure, name):
             extent = text.get_window_extent(renderer)
             assert extent.x0 >= -0.5 and extent.x1 <= picture.bbox.width + 0.5, text.get_text()
             assert extent.y0 >= -0.5 and extent.y1 <= picture.bbox.height + 0.5, text.get_text()
+
+
+@pytest.mark.parametrize("name", ["oscillator_saddle", "kepler"])
+def test_a_narrow_landscape_keeps_its_labels_inside_and_off_its_colour_bar(name):
+    drawn = []
+
+    def draw(figure):
+        drawn.append(plot.landscape(solved(name), figure.subplots(), units=plot.SI))
+
+    plot.svgs(draw, (6.4, 4.4), cut((6.4, 4.4)))
+    (ax,) = drawn
+    renderer = ax.figure._get_renderer()
+    bar = ax.figure.axes[1].get_window_extent(renderer)
+    across, up = (text.get_window_extent(renderer) for text in (ax.xaxis.label, ax.yaxis.label))
+    assert up.x0 >= 0 and across.x1 <= bar.x0
 
 
 @pytest.mark.parametrize(
