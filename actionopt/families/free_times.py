@@ -86,6 +86,8 @@ def _passages(
     n, start, end = problem.system.n, problem.start, problem.end
     if len(start.pinned) < n or problem.system.m or (start.t is None and end.t is not None):
         return []
+    if problem.system.structure.depends_on_time:  # the energy is given where the time is free
+        return []
     t0, q0 = start.t or 0.0, np.array(start.q, dtype=float)
     if n == 1:
         u = np.array([[1.0], [-1.0]])
