@@ -287,7 +287,10 @@ class Unfixed:
         shift = float(times[np.argmin(np.minimum(times, T - times))])
         self.here = self._around(rolled(at.path, shift, at.problem.advance), None)
         if not self._follow():
-            self.hint = "no closed path near the guess begins at what the start gives"
+            self.hint = (
+                "no closed path near the guess begins at what the start gives: where a coordinate "
+                "turns back it cannot say where to begin; leave it free there"
+            )
             return False
         found = self.here.at.Q[0, pinned]
         off = np.abs(found - wanted[:, 0]) / unit[:, 0]
