@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from helpers import solved
 
-from actionopt import scenes
+from actionopt import scenes, solve_all
 from actionopt.gallery.subject import Subject
 from actionopt.plot import conserved_data
 from actionopt.scenes import project
@@ -355,6 +355,10 @@ W = {  # scene: sentence: whether it is so
         "path": lambda s: 0.785 < s.theta.max() < 0.795 and s.theta[-1] < 0,
         "conserved": lambda s: s.kept == {"H"},
     },
+    "pendulum_over_top": {
+        "answer": lambda s: np.pi / np.sqrt(s.n["g"] / s.n["l"]) < s.T,
+        "look": lambda s: falling(s.vtheta) and s.vtheta[-1] < 0.2 * s.vtheta[0],
+    },
     "polar_pendulum": {
         "answer": lambda s: np.argmax(-s.lamda[0]) == np.argmin(np.abs(s.theta)),
         "look": lambda s: (
@@ -436,6 +440,14 @@ W = {  # scene: sentence: whether it is so
         "motion": lambda s: np.all(s.a[0] < 0) and np.all(s.a[1] > 0),
         "path": lambda s: parabola(s, s.x) and parabola(s, s.s),
         "conserved": lambda s: s.kept == {"H", "x"},
+    },
+    "throw_at_energy": {
+        "answer": lambda s: np.allclose(
+            [path.duration for path in solve_all(s.scene.problem)],
+            [s.f["high_duration"], s.T],
+            rtol=1e-9,
+        ),
+        "look": lambda s: s.y.max() < 0.4 * s.x[-1] and 0.5 * s.f["high_duration"] > s.T,
     },
     "turning_wire": {
         "answer": lambda s: not constant(s.H, 0.1),

@@ -546,3 +546,15 @@ def test_a_whole_kink_and_the_goldschmidt_limit():
     assert abs(scenes.get("kink", duration=40.0).action - 4 / 3) < 1e-12
     near = scenes.get("catenoid", d=2 * 0.527697396962571528)
     assert abs(near.facts["area"] - 2 * np.pi) < 1e-12  # as much as the two discs
+
+
+@pytest.mark.parametrize("name", ["pendulum_over_top", "throw_at_energy"])
+def test_a_given_energy_has_the_duration_that_is_known(name):
+    """Found from the energy and the ends alone: by elliptic integrals, by a quadratic equation."""
+    scene = made(name, True)
+    asked = scene.problem.asked
+    assert asked is not None and asked.end.t is None and asked.energy == scene.facts.energy
+    found = solve(asked, guess=scene.guess, tol=1e-11)
+    assert abs(found.duration / scene.problem.duration - 1) < 1e-10
+    assert abs(found.action - scene.action) < 1e-10 * max(1.0, abs(scene.action))
+    assert found.morse_index == scene.facts.morse_index
