@@ -289,6 +289,15 @@ W = {  # scene: sentence: whether it is so
         "path": lambda s: falling(np.hypot(*s.v)) and np.argmax(np.hypot(*s.a)) == 0,
         "conserved": lambda s: s.kept == {"H"},
     },
+    "kepler_at_energy": {
+        "answer": lambda s: (
+            {round(T, 9) for T in (s.T, s.f["other_duration"])}
+            < {round(path.duration, 9) for path in solve_all(s.scene.problem)}
+        ),  # either way round
+        "look": lambda s: (
+            s.f["other_duration"] > s.T and falling(np.hypot(*s.v)) and rising(np.hypot(*s.q))
+        ),
+    },
     "kepler_polar": {
         "answer": lambda s: "phi" in s.kept,
         "look": lambda s: path_of(s, "kepler"),

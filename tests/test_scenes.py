@@ -548,9 +548,9 @@ def test_a_whole_kink_and_the_goldschmidt_limit():
     assert abs(near.facts["area"] - 2 * np.pi) < 1e-12  # as much as the two discs
 
 
-@pytest.mark.parametrize("name", ["pendulum_over_top", "throw_at_energy"])
+@pytest.mark.parametrize("name", ["kepler_at_energy", "pendulum_over_top", "throw_at_energy"])
 def test_a_given_energy_has_the_duration_that_is_known(name):
-    """Found from the energy and the ends alone: by elliptic integrals, by a quadratic equation."""
+    """Found from the energy and the ends: elliptic integrals, a quadratic equation, Kepler's."""
     scene = made(name, True)
     asked = scene.problem.asked
     assert asked is not None and asked.end.t is None and asked.energy == scene.facts.energy

@@ -32,7 +32,7 @@ FACTS = {
     "oscillation": "rad/s", "spin": "rad/s", "block_acceleration": "m/s^2",
     "rolling_acceleration": "m/s^2", "wedge_acceleration": "m/s^2", "friction": "N",
     "period_action": "J s", "fall_time": "s", "waist": "m", "area": "m^2", "whole_action": "J s",
-    "high_duration": "s",
+    "high_duration": "s", "other_duration": "s",
 }  # fmt: skip
 
 
