@@ -261,6 +261,13 @@ W = {  # scene: sentence: whether it is so
         "path": lambda s: line(s, s.phi) and line(s, s.psi) and constant(s.theta),
         "conserved": lambda s: s.kept == {"H", "phi", "psi"} and constant(s.p[1]),
     },
+    "henon_heiles": {
+        "answer": lambda s: same(np.sum(s.q * s.v, axis=0)[[0, -1]], 0, 1e-9),
+        "look": lambda s: (
+            same(np.sum(s.q * s.v, axis=0)[[0, -1]], 0, 1e-9)
+            and abs(np.arctan2(s.x, s.y)[-1] - np.pi / 3) < 1e-12
+        ),
+    },
     "hoop_bead": {
         "answer": lambda s: s.n["w"] ** 2 > s.n["g"] / s.n["R"] and turns(s.theta) == 1,
         "look": lambda s: s.theta.max() > s.f["rest_angle"] and turns(s.theta) == 1,

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from actionopt import Mesh, Path, scenes, solve
+from actionopt import Mesh, Path, integrate, scenes, solve
 from actionopt.scenes._elliptic import complete, jacobi
 
 # An interpolant of degree 16 on 16 elements resolves these curves to rounding; its derivative
@@ -558,3 +558,19 @@ def test_a_given_energy_has_the_duration_that_is_known(name):
     assert abs(found.duration / scene.problem.duration - 1) < 1e-10
     assert abs(found.action - scene.action) < 1e-10 * max(1.0, abs(scene.action))
     assert found.morse_index == scene.facts.morse_index
+    # A curve is a guess where times have been found.
+    again = solve(scene.problem, guess=scene.exact, tol=1e-11)
+    assert abs(again.duration / found.duration - 1) < 1e-11
+
+
+def test_mirror_images_close_the_loop():
+    """The whole loop returns from its start, once a sixth has been found from the energy."""
+    scene = made("henon_heiles", True)
+    part = solve(scene.problem, tol=1e-11)
+    T = 6 * part.duration
+    assert abs(T / scene.facts["period"] - 1) < 1e-12
+    assert abs(part.action - scene.action) < 1e-12
+    system, values = scene.problem.system, scene.problem.parameters
+    whole = integrate(system, part.start, T, tol=1e-12, parameters=values)
+    assert np.max(np.abs(whole(T) - part.start.q)) < 1e-9
+    assert np.max(np.abs(whole.velocity(T) - part.start.v)) < 1e-9

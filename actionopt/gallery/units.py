@@ -21,6 +21,7 @@ OWN = {
     "great_ellipse": {"a": "m", "b": "m"},
     "fish_eye": {"a": "m"},
     "kink": {"a": "m"},
+    "henon_heiles": {"a": "m"},
     "vacuum_decay": {"a": "m", "b": ""},
     "zermelo": {"w": "rad/m"},
     "screw": {"c": "rad/m", "k": "J"},
