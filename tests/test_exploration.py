@@ -140,6 +140,13 @@ def test_a_drag_takes_less_than_five_milliseconds(name):
     assert min(clocks) <= 5e-3
 
 
+def test_a_path_that_never_ends_is_refused():
+    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 + (q[0] ** 2 - 1) ** 2 / 2, ["x"])
+    kink = ao.Problem(system, ao.Event(-np.inf, [-1.0]), ao.Event(np.inf, [1.0]))
+    with pytest.raises(ValueError, match="infinite time"):
+        begin(kink)
+
+
 def test_a_path_that_closes_is_refused():
     system = scenes.get("pendulum").problem.system
     with pytest.raises(ValueError, match="a path that closes"):

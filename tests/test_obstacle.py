@@ -279,7 +279,12 @@ def test_what_does_not_know_contact_says_so():
     ):
         with pytest.raises(ValueError, match=FREE):
             ask()
-    for ask in (sol.compare, sol.sensitivity, lambda: ao.conjugate_points(sol)):
+    for ask in (
+        sol.compare,
+        sol.sensitivity,
+        lambda: ao.conjugate_points(sol),
+        lambda: ao.monodromy(sol),
+    ):
         with pytest.raises(ValueError, match="touches no obstacle"):
             ask()
 

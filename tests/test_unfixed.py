@@ -120,6 +120,18 @@ def test_a_clock_and_a_free_end(E):
     assert abs(float(s.energy(T)) - E) < 1e-9
 
 
+def test_all_paths_to_a_free_end_of_a_clock():
+    # x'' = t from (0, 0) to x = 1 at T, where H = v^2 / 2 - t x = 0.
+    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 + t * q[0], ["x"])
+    paths = ao.solve_all(
+        ao.Problem(system, ao.Event(0.0, [0.0]), ao.Event(None, [1.0]), energy=0.0)
+    )
+    Tv = np.polynomial.Polynomial([1.0, 0.0, 0.0, 1 / 3])  # of v there
+    roots = (Tv**2 / 2 - np.polynomial.Polynomial([0.0, 0.0, 0.0, 1.0])).roots()
+    roots = np.sort(roots[(abs(roots.imag) < 1e-9) & (roots.real > 0)].real)
+    assert sorted(path.duration for path in paths) == pytest.approx(roots, abs=1e-8)
+
+
 def test_what_does_not_fit_is_refused():
     system, q = throw(30.0).system, [0.0, 0.0]
     timed = ao.System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(t) * q[0], ["x"])
@@ -184,6 +196,25 @@ def quartic_period(energy):
 SPRING = ao.System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2 - q[0] ** 4 / 4, ["x"])
 
 
+def test_transfers_in_a_plane_of_space_are_found_once():
+    kepler = ao.System(lambda q, v, t: v @ v / 2 + 1 / np.sqrt(q @ q), ["x", "y", "z"])
+    ends = ao.Event(0.0, [1.0, 0.0, 0.0]), ao.Event(None, [0.0, 1.2, 0.0])
+    paths = ao.solve_all(ao.Problem(kepler, *ends, energy=-1 / 2.2), shots=20)
+    durations = sorted(path.duration for path in paths)
+    assert durations and np.all(np.diff(durations) > 1e-6)
+    a, chord = 1.1, np.hypot(1.0, 1.2)  # Lagrange: on the four ellipses of that energy
+    perimeter = 2.2 + chord
+    alpha = 2 * np.arcsin(np.sqrt(perimeter / (4 * a)))
+    beta = 2 * np.arcsin(np.sqrt((perimeter - 2 * chord) / (4 * a)))
+    known = [
+        a**1.5 * (x - np.sin(x) - y + np.sin(y))
+        for x in (alpha, 2 * np.pi - alpha)
+        for y in (beta, -beta)
+    ]
+    for duration in durations:
+        assert np.min(np.abs(np.array(known) - duration)) < 1e-8
+
+
 @pytest.mark.parametrize("start", [None, 0.0, 0.7])
 @pytest.mark.parametrize("energy", [0.9, 4.0])
 def test_period_of_a_quartic_oscillator(start, energy):
@@ -244,6 +275,13 @@ def test_figure_eight():
     apart = [x for x in z.ravel() if abs(x - 1) > 1e-3]
     assert len(apart) == 4
     assert all(np.min(np.abs(raw - x)) < 1e-8 for x in apart)
+
+
+def test_no_path_closes_near_the_guess():  # but rest, and what a force along it would close
+    system = ao.System(lambda q, v, t: v @ v / 2 - q[0] ** 2 / 2 - q[0] ** 4 / 4, ["x"])
+    problem = ao.Problem(system, ao.Event(0.0, [None]), ao.Periodic(7.0))  # too long for once round
+    found = ao.solve(problem, guess=lambda t: [np.cos(t)], throw=False)
+    assert not found.success or np.abs(found(np.linspace(0.0, 7.0, 50))).max() == 0.0
 
 
 def test_families_in_energy_turn_back_where_the_throws_merge():

@@ -186,7 +186,11 @@ def compare(solution: Claim, *, tol: float = 1e-12) -> Comparison:
         rows = motion.legs[-1].units.rows
     except IntegrationError as error:
         reason, last = str(error), error.t
-        rows = flow.first_units(start, span).rows
+        begun = start
+        if begins_singular(flow, start, problem.end.t):  # the mass vanishes there
+            t = float(mesh.boundaries[1])
+            begun = State(t, solution(t), solution.velocity(t))
+        rows = flow.first_units(begun, span).rows
     except ValueError as error:  # the constraints do not allow it, or no acceleration is finite
         reason = f"the motion cannot be begun: {error}"
         rows = np.ones(flow.system.n + flow.system.m)

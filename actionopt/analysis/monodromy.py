@@ -102,7 +102,7 @@ def monodromy(solution: Solution) -> Monodromy:
     ------
     ValueError
         For a system under constraints, whose (q, p) are not independent, or with non-conservative
-        forces; for a path through a singularity.
+        forces; for a path through a singularity, or one that touches an obstacle.
 
     References
     ----------
@@ -114,6 +114,11 @@ def monodromy(solution: Solution) -> Monodromy:
         raise ValueError(
             "expected a system without constraints, found one with: its coordinates and momenta "
             "are not independent; choose independent coordinates"
+        )
+    if system.r and solution.contacts:
+        raise ValueError(
+            "expected a path that touches no obstacle, found one that does: its neighbours are "
+            "carried along it by other forces; give the free parts, each as a problem of its own"
         )
     n = system.n
     loose_ends = [Event(e.t, [None] * n) for e in (problem.start, problem.end)]

@@ -21,6 +21,7 @@ from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.durations import along, rates, returning
+from actionopt.solver.iterate import sizes
 from actionopt.solver.solve import solve
 from actionopt.solver.unfixed import Unfixed, solve_unfixed, straight
 from actionopt.tools.types import Array
@@ -86,6 +87,8 @@ def _passages(
     n, start, end = problem.system.n, problem.start, problem.end
     if len(start.pinned) < n or problem.system.m or (start.t is None and end.t is not None):
         return []
+    if problem.system.structure.depends_on_time:  # the energy is given where the time is free
+        return []
     t0, q0 = start.t or 0.0, np.array(start.q, dtype=float)
     if n == 1:
         u = np.array([[1.0], [-1.0]])
@@ -140,7 +143,7 @@ def _new(solution: Solution, turns: tuple[int, ...], found: list) -> bool:
     s = np.linspace(0, 1, 33)
     t0, T = solution.start.t, solution.duration
     mine = solution(t0 + s * T)
-    size = np.maximum(np.abs(mine).max(axis=1), 1e-300)[:, None]
+    size = sizes(mine.T, solution.problem.scales)[:, None]
     for other, other_turns, _ in found:
         if other_turns != turns or abs(other.duration / T - 1) > SAME:
             continue
@@ -156,7 +159,7 @@ def _first(solution: Solution, windings: int) -> bool:
     t0, T = solution.start.t, solution.duration
     t = t0 + T * np.linspace(0, 1, LOOKED_AT + 1)
     q, end = solution(t)[pinned], solution.end.q[pinned, None]
-    size = np.maximum(np.abs(solution(t)).max(axis=1), 1e-300)[pinned, None]
+    size = sizes(solution(t).T, solution.problem.scales)[pinned, None]
     if len(solution.problem.end.q) == 1:
         away = (q - end)[0, 1:-1]
         return int(np.sum(away[1:] * away[:-1] < 0)) <= windings

@@ -52,6 +52,7 @@ APPROACHES = 40  # damped steps of Newton's method
 SCANNED = 9  # durations either way, each the root of two times the next, that are looked at
 PASSED = 400  # times at which a closed path is looked for what its start gives
 ON_START = 1e-9  # of a coordinate's size, how far from that it may begin: the tolerance if larger
+PUSHED = 1e-8  # force on a closed path: measured, 1e-14 on motions, and 1 or more on what is none
 TRIED = np.logspace(-8, 8, 65)  # durations at which a straight line is looked at
 LINE = 41  # points on the straight line
 
@@ -66,6 +67,14 @@ class Reached(NamedTuple):
     def at(self) -> DiscretePath:
         """The path."""
         return self.bordered.discrete(self.y)
+
+    @property
+    def pushed(self) -> float:
+        """The forces that hold a closed path, in its units and sizes: none hold a motion."""
+        forces = self.y[self.y.size - self.bordered.borders.c.size :]
+        q = self.y[: self.bordered.first.layout.unknowns]
+        largest = np.abs(forces).max(initial=0.0)
+        return float(largest / np.abs(q).max()) if largest else 0.0
 
 
 @dataclass
@@ -278,7 +287,10 @@ class Unfixed:
         shift = float(times[np.argmin(np.minimum(times, T - times))])
         self.here = self._around(rolled(at.path, shift, at.problem.advance), None)
         if not self._follow():
-            self.hint = "no closed path near the guess begins at what the start gives"
+            self.hint = (
+                "no closed path near the guess begins at what the start gives: where a coordinate "
+                "turns back it cannot say where to begin; leave it free there"
+            )
             return False
         found = self.here.at.Q[0, pinned]
         off = np.abs(found - wanted[:, 0]) / unit[:, 0]
@@ -362,6 +374,15 @@ class Unfixed:
             if shown.worst > MEASURABLE:
                 self.gain = max(change / shown.worst, 1.0)
         return self._failed()
+
+    def judged(self, status: Status) -> Status:
+        """Return the verdict on the path at hand: one that has to be pushed is none."""
+        found = status.success or status is Status.FLOOR
+        if found and self.here and self.here.pushed > max(self.tol, self.error, PUSHED):
+            self.hint = "near the guess a path closes only if it is pushed along itself"
+            self.error = np.inf
+            return Status.NOT_FOUND
+        return status
 
     def _missed(self, here: Reached) -> float:
         """Return how far the path would move if its forces were summed over other points."""
@@ -463,7 +484,7 @@ def solve_unfixed(
                 if not run.reach(path, lam, damped=damped):
                     continue
                 run.found_by = how
-                status = run.refine()
+                status = run.judged(run.refine())
                 if status.success:
                     break
             if run.here is not None and np.isfinite(run.error):

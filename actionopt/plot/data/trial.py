@@ -111,8 +111,13 @@ class Trial:
 def straight(problem: Problem, guess: Guess | None = None) -> Trial:
     """Return the first trial: the guess, or the straight line, moved onto the constraint surface.
 
-    Raises ValueError for a path that closes, or a guess that does not fit.
+    Raises ValueError for a path that closes or never ends, or a guess that does not fit.
     """
+    if problem.is_infinite:
+        raise ValueError(
+            "expected events at finite times, found one at infinite time; solve it, and ask the "
+            "solution's own problem, which has a window of time"
+        )
     if isinstance(problem.end, Periodic):
         raise ValueError(
             "expected events that pin the ends or leave them free, found a path that closes: its "
