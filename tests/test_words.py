@@ -18,7 +18,7 @@ from actionopt.gallery.texts import texts
 from actionopt.plot.live import film
 from actionopt.plot.live.page import STATIC, whole
 from actionopt.plot.live.words import WORDS
-from actionopt.tools.words import SPOKEN, language, say, table
+from actionopt.tools.words import SPOKEN, TABLES, language, say, table
 
 OTHERS = [name for name in SPOKEN if name != "en"]
 
@@ -57,6 +57,12 @@ def said():
 def test_tables_are_complete(name):
     missing = {text for text in said() if text not in table(name)}
     assert not missing
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_tables_have_a_line_for_each_entry_in_order(name):
+    lines = json.dumps(dict(sorted(table(name).items())), indent=0, ensure_ascii=False) + "\n"
+    assert (TABLES / f"{name}.json").read_text(encoding="utf-8") == lines
 
 
 @pytest.mark.parametrize("name", OTHERS)
