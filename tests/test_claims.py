@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from helpers import solved
 
-from actionopt import scenes
+from actionopt import scenes, solve_all
 from actionopt.gallery.subject import Subject
 from actionopt.plot import conserved_data
 from actionopt.scenes import project
@@ -261,6 +261,13 @@ W = {  # scene: sentence: whether it is so
         "path": lambda s: line(s, s.phi) and line(s, s.psi) and constant(s.theta),
         "conserved": lambda s: s.kept == {"H", "phi", "psi"} and constant(s.p[1]),
     },
+    "henon_heiles": {
+        "answer": lambda s: same(np.sum(s.q * s.v, axis=0)[[0, -1]], 0, 1e-9),
+        "look": lambda s: (
+            same(np.sum(s.q * s.v, axis=0)[[0, -1]], 0, 1e-9)
+            and abs(np.arctan2(s.x, s.y)[-1] - np.pi / 3) < 1e-12
+        ),
+    },
     "hoop_bead": {
         "answer": lambda s: s.n["w"] ** 2 > s.n["g"] / s.n["R"] and turns(s.theta) == 1,
         "look": lambda s: s.theta.max() > s.f["rest_angle"] and turns(s.theta) == 1,
@@ -288,6 +295,15 @@ W = {  # scene: sentence: whether it is so
         "motion": lambda s: constant(cross(s.q, s.v)) and falling(s.speed[0]),
         "path": lambda s: falling(np.hypot(*s.v)) and np.argmax(np.hypot(*s.a)) == 0,
         "conserved": lambda s: s.kept == {"H"},
+    },
+    "kepler_at_energy": {
+        "answer": lambda s: (
+            {round(T, 9) for T in (s.T, s.f["other_duration"])}
+            < {round(path.duration, 9) for path in solve_all(s.scene.problem)}
+        ),  # either way round
+        "look": lambda s: (
+            s.f["other_duration"] > s.T and falling(np.hypot(*s.v)) and rising(np.hypot(*s.q))
+        ),
     },
     "kepler_polar": {
         "answer": lambda s: "phi" in s.kept,
@@ -354,6 +370,10 @@ W = {  # scene: sentence: whether it is so
         "motion": lambda s: abs(s.vtheta[np.argmax(s.theta)]) < 0.1,
         "path": lambda s: 0.785 < s.theta.max() < 0.795 and s.theta[-1] < 0,
         "conserved": lambda s: s.kept == {"H"},
+    },
+    "pendulum_over_top": {
+        "answer": lambda s: np.pi / np.sqrt(s.n["g"] / s.n["l"]) < s.T,
+        "look": lambda s: falling(s.vtheta) and s.vtheta[-1] < 0.2 * s.vtheta[0],
     },
     "polar_pendulum": {
         "answer": lambda s: np.argmax(-s.lamda[0]) == np.argmin(np.abs(s.theta)),
@@ -436,6 +456,14 @@ W = {  # scene: sentence: whether it is so
         "motion": lambda s: np.all(s.a[0] < 0) and np.all(s.a[1] > 0),
         "path": lambda s: parabola(s, s.x) and parabola(s, s.s),
         "conserved": lambda s: s.kept == {"H", "x"},
+    },
+    "throw_at_energy": {
+        "answer": lambda s: np.allclose(
+            [path.duration for path in solve_all(s.scene.problem)],
+            [s.f["high_duration"], s.T],
+            rtol=1e-9,
+        ),
+        "look": lambda s: s.y.max() < 0.4 * s.x[-1] and 0.5 * s.f["high_duration"] > s.T,
     },
     "turning_wire": {
         "answer": lambda s: not constant(s.H, 0.1),

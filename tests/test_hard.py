@@ -211,9 +211,9 @@ def test_a_wide_kink_is_placed():
 
 def test_a_narrow_kink_is_said_not_to_be():
     problem, _ = kink(0.02)
-    with pytest.raises(ao.SolveError, match="condition about") as caught:
+    with pytest.raises(ao.SolveError, match=r"condition about|hardly determined") as caught:
         ao.solve(problem, tol=TOL)
-    assert caught.value.solution.status in (Status.DEGENERATE, Status.FLOOR)
+    assert caught.value.solution.status in (Status.DWELLING, Status.DEGENERATE, Status.FLOOR)
 
 
 def oscillator(T, end):

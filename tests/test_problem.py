@@ -1,5 +1,7 @@
 """Events, states and problems: what they hold, and what they refuse."""
 
+import pickle
+
 import numpy as np
 import pytest
 
@@ -28,6 +30,18 @@ def test_events_hold_plain_numbers_and_know_what_is_free():
     assert event.q == (2.0, 3.0)
     assert Event(0.0, [None, 1.0, None]).pinned == (1,)
     assert Event(0.0, 0.5).q == (0.5,)
+
+
+def test_no_coordinates_leave_all_of_them_free():
+    """As many as the system has, also behind a path that closes, and after a move in time."""
+    loose = Event(0.5, None)
+    assert loose.q is None and loose.pinned == () and loose.shifted([1.0, 2.0]) is loose
+    assert Problem(plane, START, loose).end.q == (None, None)
+    assert Problem(plane, loose.at(0.0), Periodic(2.0, [0, 1])).end.q == (None, None)
+    assert Problem(plane, START, END).replace(start=Event(1.0, None)).start.q == (None, None)
+    assert pickle.loads(pickle.dumps(loose)).q is None
+    with pytest.raises(ValueError, match=r"2 coordinates \(x, y\) at the end event, found 0"):
+        Problem(plane, START, Event(1.0, []))
 
 
 def test_states_are_read_only_vectors():
@@ -110,6 +124,7 @@ def test_events_off_the_surface_are_refused_in_any_unit(r):
         (lambda: Event("noon", [0]), "expected a number for the time of an event, found 'noon'"),
         (lambda: Event(np.nan, [0]), "finite number for the time of an event"),
         (lambda: Event(np.inf, [0, None]), "all coordinates of the equilibrium at infinite time"),
+        (lambda: Event(np.inf, None), "equilibrium at infinite time, found None; give the numbers"),
         (lambda: Event(0, [0, np.nan]), "finite number for coordinate 1 of an event"),
         (lambda: Event(0, [[0, 1]]), "number for coordinate 0 of an event"),
         (lambda: Event("1.0", [0]), "a number for the time of an event, found '1.0'"),

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from actionopt import Mesh, Path, scenes, solve
+from actionopt import Mesh, Path, integrate, scenes, solve
 from actionopt.scenes._elliptic import complete, jacobi
 
 # An interpolant of degree 16 on 16 elements resolves these curves to rounding; its derivative
@@ -546,3 +546,31 @@ def test_a_whole_kink_and_the_goldschmidt_limit():
     assert abs(scenes.get("kink", duration=40.0).action - 4 / 3) < 1e-12
     near = scenes.get("catenoid", d=2 * 0.527697396962571528)
     assert abs(near.facts["area"] - 2 * np.pi) < 1e-12  # as much as the two discs
+
+
+@pytest.mark.parametrize("name", ["kepler_at_energy", "pendulum_over_top", "throw_at_energy"])
+def test_a_given_energy_has_the_duration_that_is_known(name):
+    """Found from the energy and the ends: elliptic integrals, a quadratic equation, Kepler's."""
+    scene = made(name, True)
+    asked = scene.problem.asked
+    assert asked is not None and asked.end.t is None and asked.energy == scene.facts.energy
+    found = solve(asked, guess=scene.guess, tol=1e-11)
+    assert abs(found.duration / scene.problem.duration - 1) < 1e-10
+    assert abs(found.action - scene.action) < 1e-10 * max(1.0, abs(scene.action))
+    assert found.morse_index == scene.facts.morse_index
+    # A curve is a guess where times have been found.
+    again = solve(scene.problem, guess=scene.exact, tol=1e-11)
+    assert abs(again.duration / found.duration - 1) < 1e-11
+
+
+def test_mirror_images_close_the_loop():
+    """The whole loop returns from its start, once a sixth has been found from the energy."""
+    scene = made("henon_heiles", True)
+    part = solve(scene.problem, tol=1e-11)
+    T = 6 * part.duration
+    assert abs(T / scene.facts["period"] - 1) < 1e-12
+    assert abs(part.action - scene.action) < 1e-12
+    system, values = scene.problem.system, scene.problem.parameters
+    whole = integrate(system, part.start, T, tol=1e-12, parameters=values)
+    assert np.max(np.abs(whole(T) - part.start.q)) < 1e-9
+    assert np.max(np.abs(whole.velocity(T) - part.start.v)) < 1e-9

@@ -414,7 +414,7 @@ def measured(name):
     rows = []
     for tol in TOLS:
         solution = ao.solve(scene.problem, tol=tol, guess=guess)
-        error = relative_error(solution, scene.exact, times(scene.problem))
+        error = relative_error(solution, scene.exact, times(solution.problem))
         rows.append((tol, error, solution.error, solution.status))
     return rows
 

@@ -1,6 +1,7 @@
 """Languages: complete tables, the same values in braces, numbers and formulas left alone."""
 
 import ast
+import json
 import re
 from pathlib import Path
 
@@ -12,8 +13,11 @@ from actionopt.gallery import build, figures, scene_page
 from actionopt.gallery.course import pages
 from actionopt.gallery.course.lessons import LESSONS
 from actionopt.gallery.page import SITE
+from actionopt.gallery.story import PARAGRAPH, TEMPLATE
 from actionopt.gallery.texts import texts
 from actionopt.plot.live import film
+from actionopt.plot.live.page import STATIC, whole
+from actionopt.plot.live.words import WORDS
 from actionopt.tools.words import SPOKEN, language, say, table
 
 OTHERS = [name for name in SPOKEN if name != "en"]
@@ -25,6 +29,9 @@ def said():
     found |= {why for _, _, unless, _ in figures.KINDS for _, why in unless}
     found |= {*film.SAID.values(), *film.SPEEDS.values(), *pages.PARTS, scene_page.LIVE}
     found |= {*figures._FRONTS.values(), *(text for _, text in SITE)}
+    found |= {*WORDS.values()}
+    story = PARAGRAPH.finditer(TEMPLATE.read_text(encoding="utf-8"))
+    found |= {" ".join(paragraph[3].split()) for paragraph in story}
     for lesson in LESSONS:
         found |= {lesson.title, lesson.idea, lesson.trap}
         found |= {*lesson.predict, *lesson.attempt, *lesson.explain}
@@ -34,7 +41,8 @@ def said():
         found |= {scenes.title(name), own.question, own.answer, own.look, *own.captions.values()}
         rest = (words.statement, words.remarks, *(f.remark for f in words.formulas))
         found |= {" ".join(text.split()) for text in rest}
-    for file in (Path(actionopt.__file__).parent / "gallery").rglob("*.py"):
+    package = Path(actionopt.__file__).parent
+    for file in [*(package / "gallery").rglob("*.py"), *(package / "plot" / "live").glob("*.py")]:
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "say":
                 found |= {
@@ -73,6 +81,27 @@ def test_languages_are_spoken_meanwhile():
         language("eo"),
     ):
         pass
+
+
+def test_the_script_of_the_live_figure_fills_its_words():
+    script = (STATIC / "live.js").read_text(encoding="utf-8")
+    used = set(re.findall(r"\bW\.(\w+)", script))
+    buttons = {"solve", "relax", "hunt", "bend", "wave", "half", "restart"}  # W[name]
+    assert used | buttons == set(WORDS)
+    for key, values in re.findall(r"filled\(W\.(\w+), \{(.*?)\}\)", script):
+        given = {part.split(":")[0].strip() for part in re.split(r", (?=\w+:)", values)}
+        assert given == set(re.findall(r"\{(\w+)\}", WORDS[key])), key
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_a_live_page_speaks_one_language(name):
+    with language(name):
+        html = whole(scenes.get("oscillator"))
+    shown = json.loads(re.findall(r'(?s)<script type="application/json">(.*?)</script>', html)[0])
+    assert shown["words"]["solve"] == {"de": "Lösen", "fr": "Résoudre"}[name]
+    assert f'<html lang="{name}">' in html
+    text = re.sub(r"(?s)<script.*?</script>|<style.*?</style>|<[^>]*>", " ", html)
+    assert not re.search(r"\b(the|from|which|path|motion)\b", text, re.I)
 
 
 @pytest.mark.slow

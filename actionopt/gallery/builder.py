@@ -27,7 +27,7 @@ from actionopt.gallery.page import Page
 from actionopt.mechanics.problem import Problem
 from actionopt.scenes import Scene
 from actionopt.tools.files import write
-from actionopt.tools.words import SPOKEN, language
+from actionopt.tools.words import SPOKEN, language, say
 
 PACKAGE = Path(scenes.__file__).parent.parent
 SHARED = (PACKAGE / "gallery" / "static", PACKAGE / "plot" / "live" / "static")  # by all pages
@@ -148,7 +148,7 @@ def _own(question: Scene | Problem) -> Page:
     """Return the page of a scene or a problem of the user's own, without its name."""
     from actionopt.plot.live.page import titled, whole  # matplotlib, only now
 
-    above = '<p class="crumb"><a href="../index.html">All scenes</a></p>\n'
+    above = '<p class="crumb"><a href="../index.html">' + say("All scenes") + "</a></p>\n"
     return Page({"index.html": whole(question, above=above)}, title=titled(question))
 
 

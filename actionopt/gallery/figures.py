@@ -21,6 +21,11 @@ Rule = tuple[Callable[[Subject], bool], str]
 NARROW = 3.3  # inches: where a phone shows it, 11 points of letters are 15 pixels
 
 
+def cut(size: tuple[float, float]) -> tuple[float, float]:
+    """Return the size of a figure's cut for narrow screens (inches)."""
+    return NARROW, NARROW * max(0.85, min(1.5, 1.35 * size[1] / size[0]))
+
+
 @dataclass(frozen=True)
 class Figure:
     """A figure drawn: its file's name, SVG and size (inches), and its words.
@@ -118,8 +123,7 @@ def _kind(
 
         def made(subject: Subject) -> Figure:
             said: list[tuple[str, str]] = []
-            narrow = (NARROW, NARROW * max(0.85, min(1.5, 1.35 * size[1] / size[0])))
-            cuts = plot.svgs(lambda figure: said.append(draw(subject, figure)), size, narrow)
+            cuts = plot.svgs(lambda figure: said.append(draw(subject, figure)), size, cut(size))
             ((alt, caption),) = said
             own = typeset(say(subject.scene.words.captions.get(name, "")))
             words = " ".join(filter(None, (own, caption)))

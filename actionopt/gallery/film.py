@@ -215,7 +215,7 @@ def beside(*subjects: Subject) -> str:
             {"kind": "dot", "still": False, "points": [[dots[i].tolist()] for i in places]},
         ]
         trails.append(dots[places].tolist())
-        labels.append([f"{s.solution.kind}: S = {f.action[i]:.3f} J s" for i in places])
+        labels.append([f"{say(s.solution.kind)}: S = {f.action[i]:.3f} J s" for i in places])
     wide = len(subjects) * (WIDE + APART) - APART
     data = {
         "labels": [" \u00b7 ".join(words) for words in zip(*labels, strict=True)],
@@ -225,17 +225,25 @@ def beside(*subjects: Subject) -> str:
         "points": 0.6,
     }
     ends = [
-        f"of the {s.solution.kind} from {rounded(f.action[0])} to {rounded(f.action[-1])} J s"
+        say(
+            "{kind}: from {first} to {last} J s",
+            kind=say(s.solution.kind),
+            first=rounded(f.action[0]),
+            last=rounded(f.action[-1]),
+        )
         for s, f in zip(subjects, found, strict=True)
     ]
-    return player(
-        data,
-        f"Film: wild paths go downhill in action, {' and '.join(ends)}; below each, a dot on the "
-        "map of the action over the two modes, which the one enters and the other leaves.",
+    what = say(
+        "Film: wild paths go downhill in action ({ends}); below each, a dot on the map of the "
+        "action over the two modes, which the one enters and the other leaves.",
+        ends="; ".join(ends),
+    )
+    caption = say(
         "Left the short motion, dashed, right the long one. Below each path the map of its action: "
         "vermilion lines are higher than the motion, which is the dot in the middle, blue ones "
-        "lower. The two films have one clock.",
+        "lower. The two films have one clock."
     )
+    return player(data, what, caption)
 
 
 def _high_up(solution: Solution) -> Callable[[Array], Array]:

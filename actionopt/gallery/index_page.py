@@ -54,6 +54,10 @@ def section(source: str) -> str:
     return max((s for s in SECTIONS if found[1].startswith(s)), key=len)
 
 
+def _numbered(number: str) -> str:
+    return f'<span class="no">{number}</span> ' if number else ""
+
+
 def index_page(pages: Mapping[str, Mapping[str, Any]], own: Mapping[str, str] = {}) -> str:
     """Return the page for scenes and what the manifest has on each, and titles of `own` pages."""
     cards: dict[str, list[str]] = {number: [] for number in SECTIONS}
@@ -61,7 +65,7 @@ def index_page(pages: Mapping[str, Mapping[str, Any]], own: Mapping[str, str] = 
         scene, about = scenes.get(name), pages[name]
         cards[section(scene.source)].append(_card(scene, about["tags"], about["motion"]))
     body = "\n".join(
-        f'<section><h2><span class="no">{number}</span> {say(title)}</h2>'
+        f"<section><h2>{_numbered(number)}{say(title)}</h2>"
         f'<p class="section-note">{say(note)}</p>'
         f'<ul class="cards">{"".join(cards[number])}</ul></section>'
         for number, (title, note) in SECTIONS.items()

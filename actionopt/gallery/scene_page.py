@@ -155,8 +155,8 @@ def _principle(s: Subject, words: Texts) -> str:
     scalars = {*system.coordinates, *system.parameters}
     written = [
         f'<div class="formula scroll" tabindex="0" role="region" aria-label="'
-        f'{say("Equation of motion")}">{mathml(formula(row), scalars)}</div>'
-        for row in rows
+        f'{say("Equation of motion")} {k}">{mathml(formula(row), scalars)}</div>'
+        for k, row in enumerate(rows, 1)
     ]
     if len(rows) > SHOWN:
         rest = "".join(written[SHOWN:])

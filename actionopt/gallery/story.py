@@ -2,64 +2,85 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from string import Template
+from typing import Any
 
 import numpy as np
 
 from actionopt import plot, scenes
-from actionopt.gallery.figures import Figure
+from actionopt.gallery.figures import NARROW, Figure, cut
 from actionopt.gallery.film import beside
 from actionopt.gallery.page import Page, frame, rounded
 from actionopt.gallery.subject import Subject
 from actionopt.plot import SI
 from actionopt.plot.live.page import SCRIPTS, figure
 from actionopt.solver.solve import solve
+from actionopt.tools.words import say
 
 SHORT, LONG = 0.7, 1.4  # durations of the two oscillators, in half periods
+SIZE, BOTH = (6.4, 4.4), (10.4, 4.4)  # inches: of one figure, and of two side by side
 TEMPLATE = Path(__file__).parent / "templates" / "least.html"
-TITLE = "Is it really least?"
+PARAGRAPH = re.compile(r"(?s)(<(h1|h2|p)\b[^>]*>)(.*?)(?=</\2>)")
 
 
 def story() -> Page:
     """Return the page."""
     short, long = (_oscillator(share) for share in (SHORT, LONG))
     found = [_landscapes(short, long), _slices(short, long), _fan(long), _spectrum(long)]
-    text = TEMPLATE.read_text(encoding="utf-8")
-    main = Template(text).substitute(
-        {f.name: f'<figure class="wide">{f.html("least/")}' for f in found},
-        title=TITLE,
-        half=f"{np.pi:.4g}",  # of the scene's mass and spring
-        short=f"{SHORT:g}",
-        long=f"{LONG:g}",
-        projectile=_live(
-            "projectile",
+    values = {
+        "half": f"{np.pi:.4g}",  # of the scene's mass and spring
+        "short": f"{SHORT:g}",
+        "long": f"{LONG:g}",
+    }
+    pictures = {f.name: f'<figure class="wide">{f.html("least/")}' for f in found}
+    projectile = _live(
+        "projectile",
+        say(
             "The ball's path between its two events, with handles at fixed times. Below, the "
-            "Lagrangian along the path: the blue area less the vermilion one is the action.",
+            "Lagrangian along the path: the blue area less the vermilion one is the action."
         ),
-        oscillator=_live(
-            "oscillator",
-            "Place of the mass against time. Arrow keys move a handle, with Shift in small steps.",
-        ),
-        sum=_live(
-            "oscillator",
+    )
+    oscillator = _live(
+        "oscillator",
+        say("Place of the mass against time. Arrow keys move a handle, with Shift in small steps."),
+    )
+    arrows = _live(
+        "oscillator",
+        say(
             "Left, the oscillator's motion among neighbours, each in the colour of its phase. "
             "Right, their arrows end to end; the broad one is the sum, the dashed one "
-            "\u221a(2\u03c0i\u0127/S\u2033).",
-            arrows=True,
+            "\u221a(2\u03c0i\u0127/S\u2033)."
         ),
+        arrows=True,
+    )
+    main = PARAGRAPH.sub(_said, TEMPLATE.read_text(encoding="utf-8")).format(
+        **values,
+        **pictures,
+        projectile=projectile,
+        oscillator=oscillator,
+        sum=arrows,
         relaxing=beside(short, long),
-        census=_census(),
+        census=f"<p>{_census()}</p>",
     )
     html = frame(
-        TITLE,
+        say("Is it really least?"),
         main,
         root="",
-        description="When a stationary action is a least one: bowl, focus, saddle.",
+        description=say("When a stationary action is a least one: bowl, focus, saddle."),
         scripts=["film.js", *SCRIPTS],
     )
-    return Page({"least.html": html, **{f"least/{p.name}.svg": p.svg for p in found}})
+    files = {"least.html": html}
+    for f in found:
+        files |= f.files("least/")
+    return Page(files)
+
+
+def _said(paragraph: re.Match[str]) -> str:
+    """Return a paragraph of the template in the current language, its braces not yet filled."""
+    return paragraph[1] + say(" ".join(paragraph[3].split()))
 
 
 def _live(name: str, caption: str, arrows: bool = False) -> str:
@@ -84,61 +105,91 @@ def _oscillator(share: float) -> Subject:
     return Subject(scene, solve(scene.problem, tol=1e-10))
 
 
+def _one(name: str, draw: Callable[[Any], Any], alt: str, caption: str) -> Figure:
+    """Return what `draw` puts on axes, with its narrow cut."""
+    wide, narrow = plot.svgs(lambda f: draw(f.subplots()), SIZE, cut(SIZE))
+    return Figure(name, wide, SIZE, alt, caption, narrow=narrow)
+
+
+def _pair(name: str, draw: Callable[[Sequence[Any]], Any], alt: str, caption: str) -> Figure:
+    """Return what `draw` puts on two axes side by side; its narrow cut has the second below."""
+    wide = plot.svg(lambda f: draw(list(f.subplots(1, 2))), BOTH)
+    high = (SIZE[0], 2 * SIZE[1])
+    below = plot.svgs(lambda f: draw(list(f.subplots(2, 1))), high, (NARROW, 1.7 * NARROW))
+    return Figure(name, wide, BOTH, alt, caption, narrow=below[1])
+
+
 def _landscapes(short: Subject, long: Subject) -> Figure:
-    both, size = [short.solution, long.solution], (10.4, 4.4)
-    return Figure(
+    both = [short.solution, long.solution]
+    return _pair(
         "landscapes",
-        plot.svg(lambda f: plot.landscapes(both, list(f.subplots(1, 2)), units=SI), size),
-        size,
-        "Two contour maps of the action over two variations. Left, after "
-        f"{rounded(short.t[-1])} s: closed contours around a lowest point. Right, after "
-        f"{rounded(long.t[-1])} s: from the middle the action falls to two sides and rises to the "
-        "other two.",
-        "The oscillator's action over its two lowest modes, for a short and for a long motion.",
+        lambda axes: plot.landscapes(both, axes, units=SI),
+        say(
+            "Two contour maps of the action over two variations. Left, after {short} s: closed "
+            "contours around a lowest point. Right, after {long} s: from the middle the action "
+            "falls to two sides and rises to the other two.",
+            short=rounded(short.t[-1]),
+            long=rounded(long.t[-1]),
+        ),
+        say(
+            "The oscillator's action over its two lowest modes, for a short and for a long motion."
+        ),
     )
 
 
 def _slices(short: Subject, long: Subject) -> Figure:
-    size = (10.4, 4.2)
-
-    def draw(figure):
-        for s, ax in zip((short, long), figure.subplots(1, 2), strict=True):
+    def draw(axes: Sequence[Any]) -> None:
+        for s, ax in zip((short, long), axes, strict=True):
             plot.slices(s.solution, ax, units=SI)
 
-    return Figure(
+    return _pair(
         "slices",
-        plot.svg(draw, size),
-        size,
-        f"The action along the two lowest modes. Left, after {rounded(short.t[-1])} s: two "
-        f"parabolas that open upward. Right, after {rounded(long.t[-1])} s: the first opens "
-        "downward, the second upward.",
-        "Cuts through the two landscapes. The action of the oscillator is a parabola, and so the "
-        "same as its second variation, dashed.",
+        draw,
+        say(
+            "The action along the two lowest modes. Left, after {short} s: two parabolas that open "
+            "upward. Right, after {long} s: the first opens downward, the second upward.",
+            short=rounded(short.t[-1]),
+            long=rounded(long.t[-1]),
+        ),
+        say(
+            "Cuts through the two landscapes. The action of the oscillator is a parabola, and so "
+            "the same as its second variation, dashed."
+        ),
     )
 
 
 def _fan(long: Subject) -> Figure:
-    (focus,), size = long.conjugate, (6.4, 4.4)
-    return Figure(
+    (focus,) = long.conjugate
+    return _one(
         "fan",
-        plot.svg(lambda f: plot.fan(long.solution, f.subplots(), units=SI), size),
-        size,
-        "Motions of the oscillator that leave one event with different velocities and all meet at "
-        f"t = {rounded(focus.t, 5)} s; the motion itself goes on to {rounded(long.t[-1])} s.",
-        f"The focus was found at {focus.t:.12g} s; half a period is {np.pi:.12g} s.",
+        lambda ax: plot.fan(long.solution, ax, units=SI),
+        say(
+            "Motions of the oscillator that leave one event with different velocities and all meet "
+            "at t = {focus} s; the motion itself goes on to {end} s.",
+            focus=rounded(focus.t, 5),
+            end=rounded(long.t[-1]),
+        ),
+        say(
+            "The focus was found at {focus} s; half a period is {half} s.",
+            focus=f"{focus.t:.12g}",
+            half=f"{np.pi:.12g}",
+        ),
     )
 
 
 def _spectrum(long: Subject) -> Figure:
-    (focus,), size = long.conjugate, (6.4, 4.4)
+    (focus,) = long.conjugate
     lowest = plot.spectrum_data(long.solution).eigenvalues[0]
-    return Figure(
+    return _one(
         "spectrum",
-        plot.svg(lambda f: plot.spectrum(long.solution, f.subplots(), units=SI), size),
-        size,
-        "Three falling curves, the eigenvalues against the duration; the lowest passes zero at "
-        f"{rounded(focus.t, 4)} s and reaches {rounded(lowest[-1])} at the end.",
-        "In units in which the eigenvalues of a free particle are 1, 4, 9 for every duration.",
+        lambda ax: plot.spectrum(long.solution, ax, units=SI),
+        say(
+            "Three falling curves, the eigenvalues against the duration; the lowest passes zero at "
+            "{focus} s and reaches {last} at the end.",
+            focus=rounded(focus.t, 4),
+            last=rounded(lowest[-1]),
+        ),
+        say("In units in which the eigenvalues of a free particle are 1, 4, 9 for every duration."),
     )
 
 
@@ -154,10 +205,14 @@ def _census() -> str:
         solution = solve(scene.problem, tol=1e-10, guess=scene.guess)
         kinds[solution.kind] += 1
         if solution.kind != "minimum":
-            saddles.append(f"{name.replace('_', ' ')} ({solution.morse_index})")
-    return (
-        f"Of the {len(scenes.SCENES)} scenes, with the numbers they have here, {kinds['minimum']} "
-        f"follow a path of least action and {len(saddles)} one that is a saddle: "
-        f"{', '.join(saddles)}, with the index in brackets. {kinds['drag']} have drag, and so no "
-        "action to be least."
+            saddles.append(f"{say(scene.title)} ({solution.morse_index})")
+    return say(
+        "Of the {count} scenes, with the numbers they have here, {least} follow a path of least "
+        "action and {more} one that is a saddle: {names}, with the index in brackets. {drag} have "
+        "drag, and so no action to be least.",
+        count=len(scenes.SCENES),
+        least=kinds["minimum"],
+        more=len(saddles),
+        names="; ".join(saddles),
+        drag=kinds["drag"],
     )

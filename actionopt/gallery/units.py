@@ -10,7 +10,7 @@ UNITS = {
     "m": "kg", "m1": "kg", "m2": "kg", "M": "kg", "l": "m", "l1": "m", "l2": "m", "R": "m",
     "A": "m", "g": "m/s^2", "a": "m/s^2", "k": "N/m", "b": "kg/s", "w": "rad/s", "angle": "rad",
     "e": "C", "B": "T", "E": "V/m", "Ex": "V/m", "Ez": "V/m", "mu": "m^3/s^2",
-    "G": "m^3/(kg s^2)", "I1": "kg m^2", "I3": "kg m^2", "inertia": "",
+    "G": "m^3/(kg s^2)", "spare": "J", "I1": "kg m^2", "I3": "kg m^2", "inertia": "",
 }  # fmt: skip
 OWN = {
     "drag_quadratic": {"c": "kg/m"},
@@ -21,6 +21,7 @@ OWN = {
     "great_ellipse": {"a": "m", "b": "m"},
     "fish_eye": {"a": "m"},
     "kink": {"a": "m"},
+    "henon_heiles": {"a": "m"},
     "vacuum_decay": {"a": "m", "b": ""},
     "zermelo": {"w": "rad/m"},
     "screw": {"c": "rad/m", "k": "J"},
@@ -32,6 +33,7 @@ FACTS = {
     "oscillation": "rad/s", "spin": "rad/s", "block_acceleration": "m/s^2",
     "rolling_acceleration": "m/s^2", "wedge_acceleration": "m/s^2", "friction": "N",
     "period_action": "J s", "fall_time": "s", "waist": "m", "area": "m^2", "whole_action": "J s",
+    "high_duration": "s", "other_duration": "s",
 }  # fmt: skip
 
 

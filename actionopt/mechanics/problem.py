@@ -45,8 +45,9 @@ class Event:
         Time; None leaves it free, and the energy function H is that of the problem there. With
         -math.inf at the start the path comes from the equilibrium q, with math.inf at the end it
         tends to it: a saddle of the equations of motion, along its unstable or stable manifold.
-    q : sequence of n numbers or None
-        Coordinates; None leaves that coordinate free, and the natural condition p = 0 holds.
+    q : sequence of n numbers or None, or None
+        Coordinates; None leaves that coordinate free, and the natural condition p = 0 holds. None
+        in place of them all leaves every one free: how many there are, the system says.
 
     Raises
     ------
@@ -63,7 +64,7 @@ class Event:
     def __init__(
         self,
         t: float | None,
-        q: Sequence[float | None] | ArrayLike,
+        q: Sequence[float | None] | ArrayLike | None,
         *others: Never,
         **named: Never,
     ) -> None:
@@ -78,15 +79,17 @@ class Event:
         infinite = isinstance(t, float) and math.isinf(t)
         known = t if t is None or infinite else number(t, "the time of an event")
         object.__setattr__(self, "t", known)
+        given = () if q is None else items(q, "the coordinates of an event")
         row = tuple(
             None if x is None else number(x, f"coordinate {i} of an event")
-            for i, x in enumerate(items(q, "the coordinates of an event"))
+            for i, x in enumerate(given)
         )
-        object.__setattr__(self, "q", row)
-        if infinite and None in row:
+        # They are None until a problem knows how many there are.
+        object.__setattr__(self, "q", None if q is None else row)
+        if infinite and (q is None or None in row):
             raise ValueError(
                 "expected all coordinates of the equilibrium at infinite time, found "
-                f"{list(row)}; give the numbers, or a finite time"
+                f"{None if q is None else list(row)}; give the numbers, or a finite time"
             )
 
     @property
@@ -97,7 +100,7 @@ class Event:
     @property
     def pinned(self) -> tuple[int, ...]:
         """Indices of the coordinates that are given."""
-        return tuple(i for i, x in enumerate(self.q) if x is not None)
+        return tuple(i for i, x in enumerate(self.q or ()) if x is not None)
 
     def at(self, t: float | None) -> Event:
         """Return the same event at another time."""
@@ -105,6 +108,8 @@ class Event:
 
     def shifted(self, by: Sequence[float] | ArrayLike) -> Event:
         """Return the same event with its coordinates farther by `by` (n,); free ones stay so."""
+        if self.q is None:
+            return self
         pairs = zip(self.q, items(by, "a shift of an event"), strict=True)
         return Event(self.t, [None if x is None else x + d for x, d in pairs])
 
@@ -303,6 +308,9 @@ class Problem:
         object.__setattr__(self, "parameters", values)
         object.__setattr__(self, "packed", self.system.table.pack(values))
         names = self.system.coordinates
+        for role, event in (("start", self.start), ("end", self.end)):
+            if isinstance(event, Event) and event.q is None:
+                object.__setattr__(self, role, Event(event.t, [None] * len(names)))
         if isinstance(self.end, Periodic) and isinstance(self.start, Event):
             object.__setattr__(self, "end", self.end.after(self.start))
         for role, event in (("start", self.start), ("end", self.end)):

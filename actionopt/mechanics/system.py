@@ -286,8 +286,11 @@ class System(Laws):
     def held(self) -> System:
         """Return the system whose constraints are these and the rows of the obstacle behind them.
 
-        A path along the obstacle is a motion of it, for as long as it is in contact.
+        A path along the obstacle is a motion of it, for as long as it is in contact. Without an
+        obstacle it is the system itself.
         """
+        if not self.r:
+            return self
         held = object.__new__(System)
         laws = self.L, ca.vertcat(self.f, self.outside), self.Q
         held._set(self.symbols, laws, self.coordinates, self.table, self.name, self.source)

@@ -74,10 +74,11 @@ def _broken(figure: Figure) -> None:
     width, height = figure.get_size_inches()
     named: dict[str, Any] = {}
     barred = any(ax.get_label() == "<colorbar>" for ax in figure.axes)
+    spare = SPARE * 72 * width * (SPARE if barred else 1)
     for ax in figure.axes:
         for words in (ax.title, ax._left_title, ax._right_title):  # type: ignore[attr-defined]
-            _wrap(words, (SPARE * SPARE if barred else SPARE) * 72 * width)
-        _wrap(ax.xaxis.label, SPARE * SPARE * 72 * width)
+            _wrap(words, spare)
+        _wrap(ax.xaxis.label, SPARE * spare)
         _wrap(ax.yaxis.label, SPARE * 72 * ax.get_position().height * height)
         legend = ax.get_legend()
         if legend is not None:

@@ -116,7 +116,9 @@ def landscape(
     ax.plot(0, 0, **style.event())
     style.colour_bar(ax, data.rise, norm, style.AREAS, label("$S - S^*$", units.action))
     x, y = (f"mode {k + 1} (of the path's size)" for k in data.modes)
-    ax.set(xlabel=x, ylabel=y, aspect="equal")
+    edge = float(np.max(data.a))
+    ticks = (-edge, 0, edge)  # fixed, or equal axes get wider labels than they were laid out with
+    ax.set(xlabel=x, ylabel=y, aspect="equal", xticks=ticks, yticks=ticks)
     ax.grid(False)
     ax.set_title(f"{style.heading(solution)}: {solution.kind}, index {solution.morse_index}")
     return ax

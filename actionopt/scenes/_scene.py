@@ -185,8 +185,9 @@ class Setup:
     """What a scene's file returns for given numbers: a `Scene` but for its system and its words.
 
     The events are at the times 0 and `duration`, with the coordinates `ends`; those of `exact` if
-    they are not given. `kinetic` is the part of L that the velocities make up, if it is not given,
-    as it is where the coordinates do not move.
+    they are not given. With an `energy` (J) the end is to be reached with that, and `duration` (s)
+    is what is known of how long it takes. `kinetic` is the part of L that the velocities make up,
+    if it is not given, as it is where the coordinates do not move.
     """
 
     coordinates: Sequence[str]
@@ -197,6 +198,7 @@ class Setup:
     guess: Curve | None = None
     kinetic: Along | None = None
     facts: Facts = field(default_factory=Facts)
+    energy: float | None = None
 
 
 def build(file: ModuleType, numbers: Mapping[str, Any]) -> Scene:
@@ -206,7 +208,12 @@ def build(file: ModuleType, numbers: Mapping[str, Any]) -> Scene:
     times = (0.0, found.duration)
     ends = found.ends or [found.exact(t) for t in times]  # type: ignore[misc]
     start, end = (Event(t, q) for t, q in zip(times, ends, strict=True))
-    problem = Problem(y, start, end, parameters={name: numbers[name] for name in y.parameters})
+    values = {name: numbers[name] for name in y.parameters}
+    if found.energy is None:
+        problem = Problem(y, start, end, parameters=values)
+    else:
+        asked = Problem(y, start, end.at(None), parameters=values, energy=found.energy)
+        problem = asked.found(*times)
 
     def kinetic(q: Array, v: Array, t: Any) -> Array:
         L, back, rest = (

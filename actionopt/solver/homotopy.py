@@ -20,8 +20,6 @@ from actionopt.tools.types import Array
 # proportion. Measured on 100 lattices and pendulums of 1 to 10 coordinates: what is found takes 18
 # to 215 steps, with up to 4 coordinates (190 unknowns); with more, 400 steps find nothing.
 HOMOTOPY_STEPS, FEWEST_STEPS, ALL_STEPS_SIZE = 240, 20, 200
-# There s turns back to -0.91 at most; where there is no path, to -4.7 and beyond.
-FARTHEST_BACK = -2.0
 # Ad hoc.
 # Of arclength in s and the root mean square of the coordinates; halved where the corrector fails.
 FIRST_ARC, LONGEST_ARC, SHORTEST_ARC = 0.05, 0.5, 1e-6
@@ -59,7 +57,7 @@ def newton_homotopy(tr: Transcription, z: Array) -> tuple[Array, int] | None:
             if length < SHORTEST_ARC:
                 return None
         z, s = trial[0], trial[1]
-        if not np.max(np.abs(z[:cut])) < FAR or s < FARTHEST_BACK:
+        if not np.max(np.abs(z[:cut])) < FAR:
             return None
         if s >= 1.0 - 1e-9:
             return z, count

@@ -27,7 +27,7 @@ from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Problem
 from actionopt.solver import window
-from actionopt.solver.arguments import Guess, asked, checked
+from actionopt.solver.arguments import Guess, asked, checked, curve
 from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF
 from actionopt.solver.ladder import COARSE_DEGREE, IPOPT, LADDER, LINEAR, NEAR, Rung, Search
 from actionopt.solver.obstacle import Along, along
@@ -155,6 +155,10 @@ class Choices:
 def _asked(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[Solution, str]:
     """Return the path, and the verdict with its figures."""
     if problem.unfixed:
+        timed = problem.asked is not None
+        if timed and callable(guess) and not isinstance(guess, (Path, Solution)):
+            b = problem.start.t, problem.end.t  # a curve over the times that are known
+            guess = curve(problem, guess)(Mesh.uniform(*b, 4 * LINEAR, COARSE_DEGREE))
         found = _unfixed(problem.asked or problem, guess, choices)
         if found is None:
             found = _solved(problem, guess, choices)

@@ -29,6 +29,9 @@ def data(problem: Problem, solution: Solution, units: Units = NONE) -> dict[str,
     Raises ValueError as `check` does.
     """
     check(problem)
+    if problem.asked is not None:  # the page keeps the times that were found
+        solution = solution.between_times
+        problem = solution.problem
     system, names = problem.system, problem.system.coordinates
     found = resolved(problem, solution)
     mesh = found.mesh

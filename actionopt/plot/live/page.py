@@ -15,13 +15,16 @@ from actionopt.plot._names import NONE, SI, Units
 from actionopt.plot.data.motion import Draw
 from actionopt.plot.live.data import check, data, written
 from actionopt.plot.live.drawing import drawing
+from actionopt.plot.live.words import words as spoken
 from actionopt.scenes import Scene
 from actionopt.solver.arguments import Guess
 from actionopt.solver.solve import solve
 from actionopt.tools.files import ready, write
+from actionopt.tools.words import current, say
 
 STATIC = Path(__file__).parent / "static"
 SCRIPTS = ("action.js", "live.js")
+MINUS = "\N{MINUS SIGN}"
 TOL = 1e-10  # of the path that the page has as its answer
 
 
@@ -81,17 +84,19 @@ def whole(
     units = NONE if units is None else units
     check(problem)
     solution = solve(problem, tol=TOL, guess=guess)
+    what = say("{title}: bend the path, and see its action", title=title)
+    made = say("Made by actionopt {version}.", version=escape(__version__))
     style, *scripts = (
         (STATIC / name).read_text(encoding="utf-8") for name in ("style.css", *SCRIPTS)
     )
     code = "\n".join(f"<script>\n{text}</script>" for text in scripts)
     return f"""<!DOCTYPE html>
-<html lang="en">
+<html lang="{current()}">
 <head>
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <meta name="color-scheme" content="light dark">
-<meta name="description" content="{escape(title)}: bend the path, and see its action">
+<meta name="description" content="{escape(what)}">
 <title>{escape(title)}</title>
 <link rel="icon" href="data:,">
 <style>
@@ -103,7 +108,7 @@ def whole(
 <p class="lead">{escape(_sentence(problem, units))}</p></header>
 {figure(problem, solution, units=units, draw=draw)}
 </main>
-<footer class="site"><p>Made by actionopt {escape(__version__)}.</p></footer>
+<footer class="site"><p>{made}</p></footer>
 {code}
 </body>
 </html>
@@ -112,7 +117,7 @@ def whole(
 
 def titled(question: Scene | Problem) -> str:
     """Return the heading of a page."""
-    title = question.title if isinstance(question, Scene) else question.name.replace("_", " ")
+    title = say(question.title) if isinstance(question, Scene) else question.name.replace("_", " ")
     return title[:1].upper() + title[1:]
 
 
@@ -133,6 +138,7 @@ def figure(
     and with `arrows` the sum over paths is all that is. Raises ValueError as `data` does.
     """
     found: dict[str, Any] = {"name": name or problem.name, **data(problem, solution, units)}
+    found["words"] = spoken()
     if draw is not None:
         found["picture"] = drawing(solution, draw)
     text = json.dumps(found, separators=(",", ":")).replace("</", "<\\/")
@@ -140,7 +146,7 @@ def figure(
     looks = " data-show" * shown + " data-sum" * arrows
     return f"""<figure class="live" data-live="{escape(found["name"])}"{looks}>
 <script type="application/json">{text}</script>
-<noscript><p>Scripts are off: the path cannot be bent.</p></noscript>{words}
+<noscript><p>{say("Scripts are off: the path cannot be bent.")}</p></noscript>{words}
 </figure>"""
 
 
@@ -149,14 +155,17 @@ def _sentence(problem: Problem, units: Units) -> str:
 
     def at(q: Sequence[float | None]) -> str:
         known = [
-            f"{written(name)} = {x:.4g} {units.coordinate(name)}".rstrip()
+            f"{written(name)} = {x:.4g} {units.coordinate(name)}".rstrip().replace("-", MINUS)
             for name, x in zip(problem.system.coordinates, q, strict=True)
             if x is not None
         ]
-        return ", ".join(known[:4]) + (" and more" if len(known) > 4 else "") or "anywhere"
+        return ", ".join(known[:4]) + (say(" and more") if len(known) > 4 else "") or say(
+            "anywhere"
+        )
 
-    return (
-        f"From {at(problem.start.q)} to {at(problem.end.q)} in "
-        f"{problem.duration:.4g} {units.time}".rstrip()
-        + ": of all the paths between, which is the motion?"
-    ).replace("-", "\N{MINUS SIGN}")
+    return say(
+        "From {start} to {end} in {T}: of all the paths between, which is the motion?",
+        start=at(problem.start.q),
+        end=at(problem.end.q),
+        T=f"{problem.duration:.4g} {units.time}".rstrip(),
+    )

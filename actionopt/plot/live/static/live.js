@@ -14,38 +14,8 @@
   const still = matchMedia("(prefers-reduced-motion: reduce)");
   const { Action, compiled } = globalThis.actionopt;
 
-  const WORDS = {
-    path: "The path", lagrangian: "L along the path", alpha: "S along the present bend",
-    missing: "Missing force", square: (x) => `the area is S; one square is ${x}`,
-    solve: "Solve", relax: "Relax", hunt: "Let it hunt", bend: "Bend it", wave: "Make waves",
-    half: "Half the bend", restart: "Start over", stop: "Stop", show: "Show the motion", parameters: "Parameters",
-    duration: "Duration", coordinate: "Coordinate", at: (t) => `Path at t = ${t}`,
-    same: "as on the motion", more: (x) => `${x} more than on the motion`,
-    less: (x) => `${x} less than on the motion`, best: (x) => `best so far ${x}`,
-    minimum: "minimum", saddle: (k) => `saddle, index ${k}`, degenerate: "degenerate: the end is conjugate to the start",
-    slope: (here, there) => `first order: slope ${here} on your path, ${there} on the motion`,
-    slopes: (here, there) => `first order: slope ${here} on your path, ${there} on the straight line`,
-    steepest: (x) => `first order: the steepest slope of S is ${x} here`,
-    distance: (x) => `distance from the Lagrange\u2013d\u2019Alembert equations: ${x}`,
-    forced: "a force without a potential acts: no action is stationary",
-    solved: (k) => `Newton\u2019s method, ${k === 1 ? "one step" : `${k} steps`}: here the slope is zero in every direction.`,
-    elsewhere: "No stationary path was found near yours; this one is elsewhere.",
-    lost: "The motion could not be followed farther.",
-    none: "No motion was found near the former one with these numbers.",
-    halved: (a, b, r) => `Half the bend: the change of S went from ${a} to ${b}, ${r} of it.`,
-    quarter: " A quarter: on the motion nothing is left of the first order.",
-    straighten: " Half would be first order: the straight line is not stationary.",
-    hint: "Drag a handle. The motion is hidden until you ask for it.",
-    nothing: "The path is not bent. Drag a handle, or press \u201cBend it\u201d.",
-    arrived: "Downhill as far as it goes: this is a path of least action among its neighbours.",
-    runs: "The path runs away and S falls without end: the motion is on no valley\u2019s floor.",
-    level: "The slope is zero here: bend the path a little, and let go.",
-    hunted: (k) => `The machine moved one handle at a time, ${k} trials, and kept what lowered S.`,
-    picture: "What moves", film: "What moves, on the motion", play: "Play", pause: "Pause", clock: (t) => `t = ${t}`,
-    sum: "Sum over paths", hbar: "\u0127", neighbours: "Neighbours, coloured by the phase of exp(iS/\u0127)", arrows: "An arrow exp(iS/\u0127) for each, end to end",
-    turned: (found, known) => `The sum of all arrows is turned by ${found}\u00b0; by ${known}\u00b0 for small \u0127.`,
-    focus: "At the focus S does not change to second order: all the neighbours agree, and the sum is as long as it gets.",
-  };
+  // A sentence with values in its braces.
+  const filled = (text, values) => text.replace(/\{(\w+)\}/g, (_, name) => values[name]);
 
   const element = (parent, name, look, text) => {
     const made = document.createElementNS(NS, name);
@@ -145,8 +115,8 @@
 
   // How the system looks at one time, of any path or, where that is not known, of the motion alone.
   class Picture extends Panel {
-    constructor(parent, title, data) {
-      super(parent, data.frames ? WORDS.film : title, "picture", (w) => Math.min(330, 0.8 * w));
+    constructor(parent, W, data) {
+      super(parent, data.frames ? W.film : W.picture, "picture", (w) => Math.min(330, 0.8 * w));
       this.data = data;
       this.make = data.draw && compiled(data.draw);
       let bodies = 0;
@@ -155,8 +125,8 @@
         return element(this.lines, dot ? "circle" : "polyline", kind === "body" ? `body b${bodies++ % 5}` : kind);
       });
       this.controls = html(this.box, "div", { class: "controls" });
-      this.button = html(this.controls, "button", { type: "button", "data-do": "play" }, WORDS.play);
-      this.input = html(this.controls, "input", { type: "range", min: 0, max: 1, step: "any", value: 0, "aria-label": title });
+      this.button = html(this.controls, "button", { type: "button", "data-do": "play" }, W.play);
+      this.input = html(this.controls, "input", { type: "range", min: 0, max: 1, step: "any", value: 0, "aria-label": W.picture });
       this.clock = html(this.controls, "span", { class: "clock" });
     }
 
@@ -195,7 +165,7 @@
   };
 
   function start(figure) {
-    const data = JSON.parse(figure.querySelector("script").textContent), W = { ...WORDS, ...data.words };
+    const data = JSON.parse(figure.querySelector("script").textContent), W = data.words;
     const A = new Action(data), { n, forced } = A, units = data.units, spans = data.spans;
     const unit = (x, word) => (word ? `${x} ${word}` : x);
     const energy = (x, digits = 4, size = 0) => unit(written(x, digits, size), units.action);
@@ -248,7 +218,7 @@
     const energyPanel = forced ? null : new Panel(left, W.lagrangian, "lagrangian", (w) => Math.min(240, 0.35 * w + 70));
     const alphaPanel = forced ? null : new Panel(right, W.alpha, "alpha", (w) => Math.min(330, 0.75 * w + 40));
     const missingPanel = new Panel(data.picture && !forced ? left : right, W.missing, "missing", (w) => Math.min(forced && !data.picture ? 370 : 220, 0.5 * w + 40));
-    const picture = data.picture ? new Picture(right, W.picture, data.picture) : null;
+    const picture = data.picture ? new Picture(right, W, data.picture) : null;
     const all = [pathPanel, alphaPanel, energyPanel, missingPanel, picture].filter(Boolean);
     const numbers = data.parameters.length ? html(figure, "details") : null;
     if (numbers) html(numbers, "summary", {}, W.parameters);
@@ -270,7 +240,7 @@
       paths.hbar = slider(html(paths, "div", { class: "controls sliders" }), W.hbar, -3, -0.3, -1.2);
       const both = html(paths, "div", { class: "panels even" });
       paths.near = new Panel(html(both, "div", { class: "column" }), W.neighbours, "near", (w) => Math.min(330, 0.7 * w + 40));
-      paths.spiral = new Panel(html(both, "div", { class: "column" }), W.arrows, "spiral", (w) => Math.min(330, 0.7 * w + 40));
+      paths.spiral = new Panel(html(both, "div", { class: "column" }), W.spiral, "spiral", (w) => Math.min(330, 0.7 * w + 40));
       paths.words = html(paths, "p", { class: "note", role: "status" });
       for (const [parent, name, count, look] of [["near", "strands", NEIGHBOURS, ""], ["spiral", "turns", 24, ""]])
         paths[name] = Array.from({ length: count }, () => element(paths[parent].lines, name === "turns" ? "path" : "g", look));
@@ -398,7 +368,7 @@
         energyPanel.scale([A.start, right], levels);
         energyPanel.axes(inTime, unit("L", units.energy && `(${units.energy})`), true);
         const cell = energyPanel.cell[0] * energyPanel.cell[1];
-        energyPanel.note.textContent = W.square(energy(cell, 3));
+        energyPanel.note.textContent = filled(W.square, { x: energy(cell, 3) });
         const area = (cut) => `M${energyPanel.points([[A.start, 0]])}L` + energyPanel.points(L.map(([t, l]) => [t, cut(l)])) + `L${energyPanel.points([[A.start + A.duration, 0]])}Z`;
         adds.setAttribute("d", area((l) => Math.max(l, 0)));
         takes.setAttribute("d", area((l) => Math.min(l, 0)));
@@ -421,13 +391,15 @@
       const text = [["S", `S = ${unit(fixed(value, places), units.action)}`]];
       if (!forced && shown) {
         const same = Math.abs(rise) < 0.5 * 10 ** -places, by = energy(Math.abs(rise), 4);
-        text.push(same ? ["", W.same] : rise > 0 ? ["more", W.more(by)] : ["less", W.less(by)]);
+        text.push(same ? ["", W.same] : rise > 0 ? ["more", filled(W.more, { x: by })] : ["less", filled(W.less, { x: by })]);
       } else if (!forced) {
         best = best === null ? value : Math.min(best, value);
-        text.push(["", W.best(unit(fixed(best, places), units.action))]);
+        text.push(["", filled(W.best, { x: unit(fixed(best, places), units.action) })]);
       }
       output.replaceChildren(...text.map(([look, words]) => { const part = document.createElement("span"); part.className = look; part.textContent = words; return part; }));
-      order.textContent = forced ? W.distance(energy(distance, 3, scale)) : bare ? W.steepest(energy(distance, 2, 10 * scale)) : (shown ? W.slope : W.slopes)(...slopes.map((s) => energy(s, 2, 10 * scale)));
+      const [here, there] = (slopes ?? []).map((s) => energy(s, 2, 10 * scale));
+      order.textContent = forced ? filled(W.distance, { x: energy(distance, 3, scale) })
+        : bare ? filled(W.steepest, { x: energy(distance, 2, 10 * scale) }) : filled(shown ? W.slope : W.slopes, { here, there });
       verdictOf();
       time.clock.textContent = unit(fixed(A.duration, 3), units.time);
       time.input.setAttribute("aria-valuetext", time.clock.textContent);
@@ -444,7 +416,7 @@
       if (!picture) return;
       const Q = data.picture.frames ? motion.Q : trial, q = A.sample(Q, share), t = A.start + share * A.duration;
       picture.show(share, q, t);
-      picture.clock.textContent = W.clock(unit(fixed(t, 2), units.time));
+      picture.clock.textContent = filled(W.clock, { t: unit(fixed(t, 2), units.time) });
       picture.input.value = share;
       picture.input.setAttribute("aria-valuetext", picture.clock.textContent);
       const moved = share > 0;
@@ -534,7 +506,7 @@
       paths.total.setAttribute("d", arrow(total));
       paths.limit.setAttribute("d", `M${spiral.X(0)},${spiral.Y(0)}L${spiral.X(known[0])},${spiral.Y(known[1])}`);
       const degrees = (Math.atan2(total[1], total[0]) * 180) / Math.PI, signed = (x) => (x > 0 ? "+" : "") + fixed(x, 0);
-      paths.words.textContent = reach >= WIDEST ? W.focus : W.turned(signed(degrees), signed(limit));
+      paths.words.textContent = reach >= WIDEST ? W.focus : filled(W.turned, { found: signed(degrees), known: signed(limit) });
       Object.assign(figure.dataset, { turned: degrees, sum: Math.hypot(...total), limit: length });
     }
 
@@ -544,7 +516,7 @@
       badge.hidden = !shown;
       if (motion.verdict?.T !== A.duration || motion.verdict.Q !== motion.Q) motion.verdict = { ...A.index(motion.Q), T: A.duration, Q: motion.Q };
       const { kind, index } = motion.verdict;
-      badge.textContent = kind === "minimum" ? W.minimum : kind === "saddle" ? W.saddle(index) : W.degenerate;
+      badge.textContent = kind === "minimum" ? W.minimum : kind === "saddle" ? filled(W.saddle, { k: index }) : W.degenerate;
       badge.className = `badge ${kind}`;
       Object.assign(figure.dataset, { kind, index });
     }
@@ -627,17 +599,16 @@
     function solve() {
       stop();
       const seen = [];
-      let found = A.newton(trial, { follow: (Q) => seen.push(Q) }), words = W.solved(Math.max(1, seen.length));
+      let found = A.newton(trial, { follow: (Q) => seen.push(Q) }), words = seen.length < 2 ? W.once : filled(W.solved, { k: seen.length });
       if (!found) {
         found = A.newton(motion.Q) ?? motion.Q;
         words = W.elsewhere;
         seen.splice(0);
-      }
+      } else if (!forced) words += ` ${W.stationary}`;
       const near = Math.abs(S(found) - S(motion.Q)) <= 1e-7 * (Math.abs(S(found)) + 1e-9) && size(found.map((x, i) => x - motion.Q[i])) < 1e-4;
       motion = { Q: found, p0: A.momentum(found), own: motion.own && near };
       told(true);
       foci();
-      if (forced) words = seen.length ? words.replace(/:.*/, ".") : words;
       if (still.matches || seen.length < 2) { become(found, words); return; }
       animate("solve", (k) => { trial = seen[Math.min(seen.length - 1, Math.floor(k / 12))]; if (k >= 12 * seen.length) { trial = found; return words; } });
     }
@@ -663,7 +634,7 @@
           if (Q && S(Q) < S(trial)) { trial = Q; luck = true; } // and again the same way
           else if (sign > 0) sign = -1;
           else { sign = 1; if (++j === moves.length) { j = 0; if (!luck) by /= 2; luck = false; } }
-          if (by < 2e-4 * (view.y[1] - view.y[0])) return W.hunted(tries);
+          if (by < 2e-4 * (view.y[1] - view.y[0])) return filled(W.hunted, { k: tries });
           if (size(trial.map((x, c) => x - first[c])) > AWAY) return W.runs;
         }
       });
@@ -675,7 +646,7 @@
       const Q = plus(base(), 0.5, b);
       if (!Q) return;
       const after = S(Q) - reference;
-      become(Q, W.halved(energy(before, 4), energy(after, 4), fixed(after / before, 3)) + (shown ? W.quarter : W.straighten));
+      become(Q, `${filled(W.halved, { a: energy(before, 4), b: energy(after, 4), r: fixed(after / before, 3) })} ${shown ? W.quarter : W.straighten}`);
     }
 
     function told(yes) { // whether the motion is seen
@@ -767,7 +738,7 @@
         const [x, y] = spot(trial, knot(j), pair), named = pair.filter((i) => i !== null);
         group.setAttribute("transform", `translate(${pathPanel.X(x).toFixed(2)},${pathPanel.Y(y).toFixed(2)})`);
         put(group, {
-          "aria-label": W.at(unit(fixed(A.start + (A.duration * j) / spans, 2), units.time)), "aria-valuenow": y.toFixed(4),
+          "aria-label": filled(W.at, { t: unit(fixed(A.start + (A.duration * j) / spans, 2), units.time) }), "aria-valuenow": y.toFixed(4),
           "aria-valuemin": view.y[0].toFixed(4), "aria-valuemax": view.y[1].toFixed(4),
           "aria-valuetext": named.map((i) => unit(`${data.coordinates[i].name} = ${fixed(trial[knot(j) * n + i], 3)}`, data.coordinates[i].unit)).join(", "),
         });
