@@ -189,3 +189,11 @@ def test_equilibria_of_two_energies_are_not_joined():
     bound = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"], constraint=lambda q, t: q @ q - 1)
     with pytest.raises(ValueError, match="without constraints or forces"):
         ao.solve(ao.Problem(bound, ao.Event(-INF, [1, 0]), ao.Event(0, [0, 1])))
+
+
+def test_a_grid_of_kinks():
+    w = np.array([0.5, 1.0, 3.0])
+    runs = ao.sweep(JOIN, {"w": w}, record="index")
+    assert runs.success.all() and not runs.index.any()
+    assert runs.action == pytest.approx(4 * w / 3, abs=1e-9)
+    assert abs(runs.solution(2)(0.2)[0] - np.tanh(0.6)) < 1e-7

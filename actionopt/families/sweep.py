@@ -112,7 +112,8 @@ def sweep(
             "expected events, or a period that is given, to sweep over, found closed paths of a "
             "given energy, which need a guess; follow one by `trace`"
         )
-    keep_paths = keep_paths or problem.free_time  # their durations are in them
+    # Durations that are found, and windows, are in the paths.
+    keep_paths = keep_paths or problem.free_time or problem.is_infinite
     grid = Grid.of(problem, over, zip)
     index = "index" in _recorded(record)
     if executor is not None and not hasattr(executor, "submit"):
