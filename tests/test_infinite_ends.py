@@ -197,3 +197,12 @@ def test_a_grid_of_kinks():
     assert runs.success.all() and not runs.index.any()
     assert runs.action == pytest.approx(4 * w / 3, abs=1e-9)
     assert abs(runs.solution(2)(0.2)[0] - np.tanh(0.6)) < 1e-7
+
+
+def test_a_kink_between_wells_of_unlike_rates():
+    """S is the integral of (1 - x^2)(x + 1.3), 4/3 * 1.3."""
+    system = ao.System(
+        lambda q, v, t: v[0] ** 2 / 2 + ((1 - q[0] ** 2) * (q[0] + 1.3)) ** 2 / 2, ["x"]
+    )
+    kink = ao.solve(ao.Problem(system, ao.Event(-INF, [-1.0]), ao.Event(INF, [1.0])))
+    assert kink.action == pytest.approx(4 / 3 * 1.3, abs=1e-9)

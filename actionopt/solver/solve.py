@@ -264,6 +264,13 @@ def _in_windows(problem: Problem, guess: Guess | None, choices: Choices) -> tupl
             solution = replace(solution, status=Status.UNRESOLVED)
             break
         here = later
+    lost = not solution.success and solution.status is not Status.OUT_OF_TIME
+    if guess is None and lost and choices.mesh is None and choices.principle == "auto":
+        step = window.step(here.problem)
+        if step is not None:
+            again, told = _in_windows(problem, step, choices)
+            if again.success:
+                return again, told
     solution = window.judged(here, solution)
     return window.centred(solution), message
 

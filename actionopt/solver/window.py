@@ -153,6 +153,16 @@ def searched(whole: Problem, tol: float) -> Problem:
     return problem.replace(start=ends[0], end=ends[1])
 
 
+def step(problem: Problem) -> Callable[[Array], Array] | None:
+    """Return a step, tanh, from one equilibrium to the other on a window, or None for one alone."""
+    before, after = problem.rests
+    a, b = (np.array(e.near, dtype=float)[:, None] for e in (problem.start, problem.end))
+    if before is None or after is None or np.array_equal(a, b):
+        return None
+    rate = np.sqrt(before.slow * after.slow) / 2
+    return lambda t: (a + b) / 2 + (b - a) / 2 * np.tanh(rate * t)
+
+
 def longer(window: Window, solution: Solution, tol: float) -> Window | None:
     """Return a window whose edges leave out little enough, or None if this one's do."""
     problem = window.problem
