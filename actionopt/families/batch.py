@@ -35,6 +35,7 @@ from actionopt.solver.iterate import LATE_TIME, SAFETY, UNKNOWN_GAIN, amplified,
 from actionopt.solver.solve import FAMILY_NOISE, FAMILY_SUSPECTED, Guess, solve, solve_near
 from actionopt.solver.together import Followed, follow
 from actionopt.solver.workspace import MEASURABLE
+from actionopt.tools.blas import one_thread
 from actionopt.tools.lobatto import lgl
 from actionopt.tools.types import Array, NDInt
 
@@ -125,6 +126,7 @@ def member(problem: Problem, columns: Mapping[Any, ArrayLike], i: int) -> Proble
     return moved(problem, {name: float(np.asarray(row)[i]) for name, row in columns.items()})
 
 
+@one_thread
 def solve_run(
     problem: Problem,
     columns: Mapping[Any, ArrayLike],

@@ -17,6 +17,7 @@ from actionopt.families.vary import Name, moved
 from actionopt.families.walk import walk
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.solve import Guess, solve
+from actionopt.tools.blas import one_thread
 from actionopt.tools.types import Array, NDInt
 
 Answers = dict[str, Array]
@@ -31,6 +32,7 @@ class Seed(NamedTuple):
     distance: int
 
 
+@one_thread
 def work(
     question: bytes,
     members: NDInt,
