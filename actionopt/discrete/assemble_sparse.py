@@ -47,8 +47,7 @@ def _curvatures(tr: Action, z: Array) -> Array:
     """Return all contributions to the Hessian of S + sum w lam f, one after the other."""
     A, B, C = tr.second(z[: tr.layout.unknowns])
     stiff = tr.kept("contributions", lambda: _stiffness(tr, C))
-    upper = np.triu_indices(tr.problem.system.n)
-    nodal = [term.matrix[upper] for term in tr.nodal]
+    nodal = [term.matrix[np.triu_indices(len(term.matrix))] for term in tr.nodal]
     parts = [*nodal, (tr.weight * A).ravel(), *_mixed(tr, B, diagonal_twice=True), stiff]
     curvature = tr.constraint_curvature(z)
     return np.concatenate(parts if curvature is None else [*parts, curvature.ravel()])

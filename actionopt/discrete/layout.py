@@ -161,8 +161,10 @@ class Layout:
     @cached_property
     def hessian(self) -> Pattern:
         """Upper triangle of the Hessian of S + sum w lam f in the unknowns."""
-        upper = np.triu_indices(self.system.n)
-        targets = [(self.number[k][upper[0]], self.number[k][upper[1]]) for k in self.nodal]
+        targets = []
+        if self.nodal:
+            row, col = np.triu_indices(self.system.n)
+            targets += [(self.number[k][row], self.number[k][col]) for k in self.nodal]
         targets += [self._diagonal("second", 0), self._mixed("second", 1), self._stiff("second", 2)]
         if self.system.m and not self.system.structure.affine_constraint:
             rows, cols = self.system.pointwise("constraint_curvature").sparsity(0)

@@ -451,10 +451,10 @@ class Problem:
     @property
     def closes(self) -> bool:
         """Whether paths close that may start anywhere along themselves, as L has no clock."""
+        if not isinstance(self.end, Periodic):
+            return False
         structure = self.system.structure
-        return isinstance(self.end, Periodic) and not (
-            structure.depends_on_time or structure.forced
-        )
+        return not (structure.depends_on_time or structure.forced)
 
     @cached_property
     def advance(self) -> Array | None:

@@ -50,6 +50,7 @@ OUTDATED = 1e-6  # change of multipliers, in whose matrix no family may show; ad
 BENT = 1e-4  # in units of kinetic energy, as the index has it: of a family 1e-8; ad hoc
 DWELT = (Status.NOT_FOUND, Status.UNRESOLVED, Status.DEGENERATE)  # what it may be
 DWELL_STEP = 1e-5  # of the way, that a motion makes at most from node to node at rest; ad hoc
+MANY_UNKNOWNS = 5000  # on 10,000 elements of a double pendulum six times as fast; ad hoc
 LOST = (Status.NOT_FOUND, Status.UNRESOLVED)  # where one of a family may have been near
 
 
@@ -403,10 +404,11 @@ def _family(ws: Workspace, solution: Solution) -> Solution:
 def _far_from_singular(ws: Workspace) -> bool:
     """Whether no direction on the mesh is near one in which the action does not bend.
 
-    Asked of many coordinates, where round-off is amplified without any, and the index costs more.
+    Asked of many unknowns, where round-off is amplified without any, and the index costs more.
     """
     tr, z = ws.here.tr, ws.here.z
-    if ws.problem.system.m or not ws.many_coordinates:
+    many = ws.many_coordinates or tr.layout.unknowns > MANY_UNKNOWNS
+    if ws.problem.system.m or not many:
         return False
     H, K = tr.kkt(z), tr.kinetic(z)
     below, above = (Factors(tr.layout, H + mu * K).negative() for mu in (BENT, -BENT))
