@@ -407,11 +407,11 @@ def _far_from_singular(ws: Workspace) -> bool:
     Asked of many unknowns, where round-off is amplified without any, and the index costs more.
     """
     tr, z = ws.here.tr, ws.here.z
-    many = ws.many_coordinates or tr.layout.unknowns > MANY_UNKNOWNS
-    if ws.problem.system.m or not many:
+    few = not ws.many_coordinates or ws.problem.system.m > 0
+    if few and tr.layout.unknowns < MANY_UNKNOWNS:
         return False
-    H, K = tr.kkt(z), tr.kinetic(z)
-    below, above = (Factors(tr.layout, H + mu * K).negative() for mu in (BENT, -BENT))
+    H, K, bent = tr.kkt(z), tr.kinetic(z), BENT if ws.problem.system.m == 0 else INDEX_TOLERANCE
+    below, above = (Factors(tr.layout, H + mu * K).negative() for mu in (bent, -bent))
     return below == above
 
 
