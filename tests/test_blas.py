@@ -6,6 +6,7 @@ from threading import Barrier
 import pytest
 
 import actionopt as ao
+from actionopt.families import batch
 from actionopt.tools.blas import one_thread, thread_count
 
 OSCILLATOR = ao.System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
@@ -37,6 +38,19 @@ def test_a_solve_uses_one_thread(two):
     solution = ao.solve(PROBLEM, guess=guess)
     assert set(seen) == {1} and two() == 2
     assert solution.morse_index == 0 and two() == 2
+
+
+def test_a_run_of_a_sweep_uses_one_thread(two, monkeypatch):
+    """A task is all that a worker calls."""
+    seen, go = [], batch._Run.go
+
+    def watched(run, guess):
+        seen.append(two())
+        return go(run, guess)
+
+    monkeypatch.setattr(batch._Run, "go", watched)
+    ao.sweep(PROBLEM, {("end", "x"): [0.4, 0.5, 0.6]})
+    assert set(seen) == {1} and two() == 2
 
 
 def test_what_fails_leaves_the_threads_alone(two):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import actionopt as ao
+from actionopt import scenes
 
 SPHERE = ao.System(
     lambda q, v, t: v @ v / 2, ["x", "y", "z"], constraint=lambda q, t: (q @ q - 1) / 2
@@ -89,3 +90,12 @@ def test_beside_the_antipode_there_is_one_path(miss):
     solution = ao.solve(ao.Problem(SPHERE, ao.Event(0.0, [0.0, 0.0, 1.0]), end))
     assert solution.action == pytest.approx(angle**2 / 2, rel=1e-9)
     assert solution.kind == "minimum"
+
+
+def test_no_index_is_asked_of_many_unknowns_that_are_no_family(monkeypatch):
+    """Two factorizations tell: on 10,000 elements the index tripled the time of the solve."""
+    long = scenes.get("double_pendulum", end=(0.3, 0.2), duration=0.5).problem
+    coarse = ao.solve(long, tol=1e-6)
+    monkeypatch.setattr("actionopt.analysis.solution.inertia", None)
+    mesh = ao.Mesh.uniform(0.0, 0.5, 3000, 4)
+    assert ao.solve(long, mesh=mesh, guess=coarse).success

@@ -17,7 +17,6 @@ from actionopt.families.vary import Name, moved
 from actionopt.families.walk import walk
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.solve import Guess, solve
-from actionopt.tools.blas import one_thread
 from actionopt.tools.types import Array, NDInt
 
 Answers = dict[str, Array]
@@ -32,7 +31,6 @@ class Seed(NamedTuple):
     distance: int
 
 
-@one_thread
 def work(
     question: bytes,
     members: NDInt,
@@ -84,16 +82,7 @@ def solved(
         return _one_by_one(problem, members, columns, guess, options)
     t0, t1 = columns.get("t0", problem.start.t), columns.get("t1", problem.end.t)
     late = np.broadcast_to(np.less(t0, t1), k)
-    answers: Answers = {
-        "members": members,
-        "status": np.full(k, REFUSED, dtype=f"<U{max(map(len, Status.__members__))}"),
-        "action": np.full(k, np.nan),
-        "error": np.full(k, np.inf),
-        "momenta": np.full((k, 2, n), np.nan),
-        "ends": np.full((k, 2, n), np.nan),
-        "iterations": np.array(0),
-        "alone": np.array(0),
-    }
+    answers = _refused(members, n, alone=0)
     if index:
         answers["index"] = np.full(k, -1)
     messages, paths = {i: _refusal(problem, columns, i) for i in np.flatnonzero(~late).tolist()}, {}
@@ -121,6 +110,21 @@ def solved(
     return answers
 
 
+def _refused(members: NDInt, n: int, alone: int) -> Answers:
+    """Return the answers of members of which none is solved yet."""
+    k, width = len(members), max(map(len, [REFUSED, *Status.__members__]))
+    return {
+        "members": members,
+        "status": np.full(k, REFUSED, dtype=f"<U{width}"),
+        "action": np.full(k, np.nan),
+        "error": np.full(k, np.inf),
+        "momenta": np.full((k, 2, n), np.nan),
+        "ends": np.full((k, 2, n), np.nan),
+        "iterations": np.array(0),
+        "alone": np.array(alone),
+    }
+
+
 def _one_by_one(
     problem: Problem,
     members: NDInt,
@@ -131,17 +135,7 @@ def _one_by_one(
     """Return the same of members with durations or windows to be found, each near the last one."""
     tol, index, _ = options
     k, n = len(members), problem.system.n
-    width = max(map(len, [REFUSED, *Status.__members__]))
-    answers: Answers = {
-        "members": members,
-        "status": np.full(k, REFUSED, dtype=f"<U{width}"),
-        "action": np.full(k, np.nan),
-        "error": np.full(k, np.inf),
-        "momenta": np.full((k, 2, n), np.nan),
-        "ends": np.full((k, 2, n), np.nan),
-        "iterations": np.array(0),
-        "alone": np.array(k),
-    }
+    answers = _refused(members, n, alone=k)
     if index:
         answers["index"] = np.full(k, -1)
     messages, paths = {}, {}

@@ -50,7 +50,7 @@ OUTDATED = 1e-6  # change of multipliers, in whose matrix no family may show; ad
 BENT = 1e-4  # in units of kinetic energy, as the index has it: of a family 1e-8; ad hoc
 DWELT = (Status.NOT_FOUND, Status.UNRESOLVED, Status.DEGENERATE)  # what it may be
 DWELL_STEP = 1e-5  # of the way, that a motion makes at most from node to node at rest; ad hoc
-MANY_UNKNOWNS = 5000  # on 10,000 elements of a double pendulum six times as fast; ad hoc
+MANY_UNKNOWNS = 5000  # from where two factorizations are asked before the index; ad hoc
 LOST = (Status.NOT_FOUND, Status.UNRESOLVED)  # where one of a family may have been near
 
 
@@ -405,6 +405,7 @@ def _far_from_singular(ws: Workspace) -> bool:
     """Whether no direction on the mesh is near one in which the action does not bend.
 
     Asked of many unknowns, where round-off is amplified without any, and the index costs more.
+    Under constraints paths bend less, and the index' own tolerance is taken.
     """
     tr, z = ws.here.tr, ws.here.z
     few = not ws.many_coordinates or ws.problem.system.m > 0
