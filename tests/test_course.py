@@ -130,8 +130,10 @@ def test_the_command_writes_both_notebooks(tmp_path, capsys):
     assert "minus" in capsys.readouterr().err
 
 
+@pytest.mark.slow  # a kernel is started each time
 def test_a_notebook_runs(tmp_path):
     nbclient, nbformat = pytest.importorskip("nbclient"), pytest.importorskip("nbformat")
+    pytest.importorskip("ipykernel")
     for file in exercise("minus", tmp_path):
         book = nbformat.read(file, as_version=4)
         nbformat.validate(book)

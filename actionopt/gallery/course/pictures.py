@@ -105,8 +105,8 @@ def _mirage() -> Figure:
         ),
         say(
             "The road is at 325 K, the air above at 300 K; heights are stretched. The ray that "
-            "dips comes down to {low} m, and its optical way is {more} mm longer: it is a saddle, of "
-            "index {index}. What is higher seems lower, and the image stands on its head.",
+            "dips comes down to {low} m, and its optical way is {more} mm longer: it is a saddle, "
+            "of index {index}. What is higher seems lower, and the image stands on its head.",
             **values,
         ),
     )
@@ -155,9 +155,9 @@ def _soap() -> Figure:
         ),
         say(
             "Rings of 1 m radius, 1 m apart. The wide film, of {wide} m\u00b2, is least; the "
-            "narrow one, of {narrow} m\u00b2, is stationary too, a saddle of index {index}. Farther apart than "
-            "{last} radii there is neither: the film breaks. Two flat discs have less area from "
-            "{discs} radii on.",
+            "narrow one, of {narrow} m\u00b2, is stationary too, a saddle of index {index}. "
+            "Farther apart than {last} radii there is neither: the film breaks. Two flat discs "
+            "have less area from {discs} radii on.",
             wide=number(wide.action, 4), narrow=number(narrow.action, 4),
             index=narrow.morse_index, last=number(LAST, 5), discs=number(GOLDSCHMIDT, 5),
         ),
