@@ -21,6 +21,7 @@ from actionopt.discrete.path import Path
 from actionopt.discrete.projection import project
 from actionopt.mechanics.problem import Event
 from actionopt.plot.data.along import COUNT, times
+from actionopt.plot.data.latest import latest
 from actionopt.tools.types import Array
 
 MODES = 3  # of a bundle
@@ -95,6 +96,7 @@ class Bundle:
     rise: Array
 
 
+@latest
 def bundle_data(solution: Solution, count: int = 8, size: float = 0.25) -> Bundle:
     """Return neighbours along the lowest modes of d2S, `count` a mode.
 
@@ -172,6 +174,7 @@ class Landscape:
     modes: tuple[int, int]
 
 
+@latest
 def landscape_data(solution: Solution, reach: float = 0.5, count: int = 35) -> Landscape:
     """Return the action over the two modes that tell most.
 
@@ -228,6 +231,7 @@ class Spectrum:
     conjugate: Array
 
 
+@latest
 def spectrum_data(solution: Solution, count: int = 3, points: int = 60) -> Spectrum:
     """Return the lowest eigenvalues of the path's first parts.
 
