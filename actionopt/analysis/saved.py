@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from actionopt.mechanics.problem import Event, Periodic, Phase, Problem, Tail
+from actionopt.mechanics.events import Event, Periodic, Phase, Tail
+from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.rest import Rest
 from actionopt.mechanics.system import System
 from actionopt.mechanics.tracing import ParameterTable

@@ -23,9 +23,10 @@ from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import resolution
 from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.events import State, Tail
 from actionopt.mechanics.held import Held, arcs_of
 from actionopt.mechanics.obstacle import Arc
-from actionopt.mechanics.problem import NEGLIGIBLE, Problem, State, Tail
+from actionopt.mechanics.problem import NEGLIGIBLE, Problem
 from actionopt.tools.types import Array
 
 IN_CONTACT = ("acceleration", "multipliers", "constraint_force", "contact_force")

@@ -21,7 +21,8 @@ from actionopt.analysis.status import Status
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.problem import NEGLIGIBLE, Problem, State
+from actionopt.mechanics.events import State
+from actionopt.mechanics.problem import NEGLIGIBLE, Problem
 from actionopt.mechanics.system import System
 from actionopt.tools.types import Array
 
