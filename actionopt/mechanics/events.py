@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Never
 
 import numpy as np
@@ -27,24 +27,33 @@ class Event:
     q : sequence of n numbers or None, or None
         Coordinates; None leaves that coordinate free, and the natural condition p = 0 holds. None
         in place of them all leaves every one free: how many there are, the system says.
+    on : callable, optional
+        `on(q, t, *, ...)`: one expression or a sequence of them, written as a constraint is, that
+        vanishes at the event: it lies on that surface, and the momentum is normal to it
+        (transversality; Gelfand and Fomin, *Calculus of Variations* (1963), section 14). Where t
+        is None, p.dq - (H - energy) dt = 0 for all moves along it. Parameters that only `on`
+        contains are given by the problem (`Problem(..., parameters=)`).
 
     Raises
     ------
     ValueError
         If the time or a coordinate is no number, the coordinates are not finite, or in a set or a
-        mapping, which have no order, or one is free at infinite time.
+        mapping, which have no order, or one is free at infinite time; if `on` is not callable, or
+        leaves nothing to decide.
     TypeError
         For further arguments: a velocity cannot be given; see `actionopt.integrate`.
     """
 
     t: float
     q: tuple[float | None, ...]
+    on: Any = field(repr=False)  # a callable; in a problem, the surface traced
 
     def __init__(
         self,
         t: float | None,
         q: Sequence[float | None] | ArrayLike | None,
         *others: Never,
+        on: Callable[..., Any] | None = None,
         **named: Never,
     ) -> None:
         if others or named:
@@ -65,10 +74,31 @@ class Event:
         )
         # They are None until a problem knows how many there are.
         object.__setattr__(self, "q", None if q is None else row)
+        object.__setattr__(self, "on", on)
+        if on is not None:
+            self._check_on(infinite)
         if infinite and (q is None or None in row):
             raise ValueError(
                 "expected all coordinates of the equilibrium at infinite time, found "
                 f"{None if q is None else list(row)}; give the numbers, or a finite time"
+            )
+
+    def _check_on(self, infinite: bool) -> None:
+        """Raise ValueError where no surface is given, or it has no say."""
+        if not callable(self.on):
+            raise ValueError(
+                f"expected on as a callable on(q, t, *, parameters), found {self.on!r}; return "
+                "what vanishes there, such as q[0] - 1"
+            )
+        if infinite:
+            raise ValueError(
+                "expected an equilibrium at infinite time, found a surface on which to choose: "
+                "leave out `on`, or give a finite time"
+            )
+        if self.q is not None and None not in self.q:
+            raise ValueError(
+                f"expected a coordinate that is free where `on` says where it lies, found all of "
+                f"them given, {list(self.q)}; leave out `on`, or give None for what it decides"
             )
 
     @property
@@ -83,14 +113,14 @@ class Event:
 
     def at(self, t: float | None) -> Event:
         """Return the same event at another time."""
-        return Event(t, self.q)
+        return Event(t, self.q, on=self.on)
 
     def shifted(self, by: Sequence[float] | ArrayLike) -> Event:
         """Return the same event with its coordinates farther by `by` (n,); free ones stay so."""
         if self.q is None:
             return self
         pairs = zip(self.q, items(by, "a shift of an event"), strict=True)
-        return Event(self.t, [None if x is None else x + d for x, d in pairs])
+        return Event(self.t, [None if x is None else x + d for x, d in pairs], on=self.on)
 
 
 @dataclass(frozen=True, eq=False)

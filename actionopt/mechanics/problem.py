@@ -14,6 +14,7 @@ from actionopt.mechanics.events import Event, Periodic, Tail
 from actionopt.mechanics.instants import Instant, instants
 from actionopt.mechanics.obstacle import check_outside, check_rows
 from actionopt.mechanics.rest import Rest, rest
+from actionopt.mechanics.surface import settled, widened
 from actionopt.mechanics.system import System
 from actionopt.tools.checks import number
 from actionopt.tools.types import Array
@@ -55,14 +56,16 @@ class Problem:
     Attributes
     ----------
     asked : Problem or None
-        The problem whose times were free, of one in which they have been found.
+        The problem whose times were free, or whose events lay on surfaces, of one in which they
+        have been found.
 
     Raises
     ------
     ValueError
         If the events do not fit the system, lie off its constraint surface or inside its
         obstacle, or the times do not increase, by 1e-100 to 1e100; a parameter is unknown, a
-        constraint contains no coordinate, or there is no system.
+        constraint contains no coordinate, what an event lies on does not fit, or there is no
+        system.
     """
 
     system: System
@@ -78,13 +81,18 @@ class Problem:
                 f"expected a System(lagrangian, coordinates), found {self.system!r}; a Lagrangian "
                 "is made one by System"
             )
+        surfaces = getattr(self.start, "on", None), getattr(self.end, "on", None)
+        on_surface = surfaces != (None, None)
+        if on_surface:
+            ends = self.start, self.end
+            object.__setattr__(self, "system", widened(self.system, ends, self.parameters))
         values = self.system.table.values(self.parameters)
         object.__setattr__(self, "parameters", values)
         object.__setattr__(self, "packed", self.system.table.pack(values))
         names = self.system.coordinates
         for role, event in (("start", self.start), ("end", self.end)):
             if isinstance(event, Event) and event.q is None:
-                object.__setattr__(self, role, Event(event.t, [None] * len(names)))
+                object.__setattr__(self, role, Event(event.t, [None] * len(names), on=event.on))
         if isinstance(self.end, Periodic) and isinstance(self.start, Event):
             object.__setattr__(self, "end", self.end.after(self.start))
         for role, event in (("start", self.start), ("end", self.end)):
@@ -95,6 +103,8 @@ class Problem:
                     f"expected {len(names)} coordinates ({', '.join(names)}) at the {role} "
                     f"event, found {len(event.q)}"
                 )
+            if event.on is not None:
+                object.__setattr__(self, role, settled(event, self.system))
         if self.free_time or self.energy is not None:
             _check_free_time(self)
         elif not self.start.t < self.end.t:
@@ -115,6 +125,8 @@ class Problem:
                 f"whose square and its inverse are within the range of numbers, found "
                 f"{self.duration:g}; measure time in another unit"
             )
+        if on_surface:
+            _check_surfaces(self)
         if self.system.m:
             _check_rows(self.system)
             _check_on_surface(self)
@@ -126,7 +138,8 @@ class Problem:
     def __reduce__(self) -> tuple:
         """Ask it anew: what follows from it is made where it is needed."""
         if self.asked is not None:
-            return _found, (self.asked, self.start.t, self.end.t)
+            q = np.array([self.start.q, self.end.q]) if self.asked.on_surface else None
+            return _found, (self.asked, self.start.t, self.end.t, q)
         return _asked, (self.system, self.start, self.end, self.parameters, self.energy)
 
     def _repr_html_(self) -> str:
@@ -205,22 +218,38 @@ class Problem:
         """Whether the time of an event is to be found."""
         return self.start.t is None or self.end.t is None
 
-    def found(self, t0: float, t1: float) -> Problem:
+    @property
+    def on_surface(self) -> bool:
+        """Whether an event lies on a surface, where on it is to be found."""
+        return self.start.on is not None or self.end.on is not None
+
+    @property
+    def surfaces(self) -> tuple[Event | None, Event | None]:
+        """The events as they were asked for where they lie on surfaces; None where they do not."""
+        asked = self if self.on_surface or self.asked is None else self.asked
+        start, end = asked.start, asked.end
+        return start if start.on is not None else None, end if end.on is not None else None
+
+    def found(self, t0: float, t1: float, q: Array | None = None) -> Problem:
         """Return the problem with the times t0 and t1 at its events, one that was `asked` as this.
+
+        Where these lie on surfaces, at the first or the last of the coordinates q (2, n), if given.
 
         Raises ValueError as a `Problem` does.
         """
-        problem = Problem(
-            self.system, self.start.at(t0), self.end.at(t1), parameters=self.parameters
-        )
+        ends = [self.start.at(t0), self.end.at(t1)]
+        if q is not None:
+            pairs = zip(ends, q, strict=True)
+            ends = [e if e.on is None else Event(e.t, row) for e, row in pairs]
+        problem = Problem(self.system, *ends, parameters=self.parameters)
         object.__setattr__(problem, "asked", self)
         object.__setattr__(problem, "energy", self.energy)
         return problem
 
     @property
     def unfixed(self) -> bool:
-        """Whether more than the path is to be found, or was: a duration, or where it begins."""
-        return self.asked is not None or self.free_time or self.closes
+        """Whether more than the path is to be found, or was: a duration, where it begins."""
+        return self.asked is not None or self.free_time or self.on_surface or self.closes
 
     @property
     def closes(self) -> bool:
@@ -399,8 +428,8 @@ def _asked(
     return Problem(system, start, end, parameters=parameters, energy=energy)
 
 
-def _found(asked: Problem, t0: float, t1: float) -> Problem:
-    return asked.found(t0, t1)
+def _found(asked: Problem, t0: float, t1: float, q: Array | None) -> Problem:
+    return asked.found(t0, t1, q)
 
 
 def _check_free_time(problem: Problem) -> None:
@@ -443,6 +472,48 @@ def _check_free_time(problem: Problem) -> None:
             "expected a system under constraints that does not depend on the time where one is to "
             "be found; give both times"
         )
+
+
+def _check_surfaces(problem: Problem) -> None:
+    """Raise ValueError where what an event lies on does not fit the rest of the question."""
+    ends = problem.start, problem.end
+    if isinstance(problem.end, Periodic):
+        raise ValueError(
+            "expected a closed path to begin anywhere, or at a coordinate that is given, found a "
+            "start on a surface; give a coordinate (Event(t, [None, 0.0])), or an end of its own"
+        )
+    if problem.system.r:
+        raise ValueError(
+            "expected events of given coordinates along an obstacle, found one on a surface: "
+            "contact with both at once is not known; leave one of them out"
+        )
+    if problem.is_infinite or problem.has_tails:
+        raise ValueError(
+            "expected finite times where an event lies on a surface, found an infinite one; give "
+            "both events finite times"
+        )
+    both = problem.free_time and problem.start.t is None and problem.end.t is None
+    for role, event in (("start", ends[0]), ("end", ends[1])):
+        on, free = event.on, [i for i, x in enumerate(event.q) if x is None]
+        if on is None:
+            continue
+        if on.count > len(free):
+            raise ValueError(
+                f"expected on at the {role} to return at most as many expressions as it has free "
+                f"coordinates, {len(free)}, found {on.count}; leave more coordinates free (None)"
+            )
+        rows, columns = on.law.jac_sparsity(0, 0).get_triplet()
+        decides = {i for i, j in zip(rows, columns, strict=True) if j in free}
+        for i in set(range(on.count)) - decides:
+            raise ValueError(
+                f"expected each expression of on at the {role} to contain a coordinate that is "
+                f"free there, found that number {i} contains none; a time is given as t"
+            )
+        if both and on.timed:
+            raise ValueError(
+                f"expected one time that is given, where on at the {role} depends on the time, "
+                "found both free"
+            )
 
 
 def diagonal(system: System, output: int, values: Array) -> Array:
