@@ -95,7 +95,7 @@ def _event(old: Event, t: float, q: list[float | None]) -> Event:
         return old.at(t)
     if isinstance(old, Tail):
         return Tail(t, np.array(q, dtype=float), old.side, old.phase)
-    return Event(t, q)
+    return Event(t, q, on=old.on)
 
 
 def led(path: Path, problem: Problem) -> Path:
