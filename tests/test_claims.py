@@ -162,6 +162,13 @@ W = {  # scene: sentence: whether it is so
         "answer": lambda s: cycloid(s)[0],
         "look": lambda s: s.vy[0] > s.vx[0] and line(s, cycloid(s)[1]),
     },
+    "descent_to_wall": {
+        "answer": lambda s: (
+            cycloid(s)[0]
+            and same(np.arctan2(s.vy[-1], s.vx[-1]), scenes.parameters("descent_to_wall")["lean"])
+        ),
+        "look": lambda s: s.vy[0] > s.vx[0] and falling(s.vy / s.vx) and s.vy[-1] > 0,
+    },
     "great_ellipse": {
         "answer": lambda s: s.theta.max() > max(s.theta[0], s.theta[-1]) + 0.01,
         "look": lambda s: np.argmax(s.theta) == np.argmax(s.vphi) not in (0, s.t.size - 1),

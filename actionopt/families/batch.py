@@ -563,7 +563,7 @@ def _can_be_stacked(problem: Problem, times: Array) -> bool:
         system.m == system.r == 0
         and not structure.forced
         and problem.advance is None
-        and not (problem.has_tails or problem.is_infinite)
+        and not (problem.has_tails or problem.is_infinite or problem.on_surface)
         and system.n <= COORDINATES
     )
     late = structure.depends_on_time and bool(far.any())

@@ -69,7 +69,7 @@ def all_durations(
                 if progress is not None:
                     progress(how, i, len(guesses), len(found))
                 solution = solve_unfixed(mine, solve, tol, path, "auto", None, thorough=False)[0]
-                if solution.success and _new(solution, k, found) and _first(solution, windings):
+                if solution.success and is_new(solution, k, found) and _first(solution, windings):
                     found.append((solution, k, how))
     except KeyboardInterrupt:
         return found, tried, True
@@ -138,7 +138,7 @@ def _until(path: Path, t: float, target: Array, pinned: list[int]) -> Path:
     return Path(cut, path(np.minimum(cut.nodes, t)) + s * shear[:, None])
 
 
-def _new(solution: Solution, turns: tuple[int, ...], found: list) -> bool:
+def is_new(solution: Solution, turns: tuple[int, ...], found: list) -> bool:
     """Whether a path is none of those found."""
     s = np.linspace(0, 1, 33)
     t0, T = solution.start.t, solution.duration

@@ -18,6 +18,7 @@ OWN = {
     "chain_on_floor": {"c": "m"},
     "light_around_star": {"M": "m"},
     "brachistochrone": {"h": "m"},
+    "descent_to_wall": {"h": "m", "lean": "rad"},
     "exit_path": {"w": "rad/s", "a": "m", "beta": ""},
     "great_ellipse": {"a": "m", "b": "m"},
     "fish_eye": {"a": "m"},

@@ -313,7 +313,7 @@ def _unfixed(
         return None
     tol, principle, watch = choices.tol, choices.principle, choices.watch
     thorough = choices.ladder is not NEAR
-    way = solve_on_surface if problem.on_surface and guess is None else solve_unfixed
+    way = solve_on_surface if problem.on_surface else solve_unfixed
     solution, hint = way(problem, solve, tol, guess, principle, watch, thorough=thorough)
     figures = f"tol = {tol:g}, error estimate {solution.error:.2g}"
     hint = f"; {hint}" if hint else ""

@@ -23,7 +23,7 @@ from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.end_times import by_times
 from actionopt.discrete.factors import Factors
 from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.newton import approach, follow
+from actionopt.discrete.newton import approach, follow, is_roundoff
 from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import SHORTEST, refined, resolution
 from actionopt.discrete.transcription import Transcription
@@ -322,8 +322,11 @@ class Unfixed:
             result = follow(bordered, y, target=target, steps=20)  # type: ignore[arg-type]
         self.record.iterations["newton"] += result.iterations
         self._reached = result.converged
-        if not result.converged:
-            return False
+        if not result.converged:  # where it was may be one of a family of paths
+            with np.errstate(all="ignore"):
+                stays = is_roundoff(bordered, y, bordered.residual(y))  # type: ignore[arg-type]
+            self.noise = np.inf if stays else self.noise
+            return stays
         self.here, self.noise, self.factors = (
             Reached(bordered, result.z),
             result.noise,
