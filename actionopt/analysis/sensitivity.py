@@ -77,6 +77,19 @@ def sensitivity(at: DiscretePath, error: float, momenta: tuple[Array, Array]) ->
     *Proc. Natl. Acad. Sci.* 14 (1928), p. 178.
     """
     form = resolved(at, error, SENSITIVITY_RESOLUTION)
+    found = slopes(at, momenta)
+    q0, q1 = found["q0"].copy(), found["q1"].copy()
+    for row, event in ((q0, at.problem.start), (q1, at.problem.end)):
+        row[[i for i, x in enumerate(event.q) if x is None]] = 0.0
+    parameters = _unpack(at.problem.system, found["parameters"])
+    return Sensitivity(q0, q1, float(found["t0"]), float(found["t1"]), parameters, *_second(form))
+
+
+def slopes(at: DiscretePath, momenta: tuple[Array, Array]) -> dict[str, Array]:
+    """Return the first derivatives of S: by "q0", "q1" (n,), "t0", "t1" and "parameters" (p,).
+
+    The last packed. Only where no force is non-conservative.
+    """
     tr, problem, node_of = at.tr, at.problem, at.tr.layout.node_of
     system, q = problem.system, at.Q[node_of]
     t0, t1 = by_times(at)
@@ -87,9 +100,6 @@ def sensitivity(at: DiscretePath, error: float, momenta: tuple[Array, Array]) ->
     if inner:  # moved by parameters
         assert system.clock is not None
         packed = packed + jumps @ system.clock.moving(inner, problem.packed)
-    q0, q1 = -momenta[0], momenta[1].copy()
-    for row, event in ((q0, problem.start), (q1, problem.end)):
-        row[[i for i, x in enumerate(event.q) if x is None]] = 0.0
     if problem.has_tails:  # what is beyond the window's edges goes with the system
         known = next(x for x in problem.rests if x is not None)
         ends = np.array([[problem.start.t], [problem.end.t]])
@@ -100,7 +110,10 @@ def sensitivity(at: DiscretePath, error: float, momenta: tuple[Array, Array]) ->
         L = system.pointwise("value")(at_rest[:2], still[:2], ends, problem.packed)[0][:, 0]
         t0 = 0.0 if isinstance(problem.start, Tail) else t0 + float(L[0])
         t1 = 0.0 if isinstance(problem.end, Tail) else t1 - float(L[1])
-    return Sensitivity(q0, q1, t0, t1, _unpack(system, packed), *_second(form))
+    p0, p1 = momenta
+    return {
+        "q0": -p0, "q1": p1, "t0": np.array(t0), "t1": np.array(t1), "parameters": packed,
+    }  # fmt: skip
 
 
 def _second(form: Form) -> tuple[Array, Array, Array]:
