@@ -48,7 +48,7 @@ MOST_MEMBERS = 4096  # of a task, so that its answers are a megabyte at most; ad
 IN_FLIGHT = 1024  # tasks that are sent at once, and so the workers that are kept busy; ad hoc
 PILOTS = 8  # members at equal distances of which the first that is solved tells their size; ad hoc
 SEEDS = 8  # paths from which tasks are reached: they are found here, one by one; ad hoc
-FORMAT = "actionopt sweep 1"
+FORMAT = "actionopt sweep 2"
 RECORDED = ("index",)
 
 Progress = Callable[[int, int, int], object]
