@@ -309,3 +309,20 @@ def test_from_the_pole_to_a_parallel_is_a_family():
     end = ao.Event(1.0, None, on=lambda q, t: q[2] - 0.5)
     found = ao.solve(ao.Problem(sphere, ao.Event(0.0, [0.0, 0.0, 1.0]), end), throw=False)
     assert found.status is ao.Status.DEGENERATE
+
+
+def test_a_clock_and_a_moving_surface():
+    """p = -mu on_q and H - E = mu on_t at the end, with H by forward integration."""
+    E = 1.5
+    system = ao.System(lambda q, v, t: v @ v / 2 - np.sin(t) * q[0], ["x", "y"])
+    end = ao.Event(None, None, on=lambda q, t: q[0] + 0.3 * q[1] - 2 - 0.2 * t)
+    found = ao.solve(ao.Problem(system, ao.Event(0.0, [0.0, 0.0]), end, energy=E), tol=1e-11)
+    T, (vx, vy) = found.end.t, found.start.v
+    p = np.array([vx + np.cos(T) - 1, vy])  # x'' = -sin t
+    q = np.array([vx * T + np.sin(T) - T, vy * T])
+    (mu,) = found.surface_multipliers[1]
+    assert q[0] + 0.3 * q[1] == pytest.approx(2 + 0.2 * T, rel=1e-10)
+    assert p == pytest.approx([-mu, -0.3 * mu], rel=1e-9)
+    assert p @ p / 2 + np.sin(T) * q[0] - E == pytest.approx(-0.2 * mu, rel=1e-9)
+    runs = ao.sweep(found.problem, {"energy": [1.0, 1.5]})
+    assert runs.action[1] == pytest.approx(found.action, rel=1e-7)

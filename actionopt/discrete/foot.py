@@ -75,17 +75,6 @@ def surface_at(at: DiscretePath, k: int) -> tuple[Array, Array, Array, Array]:
     return event.on.at(at.Q[-k], t, at.problem.packed)
 
 
-def held_at(at: DiscretePath, k: int) -> Array:
-    """Return the directions (r, n) in which the start (k = 0) or the end (1) of a path is held.
-
-    Those of the coordinates that are given, and the normals of the surface.
-    """
-    asked = at.problem.surfaces[k]
-    event = asked or (at.problem.start, at.problem.end)[k]
-    given = np.eye(at.problem.system.n)[list(event.pinned)]
-    return given if asked is None else np.concatenate([given, surface_at(at, k)[1]])
-
-
 def reactions(at: DiscretePath, k: int) -> tuple[Array, Array]:
     """Return the multipliers mu (s,) of on and nu (m,) of f that balance the momentum at an end.
 

@@ -64,7 +64,8 @@ def solve_on_surface(
     starts = chain(((False, x) for x in quick), ((True, x) for x in _thorough(problem, solve)))
     best, rung = None, {} if guess is not None else {"rung": "surface"}
     for slow, first in starts:
-        if slow and (guess is not None or (best is not None and best[0] < np.inf)):
+        done = guess is not None or watch is not None or (best is not None and best[0] < np.inf)
+        if slow and done:  # nobody watches how long all ways to a point take
             break
         solution, hint = solve_unfixed(problem, solve, tol, first, *options, thorough=thorough)
         found = _judged(replace(solution, stats=solution.stats | rung), hint)
