@@ -342,3 +342,45 @@ def test_what_else_there_is_of_a_path_of_given_energy(tmp_path):
         with pytest.raises(ValueError, match="that is given"):
             ao.trace(s.problem if name == "t1" else s.between_times.problem, name, 2.0)
     plot.save(s, tmp_path / "throw.png")
+
+
+def test_a_third_of_the_figure_eight_closes_in_another_order(tmp_path):
+    """Index: 2 of all loops, 0 of choreographies (Fukuda, Fujiwara and Ozaki, arXiv:1710.04834)."""
+    a = np.array([0.3471168881189300012, 0.5327249453880287022])
+    T, S = 6.325913982926222812, 24.42704864453737307
+    system, q, v = bodies(3), [-1, 0, 1, 0, 0, 0], [*a, *a, *(-2 * a)]
+    guess = ao.integrate(system, ao.State(0.0, q, v), T / 3)
+    third = ao.Periodic(T / 3, relabel=["x1", "y1", "x2", "y2", "x0", "y0"])
+    part = ao.solve(ao.Problem(system, free(0.0, None), third), guess=guess, tol=1e-10)
+    assert abs(part.action - S / 3) < 1e-12 * S
+    assert np.max(np.abs(part.end.q - np.roll(part.start.q, -2))) < 1e-14
+    assert np.max(np.abs(part.momenta[1] - np.roll(part.momenta[0], -2))) < 1e-10
+    assert (part.kind, part.morse_index) == ("minimum", 0)
+    asked = ao.Problem(system, part.problem.start, third.at(None), energy=-1.287141995631856207)
+    found = ao.solve(asked, guess=guess, tol=1e-10)
+    assert abs(found.duration - T / 3) < 1e-12 * T and found.between_times.morse_index == 0
+    once = np.linalg.matrix_power(ao.monodromy(part), 3)
+    whole = ao.integrate(system, part.start, T)
+    loop = ao.solve(ao.Problem(system, free(0.0, None), ao.Periodic(T)), guess=whole, tol=1e-10)
+    phase = ao.State(0.0, part.start.q, part.start.v)  # the same point of the loop
+    assert np.max(np.abs(loop(0.0) - phase.q)) < 1e-8
+    assert np.max(np.abs(once - ao.monodromy(loop))) < 1e-6 * np.abs(once).max()
+    part.save(tmp_path / "third.npz")
+    assert ao.load(tmp_path / "third.npz", system).problem.order == (2, 3, 4, 5, 0, 1)
+
+
+def test_an_order_that_is_none_is_refused():
+    heavy = ao.System(lambda q, v, t: v[0] ** 2 + v[1] ** 2 / 2 - (q[0] - q[1]) ** 2, ["a", "b"])
+    spring = ao.System(
+        lambda q, v, t: (v @ v - q @ q) / 2, ["a", "b"], force=lambda q, v, t: [-v[0], -v[1]]
+    )
+    for system, order, what in (
+        (heavy, ["b", "a"], "leaves L as it is"),
+        (heavy, ["a", "a"], "each of a, b once"),
+        (heavy, [0, 2], "each of a, b once"),
+        (heavy, ["a"], "each of a, b once"),
+        (heavy, [0.0, 1.0], "each of a, b once"),
+        (spring, ["b", "a"], "without constraints and non-conservative"),
+    ):
+        with pytest.raises(ValueError, match=what):
+            ao.Problem(system, free(0.0, None), ao.Periodic(1.0, relabel=order))

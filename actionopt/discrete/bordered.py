@@ -33,7 +33,7 @@ from actionopt.discrete.factors import Factors
 from actionopt.discrete.layout import Layout, Pattern
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.problem import Event, Periodic, Problem
+from actionopt.mechanics.problem import Event, Problem
 from actionopt.mechanics.symmetry import find_symmetries
 from actionopt.tools.types import Array
 
@@ -57,7 +57,7 @@ def loose(problem: Problem) -> Problem:
     if not problem.closes:
         return problem
     start = Event(problem.start.t, [None] * problem.system.n)
-    end = Periodic(problem.end.t, problem.advance)
+    end = problem.end.at(problem.end.t)
     values, energy = problem.parameters, problem.energy
     return Problem(problem.system, start, end, parameters=values, energy=energy)
 
@@ -82,7 +82,16 @@ def moves_of(problem: Problem) -> tuple[Move, ...]:
     if key not in known:
         found = find_symmetries(system, parameters=problem.parameters)
         known[key] = [Move(s.A, s.b) for s in found if not (s.time or s.rate or s.c.any())]
-    return tuple(m for m in known[key] if not (m.A @ advance).any())
+    # What is moved closes as well: xi(P q + a) = P xi(q).
+    P = np.eye(system.n)[list(problem.order)]
+    kept = [np.r_[(A @ P - P @ A).ravel(), A @ advance + b - P @ b] for A, b in known[key]]
+    if not np.any(kept):
+        return tuple(known[key])
+    _, values, right = np.linalg.svd(np.transpose(kept))
+    size = np.zeros(len(right))
+    size[: values.size] = values
+    A, b = (np.array(part) for part in zip(*known[key], strict=True))
+    return tuple(Move(np.tensordot(x, A, 1), x @ b) for x in right[size <= DISTINCT * size.max()])
 
 
 class Borders(NamedTuple):

@@ -160,6 +160,7 @@ def _question(grid: Grid, tol: float, index: bool, keep_paths: bool) -> dict[str
         "start": [problem.start.t, problem.start.q],
         "end": [problem.end.t, problem.end.q],
         "advance": None if problem.advance is None else problem.advance.tolist(),
+        "relabel": getattr(problem.end, "relabel", None),
         "energy": problem.energy,
         "over": over,
         "zip": grid.zipped,

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple, Never
 import numpy as np
 from numpy.typing import ArrayLike
 
+from actionopt.mechanics.identity import general_points
 from actionopt.mechanics.instants import Instant, instants
 from actionopt.mechanics.obstacle import check_outside, check_rows
 from actionopt.mechanics.rest import Rest, rest
@@ -118,6 +119,9 @@ class Event:
 class Periodic(Event):
     """The end of a path that closes: q(t1) = q(t0) + advance, and p(t1) = p(t0).
 
+    With `relabel` it closes in another order, q_i(t1) = q_relabel[i](t0) + advance_i, and so do the
+    momenta: where bodies are alike, each may go on where another one began.
+
     A path without a clock may start anywhere along itself: a coordinate that the start gives says
     where. (With a clock that coordinate returns, and its momentum is left alone.)
 
@@ -127,11 +131,14 @@ class Periodic(Event):
         Time; None leaves the period to be found, from the energy of the problem.
     advance : sequence of n numbers, optional
         Whole turns of coordinates that are angles, say; zero if None.
+    relabel : sequence of n names or indices of coordinates, optional
+        For each coordinate the one that it goes on as; itself if None. L must not tell them apart.
 
     Raises
     ------
     ValueError
-        If a number is not finite.
+        If a number is not finite; in a problem, if `relabel` does not name each coordinate once or
+        changes L.
 
     Examples
     --------
@@ -141,32 +148,62 @@ class Periodic(Event):
     """
 
     advance: tuple[float, ...] | None
+    relabel: tuple[str | int, ...] | None
 
-    def __init__(self, t: float | None, advance: Sequence[float] | ArrayLike | None = None) -> None:
+    def __init__(
+        self,
+        t: float | None,
+        advance: Sequence[float] | ArrayLike | None = None,
+        *,
+        relabel: Sequence[str | int] | ArrayLike | None = None,
+    ) -> None:
         super().__init__(t, [])
         given = () if advance is None else items(advance, "the advance of a periodic end")
         row = tuple(number(x, f"advance {i} of a periodic end") for i, x in enumerate(given))
         object.__setattr__(self, "advance", None if advance is None else row)
+        names = None if relabel is None else tuple(items(relabel, "the order of a periodic end"))
+        object.__setattr__(self, "relabel", names)
 
-    def after(self, start: Event) -> Periodic:
-        """Return the end of a path from `start`, with its coordinates."""
+    @property
+    def order(self) -> tuple[int, ...]:
+        """The coordinate at the start that each one goes on as, of a problem's end: (n,)."""
+        return tuple(range(len(self.q))) if self.relabel is None else self.relabel  # type: ignore[return-value]
+
+    def after(self, start: Event, names: Sequence[str] = ()) -> Periodic:
+        """Return the end of a path from `start`, with its coordinates, which may have names.
+
+        Raises ValueError for an advance of fewer or more, or an order that is none.
+        """
         n = len(start.q)
         advance = (0.0,) * n if self.advance is None else self.advance
         if len(advance) != n:
             raise ValueError(f"expected the advance of {n} coordinates, found {len(advance)}")
-        end = Periodic(self.t, advance)
-        pairs = zip(start.q, advance, strict=True)
+        order = None
+        if self.relabel is not None:
+            order = [names.index(x) if x in names else x for x in self.relabel]
+            if not all(isinstance(i, (int, np.integer)) for i in order) or sorted(order) != [
+                *range(n)
+            ]:
+                raise ValueError(
+                    f"expected relabel= to name each of {', '.join(names) or n} once, or to have "
+                    f"each index from 0 to {n - 1} once, found {list(self.relabel)}"
+                )
+            order = [int(i) for i in order]
+        end = Periodic(self.t, advance, relabel=order)
+        row = start.q if order is None else [start.q[i] for i in order]
+        pairs = zip(row, advance, strict=True)
         object.__setattr__(end, "q", tuple(None if x is None else x + a for x, a in pairs))
         return end
 
     def at(self, t: float | None) -> Periodic:
         """Return the end of a path that closes at another time; a problem gives it coordinates."""
-        return Periodic(t, self.advance)
+        return Periodic(t, self.advance, relabel=self.relabel)
 
     def shifted(self, by: Sequence[float] | ArrayLike) -> Periodic:
         """Return the end of a path that advances by `by` (n,) more."""
         row = np.array(items(by, "a shift of an event"), dtype=float)
-        return Periodic(self.t, row if self.advance is None else self.advance + row)
+        row = row if self.advance is None else self.advance + row
+        return Periodic(self.t, row, relabel=self.relabel)
 
 
 class Phase(NamedTuple):
@@ -312,7 +349,7 @@ class Problem:
             if isinstance(event, Event) and event.q is None:
                 object.__setattr__(self, role, Event(event.t, [None] * len(names)))
         if isinstance(self.end, Periodic) and isinstance(self.start, Event):
-            object.__setattr__(self, "end", self.end.after(self.start))
+            object.__setattr__(self, "end", self.end.after(self.start, names))
         for role, event in (("start", self.start), ("end", self.end)):
             if not isinstance(event, Event):
                 raise ValueError(f"expected an Event(t, q) as the {role}, found {event!r}")
@@ -346,6 +383,8 @@ class Problem:
             _check_on_surface(self)
         if self.system.r:
             self._check_obstacle()
+        if isinstance(self.end, Periodic) and self.end.relabel is not None:
+            _check_alike(self)
 
     packed: Array = field(init=False, repr=False)
 
@@ -460,6 +499,19 @@ class Problem:
     def advance(self) -> Array | None:
         """q(t1) - q(t0) where the end is `Periodic`, (n,), else None."""
         return np.array(self.end.advance) if isinstance(self.end, Periodic) else None
+
+    @property
+    def order(self) -> tuple[int, ...]:
+        """The coordinate at the start that each one at a `Periodic` end goes on as; else none."""
+        return self.end.order if isinstance(self.end, Periodic) else ()
+
+    def closed_from(self, q: Array) -> Array:
+        """Return what coordinates (n,) or (n, K) at the start of a path that closes are at its end.
+
+        Of rates and momenta only the order changes: `q[list(problem.order)]`.
+        """
+        assert self.advance is not None
+        return q[list(self.order)] + self.advance.reshape(-1, *[1] * (q.ndim - 1))
 
     @property
     def is_infinite(self) -> bool:
@@ -668,6 +720,36 @@ def _check_free_time(problem: Problem) -> None:
         raise ValueError(
             "expected a system under constraints that does not depend on the time where one is to "
             "be found; give both times"
+        )
+
+
+def _check_alike(problem: Problem) -> None:
+    """Raise ValueError if L tells the coordinates apart that take each other's place.
+
+    L(P q + a, P v, t + T) = L(q, v, t) at points in general position.
+    """
+    system, order, advance = problem.system, list(problem.order), problem.advance
+    assert advance is not None
+    if system.m or system.structure.forced:
+        raise ValueError(
+            "expected a system without constraints and non-conservative forces where a path closes "
+            "in another order, found one with; give the whole period, without relabel="
+        )
+    q, v, t = np.split(general_points(2 * system.n + 1), [system.n, 2 * system.n], axis=1)
+    q, v = q * problem.scales, v * problem.scales
+    first = system.pointwise("first")
+    later = t if problem.free_time else t + problem.duration
+    with np.errstate(all="ignore"):
+        L = first(q, v, t, problem.packed)[2][:, 0].copy()
+        there = first(q[:, order] + advance, v[:, order], later, problem.packed)[2][:, 0]
+        off = np.abs(there - L) > SURFACE_TOLERANCE * (np.abs(L) + np.abs(there))
+    if off.any():
+        k = int(np.argmax(off))
+        names = [system.coordinates[i] for i in order]
+        raise ValueError(
+            "expected an order of the coordinates that leaves L as it is, L(P q, P v) = L(q, v), "
+            f"found that {names} does not: at one point L is {L[k]:.6g}, and {there[k]:.6g} in "
+            "that order; bodies that take each other's place have equal masses and charges"
         )
 
 

@@ -285,7 +285,7 @@ class Unfixed:
             self.hint = "the closed path near the guess does not pass what the start gives"
             return False
         shift = float(times[np.argmin(np.minimum(times, T - times))])
-        self.here = self._around(rolled(at.path, shift, at.problem.advance), None)
+        self.here = self._around(rolled(at.path, shift, at.problem), None)
         if not self._follow():
             self.hint = (
                 "no closed path near the guess begins at what the start gives: where a coordinate "
@@ -400,7 +400,7 @@ class Unfixed:
         return Status.DEGENERATE if self.noise > ILL_CONDITIONED else Status.UNRESOLVED
 
 
-def rolled(path: Path, shift: float, advance: Array | None) -> Path:
+def rolled(path: Path, shift: float, problem: Problem) -> Path:
     """Return a closed path begun at the time `shift` after its start."""
     mesh = path.mesh
     t0, T = mesh.boundaries[0], mesh.duration
@@ -415,8 +415,8 @@ def rolled(path: Path, shift: float, advance: Array | None) -> Path:
     def curve(t: Array) -> Array:
         later = t - t0 + shift
         over = later > T
-        turned = np.zeros((path.values.shape[0], 1)) if advance is None else advance[:, None]
-        return path(t0 + np.where(over, later - T, later)) + over * turned
+        q = path(t0 + np.where(over, later - T, later))
+        return np.where(over, problem.closed_from(q), q)
 
     return Path.interpolate(curve, mesh.cut(b, degrees[keep]))
 
