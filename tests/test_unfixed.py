@@ -384,3 +384,47 @@ def test_an_order_that_is_none_is_refused():
     ):
         with pytest.raises(ValueError, match=what):
             ao.Problem(system, free(0.0, None), ao.Periodic(1.0, relabel=order))
+
+
+@pytest.mark.parametrize("below", [0.0, 1e-4, 1e-7, 1e-12])
+@pytest.mark.parametrize("timed", [True, False])
+def test_a_start_where_the_path_turns_back(below, timed):
+    top = 1.4
+    energy = top**2 / 2 + top**4 / 4
+    T = quartic_period(energy)
+    mesh = ao.Mesh.uniform(0.0, T, 3, 10)
+    for turn in (0.0, 0.3):  # of the guess, from the start
+        guess = ao.Path.interpolate(lambda t, s=turn: [1.2 * np.cos(2 * np.pi * (t - s) / T)], mesh)
+        end, given = (ao.Periodic(T), None) if timed else (ao.Periodic(None), energy)
+        problem = ao.Problem(SPRING, free(0.0, [top - below]), end, energy=given)
+        s = ao.solve(problem, guess=guess, tol=1e-10)
+        assert abs(s.duration - T) < 1e-11 and s.start.q[0] == top - below
+        assert abs(np.abs(s.start.v[0]) - np.sqrt(2 * below * (top + top**3))) < 1e-5
+        off = s.momenta[1] - s.momenta[0]
+        assert np.abs(off).max() < 1e-8
+    problem = problem.replace(start=free(0.0, [top + 1e-5]))
+    with pytest.raises(ao.SolveError, match="does not pass what the start gives"):
+        ao.solve(problem, guess=guess, tol=1e-10)
+
+
+def test_closed_paths_that_are_many():
+    kepler = ao.System(lambda q, v, t: v @ v / 2 + 1 / np.sqrt(q @ q), ["x", "y"])
+    for start in (None, [0.3, None]):
+        problem = ao.Problem(kepler, free(0.0, start), ao.Periodic(2 * np.pi))
+        found = ao.solve(
+            problem, guess=lambda t: np.stack([np.cos(t) - 0.1, 0.9 * np.sin(t)]), throw=False
+        )
+        assert found.status.name == "DEGENERATE"
+
+
+def test_rest_is_no_closed_path_of_a_sweep():
+    for start in (None, 0.0):
+        problem = ao.Problem(SPRING, free(0.0, [start]), ao.Periodic(5.0))
+        assert ao.solve(problem).success
+        with pytest.raises(ao.SolveError, match=r"2 NOT_FOUND of 2.*for a closed path that moves"):
+            ao.sweep(problem, {"t1": [4.0, 5.0]})
+
+
+def test_ipopt_knows_given_times_only():
+    with pytest.raises(ValueError, match="expected method 'auto' where a time is free"):
+        ao.solve(throw(40.0), method="ipopt")

@@ -43,6 +43,7 @@ FULL = 300  # unknowns up to which a full matrix costs less than a sparse one; a
 # Of the coordinates' sizes: directions in which a path moves less than this against its others
 # are none of their own, as time along a path at rest, or a turn of one that turns anyway. Ad hoc.
 DISTINCT = 1e-4
+SWIFT = 0.1  # of its largest rate, at which a coordinate says where a path begins; ad hoc
 
 
 class Move(NamedTuple):
@@ -311,7 +312,10 @@ def _borders(asked: Problem, tr: Transcription, z: Array, moves: Sequence[Move])
     B[: layout.unknowns] = left * root[:, None]
     # Coordinates that the start gives are conditions as far as they can be met by moving the path.
     pinned = [int(layout.number[0, i]) for i in asked.start.pinned]
-    held = _independent(directions[pinned]) if k else []
+    size = np.zeros(n)
+    np.maximum.at(size, layout.free % n, np.linalg.norm(directions, axis=1))
+    size = size[list(asked.start.pinned), None]
+    held = _independent(directions[pinned] / np.where(size > 0, size, 1.0)) if k else []
     for row, j in enumerate(held):
         i = asked.start.pinned[j]
         C[row, pinned[j]] = 1.0
@@ -326,12 +330,15 @@ def _borders(asked: Problem, tr: Transcription, z: Array, moves: Sequence[Move])
 
 
 def _independent(rows: Array) -> list[int]:
-    """Return which of the rows are independent, the largest first (Gram and Schmidt's way)."""
+    """Return which of the rows are independent, the largest first (Gram and Schmidt's way).
+
+    A coordinate that hardly moves at the start, beside elsewhere, does not say where that is.
+    """
     left, chosen = rows.copy(), []
     for _ in range(min(rows.shape)):
         norms = np.linalg.norm(left, axis=1)
         j = int(np.argmax(norms))
-        if not norms[j] > DISTINCT * np.linalg.norm(rows, axis=1).max():
+        if not norms[j] > SWIFT:
             break
         chosen.append(j)
         unit = left[j] / norms[j]
