@@ -199,9 +199,8 @@ SPRING = ao.System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2 - q[0] ** 4 / 4
 def test_transfers_in_a_plane_of_space_are_found_once():
     kepler = ao.System(lambda q, v, t: v @ v / 2 + 1 / np.sqrt(q @ q), ["x", "y", "z"])
     ends = ao.Event(0.0, [1.0, 0.0, 0.0]), ao.Event(None, [0.0, 1.2, 0.0])
-    paths = ao.solve_all(ao.Problem(kepler, *ends, energy=-1 / 2.2), shots=20)
+    paths = ao.solve_all(ao.Problem(kepler, *ends, energy=-1 / 2.2), shots=4)
     durations = sorted(path.duration for path in paths)
-    assert durations and np.all(np.diff(durations) > 1e-6)
     a, chord = 1.1, np.hypot(1.0, 1.2)  # Lagrange: on the four ellipses of that energy
     perimeter = 2.2 + chord
     alpha = 2 * np.arcsin(np.sqrt(perimeter / (4 * a)))
@@ -211,8 +210,7 @@ def test_transfers_in_a_plane_of_space_are_found_once():
         for x in (alpha, 2 * np.pi - alpha)
         for y in (beta, -beta)
     ]
-    for duration in durations:
-        assert np.min(np.abs(np.array(known) - duration)) < 1e-8
+    assert durations == pytest.approx(sorted(known), abs=1e-8)
 
 
 @pytest.mark.parametrize("start", [None, 0.0, 0.7])
