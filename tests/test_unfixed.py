@@ -9,7 +9,7 @@ from helpers import integrated
 from scipy.special import ellipj, ellipk, ellipkinc
 
 import actionopt as ao
-from actionopt import plot
+from actionopt import plot, scenes
 
 G = 9.81
 
@@ -426,3 +426,56 @@ def test_rest_is_no_closed_path_of_a_sweep():
 def test_ipopt_knows_given_times_only():
     with pytest.raises(ValueError, match="expected method 'auto' where a time is free"):
         ao.solve(throw(40.0), method="ipopt")
+
+
+def restricted(q, v, t, mu=0.012277471):
+    """Of the Moon's mass and the Earth's, in coordinates that turn with both."""
+    x, y = q
+    near = (1 - mu) / np.sqrt((x + mu) ** 2 + y**2) + mu / np.sqrt((x - 1 + mu) ** 2 + y**2)
+    return ((v[0] - y) ** 2 + (v[1] + x) ** 2) / 2 + near
+
+
+EIGHT = scenes.get("four_on_an_eight")
+BUTTERFLY = 0.3068934204647686139, 0.1255065670151998250
+ORBITS = {  # system, start, period, action; references beside them
+    # Hairer, Norsett and Wanner, Solving ODEs I, pages 130 and 186; their actions from long doubles
+    "Arenstorf, four loops": (
+        ao.System(restricted, ["x", "y"]), [0.994, 0.0], [0.0, -2.00158510637908252240537862224],
+        17.0652165601579625588917206249, 31.76341700087625706,
+    ),
+    "Arenstorf, three loops": (
+        ao.System(restricted, ["x", "y"]), [0.994, 0.0], [0.0, -2.0317326295573368357302057924],
+        11.124340337266085134999734047, 22.72533444164689695,
+    ),
+    "four on an eight": (  # its own source
+        EIGHT.problem.system, EIGHT.facts.start.q, EIGHT.facts.start.v,
+        EIGHT.facts["period"], EIGHT.facts["period_action"],
+    ),
+    # Suvakov and Dmitrasinovic, PRL 110 (2013) 114301; digits of Li and Liao (2017) and more
+    "butterfly": (
+        bodies(3), [-1, 0, 1, 0, 0, 0], [*BUTTERFLY, *BUTTERFLY, *(-2 * np.array(BUTTERFLY))],
+        6.234674838731127866, 40.59135411849948298,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[pytest.mark.slow] * (name == "butterfly")) for name in ORBITS],
+)
+def test_orbits_of_the_literature_close_with_the_period_of_their_energy(name):
+    system, q, v, T, S = ORBITS[name]
+    loose_ = name == "butterfly"  # known to 1e-11 itself
+    s = orbit(system, q, v, T, tol=1e-8 if loose_ else 1e-10)
+    assert abs(s.duration / T - 1) < (1e-11 if loose_ else 1e-13)
+    assert abs(s.action / S - 1) < (1e-11 if loose_ else 1e-12)
+    assert np.max(np.abs(s.end.q - s.start.q)) < 1e-12
+    assert np.max(np.abs(s.momenta[1] - s.momenta[0])) < 1e-10
+    M = ao.monodromy(s)
+    z, raw = M.multipliers, np.linalg.eigvals(np.asarray(M))
+    assert np.max(np.abs(z[::2] * z[1::2] - 1)) < 1e-8
+    # Those that are single are eigenvalues of the matrix itself.
+    single = [x for x in z if np.sort(np.abs(z - x))[1] > 1e-2]
+    assert len(single) >= 2 and 2 * M.trivial + len(single) <= z.size
+    for x in single:
+        assert np.min(np.abs(raw - x)) < (1e-7 if loose_ else 1e-8) * max(abs(x), 1.0)
