@@ -233,6 +233,28 @@ def test_period_of_a_quartic_oscillator(start, energy):
     assert s.kind == "saddle" and s.morse_index == s.between_times.morse_index == 2
 
 
+@pytest.mark.parametrize("start", [None, 0.3, -0.2])
+def test_one_coordinate_in_a_well_needs_no_guess(start):
+    """T of a quartic spring, and of Morse's potential D (1 - e^-x)^2: 2 pi / (2 (D - E))^(1/2)."""
+    depth = 2.0
+    morse = ao.System(lambda q, v, t: v[0] ** 2 / 2 - depth * (1 - np.exp(-q[0])) ** 2, ["x"])
+    for system, period, energies in (
+        (SPRING, quartic_period, (0.06, 4.0, 1e4)),
+        (morse, lambda E: 2 * np.pi / np.sqrt(2 * (depth - E)), (0.25, 1.5, 1.9)),
+    ):
+        for energy in energies:
+            problem = ao.Problem(system, free(0.0, [start]), ao.Periodic(None), energy=energy)
+            s = ao.solve(problem, tol=1e-9)
+            assert abs(s.duration / period(energy) - 1) < 1e-9
+            assert start is None or abs(s.start.q[0] - start) < 1e-9
+    runs = ao.sweep(problem, {"energy": np.linspace(0.5, 1.5, 5)})
+    times = [runs.solution(k).duration for k in range(5)]
+    assert times == pytest.approx(period(np.linspace(0.5, 1.5, 5)), rel=1e-6)
+    for energy in (2.5, -1.0):  # it escapes; there is no motion
+        with pytest.raises(ValueError, match="bound at that energy"):
+            ao.solve(problem.replace(energy=energy))
+
+
 def bodies(count):
     names = [f"{c}{i}" for i in range(count) for c in "xy"]
 

@@ -107,7 +107,7 @@ def sweep(
     asked(problem)
     tolerance(tol)
     problem = problem.asked or problem
-    if problem.free_time and problem.closes:
+    if problem.free_time and problem.closes and problem.system.n > 1:
         raise ValueError(
             "expected events, or a period that is given, to sweep over, found closed paths of a "
             "given energy, which need a guess; follow one by `trace`"

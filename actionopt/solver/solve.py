@@ -28,6 +28,7 @@ from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Problem
 from actionopt.solver import window
 from actionopt.solver.arguments import Guess, asked, checked, curve
+from actionopt.solver.durations import well
 from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF
 from actionopt.solver.ladder import COARSE_DEGREE, IPOPT, LADDER, LINEAR, NEAR, Rung, Search
 from actionopt.solver.obstacle import Along, along
@@ -324,9 +325,12 @@ def _unfixed(
                 "expected no mesh where a time is free, found one: it would be over given times"
             )
         if problem.closes and guess is None:
+            guess = well(problem)
+        if problem.closes and guess is None:
             raise ValueError(
                 "expected a guess for a closed path whose period is to be found: a Path or a "
-                "solution near it, or waypoints round it"
+                "solution near it, or waypoints round it; none is needed for one coordinate that is "
+                "bound at that energy near where it starts"
             )
     elif guess is None or choices.mesh is not None:
         return None
