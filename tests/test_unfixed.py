@@ -247,9 +247,10 @@ def test_one_coordinate_in_a_well_needs_no_guess(start):
             s = ao.solve(problem, tol=1e-9)
             assert abs(s.duration / period(energy) - 1) < 1e-9
             assert start is None or abs(s.start.q[0] - start) < 1e-9
-    runs = ao.sweep(problem, {"energy": np.linspace(0.5, 1.5, 5)})
-    times = [runs.solution(k).duration for k in range(5)]
-    assert times == pytest.approx(period(np.linspace(0.5, 1.5, 5)), rel=1e-6)
+    if start is None:
+        runs = ao.sweep(problem, {"energy": [0.5, 1.0, 1.5]})
+        times = [runs.solution(k).duration for k in range(3)]
+        assert times == pytest.approx(period(np.array([0.5, 1.0, 1.5])), rel=1e-6)
     for energy in (2.5, -1.0):  # it escapes; there is no motion
         with pytest.raises(ValueError, match="bound at that energy"):
             ao.solve(problem.replace(energy=energy))

@@ -329,8 +329,8 @@ def _unfixed(
         if problem.closes and guess is None:
             raise ValueError(
                 "expected a guess for a closed path whose period is to be found: a Path or a "
-                "solution near it, or waypoints round it; none is needed for one coordinate that is "
-                "bound at that energy near where it starts"
+                "solution near it, or waypoints round it; none is needed for one coordinate that "
+                "is bound at that energy near where it starts"
             )
     elif guess is None or choices.mesh is not None:
         return None
