@@ -62,7 +62,7 @@ def scene(*, mu=1.0, D=1.0):
     whole = ACTION * w * D**2
 
     def energy(q, v, t):
-        rest = potential(*q, mu, D) - w**2 * np.sum(q**2, axis=0) / 2
+        rest = potential(q[0], q[1], mu, D) - w**2 * np.sum(q**2, axis=0) / 2
         return np.sum(v**2, axis=0) / 2 + rest
 
     return Setup(

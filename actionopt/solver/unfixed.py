@@ -291,7 +291,9 @@ class Unfixed:
         t = np.linspace(-T, T, 2 * PASSED + 1)[:-1]
         far = np.linalg.norm(away(t)[0], axis=0)
         nearest = np.flatnonzero((far <= np.roll(far, 1)) & (far <= np.roll(far, -1)))
-        passed = [_nearest(away, t[k] - T / PASSED, t[k] + T / PASSED, t[k]) for k in nearest]
+        passed = [
+            _nearest(away, float(t[k]) - T / PASSED, t[k] + T / PASSED, t[k]) for k in nearest
+        ]
         passed = [(s, np.abs(away(np.array([s]))[0]).max()) for s in passed if abs(s) < T]
         passes = [s for s, off in passed if off <= near]
         if not passes:
@@ -499,9 +501,9 @@ def _nearest(
         turns = np.flatnonzero(~growing[:-1] & growing[1:])
         if not turns.size:
             break
-        a, b = times[turns[0]], times[turns[0] + 1]
+        a, b = (float(times[turns[0] + k]) for k in (0, 1))
         middle = (a + b) / 2
-    return float(middle)
+    return middle
 
 
 def _moves(at: DiscretePath) -> bool:
