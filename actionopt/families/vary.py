@@ -119,9 +119,8 @@ def along(solution: Solution, names: Iterable[Name]) -> list[float]:
     With forces that are not conservative, contact, or durations that are found.
     """
     problem, names = solution.problem, list(names)
-    structure = problem.system.structure
-    timed = not (problem.asked or problem).free_time
-    if structure.forced or problem.system.r or not timed or not solution.success:
+    forced, free_time = problem.system.structure.forced, (problem.asked or problem).free_time
+    if forced or problem.system.r or free_time or not solution.success:
         return [np.nan] * len(names)
     known = slopes(solution.discrete, solution.momenta)
     return [float(slope(problem, known, name)) for name in names]
