@@ -24,6 +24,7 @@ OWN = {
     "fish_eye": {"a": "m"},
     "kink": {"a": "m"},
     "henon_heiles": {"a": "m"},
+    "lyapunov_orbit": {"D": "m"},
     "vacuum_decay": {"a": "m", "b": ""},
     "zermelo": {"w": "rad/m"},
     "screw": {"c": "rad/m", "k": "J"},
