@@ -13,7 +13,9 @@ import os
 from functools import cache
 
 TRIM, MAP = -1, -3  # of glibc's <malloc.h>
-LEARNED = 2**25  # bytes: what glibc learns at most (DEFAULT_MMAP_THRESHOLD_MAX), and twice that freed
+LEARNED = (
+    2**25
+)  # bytes: what glibc learns at most (DEFAULT_MMAP_THRESHOLD_MAX), and twice that freed
 
 
 @cache
