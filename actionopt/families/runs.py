@@ -20,7 +20,8 @@ from actionopt.families.grid import Grid, said
 from actionopt.families.kept import Kept, find
 from actionopt.families.sheets import leapt, sheets
 from actionopt.families.task import Answers, solved
-from actionopt.mechanics.problem import Problem, State
+from actionopt.mechanics.events import State
+from actionopt.mechanics.problem import Problem
 from actionopt.solver.solve import Guess, solve
 from actionopt.tools.files import ready, whole
 from actionopt.tools.types import Array, NDInt

@@ -80,7 +80,7 @@ def solved(
 ) -> Answers:
     """Return what comes of members of a problem that is here, the first of them near `guess`."""
     (tol, index, keep_paths), k, n = options, len(members), problem.system.n
-    if problem.free_time or problem.is_infinite:
+    if problem.free_time or problem.is_infinite or problem.on_surface:
         return _one_by_one(problem, members, columns, guess, options)
     t0, t1 = columns.get("t0", problem.start.t), columns.get("t1", problem.end.t)
     late = np.broadcast_to(np.less(t0, t1), k)
@@ -135,7 +135,7 @@ def _one_by_one(
     guess: Guess | None,
     options: tuple[float, bool, bool],
 ) -> Answers:
-    """Return the same of members with durations or windows to be found, each near the last one."""
+    """Return the same of members with more than a path to be found, each near the last one."""
     tol, index, _ = options
     k, n = len(members), problem.system.n
     answers = _refused(members, n, len(columns), alone=k)

@@ -119,8 +119,8 @@ def along(solution: Solution, names: Iterable[Name]) -> list[float]:
     With forces that are not conservative, contact, or durations that are found.
     """
     problem, names = solution.problem, list(names)
-    structure = problem.system.structure
-    if structure.forced or problem.system.r or problem.free_time or not solution.success:
+    forced, free_time = problem.system.structure.forced, (problem.asked or problem).free_time
+    if forced or problem.system.r or free_time or not solution.success:
         return [np.nan] * len(names)
     known = slopes(solution.discrete, solution.momenta)
     return [float(slope(problem, known, name)) for name in names]
@@ -132,7 +132,7 @@ def _event(old: Event, t: float, q: list[float | None]) -> Event:
         return old.at(t)
     if isinstance(old, Tail):
         return Tail(t, np.array(q, dtype=float), old.side, old.phase)
-    return Event(t, q)
+    return Event(t, q, on=old.on)
 
 
 def led(path: Path, problem: Problem) -> Path:
