@@ -28,8 +28,8 @@ from actionopt.families.grid import Grid, said
 from actionopt.families.kept import Kept
 from actionopt.families.runs import Runs
 from actionopt.families.task import Answers, Seed, work
-from actionopt.families.vary import Name
-from actionopt.families.walk import walk
+from actionopt.families.vary import Name, present
+from actionopt.families.walk import STEPS, walk
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import asked
 from actionopt.solver.solve import moving, solve
@@ -241,15 +241,26 @@ class _Run:
         return {int(record["task"]): record for record in records[1:]}
 
     def _pilot(self) -> int:
-        """Solve the first of some members that can be; return how many unknowns it has."""
-        unknowns = 0
-        places = np.linspace(0, self.grid.size - 1, PILOTS).astype(int)
-        for i in dict.fromkeys(self.grid.order[places].tolist()):
+        """Find a first seed; return how many unknowns it has.
+
+        That is the first of some members that can be solved or, before others are tried, the one
+        from which the problem as it was given, with numbers of its own, is not far.
+        """
+        grid, tol, unknowns = self.grid, self.runs.tol, 0
+        places = np.linspace(0, grid.size - 1, PILOTS).astype(int)
+        first, *others = dict.fromkeys(grid.order[places].tolist())
+        for i in (first, None, *others):
             with suppress(ValueError):
-                found = moving(solve(self.grid.member(i), tol=self.runs.tol, throw=False))
+                problem = grid.problem if i is None else grid.member(i)
+                found = moving(solve(problem, tol=tol, throw=False))
                 unknowns = found.stats["unknowns"]
-                if found.success:
-                    self.seeds[i] = found.path
+                path: Path | None = found.path if found.success else None
+                if i is None and path is not None:
+                    own = {name: present(grid.problem, name) for name in grid.names}
+                    i = grid.nearest(own)
+                    path = walk(grid.problem, path, own, grid.at(i), STEPS[-1], tol)
+                if i is not None and path is not None:
+                    self.seeds[i] = path
                     break
         return unknowns
 

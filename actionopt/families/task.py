@@ -17,6 +17,7 @@ from actionopt.families.vary import Name, along, moved
 from actionopt.families.walk import walk
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.solve import Guess, moving, solve
+from actionopt.tools.memory import keep_memory
 from actionopt.tools.types import Array, NDInt
 
 Answers = dict[str, Array]
@@ -52,6 +53,7 @@ def work(
     options : tuple
         `tol`, and whether to count indices and to keep paths.
     """
+    keep_memory()
     problem = pickle.loads(question)
     return solved(problem, members, columns, begun(problem, columns, seed, options[0]), options)
 
