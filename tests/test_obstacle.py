@@ -329,6 +329,15 @@ def test_round_a_small_peg():
         assert sol.action == pytest.approx(around(A, B)[1] * R**2, rel=1e-11)
 
 
+@pytest.mark.parametrize("R", [1e-2, 1e-3])
+def test_round_a_peg_that_is_hardly_there(R):
+    """By its distance; on the shorter side, which no first mesh tells."""
+    A, B = np.array([-1.3, 0.4]) / R, np.array([1.6, -0.4923 - 0.2 * R]) / R
+    peg = body(lambda q: np.sqrt(q @ q) - R)
+    sol = ao.solve(ao.Problem(peg, ao.Event(0, A * R), ao.Event(1, B * R)))
+    assert sol.action == pytest.approx(around(A, B)[1] * R**2, rel=1e-12)
+
+
 def test_why_there_is_no_path():
     walls = ao.System(
         lambda q, v, t: v[0] ** 2 / 2,

@@ -21,6 +21,7 @@ S. J. Wright, *Numerical Optimization* (2nd ed. 2006), section 12.3.
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from time import perf_counter
@@ -78,6 +79,10 @@ NO_ROOM = "no path outside of the obstacle was found: its rows may contradict ea
 KINKED = "the obstacle has a kink in the coordinates: round it, its force there has no direction"
 NO_SLOPE = "the obstacle has no slope where it is met: give a function that has, such as a distance"
 DEPENDENT = "rows in contact have gradients that depend on each other: give each surface once"
+SMALL = (
+    "round something small contact is short: give an obstacle as the distance from it, such as "
+    "np.sqrt(q @ q) - R in place of q @ q - R**2"
+)
 HOPELESS = (NO_ROOM, KINKED, DEPENDENT)  # what finer meshes do not mend
 FAMILY = (
     "where events and obstacle have a symmetry, such as a sphere between them, the least path may "
@@ -432,17 +437,45 @@ def along(ws: Along, tol: float, curve_of: Callable[[Mesh], Path] | None) -> Sta
         first.sort(key=lambda found: found.action)
         windows = ws.unseen(first[0]) if first else []
         if not windows:
-            for found in first:
-                ws.restart()
-                ws.problem, ws.here = found.problem, found
-                status = _refined(ws, tol)
-                if status.success or status in (Status.FLOOR, Status.DEGENERATE):
-                    return status
+            status = _least(ws, tol, first, status)
+            if status is not Status.NOT_FOUND and status is not Status.UNRESOLVED:
+                return status
             windows = ws.narrow(first[0]) if first else []
         since = np.unique(np.concatenate([since, *(windows or [(since[:-1] + since[1:]) / 2])]))
         if since.size > MOST or ws.hint in HOPELESS:
             break
     return status
+
+
+def _least(ws: Along, tol: float, first: list[Iterate], status: Status) -> Status:
+    """Refine first paths, in order of their action, and keep the least.
+
+    What nodes alone hold outside costs less than what all of it does, about: one whose action there
+    is above that of a path that was refined is not the least.
+    """
+    best: Along | None = None
+    tried: list[Iterate] = []
+    for found in first:
+        if best and not (found.action < best.here.action and _another(found, tried)):
+            continue
+        tried.append(found)
+        ws.restart()
+        ws.problem, ws.here = found.problem, found
+        last = _refined(ws, tol)
+        if last.success or last in (Status.FLOOR, Status.DEGENERATE):
+            if best is None or ws.here.action < best.here.action:
+                best, status = copy(ws), last
+        elif best is None:
+            status = last
+    if best is not None:
+        vars(ws).update(vars(best))
+    return status
+
+
+def _another(found: Iterate, tried: list[Iterate]) -> bool:
+    """Whether a path is none of these, on one mesh."""
+    apart = [np.abs(found.Q - other.Q) / found.tr.lengths for other in tried]
+    return all(difference.max() > FLAT for difference in apart)
 
 
 def _refined(ws: Along, tol: float) -> Status:
@@ -461,6 +494,8 @@ def _refined(ws: Along, tol: float) -> Status:
             if not ws.follow():
                 ws.hint = ws.why()
                 if shorter == SHORTER or not any(arc.end - arc.begin < coarse for arc in arcs):
+                    if shorter == SHORTER and ws.hint == FAMILY:
+                        ws.hint = SMALL
                     return Status.NOT_FOUND
                 shorter, ws.problem, ws.here = shorter + 1, first.problem, first
                 arcs = tuple(_shortened(arc, coarse) for arc in arcs)
