@@ -18,7 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from actionopt.mechanics.problem import Event, Problem, State
+from actionopt.mechanics.events import Event, State
+from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
 from actionopt.scenes._shapes import Shape
 from actionopt.tools.types import Array
