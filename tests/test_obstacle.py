@@ -389,5 +389,8 @@ def test_a_string_over_random_hills_is_the_least_concave_majorant(seed):
     t = np.linspace(0, 1, 20001)
     y = hills(t)
     y[0], y[-1] = (height for _, height in ends)
-    assert sol.action == pytest.approx(majorant(t, y), rel=1e-7)
+    # Between points h apart hills are up to h^2 |f''| / 8 higher, which nu = -f'' presses there.
+    steep = np.abs(np.diff(hills(t), n=2)).max() / (t[1] - t[0]) ** 2
+    miss = steep * steep * (t[1] - t[0]) ** 2 / 8
+    assert 0 <= sol.action - majorant(t, y) + 1e-12 < miss < 1e-5
     assert sol.contact_force(t).min() > -1e-6 and (sol(t)[0] - y).min() > -1e-6
