@@ -140,6 +140,8 @@ def _steps(
         converged = linear or rest * ratio <= target or stopped
         if not converged and not rest * min(ratio, 1.0) ** (chords - again) <= target:
             break  # too many to come; or it is not a number
+    if again and ratio > CONTRACTION:  # near a singular matrix another one may serve
+        ratio = CONTRACTION
     return z - step, rest, ratio, False
 
 
