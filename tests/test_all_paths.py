@@ -297,9 +297,10 @@ def test_oscillations_of_half_a_period_are_a_family():
     ("system", "start", "end"),
     [
         (SPHERE, [1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]),
-        pytest.param(POLAR, [np.pi / 2, 0.0], [np.pi / 2, np.pi], marks=pytest.mark.slow),
+        (POLAR, [np.pi / 2, 0.0], [np.pi / 2, np.pi]),
     ],
 )
+@pytest.mark.slow
 def test_great_circles_between_antipodes_are_a_family(system, start, end):
     problem = ao.Problem(system, ao.Event(0.0, start), ao.Event(1.0, end))
     found = solve_all(problem, windings=0, starts=3, shots=4, continuations=1)

@@ -315,6 +315,7 @@ def test_a_motion_through_a_singularity_cannot_be_told():
     np.testing.assert_allclose(found.path(t), fall(t)[0], rtol=0, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_a_motion_that_passes_a_singularity_and_is_wrong_elsewhere_is_contradicted():
     def late(t):
         q, v = fall(t)

@@ -36,7 +36,7 @@ FAMILIES = {
     ("name", "tol"),
     [
         ("antipodes", 1e-3),
-        ("antipodes aslant", 1e-8),
+        pytest.param("antipodes aslant", 1e-8, marks=pytest.mark.slow),
         pytest.param("antipodes", 1e-12, marks=pytest.mark.slow),
         pytest.param("half a circle", 1e-3, marks=pytest.mark.slow),
         *(pytest.param("half an ellipse", tol, marks=pytest.mark.slow) for tol in (1e-3, 1e-12)),
@@ -54,7 +54,7 @@ def test_a_family_is_said_to_be_one(name, tol):
 
 
 @pytest.mark.parametrize("tol", [1e-2, pytest.param(1e-6, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("seed", [3, 4])
+@pytest.mark.parametrize("seed", [3, pytest.param(4, marks=pytest.mark.slow)])
 def test_a_family_is_one_in_every_direction(seed, tol):
     """Newton's method stops at another distance from singular matrices in each of them."""
     axis = np.random.default_rng(seed).normal(size=3)

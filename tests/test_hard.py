@@ -44,7 +44,7 @@ def missed(solution):
 @pytest.mark.parametrize(
     ("T", "count"),
     [
-        (4.0, 20),
+        (4.0, 10),
         pytest.param(1.0, 100, marks=pytest.mark.slow),
         pytest.param(4.0, 100, marks=pytest.mark.slow),
     ],

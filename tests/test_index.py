@@ -476,7 +476,9 @@ def half_an_ellipse(far, tilt):
     return np.pi * a**1.5, orbit
 
 
-@pytest.mark.parametrize(("tol", "tilt"), [(1e-3, 0.7), (1e-8, 0.0)])
+@pytest.mark.parametrize(
+    ("tol", "tilt"), [pytest.param(1e-3, 0.7, marks=pytest.mark.slow), (1e-8, 0.0)]
+)
 def test_nullity_of_families_of_paths(tol, tilt):
     def arc(t):
         s = np.sin(np.pi * t)

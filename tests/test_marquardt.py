@@ -101,7 +101,7 @@ def test_nothing_moves_where_a_mass_is_missing():
 @pytest.mark.parametrize(
     ("name", "seed", "kind"),
     [
-        ("chain_cartesian", 4, "33 points 10 % off"),
+        pytest.param("chain_cartesian", 4, "33 points 10 % off", marks=pytest.mark.slow),
         ("chain_angles", 3, "33 points 10 % off"),
     ],
 )

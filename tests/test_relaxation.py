@@ -73,7 +73,9 @@ def test_the_action_and_its_parts_along_a_known_path():
     assert data.target_action == pytest.approx(solution.action, rel=1e-9)
 
 
-@pytest.mark.parametrize("name", ["minimum", "projectile", "pendulum"])
+@pytest.mark.parametrize(
+    "name", ["minimum", pytest.param("projectile", marks=pytest.mark.slow), "pendulum"]
+)
 def test_descent_reaches_a_minimum(name):
     solution, data = solved(name), relaxed(name)
     assert data.arrived
@@ -167,7 +169,10 @@ def drawn(ax, color):
         ("minimum", "descent", "oscillator: descent reaches the minimum"),
         ("saddle", "descent", "oscillator: descent leaves the saddle below"),
         ("saddle", "newton", "oscillator: Newton's method reaches the saddle"),
-        ("projectile", "descent", "projectile: descent reaches the minimum"),
+        pytest.param(
+            *("projectile", "descent", "projectile: descent reaches the minimum"),
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_the_picture_says_what_is_seen(name, method, words, monkeypatch):

@@ -270,6 +270,7 @@ def test_at_the_conjugate_end_the_optimum_is_one_of_many():
     assert problem.kind == "degenerate"
 
 
+@pytest.mark.slow
 def test_several_optima_are_all_stationary():
     for name in suite.find(tags="several optima", size=(1, DENSE)):
         problem = suite.get(name)
@@ -352,6 +353,7 @@ def test_starting_points_are_what_they_say():
         problem.start("far")
 
 
+@pytest.mark.slow
 def test_nobody_starts_at_the_answer():
     for name in NAMES:
         problem = suite.get(name)
