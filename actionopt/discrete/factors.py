@@ -79,7 +79,7 @@ class Factors:
     @cached_property
     def _pivoted(self) -> Callable[[Array], Array]:
         """LU factors with pivoting, which dense rows do not fill as they do those of QR."""
-        layout, matrix = self.layout, ca.DM(self.layout.kkt.sparsity, self.nonzeros)
+        layout, matrix = self.layout, _matrix(self.layout, self.nonzeros)
         solver = layout.solvers.get("lu")
         if solver is None:
             solver = layout.solvers["lu"] = ca.Linsol("lu", "csparse", matrix.sparsity())
@@ -168,12 +168,9 @@ class Factors:
             return self._condensed.negative()
         if layout.keeps_factors:
             return self._kept.negative
-        matrix = ca.DM(layout.kkt.sparsity, _regular(layout, self.nonzeros))
-        if "inertia" not in layout.solvers:
-            layout.solvers["inertia"] = ca.Linsol("inertia", "ldl", layout.kkt.sparsity)
-            layout.solvers["inertia"].sfact(matrix)
-        layout.solvers["inertia"].nfact(matrix)
-        return int(layout.solvers["inertia"].neig(matrix))
+        matrix, solver = _matrix(layout, _regular(layout, self.nonzeros)), _solver(layout, "ldl")
+        solver.analysed.nfact(matrix)
+        return int(solver.analysed.neig(matrix))
 
     def _refined(self, direct: Callable[[Array], Array], right: Array) -> Array | None:
         """Return the solution by refinement of a direct one, or None if that does not converge."""
@@ -226,7 +223,8 @@ class Sparse:
     def __init__(self, pattern: Pattern, kind: str) -> None:
         size = pattern.shape[0]
         values, right = ca.MX.sym("values", pattern.nnz), ca.MX.sym("right", size)
-        solved = ca.solve(ca.MX(pattern.sparsity, values), right, kind)
+        self.analysed = ca.Linsol(kind, kind, pattern.sparsity)
+        solved = self.analysed.solve(ca.MX(pattern.sparsity, values), right)
         self._function = ca.Function(kind, [values, right], [solved])
         self._values, self._right = np.empty(pattern.nnz), np.empty(size)
         self._solved = np.empty(size)
@@ -256,11 +254,13 @@ class _Kept:
 
     def __init__(self, layout: Layout, nonzeros: Array) -> None:
         values = _regular(layout, compressed(layout, nonzeros))
-        self._factors = ca.ldl(ca.DM(layout.kkt.sparsity, values))
+        self._factors = ca.ldl(_matrix(layout, values))
+        self._dense = ca.Sparsity.dense(layout.size)
 
     def solve(self, right: Array) -> Array:
         """Return the solution for one right-hand side, (size,)."""
-        return ca.ldl_solve(ca.DM(right), *self._factors).full().ravel()
+        column = ca.DM(self._dense, memoryview(right))  # type: ignore
+        return ca.ldl_solve(column, *self._factors).full().ravel()
 
     @property
     def negative(self) -> int:
@@ -347,6 +347,11 @@ def _solver(layout: Layout, kind: str) -> Sparse:
     if kind not in layout.solvers:
         layout.solvers[kind] = Sparse(layout.kkt, kind)
     return layout.solvers[kind]
+
+
+def _matrix(layout: Layout, nonzeros: Array) -> ca.DM:
+    """Return a matrix for CasADi, which reads buffers twice as fast as arrays."""
+    return ca.DM(layout.kkt.sparsity, memoryview(nonzeros))  # type: ignore
 
 
 def _regular(layout: Layout, nonzeros: Array) -> Array:

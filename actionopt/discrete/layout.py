@@ -322,7 +322,8 @@ class Pattern:
     def sparsity(self) -> ca.Sparsity:
         """The pattern for CasADi."""
         colind = np.searchsorted(self.col, np.arange(self.shape[1] + 1))
-        return ca.Sparsity(*self.shape, colind.tolist(), self.row.tolist())
+        # As buffers: lists of numbers take five times the memory.
+        return ca.Sparsity(*self.shape, memoryview(colind), memoryview(self.row))  # type: ignore
 
 
 LAYOUTS_KEPT = 32  # of a system, the latest used: a large one holds much memory; ad hoc
