@@ -21,6 +21,7 @@ OWN = {
     "great_ellipse": {"a": "m", "b": "m"},
     "fish_eye": {"a": "m"},
     "kink": {"a": "m"},
+    "mirage": {"h": "m", "low": "m", "first": "m", "last": "m"},
     "henon_heiles": {"a": "m"},
     "vacuum_decay": {"a": "m", "b": ""},
     "zermelo": {"w": "rad/m"},
@@ -33,7 +34,7 @@ FACTS = {
     "oscillation": "rad/s", "spin": "rad/s", "block_acceleration": "m/s^2",
     "rolling_acceleration": "m/s^2", "wedge_acceleration": "m/s^2", "friction": "N",
     "period_action": "J s", "fall_time": "s", "waist": "m", "area": "m^2", "whole_action": "J s",
-    "high_duration": "s", "other_duration": "s",
+    "high_duration": "s", "other_duration": "s", "direct_length": "m", "mirage_length": "m",
 }  # fmt: skip
 
 
