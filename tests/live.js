@@ -3,7 +3,8 @@
 const fs = require("fs");
 (0, eval)(fs.readFileSync(process.argv[2], "utf8"));
 const { Action, erf } = globalThis.actionopt;
-const answers = JSON.parse(fs.readFileSync(0, "utf8")).map(({ data, Q, lam }) => {
+const few = new Set(process.argv.slice(3)); // of which times conjugate to the start are asked
+const answers = JSON.parse(fs.readFileSync(0, "utf8")).map(({ name, data, Q, lam }) => {
   const A = new Action(data), at = Float64Array.from(Q), multipliers = Float64Array.from(lam);
   const answer = Float64Array.from(data.answer), newton = A.newton(A.straight());
   return {
@@ -14,6 +15,7 @@ const answers = JSON.parse(fs.readFileSync(0, "utf8")).map(({ data, Q, lam }) =>
     known: A.value(answer),
     index: A.forced ? null : A.index(answer),
     slope: A.slope(answer),
+    conjugate: few.has(name) ? A.conjugate(answer, A.momentum(answer), data.longest) : null,
     solved: newton && [A.value(newton), A.slope(newton)],
   };
 });

@@ -114,7 +114,43 @@ def cycloid(s):
     return same(R * (angle - np.sin(angle)), s.x), angle
 
 
+def pressed(s):
+    """Return when a scene's path touches, whether nothing presses elsewhere, and evenly there."""
+    (force,), (arc,) = s.solution.contact_force(s.t), s.solution.contacts
+    on = (arc.begin <= s.t) & (s.t <= arc.end)
+    return on, not force[~on].any() and force[on].min() > 0 and constant(force[on])
+
+
+def bent_there_alone(s):
+    """Return whether the direction of the velocity turns in contact only."""
+    on, _ = pressed(s)
+    v = s.v / np.linalg.norm(s.v, axis=0)
+    before, behind = np.argmax(on), on.size - np.argmax(on[::-1])
+    return all(constant(row[:before]) and constant(row[behind:]) for row in v)
+
+
 W = {  # scene: sentence: whether it is so
+    "rope_round_post": {
+        "answer": lambda s: (
+            bent_there_alone(s) and same(np.hypot(*s.q[:, pressed(s)[0]]), s.n["R"])
+        ),
+        "look": lambda s: bent_there_alone(s) and pressed(s)[1],
+        "contact": lambda s: pressed(s)[1],
+    },
+    "way_round_ball": {
+        "answer": lambda s: (
+            bent_there_alone(s) and same(np.linalg.norm(s.q[:, pressed(s)[0]], axis=0), s.n["R"])
+        ),
+        "look": lambda s: same(np.cross(s.q[:, 0], s.q[:, -1]) @ s.q, 0),
+        "contact": lambda s: pressed(s)[1],
+    },
+    "chain_on_floor": {
+        "answer": lambda s: (
+            same(s.y[pressed(s)[0]], 0) and np.all(np.abs(s.vy / s.vx)[s.y < 1e-3] < 0.1)
+        ),
+        "look": lambda s: s.vy[0] < -2 * s.vx[0] and np.max(np.abs(np.diff(s.vy / s.vx))) < 0.1,
+        "contact": lambda s: pressed(s)[1] and same(s.y[pressed(s)[0]], 0),
+    },
     "fish_eye": {
         "answer": lambda s: fitted(s, [s.x, s.y, 1], s.x**2 + s.y**2),
         "look": lambda s: (

@@ -33,21 +33,32 @@ LED_ELSEWHERE = (
     "kepler",
     "vacuum_decay",
 )
+FOCUSING = ("oscillator", "oscillator_2d", "kepler", "pendulum", "rod_pendulum", "screw")
+CONJUGATE = 1e-4  # of the longest duration; measured: 3e-5
 KNOWN = 1e-8  # of S: what a page promises
 SIZE = 300e3  # bytes of a page
+
+
+# No page draws paths along an obstacle.
+LIVE = [name for name in scenes.SCENES if not scenes.get(name).problem.system.r]
 
 
 @pytest.fixture(scope="module")
 def asked():
     """Every scene's data, and a random path with random multipliers."""
     rng, found = np.random.default_rng(5), {}
-    for name in scenes.SCENES:
+    for name in LIVE:
         solution = solved(name, tol=1e-10)
         known = data(solution.problem, solution)
         Q = np.reshape(known["answer"], (-1, known["law"]["n"]))
         Q = Q + 0.05 * np.array(known["sizes"]) * rng.normal(size=Q.shape)
         lam = rng.normal(size=(len(Q), known["law"]["m"]))
-        found[name] = {"data": known, "Q": Q.ravel().tolist(), "lam": lam.ravel().tolist()}
+        found[name] = {
+            "name": name,
+            "data": known,
+            "Q": Q.ravel().tolist(),
+            "lam": lam.ravel().tolist(),
+        }
     return found
 
 
@@ -57,7 +68,7 @@ def computed(asked):
     if NODE is None:
         pytest.skip("no Node found, which runs JavaScript without a browser")
     found = subprocess.run(
-        [NODE, Path(__file__).parent / "live.js", STATIC / "action.js"],
+        [NODE, Path(__file__).parent / "live.js", STATIC / "action.js", *FOCUSING],
         input=json.dumps(list(asked.values())),
         capture_output=True,
         text=True,
@@ -67,7 +78,7 @@ def computed(asked):
     return dict(zip(asked, told["answers"], strict=True)) | {"erf": told["erf"]}
 
 
-@pytest.mark.parametrize("name", scenes.SCENES)
+@pytest.mark.parametrize("name", LIVE)
 def test_the_action_in_the_page_is_that_of_the_package(asked, computed, name):
     known, told = asked[name]["data"], computed[name]
     problem = scenes.get(name).problem
@@ -93,7 +104,7 @@ def test_the_action_in_the_page_is_that_of_the_package(asked, computed, name):
         assert pytest.approx(f, abs=SAME * np.max(np.abs(Q)) ** 2) == np.transpose(told["f"])
 
 
-@pytest.mark.parametrize("name", scenes.SCENES)
+@pytest.mark.parametrize("name", LIVE)
 def test_newtons_method_and_the_index_in_the_page(computed, name):
     solution, told = solved(name, tol=1e-10), computed[name]
     scale = max(abs(solution.action), 1.0)
@@ -382,15 +393,41 @@ def test_with_a_force_nothing_is_said_of_slopes(folder, chromium):
 def test_parameters_slide_and_the_motion_follows(folder, chromium):
     opened(chromium, folder, scenes.get("pendulum"))
     press(chromium, "solve")
-    chromium.run(
-        "(() => { const s = document.querySelector('.live [data-parameter=g]'); s.value = 3.7;"
-        " s.dispatchEvent(new Event('input')) })()"
-    )
+    slide(chromium, "g", 3.7)
     problem = scenes.get("pendulum").problem.replace(parameters={"g": 3.7})
     solution = ao.solve(problem, tol=1e-10)
     assert told(chromium, "action") == pytest.approx(solution.action, rel=KNOWN)
+    # So do the times conjugate to its start, which are marked beside the duration.
+    found = chromium.run("document.querySelector('.live').live.foci()")
+    known = data(problem, solution)["conjugate"]
+    assert known and found == pytest.approx(known, rel=1e-4)
+    assert chromium.run("document.querySelectorAll('.live .foci i').length") == len(known)
     rods = data(scenes.get("rod_pendulum").problem, solved("rod_pendulum"))["parameters"]
     assert {p["name"] for p in rods} == {"m", "g"}  # the events lie on a circle of radius l
+
+
+def slide(chromium, name, value):
+    """Move the slider of a parameter, and let it go."""
+    slider = f"document.querySelector('.live [data-parameter={name}]')"
+    chromium.run(f"{slider}.value = {value}")
+    for event in ("input", "change"):
+        chromium.run(f"{slider}.dispatchEvent(new Event('{event}'))")
+
+
+def test_where_conjugate_times_of_other_numbers_are_not_known_that_is_said(folder, chromium):
+    opened(chromium, folder, scenes.get("double_pendulum"))
+    press(chromium, "solve")
+    slide(chromium, "g", 9.0)
+    assert chromium.run("document.querySelectorAll('.live .foci i').length") == 0
+    assert "given at first" in chromium.run("document.querySelector('.live .message').textContent")
+
+
+@pytest.mark.parametrize("name", FOCUSING)
+def test_conjugate_times_in_the_page(asked, computed, name):
+    known = asked[name]["data"]
+    assert computed[name]["conjugate"] == pytest.approx(
+        known["conjugate"], abs=CONJUGATE * known["longest"]
+    )
 
 
 def test_all_of_it_by_keyboard_and_on_a_phone(folder, chromium):

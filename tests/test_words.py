@@ -6,30 +6,34 @@ import re
 from pathlib import Path
 
 import pytest
+from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 import actionopt
-from actionopt import scenes
+from actionopt import plot, scenes, solve
 from actionopt.gallery import build, figures, scene_page
 from actionopt.gallery.course import pages
 from actionopt.gallery.course.lessons import LESSONS
 from actionopt.gallery.page import SITE
 from actionopt.gallery.story import PARAGRAPH, TEMPLATE
 from actionopt.gallery.texts import texts
+from actionopt.plot._relaxation import VERDICTS
 from actionopt.plot.live import film
 from actionopt.plot.live.page import STATIC, whole
 from actionopt.plot.live.words import WORDS
 from actionopt.tools.words import SPOKEN, TABLES, language, say, table
 
+NOT_IN_PAGES = ("_runs.py", "_explore.py", "_explore_parts.py")
 OTHERS = [name for name in SPOKEN if name != "en"]
 
 
 def said():
     """Return what pages say: the arguments of `say`, and the tables whose entries it is given."""
     found = {title for title, *_ in figures.KINDS}
-    found |= {why for _, _, unless, _ in figures.KINDS for _, why in unless}
+    found |= {why for _, _, unless, _ in figures.KINDS for _, why in unless if why}
     found |= {*film.SAID.values(), *film.SPEEDS.values(), *pages.PARTS, scene_page.LIVE}
     found |= {*figures._FRONTS.values(), *(text for _, text in SITE)}
-    found |= {*WORDS.values()}
+    found |= {*WORDS.values(), *(text for said in VERDICTS.values() for text in said)}
     story = PARAGRAPH.finditer(TEMPLATE.read_text(encoding="utf-8"))
     found |= {" ".join(paragraph[3].split()) for paragraph in story}
     for lesson in LESSONS:
@@ -38,13 +42,22 @@ def said():
         found |= {text for e in lesson.exercises for text in (e.question, e.answer)}
     for name in scenes.SCENES:
         words, own = texts(name), scenes.get(name).words
-        found |= {scenes.title(name), own.question, own.answer, own.look, *own.captions.values()}
+        found |= {
+            name.replace("_", " "),
+            scenes.title(name),
+            own.question,
+            own.answer,
+            own.look,
+            *own.captions.values(),
+        }
         rest = (words.statement, words.remarks, *(f.remark for f in words.formulas))
         found |= {" ".join(text.split()) for text in rest}
     package = Path(actionopt.__file__).parent
-    for file in [*(package / "gallery").rglob("*.py"), *(package / "plot" / "live").glob("*.py")]:
+    drawn = {*(package / "plot").glob("_*.py")} - {package / "plot" / x for x in NOT_IN_PAGES}
+    live = (package / "plot" / "live").glob("*.py")
+    for file in [*(package / "gallery").rglob("*.py"), *live, *drawn]:
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "say":
+            if isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("say", "label"):
                 found |= {
                     c.value
                     for c in ast.walk(node.args[0])
@@ -73,6 +86,30 @@ def test_translations_have_the_same_values(name):
         numbers = [sorted(re.findall(r"(?<![\w.])\d+\.\d+", x)) for x in (text, other)]
         assert numbers[0] == numbers[1], text
         assert other.strip() == other or text.strip() != text
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_figures_speak_one_language(name):
+    solution = solve(scenes.get("oscillator").problem)
+    drawings = {
+        lambda f: plot.overview(solution, f.subplots(2)),
+        lambda f: plot.mesh(solution, f.subplots(2)),
+        lambda f: plot.energies(solution, f.subplots()),
+        lambda f: plot.conserved(solution, f.subplots(2)),
+        lambda f: plot.bundle(solution, f.subplots()),
+        lambda f: plot.slices(solution, f.subplots()),
+        lambda f: plot.relaxation(solution, axes=f.subplots(4)),
+    }
+    for draw in drawings:
+        shown = []
+        for spoken in ("en", name):
+            figure = Figure()
+            with language(spoken):
+                draw(figure)
+            words = {text.get_text() for text in figure.findobj(Text)}
+            words = {re.sub(r"\$.*?\$", "", text) for text in words}
+            shown.append({text for text in words if re.search("[A-Za-z]{2}", text)})
+        assert not shown[0] & shown[1] - {"action ", "part sans "}
 
 
 def test_languages_are_spoken_meanwhile():

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from actionopt.mechanics.problem import Event, Periodic, Phase, Problem, Tail
+from actionopt.mechanics.events import Event, Periodic, Phase, Tail
+from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.rest import Rest
 from actionopt.mechanics.system import System
 from actionopt.mechanics.tracing import ParameterTable
@@ -63,12 +64,16 @@ def save(
 
 
 def asked_of(problem: Problem | Detached) -> dict[str, Any]:
-    """Return which times were to be found, and at which energy."""
+    """Return which times were to be found, at which energy, and which events lay on surfaces."""
     asked = problem.asked
     if isinstance(asked, dict):
         return asked
     assert asked is not None
-    return {"free": [e.t is None for e in (asked.start, asked.end)], "energy": asked.energy}
+    ends = asked.start, asked.end
+    found = {"free": [e.t is None for e in ends], "energy": asked.energy}
+    if asked.on_surface:
+        found["on"] = [None if e.on is None else [e.on.law.serialize(), e.q] for e in ends]
+    return found
 
 
 def _tail(event: Event) -> list[Any] | None:
@@ -113,7 +118,8 @@ class Detached:
                 )
         self.parameters = ParameterTable(about["parameters"]).defaults
         self.asked: dict[str, Any] | None = about.get("asked")
-        self.energy: float | None = None if self.asked is None else float(self.asked["energy"])
+        energy = None if self.asked is None else self.asked["energy"]
+        self.energy: float | None = None if energy is None else float(energy)
 
     @property
     def advance(self) -> Array | None:

@@ -26,6 +26,7 @@ import casadi as ca
 import numpy as np
 
 from actionopt.discrete.discrete_path import DiscretePath, dependent
+from actionopt.discrete.foot import held_at, reactions
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.held import Held
@@ -144,6 +145,7 @@ def form(at: DiscretePath, units: Array | None = None, *, phase: bool = True) ->
     A, B, C, S = coefficients(problem, q, tr.velocities(q), tr.times)
     if system.m:
         lam = np.concatenate([at.lam[:-1], at.lam[:1]]) if layout.closed else at.lam
+        lam = _inner(at, lam)
         A = A + _curvature(problem, q, lam[layout.node_of], tr.times)
     finite = np.isfinite([A, B, C]).all(axis=(0, 2, 3))
     if not finite.all():
@@ -159,8 +161,8 @@ def form(at: DiscretePath, units: Array | None = None, *, phase: bool = True) ->
         units = np.where(inertia > 0, size / np.sqrt(np.where(inertia > 0, inertia, 1.0)), units)
     basis = tangent(problem, Q, tr.mesh.nodes[:, None], units).copy()
     sides = []
-    for k, event in ((0, problem.start), (-1, problem.end)):
-        basis[k], count = _pinned_first(basis[k], event.pinned)
+    for k in (0, 1):
+        basis[-k], count = _pinned_first(basis[-k], held_at(at, k) * units)
         sides.append(count)
     if layout.closed:
         basis[-1] = basis[0]
@@ -196,6 +198,12 @@ def form(at: DiscretePath, units: Array | None = None, *, phase: bool = True) ->
         pull = basis[term.node].T @ (term.matrix * scale) @ basis[term.node]
         elements[e] = elements[e].copy()
         elements[e][block, block] += pull
+    for k, asked in enumerate(problem.surfaces):
+        if asked is not None:
+            r = basis.shape[2]
+            block = slice(-r, None) if k else slice(None, r)
+            elements[-k] = elements[-k].copy()
+            elements[-k][block, block] += basis[-k].T @ (_bend(at, k) * scale) @ basis[-k]
     Z = basis[layout.node_of]
     legendre, vectors = np.linalg.eigh(np.swapaxes(Z, 1, 2) @ (C * scale) @ Z)
     mass = np.maximum(
@@ -425,11 +433,36 @@ def _curvature(problem: Problem, q: Array, lam: Array, t: Array) -> Array:
     return curvature.full(0, curvature(q, lam, t, problem.packed)[0], symmetric=True)
 
 
-def _pinned_first(Z: Array, pinned: tuple[int, ...]) -> tuple[Array, int]:
-    """Return the basis Z (n, r) turned so that variations of pinned coordinates come first."""
-    if len(pinned) == len(Z):
-        return Z, Z.shape[1]
-    if not pinned:
+def _inner(at: DiscretePath, lam: Array) -> Array:
+    """Return the multipliers (K, m) without those of ends on a surface: `_bend` has theirs."""
+    ends = [-k for k, asked in enumerate(at.problem.surfaces) if asked is not None]
+    if not ends:
+        return lam
+    lam = lam.copy()
+    lam[ends] = 0.0
+    return lam
+
+
+def _bend(at: DiscretePath, k: int) -> Array:
+    """Return the second derivatives of mu.on + nu.f at an end on a surface, (n, n).
+
+    How the surface bends away from its tangent plane changes the action to second order, too.
+    """
+    problem, q, t = at.problem, at.Q[-k], at.mesh.boundaries[[-k]]
+    event, (mu, nu) = problem.surfaces[k], reactions(at, k)
+    assert event is not None
+    found = event.on.curvature(q, t[0], problem.packed, mu)
+    if nu.size:
+        found = found + _curvature(problem, q[None], nu[None], t[:, None])[0]
+    return found
+
+
+def _pinned_first(Z: Array, held: Array) -> tuple[Array, int]:
+    """Return the basis Z (n, r) turned so that variations along the rows `held` come first."""
+    if not len(held):
         return Z, 0
-    _, values, right = np.linalg.svd(Z[list(pinned)])
+    if len(held) == len(Z):
+        return Z, Z.shape[1]
+    sizes = np.linalg.norm(held, axis=1, keepdims=True)
+    _, values, right = np.linalg.svd(held / np.where(sizes > 0, sizes, 1.0) @ Z)
     return Z @ right.T, int(np.sum(values > RANK))

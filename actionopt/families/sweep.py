@@ -48,7 +48,7 @@ MOST_MEMBERS = 4096  # of a task, so that its answers are a megabyte at most; ad
 IN_FLIGHT = 1024  # tasks that are sent at once, and so the workers that are kept busy; ad hoc
 PILOTS = 8  # members at equal distances of which the first that is solved tells their size; ad hoc
 SEEDS = 8  # paths from which tasks are reached: they are found here, one by one; ad hoc
-FORMAT = "actionopt sweep 1"
+FORMAT = "actionopt sweep 2"
 RECORDED = ("index",)
 
 Progress = Callable[[int, int, int], object]
@@ -112,8 +112,9 @@ def sweep(
             "expected events, or a period that is given, to sweep over, found closed paths of a "
             "given energy, which need a guess; follow one by `trace`"
         )
-    # Durations that are found, and windows, are in the paths.
-    keep_paths = keep_paths or problem.free_time or problem.is_infinite
+    # Durations that are found, windows, and places on surfaces are in the paths.
+    found = problem.free_time or problem.is_infinite or problem.on_surface
+    keep_paths = keep_paths or found
     grid = Grid.of(problem, over, zip)
     index = "index" in _recorded(record)
     if executor is not None and not hasattr(executor, "submit"):
@@ -161,6 +162,7 @@ def _question(grid: Grid, tol: float, index: bool, keep_paths: bool) -> dict[str
         "end": [problem.end.t, problem.end.q],
         "advance": None if problem.advance is None else problem.advance.tolist(),
         "energy": problem.energy,
+        **({"on": _surfaces(problem)} if problem.on_surface else {}),
         "over": over,
         "zip": grid.zipped,
         "tol": tol,
@@ -168,6 +170,12 @@ def _question(grid: Grid, tol: float, index: bool, keep_paths: bool) -> dict[str
         "keep_paths": keep_paths,
         "made by": f"actionopt {version}, CasADi {ca.CasadiMeta.version()}",
     }
+
+
+def _surfaces(problem: Problem) -> list[str | None]:
+    """Return what tells the surfaces of events from others."""
+    laws = [None if e.on is None else e.on.law.serialize() for e in (problem.start, problem.end)]
+    return [law and hashlib.sha256(law.encode()).hexdigest()[:12] for law in laws]
 
 
 def _none_solved(runs: Runs) -> None:

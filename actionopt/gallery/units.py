@@ -15,6 +15,7 @@ UNITS = {
 OWN = {
     "drag_quadratic": {"c": "kg/m"},
     "oscillator_gauge": {"c": "kg/s^2"},
+    "chain_on_floor": {"c": "m"},
     "light_around_star": {"M": "m"},
     "brachistochrone": {"h": "m"},
     "exit_path": {"w": "rad/s", "a": "m", "beta": ""},
@@ -34,7 +35,8 @@ FACTS = {
     "oscillation": "rad/s", "spin": "rad/s", "block_acceleration": "m/s^2",
     "rolling_acceleration": "m/s^2", "wedge_acceleration": "m/s^2", "friction": "N",
     "period_action": "J s", "fall_time": "s", "waist": "m", "area": "m^2", "whole_action": "J s",
-    "high_duration": "s", "other_duration": "s", "direct_length": "m", "mirage_length": "m",
+    "high_duration": "s", "other_duration": "s", "contact_begin": "s", "contact_end": "s",
+    "contact_force": "m/s^2", "direct_length": "m", "mirage_length": "m",
 }  # fmt: skip
 
 

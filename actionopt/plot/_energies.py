@@ -11,6 +11,7 @@ from actionopt.analysis.solution import Solution
 from actionopt.plot import _style as style
 from actionopt.plot._names import NONE, Units, label, symbol
 from actionopt.plot.data.along import Kinetic, conserved_data, energies_data
+from actionopt.tools.words import say
 
 
 @style.styled
@@ -30,15 +31,19 @@ def energies(
     T_name, V_name = "T", "U(\\dot q)" if data.moving else "V"
     T_text, V_text = "$T$", f"${V_name}$"
     if not data.told:
-        kind, subscript = ("quadratic", "2") if data.quadratic else ("even", "+")
+        subscript = "2" if data.quadratic else "+"
         T_name, V_name = f"T_{subscript}", V_name.replace(V_name[0], f"{V_name[0]}_\\mathrm{{eff}}")
-        T_text = f"${T_name}$, part of $L$ {kind} in $\\dot q$"
-        V_text = f"${V_name}$, effective potential"
+        T_text = f"${T_name}$, " + say(
+            "part of $L$ quadratic in $\\dot q$"
+            if data.quadratic
+            else "part of $L$ even in $\\dot q$"
+        )
+        V_text = f"${V_name}$, " + say("effective potential")
     t, T, V = data.t, data.kinetic, data.potential
     ax = style.on(ax)
     for where, colour, text in (
-        (T >= V, style.BLUE, "adds to $S$"),
-        (V > T, style.VERMILION, "takes from $S$"),
+        (T >= V, style.BLUE, say("adds to $S$")),
+        (V > T, style.VERMILION, say("takes from $S$")),
     ):
         if where.any():
             look: Any = {"color": colour, "alpha": 0.22, "linewidth": 0, "label": text}
@@ -68,13 +73,14 @@ def conserved(
     whats = ["$H$", *(f"$p_{{{symbol(name)[1:-1]}}}$" for name in names)]
     rows = zip(whats, [data.energy, *data.momentum], data.flat, data.kept, strict=True)
     for i, (what, values, flat, kept) in enumerate(rows):
-        text = f"{what}, conserved" if kept else f"{what}, constant\non this path" if flat else what
+        if flat:
+            what = say("{p}, conserved" if kept else "{p}, constant\non this path", p=what)
         look = {**style.strand(i), "linewidth": 3.2 if flat else 1.6}
-        (below if i else above).plot(data.t, values, **look, label=text)
+        (below if i else above).plot(data.t, values, **look, label=what)
     above.set_ylabel(label("energy function $H$", units.energy))
     below.set_ylabel(label("momenta $p$", *map(units.momentum, names)))
     below.set_xlabel(label("time $t$", units.time))
-    above.set_title(f"{style.heading(solution)}: energy and momenta along the path")
+    above.set_title(say("{name}: energy and momenta along the path", name=style.heading(solution)))
     for ax in (above, below):
         ax.margins(x=0)
         _no_magnified_rounding(ax)

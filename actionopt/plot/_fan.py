@@ -14,6 +14,7 @@ from actionopt.plot import _style as style
 from actionopt.plot._names import NONE, Units, label, planar
 from actionopt.plot.data.fan import LEVELS, Fronts, fan_data, fronts_data, over_plane, over_time
 from actionopt.tools.types import Array
+from actionopt.tools.words import say
 
 SAME_TIMES = 8
 EVERY = 12  # motions, one is drawn
@@ -41,11 +42,11 @@ def fan(
     data, names = fan_data(solution, count, spread), solution.problem.system.coordinates
     ax, q = style.on(ax), data.neighbours
     look = {"color": style.PALE, "linewidth": 0.8}
-    style.draw(ax, names, data.t, q, at, "neighbouring motions", **look)
+    style.draw(ax, names, data.t, q, at, say("neighbouring motions"), **look)
     if at is None:
         some = np.linspace(0, data.t.size - 1, SAME_TIMES + 1).astype(int)[1:]
         look = {"color": style.GREY, "linewidth": 1.0, "linestyle": ":", "zorder": 3}
-        text = "the same time (orbits may cross at different ones)"
+        text = say("the same time (orbits may cross at different ones)")
         style.draw(ax, names, data.t, q[:, :, some].transpose(2, 1, 0), None, text, **look)
     last = int(data.index[-1])
     few = last < len(style.COLOURS)
@@ -54,14 +55,18 @@ def fan(
         part = np.flatnonzero(data.index == arc)
         part = np.r_[max(part[0] - 1, 0), part]
         look = {"color": colours[arc], "linewidth": 3.4}
-        style.draw(ax, names, data.t[part], data.q[:, part], at, f"index {arc}", **look)
+        style.draw(ax, names, data.t[part], data.q[:, part], at, say("index {k}", k=arc), **look)
     foci = np.array([point.t for point in data.conjugate])
     if foci.size:
         hollow = {"color": style.paper(), "markeredgecolor": style.ink()}
-        style.draw(ax, names, foci, solution(foci), at, "kinetic focus", **FOCUS, **hollow)
+        style.draw(ax, names, foci, solution(foci), at, say("kinetic focus"), **FOCUS, **hollow)
     style.frame(ax, solution, units, at)
-    found = "refocusing" if foci.size else "no focus before the end"
-    ax.set_title(f"{style.heading(solution)}: paths from one event, {found}")
+    words = say(
+        "paths from one event, refocusing"
+        if foci.size
+        else "paths from one event, no focus before the end"
+    )
+    ax.set_title(f"{style.heading(solution)}: {words}")
     style.legend(ax)
     return ax
 
@@ -86,20 +91,21 @@ def wavefronts(
     if len(names) > 1 and (len(names) > 2 or not planar(names)):
         raise ValueError(f"expected one coordinate or x and y, found {', '.join(names)}; try `fan`")
     data, ax = fronts_data(solution, until=until), style.on(ax)
-    what = "in time, and paths from the event"
+    words = say("fronts of $S$ in time, and paths from the event")
     if len(names) == 1:
         _fronts(ax, *over_time(data), units)
         _paths(ax, data.t, data.q[::2, 0].T, 0.7)
     else:
         _plane(ax, solution, data, units)
-        what = f"at $t$ = {style.number(data.t[-1], 3)} {units.time}".rstrip()
+        time = f"{style.number(data.t[-1], 3)} {units.time}".rstrip()
+        words = say("fronts of $S$ at $t$ = {time}", time=time)
     for x, y, _ in style.traces(names, data.t, solution(data.t)):
-        ax.plot(x, y, **style.true(), label="stationary path")
+        ax.plot(x, y, **style.true(), label=say("stationary path"))
     style.frame(ax, solution, units)
     if len(names) == 1:
         margin = 0.02 * (data.t[-1] - data.t[0])
         ax.set_xlim(data.t[0] - margin, data.t[-1] + margin)
-    ax.set_title(f"{style.heading(solution)}: fronts of $S$ {what}")
+    ax.set_title(f"{style.heading(solution)}: {words}")
     style.legend_below(ax, 3)
     return ax
 
@@ -110,9 +116,9 @@ def _plane(ax: Axes, solution: Solution, data: Fronts, units: Units) -> None:
     _fronts(ax, *sheet.fine(), units)
     some = np.unique(sheet.triangles.get_masked_triangles())[::EVERY]
     _paths(ax, data.q[some, 0].T, data.q[some, 1].T, 0.6)
-    arrows = [(sheet.momentum, style.ink(), r"momentum $p = \partial S/\partial q$")]
+    arrows = [(sheet.momentum, style.ink(), say(r"momentum $p = \partial S/\partial q$"))]
     if not sheet.aligned:
-        arrows.append((sheet.velocity, style.VERMILION, r"velocity $\dot q$"))
+        arrows.append((sheet.velocity, style.VERMILION, say(r"velocity $\dot q$")))
     for values, colour, text in arrows:
         at = data.q[some, :, -1].T
         ax.quiver(*at, *values[:, some], width=0.004, color=colour, zorder=3)
@@ -127,7 +133,7 @@ def _plane(ax: Axes, solution: Solution, data: Fronts, units: Units) -> None:
 def _paths(ax: Axes, x: Array, y: Array, width: float) -> None:
     """Draw y against x, columns of them, under one entry in the legend."""
     lines = ax.plot(x, y, color=style.PALE, linewidth=width, zorder=1)
-    lines[0].set_label("paths from the event")
+    lines[0].set_label(say("paths from the event"))
 
 
 def _fronts(ax: Axes, sheet: Triangulation, S: Array, units: Units) -> None:

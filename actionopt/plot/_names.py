@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from actionopt.tools.greek import GREEK, split
+from actionopt.tools.words import say
 
 
 @dataclass(frozen=True)
@@ -59,13 +60,13 @@ def _angle(name: str) -> bool:
 
 
 def label(text: str, *units: str) -> str:
-    """Return an axis label, the units in brackets, each once.
+    """Return an axis label in the reader's language, the units in brackets, each once.
 
     >>> label("time $t$", "s"), label("time $t$", ""), label("momenta", "N s", "J s", "N s")
     ('time $t$ (s)', 'time $t$', 'momenta (J s, N s)')
     """
     words = ", ".join(sorted({*units} - {""}))
-    return f"{text} ({words})" if words else text
+    return f"{say(text)} ({words})" if words else say(text)
 
 
 def symbol(name: str) -> str:

@@ -19,6 +19,7 @@ from actionopt.plot import _style as style
 from actionopt.plot._names import NONE, Units, label, symbol
 from actionopt.plot.data.along import curves, family_data, followed, mesh_data, times
 from actionopt.tools.types import Array
+from actionopt.tools.words import say
 
 BADGE: Any = {"boxstyle": "circle,pad=0.2", "edgecolor": style.GREY}
 HALVES = np.array([-0.5, 0.5])
@@ -60,7 +61,7 @@ def paths(
     touches = solution.problem.system.r and solution.contacts
     if compare and not touches:
         forward = followed(solution, t)
-        style.draw(ax, names, t, forward, None, "forward integration", **style.forward())
+        style.draw(ax, names, t, forward, None, say("forward integration"), **style.forward())
     style.frame(ax, solution, units)
     if solution.problem.system.r:
         _obstacle(ax, solution, t)
@@ -106,7 +107,7 @@ def contact(solution: Solution, ax: Axes | None = None, *, units: Units = NONE) 
     for i, row in enumerate(force):
         what = r"$\nu$" if len(force) == 1 else rf"$\nu_{{{i}}}$"
         ax.plot(t, row, **{**style.PATH, "linewidth": 2.0}, **style.strand(i), label=what)
-    ax.set(xlabel=label("time $t$", units.time), ylabel=r"contact force $\nu$")
+    ax.set(xlabel=label("time $t$", units.time), ylabel=label(r"contact force $\nu$"))
     ax.margins(x=0)
     if len(force) > 1:
         style.legend(ax)
@@ -122,14 +123,14 @@ def deviation(solution: Solution, ax: Axes | None = None, *, units: Units = NONE
     """
     data, ax = curves(solution), style.on(ax)
     seen = np.where(data.deviation > 0, data.deviation, np.nan)
-    ax.semilogy(data.t, seen, color=style.ink(), linewidth=1.2, label="deviation")
+    ax.semilogy(data.t, seen, color=style.ink(), linewidth=1.2, label=say("deviation"))
     for value, look, text in (
-        (solution.error, "--", "error estimate"),
-        (solution.compare().reference_error, ":", "uncertainty of integration"),
+        (solution.error, "--", say("error estimate")),
+        (solution.compare().reference_error, ":", say("uncertainty of integration")),
     ):
         if np.isfinite(value) and value > 0:
             ax.axhline(value, **BOUND, linestyle=look, label=text)
-    ax.set(xlabel=label("time $t$", units.time), ylabel="relative deviation")
+    ax.set(xlabel=label("time $t$", units.time), ylabel=label("relative deviation"))
     style.legend_above(ax, 3)
     return ax
 
@@ -171,8 +172,8 @@ def family(
     if len(found) > 1:
         text = label("action $S$", units.action)
         style.colour_bar(ax, actions, norm, style.unsigned(), text)
-    many = "1 path" if len(found) == 1 else f"{len(found)} paths"
-    numbered = "" if forced else ", numbered by index"
+    many = say("1 path") if len(found) == 1 else say("{count} paths", count=len(found))
+    numbered = "" if forced else say(", numbered by index")
     ax.set_title(f"{style.heading(found[0])}: {many}{numbered}")
     return ax
 
@@ -202,9 +203,10 @@ def mesh(
         ax.grid(visible=False, axis="x")
     below.set_ylim(0, 1.15 * degrees.max())
     below.yaxis.set_major_locator(MaxNLocator(5, integer=True))
-    below.set(xlabel=label("time $t$", units.time), ylabel="degree")
+    below.set(xlabel=label("time $t$", units.time), ylabel=label("degree"))
     above.set_ylabel(label("coordinates", *map(units.coordinate, names)))
     style.legend(above, beside=True)
-    error = style.number(solution.error, 1)
-    above.set_title(f"{style.heading(solution)}: {degrees.size} elements, error about {error}")
+    values = {"count": degrees.size, "error": style.number(solution.error, 1)}
+    words = say("{count} elements, error about {error}", **values)
+    above.set_title(f"{style.heading(solution)}: {words}")
     return above, below

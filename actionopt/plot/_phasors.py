@@ -14,6 +14,7 @@ from actionopt.analysis.solution import Solution
 from actionopt.plot import _style as style
 from actionopt.plot._names import NONE, Units, label
 from actionopt.plot.data.phasors import WHOLE, phasors_data
+from actionopt.tools.words import say
 
 SIZE = (12.6, 4.2)
 
@@ -44,20 +45,20 @@ def phasors(
     circle = colormaps["twilight_shifted"]
     for q, phase in zip(data.varied, data.phase, strict=True):
         style.draw(near, names, data.t, q, at, color=circle(phase / (2 * np.pi) % 1), linewidth=1.4)
-    style.draw(near, names, data.t, data.q, at, "stationary path", **style.true())
+    style.draw(near, names, data.t, data.q, at, say("stationary path"), **style.true())
     style.frame(near, solution, units, at)
     turn = ScalarMappable(Normalize(0, 360), circle)
     bar = near.figure.colorbar(turn, ax=near, ticks=[0, 90, 180, 270, 360])
-    bar.set_label(r"phase $(S - S^*)/\hbar$ (degrees)")
-    near.set_title(f"{style.heading(solution)}: {solution.kind}, index {data.index}")
+    bar.set_label(label(r"phase $(S - S^*)/\hbar$ (degrees)"))
+    near.set_title(style.kind(solution))
 
     step = data.alpha[1] - data.alpha[0]
     along.plot(data.alpha, np.real(data.arrows) / step, color=style.BLUE, linewidth=1.2)
     alike = np.sqrt(np.pi * hbar / (2 * abs(data.second)))  # where the phase is a quarter of pi
     along.axvspan(-alike, alike, color=style.ORANGE, alpha=0.25, linewidth=0)
-    along.set_xlabel(r"variation $\alpha$ (of the path's size)")
-    along.set_ylabel(r"$\cos((S - S^*)/\hbar)$, shorter at the ends")
-    along.set_title("near the stationary path\nthey agree")
+    along.set_xlabel(label(r"variation $\alpha$ (of the path's size)"))
+    along.set_ylabel(label(r"$\cos((S - S^*)/\hbar)$, shorter at the ends"))
+    along.set_title(say("near the stationary path\nthey agree"))
     along.set_xlim(*(1.6 * WHOLE * data.alpha[[0, -1]]))
 
     spiral.plot(np.real(data.ends), np.imag(data.ends), color=style.BLUE, linewidth=1.1)
@@ -68,13 +69,13 @@ def phasors(
             arrowprops={"arrowstyle": "-|>", "color": look, "linewidth": 3 if first else 1.2,
                         "linestyle": "-" if first else "--", "shrinkA": 0, "shrinkB": 0},
         )  # fmt: skip
-    spiral.plot([], [], color=style.VERMILION, linewidth=3, label="sum")
+    spiral.plot([], [], color=style.VERMILION, linewidth=3, label=say("sum"))
     text = r"$\sqrt{2\pi i\hbar/S''}$"
     spiral.plot([], [], color=style.ink(), linestyle="--", linewidth=1.2, label=text)
     spiral.set(aspect="equal", adjustable="datalim")
-    spiral.set_xlabel(label("real part", ""))
-    spiral.set_ylabel("imaginary part")
+    spiral.set_xlabel(label("real part"))
+    spiral.set_ylabel(label("imaginary part"))
     turned = f"{np.degrees(np.angle(data.sum)):+.0f}".replace("-", "\N{MINUS SIGN}")
-    spiral.set_title(f"end to end: turned by {turned}\N{DEGREE SIGN}")
+    spiral.set_title(say("end to end: turned by {angle}", angle=f"{turned}\N{DEGREE SIGN}"))
     style.legend(spiral)
     return list(axes)

@@ -19,6 +19,7 @@ from actionopt.plot._names import NONE, Units, label
 from actionopt.plot._strobe import faded
 from actionopt.plot.data.relaxation import Relaxation, relaxation_data
 from actionopt.tools.types import Array
+from actionopt.tools.words import say
 
 SIZE = (9.6, 5.4)  # inches
 LEAST = 3.0  # seconds of a film, ad hoc
@@ -26,7 +27,18 @@ SHOWN, FAINTEST = 14, 0.15  # paths shown together, and how strong the first of 
 FIRST: Any = {"color": style.PALE, "linewidth": 1.4}
 NOW: Any = {"color": style.BLUE, "linewidth": 4.0, "zorder": 3.5}  # the true path shows upon it
 DOT: Any = {"marker": "o", "markersize": 7, "linestyle": "none", "zorder": 6}
-NAMES = {"descent": "descent", "newton": "Newton's method"}
+VERDICTS = {  # of a method: it reaches the path, passes below it, or neither
+    "descent": (
+        "descent reaches the {kind}",
+        "descent leaves the {kind} below",
+        "descent does not reach the {kind}",
+    ),
+    "newton": (
+        "Newton's method reaches the {kind}",
+        "Newton's method leaves the {kind} below",
+        "Newton's method does not reach the {kind}",
+    ),
+}
 
 Start = Path | Callable[[Array], ArrayLike] | None
 
@@ -61,7 +73,7 @@ def relaxation(
     picked = np.unique(np.rint(last * np.linspace(0, 1, SHOWN) ** 2).astype(int))[1:]
     for k, strength in zip(picked, np.linspace(FAINTEST, 1, picked.size), strict=True):
         look = {**NOW, "linewidth": 1.4, "color": faded(style.BLUE, strength)}
-        text = "last path" if k == last else None
+        text = say("last path") if k == last else None
         style.draw(panels.paths, names, data.t, data.paths[k], at, text, **look)
     _prepare(panels, solution, data, at, units)
     return panels
@@ -103,7 +115,7 @@ def _reel(
     names = solution.problem.system.coordinates
     figure = Figure(SIZE, layout="constrained")
     panels = _panels(figure)
-    lines = style.draw(panels.paths, names, data.t, data.paths[0], at, "now", **NOW)
+    lines = style.draw(panels.paths, names, data.t, data.paths[0], at, say("now"), **NOW)
     curves = (data.action, data.kinetic, data.potential, data.residual)
     axes = (panels.action, panels.parts, panels.parts, panels.residual)
     dots = [
@@ -142,8 +154,8 @@ def _prepare(
     """Draw what all frames share: the start and the true path, the curves, labels."""
     names, steps = solution.problem.system.coordinates, np.arange(len(data.action))
     paths, action, parts, residual = panels
-    style.draw(paths, names, data.t, data.paths[0], at, "start", **FIRST)
-    style.draw(paths, names, data.t, data.target, at, "true path", **style.true())
+    style.draw(paths, names, data.t, data.paths[0], at, say("start"), **FIRST)
+    style.draw(paths, names, data.t, data.target, at, say("true path"), **style.true())
     for q in data.paths:  # room for all, also in a film
         for x, y, _ in style.traces(names, data.t, q, at):
             paths.update_datalim(np.c_[x, y])
@@ -155,20 +167,23 @@ def _prepare(
     action.axhline(data.target_action, color=style.GREY, linestyle=":", linewidth=1.6)
     action.plot(steps, data.action, color=style.ink(), linewidth=2.2)
     action.set_ylabel(label("$S$", units.action))
-    action.set_title("$S$ and its true value (dotted), step by step")
-    parts.plot(steps, data.kinetic, color=style.BLUE, linewidth=2.2, label=r"part with $\dot q$")
-    parts.plot(steps, data.potential, **style.POTENTIAL, label=r"$-$ part without")
+    action.set_title(say("$S$ and its true value (dotted), step by step"))
+    parts.plot(
+        steps, data.kinetic, color=style.BLUE, linewidth=2.2, label=say(r"part with $\dot q$")
+    )
+    parts.plot(steps, data.potential, **style.POTENTIAL, label=say(r"$-$ part without"))
     parts.set_ylabel(label("parts of $S$", units.action))
     parts.legend()
     residual.semilogy(steps, data.residual, color=style.ink(), linewidth=2.2)
-    residual.set(xlabel="step", ylabel="residual", xlim=np.array([-0.03, 1.03]) * max(1, steps[-1]))
+    residual.set(
+        xlabel=label("step"),
+        ylabel=label("residual"),
+        xlim=np.array([-0.03, 1.03]) * max(1, steps[-1]),
+    )
 
 
 def verdict(data: Relaxation, kind: str) -> str:
     """Return in words where the steps lead, for a true path of this kind."""
-    name = NAMES[data.method]
-    if data.arrived:
-        return f"{name} reaches the {kind}"
-    if data.action[-1] < data.target_action:
-        return f"{name} leaves the {kind} below"
-    return f"{name} does not reach the {kind}"
+    reached, below, neither = VERDICTS[data.method]
+    fallen = data.action[-1] < data.target_action
+    return say(reached if data.arrived else below if fallen else neither, kind=say(kind))

@@ -20,6 +20,7 @@ from actionopt.plot import _style as style
 from actionopt.plot._names import NONE, Units, label
 from actionopt.plot.data.motion import STILL, Draw, Motion, motion_data
 from actionopt.tools.types import Array
+from actionopt.tools.words import say
 
 BODIES = (style.BLUE, style.GREEN, style.PURPLE, style.ORANGE, style.SKY)  # vermilion is for forces
 SCENERY = style.PALE
@@ -85,8 +86,9 @@ def motion(
     step = f"{(data.t[-1] - data.t[0]) / (count - 1):.3g} {units.time}".rstrip()
     first = ax.plot([], [], color=SCENERY, markerfacecolor=style.paper(), **LOOKS["body"])
     at = {"bbox_to_anchor": (1.0, _row(view)), "bbox_transform": ax.get_yaxis_transform()}
-    ax.legend(first, ["start"], loc="center right", handletextpad=0, borderaxespad=0, **at)
-    ax.set_title(f"{style.heading(solution)}: {count} times, {step} apart")
+    ax.legend(first, [say("start")], loc="center right", handletextpad=0, borderaxespad=0, **at)
+    words = say("{count} times, {step} apart", count=count, step=step)
+    ax.set_title(f"{style.heading(solution)}: {words}")
     return ax
 
 
@@ -126,7 +128,7 @@ def prepare(ax: Axes, data: Motion, view: Array, units: Units) -> None:
         force = nice(min(strongest, SCALE * (right - left) / data.arrow))
         x = left + BEGIN[1] * (right - left)
         ax.quiver(x, y, force, 0.0, color=style.VERMILION, scale=1 / data.arrow, **ARROWS)
-        _words(ax, x + data.arrow * force, y, f"force {force:g} {units.force}")
+        _words(ax, x + data.arrow * force, y, say("force") + f" {force:g} {units.force}")
 
 
 def shape(

@@ -32,6 +32,7 @@ from actionopt.analysis.solution import Solution
 from actionopt.mechanics.problem import Problem
 from actionopt.plot._names import NONE, Units, label, planar, symbol
 from actionopt.tools.types import Array
+from actionopt.tools.words import say
 
 BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY = (
     *("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#BD8200", "#2E93CC"),
@@ -186,7 +187,10 @@ def frame(ax: Axes, solution: Solution, units: Units = NONE, coordinate: int | N
     """Label the axes of `traces` and mark the two events."""
     problem = solution.problem
     names = problem.system.coordinates
-    for at_end, text, look in ((problem.start, "start", start()), (problem.end, "end", event())):
+    for at_end, text, look in (
+        (problem.start, say("start"), start()),
+        (problem.end, say("end"), event()),
+    ):
         given = np.array([at_end.q], dtype=float).T  # NaN, not drawn, where it is free
         draw(ax, names, np.array([at_end.t]), given, coordinate, text, **look)
     if planar(names) and coordinate is None:
@@ -205,9 +209,15 @@ def plane(ax: Axes, names: Sequence[str], units: Units) -> None:
 
 
 def heading(of: Solution | Problem) -> str:
-    """Return the problem's name in words."""
+    """Return the problem's name in words, in the reader's language."""
     problem = of if isinstance(of, Problem) else of.problem
-    return problem.name.replace("_", " ")
+    return say(problem.name.replace("_", " "))
+
+
+def kind(solution: Solution) -> str:
+    """Return the name of a solution's problem, and whether it is a minimum, in words."""
+    words = say("{kind}, index {index}", kind=say(solution.kind), index=solution.morse_index)
+    return f"{heading(solution)}: {words}"
 
 
 def signed(reach: float) -> Normalize:

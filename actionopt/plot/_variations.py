@@ -22,6 +22,7 @@ from actionopt.plot.data.variations import (
     telling,
 )
 from actionopt.tools.types import Array
+from actionopt.tools.words import say
 
 LEVELS = 14  # contours from 0 to the largest
 ABOVE = 2.5  # times the most along either mode: higher is no part of the bowl, but a singularity
@@ -50,11 +51,12 @@ def bundle(
     for k in np.argsort(-np.abs(data.rise)):  # those that differ most lie at the back
         colour = style.SIGNED(norm(data.rise[k]))
         style.draw(ax, names, data.t, data.varied[k], at, color=colour, linewidth=1.3)
-    style.draw(ax, names, data.t, data.q, at, "stationary path", **style.true())
+    style.draw(ax, names, data.t, data.q, at, say("stationary path"), **style.true())
     style.frame(ax, solution, units, at)
     occurring, text = np.append(data.rise, 0.0), label("$S - S^*$", units.action)
     style.colour_bar(ax, occurring, norm, style.SIGNED, text)
-    ax.set_title(f"{style.heading(solution)}: the path and its neighbours")
+    words = say("the path and its neighbours")
+    ax.set_title(f"{style.heading(solution)}: {words}")
     style.legend(ax)
     return ax
 
@@ -76,22 +78,22 @@ def slices(
     """
     if etas is None:
         chosen, modes = telling(solution)
-        named = [(f"mode {k + 1}", modes[k]) for k in chosen]
+        named = [(say("mode {k}", k=k + 1), modes[k]) for k in chosen]
     else:
-        named = [(f"variation {k + 1}", eta) for k, eta in enumerate(etas)]
+        named = [(say("variation {k}", k=k + 1), eta) for k, eta in enumerate(etas)]
     ax, dashed = style.on(ax), {"linewidth": 1.2, "linestyle": "--"}
     for (name, eta), colour in zip(named, style.COLOURS, strict=False):
         data = slice_data(solution, eta, reach)
         middle = data.parabola[data.alpha.size // 2]
-        text = f"{name}: {'up' if data.second > 0 else 'down'}"
+        text = f"{name}: " + say("up" if data.second > 0 else "down")
         broad = {"color": colour, "linewidth": 4}
         ax.plot(data.alpha, data.action - middle, **broad, label=text)
         ax.plot(data.alpha, data.parabola - middle, color=style.ink(), **dashed)
     ax.plot([], [], color=style.ink(), **dashed, label=r"$\alpha^2\delta^2S/2$")
     ax.plot(0, 0, **style.event())
-    ax.set_xlabel(r"variation $\alpha$ (of the path's size)")
+    ax.set_xlabel(label(r"variation $\alpha$ (of the path's size)"))
     ax.set_ylabel(label("$S - S^*$", units.action))
-    ax.set_title(f"{style.heading(solution)}: a {solution.kind}, index {solution.morse_index}")
+    ax.set_title(style.kind(solution))
     style.legend(ax)
     return ax
 
@@ -115,12 +117,12 @@ def landscape(
         ax.contour(*places, [0.0], colors=style.ink(), linewidths=1.2)
     ax.plot(0, 0, **style.event())
     style.colour_bar(ax, data.rise, norm, style.AREAS, label("$S - S^*$", units.action))
-    x, y = (f"mode {k + 1} (of the path's size)" for k in data.modes)
+    x, y = (say("mode {k} (of the path's size)", k=k + 1) for k in data.modes)
     edge = float(np.max(data.a))
     ticks = (-edge, 0, edge)  # fixed, or equal axes get wider labels than they were laid out with
     ax.set(xlabel=x, ylabel=y, aspect="equal", xticks=ticks, yticks=ticks)
     ax.grid(False)
-    ax.set_title(f"{style.heading(solution)}: {solution.kind}, index {solution.morse_index}")
+    ax.set_title(style.kind(solution))
     return ax
 
 
@@ -155,10 +157,11 @@ def spectrum(
     data = spectrum_data(solution, count)
     ax, foci = style.on(ax), np.unique(data.conjugate)
     for k, row in enumerate(data.eigenvalues):
-        ax.plot(data.durations, row, color=style.COLOURS[k], linewidth=2.2, label=f"mode {k + 1}")
+        look = {"color": style.COLOURS[k], "linewidth": 2.2}
+        ax.plot(data.durations, row, **look, label=say("mode {k}", k=k + 1))
     ax.axhline(0, color=style.ink(), linewidth=1)
     for k, t in enumerate(foci):
-        text = None if k else "conjugate times"
+        text = None if k else say("conjugate times")
         ax.axvline(t, color=style.GREY, linestyle=":", linewidth=1.4, label=text)
     low, high = float(np.nanmin(data.eigenvalues)), float(np.nanmax(data.eigenvalues))
     low = min(low, -0.08 * high)  # zero is seen, and room for the words
@@ -167,12 +170,14 @@ def spectrum(
     for k, (begin, end) in enumerate(pairwise(ends)):  # number the arcs
         if end - begin >= NARROW * ends[-1]:
             index = int(np.sum(data.conjugate <= begin))
+            text = f"{index}" if k else say("index {k}", k=index)
             ax.text(
-                (begin + end) / 2, 0.98, f"{index}" if k else f"index {index}", color=style.GREY,
+                (begin + end) / 2, 0.98, text, color=style.GREY,
                 fontsize="small", ha="center", va="top", transform=ax.get_xaxis_transform(),
             )  # fmt: skip
     ax.set_xlabel(label("duration $T$", units.time))
-    ax.set_ylabel(r"eigenvalue of $\delta^2S$  ($\times\,T^2/\pi^2M$)")
-    ax.set_title(f"{style.heading(solution)}: index {data.index[-1]} at the full duration")
+    ax.set_ylabel(label(r"eigenvalue of $\delta^2S$  ($\times\,T^2/\pi^2M$)"))
+    words = say("index {k} at the full duration", k=data.index[-1])
+    ax.set_title(f"{style.heading(solution)}: {words}")
     style.legend(ax, beside=True)
     return ax

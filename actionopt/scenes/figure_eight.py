@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from actionopt.mechanics.problem import State
+from actionopt.mechanics.events import State
 from actionopt.scenes._scene import Facts, Setup, Words, curve
 from actionopt.scenes._shapes import body
 

@@ -31,6 +31,7 @@ from actionopt.solver.arguments import Guess, asked, checked, curve
 from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF
 from actionopt.solver.ladder import COARSE_DEGREE, IPOPT, LADDER, LINEAR, NEAR, Rung, Search
 from actionopt.solver.obstacle import Along, along
+from actionopt.solver.on_surface import solve_on_surface
 from actionopt.solver.unfixed import solve_unfixed
 from actionopt.solver.workspace import Workspace
 from actionopt.tools.blas import one_thread
@@ -291,7 +292,14 @@ def _unfixed(
     None where there is nothing of the kind to be found: a closed path that is not said to move.
     """
     tolerance(choices.tol)
-    if problem.free_time:
+    if problem.on_surface:
+        checked(problem, choices.tol, None, choices.principle, None)
+        if choices.mesh is not None:
+            raise ValueError(
+                "expected no mesh where an event lies on a surface, found one: where it ends is "
+                "found on meshes of their own; leave it out, and give tol"
+            )
+    elif problem.free_time:
         if choices.mesh is not None:
             raise ValueError(
                 "expected no mesh where a time is free, found one: it would be over given times"
@@ -305,7 +313,8 @@ def _unfixed(
         return None
     tol, principle, watch = choices.tol, choices.principle, choices.watch
     thorough = choices.ladder is not NEAR
-    solution, hint = solve_unfixed(problem, solve, tol, guess, principle, watch, thorough=thorough)
+    way = solve_on_surface if problem.on_surface and guess is None else solve_unfixed
+    solution, hint = way(problem, solve, tol, guess, principle, watch, thorough=thorough)
     figures = f"tol = {tol:g}, error estimate {solution.error:.2g}"
     hint = f"; {hint}" if hint else ""
     return solution, f"{problem.name}: {solution.status.value} ({figures}){hint}"

@@ -125,7 +125,9 @@ class Unfixed:
             for represented in REPRESENTED:
                 yield self._guessed(guess, represented), None, "guess"
             return
-        if self.problem.closes:
+        if self.problem.on_surface:
+            self.hint = "no point was found on the surface of an event; give a guess"
+        if self.problem.closes or self.problem.on_surface:
             return
         if not (self.problem.start.pinned and self.problem.end.pinned):
             yield from ((path, None, "motion") for path in self._stopping())
@@ -337,7 +339,7 @@ class Unfixed:
 
     def reach(self, path: Path, lam: Array | None, *, damped: bool) -> bool:
         """Go to the path of the energy, or one that closes, near a rough one."""
-        problem = loose(self.problem)
+        problem = loose(self.problem) if self.problem.closes else self.problem
         self.here = self._around(path, None if lam is None else np.nan_to_num(lam), problem)
         if not self._follow():
             if not damped:
@@ -397,9 +399,10 @@ class Unfixed:
         bordered.first.counts, bordered.first.watch = self.record.evaluations, self.watch
         return Reached(bordered, y)
 
-    def _follow(self, target: float = 1e-12) -> bool:
+    def _follow(self) -> bool:
         """Polish the path where it is; False if it is not there."""
         assert self.here is not None
+        target = min(self.tol / (10 * SAFETY), 1e-13)
         bordered, y = self.here
         with self.record.clock("solve"):
             result = follow(bordered, y, target=target, steps=20)  # type: ignore[arg-type]
@@ -450,7 +453,7 @@ class Unfixed:
             path = at.path.on(mesh)
             first = path.values.T
             self.here = self._around(path, at.rows_on(mesh))
-            if not self._follow(min(self.tol / (10 * SAFETY), 1e-13)):
+            if not self._follow():
                 self.here = here
                 return self._failed()
             there = self.here.at
@@ -608,6 +611,8 @@ def _solution(run: Unfixed, status: Status, started: float) -> Solution:
         at = run.here.at
         path, rows, duration = at.path, at.rows, at.mesh.duration
     problem = over(run.problem, duration)
+    if path is not None and run.problem.on_surface and np.isfinite(run.error):
+        problem = run.problem.found(problem.start.t, problem.end.t, path.values[:, [0, -1]].T)
     if path is None:
         mesh = Mesh.uniform(problem.start.t, problem.end.t, FIRST_ELEMENTS, COARSE_DEGREE)
         path = Path(mesh, run._line(mesh))

@@ -410,7 +410,7 @@ def _nlopt(algorithm: str) -> Prepare:
 
 def _cyipopt(_: str) -> Prepare:
     try:
-        import cyipopt  # pyright: ignore[reportMissingImports]
+        cyipopt: Any = importlib.import_module("cyipopt")
     except ImportError:
         raise Absent("cyipopt is not installed: pip install cyipopt") from None
 

@@ -41,6 +41,7 @@ WORDS = {
     "elsewhere": "No stationary path was found near yours; this one is elsewhere.",
     "lost": "The motion could not be followed farther.",
     "none": "No motion was found near the former one with these numbers.",
+    "unmarked": "Conjugate times are marked for the numbers given at first alone.",
     "halved": "Half the bend: the change of S went from {a} to {b}, {r} of it.",
     "quarter": "A quarter: on the motion nothing is left of the first order.",
     "straighten": "Half would be first order: the straight line is not stationary.",

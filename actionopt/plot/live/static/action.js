@@ -8,6 +8,8 @@ globalThis.actionopt = (() => {
   const CLOSE = 1e-11; // a step relative to the coordinates' sizes that is the last
   const SEEN = 160; // points of a curve
   const DEPENDENT = 1e-9; // of a constraint's gradient, what is left of one that others imply
+  const STRIDE = 0.1, SHORTEST = 1e-3; // of a duration: the first step along a motion, and the last
+  const TOUCHING = 1e-5; // of its largest value: what is none of a determinant that does not change its sign
   const FLAT = 1e-6; // of the kinetic part of the second variation: eigenvalues that are zero
 
   // Abramowitz and Stegun 7.1.6, and by continued fractions where that takes long (7.1.14).
@@ -72,6 +74,19 @@ globalThis.actionopt = (() => {
       }
     }
     return count;
+  }
+
+  // Of a few rows, which are lost.
+  function determinant(rows) {
+    let found = 1;
+    for (let i = 0; i < rows.length; i++) {
+      const p = rows.reduce((best, row, r) => (r > i && Math.abs(row[i]) > Math.abs(rows[best][i]) ? r : best), i);
+      if (p !== i) { [rows[i], rows[p]] = [rows[p], rows[i]]; found = -found; }
+      found *= rows[i][i];
+      if (!found) return 0;
+      for (const row of rows.slice(i + 1)) less(row, row[i] / rows[i][i], rows[i]);
+    }
+    return found;
   }
 
   const dot = (a, b) => {
@@ -223,7 +238,7 @@ globalThis.actionopt = (() => {
     // f and G at a node, as plain rows.
     surface(Q, k) {
       const q = this.row(Q, k), still = new Float64Array(this.n), t = [this.start + this.shares[k] * this.duration];
-      const f = Array.from(this.first.at([q, still, t, this.p])[4]);
+      const f = Array.from(this.held(Q, k));
       const G = f.map(() => new Float64Array(this.n)), [rows, cols] = this.second.places[2];
       const values = this.second.at([q, still, t, this.p, new Float64Array(this.m)])[2];
       for (let i = 0; i < values.length; i++) G[rows[i]][cols[i]] = values[i];
@@ -267,21 +282,34 @@ globalThis.actionopt = (() => {
 
     planes(Q) { return this.shares.map((_, k) => this.plane(Q, k)); }
 
-    // Move each node onto the surface, along its normals; false where there is none near.
+    // f at a node.
+    held(Q, k) {
+      const still = new Float64Array(this.n), t = [this.start + this.shares[k] * this.duration];
+      return this.first.at([this.row(Q, k), still, t, this.p])[4];
+    }
+
+    // Move each node onto the surface, along its normals; false where there is none near. Normals
+    // are those of a step before as long as steps become tenths.
     project(Q) {
       if (!this.m) return true;
+      const by = new Float64Array(this.n);
       for (let k = 0; k < this.count; k++) {
-        let size = Infinity;
-        for (let round = 0; round < 30 && size > 1e-14; round++) {
-          const { normal, lower, f } = this.plane(Q, k, undefined, true), c = [];
-          lower.forEach((row, i) => c.push((-f[i] - dot(row.slice(0, i), c)) / row[i]));
-          let step = 0;
-          for (let i = 0; i < this.n; i++) {
-            const by = normal.reduce((sum, r, j) => sum + r[i] * c[j], 0);
-            step = Math.max(step, Math.abs(by));
-            Q[k * this.n + i] += by * this.sizes[i];
-          }
+        let size = Infinity, plane = null, f = null;
+        for (let round = 0; round < 60 && size > 1e-14; round++) {
+          if (plane) f = plane.kept.map((row) => this.held(Q, k)[row]);
+          else ({ f } = plane = this.plane(Q, k, undefined, true));
+          const c = [];
+          by.fill(0);
+          plane.lower.forEach((row, i) => {
+            let rest = -f[i];
+            for (let j = 0; j < i; j++) rest -= row[j] * c[j];
+            c.push(rest / row[i]);
+            less(by, -c[i], plane.normal[i]);
+          });
+          const step = largest(by);
+          for (let i = 0; i < this.n; i++) Q[k * this.n + i] += by[i] * this.sizes[i];
           if (!(step < size) && round > 20) break;
+          if (!(step < 0.1 * size)) plane = null;
           size = step;
         }
         if (!(size < 1e-9)) return false;
@@ -459,13 +487,80 @@ globalThis.actionopt = (() => {
     motion(Q, p0) {
       const force = new Float64Array(Q.length);
       force.set(p0);
+      return this.thrown(Q, (sides) => this.newton(Q, { force, steps: 12, sides }));
+    }
+
+    // What `ask` makes of Newton's rows and columns where the start is given and the end is free.
+    thrown(Q, ask) {
       const ends = this.ends, all = Array.from({ length: this.n }, () => true);
       this.ends = [Array.from(this.row(Q, 0)), all.map(() => null)];
       const rows = (P, at) => [this.plane(at, 0, all), ...P.slice(1, -1), { tangent: [] }];
       const cols = (P) => [{ ...P[0], tangent: [] }, ...P.slice(1)];
-      const found = this.newton(Q, { force, steps: 12, sides: (P, at) => [rows(P, at), cols(P)] });
+      const found = ask((P, at) => [rows(P, at), cols(P)]);
       this.ends = ends;
       return found;
+    }
+
+    // A motion over a duration nearer to `goal`, and all of it if it can be followed, in steps that
+    // fit; `duration` is then how far that is.
+    followed(Q, p0, goal) {
+      for (let step = STRIDE * this.duration; this.duration !== goal; ) {
+        const before = this.duration, left = goal - before;
+        const next = Math.abs(left) <= step ? goal : before + Math.sign(left) * step;
+        const ahead = new Float64Array(Q.length);
+        this.shares.forEach((s, k) => ahead.set(this.sample(Q, (s * next) / before), k * this.n));
+        this.duration = next;
+        const found = this.motion(ahead, p0);
+        if (found) Q = found;
+        else this.duration = before;
+        step *= found ? 2 : 0.25;
+        if (step < SHORTEST * before) break;
+      }
+      return Q;
+    }
+
+    // The times conjugate to the start along a motion and on to the duration `longest`: where
+    // neighbours that leave with other momenta, of which each is a Jacobi field, meet it again.
+    conjugate(Q, p0, longest) {
+      const kept = this.duration, { n, degree } = this;
+      Q = this.followed(Q, p0, longest);
+      const D = this.thrown(Q, (sides) => {
+        const planes = this.planes(Q), [rows, cols] = sides(planes, Q), at = this.offsets(cols), g = this.gradient(Q);
+        const A = this.within(this.hessian(Q, this.m ? this.multipliers(g, planes) : null), rows, cols);
+        const size = at[this.count], backward = factored(A, size, this.band(cols));
+        const fields = rows[0].tangent.map((_, r) => {
+          const kick = new Float64Array(size);
+          kick[r] = 1;
+          return backward(kick);
+        });
+        return this.shares.map((_, k) => determinant([
+          ...fields.map((y) => cols[k].tangent.reduce((sum, z, r) => sum.map((x, i) => x + y[at[k] + r] * z[i]), new Float64Array(n))),
+          ...(this.m ? this.surface(Q, k).G.filter((_, c) => planes[Math.max(1, k)].kept.includes(c)).map((row) => row.map((x, i) => x * this.sizes[i])) : []),
+        ]));
+      });
+      const found = [], top = Math.max(...D.map(Math.abs)), time = (e, x) => this.start + this.half * (2 * e + 1 + x);
+      for (let e = 0; e < this.elements; e++) {
+        const values = D.slice(e * degree, (e + 1) * degree + 1), { nodes } = this.data.rule;
+        const value = (x) => this.basis(x).reduce((sum, c, k) => sum + c * values[k], 0);
+        for (let k = e ? 0 : 1; k < degree; k++) {
+          let [a, b] = [nodes[k], nodes[k + 1]];
+          if (values[k] * values[k + 1] < 0) {
+            for (let i = 0; i < 50; i++) { const c = (a + b) / 2; if (value(c) * values[k] > 0) a = c; else b = c; }
+            found.push(time(e, a));
+            continue;
+          }
+          // Two at once: the least of |D| on the way, and none of it is left.
+          for (let i = 0; i < 50; i++) {
+            const [c, d] = [a + (b - a) / 3, b - (b - a) / 3];
+            if (Math.abs(value(c)) < Math.abs(value(d))) b = d; else a = c;
+          }
+          const inside = a > nodes[k] + 1e-6 && b < nodes[k + 1] - 1e-6;
+          if (inside && Math.abs(value(a)) < TOUCHING * top) found.push(time(e, a), time(e, a));
+        }
+      }
+      const reached = this.start + this.duration;
+      this.duration = kept;
+      return found.filter((t) => t < reached - 1e-9 * this.duration);
     }
 
     // A path at shares of its duration, beyond the end along its last velocity.

@@ -10,6 +10,7 @@
   const AWAY = 12; // of the picture, where a path that runs away is let go
   const SHOWING = 4; // seconds of the picture
   const SNAP = 0.006; // of the slider: nearer than this to a conjugate time it is that time
+  const PIXEL = 0.003, PROMPT = 200; // of the slider; unknowns of a path whose conjugate times take no second
   const TURNS = 6, WHOLE = 0.3, ARROWS = 361, NEIGHBOURS = 31, WIDEST = 8; // of the sum over paths: data/phasors.py
   const still = matchMedia("(prefers-reduced-motion: reduce)");
   const { Action, compiled } = globalThis.actionopt;
@@ -173,7 +174,9 @@
     const free = (j, i) => !(j === 0 || j === spans) || A.ends[j ? 1 : 0][i] === null;
 
     // -- what is known at one moment
-    let motion = { Q: Float64Array.from(data.answer), own: true }; // own: that of the numbers given
+    // The motion; `own` if it is that of the numbers given, `foci` the times conjugate to its start.
+    const given = () => ({ Q: Float64Array.from(data.answer), own: true, foci: data.conjugate });
+    let motion = given();
     const begun = () => { // the straight line, where there is an action along it
       const Q = A.straight();
       return A.project(Q) && Number.isFinite(A.slope(Q)) ? Q : motion.Q.slice();
@@ -229,6 +232,7 @@
       made.input.dataset.parameter = name;
       const say = () => (made.clock.textContent = written(A.p[place], 4));
       made.input.addEventListener("input", () => { setParameter(place, Number(made.input.value)); say(); });
+      made.input.addEventListener("change", refocus); // let go
       made.reset = () => { made.input.value = value; say(); };
       (table.rows ??= []).push(made);
       say();
@@ -524,10 +528,28 @@
     function foci() {
       const low = Number(time.input.min), high = Number(time.input.max);
       marks.replaceChildren();
-      if (motion.own) for (const t of data.conjugate) {
+      for (const t of motion.foci ?? []) {
         const share = (t - A.start - low) / (high - low);
         if (share >= 0 && share <= 1) html(marks, "i", { style: `left:${(100 * share).toFixed(2)}%` });
       }
+    }
+
+    // Those of another motion: its mesh may be too coarse for them, and then finds not even those of
+    // the numbers given.
+    let trusted = null;
+    function refocus() {
+      if (forced || motion.foci) return;
+      const found = (Q) => A.conjugate(Q, A.momentum(Q), data.longest);
+      if (trusted === null) {
+        const { p, duration, ends } = A;
+        Object.assign(A, { p: Float64Array.from(data.p), duration: data.duration, ends: [data.q0, data.q1] });
+        const own = A.ends[0].includes(null) || A.count * n > PROMPT ? [] : found(given().Q);
+        Object.assign(A, { p, duration, ends });
+        trusted = own.length === data.conjugate.length && own.every((t, k) => Math.abs(t - data.conjugate[k]) < PIXEL * data.longest);
+      }
+      if (trusted) motion.foci = found(motion.Q);
+      else message.textContent = W.unmarked;
+      foci();
     }
 
     // -- what the reader does
@@ -606,9 +628,10 @@
         seen.splice(0);
       } else if (!forced) words += ` ${W.stationary}`;
       const near = Math.abs(S(found) - S(motion.Q)) <= 1e-7 * (Math.abs(S(found)) + 1e-9) && size(found.map((x, i) => x - motion.Q[i])) < 1e-4;
-      motion = { Q: found, p0: A.momentum(found), own: motion.own && near };
+      motion = { Q: found, p0: A.momentum(found), own: motion.own && near, foci: near ? motion.foci : null };
       told(true);
       foci();
+      refocus();
       if (still.matches || seen.length < 2) { become(found, words); return; }
       animate("solve", (k) => { trial = seen[Math.min(seen.length - 1, Math.floor(k / 12))]; if (k >= 12 * seen.length) { trial = found; return words; } });
     }
@@ -658,21 +681,19 @@
     function setDuration(T) {
       stop();
       wide = true;
-      const nearest = motion.own ? data.conjugate.find((t) => Math.abs(t - A.start - T) < SNAP * (data.longest - 0.1 * data.duration)) : undefined;
+      const nearest = motion.foci?.find((t) => Math.abs(t - A.start - T) < SNAP * (data.longest - 0.1 * data.duration));
       const goal = nearest === undefined ? T : nearest - A.start, from = base(), b = trial.map((x, i) => x - from[i]), line = !shown;
       const pinned = A.ends[1].map((x) => x !== null);
-      while (Math.abs(A.duration - goal) > 1e-12 * goal) {
-        const before = A.duration, next = before + Math.max(-0.06 * data.duration, Math.min(0.06 * data.duration, goal - before));
-        let Q = new Float64Array(trial.length);
-        A.shares.forEach((s, k) => Q.set(A.sample(motion.Q, (s * next) / before), k * n));
-        A.duration = next;
-        Q = A.motion(Q, motion.p0);
-        if (Q && !pinned.every(Boolean)) Q = A.newton(Q);
-        if (!Q) { A.duration = before; message.textContent = W.lost; break; }
-        motion = { ...motion, Q };
-        if (!pinned.every(Boolean)) motion.p0 = A.momentum(Q);
-        A.ends[1] = pinned.map((yes, i) => (yes ? Q[(A.count - 1) * n + i] : null));
+      const whole = pinned.every(Boolean), before = A.duration;
+      const steps = whole ? 1 : Math.ceil(Math.abs(goal - before) / (0.06 * data.duration));
+      for (let k = 1; k <= steps; k++) {
+        const next = k < steps ? before + ((goal - before) * k) / steps : goal, Q = A.followed(motion.Q, motion.p0, next);
+        motion = { ...motion, Q: whole ? Q : A.newton(Q) ?? Q };
+        if (!whole) motion.p0 = A.momentum(motion.Q);
+        if (A.duration !== next) { message.textContent = W.lost; break; }
       }
+      const { Q } = motion;
+      A.ends[1] = pinned.map((yes, i) => (yes ? Q[(A.count - 1) * n + i] : null));
       first = begun();
       trial = plus(line ? first : motion.Q, 1, b) ?? motion.Q.slice();
       time.input.value = A.duration;
@@ -692,7 +713,7 @@
       A.p[place] = value;
       message.textContent = found ? "" : W.none;
       const own = data.p.every((x, i) => x === A.p[i]);
-      if (found) motion = { Q: found, p0: A.momentum(found), own };
+      if (found) motion = { Q: found, p0: A.momentum(found), own, foci: own ? data.conjugate : null };
       if (shown) trial = plus(motion.Q, 1, b) ?? motion.Q.slice();
       best = null;
       foci();
@@ -704,7 +725,7 @@
       A.duration = data.duration;
       A.p.set(data.p);
       A.ends = [data.q0, data.q1].map((row) => Array.from(row));
-      motion = { Q: Float64Array.from(data.answer), own: true };
+      motion = given();
       motion.p0 = A.momentum(motion.Q);
       first = begun();
       time.input.value = data.duration;
@@ -795,7 +816,7 @@
     else if (!shown) message.textContent = W.hint;
     foci();
     new ResizeObserver(layout).observe(figure);
-    figure.live = { A, sum, setDuration, setParameter, trial: () => trial, motion: () => motion.Q };
+    figure.live = { A, sum, setDuration, setParameter, trial: () => trial, motion: () => motion.Q, foci: () => motion.foci };
   }
 
   document.querySelectorAll("[data-live]").forEach(start);
