@@ -197,6 +197,12 @@ W = {  # scene: sentence: whether it is so
             turns(s.r) == 1 and s.vr[0] < 0 < s.vr[-1] and np.argmin(s.r) == np.argmax(s.vphi)
         ),
     },
+    "mirage": {
+        "answer": lambda s: s.vy[0] < 0 < s.vy[-1] and turns(s.y) == 1 and s.y.min() > 0,
+        "look": lambda s: (
+            fitted(s, [1, s.x, s.x**2], s.y) and abs(s.x[np.argmin(s.y)]) < 0.02 * s.x[-1]
+        ),
+    },
     "zermelo": {
         "answer": lambda s: (s.y[1:-1] > s.x[1:-1] * s.y[-1] / s.x[-1]).all(),
         "look": lambda s: (s.y[1:-1] > s.x[1:-1] * s.y[-1] / s.x[-1]).all() and rising(s.x),

@@ -502,3 +502,42 @@ def test_orbits_of_the_literature_close_with_the_period_of_their_energy(name):
     assert len(single) >= 2 and 2 * M.trivial + len(single) <= z.size
     for x in single:
         assert np.min(np.abs(raw - x)) < (1e-7 if loose_ else 1e-8) * max(abs(x), 1.0)
+
+
+OSCILLATOR = ao.System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
+
+
+@pytest.mark.parametrize("start", [0.0, 0.5])
+def test_where_two_paths_merge_is_said(start):  # E(T) has its minimum where the end is at rest
+    least = ao.Problem(OSCILLATOR, free(0.0, [start]), free(None, [1.0]), energy=0.5)
+    T = np.arccos(start)
+    s = ao.solve(least, throw=False)
+    assert s.status in (ao.Status.DEGENERATE, ao.Status.FLOOR) and abs(s.duration - T) < 1e-3
+    with pytest.raises(ao.SolveError, match=r"lowest energy is that over .*, 0\.5"):
+        ao.solve(least.replace(energy=0.4))
+    E = 0.5 + 1e-6
+    a = np.sqrt(2 * E)
+    above = ao.solve(least.replace(energy=E))
+    low = np.arcsin(1 / a) - np.arcsin(start / a)
+    high = np.pi - np.arcsin(1 / a) - np.arcsin(start / a)
+    assert min(abs(above.duration - low), abs(above.duration - high)) < 1e-10
+
+
+def test_an_end_free_in_place_and_time_is_where_the_motion_stops():
+    s = ao.solve(ao.Problem(OSCILLATOR, free(0.0, [0.3]), free(None, [None]), energy=0.5))
+    assert abs(s.duration - np.arccos(0.3)) < 1e-9 and abs(s.end.q[0] - 1) < 1e-9
+    flight = ao.System(lambda q, v, t: v[0] ** 2 / 2, ["x"])
+    with pytest.raises(ao.SolveError, match="comes to rest"):
+        ao.solve(ao.Problem(flight, free(0.0, [0.3]), free(None, [None]), energy=0.5))
+
+
+def test_a_dwell_at_the_top_and_a_guess_between_other_angles():
+    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]), ["a"])
+    for excess, end in ((1e-4, 6.0), (0.1, 4.0)):
+        m = 2 / (2 + excess)
+        problem = ao.Problem(system, free(0.0, [0.0]), free(None, [end]), energy=1 + excess)
+        s = ao.solve(problem)
+        assert abs(s.duration - ellipkinc(end / 2, m) * np.sqrt(m)) < 1e-9
+    other = problem.replace(start=free(0.0, [-0.5]), end=free(None, [5.0]))
+    T = (ellipkinc(2.5, m) + ellipkinc(0.25, m)) * np.sqrt(m)
+    assert abs(ao.solve(other, guess=s).duration - T) < 1e-9

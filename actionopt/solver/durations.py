@@ -2,7 +2,7 @@
 
 Along a curve q(s) the energy function H(q, u ds/dt) of the direction u = dq/ds is E at one rate
 ds/dt, and the duration is the integral of ds over it. Where the potential is above E there is none:
-no motion takes that curve, and a part of the largest rate is reckoned with.
+no motion takes that curve, and a part of the largest rate is reckoned with there.
 """
 
 from __future__ import annotations
@@ -56,8 +56,9 @@ def along(problem: Problem, q: Array, t: float) -> tuple[Array, float] | None:
     if not good.any() or not np.any(u):
         return None
     largest = float(np.nanmax(found))
-    rate = np.fmax(np.where(good, found, 0.0), LEAST_RATE * largest)
-    steps = (1 / rate[1:] + 1 / rate[:-1]) / 2 / (len(q) - 1)
+    rate = np.where(good, found, 0.0)
+    mean = (rate[1:] + rate[:-1]) / 2  # exact at a constant force, from or to rest too
+    steps = 1 / np.where(mean > 0, mean, LEAST_RATE * largest) / (len(q) - 1)
     return np.concatenate([[0.0], np.cumsum(steps)]), float(left.min())
 
 

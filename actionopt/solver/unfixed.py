@@ -9,6 +9,7 @@ times.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any, Literal, NamedTuple
@@ -16,6 +17,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from actionopt.analysis.shooting import motions
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
 from actionopt.discrete.bordered import FULL, Bordered, loose, moves_of, over
@@ -29,7 +31,7 @@ from actionopt.discrete.resolution import refined, resolution
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import Guess, curve
-from actionopt.solver.durations import along, returning
+from actionopt.solver.durations import along, rates, returning
 from actionopt.solver.iterate import (
     SAFETY,
     UNKNOWN_GAIN,
@@ -44,6 +46,7 @@ from actionopt.solver.workspace import MEASURABLE, ROUGHLY
 from actionopt.tools.types import Array
 from actionopt.tools.watch import OutOfTime, Watch
 
+STOPS = "an end free in place and time is where a motion of the energy comes to rest"
 # Ad hoc.
 FIRST_ELEMENTS = 4
 FIRST_TOL = 1e-3  # of paths that are to be followed to the energy
@@ -60,6 +63,9 @@ SLIVER = 0.1  # of an element, ad hoc
 NEAR_START = 1e-2  # as far as a first mesh tells
 PUSHED = 1e-8  # force on a closed path: measured, 1e-14 on motions, and 1 or more on what is none
 TRIED = np.logspace(-8, 8, 65)  # durations at which a straight line is looked at
+PARABOLAS = 12  # steps to the least energy of paths over given durations
+ASIDE = 0.9  # of the duration of the lowest path
+MERGED = 1e-7  # of it, within which two paths are one: half the digits
 LINE = 41  # points on the straight line
 
 
@@ -111,6 +117,7 @@ class Unfixed:
     error: float = np.inf
     found_by: str = "none"
     blocked: str = ""
+    merged: bool = False
     _reached: bool = False
 
     def __post_init__(self) -> None:
@@ -128,7 +135,11 @@ class Unfixed:
             self.hint = "no point was found on the surface of an event; give a guess"
         if self.problem.closes or self.problem.on_surface:
             return
+        if not (self.problem.start.pinned and self.problem.end.pinned):
+            yield from ((path, None, "motion") for path in self._stopping())
         yield from ((at.path, at.rows, "duration") for at in self.near())
+        with suppress(ValueError):  # that no motion of the energy takes the straight line
+            yield timed(self.problem, straight(self.problem).T), None, "line"
 
     def _guessed(self, guess: Guess, represented: float) -> Path:
         """Return a guess on a mesh that represents it, with its duration."""
@@ -142,7 +153,7 @@ class Unfixed:
             known = over(problem, duration)
             stretched = path.mesh.moved(known.start.t, known.end.t)
             path = Path(stretched, path.values)
-            curve_on = path.on
+            curve_on = path.on if problem.closes else sheared(path, known).on
         else:
             known = over(problem, 1.0)
             curve_on = curve(known, guess)
@@ -205,7 +216,8 @@ class Unfixed:
 
     def _scanned(self, T: float, first: DiscretePath | None) -> Iterator[DiscretePath]:
         """Yield paths between whose durations the energy is passed, and say how low it gets."""
-        lowest = (np.inf, T)
+        seen = [] if first is None else [first]
+        crossed = False
         for sign in (1, -1):
             last, before = first, None if first is None else self.excess(first)
             for k in range(1, SCANNED + 1):
@@ -213,18 +225,92 @@ class Unfixed:
                 if at is None:
                     break
                 excess = self.excess(at)
-                lowest = min(lowest, (-excess + float(self.problem.energy or 0), at.mesh.duration))
+                seen.append(at)
                 if before is not None and excess * before < 0:
+                    crossed = True
                     part = before / (before - excess)
                     T0, T1 = (last or at).mesh.duration, at.mesh.duration
                     middle = self._over(T0 * (T1 / T0) ** part, at)
                     yield middle if middle is not None else at
                 last, before = at, excess
-        if np.isfinite(lowest[0]):
-            self.hint = self.blocked + (
-                f"of the paths over {2 * SCANNED + 1} durations that were tried, the lowest energy "
-                f"is that over {lowest[1]:.6g}, {lowest[0]:.6g}"
+        if not seen:
+            return
+        low = max(seen, key=self.excess)
+        if not crossed:
+            low = self._lowest(seen, low)
+            # Two paths between two of the durations, or one where they merge: seen from a side.
+            aside = self._over(ASIDE * low.mesh.duration, low)
+            if aside is not None:
+                yield aside
+        excess, T = self.excess(self._sharp(low)), low.mesh.duration
+        energy = float(self.problem.energy or 0)
+        self.hint = self.blocked + (
+            f"of the paths over {2 * SCANNED + 1} durations that were tried, the lowest energy "
+            f"is that over {T:.6g}, {energy - excess:.6g}"
+        )
+        spread = max(float(np.ptp([self.excess(at) for at in seen])), abs(energy))
+        self.merged = not crossed and abs(excess) < MERGED * spread
+        if self.merged:
+            self.hint = (
+                f"the energy is the least of a path to there, that over {T:.6g}: two paths merge, "
+                "and their duration is determined to half the digits; give a little more energy"
             )
+
+    def _sharp(self, at: DiscretePath) -> DiscretePath:
+        """Return a path over a given duration to the tolerance, if that succeeds."""
+        found = self.solve(at.problem, tol=self.tol, guess=at.path, throw=False)
+        return found.discrete if found.success else at
+
+    def _lowest(self, seen: list[DiscretePath], low: DiscretePath) -> DiscretePath:
+        """Return a path of least energy between durations that were tried, by parabolas."""
+        seen = sorted(seen, key=lambda at: at.mesh.duration)
+        k = seen.index(low)
+        if not 0 < k < len(seen) - 1:
+            return low
+        three = seen[k - 1 : k + 2]
+        for _ in range(PARABOLAS):
+            x = np.log([at.mesh.duration for at in three])
+            curvature, slope, _ = np.polyfit(x - x[1], [-self.excess(at) for at in three], 2)
+            to = x[1] - slope / 2 / curvature if curvature > 0 else np.nan
+            if not x[0] < to < x[2] or abs(to - x[1]) < MERGED:
+                break
+            at = self._over(float(np.exp(to)), three[1])
+            if at is None:
+                break
+            four = sorted([*three, at], key=lambda at: at.mesh.duration)
+            k = max(1, min(2, int(np.argmax([self.excess(at) for at in four]))))
+            three = four[k - 1 : k + 2]
+        return max(three, key=self.excess)
+
+    def _stopping(self) -> Iterator[Path]:
+        """Yield motions to where they come to rest, if nothing is given at one end.
+
+        No momentum is left at an end that is free in all coordinates. Of one coordinate, as there
+        the energy leaves the motion no choice.
+        """
+        problem = self.problem
+        t0 = problem.start.t or 0.0
+        if problem.system.n > 1 or problem.end.pinned or not problem.start.pinned:
+            return
+        q0 = np.array(problem.start.q, dtype=float)
+        speed, left = rates(problem, q0[None], np.ones((1, 1)), np.array([[t0]]))
+        if not left[0] > 0:
+            return
+        T = returning(problem, q0, t0)
+        for factor in np.logspace(0, SCANNED / 2, SCANNED + 1, base=2.0):
+            known = over(problem, float(T * factor))
+            for path in motions(known, np.array([[speed[0], -speed[0]]])):
+                if path is None:
+                    continue
+                t = np.linspace(t0, t0 + T * factor, PASSED + 1)
+                turned = np.flatnonzero(np.diff(np.sign(path.velocity(t)[0])))
+                if turned.size:
+                    k = turned[0]
+                    b = path.mesh.boundaries
+                    b = np.append(b[b < t[k]], t[k + 1])
+                    cut = Mesh(b, path.mesh.degrees[: b.size - 1])
+                    yield Path.interpolate(path, cut)
+                    return
 
     def excess(self, at: DiscretePath) -> float:
         """Return by how much the given energy is above that of a path."""
@@ -513,6 +599,16 @@ def _moves(at: DiscretePath) -> bool:
     return bool(np.ptp(at.Q, axis=0).max() > MOVING * np.abs(at.Q).max())
 
 
+def sheared(path: Path, problem: Problem) -> Path:
+    """Return a path moved in proportion to time so that it begins and ends where the events say."""
+    s = path.mesh.nodes_since / path.mesh.duration
+    values = path.values.copy()
+    for event, k, part in ((problem.start, 0, 1 - s), (problem.end, -1, s)):
+        for i in event.pinned:
+            values[i] += (np.array(event.q[i], dtype=float) - path.values[i, k]) * part
+    return Path(path.mesh, values)
+
+
 def straight(problem: Problem) -> Array:
     """Return points (K, n) on the straight line between the events."""
     pairs = zip(problem.start.q, problem.end.q, strict=True)
@@ -577,7 +673,7 @@ def solve_unfixed(
                     continue
                 run.found_by = how
                 status = run.judged(run.settled())
-                if status.success:
+                if status.success or status is Status.FLOOR:
                     break
             if run.here is not None and np.isfinite(run.error):
                 break
@@ -587,6 +683,11 @@ def solve_unfixed(
         status = Status.OUT_OF_TIME
     if watch is not None and watch.raised is not None and not isinstance(watch.raised, OutOfTime):
         raise watch.raised
+    anywhere = not problem.closes and not (problem.start.pinned and problem.end.pinned)
+    if anywhere and not status.success:
+        run.hint = f"{STOPS}; {run.hint}" if run.hint else STOPS
+    if run.merged and status in (Status.NOT_FOUND, Status.UNRESOLVED):
+        status = Status.DEGENERATE
     solution = _solution(run, status, started)
     if principle == "least" and status.success and solution.morse_index > 0:
         solution = _solution(run, Status.NOT_LEAST, started)
