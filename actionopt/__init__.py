@@ -19,8 +19,9 @@ from actionopt.families.all_paths import solve_all
 from actionopt.families.runs import Runs
 from actionopt.families.sweep import sweep
 from actionopt.families.trace import trace
+from actionopt.mechanics.events import Event, Periodic, State
 from actionopt.mechanics.pfaffian import integrate_pfaffian
-from actionopt.mechanics.problem import Event, Periodic, Problem, State
+from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.symmetry import find_symmetries, noether
 from actionopt.mechanics.system import System
 from actionopt.solver.solve import solve

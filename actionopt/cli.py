@@ -320,7 +320,7 @@ def _solve(options: argparse.Namespace) -> int:
         print(json.dumps(_plain(found), indent=2, allow_nan=False))
     else:
         _print_report(found)
-    if options.compare and solution.compare().agrees is False:
+    if options.compare and not solution.contacts and solution.compare().agrees is False:
         raise RuntimeError(_contradiction(found["forward"]))
     return 0
 
@@ -466,25 +466,31 @@ def report(solution: Solution, *, compare: bool = True) -> dict[str, Any]:
         found["kind"] = found["morse_index"] = None
         with suppress(ValueError):
             found["kind"], found["morse_index"] = solution.kind, solution.morse_index
+    if compare and not solution.contacts:
         clock = perf_counter()
         comparison = solution.compare()
         found["forward"] = {name: getattr(comparison, name) for name in FORWARD}
         found["time"] = found["time"] | {"compare": perf_counter() - clock}
+    if solution.contacts:
+        found["contacts"] = [vars(arc) for arc in solution.contacts]
     return found
 
 
 def _print_report(found: dict[str, Any]) -> None:
     rows = [("action", f"{found['action']:.12g}"), ("error estimate", f"{found['error']:.1e}")]
-    if "forward" in found:
-        forward = found["forward"]
+    if "kind" in found:
         kind = "no index: the path is forced, or its neighbours are not determined"
         if found["kind"] is not None:
             kind = f"{found['kind']}, index {found['morse_index']}"
+        rows.append(("the action is", kind))
+    if "forward" in found:
+        forward = found["forward"]
         rows += [
-            ("the action is", kind),
             ("forward deviation", _judged(forward)),
             ("energy drift", f"{forward['energy_drift']:.1e}"),
         ]
+    for arc in found.get("contacts", ()):
+        rows.append(("contact", f"row {arc['row']}, from {arc['begin']:.6g} to {arc['end']:.6g}"))
     degrees = found["mesh"]["degrees"]
     span = f"{min(degrees)} to {max(degrees)}" if min(degrees) < max(degrees) else f"{degrees[0]}"
     iterations = (f"{count} {who}" for who, count in found["iterations"].items())

@@ -19,6 +19,11 @@ from benchmarks.results import version
 
 AGAIN = 6  # solves in a row, end points back and forth
 ENOUGH = 1.0  # seconds of them
+CANNOT = {
+    "energy": "cannot find how long a path of given energy takes",
+    "orbit": "cannot find how long a closed path of given energy takes",
+    "infinity": "cannot end at infinite times",
+}
 _last: dict = {}  # the last cold answer
 
 
@@ -57,6 +62,8 @@ def _attempt(work):
 def measure(peer: peers.Peer, case_name: str, start: str, setting, kind: str) -> dict:
     """Run one request: kind is "cold", or "again" for a median of solves in a row."""
     case = _cases()[case_name]
+    if case.asks not in peer.answers:
+        return {"status": f"unable: {CANNOT[case.asks]}", "time": 0.0}
     both = _ends(case_name)
     gc.collect()
     key = (case_name, start, str(setting))
@@ -69,7 +76,11 @@ def measure(peer: peers.Peer, case_name: str, start: str, setting, kind: str) ->
             return {"status": said, "time": seconds}
         _last[key] = answer
     if kind == "cold":
-        return {"status": "", "time": seconds, "error": case.error(answer.curve, both[0])}
+        return {
+            "status": "",
+            "time": seconds,
+            "error": case.error(answer.curve, both[0], answer.duration),
+        }
     times, errors = [], []
     for k in range(AGAIN):
         ends = both[(k + 1) % 2]
@@ -77,7 +88,7 @@ def measure(peer: peers.Peer, case_name: str, start: str, setting, kind: str) ->
         if answer is None:
             return {"status": said, "time": seconds}
         times.append(seconds)
-        errors.append(case.error(answer.curve, ends))
+        errors.append(case.error(answer.curve, ends, answer.duration))
         if sum(times) > ENOUGH:
             break
     return {"status": "", "time": sorted(times)[len(times) // 2], "error": max(errors)}

@@ -392,6 +392,16 @@ def test_public_names_are_all_there_and_rooms_cost_nothing_until_asked_for():
     assert done.stdout.strip() == "module 'actionopt' has no attribute 'nothing'", done.stderr
 
 
+def test_a_solve_along_an_obstacle_tells_its_contact(capsys):
+    assert main(["solve", "rope_round_post"]) == 0
+    said = capsys.readouterr().out
+    assert "contact" in said and "row 0, from 0.401166 to 0.604719" in said
+    assert "forward" not in said and "minimum, index 0" in said
+    assert main(["solve", "rope_round_post", "--json"]) == 0
+    (arc,) = json.loads(capsys.readouterr().out)["contacts"]
+    assert arc["begin"] == pytest.approx(0.4011663523427598, rel=1e-7)
+
+
 def test_a_solve_may_be_given_a_time(capsys):
     assert main(["solve", "pendulum", "--seconds", "1e-9"]) == 1
     assert "the time that was given ran out" in capsys.readouterr().err

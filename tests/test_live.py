@@ -29,6 +29,7 @@ LED_ELSEWHERE = (
     "double_pendulum",
     "exit_path",
     "figure_eight",
+    "four_on_an_eight",
     "hoop_bead",
     "kepler",
     "vacuum_decay",
@@ -39,11 +40,15 @@ KNOWN = 1e-8  # of S: what a page promises
 SIZE = 300e3  # bytes of a page
 
 
+# No page draws paths along an obstacle.
+LIVE = [name for name in scenes.SCENES if not scenes.get(name).problem.system.r]
+
+
 @pytest.fixture(scope="module")
 def asked():
     """Every scene's data, and a random path with random multipliers."""
     rng, found = np.random.default_rng(5), {}
-    for name in scenes.SCENES:
+    for name in LIVE:
         solution = solved(name, tol=1e-10)
         known = data(solution.problem, solution)
         Q = np.reshape(known["answer"], (-1, known["law"]["n"]))
@@ -74,7 +79,7 @@ def computed(asked):
     return dict(zip(asked, told["answers"], strict=True)) | {"erf": told["erf"]}
 
 
-@pytest.mark.parametrize("name", scenes.SCENES)
+@pytest.mark.parametrize("name", LIVE)
 def test_the_action_in_the_page_is_that_of_the_package(asked, computed, name):
     known, told = asked[name]["data"], computed[name]
     problem = scenes.get(name).problem
@@ -100,7 +105,7 @@ def test_the_action_in_the_page_is_that_of_the_package(asked, computed, name):
         assert pytest.approx(f, abs=SAME * np.max(np.abs(Q)) ** 2) == np.transpose(told["f"])
 
 
-@pytest.mark.parametrize("name", scenes.SCENES)
+@pytest.mark.parametrize("name", LIVE)
 def test_newtons_method_and_the_index_in_the_page(computed, name):
     solution, told = solved(name, tol=1e-10), computed[name]
     scale = max(abs(solution.action), 1.0)

@@ -328,10 +328,13 @@ def test_conserved_is_what_a_symmetry_keeps(name):
     """H if nothing depends on time and no force acts, the momenta of cyclic coordinates."""
     solution = solved(name)
     system = solution.problem.system
+    data = plot.conserved_data(solution)
+    if system.r:  # contact may change what is kept without it
+        assert not any(data.kept)
+        return
     kept = cyclic(system)
     steady = not (system.structure.depends_on_time or system.structure.forced)
     expected = (steady, *(x in kept for x in system.coordinates))
-    data = plot.conserved_data(solution)
     assert data.kept == expected
     assert all(flat for flat, kept in zip(data.flat, data.kept, strict=True) if kept)
 

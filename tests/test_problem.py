@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from actionopt import scenes
-from actionopt.mechanics.problem import Event, Periodic, Problem, State
+from actionopt.mechanics.events import Event, Periodic, State
+from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
 
 

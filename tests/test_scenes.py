@@ -13,7 +13,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from actionopt import Mesh, Path, integrate, scenes, solve
+from actionopt import Event, Mesh, Path, Periodic, integrate, monodromy, scenes, solve
+from actionopt.mechanics.held import Held
+from actionopt.mechanics.obstacle import Arc
 from actionopt.scenes._elliptic import complete, jacobi
 
 # An interpolant of degree 16 on 16 elements resolves these curves to rounding; its derivative
@@ -69,9 +71,18 @@ def times(scene, count=41):
     return np.linspace(scene.problem.start.t, scene.problem.end.t, count)
 
 
+def touched(scene):
+    """Return when an obstacle is touched, as far as the facts know."""
+    numbers = scene.facts.numbers
+    ends = [numbers[name] for name in ("contact_begin", "contact_end") if name in numbers]
+    return [Arc(0, *ends)] if ends and scene.problem.system.r else []
+
+
 def derivative(scene, curve):
     """Differentiate a curve numerically at `times`."""
-    mesh = Mesh.uniform(scene.problem.start.t, scene.problem.end.t, 16, 16)
+    T = scene.problem.duration
+    ends = [t for arc in touched(scene) for t in (arc.begin, arc.end)]
+    mesh = Mesh(scene.problem.start.t + np.union1d(np.linspace(0, T, 17), ends), 16)
     return Path.interpolate(curve, mesh).velocity(times(scene))
 
 
@@ -84,9 +95,9 @@ def mismatch(a, b):
 def residual(scene, exact, velocity):
     """Mismatch of the equations of motion along a curve and its velocity."""
     t, problem = times(scene), scene.problem
-    acceleration = problem.system.acceleration(
-        exact(t), velocity(t), t, parameters=problem.parameters
-    )
+    arcs = tuple(touched(scene))
+    law = Held(problem, arcs) if arcs else problem.system
+    acceleration = law.acceleration(exact(t), velocity(t), t, parameters=problem.parameters)
     return mismatch(acceleration, derivative(scene, velocity))
 
 
@@ -217,6 +228,19 @@ def test_the_check_of_the_equations_of_motion_sees_a_wrong_curve(solved):
     velocity = solved.facts["velocity"]
     wrong = residual(solved, lambda t: solved.exact(t) + bend(t), lambda t: velocity(t) + rate(t))
     assert wrong > 10 * DERIVATIVE_TOLERANCE
+
+
+@where(lambda scene: scene.problem.system.r)
+def test_exact_stays_outside_of_the_obstacle_which_presses_as_the_facts_say(scene):
+    problem, t = scene.problem, times(scene)
+    (arc,) = touched(scene)
+    q, v = scene.exact(t), scene.facts["velocity"](t)
+    (f,) = problem.system.obstacle(q, t, parameters=problem.parameters)
+    on = (arc.begin <= t) & (t <= arc.end)
+    assert on.sum() > 3 and np.max(np.abs(f[on])) < FORMULA_TOLERANCE
+    assert np.min(f[~on]) > FORMULA_TOLERANCE
+    (force,) = Held(problem, (arc,)).contact_force(q, v, t, parameters=problem.parameters)
+    assert mismatch(force, np.where(on, scene.facts["contact_force"], 0.0)) < FORMULA_TOLERANCE
 
 
 def test_exact_stays_on_the_constraints(solved):
@@ -405,6 +429,9 @@ def test_elliptic_functions_satisfy_their_definitions(k):
         ("kepler", {"eccentricity": 1.0}, "ellipse"),
         ("chain", {"links": 0}, "links"),
         ("chain", {"start": [0.1, 0.2]}, "one a link"),
+        ("rope_round_post", {"R": 3.0}, "outside of the radius"),
+        ("way_round_ball", {"R": 0.1}, "meets the radius"),
+        ("chain_on_floor", {"apart": 1.0}, "farther apart than 1.64"),
     ],
 )
 def test_values_that_make_no_sense_are_refused(name, parameters, words):
@@ -563,14 +590,29 @@ def test_a_given_energy_has_the_duration_that_is_known(name):
     assert abs(again.duration / found.duration - 1) < 1e-11
 
 
-def test_mirror_images_close_the_loop():
-    """The whole loop returns from its start, once a sixth has been found from the energy."""
-    scene = made("henon_heiles", True)
-    part = solve(scene.problem, tol=1e-11)
-    T = 6 * part.duration
+@pytest.mark.parametrize(("name", "parts"), [("henon_heiles", 6), ("lyapunov_orbit", 4)])
+def test_mirror_images_close_the_loop(name, parts):
+    """The whole loop returns from its start, once a part has been found."""
+    scene = made(name, True)
+    part = solve(scene.problem, guess=scene.guess, tol=1e-11)
+    T = parts * part.duration
     assert abs(T / scene.facts["period"] - 1) < 1e-12
-    assert abs(part.action - scene.action) < 1e-12
+    assert abs(part.action / scene.action - 1) < 1e-11
     system, values = scene.problem.system, scene.problem.parameters
     whole = integrate(system, part.start, T, tol=1e-12, parameters=values)
     assert np.max(np.abs(whole(T) - part.start.q)) < 1e-9
     assert np.max(np.abs(whole.velocity(T) - part.start.v)) < 1e-9
+
+
+def test_a_choreography_closes_in_another_order():
+    """The largest Floquet exponent, e-folds a period, is that of the source of the numbers."""
+    scene = made("four_on_an_eight", False)
+    end = Periodic(scene.problem.end.t, relabel=np.roll(np.arange(8), -2))
+    problem = scene.problem.replace(start=Event(0.0, None), end=end)
+    guess = integrate(problem.system, scene.facts.start, end.t, parameters=problem.parameters)
+    part = solve(problem, guess=guess, tol=1e-11)
+    assert abs(part.action / scene.action - 1) < 1e-13
+    assert (part.kind, part.morse_index) == ("minimum", 0)  # among choreographies
+    around = monodromy(part)
+    assert 4 * np.log(np.abs(around.multipliers).max()) == pytest.approx(5.1177, abs=6e-5)
+    assert around.trivial == 4

@@ -3,6 +3,9 @@
 import numpy as np
 import pytest
 
+import actionopt as ao
+from actionopt import scenes
+from actionopt.families.batch import solve_run
 from actionopt.families.sheets import leapt, sheets
 
 ALL = np.ones((30, 40), dtype=bool)
@@ -108,3 +111,31 @@ def test_the_action_tells_a_leap_among_momenta_that_change_as_much():
     up = x > 1.95
     S, p = np.where(up, -np.cos(3 * x), 0.4 + x**2), np.where(up, 3 * np.sin(3 * x), 2 * x)
     assert np.flatnonzero(leapt(S, p, x, 0)).tolist() == [19]
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("t1", np.linspace(1.4, 1.2, 9)),
+        ("g", np.linspace(9.8, 7, 9)),
+        ("t0", np.linspace(0, 0.2, 9)),
+    ],
+)
+def test_slopes_tell_a_leap_where_momenta_leap_everywhere(name, values):
+    """Paths of a pendulum that swings right first, and left first, in turn."""
+    problem = scenes.get("pendulum").problem.replace(end=ao.Event(1.4, [-0.2]))
+    guesses = [
+        ao.solve(problem, guess=lambda t, a=a: a * np.sin(2.2 * t)[None]) for a in (1.8, -1.8)
+    ]
+    right, left = (solve_run(problem, {name: values}, guess=guess) for guess in guesses)
+    assert right.momenta[:, 0, 0].min() > 0 > left.momenta[:, 0, 0].max()
+    in_turn = np.arange(values.size) % 2 > 0
+    mixed = [
+        np.where(in_turn, a, b)
+        for a, b in ((right.action, left.action), (right.slopes[:, 0], left.slopes[:, 0]))
+    ]
+    momenta = np.where(in_turn[:, None], right.momenta[..., 0], left.momenta[..., 0])
+    assert not sheets(ALL[0, : values.size], None, momenta).any()
+    assert leapt(*mixed, values, 0).all()
+    for found in (right, left):
+        assert not leapt(found.action, found.slopes[:, 0], values, 0).any()

@@ -8,7 +8,15 @@ import pytest
 import actionopt as ao
 from benchmarks.stress import report
 from benchmarks.stress.case import timed
-from benchmarks.stress.families import FAMILIES, clocks, origins, pulses, random_systems, threads
+from benchmarks.stress.families import (
+    FAMILIES,
+    clocks,
+    energies,
+    origins,
+    pulses,
+    random_systems,
+    threads,
+)
 from benchmarks.stress.tally import all_solved, judged, never_wrong, row
 
 WIDTH = 0.002 / pulses.FWHM
@@ -163,3 +171,13 @@ def test_an_answer_beside_the_motion_of_a_random_system_is_wrong():
             assert outcome.wrong is wrong
             if by:
                 assert outcome.error == pytest.approx(by / size * np.max(4 * s * (1 - s)), rel=1e-2)
+
+
+@pytest.mark.parametrize("kind", ["throw", "over", "transfer", "well"])
+def test_a_duration_that_is_off_is_counted(kind):
+    rows = [{"case": f"{kind} 0", **row} for row in energies.KINDS[kind](0)]
+    assert {row["solver"] for row in rows} == {"actionopt", "solve_bvp"}
+    met = lambda rows: energies.of_kind(rows, kind)[0].met  # noqa: E731
+    assert met(rows)
+    off = [row | {"error": 2 * energies.WRONG} for row in rows]
+    assert not met(off) and not met([row | {"success": False} for row in rows])

@@ -8,6 +8,7 @@ import sys
 import textwrap
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -17,7 +18,7 @@ from actionopt.families import sweep as module
 
 OVER = {"g": np.linspace(9.0, 10.0, 4), "t1": np.linspace(0.7, 1.2, 6)}
 PENDULUM = scenes.get("pendulum").problem
-BITS = ("action", "error", "status", "momenta", "ends", "index")
+BITS = ("action", "error", "status", "momenta", "ends", "slopes", "index")
 
 
 @pytest.fixture
@@ -111,6 +112,59 @@ def test_free_coordinates_are_kept_at_the_ends():
     assert runs.ends[:, 1, 0] == pytest.approx(1 / np.cos(k))
     assert runs.momenta[:, 1, 0] == pytest.approx(0, abs=1e-9)
     assert runs.solution(2).action == pytest.approx(runs.action[2])
+
+
+def test_slopes_are_those_of_the_action():
+    """S = ((x0^2 + x1^2) cos wT - 2 x0 x1) w / (2 sin wT), of an oscillator that is pushed."""
+    system = System(
+        lambda q, v, t, *, a, w: (v[0] ** 2 - w**2 * q[0] ** 2) / 2 + a * t,
+        ["x"],
+        parameters={"a": 1.0, "w": 1.3},
+    )
+    problem = Problem(system, Event(0.2, [0.4]), Event(1.0, [1.0]))
+    over = {"t0": [0.1, 0.3], "t1": [1.1, 1.5], "w": [1.1, 1.6], "a": [-1.0, 2.0]}
+    over |= {("start", "x"): [0.3, 0.7], ("end", "x"): [-0.4, 0.8]}
+    runs = ao.sweep(problem, over)
+    t = [ca.SX.sym(f"x{i}") for i in range(6)]
+    t0, t1, w, a, x, y = t
+    T = w * (t1 - t0)
+    S = ((x**2 + y**2) * ca.cos(T) - 2 * x * y) * w / (2 * ca.sin(T)) + a * (t1**2 - t0**2) / 2
+    exact = ca.Function("S", [ca.vertcat(*t)], [S, ca.gradient(S, ca.vertcat(*t))])
+    for at in np.ndindex(runs.shape):
+        S, slopes = exact([row[i] for row, i in zip(runs.grid.values, at, strict=True)])
+        assert runs.action[at] == pytest.approx(float(S), rel=1e-8)
+        assert runs.slopes[at] == pytest.approx(slopes.full().ravel(), rel=1e-7, abs=1e-8)
+    assert not runs.branch.any()
+
+
+def test_slopes_of_members_that_are_solved_alone(monkeypatch):
+    over = {"t1": [0.7, 0.8], "g": [9.0, 10.0], ("end", "theta"): [0.0, 0.1]}
+    together = ao.sweep(PENDULUM, over)
+    monkeypatch.setattr("actionopt.families.batch._can_be_stacked", lambda *_: False)
+    alone = ao.sweep(PENDULUM, over)
+    assert (alone.stats["alone"], together.stats["alone"]) == (8, 1)
+    assert alone.slopes == pytest.approx(together.slopes, rel=1e-7)
+    dragged = scenes.get("damped_oscillator").problem
+    assert np.isnan(ao.sweep(dragged, {"t1": [dragged.end.t]}).slopes).all()
+
+
+@pytest.mark.parametrize("zipped", [False, True])
+def test_it_begins_from_the_problem_itself_where_its_first_member_is_not_found(zipped, monkeypatch):
+    """A top that spins fast: `solve` seeks for minutes what a motion nearby leads to."""
+    top = scenes.get("heavy_top").problem
+    asked, solve = [], module.solve
+
+    def little(problem, **options):
+        asked.append(problem.end.t)
+        if problem.end.t != top.end.t:
+            raise ValueError("found after minutes")
+        return solve(problem, **options)
+
+    monkeypatch.setattr(module, "solve", little)
+    over = {"t1": top.end.t + np.linspace(-1e-3, 0.9e-3, 4)}
+    runs = ao.sweep(top, over, zip=zipped)
+    assert runs.success.all()
+    assert asked == [over["t1"][0], top.end.t]
 
 
 # -- the same bits --------------------------------------------------------------------------------

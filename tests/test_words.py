@@ -30,7 +30,7 @@ OTHERS = [name for name in SPOKEN if name != "en"]
 def said():
     """Return what pages say: the arguments of `say`, and the tables whose entries it is given."""
     found = {title for title, *_ in figures.KINDS}
-    found |= {why for _, _, unless, _ in figures.KINDS for _, why in unless}
+    found |= {why for _, _, unless, _ in figures.KINDS for _, why in unless if why}
     found |= {*film.SAID.values(), *film.SPEEDS.values(), *pages.PARTS, scene_page.LIVE}
     found |= {*figures._FRONTS.values(), *(text for _, text in SITE)}
     found |= {*WORDS.values(), *(text for said in VERDICTS.values() for text in said)}

@@ -35,9 +35,10 @@ from actionopt.analysis.series import begins_singular
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.mechanics.compiled import Pointwise
+from actionopt.mechanics.events import State
 from actionopt.mechanics.instants import Instant
 from actionopt.mechanics.jumps import jumps
-from actionopt.mechanics.problem import Problem, State
+from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
 from actionopt.tools.checks import tolerance
 from actionopt.tools.types import Array

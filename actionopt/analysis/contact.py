@@ -14,7 +14,7 @@ import numpy as np
 
 from actionopt.analysis.solution import Solution
 from actionopt.discrete.crossing import BISECTIONS
-from actionopt.mechanics.problem import State
+from actionopt.mechanics.events import State
 from actionopt.tools.types import Array, NDInt
 
 SAMPLES_PER_INTERVAL = 4  # of the nodes; ad hoc: roots that lie closer together pass unseen

@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from actionopt.mechanics.problem import State
+from actionopt.mechanics.events import State
 from actionopt.mechanics.system import System
 from actionopt.tools.interrupts import raised_later
 from actionopt.tools.types import Array

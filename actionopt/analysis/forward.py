@@ -26,9 +26,10 @@ from actionopt.analysis.flow import (
 from actionopt.analysis.series import begins_singular, begun
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
+from actionopt.mechanics.events import State
 from actionopt.mechanics.instants import Instant
 from actionopt.mechanics.jumps import across, jumps
-from actionopt.mechanics.problem import SURFACE_TOLERANCE, State
+from actionopt.mechanics.problem import SURFACE_TOLERANCE
 from actionopt.mechanics.system import System
 from actionopt.tools.checks import number, tolerance
 from actionopt.tools.types import EPS, Array, NDInt

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from actionopt.mechanics.problem import Event, Periodic, Phase, Problem, Tail
+from actionopt.mechanics.events import Event, Periodic, Phase, Tail
+from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.rest import Rest
 from actionopt.mechanics.system import System
 from actionopt.mechanics.tracing import ParameterTable
@@ -54,6 +55,7 @@ def save(
         "parameters": {name: value.tolist() for name, value in problem.parameters.items()},
         "events": [[e.t, list(e.q)] for e in (problem.start, problem.end)],
         "advance": None if problem.advance is None else list(problem.advance),
+        "relabel": getattr(problem.end, "relabel", None),
         **({} if problem.asked is None else {"asked": asked_of(problem)}),
         "tails": [_tail(e) for e in (problem.start, problem.end)] if problem.has_tails else None,
         **found,
@@ -63,12 +65,16 @@ def save(
 
 
 def asked_of(problem: Problem | Detached) -> dict[str, Any]:
-    """Return which times were to be found, and at which energy."""
+    """Return which times were to be found, at which energy, and which events lay on surfaces."""
     asked = problem.asked
     if isinstance(asked, dict):
         return asked
     assert asked is not None
-    return {"free": [e.t is None for e in (asked.start, asked.end)], "energy": asked.energy}
+    ends = asked.start, asked.end
+    found = {"free": [e.t is None for e in ends], "energy": asked.energy}
+    if asked.on_surface:
+        found["on"] = [None if e.on is None else [e.on.law.serialize(), e.q] for e in ends]
+    return found
 
 
 def _tail(event: Event) -> list[Any] | None:
@@ -106,19 +112,26 @@ class Detached:
             ]
             self.start, self.end = ends
         if about["advance"] is not None:
-            self.end = Periodic(t1, about["advance"]).after(self.start)
+            end = Periodic(t1, about["advance"], relabel=about.get("relabel"))
+            self.end = end.after(self.start)
             if list(self.end.q) != q1:
                 raise ValueError(
                     f"expected an end of a closed path after its advance, {self.end.q}, found {q1}"
                 )
         self.parameters = ParameterTable(about["parameters"]).defaults
         self.asked: dict[str, Any] | None = about.get("asked")
-        self.energy: float | None = None if self.asked is None else float(self.asked["energy"])
+        energy = None if self.asked is None else self.asked["energy"]
+        self.energy: float | None = None if energy is None else float(energy)
 
     @property
     def advance(self) -> Array | None:
         """q(t1) - q(t0) where the end is `Periodic`, (n,), else None."""
         return np.array(self.end.advance) if isinstance(self.end, Periodic) else None
+
+    @property
+    def order(self) -> tuple[int, ...]:
+        """The coordinate at the start that each one at a `Periodic` end goes on as; else none."""
+        return self.end.order if isinstance(self.end, Periodic) else ()
 
     closes = False  # it has no system that would say whether there is a clock
 

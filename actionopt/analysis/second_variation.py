@@ -26,6 +26,7 @@ import casadi as ca
 import numpy as np
 
 from actionopt.discrete.discrete_path import DiscretePath, dependent
+from actionopt.discrete.foot import reactions, surface_at
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.held import Held
@@ -96,8 +97,11 @@ class Form:
 
     @property
     def closed(self) -> bool:
-        """Whether the ends vary together: a_K = a_0 in the directions that are not pinned."""
-        return self.tr.layout.closed
+        """Whether the ends vary together: a_K = a_0 in the directions that are not pinned.
+
+        Where the path closes in another order, that is in the basis of the last node.
+        """
+        return bool(self.tr.layout.closed)
 
     @cached_property
     def masses(self) -> list[Array]:
@@ -144,6 +148,7 @@ def form(at: DiscretePath, units: Array | None = None, *, phase: bool = True) ->
     A, B, C, S = coefficients(problem, q, tr.velocities(q), tr.times)
     if system.m:
         lam = np.concatenate([at.lam[:-1], at.lam[:1]]) if layout.closed else at.lam
+        lam = _inner(at, lam)
         A = A + _curvature(problem, q, lam[layout.node_of], tr.times)
     finite = np.isfinite([A, B, C]).all(axis=(0, 2, 3))
     if not finite.all():
@@ -157,13 +162,19 @@ def form(at: DiscretePath, units: Array | None = None, *, phase: bool = True) ->
         inertia = np.abs(np.diagonal(C, axis1=1, axis2=2)).mean(axis=0)
         size = (units * np.sqrt(inertia)).max()
         units = np.where(inertia > 0, size / np.sqrt(np.where(inertia > 0, inertia, 1.0)), units)
+    if layout.closed:  # coordinates that take each other's place have one unit
+        order = list(layout.closed)
+        for _ in order:
+            units = np.maximum(units, units[order])
     basis = tangent(problem, Q, tr.mesh.nodes[:, None], units).copy()
     sides = []
-    for k, event in ((0, problem.start), (-1, problem.end)):
-        basis[k], count = _pinned_first(basis[k], event.pinned)
+    for k, event in enumerate((problem.start, problem.end)):
+        asked = problem.surfaces[k]
+        normals = None if asked is None else surface_at(at, k)[1] * units
+        basis[-k], count = _pinned_first(basis[-k], (asked or event).pinned, normals)
         sides.append(count)
     if layout.closed:
-        basis[-1] = basis[0]
+        basis[-1] = basis[0, list(layout.closed)]
     pinned = (sides[0], sides[1])
     loose = max(pinned) < basis.shape[2]
     scale = units[:, None] * units
@@ -196,6 +207,12 @@ def form(at: DiscretePath, units: Array | None = None, *, phase: bool = True) ->
         pull = basis[term.node].T @ (term.matrix * scale) @ basis[term.node]
         elements[e] = elements[e].copy()
         elements[e][block, block] += pull
+    for k, asked in enumerate(problem.surfaces):
+        if asked is not None:
+            r = basis.shape[2]
+            block = slice(-r, None) if k else slice(None, r)
+            elements[-k] = elements[-k].copy()
+            elements[-k][block, block] += basis[-k].T @ (_bend(at, k) * scale) @ basis[-k]
     Z = basis[layout.node_of]
     legendre, vectors = np.linalg.eigh(np.swapaxes(Z, 1, 2) @ (C * scale) @ Z)
     mass = np.maximum(
@@ -425,11 +442,42 @@ def _curvature(problem: Problem, q: Array, lam: Array, t: Array) -> Array:
     return curvature.full(0, curvature(q, lam, t, problem.packed)[0], symmetric=True)
 
 
-def _pinned_first(Z: Array, pinned: tuple[int, ...]) -> tuple[Array, int]:
-    """Return the basis Z (n, r) turned so that variations of pinned coordinates come first."""
+def _inner(at: DiscretePath, lam: Array) -> Array:
+    """Return the multipliers (K, m) without those of ends on a surface: `_bend` has theirs."""
+    ends = [-k for k, asked in enumerate(at.problem.surfaces) if asked is not None]
+    if not ends:
+        return lam
+    lam = lam.copy()
+    lam[ends] = 0.0
+    return lam
+
+
+def _bend(at: DiscretePath, k: int) -> Array:
+    """Return the second derivatives of mu.on + nu.f at an end on a surface, (n, n).
+
+    How the surface bends away from its tangent plane changes the action to second order, too.
+    """
+    problem, q, t = at.problem, at.Q[-k], at.mesh.boundaries[[-k]]
+    event, (mu, nu) = problem.surfaces[k], reactions(at, k)
+    assert event is not None
+    found = event.on.curvature(q, t[0], problem.packed, mu)
+    if nu.size:
+        found = found + _curvature(problem, q[None], nu[None], t[:, None])[0]
+    return found
+
+
+def _pinned_first(Z: Array, pinned: tuple[int, ...], normals: Array | None) -> tuple[Array, int]:
+    """Return the basis Z (n, r) turned so that variations of pinned coordinates come first.
+
+    So do those along the `normals` (s, n) of a surface.
+    """
     if len(pinned) == len(Z):
         return Z, Z.shape[1]
-    if not pinned:
+    if not pinned and normals is None:
         return Z, 0
-    _, values, right = np.linalg.svd(Z[list(pinned)])
+    held = Z[list(pinned)]
+    if normals is not None:
+        sizes = np.linalg.norm(normals, axis=1, keepdims=True)
+        held = np.concatenate([held, normals / np.where(sizes > 0, sizes, 1.0) @ Z])
+    _, values, right = np.linalg.svd(held)
     return Z @ right.T, int(np.sum(values > RANK))

@@ -17,6 +17,7 @@ from actionopt.analysis.jacobi import resolved
 from actionopt.analysis.second_variation import Form, condense
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.end_times import by_times, explicit, jumps_of
+from actionopt.discrete.foot import reactions, surface_at
 from actionopt.mechanics.problem import Tail
 from actionopt.mechanics.system import System
 from actionopt.tools.blas import one_thread
@@ -31,8 +32,9 @@ class Sensitivity:
     """First and second derivatives of the action S(q0, t0, q1, t1; parameters).
 
     A coordinate that an event leaves free is determined by the others: derivatives by it are
-    zero. With constraints, events may move only along the surface, and first derivatives are
-    to be combined with motions that do.
+    zero; where it lies on a surface it moves with that, at its `parameters`, too. With
+    constraints, events may move only along the surface, and first derivatives are to be combined
+    with motions that do.
 
     Attributes
     ----------
@@ -77,6 +79,22 @@ def sensitivity(at: DiscretePath, error: float, momenta: tuple[Array, Array]) ->
     *Proc. Natl. Acad. Sci.* 14 (1928), p. 178.
     """
     form = resolved(at, error, SENSITIVITY_RESOLUTION)
+    found = slopes(at, momenta)
+    q0, q1 = found["q0"], found["q1"]
+    problem = at.problem
+    for row, on, event in zip(
+        (q0, q1), problem.surfaces, (problem.start, problem.end), strict=True
+    ):
+        row[[i for i, x in enumerate((on or event).q) if x is None]] = 0.0
+    parameters = _unpack(at.problem.system, found["parameters"])
+    return Sensitivity(q0, q1, float(found["t0"]), float(found["t1"]), parameters, *_second(form))
+
+
+def slopes(at: DiscretePath, momenta: tuple[Array, Array]) -> dict[str, Array]:
+    """Return the first derivatives of S: by "q0", "q1" (n,), "t0", "t1" and "parameters" (p,).
+
+    The last packed. Only where no force is non-conservative.
+    """
     tr, problem, node_of = at.tr, at.problem, at.tr.layout.node_of
     system, q = problem.system, at.Q[node_of]
     t0, t1 = by_times(at)
@@ -88,8 +106,13 @@ def sensitivity(at: DiscretePath, error: float, momenta: tuple[Array, Array]) ->
         assert system.clock is not None
         packed = packed + jumps @ system.clock.moving(inner, problem.packed)
     q0, q1 = -momenta[0], momenta[1].copy()
-    for row, event in ((q0, problem.start), (q1, problem.end)):
-        row[[i for i, x in enumerate(event.q) if x is None]] = 0.0
+    for k, row in enumerate((q0, q1)):
+        if problem.surfaces[k] is not None:  # S + mu.on is what is stationary
+            mu, _ = reactions(at, k)
+            _, by_q, by_t, by_p = surface_at(at, k)
+            row += mu @ by_q
+            t0, t1 = (t0, t1 + float(mu @ by_t)) if k else (t0 + float(mu @ by_t), t1)
+            packed = packed + mu @ by_p
     if problem.has_tails:  # what is beyond the window's edges goes with the system
         known = next(x for x in problem.rests if x is not None)
         ends = np.array([[problem.start.t], [problem.end.t]])
@@ -100,7 +123,9 @@ def sensitivity(at: DiscretePath, error: float, momenta: tuple[Array, Array]) ->
         L = system.pointwise("value")(at_rest[:2], still[:2], ends, problem.packed)[0][:, 0]
         t0 = 0.0 if isinstance(problem.start, Tail) else t0 + float(L[0])
         t1 = 0.0 if isinstance(problem.end, Tail) else t1 - float(L[1])
-    return Sensitivity(q0, q1, t0, t1, _unpack(system, packed), *_second(form))
+    return {
+        "q0": q0, "q1": q1, "t0": np.array(t0), "t1": np.array(t1), "parameters": packed,
+    }  # fmt: skip
 
 
 def _second(form: Form) -> tuple[Array, Array, Array]:
@@ -108,15 +133,17 @@ def _second(form: Form) -> tuple[Array, Array, Array]:
     hessian = condense(form).hessian
     problem, n = form.tr.problem, form.units.size
     maps, first = [], 0
-    for k, event, count in (
-        (0, problem.start, form.pinned[0]),
-        (-1, problem.end, form.pinned[1]),
-    ):
-        # Directions a of the pinned coordinates: dq = units * basis a.
-        pinned = list(event.pinned)
-        directions = (form.units[:, None] * form.basis[k])[pinned, :count]
+    for k, count in enumerate(form.pinned):
+        # Directions a of the pinned coordinates: dq = units * basis a, and none off a surface.
+        asked = problem.surfaces[k]
+        pinned = list((asked or (problem.start, problem.end)[k]).pinned)
+        basis = (form.units[:, None] * form.basis[-k])[:, :count]
+        directions = basis[pinned]
+        if asked is not None:
+            directions = np.concatenate([directions, surface_at(form.at, k)[1] @ basis])
         to_directions = np.zeros((hessian.shape[0], n))
-        to_directions[first : first + count, pinned] = np.linalg.pinv(directions)
+        inverse = np.linalg.pinv(directions)
+        to_directions[first : first + count, pinned] = inverse[:, : len(pinned)]
         maps.append(to_directions)
         first += count
     start, end = maps

@@ -16,7 +16,7 @@ import numpy as np
 
 from actionopt.analysis.flow import Flow, IntegrationError
 from actionopt.mechanics.compiled import Pointwise
-from actionopt.mechanics.problem import State
+from actionopt.mechanics.events import State
 from actionopt.mechanics.system import System
 from actionopt.tools.lobatto import lgl
 from actionopt.tools.types import Array

@@ -19,13 +19,15 @@ from actionopt.analysis.sensitivity import Sensitivity, sensitivity
 from actionopt.analysis.status import Status
 from actionopt.discrete.action import Units
 from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.foot import reactions
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import resolution
 from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.events import State, Tail
 from actionopt.mechanics.held import Held, arcs_of
 from actionopt.mechanics.obstacle import Arc
-from actionopt.mechanics.problem import NEGLIGIBLE, Problem, State, Tail
+from actionopt.mechanics.problem import NEGLIGIBLE, Problem
 from actionopt.tools.types import Array
 
 IN_CONTACT = ("acceleration", "multipliers", "constraint_force", "contact_force")
@@ -156,6 +158,16 @@ class Solution:
             )
         return float(np.sqrt(2 * self.action * problem.duration))
 
+    @cached_property
+    def surface_multipliers(self) -> tuple[Array, Array]:
+        """The mu of S + mu.on at the start and the end, (s,) each; none where there is no surface.
+
+        The momenta are p0 = mu on_q and p1 = -mu on_q, in the coordinates that are free there.
+        """
+        at, surfaces = self.discrete, self.problem.surfaces
+        mu = [np.zeros(0) if e is None else reactions(at, k)[0] for k, e in enumerate(surfaces)]
+        return _fixed(mu[0], mu[1])
+
     @property
     def success(self) -> bool:
         """Whether the path can be used as it is."""
@@ -184,7 +196,7 @@ class Solution:
 
     @cached_property
     def between_times(self) -> Solution:
-        """The same path as the answer to the question with the times that were found given."""
+        """The same path as the answer to the question with what was found given: times, places."""
         problem = self.problem
         if problem.asked is None:
             return self

@@ -10,8 +10,9 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path as FilePath
-from typing import cast
+from typing import Any, cast
 
+import casadi as ca
 import numpy as np
 
 from actionopt import scenes
@@ -21,7 +22,9 @@ from actionopt.analysis.status import Status
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.problem import NEGLIGIBLE, Problem, State
+from actionopt.mechanics.events import Event, State
+from actionopt.mechanics.problem import NEGLIGIBLE, Problem
+from actionopt.mechanics.surface import Surface
 from actionopt.mechanics.system import System
 from actionopt.tools.types import Array
 
@@ -141,7 +144,7 @@ def _check_ends(solution: Solution) -> None:
                     f"where the event has {event.q[i]}"
                 )
     if problem.advance is not None:
-        turned = values[:, -1] - values[:, 0]
+        turned = values[:, -1] - values[list(problem.order), 0]
         if not np.all(np.abs(turned - problem.advance) <= off):
             raise ValueError(
                 f"expected a path that closes with the advance {problem.advance}, found {turned}"
@@ -223,6 +226,25 @@ def _ends(path: Path, velocities: Array, momenta: Array) -> Ends:
     return Ends((start, end), (p0, p1))
 
 
+def _wanted(known: Detached, event: Event, free: bool, on: list[Any] | None) -> Event:
+    """Return an event as it was asked for, from the one that was found.
+
+    Raises ValueError for a surface that was written with another CasADi, which this cannot read.
+    """
+    t = None if free else event.t
+    if on is None:
+        return event.at(t)
+    law, q = on
+    shapes = {name: np.shape(x) for name, x in known.parameters.items()}
+    try:
+        return Event(t, q, on=Surface(ca.Function.deserialize(law), shapes))
+    except RuntimeError as error:
+        raise ValueError(
+            f"expected the surface of an event that CasADi {ca.CasadiMeta.version()} can read, "
+            "found one of another version; solve and save again"
+        ) from error
+
+
 def _problem(found: Solution, system: System | str | None) -> Problem | None:
     """Return the problem of a solution whose system is given, or is the scene of the same name.
 
@@ -242,14 +264,15 @@ def _problem(found: Solution, system: System | str | None) -> Problem | None:
                 f"expected a system of the coordinates {', '.join(known.coordinates)} in the "
                 f"file, found {', '.join(system.coordinates)}"
             )
-        problem = Problem(system, known.start, known.end, parameters=known.parameters)
-        if known.asked is not None:
-            free, energy = known.asked["free"], known.energy
-            events = [
-                e.at(None) if f else e for e, f in zip((known.start, known.end), free, strict=True)
-            ]
+        if known.asked is None:
+            problem = Problem(system, known.start, known.end, parameters=known.parameters)
+        else:
+            free, energy, ends = known.asked["free"], known.energy, (known.start, known.end)
+            surfaces = known.asked.get("on", [None, None])  # an older file has none
+            events = [_wanted(known, *x) for x in zip(ends, free, surfaces, strict=True)]
             question = Problem(system, *events, parameters=known.parameters, energy=energy)
-            problem = question.found(known.start.t, known.end.t)
+            found_at = np.array([e.q for e in ends])
+            problem = question.found(known.start.t, known.end.t, found_at)
         tr = Transcription(problem, found.mesh, problem.lengths)
         action, S = tr.action_and_gradient(found.path.values.T)[0], found.action
         # A failed attempt may have an infinite one, or none.

@@ -5,8 +5,9 @@ import numpy as np
 from actionopt.analysis.contact import contact_loss
 from actionopt.analysis.forward import integrate
 from actionopt.chapter._row import CLOSE, RATE, ROUNDING, TOL, Line, along, row, worst
+from actionopt.mechanics.events import State
 from actionopt.mechanics.pfaffian import integrate_pfaffian
-from actionopt.mechanics.problem import Problem, State
+from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
 from actionopt.solver.solve import solve
 

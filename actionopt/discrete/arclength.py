@@ -93,7 +93,7 @@ class Branch:
     def begun(self, path: Path, lam: Array | None, s: float) -> Array:
         """Return the unknowns of the path at s, from which the branch is to begin."""
         problem = self.family(s)
-        if problem.free_time or problem.closes:
+        if problem.free_time or problem.closes or problem.on_surface:
             around = Bordered.around(problem, path, lam, self.lengths, moves_of(problem))
             self.bordered, y = around
             return y

@@ -15,6 +15,9 @@ symmetry and close: they are the unfolding parameters of Munoz-Almaraz, Freire, 
 Vanderbauwhede, *Physica D* 181 (2003), p. 1. The phase condition is that of least distance from the
 first iterate, int xi.(q - q_first) dt = 0 (Doedel, in *Numerical Continuation Methods for
 Dynamical Systems* (2007), section 1.3.6), or a coordinate that the start gives.
+
+Where an event lies on a surface its coordinates are free, and S + E T + mu.on is stationary in mu,
+too: unknowns mu stand between the duration and the forces, as rows on(q, t) = 0 do (`foot`).
 """
 
 from __future__ import annotations
@@ -30,10 +33,11 @@ from actionopt.discrete.boundaries import moved
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.end_times import by_times
 from actionopt.discrete.factors import Factors
+from actionopt.discrete.foot import Foot, feet, reactions
 from actionopt.discrete.layout import Layout, Pattern
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.problem import Event, Periodic, Problem
+from actionopt.mechanics.problem import Event, Problem
 from actionopt.mechanics.symmetry import find_symmetries
 from actionopt.tools.types import Array
 
@@ -43,6 +47,7 @@ FULL = 300  # unknowns up to which a full matrix costs less than a sparse one; a
 # Of the coordinates' sizes: directions in which a path moves less than this against its others
 # are none of their own, as time along a path at rest, or a turn of one that turns anyway. Ad hoc.
 DISTINCT = 1e-4
+SWIFT = 0.1  # of its largest rate, at which a coordinate says where a path begins; ad hoc
 
 
 class Move(NamedTuple):
@@ -57,7 +62,7 @@ def loose(problem: Problem) -> Problem:
     if not problem.closes:
         return problem
     start = Event(problem.start.t, [None] * problem.system.n)
-    end = Periodic(problem.end.t, problem.advance)
+    end = problem.end.at(problem.end.t)
     values, energy = problem.parameters, problem.energy
     return Problem(problem.system, start, end, parameters=values, energy=energy)
 
@@ -82,7 +87,16 @@ def moves_of(problem: Problem) -> tuple[Move, ...]:
     if key not in known:
         found = find_symmetries(system, parameters=problem.parameters)
         known[key] = [Move(s.A, s.b) for s in found if not (s.time or s.rate or s.c.any())]
-    return tuple(m for m in known[key] if not (m.A @ advance).any())
+    # What is moved closes as well: xi(P q + a) = P xi(q).
+    P = np.eye(system.n)[list(problem.order)]
+    kept = [np.r_[(A @ P - P @ A).ravel(), A @ advance + b - P @ b] for A, b in known[key]]
+    if not np.any(kept):
+        return tuple(known[key])
+    _, values, right = np.linalg.svd(np.transpose(kept))
+    size = np.zeros(len(right))
+    size[: values.size] = values
+    A, b = (np.array(part) for part in zip(*known[key], strict=True))
+    return tuple(Move(np.tensordot(x, A, 1), x @ b) for x in right[size <= DISTINCT * size.max()])
 
 
 class Borders(NamedTuple):
@@ -102,8 +116,8 @@ class BorderedLayout:
 
     bordered, unpivoted, storage, condensed, keeps_factors = True, False, "sparse", False, False
 
-    def __init__(self, inner: Layout, beside: int) -> None:
-        self.inner, self.system = inner, inner.system
+    def __init__(self, inner: Layout, beside: int, feet: Sequence[Foot] = ()) -> None:
+        self.inner, self.system, self.feet = inner, inner.system, feet
         self.unknowns, self.rows, self.size = inner.unknowns, inner.rows, inner.size + beside
         self.small, self.solvers = self.size <= FULL, {}
         self.blocks = self
@@ -111,12 +125,15 @@ class BorderedLayout:
 
     @cached_property
     def kkt(self) -> Pattern:
-        """Those of the inner matrix, then the rows below, then the columns beside."""
+        """Those of the inner matrix, the rows below, the columns beside, the corners of feet."""
         K, size, inner = self.inner.kkt, self.size, self.inner.size
         added = np.arange(inner, size)
         every, above = np.arange(size), np.arange(inner)
         row = [K.row, np.repeat(added, size), np.tile(above, added.size)]
         col = [K.col, np.tile(every, added.size), np.repeat(added, inner)]
+        for foot in self.feet:
+            row.append(np.repeat(foot.places, foot.places.size))
+            col.append(np.tile(foot.places, foot.places.size))
         row, col = np.concatenate(row), np.concatenate(col)
         return Pattern.build(size, size, [(row, col)])
 
@@ -134,26 +151,30 @@ class Bordered:
     Parameters
     ----------
     asked : Problem
-        Its duration is free, or its paths close, or both.
+        Its duration is free, its paths close, or its events lie on surfaces.
     first : Transcription
         Of a `loose` problem, over a first duration: it sets the units.
     borders : Borders
+    feet : tuple of Foot
     """
 
     asked: Problem
     first: Transcription
     borders: Borders
+    feet: tuple[Foot, ...] = ()
     layout: Any = None
 
     def __post_init__(self) -> None:
         self.free = loose(self.asked)
         self.timed = int(self.asked.free_time)  # unknowns of the duration
+        self.held = sum(foot.units.size for foot in self.feet)  # and multipliers of surfaces
         self.unit = self.first.mesh.duration
         # How far a path moves, in its sizes, as its duration grows by a part of itself.
         self.reach = 1.0
         self._last: Transcription | None = self.first
         if self.layout is None:
-            self.layout = BorderedLayout(self.first.layout, self.timed + self.borders.c.size)
+            beside = self.timed + self.held + self.borders.c.size
+            self.layout = BorderedLayout(self.first.layout, beside, self.feet)
 
     @classmethod
     def around(
@@ -169,17 +190,18 @@ class Bordered:
         problem = over(loose(asked), path.mesh.duration)
         tr = Transcription(problem, path.mesh, lengths, like=like)
         z = tr.pack(path.values.T, lam)
-        borders = _borders(asked, tr, z, moves)
-        found = cls(asked, tr, borders)
+        borders, at = _borders(asked, tr, z, moves), DiscretePath(tr, z)
+        found = cls(asked, tr, borders, feet(at) if asked.on_surface else ())
+        mu = [foot.units * reactions(at, foot.end)[0] / tr.action_unit for foot in found.feet]
         speeds = np.abs(path.velocity(path.mesh.nodes)).max(axis=1)
         found.reach = max(1.0, float((speeds * path.mesh.duration / lengths).max()))
-        return found, np.concatenate([z, np.zeros(found.timed + borders.c.size)])
+        return found, np.concatenate([z, np.zeros(found.timed), *mu, np.zeros(borders.c.size)])
 
     def of(self, asked: Problem) -> Bordered:
         """Return those of another member of a family, in the same unknowns."""
         values = [asked.start.q[i] / self.first.lengths[i] for i in self.borders.held]  # type: ignore[operator]
         borders = self.borders._replace(c=np.r_[values, self.borders.c[len(values) :]])
-        other = Bordered(asked, self.first, borders, self.layout)
+        other = Bordered(asked, self.first, borders, self.feet, self.layout)
         other._last, other.reach = None, self.reach
         return other
 
@@ -213,18 +235,38 @@ class Bordered:
 
     def residual(self, y: Array) -> Array:
         """Return the equations' residual, (size,)."""
-        at, k, (B, C, c, _) = self.discrete(y), self.borders.c.size, self.borders
+        return self._equations(self.discrete(y), y)
+
+    def _equations(self, at: DiscretePath, y: Array) -> Array:
+        """Return the residual of unknowns y over the duration of a path `at` of theirs, (size,)."""
+        k, (B, C, c, _) = self.borders.c.size, self.borders
         r = at.tr.residual(at.z)
         forces = y[y.size - k :]
-        parts = [r + B @ forces if k else r]
-        if self.timed:
-            parts.append(np.array([self._excess(at)]))
-        return np.concatenate([*parts, C @ at.z - c])
+        r = r + B @ forces if k else r
+        later, rows = [self._excess(at)] if self.timed else [], []
+        for foot, mu in zip(self.feet, self._multipliers(y), strict=True):
+            on, by_x, by_t = foot.rows(at)
+            r[foot.places] += mu @ by_x
+            rows.append(on)
+            if self.timed and foot.end == self.moving:
+                later[0] += (1 if foot.end else -1) * at.mesh.duration * float(mu @ by_t)
+        return np.concatenate([r, later, *rows, C @ at.z - c])
+
+    @property
+    def moving(self) -> int:
+        """Which event's time moves with the duration, 0 or 1."""
+        return 0 if self.asked.end.t is not None else 1
+
+    def _multipliers(self, y: Array) -> list[Array]:
+        """Return those of the surfaces, (s,) for each foot, in units of action."""
+        first = self.first.layout.size + self.timed
+        ends = np.cumsum([foot.units.size for foot in self.feet]).tolist()
+        return np.split(y[first : first + self.held], ends)[:-1] if self.feet else []
 
     def _excess(self, at: DiscretePath) -> float:
         """Return d(S + E T)/d log T, which is T (E - H), in units of action."""
         t0, t1 = by_times(at)
-        slope = -t0 if self.asked.end.t is not None else t1
+        slope = t1 if self.moving else -t0
         return (slope + self.asked.energy) * at.mesh.duration / at.tr.action_unit  # type: ignore[operator]
 
     def kkt(self, y: Array) -> Array:
@@ -233,20 +275,29 @@ class Bordered:
         inner, size, k = self.first.layout, self.first.layout.size, self.borders.c.size
         K = at.tr.kkt(at.z)
         K = inner.kkt.sum(K) if inner.storage == "blocks" else K
-        below = np.zeros((self.timed + k, self.layout.size))
-        beside = np.zeros((size, self.timed + k))
-        beside[:, self.timed :], below[self.timed :, :size] = B, C
+        added = self.timed + self.held + k
+        below, beside = np.zeros((added, self.layout.size)), np.zeros((size, added))
+        beside[:, added - k :], below[added - k :, :size] = B, C
+        corners, row = [], self.timed
+        for foot, mu in zip(self.feet, self._multipliers(y), strict=True):
+            by_x, rows = foot.rows(at)[1], row + np.arange(mu.size)
+            below[rows[:, None], foot.places] = by_x
+            beside[foot.places[:, None], rows] = by_x.T
+            corners.append(foot.curvature(at, mu).ravel())
+            row += mu.size
         if self.timed:
             T, h = self.duration(y), STRETCH
             sides = []
             for sign in (1, -1):
                 tr = self._over(T * float(np.exp(sign * h)))
-                sides.append((tr.residual(at.z), self._excess(DiscretePath(tr, at.z))))
-            (r1, g1), (r0, g0) = sides
-            beside[:, 0] = below[0, :size] = (r1 - r0) / (2 * h)
-            below[0, size] = (g1 - g0) / (2 * h)
+                sides.append(self._equations(DiscretePath(tr, at.z), y))
+            by_time = (sides[0] - sides[1]) / (2 * h)
+            beside[:, 0] = by_time[:size]
+            below[0] = by_time
+            below[: self.timed + self.held, size] = by_time[size : size + self.timed + self.held]
             self._last = at.tr
-        return self.layout.kkt.sum(np.concatenate([K, below.ravel(), beside.T.ravel()]))
+        parts = [K, below.ravel(), beside.T.ravel(), *corners]
+        return self.layout.kkt.sum(np.concatenate(parts))
 
     def bend(self, y: Array) -> float:
         """Return d2S/d(log T)2 along the paths over fixed durations, in units of action.
@@ -302,7 +353,10 @@ def _borders(asked: Problem, tr: Transcription, z: Array, moves: Sequence[Move])
     B[: layout.unknowns] = left * root[:, None]
     # Coordinates that the start gives are conditions as far as they can be met by moving the path.
     pinned = [int(layout.number[0, i]) for i in asked.start.pinned]
-    held = _independent(directions[pinned]) if k else []
+    size = np.zeros(n)
+    np.maximum.at(size, layout.free % n, np.linalg.norm(directions, axis=1))
+    size = size[list(asked.start.pinned), None]
+    held = _independent(directions[pinned] / np.where(size > 0, size, 1.0)) if k else []
     for row, j in enumerate(held):
         i = asked.start.pinned[j]
         C[row, pinned[j]] = 1.0
@@ -317,12 +371,15 @@ def _borders(asked: Problem, tr: Transcription, z: Array, moves: Sequence[Move])
 
 
 def _independent(rows: Array) -> list[int]:
-    """Return which of the rows are independent, the largest first (Gram and Schmidt's way)."""
+    """Return which of the rows are independent, the largest first (Gram and Schmidt's way).
+
+    A coordinate that hardly moves at the start, beside elsewhere, does not say where that is.
+    """
     left, chosen = rows.copy(), []
     for _ in range(min(rows.shape)):
         norms = np.linalg.norm(left, axis=1)
         j = int(np.argmax(norms))
-        if not norms[j] > DISTINCT * np.linalg.norm(rows, axis=1).max():
+        if not norms[j] > SWIFT:
             break
         chosen.append(j)
         unit = left[j] / norms[j]

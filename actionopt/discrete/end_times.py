@@ -15,9 +15,9 @@ import numpy as np
 
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.mechanics.compiled import Pointwise
+from actionopt.mechanics.events import State
 from actionopt.mechanics.instants import Instant
 from actionopt.mechanics.jumps import across
-from actionopt.mechanics.problem import State
 from actionopt.mechanics.system import System
 from actionopt.tools.types import Array
 

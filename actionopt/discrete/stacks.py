@@ -24,6 +24,8 @@ from actionopt.mechanics.system import System
 from actionopt.tools.lobatto import Rule, Sampling, lgl
 from actionopt.tools.types import Array, NDInt
 
+PROGRAMS = "value", "gradient", "second", "slopes"
+
 # Numbers in the matrices, and in what is evaluated at once, of members that are worked on at a
 # time: so little memory, that is used again. Measured: half or twice as many take a tenth longer.
 MATRICES, VALUES = 2**20, 2**17
@@ -65,7 +67,6 @@ class Shape:
         stiffness = self.rule.stiffness.reshape(self.P, self.P, self.P)
         self.stiffness = stiffness[both][np.triu_indices(self.P)]
         self.upper = np.cumsum(np.r_[0, np.arange(self.P, 1, -1)]).tolist()
-        self.functions = functions(system)
         self._memory = np.empty(0)
 
     def on(self, mesh: Mesh) -> Shape:
@@ -221,6 +222,22 @@ class Stack:
         force += _work(self.shape.rule.weighted.T, momentum)
         return force
 
+    def slopes(self, Q: Array) -> dict[str, Array]:
+        """Return dS by the times of the events, "t0" and "t1" (C,), and by "parameters" (C, p).
+
+        As in `end_times`: nodes keep their relative times.
+        """
+        s, v = self.shape, self.velocities(Q)
+        L, p, by_time, by_parameters = self._evaluated("slopes", Q, v, self._at)
+        energy = (v * p).sum(axis=1) - L[:, 0]
+        stretch = -(self.weight * energy).sum(axis=(0, 1)) / self.duration
+        share, later = s.since[:, :, None], self.weight * by_time[:, 0]
+        return {
+            "t0": (later * (1 - share)).sum(axis=(0, 1)) - stretch,
+            "t1": (later * share).sum(axis=(0, 1)) + stretch,
+            "parameters": (self.weight[:, None] * by_parameters).sum(axis=(0, 2)).T,
+        }
+
     def second(self, Q: Array, nodes: Array | None = None) -> list[Array]:
         """Return the nonzeros of L_qq, L_qv and L_vv, (P, nonzeros, E, C), in units of unknowns.
 
@@ -263,7 +280,7 @@ class Stack:
         points, n, elements, members = q.shape
         count = elements * members
         inputs = q.reshape(points, n, count), v.reshape(points, n, count), *at
-        found = self.shape.functions[name](points, count, inputs)
+        found = program(self.shape.system, name)(points, count, inputs)
         return [x.reshape(points, -1, elements, members) for x in found]
 
     def coefficients(self, second: list[Array], shift: Array | None = None) -> list[Array]:
@@ -372,25 +389,27 @@ class Factored:
         return found
 
 
-def functions(system: System) -> dict[str, Columns]:
-    """Return what is evaluated of a system: L, its gradient, and its second derivatives.
+def program(system: System, name: str) -> Columns:
+    """Return what is evaluated of a system: L, its gradient, its second derivatives, or slopes.
 
-    Raises ValueError as `Columns` does.
+    These are L, its momenta, and its derivatives by the time and the parameters. Raises ValueError
+    as `Columns` does.
     """
 
-    def build() -> dict[str, Columns]:
+    def build() -> Columns:
         s, d = system.symbols, system.derivatives
-        outputs = {
-            "value": [system.L],
-            "gradient": [ca.densify(d.Lq), ca.densify(d.Lv)],
-            "second": [d.Lqq, d.Lqv, d.Lvv],
-        }
-        return {
-            name: Columns(ca.Function(name, [s.q, s.v, s.t, s.p], ca.cse(found)))
-            for name, found in outputs.items()
-        }
+        if name == "value":
+            found = [system.L]
+        elif name == "gradient":
+            found = [ca.densify(d.Lq), ca.densify(d.Lv)]
+        elif name == "second":
+            found = [d.Lqq, d.Lqv, d.Lvv]
+        else:
+            by = [ca.densify(ca.jacobian(system.L, x).T) for x in (s.t, s.p)]
+            found = [system.L, ca.densify(d.Lv), *by]
+        return Columns(ca.Function(name, [s.q, s.v, s.t, s.p], ca.cse(found)))
 
-    return system.made("columns", build)
+    return system.made(f"program {name}", build)
 
 
 def _eliminate(M: Array, count: int) -> Array:

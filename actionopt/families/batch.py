@@ -26,13 +26,13 @@ from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.mesh import MAX_DEGREE, Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import left_out
-from actionopt.discrete.stacks import Shape, functions
+from actionopt.discrete.stacks import PROGRAMS, Shape, Stack, program
 from actionopt.families.front import NEIGHBOURS, Front, squares, weights
-from actionopt.families.vary import led, moved
+from actionopt.families.vary import along, led, moved, place, slope
 from actionopt.mechanics.problem import Periodic, Problem
 from actionopt.solver.arguments import checked
 from actionopt.solver.iterate import LATE_TIME, SAFETY, UNKNOWN_GAIN, amplified, estimate, sizes
-from actionopt.solver.solve import FAMILY_NOISE, FAMILY_SUSPECTED, Guess, solve, solve_near
+from actionopt.solver.solve import FAMILY_NOISE, FAMILY_SUSPECTED, Guess, moving, solve, solve_near
 from actionopt.solver.together import Followed, follow
 from actionopt.solver.workspace import MEASURABLE
 from actionopt.tools.blas import one_thread
@@ -83,6 +83,9 @@ class Members:
     moved : (k,) array
         How far the path is from where its neighbours led to expect it, in its own size; NaN
         where they did not.
+    slopes : (k, columns) array
+        dS by each quantity that differs; NaN where S is no function of them alone, as with forces
+        that are not conservative.
     sheet : (k,) array of int
         The same for members that were reached from each other without a leap; -1 for others.
     meshes : tuple of Mesh
@@ -105,6 +108,7 @@ class Members:
     alone: NDInt
     neighbour: NDInt
     moved: Array
+    slopes: Array
     sheet: NDInt
     meshes: tuple[Mesh, ...]
     mesh: NDInt
@@ -190,17 +194,14 @@ class _Run:
         self.packed = np.tile(problem.packed, (k, 1))
         given = [[np.nan if x is None else x for x in e.q] for e in (problem.start, problem.end)]
         self.ends = np.tile(np.array(given), (k, 1, 1))
-        first = 0
-        for name, size in problem.system.table.shapes.items():
-            if name in self.columns and name not in ("t0", "t1"):
-                self.packed[:, first] = self.columns[name]
-            first += int(np.prod(size))
         for name, values in self.columns.items():
             if isinstance(name, tuple):
                 i = problem.system.coordinates.index(name[1])
                 self.ends[:, int(name[0] == "end"), i] = values
             elif name in ("t0", "t1"):
                 self.times[:, int(name == "t1")] = values
+            else:
+                self.packed[:, place(problem.system, name)] = values
         if not (self.times[:, 1] > self.times[:, 0]).all():
             i = int(np.argmin(self.times[:, 1] - self.times[:, 0]))
             raise ValueError(
@@ -213,6 +214,7 @@ class _Run:
         self.status = [Status.NOT_FOUND] * k
         self.action, self.error, self.moved = np.full((3, k), np.nan)
         self.error[:] = np.inf
+        self.slopes = np.full((k, len(self.columns)), np.nan)
         self.index, self.neighbour, self.mesh, self.sheet = np.full((4, k), -1)
         self.iterations = np.zeros(k, dtype=int)
         self.momenta = np.full((k, 2, n), np.nan)
@@ -229,8 +231,8 @@ class _Run:
         """Return them all."""
         return Members(
             tuple(self.status), self.action, self.error, self.index, self.momenta, self.times,
-            self.iterations, self.alone, self.neighbour, self.moved, self.sheet,
-            tuple(self.meshes), self.mesh, tuple(self.values), self.messages,
+            self.iterations, self.alone, self.neighbour, self.moved, self.slopes,
+            self.sheet, tuple(self.meshes), self.mesh, tuple(self.values), self.messages,
         )  # fmt: skip
 
     # -- the order -----------------------------------------------------------------------------
@@ -297,12 +299,14 @@ class _Run:
                 self.patience = min(self.patience + (1 if found.success else -1), PATIENCE)
             else:
                 found = solve_near(problem, guess, self.tol)
+            found = moving(found)
         except ValueError as error:
             self.messages[i] = str(error)
             return None
         self.status[i], self.action[i], self.error[i] = found.status, found.action, found.error
         self.iterations[i] += sum(found.stats["iterations"].values())
         self.momenta[i] = found.momenta
+        self.slopes[i] = along(found, self.columns)
         if self.counting and found.success:
             with suppress(ValueError):  # there is none
                 self.index[i] = found.morse_index
@@ -451,9 +455,25 @@ class _Run:
         self.momenta[i], self.decided[i], self.mesh[i] = found.momenta[good], True, at.number
         for j, row in zip(i.tolist(), found.Q[good], strict=True):
             self.status[j], self.values[j] = Status.SOLVED, row.T
+        if i.size:
+            self.slopes[i] = self._slopes(at.shape, i, found.Q[good])
         if self.counting:
             self._count(at, i, found.Q[good])
         return np.flatnonzero(sound & ~within)
+
+    def _slopes(self, shape: Shape, which: NDInt, Q: Array) -> Array:
+        """Return the derivatives of the actions of members by what differs, (C, columns)."""
+        p0, p1 = self.momenta[which].swapaxes(0, 1)
+        known = {"q0": -p0, "q1": p1}
+        if any(isinstance(name, str) for name in self.columns):
+            parts = []
+            for here in shape.parts(which.size):
+                i = which[here]
+                parts.append(
+                    Stack(shape, self.times[i], self.packed[i]).slopes(shape.local(Q[here]))
+                )
+            known |= {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+        return np.stack([slope(self.problem, known, name) for name in self.columns], axis=1)
 
     def _count(self, at: _Level, which: NDInt, Q: Array) -> None:
         """Count the indices of members, on finer meshes where neighbours of their paths need it."""
@@ -563,14 +583,15 @@ def _can_be_stacked(problem: Problem, times: Array) -> bool:
         system.m == system.r == 0
         and not structure.forced
         and problem.advance is None
-        and not (problem.has_tails or problem.is_infinite)
+        and not (problem.has_tails or problem.is_infinite or problem.on_surface)
         and system.n <= COORDINATES
     )
     late = structure.depends_on_time and bool(far.any())
     if not plain or late or system.switches is not None or system.clock is not None:
         return False
     try:
-        functions(system)
+        for name in PROGRAMS:
+            program(system, name)
     except ValueError:  # an instruction that there is no function of numpy's for
         return False
     return True

@@ -20,19 +20,21 @@ from actionopt.families.grid import Grid, said
 from actionopt.families.kept import Kept, find
 from actionopt.families.sheets import leapt, sheets
 from actionopt.families.task import Answers, solved
-from actionopt.mechanics.problem import Problem, State
+from actionopt.mechanics.events import State
+from actionopt.mechanics.problem import Problem
 from actionopt.solver.solve import Guess, solve
 from actionopt.tools.files import ready, whole
 from actionopt.tools.types import Array, NDInt
 
 UNREACHED = "UNREACHED"  # beside the names of `Status`, and REFUSED
-OVER_GRID = ("action", "error", "status", "momenta", "ends", "index")
+OVER_GRID = ("action", "error", "status", "momenta", "ends", "slopes", "index")
 LONG_NAMES = {
     "action": "action along the stationary path",
     "error": "estimated error of the path, in units of the coordinates' largest values",
     "status": "verdict",
     "momenta": "canonical momenta at the events",
     "ends": "coordinates at the events",
+    "slopes": "derivatives of the action by what varies",
     "index": "Morse index",
     "branch": "label of the members that hang together",
 }
@@ -62,6 +64,10 @@ class Runs:
         "UNREACHED" where the sweep was interrupted before.
     momenta, ends : (..., 2, n) arrays
         Momenta and coordinates at the two events; NaN where a member failed.
+    slopes : (..., k) array
+        Derivatives of S by each of the k quantities that vary (Hamilton and Jacobi: momenta, minus
+        the energy, ...); NaN where a member failed, or S is no function of them alone: with forces
+        that are not conservative, contact, or durations that are found.
     index : array of int or None
         Morse indices, if they were asked for; -1 where there is none.
     messages : dict of int to str
@@ -79,6 +85,7 @@ class Runs:
     status: Array
     momenta: Array
     ends: Array
+    slopes: Array
     index: NDInt | None
     messages: dict[int, str]
     kept: list[Kept] | None = field(repr=False)
@@ -97,6 +104,7 @@ class Runs:
             status=np.full(shape, UNREACHED, dtype=f"<U{longest}"),
             momenta=np.full((*shape, 2, n), np.nan),
             ends=np.full((*shape, 2, n), np.nan),
+            slopes=np.full((*shape, len(grid.names)), np.nan),
             index=np.full(shape, -1) if index else None,
             messages={},
             kept=[] if keep_paths else None,
@@ -156,26 +164,16 @@ class Runs:
 
         Neighbours are told apart where the index changes between them, or where the momenta at the
         ends (and coordinates that are free there) change several times as much as around, or the
-        action otherwise than the momenta say.
+        action otherwise than `slopes` say.
         """
         told = [self.momenta.reshape(*self.shape, -1)]
         for k, event in enumerate((self.problem.start, self.problem.end)):
             free = [i for i, x in enumerate(event.q) if x is None]
             told.append(self.ends[..., k, free])
-        return sheets(self.success, self.index, np.concatenate(told, axis=-1), self._leaps())
-
-    def _leaps(self) -> list[NDInt]:
-        """Return where the action leaps along each axis, as far as its derivative is known."""
-        found, coordinates = [], self.problem.system.coordinates
-        S = np.where(self.success, self.action, np.nan)
-        for axis, name in enumerate(self.grid.names if not self.grid.zipped else ()):
-            if isinstance(name, tuple):
-                i, last = coordinates.index(name[1]), name[0] == "end"
-                slope = self.momenta[..., int(last), i] * (1 if last else -1)
-                found.append(leapt(S, slope, self.grid.values[axis], axis))
-            else:
-                found.append(np.zeros(1, dtype=bool))
-        return found
+        S, leaps = np.where(self.success, self.action, np.nan), []
+        for axis, row in enumerate(self.grid.values if not self.grid.zipped else ()):
+            leaps.append(leapt(S, self.slopes[..., axis], row, axis))
+        return sheets(self.success, self.index, np.concatenate(told, axis=-1), leaps)
 
     def solution(self, *at: int) -> Solution:
         """Return the member at a place in the grid as a full solution.
@@ -303,7 +301,7 @@ class Runs:
         """Return the arrays as an xarray.Dataset, whose `to_netcdf` and `to_zarr` write them.
 
         Dimensions are named after what varies ("end.x" for a coordinate of the end), "member" where
-        values were zipped, and behind them "event" and "coordinate".
+        values were zipped, and behind them "event" and "coordinate", or "quantity".
 
         Parameters
         ----------
@@ -320,7 +318,8 @@ class Runs:
         grid, system = self.grid, self.problem.system
         names = [said(name) for name in grid.names]
         dims = ["member"] if grid.zipped else names
-        behind = {"momenta": ["event", "coordinate"], "ends": ["event", "coordinate"]}
+        at_events = ["event", "coordinate"]
+        behind = {"momenta": at_events, "ends": at_events, "slopes": ["quantity"]}
         found: dict[str, Any] = {
             name: (dims + behind.get(name, []), getattr(self, name))
             for name in OVER_GRID
@@ -329,7 +328,9 @@ class Runs:
         found["branch"] = dims, self.branch
         rows = zip(names, grid.values, strict=True)
         along = {name: ("member" if grid.zipped else name, row) for name, row in rows}
-        coordinates = {"event": ["start", "end"], "coordinate": list(system.coordinates)}
+        coordinates = {
+            "event": ["start", "end"], "coordinate": list(system.coordinates), "quantity": names
+        }  # fmt: skip
         known = self.problem.parameters.items()
         given = {f"parameter {name}": x.ravel() for name, x in known if name not in names}
         about = {"system": self.problem.name, "law": system.source, "tol": self.tol, **self.stats}

@@ -82,18 +82,18 @@ def sheets(solved: NDInt, index: NDInt | None, told: Array, leaps: Sequence[NDIn
     return labels.reshape(solved.shape)
 
 
-def leapt(action: Array, momentum: Array, values: Array, axis: int) -> NDInt:
-    """Return where the action leaps along an axis whose `values` are those of a coordinate.
+def leapt(action: Array, slopes: Array, values: Array, axis: int) -> NDInt:
+    """Return where the action leaps along an axis of these `values`.
 
-    `momentum` is its derivative by them. Between two members it changes by the integral of the
-    momentum, which lies between those of both; where the momentum turns, a little beside.
+    `slopes` are its derivatives by them. Between two members it changes by the integral of the
+    slope, which lies between those of both; where the slope turns, a little beside.
     """
-    S, p = (np.moveaxis(x, axis, -1) for x in (action, momentum))
+    S, p = (np.moveaxis(x, axis, -1) for x in (action, slopes))
     h = np.diff(values)
     turn = np.abs(np.diff(p))
     around = np.full((2, *turn.shape), np.nan)
     around[0][..., 1:], around[1][..., :-1] = turn[..., :-1], turn[..., 1:]
-    allowed = np.abs(h) * (turn / 2 + np.nan_to_num(np.fmin(*around)) / 4)
+    allowed = np.abs(h) * (turn / 2 + np.fmin(*around) / 4)  # NaN: two members tell nothing
     off = np.abs(np.diff(S) - h * (p[..., 1:] + p[..., :-1]) / 2)
     known = S[np.isfinite(S)]
     return np.moveaxis(off > allowed + UNSEEN * (np.ptp(known) if known.size else 0.0), -1, axis)

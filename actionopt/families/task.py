@@ -13,10 +13,11 @@ from actionopt.analysis.status import Status
 from actionopt.discrete.path import Path
 from actionopt.families.batch import solve_run
 from actionopt.families.kept import Kept
-from actionopt.families.vary import Name, moved
+from actionopt.families.vary import Name, along, moved
 from actionopt.families.walk import walk
 from actionopt.mechanics.problem import Problem
-from actionopt.solver.solve import Guess, solve
+from actionopt.solver.solve import Guess, moving, solve
+from actionopt.tools.memory import keep_memory
 from actionopt.tools.types import Array, NDInt
 
 Answers = dict[str, Array]
@@ -52,6 +53,7 @@ def work(
     options : tuple
         `tol`, and whether to count indices and to keep paths.
     """
+    keep_memory()
     problem = pickle.loads(question)
     return solved(problem, members, columns, begun(problem, columns, seed, options[0]), options)
 
@@ -64,7 +66,7 @@ def begun(
     path = None if seed is None else walk(problem, *seed[:2], first, seed.distance, tol)
     if path is None:
         with suppress(ValueError):
-            found = solve(moved(problem, first), tol=tol, throw=False)
+            found = moving(solve(moved(problem, first), tol=tol, throw=False))
             path = found.path if found.success else None
     return seed.path if path is None and seed is not None else path
 
@@ -78,11 +80,11 @@ def solved(
 ) -> Answers:
     """Return what comes of members of a problem that is here, the first of them near `guess`."""
     (tol, index, keep_paths), k, n = options, len(members), problem.system.n
-    if problem.free_time or problem.is_infinite:
+    if problem.free_time or problem.is_infinite or problem.on_surface:
         return _one_by_one(problem, members, columns, guess, options)
     t0, t1 = columns.get("t0", problem.start.t), columns.get("t1", problem.end.t)
     late = np.broadcast_to(np.less(t0, t1), k)
-    answers = _refused(members, n, alone=0)
+    answers = _refused(members, n, len(columns), alone=0)
     if index:
         answers["index"] = np.full(k, -1)
     messages, paths = {i: _refusal(problem, columns, i) for i in np.flatnonzero(~late).tolist()}, {}
@@ -96,7 +98,7 @@ def solved(
         ]
         answers["error"][tried] = found.error
         good = found.success
-        for name in ("action", "momenta", "index") if index else ("action", "momenta"):
+        for name in ("action", "momenta", "slopes", *(("index",) if index else ())):
             answers[name][tried[good]] = getattr(found, name)[good]
         for j in np.flatnonzero(good).tolist():
             answers["ends"][tried[j]] = found.values[j][:, [0, -1]].T
@@ -110,7 +112,7 @@ def solved(
     return answers
 
 
-def _refused(members: NDInt, n: int, alone: int) -> Answers:
+def _refused(members: NDInt, n: int, columns: int, alone: int) -> Answers:
     """Return the answers of members of which none is solved yet."""
     k, width = len(members), max(map(len, [REFUSED, *Status.__members__]))
     return {
@@ -120,6 +122,7 @@ def _refused(members: NDInt, n: int, alone: int) -> Answers:
         "error": np.full(k, np.inf),
         "momenta": np.full((k, 2, n), np.nan),
         "ends": np.full((k, 2, n), np.nan),
+        "slopes": np.full((k, columns), np.nan),
         "iterations": np.array(0),
         "alone": np.array(alone),
     }
@@ -132,19 +135,19 @@ def _one_by_one(
     guess: Guess | None,
     options: tuple[float, bool, bool],
 ) -> Answers:
-    """Return the same of members with durations or windows to be found, each near the last one."""
+    """Return the same of members with more than a path to be found, each near the last one."""
     tol, index, _ = options
     k, n = len(members), problem.system.n
-    answers = _refused(members, n, alone=k)
+    answers = _refused(members, n, len(columns), alone=k)
     if index:
         answers["index"] = np.full(k, -1)
     messages, paths = {}, {}
     for j in range(k):
         try:
             mine = moved(problem, {name: float(row[j]) for name, row in columns.items()})
-            found = solve(mine, guess=guess, tol=tol, throw=False)
+            found = moving(solve(mine, guess=guess, tol=tol, throw=False))
             if not found.success and guess is not None:
-                found = solve(mine, tol=tol, throw=False)
+                found = moving(solve(mine, tol=tol, throw=False))
         except ValueError as error:
             messages[int(members[j])] = str(error)
             continue
@@ -155,6 +158,7 @@ def _one_by_one(
         guess = paths[int(members[j])] = found.path
         answers["action"][j], answers["error"][j] = found.action, found.error
         answers["momenta"][j] = np.stack(found.momenta)
+        answers["slopes"][j] = along(found, columns)
         answers["ends"][j] = found.path.values[:, [0, -1]].T
         if index:
             answers["index"][j] = found.morse_index

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
+from actionopt.analysis.sensitivity import slopes
+from actionopt.analysis.solution import Solution
 from actionopt.discrete.bordered import over
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Event, Periodic, Problem, Tail
+from actionopt.mechanics.system import System
+from actionopt.tools.types import Array
 
 Name = str | tuple[str, str]
 
@@ -89,13 +93,46 @@ def moved(problem: Problem, values: Mapping[Name, float]) -> Problem:
     )
 
 
+def place(system: System, name: str) -> int:
+    """Return where a parameter of one number stands in the packed row of all."""
+    shapes = system.table.shapes
+    before = list(shapes)[: list(shapes).index(name)]
+    return sum(int(np.prod(shapes[other])) for other in before)
+
+
+def slope(problem: Problem, known: Mapping[str, Array], name: Name) -> Array:
+    """Return dS by a quantity, from those by all events and parameters, named as by `slopes`."""
+    system = problem.system
+    if not isinstance(name, tuple):
+        return (
+            known[name] if name in ("t0", "t1") else known["parameters"][..., place(system, name)]
+        )
+    i = system.coordinates.index(name[1])
+    if isinstance(problem.end, Periodic):  # it moves along
+        return known["q0"][..., i] + known["q1"][..., i]
+    return known["q0" if name[0] == "start" else "q1"][..., i]
+
+
+def along(solution: Solution, names: Iterable[Name]) -> list[float]:
+    """Return dS by quantities; NaN where S is no function of them alone.
+
+    With forces that are not conservative, contact, or durations that are found.
+    """
+    problem, names = solution.problem, list(names)
+    forced, free_time = problem.system.structure.forced, (problem.asked or problem).free_time
+    if forced or problem.system.r or free_time or not solution.success:
+        return [np.nan] * len(names)
+    known = slopes(solution.discrete, solution.momenta)
+    return [float(slope(problem, known, name)) for name in names]
+
+
 def _event(old: Event, t: float, q: list[float | None]) -> Event:
     """Return an event of the same kind at another time and place."""
     if isinstance(old, Periodic):
         return old.at(t)
     if isinstance(old, Tail):
         return Tail(t, np.array(q, dtype=float), old.side, old.phase)
-    return Event(t, q)
+    return Event(t, q, on=old.on)
 
 
 def led(path: Path, problem: Problem) -> Path:

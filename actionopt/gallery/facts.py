@@ -18,6 +18,7 @@ from actionopt.tools.types import Array
 from actionopt.tools.words import say
 
 DIGITS = 10
+CONTACT = "contact_begin", "contact_end", "contact_force"  # numbers that are compared
 ROUNDING = 1e-9  # what is smaller than this part of a size is zero
 
 
@@ -42,7 +43,8 @@ class Known:
 def known(subject: Subject) -> list[Known]:
     """Return all that the scene's facts say, compared with the solution."""
     rows: list[Known] = []
-    for part in (_path, _action, _energy, _index, _rates, _conserved, _start, _twin, _others):
+    motion = _path, _action, _energy, _index, _rates, _conserved, _start, _contact
+    for part in (*motion, _twin, _others):
         rows += part(subject)
     return rows
 
@@ -118,6 +120,18 @@ def _start(s: Subject) -> Rows:
         yield _curve("velocity at the start", np.array(start.v), s.solution.start.v)
 
 
+def _contact(s: Subject) -> Rows:
+    """Of one part in contact, as long as the force is one number."""
+    if not s.touches:
+        return
+    numbers, (arc, *_) = s.scene.facts.numbers, s.solution.contacts
+    force = s.solution.contact_force((arc.begin + arc.end) / 2)[arc.row]
+    for name, found in zip(CONTACT, (arc.begin, arc.end, float(force)), strict=True):
+        if name in numbers:
+            what, unit = name.replace("_", " "), units.html(units.FACTS[name])
+            yield _numbers(what, numbers[name], found, unit)
+
+
 def _twin(s: Subject) -> Rows:
     facts = s.scene.facts
     if not (facts.twin and facts.gauge):
@@ -137,6 +151,8 @@ def _twin(s: Subject) -> Rows:
 
 def _others(s: Subject) -> Rows:
     for name, value in s.scene.facts.numbers.items():
+        if name in CONTACT:
+            continue
         unit = units.html(units.FACTS.get(name, ""))
         yield Known(name.replace("_", " "), f"{number(float(value), DIGITS)} {unit}", "")
 

@@ -15,7 +15,7 @@ from actionopt.plot import SI
 from actionopt.plot.data.fan import aligned
 from actionopt.tools.words import say
 
-Rule = tuple[Callable[[Subject], bool], str]
+Rule = tuple[Callable[[Subject], bool], str | None]  # None for a figure nobody misses
 
 
 ONE, BOTH = (6.4, 4.4), (10.4, 4.4)  # inches: of one figure, and of two side by side
@@ -89,6 +89,8 @@ def figures(subject: Subject) -> tuple[dict[str, list[Figure]], list[tuple[str, 
     without = []
     for title, part, unless, made in KINDS:
         reason = next((why for holds, why in unless if holds(subject)), "")
+        if reason is None:
+            continue
         if not reason:
             try:
                 drawn[part].append(made(subject))
@@ -122,6 +124,15 @@ HELD: Rule = (
     lambda s: bool(s.solution.problem.system.m),
     "Fronts need places all around the path, and a constraint leaves only a surface.",
 )
+TOUCHING: Rule = (
+    lambda s: s.touches,
+    "Where a path touches an obstacle, there are neighbours on one side of it only.",
+)
+ALONG: Rule = (
+    lambda s: s.touches,
+    "A motion from its start knows of no obstacle, and leaves the path where they meet.",
+)
+NOTHING: Rule = (lambda s: not s.touches, None)
 
 
 # -- figures ---------------------------------------------------------------------------------
@@ -157,7 +168,7 @@ def _kind(
     return add
 
 
-@_kind("The path among its neighbours", PRINCIPLE, FORCED, CROWDED)
+@_kind("The path among its neighbours", PRINCIPLE, FORCED, TOUCHING, CROWDED)
 def _bundle(s: Subject, figure: Any) -> tuple[str, str]:
     plot.bundle(s.solution, figure.subplots(), units=SI)
     rise = plot.bundle_data(s.solution).rise
@@ -184,7 +195,7 @@ def _bundle(s: Subject, figure: Any) -> tuple[str, str]:
     )
 
 
-@_kind("The action along two variations", PRINCIPLE, FORCED, SEVERAL)
+@_kind("The action along two variations", PRINCIPLE, FORCED, TOUCHING, SEVERAL)
 def _slices(s: Subject, figure: Any) -> tuple[str, str]:
     plot.slices(s.solution, figure.subplots(), units=SI)
     least = s.solution.kind == "minimum"
@@ -202,7 +213,7 @@ def _slices(s: Subject, figure: Any) -> tuple[str, str]:
     )  # fmt: skip
 
 
-@_kind("The action as a landscape", PRINCIPLE, FORCED)
+@_kind("The action as a landscape", PRINCIPLE, FORCED, TOUCHING)
 def _landscape(s: Subject, figure: Any) -> tuple[str, str]:
     plot.landscape(s.solution, figure.subplots(), units=SI)
     rise = plot.landscape_data(s.solution).rise
@@ -224,7 +235,7 @@ def _index(s: Subject) -> str:
     return say("The path is a {kind} of Morse index {index}.", kind=kind, index=index)
 
 
-@_kind("Paths from one event", PRINCIPLE, FORCED, CROWDED)
+@_kind("Paths from one event", PRINCIPLE, FORCED, TOUCHING, CROWDED)
 def _fan(s: Subject, figure: Any) -> tuple[str, str]:
     plot.fan(s.solution, figure.subplots(), units=SI)
     data = plot.fan_data(s.solution)
@@ -244,7 +255,7 @@ def _fan(s: Subject, figure: Any) -> tuple[str, str]:
     )
 
 
-@_kind("The second variation as the path grows", PRINCIPLE, FORCED)
+@_kind("The second variation as the path grows", PRINCIPLE, FORCED, TOUCHING)
 def _spectrum(s: Subject, figure: Any) -> tuple[str, str]:
     plot.spectrum(s.solution, figure.subplots(), units=SI)
     index = s.solution.morse_index
@@ -268,6 +279,22 @@ def _motion(s: Subject, figure: Any) -> tuple[str, str]:
     alt = say("{title}, at nine equal times {motion}.", title=say(s.scene.title), motion=s.motion)
     step = number(s.duration / 8, 3)
     return alt, say("{step} s from each picture to the next.", step=step)
+
+
+@_kind("The obstacle, and what it presses with", MOTION, NOTHING, size=(6.4, 6.0))
+def _contact(s: Subject, figure: Any) -> tuple[str, str]:
+    plot.overview(s.solution, figure.subplots(2, height_ratios=(3, 2)), units=SI)
+    parts = ", ".join(
+        say("from {a} to {b} s", a=rounded(arc.begin), b=rounded(arc.end))
+        for arc in s.solution.contacts
+    )
+    most = rounded(float(s.solution.contact_force(s.t).max()))
+    alt = say(
+        "Above, the path {motion}; below, the contact force against time, {most} at most; contact "
+        "{parts}.",
+        motion=s.motion, most=most, parts=parts,
+    )  # fmt: skip
+    return alt, say("Contact {parts}; elsewhere the force is zero.", parts=parts)
 
 
 @_kind("Kinetic and potential energy", MOTION, DRAG, MOVING)
@@ -309,7 +336,7 @@ def _conserved(s: Subject, figure: Any) -> tuple[str, str]:
     return alt, say("H {span}.", span=span(data.energy, "J"))
 
 
-@_kind("Fronts of equal action", MOTION, FORCED, CROWDED, HELD)
+@_kind("Fronts of equal action", MOTION, FORCED, TOUCHING, CROWDED, HELD)
 def _fronts(s: Subject, figure: Any) -> tuple[str, str]:
     plot.wavefronts(s.solution, figure.subplots(), units=SI)
     alt = say(
@@ -341,7 +368,7 @@ def fronts_caption(s: Subject) -> str:
     return say(_FRONTS["along" if aligned(s.solution.momentum(s.t), s.v) else "askew"])
 
 
-@_kind("The path, and the motion integrated forward", CHECK, size=(6.4, 6.0))
+@_kind("The path, and the motion integrated forward", CHECK, ALONG, size=(6.4, 6.0))
 def _path(s: Subject, figure: Any) -> tuple[str, str]:
     plot.overview(s.solution, figure.subplots(2, height_ratios=(3, 2)), units=SI)
     found = s.solution.compare()

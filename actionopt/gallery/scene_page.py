@@ -31,7 +31,12 @@ solution = ao.solve(scene.problem, tol=1e-10, guess=scene.guess)
 
 print("action", solution.action, "J s, error of the path", solution.error)
 print("momenta", *solution.momenta)
-print("forward integration leads elsewhere by", solution.compare().position)
+"""
+COMPARED = 'print("forward integration leads elsewhere by", solution.compare().position)\n'
+TOUCHED = """\
+for part in solution.contacts:
+    force = solution.contact_force((part.begin + part.end) / 2)
+    print("contact from", part.begin, "to", part.end, "with the force", force[part.row])
 """
 _RATE = "<mfrac><mi>d</mi><mrow><mi>d</mi><mi>t</mi></mrow></mfrac>"
 _PART = "<mfrac><mrow><mo>&#x2202;</mo>{}</mrow><mrow><mo>&#x2202;</mo>{}</mrow></mfrac>"
@@ -47,6 +52,11 @@ LAWS = {  # as MathML, what each equation of motion is an instance of
             "d/dt dL/dq' = dL/dq + lambda df/dq",
             "<mo>+</mo><mi>&#x3BB;</mi>" + _PART.format("<mi>f</mi>", "<mi>q</mi>"),
         ),
+        (
+            "touching",
+            "d/dt dL/dq' = dL/dq - nu df/dq",
+            "<mo>&#x2212;</mo><mi>&#x3BD;</mi>" + _PART.format("<mi>f</mi>", "<mi>q</mi>"),
+        ),
         ("forced", "d/dt dL/dq' = dL/dq + Q", "<mo>+</mo><mi>Q</mi>"),
     )
 }
@@ -61,7 +71,7 @@ VERDICT = 'print("a", solution.kind, "of the action, index", solution.morse_inde
 def scene_page(name: str) -> Page:
     """Return the page of the scene `name`."""
     scene, words = scenes.get(name), texts(name)
-    program, output, solution = run(name, scene.problem.system.structure.forced)
+    program, output, solution = run(scene)
     s = Subject(scene, solution)
     drawn, without = figures(s)
     title = said(scene.title)[0].upper() + said(scene.title)[1:]
@@ -84,11 +94,7 @@ def scene_page(name: str) -> Page:
 </div>
 {film.film(s)}
 </section>
-<section><h2>{say("The path under your hand")}</h2>
-<p class="section-note">{say(LIVE)}</p>
-{figure(solution.problem, solution, units=SI, draw=scene.draw)}
-</section>
-<section><h2>{say("The principle, and the equation of motion")}</h2>
+{_live(s)}<section><h2>{say("The principle, and the equation of motion")}</h2>
 {_principle(s, words)}
 <div class="columns">
 {_parameters(s)}
@@ -127,6 +133,17 @@ def said(text: str) -> str:
     return say(" ".join(text.split())) if text else ""
 
 
+def _live(s: Subject) -> str:
+    """Return the path to be drawn by hand; nothing along an obstacle, which that does not know."""
+    if s.touches:
+        return ""
+    return f"""<section><h2>{say("The path under your hand")}</h2>
+<p class="section-note">{say(LIVE)}</p>
+{figure(s.solution.problem, s.solution, units=SI, draw=s.scene.draw)}
+</section>
+"""
+
+
 def _section(title: str, before: str, drawn: list[Figure]) -> str:
     if not drawn and not before:
         return ""
@@ -147,10 +164,17 @@ def _principle(s: Subject, words: Texts) -> str:
         "held": "Of all paths between the two events that keep the constraint the motion makes the "
         "action stationary. With a multiplier for the constraint, whose gradient is the direction "
         "of its force, for each coordinate",
+        "touching": "Of all paths between the two events that keep outside of the obstacle this "
+        "one makes the action least. Where it touches, f = 0, the obstacle presses with a force "
+        "that is not negative, along the gradient of f; elsewhere there is none. For each "
+        "coordinate",
         "forced": "A force Q that no potential gives stands beside the Lagrangian in the "
         "equations of Lagrange and d'Alembert. For each coordinate",
     }
-    which = "forced" if s.forced else "held" if system.m else "least"
+    which = "forced" if s.forced else "held" if system.m else "touching" if s.touches else "least"
+    beside = say("This gives the equations beside.")
+    if s.touches:
+        beside = say("This gives the equations beside, where nothing is touched.")
     rows = equations(system, system.table)
     scalars = {*system.coordinates, *system.parameters}
     written = [
@@ -165,7 +189,7 @@ def _principle(s: Subject, words: Texts) -> str:
     return (
         f'<div class="columns principle"><div>{_formulas(s, words)}<p>{say(text[which])}</p>'
         f'<div class="formula">{LAWS[which]}</div>'
-        f"<p>{say('This gives the equations beside.')}</p></div>"
+        f"<p>{beside}</p></div>"
         f'<div class="motions">{"".join(written)}</div></div>'
     )
 
@@ -190,12 +214,14 @@ def _beside(s: Subject) -> str:
     )
 
 
-def run(name: str, forced: bool) -> tuple[str, str, Solution]:
+def run(scene: scenes.Scene) -> tuple[str, str, Solution]:
     """Run the program of a scene; return it, what it printed, and its solution."""
-    program = PROGRAM.format(name=name) + ("" if forced else VERDICT)
+    system = scene.problem.system
+    program = PROGRAM.format(name=scene.name) + (TOUCHED if system.r else COMPARED)
+    program += "" if system.structure.forced else VERDICT
     output, names = io.StringIO(), {}
     with redirect_stdout(output):
-        exec(compile(program, f"<{name}>", "exec"), names)
+        exec(compile(program, f"<{scene.name}>", "exec"), names)
     return program, output.getvalue(), names["solution"]
 
 
@@ -207,6 +233,8 @@ def tags(s: Subject) -> tuple[str, ...]:
         found.append(_count(system.m, "1 constraint", "{count} constraints"))
     if system.structure.depends_on_time:
         found.append(say("depends on time"))
+    if s.touches:
+        found.append(say("touches an obstacle"))
     return (*found, say("drag") if s.forced else s.verdict)
 
 
@@ -268,15 +296,11 @@ def _known(s: Subject) -> str:
 def _found(s: Subject) -> str:
     solution = s.solution
     names, (p0, p1) = solution.problem.system.coordinates, solution.momenta
-    comparison = solution.compare()
     H = solution.energy(s.t)
     rows = [
         (say("action S"), f"{number(solution.action, 12)} J s"),
         (say("estimated error of the path, relative"), number(solution.error, 2)),
-        (
-            say("deviation of forward integration, relative"),
-            escape(comparison.reason) or number(comparison.position, 2),
-        ),
+        *([] if s.touches else [_deviation(solution)]),
         (say("energy function H at the start and the end"), _pair(H[0], H[-1], "J")),
         *(
             (
@@ -295,6 +319,12 @@ def _found(s: Subject) -> str:
         ),
     ]  # fmt: skip
     return table(say("Found from the path"), ("", say("value")), rows, kind="numbers")
+
+
+def _deviation(solution: Solution) -> tuple[str, str]:
+    comparison = solution.compare()
+    what = say("deviation of forward integration, relative")
+    return what, escape(comparison.reason) or number(comparison.position, 2)
 
 
 def _pair(a: float, b: float, unit: str) -> str:

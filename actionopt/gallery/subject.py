@@ -33,6 +33,11 @@ class Subject:
         return self.solution.problem.system.structure.forced
 
     @property
+    def touches(self) -> bool:
+        """Whether the path is in contact with an obstacle."""
+        return bool(self.solution.contacts)
+
+    @property
     def freedom(self) -> int:
         """Degrees of freedom."""
         return self.solution.problem.system.degrees_of_freedom
@@ -82,8 +87,11 @@ class Subject:
 
     @cached_property
     def conjugate(self) -> tuple[ConjugatePoint, ...]:
-        """Times conjugate to the start, up to the end; none where there is no functional."""
-        return () if self.forced else conjugate_points(self.solution)
+        """Times conjugate to the start, up to the end; none where there is no functional.
+
+        Nor along an obstacle, whose neighbours lie to one side.
+        """
+        return () if self.forced or self.touches else conjugate_points(self.solution)
 
     @property
     def verdict(self) -> str:

@@ -15,13 +15,17 @@ UNITS = {
 OWN = {
     "drag_quadratic": {"c": "kg/m"},
     "oscillator_gauge": {"c": "kg/s^2"},
+    "chain_on_floor": {"c": "m"},
     "light_around_star": {"M": "m"},
     "brachistochrone": {"h": "m"},
+    "descent_to_wall": {"h": "m", "lean": "rad"},
     "exit_path": {"w": "rad/s", "a": "m", "beta": ""},
     "great_ellipse": {"a": "m", "b": "m"},
     "fish_eye": {"a": "m"},
     "kink": {"a": "m"},
+    "mirage": {"h": "m", "low": "m", "first": "m", "last": "m"},
     "henon_heiles": {"a": "m"},
+    "lyapunov_orbit": {"D": "m"},
     "vacuum_decay": {"a": "m", "b": ""},
     "zermelo": {"w": "rad/m"},
     "screw": {"c": "rad/m", "k": "J"},
@@ -33,7 +37,8 @@ FACTS = {
     "oscillation": "rad/s", "spin": "rad/s", "block_acceleration": "m/s^2",
     "rolling_acceleration": "m/s^2", "wedge_acceleration": "m/s^2", "friction": "N",
     "period_action": "J s", "fall_time": "s", "waist": "m", "area": "m^2", "whole_action": "J s",
-    "high_duration": "s", "other_duration": "s",
+    "high_duration": "s", "other_duration": "s", "contact_begin": "s", "contact_end": "s",
+    "contact_force": "m/s^2", "direct_length": "m", "mirage_length": "m",
 }  # fmt: skip
 
 

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt.mechanics.compiled import Pointwise
+from actionopt.mechanics.events import State
 from actionopt.mechanics.instants import INTERVALS, Instant, merged
-from actionopt.mechanics.problem import State
 from actionopt.mechanics.system import System
 from actionopt.mechanics.tracing import is_smooth
 from actionopt.tools.lobatto import lgl

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, NamedTuple, Never
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
+from actionopt.mechanics.events import Event, Periodic, Tail
+from actionopt.mechanics.identity import general_points
 from actionopt.mechanics.instants import Instant, instants
 from actionopt.mechanics.obstacle import check_outside, check_rows
 from actionopt.mechanics.rest import Rest, rest
+from actionopt.mechanics.surface import settled, widened
 from actionopt.mechanics.system import System
-from actionopt.tools.checks import items, number, numbers
+from actionopt.tools.checks import number
 from actionopt.tools.types import Array
 
 # What the solver measures coordinates in. Ad hoc: a unit need not be right but in its order of
@@ -33,232 +35,6 @@ SHORTEST_DURATION, LONGEST_DURATION = 1e-100, 1e100
 # How far, relative to the surface's own scale, an event may lie off it: numbers that a user writes
 # with nine digits lie on it. Ad hoc.
 SURFACE_TOLERANCE = 1e-8
-
-
-@dataclass(frozen=True, eq=False)
-class Event:
-    """A point of configuration space-time: a time and the coordinates there.
-
-    Parameters
-    ----------
-    t : float or None
-        Time; None leaves it free, and the energy function H is that of the problem there. With
-        -math.inf at the start the path comes from the equilibrium q, with math.inf at the end it
-        tends to it: a saddle of the equations of motion, along its unstable or stable manifold.
-    q : sequence of n numbers or None, or None
-        Coordinates; None leaves that coordinate free, and the natural condition p = 0 holds. None
-        in place of them all leaves every one free: how many there are, the system says.
-
-    Raises
-    ------
-    ValueError
-        If the time or a coordinate is no number, the coordinates are not finite, or in a set or a
-        mapping, which have no order, or one is free at infinite time.
-    TypeError
-        For further arguments: a velocity cannot be given; see `actionopt.integrate`.
-    """
-
-    t: float
-    q: tuple[float | None, ...]
-
-    def __init__(
-        self,
-        t: float | None,
-        q: Sequence[float | None] | ArrayLike | None,
-        *others: Never,
-        **named: Never,
-    ) -> None:
-        if others or named:
-            found = [*map(repr, others), *(f"{name}={x!r}" for name, x in named.items())]
-            raise TypeError(
-                "expected Event(t, q), a time and the coordinates there, found also "
-                f"{', '.join(found)}; None leaves a coordinate free, and a motion from initial "
-                "values is actionopt.integrate(system, State(t, q, v), t_end)"
-            )
-        # A time that is free is None: it is known before anything reckons with it.
-        infinite = isinstance(t, float) and math.isinf(t)
-        known = t if t is None or infinite else number(t, "the time of an event")
-        object.__setattr__(self, "t", known)
-        given = () if q is None else items(q, "the coordinates of an event")
-        row = tuple(
-            None if x is None else number(x, f"coordinate {i} of an event")
-            for i, x in enumerate(given)
-        )
-        # They are None until a problem knows how many there are.
-        object.__setattr__(self, "q", None if q is None else row)
-        if infinite and (q is None or None in row):
-            raise ValueError(
-                "expected all coordinates of the equilibrium at infinite time, found "
-                f"{None if q is None else list(row)}; give the numbers, or a finite time"
-            )
-
-    @property
-    def near(self) -> tuple[float | None, ...]:
-        """The coordinates as far as they are known: those given, or of the equilibrium."""
-        return self.q
-
-    @property
-    def pinned(self) -> tuple[int, ...]:
-        """Indices of the coordinates that are given."""
-        return tuple(i for i, x in enumerate(self.q or ()) if x is not None)
-
-    def at(self, t: float | None) -> Event:
-        """Return the same event at another time."""
-        return Event(t, self.q)
-
-    def shifted(self, by: Sequence[float] | ArrayLike) -> Event:
-        """Return the same event with its coordinates farther by `by` (n,); free ones stay so."""
-        if self.q is None:
-            return self
-        pairs = zip(self.q, items(by, "a shift of an event"), strict=True)
-        return Event(self.t, [None if x is None else x + d for x, d in pairs])
-
-
-@dataclass(frozen=True, eq=False)
-class Periodic(Event):
-    """The end of a path that closes: q(t1) = q(t0) + advance, and p(t1) = p(t0).
-
-    A path without a clock may start anywhere along itself: a coordinate that the start gives says
-    where. (With a clock that coordinate returns, and its momentum is left alone.)
-
-    Parameters
-    ----------
-    t : float or None
-        Time; None leaves the period to be found, from the energy of the problem.
-    advance : sequence of n numbers, optional
-        Whole turns of coordinates that are angles, say; zero if None.
-
-    Raises
-    ------
-    ValueError
-        If a number is not finite.
-
-    Examples
-    --------
-    >>> end = Periodic(2.0, advance=[0.0, 6.5]).after(Event(0.0, [None, 0.5]))
-    >>> end.q
-    (None, 7.0)
-    """
-
-    advance: tuple[float, ...] | None
-
-    def __init__(self, t: float | None, advance: Sequence[float] | ArrayLike | None = None) -> None:
-        super().__init__(t, [])
-        given = () if advance is None else items(advance, "the advance of a periodic end")
-        row = tuple(number(x, f"advance {i} of a periodic end") for i, x in enumerate(given))
-        object.__setattr__(self, "advance", None if advance is None else row)
-
-    def after(self, start: Event) -> Periodic:
-        """Return the end of a path from `start`, with its coordinates."""
-        n = len(start.q)
-        advance = (0.0,) * n if self.advance is None else self.advance
-        if len(advance) != n:
-            raise ValueError(f"expected the advance of {n} coordinates, found {len(advance)}")
-        end = Periodic(self.t, advance)
-        pairs = zip(start.q, advance, strict=True)
-        object.__setattr__(end, "q", tuple(None if x is None else x + a for x, a in pairs))
-        return end
-
-    def at(self, t: float | None) -> Periodic:
-        """Return the end of a path that closes at another time; a problem gives it coordinates."""
-        return Periodic(t, self.advance)
-
-    def shifted(self, by: Sequence[float] | ArrayLike) -> Periodic:
-        """Return the end of a path that advances by `by` (n,) more."""
-        row = np.array(items(by, "a shift of an event"), dtype=float)
-        return Periodic(self.t, row if self.advance is None else self.advance + row)
-
-
-class Phase(NamedTuple):
-    """What chooses one of the paths that differ by a shift of time: normal . (q - center) = 0 at t.
-
-    `weight` is in units of action.
-    """
-
-    t: float
-    normal: tuple[float, ...]
-    center: tuple[float, ...]
-    weight: float
-
-
-@dataclass(frozen=True, eq=False)
-class Tail(Event):
-    """The edge of a window in time, beyond which a path comes from rest or tends to it.
-
-    `solve` puts it in the place of an event at infinite time. The coordinates are free there; the
-    path lies on the linear manifold of the equilibrium.
-
-    Parameters
-    ----------
-    t : float
-        Where the window ends.
-    rest : sequence of n numbers
-        The equilibrium.
-    side : int
-        -1 at the start, 1 at the end.
-    phase : Phase, optional
-        What sets the origin of time; of a start.
-    """
-
-    rest: tuple[float, ...]
-    side: int
-    phase: Phase | None
-
-    def __init__(
-        self, t: float, rest: Sequence[Any] | ArrayLike, side: int, phase: Phase | None = None
-    ) -> None:
-        row = tuple(number(x, "a coordinate at rest") for x in items(rest, "an equilibrium"))
-        super().__init__(t, [None] * len(row))
-        for name, value in (("rest", row), ("side", side), ("phase", phase)):
-            object.__setattr__(self, name, value)
-
-    @property
-    def near(self) -> tuple[float | None, ...]:
-        """The coordinates of the equilibrium."""
-        return self.rest
-
-    @property
-    def limit(self) -> Event:
-        """The event at infinite time."""
-        return Event(self.side * math.inf, self.rest)
-
-    def at(self, t: float | None) -> Tail:
-        """Return the same with the window's edge at another time."""
-        return Tail(t, self.rest, self.side, self.phase)  # type: ignore[arg-type]
-
-    def shifted(self, by: Sequence[float] | ArrayLike) -> Tail:
-        """Return the same of an equilibrium farther by `by` (n,)."""
-        moved = [x + d for x, d in zip(self.rest, items(by, "a shift of an event"), strict=True)]
-        return Tail(self.t, moved, self.side, self.phase)
-
-
-@dataclass(frozen=True, eq=False)
-class State:
-    """A whole initial-value problem: time, coordinates (n,) and velocities (n,).
-
-    Raises ValueError if the shapes differ or a number is not finite.
-    """
-
-    t: float
-    q: Array
-    v: Array
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "t", number(self.t, "the time of a state"))
-        for name in ("q", "v"):
-            row = np.atleast_1d(numbers(getattr(self, name), f"{name} of a state"))
-            if row.ndim != 1 or not np.all(np.isfinite(row)):
-                raise ValueError(f"expected finite {name} of shape (n,), found {row}")
-            row.setflags(write=False)
-            object.__setattr__(self, name, row)
-        if self.q.shape != self.v.shape:
-            raise ValueError(
-                f"expected q and v of one shape, found {self.q.shape} and {self.v.shape}"
-            )
-
-    def __reduce__(self) -> tuple:
-        """Make it anew of the same numbers."""
-        return State, (self.t, self.q, self.v)
 
 
 @dataclass(frozen=True, eq=False)
@@ -281,14 +57,16 @@ class Problem:
     Attributes
     ----------
     asked : Problem or None
-        The problem whose times were free, of one in which they have been found.
+        The problem whose times were free, or whose events lay on surfaces, of one in which they
+        have been found.
 
     Raises
     ------
     ValueError
         If the events do not fit the system, lie off its constraint surface or inside its
         obstacle, or the times do not increase, by 1e-100 to 1e100; a parameter is unknown, a
-        constraint contains no coordinate, or there is no system.
+        constraint contains no coordinate, what an event lies on does not fit, or there is no
+        system.
     """
 
     system: System
@@ -304,15 +82,20 @@ class Problem:
                 f"expected a System(lagrangian, coordinates), found {self.system!r}; a Lagrangian "
                 "is made one by System"
             )
+        surfaces = getattr(self.start, "on", None), getattr(self.end, "on", None)
+        on_surface = surfaces != (None, None)
+        if on_surface:
+            ends = self.start, self.end
+            object.__setattr__(self, "system", widened(self.system, ends, self.parameters))
         values = self.system.table.values(self.parameters)
         object.__setattr__(self, "parameters", values)
         object.__setattr__(self, "packed", self.system.table.pack(values))
         names = self.system.coordinates
         for role, event in (("start", self.start), ("end", self.end)):
             if isinstance(event, Event) and event.q is None:
-                object.__setattr__(self, role, Event(event.t, [None] * len(names)))
+                object.__setattr__(self, role, Event(event.t, [None] * len(names), on=event.on))
         if isinstance(self.end, Periodic) and isinstance(self.start, Event):
-            object.__setattr__(self, "end", self.end.after(self.start))
+            object.__setattr__(self, "end", self.end.after(self.start, names))
         for role, event in (("start", self.start), ("end", self.end)):
             if not isinstance(event, Event):
                 raise ValueError(f"expected an Event(t, q) as the {role}, found {event!r}")
@@ -321,6 +104,8 @@ class Problem:
                     f"expected {len(names)} coordinates ({', '.join(names)}) at the {role} "
                     f"event, found {len(event.q)}"
                 )
+            if event.on is not None:
+                object.__setattr__(self, role, settled(event, self.system))
         if self.free_time or self.energy is not None:
             _check_free_time(self)
         elif not self.start.t < self.end.t:
@@ -341,18 +126,23 @@ class Problem:
                 f"whose square and its inverse are within the range of numbers, found "
                 f"{self.duration:g}; measure time in another unit"
             )
+        if on_surface:
+            _check_surfaces(self)
         if self.system.m:
             _check_rows(self.system)
             _check_on_surface(self)
         if self.system.r:
             self._check_obstacle()
+        if isinstance(self.end, Periodic) and self.end.relabel is not None:
+            _check_alike(self)
 
     packed: Array = field(init=False, repr=False)
 
     def __reduce__(self) -> tuple:
         """Ask it anew: what follows from it is made where it is needed."""
         if self.asked is not None:
-            return _found, (self.asked, self.start.t, self.end.t)
+            q = np.array([self.start.q, self.end.q]) if self.asked.on_surface else None
+            return _found, (self.asked, self.start.t, self.end.t, q)
         return _asked, (self.system, self.start, self.end, self.parameters, self.energy)
 
     def _repr_html_(self) -> str:
@@ -431,22 +221,38 @@ class Problem:
         """Whether the time of an event is to be found."""
         return self.start.t is None or self.end.t is None
 
-    def found(self, t0: float, t1: float) -> Problem:
+    @property
+    def on_surface(self) -> bool:
+        """Whether an event lies on a surface, where on it is to be found."""
+        return self.start.on is not None or self.end.on is not None
+
+    @property
+    def surfaces(self) -> tuple[Event | None, Event | None]:
+        """The events as they were asked for where they lie on surfaces; None where they do not."""
+        asked = self if self.on_surface or self.asked is None else self.asked
+        start, end = asked.start, asked.end
+        return start if start.on is not None else None, end if end.on is not None else None
+
+    def found(self, t0: float, t1: float, q: Array | None = None) -> Problem:
         """Return the problem with the times t0 and t1 at its events, one that was `asked` as this.
+
+        Where these lie on surfaces, at the first or the last of the coordinates q (2, n), if given.
 
         Raises ValueError as a `Problem` does.
         """
-        problem = Problem(
-            self.system, self.start.at(t0), self.end.at(t1), parameters=self.parameters
-        )
+        ends = [self.start.at(t0), self.end.at(t1)]
+        if q is not None:
+            pairs = zip(ends, q, strict=True)
+            ends = [e if e.on is None else Event(e.t, row) for e, row in pairs]
+        problem = Problem(self.system, *ends, parameters=self.parameters)
         object.__setattr__(problem, "asked", self)
         object.__setattr__(problem, "energy", self.energy)
         return problem
 
     @property
     def unfixed(self) -> bool:
-        """Whether more than the path is to be found, or was: a duration, or where it begins."""
-        return self.asked is not None or self.free_time or self.closes
+        """Whether more than the path is to be found, or was: a duration, where it begins."""
+        return self.asked is not None or self.free_time or self.on_surface or self.closes
 
     @property
     def closes(self) -> bool:
@@ -460,6 +266,19 @@ class Problem:
     def advance(self) -> Array | None:
         """q(t1) - q(t0) where the end is `Periodic`, (n,), else None."""
         return np.array(self.end.advance) if isinstance(self.end, Periodic) else None
+
+    @property
+    def order(self) -> tuple[int, ...]:
+        """The coordinate at the start that each one at a `Periodic` end goes on as; else none."""
+        return self.end.order if isinstance(self.end, Periodic) else ()
+
+    def closed_from(self, q: Array) -> Array:
+        """Return what coordinates (n,) or (n, K) at the start of a path that closes are at its end.
+
+        Of rates and momenta only the order changes: `q[list(problem.order)]`.
+        """
+        assert self.advance is not None
+        return q[list(self.order)] + self.advance.reshape(-1, *[1] * (q.ndim - 1))
 
     @property
     def is_infinite(self) -> bool:
@@ -625,8 +444,8 @@ def _asked(
     return Problem(system, start, end, parameters=parameters, energy=energy)
 
 
-def _found(asked: Problem, t0: float, t1: float) -> Problem:
-    return asked.found(t0, t1)
+def _found(asked: Problem, t0: float, t1: float, q: Array | None) -> Problem:
+    return asked.found(t0, t1, q)
 
 
 def _check_free_time(problem: Problem) -> None:
@@ -669,6 +488,78 @@ def _check_free_time(problem: Problem) -> None:
             "expected a system under constraints that does not depend on the time where one is to "
             "be found; give both times"
         )
+
+
+def _check_alike(problem: Problem) -> None:
+    """Raise ValueError if L tells the coordinates apart that take each other's place.
+
+    L(P q + a, P v, t + T) = L(q, v, t) at points in general position.
+    """
+    system, order, advance = problem.system, list(problem.order), problem.advance
+    assert advance is not None
+    if system.m or system.structure.forced:
+        raise ValueError(
+            "expected a system without constraints and non-conservative forces where a path closes "
+            "in another order, found one with; give the whole period, without relabel="
+        )
+    q, v, t = np.split(general_points(2 * system.n + 1), [system.n, 2 * system.n], axis=1)
+    q, v = q * problem.scales, v * problem.scales
+    first = system.pointwise("first")
+    later = t if problem.free_time else t + problem.duration
+    with np.errstate(all="ignore"):
+        L = first(q, v, t, problem.packed)[2][:, 0].copy()
+        there = first(q[:, order] + advance, v[:, order], later, problem.packed)[2][:, 0]
+        off = np.abs(there - L) > SURFACE_TOLERANCE * (np.abs(L) + np.abs(there))
+    if off.any():
+        k = int(np.argmax(off))
+        names = [system.coordinates[i] for i in order]
+        raise ValueError(
+            "expected an order of the coordinates that leaves L as it is, L(P q, P v) = L(q, v), "
+            f"found that {names} does not: at one point L is {L[k]:.6g}, and {there[k]:.6g} in "
+            "that order; bodies that take each other's place have equal masses and charges"
+        )
+
+
+def _check_surfaces(problem: Problem) -> None:
+    """Raise ValueError where what an event lies on does not fit the rest of the question."""
+    ends = problem.start, problem.end
+    if isinstance(problem.end, Periodic):
+        raise ValueError(
+            "expected a closed path to begin anywhere, or at a coordinate that is given, found a "
+            "start on a surface; give a coordinate (Event(t, [None, 0.0])), or an end of its own"
+        )
+    if problem.system.r:
+        raise ValueError(
+            "expected events of given coordinates along an obstacle, found one on a surface: "
+            "contact with both at once is not known; leave one of them out"
+        )
+    if problem.is_infinite or problem.has_tails:
+        raise ValueError(
+            "expected finite times where an event lies on a surface, found an infinite one; give "
+            "both events finite times"
+        )
+    both = problem.free_time and problem.start.t is None and problem.end.t is None
+    for role, event in (("start", ends[0]), ("end", ends[1])):
+        on, free = event.on, [i for i, x in enumerate(event.q) if x is None]
+        if on is None:
+            continue
+        if on.count > len(free):
+            raise ValueError(
+                f"expected on at the {role} to return at most as many expressions as it has free "
+                f"coordinates, {len(free)}, found {on.count}; leave more coordinates free (None)"
+            )
+        rows, columns = on.law.jac_sparsity(0, 0).get_triplet()
+        decides = {i for i, j in zip(rows, columns, strict=True) if j in free}
+        for i in set(range(on.count)) - decides:
+            raise ValueError(
+                f"expected each expression of on at the {role} to contain a coordinate that is "
+                f"free there, found that number {i} contains none; a time is given as t"
+            )
+        if both and on.timed:
+            raise ValueError(
+                f"expected one time that is given, where on at the {role} depends on the time, "
+                "found both free"
+            )
 
 
 def diagonal(system: System, output: int, values: Array) -> Array:

@@ -297,6 +297,24 @@ class System(Laws):
         held._pointwise.update({name: self.pointwise(name) for name in ("first", "second")})
         return held
 
+    def widened(self, more: Mapping[str, ArrayLike]) -> System:
+        """Return the system with further parameters, which its laws do not contain.
+
+        It is the same one for the same names and shapes, and the default values those of the first.
+        Raises ValueError if one is not finite.
+        """
+        table = ParameterTable({**self.table.defaults, **more})
+
+        def build() -> System:
+            symbols, system = _symbols(self.n, table), object.__new__(System)
+            packed = symbols.p[: self.symbols.p.numel()]  # they come behind
+            laws = self._law.call([symbols.q, symbols.v, symbols.t, packed])
+            known = tuple(laws[:4]), self.coordinates, table, self.name, self.source
+            system._set(symbols, *known, self.loaded, F=laws[4] if len(laws) > 4 else None)
+            return system
+
+        return self.made(f"with {table.shapes}", build)
+
     @Once
     def digest(self) -> str:
         """Return 64 hexadecimal digits, the same in every process for the same law.

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from actionopt.mechanics.problem import State
+from actionopt.mechanics.events import State
 from actionopt.scenes._scene import Facts, Setup, Words
 from actionopt.scenes._shapes import body, ground
 

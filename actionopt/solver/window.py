@@ -23,7 +23,8 @@ from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.problem import Event, Phase, Problem, Tail
+from actionopt.mechanics.events import Event, Phase, Tail
+from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.rest import Rest, rest
 from actionopt.solver.descent import descend
 from actionopt.solver.iterate import sizes

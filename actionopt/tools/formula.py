@@ -48,7 +48,7 @@ def formula(docstring: str) -> Formula:
     'r - l'
     """
     text = " ".join(docstring.strip().split("\n\n")[-1].split()).removesuffix(".")
-    text, _, remark = text.removeprefix("Hold ").partition(": ")
+    text, _, remark = re.sub("^(Hold|Keep) ", "", text).partition(": ")
     first, *others = text.split(", ")
     definitions = [part.removeprefix("with ") for part in others if part.startswith("with ")]
     words = [part for part in others if not part.startswith("with ")]

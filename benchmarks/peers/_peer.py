@@ -30,10 +30,14 @@ class Failed(Exception):
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """A path: `curve` maps (K,) times to (n, K); `state` is what solving again starts from."""
+    """A path: `curve` maps (K,) times to (n, K); `state` is what solving again starts from.
+
+    `duration` is there where it was to be found.
+    """
 
     curve: Callable[[np.ndarray], Any]
     state: Any = None
+    duration: float | None = None
 
 
 @dataclass(frozen=True)
@@ -51,12 +55,15 @@ class Peer:
         `start` names the first guess.
     again : callable
         `again(answer, case, ends, setting) -> Answer`: the same problem, other end points.
+    answers : sequence of str
+        The kinds of questions it can be asked, `Case.asks`.
     """
 
     packages: Sequence[str]
     settings: Sequence[Any]
     cold: Callable[[Case, Ends, str, Any], Answer]
     again: Callable[[Answer, Case, Ends, Any], Answer]
+    answers: Sequence[str] = ("ends",)
 
 
 def waypoints(case: Case, ends: Ends, start: str, times: np.ndarray):

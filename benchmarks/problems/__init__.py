@@ -4,7 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from benchmarks.problems import chain, double_pendulum, lattice, plane, single, three_bodies
+from benchmarks.problems import (
+    chain,
+    double_pendulum,
+    lattice,
+    plane,
+    questions,
+    single,
+    three_bodies,
+)
 from benchmarks.problems._case import Case, Ends
 from benchmarks.reference import others
 
@@ -16,7 +24,7 @@ QUICK = ("oscillator_long", "pendulum", "kepler", "rod_pendulum", "double_pendul
 
 def load() -> dict[str, Case]:
     """Return every case by name, in the order of the report."""
-    modules = (single, plane, *INTEGRATED)
+    modules = (single, plane, questions, *INTEGRATED)
     return {c.name: _with_others(c) for module in modules for c in module.cases()}
 
 

@@ -25,12 +25,15 @@ class Ends:
         The path at `Case.times`.
     others : (P, n, K) array
         Other stationary paths between the same end points, as far as they are known.
+    duration : float, optional
+        The exact one, where it is to be found; `exact` is then at the same parts of it.
     """
 
     start: np.ndarray
     end: np.ndarray
     exact: np.ndarray
     others: np.ndarray | tuple = ()
+    duration: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +65,14 @@ class Case:
         five points of the exact path that are rounded to a tenth of the largest |q|.
     size : str
         "small" or "large": peers that need minutes on large problems leave them out.
+    asks : str
+        "ends": of given times. "energy": how long it takes is to be found. "orbit": closed, and
+        so is that; `start` says where it begins. "infinity": from rest at `start` to rest at `end`,
+        half way at half of `duration`, which is the window in which the error is measured.
+    energy : float, optional
+        Given where the duration is not: `duration` is then known to one digit.
+    length : callable, optional
+        What `System.geodesic` takes; `lagrangian` is half its square.
     """
 
     name: str
@@ -79,6 +90,9 @@ class Case:
     time_unit: float = 1.0
     starts: Sequence[str] = ("line", "bent")
     size: str = field(default="small")
+    asks: str = "ends"
+    energy: float | None = None
+    length: Callable[..., Any] | None = None
 
     @property
     def n(self) -> int:
@@ -114,13 +128,22 @@ class Case:
         J[n:, :n], J[n:, n:] = self.partials(y[:n], y[n:], t)
         return J
 
-    def error(self, curve: Callable[[np.ndarray], np.ndarray], ends: Ends) -> float:
+    def error(
+        self,
+        curve: Callable[[np.ndarray], np.ndarray],
+        ends: Ends,
+        duration: float | None = None,
+    ) -> float:
         """Return max |q - exact| over `times`, relative to the largest |exact|.
 
-        If another stationary path is nearer, the error is the distance to that one.
+        If another stationary path is nearer, the error is the distance to that one. A duration that
+        was found adds its relative error; q is compared at equal parts of it.
         """
-        q = np.asarray(curve(self.times))
-        return min(
+        part, off = 1.0, 0.0
+        if ends.duration is not None and duration is not None:
+            part, off = duration / self.duration, abs(duration / ends.duration - 1)
+        q = np.asarray(curve(part * self.times))
+        return off + min(
             float(np.max(np.abs(q - path)) / np.max(np.abs(path)))
             for path in (ends.exact, *ends.others)
         )

@@ -1,0 +1,306 @@
+"""Where a path begins and ends: points of configuration space-time, and what stands for them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple, Never
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from actionopt.tools.checks import items, number, numbers
+from actionopt.tools.types import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Event:
+    """A point of configuration space-time: a time and the coordinates there.
+
+    Parameters
+    ----------
+    t : float or None
+        Time; None leaves it free, and the energy function H is that of the problem there. With
+        -math.inf at the start the path comes from the equilibrium q, with math.inf at the end it
+        tends to it: a saddle of the equations of motion, along its unstable or stable manifold.
+    q : sequence of n numbers or None, or None
+        Coordinates; None leaves that coordinate free, and the natural condition p = 0 holds. None
+        in place of them all leaves every one free: how many there are, the system says.
+    on : callable, optional
+        `on(q, t, *, ...)`: one expression or a sequence of them, written as a constraint is, that
+        vanishes at the event: it lies on that surface, and the momentum is normal to it
+        (transversality; Gelfand and Fomin, *Calculus of Variations* (1963), section 14). Where t
+        is None, p.dq - (H - energy) dt = 0 for all moves along it. Parameters that only `on`
+        contains are given by the problem (`Problem(..., parameters=)`).
+
+    Raises
+    ------
+    ValueError
+        If the time or a coordinate is no number, the coordinates are not finite, or in a set or a
+        mapping, which have no order, or one is free at infinite time; if `on` is not callable, or
+        leaves nothing to decide.
+    TypeError
+        For further arguments: a velocity cannot be given; see `actionopt.integrate`.
+    """
+
+    t: float
+    q: tuple[float | None, ...]
+    on: Any = field(repr=False)  # a callable; in a problem, the surface traced
+
+    def __init__(
+        self,
+        t: float | None,
+        q: Sequence[float | None] | ArrayLike | None,
+        *others: Never,
+        on: Callable[..., Any] | None = None,
+        **named: Never,
+    ) -> None:
+        if others or named:
+            found = [*map(repr, others), *(f"{name}={x!r}" for name, x in named.items())]
+            raise TypeError(
+                "expected Event(t, q), a time and the coordinates there, found also "
+                f"{', '.join(found)}; None leaves a coordinate free, and a motion from initial "
+                "values is actionopt.integrate(system, State(t, q, v), t_end)"
+            )
+        # A time that is free is None: it is known before anything reckons with it.
+        infinite = isinstance(t, float) and math.isinf(t)
+        known = t if t is None or infinite else number(t, "the time of an event")
+        object.__setattr__(self, "t", known)
+        given = () if q is None else items(q, "the coordinates of an event")
+        row = tuple(
+            None if x is None else number(x, f"coordinate {i} of an event")
+            for i, x in enumerate(given)
+        )
+        # They are None until a problem knows how many there are.
+        object.__setattr__(self, "q", None if q is None else row)
+        object.__setattr__(self, "on", on)
+        if on is not None:
+            self._check_on(infinite)
+        if infinite and (q is None or None in row):
+            raise ValueError(
+                "expected all coordinates of the equilibrium at infinite time, found "
+                f"{None if q is None else list(row)}; give the numbers, or a finite time"
+            )
+
+    def _check_on(self, infinite: bool) -> None:
+        """Raise ValueError where no surface is given, or it has no say."""
+        if not callable(self.on):
+            raise ValueError(
+                f"expected on as a callable on(q, t, *, parameters), found {self.on!r}; return "
+                "what vanishes there, such as q[0] - 1"
+            )
+        if infinite:
+            raise ValueError(
+                "expected an equilibrium at infinite time, found a surface on which to choose: "
+                "leave out `on`, or give a finite time"
+            )
+        if self.q is not None and None not in self.q:
+            raise ValueError(
+                f"expected a coordinate that is free where `on` says where it lies, found all of "
+                f"them given, {list(self.q)}; leave out `on`, or give None for what it decides"
+            )
+
+    @property
+    def near(self) -> tuple[float | None, ...]:
+        """The coordinates as far as they are known: those given, or of the equilibrium."""
+        return self.q
+
+    @property
+    def pinned(self) -> tuple[int, ...]:
+        """Indices of the coordinates that are given."""
+        return tuple(i for i, x in enumerate(self.q or ()) if x is not None)
+
+    def at(self, t: float | None) -> Event:
+        """Return the same event at another time."""
+        return Event(t, self.q, on=self.on)
+
+    def shifted(self, by: Sequence[float] | ArrayLike) -> Event:
+        """Return the same event with its coordinates farther by `by` (n,); free ones stay so."""
+        if self.q is None:
+            return self
+        pairs = zip(self.q, items(by, "a shift of an event"), strict=True)
+        return Event(self.t, [None if x is None else x + d for x, d in pairs], on=self.on)
+
+
+@dataclass(frozen=True, eq=False)
+class Periodic(Event):
+    """The end of a path that closes: q(t1) = q(t0) + advance, and p(t1) = p(t0).
+
+    With `relabel` it closes in another order, q_i(t1) = q_relabel[i](t0) + advance_i, and so do the
+    momenta: where bodies are alike, each may go on where another one began.
+
+    A path without a clock may start anywhere along itself: a coordinate that the start gives says
+    where. (With a clock that coordinate returns, and its momentum is left alone.)
+
+    Parameters
+    ----------
+    t : float or None
+        Time; None leaves the period to be found, from the energy of the problem.
+    advance : sequence of n numbers, optional
+        Whole turns of coordinates that are angles, say; zero if None.
+    relabel : sequence of n names or indices of coordinates, optional
+        For each coordinate the one that it goes on as; itself if None. L must not tell them apart.
+
+    Raises
+    ------
+    ValueError
+        If a number is not finite; in a problem, if `relabel` does not name each coordinate once or
+        changes L.
+
+    Examples
+    --------
+    >>> end = Periodic(2.0, advance=[0.0, 6.5]).after(Event(0.0, [None, 0.5]))
+    >>> end.q
+    (None, 7.0)
+    """
+
+    advance: tuple[float, ...] | None
+    relabel: tuple[str | int, ...] | None
+
+    def __init__(
+        self,
+        t: float | None,
+        advance: Sequence[float] | ArrayLike | None = None,
+        *,
+        relabel: Sequence[str | int] | ArrayLike | None = None,
+    ) -> None:
+        super().__init__(t, [])
+        given = () if advance is None else items(advance, "the advance of a periodic end")
+        row = tuple(number(x, f"advance {i} of a periodic end") for i, x in enumerate(given))
+        object.__setattr__(self, "advance", None if advance is None else row)
+        names = None if relabel is None else tuple(items(relabel, "the order of a periodic end"))
+        object.__setattr__(self, "relabel", names)
+
+    @property
+    def order(self) -> tuple[int, ...]:
+        """The coordinate at the start that each one goes on as, of a problem's end: (n,)."""
+        return tuple(range(len(self.q))) if self.relabel is None else self.relabel  # type: ignore[return-value]
+
+    def after(self, start: Event, names: Sequence[str] = ()) -> Periodic:
+        """Return the end of a path from `start`, with its coordinates, which may have names.
+
+        Raises ValueError for an advance of fewer or more, or an order that is none.
+        """
+        n = len(start.q)
+        advance = (0.0,) * n if self.advance is None else self.advance
+        if len(advance) != n:
+            raise ValueError(f"expected the advance of {n} coordinates, found {len(advance)}")
+        order = None
+        if self.relabel is not None:
+            order = [names.index(x) if x in names else x for x in self.relabel]
+            if not all(isinstance(i, (int, np.integer)) for i in order) or sorted(order) != [
+                *range(n)
+            ]:
+                raise ValueError(
+                    f"expected relabel= to name each of {', '.join(names) or n} once, or to have "
+                    f"each index from 0 to {n - 1} once, found {list(self.relabel)}"
+                )
+            order = [int(i) for i in order]
+        end = Periodic(self.t, advance, relabel=order)
+        row = start.q if order is None else [start.q[i] for i in order]
+        pairs = zip(row, advance, strict=True)
+        object.__setattr__(end, "q", tuple(None if x is None else x + a for x, a in pairs))
+        return end
+
+    def at(self, t: float | None) -> Periodic:
+        """Return the end of a path that closes at another time; a problem gives it coordinates."""
+        return Periodic(t, self.advance, relabel=self.relabel)
+
+    def shifted(self, by: Sequence[float] | ArrayLike) -> Periodic:
+        """Return the end of a path that advances by `by` (n,) more."""
+        row = np.array(items(by, "a shift of an event"), dtype=float)
+        row = row if self.advance is None else self.advance + row
+        return Periodic(self.t, row, relabel=self.relabel)
+
+
+class Phase(NamedTuple):
+    """What chooses one of the paths that differ by a shift of time: normal . (q - center) = 0 at t.
+
+    `weight` is in units of action.
+    """
+
+    t: float
+    normal: tuple[float, ...]
+    center: tuple[float, ...]
+    weight: float
+
+
+@dataclass(frozen=True, eq=False)
+class Tail(Event):
+    """The edge of a window in time, beyond which a path comes from rest or tends to it.
+
+    `solve` puts it in the place of an event at infinite time. The coordinates are free there; the
+    path lies on the linear manifold of the equilibrium.
+
+    Parameters
+    ----------
+    t : float
+        Where the window ends.
+    rest : sequence of n numbers
+        The equilibrium.
+    side : int
+        -1 at the start, 1 at the end.
+    phase : Phase, optional
+        What sets the origin of time; of a start.
+    """
+
+    rest: tuple[float, ...]
+    side: int
+    phase: Phase | None
+
+    def __init__(
+        self, t: float, rest: Sequence[Any] | ArrayLike, side: int, phase: Phase | None = None
+    ) -> None:
+        row = tuple(number(x, "a coordinate at rest") for x in items(rest, "an equilibrium"))
+        super().__init__(t, [None] * len(row))
+        for name, value in (("rest", row), ("side", side), ("phase", phase)):
+            object.__setattr__(self, name, value)
+
+    @property
+    def near(self) -> tuple[float | None, ...]:
+        """The coordinates of the equilibrium."""
+        return self.rest
+
+    @property
+    def limit(self) -> Event:
+        """The event at infinite time."""
+        return Event(self.side * math.inf, self.rest)
+
+    def at(self, t: float | None) -> Tail:
+        """Return the same with the window's edge at another time."""
+        return Tail(t, self.rest, self.side, self.phase)  # type: ignore[arg-type]
+
+    def shifted(self, by: Sequence[float] | ArrayLike) -> Tail:
+        """Return the same of an equilibrium farther by `by` (n,)."""
+        moved = [x + d for x, d in zip(self.rest, items(by, "a shift of an event"), strict=True)]
+        return Tail(self.t, moved, self.side, self.phase)
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """A whole initial-value problem: time, coordinates (n,) and velocities (n,).
+
+    Raises ValueError if the shapes differ or a number is not finite.
+    """
+
+    t: float
+    q: Array
+    v: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "t", number(self.t, "the time of a state"))
+        for name in ("q", "v"):
+            row = np.atleast_1d(numbers(getattr(self, name), f"{name} of a state"))
+            if row.ndim != 1 or not np.all(np.isfinite(row)):
+                raise ValueError(f"expected finite {name} of shape (n,), found {row}")
+            row.setflags(write=False)
+            object.__setattr__(self, name, row)
+        if self.q.shape != self.v.shape:
+            raise ValueError(
+                f"expected q and v of one shape, found {self.q.shape} and {self.v.shape}"
+            )
+
+    def __reduce__(self) -> tuple:
+        """Make it anew of the same numbers."""
+        return State, (self.t, self.q, self.v)

@@ -1,0 +1,328 @@
+"""Events on surfaces: transversality, against closed forms; the index, against focal points."""
+
+import copy
+import pickle
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import actionopt as ao
+from actionopt import plot
+
+G = 9.81
+A, B = 2.0, 1.0  # semi-axes
+INSIDE = [0.3, 0.1]  # the evolute: four normals
+
+
+def plane():
+    return ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
+
+
+def ellipse(q, t, *, a, b):
+    return (q[0] / a) ** 2 + (q[1] / b) ** 2 - 1
+
+
+def to_ellipse(start=INSIDE, **others):
+    values = {"a": A, "b": B, **others}
+    events = ao.Event(0.0, start), ao.Event(1.0, None, on=ellipse)
+    return ao.Problem(plane(), *events, parameters=values)
+
+
+def normals(x, y):
+    """Feet of the normals from a point, by the angle of the ellipse, and centres of curvature."""
+
+    def off(s):
+        return -A * np.sin(s) * (A * np.cos(s) - x) + B * np.cos(s) * (B * np.sin(s) - y)
+
+    s = np.linspace(0.0123, 0.0123 + 2 * np.pi, 400)
+    s = [brentq(off, a, b, xtol=1e-15) for a, b in pairwise(s) if off(a) * off(b) < 0]
+    c = A * A - B * B
+    feet = np.array([A * np.cos(s), B * np.sin(s)]).T
+    return feet, np.array([c / A * np.cos(s) ** 3, -c / B * np.sin(s) ** 3]).T
+
+
+def test_the_shortest_way_to_an_ellipse_needs_no_guess():
+    feet, _ = normals(*INSIDE)
+    lengths = np.linalg.norm(feet - INSIDE, axis=1)
+    for principle in ("auto", "least"):
+        found = ao.solve(to_ellipse(), tol=1e-11, principle=principle)
+        assert found.end.q == pytest.approx(feet[np.argmin(lengths)], abs=1e-10)
+        assert found.action == pytest.approx(lengths.min() ** 2 / 2, rel=1e-12)
+        assert found.error <= 1e-11 and found.morse_index == 0 and found.compare().agrees
+    normal = 2 * found.end.q / np.array([A, B]) ** 2
+    assert found.momenta[1] == pytest.approx(-found.surface_multipliers[1] * normal, abs=1e-12)
+    assert found.surface_multipliers[0].size == 0
+
+
+def test_four_normals_and_their_indices():
+    """The index of a normal is the number of centres of curvature on it; Morse's theorem."""
+    feet, centres = normals(*INSIDE)
+    assert len(feet) == 4
+    indices = []
+    for foot, centre in zip(feet, centres, strict=True):
+        guess = np.array([INSIDE, foot + 0.02]).T
+        way = ao.solve(to_ellipse(), guess=guess, tol=1e-10)
+        assert way.end.q == pytest.approx(foot, abs=1e-9)
+        at = np.dot(centre - foot, INSIDE - foot) / np.sum((INSIDE - foot) ** 2)
+        indices.append(int(0 < at < 1))
+        assert way.morse_index == indices[-1]
+        assert way.between_times.morse_index == 0  # a straight line between points
+        back = way.problem.asked.replace(
+            start=ao.Event(0.0, None, on=ellipse), end=ao.Event(1.0, INSIDE)
+        )
+        focal = ao.conjugate_points(ao.solve(back, guess=guess[:, ::-1], tol=1e-10))
+        assert [p.t for p in focal] == pytest.approx([at] * indices[-1], abs=1e-9)
+    assert sorted(indices) == [0, 0, 1, 1]
+
+
+def test_a_branch_to_an_ellipse_loses_its_index_at_the_centre_of_curvature():
+    problem = to_ellipse([1.9, 0.0])
+    along = ao.trace(problem, ("start", "x"), 1.0, guess=[[1.9, 2.0], [0.0, 0.0]])
+    assert [m.value for m in along.marks] == pytest.approx([A - B * B / A], abs=1e-6)
+    assert (along.indices[0], along.indices[-1]) == (0, 1)
+    moved = ao.trace(to_ellipse(), "b", 1.5)
+    exact = moved.solution(-1).problem
+    assert exact.parameters["b"] == 1.5 and not np.isclose(moved.actions[-1], moved.actions[0])
+
+
+def test_derivatives_of_the_action():
+    def action(**change):
+        start = [INSIDE[0] + change.pop("x", 0.0), INSIDE[1] + change.pop("y", 0.0)]
+        return ao.solve(to_ellipse(start, **change), guess=way, tol=1e-12).action
+
+    way = ao.solve(to_ellipse(), tol=1e-12)
+    found, h = way.sensitivity(), 1e-4
+    for name, value in (("a", A), ("b", B)):
+        slope = (action(**{name: value + h}) - action(**{name: value - h})) / (2 * h)
+        assert found.parameters[name] == pytest.approx(slope, rel=1e-6)
+    second = (action(x=h) - 2 * way.action + action(x=-h)) / h**2
+    assert found.q0q0[0, 0] == pytest.approx(second, rel=1e-6)
+    assert not found.q1.any() and not found.q1q1.any()
+    # one coordinate given, the other on the curve: it moves along
+    start, part = ao.Event(0.0, INSIDE), lambda x: ao.Event(1.0, [x, None], on=ellipse)
+    values = {"a": A, "b": B}
+    there = [ao.Problem(plane(), start, part(1.2 + x), parameters=values) for x in (-h, 0.0, h)]
+    ends = [ao.solve(p, guess=[[0.3, 1.2], [0.1, 0.8]], tol=1e-12) for p in there]
+    assert ends[1].end.q == pytest.approx([1.2, 0.8], abs=1e-12)
+    S = [s.action for s in ends]
+    found = ends[1].sensitivity()
+    assert found.q1[0] == pytest.approx((S[2] - S[0]) / (2 * h), rel=1e-6)
+    assert found.q1q1[0, 0] == pytest.approx((S[2] - 2 * S[1] + S[0]) / h**2, rel=1e-5)
+
+
+def test_between_two_circles():
+    def first(q, t):
+        return q @ q - 1
+
+    def second(q, t):
+        return (q[0] - 4) ** 2 + (q[1] - 3) ** 2 - 4
+
+    events = ao.Event(0.0, None, on=first), ao.Event(1.0, None, on=second)
+    way = ao.solve(ao.Problem(plane(), *events))
+    assert np.sqrt(2 * way.action) == pytest.approx(5 - 1 - 2, rel=1e-9)
+    assert way.morse_index == 0 and way.kind == "minimum"
+    far = ao.solve(way.problem.asked, guess=[[-0.8, 5.6], [-0.6, 4.2]])
+    assert np.sqrt(2 * far.action) == pytest.approx(8, rel=1e-9)
+    assert far.morse_index == 2
+
+
+def test_a_free_particle_to_a_moving_wall():
+    """p u = p^2 / 2 - E where the wall moves at u: p = u + sqrt(u^2 + 2 E)."""
+    E, u, wall = 1.3, 0.4, 2.0
+    on = lambda q, t: q[0] - wall - u * t  # noqa: E731
+    events = ao.Event(0.0, [0.0, 0.0]), ao.Event(None, None, on=on)
+    for tol in (1e-6, 1e-11):
+        found = ao.solve(ao.Problem(plane(), *events, energy=E), tol=tol)
+        p = u + np.sqrt(u * u + 2 * E)
+        assert found.duration == pytest.approx(wall / (p - u), rel=tol)
+        assert found.start.v == pytest.approx([p, 0.0], abs=10 * tol)
+    assert found.sensitivity().t1 == pytest.approx(-E, rel=1e-9)
+    back = ao.Problem(plane(), ao.Event(None, None, on=on), ao.Event(3.0, [9.0, 0.0]), energy=E)
+    found = ao.solve(back)  # leaves the wall at t0
+    p = u + np.sqrt(u * u + 2 * E)
+    assert 9.0 - wall - u * found.start.t == pytest.approx(p * found.duration, rel=1e-9)
+    given = ao.solve(ao.Problem(plane(), events[0], ao.Event(1.5, None, on=on)))
+    assert given.end.q == pytest.approx([wall + u * 1.5, 0.0], abs=1e-9)
+
+
+def test_a_throw_to_a_slope():
+    """It lands normally: backwards along the parabola from there."""
+    E, k, d = 60.0, 0.5, 4.0
+    system = ao.System(lambda q, v, t, *, g: v @ v / 2 - g * q[1], ["x", "y"], parameters={"g": G})
+    end = ao.Event(None, None, on=lambda q, t, *, k: q[1] - k * (q[0] - d))
+    start = ao.Event(0.0, [0.0, 0.0])
+    found = ao.solve(ao.Problem(system, start, end, energy=E, parameters={"k": k}), tol=1e-11)
+
+    def off(x):  # from (x, y) on the slope, normally and backwards to x = 0
+        y = k * (x - d)
+        v = np.sqrt(2 * (E - G * y) / (1 + k * k)) * np.array([k, -1.0])
+        T = x / v[0]
+        return y - v[1] * T - G * T * T / 2
+
+    x = brentq(off, 0.1, 4.0, xtol=1e-15)
+    assert found.end.q == pytest.approx([x, k * (x - d)], rel=1e-10)
+    assert found.energy(0.1) == pytest.approx(E, rel=1e-10)
+    assert found.compare().agrees and found.morse_index == 0
+
+
+def test_from_a_point_of_the_sphere_to_a_parallel():
+    """Meridians meet it at right angles, and each other at the poles."""
+    sphere = ao.System(
+        lambda q, v, t: v @ v / 2, ["x", "y", "z"], constraint=lambda q, t: (q @ q - 1) / 2
+    )
+    low, high = 0.3, 1.1  # latitudes
+    start = ao.Event(0.0, [np.cos(low), 0.0, np.sin(low)])
+    end = ao.Event(1.0, None, on=lambda q, t: q[2] - np.sin(high))
+    near = ao.solve(ao.Problem(sphere, start, end), tol=1e-10)
+    assert np.sqrt(2 * near.action) == pytest.approx(high - low, rel=1e-10)
+    assert near.morse_index == 0 and near.compare().agrees
+    over = lambda t: np.array([np.cos(low + 1.7 * t), 0 * t, np.sin(low + 1.7 * t)])  # noqa: E731
+    far = ao.solve(ao.Problem(sphere, start, end), guess=over, tol=1e-10)
+    assert np.sqrt(2 * far.action) == pytest.approx(np.pi - high - low, rel=1e-10)
+    assert far.morse_index == 1  # the pole is on the way
+
+
+def test_with_forces_the_momentum_is_normal():
+    system = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"], force=lambda q, v, t: [-v[0], -v[1]])
+    end = ao.Event(1.0, None, on=lambda q, t: q[0] + q[1] - 2)
+    found = ao.solve(ao.Problem(system, ao.Event(0.0, [0.0, 0.0]), end))
+    assert found.start.v == pytest.approx(np.ones(2) / (1 - np.exp(-1.0)), rel=1e-8)
+    with pytest.raises(ValueError, match="non-conservative"):
+        _ = found.morse_index
+
+
+def test_what_is_made_of_a_solution(tmp_path):
+    way = ao.solve(to_ellipse())
+    way.save(tmp_path / "way.npz")
+    loaded = ao.load(tmp_path / "way.npz", system=plane())
+    for other in (pickle.loads(pickle.dumps(way)), copy.deepcopy(way), loaded):
+        assert other.morse_index == 0 and other.end.q == pytest.approx(way.end.q, abs=1e-15)
+        assert other.problem.asked.end.q == (None, None)
+        assert other.surface_multipliers[1] == pytest.approx(way.surface_multipliers[1], rel=1e-9)
+        again = ao.solve(other.problem, guess=other)
+        assert again.end.q == pytest.approx(way.end.q, abs=1e-8)
+    assert ao.load(tmp_path / "way.npz").end.q == pytest.approx(way.end.q, abs=1e-15)
+    runs = ao.sweep(to_ellipse(), {"b": [0.8, 1.0, 1.2]}, record="index")
+    assert runs.action[1] == pytest.approx(way.action, rel=1e-9)
+    assert runs.solution(2).problem.parameters["b"] == 1.2
+    assert runs.index.tolist() == [0, 0, 0]
+
+
+def on_axis(q, t):
+    return q[1]
+
+
+@pytest.mark.parametrize(
+    ("make", "say"),
+    [
+        (lambda: ao.Event(1.0, [0.0, 1.0], on=on_axis), "a coordinate that is free"),
+        (lambda: ao.Event(1.0, None, on=3.0), "on as a callable"),
+        (lambda: ao.Event(np.inf, [0.0, 1.0], on=on_axis), "at infinite time"),
+        (lambda: to(ao.Event(1.0, [None, 0.0], on=on_axis)), "contain a coordinate that is"),
+        (lambda: to(ao.Event(1.0, None, on=lambda q, t: t - 1)), "contain a coordinate that is"),
+        (lambda: to(ao.Event(1.0, None, on=lambda q, t: [])), "found \\[\\]"),
+        (lambda: to(ao.Event(1.0, None, on=lambda q, t: [q[0], q[1], q @ q])), "at most as many"),
+        (lambda: to(ao.Event(1.0, None, on=lambda q: q[0])), "on\\(q, t"),
+        (lambda: to(ao.Event(1.0, None, on=lambda q, t, *, r: q[0] - r)), "parameter 'r'"),
+        (lambda: to(ao.Event(1.0, None, on=lambda q, t: q[2])), "2 coordinates, q\\[2\\]"),
+        (lambda: to(ao.Event(np.inf, [0.0, 1.0])), "finite times where an event"),
+        (lambda: to(ao.Periodic(1.0)), "closed path to begin"),
+    ],
+)
+def test_what_has_no_meaning_is_refused(make, say):
+    with pytest.raises(ValueError, match=say):
+        make()
+
+
+def to(end):
+    on = on_axis if end.on is None else None
+    start = ao.Event(0.0, [0.0, None], on=on) if on else ao.Event(0.0, [0.0, 0.0])
+    return ao.Problem(plane(), start, end)
+
+
+def test_more_that_is_refused():
+    wall = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"], obstacle=lambda q, t: q[1] + 1)
+    start, end = ao.Event(0.0, [0.0, 0.0]), ao.Event(1.0, None, on=lambda q, t: q[0] - 1)
+    with pytest.raises(ValueError, match="obstacle"):
+        ao.Problem(wall, start, end)
+    moving = lambda q, t: q[0] - t  # noqa: E731
+    with pytest.raises(ValueError, match="one time that is given"):
+        ao.Problem(plane(), ao.Event(None, [0.0, 0.0]), ao.Event(None, None, on=moving), energy=1.0)
+    other = ao.System(lambda q, v, t: v @ v / 2, ["x", "y", "z"])
+    known = ao.Problem(plane(), start, end).end
+    with pytest.raises(ValueError):
+        ao.Problem(other, ao.Event(0.0, [0.0, 0.0, 0.0]), known)
+    with pytest.raises(ao.SolveError, match="no point was found"):
+        ao.solve(ao.Problem(plane(), start, ao.Event(1.0, None, on=lambda q, t: q @ q + 1)))
+    problem = to_ellipse()
+    with pytest.raises(ValueError, match="no mesh"):
+        ao.solve(problem, mesh=ao.solve(problem).mesh)
+    with pytest.raises(ValueError, match="principle"):
+        ao.solve(problem, principle="most")
+
+
+def test_all_the_normals_and_a_family():
+    feet, _ = normals(*INSIDE)
+    lengths = np.sort(np.linalg.norm(feet - INSIDE, axis=1))
+    found = ao.solve_all(to_ellipse(), starts=1)
+    assert [np.sqrt(2 * s.action) for s in found] == pytest.approx(lengths, rel=1e-9)
+    assert [s.morse_index for s in found] == [0, 0, 1, 1]
+    circle = ao.Event(1.0, None, on=lambda q, t: q @ q - 1)
+    centre = ao.Problem(plane(), ao.Event(0.0, [0.0, 0.0]), circle)
+    assert ao.solve(centre, throw=False).status is ao.Status.DEGENERATE
+
+
+def test_variations_move_along_the_surface():
+    way = ao.solve(to_ellipse(), guess=[[0.3, -1.8], [0.1, -0.1]], tol=1e-11)
+    spectrum = ao.second_variation(way, 2)
+    assert spectrum.eigenvalues[0] < 0 < spectrum.eigenvalues[1]
+    S, h = ao.variation(way, spectrum.modes[0]), 1e-4
+    assert abs(S.first) < 1e-10 * S.cancelling
+    assert (S(h) - 2 * S(0.0) + S(-h)) / h**2 == pytest.approx(S.second, rel=1e-4)
+    x, y = S.path(0.1)(1.0)
+    assert ellipse([x, y], 1.0, a=A, b=B) == pytest.approx(0.0, abs=1e-12)
+    with pytest.raises(ValueError, match="which the event pins"):
+        ao.variation(way, lambda t: [1 - t, 0 * t])
+    assert plot.landscape(way) is not None
+    with pytest.raises(ValueError, match="found one on a surface"):
+        plot.explore(to_ellipse())
+
+
+@pytest.mark.parametrize("lean", [0.0, 0.2, -0.3])
+def test_the_quickest_descent_meets_the_wall_squarely(lean):
+    scene = ao.scenes.get("descent_to_wall", lean=lean)
+    found = ao.solve(scene.problem, tol=1e-10)  # no guess
+    t = np.linspace(0.0, 1.0, 11)
+    assert found(t) == pytest.approx(scene.exact(t), abs=1e-9)
+    along = found.end.v / np.linalg.norm(found.end.v)
+    assert along == pytest.approx([np.cos(lean), np.sin(lean)], abs=1e-8)
+    assert found.length / np.sqrt(2 * 9.81) == pytest.approx(scene.facts["fall_time"], rel=1e-9)
+    assert found.morse_index == 0
+
+
+def test_from_the_pole_to_a_parallel_is_a_family():
+    sphere = ao.System(
+        lambda q, v, t: v @ v / 2, ["x", "y", "z"], constraint=lambda q, t: (q @ q - 1) / 2
+    )
+    end = ao.Event(1.0, None, on=lambda q, t: q[2] - 0.5)
+    found = ao.solve(ao.Problem(sphere, ao.Event(0.0, [0.0, 0.0, 1.0]), end), throw=False)
+    assert found.status is ao.Status.DEGENERATE
+
+
+def test_a_clock_and_a_moving_surface():
+    """p = -mu on_q and H - E = mu on_t at the end, with H by forward integration."""
+    E = 1.5
+    system = ao.System(lambda q, v, t: v @ v / 2 - np.sin(t) * q[0], ["x", "y"])
+    end = ao.Event(None, None, on=lambda q, t: q[0] + 0.3 * q[1] - 2 - 0.2 * t)
+    found = ao.solve(ao.Problem(system, ao.Event(0.0, [0.0, 0.0]), end, energy=E), tol=1e-11)
+    T, (vx, vy) = found.end.t, found.start.v
+    p = np.array([vx + np.cos(T) - 1, vy])  # x'' = -sin t
+    q = np.array([vx * T + np.sin(T) - T, vy * T])
+    (mu,) = found.surface_multipliers[1]
+    assert q[0] + 0.3 * q[1] == pytest.approx(2 + 0.2 * T, rel=1e-10)
+    assert p == pytest.approx([-mu, -0.3 * mu], rel=1e-9)
+    assert p @ p / 2 + np.sin(T) * q[0] - E == pytest.approx(-0.2 * mu, rel=1e-9)
+    runs = ao.sweep(found.problem, {"energy": [1.0, 1.5]})
+    assert runs.action[1] == pytest.approx(found.action, rel=1e-7)

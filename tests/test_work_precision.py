@@ -1,0 +1,27 @@
+"""The benchmark's questions without given times: who answers comes to the closed form."""
+
+import pytest
+
+from benchmarks import peers, worker
+
+
+@pytest.mark.parametrize("name", ["pendulum_energy", "orbit", "kink", "fish_eye"])
+@pytest.mark.parametrize("peer", ["actionopt_", "scipy_bvp", "dop853", "ipopt_alone"])
+def test_a_question_is_answered_or_cannot_be_asked(name, peer):
+    case = worker._cases()[name]
+    start = case.starts[0]
+    found = worker.measure(peers.get(peer), name, start, 1e-8, "cold")
+    if case.asks in peers.get(peer).answers:
+        assert found["status"] == "" and found["error"] < 1e-7
+    else:
+        assert found["status"].startswith("unable: cannot")
+        assert peer == "ipopt_alone" or (peer, name) == ("dop853", "kink")
+
+
+def test_a_duration_that_is_off_is_an_error():
+    case = worker._cases()["pendulum_energy"]
+    ends = case.ends()[0]
+    found = peers.get("scipy_bvp").cold(case, ends, "line", 1e-8)
+    late = 1.01 * found.duration
+    assert case.error(found.curve, ends, found.duration) < 1e-7
+    assert case.error(lambda t: found.curve(t / 1.01), ends, late) == pytest.approx(0.01, rel=1e-4)
