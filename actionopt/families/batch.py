@@ -294,11 +294,13 @@ class _Run:
         try:
             problem = member(self.problem, self.columns, i)
             guess = led(guess, problem) if isinstance(guess, Path) else guess
-            if guess is None or self.patience > 0:
+            found = None
+            if guess is not None:  # in little time
+                found = solve_near(problem, guess, self.tol)
+                found = found if found.success else solve_near(problem, None, self.tol)
+            if found is None or not (found.success or self.patience <= 0):
                 found = solve(problem, tol=self.tol, guess=guess, throw=False)
                 self.patience = min(self.patience + (1 if found.success else -1), PATIENCE)
-            else:
-                found = solve_near(problem, guess, self.tol)
         except ValueError as error:
             self.messages[i] = str(error)
             return None
