@@ -32,7 +32,7 @@ from actionopt.families.vary import along, led, moved, place, slope
 from actionopt.mechanics.problem import Periodic, Problem
 from actionopt.solver.arguments import checked
 from actionopt.solver.iterate import LATE_TIME, SAFETY, UNKNOWN_GAIN, amplified, estimate, sizes
-from actionopt.solver.solve import FAMILY_NOISE, FAMILY_SUSPECTED, Guess, solve, solve_near
+from actionopt.solver.solve import FAMILY_NOISE, FAMILY_SUSPECTED, Guess, moving, solve, solve_near
 from actionopt.solver.together import Followed, follow
 from actionopt.solver.workspace import MEASURABLE
 from actionopt.tools.blas import one_thread
@@ -296,10 +296,12 @@ class _Run:
             guess = led(guess, problem) if isinstance(guess, Path) else guess
             found = None
             if guess is not None:  # in little time
-                found = solve_near(problem, guess, self.tol)
-                found = found if found.success else solve_near(problem, None, self.tol)
+                found = moving(solve_near(problem, guess, self.tol))
+                if not found.success:
+                    found = moving(solve_near(problem, None, self.tol))
             if found is None or not (found.success or self.patience <= 0):
                 found = solve(problem, tol=self.tol, guess=guess, throw=False)
+                found = moving(found)
                 self.patience = min(self.patience + (1 if found.success else -1), PATIENCE)
         except ValueError as error:
             self.messages[i] = str(error)
@@ -584,7 +586,7 @@ def _can_be_stacked(problem: Problem, times: Array) -> bool:
         system.m == system.r == 0
         and not structure.forced
         and problem.advance is None
-        and not (problem.has_tails or problem.is_infinite)
+        and not (problem.has_tails or problem.is_infinite or problem.on_surface)
         and system.n <= COORDINATES
     )
     late = structure.depends_on_time and bool(far.any())
