@@ -106,7 +106,7 @@ def follow(
                 break
         # A residual of round-off leaves nothing to contract: the matrix is (nearly) singular and
         # what is left of the step says how little the path is determined.
-        at_roundoff = _at_roundoff(tr, z, residual)
+        at_roundoff = is_roundoff(tr, z, residual)
     return Followed(z, at_roundoff, rest, k, _size((z - first)[:cut]))
 
 
@@ -233,7 +233,7 @@ def _roundoff(tr: Transcription, factors: Factors) -> Array:
     return EPS * np.cos(np.arange(terms.size)) * terms
 
 
-def _at_roundoff(tr: Transcription, z: Array, residual: Array) -> bool:
+def is_roundoff(tr: Transcription, z: Array, residual: Array) -> bool:
     """Whether the residual is no larger than the round-off of its own evaluation."""
     magnitude = product(tr.layout, np.abs(tr.kkt(z)), np.abs(z) + tr.magnitudes - 1.0)
     return bool(np.max(np.abs(residual)) <= 4 * EPS * np.max(magnitude))

@@ -28,6 +28,7 @@ from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Problem
 from actionopt.solver import window
 from actionopt.solver.arguments import Guess, asked, checked, curve
+from actionopt.solver.durations import well
 from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF
 from actionopt.solver.ladder import COARSE_DEGREE, IPOPT, LADDER, LINEAR, NEAR, Rung, Search
 from actionopt.solver.obstacle import Along, along
@@ -40,6 +41,7 @@ from actionopt.tools.watch import OutOfTime, Progress, Watch
 
 LADDERS = {"auto": LADDER, "ipopt": IPOPT}  # by method
 AT_REST = 1e-6  # of its size, the way of a closed path that is none; ad hoc
+ROUNDED = 1e-9  # of what the events tell of a coordinate's size, a path that may be zero; ad hoc
 BEFORE_A_JUMP = 3  # rungs tried where the first path crosses a jump: seconds are lost there; ad hoc
 # Amplified round-off above which a path may be one of many, and above which that is to be counted;
 # measured: of 400 families in all directions and at any tol the least is 2.4e-7, and chains of 10
@@ -166,7 +168,7 @@ def _asked(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[Sol
         found = _unfixed(problem.asked or problem, guess, choices)
         if found is None:
             found = _solved(problem, guess, choices)
-            if choices.mesh is None and _moves(found[0]):  # it may be kinked at the start
+            if choices.mesh is None and moves(found[0]):  # it may be kinked at the start
                 found = _unfixed(problem, found[0], choices) or found
         return found
     if problem.is_infinite or problem.has_tails:
@@ -244,6 +246,18 @@ def _is_at_rest(solution: Solution) -> bool:
     return ends < DWELL_STEP * np.ptp(values, axis=1).max()
 
 
+def moving(solution: Solution) -> Solution:
+    """Return a solution, as none if it is at rest where a motion is looked for.
+
+    That is where a path closes anywhere along itself, or tends to rest.
+    """
+    problem = solution.problem
+    sought = problem.closes or problem.is_infinite or problem.has_tails
+    if not sought or not solution.success or moves(solution):
+        return solution
+    return replace(solution, status=Status.NOT_FOUND, error=np.inf)
+
+
 def _in_windows(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[Solution, str]:
     """Return the path of a problem with events at infinite times, and the verdict."""
     tolerance(choices.tol)
@@ -279,10 +293,11 @@ def _in_windows(problem: Problem, guess: Guess | None, choices: Choices) -> tupl
     return window.centred(solution), message
 
 
-def _moves(solution: Solution) -> bool:
+def moves(solution: Solution) -> bool:
     """Whether a path is no rest."""
     speed = np.abs(solution.velocity(solution.mesh.nodes)).max(axis=1)
     size = np.abs(solution.path.values).max(axis=1)
+    size = np.maximum(size, ROUNDED * solution.problem.scales)
     return bool((speed * solution.duration > AT_REST * size).any())
 
 
@@ -294,6 +309,11 @@ def _unfixed(
     None where there is nothing of the kind to be found: a closed path that is not said to move.
     """
     tolerance(choices.tol)
+    if choices.ladder is IPOPT:
+        raise ValueError(
+            "expected method 'auto' where a time is free, an event lies on a surface, or a path "
+            "closes that may begin anywhere along itself, found 'ipopt': it knows given events"
+        )
     if problem.on_surface:
         checked(problem, choices.tol, None, choices.principle, None)
         if choices.mesh is not None:
@@ -307,15 +327,18 @@ def _unfixed(
                 "expected no mesh where a time is free, found one: it would be over given times"
             )
         if problem.closes and guess is None:
+            guess = well(problem)
+        if problem.closes and guess is None:
             raise ValueError(
                 "expected a guess for a closed path whose period is to be found: a Path or a "
-                "solution near it, or waypoints round it"
+                "solution near it, or waypoints round it; none is needed for one coordinate that "
+                "is bound at that energy near where it starts"
             )
     elif guess is None or choices.mesh is not None:
         return None
     tol, principle, watch = choices.tol, choices.principle, choices.watch
     thorough = choices.ladder is not NEAR
-    way = solve_on_surface if problem.on_surface and guess is None else solve_unfixed
+    way = solve_on_surface if problem.on_surface else solve_unfixed
     solution, hint = way(problem, solve, tol, guess, principle, watch, thorough=thorough)
     figures = f"tol = {tol:g}, error estimate {solution.error:.2g}"
     hint = f"; {hint}" if hint else ""
