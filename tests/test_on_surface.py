@@ -9,6 +9,7 @@ import pytest
 from scipy.optimize import brentq
 
 import actionopt as ao
+from actionopt import plot
 
 G = 9.81
 A, B = 2.0, 1.0  # semi-axes
@@ -260,3 +261,68 @@ def test_more_that_is_refused():
         ao.solve(problem, mesh=ao.solve(problem).mesh)
     with pytest.raises(ValueError, match="principle"):
         ao.solve(problem, principle="most")
+
+
+def test_all_the_normals_and_a_family():
+    feet, _ = normals(*INSIDE)
+    lengths = np.sort(np.linalg.norm(feet - INSIDE, axis=1))
+    found = ao.solve_all(to_ellipse(), starts=1)
+    assert [np.sqrt(2 * s.action) for s in found] == pytest.approx(lengths, rel=1e-9)
+    assert [s.morse_index for s in found] == [0, 0, 1, 1]
+    circle = ao.Event(1.0, None, on=lambda q, t: q @ q - 1)
+    centre = ao.Problem(plane(), ao.Event(0.0, [0.0, 0.0]), circle)
+    assert ao.solve(centre, throw=False).status is ao.Status.DEGENERATE
+
+
+def test_variations_move_along_the_surface():
+    way = ao.solve(to_ellipse(), guess=[[0.3, -1.8], [0.1, -0.1]], tol=1e-11)
+    spectrum = ao.second_variation(way, 2)
+    assert spectrum.eigenvalues[0] < 0 < spectrum.eigenvalues[1]
+    S, h = ao.variation(way, spectrum.modes[0]), 1e-4
+    assert abs(S.first) < 1e-10 * S.cancelling
+    assert (S(h) - 2 * S(0.0) + S(-h)) / h**2 == pytest.approx(S.second, rel=1e-4)
+    x, y = S.path(0.1)(1.0)
+    assert ellipse([x, y], 1.0, a=A, b=B) == pytest.approx(0.0, abs=1e-12)
+    with pytest.raises(ValueError, match="which the event pins"):
+        ao.variation(way, lambda t: [1 - t, 0 * t])
+    assert plot.landscape(way) is not None
+    with pytest.raises(ValueError, match="found one on a surface"):
+        plot.explore(to_ellipse())
+
+
+@pytest.mark.parametrize("lean", [0.0, 0.2, -0.3])
+def test_the_quickest_descent_meets_the_wall_squarely(lean):
+    scene = ao.scenes.get("descent_to_wall", lean=lean)
+    found = ao.solve(scene.problem, tol=1e-10)  # no guess
+    t = np.linspace(0.0, 1.0, 11)
+    assert found(t) == pytest.approx(scene.exact(t), abs=1e-9)
+    along = found.end.v / np.linalg.norm(found.end.v)
+    assert along == pytest.approx([np.cos(lean), np.sin(lean)], abs=1e-8)
+    assert found.length / np.sqrt(2 * 9.81) == pytest.approx(scene.facts["fall_time"], rel=1e-9)
+    assert found.morse_index == 0
+
+
+def test_from_the_pole_to_a_parallel_is_a_family():
+    sphere = ao.System(
+        lambda q, v, t: v @ v / 2, ["x", "y", "z"], constraint=lambda q, t: (q @ q - 1) / 2
+    )
+    end = ao.Event(1.0, None, on=lambda q, t: q[2] - 0.5)
+    found = ao.solve(ao.Problem(sphere, ao.Event(0.0, [0.0, 0.0, 1.0]), end), throw=False)
+    assert found.status is ao.Status.DEGENERATE
+
+
+def test_a_clock_and_a_moving_surface():
+    """p = -mu on_q and H - E = mu on_t at the end, with H by forward integration."""
+    E = 1.5
+    system = ao.System(lambda q, v, t: v @ v / 2 - np.sin(t) * q[0], ["x", "y"])
+    end = ao.Event(None, None, on=lambda q, t: q[0] + 0.3 * q[1] - 2 - 0.2 * t)
+    found = ao.solve(ao.Problem(system, ao.Event(0.0, [0.0, 0.0]), end, energy=E), tol=1e-11)
+    T, (vx, vy) = found.end.t, found.start.v
+    p = np.array([vx + np.cos(T) - 1, vy])  # x'' = -sin t
+    q = np.array([vx * T + np.sin(T) - T, vy * T])
+    (mu,) = found.surface_multipliers[1]
+    assert q[0] + 0.3 * q[1] == pytest.approx(2 + 0.2 * T, rel=1e-10)
+    assert p == pytest.approx([-mu, -0.3 * mu], rel=1e-9)
+    assert p @ p / 2 + np.sin(T) * q[0] - E == pytest.approx(-0.2 * mu, rel=1e-9)
+    runs = ao.sweep(found.problem, {"energy": [1.0, 1.5]})
+    assert runs.action[1] == pytest.approx(found.action, rel=1e-7)

@@ -26,7 +26,7 @@ import casadi as ca
 import numpy as np
 
 from actionopt.discrete.discrete_path import DiscretePath, dependent
-from actionopt.discrete.foot import held_at, reactions
+from actionopt.discrete.foot import reactions, surface_at
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.held import Held
@@ -97,8 +97,11 @@ class Form:
 
     @property
     def closed(self) -> bool:
-        """Whether the ends vary together: a_K = a_0 in the directions that are not pinned."""
-        return self.tr.layout.closed
+        """Whether the ends vary together: a_K = a_0 in the directions that are not pinned.
+
+        Where the path closes in another order, that is in the basis of the last node.
+        """
+        return bool(self.tr.layout.closed)
 
     @cached_property
     def masses(self) -> list[Array]:
@@ -159,13 +162,19 @@ def form(at: DiscretePath, units: Array | None = None, *, phase: bool = True) ->
         inertia = np.abs(np.diagonal(C, axis1=1, axis2=2)).mean(axis=0)
         size = (units * np.sqrt(inertia)).max()
         units = np.where(inertia > 0, size / np.sqrt(np.where(inertia > 0, inertia, 1.0)), units)
+    if layout.closed:  # coordinates that take each other's place have one unit
+        order = list(layout.closed)
+        for _ in order:
+            units = np.maximum(units, units[order])
     basis = tangent(problem, Q, tr.mesh.nodes[:, None], units).copy()
     sides = []
-    for k in (0, 1):
-        basis[-k], count = _pinned_first(basis[-k], held_at(at, k) * units)
+    for k, event in enumerate((problem.start, problem.end)):
+        asked = problem.surfaces[k]
+        normals = None if asked is None else surface_at(at, k)[1] * units
+        basis[-k], count = _pinned_first(basis[-k], (asked or event).pinned, normals)
         sides.append(count)
     if layout.closed:
-        basis[-1] = basis[0]
+        basis[-1] = basis[0, list(layout.closed)]
     pinned = (sides[0], sides[1])
     loose = max(pinned) < basis.shape[2]
     scale = units[:, None] * units
@@ -457,12 +466,18 @@ def _bend(at: DiscretePath, k: int) -> Array:
     return found
 
 
-def _pinned_first(Z: Array, held: Array) -> tuple[Array, int]:
-    """Return the basis Z (n, r) turned so that variations along the rows `held` come first."""
-    if not len(held):
-        return Z, 0
-    if len(held) == len(Z):
+def _pinned_first(Z: Array, pinned: tuple[int, ...], normals: Array | None) -> tuple[Array, int]:
+    """Return the basis Z (n, r) turned so that variations of pinned coordinates come first.
+
+    So do those along the `normals` (s, n) of a surface.
+    """
+    if len(pinned) == len(Z):
         return Z, Z.shape[1]
-    sizes = np.linalg.norm(held, axis=1, keepdims=True)
-    _, values, right = np.linalg.svd(held / np.where(sizes > 0, sizes, 1.0) @ Z)
+    if not pinned and normals is None:
+        return Z, 0
+    held = Z[list(pinned)]
+    if normals is not None:
+        sizes = np.linalg.norm(normals, axis=1, keepdims=True)
+        held = np.concatenate([held, normals / np.where(sizes > 0, sizes, 1.0) @ Z])
+    _, values, right = np.linalg.svd(held)
     return Z @ right.T, int(np.sum(values > RANK))

@@ -17,7 +17,7 @@ from actionopt.analysis.jacobi import resolved
 from actionopt.analysis.second_variation import Form, condense
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.end_times import by_times, explicit, jumps_of
-from actionopt.discrete.foot import held_at, reactions, surface_at
+from actionopt.discrete.foot import reactions, surface_at
 from actionopt.mechanics.problem import Tail
 from actionopt.mechanics.system import System
 from actionopt.tools.blas import one_thread
@@ -135,9 +135,12 @@ def _second(form: Form) -> tuple[Array, Array, Array]:
     maps, first = [], 0
     for k, count in enumerate(form.pinned):
         # Directions a of the pinned coordinates: dq = units * basis a, and none off a surface.
-        event = problem.surfaces[k] or (problem.start, problem.end)[k]
-        pinned, held = list(event.pinned), held_at(form.at, k)
-        directions = held @ (form.units[:, None] * form.basis[-k])[:, :count]
+        asked = problem.surfaces[k]
+        pinned = list((asked or (problem.start, problem.end)[k]).pinned)
+        basis = (form.units[:, None] * form.basis[-k])[:, :count]
+        directions = basis[pinned]
+        if asked is not None:
+            directions = np.concatenate([directions, surface_at(form.at, k)[1] @ basis])
         to_directions = np.zeros((hessian.shape[0], n))
         inverse = np.linalg.pinv(directions)
         to_directions[first : first + count, pinned] = inverse[:, : len(pinned)]

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 
 from actionopt.analysis.second_variation import Form, form
 from actionopt.analysis.solution import Solution
+from actionopt.discrete.foot import onto
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.projection import project
@@ -96,9 +97,11 @@ class Variation:
         tr = self.form.tr
         Q = self.form.at.Q + alpha * self.eta.values.T
         system, problem = tr.problem.system, tr.problem
-        if not system.m or alpha == 0:
+        if alpha == 0:
             return Q
-        moved = project(tr, Q)
+        moved = self.moved(Q)
+        if not system.m:
+            return moved
         f = system.pointwise("constraint")(moved, tr.mesh.nodes[:, None], problem.packed)[0]
         if not np.max(np.abs(f) / tr.row_units) <= PROJECTED:
             raise ValueError(
@@ -106,6 +109,27 @@ class Variation:
                 f"alpha = {alpha}; try a smaller alpha"
             )
         return moved
+
+    def moved(self, Q: Array) -> Array:
+        """Return coordinates (K, n) moved onto the constraints, and the ends onto their surfaces.
+
+        Raises ValueError where an end is not near its surface.
+        """
+        tr, problem = self.form.tr, self.form.tr.problem
+        if problem.system.m:
+            Q = project(tr, Q)
+        for k, event in enumerate(problem.surfaces):
+            if event is not None:
+                t = float(tr.mesh.boundaries[-k])
+                end = onto(problem, event, Q[-k], t, tr.lengths)
+                if end is None:
+                    raise ValueError(
+                        f"expected the varied path to end near the surface at t = {t:.6g}, found "
+                        "no point of it there; try a smaller variation"
+                    )
+                Q = Q.copy()
+                Q[-k] = end
+        return Q
 
 
 def variation(
@@ -172,20 +196,22 @@ def _allowed(form: Form, eta: Path) -> Array:
     if values.shape[1] != len(names):
         raise ValueError(f"expected eta of {len(names)} coordinates, found {values.shape[1]}")
     size = np.max(np.abs(values))
-    for k, event in ((0, problem.start), (-1, problem.end)):
+    for k, found in ((0, problem.start), (-1, problem.end)):
+        event = problem.surfaces[k] or found
         for i in event.pinned:
             if abs(values[k, i]) > PINNED_ETA * size:
                 raise ValueError(
-                    f"expected eta({event.t}) = 0 in {names[i]}, which the event pins, found "
+                    f"expected eta({found.t}) = 0 in {names[i]}, which the event pins, found "
                     f"{values[k, i]:.3g}; multiply eta by a function that vanishes at both ends"
                 )
-    open_by = np.abs(values[-1] - values[0])
-    if form.closed and np.any(open_by > PINNED_ETA * size):
-        i = int(np.argmax(open_by))
-        raise ValueError(
-            f"expected eta(t1) = eta(t0) for a path that closes, found that {names[i]} differs by "
-            f"{open_by[i]:.3g}"
-        )
+    if form.closed:
+        open_by = np.abs(values[-1] - values[0, list(problem.order)])
+        if np.any(open_by > PINNED_ETA * size):
+            i = int(np.argmax(open_by))
+            raise ValueError(
+                f"expected eta(t1) = eta(t0) for a path that closes, found that {names[i]} differs "
+                f"by {open_by[i]:.3g}"
+            )
     a = np.einsum("knr,kn->kr", form.basis, values / form.units)
     for k, count in ((0, form.pinned[0]), (-1, form.pinned[1])):
         a[k, :count] = 0.0

@@ -13,7 +13,13 @@ import numpy as np
 
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.mechanics.events import Event
+from actionopt.mechanics.problem import Problem
 from actionopt.tools.types import Array, NDInt
+
+# Of Newton's method to a surface; ad hoc.
+LONGEST_WAY = 60  # steps
+FARTHEST = 10.0  # a step, in the coordinates' sizes
+REACHED = 1e-9  # the last step: the next would be its square
 
 
 class Foot(NamedTuple):
@@ -69,17 +75,6 @@ def surface_at(at: DiscretePath, k: int) -> tuple[Array, Array, Array, Array]:
     return event.on.at(at.Q[-k], t, at.problem.packed)
 
 
-def held_at(at: DiscretePath, k: int) -> Array:
-    """Return the directions (r, n) in which the start (k = 0) or the end (1) of a path is held.
-
-    Those of the coordinates that are given, and the normals of the surface.
-    """
-    asked = at.problem.surfaces[k]
-    event = asked or (at.problem.start, at.problem.end)[k]
-    given = np.eye(at.problem.system.n)[list(event.pinned)]
-    return given if asked is None else np.concatenate([given, surface_at(at, k)[1]])
-
-
 def reactions(at: DiscretePath, k: int) -> tuple[Array, Array]:
     """Return the multipliers mu (s,) of on and nu (m,) of f that balance the momentum at an end.
 
@@ -106,3 +101,29 @@ def _there(at: DiscretePath, k: int) -> tuple[Event, float]:
     event = at.problem.surfaces[k]
     assert event is not None
     return event, float(at.mesh.boundaries[-k])
+
+
+def onto(problem: Problem, event: Event, q: Array, t: float, size: Array) -> Array | None:
+    """Return a point of the event's surface, and of the constraints, near q (n,); None if none is.
+
+    By Newton's method, with steps of least length in units of `size` (n,).
+    """
+    system, given = problem.system, list(event.pinned)
+    q = q.copy()
+    q[given] = [event.q[i] for i in given]
+    free = np.setdiff1d(np.arange(system.n), given)
+    for _ in range(LONGEST_WAY):
+        rows, by_q, _, _ = event.on.at(q, t, problem.packed)
+        if system.m:
+            f = system.constraint(q, t, parameters=problem.parameters)
+            G = system.constraint_jacobian(q, t, parameters=problem.parameters)
+            rows, by_q = np.concatenate([rows, f]), np.concatenate([by_q, G])
+        by_q = by_q[:, free] * size[free]
+        if not (np.isfinite(rows).all() and np.isfinite(by_q).all() and by_q.any(axis=1).all()):
+            return None
+        step = -np.linalg.pinv(by_q) @ rows
+        largest = np.abs(step).max()
+        q[free] += step * min(1.0, FARTHEST / largest if largest else 1.0) * size[free]
+        if largest < REACHED:
+            return q
+    return None

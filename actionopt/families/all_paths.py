@@ -19,6 +19,7 @@ import numpy as np
 
 from actionopt.analysis.solution import Solution
 from actionopt.families.centres import guesses
+from actionopt.families.feet import all_on_surfaces
 from actionopt.families.free_times import all_durations
 from actionopt.families.searches import SAME_PATH, Sweep
 from actionopt.mechanics.problem import Problem
@@ -152,7 +153,7 @@ def solve_all(
 
     Where the events do not determine the path, as between antipodal points of a sphere, one path
     of the family is kept, apart from the others. Where the end is `Periodic` the paths close,
-    momenta included.
+    momenta included. Where an event lies on a surface, paths are sought to points all over it.
 
     Parameters
     ----------
@@ -209,6 +210,9 @@ def solve_all(
                 "expected whole numbers >= 0 of windings, starts, shots and continuations, "
                 f"found {count!r}"
             )
+    if problem.on_surface:
+        placed = all_on_surfaces(problem, tol, len(turning), starts, seed, progress)
+        return _paths_of(problem, turning, *placed)
     if problem.free_time:
         timed = all_durations(problem, tol, turning, windings, shots, seed, progress)
         return _paths_of(problem, turning, *timed)
@@ -277,7 +281,7 @@ def _paths_of(
     tried: Counter[str],
     interrupted: bool,
 ) -> Paths:
-    """Return the paths of a given energy, by increasing action."""
+    """Return the paths of a given energy, or to surfaces, by increasing action."""
     found = sorted(found, key=lambda item: item[0].action)
     names = tuple(problem.system.coordinates[i] for i in turning)
     solutions, turns, how = zip(*found, strict=True) if found else ((), (), ())

@@ -32,7 +32,7 @@ from actionopt.families.vary import along, led, moved, place, slope
 from actionopt.mechanics.problem import Periodic, Problem
 from actionopt.solver.arguments import checked
 from actionopt.solver.iterate import LATE_TIME, SAFETY, UNKNOWN_GAIN, amplified, estimate, sizes
-from actionopt.solver.solve import FAMILY_NOISE, FAMILY_SUSPECTED, Guess, solve, solve_near
+from actionopt.solver.solve import FAMILY_NOISE, FAMILY_SUSPECTED, Guess, moving, solve, solve_near
 from actionopt.solver.together import Followed, follow
 from actionopt.solver.workspace import MEASURABLE
 from actionopt.tools.blas import one_thread
@@ -299,6 +299,7 @@ class _Run:
                 self.patience = min(self.patience + (1 if found.success else -1), PATIENCE)
             else:
                 found = solve_near(problem, guess, self.tol)
+            found = moving(found)
         except ValueError as error:
             self.messages[i] = str(error)
             return None
@@ -582,7 +583,7 @@ def _can_be_stacked(problem: Problem, times: Array) -> bool:
         system.m == system.r == 0
         and not structure.forced
         and problem.advance is None
-        and not (problem.has_tails or problem.is_infinite)
+        and not (problem.has_tails or problem.is_infinite or problem.on_surface)
         and system.n <= COORDINATES
     )
     late = structure.depends_on_time and bool(far.any())

@@ -3,7 +3,8 @@
 With S + E (t1 - t0) + mu.on stationary the momentum is normal to the surface, p1 = -mu on_q and
 p0 = mu on_q, and where the time is free H - E = mu on_t at the end: p.dq - (H - E) dt = 0 for all
 moves along the surface. (Transversality: Gelfand and Fomin, *Calculus of Variations* (1963),
-sections 14-15; Bolza, *Lectures on the Calculus of Variations* (1904), sections 23 and 39.)
+section 14; and Bolza, *Lectures on the Calculus of Variations* (1904), for the focal points of
+curves.)
 """
 
 from __future__ import annotations

@@ -2,9 +2,9 @@
 
 A scene's file has a docstring with a sketch, `TITLE` and `SOURCE` (one line each: what it is, and
 the section, page or equation it is taken from), `WORDS` for its page, `lagrangian` or, of a
-geodesic, `length`, `constraint`, `force` and `obstacle` if it has them, and `scene`. The signature
-of `scene` has the names and defaults of all parameters, those of the system among them; called with
-numbers, it returns a `Setup`.
+geodesic, `length`, `constraint`, `force` and `obstacle` if it has them, `on` where the end lies on
+a surface, and `scene`. The signature of `scene` has the names and defaults of all parameters, those
+of the system among them; called with numbers, it returns a `Setup`.
 """
 
 from __future__ import annotations
@@ -210,11 +210,13 @@ def build(file: ModuleType, numbers: Mapping[str, Any]) -> Scene:
     ends = found.ends or [found.exact(t) for t in times]  # type: ignore[misc]
     start, end = (Event(t, q) for t, q in zip(times, ends, strict=True))
     values = {name: numbers[name] for name in y.parameters}
-    if found.energy is None:
-        problem = Problem(y, start, end, parameters=values)
-    else:
-        asked = Problem(y, start, end.at(None), parameters=values, energy=found.energy)
-        problem = asked.found(*times)
+    wanted = end if found.energy is None else end.at(None)
+    if hasattr(file, "on"):  # it says where the end may lie
+        wanted = Event(wanted.t, None, on=file.on)
+        values |= {name: numbers[name] for name in parameters(file.on)}
+    problem = Problem(y, start, wanted, parameters=values, energy=found.energy)
+    if wanted is not end:
+        problem = problem.found(*times, np.array([start.q, end.q]))
 
     def kinetic(q: Array, v: Array, t: Any) -> Array:
         L, back, rest = (

@@ -5,30 +5,42 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
+from itertools import chain, islice
 from typing import Any, Literal
 
 import numpy as np
 
+from actionopt.analysis.index import INDEX_TOLERANCE
 from actionopt.analysis.solution import Solution
+from actionopt.analysis.status import Status
 from actionopt.discrete.bordered import over
 from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.foot import onto
 from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.newton import approach
 from actionopt.discrete.path import Path
-from actionopt.mechanics.problem import Event, Problem
+from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.problem import Event, Problem, diagonal
 from actionopt.solver.arguments import Guess
 from actionopt.solver.durations import along
 from actionopt.solver.ladder import COARSE_DEGREE
-from actionopt.solver.unfixed import FIRST_ELEMENTS, FIRST_TOL, Unfixed, solve_unfixed, straight
+from actionopt.solver.unfixed import (
+    APPROACHES,
+    FIRST_ELEMENTS,
+    FIRST_TOL,
+    Unfixed,
+    solve_unfixed,
+    straight,
+)
 from actionopt.tools.types import Array
 from actionopt.tools.watch import Watch
 
 # Ad hoc.
-STEPS = 60  # of Newton's method to a surface
-FARTHEST = 10.0  # such a step, in the coordinates' sizes
-REACHED = 1e-9  # what is left of it
 APART = 1e-6  # of the coordinates' sizes: points nearer to one another are one
 TRIED = 6  # points to which a least path is sought
 FEW = 6  # coordinates whose axes are tried one by one; of more, as many directions by chance
+ALL_DURATIONS = 2  # points to which several durations are tried
+WITH_PAINS = 2  # points to which a path is sought in every way, where none was found
 AGAIN = 4  # times that the other surface, and one that moves, is asked anew
 
 
@@ -42,21 +54,39 @@ def solve_on_surface(
     *,
     thorough: bool = True,
 ) -> tuple[Solution, str]:
-    """Return a path between events of which some lie on surfaces, without a guess, and a hint.
+    """Return a path between events of which some lie on surfaces, and a hint.
 
-    A least one if one of those tried is least, else one of the least index.
+    Near a guess; without one a least one if one of those tried is least, else one of the least
+    index.
     """
     options: Any = (principle, watch)
-    best = None
-    for _, first in zip(range(TRIED), firsts(problem, solve, tol), strict=False):
+    quick = [guess] if guess is not None else islice(firsts(problem, solve, tol), TRIED)
+    starts = chain(((False, x) for x in quick), ((True, x) for x in _thorough(problem, solve)))
+    best, rung = None, {} if guess is not None else {"rung": "surface"}
+    for slow, first in starts:
+        done = guess is not None or watch is not None or (best is not None and best[0] < np.inf)
+        if slow and done:  # nobody watches how long all ways to a point take
+            break
         solution, hint = solve_unfixed(problem, solve, tol, first, *options, thorough=thorough)
-        found = replace(solution, stats=solution.stats | {"rung": "surface"}), hint
+        found = _judged(replace(solution, stats=solution.stats | rung), hint)
         rank = np.inf if not found[0].success else 0 if principle == "stationary" else _index(found)
         if best is None or rank < best[0]:
             best = rank, found
         if not best[0] or (watch is not None and watch.raised is not None):
             break
     return best[1] if best else solve_unfixed(problem, solve, tol, guess, *options)
+
+
+def _judged(solution: Solution, hint: str) -> tuple[Solution, str]:
+    """Return the verdict DEGENERATE if the path is one of a family, else the solution as it is."""
+    if solution.success:
+        with suppress(ValueError, np.linalg.LinAlgError):
+            found = solution.inertia
+            if found.nullity and found.tolerance <= INDEX_TOLERANCE:
+                hint = f"the paths to the surface are a family of dimension {found.nullity}"
+                stats = solution.stats | {"nullity": found.nullity}
+                return replace(solution, status=Status.DEGENERATE, stats=stats), hint
+    return solution, hint
 
 
 def _index(found: tuple[Solution, str]) -> int:
@@ -66,31 +96,52 @@ def _index(found: tuple[Solution, str]) -> int:
     return 0
 
 
-def firsts(problem: Problem, solve: Callable[..., Solution], tol: float) -> Iterator[Path]:
-    """Yield paths to points on the surfaces, that of the least straight line first."""
-    for fixed, line in points(problem):
+def firsts(
+    problem: Problem,
+    solve: Callable[..., Solution],
+    tol: float,
+    directions: Array | None = None,
+) -> Iterator[Path]:
+    """Yield paths to points on the surfaces, that of the least straight line first.
+
+    The points are looked for in `directions`, as `points` says.
+    """
+    for k, (fixed, line) in enumerate(points(problem, directions)):
         if fixed.free_time:
-            yield from (at.path for at in Unfixed(fixed, tol, solve).near())
+            near = Unfixed(fixed, tol, solve).near()
+            yield from (at.path for at in islice(near, None if k < ALL_DURATIONS else 1))
             continue
-        found = None
-        with suppress(ValueError):
-            found = solve(fixed, tol=FIRST_TOL, throw=False)
-        yield found.path if found is not None and found.success else line
+        tr = Transcription(fixed, line.mesh, fixed.lengths)
+        found = approach(tr, tr.pack(line.values.T), APPROACHES)
+        yield line if found is None else DiscretePath(tr, found[0]).polished().path
+
+
+def _thorough(problem: Problem, solve: Callable[..., Solution]) -> Iterator[Path]:
+    """Yield paths between given times to the nearest points, for which every way is tried."""
+    if problem.free_time:
+        return
+    for fixed, _ in points(problem)[:WITH_PAINS]:
+        found = solve(fixed, tol=FIRST_TOL, throw=False)
+        if found.success:
+            yield found.path
 
 
 def points(problem: Problem, directions: Array | None = None) -> list[tuple[Problem, Path]]:
     """Return problems between points on the surfaces, and straight lines, the least action first.
 
-    They are looked for in `directions` (k, n), in the coordinates' sizes; else along the axes.
+    They are looked for in `directions` (k, n), in units of the way to the first one; else along the
+    axes.
     """
-    n, size = problem.system.n, over(problem, 1.0).scales
+    n, size = problem.system.n, _sizes(problem)
+    nearest = _pair(problem, np.zeros(n), size)
+    far = 1.0 if nearest is None else float(np.abs((nearest[1] - nearest[0]) / size).max()) or 1.0
     if directions is None:
         directions = np.concatenate([np.zeros((1, n)), np.eye(n), -np.eye(n)])
         if n > FEW:
             directions = np.random.default_rng(0).standard_normal((2 * FEW, n))
     found: list[tuple[float, Path, Problem, Array]] = []
     for direction in directions:
-        pair = _pair(problem, direction * size, size)
+        pair = _pair(problem, far * direction * size, size)
         if pair is None or any(np.all(np.abs(pair - q) < APART * size) for *_, q in found):
             continue
         ends = [
@@ -102,6 +153,20 @@ def points(problem: Problem, directions: Array | None = None) -> list[tuple[Prob
             fixed = Problem(problem.system, *ends, parameters=values, energy=energy)
             found.append((*_line(fixed), fixed, pair))
     return [(fixed, line) for _, line, fixed, _ in sorted(found, key=lambda x: x[0])]
+
+
+def _sizes(problem: Problem) -> Array:
+    """Return the coordinates' sizes (n,), of equal kinetic energy: how far is far on a surface."""
+    size = over(problem, 1.0).scales
+    ends = problem.start, problem.end
+    pairs = zip(ends[0].q, ends[1].q, strict=True)
+    q = np.array([[(b or 0.0) if a is None else a for a, b in pairs]])
+    t = np.array([[next((e.t for e in ends if e.t is not None), 0.0)]])
+    second = problem.system.pointwise("second")(q, size[None], t, problem.packed)[2]
+    with np.errstate(all="ignore"):
+        units = 1 / np.sqrt(diagonal(problem.system, 2, second)[0])
+        found = np.max(size / units) * units
+    return np.where(np.isfinite(found) & (found > 0), found, size)
 
 
 def _line(problem: Problem) -> tuple[float, Path]:
@@ -149,32 +214,8 @@ def _pair(problem: Problem, away: Array, size: Array) -> Array | None:
             if times[k] is None and again:
                 T = _lasting(problem, q[0] + np.linspace(0, 1, 11)[:, None] * (q[1] - q[0]), t)
             at = t + (T if k else -T) if times[k] is None else times[k]
-            found = _onto(problem, event, q[k], at, size)
+            found = onto(problem, event, q[k], at, size)
             if found is None:
                 return None
             q[k] = found
     return q
-
-
-def _onto(problem: Problem, event: Event, q: Array, t: float, size: Array) -> Array | None:
-    """Return a point of the surface, and of the constraints, near q (n,), by Newton's method."""
-    system = problem.system
-    given = list(event.pinned)
-    q = q.copy()
-    q[given] = [event.q[i] for i in given]
-    free = np.setdiff1d(np.arange(system.n), given)
-    for _ in range(STEPS):
-        rows, by_q, _, _ = event.on.at(q, t, problem.packed)
-        if system.m:
-            more = {"parameters": problem.parameters}
-            rows = np.concatenate([rows, system.constraint(q, t, **more)])
-            by_q = np.concatenate([by_q, system.constraint_jacobian(q, t, **more)])
-        by_q = by_q[:, free] * size[free]
-        if not (np.isfinite(rows).all() and np.isfinite(by_q).all() and by_q.any(axis=1).all()):
-            return None
-        step = -np.linalg.pinv(by_q) @ rows
-        largest = np.abs(step).max()
-        q[free] += step * min(1.0, FARTHEST / largest if largest else 1.0) * size[free]
-        if largest < REACHED:
-            return q
-    return None

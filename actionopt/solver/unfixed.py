@@ -20,14 +20,14 @@ from numpy.typing import ArrayLike
 from actionopt.analysis.shooting import motions
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
-from actionopt.discrete.bordered import Bordered, loose, moves_of, over
+from actionopt.discrete.bordered import FULL, Bordered, loose, moves_of, over
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.end_times import by_times
 from actionopt.discrete.factors import Factors
 from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.newton import approach, follow
+from actionopt.discrete.newton import approach, follow, is_roundoff
 from actionopt.discrete.path import Path
-from actionopt.discrete.resolution import SHORTEST, refined, resolution
+from actionopt.discrete.resolution import refined, resolution
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import Guess, curve
@@ -53,8 +53,14 @@ FIRST_TOL = 1e-3  # of paths that are to be followed to the energy
 REPRESENTED = 1e-4, 1e-7  # of a guess: what its first mesh leaves out, and the next one tried
 APPROACHES = 40  # damped steps of Newton's method
 SCANNED = 9  # durations either way, each the root of two times the next, that are looked at
-PASSED = 400  # times at which a closed path is looked for what its start gives
+PASSED = 400  # times a period at which a closed path is looked for what its start gives
+PARTS, CLOSED_IN = 40, 9  # of the time between two of them, in turn: 40^9 is more than 1 / EPS
 ON_START = 1e-9  # of a coordinate's size, how far from that it may begin: the tolerance if larger
+# Singular values of Newton's matrix, of the largest, at a family; the step that ends there; and how
+# far a path moves that is no rest, of its size.
+SINGULAR, SETTLED, MOVING = 1e-7, 1e-7, 1e-6
+SLIVER = 0.1  # of an element, ad hoc
+NEAR_START = 1e-2  # as far as a first mesh tells
 PUSHED = 1e-8  # force on a closed path: measured, 1e-14 on motions, and 1 or more on what is none
 TRIED = np.logspace(-8, 8, 65)  # durations at which a straight line is looked at
 PARABOLAS = 12  # steps to the least energy of paths over given durations
@@ -340,6 +346,7 @@ class Unfixed:
     def reach(self, path: Path, lam: Array | None, *, damped: bool) -> bool:
         """Go to the path of the energy, or one that closes, near a rough one."""
         problem = loose(self.problem) if self.problem.closes else self.problem
+        self.hint = "" if problem.closes else self.hint
         self.here = self._around(path, None if lam is None else np.nan_to_num(lam), problem)
         if not self._follow():
             if not damped:
@@ -353,43 +360,51 @@ class Unfixed:
             self.here = Reached(bordered, found[0])
             if not self._follow():
                 return False
-        return problem is self.problem or not self.problem.start.pinned or self._begun()
+        return problem is self.problem or not self.problem.start.pinned or self._begun(NEAR_START)
 
-    def _begun(self) -> bool:
-        """Begin a closed path where it passes the coordinates that the start gives."""
+    def _begun(self, near: float) -> bool:
+        """Begin a closed path where it passes the coordinates that the start gives, or so near."""
         assert self.here is not None
         at, pinned = self.here.at, list(self.problem.start.pinned)
         wanted = np.array([self.problem.start.q[i] for i in pinned], dtype=float)[:, None]
         unit = at.tr.lengths[pinned, None]
-        t0, T = at.mesh.boundaries[0], at.mesh.duration
-        t = np.linspace(0.0, T, PASSED + 1)
-        away = (at.path(t0 + t)[pinned] - wanted) / unit
-        if len(pinned) == 1:  # it passes between two of the times
-            inside = away[0, :-1] * away[0, 1:] <= 0
-            times = t[np.append(inside, False) | (np.abs(away[0]) < 1 / PASSED**2)]
-        else:
-            times = t[[int(np.argmin(np.linalg.norm(away, axis=0)))]]
-        if not times.size:
-            self.hint = "the closed path near the guess does not pass what the start gives"
+        T = at.mesh.duration
+
+        def away(since: Array) -> tuple[Array, Array]:
+            q, v = beyond(at.path, at.problem, since)
+            return (q[pinned] - wanted) / unit, v[pinned] / unit
+
+        t = np.linspace(-T, T, 2 * PASSED + 1)[:-1]
+        far = np.linalg.norm(away(t)[0], axis=0)
+        nearest = np.flatnonzero((far <= np.roll(far, 1)) & (far <= np.roll(far, -1)))
+        passed = [
+            _nearest(away, float(t[k]) - T / PASSED, t[k] + T / PASSED, t[k]) for k in nearest
+        ]
+        passed = [(s, np.abs(away(np.array([s]))[0]).max()) for s in passed if abs(s) < T]
+        passes = [s for s, off in passed if off <= near]
+        if not passes:
+            self.hint = (
+                "the closed path near the guess does not pass what the start gives: it comes as "
+                f"near as {min(off for _, off in passed):.2g} of the size of the coordinate; leave "
+                "it free, or give fewer coordinates there"
+            )
             return False
-        shift = float(times[np.argmin(np.minimum(times, T - times))])
-        self.here = self._around(rolled(at.path, shift, at.problem.advance), None)
+        shift = min(passes, key=abs)
+        self.here = self._around(rolled(at.path, shift, at.problem), None)
         if not self._follow():
-            self.hint = (
-                "no closed path near the guess begins at what the start gives: where a coordinate "
-                "turns back it cannot say where to begin; leave it free there"
-            )
-            return False
-        found = self.here.at.Q[0, pinned]
-        off = np.abs(found - wanted[:, 0]) / unit[:, 0]
-        if off.max() > max(self.tol, ON_START):
-            i = int(np.argmax(off))
-            self.hint = (
-                f"the closed path near the guess begins at {found[i]:.9g} where the start gives "
-                f"{wanted[i, 0]:.9g}: give fewer coordinates there"
-            )
+            self.hint = "no closed path near the guess begins at what the start gives"
             return False
         return True
+
+    def _is_begun(self) -> bool:
+        """Whether a closed path begins at what the start gives."""
+        assert self.here is not None
+        at, pinned = self.here.at, list(self.problem.start.pinned)
+        if not self.problem.closes or not pinned:
+            return True
+        wanted = np.array([self.problem.start.q[i] for i in pinned], dtype=float)
+        off = np.abs(at.Q[0, pinned] - wanted) / at.tr.lengths[pinned]
+        return bool(off.max() <= ON_START)
 
     def _around(self, path: Path, lam: Array | None, problem: Problem | None = None) -> Reached:
         problem = problem or self.problem
@@ -408,14 +423,54 @@ class Unfixed:
             result = follow(bordered, y, target=target, steps=20)  # type: ignore[arg-type]
         self.record.iterations["newton"] += result.iterations
         self._reached = result.converged
-        if not result.converged:
-            return False
+        if not result.converged:  # where it was may be one of a family of paths
+            with np.errstate(all="ignore"):
+                stays = is_roundoff(bordered, y, bordered.residual(y))  # type: ignore[arg-type]
+            self.noise = np.inf if stays else self.noise
+            return stays
         self.here, self.noise, self.factors = (
             Reached(bordered, result.z),
             result.noise,
             result.factors,
         )
         return True
+
+    def is_family(self, guess: Guess) -> bool:
+        """Whether closed paths near the guess are a family: it moves to one of them and stays.
+
+        By Newton's steps of least norm, as its matrix has no inverse at any of them.
+        """
+        if not self.problem.closes:
+            return False
+        bordered, y = here = self._around(self._guessed(guess, REPRESENTED[0]), None)
+        if y.size > FULL:
+            return False
+        with np.errstate(all="ignore"):
+            for _ in range(APPROACHES):
+                matrix, residual = bordered.layout.full(bordered.kkt(y)), bordered.residual(y)
+                if not (np.isfinite(matrix).all() and np.isfinite(residual).all()):
+                    return False
+                step, _, rank, _ = np.linalg.lstsq(matrix, residual, rcond=SINGULAR)
+                y = y - step
+                size = bordered.measured(step)
+                if size < SETTLED:
+                    here = Reached(bordered, y)
+                    if rank == y.size or here.pushed > PUSHED or not _moves(here.at):
+                        return False
+                    self.here, self.found_by = here, "guess"
+                    self.hint = (
+                        "closed paths near the guess are a family, also but for where they begin"
+                    )
+                    return True
+        return False
+
+    def settled(self) -> Status:
+        """Refine, and begin a closed path where its start says: its mesh moves with it."""
+        status = self.refine()
+        if not status.success or self._is_begun():
+            return status
+        near = max(self.tol, ON_START)
+        return self.refine() if self._begun(near) else Status.NOT_FOUND
 
     def refine(self) -> Status:
         """Follow the path from mesh to mesh until the tolerance is met or cannot be."""
@@ -489,25 +544,59 @@ class Unfixed:
         return Status.DEGENERATE if self.noise > ILL_CONDITIONED else Status.UNRESOLVED
 
 
-def rolled(path: Path, shift: float, advance: Array | None) -> Path:
-    """Return a closed path begun at the time `shift` after its start."""
+def beyond(path: Path, problem: Problem, since: Array) -> tuple[Array, Array]:
+    """Return q and v (n, K) of a closed path at times since its start, before and after as well."""
+    t0, T = path.mesh.boundaries[0], path.mesh.duration
+    order, advance = list(problem.order), problem.advance
+    assert advance is not None
+    turns = np.clip(np.floor(since / T), -1, 1)
+    t = t0 + np.clip(since - turns * T, 0.0, T)
+    q, v, back = path(t), path.velocity(t), np.argsort(order)
+    earlier = (q - advance[:, None])[back], v[back]
+    later = problem.closed_from(q), v[order]
+    pairs = zip(earlier, (q, v), later, strict=True)
+    q, v = (np.where(turns < 0, a, np.where(turns > 0, c, b)) for a, b, c in pairs)
+    return q, v
+
+
+def rolled(path: Path, shift: float, problem: Problem) -> Path:
+    """Return a closed path begun at the time `shift` after its start, or before."""
     mesh = path.mesh
     t0, T = mesh.boundaries[0], mesh.duration
-    since = mesh.since
-    cut = int(np.searchsorted(since, shift, side="right")) - 1
-    b = np.concatenate([[0.0], since[cut + 1 :] - shift, since[1 : cut + 1] + (T - shift), [T]])
+    since, ahead = mesh.since, shift % T
+    cut = min(int(np.searchsorted(since, ahead, side="right")) - 1, mesh.elements - 1)
+    b = np.concatenate([[0.0], since[cut + 1 :] - ahead, since[1 : cut + 1] + (T - ahead), [T]])
     degrees = np.concatenate([mesh.degrees[cut:], mesh.degrees[: cut + 1]])
-    keep = np.diff(b) > SHORTEST * T
-    b = np.concatenate([[0.0], b[1:][keep]])
-    b[-1] = T
-
-    def curve(t: Array) -> Array:
-        later = t - t0 + shift
-        over = later > T
-        turned = np.zeros((path.values.shape[0], 1)) if advance is None else advance[:, None]
-        return path(t0 + np.where(over, later - T, later)) + over * turned
-
+    # The element that is cut in two: a sliver of it goes with its neighbour.
+    sliver = SLIVER * mesh.lengths[cut]
+    keep = np.ones(degrees.size, dtype=bool)
+    keep[0], keep[-1] = b[1] > sliver, T - b[-2] > sliver
+    inner = b[1:-1][keep[:-1] & np.r_[np.ones(degrees.size - 2, dtype=bool), keep[-1]]]
+    b = np.concatenate([[0.0], inner, [T]])
+    curve = lambda t: beyond(path, problem, t - t0 + shift)[0]  # noqa: E731
     return Path.interpolate(curve, mesh.cut(b, degrees[keep]))
+
+
+def _nearest(
+    away: Callable[[Array], tuple[Array, Array]], a: float, b: float, middle: float
+) -> float:
+    """Return where between a and b what `away` returns, with its rate, is least: `middle` if not.
+
+    Where it vanishes, or turns back.
+    """
+    for _ in range(CLOSED_IN):
+        times = np.linspace(a, b, PARTS + 1)
+        growing = np.einsum("ik,ik->k", *away(times)) >= 0
+        turns = np.flatnonzero(~growing[:-1] & growing[1:])
+        if not turns.size:
+            break
+        a, b = (float(times[turns[0] + k]) for k in (0, 1))
+        middle = (a + b) / 2
+    return middle
+
+
+def _moves(at: DiscretePath) -> bool:
+    return bool(np.ptp(at.Q, axis=0).max() > MOVING * np.abs(at.Q).max())
 
 
 def sheared(path: Path, problem: Problem) -> Path:
@@ -583,11 +672,13 @@ def solve_unfixed(
                 if not run.reach(path, lam, damped=damped):
                     continue
                 run.found_by = how
-                status = run.judged(run.refine())
+                status = run.judged(run.settled())
                 if status.success or status is Status.FLOOR:
                     break
             if run.here is not None and np.isfinite(run.error):
                 break
+        if status is Status.NOT_FOUND and guess is not None and run.is_family(guess):
+            status = Status.DEGENERATE
     except OutOfTime:
         status = Status.OUT_OF_TIME
     if watch is not None and watch.raised is not None and not isinstance(watch.raised, OutOfTime):

@@ -111,12 +111,18 @@ class Trial:
 def straight(problem: Problem, guess: Guess | None = None) -> Trial:
     """Return the first trial: the guess, or the straight line, moved onto the constraint surface.
 
-    Raises ValueError for a path that closes or never ends, or a guess that does not fit.
+    Raises ValueError for a path that closes, never ends or lies on a surface at an end, or a guess
+    that does not fit.
     """
     if problem.is_infinite:
         raise ValueError(
             "expected events at finite times, found one at infinite time; solve it, and ask the "
             "solution's own problem, which has a window of time"
+        )
+    if problem.on_surface:
+        raise ValueError(
+            "expected events that pin the ends or leave them free, found one on a surface; solve "
+            "it, and ask the solution's own problem, which has the place that was found"
         )
     if isinstance(problem.end, Periodic):
         raise ValueError(

@@ -5,6 +5,7 @@ Modes and variations are in the path's own size, how far each coordinate ranges.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,9 +19,9 @@ from actionopt.analysis.variation import variation
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
-from actionopt.discrete.projection import project
 from actionopt.mechanics.problem import Event
 from actionopt.plot.data.along import COUNT, times
+from actionopt.tools.blas import one_thread
 from actionopt.tools.types import Array
 
 MODES = 3  # of a bundle
@@ -188,10 +189,10 @@ def landscape_data(solution: Solution, reach: float = 0.5, count: int = 35) -> L
     rise = np.empty((count, count))
     for i, b in enumerate(steps):
         for j, a in enumerate(steps):
-            moved = Q + a * first + b * second
-            if tr.problem.system.m:
-                moved = project(tr, moved)
-            rise[i, j] = tr.action_and_gradient(moved)[0]
+            rise[i, j] = np.nan
+            with suppress(ValueError):  # far from the surface on which it ends
+                moved = S.moved(Q + a * first + b * second)
+                rise[i, j] = tr.action_and_gradient(moved)[0]
     rise -= tr.action_and_gradient(Q)[0]
     return Landscape(steps, steps, rise, (chosen[0], chosen[1]))
 
@@ -228,6 +229,7 @@ class Spectrum:
     conjugate: Array
 
 
+@one_thread
 def spectrum_data(solution: Solution, count: int = 3, points: int = 60) -> Spectrum:
     """Return the lowest eigenvalues of the path's first parts.
 

@@ -78,6 +78,8 @@ def check(problem: Problem) -> None:
         if isinstance(problem.end, Periodic)
         else "a time that is free; give it the time that `solve` finds"
         if problem.free_time
+        else "an event on a surface; give it the place that `solve` finds"
+        if problem.on_surface
         else "an event at infinite time; give it a time"
         if problem.is_infinite or problem.has_tails
         else "an obstacle, which a path along it touches only in parts; leave it out"
