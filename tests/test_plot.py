@@ -1,5 +1,7 @@
 """Pictures: what is drawn equals the arrays, and nothing is shown."""
 
+import gc
+import weakref
 from dataclasses import replace
 
 import matplotlib
@@ -166,3 +168,17 @@ def test_an_unknown_kind_of_picture_is_an_error(tmp_path, monkeypatch, name, mes
         plot.save(solved("kepler"), tmp_path / name)
     with pytest.raises(FileNotFoundError, match=r"nowhere.*found none; make it"):
         plot.save(solved("kepler"), tmp_path / "nowhere" / "picture.png")
+
+
+def test_what_is_asked_twice_is_computed_once():
+    solution = ao.solve(scenes.get("oscillator").problem)
+    found = plot.bundle_data(solution)
+    assert plot.bundle_data(solution, 8, size=0.25) is found
+    assert not found.varied.flags.writeable
+    assert plot.bundle_data(solution, 4) is not found
+    assert plot.bundle_data(solution) is not found  # only the last is kept
+    other = ao.solve(scenes.get("oscillator").problem)
+    assert plot.bundle_data(other) is not plot.bundle_data(solution)
+    found, solution = weakref.ref(plot.bundle_data(solution)), None
+    gc.collect()
+    assert found() is None

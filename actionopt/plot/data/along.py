@@ -10,6 +10,7 @@ import numpy as np
 from actionopt.analysis.solution import Solution
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.symmetry import noether
+from actionopt.plot.data.latest import latest
 from actionopt.tools.types import Array
 
 COUNT = 600  # times at which a curve is drawn: more than a picture has columns for
@@ -140,6 +141,7 @@ class Conserved:
     kept: tuple[bool, ...]
 
 
+@latest
 def conserved_data(solution: Solution, count: int = COUNT) -> Conserved:
     """Return H and p along the path at equal times, which of them are constant, and which must."""
     t = times(solution, count)

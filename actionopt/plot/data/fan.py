@@ -18,6 +18,7 @@ from actionopt.analysis.solution import Solution
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Event, Problem
 from actionopt.plot.data.along import COUNT, times
+from actionopt.plot.data.latest import latest
 from actionopt.tools.types import Array
 
 SPREAD = 0.8  # of the largest speed: how far velocities of fronts differ
@@ -55,6 +56,7 @@ class Fan:
     index: Array
 
 
+@latest
 def fan_data(solution: Solution, count: int = 12, spread: float = 0.15) -> Fan:
     """Return motions whose first velocities differ from the solution's by up to `spread` of it.
 

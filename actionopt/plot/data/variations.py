@@ -21,6 +21,7 @@ from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Event
 from actionopt.plot.data.along import COUNT, times
+from actionopt.plot.data.latest import latest
 from actionopt.tools.blas import one_thread
 from actionopt.tools.types import Array
 
@@ -96,6 +97,7 @@ class Bundle:
     rise: Array
 
 
+@latest
 def bundle_data(solution: Solution, count: int = 8, size: float = 0.25) -> Bundle:
     """Return neighbours along the lowest modes of d2S, `count` a mode.
 
@@ -173,6 +175,7 @@ class Landscape:
     modes: tuple[int, int]
 
 
+@latest
 def landscape_data(solution: Solution, reach: float = 0.5, count: int = 35) -> Landscape:
     """Return the action over the two modes that tell most.
 
@@ -229,6 +232,7 @@ class Spectrum:
     conjugate: Array
 
 
+@latest
 @one_thread
 def spectrum_data(solution: Solution, count: int = 3, points: int = 60) -> Spectrum:
     """Return the lowest eigenvalues of the path's first parts.
