@@ -5,9 +5,11 @@ import pytest
 from helpers import integrated, transcribed
 from scipy.integrate import solve_bvp
 
-from actionopt.discrete.newton import follow
+import actionopt as ao
+from actionopt.discrete.newton import approach, follow, leap
+from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.system import System
-from actionopt.solver.homotopy import newton_homotopy
+from actionopt.solver.homotopy import RELEASED, newton_homotopy, released
 from actionopt.solver.ipopt import find
 
 PENDULUM = System(lambda q, v, t: v[0] ** 2 / 2 + 9.81 * np.cos(q[0]), ["theta"])
@@ -103,3 +105,39 @@ def test_no_path_is_said():
     bratu = System(lambda q, v, t: v[0] ** 2 / 2 - 5.0 * np.exp(q[0]), ["x"])
     tr = transcribed(bratu, ([0.0], [0.0]), 1.0, 4, lengths=[1.0])
     assert newton_homotopy(tr, tr.pack(tr.straight())) is None
+
+
+def test_a_small_swing_of_many_links_near_a_resonance():
+    """Damped steps end where the matrix is singular; what remains is the force of one mode."""
+    links = 30
+
+    def lagrangian(q, v, t):
+        x, y = np.cumsum(np.cos(q) * v), np.cumsum(np.sin(q) * v)
+        return (x @ x + y @ y) / 2 + 9.81 * np.sum(np.cumsum(np.cos(q)))
+
+    below = links - np.maximum.outer(np.arange(links), np.arange(links))  # masses that both carry
+
+    def flow(t, y):
+        q, v = y[:links], y[links:]
+        sines, cosines = np.sin(np.subtract.outer(q, q)), np.cos(np.subtract.outer(q, q))
+        force = -(below * sines) @ v**2 - 9.81 * np.diag(below) * np.sin(q)
+        return np.concatenate([v, np.linalg.solve(below * cosines, force)])
+
+    first = np.linspace(0.05, 0.15, links)
+    system = System(lagrangian, [f"a{j}" for j in range(links)])
+    problem = ao.Problem(system, ao.Event(0.0, first), ao.Event(0.5, -first / 2))
+    tr = Transcription(problem, ao.Mesh.uniform(0.0, 0.5, 4, 6), problem.lengths)
+    z = tr.pack(tr.straight())
+    assert approach(tr, z, 12) is None
+    left, _, near = leap(tr, z, 12)
+    assert not near
+    found, count = released(tr, left)
+    assert count < RELEASED
+    assert follow(tr, found).travelled < 0.01
+
+    solution = ao.solve(problem, tol=1e-6, principle="stationary")
+    assert solution.stats["rung"] == "resonance"
+    assert np.abs(solution.path.values).max() < 0.2  # beside the line: the least path goes to 0.6
+    state = np.concatenate([solution(0.0), solution.velocity(0.0)])
+    end = integrated(flow, state, 0.0, 0.5)(0.5)
+    assert np.max(np.abs(end[:links] + first / 2)) < 1e-4

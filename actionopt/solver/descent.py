@@ -82,9 +82,9 @@ def descend(tr: Transcription, z: Array) -> Descended:
                 if mu > LARGEST_MU:
                     return Descended(z, False, False, count)
                 factors = Factors(tr.layout, H + mu * K)
-            z, action = lower
+            before, (z, action) = z, lower
             gradient = tr.gradient(z)
-            if mu == 0.0:
+            if mu == 0.0 and np.array_equal(z, before + step):  # not of a step that was shortened
                 second = factors.solve(gradient)
                 if np.linalg.norm(second) < CONTRACTION * np.linalg.norm(step):
                     return Descended(z - second, True, False, count)

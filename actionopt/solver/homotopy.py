@@ -9,6 +9,10 @@ is followed by its arclength (Keller's bordered system, ibid. chapter 10).
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 
 from actionopt.discrete.arclength import FAR
@@ -20,11 +24,15 @@ from actionopt.tools.types import Array
 # proportion. Measured on 100 lattices and pendulums of 1 to 10 coordinates: what is found takes 18
 # to 215 steps, with up to 4 coordinates (190 unknowns); with more, 400 steps find nothing.
 HOMOTOPY_STEPS, FEWEST_STEPS, ALL_STEPS_SIZE = 240, 20, 200
+# Factorizations where few modes are left. Measured on pendulums of 30 to 100 links: what is found
+# takes 22 to 58.
+RELEASED = 100
 # Ad hoc.
 # Of arclength in s and the root mean square of the coordinates; halved where the corrector fails.
 FIRST_ARC, LONGEST_ARC, SHORTEST_ARC = 0.05, 0.5, 1e-6
 CORRECTOR_STEPS = 5
-CORRECTOR_TOL = 1e-6  # correction, in units of the coordinates' sizes, that ends a corrector
+CORRECTOR_TOL, ROUGHLY = 1e-6, 1e-3
+BEYOND = 1.5  # an s at which the curve is not near the path any more
 
 
 def newton_homotopy(tr: Transcription, z: Array) -> tuple[Array, int] | None:
@@ -32,60 +40,131 @@ def newton_homotopy(tr: Transcription, z: Array) -> tuple[Array, int] | None:
 
     `z` is the curve at which the applied force starts.
     """
-    cut = tr.layout.unknowns
-    force = tr.residual(z)
     steps = min(HOMOTOPY_STEPS, HOMOTOPY_STEPS * ALL_STEPS_SIZE // tr.layout.size + FEWEST_STEPS)
-    s, direction, ds, length, count = 0.0, None, 1.0, FIRST_ARC, 0
+    return _followed((_Way(tr, z, tr.residual(z), 1.0, 1.0),), steps)
+
+
+def released(tr: Transcription, z: Array) -> tuple[Array, int] | None:
+    """Return the same, where all but a few modes are at rest already: both ways along the curve.
+
+    Their force is weak, and a path may be on either side. Arclength is that of coordinates alone.
+    """
+    force = tr.residual(z)
+    ways = [_Way(tr, z, force, sign, 0.0, ROUGHLY) for sign in (1.0, -1.0)]
+    return _followed(ways, RELEASED, RELEASED)
+
+
+def _followed(ways: Sequence[_Way], steps: int, most: float = math.inf) -> tuple[Array, int] | None:
+    """Go some steps along the ways by turns, until one of them arrives; or `most` factorizations.
+
+    Return where, and the factorizations; None if none arrives.
+    """
     for _ in range(steps):
+        for way in ways:
+            if way.open and way.advance():
+                return way.z, sum(each.count for each in ways)
+        if not any(way.open for way in ways) or sum(each.count for each in ways) > most:
+            break
+    return None
+
+
+@dataclass(eq=False)
+class _Way:
+    """A way along the curve R(z) = (1 - s) `force`, one step after the other.
+
+    Attributes
+    ----------
+    tr : Transcription
+    z, force : (size,) arrays
+    ds : float
+        Of the direction; at first its sign says which way to go.
+    weight : float
+        Of s in the arclength.
+    tol : float
+        Correction, in units of the coordinates' sizes, that ends a corrector.
+    """
+
+    tr: Transcription
+    z: Array
+    force: Array
+    ds: float
+    weight: float
+    tol: float = CORRECTOR_TOL
+    s: float = 0.0
+    direction: Array | None = None
+    length: float = FIRST_ARC
+    count: int = 0
+    open: bool = True
+
+    def advance(self) -> bool:
+        """Take a step; whether it leads to s = 1. The way is no longer open if there is none."""
+        self.open = (self.direction is not None or self._aimed()) and self._stepped()
+        return self.open and self.s >= 1.0 - 1e-9
+
+    def _aimed(self) -> bool:
+        """Find the direction of the curve."""
         try:
-            slope = -Factors(tr.layout, tr.kkt(z), many=True).solve(force)  # dz/ds
+            factors = Factors(self.tr.layout, self.tr.kkt(self.z), many=True)
+            slope = -factors.solve(self.force)  # dz/ds
         except np.linalg.LinAlgError:
-            return None
-        count += 1
-        norm = np.sqrt(np.mean(slope[:cut] ** 2) + 1.0)
-        # Keep going the same way along the curve, through a fold in s as well.
-        forward = 1.0 if direction is None else np.mean(slope[:cut] * direction[:cut]) + ds
+            return False
+        self.count += 1
+        return self._turned(slope)
+
+    def _turned(self, slope: Array) -> bool:
+        """Keep going the same way along the curve, through a fold in s as well."""
+        cut = self.tr.layout.unknowns
+        norm = np.sqrt(np.mean(slope[:cut] ** 2) + self.weight)
+        forward = self.ds
+        if self.direction is not None:
+            forward = float(slope[:cut] @ self.direction[:cut]) / cut + self.weight * self.ds
         sign = 1.0 if forward >= 0 else -1.0
-        direction, ds = sign * slope / norm, sign / norm
-        while True:
-            step = min(length, (1.0 - s) / ds) if ds > 0 and s + length * ds > 1.0 else length
-            trial = _correct(tr, z + step * direction, s + step * ds, force, direction, ds)
-            count += 1 if trial is None else trial[2]
-            if trial is not None:
-                break
-            length /= 2
-            if length < SHORTEST_ARC:
-                return None
-        z, s = trial[0], trial[1]
-        if not np.max(np.abs(z[:cut])) < FAR:
-            return None
-        if s >= 1.0 - 1e-9:
-            return z, count
-        if trial[2] <= 2:
-            length = min(2 * length, LONGEST_ARC)
-    return None
+        self.direction, self.ds = sign * slope / norm, sign / float(norm)
+        return bool(norm > 0)
 
+    def _stepped(self) -> bool:
+        """Go along it as far as the corrector follows, and not far beyond s = 1."""
+        assert self.direction is not None
+        while self.length >= SHORTEST_ARC:
+            step, ds = self.length, self.ds
+            if ds > 0 and self.s + step * ds > 1.0:
+                step = min(step, (1.0 - self.s) / ds)
+            trial = self._corrected(self.z + step * self.direction, self.s + step * ds)
+            if trial is None:
+                self.length = step / 2
+                continue
+            z, s, slope, steps = trial
+            if s > BEYOND:
+                self.length = float(step * (1.0 - self.s) / (s - self.s))
+                continue
+            self.z, self.s = z, float(s)
+            if steps <= 2:
+                self.length = min(2 * self.length, LONGEST_ARC)
+            return self._turned(slope) and bool(np.max(np.abs(z[: self.tr.layout.unknowns])) < FAR)
+        return False
 
-def _correct(tr, z, s, force, direction, ds) -> tuple[Array, float, int] | None:
-    """Return (z, s, factorizations) on the curve, on the plane across `direction`; or None."""
-    cut = tr.layout.unknowns
-    last = np.inf
-    with np.errstate(all="ignore"):
-        for k in range(1, CORRECTOR_STEPS + 1):
-            try:
-                factors = Factors(tr.layout, tr.kkt(z), many=True)
-                miss = factors.solve(tr.residual(z) - (1.0 - s) * force)
-                slope = -factors.solve(force)
-            except np.linalg.LinAlgError:
-                return None
-            # Bordered system: the correction is orthogonal to the direction.
-            along = np.mean(miss[:cut] * direction[:cut])
-            change = along / (np.mean(slope[:cut] * direction[:cut]) + ds)
-            step = -miss + slope * change
-            size = float(np.max(np.abs(step[:cut])))
-            if not np.isfinite(size) or size > 2 * last:
-                return None
-            z, s, last = z + step, s + change, size
-            if size < CORRECTOR_TOL:
-                return z, s, k
-    return None
+    def _corrected(self, z: Array, s: float) -> tuple[Array, float, Array, int] | None:
+        """Return (z, s, dz/ds, steps) on the curve, on the plane across its direction; or None."""
+        tr, cut, last = self.tr, self.tr.layout.unknowns, np.inf
+        assert self.direction is not None
+        across = self.direction[:cut]
+        with np.errstate(all="ignore"):
+            for k in range(1, CORRECTOR_STEPS + 1):
+                self.count += 1
+                try:
+                    factors = Factors(tr.layout, tr.kkt(z), many=True)
+                    miss = factors.solve(tr.residual(z) - (1.0 - s) * self.force)
+                    slope = -factors.solve(self.force)
+                except np.linalg.LinAlgError:
+                    return None
+                # Bordered system: the correction is orthogonal to the direction.
+                along = np.mean(miss[:cut] * across)
+                change = along / (np.mean(slope[:cut] * across) + self.weight * self.ds)
+                step = -miss + slope * change
+                size = float(np.max(np.abs(step[:cut])))
+                if not np.isfinite(size) or size > 2 * last:
+                    return None
+                z, s, last = z + step, s + float(change), size
+                if size < self.tol:
+                    return z, s, slope, k
+        return None

@@ -32,7 +32,7 @@ UNSOLVED = (Status.NOT_FOUND, Status.UNRESOLVED, Status.DEGENERATE)
 DESCENT_COORDINATES = 8
 # Rungs that are tried from a curved line; its height, in the motion's sizes ("flat" here is as in
 # `workspace`: this is).
-CURVED_RUNGS, CURVED_HEIGHT = 5, 0.4
+CURVED_RUNGS, CURVED_HEIGHT = 6, 0.4
 # Motions that meet: the coordinates up to which a few hundred are many; pairs that are tried, and
 # unknowns of as many paths, which they may have together; elements of one that takes too long.
 MEETING_COORDINATES, MEETING_PAIRS, MEETING_UNKNOWNS, MEETING_ELEMENTS = 8, 32, 1500, 48
@@ -165,6 +165,22 @@ class Homotopy(Rung):
         return ws.homotopy()
 
 
+class Resonance(Rung):
+    """Newton steps where they cannot be damped: one of many modes is near a resonance.
+
+    After a few steps it alone is left, and its force is released. What is found is a saddle.
+    """
+
+    price = 200
+
+    def applies(self, search: Search) -> bool:
+        ws = search.ws
+        return super().applies(search) and ws.many_coordinates and ws.problem.system.m == 0
+
+    def seek(self, ws: Workspace) -> bool:
+        return ws.leap()
+
+
 class Meeting(Rung):
     """Motions from both events that nearly meet half way; `meshes` are their numbers.
 
@@ -223,6 +239,7 @@ LADDER: tuple[Rung, ...] = (
     Newton("convex newton", (4,), convex=True),
     Descent("descent", (COARSE_ELEMENTS, 16, 32, 64)),
     Newton("newton", (4,)),
+    Resonance("resonance", (4,)),
     Descent("descent of many", (4, 8, 16, 32, 64), many=True),
     Least("least", (8, 16, 32, 64)),
     Homotopy("continuation", (8,)),
@@ -236,6 +253,7 @@ IPOPT: tuple[Rung, ...] = (
     Root("stationary", (8, 16, 32)),
     PatientLeast("patient least", (8, 16, 32, 64)),
 )
+BRIEF = LADDER[:2]  # what takes some hundredths of a second, whatever comes of it
 NEAR: tuple[Rung, ...] = ()  # what is not near a guess is not sought
 
 

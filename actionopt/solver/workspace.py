@@ -13,14 +13,14 @@ from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import Factors
 from actionopt.discrete.marquardt import settle
 from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.newton import approach, follow, moved
+from actionopt.discrete.newton import approach, follow, leap, moved
 from actionopt.discrete.path import Path
 from actionopt.discrete.projection import project
 from actionopt.discrete.resolution import resolution
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.descent import descend
-from actionopt.solver.homotopy import newton_homotopy
+from actionopt.solver.homotopy import newton_homotopy, released
 from actionopt.solver.ipopt import Principle, find
 from actionopt.solver.iterate import (
     ORDINARY,
@@ -44,6 +44,7 @@ FEW_COORDINATES = 3  # up to which descending costs next to nothing; flat
 UNITS_RATIO = 4.0  # of coordinates' sizes, within which the units of action are kept
 DENSE_MOTION = 400  # coordinates and constraints up to which the equations are solved as they are
 LARGE_SIZE = 1500  # unknowns above which Ipopt takes too long over a square system
+DESCENTS = 3  # one after the other
 QUICK_STEPS = 12  # damped, before something else is tried; flat
 # Of the coefficients a mesh leaves out, what Newton's method may leave there. Flat, and up to ten
 # times as much; without it, 1.4 % more iterations.
@@ -277,14 +278,17 @@ class Workspace:
         return self._reached("continuation", reached)
 
     def descend(self) -> bool:
-        """Minimise the action from the path at hand."""
-        with self.record.clock("solve"):
-            result = descend(self.here.tr, self.here.z)
-        self.unbounded = result.runaway
-        if not result.found:
-            self.record.iterations["descent"] += result.iterations
-            return False
-        return self._reached("descent", (result.z, result.iterations))
+        """Minimise the action from the path at hand, and on where Newton's method is lost."""
+        for _ in range(DESCENTS):
+            with self.record.clock("solve"):
+                result = descend(self.here.tr, self.here.z)
+            self.unbounded = result.runaway
+            if not result.found:
+                self.record.iterations["descent"] += result.iterations
+                return False
+            if self._reached("descent", (result.z, result.iterations)):
+                return True
+        return False
 
     def settle(self) -> bool:
         """Go to the path near a rough one; if that fails, to where the equations hold best."""
@@ -306,6 +310,15 @@ class Workspace:
             if near is None and tr.layout.rows:
                 near = approach(tr, _without_multipliers(self.here), steps)
         return self._reached("newton", near)
+
+    def leap(self, steps: int = QUICK_STEPS) -> bool:
+        """Go to a path by whole Newton steps, and release the force of what modes they leave."""
+        tr = self.here.tr
+        with self.record.clock("solve"):
+            z, count, near = leap(tr, self.here.z, steps)
+            found = (z, 0) if near else released(tr, z)
+        self.record.iterations["newton"] += count
+        return self._reached("newton" if near else "continuation", found)
 
     def _reached(self, method: str, found: tuple[Array, int] | None) -> bool:
         """Polish what a method reached; where that does not work, keep in mind where it was."""

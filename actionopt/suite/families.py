@@ -468,7 +468,7 @@ CONTACT = tuple(
         ("ball", obstacles.round_ball, 16, {}, UNILATERAL, {}),
         ("pegs", obstacles.round_pegs, 24, {}, (*UNILATERAL, *SEVERAL), {}),
         ("rod_floor", obstacles.links_on_floor, 16, {}, UNILATERAL, {}),
-        ("chain_floor", obstacles.links_on_floor, 24, {"links": 3}, UNILATERAL, {}),
+        ("chain_floor", obstacles.links_on_floor, 24, {"links": 3}, (*UNILATERAL, *SEVERAL), {}),
     )
 )
 
