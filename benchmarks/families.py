@@ -237,6 +237,7 @@ def transfers(turns: int) -> list[str]:
         (there, angle), over = runs.ends[:, 1].T, runs.grid.columns(np.arange(runs.grid.size))
         q0, q1 = r * out, there * np.array([np.cos(angle), np.sin(angle), 0 * angle])
         flights, apart, answered = over["t1"] - over["t0"], [], 0
+        solved = runs.success
         before = process_time()
         for i in range(runs.grid.size):
             try:
@@ -244,13 +245,13 @@ def transfers(turns: int) -> list[str]:
             except (RuntimeError, ValueError):  # it does not converge
                 continue
             answered += 1
-            if runs.success[i]:
+            if solved[i]:
                 apart.append(np.linalg.norm(v - velocity[:, i]) / np.linalg.norm(v))
         spent = between - started, process_time() - before
         rows.append(
             (
                 name,
-                f"{runs.success.sum()} of {runs.grid.size}",
+                f"{solved.sum()} of {runs.grid.size}",
                 f"{answered}",
                 f"{max(apart):.1e}",
                 *(f"{1e6 * t / runs.grid.size:.0f} µs" for t in spent),

@@ -143,6 +143,14 @@ def test_nothing_is_solved_beyond_a_fold():
         )
 
 
+def test_a_path_that_no_neighbour_leads_to_is_found_from_the_straight_line():
+    """A double pendulum whose ends are all over the circle: `solve` finds each."""
+    problem, angles = scenes.get("double_pendulum").problem, np.linspace(-np.pi, np.pi, 8)
+    ends = np.array(np.meshgrid(angles[5:], angles)).reshape(2, -1)
+    found = solve_run(problem, {("end", "theta1"): ends[0], ("end", "theta2"): ends[1]})
+    assert found.success.all()
+
+
 def test_pulses_between_nodes_are_seen():
     def lagrangian(q, v, t, *, at, width):
         return v[0] ** 2 / 2 - q[0] ** 2 / 2 + 5 * q[0] * np.exp(-(((t - at) / width) ** 2))

@@ -6,7 +6,9 @@ from threading import Barrier
 import pytest
 
 import actionopt as ao
+from actionopt.analysis.modes import lowest
 from actionopt.families import batch
+from actionopt.plot.data import variations
 from actionopt.tools.blas import one_thread, thread_count
 
 OSCILLATOR = ao.System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
@@ -51,6 +53,19 @@ def test_a_run_of_a_sweep_uses_one_thread(two, monkeypatch):
     monkeypatch.setattr(batch._Run, "go", watched)
     ao.sweep(PROBLEM, {("end", "x"): [0.4, 0.5, 0.6]})
     assert set(seen) == {1} and two() == 2
+
+
+def test_a_spectrum_uses_one_thread(two, monkeypatch):
+    """Of sixty eigenproblems of some dozens of rows."""
+    seen = []
+
+    def watched(form, count):
+        seen.append(two())
+        return lowest(form, count)
+
+    monkeypatch.setattr(variations, "lowest", watched)
+    variations.spectrum_data(ao.solve(PROBLEM), points=2)
+    assert seen == [1, 1] and two() == 2
 
 
 def test_what_fails_leaves_the_threads_alone(two):

@@ -114,6 +114,22 @@ def cycloid(s):
     return same(R * (angle - np.sin(angle)), s.x), angle
 
 
+def crossings(s):
+    """How often the one curve of all bodies crosses itself: a chain of k loops k - 1 times."""
+    x, y = (np.concatenate(list(s.q[i::2, :-1])) for i in (0, 1))
+    z = x + 1j * y
+    step = np.roll(z, -1) - z
+    apart = z[None] - z[:, None]
+
+    def cross(a, b):
+        return (np.conj(a) * b).imag
+
+    with np.errstate(all="ignore"):
+        along = cross(apart, step[None]) / cross(step[:, None], step[None])
+    inside = (along > 0) & (along < 1)
+    return np.sum(np.triu(inside & inside.T, 2))
+
+
 def pressed(s):
     """Return when a scene's path touches, whether nothing presses elsewhere, and evenly there."""
     (force,), (arc,) = s.solution.contact_force(s.t), s.solution.contacts
@@ -179,6 +195,12 @@ W = {  # scene: sentence: whether it is so
         ),
         "look": lambda s: (
             turns(s.r) == 1 and s.vr[0] < 0 < s.vr[-1] and np.argmin(s.r) == np.argmax(s.vphi)
+        ),
+    },
+    "mirage": {
+        "answer": lambda s: s.vy[0] < 0 < s.vy[-1] and turns(s.y) == 1 and s.y.min() > 0,
+        "look": lambda s: (
+            fitted(s, [1, s.x, s.x**2], s.y) and abs(s.x[np.argmin(s.y)]) < 0.02 * s.x[-1]
         ),
     },
     "zermelo": {
@@ -364,6 +386,10 @@ W = {  # scene: sentence: whether it is so
         ),
         "conserved": lambda s: s.kept == {"H", "phi"},
     },
+    "lyapunov_orbit": {
+        "answer": lambda s: s.x[0] < 0 == s.x[-1] and rising(s.x) and rising(s.y),
+        "look": lambda s: same([s.vx[0], s.vy[-1]], 0, 1e-8),
+    },
     "moving_pivot": {
         "answer": lambda s: s.f["tilt"] == pytest.approx(np.arctan(3 / 9.81)),
         "look": lambda s: (
@@ -500,6 +526,14 @@ W = {  # scene: sentence: whether it is so
         "path": lambda s: parabola(s, s.x) and parabola(s, s.s),
         "conserved": lambda s: s.kept == {"H", "x"},
     },
+    "three_on_a_circle": {
+        "answer": lambda s: all(
+            constant(np.hypot(*(s.q - np.roll(s.q, 2, axis=0))[i : i + 2])) for i in (0, 2, 4)
+        ),
+        "look": lambda s: (
+            same(s.q[:, -1], np.roll(s.q[:, 0], -2)) and constant(np.hypot(s.x1, s.y1))
+        ),
+    },
     "throw_at_energy": {
         "answer": lambda s: np.allclose(
             [path.duration for path in solve_all(s.scene.problem)],
@@ -507,6 +541,10 @@ W = {  # scene: sentence: whether it is so
             rtol=1e-9,
         ),
         "look": lambda s: s.y.max() < 0.4 * s.x[-1] and 0.5 * s.f["high_duration"] > s.T,
+    },
+    "four_on_an_eight": {
+        "answer": lambda s: same(s.q[:, -1], np.roll(s.q[:, 0], -2)),
+        "look": lambda s: crossings(s) == 1,
     },
     "turning_wire": {
         "answer": lambda s: not constant(s.H, 0.1),

@@ -2,10 +2,12 @@
 
 from copy import deepcopy
 
+import casadi as ca
 import numpy as np
 import pytest
 
 from actionopt.mechanics import compiled
+from actionopt.mechanics.compiled import OPERATIONS, PARTED, Pointwise
 from actionopt.mechanics.system import System
 
 
@@ -83,3 +85,24 @@ def test_a_copy_has_memory_of_its_own():
 def test_no_times():
     system = new()
     assert system.momentum(np.zeros((2, 0)), np.zeros((2, 0)), 0.0).shape == (2, 0)
+
+
+@pytest.mark.parametrize("count", [1, PARTED - 1, PARTED, PARTED + 1, 1000])
+def test_operations_written_out_for_some_times_are_the_same_to_the_last_bit(count):
+    q, p = ca.SX.sym("q", 2), ca.SX.sym("p")
+    f = ca.Function("f", [q, p], [ca.jacobian(ca.sin(p * q[0]) / q[1] + q[1] ** 3, q)])
+    points = np.random.default_rng(0).random((count, 2)) + 0.1
+    (found,) = Pointwise(f)(points, np.array([[0.7]]))
+    alone = Pointwise(f)  # at one time at once, which writes nothing out
+    one_by_one = [alone(x[None], np.array([[0.7]]))[0][0].copy() for x in points]
+    assert np.array_equal(one_by_one, found)
+    assert found.shape == (count, 2)
+
+
+def test_long_lists_of_operations_are_not_made_longer():
+    x = ca.SX.sym("x")
+    y = x
+    for _ in range(OPERATIONS):
+        y = ca.sin(y) + x
+    function, times = Pointwise(ca.Function("f", [x], [y]))._part
+    assert times == 1 and function.n_instructions() > OPERATIONS

@@ -93,9 +93,30 @@ def test_beside_the_antipode_there_is_one_path(miss):
 
 
 def test_no_index_is_asked_of_many_unknowns_that_are_no_family(monkeypatch):
-    """Two factorizations tell: on 10,000 elements the index tripled the time of the solve."""
+    """A few solutions tell: on 10,000 elements the index tripled the time of the solve."""
     long = scenes.get("double_pendulum", end=(0.3, 0.2), duration=0.5).problem
     coarse = ao.solve(long, tol=1e-6)
     monkeypatch.setattr("actionopt.analysis.solution.inertia", None)
     mesh = ao.Mesh.uniform(0.0, 0.5, 3000, 4)
     assert ao.solve(long, mesh=mesh, guess=coarse).success
+
+
+@pytest.mark.parametrize(("turn", "status"), [(1.0, "DEGENERATE"), (1 / 3, "SOLVED")])
+def test_many_coordinates_on_a_sphere(turn, status, monkeypatch):
+    """Great circles between opposite points of the sphere in n dimensions are a family of n - 2."""
+    monkeypatch.setattr("actionopt.solver.solve.MANY_UNKNOWNS", 0)
+    n = 33
+    system = ao.System(
+        lambda q, v, t: v @ v / 2, [f"x{i}" for i in range(n)], constraint=lambda q, t: q @ q - 1
+    )
+
+    def circle(t):
+        q = np.zeros((n, np.size(t)))
+        q[0], q[1] = np.cos(np.pi * turn * t), np.sin(np.pi * turn * t)
+        return q
+
+    ends = (circle(t)[:, 0] for t in (0.0, 1.0))
+    problem = ao.Problem(system, *(ao.Event(t, q) for t, q in zip((0.0, 1.0), ends, strict=True)))
+    found = ao.solve(problem, guess=circle, throw=False)
+    assert found.status.name == status
+    assert found.stats.get("nullity", 0) == (n - 2 if turn == 1 else 0)

@@ -29,6 +29,7 @@ LED_ELSEWHERE = (
     "double_pendulum",
     "exit_path",
     "figure_eight",
+    "four_on_an_eight",
     "hoop_bead",
     "kepler",
     "vacuum_decay",

@@ -18,10 +18,11 @@ solution = actionopt.solve(scenes.get("oscillator").problem)"""
 FIGURE = "from matplotlib import pyplot; pyplot.figure()"
 
 
-@pytest.mark.slow  # a kernel is started each time
-@pytest.mark.parametrize(
-    "first",
-    ["", "import matplotlib.pyplot", "%matplotlib inline", FIGURE],
+OTHERS = ["import matplotlib.pyplot", "%matplotlib inline", FIGURE]
+
+
+@pytest.mark.parametrize(  # a kernel is started each time
+    "first", ["", *(pytest.param(text, marks=pytest.mark.slow) for text in OTHERS)]
 )
 def test_every_cell_shows_its_figure(first, monkeypatch):
     monkeypatch.delenv("MPLBACKEND")

@@ -329,6 +329,15 @@ def test_round_a_small_peg():
         assert sol.action == pytest.approx(around(A, B)[1] * R**2, rel=1e-11)
 
 
+@pytest.mark.parametrize("R", [1e-2, 1e-3])
+def test_round_a_peg_that_is_hardly_there(R):
+    """By its distance; on the shorter side, which no first mesh tells."""
+    A, B = np.array([-1.3, 0.4]) / R, np.array([1.6, -0.4923 - 0.2 * R]) / R
+    peg = body(lambda q: np.sqrt(q @ q) - R)
+    sol = ao.solve(ao.Problem(peg, ao.Event(0, A * R), ao.Event(1, B * R)))
+    assert sol.action == pytest.approx(around(A, B)[1] * R**2, rel=1e-12)
+
+
 def test_why_there_is_no_path():
     walls = ao.System(
         lambda q, v, t: v[0] ** 2 / 2,
@@ -352,3 +361,36 @@ def test_pictures():
     assert np.all((force > 0) == ((arc.begin <= t) & (t <= arc.end)))
     with pytest.raises(ValueError, match=FREE):
         plot.relaxation_data(sol)
+
+
+def majorant(t, y):
+    """Return S of the least concave majorant of points: a string of unit tension over them."""
+    hull: list[int] = []
+    for i in range(t.size):
+        while len(hull) > 1 and (y[hull[-1]] - y[hull[-2]]) * (t[i] - t[hull[-2]]) <= (
+            y[i] - y[hull[-2]]
+        ) * (t[hull[-1]] - t[hull[-2]]):
+            hull.pop()
+        hull.append(i)
+    return np.sum(np.diff(y[hull]) ** 2 / np.diff(t[hull])) / 2
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_string_over_random_hills_is_the_least_concave_majorant(seed):
+    rng = np.random.default_rng(seed)
+    size, phase = rng.uniform(0.1, 0.5, 3), rng.uniform(0, 6, 3)
+
+    def hills(t):
+        return sum(size[i] * np.sin(3 * (i + 2) * t + phase[i]) for i in range(3))
+
+    ends = [(t, hills(t) + rng.uniform(0.01, 0.5)) for t in (0.0, 1.0)]
+    string = ao.System(lambda q, v, t: v[0] ** 2 / 2, ["y"], obstacle=lambda q, t: q[0] - hills(t))
+    sol = ao.solve(ao.Problem(string, *(ao.Event(t, [y]) for t, y in ends)))
+    t = np.linspace(0, 1, 20001)
+    y = hills(t)
+    y[0], y[-1] = (height for _, height in ends)
+    # Between points h apart hills are up to h^2 |f''| / 8 higher, which nu = -f'' presses there.
+    steep = np.abs(np.diff(hills(t), n=2)).max() / (t[1] - t[0]) ** 2
+    miss = steep * steep * (t[1] - t[0]) ** 2 / 8
+    assert 0 <= sol.action - majorant(t, y) + 1e-12 < miss < 1e-5
+    assert sol.contact_force(t).min() > -1e-6 and (sol(t)[0] - y).min() > -1e-6

@@ -10,8 +10,8 @@ from PIL import Image
 
 import actionopt as ao
 from actionopt import plot
+from actionopt.plot import _film, relaxation_data
 from actionopt.plot import _relaxation as figures
-from actionopt.plot import relaxation_data
 from actionopt.plot.data.relaxation import FIRST, MEMORY
 
 T = {"minimum": 2.5, "saddle": 4.0}  # the first focus of the oscillator is at pi
@@ -211,7 +211,7 @@ def test_a_film_is_a_step_a_frame(tmp_path, monkeypatch):
 def test_frames_show_the_path_and_where_it_stands(monkeypatch):
     seen = {}
 
-    def keep(figure, update, count, file, fps):
+    def keep(figure, update, count, file, fps, front):
         seen.update(figure=figure, update=update, count=count)
 
     monkeypatch.setattr(figures, "write", keep)
@@ -232,3 +232,18 @@ def test_frames_show_the_path_and_where_it_stands(monkeypatch):
     ]
     expected = (data.action, data.kinetic, data.potential, data.residual)
     assert dots == [(7, y[7]) for y in expected]
+
+
+@pytest.mark.slow
+def test_what_is_behind_is_drawn_once_and_changes_no_image():
+    solution = solved("saddle")
+    data = relaxation_data(solution, steps=20)
+
+    def images(front):
+        figure, update = figures._reel(solution, data, None, figures.NONE)
+        return [
+            np.array(i) for i in _film._images(figure, lambda k: update(9.5 * k), 2, False, front)
+        ]
+
+    for one, other in zip(images(None), images(figures.FRONT), strict=True):
+        assert np.array_equal(one, other)

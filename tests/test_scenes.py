@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from actionopt import Mesh, Path, integrate, scenes, solve
+from actionopt import Event, Mesh, Path, Periodic, integrate, monodromy, scenes, solve
 from actionopt.mechanics.held import Held
 from actionopt.mechanics.obstacle import Arc
 from actionopt.scenes._elliptic import complete, jacobi
@@ -590,14 +590,29 @@ def test_a_given_energy_has_the_duration_that_is_known(name):
     assert abs(again.duration / found.duration - 1) < 1e-11
 
 
-def test_mirror_images_close_the_loop():
-    """The whole loop returns from its start, once a sixth has been found from the energy."""
-    scene = made("henon_heiles", True)
-    part = solve(scene.problem, tol=1e-11)
-    T = 6 * part.duration
+@pytest.mark.parametrize(("name", "parts"), [("henon_heiles", 6), ("lyapunov_orbit", 4)])
+def test_mirror_images_close_the_loop(name, parts):
+    """The whole loop returns from its start, once a part has been found."""
+    scene = made(name, True)
+    part = solve(scene.problem, guess=scene.guess, tol=1e-11)
+    T = parts * part.duration
     assert abs(T / scene.facts["period"] - 1) < 1e-12
-    assert abs(part.action - scene.action) < 1e-12
+    assert abs(part.action / scene.action - 1) < 1e-11
     system, values = scene.problem.system, scene.problem.parameters
     whole = integrate(system, part.start, T, tol=1e-12, parameters=values)
     assert np.max(np.abs(whole(T) - part.start.q)) < 1e-9
     assert np.max(np.abs(whole.velocity(T) - part.start.v)) < 1e-9
+
+
+def test_a_choreography_closes_in_another_order():
+    """The largest Floquet exponent, e-folds a period, is that of the source of the numbers."""
+    scene = made("four_on_an_eight", False)
+    end = Periodic(scene.problem.end.t, relabel=np.roll(np.arange(8), -2))
+    problem = scene.problem.replace(start=Event(0.0, None), end=end)
+    guess = integrate(problem.system, scene.facts.start, end.t, parameters=problem.parameters)
+    part = solve(problem, guess=guess, tol=1e-11)
+    assert abs(part.action / scene.action - 1) < 1e-13
+    assert (part.kind, part.morse_index) == ("minimum", 0)  # among choreographies
+    around = monodromy(part)
+    assert 4 * np.log(np.abs(around.multipliers).max()) == pytest.approx(5.1177, abs=6e-5)
+    assert around.trivial == 4

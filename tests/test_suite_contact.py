@@ -5,6 +5,8 @@ import pytest
 from scipy.linalg import null_space
 
 from actionopt import suite
+from actionopt.suite import solvers
+from actionopt.suite.verdict import examine
 
 NAMES = tuple(suite.find(tags="unilateral contact"))
 STATIONARY, ACTIVE = 1e-10, 1e-9
@@ -90,6 +92,14 @@ def test_other_ways_round_are_known():
     others = suite.get("disc").others
     assert [s.kind for s in others] == ["minimum"]
     assert others[0].f > suite.get("disc").f_star
+
+
+def test_what_a_solver_finds_round_many_pegs_is_a_minimum():
+    """Rows that are nearly met by an answer are not all in contact at the minimum it is near."""
+    problem = suite.get("pegs", 48, 4, pegs=6)
+    answer = solvers.run("ipopt", problem, problem.start("straight"))
+    found = examine(problem, answer.x)
+    assert found.at == "new" and found.off < 1e-5 and found.index == 0
 
 
 def test_parameters_of_a_member():

@@ -1,6 +1,7 @@
 """Dials: their members, their runs, and the page that is made of these."""
 
 import re
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 
 from actionopt import suite
 from actionopt.cli import main
-from actionopt.suite import dial_report, profile, report
+from actionopt.suite import dial_report, profile, report, runner
 from actionopt.suite.commands import _on_dials
 from actionopt.suite.dials import DIALS
 
@@ -54,7 +55,7 @@ def test_members_of_a_dial_have_optima_and_grow_harder(dial):
         assert dial.start in problem.start_names
         assert np.isfinite(problem.f_star)
     assert easy.index_star == 0
-    if dial.name not in ("eccentricity", "layer", "units"):
+    if dial.name not in ("eccentricity", "layer", "units", "contacts", "pegs"):
         assert hard.index_star > 0
     if dial.name == "negative curvature":
         indices = [p.index_star for _, p in dial.members()]
@@ -119,6 +120,27 @@ def test_the_page_of_dials(tmp_path, monkeypatch):
     assert "<td>heavy_top</td><td>60</td>" in dials and suite.FAMILIES["heavy_top"].why in dials
     assert (tmp_path / "dial_eccentricity.svg").read_text().rstrip().endswith("</svg>")
     assert "far/away" not in dials
+
+
+def test_the_published_runs_are_apart_and_hard():
+    """Counted in what the page is made of: where six solvers differ, and what is hard for Ipopt."""
+    records = runner.load(Path(__file__).parents[1] / "docs" / "suite" / "results.jsonl")
+    dials = [r for r in records if dial_report.on_a_dial(r)]
+    if not dials:
+        pytest.skip("published before there were dials")
+    solvers = {r["solver"] for r in dials}
+    assert len(solvers) >= 6
+    apart, members = dial_report.disagreeing([r for r in records if r["solver"] in solvers])
+    assert len(apart) >= 60 and members >= 100
+    assert len(dial_report.hard(records)) >= 10
+
+
+def test_easy_families_are_not_called_hard():
+    rows = [record("ipopt", name) for name in ("heavy_top", "oscillator_past", "pendulum")]
+    assert [row[0] for row in dial_report.hard(rows)] == ["heavy_top", "oscillator_past"]
+    few = [r | {"evaluations": {"hess": 50}} for r in rows]
+    assert dial_report.hard(few) == []
+    assert len(dial_report.hard([few[0] | {"outcome": "failed"}])) == 1
 
 
 def test_a_dial_is_asked_for_by_its_name():

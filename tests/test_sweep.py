@@ -148,6 +148,25 @@ def test_slopes_of_members_that_are_solved_alone(monkeypatch):
     assert np.isnan(ao.sweep(dragged, {"t1": [dragged.end.t]}).slopes).all()
 
 
+@pytest.mark.parametrize("zipped", [False, True])
+def test_it_begins_from_the_problem_itself_where_its_first_member_is_not_found(zipped, monkeypatch):
+    """A top that spins fast: `solve` seeks for minutes what a motion nearby leads to."""
+    top = scenes.get("heavy_top").problem
+    asked, solve = [], module.solve
+
+    def little(problem, **options):
+        asked.append(problem.end.t)
+        if problem.end.t != top.end.t:
+            raise ValueError("found after minutes")
+        return solve(problem, **options)
+
+    monkeypatch.setattr(module, "solve", little)
+    over = {"t1": top.end.t + np.linspace(-1e-3, 0.9e-3, 4)}
+    runs = ao.sweep(top, over, zip=zipped)
+    assert runs.success.all()
+    assert asked == [over["t1"][0], top.end.t]
+
+
 # -- the same bits --------------------------------------------------------------------------------
 
 

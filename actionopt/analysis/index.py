@@ -48,7 +48,7 @@ class Inertia:
     nullity : int
         Eigenvalues |mu| <= tolerance: variations to which neither sign can be given.
     smallest : float or None
-        The smallest |mu|, where it is below the tolerance.
+        The smallest |mu|, where it is below the tolerance; 0 if all those are `moves`.
     tolerance : float
         1e-8, or ten times the path's own error estimate where that is larger and leaves no sign
         open, or where the path cannot be improved.
@@ -71,12 +71,15 @@ class Inertia:
 
 
 @one_thread
-def inertia(at: DiscretePath, error: float, *, tolerance: float | None = None) -> Inertia:
+def inertia(
+    at: DiscretePath, error: float, *, tolerance: float | None = None, moves: int = 0
+) -> Inertia:
     """Return the index and the nullity of the second variation along a path known to `error`.
 
     Ten times the path's error is how far an eigenvalue may be off. Where that leaves signs open,
     the path is improved and they are counted again, so that "degenerate" is said of the problem
-    and not of the tolerance its path was solved to. `tolerance` replaces all this.
+    and not of the tolerance its path was solved to. `tolerance` replaces all this. As many
+    eigenvalues as `moves` are known to vanish.
 
     The nullity is the dimension of the family of paths between the same ends, to first order.
 
@@ -92,10 +95,10 @@ def inertia(at: DiscretePath, error: float, *, tolerance: float | None = None) -
         return _held(at, max(float(np.fmin(ERROR_GAIN * error, LOOSEST)), INDEX_TOLERANCE))
     form = resolved(at, error, INDEX_RESOLUTION)
     if tolerance is not None:
-        return inertia_of(form, tolerance)
+        return inertia_of(form, tolerance, moves)
     error = np.fmin(error, 1.0)  # unknown ones are not finite
-    found = inertia_of(form, float(np.clip(ERROR_GAIN * error, INDEX_TOLERANCE, LOOSEST)))
-    if found.nullity and found.tolerance > INDEX_TOLERANCE:
+    found = inertia_of(form, float(np.clip(ERROR_GAIN * error, INDEX_TOLERANCE, LOOSEST)), moves)
+    if found.nullity > moves and found.tolerance > INDEX_TOLERANCE:
         with suppress(ValueError):  # a path that is none may be resolved on no mesh
             form = polished(at, POLISHED, found.nullity)
             return inertia_of(form) if form is not None else found
@@ -115,7 +118,8 @@ def inertia_asked(at: DiscretePath, error: float) -> Inertia:
     path, rows = at.path, at.rows if at.tr.layout.rows else None
     lam = None if rows is None else np.nan_to_num(rows)
     bordered, y = Bordered.around(asked, path, lam, at.tr.lengths, moves)
-    found = inertia(bordered.discrete(y) if asked.closes else at, error)
+    known = bordered.borders.c.size
+    found = inertia(bordered.discrete(y) if asked.closes else at, error, moves=known)
     found = counted(found, bordered, y)
     moves = min(found.nullity, bordered.borders.c.size)
     held = len(bordered.borders.held)
@@ -151,8 +155,8 @@ def _held(at: DiscretePath, tolerance: float) -> Inertia:
     return Inertia(index, below(tolerance) - index, None, tolerance)
 
 
-def inertia_of(form: Form, tolerance: float = INDEX_TOLERANCE) -> Inertia:
-    """Return the index and the nullity of a discrete second variation."""
+def inertia_of(form: Form, tolerance: float = INDEX_TOLERANCE, moves: int = 0) -> Inertia:
+    """Return the index and the nullity of a discrete second variation, `moves` of it known."""
     if not form.freedom:
         return Inertia(0, 0, None, tolerance)
     check_legendre(form)
@@ -164,6 +168,8 @@ def inertia_of(form: Form, tolerance: float = INDEX_TOLERANCE) -> Inertia:
     nullity = below(tolerance) - index
     if not nullity:
         return Inertia(index, 0, None, tolerance)
+    if nullity == moves:
+        return Inertia(index, nullity, 0.0, tolerance)
     low, high = 1e-17, tolerance  # the smallest |mu|, to a tenth of itself
     while high > 1.1 * low and high > 1e-16:
         middle = float(np.sqrt(low * high))

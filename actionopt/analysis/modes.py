@@ -35,7 +35,8 @@ class SecondVariation:
     inertia : Inertia
         Index and nullity.
     units : (n,) array
-        Units of the coordinates in the norm.
+        Units of the coordinates in the norm; of those that take each other's place as a path
+        closes, the largest.
     """
 
     eigenvalues: Array
@@ -90,10 +91,10 @@ def second_variation(
     nodes.reshape(-1, len(values))[_free(form)] = vectors
     if form.closed:
         nodes[-1] = nodes[0]
-    eta = given[:, None] * np.einsum("knr,krc->knc", form.basis, nodes)
+    eta = form.units[:, None] * np.einsum("knr,krc->knc", form.basis, nodes)
     mesh = form.tr.mesh
     modes = tuple(Path(mesh, eta[:, :, i].T) for i in range(len(values)))
-    return SecondVariation(values, modes, found, given)
+    return SecondVariation(values, modes, found, form.units)
 
 
 def lowest(form: Form, count: int) -> tuple[Array, Array]:

@@ -69,6 +69,11 @@ class Monodromy(np.ndarray):
         return np.array(pairs)
 
     @property
+    def multipliers(self) -> Array:
+        """The `eigenvalues`, as those of a closed path are called: Floquet multipliers."""
+        return self.eigenvalues
+
+    @property
     def stable(self) -> bool:
         """Whether no neighbour leaves the path exponentially."""
         return self._leaving == 0
@@ -96,7 +101,9 @@ class Monodromy(np.ndarray):
 def monodromy(solution: Solution) -> Monodromy:
     """Return the matrix (2n, 2n) that carries (dq, dp) along a path from its start to its end.
 
-    Its eigenvalues are the Floquet multipliers of a path that closes.
+    Its eigenvalues are the Floquet multipliers of a path that closes. Where that is in another
+    order (`Periodic(T, relabel=...)`) the matrix is that of the part, P^-1 dx(T)/dx(0) with the
+    order P: its k-th power is that of the whole path, where P^k = 1.
 
     Raises
     ------
@@ -120,9 +127,9 @@ def monodromy(solution: Solution) -> Monodromy:
             "expected a path that touches no obstacle, found one that does: its neighbours are "
             "carried along it by other forces; give the free parts, each as a problem of its own"
         )
-    n = system.n
-    loose_ends = [Event(e.t, [None] * n) for e in (problem.start, problem.end)]
-    free = Problem(system, *loose_ends, parameters=problem.parameters)
+    start = Event(problem.start.t, None)
+    end = Event(problem.end.t, None) if problem.advance is None else problem.end.at(problem.end.t)
+    free = Problem(system, start, end, parameters=problem.parameters)
     at = DiscretePath.of(free, solution.path, lengths=solution.discrete.tr.lengths)
     found = carried(resolved(at, solution.error, MONODROMY_RESOLUTION)).view(Monodromy)
     if problem.closes:
@@ -135,7 +142,10 @@ def monodromy(solution: Solution) -> Monodromy:
 
 
 def carried(form: Form) -> Array:
-    """Return the product of the elements' symplectic matrices, in the user's units."""
+    """Return the product of the elements' symplectic matrices, in the user's units.
+
+    Of a path that closes in another order, in that order: once round is a power of it.
+    """
     r = form.freedom
     M = np.eye(2 * r)
     for E in form.elements:
@@ -153,7 +163,7 @@ def carried(form: Form) -> Array:
     # dq = units basis a, and p . dq is the same in both.
     unit = np.concatenate([form.units, 1 / form.units])
     frames = []
-    for Z in (form.basis[0], form.basis[-1]):
+    for Z in (form.basis[0], form.basis[0 if form.closed else -1]):
         zero = np.zeros_like(Z)
         frames.append(np.block([[Z, zero], [zero, Z]]))
     return unit[:, None] * (frames[1] @ M @ frames[0].T) / unit

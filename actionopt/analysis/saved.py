@@ -55,6 +55,7 @@ def save(
         "parameters": {name: value.tolist() for name, value in problem.parameters.items()},
         "events": [[e.t, list(e.q)] for e in (problem.start, problem.end)],
         "advance": None if problem.advance is None else list(problem.advance),
+        "relabel": getattr(problem.end, "relabel", None),
         **({} if problem.asked is None else {"asked": asked_of(problem)}),
         "tails": [_tail(e) for e in (problem.start, problem.end)] if problem.has_tails else None,
         **found,
@@ -111,7 +112,8 @@ class Detached:
             ]
             self.start, self.end = ends
         if about["advance"] is not None:
-            self.end = Periodic(t1, about["advance"]).after(self.start)
+            end = Periodic(t1, about["advance"], relabel=about.get("relabel"))
+            self.end = end.after(self.start)
             if list(self.end.q) != q1:
                 raise ValueError(
                     f"expected an end of a closed path after its advance, {self.end.q}, found {q1}"
@@ -125,6 +127,11 @@ class Detached:
     def advance(self) -> Array | None:
         """q(t1) - q(t0) where the end is `Periodic`, (n,), else None."""
         return np.array(self.end.advance) if isinstance(self.end, Periodic) else None
+
+    @property
+    def order(self) -> tuple[int, ...]:
+        """The coordinate at the start that each one at a `Periodic` end goes on as; else none."""
+        return self.end.order if isinstance(self.end, Periodic) else ()
 
     closes = False  # it has no system that would say whether there is a clock
 

@@ -97,8 +97,11 @@ class Form:
 
     @property
     def closed(self) -> bool:
-        """Whether the ends vary together: a_K = a_0 in the directions that are not pinned."""
-        return self.tr.layout.closed
+        """Whether the ends vary together: a_K = a_0 in the directions that are not pinned.
+
+        Where the path closes in another order, that is in the basis of the last node.
+        """
+        return bool(self.tr.layout.closed)
 
     @cached_property
     def masses(self) -> list[Array]:
@@ -159,6 +162,10 @@ def form(at: DiscretePath, units: Array | None = None, *, phase: bool = True) ->
         inertia = np.abs(np.diagonal(C, axis1=1, axis2=2)).mean(axis=0)
         size = (units * np.sqrt(inertia)).max()
         units = np.where(inertia > 0, size / np.sqrt(np.where(inertia > 0, inertia, 1.0)), units)
+    if layout.closed:  # coordinates that take each other's place have one unit
+        order = list(layout.closed)
+        for _ in order:
+            units = np.maximum(units, units[order])
     basis = tangent(problem, Q, tr.mesh.nodes[:, None], units).copy()
     sides = []
     for k, event in enumerate((problem.start, problem.end)):
@@ -167,7 +174,7 @@ def form(at: DiscretePath, units: Array | None = None, *, phase: bool = True) ->
         basis[-k], count = _pinned_first(basis[-k], (asked or event).pinned, normals)
         sides.append(count)
     if layout.closed:
-        basis[-1] = basis[0]
+        basis[-1] = basis[0, list(layout.closed)]
     pinned = (sides[0], sides[1])
     loose = max(pinned) < basis.shape[2]
     scale = units[:, None] * units

@@ -207,12 +207,13 @@ def close(problem: Problem, q0: Array, v0: Array, units: Array) -> tuple[Array, 
     free = np.setdiff1d(np.arange(n), problem.start.pinned)
     asked = np.r_[np.arange(n), n + free]  # what has to return
     varied = np.r_[free, n + np.arange(n)]
+    order = np.r_[problem.order, n + np.array(problem.order)]
     advance = np.r_[problem.advance, np.zeros(n)][:, None, None]
 
     def gap(x: Array, which: NDInt) -> Array:
         y = np.repeat(np.concatenate([q0, v0])[:, None, which], x.shape[1], axis=1)
         y[varied] = x * units[varied, None, None]
-        miss = np.concatenate(flown(problem, y[:n], y[n:])) - y - advance
+        miss = np.concatenate(flown(problem, y[:n], y[n:])) - y[order] - advance
         return miss[asked] / units[asked, None, None]
 
     y = np.concatenate([q0, v0])

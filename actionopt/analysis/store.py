@@ -144,7 +144,7 @@ def _check_ends(solution: Solution) -> None:
                     f"where the event has {event.q[i]}"
                 )
     if problem.advance is not None:
-        turned = values[:, -1] - values[:, 0]
+        turned = values[:, -1] - values[list(problem.order), 0]
         if not np.all(np.abs(turned - problem.advance) <= off):
             raise ValueError(
                 f"expected a path that closes with the advance {problem.advance}, found {turned}"

@@ -204,13 +204,14 @@ def _allowed(form: Form, eta: Path) -> Array:
                     f"expected eta({found.t}) = 0 in {names[i]}, which the event pins, found "
                     f"{values[k, i]:.3g}; multiply eta by a function that vanishes at both ends"
                 )
-    open_by = np.abs(values[-1] - values[0])
-    if form.closed and np.any(open_by > PINNED_ETA * size):
-        i = int(np.argmax(open_by))
-        raise ValueError(
-            f"expected eta(t1) = eta(t0) for a path that closes, found that {names[i]} differs by "
-            f"{open_by[i]:.3g}"
-        )
+    if form.closed:
+        open_by = np.abs(values[-1] - values[0, list(problem.order)])
+        if np.any(open_by > PINNED_ETA * size):
+            i = int(np.argmax(open_by))
+            raise ValueError(
+                f"expected eta(t1) = eta(t0) for a path that closes, found that {names[i]} differs "
+                f"by {open_by[i]:.3g}"
+            )
     a = np.einsum("knr,kn->kr", form.basis, values / form.units)
     for k, count in ((0, form.pinned[0]), (-1, form.pinned[1])):
         a[k, :count] = 0.0

@@ -202,7 +202,7 @@ class Action:
         known = [(b if a is None else a, a if b is None else b) for a, b in pairs]
         start, end = np.array([[x or 0.0 for x in pair] for pair in known]).T
         if self.problem.advance is not None:
-            end = start + self.problem.advance
+            end = self.problem.closed_from(start)
         s = self.mesh.nodes_since / self.mesh.duration
         return start + s[:, None] * (end - start)
 
@@ -231,7 +231,7 @@ class Action:
         x = z[: self.layout.unknowns] * self.x_unit
         Q.ravel()[self.layout.free] = x if self.x_origin is None else x + self.x_origin
         if self.problem.advance is not None:
-            Q[-1] = Q[0] + self.problem.advance
+            Q[-1] = self.problem.closed_from(Q[0])
         return Q
 
     def measured(self, step: Array) -> float:
@@ -358,7 +358,9 @@ class Action:
         free = whole[self.layout.free]
         if self.layout.closed:  # the last node moves with the first
             n = self.problem.system.n
-            free[self.layout.free < n] += whole[-n:][self.layout.free[self.layout.free < n]]
+            first, last = self.layout.free[self.layout.free < n], np.empty(n)
+            last[list(self.layout.closed)] = whole[-n:]
+            free[: first.size] += last[first]
         return free * (self.x_unit / self.action_unit)
 
     def constraint(self, x: Array) -> Array:

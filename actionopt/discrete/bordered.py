@@ -37,7 +37,7 @@ from actionopt.discrete.foot import Foot, feet, reactions
 from actionopt.discrete.layout import Layout, Pattern
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.problem import Event, Periodic, Problem
+from actionopt.mechanics.problem import Event, Problem
 from actionopt.mechanics.symmetry import find_symmetries
 from actionopt.tools.types import Array
 
@@ -47,6 +47,7 @@ FULL = 300  # unknowns up to which a full matrix costs less than a sparse one; a
 # Of the coordinates' sizes: directions in which a path moves less than this against its others
 # are none of their own, as time along a path at rest, or a turn of one that turns anyway. Ad hoc.
 DISTINCT = 1e-4
+SWIFT = 0.1  # of its largest rate, at which a coordinate says where a path begins; ad hoc
 
 
 class Move(NamedTuple):
@@ -61,7 +62,7 @@ def loose(problem: Problem) -> Problem:
     if not problem.closes:
         return problem
     start = Event(problem.start.t, [None] * problem.system.n)
-    end = Periodic(problem.end.t, problem.advance)
+    end = problem.end.at(problem.end.t)
     values, energy = problem.parameters, problem.energy
     return Problem(problem.system, start, end, parameters=values, energy=energy)
 
@@ -86,7 +87,16 @@ def moves_of(problem: Problem) -> tuple[Move, ...]:
     if key not in known:
         found = find_symmetries(system, parameters=problem.parameters)
         known[key] = [Move(s.A, s.b) for s in found if not (s.time or s.rate or s.c.any())]
-    return tuple(m for m in known[key] if not (m.A @ advance).any())
+    # What is moved closes as well: xi(P q + a) = P xi(q).
+    P = np.eye(system.n)[list(problem.order)]
+    kept = [np.r_[(A @ P - P @ A).ravel(), A @ advance + b - P @ b] for A, b in known[key]]
+    if not np.any(kept):
+        return tuple(known[key])
+    _, values, right = np.linalg.svd(np.transpose(kept))
+    size = np.zeros(len(right))
+    size[: values.size] = values
+    A, b = (np.array(part) for part in zip(*known[key], strict=True))
+    return tuple(Move(np.tensordot(x, A, 1), x @ b) for x in right[size <= DISTINCT * size.max()])
 
 
 class Borders(NamedTuple):
@@ -343,7 +353,10 @@ def _borders(asked: Problem, tr: Transcription, z: Array, moves: Sequence[Move])
     B[: layout.unknowns] = left * root[:, None]
     # Coordinates that the start gives are conditions as far as they can be met by moving the path.
     pinned = [int(layout.number[0, i]) for i in asked.start.pinned]
-    held = _independent(directions[pinned]) if k else []
+    size = np.zeros(n)
+    np.maximum.at(size, layout.free % n, np.linalg.norm(directions, axis=1))
+    size = size[list(asked.start.pinned), None]
+    held = _independent(directions[pinned] / np.where(size > 0, size, 1.0)) if k else []
     for row, j in enumerate(held):
         i = asked.start.pinned[j]
         C[row, pinned[j]] = 1.0
@@ -358,12 +371,15 @@ def _borders(asked: Problem, tr: Transcription, z: Array, moves: Sequence[Move])
 
 
 def _independent(rows: Array) -> list[int]:
-    """Return which of the rows are independent, the largest first (Gram and Schmidt's way)."""
+    """Return which of the rows are independent, the largest first (Gram and Schmidt's way).
+
+    A coordinate that hardly moves at the start, beside elsewhere, does not say where that is.
+    """
     left, chosen = rows.copy(), []
     for _ in range(min(rows.shape)):
         norms = np.linalg.norm(left, axis=1)
         j = int(np.argmax(norms))
-        if not norms[j] > DISTINCT * np.linalg.norm(rows, axis=1).max():
+        if not norms[j] > SWIFT:
             break
         chosen.append(j)
         unit = left[j] / norms[j]

@@ -12,13 +12,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from actionopt.discrete.blocks import Condensed
 from actionopt.discrete.layout import Layout, Pattern
-from actionopt.tools.types import Array
+from actionopt.tools.types import Array, NDInt
 
 # The first three are where two costs cross, never timed with care. The others are ad hoc: a third
 # of each or three times as much (but `REFINEMENTS`) changes no iteration on any scene.
@@ -72,22 +73,25 @@ class Factors:
             regular = _regular(layout, compressed(layout, self.nonzeros))
             return lambda right: _solver(layout, "ldl")(regular, right)
         elif layout.bordered:
-            return self._pivoted
+            return _Edged(layout, self.nonzeros).solve if _Edged.serves(layout) else self._pivoted
         return None
 
     @cached_property
     def _pivoted(self) -> Callable[[Array], Array]:
         """LU factors with pivoting, which dense rows do not fill as they do those of QR."""
-        layout, matrix = self.layout, ca.DM(self.layout.kkt.sparsity, self.nonzeros)
+        layout, matrix = self.layout, _matrix(self.layout, self.nonzeros)
         solver = layout.solvers.get("lu")
         if solver is None:
             solver = layout.solvers["lu"] = ca.Linsol("lu", "csparse", matrix.sparsity())
             solver.sfact(matrix)
-        try:
-            solver.nfact(matrix)
-        except RuntimeError as error:
-            raise np.linalg.LinAlgError("the matrix is singular") from error
-        return lambda right: np.asarray(solver.solve(matrix, ca.DM(right))).ravel()
+
+        def solve(right: Array) -> Array:  # it factorizes, each time
+            try:
+                return np.asarray(solver.solve(matrix, ca.DM(right))).ravel()
+            except RuntimeError as error:
+                raise np.linalg.LinAlgError("the matrix is singular") from error
+
+        return solve
 
     @cached_property
     def _kept(self) -> _Kept:
@@ -123,7 +127,11 @@ class Factors:
                 return x
             self._direct = None
         if self.layout.bordered:
-            raise np.linalg.LinAlgError("the matrix is singular")
+            x = self._refined(self._pivoted, right)
+            if x is None:
+                raise np.linalg.LinAlgError("the matrix is singular")
+            self._direct = self._pivoted
+            return x
         x = _solver(self.layout, "qr")(compressed(self.layout, self.nonzeros), right)
         if not np.all(np.isfinite(x)):
             raise np.linalg.LinAlgError("the matrix is singular")
@@ -160,12 +168,9 @@ class Factors:
             return self._condensed.negative()
         if layout.keeps_factors:
             return self._kept.negative
-        matrix = ca.DM(layout.kkt.sparsity, _regular(layout, self.nonzeros))
-        if "inertia" not in layout.solvers:
-            layout.solvers["inertia"] = ca.Linsol("inertia", "ldl", layout.kkt.sparsity)
-            layout.solvers["inertia"].sfact(matrix)
-        layout.solvers["inertia"].nfact(matrix)
-        return int(layout.solvers["inertia"].neig(matrix))
+        matrix, solver = _matrix(layout, _regular(layout, self.nonzeros)), _solver(layout, "ldl")
+        solver.analysed.nfact(matrix)
+        return int(solver.analysed.neig(matrix))
 
     def _refined(self, direct: Callable[[Array], Array], right: Array) -> Array | None:
         """Return the solution by refinement of a direct one, or None if that does not converge."""
@@ -218,7 +223,8 @@ class Sparse:
     def __init__(self, pattern: Pattern, kind: str) -> None:
         size = pattern.shape[0]
         values, right = ca.MX.sym("values", pattern.nnz), ca.MX.sym("right", size)
-        solved = ca.solve(ca.MX(pattern.sparsity, values), right, kind)
+        self.analysed = ca.Linsol(kind, kind, pattern.sparsity)
+        solved = self.analysed.solve(ca.MX(pattern.sparsity, values), right)
         self._function = ca.Function(kind, [values, right], [solved])
         self._values, self._right = np.empty(pattern.nnz), np.empty(size)
         self._solved = np.empty(size)
@@ -248,16 +254,87 @@ class _Kept:
 
     def __init__(self, layout: Layout, nonzeros: Array) -> None:
         values = _regular(layout, compressed(layout, nonzeros))
-        self._factors = ca.ldl(ca.DM(layout.kkt.sparsity, values))
+        self._factors = ca.ldl(_matrix(layout, values))
+        self._dense = ca.Sparsity.dense(layout.size)
 
     def solve(self, right: Array) -> Array:
         """Return the solution for one right-hand side, (size,)."""
-        return ca.ldl_solve(ca.DM(right), *self._factors).full().ravel()
+        column = ca.DM(self._dense, memoryview(right))  # type: ignore
+        return ca.ldl_solve(column, *self._factors).full().ravel()
 
     @property
     def negative(self) -> int:
         """The number of negative pivots."""
         return int(np.sum(self._factors[0].full() < 0))
+
+
+class _Edged:
+    """The factors of a symmetric matrix with dense rows and columns beside it, [K R; C D].
+
+    K may be singular along the directions R. With as many springs E s E' on single unknowns it is
+    not, and is factorized without pivoting; they are taken off again with the edges,
+
+        K x + R y - s E z = r,    C x + D y = r',    E'x - z = 0.
+    """
+
+    def __init__(self, layout: Any, nonzeros: Array) -> None:
+        self._size, pattern = layout.inner.size, layout.kkt
+        row, col, n = pattern.row, pattern.col, layout.inner.size
+        inside = (row < n) & (col < n)
+        edges = np.zeros((2, layout.size, layout.size - n))
+        right, below = col >= n, row >= n
+        edges[0][row[right], col[right] - n] = nonzeros[right]
+        edges[1][col[below], row[below] - n] = nonzeros[below]
+        R, C, D = edges[0][:n], edges[1][:n].T, edges[0][n:]
+        springs = _largest(R)
+        K = nonzeros[inside]
+        size = np.abs(K).max()
+        held = np.isin(row[inside], springs) & (row[inside] == col[inside])
+        K = K + size * held
+        inner = Pattern((n, n), row[inside], col[inside], row[:0])
+        self._factors = ca.ldl(ca.DM(inner.sparsity, K))
+        E = np.zeros((n, springs.size))
+        E[springs, np.arange(springs.size)] = 1.0
+        self._beside = np.concatenate([R, -size * E], axis=1)
+        self._across = np.concatenate([C, E.T])
+        corner = np.zeros((len(self._across), len(self._across)))
+        corner[: len(D), : len(D)] = D
+        corner[len(D) :, len(D) :] = -np.eye(springs.size)
+        self._carried = self._inner(self._beside)
+        self._corner = corner - self._across @ self._carried
+        if not np.isfinite(self._corner).all():
+            raise np.linalg.LinAlgError("the matrix is singular")
+
+    @staticmethod
+    def serves(layout: Any) -> bool:
+        """Whether the inner matrix is symmetric, without the zeros of constraints."""
+        return layout.inner.unpivoted and not layout.rows
+
+    def _inner(self, right: Array) -> Array:
+        return ca.ldl_solve(ca.DM(right), *self._factors).full()
+
+    def solve(self, right: Array) -> Array:
+        """Return the solution for one right-hand side, (size,)."""
+        n, edges = self._size, right.size - self._size
+        x = self._inner(right[:n]).ravel()
+        other = np.zeros(len(self._across))
+        other[:edges] = right[n:]
+        y = np.linalg.solve(self._corner, other - self._across @ x)
+        return np.concatenate([x - self._carried @ y, y[:edges]])
+
+
+def _largest(columns: Array) -> NDInt:
+    """Return rows (k,) in which the columns (n, k) are independent: the largest, one by one."""
+    left, rows = columns.copy(), []
+    for _ in range(columns.shape[1]):
+        size = np.einsum("ij,ij->i", left, left)
+        k = int(np.argmax(size))
+        if not size[k] > 0:
+            break
+        rows.append(k)
+        unit = left[k] / np.sqrt(size[k])
+        left = left - np.outer(left @ unit, unit)
+    return np.unique(rows).astype(int)
 
 
 def negative_eigenvalues(layout: Layout, nonzeros: Array) -> int:
@@ -270,6 +347,11 @@ def _solver(layout: Layout, kind: str) -> Sparse:
     if kind not in layout.solvers:
         layout.solvers[kind] = Sparse(layout.kkt, kind)
     return layout.solvers[kind]
+
+
+def _matrix(layout: Layout, nonzeros: Array) -> ca.DM:
+    """Return a matrix for CasADi, which reads buffers twice as fast as arrays."""
+    return ca.DM(layout.kkt.sparsity, memoryview(nonzeros))  # type: ignore
 
 
 def _regular(layout: Layout, nonzeros: Array) -> Array:

@@ -33,8 +33,9 @@ class Layout:
         Its degrees count, its times do not.
     start, end : tuple of int
         Indices of the coordinates pinned at either end.
-    closed : bool
-        Whether the path closes: the last node has the first one's unknowns and no rows.
+    closed : tuple of int
+        Of a path that closes, the first node's coordinate that each of the last node's is: it has
+        no unknowns and no rows of its own. Else empty.
     nodal : tuple of int
         Nodes whose coordinates are coupled by a term of their own (`nodal`).
     in_force : (K, m) array of bool, optional
@@ -52,7 +53,7 @@ class Layout:
         shape: Mesh,
         start: tuple[int, ...],
         end: tuple[int, ...],
-        closed: bool = False,
+        closed: tuple[int, ...] = (),
         nodal: tuple[int, ...] = (),
         in_force: NDArray[np.bool_] | None = None,
     ) -> None:
@@ -74,7 +75,7 @@ class Layout:
         self.unknowns = self.free.size
         number.ravel()[self.free] = np.arange(self.unknowns)
         if closed:
-            number[-1] = number[0]
+            number[-1] = number[0, list(closed)]
         self.number = number
 
         self.G_rows, self.G_cols = (
@@ -321,7 +322,8 @@ class Pattern:
     def sparsity(self) -> ca.Sparsity:
         """The pattern for CasADi."""
         colind = np.searchsorted(self.col, np.arange(self.shape[1] + 1))
-        return ca.Sparsity(*self.shape, colind.tolist(), self.row.tolist())
+        # As buffers: lists of numbers take five times the memory.
+        return ca.Sparsity(*self.shape, memoryview(colind), memoryview(self.row))  # type: ignore
 
 
 LAYOUTS_KEPT = 32  # of a system, the latest used: a large one holds much memory; ad hoc
@@ -335,7 +337,7 @@ def layout_for(problem: Problem, mesh: Mesh, nodal: tuple[int, ...] = ()) -> Lay
     known = problem.system.layouts
     ends = problem.start.pinned, problem.end.pinned
     partial = None
-    key = (mesh.degrees, *ends, problem.advance is not None, nodal)
+    key = (mesh.degrees, *ends, problem.order, nodal)
     if isinstance(problem, Held):
         partial = problem.in_force(mesh.boundaries, mesh.offsets)
         key = (*key, b"" if partial is None else partial.tobytes())

@@ -89,7 +89,7 @@ def follow(
             factors, taken = None, z  # frees the last ones before the next are made
             try:
                 factors = Factors(tr.layout, tr.kkt(z), many=many)
-                z, rest, ratio, converged = _steps(tr, factors, z, residual, linear, target)
+                z, rest, ratio, converged = _steps(tr, factors, z, residual, linear, target, enough)
             except np.linalg.LinAlgError:
                 return Followed(z, False, np.inf, k, np.inf)
             if not np.isfinite(rest):
@@ -117,6 +117,7 @@ def _steps(
     residual: Array,
     linear: bool,
     target: float,
+    enough: Callable[[Array], float] | None,
 ) -> tuple[Array, float, float, bool]:
     """Take Newton's step from z and simplified ones, as far as they will do.
 
@@ -140,6 +141,10 @@ def _steps(
         converged = linear or rest * ratio <= target or stopped
         if not converged and not rest * min(ratio, 1.0) ** (chords - again) <= target:
             break  # too many to come; or it is not a number
+        if not converged and enough is not None and rest * ratio <= enough(z):
+            break
+    if again and ratio > CONTRACTION:  # near a singular matrix another one may serve
+        ratio = CONTRACTION
     return z - step, rest, ratio, False
 
 

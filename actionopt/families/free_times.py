@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
+from contextlib import suppress
 from itertools import product
 
 import numpy as np
@@ -90,13 +91,20 @@ def _passages(
     if problem.system.structure.depends_on_time:  # the energy is given where the time is free
         return []
     t0, q0 = start.t or 0.0, np.array(start.q, dtype=float)
+    angle = 2 * np.pi * (np.arange(FAN) + rng.random()) / FAN
+    fan = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     if n == 1:
         u = np.array([[1.0], [-1.0]])
     elif n == 2:
-        angle = 2 * np.pi * (np.arange(FAN) + rng.random()) / FAN
-        u = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    else:
-        u = rng.standard_normal((max(shots, 1), n))
+        u = fan
+    else:  # in all directions, and in the plane of the end and of the force: of central ones, all
+        chord = straight(problem)[-1] - q0
+        force = np.zeros(n)
+        with suppress(np.linalg.LinAlgError):
+            force = problem.system.acceleration(q0, 0 * q0, t0, parameters=problem.parameters)
+        size = over(problem, 1.0).scales[:, None]
+        plane, _ = np.linalg.qr(np.nan_to_num(np.stack([chord, force], axis=1)) / size)
+        u = np.concatenate([rng.standard_normal((max(shots, 1), n)), fan @ plane.T])
     line = along(problem, straight(problem), t0)
     T = [path.mesh.duration for path, _ in known] + [returning(problem, q0, t0)]
     T += [] if line is None else [float(line[0][-1])]

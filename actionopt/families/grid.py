@@ -105,6 +105,15 @@ class Grid:
         """Return the values of a member."""
         return {name: float(x[0]) for name, x in self.columns(np.array([i])).items()}
 
+    def nearest(self, values: Mapping[Name, float]) -> int:
+        """Return the member that is nearest to some values, in parts of the axes."""
+        found = []
+        for name, row in zip(self.names, self.values, strict=True):
+            found.append(((row - values[name]) / (np.ptp(row) or 1.0)) ** 2)
+        if self.zipped:
+            return int(np.argmin(sum(found)))
+        return int(np.ravel_multi_index([np.argmin(x) for x in found], self.shape))
+
     def beside(self, i: int) -> list[int]:
         """Return the members next to one along the axes."""
         at = np.array(np.unravel_index(i, self.shape))

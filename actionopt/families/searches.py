@@ -182,7 +182,7 @@ class Sweep:
             if path is None:
                 continue
             s = (path.mesh.nodes - c.problem.start.t) / T
-            miss = path.values[:, 0] + advance - path.values[:, -1]
+            miss = c.problem.closed_from(path.values[:, 0]) - path.values[:, -1]
             guess = Path(path.mesh, path.values + miss[:, None] * s)
             self._candidate(c, c.tr.pack(guess(c.tr.mesh.nodes).T), "a forward shot", guess)
 
@@ -445,7 +445,12 @@ def _closes(c: Winding, solution: Solution) -> bool:
     unit = c.tr.action_unit / c.tr.lengths
     size = np.max(np.abs(solution.momentum(solution.mesh.nodes)), axis=1)
     p0, p1 = solution.momenta
-    return bool(np.all(np.abs(p1 - p0) <= CLOSED_MOMENTUM * np.maximum(size, 1e-3 * unit)))
+    return bool(
+        np.all(
+            np.abs(p1 - p0[list(c.problem.order)])
+            <= CLOSED_MOMENTUM * np.maximum(size, 1e-3 * unit)
+        )
+    )
 
 
 def _known(error: Exception) -> None:

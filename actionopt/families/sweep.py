@@ -28,11 +28,11 @@ from actionopt.families.grid import Grid, said
 from actionopt.families.kept import Kept
 from actionopt.families.runs import Runs
 from actionopt.families.task import Answers, Seed, work
-from actionopt.families.vary import Name
-from actionopt.families.walk import walk
+from actionopt.families.vary import Name, present
+from actionopt.families.walk import STEPS, walk
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import asked
-from actionopt.solver.solve import solve
+from actionopt.solver.solve import moving, solve
 from actionopt.tools.checks import tolerance
 from actionopt.tools.journal import Journal
 from actionopt.tools.types import NDInt
@@ -107,7 +107,7 @@ def sweep(
     asked(problem)
     tolerance(tol)
     problem = problem.asked or problem
-    if problem.free_time and problem.closes:
+    if problem.free_time and problem.closes and problem.system.n > 1:
         raise ValueError(
             "expected events, or a period that is given, to sweep over, found closed paths of a "
             "given energy, which need a guess; follow one by `trace`"
@@ -161,6 +161,7 @@ def _question(grid: Grid, tol: float, index: bool, keep_paths: bool) -> dict[str
         "start": [problem.start.t, problem.start.q],
         "end": [problem.end.t, problem.end.q],
         "advance": None if problem.advance is None else problem.advance.tolist(),
+        "relabel": getattr(problem.end, "relabel", None),
         "energy": problem.energy,
         **({"on": _surfaces(problem)} if problem.on_surface else {}),
         "over": over,
@@ -180,12 +181,15 @@ def _surfaces(problem: Problem) -> list[str | None]:
 
 def _none_solved(runs: Runs) -> None:
     """Raise what the first member raises, and say that the others are no better."""
-    first = solve(runs.grid.member(0), tol=runs.tol, throw=False)
+    first = moving(solve(runs.grid.member(0), tol=runs.tol, throw=False))
     names, counts = np.unique(runs.status, return_counts=True)
+    resting = (
+        "; for a closed path that moves give `trace` a guess" if runs.grid.problem.closes else ""
+    )
     found = ", ".join(f"{count} {name}" for name, count in zip(names, counts, strict=True))
     raise SolveError(
         f"expected members that can be solved, found {found} of {runs.grid.size}; the first, "
-        f"{runs.grid.text(0)}: {first.status.value}",
+        f"{runs.grid.text(0)}: {first.status.value}{resting}",
         first,
     )
 
@@ -237,15 +241,26 @@ class _Run:
         return {int(record["task"]): record for record in records[1:]}
 
     def _pilot(self) -> int:
-        """Solve the first of some members that can be; return how many unknowns it has."""
-        unknowns = 0
-        places = np.linspace(0, self.grid.size - 1, PILOTS).astype(int)
-        for i in dict.fromkeys(self.grid.order[places].tolist()):
+        """Find a first seed; return how many unknowns it has.
+
+        That is the first of some members that can be solved or, before others are tried, the one
+        from which the problem as it was given, with numbers of its own, is not far.
+        """
+        grid, tol, unknowns = self.grid, self.runs.tol, 0
+        places = np.linspace(0, grid.size - 1, PILOTS).astype(int)
+        first, *others = dict.fromkeys(grid.order[places].tolist())
+        for i in (first, None, *others):
             with suppress(ValueError):
-                found = solve(self.grid.member(i), tol=self.runs.tol, throw=False)
+                problem = grid.problem if i is None else grid.member(i)
+                found = moving(solve(problem, tol=tol, throw=False))
                 unknowns = found.stats["unknowns"]
-                if found.success:
-                    self.seeds[i] = found.path
+                path: Path | None = found.path if found.success else None
+                if i is None and path is not None:
+                    own = {name: present(grid.problem, name) for name in grid.names}
+                    i = grid.nearest(own)
+                    path = walk(grid.problem, path, own, grid.at(i), STEPS[-1], tol)
+                if i is not None and path is not None:
+                    self.seeds[i] = path
                     break
         return unknowns
 

@@ -16,7 +16,8 @@ from actionopt.families.kept import Kept
 from actionopt.families.vary import Name, along, moved
 from actionopt.families.walk import walk
 from actionopt.mechanics.problem import Problem
-from actionopt.solver.solve import Guess, solve
+from actionopt.solver.solve import Guess, moving, solve
+from actionopt.tools.memory import keep_memory
 from actionopt.tools.types import Array, NDInt
 
 Answers = dict[str, Array]
@@ -52,6 +53,7 @@ def work(
     options : tuple
         `tol`, and whether to count indices and to keep paths.
     """
+    keep_memory()
     problem = pickle.loads(question)
     return solved(problem, members, columns, begun(problem, columns, seed, options[0]), options)
 
@@ -64,7 +66,7 @@ def begun(
     path = None if seed is None else walk(problem, *seed[:2], first, seed.distance, tol)
     if path is None:
         with suppress(ValueError):
-            found = solve(moved(problem, first), tol=tol, throw=False)
+            found = moving(solve(moved(problem, first), tol=tol, throw=False))
             path = found.path if found.success else None
     return seed.path if path is None and seed is not None else path
 
@@ -143,9 +145,9 @@ def _one_by_one(
     for j in range(k):
         try:
             mine = moved(problem, {name: float(row[j]) for name, row in columns.items()})
-            found = solve(mine, guess=guess, tol=tol, throw=False)
+            found = moving(solve(mine, guess=guess, tol=tol, throw=False))
             if not found.success and guess is not None:
-                found = solve(mine, tol=tol, throw=False)
+                found = moving(solve(mine, tol=tol, throw=False))
         except ValueError as error:
             messages[int(members[j])] = str(error)
             continue

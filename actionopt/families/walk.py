@@ -15,7 +15,7 @@ from actionopt.analysis.solution import Solution
 from actionopt.discrete.path import Path
 from actionopt.families.vary import Name, led, moved
 from actionopt.mechanics.problem import Problem
-from actionopt.solver.solve import solve_near
+from actionopt.solver.solve import moving, solve_near
 
 # Ad hoc, all three: the numbers of steps, the accuracy on the way, and what is the same at the end.
 STEPS, ON_THE_WAY, ALIKE = (4, 8, 16, 32), 1e-4, 1e-3
@@ -53,7 +53,7 @@ def _steps(
         try:
             there = moved(problem, values)
             accuracy = tol if k == count else max(tol, ON_THE_WAY)
-            found = solve_near(there, led(near, there), accuracy)
+            found = moving(solve_near(there, led(near, there), accuracy))
         except ValueError:  # no problem, or an end that makes no sense
             return None
         if not found.success:

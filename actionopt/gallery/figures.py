@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,6 +18,7 @@ from actionopt.tools.words import say
 Rule = tuple[Callable[[Subject], bool], str | None]  # None for a figure nobody misses
 
 
+ONE, BOTH = (6.4, 4.4), (10.4, 4.4)  # inches: of one figure, and of two side by side
 NARROW = 3.3  # inches: where a phone shows it, 11 points of letters are 15 pixels
 
 
@@ -55,6 +56,28 @@ class Figure:
         """Return its files in `folder`."""
         cuts = {f"{folder}{self.name}.svg": self.svg}
         return cuts | ({f"{folder}{self.name}-narrow.svg": self.narrow} if self.narrow else {})
+
+
+def one(
+    name: str, draw: Callable[[Any], Any], alt: str, caption: str, size: tuple[float, float] = ONE
+) -> Figure:
+    """Return what `draw` puts on axes, with its narrow cut."""
+    wide, narrow = plot.svgs(lambda f: draw(f.subplots()), size, cut(size))
+    return Figure(name, wide, size, alt, caption, narrow=narrow)
+
+
+def pair(
+    name: str,
+    draw: Callable[[Sequence[Any]], Any],
+    alt: str,
+    caption: str,
+    size: tuple[float, float] = BOTH,
+) -> Figure:
+    """Return what `draw` puts on two axes side by side; its narrow cut has the second below."""
+    wide = plot.svg(lambda f: draw(list(f.subplots(1, 2))), size)
+    high = (ONE[0], 2 * ONE[1])
+    below = plot.svgs(lambda f: draw(list(f.subplots(2, 1))), high, (NARROW, 1.7 * NARROW))
+    return Figure(name, wide, size, alt, caption, narrow=below[1])
 
 
 def figures(subject: Subject) -> tuple[dict[str, list[Figure]], list[tuple[str, str]]]:
@@ -120,7 +143,7 @@ PRINCIPLE, MOTION, CHECK = "principle", "motion", "check"  # where a figure stan
 
 
 def _kind(
-    title: str, part: str, *unless: Rule, size: tuple[float, float] = (6.4, 4.4)
+    title: str, part: str, *unless: Rule, size: tuple[float, float] = ONE
 ) -> Callable[[Draw], None]:
     """Make the decorated function a kind of figure, the file of its own name, in a part of pages.
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from actionopt import plot, scenes
-from actionopt.gallery.figures import NARROW, Figure, cut
+from actionopt.gallery.figures import Figure, one, pair
 from actionopt.gallery.film import beside
 from actionopt.gallery.page import Page, frame, rounded
 from actionopt.gallery.subject import Subject
@@ -21,7 +21,6 @@ from actionopt.solver.solve import solve
 from actionopt.tools.words import say
 
 SHORT, LONG = 0.7, 1.4  # durations of the two oscillators, in half periods
-SIZE, BOTH = (6.4, 4.4), (10.4, 4.4)  # inches: of one figure, and of two side by side
 TEMPLATE = Path(__file__).parent / "templates" / "least.html"
 PARAGRAPH = re.compile(r"(?s)(<(h1|h2|p)\b[^>]*>)(.*?)(?=</\2>)")
 
@@ -105,23 +104,9 @@ def _oscillator(share: float) -> Subject:
     return Subject(scene, solve(scene.problem, tol=1e-10))
 
 
-def _one(name: str, draw: Callable[[Any], Any], alt: str, caption: str) -> Figure:
-    """Return what `draw` puts on axes, with its narrow cut."""
-    wide, narrow = plot.svgs(lambda f: draw(f.subplots()), SIZE, cut(SIZE))
-    return Figure(name, wide, SIZE, alt, caption, narrow=narrow)
-
-
-def _pair(name: str, draw: Callable[[Sequence[Any]], Any], alt: str, caption: str) -> Figure:
-    """Return what `draw` puts on two axes side by side; its narrow cut has the second below."""
-    wide = plot.svg(lambda f: draw(list(f.subplots(1, 2))), BOTH)
-    high = (SIZE[0], 2 * SIZE[1])
-    below = plot.svgs(lambda f: draw(list(f.subplots(2, 1))), high, (NARROW, 1.7 * NARROW))
-    return Figure(name, wide, BOTH, alt, caption, narrow=below[1])
-
-
 def _landscapes(short: Subject, long: Subject) -> Figure:
     both = [short.solution, long.solution]
-    return _pair(
+    return pair(
         "landscapes",
         lambda axes: plot.landscapes(both, axes, units=SI),
         say(
@@ -142,7 +127,7 @@ def _slices(short: Subject, long: Subject) -> Figure:
         for s, ax in zip((short, long), axes, strict=True):
             plot.slices(s.solution, ax, units=SI)
 
-    return _pair(
+    return pair(
         "slices",
         draw,
         say(
@@ -160,7 +145,7 @@ def _slices(short: Subject, long: Subject) -> Figure:
 
 def _fan(long: Subject) -> Figure:
     (focus,) = long.conjugate
-    return _one(
+    return one(
         "fan",
         lambda ax: plot.fan(long.solution, ax, units=SI),
         say(
@@ -180,7 +165,7 @@ def _fan(long: Subject) -> Figure:
 def _spectrum(long: Subject) -> Figure:
     (focus,) = long.conjugate
     lowest = plot.spectrum_data(long.solution).eigenvalues[0]
-    return _one(
+    return one(
         "spectrum",
         lambda ax: plot.spectrum(long.solution, ax, units=SI),
         say(

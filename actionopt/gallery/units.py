@@ -23,7 +23,9 @@ OWN = {
     "great_ellipse": {"a": "m", "b": "m"},
     "fish_eye": {"a": "m"},
     "kink": {"a": "m"},
+    "mirage": {"h": "m", "low": "m", "first": "m", "last": "m"},
     "henon_heiles": {"a": "m"},
+    "lyapunov_orbit": {"D": "m"},
     "vacuum_decay": {"a": "m", "b": ""},
     "zermelo": {"w": "rad/m"},
     "screw": {"c": "rad/m", "k": "J"},
@@ -36,7 +38,7 @@ FACTS = {
     "rolling_acceleration": "m/s^2", "wedge_acceleration": "m/s^2", "friction": "N",
     "period_action": "J s", "fall_time": "s", "waist": "m", "area": "m^2", "whole_action": "J s",
     "high_duration": "s", "other_duration": "s", "contact_begin": "s", "contact_end": "s",
-    "contact_force": "m/s^2",
+    "contact_force": "m/s^2", "direct_length": "m", "mirage_length": "m",
 }  # fmt: skip
 
 

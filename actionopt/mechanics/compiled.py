@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import threading
 from functools import cached_property
 
@@ -15,8 +14,10 @@ from actionopt.tools.types import Array
 AT_ONCE = 2**18  # numbers up to which all times are evaluated in one call: 2 MB
 KEPT = 2**21  # numbers in the memory that a thread keeps for a function: 16 MB
 OVERHEAD = 2**11  # that the smallest memory counts for: its CasADi function takes about as much
-# Measured: times mapped first, of how many or more: built in half the time, as fast to call.
-PART, PARTED = 32, 256
+# Measured: of how many times or more the operations of some are written out, how many, and how many
+# operations at most. A call of CasADi's for each time takes as long as a hundred operations; what
+# is written out takes half a millisecond to build, and longer lists leave the processor's cache.
+PARTED, PART, OPERATIONS = 256, 32, 2**11
 
 
 class Pointwise:
@@ -88,6 +89,15 @@ class Pointwise:
         return [f.numel_in(i) for i in range(f.n_in())], [f.nnz_out(i) for i in range(f.n_out())]
 
     @cached_property
+    def _part(self) -> tuple[ca.Function, int]:
+        """The operations of some times written out, and of how many."""
+        f = self.function
+        if not f.is_a("SXFunction"):
+            return f, 1
+        part = min(PART, max(OPERATIONS // max(f.n_instructions(), 1), 1))
+        return (f.map(part).expand(), part) if part > 1 else (f, 1)
+
+    @cached_property
     def _numbers(self) -> int:
         """How many numbers one time has."""
         return max(sum(map(sum, self._widths)), 1)
@@ -111,15 +121,16 @@ class Pointwise:
 
     def _prepare(self, count: int) -> tuple:
         """Return memory for `count` times and what evaluates the function there; keep them."""
-        mapped, part = self.function, math.gcd(count, PART) if count >= PARTED else 1
-        for times in (part, count // part):
-            mapped = mapped.map(times) if times > 1 else mapped
+        mapped, part = self._part if count >= PARTED else (self.function, 1)
+        parts = -(-count // part)  # the last one evaluates at zeros as well
+        mapped = mapped.map(parts) if parts > 1 else mapped
         buffer, trigger = mapped.buffer()
-        inputs, outputs = ([np.zeros((count, w)) for w in widths] for widths in self._widths)
+        inputs, outputs = ([np.zeros((parts * part, w)) for w in ws] for ws in self._widths)
         for i, slot in enumerate(inputs):
             buffer.set_arg(i, memoryview(slot))  # type: ignore
         for i, slot in enumerate(outputs):
             buffer.set_res(i, memoryview(slot))  # type: ignore
+        inputs, outputs = ([slot[:count] for slot in slots] for slots in (inputs, outputs))
         ready = inputs, outputs, trigger, buffer, mapped  # the last two keep the memory alive
         self._memory.keep(count, ready, self._numbers)
         return ready

@@ -127,6 +127,9 @@ class Event:
 class Periodic(Event):
     """The end of a path that closes: q(t1) = q(t0) + advance, and p(t1) = p(t0).
 
+    With `relabel` it closes in another order, q_i(t1) = q_relabel[i](t0) + advance_i, and so do the
+    momenta: where bodies are alike, each may go on where another one began.
+
     A path without a clock may start anywhere along itself: a coordinate that the start gives says
     where. (With a clock that coordinate returns, and its momentum is left alone.)
 
@@ -136,11 +139,14 @@ class Periodic(Event):
         Time; None leaves the period to be found, from the energy of the problem.
     advance : sequence of n numbers, optional
         Whole turns of coordinates that are angles, say; zero if None.
+    relabel : sequence of n names or indices of coordinates, optional
+        For each coordinate the one that it goes on as; itself if None. L must not tell them apart.
 
     Raises
     ------
     ValueError
-        If a number is not finite.
+        If a number is not finite; in a problem, if `relabel` does not name each coordinate once or
+        changes L.
 
     Examples
     --------
@@ -150,32 +156,62 @@ class Periodic(Event):
     """
 
     advance: tuple[float, ...] | None
+    relabel: tuple[str | int, ...] | None
 
-    def __init__(self, t: float | None, advance: Sequence[float] | ArrayLike | None = None) -> None:
+    def __init__(
+        self,
+        t: float | None,
+        advance: Sequence[float] | ArrayLike | None = None,
+        *,
+        relabel: Sequence[str | int] | ArrayLike | None = None,
+    ) -> None:
         super().__init__(t, [])
         given = () if advance is None else items(advance, "the advance of a periodic end")
         row = tuple(number(x, f"advance {i} of a periodic end") for i, x in enumerate(given))
         object.__setattr__(self, "advance", None if advance is None else row)
+        names = None if relabel is None else tuple(items(relabel, "the order of a periodic end"))
+        object.__setattr__(self, "relabel", names)
 
-    def after(self, start: Event) -> Periodic:
-        """Return the end of a path from `start`, with its coordinates."""
+    @property
+    def order(self) -> tuple[int, ...]:
+        """The coordinate at the start that each one goes on as, of a problem's end: (n,)."""
+        return tuple(range(len(self.q))) if self.relabel is None else self.relabel  # type: ignore[return-value]
+
+    def after(self, start: Event, names: Sequence[str] = ()) -> Periodic:
+        """Return the end of a path from `start`, with its coordinates, which may have names.
+
+        Raises ValueError for an advance of fewer or more, or an order that is none.
+        """
         n = len(start.q)
         advance = (0.0,) * n if self.advance is None else self.advance
         if len(advance) != n:
             raise ValueError(f"expected the advance of {n} coordinates, found {len(advance)}")
-        end = Periodic(self.t, advance)
-        pairs = zip(start.q, advance, strict=True)
+        order = None
+        if self.relabel is not None:
+            order = [names.index(x) if x in names else x for x in self.relabel]
+            if not all(isinstance(i, (int, np.integer)) for i in order) or sorted(order) != [
+                *range(n)
+            ]:
+                raise ValueError(
+                    f"expected relabel= to name each of {', '.join(names) or n} once, or to have "
+                    f"each index from 0 to {n - 1} once, found {list(self.relabel)}"
+                )
+            order = [int(i) for i in order]
+        end = Periodic(self.t, advance, relabel=order)
+        row = start.q if order is None else [start.q[i] for i in order]
+        pairs = zip(row, advance, strict=True)
         object.__setattr__(end, "q", tuple(None if x is None else x + a for x, a in pairs))
         return end
 
     def at(self, t: float | None) -> Periodic:
         """Return the end of a path that closes at another time; a problem gives it coordinates."""
-        return Periodic(t, self.advance)
+        return Periodic(t, self.advance, relabel=self.relabel)
 
     def shifted(self, by: Sequence[float] | ArrayLike) -> Periodic:
         """Return the end of a path that advances by `by` (n,) more."""
         row = np.array(items(by, "a shift of an event"), dtype=float)
-        return Periodic(self.t, row if self.advance is None else self.advance + row)
+        row = row if self.advance is None else self.advance + row
+        return Periodic(self.t, row, relabel=self.relabel)
 
 
 class Phase(NamedTuple):

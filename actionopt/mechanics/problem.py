@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from actionopt.mechanics.events import Event, Periodic, Tail
+from actionopt.mechanics.identity import general_points
 from actionopt.mechanics.instants import Instant, instants
 from actionopt.mechanics.obstacle import check_outside, check_rows
 from actionopt.mechanics.rest import Rest, rest
@@ -94,7 +95,7 @@ class Problem:
             if isinstance(event, Event) and event.q is None:
                 object.__setattr__(self, role, Event(event.t, [None] * len(names), on=event.on))
         if isinstance(self.end, Periodic) and isinstance(self.start, Event):
-            object.__setattr__(self, "end", self.end.after(self.start))
+            object.__setattr__(self, "end", self.end.after(self.start, names))
         for role, event in (("start", self.start), ("end", self.end)):
             if not isinstance(event, Event):
                 raise ValueError(f"expected an Event(t, q) as the {role}, found {event!r}")
@@ -132,6 +133,8 @@ class Problem:
             _check_on_surface(self)
         if self.system.r:
             self._check_obstacle()
+        if isinstance(self.end, Periodic) and self.end.relabel is not None:
+            _check_alike(self)
 
     packed: Array = field(init=False, repr=False)
 
@@ -263,6 +266,19 @@ class Problem:
     def advance(self) -> Array | None:
         """q(t1) - q(t0) where the end is `Periodic`, (n,), else None."""
         return np.array(self.end.advance) if isinstance(self.end, Periodic) else None
+
+    @property
+    def order(self) -> tuple[int, ...]:
+        """The coordinate at the start that each one at a `Periodic` end goes on as; else none."""
+        return self.end.order if isinstance(self.end, Periodic) else ()
+
+    def closed_from(self, q: Array) -> Array:
+        """Return what coordinates (n,) or (n, K) at the start of a path that closes are at its end.
+
+        Of rates and momenta only the order changes: `q[list(problem.order)]`.
+        """
+        assert self.advance is not None
+        return q[list(self.order)] + self.advance.reshape(-1, *[1] * (q.ndim - 1))
 
     @property
     def is_infinite(self) -> bool:
@@ -471,6 +487,36 @@ def _check_free_time(problem: Problem) -> None:
         raise ValueError(
             "expected a system under constraints that does not depend on the time where one is to "
             "be found; give both times"
+        )
+
+
+def _check_alike(problem: Problem) -> None:
+    """Raise ValueError if L tells the coordinates apart that take each other's place.
+
+    L(P q + a, P v, t + T) = L(q, v, t) at points in general position.
+    """
+    system, order, advance = problem.system, list(problem.order), problem.advance
+    assert advance is not None
+    if system.m or system.structure.forced:
+        raise ValueError(
+            "expected a system without constraints and non-conservative forces where a path closes "
+            "in another order, found one with; give the whole period, without relabel="
+        )
+    q, v, t = np.split(general_points(2 * system.n + 1), [system.n, 2 * system.n], axis=1)
+    q, v = q * problem.scales, v * problem.scales
+    first = system.pointwise("first")
+    later = t if problem.free_time else t + problem.duration
+    with np.errstate(all="ignore"):
+        L = first(q, v, t, problem.packed)[2][:, 0].copy()
+        there = first(q[:, order] + advance, v[:, order], later, problem.packed)[2][:, 0]
+        off = np.abs(there - L) > SURFACE_TOLERANCE * (np.abs(L) + np.abs(there))
+    if off.any():
+        k = int(np.argmax(off))
+        names = [system.coordinates[i] for i in order]
+        raise ValueError(
+            "expected an order of the coordinates that leaves L as it is, L(P q, P v) = L(q, v), "
+            f"found that {names} does not: at one point L is {L[k]:.6g}, and {there[k]:.6g} in "
+            "that order; bodies that take each other's place have equal masses and charges"
         )
 
 

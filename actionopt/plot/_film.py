@@ -8,6 +8,7 @@ from subprocess import CalledProcessError
 
 import numpy as np
 from matplotlib.animation import FFMpegWriter, FuncAnimation
+from matplotlib.artist import Artist
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
@@ -114,15 +115,25 @@ def film_file(file: str | Path, *others: str) -> Path:
     return target
 
 
-def write(figure: Figure, update: Update, count: int, file: str | Path, fps: int) -> None:
-    """Write `figure` as it is after each update(k), k = 0 ... count - 1; raises as `film`."""
+def write(
+    figure: Figure,
+    update: Update,
+    count: int,
+    file: str | Path,
+    fps: int,
+    front: float | None = None,
+) -> None:
+    """Write `figure` as it is after each update(k), k = 0 ... count - 1; raises as `film`.
+
+    If nothing moves below the zorder `front`, images have that drawn once: text takes most time.
+    """
     target = film_file(file)
     ending = target.suffix.lower()
     with whole(target) as part:
         if ending in CODECS:
             _encode(figure, update, count, str(part), fps, CODECS[ending])
         else:
-            first, *rest = _images(figure, update, count, ending == ".gif")
+            first, *rest = _images(figure, update, count, ending == ".gif", front)
             first.save(part, save_all=True, append_images=rest, duration=round(1000 / fps), loop=0)
 
 
@@ -140,14 +151,29 @@ def _encode(figure: Figure, update: Update, count: int, file: str, fps: int, cod
         ) from error
 
 
-def _images(figure: Figure, update: Update, count: int, few: bool) -> Iterator[Image.Image]:
+def _images(
+    figure: Figure, update: Update, count: int, few: bool, front: float | None = None
+) -> Iterator[Image.Image]:
     """Yield the frames, in the last one's colours if there may be but `few`."""
     figure.set_dpi(DPI)
     canvas = FigureCanvasAgg(figure)
+    above = []
+    if front is not None:
+        children = [a for ax in figure.axes for a in ax.get_children()]
+        above = sorted((a for a in children if a.get_zorder() >= front), key=Artist.get_zorder)
+        for artist in above:
+            artist.set_animated(True)  # left out by the canvas
+        canvas.draw()
+        behind = canvas.copy_from_bbox(figure.bbox)
 
     def image(k: int) -> Image.Image:
         update(k)
-        canvas.draw()
+        if above:
+            canvas.restore_region(behind)
+            for artist in above:
+                figure.draw_artist(artist)
+        else:
+            canvas.draw()
         size = canvas.get_width_height()
         return Image.frombytes("RGBA", size, bytes(canvas.buffer_rgba())).convert("RGB")
 

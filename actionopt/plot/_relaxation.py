@@ -27,6 +27,7 @@ SHOWN, FAINTEST = 14, 0.15  # paths shown together, and how strong the first of 
 FIRST: Any = {"color": style.PALE, "linewidth": 1.4}
 NOW: Any = {"color": style.BLUE, "linewidth": 4.0, "zorder": 3.5}  # the true path shows upon it
 DOT: Any = {"marker": "o", "markersize": 7, "linestyle": "none", "zorder": 6}
+FRONT = NOW["zorder"]  # nothing that moves is further back
 VERDICTS = {  # of a method: it reaches the path, passes below it, or neither
     "descent": (
         "descent reaches the {kind}",
@@ -97,7 +98,7 @@ def relaxation_film(
     data, at = relaxation_data(solution, start, method=method), style.shown(solution, coordinate)
     figure, update = _reel(solution, data, at, units)
     steps, count = len(data.action) - 1, frame_count(data, fps)
-    write(figure, lambda k: update(k * steps / max(1, count - 1)), count, file, fps)
+    write(figure, lambda k: update(k * steps / max(1, count - 1)), count, file, fps, FRONT)
 
 
 def frame_count(data: Relaxation, fps: int) -> int:

@@ -2,7 +2,7 @@
 
 Along a curve q(s) the energy function H(q, u ds/dt) of the direction u = dq/ds is E at one rate
 ds/dt, and the duration is the integral of ds over it. Where the potential is above E there is none:
-no motion takes that curve, and a part of the largest rate is reckoned with.
+no motion takes that curve, and a part of the largest rate is reckoned with there.
 """
 
 from __future__ import annotations
@@ -14,6 +14,8 @@ from actionopt.tools.types import Array
 
 # Ad hoc: what comes of it is a guess.
 STEPS = 40  # of the fixed point for the rate: one where L is quadratic in v
+SEEN = np.logspace(-4, 4, 65)  # of a coordinate's size: how far from its start a well is looked for
+BISECTIONS, ROUND = 50, 81  # of a turning point; waypoints of a guess
 LEAST_RATE = 0.1  # of the largest rate: turning points are passed at a finite one
 
 
@@ -54,8 +56,9 @@ def along(problem: Problem, q: Array, t: float) -> tuple[Array, float] | None:
     if not good.any() or not np.any(u):
         return None
     largest = float(np.nanmax(found))
-    rate = np.fmax(np.where(good, found, 0.0), LEAST_RATE * largest)
-    steps = (1 / rate[1:] + 1 / rate[:-1]) / 2 / (len(q) - 1)
+    rate = np.where(good, found, 0.0)
+    mean = (rate[1:] + rate[:-1]) / 2  # exact at a constant force, from or to rest too
+    steps = 1 / np.where(mean > 0, mean, LEAST_RATE * largest) / (len(q) - 1)
     return np.concatenate([[0.0], np.cumsum(steps)]), float(left.min())
 
 
@@ -73,3 +76,42 @@ def returning(problem: Problem, q: Array, t: float) -> float:
         found = 2 * np.sqrt(2 * np.abs(left) * inertia) / force
     found = found[np.isfinite(found) & (found > 0)]
     return float(found.min()) if found.size else 1.0
+
+
+def well(problem: Problem) -> Array | None:
+    """Return waypoints (1, K) there and back between the turning points of the energy.
+
+    Of a closed path of one coordinate, in the well that is nearest to where it starts, or to zero.
+    None where none is seen.
+    """
+    if problem.system.n > 1 or problem.system.m or problem.advance is None or problem.advance.any():
+        return None
+    first, t = problem.system.pointwise("first"), problem.start.t
+
+    def left(x: Array) -> Array:
+        """E less the energy at rest."""
+        q, at = x[:, None], np.full((x.size, 1), t)
+        with np.errstate(all="ignore"):
+            return problem.energy + first(q, 0 * q, at, problem.packed)[2][:, 0]  # type: ignore[operator]
+
+    centre = problem.start.q[0] or 0.0
+    x = centre + problem.scales[0] * np.concatenate([-SEEN[::-1], [0.0], SEEN])
+    inside = left(x) > 0
+    if not inside.any():
+        return None
+    k = int(np.argmin(np.where(inside, np.abs(x - centre), np.inf)))
+    walls = np.flatnonzero(~inside)
+    if not (walls[0] < k < walls[-1]):
+        return None
+    ends = []
+    for wall, step in ((walls[walls < k][-1], 1), (walls[walls > k][0], -1)):
+        within, beyond = x[wall + step], x[wall]
+        for _ in range(BISECTIONS):
+            middle = (within + beyond) / 2
+            within, beyond = (
+                (middle, beyond) if left(np.array([middle]))[0] > 0 else (within, middle)
+            )
+        ends.append(within)
+    a, b = ends
+    turn = np.linspace(0, 2 * np.pi, ROUND)
+    return (a + (b - a) * (1 - np.cos(turn)) / 2)[None]

@@ -236,6 +236,7 @@ IPOPT: tuple[Rung, ...] = (
     Root("stationary", (8, 16, 32)),
     PatientLeast("patient least", (8, 16, 32, 64)),
 )
+BRIEF = LADDER[:2]  # what takes some hundredths of a second, whatever comes of it
 NEAR: tuple[Rung, ...] = ()  # what is not near a guess is not sought
 
 

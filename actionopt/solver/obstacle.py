@@ -21,6 +21,7 @@ S. J. Wright, *Numerical Optimization* (2nd ed. 2006), section 12.3.
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from time import perf_counter
@@ -39,6 +40,7 @@ from actionopt.mechanics.held import Held
 from actionopt.mechanics.obstacle import EVENT_TOLERANCE, Arc
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.tracing import is_smooth
+from actionopt.solver.contact_times import slips, stretched, without
 from actionopt.solver.ipopt import Principle, find
 from actionopt.solver.iterate import Iterate
 from actionopt.solver.preflight import check
@@ -67,7 +69,6 @@ DIFFERENCE, LEAST_DIFFERENCE, MOST_DIFFERENCE = 1e-6, 1e-11, 1e-2
 SHRINK = 0.2  # of its length, what one step leaves of a part at least
 # Of the duration, in this range the tolerance: a shorter part between times of contact is none.
 VANISHING = 1e-10, 1e-5
-VELOCITY_STEPS = 4  # of Newton's method from the polynomial's velocity: it converges in two
 SETTLED_TIME = 1e-13  # of the duration: a step of the times of contact that is the last
 STALLED_TIME = 1e-6  # of the duration: steps that stop contracting below this are round-off
 LEAST = 3  # times that the least of f is looked for by parabolas
@@ -78,6 +79,10 @@ NO_ROOM = "no path outside of the obstacle was found: its rows may contradict ea
 KINKED = "the obstacle has a kink in the coordinates: round it, its force there has no direction"
 NO_SLOPE = "the obstacle has no slope where it is met: give a function that has, such as a distance"
 DEPENDENT = "rows in contact have gradients that depend on each other: give each surface once"
+SMALL = (
+    "round something small contact is short: give an obstacle as the distance from it, such as "
+    "np.sqrt(q @ q) - R in place of q @ q - R**2"
+)
 HOPELESS = (NO_ROOM, KINKED, DEPENDENT)  # what finer meshes do not mend
 FAMILY = (
     "where events and obstacle have a symmetry, such as a sphere between them, the least path may "
@@ -272,7 +277,7 @@ class Along(Workspace):
     def _step(self, times: Array) -> Array:
         """Return Newton's step for the times of contact (J,); not finite if there is none."""
         here = self.here
-        slip, residual = _slips(here), here.tr.residual(here.z)
+        slip, residual = slips(here), here.tr.residual(here.z)
         speed = float(here.tr.row_units.max()) / self.question.duration
         if (
             np.abs(slip).max() <= TANGENTIAL * speed
@@ -285,9 +290,9 @@ class Along(Workspace):
         try:
             factors = Factors(here.tr.layout, here.tr.kkt(here.z), many=True)
             for j in range(times.size):
-                tr = _stretched(here.tr, times, np.where(np.arange(times.size) == j, delta, 0.0))
+                tr = stretched(here.tr, times, np.where(np.arange(times.size) == j, delta, 0.0))
                 there = DiscretePath(tr, here.z - factors.solve(tr.residual(here.z) - residual))
-                slopes[:, j] = (_slips(there) - slip) / delta
+                slopes[:, j] = (slips(there) - slip) / delta
             return -np.linalg.lstsq(slopes, slip, rcond=None)[0]
         except np.linalg.LinAlgError:
             return np.full(times.size, np.nan)
@@ -302,7 +307,7 @@ class Along(Workspace):
         gone = (lengths < shortest) & (changes < 0)
         if gone.any():
             k = int(np.flatnonzero(gone)[0])
-            raise Changed(_without(self.held, knots[k], knots[k + 1]))
+            raise Changed(without(self.held, knots[k], knots[k + 1]))
         limit = (SHRINK - 1) * lengths
         return step * min(1.0, float(np.min(limit / np.minimum(changes, limit))))
 
@@ -310,7 +315,7 @@ class Along(Workspace):
         """Move the times of contact, and the mesh and the path with them."""
         here = self.here
         here.tr.forget()
-        self.units = tr = _stretched(here.tr, times, step)
+        self.units = tr = stretched(here.tr, times, step)
         self.problem = tr.problem
         self._attach(tr)
         self.here = replace(here.moved(here.z), tr=tr)
@@ -432,17 +437,45 @@ def along(ws: Along, tol: float, curve_of: Callable[[Mesh], Path] | None) -> Sta
         first.sort(key=lambda found: found.action)
         windows = ws.unseen(first[0]) if first else []
         if not windows:
-            for found in first:
-                ws.restart()
-                ws.problem, ws.here = found.problem, found
-                status = _refined(ws, tol)
-                if status.success or status in (Status.FLOOR, Status.DEGENERATE):
-                    return status
+            status = _least(ws, tol, first, status)
+            if status is not Status.NOT_FOUND and status is not Status.UNRESOLVED:
+                return status
             windows = ws.narrow(first[0]) if first else []
         since = np.unique(np.concatenate([since, *(windows or [(since[:-1] + since[1:]) / 2])]))
         if since.size > MOST or ws.hint in HOPELESS:
             break
     return status
+
+
+def _least(ws: Along, tol: float, first: list[Iterate], status: Status) -> Status:
+    """Refine first paths, in order of their action, and keep the least.
+
+    What nodes alone hold outside costs less than what all of it does, about: one whose action there
+    is above that of a path that was refined is not the least.
+    """
+    best: Along | None = None
+    tried: list[Iterate] = []
+    for found in first:
+        if best and not (found.action < best.here.action and _another(found, tried)):
+            continue
+        tried.append(found)
+        ws.restart()
+        ws.problem, ws.here = found.problem, found
+        last = _refined(ws, tol)
+        if last.success or last in (Status.FLOOR, Status.DEGENERATE):
+            if best is None or ws.here.action < best.here.action:
+                best, status = copy(ws), last
+        elif best is None:
+            status = last
+    if best is not None:
+        vars(ws).update(vars(best))
+    return status
+
+
+def _another(found: Iterate, tried: list[Iterate]) -> bool:
+    """Whether a path is none of these, on one mesh."""
+    apart = [np.abs(found.Q - other.Q) / found.tr.lengths for other in tried]
+    return all(difference.max() > FLAT for difference in apart)
 
 
 def _refined(ws: Along, tol: float) -> Status:
@@ -461,6 +494,8 @@ def _refined(ws: Along, tol: float) -> Status:
             if not ws.follow():
                 ws.hint = ws.why()
                 if shorter == SHORTER or not any(arc.end - arc.begin < coarse for arc in arcs):
+                    if shorter == SHORTER and ws.hint == FAMILY:
+                        ws.hint = SMALL
                     return Status.NOT_FOUND
                 shorter, ws.problem, ws.here = shorter + 1, first.problem, first
                 arcs = tuple(_shortened(arc, coarse) for arc in arcs)
@@ -520,89 +555,6 @@ def _lines(problem: Problem, mesh: Mesh) -> list[Path | None]:
                 break
         found.append(Path(mesh, line.T))
     return found
-
-
-def _stretched(tr: Transcription, times: Array, moves: Array) -> Transcription:
-    """Return the discrete problem whose times of contact (J,) move, and the elements with them."""
-    held = tr.problem
-    assert isinstance(held, Held) and held.arcs is not None
-    after = dict(zip(times.tolist(), (times + moves).tolist(), strict=True))
-    moved = held.holding(
-        tuple(
-            Arc(arc.row, after.get(arc.begin, arc.begin), after.get(arc.end, arc.end))
-            for arc in held.arcs
-        )
-    )
-    before, now = (np.union1d(held.fixed, t) - held.start.t for t in (times, times + moves))
-    before[-1] = now[-1] = held.duration
-    mesh = tr.mesh.cut(np.interp(tr.mesh.since, before, now), tr.mesh.degrees)
-    return Transcription(moved, mesh, tr.lengths, like=tr)
-
-
-def _without(held: Held, a: float, b: float) -> tuple[Arc, ...]:
-    """Return the parts in contact when what is between two times of contact has vanished."""
-    both = a if a in held.fixed else b if b in held.fixed else (a + b) / 2
-    found: list[Arc] = []
-    for arc in sorted(held.arcs or (), key=lambda arc: (arc.row, arc.begin)):
-        begin, end = (both if t in (a, b) else t for t in (arc.begin, arc.end))
-        if begin == end and begin not in held.fixed:
-            continue
-        if found and found[-1].row == arc.row and begin <= found[-1].end:
-            begin = found.pop().begin
-        found.append(Arc(arc.row, begin, end))
-    return tuple(found)
-
-
-def _slips(at: DiscretePath) -> Array:
-    """Return df/dt where contact begins and ends, on the free side: zero at tangential joints."""
-    held, mesh = at.problem, at.mesh
-    assert isinstance(held, Held) and held.arcs is not None
-    jacobian, rate = (held.system.pointwise(f"constraint_{x}") for x in ("jacobian", "rate"))
-    found = []
-    for arc in held.arcs:
-        for t, first in ((arc.begin, False), (arc.end, True)):
-            if t in held.fixed:
-                continue
-            b = int(np.argmin(np.abs(mesh.boundaries - t)))
-            state = at.Q[None, mesh.offsets[b]], mesh.boundaries[b, None, None], held.packed
-            G = jacobian.full(0, jacobian(*state)[0])[0]
-            v = _free_velocity(at, b if first else b - 1, first, G, rate(*state)[0][0])
-            i = held.free.system.m + arc.row
-            found.append(G[i] @ v + rate(*state)[0][0, i])
-    return np.array(found)
-
-
-def _free_velocity(at: DiscretePath, element: int, first: bool, G: Array, rate: Array) -> Array:
-    """Return the velocity (n,) at the first or the last node of an element, by its momentum.
-
-    It satisfies the constraints in force there, of the gradients G (m + r, n) and the `rate`
-    (m + r,) of all. Newton's method from the polynomial's: one step where L is quadratic in v.
-    """
-    held, tr = at.problem, at.tr
-    assert isinstance(held, Held)
-    n, mesh = held.system.n, at.mesh
-    for g, work in zip(tr.layout.groups, tr.work(at.x), strict=True):
-        e = np.flatnonzero(g.elements == element)
-        if e.size:
-            k = 0 if first else g.rule.degree
-            p = work[e[0], k] * (-1.0 if first else 1.0)
-            i = g.span.start + int(e[0]) * (g.rule.degree + 1) + k
-            break
-    else:
-        raise AssertionError("an element of no degree")
-    point = tr.place(at.x)
-    q, v, t = point.at[i : i + 1], point.v[i].copy(), tr.times[i : i + 1]
-    middle = (mesh.boundaries[element] + mesh.boundaries[element + 1]) / 2
-    rows = held.active(np.array([middle]))[:, 0]
-    G, rate = G[rows], rate[rows]
-    first_of, second = (held.system.pointwise(x) for x in ("first", "second"))
-    K = np.zeros((n + len(G), n + len(G)))
-    K[n:, :n], K[:n, n:] = G, -G.T
-    for _ in range(1 if held.system.structure.constant_mass else VELOCITY_STEPS):
-        K[:n, :n] = second.full(2, second(q, v[None], t, held.packed)[2], symmetric=True)[0]
-        short = p - first_of(q, v[None], t, held.packed)[1][0]
-        v = v + np.linalg.solve(K, np.concatenate([short, -rate - G @ v]))[:n]
-    return v
 
 
 def _where_zero(t: Array, distance: Array) -> float:

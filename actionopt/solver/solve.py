@@ -20,7 +20,7 @@ from actionopt.analysis.solution import Solution, SolveError
 from actionopt.analysis.status import Status
 from actionopt.discrete.crossing import crossed
 from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.factors import Factors
+from actionopt.discrete.factors import product
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
@@ -28,8 +28,9 @@ from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Problem
 from actionopt.solver import window
 from actionopt.solver.arguments import Guess, asked, checked, curve
+from actionopt.solver.durations import well
 from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF
-from actionopt.solver.ladder import COARSE_DEGREE, IPOPT, LADDER, LINEAR, NEAR, Rung, Search
+from actionopt.solver.ladder import BRIEF, COARSE_DEGREE, IPOPT, LADDER, LINEAR, NEAR, Rung, Search
 from actionopt.solver.obstacle import Along, along
 from actionopt.solver.on_surface import solve_on_surface
 from actionopt.solver.unfixed import solve_unfixed
@@ -40,6 +41,7 @@ from actionopt.tools.watch import OutOfTime, Progress, Watch
 
 LADDERS = {"auto": LADDER, "ipopt": IPOPT}  # by method
 AT_REST = 1e-6  # of its size, the way of a closed path that is none; ad hoc
+ROUNDED = 1e-9  # of what the events tell of a coordinate's size, a path that may be zero; ad hoc
 BEFORE_A_JUMP = 3  # rungs tried where the first path crosses a jump: seconds are lost there; ad hoc
 # Amplified round-off above which a path may be one of many, and above which that is to be counted;
 # measured: of 400 families in all directions and at any tol the least is 2.4e-7, and chains of 10
@@ -51,7 +53,9 @@ OUTDATED = 1e-6  # change of multipliers, in whose matrix no family may show; ad
 BENT = 1e-4  # in units of kinetic energy, as the index has it: of a family 1e-8; ad hoc
 DWELT = (Status.NOT_FOUND, Status.UNRESOLVED, Status.DEGENERATE)  # what it may be
 DWELL_STEP = 1e-5  # of the way, that a motion makes at most from node to node at rest; ad hoc
-MANY_UNKNOWNS = 5000  # from where two factorizations are asked before the index; ad hoc
+MANY_UNKNOWNS = 5000  # from where a few solutions are asked for before the index; ad hoc
+# Measured: the second shows what bends least to a tenth of it, on chains of 20 to 100 links.
+INVERSE_ITERATIONS = 3
 LOST = (Status.NOT_FOUND, Status.UNRESOLVED)  # where one of a family may have been near
 
 
@@ -133,14 +137,15 @@ def solve(
 
 
 @one_thread
-def solve_near(problem: Problem, guess: Guess, tol: float) -> Solution:
+def solve_near(problem: Problem, guess: Guess | None, tol: float) -> Solution:
     """Return the path near a guess, or the best attempt, as `solve` does.
 
     By Newton's and by Levenberg and Marquardt's methods alone: where there is no path near, that
-    takes a hundredth of the time.
+    takes a hundredth of the time. Without a guess by descent from the straight line.
     """
     asked(problem)
-    return _asked(problem, guess, Choices(tol, "auto", NEAR, None, None))[0]
+    ladder = BRIEF if guess is None else NEAR
+    return _asked(problem, guess, Choices(tol, "auto", ladder, None, None))[0]
 
 
 @dataclass(frozen=True)
@@ -164,7 +169,7 @@ def _asked(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[Sol
         found = _unfixed(problem.asked or problem, guess, choices)
         if found is None:
             found = _solved(problem, guess, choices)
-            if choices.mesh is None and _moves(found[0]):  # it may be kinked at the start
+            if choices.mesh is None and moves(found[0]):  # it may be kinked at the start
                 found = _unfixed(problem, found[0], choices) or found
         return found
     if problem.is_infinite or problem.has_tails:
@@ -242,6 +247,18 @@ def _is_at_rest(solution: Solution) -> bool:
     return ends < DWELL_STEP * np.ptp(values, axis=1).max()
 
 
+def moving(solution: Solution) -> Solution:
+    """Return a solution, as none if it is at rest where a motion is looked for.
+
+    That is where a path closes anywhere along itself, or tends to rest.
+    """
+    problem = solution.problem
+    sought = problem.closes or problem.is_infinite or problem.has_tails
+    if not sought or not solution.success or moves(solution):
+        return solution
+    return replace(solution, status=Status.NOT_FOUND, error=np.inf)
+
+
 def _in_windows(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[Solution, str]:
     """Return the path of a problem with events at infinite times, and the verdict."""
     tolerance(choices.tol)
@@ -277,10 +294,11 @@ def _in_windows(problem: Problem, guess: Guess | None, choices: Choices) -> tupl
     return window.centred(solution), message
 
 
-def _moves(solution: Solution) -> bool:
+def moves(solution: Solution) -> bool:
     """Whether a path is no rest."""
     speed = np.abs(solution.velocity(solution.mesh.nodes)).max(axis=1)
     size = np.abs(solution.path.values).max(axis=1)
+    size = np.maximum(size, ROUNDED * solution.problem.scales)
     return bool((speed * solution.duration > AT_REST * size).any())
 
 
@@ -292,6 +310,11 @@ def _unfixed(
     None where there is nothing of the kind to be found: a closed path that is not said to move.
     """
     tolerance(choices.tol)
+    if choices.ladder is IPOPT:
+        raise ValueError(
+            "expected method 'auto' where a time is free, an event lies on a surface, or a path "
+            "closes that may begin anywhere along itself, found 'ipopt': it knows given events"
+        )
     if problem.on_surface:
         checked(problem, choices.tol, None, choices.principle, None)
         if choices.mesh is not None:
@@ -305,9 +328,12 @@ def _unfixed(
                 "expected no mesh where a time is free, found one: it would be over given times"
             )
         if problem.closes and guess is None:
+            guess = well(problem)
+        if problem.closes and guess is None:
             raise ValueError(
                 "expected a guess for a closed path whose period is to be found: a Path or a "
-                "solution near it, or waypoints round it"
+                "solution near it, or waypoints round it; none is needed for one coordinate that "
+                "is bound at that energy near where it starts"
             )
     elif guess is None or choices.mesh is not None:
         return None
@@ -376,10 +402,14 @@ def _suspect(ws: Workspace, status: Status) -> bool:
         return here.noise > FAMILY_NOISE
     try:
         if ws.problem.system.m and here.since > OUTDATED:
-            here = replace(here, factors=None, probed=None)
+            if _far_from_singular(ws):
+                return False
+            here = ws.here = replace(here, factors=None, probed=None)
         before = here.amplification(ws.many)
         if not FAMILY_SUSPECTED < before < FAMILY_AMPLIFICATION:
             return before >= FAMILY_AMPLIFICATION
+        if _far_from_singular(ws):
+            return False
         # What is nearly singular by chance stays so; in a family the last steps decide.
         after = here.polished().polished().amplification(ws.many)
     except np.linalg.LinAlgError:
@@ -413,16 +443,33 @@ def _family(ws: Workspace, solution: Solution) -> Solution:
 def _far_from_singular(ws: Workspace) -> bool:
     """Whether no direction on the mesh is near one in which the action does not bend.
 
-    Asked of many unknowns, where round-off is amplified without any, and the index costs more.
-    Under constraints paths bend less, and the index' own tolerance is taken.
+    Asked of many unknowns, where round-off is amplified without any, and the index costs more. By
+    inverse iteration in the kinetic metric (Golub and Van Loan, *Matrix Computations* (4th ed.
+    2013), section 7.6): factors are at hand, and such a direction outgrows all others. Where they
+    are those of a path a little off, its Rayleigh quotient is right to second order. Under
+    constraints paths bend less, and what the index calls nothing is taken.
     """
-    tr, z = ws.here.tr, ws.here.z
-    few = not ws.many_coordinates or ws.problem.system.m > 0
-    if few and tr.layout.unknowns < MANY_UNKNOWNS:
+    here, m = ws.here, ws.problem.system.m
+    tr, layout = here.tr, here.tr.layout
+    if (m or not ws.many_coordinates) and layout.unknowns < MANY_UNKNOWNS:
         return False
-    H, K, bent = tr.kkt(z), tr.kinetic(z), BENT if ws.problem.system.m == 0 else INDEX_TOLERANCE
-    below, above = (Factors(tr.layout, H + mu * K).negative() for mu in (bent, -bent))
-    return below == above
+    if m and layout.storage == "blocks":  # they have no kinetic part
+        return False
+    K, y = tr.kinetic(here.z), layout.probe
+    try:
+        factors = here.factored(ws.many).factors
+        assert factors is not None
+        with np.errstate(all="ignore"):
+            for _ in range(INVERSE_ITERATIONS):
+                momentum = product(layout, K, y)
+                momentum[layout.unknowns :] = 0.0
+                y = factors.solve(momentum / np.sqrt(y @ momentum))
+            y[layout.unknowns :] = 0.0
+            kinetic, bent = (y @ product(layout, M, y) for M in (K, tr.kkt(here.z)))
+            least = min(1 / np.sqrt(kinetic), abs(bent / kinetic))
+    except np.linalg.LinAlgError:
+        return False
+    return bool(least > max(BENT if m == 0 else 10 * INDEX_TOLERANCE, here.since))
 
 
 def _message(ws: Workspace, status: Status, tol: float) -> str:

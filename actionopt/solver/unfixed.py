@@ -9,6 +9,7 @@ times.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any, Literal, NamedTuple
@@ -16,20 +17,21 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from actionopt.analysis.shooting import motions
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
-from actionopt.discrete.bordered import Bordered, loose, moves_of, over
+from actionopt.discrete.bordered import FULL, Bordered, loose, moves_of, over
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.end_times import by_times
 from actionopt.discrete.factors import Factors
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.newton import approach, follow, is_roundoff
 from actionopt.discrete.path import Path
-from actionopt.discrete.resolution import SHORTEST, refined, resolution
+from actionopt.discrete.resolution import refined, resolution
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import Guess, curve
-from actionopt.solver.durations import along, returning
+from actionopt.solver.durations import along, rates, returning
 from actionopt.solver.iterate import (
     SAFETY,
     UNKNOWN_GAIN,
@@ -44,16 +46,26 @@ from actionopt.solver.workspace import MEASURABLE, ROUGHLY
 from actionopt.tools.types import Array
 from actionopt.tools.watch import OutOfTime, Watch
 
+STOPS = "an end free in place and time is where a motion of the energy comes to rest"
 # Ad hoc.
 FIRST_ELEMENTS = 4
 FIRST_TOL = 1e-3  # of paths that are to be followed to the energy
 REPRESENTED = 1e-4, 1e-7  # of a guess: what its first mesh leaves out, and the next one tried
 APPROACHES = 40  # damped steps of Newton's method
 SCANNED = 9  # durations either way, each the root of two times the next, that are looked at
-PASSED = 400  # times at which a closed path is looked for what its start gives
+PASSED = 400  # times a period at which a closed path is looked for what its start gives
+PARTS, CLOSED_IN = 40, 9  # of the time between two of them, in turn: 40^9 is more than 1 / EPS
 ON_START = 1e-9  # of a coordinate's size, how far from that it may begin: the tolerance if larger
+# Singular values of Newton's matrix, of the largest, at a family; the step that ends there; and how
+# far a path moves that is no rest, of its size.
+SINGULAR, SETTLED, MOVING = 1e-7, 1e-7, 1e-6
+SLIVER = 0.1  # of an element, ad hoc
+NEAR_START = 1e-2  # as far as a first mesh tells
 PUSHED = 1e-8  # force on a closed path: measured, 1e-14 on motions, and 1 or more on what is none
 TRIED = np.logspace(-8, 8, 65)  # durations at which a straight line is looked at
+PARABOLAS = 12  # steps to the least energy of paths over given durations
+ASIDE = 0.9  # of the duration of the lowest path
+MERGED = 1e-7  # of it, within which two paths are one: half the digits
 LINE = 41  # points on the straight line
 
 
@@ -105,6 +117,7 @@ class Unfixed:
     error: float = np.inf
     found_by: str = "none"
     blocked: str = ""
+    merged: bool = False
     _reached: bool = False
 
     def __post_init__(self) -> None:
@@ -122,7 +135,11 @@ class Unfixed:
             self.hint = "no point was found on the surface of an event; give a guess"
         if self.problem.closes or self.problem.on_surface:
             return
+        if not (self.problem.start.pinned and self.problem.end.pinned):
+            yield from ((path, None, "motion") for path in self._stopping())
         yield from ((at.path, at.rows, "duration") for at in self.near())
+        with suppress(ValueError):  # that no motion of the energy takes the straight line
+            yield timed(self.problem, straight(self.problem).T), None, "line"
 
     def _guessed(self, guess: Guess, represented: float) -> Path:
         """Return a guess on a mesh that represents it, with its duration."""
@@ -136,7 +153,7 @@ class Unfixed:
             known = over(problem, duration)
             stretched = path.mesh.moved(known.start.t, known.end.t)
             path = Path(stretched, path.values)
-            curve_on = path.on
+            curve_on = path.on if problem.closes else sheared(path, known).on
         else:
             known = over(problem, 1.0)
             curve_on = curve(known, guess)
@@ -199,7 +216,8 @@ class Unfixed:
 
     def _scanned(self, T: float, first: DiscretePath | None) -> Iterator[DiscretePath]:
         """Yield paths between whose durations the energy is passed, and say how low it gets."""
-        lowest = (np.inf, T)
+        seen = [] if first is None else [first]
+        crossed = False
         for sign in (1, -1):
             last, before = first, None if first is None else self.excess(first)
             for k in range(1, SCANNED + 1):
@@ -207,18 +225,92 @@ class Unfixed:
                 if at is None:
                     break
                 excess = self.excess(at)
-                lowest = min(lowest, (-excess + float(self.problem.energy or 0), at.mesh.duration))
+                seen.append(at)
                 if before is not None and excess * before < 0:
+                    crossed = True
                     part = before / (before - excess)
                     T0, T1 = (last or at).mesh.duration, at.mesh.duration
                     middle = self._over(T0 * (T1 / T0) ** part, at)
                     yield middle if middle is not None else at
                 last, before = at, excess
-        if np.isfinite(lowest[0]):
-            self.hint = self.blocked + (
-                f"of the paths over {2 * SCANNED + 1} durations that were tried, the lowest energy "
-                f"is that over {lowest[1]:.6g}, {lowest[0]:.6g}"
+        if not seen:
+            return
+        low = max(seen, key=self.excess)
+        if not crossed:
+            low = self._lowest(seen, low)
+            # Two paths between two of the durations, or one where they merge: seen from a side.
+            aside = self._over(ASIDE * low.mesh.duration, low)
+            if aside is not None:
+                yield aside
+        excess, T = self.excess(self._sharp(low)), low.mesh.duration
+        energy = float(self.problem.energy or 0)
+        self.hint = self.blocked + (
+            f"of the paths over {2 * SCANNED + 1} durations that were tried, the lowest energy "
+            f"is that over {T:.6g}, {energy - excess:.6g}"
+        )
+        spread = max(float(np.ptp([self.excess(at) for at in seen])), abs(energy))
+        self.merged = not crossed and abs(excess) < MERGED * spread
+        if self.merged:
+            self.hint = (
+                f"the energy is the least of a path to there, that over {T:.6g}: two paths merge, "
+                "and their duration is determined to half the digits; give a little more energy"
             )
+
+    def _sharp(self, at: DiscretePath) -> DiscretePath:
+        """Return a path over a given duration to the tolerance, if that succeeds."""
+        found = self.solve(at.problem, tol=self.tol, guess=at.path, throw=False)
+        return found.discrete if found.success else at
+
+    def _lowest(self, seen: list[DiscretePath], low: DiscretePath) -> DiscretePath:
+        """Return a path of least energy between durations that were tried, by parabolas."""
+        seen = sorted(seen, key=lambda at: at.mesh.duration)
+        k = seen.index(low)
+        if not 0 < k < len(seen) - 1:
+            return low
+        three = seen[k - 1 : k + 2]
+        for _ in range(PARABOLAS):
+            x = np.log([at.mesh.duration for at in three])
+            curvature, slope, _ = np.polyfit(x - x[1], [-self.excess(at) for at in three], 2)
+            to = x[1] - slope / 2 / curvature if curvature > 0 else np.nan
+            if not x[0] < to < x[2] or abs(to - x[1]) < MERGED:
+                break
+            at = self._over(float(np.exp(to)), three[1])
+            if at is None:
+                break
+            four = sorted([*three, at], key=lambda at: at.mesh.duration)
+            k = max(1, min(2, int(np.argmax([self.excess(at) for at in four]))))
+            three = four[k - 1 : k + 2]
+        return max(three, key=self.excess)
+
+    def _stopping(self) -> Iterator[Path]:
+        """Yield motions to where they come to rest, if nothing is given at one end.
+
+        No momentum is left at an end that is free in all coordinates. Of one coordinate, as there
+        the energy leaves the motion no choice.
+        """
+        problem = self.problem
+        t0 = problem.start.t or 0.0
+        if problem.system.n > 1 or problem.end.pinned or not problem.start.pinned:
+            return
+        q0 = np.array(problem.start.q, dtype=float)
+        speed, left = rates(problem, q0[None], np.ones((1, 1)), np.array([[t0]]))
+        if not left[0] > 0:
+            return
+        T = returning(problem, q0, t0)
+        for factor in np.logspace(0, SCANNED / 2, SCANNED + 1, base=2.0):
+            known = over(problem, float(T * factor))
+            for path in motions(known, np.array([[speed[0], -speed[0]]])):
+                if path is None:
+                    continue
+                t = np.linspace(t0, t0 + T * factor, PASSED + 1)
+                turned = np.flatnonzero(np.diff(np.sign(path.velocity(t)[0])))
+                if turned.size:
+                    k = turned[0]
+                    b = path.mesh.boundaries
+                    b = np.append(b[b < t[k]], t[k + 1])
+                    cut = Mesh(b, path.mesh.degrees[: b.size - 1])
+                    yield Path.interpolate(path, cut)
+                    return
 
     def excess(self, at: DiscretePath) -> float:
         """Return by how much the given energy is above that of a path."""
@@ -254,6 +346,7 @@ class Unfixed:
     def reach(self, path: Path, lam: Array | None, *, damped: bool) -> bool:
         """Go to the path of the energy, or one that closes, near a rough one."""
         problem = loose(self.problem) if self.problem.closes else self.problem
+        self.hint = "" if problem.closes else self.hint
         self.here = self._around(path, None if lam is None else np.nan_to_num(lam), problem)
         if not self._follow():
             if not damped:
@@ -267,43 +360,51 @@ class Unfixed:
             self.here = Reached(bordered, found[0])
             if not self._follow():
                 return False
-        return problem is self.problem or not self.problem.start.pinned or self._begun()
+        return problem is self.problem or not self.problem.start.pinned or self._begun(NEAR_START)
 
-    def _begun(self) -> bool:
-        """Begin a closed path where it passes the coordinates that the start gives."""
+    def _begun(self, near: float) -> bool:
+        """Begin a closed path where it passes the coordinates that the start gives, or so near."""
         assert self.here is not None
         at, pinned = self.here.at, list(self.problem.start.pinned)
         wanted = np.array([self.problem.start.q[i] for i in pinned], dtype=float)[:, None]
         unit = at.tr.lengths[pinned, None]
-        t0, T = at.mesh.boundaries[0], at.mesh.duration
-        t = np.linspace(0.0, T, PASSED + 1)
-        away = (at.path(t0 + t)[pinned] - wanted) / unit
-        if len(pinned) == 1:  # it passes between two of the times
-            inside = away[0, :-1] * away[0, 1:] <= 0
-            times = t[np.append(inside, False) | (np.abs(away[0]) < 1 / PASSED**2)]
-        else:
-            times = t[[int(np.argmin(np.linalg.norm(away, axis=0)))]]
-        if not times.size:
-            self.hint = "the closed path near the guess does not pass what the start gives"
+        T = at.mesh.duration
+
+        def away(since: Array) -> tuple[Array, Array]:
+            q, v = beyond(at.path, at.problem, since)
+            return (q[pinned] - wanted) / unit, v[pinned] / unit
+
+        t = np.linspace(-T, T, 2 * PASSED + 1)[:-1]
+        far = np.linalg.norm(away(t)[0], axis=0)
+        nearest = np.flatnonzero((far <= np.roll(far, 1)) & (far <= np.roll(far, -1)))
+        passed = [
+            _nearest(away, float(t[k]) - T / PASSED, t[k] + T / PASSED, t[k]) for k in nearest
+        ]
+        passed = [(s, np.abs(away(np.array([s]))[0]).max()) for s in passed if abs(s) < T]
+        passes = [s for s, off in passed if off <= near]
+        if not passes:
+            self.hint = (
+                "the closed path near the guess does not pass what the start gives: it comes as "
+                f"near as {min(off for _, off in passed):.2g} of the size of the coordinate; leave "
+                "it free, or give fewer coordinates there"
+            )
             return False
-        shift = float(times[np.argmin(np.minimum(times, T - times))])
-        self.here = self._around(rolled(at.path, shift, at.problem.advance), None)
+        shift = min(passes, key=abs)
+        self.here = self._around(rolled(at.path, shift, at.problem), None)
         if not self._follow():
-            self.hint = (
-                "no closed path near the guess begins at what the start gives: where a coordinate "
-                "turns back it cannot say where to begin; leave it free there"
-            )
-            return False
-        found = self.here.at.Q[0, pinned]
-        off = np.abs(found - wanted[:, 0]) / unit[:, 0]
-        if off.max() > max(self.tol, ON_START):
-            i = int(np.argmax(off))
-            self.hint = (
-                f"the closed path near the guess begins at {found[i]:.9g} where the start gives "
-                f"{wanted[i, 0]:.9g}: give fewer coordinates there"
-            )
+            self.hint = "no closed path near the guess begins at what the start gives"
             return False
         return True
+
+    def _is_begun(self) -> bool:
+        """Whether a closed path begins at what the start gives."""
+        assert self.here is not None
+        at, pinned = self.here.at, list(self.problem.start.pinned)
+        if not self.problem.closes or not pinned:
+            return True
+        wanted = np.array([self.problem.start.q[i] for i in pinned], dtype=float)
+        off = np.abs(at.Q[0, pinned] - wanted) / at.tr.lengths[pinned]
+        return bool(off.max() <= ON_START)
 
     def _around(self, path: Path, lam: Array | None, problem: Problem | None = None) -> Reached:
         problem = problem or self.problem
@@ -333,6 +434,43 @@ class Unfixed:
             result.factors,
         )
         return True
+
+    def is_family(self, guess: Guess) -> bool:
+        """Whether closed paths near the guess are a family: it moves to one of them and stays.
+
+        By Newton's steps of least norm, as its matrix has no inverse at any of them.
+        """
+        if not self.problem.closes:
+            return False
+        bordered, y = here = self._around(self._guessed(guess, REPRESENTED[0]), None)
+        if y.size > FULL:
+            return False
+        with np.errstate(all="ignore"):
+            for _ in range(APPROACHES):
+                matrix, residual = bordered.layout.full(bordered.kkt(y)), bordered.residual(y)
+                if not (np.isfinite(matrix).all() and np.isfinite(residual).all()):
+                    return False
+                step, _, rank, _ = np.linalg.lstsq(matrix, residual, rcond=SINGULAR)
+                y = y - step
+                size = bordered.measured(step)
+                if size < SETTLED:
+                    here = Reached(bordered, y)
+                    if rank == y.size or here.pushed > PUSHED or not _moves(here.at):
+                        return False
+                    self.here, self.found_by = here, "guess"
+                    self.hint = (
+                        "closed paths near the guess are a family, also but for where they begin"
+                    )
+                    return True
+        return False
+
+    def settled(self) -> Status:
+        """Refine, and begin a closed path where its start says: its mesh moves with it."""
+        status = self.refine()
+        if not status.success or self._is_begun():
+            return status
+        near = max(self.tol, ON_START)
+        return self.refine() if self._begun(near) else Status.NOT_FOUND
 
     def refine(self) -> Status:
         """Follow the path from mesh to mesh until the tolerance is met or cannot be."""
@@ -406,25 +544,69 @@ class Unfixed:
         return Status.DEGENERATE if self.noise > ILL_CONDITIONED else Status.UNRESOLVED
 
 
-def rolled(path: Path, shift: float, advance: Array | None) -> Path:
-    """Return a closed path begun at the time `shift` after its start."""
+def beyond(path: Path, problem: Problem, since: Array) -> tuple[Array, Array]:
+    """Return q and v (n, K) of a closed path at times since its start, before and after as well."""
+    t0, T = path.mesh.boundaries[0], path.mesh.duration
+    order, advance = list(problem.order), problem.advance
+    assert advance is not None
+    turns = np.clip(np.floor(since / T), -1, 1)
+    t = t0 + np.clip(since - turns * T, 0.0, T)
+    q, v, back = path(t), path.velocity(t), np.argsort(order)
+    earlier = (q - advance[:, None])[back], v[back]
+    later = problem.closed_from(q), v[order]
+    pairs = zip(earlier, (q, v), later, strict=True)
+    q, v = (np.where(turns < 0, a, np.where(turns > 0, c, b)) for a, b, c in pairs)
+    return q, v
+
+
+def rolled(path: Path, shift: float, problem: Problem) -> Path:
+    """Return a closed path begun at the time `shift` after its start, or before."""
     mesh = path.mesh
     t0, T = mesh.boundaries[0], mesh.duration
-    since = mesh.since
-    cut = int(np.searchsorted(since, shift, side="right")) - 1
-    b = np.concatenate([[0.0], since[cut + 1 :] - shift, since[1 : cut + 1] + (T - shift), [T]])
+    since, ahead = mesh.since, shift % T
+    cut = min(int(np.searchsorted(since, ahead, side="right")) - 1, mesh.elements - 1)
+    b = np.concatenate([[0.0], since[cut + 1 :] - ahead, since[1 : cut + 1] + (T - ahead), [T]])
     degrees = np.concatenate([mesh.degrees[cut:], mesh.degrees[: cut + 1]])
-    keep = np.diff(b) > SHORTEST * T
-    b = np.concatenate([[0.0], b[1:][keep]])
-    b[-1] = T
-
-    def curve(t: Array) -> Array:
-        later = t - t0 + shift
-        over = later > T
-        turned = np.zeros((path.values.shape[0], 1)) if advance is None else advance[:, None]
-        return path(t0 + np.where(over, later - T, later)) + over * turned
-
+    # The element that is cut in two: a sliver of it goes with its neighbour.
+    sliver = SLIVER * mesh.lengths[cut]
+    keep = np.ones(degrees.size, dtype=bool)
+    keep[0], keep[-1] = b[1] > sliver, T - b[-2] > sliver
+    inner = b[1:-1][keep[:-1] & np.r_[np.ones(degrees.size - 2, dtype=bool), keep[-1]]]
+    b = np.concatenate([[0.0], inner, [T]])
+    curve = lambda t: beyond(path, problem, t - t0 + shift)[0]  # noqa: E731
     return Path.interpolate(curve, mesh.cut(b, degrees[keep]))
+
+
+def _nearest(
+    away: Callable[[Array], tuple[Array, Array]], a: float, b: float, middle: float
+) -> float:
+    """Return where between a and b what `away` returns, with its rate, is least: `middle` if not.
+
+    Where it vanishes, or turns back.
+    """
+    for _ in range(CLOSED_IN):
+        times = np.linspace(a, b, PARTS + 1)
+        growing = np.einsum("ik,ik->k", *away(times)) >= 0
+        turns = np.flatnonzero(~growing[:-1] & growing[1:])
+        if not turns.size:
+            break
+        a, b = (float(times[turns[0] + k]) for k in (0, 1))
+        middle = (a + b) / 2
+    return middle
+
+
+def _moves(at: DiscretePath) -> bool:
+    return bool(np.ptp(at.Q, axis=0).max() > MOVING * np.abs(at.Q).max())
+
+
+def sheared(path: Path, problem: Problem) -> Path:
+    """Return a path moved in proportion to time so that it begins and ends where the events say."""
+    s = path.mesh.nodes_since / path.mesh.duration
+    values = path.values.copy()
+    for event, k, part in ((problem.start, 0, 1 - s), (problem.end, -1, s)):
+        for i in event.pinned:
+            values[i] += (np.array(event.q[i], dtype=float) - path.values[i, k]) * part
+    return Path(path.mesh, values)
 
 
 def straight(problem: Problem) -> Array:
@@ -490,15 +672,22 @@ def solve_unfixed(
                 if not run.reach(path, lam, damped=damped):
                     continue
                 run.found_by = how
-                status = run.judged(run.refine())
-                if status.success:
+                status = run.judged(run.settled())
+                if status.success or status is Status.FLOOR:
                     break
             if run.here is not None and np.isfinite(run.error):
                 break
+        if status is Status.NOT_FOUND and guess is not None and run.is_family(guess):
+            status = Status.DEGENERATE
     except OutOfTime:
         status = Status.OUT_OF_TIME
     if watch is not None and watch.raised is not None and not isinstance(watch.raised, OutOfTime):
         raise watch.raised
+    anywhere = not problem.closes and not (problem.start.pinned and problem.end.pinned)
+    if anywhere and not status.success:
+        run.hint = f"{STOPS}; {run.hint}" if run.hint else STOPS
+    if run.merged and status in (Status.NOT_FOUND, Status.UNRESOLVED):
+        status = Status.DEGENERATE
     solution = _solution(run, status, started)
     if principle == "least" and status.success and solution.morse_index > 0:
         solution = _solution(run, Status.NOT_LEAST, started)

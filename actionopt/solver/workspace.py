@@ -329,7 +329,8 @@ class Workspace:
         """Polish the path where it is; False if it is not there, or farther than `reach`."""
         started = perf_counter()
         here = self.here = self.here.bare()  # frees factors before others are made
-        first = self.refines and reach == np.inf and not self.many  # others are resolved already
+        # Others are resolved already, unless that costs more than a mesh between.
+        first = self.refines and (reach == np.inf or self.many_coordinates) and not self.many
         # What is left of a linear problem after one step is round-off, none of it a lack of steps.
         negligible = (UNKNOWN_GAIN if self.linear else 1.0) * ORDINARY * POLYNOMIAL_ROUNDOFF
 

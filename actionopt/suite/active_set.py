@@ -106,10 +106,12 @@ def others(
 def nearest(tr: Transcription, x: Array, reach: float) -> Star | None:
     """Return the optimum within `reach` of x (unknowns,), if there is one."""
     z = np.concatenate([x, fitted(tr, x)])
-    try:
-        return star(tr, z, touching(tr, z, MET), reach)
-    except ValueError:
-        return None
+    for least in (MET, MET / 10, MET / 100):  # rows that are nearly met may not be, together
+        try:
+            return star(tr, z, touching(tr, z, least), reach)
+        except ValueError:
+            continue
+    return None
 
 
 def touching(tr: Transcription, z: Array, least: float) -> NDArray[np.bool_]:

@@ -16,6 +16,8 @@ from actionopt.suite.verdict import UNSCORED, verdict
 from actionopt.tools.files import write as write_file
 
 Records = Sequence[Mapping[str, Any]]
+MANY = 50  # Hessians that make a problem hard
+FALLS = "f is unbounded below, and Ipopt does not stop before x is beyond 1e20"
 Table = Callable[[Sequence[str], Sequence[Sequence[str]]], str]
 PAGE = """\
 <!doctype html>
@@ -30,11 +32,11 @@ minimiser (a local minimum no higher than the known optimum, or "unbounded" wher
 where it is not. The tables have the verdicts, too.</p>
 {dials}
 <h2>Where they do not agree</h2>
-<p>On {apart} of {members} members not all of {solvers} come to the same verdict; to run out of
-time is none.</p>
+<p>On {apart} of {members} members not all of {solvers}, which were run along the dials, come to the
+same verdict; to run out of time is none.</p>
 {names}
 <h2>What is hard for Ipopt</h2>
-<p>With its defaults Ipopt takes more than fifty Hessians here, or fails.</p>
+<p>With its defaults Ipopt takes more than {many} Hessians on {count} families, or fails.</p>
 {hard}
 </html>
 """
@@ -50,10 +52,13 @@ def write(records: Records, folder: Path, style: str, table: Table) -> Path:
 
     `style` is the page's, and `table(head, rows)` makes one in HTML.
     """
+    rows = hard(records)
     text = PAGE.format(
         style=style,
         dials="\n".join(_dial(dial, records, folder, table) for dial in DIALS.values()),
-        hard=table(["family", "Hessians", "verdict", "why"], hard(records)),
+        hard=table(["family", "Hessians", "verdict", "why"], rows),
+        many=MANY,
+        count=len(rows),
         **_disagreement(records),
     )
     page = folder / "dials.html"
@@ -121,8 +126,8 @@ def disagreeing(records: Records) -> tuple[list[tuple], int]:
 
 
 def _disagreement(records: Records) -> dict[str, Any]:
-    apart, members = disagreeing(records)
-    solvers = dict.fromkeys(r["solver"] for r in records)
+    solvers = dict.fromkeys(r["solver"] for r in records if on_a_dial(r))
+    apart, members = disagreeing([r for r in records if r["solver"] in solvers])
     names = (name + "".join(f", {k} = {v:g}" for k, v in rest) for name, _, _, _, *rest in apart)
     return {
         "apart": len(apart),
@@ -133,12 +138,14 @@ def _disagreement(records: Records) -> dict[str, Any]:
 
 
 def hard(records: Records) -> list[list[str]]:
-    """Return the families that say why they are hard for Ipopt: Hessians, verdict, and why."""
+    """Return the families that are hard for Ipopt and say why: Hessians, verdict, and why."""
     rows = []
     for r in records:
         family = FAMILIES.get(r["problem"])
-        if family is None or r["solver"] != "ipopt" or not family.why or r.get("parameters"):
+        if family is None or r["solver"] != "ipopt" or r.get("parameters"):
             continue
-        count = r.get("evaluations", {}).get("hess", "")
-        rows.append([family.name, str(count), verdict(r, "minimise"), family.why])
+        why = family.why or FALLS * ("unbounded below" in family.tags)
+        count, said = r.get("evaluations", {}).get("hess", 0), verdict(r, "minimise")
+        if why and (count > MANY or said in ("wrong", "failed")):
+            rows.append([family.name, str(count or ""), said, why])
     return rows

@@ -139,5 +139,25 @@ DIALS = {
             "straight",
             "powers of ten over which units range: the condition of the Hessian, and nothing else",
         ),
+        Dial(
+            "contacts",
+            "string_waves",
+            "waves",
+            (1.0, 2.0, 4.0, 6.0, 8.0, 12.0),
+            48,
+            4,
+            "straight",
+            "how many parts of the path are in contact: from one to nine",
+        ),
+        Dial(
+            "pegs",
+            "pegs",
+            "pegs",
+            (1, 2, 3, 4, 5, 6),
+            48,
+            4,
+            "straight",
+            "how many discs are in the way; each may be passed on either side",
+        ),
     )
 }

@@ -420,7 +420,7 @@ CONTACT = tuple(
         4,
         parameters,
         tags,
-        bends=((0.0, 3.0), (0.0, -3.0)) if name.startswith("disc") else (),
+        bends=((0.0, 3.0), (0.0, -3.0)) if name.startswith(("disc", "pegs")) else (),
         start="perturbed" if STEADY in tags else "",
         limits=FLOOR if "bounds on coordinates" in tags else UNLIMITED,
         made=made,
@@ -466,7 +466,9 @@ CONTACT = tuple(
             {},
         ),
         ("ball", obstacles.round_ball, 16, {}, UNILATERAL, {}),
+        ("pegs", obstacles.round_pegs, 24, {}, (*UNILATERAL, *SEVERAL), {}),
         ("rod_floor", obstacles.links_on_floor, 16, {}, UNILATERAL, {}),
+        ("chain_floor", obstacles.links_on_floor, 24, {"links": 3}, (*UNILATERAL, *SEVERAL), {}),
     )
 )
 

@@ -10,6 +10,7 @@ How one is degenerate is said by its tags:
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -126,6 +127,17 @@ def round_discs(name: str, *, centres=((0.0, 0.0),), ends=((-2, 0.3), (2, 0))) -
     return _scene(name, "shortest way round discs", system, problem_ends, KKT)
 
 
+def round_pegs(name: str, *, pegs: int = 3) -> Scene:
+    """Return the shortest way past so many discs in a row, above and below the straight line.
+
+    Each may be passed on either side: 2^pegs ways, most of them local minima.
+    """
+    if pegs != int(pegs) or pegs < 1:
+        raise ValueError(f"expected a positive number of pegs, found {pegs!r}")
+    centres = tuple((3.5 * (k + 1), 0.5 * (-1) ** k) for k in range(int(pegs)))
+    return round_discs(name, centres=centres, ends=((0, 0), (3.5 * (pegs + 1), 0)))
+
+
 def round_ball(name: str) -> Scene:
     """Return the shortest way round the unit ball in space."""
 
@@ -137,18 +149,33 @@ def round_ball(name: str) -> Scene:
     return _scene(name, "shortest way round a ball", system, ends, KKT)
 
 
-def links_on_floor(name: str) -> Scene:
-    """Return a bob on a rod, pressed down on a floor: equations and inequalities."""
+def links_on_floor(name: str, *, links: int = 1) -> Scene:
+    """Return bobs on a chain of rods, pressed down on a floor: equations and inequalities.
+
+    The floor is half the chain's length below its support. All rods are parallel at either end.
+    """
+    if links != int(links) or links < 1:
+        raise ValueError(f"expected a positive number of links, found {links!r}")
+    count, T = int(links), 3.0
 
     def lagrangian(q, v, t):
-        return v @ v / 2 + 3 * q[1]
+        return v @ v / 2 + 3 * np.sum(q[1::2])
+
+    def lengths(q, t):
+        dx, dy = (np.concatenate([z[:1], z[1:] - z[:-1]]) for z in (q[0::2], q[1::2]))
+        return (dx**2 + dy**2 - 1) / 2
+
+    def guess(t: Any) -> Array:  # all rods turn evenly
+        angle = 1.6 + 0.9 * np.asarray(t) / T
+        one = np.stack([np.sin(angle), -np.cos(angle)])
+        return np.concatenate([k * one for k in range(1, count + 1)])
 
     system = System(
         lagrangian,
-        ["x", "y"],
-        constraint=lambda q, t: (q @ q - 1) / 2,
-        obstacle=lambda q, t: q[1] + 0.5,
+        [f"{axis}{i}" for i in range(1, count + 1) for axis in "xy"],
+        constraint=lengths,
+        obstacle=lambda q, t: q[1::2] + 0.5 * count,
         name=name,
     )
-    ends = [(t, [np.sin(th), -np.cos(th)]) for t, th in ((0.0, 1.6), (3.0, 2.5))]
-    return _scene(name, "bob on a rod above a floor", system, ends, KKT)
+    ends = [(t, guess(t)) for t in (0.0, T)]
+    return replace(_scene(name, "bobs on rods above a floor", system, ends, KKT), guess=guess)

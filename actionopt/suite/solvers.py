@@ -382,8 +382,8 @@ def _scipy(method: str) -> Prepare:
 def _nlopt(algorithm: str) -> Prepare:
     try:
         import nlopt  # noqa: F401  # pyright: ignore[reportMissingImports]
-    except ImportError:
-        raise Absent("NLopt is not installed: pip install nlopt") from None
+    except ImportError as error:
+        raise Absent(f"NLopt is not installed, pip install nlopt ({error})") from None
 
     def prepare(program: Program, x0: Array) -> Callable[[Array], Outcome]:
         try:
@@ -411,8 +411,8 @@ def _nlopt(algorithm: str) -> Prepare:
 def _cyipopt(_: str) -> Prepare:
     try:
         cyipopt: Any = importlib.import_module("cyipopt")
-    except ImportError:
-        raise Absent("cyipopt is not installed: pip install cyipopt") from None
+    except ImportError as error:
+        raise Absent(f"cyipopt is not installed, pip install cyipopt ({error})") from None
 
     def prepare(program: Program, x0: Array) -> Callable[[Array], Outcome]:
         def solve(x0: Array) -> Outcome:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
 from contextlib import redirect_stdout
 
 from actionopt import scenes
 from actionopt.gallery.course.lesson import Exercise, Lesson
 from actionopt.gallery.course.lessons import LESSONS
+from actionopt.gallery.course.pictures import pictures
+from actionopt.gallery.figures import Figure
 from actionopt.gallery.page import Page, escape, frame, table, typeset
 from actionopt.plot import SI
 from actionopt.plot.live.page import SCRIPTS, figure
@@ -19,8 +22,13 @@ PARTS = ("Predict", "Try", "Explain", "Exercises")
 
 def course() -> Page:
     """Return all pages of the course as the files of one."""
-    files = {f"course/{lesson.name}.html": _lesson(k) for k, lesson in enumerate(LESSONS)}
-    return Page({"course.html": _contents(), **files})
+    files = {"course.html": _contents()}
+    for k, lesson in enumerate(LESSONS):
+        drawn = pictures(lesson.name)
+        files[f"course/{lesson.name}.html"] = _lesson(k, drawn)
+        for figure_ in drawn:
+            files |= figure_.files("course/")
+    return Page(files)
 
 
 def _contents() -> str:
@@ -70,11 +78,12 @@ def _traps() -> str:
     return f"<h3>{title}</h3><dl>{body}</dl>"
 
 
-def _lesson(k: int) -> str:
-    """Return the page of the k-th lesson."""
+def _lesson(k: int, drawn: Sequence[Figure]) -> str:
+    """Return the page of the k-th lesson, with its figures."""
     lesson = LESSONS[k]
     exercises = "".join(map(_exercise, range(1, 4), lesson.exercises))
     widget = _live(lesson.explorer) if lesson.explorer else ""
+    shown = "".join(f"<figure>{x.html()}" for x in drawn)
     count = say("Lesson {k} of {count}", k=k + 1, count=len(LESSONS))
     minutes = say("{m} minutes", m=sum(lesson.minutes))
     main = f"""<article class="lesson">
@@ -84,7 +93,7 @@ def _lesson(k: int) -> str:
 <p class="lead">{_said(lesson.idea)}</p></header>
 <section><h2>{say("Predict")}</h2>{_prose(lesson.predict)}</section>
 <section><h2>{say("Try")}</h2>{_prose(lesson.attempt)}{widget}{_links(lesson)}</section>
-<section><h2>{say("Explain")}</h2>{_prose(lesson.explain)}</section>
+<section><h2>{say("Explain")}</h2>{_prose(lesson.explain)}{shown}</section>
 <section><h2>{say("Exercises")}</h2>{exercises}
 <pre class="program"><code>actionopt exercise {lesson.name}</code></pre></section>
 {_turn(k)}

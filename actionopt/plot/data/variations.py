@@ -21,6 +21,7 @@ from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Event
 from actionopt.plot.data.along import COUNT, times
+from actionopt.tools.blas import one_thread
 from actionopt.tools.types import Array
 
 MODES = 3  # of a bundle
@@ -228,6 +229,7 @@ class Spectrum:
     conjugate: Array
 
 
+@one_thread
 def spectrum_data(solution: Solution, count: int = 3, points: int = 60) -> Spectrum:
     """Return the lowest eigenvalues of the path's first parts.
 

@@ -1,0 +1,31 @@
+"""Arrays of a megabyte, many times a second, without asking the system for their memory each time.
+
+glibc learns from what is freed how much to keep, unless the environment says what it is to keep.
+Dask sets MALLOC_TRIM_THRESHOLD_ = 65536 for its workers (and for every process that starts after
+them), and each array beyond 128 kB then is new memory: half a million page faults a second, which
+took as long as all else in a task of a sweep.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+from functools import cache
+
+TRIM, MAP = -1, -3  # of glibc's <malloc.h>
+LEARNED = (
+    2**25
+)  # bytes: what glibc learns at most (DEFAULT_MMAP_THRESHOLD_MAX), and twice that freed
+
+
+@cache
+def keep_memory() -> None:
+    """Have memory of arrays kept in this process, as glibc would by itself."""
+    if "MALLOC_TRIM_THRESHOLD_" not in os.environ:
+        return
+    try:
+        mallopt = ctypes.CDLL(None).mallopt
+    except (AttributeError, OSError, TypeError):  # another library
+        return
+    mallopt(MAP, LEARNED)
+    mallopt(TRIM, 2 * LEARNED)
