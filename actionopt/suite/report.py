@@ -75,7 +75,10 @@ many times the cost of the best solver for each.</p>
 VERBS = {"minimise": "minimise", "stationary": "find the stationary point"}
 
 LIMITS, REPEATS = Limits(), 3
-COSTS = {"seconds": "time over that of the fastest", "f": "evaluations of f over the fewest"}
+COSTS = {
+    "seconds": "processor time over that of the fastest",
+    "f": "evaluations of f over the fewest",
+}
 COUNTED = ("f", "grad", "c", "jac", "hess", "hprod")
 
 Records = Sequence[Mapping[str, Any]]

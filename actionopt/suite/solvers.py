@@ -31,7 +31,7 @@ from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from time import perf_counter
+from time import process_time
 from typing import Any
 
 import casadi as ca
@@ -43,6 +43,11 @@ from actionopt.suite.interfaces import cyipopt_arguments, nlopt_problem, scipy_a
 from actionopt.suite.program import Program
 from actionopt.suite.words import SAID, said
 from actionopt.tools.types import Array
+
+try:
+    import resource
+except ImportError:  # not on this system
+    resource = None
 
 QUIET = {"print_header": False, "print_iteration": False}
 SQP = {**QUIET, "print_status": False}
@@ -136,7 +141,7 @@ class Answer:
     word : str
         Its own status.
     seconds : float
-        Wall time of the solve alone, the least of all repeats.
+        Of the processor, for the solve alone; the least of all repeats.
     program : Program
         What it was given: with the evaluations of the first solve, and where they were.
     lam : (m,) array or None
@@ -274,9 +279,15 @@ def _repeated(prepare: Prepare, problem: Program, x0: Array, repeats: int) -> An
 
 
 def _timed(solve: Callable[[Array], Outcome], x0: Array) -> tuple[Outcome, float]:
-    clock = perf_counter()
+    clock = _processor()
     found = solve(x0.copy())
-    return found, perf_counter() - clock
+    return found, _processor() - clock
+
+
+def _processor() -> float:
+    """Return the seconds of the processor: other programs beside do not count, those called do."""
+    called = resource.getrusage(resource.RUSAGE_CHILDREN) if resource else None
+    return process_time() + (called.ru_utime + called.ru_stime if called else 0.0)
 
 
 class Counted(ca.Callback):
