@@ -225,6 +225,7 @@ def on_axis(q, t):
         (lambda: to(ao.Event(1.0, None, on=lambda q, t: [])), "found \\[\\]"),
         (lambda: to(ao.Event(1.0, None, on=lambda q, t: [q[0], q[1], q @ q])), "at most as many"),
         (lambda: to(ao.Event(1.0, None, on=lambda q: q[0])), "on\\(q, t"),
+        (lambda: to(ao.Event(1.0, None, on=lambda q, v, t: q[0])), "leave out v"),
         (lambda: to(ao.Event(1.0, None, on=lambda q, t, *, r: q[0] - r)), "parameter 'r'"),
         (lambda: to(ao.Event(1.0, None, on=lambda q, t: q[2])), "2 coordinates, q\\[2\\]"),
         (lambda: to(ao.Event(np.inf, [0.0, 1.0])), "finite times where an event"),
@@ -254,7 +255,7 @@ def test_more_that_is_refused():
     known = ao.Problem(plane(), start, end).end
     with pytest.raises(ValueError):
         ao.Problem(other, ao.Event(0.0, [0.0, 0.0, 0.0]), known)
-    with pytest.raises(ao.SolveError, match="no point was found"):
+    with pytest.raises(ao.SolveError, match=r"inf\); no point was found"):
         ao.solve(ao.Problem(plane(), start, ao.Event(1.0, None, on=lambda q, t: q @ q + 1)))
     problem = to_ellipse()
     with pytest.raises(ValueError, match="no mesh"):

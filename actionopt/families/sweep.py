@@ -142,7 +142,8 @@ def _recorded(record: str | Sequence[str] | None) -> tuple[str, ...]:
     for name in names:
         if name not in RECORDED:
             raise ValueError(
-                f"expected something to record out of {', '.join(RECORDED)}, found {name!r}"
+                f"expected something to record out of {', '.join(RECORDED)}, found {name!r}; the "
+                "action, errors, momenta, coordinates at the ends and slopes always are"
             )
     return names
 

@@ -13,7 +13,7 @@ from matplotlib.backend_bases import FigureCanvasBase
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
-from actionopt.analysis.solution import Solution
+from actionopt.analysis.solution import Solution, question
 from actionopt.families.runs import Runs
 from actionopt.plot._paths import overview, paths
 from actionopt.plot._runs import runs
@@ -106,8 +106,10 @@ def _wrap(words: Any, width: float) -> None:
 def save(solution: Solution, file: str | Path, *, compare: bool = True) -> None:
     """Write `overview`, or `paths` alone if `compare` is False, to a picture file.
 
-    Raises ValueError for an ending that matplotlib does not know, OSError if it cannot write.
+    Raises ValueError for what is no solution or an ending that matplotlib does not know, OSError
+    if it cannot write. Maps of a sweep are written by `save_runs`.
     """
+    question(solution)
     picture(file)
     figure = Figure((6.4, 6.4), layout="constrained")
     if compare:
