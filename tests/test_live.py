@@ -32,6 +32,7 @@ LED_ELSEWHERE = (
     "four_on_an_eight",
     "hoop_bead",
     "kepler",
+    "mirage",
     "vacuum_decay",
 )
 FOCUSING = ("oscillator", "oscillator_2d", "kepler", "pendulum", "rod_pendulum", "screw")

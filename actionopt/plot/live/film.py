@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from actionopt.plot.data.motion import Motion
-from actionopt.tools.words import current, say
+from actionopt.tools.document import document
+from actionopt.tools.words import say
 
 STATIC = Path(__file__).parent / "static"
 RISE = 0.36  # radians that space is seen from above, the sine about that of `scenes.project`
@@ -84,26 +85,12 @@ def film_page(motion: Motion, title: str, time: str) -> str:
     style, script = (
         (STATIC / name).read_text(encoding="utf-8") for name in ("style.css", "film.js")
     )
-    return f"""<!DOCTYPE html>
-<html lang="{current()}">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="color-scheme" content="light dark">
-<title>{escape(title)}</title>
-<link rel="icon" href="data:,">
-<style>
-{style}</style>
-</head>
-<body>
-<main><h1>{escape(title)}</h1>
+    body = f"""<main><h1>{escape(title)}</h1>
 {player({**frames(motion), "unit": time}, title, "", clock=bool(time))}
 </main>
 <script>
-{script}</script>
-</body>
-</html>
-"""
+{script}</script>"""
+    return document(title, f"<style>\n{style}</style>\n", body)
 
 
 def frames(motion: Motion) -> dict[str, Any]:
