@@ -100,8 +100,9 @@ def _mirage() -> Figure:
         draw,
         say(
             "Two rays from each of two points of a car to the eye: one nearly straight, one that "
-            "dips to the hot air above the road and rises again. Drawn on along its last "
-            "direction it comes from below the road, where the car is seen upside down."
+            "dips to {low} m, into the hot air above the road, and rises again. Drawn on along its "
+            "last direction it comes from below the road, where the car is seen upside down.",
+            **values,
         ),
         say(
             "The road is at 325 K, the air above at 300 K; heights are stretched. The ray that "
@@ -146,20 +147,22 @@ def _soap() -> Figure:
         for ax in (left, right):
             style.legend_below(ax, 2)
 
+    values = {"wide": number(wide.action, 4), "narrow": number(narrow.action, 4)}
     return pair(
         "soap",
         draw,
         say(
-            "Left, two profiles between the same two rings: a wide film and a narrow one. Right, "
-            "their areas against the distance of the rings, two branches that meet in a cusp."
+            "Left, two profiles between the same two rings: a wide film, of {wide} m\u00b2, and a "
+            "narrow one, of {narrow} m\u00b2. Right, their areas against the distance of the "
+            "rings, two branches that meet in a cusp.",
+            **values,
         ),
         say(
             "Rings of 1 m radius, 1 m apart. The wide film, of {wide} m\u00b2, is least; the "
             "narrow one, of {narrow} m\u00b2, is stationary too, a saddle of index {index}. "
             "Farther apart than {last} radii there is neither: the film breaks. Two flat discs "
             "have less area from {discs} radii on.",
-            wide=number(wide.action, 4), narrow=number(narrow.action, 4),
-            index=narrow.morse_index, last=number(LAST, 5), discs=number(GOLDSCHMIDT, 5),
+            **values, index=narrow.morse_index, last=number(LAST, 5), discs=number(GOLDSCHMIDT, 5),
         ),
         SIZE,
     )  # fmt: skip
