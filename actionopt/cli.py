@@ -240,9 +240,9 @@ def _tell(name: str) -> int:
     return 0
 
 
-def _some(names: Sequence[str], most: int = 4) -> str:
+def _some(names: Sequence[str]) -> str:
     """Return the names, those in the middle of a long row left out."""
-    shown = names if len(names) <= most else (*names[: most - 1], "...", names[-1])
+    shown = names if len(names) <= 4 else (*names[:3], "...", names[-1])
     return ", ".join(shown)
 
 

@@ -58,12 +58,10 @@ class Figure:
         return cuts | ({f"{folder}{self.name}-narrow.svg": self.narrow} if self.narrow else {})
 
 
-def one(
-    name: str, draw: Callable[[Any], Any], alt: str, caption: str, size: tuple[float, float] = ONE
-) -> Figure:
+def one(name: str, draw: Callable[[Any], Any], alt: str, caption: str) -> Figure:
     """Return what `draw` puts on axes, with its narrow cut."""
-    wide, narrow = plot.svgs(lambda f: draw(f.subplots()), size, cut(size))
-    return Figure(name, wide, size, alt, caption, narrow=narrow)
+    wide, narrow = plot.svgs(lambda f: draw(f.subplots()), ONE, cut(ONE))
+    return Figure(name, wide, ONE, alt, caption, narrow=narrow)
 
 
 def pair(
