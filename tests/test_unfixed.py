@@ -196,6 +196,7 @@ def quartic_period(energy):
 SPRING = ao.System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2 - q[0] ** 4 / 4, ["x"])
 
 
+@pytest.mark.slow
 def test_transfers_in_a_plane_of_space_are_found_once():
     kepler = ao.System(lambda q, v, t: v @ v / 2 + 1 / np.sqrt(q @ q), ["x", "y", "z"])
     ends = ao.Event(0.0, [1.0, 0.0, 0.0]), ao.Event(None, [0.0, 1.2, 0.0])

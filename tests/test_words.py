@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
+from helpers import a_third
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
@@ -88,7 +89,7 @@ def test_translations_have_the_same_values(name):
         assert other.strip() == other or text.strip() != text
 
 
-@pytest.mark.parametrize("name", OTHERS)
+@pytest.mark.parametrize("name", a_third(OTHERS))
 def test_figures_speak_one_language(name):
     solution = solve(scenes.get("oscillator").problem)
     drawings = {
