@@ -227,6 +227,10 @@ def on_axis(q, t):
         (lambda: to(ao.Event(1.0, None, on=lambda q: q[0])), "on\\(q, t"),
         (lambda: to(ao.Event(1.0, None, on=lambda q, v, t: q[0])), "leave out v"),
         (lambda: to(ao.Event(1.0, None, on=lambda q, t, *, r: q[0] - r)), "parameter 'r'"),
+        (
+            lambda: to(ao.Event(1.0, None, on=lambda q, t: [q[0], q[1] == 1])),
+            "comparison .* number 1",
+        ),
         (lambda: to(ao.Event(1.0, None, on=lambda q, t: q[2])), "2 coordinates, q\\[2\\]"),
         (lambda: to(ao.Event(np.inf, [0.0, 1.0])), "finite times where an event"),
         (lambda: to(ao.Periodic(1.0)), "closed path to begin"),
@@ -241,6 +245,12 @@ def to(end):
     on = on_axis if end.on is None else None
     start = ao.Event(0.0, [0.0, None], on=on) if on else ao.Event(0.0, [0.0, 0.0])
     return ao.Problem(plane(), start, end)
+
+
+def test_a_surface_without_points_is_said_and_nothing_of_free_times():
+    with pytest.raises(ao.SolveError, match="no point was found on the surface") as raised:
+        ao.solve(to(ao.Event(1.0, None, on=lambda q, t: q @ q + 1)))
+    assert "comes to rest" not in str(raised.value)
 
 
 def test_more_that_is_refused():

@@ -25,6 +25,7 @@ from actionopt.discrete.bordered import Bordered, over
 from actionopt.discrete.path import Path
 from actionopt.families.vary import Name, moved, present
 from actionopt.mechanics.problem import Problem
+from actionopt.solver.arguments import asked
 from actionopt.solver.solve import Guess, solve
 from actionopt.solver.window import framed
 from actionopt.tools.blas import one_thread
@@ -201,6 +202,7 @@ def trace(
     SolveError
         If there is no first path.
     """
+    asked(problem)
     family, value = _family(problem.asked or problem, vary, start)
     problem.system.check_free("a branch does not know where contact changes; sweep does")
     if not np.isfinite(to) or to == value:

@@ -52,8 +52,9 @@ def present(problem: Problem, name: Name) -> float:
         coordinates = problem.system.coordinates
         value = event.near[coordinates.index(name[1])] if name[1] in coordinates else None
         if value is None:
+            given = [c for c, x in zip(coordinates, event.near, strict=True) if x is not None]
             raise ValueError(
-                f"expected a coordinate that the event gives, one of {coordinates}, "
+                f"expected a coordinate that the event gives, one of {', '.join(given) or 'none'}, "
                 f"found {name[1]!r}"
             )
         return value

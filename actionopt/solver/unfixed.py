@@ -684,7 +684,8 @@ def solve_unfixed(
     if watch is not None and watch.raised is not None and not isinstance(watch.raised, OutOfTime):
         raise watch.raised
     events = () if problem.closes else (problem.start, problem.end)
-    if any(event.t is None and not event.pinned for event in events) and not status.success:
+    anywhere = any(e.t is None and e.on is None and not e.pinned for e in events)
+    if anywhere and not status.success:
         run.hint = f"{STOPS}; {run.hint}" if run.hint else STOPS
     if run.merged and status in (Status.NOT_FOUND, Status.UNRESOLVED):
         status = Status.DEGENERATE
