@@ -296,6 +296,14 @@ class Action:
                 gradient[term.node * row.size : (term.node + 1) * row.size] += row
         return S, gradient
 
+    def value(self, Q: Array) -> float:
+        """Return S over all nodes, coordinates Q (K, n), in the user's units."""
+        at, problem = Q[self.layout.node_of], self.problem
+        values = problem.parameters
+        v = self.velocities(at)
+        L = problem.system.lagrangian(at.T, v.T, self.times[:, 0], parameters=values)
+        return float(self.weight[:, 0] @ L) + (self._beyond(Q) if self.nodal else 0.0)
+
     def _action_and_gradient(self, at: Array, v: Array) -> tuple[float, Array, Array]:
         """Return S, gradient (K n) and its parts (evaluations, n) for q and v (evaluations, n)."""
         system, layout, p = self.problem.system, self.layout, self.problem.packed

@@ -195,8 +195,8 @@ def landscape_data(solution: Solution, reach: float = 0.5, count: int = 35) -> L
             rise[i, j] = np.nan
             with suppress(ValueError):  # far from the surface on which it ends
                 moved = S.moved(Q + a * first + b * second)
-                rise[i, j] = tr.action_and_gradient(moved)[0]
-    rise -= tr.action_and_gradient(Q)[0]
+                rise[i, j] = tr.value(moved)
+    rise -= tr.value(Q)
     return Landscape(steps, steps, rise, (chosen[0], chosen[1]))
 
 
@@ -234,7 +234,7 @@ class Spectrum:
 
 @latest
 @one_thread
-def spectrum_data(solution: Solution, count: int = 3, points: int = 60) -> Spectrum:
+def spectrum_data(solution: Solution, count: int = 3, points: int = 48) -> Spectrum:
     """Return the lowest eigenvalues of the path's first parts.
 
     A part of a stationary path is stationary, so nothing is solved. Raises ValueError for
