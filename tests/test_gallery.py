@@ -650,3 +650,13 @@ def test_slides_are_a_section_a_screen(gallery, chromium):
     chromium.until("document.readyState == 'complete' && document.documentElement.className")
     heights = "[...document.querySelectorAll('article > section')].map(s => s.offsetHeight)"
     assert min(chromium.run(heights)) >= 720
+
+
+def test_embedded_a_page_is_its_live_figure_alone(gallery, chromium):
+    file = gallery / "rod_pendulum" / "index.html"
+    chromium.open(file, 1280, 720, still=True)
+    chromium.order("Page.navigate", url=file.as_uri() + "?embed")
+    chromium.until("document.readyState == 'complete' && document.documentElement.className")
+    seen = "[...document.querySelectorAll('main *')].filter(e => e.offsetHeight)"
+    apart = f"{seen}.filter(e => !e.closest('.live') && !e.querySelector('.live')).length"
+    assert chromium.run(f"{seen}.length") > 20 and chromium.run(apart) == 0
