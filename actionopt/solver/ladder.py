@@ -166,9 +166,10 @@ class Homotopy(Rung):
 
 
 class Resonance(Rung):
-    """Newton steps where they cannot be damped: one of many modes is near a resonance.
+    """Newton steps where they cannot be damped: a few of many modes are near a resonance.
 
-    After a few steps it alone is left, and its force is released. What is found is a saddle.
+    Whole steps settle the others as a rule; the force that is left, mostly along those few, is
+    released. What is found is a saddle as a rule: other modes are beyond their first resonance.
     """
 
     price = 200
@@ -441,9 +442,10 @@ class Search:
             return True
         settled, self.settled = ws.here, ws.here.path
         if constrained:  # damped steps may leave the surface, and come to another path
-            ws.here = first
-            if ws.approach(PATIENT):
-                return True
+            for here in (settled, first):
+                ws.here = here
+                if ws.approach(PATIENT):
+                    return True
             ws.here = settled
         # A guess is worth seconds, not minutes.
         return self.ladder is not NEAR and (ws.root() or (not ws.large and ws.homotopy()))
