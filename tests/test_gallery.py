@@ -307,6 +307,8 @@ def test_problems_of_ones_own_have_pages(tmp_path, quick, capsys):
     assert (target / "projectile_2" / "index.html").is_file()
     assert main(["gallery", str(target), str(tmp_path / "none.py")]) == 1
     assert "found no file" in capsys.readouterr().err
+    with pytest.raises(ValueError, match="put it in"):
+        build(target, again[0])  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="scenes or problems, found 3"):
         build(target, [3])  # type: ignore[list-item]
 

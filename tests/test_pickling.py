@@ -85,6 +85,15 @@ def test_a_loaded_system_says_where_its_law_came_from(elsewhere):
     assert "an object of the type" in System(Law(), ["x"]).source
 
 
+def test_families_travel():
+    problem = scenes.get("oscillator", duration=1.0).problem
+    for copied in (
+        pickle.loads(pickle.dumps(ao.trace(problem, "t1", 1.2))).solution(-1),
+        pickle.loads(pickle.dumps(ao.sweep(problem, {"t1": [1.0, 1.2]}))).solution(-1),
+    ):
+        assert copied.problem.end.t == 1.2 and copied.success
+
+
 def test_the_digest_tells_laws_apart():
     def made(c=1.0, name="x", power=2):
         return System(lambda q, v, t, *, c: c * v[0] ** power, [name], parameters={"c": c}).digest

@@ -51,6 +51,9 @@ def said():
             own.look,
             *own.captions.values(),
         }
+        facts = scenes.get(name).facts
+        found |= {number.replace("_", " ") for number in facts.numbers}
+        found |= {fact for fact in facts.conserved or () if not re.search("['^+]| - ", fact)}
         rest = (words.statement, words.remarks, *(f.remark for f in words.formulas))
         found |= {" ".join(text.split()) for text in rest}
     package = Path(actionopt.__file__).parent

@@ -107,12 +107,12 @@ def number(value: float, digits: int = 6) -> str:
 
 
 def rounded(value: float, digits: int = 3) -> str:
-    """Return a number as plain words, for alternative texts and labels.
+    r"""Return a number as plain words, for alternative texts and labels.
 
-    >>> rounded(9.6481), rounded(-2.5e-10)
-    ('9.65', '-2.5e-10')
+    >>> rounded(9.6481), ascii(rounded(-2.5e-10))[1:-1]
+    ('9.65', '\\u22122.5e\\u221210')
     """
-    return f"{value + 0.0:.{digits}g}"
+    return f"{value + 0.0:.{digits}g}".replace("-", "\N{MINUS SIGN}")
 
 
 def prose(text: str) -> str:

@@ -26,7 +26,7 @@ def player(data: dict[str, Any], what: str, caption: str, *, clock: bool = False
 
     With `clock` it has the motion's own time: speeds, steps and the whole screen.
     """
-    data["box"] = padded(data["box"])
+    data["box"] = padded(_holding(data["box"], data.get("labels_at_start", []), "space" in data))
     text = json.dumps(data, separators=(",", ":")).replace("</", "<\\/")
     count = len(data.get("labels") or data["t"])
     words = f"\n<figcaption>{caption}</figcaption>" if caption else ""
@@ -155,6 +155,17 @@ def first(data: dict[str, Any]) -> str:
             f'font-size="{0.055 * size:.4g}">{label["name"]}</text>'
         )
     return "".join(parts)
+
+
+def _holding(
+    box: Sequence[float], labels: Sequence[dict[str, Any]], space: bool
+) -> Sequence[float]:
+    """Return the box, larger if the tip of an arrow is outside; what turns in space has room."""
+    if space or not labels:
+        return box
+    x, y = zip(*(label["to"] for label in labels), strict=True)
+    left, right, bottom, top = box
+    return min(left, *x), max(right, *x), min(bottom, *y), max(top, *y)
 
 
 def zigzag(ends: Sequence[Sequence[float]], width: float) -> list[list[float]]:

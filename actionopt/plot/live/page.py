@@ -77,6 +77,11 @@ def whole(
     above: str = "",
 ) -> str:
     """Return the page as text; `above` is HTML that leads elsewhere. Raises as `page` does."""
+    if not isinstance(question, (Scene, Problem)):
+        raise ValueError(
+            f"expected a Problem or a Scene, which the page's reader solves, found {question!r}"
+            f"{'; give its `problem`' if hasattr(question, 'problem') else ''}"
+        )
     title = titled(question)
     problem = question.problem if isinstance(question, Scene) else question
     if isinstance(question, Scene):
