@@ -229,6 +229,7 @@ def on_axis(q, t):
         (lambda: to(ao.Event(1.0, None, on=lambda q, t: [])), "found \\[\\]"),
         (lambda: to(ao.Event(1.0, None, on=lambda q, t: [q[0], q[1], q @ q])), "at most as many"),
         (lambda: to(ao.Event(1.0, None, on=lambda q: q[0])), "on\\(q, t"),
+        (lambda: to(ao.Event(1.0, None, on=lambda q, v, t: q[0])), "leave out v"),
         (lambda: to(ao.Event(1.0, None, on=lambda q, t, *, r: q[0] - r)), "parameter 'r'"),
         (
             lambda: to(ao.Event(1.0, None, on=lambda q, t: [q[0], q[1] == 1])),
@@ -278,7 +279,7 @@ def test_more_that_is_refused():
     known = ao.Problem(plane(), start, end).end
     with pytest.raises(ValueError):
         ao.Problem(other, ao.Event(0.0, [0.0, 0.0, 0.0]), known)
-    with pytest.raises(ao.SolveError, match="no point was found"):
+    with pytest.raises(ao.SolveError, match=r"inf\); no point was found"):
         ao.solve(ao.Problem(plane(), start, ao.Event(1.0, None, on=lambda q, t: q @ q + 1)))
     problem = to_ellipse()
     with pytest.raises(ValueError, match="no mesh"):

@@ -145,6 +145,8 @@ def requested(callable_: Callable[..., Any], role: str, positional: Sequence[str
             )
         elif role == "length" and len(needed) == 3:
             hint = "; a length has no clock: time may not be in it"
+        elif "v" not in positional and len(needed) >= 2 and needed[1].name == "v":
+            hint = "; it says where a path may be, not how fast it is: leave out v"
         elif len(needed) > len(positional):
             extra = ", ".join(p.name for p in needed[len(positional) :])
             hint = f"; put a * before the parameters ({extra})"

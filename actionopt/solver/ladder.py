@@ -30,9 +30,10 @@ UNSOLVED = (Status.NOT_FOUND, Status.UNRESOLVED, Status.DEGENERATE)
 # Ad hoc, where nothing else is said.
 # Beyond which Ipopt takes far longer than a descent; up to it, it keeps nearer to the line.
 DESCENT_COORDINATES = 8
-# Rungs that are tried from a curved line; its height, in the motion's sizes ("flat" here is as in
-# `workspace`: this is).
-CURVED_RUNGS, CURVED_HEIGHT = 6, 0.4
+# Rungs that are tried from a curved line, and those of them that come before what costs more; its
+# height, in the motion's sizes ("flat" here is as in `workspace`: this is).
+CURVED_RUNGS, CURVED_FIRST, CURVED_HEIGHT = 6, 2, 0.4
+LOST_ALIKE = 1e-3  # of a path's size, what leads to the same meshes again
 # Motions that meet: the coordinates up to which a few hundred are many; pairs that are tried, and
 # unknowns of as many paths, which they may have together; elements of one that takes too long.
 MEETING_COORDINATES, MEETING_PAIRS, MEETING_UNKNOWNS, MEETING_ELEMENTS = 8, 32, 1500, 48
@@ -273,6 +274,8 @@ class Search:
     least: bool = False
     curved: bool = False  # whether a path is sought from a curved line
     may_be_least: bool = False
+    around: Search | None = None  # the same from a curved line, once it was begun
+    lost: list[tuple[bool, Iterate]] = field(default_factory=list)  # what could not be refined
     saddle: tuple[str, Iterate] | None = None  # found while a least path was sought
     settled: Path | None = None  # what became of a guess on a mesh that may be too coarse
     tried: list[str] = field(default_factory=list)
@@ -285,20 +288,29 @@ class Search:
         A straight line may be a trap: through the centre of a force or of a circle, symmetry keeps
         every path on it that is sought from there. Then a curved one is tried.
         """
+        self.may_be_least = self._may_be_least
         status = self._try(self.ladder)
         if status in UNSOLVED:
-            again = self._from_curve(self.ladder[:CURVED_RUNGS])
+            again = self._from_curve(CURVED_RUNGS)
             return again if again.success else status
         return status
 
-    def _from_curve(self, ladder: tuple[Rung, ...]) -> Status:
-        """Try the rungs from a curved line; what fails leaves nothing but a path that was near."""
+    def _from_curve(self, rungs: int) -> Status:
+        """Try so many rungs from a curved line, those that were tried left out.
+
+        What fails leaves nothing but a path that was near.
+        """
         if self.curved or self.ws.problem.system.n == 1 or self._large:
             return Status.NOT_FOUND
-        ws = self.ws.again()
-        around = Search(ws, self.tol, self.principle, self.given, ladder, curved=True)
+        around, done = self.around, CURVED_FIRST
+        if around is None:
+            given = self.tol, self.principle, self.given, self.ladder
+            around = Search(self.ws.again(), *given, curved=True, lost=self.lost)
+            self.around, done = around, 0
+            around.may_be_least = self._may_be_least
+        ws = around.ws
         try:
-            status = around._try(ladder)
+            status = around._try(self.ladder[done:rungs])
         except OutOfTime:
             self.ws.best = ws.best or self.ws.best
             raise
@@ -310,14 +322,17 @@ class Search:
         return status
 
     @property
+    def _may_be_least(self) -> bool:
+        """Whether a least path is wanted, and a force does not rule it out."""
+        return self.principle != "stationary" and not self.ws.problem.system.structure.forced
+
+    @property
     def _large(self) -> bool:
         """Whether even the coarsest mesh has many unknowns."""
         return self.ws.problem.system.n * COARSE_DEGREE * COARSE_ELEMENTS > LARGE_SIZE
 
     def _try(self, ladder: tuple[Rung, ...]) -> Status:
         """Try the rungs in turn until one leads to a path that can be refined."""
-        forced = self.ws.problem.system.structure.forced
-        self.may_be_least = self.principle != "stationary" and not forced
         status, large = Status.NOT_FOUND, self._large
         for rung in self._priced(sorted(ladder, key=lambda rung: large and rung.lengthy)):
             if not rung.applies(self):
@@ -325,7 +340,7 @@ class Search:
             self.begin(rung.name, rung.minimises)
             status = rung.attempt(self)
             if isinstance(rung, Descent) and status is Status.UNRESOLVED:
-                around = self._from_curve(ladder[:2])  # before what costs more
+                around = self._from_curve(CURVED_FIRST)  # before what costs more
                 status = around if around.success else status
             if status is Status.UNBOUNDED:
                 if self.principle == "least":
@@ -393,10 +408,28 @@ class Search:
                 # There may be a least path yet; this one is kept in case there is not.
                 self.saddle = self.saddle or (rung.name, ws.here.bare())
                 return Status.NOT_FOUND
+            if self._lost_before():
+                status = Status.UNRESOLVED
+                continue
+            found = ws.here.bare()
             status = self.refine()
             if status is not Status.UNRESOLVED:
                 break
+            self.lost.append((self.least, found))
+            if ws.kinked:  # so it is on finer meshes
+                break
         return status
+
+    def _lost_before(self) -> bool:
+        """Whether the path at hand is one of those that could not be refined, by the same means."""
+        here = self.ws.here
+        return any(
+            (least or not self.least)
+            and here.x.shape == lost.x.shape
+            and np.array_equal(here.mesh.since, lost.mesh.since)
+            and np.abs(here.x - lost.x).max() < LOST_ALIKE
+            for least, lost in self.lost
+        )
 
     # -- from a guess --------------------------------------------------------------------------
 

@@ -82,7 +82,7 @@ def refine(ws: Workspace, tol: float, *, least: bool) -> Status:
         if rounded and SAFETY * here.noise > tol:
             return Status.DEGENERATE if here.noise > UNDETERMINED else Status.FLOOR
         stalled = stalled + 1 if worst > before.worst / 2 else 0
-        if stalled == STALLED:
+        if stalled == STALLED or ws.kinked:
             return _failed(ws)
     return _failed(ws)
 

@@ -683,9 +683,9 @@ def solve_unfixed(
         status = Status.OUT_OF_TIME
     if watch is not None and watch.raised is not None and not isinstance(watch.raised, OutOfTime):
         raise watch.raised
-    ends = problem.start, problem.end
-    anywhere = problem.free_time and any(e.on is None and not e.pinned for e in ends)
-    if anywhere and not problem.closes and not status.success:
+    events = () if problem.closes else (problem.start, problem.end)
+    anywhere = any(e.t is None and e.on is None and not e.pinned for e in events)
+    if anywhere and not status.success:
         run.hint = f"{STOPS}; {run.hint}" if run.hint else STOPS
     if run.merged and status in (Status.NOT_FOUND, Status.UNRESOLVED):
         status = Status.DEGENERATE
