@@ -240,9 +240,9 @@ def _tell(name: str) -> int:
     return 0
 
 
-def _some(names: Sequence[str], most: int = 4) -> str:
+def _some(names: Sequence[str]) -> str:
     """Return the names, those in the middle of a long row left out."""
-    shown = names if len(names) <= most else (*names[: most - 1], "...", names[-1])
+    shown = names if len(names) <= 4 else (*names[:3], "...", names[-1])
     return ", ".join(shown)
 
 
@@ -454,11 +454,13 @@ def report(solution: Solution, *, compare: bool = True) -> dict[str, Any]:
     solves, and are left out if `compare` is False. A path without an index, as a
     forced one is, has null there.
     """
+    question = solution.problem
     found: dict[str, Any] = {
-        "name": solution.problem.system.name,
+        "name": question.system.name,
         "verdict": solution.status.value,
         "action": solution.action,
         "error": solution.error,
+        **({"duration": solution.duration} if (question.asked or question).free_time else {}),
         "mesh": {"elements": solution.mesh.elements, "degrees": solution.mesh.degrees},
         **solution.stats,
     }
@@ -478,6 +480,8 @@ def report(solution: Solution, *, compare: bool = True) -> dict[str, Any]:
 
 def _print_report(found: dict[str, Any]) -> None:
     rows = [("action", f"{found['action']:.12g}"), ("error estimate", f"{found['error']:.1e}")]
+    if "duration" in found:
+        rows.insert(1, ("duration found", f"{found['duration']:.12g}"))
     if "kind" in found:
         kind = "no index: the path is forced, or its neighbours are not determined"
         if found["kind"] is not None:

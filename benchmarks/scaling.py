@@ -30,7 +30,8 @@ ELEMENTS = (100, 1000, 10_000)
 LINKS = (10, 30, 100)  # in Cartesian coordinates, with one constraint a link
 ANGLES = (5, 10, 20, 30, 50, 70, 100)  # a pendulum of so many links, no constraints
 BODIES = (3, 5, 10, 20, 50)
-LATTICES = (8, 32, 128, 512)  # masses that move by 0.3 at random between the ends
+LATTICES = (8, 32, 128, 512)  # masses
+SLOW, SWIFT = 0.3, 0.6  # deviation of their places and rates at the start
 SEEDS = 5  # questions of a size, drawn at random
 MASSES = (10, 100, 1000, 10_000)
 DURATIONS = (2.5, 7.9, 25.1, 79.1)  # of a pendulum: 1 to 32 periods, roughly
@@ -86,29 +87,41 @@ def _bodies(count: int, seed: int) -> ao.Problem:
     return ao.Problem(system, ao.Event(0.0, at.ravel()), ao.Event(0.5, then.ravel()))
 
 
-def fput(masses: int) -> dict:
-    """Solve a row of masses on stiffening springs, free of walls, between random ends."""
+def fput(masses: int, spread: float = SLOW) -> dict:
+    """Solve a row of masses on stiffening springs, held by soft ones at both ends."""
 
     def lagrangian(q, v, t):
         d = q[1:] - q[:-1]
         return v @ v / 2 - np.sum(d**2) / 2 - np.sum(d**4) / 4 - q[0] ** 2 - q[-1] ** 2
 
-    return _drawn(lambda seed: _between_random_ends(lagrangian, masses, seed))
+    return _drawn(lambda seed: _between_ends_of_a_motion(lagrangian, masses, spread, seed))
+
+
+def fput_swift(masses: int) -> dict:
+    """Solve the same twice as far from rest, where paths are saddles."""
+    return fput(masses, SWIFT)
 
 
 def toda(masses: int) -> dict:
-    """Solve a row of masses that repel each other exponentially, between random ends."""
+    """Solve a row of masses that repel each other exponentially."""
 
     def lagrangian(q, v, t):
         return v @ v / 2 - np.sum(np.exp(q[:-1] - q[1:]))
 
-    return _drawn(lambda seed: _between_random_ends(lagrangian, masses, seed))
+    return _drawn(lambda seed: _between_ends_of_a_motion(lagrangian, masses, SLOW, seed))
 
 
-def _between_random_ends(lagrangian, masses: int, seed: int) -> ao.Problem:
-    first, last = np.random.default_rng((masses, seed)).normal(0.0, 0.3, (2, masses))
-    system = ao.System(lagrangian, [f"q{j}" for j in range(masses)])
-    return ao.Problem(system, ao.Event(0.0, first), ao.Event(1.0, last))
+def _between_ends_of_a_motion(lagrangian, masses: int, spread: float, seed: int) -> ao.Problem:
+    """Return the problem of a motion from random places at random rates.
+
+    Between two random places there may be none near the line: scaled up from rest, the path of 16
+    or 32 masses of `fput` turns back at 0.7 to 0.8 of ends of deviation 0.3.
+    """
+    q, v = np.random.default_rng((masses, seed)).normal(0.0, spread, (2, masses))
+    names = [f"q{j}" for j in range(masses)]
+    motion = ao.integrate(ao.System(lagrangian, names), ao.State(0.0, q, v), 1.0, tol=1e-8)
+    # A system of its own: what the motion derived is not there yet.
+    return ao.Problem(ao.System(lagrangian, names), ao.Event(0.0, q), ao.Event(1.0, motion(1.0)))
 
 
 def _drawn(ask) -> dict:
@@ -180,8 +193,9 @@ STUDIES = {  # the function of that name: what it is given
     "chain": (LINKS, "links of a Cartesian chain"),
     "angles": (ANGLES, "links of a pendulum in angles"),
     "bodies": (BODIES, "bodies that attract each other"),
-    "fput": (LATTICES, "masses of an FPUT lattice, random ends"),
-    "toda": (LATTICES, "masses of a Toda lattice, random ends"),
+    "fput": (LATTICES, "masses of an FPUT lattice, ends of a motion"),
+    "fput_swift": (LATTICES, "the same, twice as far from rest"),
+    "toda": (LATTICES, "masses of a Toda lattice, ends of a motion"),
     "lattice": (MASSES, "masses of a lattice"),
     "duration": (DURATIONS, "duration of a pendulum's motion (s)"),
     "tolerance": ((1e-3, 1e-6, 1e-9, 1e-12), "tolerance, double pendulum"),

@@ -3,11 +3,24 @@
 from functools import cache
 
 import numpy as np
+import pytest
 from scipy.integrate import solve_ivp
 
 import actionopt as ao
 from actionopt import Event, Mesh, Problem, scenes
 from actionopt.discrete.transcription import Transcription
+
+
+def a_third(variants, first=0):
+    """Return a test's variants, every third of them quick; tests with another `first` take others.
+
+    All are run where the slow ones are.
+    """
+    slow = [pytest.mark.slow]
+    return [
+        pytest.param(*(x if isinstance(x, tuple) else (x,)), marks=slow if (k - first) % 3 else [])
+        for k, x in enumerate(variants)
+    ]
 
 
 @cache

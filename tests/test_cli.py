@@ -92,6 +92,12 @@ def test_solve_prints_a_table_of_what_was_found(capsys):
     assert set(table) >= {"unknowns", "mesh", "iterations"}
 
 
+def test_a_duration_that_is_found_is_told(capsys):
+    found = solved(capsys, "kepler_at_energy", "--no-compare")
+    assert found["duration"] == pytest.approx(scenes.get("kepler").problem.duration)
+    assert "duration" not in solved(capsys, "pendulum", "--no-compare")
+
+
 def test_list_tells_of_a_scene(capsys):
     code, out, _ = run(capsys, "list", "pendulum")
     scene = scenes.get("pendulum")

@@ -303,6 +303,7 @@ def fall(t):
     return np.stack([(1 + np.cos(a)) / 2, 0 * a]), np.stack([-np.sin(a) / 2 * rate, 0 * a])
 
 
+@pytest.mark.slow
 def test_a_motion_through_a_singularity_cannot_be_told():
     found = compare(between(ORBIT, fall, 0.0, 1.5))
     assert found.agrees is None

@@ -11,7 +11,7 @@ from matplotlib import pyplot
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
-SLOW = ("02_two_paths", "08_gallery")
+SLOW = ("02_two_paths", "06_convergence", "08_gallery", "09_pork_chop")
 
 
 def hello_action(found):

@@ -11,6 +11,7 @@ from html.parser import HTMLParser
 import browser
 import numpy as np
 import pytest
+from helpers import a_third
 
 from actionopt import Event, Mesh, scenes
 from actionopt.cli import main
@@ -140,7 +141,7 @@ def test_the_numbers_on_a_page_are_those_of_the_scene(gallery):
     assert f"action {str(scene.action)[:11]}" in page.words  # printed by the program
 
 
-@pytest.mark.parametrize("name", scenes.SCENES)
+@pytest.mark.parametrize("name", a_third(scenes.SCENES, 2))
 def test_what_was_found_is_what_is_known(name):
     scene = scenes.get(name)
     subject = Subject(scene, solve(scene.problem, tol=1e-10, guess=scene.guess))
@@ -306,6 +307,8 @@ def test_problems_of_ones_own_have_pages(tmp_path, quick, capsys):
     assert (target / "projectile_2" / "index.html").is_file()
     assert main(["gallery", str(target), str(tmp_path / "none.py")]) == 1
     assert "found no file" in capsys.readouterr().err
+    with pytest.raises(ValueError, match="put it in"):
+        build(target, again[0])  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="scenes or problems, found 3"):
         build(target, [3])  # type: ignore[list-item]
 

@@ -222,21 +222,7 @@ def inside(ax):
         assert figure.bbox.y0 <= extent.y0 and extent.y1 <= figure.bbox.y1
 
 
-ALIKE = (  # pictures of other scenes, in other coordinates or units
-    "charge_gauge",
-    "kepler_polar",
-    "kepler_spherical",
-    "oscillator_gauge",
-    "polar_pendulum",
-    "rotating_frame_free",
-    "turning_wire_radial",
-)
-
-
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param(name, marks=[pytest.mark.slow] * (name in ALIKE)) for name in scenes.SCENES],
-)
+@pytest.mark.parametrize("name", helpers.a_third(scenes.SCENES, 1))
 def test_nothing_is_clipped(name):
     solution, scene = solved(name)
     force = bool(scene.problem.system.m)

@@ -21,9 +21,8 @@ FIGURE = "from matplotlib import pyplot; pyplot.figure()"
 OTHERS = ["import matplotlib.pyplot", "%matplotlib inline", FIGURE]
 
 
-@pytest.mark.parametrize(  # a kernel is started each time
-    "first", ["", *(pytest.param(text, marks=pytest.mark.slow) for text in OTHERS)]
-)
+@pytest.mark.slow  # a kernel is started each time
+@pytest.mark.parametrize("first", ["", *OTHERS])
 def test_every_cell_shows_its_figure(first, monkeypatch):
     monkeypatch.delenv("MPLBACKEND")
     cells = [nbformat.v4.new_code_cell(source) for source in (first, SOLVED, *DRAWN)]

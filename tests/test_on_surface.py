@@ -225,7 +225,12 @@ def on_axis(q, t):
         (lambda: to(ao.Event(1.0, None, on=lambda q, t: [])), "found \\[\\]"),
         (lambda: to(ao.Event(1.0, None, on=lambda q, t: [q[0], q[1], q @ q])), "at most as many"),
         (lambda: to(ao.Event(1.0, None, on=lambda q: q[0])), "on\\(q, t"),
+        (lambda: to(ao.Event(1.0, None, on=lambda q, v, t: q[0])), "leave out v"),
         (lambda: to(ao.Event(1.0, None, on=lambda q, t, *, r: q[0] - r)), "parameter 'r'"),
+        (
+            lambda: to(ao.Event(1.0, None, on=lambda q, t: [q[0], q[1] == 1])),
+            "comparison .* number 1",
+        ),
         (lambda: to(ao.Event(1.0, None, on=lambda q, t: q[2])), "2 coordinates, q\\[2\\]"),
         (lambda: to(ao.Event(np.inf, [0.0, 1.0])), "finite times where an event"),
         (lambda: to(ao.Periodic(1.0)), "closed path to begin"),
@@ -242,6 +247,12 @@ def to(end):
     return ao.Problem(plane(), start, end)
 
 
+def test_a_surface_without_points_is_said_and_nothing_of_free_times():
+    with pytest.raises(ao.SolveError, match="no point was found on the surface") as raised:
+        ao.solve(to(ao.Event(1.0, None, on=lambda q, t: q @ q + 1)))
+    assert "comes to rest" not in str(raised.value)
+
+
 def test_more_that_is_refused():
     wall = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"], obstacle=lambda q, t: q[1] + 1)
     start, end = ao.Event(0.0, [0.0, 0.0]), ao.Event(1.0, None, on=lambda q, t: q[0] - 1)
@@ -254,7 +265,7 @@ def test_more_that_is_refused():
     known = ao.Problem(plane(), start, end).end
     with pytest.raises(ValueError):
         ao.Problem(other, ao.Event(0.0, [0.0, 0.0, 0.0]), known)
-    with pytest.raises(ao.SolveError, match="no point was found"):
+    with pytest.raises(ao.SolveError, match=r"inf\); no point was found"):
         ao.solve(ao.Problem(plane(), start, ao.Event(1.0, None, on=lambda q, t: q @ q + 1)))
     problem = to_ellipse()
     with pytest.raises(ValueError, match="no mesh"):

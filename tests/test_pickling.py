@@ -8,7 +8,7 @@ import textwrap
 
 import numpy as np
 import pytest
-from helpers import solved
+from helpers import a_third, solved
 
 import actionopt as ao
 from actionopt import Event, Problem, System, scenes
@@ -29,7 +29,7 @@ def elsewhere(monkeypatch):
     return load
 
 
-@pytest.mark.parametrize("name", scenes.SCENES)
+@pytest.mark.parametrize("name", a_third(scenes.SCENES))
 def test_what_is_derived_of_a_loaded_law_is_the_same_to_the_last_operation(name, elsewhere):
     own = scenes.get(name).problem.system
     system = System.__new__(System)
@@ -83,6 +83,15 @@ def test_a_loaded_system_says_where_its_law_came_from(elsewhere):
             return v[0] ** 2
 
     assert "an object of the type" in System(Law(), ["x"]).source
+
+
+def test_families_travel():
+    problem = scenes.get("oscillator", duration=1.0).problem
+    for copied in (
+        pickle.loads(pickle.dumps(ao.trace(problem, "t1", 1.2))).solution(-1),
+        pickle.loads(pickle.dumps(ao.sweep(problem, {"t1": [1.0, 1.2]}))).solution(-1),
+    ):
+        assert copied.problem.end.t == 1.2 and copied.success
 
 
 def test_the_digest_tells_laws_apart():

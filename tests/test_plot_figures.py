@@ -1,6 +1,7 @@
 """Figures of the principle: their arrays against closed forms, their words within the picture."""
 
 import io
+from itertools import pairwise
 
 import helpers
 import matplotlib
@@ -62,7 +63,7 @@ MORE = {
 @pytest.mark.parametrize(
     ("name", "figure"),
     [
-        *((name, figure) for name in LABELLED for figure in LABELLED[name]),
+        *helpers.a_third((name, figure) for name in LABELLED for figure in LABELLED[name]),
         *(
             pytest.param(name, figure, marks=pytest.mark.slow)
             for name in MORE
@@ -101,9 +102,32 @@ def test_a_narrow_landscape_keeps_its_labels_inside_and_off_its_colour_bar(name)
     plot.svgs(draw, (6.4, 4.4), cut((6.4, 4.4)))
     (ax,) = drawn
     renderer = ax.figure._get_renderer()
-    bar = ax.figure.axes[1].get_window_extent(renderer)
-    across, up = (text.get_window_extent(renderer) for text in (ax.xaxis.label, ax.yaxis.label))
+    bar = ax.child_axes[0].get_window_extent(renderer)
+    words = (ax.xaxis.label, ax.yaxis.label, ax.title)
+    across, up, title = (text.get_window_extent(renderer) for text in words)
     assert up.x0 >= 0 and across.x1 <= bar.x0
+    assert title.x0 >= 0 and title.x1 <= ax.figure.bbox.width
+    place = ax.get_window_extent(renderer)
+    assert (bar.y0, bar.y1) == pytest.approx((place.y0, place.y1), abs=1)
+
+
+def test_numbers_of_arcs_are_left_out_where_they_would_touch():
+    drawn, long = [], ao.solve(scenes.get("oscillator", duration=40.0).problem)
+
+    def draw(figure):
+        drawn.append(plot.spectrum(long, figure.subplots(), units=plot.SI))
+
+    plot.svgs(draw, (6.4, 4.4), cut((6.4, 4.4)))
+    (ax,) = drawn
+    boxes = [text.get_window_extent() for text in ax.texts if text.get_visible()]
+    assert 1 < len(boxes) < len(ax.texts)
+    assert all(a.x1 <= b.x0 for a, b in pairwise(boxes))
+
+
+def test_energy_that_is_nothing_beside_its_parts_is_no_noise():
+    above, _ = plot.conserved(solved("kink"))
+    low, high = above.get_ylim()
+    assert high - low > 0.1 and max(abs(above.lines[0].get_ydata())) < 1e-6
 
 
 @pytest.mark.parametrize(
@@ -165,7 +189,7 @@ def contrast(colour, paper):
 
 
 @pytest.mark.parametrize("reader", ["default", "dark_background"])
-@pytest.mark.parametrize("figure", [*FIGURES, "explore"])
+@pytest.mark.parametrize("figure", helpers.a_third([*FIGURES, "explore"]))
 def test_every_line_is_seen_on_light_and_on_dark_paper(figure, reader):
     solution = solved("oscillator_saddle")
     with pyplot.style.context(reader):

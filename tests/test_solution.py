@@ -7,7 +7,7 @@ import pytest
 from helpers import solved
 
 import actionopt as ao
-from actionopt import Event, Mesh, Problem, System, scenes
+from actionopt import Event, Mesh, Problem, System, plot, scenes
 from actionopt.analysis.status import Status
 
 FORMULA_TOLERANCE = 1e-10  # two ways to one number on a path that is good to 1e-12
@@ -229,6 +229,15 @@ def test_a_deep_copy_says_the_same_and_shares_only_the_system(rod, kepler):
         assert solution.stats["rung"] != "changed"
         again = ao.solve(solution.problem, guess=other, tol=1e-12)
         assert again.action == pytest.approx(solution.action, rel=1e-12)
+
+
+def test_what_is_no_solution_is_refused(rod):
+    asks = ao.conjugate_points, ao.second_variation, ao.monodromy, ao.contact_loss
+    for ask in (*asks, lambda x: ao.variation(x, lambda t: [t]), lambda x: plot.save(x, "x.png")):
+        with pytest.raises(ValueError, match=r"expected a Solution.*solve it first"):
+            ask(rod.problem)
+    with pytest.raises(ValueError, match="give its `problem`"):
+        plot.page(rod, "page.html")
 
 
 def test_what_is_printed_is_short_and_says_what_matters(rod):

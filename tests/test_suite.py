@@ -11,6 +11,7 @@ from types import SimpleNamespace
 import mpmath
 import numpy as np
 import pytest
+from helpers import a_third
 
 from actionopt import scenes, suite
 from actionopt.suite import known, solvers, stars
@@ -115,7 +116,7 @@ def test_units_of_many_sizes_change_the_numbers_and_not_the_optimum(name):
     assert hard.distance(hard.start("near")) <= 1.001e-3
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", a_third(NAMES, 2))
 def test_derivatives_agree_with_differences(name):
     problem = suite.get(name)
     x, d, lam = point(problem, 1e-4 if "near collision" in problem.tags else 1e-2)
@@ -150,7 +151,7 @@ def test_derivatives_agree_with_differences(name):
         )
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if name not in HELD])
+@pytest.mark.parametrize("name", a_third(name for name in NAMES if name not in HELD))
 def test_stars_satisfy_the_conditions_of_kuhn_and_tucker(name):
     problem = suite.get(name)
     x, lam = problem.x_star, problem.lam_star
@@ -170,12 +171,15 @@ def test_stars_satisfy_the_conditions_of_kuhn_and_tucker(name):
     assert problem.residual(astray, lam) > STATIONARY  # the oracle can fail
 
 
+SIZES = {name: (p := suite.get(name)).n + p.m for name in NAMES}
+LARGE = [name for name, size in SIZES.items() if DENSE < size <= 2200]
+
+
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(name, marks=[] if size <= DENSE else [pytest.mark.slow])
-        for name in NAMES
-        if (size := (p := suite.get(name)).n + p.m) <= 2200
+        *a_third((name for name, size in SIZES.items() if size <= DENSE), 1),
+        *(pytest.param(name, marks=pytest.mark.slow) for name in LARGE),
     ],
 )
 def test_index_is_the_dense_inertia(name):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from helpers import a_third
 from scipy.linalg import null_space
 
 from actionopt import suite
@@ -20,7 +21,7 @@ def gap(problem, x):
     return problem.constraints(x), J, lower < upper
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", a_third(NAMES))
 def test_stars_satisfy_the_conditions_of_karush_kuhn_and_tucker(name):
     problem = suite.get(name)
     x, lam, u = problem.x_star, problem.lam_star, problem.unit
@@ -55,7 +56,7 @@ def test_stars_satisfy_the_conditions_of_karush_kuhn_and_tucker(name):
     assert (problem.index_star, problem.kind) == (0, "minimum")
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", a_third(NAMES, 1))
 def test_qualifications_hold_or_fail_as_the_tags_say(name):
     problem = suite.get(name)
     if "bounds on coordinates" in problem.tags:
@@ -94,6 +95,7 @@ def test_other_ways_round_are_known():
     assert others[0].f > suite.get("disc").f_star
 
 
+@pytest.mark.slow
 def test_what_a_solver_finds_round_many_pegs_is_a_minimum():
     """Rows that are nearly met by an answer are not all in contact at the minimum it is near."""
     problem = suite.get("pegs", 48, 4, pegs=6)

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import casadi as ca
 import numpy as np
 import pytest
+from helpers import a_third
 
 from actionopt import suite
 from actionopt.suite import mof, nl, standalone
@@ -30,9 +31,14 @@ from actionopt.suite.tape import first_multipliers
 HARD = {"near collision", "coordinate singularity"}  # nothing is near their paths on few elements
 LATER = HARD | {"badly scaled units"}  # and these are others in other numbers
 NAMES = [
-    pytest.param(name, marks=pytest.mark.slow if LATER & set(family.tags) else ())
+    name
     for name, family in suite.FAMILIES.items()
-    if name != "chain_long"
+    if name != "chain_long" and not LATER & set(family.tags)
+]
+OTHERS = [
+    pytest.param(name, marks=pytest.mark.slow)
+    for name in suite.FAMILIES
+    if name not in [*NAMES, "chain_long"]
 ]
 FEW = "pendulum rod_pendulum rod_pendulum_scaled kepler heavy_top turning_wire moving_pivot".split()
 SOME = [  # all operations, a constraint that is linear and one that is not, units
@@ -74,7 +80,7 @@ def close(found, expected, tolerance):
     return np.max(np.abs(found - expected)) <= tolerance * np.max(np.abs(expected))
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [*a_third(NAMES, 1), *OTHERS])
 def test_the_expression_is_the_transcription(name):
     problem = few(name)
     x, lam = somewhere(problem)
@@ -128,7 +134,7 @@ def off(problem, back, x, lam):
     return [np.max(np.abs(a - b) / size, initial=0.0) for a, b, size in pairs]
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [*a_third(NAMES), *OTHERS])
 def test_nl_files_read_back(name, tmp_path):
     problem = few(name)
     nl.write(problem, tmp_path / "a.nl")

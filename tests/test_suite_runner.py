@@ -370,6 +370,8 @@ def test_the_command(tmp_path, capsys, monkeypatch):
     assert json.loads(results.read_text())["at"] == "optimum"
     assert main(["suite", "report", "-o", str(results), "--to", str(tmp_path / "page")]) == 0
     assert capsys.readouterr().out.strip() == str(tmp_path / "page" / "index.html")
+    assert main(["suite", "list", "kepler", "--problem", "oscillator"]) == 0
+    assert len(capsys.readouterr().out.splitlines()) == 3
     assert main(["suite", "list", "--tag", "near collision"]) == 0
     assert "kepler_near_collision" in capsys.readouterr().out
     assert main(["suite", "run", "--solver", "ipop", "-o", str(results)]) == 1

@@ -231,6 +231,12 @@ def test_bad_arguments():
         trace(soap_film(0.5), soap_film, 0.6)
     with pytest.raises(ValueError, match="coordinate that the event gives"):
         trace(bratu(), ("end", "v"), 1.0)
+    with pytest.raises(ValueError, match="expected a Problem"):
+        trace("bratu", "lam", 2.0)  # type: ignore[arg-type]
+    plane = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
+    half = ao.Problem(plane, ao.Event(0.0, [None, 0.0]), ao.Event(1.0, [1.0, 1.0]))
+    with pytest.raises(ValueError, match="event gives, one of y, found 'x'"):
+        trace(half, ("start", "x"), 1.0)
 
 
 @pytest.mark.parametrize(("to", "side"), [(3.0, 1.0), (2.0, -1.0)])

@@ -196,6 +196,7 @@ def quartic_period(energy):
 SPRING = ao.System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2 - q[0] ** 4 / 4, ["x"])
 
 
+@pytest.mark.slow
 def test_transfers_in_a_plane_of_space_are_found_once():
     kepler = ao.System(lambda q, v, t: v @ v / 2 + 1 / np.sqrt(q @ q), ["x", "y", "z"])
     ends = ao.Event(0.0, [1.0, 0.0, 0.0]), ao.Event(None, [0.0, 1.2, 0.0])
@@ -254,6 +255,22 @@ def test_one_coordinate_in_a_well_needs_no_guess(start):
     for energy in (2.5, -1.0):  # it escapes; there is no motion
         with pytest.raises(ValueError, match="bound at that energy"):
             ao.solve(problem.replace(energy=energy))
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_one_coordinate_that_turns_needs_no_guess(sign):
+    """T = 2 k K(k), k^2 = 2 / (E + 1): a pendulum over the top, g = l = 1."""
+    pendulum = ao.System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]), ["theta"])
+    end = ao.Periodic(None, advance=[sign * 2 * np.pi])
+    for energy in (1.01, 3.0):
+        s = ao.solve(ao.Problem(pendulum, free(0.0, [0.4]), end, energy=energy), tol=1e-10)
+        squared, (a, b) = 2 / (energy + 1), (1.0, np.sqrt(1 - 2 / (energy + 1)))
+        for _ in range(8):  # the arithmetic-geometric mean
+            a, b = (a + b) / 2, np.sqrt(a * b)
+        assert abs(s.duration - np.sqrt(squared) * np.pi / a) < 1e-9
+        assert s.start.v[0] * sign > 0
+    with pytest.raises(ValueError, match=r"bound at that energy, 0.5, .* or turns"):
+        ao.solve(ao.Problem(pendulum, free(0.0, [0.4]), end, energy=0.5))
 
 
 def bodies(count):

@@ -1,12 +1,17 @@
 """The benchmark's questions without given times: who answers comes to the closed form."""
 
+from itertools import product
+
 import pytest
+from helpers import a_third
 
 from benchmarks import peers, worker
 
+NAMES = ("pendulum_energy", "orbit", "kink", "fish_eye")
+PEERS = ("actionopt_", "scipy_bvp", "dop853", "ipopt_alone")
 
-@pytest.mark.parametrize("name", ["pendulum_energy", "orbit", "kink", "fish_eye"])
-@pytest.mark.parametrize("peer", ["actionopt_", "scipy_bvp", "dop853", "ipopt_alone"])
+
+@pytest.mark.parametrize(("name", "peer"), a_third(product(NAMES, PEERS)))
 def test_a_question_is_answered_or_cannot_be_asked(name, peer):
     case = worker._cases()[name]
     start = case.starts[0]

@@ -17,7 +17,7 @@ import numpy as np
 from actionopt.analysis.jacobi import fields, resolved
 from actionopt.analysis.second_variation import Form, check_legendre, coefficients, tangent
 from actionopt.analysis.second_variation import form as form_of
-from actionopt.analysis.solution import Solution
+from actionopt.analysis.solution import Solution, question
 from actionopt.mechanics.problem import Periodic
 from actionopt.tools.blas import one_thread
 from actionopt.tools.types import Array
@@ -56,7 +56,7 @@ def conjugate_points(solution: Solution) -> tuple[ConjugatePoint, ...]:
     Gelfand and Fomin, *Calculus of Variations* (1963), sections 26-29; V. I. Arnold, *Funct.
     Anal. Appl.* 1 (1967), p. 1, for the phases.
     """
-    if isinstance(solution.problem.end, Periodic):
+    if isinstance(question(solution).end, Periodic):
         raise ValueError(
             "expected a path from one event to another, found one that closes: its start varies "
             "with its end, and no times conjugate to it number the index (`morse_index` counts "

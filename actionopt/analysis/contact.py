@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from actionopt.analysis.solution import Solution
+from actionopt.analysis.solution import Solution, question
 from actionopt.discrete.crossing import BISECTIONS
 from actionopt.mechanics.events import State
 from actionopt.tools.types import Array, NDInt
@@ -60,7 +60,7 @@ def contact_loss(solution: Solution) -> tuple[Contact, ...]:
     *Competitive Physics: Mechanics and Waves* (2018), section 12.4, p. 641: a mass slides off a
     circle at cos(theta) = 2/3.
     """
-    system = solution.problem.system
+    system = question(solution).system
     if not system.m:
         raise ValueError(
             "expected a system with constraints, found none: the force of a surface is known "

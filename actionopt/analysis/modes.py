@@ -11,7 +11,7 @@ from actionopt.analysis.index import INDEX_RESOLUTION, Inertia
 from actionopt.analysis.jacobi import resolved
 from actionopt.analysis.second_variation import Form, condense
 from actionopt.analysis.second_variation import form as form_of
-from actionopt.analysis.solution import Solution
+from actionopt.analysis.solution import Solution, question
 from actionopt.discrete.path import Path
 from actionopt.tools.blas import one_thread
 from actionopt.tools.checks import numbers
@@ -66,7 +66,7 @@ def second_variation(
         As `index.inertia` does, for a count below one or units that are not positive, or where
         round-off hides the signs in these units.
     """
-    n, asked = solution.problem.system.n, numbers(units, "the units")
+    n, asked = question(solution).system.n, numbers(units, "the units")
     whole = isinstance(count, (int, np.integer)) and count >= 1
     if not whole or asked.shape not in ((), (1,), (n,)) or not np.all(asked > 0):
         raise ValueError(

@@ -13,7 +13,7 @@ import numpy as np
 
 from actionopt.analysis.jacobi import resolved
 from actionopt.analysis.second_variation import Form
-from actionopt.analysis.solution import Solution
+from actionopt.analysis.solution import Solution, question
 from actionopt.discrete.bordered import Bordered, moves_of
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.mechanics.problem import Event, Problem
@@ -115,7 +115,7 @@ def monodromy(solution: Solution) -> Monodromy:
     ----------
     Meyer, Hall and Offin, *Introduction to Hamiltonian Dynamical Systems* (2009), chapters 2 and 8.
     """
-    problem = solution.problem
+    problem = question(solution)
     system = problem.system
     if system.m:
         raise ValueError(

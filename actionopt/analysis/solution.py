@@ -476,6 +476,14 @@ class Solution:
         return result.reshape(*result.shape[:-1], *times.shape)
 
 
+def question(solution: Solution) -> Problem:
+    """Return the problem of a solution. Raises ValueError for what is none."""
+    if not isinstance(solution, Solution):
+        hint = "; solve it first" if isinstance(solution, Problem) else ""
+        raise ValueError(f"expected a Solution, as `solve` returns it, found {solution!r}{hint}")
+    return solution.problem
+
+
 class SolveError(RuntimeError):
     """A solve that did not succeed.
 

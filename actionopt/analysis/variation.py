@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt.analysis.second_variation import Form, form
-from actionopt.analysis.solution import Solution
+from actionopt.analysis.solution import Solution, question
 from actionopt.discrete.foot import onto
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
@@ -168,7 +168,7 @@ def variation(
     >>> abs(S.first) < 1e-12, bool(S(0.1) > S(0.0))
     (True, True)
     """
-    problem = solution.problem
+    problem = question(solution)
     mesh, known = resolving(solution.mesh, eta), solution.discrete
     at = known.on(mesh, known.multipliers(mesh.nodes)).polished()
     found = form(at, np.broadcast_to(np.asarray(unit, dtype=float), (problem.system.n,)))

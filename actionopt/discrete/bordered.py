@@ -184,11 +184,10 @@ class Bordered:
         lam: Array | None,
         lengths: Array,
         moves: Sequence[Move] = (),
-        like: Transcription | None = None,
     ) -> tuple[Bordered, Array]:
         """Return the equations on the mesh of a path, with a phase near it, and their unknowns."""
         problem = over(loose(asked), path.mesh.duration)
-        tr = Transcription(problem, path.mesh, lengths, like=like)
+        tr = Transcription(problem, path.mesh, lengths)
         z = tr.pack(path.values.T, lam)
         borders, at = _borders(asked, tr, z, moves), DiscretePath(tr, z)
         found = cls(asked, tr, borders, feet(at) if asked.on_surface else ())

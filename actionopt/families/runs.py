@@ -313,7 +313,13 @@ class Runs:
         ImportError
             If xarray is not installed: `pip install 'actionopt[xarray]'`.
         """
-        import xarray  # pyright: ignore[reportMissingImports]
+        try:
+            import xarray  # pyright: ignore[reportMissingImports]
+        except ImportError as error:
+            raise ImportError(
+                "expected xarray to be installed, found none: pip install 'actionopt[xarray]'; "
+                "`save` writes an .npz file without it"
+            ) from error
 
         grid, system = self.grid, self.problem.system
         names = [said(name) for name in grid.names]

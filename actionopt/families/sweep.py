@@ -77,7 +77,8 @@ def sweep(
     problem : Problem
     over : mapping of names to rows of numbers
         What varies, one axis of the grid each: the name of a parameter (one number); "t0" or
-        "t1", the time of an event; ("start", name) or ("end", name), a coordinate there.
+        "t1", the time of an event; ("start", name) or ("end", name), a coordinate there; "energy",
+        where a time is free.
     executor : concurrent.futures.Executor, optional
         Who solves: processes, threads, or machines (Dask's `client.get_executor()`, mpi4py's
         `MPIPoolExecutor`). The numbers are the same, to the last bit, as in this process alone.
@@ -142,7 +143,8 @@ def _recorded(record: str | Sequence[str] | None) -> tuple[str, ...]:
     for name in names:
         if name not in RECORDED:
             raise ValueError(
-                f"expected something to record out of {', '.join(RECORDED)}, found {name!r}"
+                f"expected something to record out of {', '.join(RECORDED)}, found {name!r}; the "
+                "action, errors, momenta, coordinates at the ends and slopes always are"
             )
     return names
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -24,6 +25,7 @@ from actionopt.discrete.bordered import Bordered, over
 from actionopt.discrete.path import Path
 from actionopt.families.vary import Name, moved, present
 from actionopt.mechanics.problem import Problem
+from actionopt.solver.arguments import asked
 from actionopt.solver.solve import Guess, solve
 from actionopt.solver.window import framed
 from actionopt.tools.blas import one_thread
@@ -200,14 +202,14 @@ def trace(
     SolveError
         If there is no first path.
     """
+    asked(problem)
     family, value = _family(problem.asked or problem, vary, start)
     problem.system.check_free("a branch does not know where contact changes; sweep does")
     if not np.isfinite(to) or to == value:
         raise ValueError(f"expected a finite value other than the present {value}, found {to}")
     first = solve(family(value), guess=guess, tol=tol)
     if first.problem.has_tails:
-        asked_for = family
-        family = lambda value: framed(asked_for(value), first.problem)  # noqa: E731
+        family = partial(_within, family, first.problem)
     counting = count and not problem.system.structure.forced
     run = _Run(family, value, float(to), tol, counting)
     try:
@@ -232,10 +234,19 @@ def _family(
 ) -> tuple[Callable[[float], Problem], float]:
     """Return the problem as a function of the varied quantity, and the quantity's present value."""
     if not callable(vary):
-        return lambda value: moved(problem, {vary: value}), present(problem, vary)
+        return partial(_with, problem, vary), present(problem, vary)  # which pickles
     if start is None:
         raise ValueError("expected start, the number that stands for the problem given")
     return vary, float(start)
+
+
+def _with(problem: Problem, name: Name, value: float) -> Problem:
+    return moved(problem, {name: value})
+
+
+def _within(family: Callable[[float], Problem], like: Problem, value: float) -> Problem:
+    """Return a problem of the family in the window of another one."""
+    return framed(family(value), like)
 
 
 @dataclass(eq=False)

@@ -31,7 +31,10 @@ def present(problem: Problem, name: Name) -> float:
     problem = problem.asked or problem
     if name == "energy" and name not in problem.parameters:
         if problem.energy is None:
-            raise ValueError("expected an energy that is given, as where a time is free; none is")
+            raise ValueError(
+                "expected an energy that is given, as where a time is free, found both times "
+                "given; make one of them None"
+            )
         return problem.energy
     if name in ("t0", "t1"):
         event = problem.start if name == "t0" else problem.end
@@ -49,8 +52,9 @@ def present(problem: Problem, name: Name) -> float:
         coordinates = problem.system.coordinates
         value = event.near[coordinates.index(name[1])] if name[1] in coordinates else None
         if value is None:
+            given = [c for c, x in zip(coordinates, event.near, strict=True) if x is not None]
             raise ValueError(
-                f"expected a coordinate that the event gives, one of {coordinates}, "
+                f"expected a coordinate that the event gives, one of {', '.join(given) or 'none'}, "
                 f"found {name[1]!r}"
             )
         return value
@@ -58,8 +62,9 @@ def present(problem: Problem, name: Name) -> float:
     if isinstance(name, str) and name in known and np.ndim(known[name]) == 0:
         return float(known[name])
     raise ValueError(
-        "expected the name of a parameter that is one number, 't0', 't1', ('start', coordinate) or "
-        f"('end', coordinate), found {name!r}; the parameters are {', '.join(known) or 'none'}"
+        "expected the name of a parameter that is one number, 't0', 't1', 'energy' where a time is "
+        f"free, ('start', coordinate) or ('end', coordinate), found {name!r}; the parameters are "
+        f"{', '.join(known) or 'none'}"
     )
 
 

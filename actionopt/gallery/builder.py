@@ -35,7 +35,6 @@ LIBRARIES = ("casadi", "matplotlib", "numpy")
 MANIFEST = "manifest.json"
 STORY, COURSE = "least", "course"
 LINK = re.compile(r'<a href="(?:\.\./)?(\w+)/index\.html">(.*?)</a>')
-JOBS = 2
 THREADS = "OMP_NUM_THREADS"
 
 Show = Callable[[int, int, str], None]
@@ -46,7 +45,7 @@ def build(
     names: Sequence[str | Scene | Problem] = (),
     *,
     show: Show | None = None,
-    jobs: int = JOBS,
+    jobs: int = 1,
     lang: str = "en",
 ) -> list[str]:
     """Write the pages of what is asked for (all scenes by default), story, course and index.
@@ -61,8 +60,8 @@ def build(
     show : callable, optional
         `show(done, total, name)` is called after each page.
     jobs : int
-        Pages made at the same time, each in a process of its own; 1 makes them in this one.
-
+        Pages made at the same time, each in a process of its own; 1 makes them in this one. In a
+        script that asks for more, put the call behind `if __name__ == "__main__":`.
     lang : str
         Language of the pages: "en", "de" or "fr".
 
@@ -79,6 +78,8 @@ def build(
     SolveError
         If a problem of one's own is not solved.
     """
+    if isinstance(names, (str, Scene, Problem)):
+        raise ValueError(f"expected a list of scenes or problems, found {names!r}; put it in []")
     known = [name for name in names if isinstance(name, str)]
     for name in known:
         scenes.title(name)  # raises for one that does not exist
@@ -100,7 +101,7 @@ def build(
         write(target / file.name, file.read_bytes())
     done = len(wanted) - len(ahead)
     with language(lang), closing(_made(ahead, jobs, lang)) as made:
-        for name, page in chain(made, ((name, _own(own[name])) for name in own)):
+        for name, page in chain(((name, _own(own[name])) for name in own), made):
             files = {
                 f"{name}/{file}" if name in own else file: text for file, text in page.files.items()
             }

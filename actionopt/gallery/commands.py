@@ -7,7 +7,7 @@ import webbrowser
 from pathlib import Path
 
 from actionopt import scenes
-from actionopt.gallery.builder import JOBS, build
+from actionopt.gallery.builder import build
 from actionopt.tools.progress import progress
 from actionopt.tools.words import SPOKEN
 
@@ -27,7 +27,7 @@ def add_to(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     add = parser.add_argument
     add("--lang", choices=SPOKEN, default="en", help="language of the pages (en)")
-    add("--jobs", type=int, default=JOBS, metavar="N", help=f"pages at the same time ({JOBS})")
+    add("--jobs", type=int, default=2, metavar="N", help="pages at the same time (2)")
     add("--open", action="store_true", help="show them in the browser")
 
 

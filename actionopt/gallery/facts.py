@@ -112,7 +112,7 @@ def named(s: Subject, name: str) -> str:
     """Return the name of what is conserved as HTML: words, or the formula if that is its name."""
     system = s.solution.problem.system
     scalars = {*system.coordinates, *system.parameters, "p1", "p2"}
-    return inline(name, scalars) if re.search("['^+]| - ", name) else typeset(name)
+    return inline(name, scalars) if re.search("['^+]| - ", name) else typeset(say(name))
 
 
 def _start(s: Subject) -> Rows:
@@ -138,11 +138,12 @@ def _twin(s: Subject) -> Rows:
         return
     twin = scenes.get(facts.twin)
     other = solve(twin.problem, tol=1e-10, guess=twin.guess)
-    what = f"path of <code>{facts.twin}</code>"
+    name = f"<code>{facts.twin}</code>"
+    what = say("path of {name}", name=name)
     yield _curve(what, other(s.t), s.q, "the same")
     F = np.asarray(facts.gauge(s.q[:, [0, -1]], s.t[[0, -1]]), dtype=float)
     yield _numbers(
-        f"action less that of <code>{facts.twin}</code>: F at the end less F at the start",
+        say("action less that of {name}: F at the end less F at the start", name=name),
         float(F[1] - F[0]),
         s.solution.action - other.action,
         "J s",
@@ -154,12 +155,14 @@ def _others(s: Subject) -> Rows:
         if name in CONTACT:
             continue
         unit = units.html(units.FACTS.get(name, ""))
-        yield Known(name.replace("_", " "), f"{number(float(value), DIGITS)} {unit}", "")
+        yield Known(say(name.replace("_", " ")), f"{number(float(value), DIGITS)} {unit}", "")
 
 
 def _numbers(what: str, expected: float, found: float, unit: str) -> Known:
     """Return the row of a number; the difference is relative to the number if that is large."""
     difference = abs(found - expected) / max(1.0, abs(expected))
+    if expected == 0 and difference < ROUNDING:
+        found = 0.0
     return Known(
         what,
         f"{number(expected, DIGITS)} {unit}",

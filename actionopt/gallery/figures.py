@@ -58,12 +58,10 @@ class Figure:
         return cuts | ({f"{folder}{self.name}-narrow.svg": self.narrow} if self.narrow else {})
 
 
-def one(
-    name: str, draw: Callable[[Any], Any], alt: str, caption: str, size: tuple[float, float] = ONE
-) -> Figure:
+def one(name: str, draw: Callable[[Any], Any], alt: str, caption: str) -> Figure:
     """Return what `draw` puts on axes, with its narrow cut."""
-    wide, narrow = plot.svgs(lambda f: draw(f.subplots()), size, cut(size))
-    return Figure(name, wide, size, alt, caption, narrow=narrow)
+    wide, narrow = plot.svgs(lambda f: draw(f.subplots()), ONE, cut(ONE))
+    return Figure(name, wide, ONE, alt, caption, narrow=narrow)
 
 
 def pair(
@@ -239,7 +237,8 @@ def _index(s: Subject) -> str:
 def _fan(s: Subject, figure: Any) -> tuple[str, str]:
     plot.fan(s.solution, figure.subplots(), units=SI)
     data = plot.fan_data(s.solution)
-    apart = float(np.max(np.linalg.norm(data.neighbours[:, :, -1] - data.q[:, -1], axis=1)))
+    ends = data.neighbours[:, :, -1]  # NaN of those that run away
+    apart = float(np.nanmax(np.linalg.norm(ends - data.q[:, -1], axis=1)))
     unit = SI.coordinate(s.solution.problem.system.coordinates[0])
     values = {"foci": s.foci, "apart": number(apart, 3), "unit": unit}
     words = (
@@ -265,7 +264,7 @@ def _spectrum(s: Subject, figure: Any) -> tuple[str, str]:
         "{index} of all are negative at the full duration.",
         foci=s.foci, index=index,
     )  # fmt: skip
-    least = "The lowest eigenvalue has come down to {last} at the full duration, and is above zero."
+    least = "The lowest eigenvalue is {last} at the full duration, and so all are above zero."
     saddle = (
         "{index} of the eigenvalues have passed zero by the full duration, the lowest down to "
         "{last}: as many independent ways down."
@@ -331,9 +330,10 @@ def _conserved(s: Subject, figure: Any) -> tuple[str, str]:
     said = say("conserved: {names}", names=kept)
     if only:
         said += "; " + say("constant on this path alone: {names}", names=only)
-    alt = say("Energy function H, {H}, and momenta against time; {said}.",
-              H=span(data.energy, "J"), said=said)  # fmt: skip
-    return alt, say("H {span}.", span=span(data.energy, "J"))
+    size = float(np.max(np.abs(data.momentum * s.solution.velocity(data.t)))) if data.flat[0] else 0
+    H = span(data.energy, "J", size)
+    alt = say("Energy function H, {H}, and momenta against time; {said}.", H=H, said=said)
+    return alt, say("H {span}.", span=H)
 
 
 @_kind("Fronts of equal action", MOTION, FORCED, TOUCHING, CROWDED, HELD)

@@ -87,7 +87,9 @@ def index_page(pages: Mapping[str, Mapping[str, Any]], own: Mapping[str, str] = 
 {_own(own)}{body}
 <p class="source">{say("The sections are those of")} <cite>Competitive Physics: Mechanics and
 Waves</cite> (2018), 12.</p>"""
-    return frame(say("Gallery"), main, root="", description="Stationary action in pictures")
+    return frame(
+        say("Gallery"), main, root="", description=say("Stationary action, scene by scene")
+    )
 
 
 def _own(titles: Mapping[str, str]) -> str:
@@ -96,7 +98,8 @@ def _own(titles: Mapping[str, str]) -> str:
         f'<li class="card"><h3><a href="{name}/index.html">{typeset(title)}</a></h3></li>'
         for name, title in sorted(titles.items())
     )
-    return f'<section><h2>Your own</h2><ul class="cards">{cards}</ul></section>\n' if cards else ""
+    title = say("Your own")
+    return f'<section><h2>{title}</h2><ul class="cards">{cards}</ul></section>\n' if cards else ""
 
 
 def _card(scene: Scene, tags: Sequence[str], motion: str) -> str:

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from html import escape
 
 from actionopt import __version__
+from actionopt.tools.document import document
 from actionopt.tools.greek import GREEK, split
-from actionopt.tools.words import current, say
+from actionopt.tools.words import say
 
 __all__ = [
     "Page",
@@ -73,20 +74,10 @@ def frame(
         "Made by actionopt {version}. Every number was computed when this page was made.",
         version=escape(__version__),
     )
-    return f"""<!DOCTYPE html>
-<html lang="{current()}">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="color-scheme" content="light dark">
-<meta name="description" content="{escape(description)}">
-<title>{escape(title)} - actionopt</title>
-<link rel="icon" href="data:,">
-<link rel="stylesheet" href="{root}style.css">
+    head = f"""<link rel="stylesheet" href="{root}style.css">
 <link rel="stylesheet" href="{root}gallery.css">
-{head}</head>
-<body>
-<a class="skip" href="#main">{say("Skip to the content")}</a>
+{head}"""
+    body = f"""<a class="skip" href="#main">{say("Skip to the content")}</a>
 <header class="site">
 <nav aria-label="{say("Gallery")}">
 <a class="home" href="{root}index.html">actionopt <span>{say("gallery")}</span></a>
@@ -95,10 +86,8 @@ def frame(
 <main id="main">
 {main}
 </main>
-<footer class="site"><p>{made}</p></footer>
-</body>
-</html>
-"""
+<footer class="site"><p>{made}</p></footer>"""
+    return document(f"{title} - actionopt", head, body, description)
 
 
 def number(value: float, digits: int = 6) -> str:
@@ -118,12 +107,12 @@ def number(value: float, digits: int = 6) -> str:
 
 
 def rounded(value: float, digits: int = 3) -> str:
-    """Return a number as plain words, for alternative texts and labels.
+    r"""Return a number as plain words, for alternative texts and labels.
 
-    >>> rounded(9.6481), rounded(-2.5e-10)
-    ('9.65', '-2.5e-10')
+    >>> rounded(9.6481), ascii(rounded(-2.5e-10))[1:-1]
+    ('9.65', '\\u22122.5e\\u221210')
     """
-    return f"{value + 0.0:.{digits}g}"
+    return f"{value + 0.0:.{digits}g}".replace("-", "\N{MINUS SIGN}")
 
 
 def prose(text: str) -> str:

@@ -172,9 +172,9 @@ def _principle(s: Subject, words: Texts) -> str:
         "equations of Lagrange and d'Alembert. For each coordinate",
     }
     which = "forced" if s.forced else "held" if system.m else "touching" if s.touches else "least"
-    beside = say("This gives the equations beside.")
+    follow = say("From this follow the equations of motion.")
     if s.touches:
-        beside = say("This gives the equations beside, where nothing is touched.")
+        follow = say("From this follow the equations of motion, where nothing is touched.")
     rows = equations(system, system.table)
     scalars = {*system.coordinates, *system.parameters}
     written = [
@@ -189,7 +189,7 @@ def _principle(s: Subject, words: Texts) -> str:
     return (
         f'<div class="columns principle"><div>{_formulas(s, words)}<p>{say(text[which])}</p>'
         f'<div class="formula">{LAWS[which]}</div>'
-        f"<p>{beside}</p></div>"
+        f"<p>{follow}</p></div>"
         f'<div class="motions">{"".join(written)}</div></div>'
     )
 
@@ -248,10 +248,11 @@ def _formulas(s: Subject, words: Texts) -> str:
     if system.n == 1:
         scalars.add("Q")
     rows = []
-    for given in words.formulas:
+    for k, given in enumerate(words.formulas, 1):
         remark = f'<span class="remark">{typeset(said(given.remark))}</span>' * bool(given.remark)
         rows.append(
-            f'<div class="formula scroll" tabindex="0" role="region" aria-label="{say("Formula")}">'
+            f'<div class="formula scroll" tabindex="0" role="region" aria-label="'
+            f'{say("Formula")} {k}">'
             f"{mathml(given, scalars)}{remark}</div>"
         )
     return "\n".join(rows)

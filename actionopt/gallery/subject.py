@@ -125,9 +125,11 @@ class Subject:
         return say("conjugate to the start: {times}", times=", ".join(times))
 
 
-def span(values: Array, unit: str) -> str:
-    """Return the range of values in words."""
+def span(values: Array, unit: str, size: float = 0.0) -> str:
+    """Return the range of values in words; `size` is one beside which rounding is nothing."""
     low, high = float(np.min(values)), float(np.max(values))
-    if high - low <= FLAT * max(abs(low), abs(high), 1e-300):
-        return say("constant, {x} {unit}", x=rounded(high), unit=unit)
+    least = FLAT * max(abs(low), abs(high), size, 1e-300)
+    if high - low <= least:
+        x = rounded(high if abs(high) > least else 0.0)
+        return say("constant, {x} {unit}", x=x, unit=unit)
     return say("from {low} to {high} {unit}", low=rounded(low), high=rounded(high), unit=unit)

@@ -101,6 +101,11 @@ class Event:
                 f"them given, {list(self.q)}; leave out `on`, or give None for what it decides"
             )
 
+    def __repr__(self) -> str:
+        """Show what was given, and whether the event lies on a surface."""
+        on = ", on=..." if self.on is not None else ""
+        return f"Event(t={self.t}, q={self.q}{on})"
+
     @property
     def near(self) -> tuple[float | None, ...]:
         """The coordinates as far as they are known: those given, or of the equilibrium."""

@@ -21,7 +21,7 @@ from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.events import Event
 from actionopt.mechanics.expressions import Expressions
 from actionopt.mechanics.system import System
-from actionopt.mechanics.tracing import call, column, requested
+from actionopt.mechanics.tracing import call, requested, surface
 from actionopt.tools.checks import named
 from actionopt.tools.types import Array
 
@@ -53,7 +53,7 @@ class Surface:
         """
         s = system.symbols
         state = {"q": Expressions(s.q, 1), "t": Expressions(s.t, 0)}
-        rows = column(call(on, "on", state, system.table.named(s.p))[0], "on")
+        rows = surface(call(on, "on", state, system.table.named(s.p))[0], "on")
         if not rows.numel():
             raise ValueError("expected on to return an expression or a sequence of them, found []")
         return cls(ca.Function("on", [s.q, s.t, s.p], [rows]), dict(system.table.shapes))

@@ -25,7 +25,15 @@ from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.expressions import Expressions
 from actionopt.mechanics.identity import general_states, vanishes
 from actionopt.mechanics.laws import Laws, Once
-from actionopt.mechanics.tracing import ParameterTable, Symbols, call, column, scalar, suggestion
+from actionopt.mechanics.tracing import (
+    ParameterTable,
+    Symbols,
+    call,
+    column,
+    scalar,
+    suggestion,
+    surface,
+)
 from actionopt.tools.checks import numbers
 from actionopt.tools.types import Array
 
@@ -185,7 +193,7 @@ class System(Laws):
         constraints = forces = ca.SX(0, 1)
         if constraint is not None:
             given, names = call(constraint, "constraint", {"q": Q, "t": T}, named)
-            constraints, used = column(given, "constraint"), used | names
+            constraints, used = surface(given, "constraint"), used | names
         if force is not None:
             given, names = call(force, "force", {"q": Q, "v": V, "t": T}, named)
             forces, used = column(given, "force", n), used | names
@@ -197,7 +205,7 @@ class System(Laws):
                     "obstacle the action is minimised, and with such forces no functional is"
                 )
             given, names = call(obstacle, "obstacle", {"q": Q, "t": T}, named)
-            outside, used = column(given, "obstacle"), used | names
+            outside, used = surface(given, "obstacle"), used | names
         unused = [key for key in table.defaults if key not in used]
         if unused:
             raise ValueError(

@@ -27,6 +27,7 @@ DIVISOR = re.compile(r"/(@\d+|\w+|.)")  # the first of it
 # half height is 1 / 1000 of it three quarters of the peak are seen at the least. A feature with
 # tails is seen six times as far away.
 SAMPLES, TAILED_SAMPLES = 2500, 400
+COMPARISONS = (ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_NOT, ca.OP_AND, ca.OP_OR)
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,6 +145,8 @@ def requested(callable_: Callable[..., Any], role: str, positional: Sequence[str
             )
         elif role == "length" and len(needed) == 3:
             hint = "; a length has no clock: time may not be in it"
+        elif "v" not in positional and len(needed) >= 2 and needed[1].name == "v":
+            hint = "; it says where a path may be, not how fast it is: leave out v"
         elif len(needed) > len(positional):
             extra = ", ".join(p.name for p in needed[len(positional) :])
             hint = f"; put a * before the parameters ({extra})"
@@ -258,6 +261,21 @@ def column(result: Any, role: str, rows: int | None = None) -> ca.SX:
         what = "a scalar" if rows == 1 else f"{rows} values"
         raise ValueError(f"expected the {role} to return {what}, found {value.numel()}")
     return value
+
+
+def surface(result: Any, role: str) -> ca.SX:
+    """Return expressions whose zeros are a surface, as a `column`.
+
+    Raises ValueError as that does, and for a comparison, which is 0 or 1 and has no slope.
+    """
+    rows = column(result, role)
+    for i, row in enumerate(ca.vertsplit(rows)):
+        if any(row.is_op(code) for code in COMPARISONS):
+            raise ValueError(
+                f"expected the {role} to return expressions that vanish on a surface, found the "
+                f"comparison {row} as number {i}; return the difference of its two sides"
+            )
+    return rows
 
 
 def _sx(item: Any) -> ca.SX:

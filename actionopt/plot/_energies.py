@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 from matplotlib.axes import Axes
 
 from actionopt.analysis.solution import Solution
@@ -70,7 +71,8 @@ def conserved(
     if axes is None:
         axes = style.new_figure(figsize=(6.4, 5.4)).subplots(2, sharex=True)
     above, below = axes  # type: ignore[misc]
-    whats = ["$H$", *(f"$p_{{{symbol(name)[1:-1]}}}$" for name in names)]
+    # An index of an index would be too small to read.
+    whats = ["$H$", *(f"$p_{{{symbol(name)[1:-1].replace('_', '')}}}$" for name in names)]
     rows = zip(whats, [data.energy, *data.momentum], data.flat, data.kept, strict=True)
     for i, (what, values, flat, kept) in enumerate(rows):
         if flat:
@@ -81,17 +83,18 @@ def conserved(
     below.set_ylabel(label("momenta $p$", *map(units.momentum, names)))
     below.set_xlabel(label("time $t$", units.time))
     above.set_title(say("{name}: energy and momenta along the path", name=style.heading(solution)))
-    for ax in (above, below):
+    work = float(np.max(np.abs(data.momentum * solution.velocity(data.t))))
+    for ax, least in ((above, work * data.flat[0]), (below, 0.0)):
         ax.margins(x=0)
-        _no_magnified_rounding(ax)
+        _no_magnified_rounding(ax, least)
         style.legend(ax, beside=True)
     return above, below
 
 
-def _no_magnified_rounding(ax: Axes) -> None:
-    """Leave room around lines that are all but constant."""
+def _no_magnified_rounding(ax: Axes, least: float = 0.0) -> None:
+    """Leave room around lines that are all but constant, of a size of `least` or more."""
     low, high = ax.get_ylim()
-    size = max(abs(low), abs(high)) or 1.0
+    size = max(abs(low), abs(high), least) or 1.0
     if high - low < 0.2 * size:
         middle = (low + high) / 2
         ax.set_ylim(middle - 0.25 * size, middle + 0.25 * size)

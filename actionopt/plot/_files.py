@@ -9,19 +9,20 @@ from pathlib import Path
 from textwrap import fill
 from typing import Any
 
+import numpy as np
 from matplotlib.backend_bases import FigureCanvasBase
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
-from actionopt.analysis.solution import Solution
+from actionopt.analysis.solution import Solution, question
 from actionopt.families.runs import Runs
 from actionopt.plot._paths import overview, paths
 from actionopt.plot._runs import runs
-from actionopt.plot._style import styled
+from actionopt.plot._style import IF_ROOM, styled
 from actionopt.tools.files import ready, whole
 
 LINES = re.compile(r' d="[^"]*"')
-MATHEMATICS = re.compile(r"\$[^$]*\$")
+TOGETHER = re.compile(r"\$[^$]*\$|\s\([^()]{1,8}\)")  # mathematics; a unit after its quantity
 SPARE = 0.75  # of the width: what is left beside labels, ad hoc
 SHORT, LONG = 16, 40  # letters of a legend's entry that leaves room for another, and of a line
 LINE = 0.18  # inches of one
@@ -57,8 +58,11 @@ def _printed(figure: Figure) -> str:
     assert engine is not None
     figure.dpi = 72  # as in the file
     engine.execute(figure)
+    if any(ax.get_aspect() != "auto" for ax in figure.axes):
+        engine.execute(figure)  # a fixed shape changes the ticks, and so the room that they need
     figure.patch.set_alpha(0)
     for ax in figure.axes:
+        _sparse(ax)
         ax.patch.set_alpha(0)
     figure.set_layout_engine("none")
     canvas.print_svg(text, metadata={"Date": None})
@@ -73,7 +77,7 @@ def _broken(figure: Figure) -> None:
     """
     width, height = figure.get_size_inches()
     named: dict[str, Any] = {}
-    barred = any(ax.get_label() == "<colorbar>" for ax in figure.axes)
+    barred = any(ax.get_label() == "<colorbar>" or ax.child_axes for ax in figure.axes)
     spare = SPARE * 72 * width * (SPARE if barred else 1)
     for ax in figure.axes:
         for words in (ax.title, ax._left_title, ax._right_title):  # type: ignore[attr-defined]
@@ -96,9 +100,22 @@ def _broken(figure: Figure) -> None:
     figure.set_size_inches(width, height + LINE * (lines + 1))
 
 
+def _sparse(ax: Any) -> None:
+    """Leave out words that would touch one another, or an upright line, and can be done without."""
+    upright = (line for line in ax.lines if np.unique(line.get_xdata()).size == 1)
+    lines = [line.get_window_extent().x0 for line in upright]
+    last = -np.inf
+    for words in (words for words in ax.texts if words.get_label() == IF_ROOM):
+        words.set_visible(True)  # what is not seen has no extent
+        box = words.get_window_extent()
+        free = box.x0 > last and not any(box.x0 < x < box.x1 for x in lines)
+        words.set_visible(free)
+        last = box.x1 if free else last
+
+
 def _wrap(words: Any, width: float) -> None:
     letters = int(width / (LETTER * words.get_fontsize()))
-    whole = MATHEMATICS.sub(lambda m: m[0].replace(" ", "\0"), words.get_text())
+    whole = TOGETHER.sub(lambda m: m[0].replace(" ", "\0"), words.get_text())
     words.set_text(fill(whole, letters, break_long_words=False).replace("\0", " "))
 
 
@@ -106,8 +123,10 @@ def _wrap(words: Any, width: float) -> None:
 def save(solution: Solution, file: str | Path, *, compare: bool = True) -> None:
     """Write `overview`, or `paths` alone if `compare` is False, to a picture file.
 
-    Raises ValueError for an ending that matplotlib does not know, OSError if it cannot write.
+    Raises ValueError for what is no solution or an ending that matplotlib does not know, OSError
+    if it cannot write. Maps of a sweep are written by `save_runs`.
     """
+    question(solution)
     picture(file)
     figure = Figure((6.4, 6.4), layout="constrained")
     if compare:

@@ -34,6 +34,8 @@ def runs(
 
     Raises ValueError for another quantity, or more axes.
     """
+    if not isinstance(runs, Runs):
+        raise ValueError(f"expected what `sweep` returns, found {runs!r}")
     values = {name: getattr(runs, name) for name in QUANTITIES}.get(quantity)
     if values is None:
         known = [name for name in QUANTITIES if getattr(runs, name) is not None]

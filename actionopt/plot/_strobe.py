@@ -86,7 +86,8 @@ def motion(
     step = f"{(data.t[-1] - data.t[0]) / (count - 1):.3g} {units.time}".rstrip()
     first = ax.plot([], [], color=SCENERY, markerfacecolor=style.paper(), **LOOKS["body"])
     at = {"bbox_to_anchor": (1.0, _row(view)), "bbox_transform": ax.get_yaxis_transform()}
-    ax.legend(first, [say("start")], loc="center right", handletextpad=0, borderaxespad=0, **at)
+    at |= {"handletextpad": 0, "borderaxespad": 0, "frameon": False}  # it may touch the scales
+    ax.legend(first, [say("start")], loc="center right", **at)
     words = say("{count} times, {step} apart", count=count, step=step)
     ax.set_title(f"{style.heading(solution)}: {words}")
     return ax

@@ -89,6 +89,7 @@ UNSIGNED, UNSIGNED_DARK = (
 PATH: Any = {"linewidth": 4.5}  # broad: the forward integration lies within it
 POTENTIAL: Any = {"color": VERMILION, "linewidth": 2.2, "linestyle": (0, (6, 2))}
 SHORT = 0.06  # of a bar of colours
+IF_ROOM = "_if there is room"  # the label of words that a small picture can do without
 MANY = 5  # entries of a legend: more stand beside the picture
 
 
@@ -229,18 +230,24 @@ def signed(reach: float) -> Normalize:
     return FuncNorm(roots, -reach, reach)
 
 
-def colour_bar(ax: Axes, values: Array, norm: Normalize, colours: Any, text: str) -> None:
-    """Draw the part of a bar of colours that occurs in `values`, labelled."""
-    bar = ax.figure.colorbar(ScalarMappable(norm, colours), ax=ax)
-    low, high = (float(np.clip(f(values), norm.vmin, norm.vmax)) for f in (np.nanmin, np.nanmax))
-    if low < high:
-        bar.ax.set_ylim(low, high)
-    if isinstance(norm, FuncNorm) and low < 0 < high:
+def colour_bar(
+    ax: Axes, values: Array, norm: Normalize, colours: Any, text: str, *, high: bool = False
+) -> None:
+    """Draw the part of a bar of colours that occurs in `values`, labelled.
+
+    With `high` it is as high as axes of a fixed shape, which need not be as high as their place.
+    """
+    place: dict[str, Any] = {"cax": ax.inset_axes((1.05, 0, 0.05, 1))} if high else {"ax": ax}
+    bar = ax.figure.colorbar(ScalarMappable(norm, colours), **place)
+    low, top = (float(np.clip(f(values), norm.vmin, norm.vmax)) for f in (np.nanmin, np.nanmax))
+    if low < top:
+        bar.ax.set_ylim(low, top)
+    if isinstance(norm, FuncNorm) and low < 0 < top:
         # Either side has ticks of its own, unless it is short.
-        sides = [(low, 0.0), (0.0, high)]
+        sides = [(low, 0.0), (0.0, top)]
         long = [s for s in sides if norm(s[1]) - norm(s[0]) > SHORT]
         ticks = np.unique(np.concatenate([MaxNLocator(3).tick_values(*s) for s in long]))
-        bar.set_ticks(ticks[(low <= ticks) & (ticks <= high)].tolist())
+        bar.set_ticks(ticks[(low <= ticks) & (ticks <= top)].tolist())
     bar.set_label(text)
 
 

@@ -116,7 +116,8 @@ def landscape(
     if data.rise.min() < 0 < data.rise.max():
         ax.contour(*places, [0.0], colors=style.ink(), linewidths=1.2)
     ax.plot(0, 0, **style.event())
-    style.colour_bar(ax, data.rise, norm, style.AREAS, label("$S - S^*$", units.action))
+    words = label("$S - S^*$", units.action)
+    style.colour_bar(ax, data.rise, norm, style.AREAS, words, high=True)
     x, y = (say("mode {k} (of the path's size)", k=k + 1) for k in data.modes)
     edge = float(np.max(data.a))
     ticks = (-edge, 0, edge)  # fixed, or equal axes get wider labels than they were laid out with
@@ -174,6 +175,7 @@ def spectrum(
             ax.text(
                 (begin + end) / 2, 0.98, text, color=style.GREY,
                 fontsize="small", ha="center", va="top", transform=ax.get_xaxis_transform(),
+                label=style.IF_ROOM,
             )  # fmt: skip
     ax.set_xlabel(label("duration $T$", units.time))
     ax.set_ylabel(label(r"eigenvalue of $\delta^2S$  ($\times\,T^2/\pi^2M$)"))

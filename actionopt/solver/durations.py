@@ -81,10 +81,10 @@ def returning(problem: Problem, q: Array, t: float) -> float:
 def well(problem: Problem) -> Array | None:
     """Return waypoints (1, K) there and back between the turning points of the energy.
 
-    Of a closed path of one coordinate, in the well that is nearest to where it starts, or to zero.
-    None where none is seen.
+    Of a closed path of one coordinate, in the well that is nearest to where it starts, or to zero;
+    with an advance, straight on over all of it. None where no motion of the energy is seen.
     """
-    if problem.system.n > 1 or problem.system.m or problem.advance is None or problem.advance.any():
+    if problem.system.n > 1 or problem.system.m or problem.advance is None:
         return None
     first, t = problem.system.pointwise("first"), problem.start.t
 
@@ -95,6 +95,9 @@ def well(problem: Problem) -> Array | None:
             return problem.energy + first(q, 0 * q, at, problem.packed)[2][:, 0]  # type: ignore[operator]
 
     centre = problem.start.q[0] or 0.0
+    if problem.advance.any():
+        turn = centre + problem.advance * np.linspace(0, 1, ROUND)
+        return turn[None] if (left(turn) > 0).all() else None
     x = centre + problem.scales[0] * np.concatenate([-SEEN[::-1], [0.0], SEEN])
     inside = left(x) > 0
     if not inside.any():

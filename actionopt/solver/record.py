@@ -43,7 +43,7 @@ class Record:
         finally:
             self.time[name] += perf_counter() - started
 
-    def round(self, tr: Transcription, seconds: float, estimate: float | None = None) -> None:
+    def round(self, tr: Transcription, seconds: float) -> None:
         """Note that a path was found on a mesh."""
         degrees = tr.mesh.degrees
         self.rounds.append(
@@ -51,7 +51,7 @@ class Record:
                 "elements": tr.mesh.elements,
                 "degrees": [min(degrees), max(degrees)],
                 "unknowns": tr.layout.size,
-                "estimate": estimate,
+                "estimate": None,  # until it is measured
                 "time": seconds,
             }
         )

@@ -333,7 +333,8 @@ def _unfixed(
             raise ValueError(
                 "expected a guess for a closed path whose period is to be found: a Path or a "
                 "solution near it, or waypoints round it; none is needed for one coordinate that "
-                "is bound at that energy near where it starts"
+                f"is bound at that energy, {problem.energy:g}, near where it starts, or turns "
+                "with the advance that is given"
             )
     elif guess is None or choices.mesh is not None:
         return None

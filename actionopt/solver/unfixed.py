@@ -683,7 +683,8 @@ def solve_unfixed(
         status = Status.OUT_OF_TIME
     if watch is not None and watch.raised is not None and not isinstance(watch.raised, OutOfTime):
         raise watch.raised
-    anywhere = not problem.closes and not (problem.start.pinned and problem.end.pinned)
+    events = () if problem.closes else (problem.start, problem.end)
+    anywhere = any(e.t is None and e.on is None and not e.pinned for e in events)
     if anywhere and not status.success:
         run.hint = f"{STOPS}; {run.hint}" if run.hint else STOPS
     if run.merged and status in (Status.NOT_FOUND, Status.UNRESOLVED):

@@ -69,6 +69,7 @@ def add_to(parser: argparse.ArgumentParser) -> None:
 
     command = commands.add_parser("list", help="name the problems", parents=[chosen])
     command.set_defaults(run=show)
+    command.add_argument("problem", nargs="*", action="extend", help="only these, as --problem")
     command = commands.add_parser(
         "run",
         help="run solvers on the problems",

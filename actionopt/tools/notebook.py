@@ -11,7 +11,6 @@ from actionopt.tools.types import Array
 
 WIDE, HIGH, MARGIN = 320, 180, 12  # pixels of a picture
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#BD8200", "#2E93CC")
-POINTS = 201  # of a curve
 
 
 def table(caption: str, rows: Iterable[Sequence[str]]) -> str:

@@ -54,7 +54,7 @@ def _contents() -> str:
 {_minutes()}
 {_traps()}
 </section></article>"""
-    return frame(say("A course"), main, root="", description=escape(lead))
+    return frame(say("A course"), main, root="", description=lead)
 
 
 def _minutes() -> str:
@@ -99,7 +99,7 @@ def _lesson(k: int, drawn: Sequence[Figure]) -> str:
 {_turn(k)}
 </article>"""
     scripts = ["film.js", *(SCRIPTS if widget else ())]
-    description = escape(say(lesson.idea))
+    description = say(lesson.idea)
     return frame(say(lesson.title), main, root="../", description=description, scripts=scripts)
 
 

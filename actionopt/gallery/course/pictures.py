@@ -9,7 +9,7 @@ import numpy as np
 
 from actionopt.analysis.solution import Solution
 from actionopt.gallery.figures import Figure, one, pair
-from actionopt.gallery.page import number
+from actionopt.gallery.page import number, rounded
 from actionopt.mechanics.problem import Event, Problem
 from actionopt.mechanics.system import System
 from actionopt.plot import _style as style
@@ -90,8 +90,9 @@ def _mirage() -> Figure:
         style.legend_below(ax, 3)
 
     straight, dips = found[CAR[1]]
+    low = float(dips(x)[0].min())
     values = {
-        "low": number(float(dips(x)[0].min()), 2),
+        "low": number(low, 2),
         "more": number(1e3 * (dips.action - straight.action), 3),
         "index": dips.morse_index,
     }
@@ -100,8 +101,9 @@ def _mirage() -> Figure:
         draw,
         say(
             "Two rays from each of two points of a car to the eye: one nearly straight, one that "
-            "dips to the hot air above the road and rises again. Drawn on along its last "
-            "direction it comes from below the road, where the car is seen upside down."
+            "dips to {low} m above the hot road and rises again. Drawn on along its last "
+            "direction it comes from below the road, where the car is seen upside down.",
+            low=rounded(low, 2),
         ),
         say(
             "The road is at 325 K, the air above at 300 K; heights are stretched. The ray that "
@@ -150,8 +152,10 @@ def _soap() -> Figure:
         "soap",
         draw,
         say(
-            "Left, two profiles between the same two rings: a wide film and a narrow one. Right, "
-            "their areas against the distance of the rings, two branches that meet in a cusp."
+            "Left, two profiles between the same two rings: a wide film of {wide} m\u00b2 and a "
+            "narrow one of {narrow} m\u00b2. Right, the areas against the distance of the rings, "
+            "two branches that meet in a cusp.",
+            wide=rounded(wide.action), narrow=rounded(narrow.action),
         ),
         say(
             "Rings of 1 m radius, 1 m apart. The wide film, of {wide} m\u00b2, is least; the "

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from actionopt.plot.data.motion import Motion
-from actionopt.tools.words import current, say
+from actionopt.tools.document import document
+from actionopt.tools.words import say
 
 STATIC = Path(__file__).parent / "static"
 RISE = 0.36  # radians that space is seen from above, the sine about that of `scenes.project`
@@ -25,7 +26,7 @@ def player(data: dict[str, Any], what: str, caption: str, *, clock: bool = False
 
     With `clock` it has the motion's own time: speeds, steps and the whole screen.
     """
-    data["box"] = padded(data["box"])
+    data["box"] = padded(_holding(data["box"], data.get("labels_at_start", []), "space" in data))
     text = json.dumps(data, separators=(",", ":")).replace("</", "<\\/")
     count = len(data.get("labels") or data["t"])
     words = f"\n<figcaption>{caption}</figcaption>" if caption else ""
@@ -84,26 +85,12 @@ def film_page(motion: Motion, title: str, time: str) -> str:
     style, script = (
         (STATIC / name).read_text(encoding="utf-8") for name in ("style.css", "film.js")
     )
-    return f"""<!DOCTYPE html>
-<html lang="{current()}">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="color-scheme" content="light dark">
-<title>{escape(title)}</title>
-<link rel="icon" href="data:,">
-<style>
-{style}</style>
-</head>
-<body>
-<main><h1>{escape(title)}</h1>
+    body = f"""<main><h1>{escape(title)}</h1>
 {player({**frames(motion), "unit": time}, title, "", clock=bool(time))}
 </main>
 <script>
-{script}</script>
-</body>
-</html>
-"""
+{script}</script>"""
+    return document(title, f"<style>\n{style}</style>\n", body)
 
 
 def frames(motion: Motion) -> dict[str, Any]:
@@ -168,6 +155,17 @@ def first(data: dict[str, Any]) -> str:
             f'font-size="{0.055 * size:.4g}">{label["name"]}</text>'
         )
     return "".join(parts)
+
+
+def _holding(
+    box: Sequence[float], labels: Sequence[dict[str, Any]], space: bool
+) -> Sequence[float]:
+    """Return the box, larger if the tip of an arrow is outside; what turns in space has room."""
+    if space or not labels:
+        return box
+    x, y = zip(*(label["to"] for label in labels), strict=True)
+    left, right, bottom, top = box
+    return min(left, *x), max(right, *x), min(bottom, *y), max(top, *y)
 
 
 def zigzag(ends: Sequence[Sequence[float]], width: float) -> list[list[float]]:

@@ -19,8 +19,9 @@ from actionopt.plot.live.words import words as spoken
 from actionopt.scenes import Scene
 from actionopt.solver.arguments import Guess
 from actionopt.solver.solve import solve
+from actionopt.tools.document import document
 from actionopt.tools.files import ready, write
-from actionopt.tools.words import current, say
+from actionopt.tools.words import say
 
 STATIC = Path(__file__).parent / "static"
 SCRIPTS = ("action.js", "live.js")
@@ -76,6 +77,11 @@ def whole(
     above: str = "",
 ) -> str:
     """Return the page as text; `above` is HTML that leads elsewhere. Raises as `page` does."""
+    if not isinstance(question, (Scene, Problem)):
+        raise ValueError(
+            f"expected a Problem or a Scene, which the page's reader solves, found {question!r}"
+            f"{'; give its `problem`' if hasattr(question, 'problem') else ''}"
+        )
     title = titled(question)
     problem = question.problem if isinstance(question, Scene) else question
     if isinstance(question, Scene):
@@ -90,29 +96,14 @@ def whole(
         (STATIC / name).read_text(encoding="utf-8") for name in ("style.css", *SCRIPTS)
     )
     code = "\n".join(f"<script>\n{text}</script>" for text in scripts)
-    return f"""<!DOCTYPE html>
-<html lang="{current()}">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="color-scheme" content="light dark">
-<meta name="description" content="{escape(what)}">
-<title>{escape(title)}</title>
-<link rel="icon" href="data:,">
-<style>
-{style}</style>
-</head>
-<body>
-<main>
+    body = f"""<main>
 {above}<header class="title"><h1>{escape(title)}</h1>
 <p class="lead">{escape(_sentence(problem, units))}</p></header>
 {figure(problem, solution, units=units, draw=draw)}
 </main>
 <footer class="site"><p>{made}</p></footer>
-{code}
-</body>
-</html>
-"""
+{code}"""
+    return document(title, f"<style>\n{style}</style>\n", body, what)
 
 
 def titled(question: Scene | Problem) -> str:

@@ -111,6 +111,13 @@
       this.cell = [dx, dy];
     }
 
+    // Which colour is whose, beside the unit.
+    named(rows) {
+      const text = element(this.back, "text");
+      put(text, { x: 48, y: 12 });
+      rows.forEach(([name, look]) => { element(text, "tspan", `key ${look}`, `${name} `); });
+    }
+
     points(rows) { return rows.map(([x, y]) => `${this.X(x).toFixed(2)},${this.Y(y).toFixed(2)}`).join(" "); }
   }
 
@@ -388,6 +395,7 @@
       }
       missingPanel.scale([A.start, right], forces);
       missingPanel.axes(inTime, [...new Set(mine.map((i) => data.coordinates[i].force).filter(Boolean))].map((word) => `(${word})`).join(" "));
+      if (mine.length > 1) missingPanel.named(mine.map((i) => [data.coordinates[i].name, `c${i % 5}`]));
       lacking.forEach((line, i) => line.setAttribute("points", mine.includes(i) ? missingPanel.points(Array.from(missing[i], (f, k) => [A.start + A.shares[k] * A.duration, f]).slice(1, -1)) : ""));
       // words
       const scale = Math.abs(reference) + Math.abs(value), rise = value - reference, distance = A.slope(trial);
