@@ -37,6 +37,9 @@ LOST_ALIKE = 1e-3  # of a path's size, what leads to the same meshes again
 # Motions that meet: the coordinates up to which a few hundred are many; pairs that are tried, and
 # unknowns of as many paths, which they may have together; elements of one that takes too long.
 MEETING_COORDINATES, MEETING_PAIRS, MEETING_UNKNOWNS, MEETING_ELEMENTS = 8, 32, 1500, 48
+# Paths so found that cannot be refined, after which others are not tried: measured, over random
+# systems and pendulums, it is the first that can be, or none.
+MEETING_LOST = 3
 HIGH_DEGREE_COORDINATES = 3  # up to which a higher degree costs less than a second mesh
 PATIENT = 30  # damped steps towards a path near a guess: whatever else there is costs more
 NEAR_GUESS = (16, 32, 64)  # elements: a guess has features that coarser meshes would miss
@@ -200,7 +203,7 @@ class Meeting(Rung):
 
     def attempt(self, search: Search) -> Status:
         """Refine the first of the curves that Newton's method takes to a path."""
-        ws, problem = search.ws, search.ws.problem
+        ws, problem, lost = search.ws, search.ws.problem, 0
         for seed, count in enumerate(self.meshes):
             left, elements = MEETING_PAIRS * MEETING_UNKNOWNS, MEETING_ELEMENTS + 1
             for guess in meetings(problem, count, MEETING_PAIRS, seed, ws.watch):
@@ -216,6 +219,9 @@ class Meeting(Rung):
                         if not saddle:
                             return status
                         search.saddle = self.name, ws.here.bare()
+                        return Status.NOT_FOUND
+                    lost += 1
+                    if lost == MEETING_LOST:
                         return Status.NOT_FOUND
                 if left < 0:
                     break
