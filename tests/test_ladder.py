@@ -9,7 +9,15 @@ from scipy.optimize import brentq
 import actionopt as ao
 from actionopt import Event, Path, Problem, System, scenes
 from actionopt.discrete.transcription import Transcription
-from actionopt.solver.ladder import IPOPT, LADDER, NEAR_GUESS, Search
+from actionopt.solver.ladder import (
+    IPOPT,
+    LADDER,
+    MEETING_LOST,
+    NEAR_GUESS,
+    Meeting,
+    Root,
+    Search,
+)
 from actionopt.solver.workspace import Workspace
 
 
@@ -136,3 +144,43 @@ def test_a_curved_line_stays_within_the_size_of_the_motion():
     bend = (search._curved(mesh).values - straight) / problem.lengths[:, None]
     assert np.max(np.abs(bend[:, [0, -1]])) < 1e-15
     assert 0.1 < np.max(np.abs(bend)) < 1.0
+
+
+@pytest.mark.parametrize("near, tried", [(0.0, 1), (0.01, 2)])
+def test_what_could_not_be_refined_is_not_refined_again(near, tried, monkeypatch):
+    """The same path on the same mesh leads to the same meshes; another may not."""
+    search = search_for(scenes.get("pendulum").problem)
+    refined, found = [], []
+
+    def unresolved(search):
+        refined.append(search.ws.here.mesh.elements)
+        return ao.Status.UNRESOLVED
+
+    def seek(ws):
+        found.append(ws.approach())
+        ws.here = ws.here.moved(ws.here.z + near * (len(found) - 1))
+        return found[-1]
+
+    monkeypatch.setattr(Search, "refine", unresolved)
+    rung = Root("stationary", (8,))
+    monkeypatch.setattr(Root, "seek", lambda rung, ws: seek(ws))
+    for _ in range(2):
+        assert search.on_meshes(rung) is ao.Status.UNRESOLVED
+    assert found == [True, True]
+    assert len(refined) == tried
+
+
+def test_few_motions_that_meet_are_refined_where_none_can_be(monkeypatch):
+    scene = scenes.get("pendulum")
+    search, refined = search_for(scene.problem, principle="stationary"), []
+
+    def unresolved(search):
+        refined.append(search)
+        return ao.Status.UNRESOLVED
+
+    mesh = ao.Mesh.uniform(scene.problem.start.t, scene.problem.end.t, 4, 8)
+    guess = Path.interpolate(scene.exact, mesh)
+    monkeypatch.setattr("actionopt.solver.ladder.meetings", lambda *_: iter([guess] * 9))
+    monkeypatch.setattr(Search, "refine", unresolved)
+    assert Meeting("meeting", (8, 16)).attempt(search) is ao.Status.NOT_FOUND
+    assert len(refined) == MEETING_LOST

@@ -166,3 +166,27 @@ def test_a_steep_path_is_not_torn_whichever_way_it_goes(side):
     ws = Workspace(Problem(free, *[Event(t, curve(np.array(t))) for t in (0.0, 1.0)]))
     ws.transcribe(mesh, Path.interpolate(curve, mesh))
     assert not ws.here.singular
+
+
+@pytest.mark.parametrize("elements, asked", [(8, True), (400, False)])
+def test_ipopt_is_not_asked_again_for_a_least_path_of_thousands_of_unknowns(
+    elements, asked, monkeypatch
+):
+    _, ws = on_the_way(elements=elements)
+    calls = []
+    monkeypatch.setattr(ws, "descend", lambda: False)
+    monkeypatch.setattr(ws, "find", lambda principle: calls.append(principle))
+    assert not ws._recover(least=True)
+    assert calls == ["patient least"] * asked
+
+
+@pytest.mark.parametrize(
+    "recovered, elements, kinked", [(True, 0.5e-6, True), (True, 1e-5, False), (False, 1e-9, False)]
+)
+def test_what_is_lost_on_tiny_elements_has_a_kink(recovered, elements, kinked):
+    _, ws = on_the_way()
+    p = ws.problem
+    t = p.start.t + p.duration * np.array([0.0, 0.5, 0.5 + elements, 1.0])
+    ws.transcribe(Mesh(t, [6, 6, 6]), None)
+    ws.recovered = recovered
+    assert ws.kinked == kinked

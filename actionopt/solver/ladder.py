@@ -37,6 +37,9 @@ LOST_ALIKE = 1e-3  # of a path's size, what leads to the same meshes again
 # Motions that meet: the coordinates up to which a few hundred are many; pairs that are tried, and
 # unknowns of as many paths, which they may have together; elements of one that takes too long.
 MEETING_COORDINATES, MEETING_PAIRS, MEETING_UNKNOWNS, MEETING_ELEMENTS = 8, 32, 1500, 48
+# Paths so found that cannot be refined, after which others are not tried: measured, over random
+# systems and pendulums, it is the first that can be, or none.
+MEETING_LOST = 3
 HIGH_DEGREE_COORDINATES = 3  # up to which a higher degree costs less than a second mesh
 PATIENT = 30  # damped steps towards a path near a guess: whatever else there is costs more
 NEAR_GUESS = (16, 32, 64)  # elements: a guess has features that coarser meshes would miss
@@ -167,9 +170,10 @@ class Homotopy(Rung):
 
 
 class Resonance(Rung):
-    """Newton steps where they cannot be damped: one of many modes is near a resonance.
+    """Newton steps where they cannot be damped: a few of many modes are near a resonance.
 
-    After a few steps it alone is left, and its force is released. What is found is a saddle.
+    Whole steps settle the others as a rule; the force that is left, mostly along those few, is
+    released. What is found is a saddle as a rule: other modes are beyond their first resonance.
     """
 
     price = 200
@@ -199,7 +203,7 @@ class Meeting(Rung):
 
     def attempt(self, search: Search) -> Status:
         """Refine the first of the curves that Newton's method takes to a path."""
-        ws, problem = search.ws, search.ws.problem
+        ws, problem, lost = search.ws, search.ws.problem, 0
         for seed, count in enumerate(self.meshes):
             left, elements = MEETING_PAIRS * MEETING_UNKNOWNS, MEETING_ELEMENTS + 1
             for guess in meetings(problem, count, MEETING_PAIRS, seed, ws.watch):
@@ -215,6 +219,9 @@ class Meeting(Rung):
                         if not saddle:
                             return status
                         search.saddle = self.name, ws.here.bare()
+                        return Status.NOT_FOUND
+                    lost += 1
+                    if lost == MEETING_LOST:
                         return Status.NOT_FOUND
                 if left < 0:
                     break
@@ -474,9 +481,10 @@ class Search:
             return True
         settled, self.settled = ws.here, ws.here.path
         if constrained:  # damped steps may leave the surface, and come to another path
-            ws.here = first
-            if ws.approach(PATIENT):
-                return True
+            for here in (settled, first):
+                ws.here = here
+                if ws.approach(PATIENT):
+                    return True
             ws.here = settled
         # A guess is worth seconds, not minutes.
         return self.ladder is not NEAR and (ws.root() or (not ws.large and ws.homotopy()))

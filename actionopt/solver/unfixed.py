@@ -703,7 +703,8 @@ def _solution(run: Unfixed, status: Status, started: float) -> Solution:
         at = run.here.at
         path, rows, duration = at.path, at.rows, at.mesh.duration
     problem = over(run.problem, duration)
-    if path is not None and run.problem.on_surface and np.isfinite(run.error):
+    # An error as large as the path: it ran away, and lies on no surface.
+    if path is not None and run.problem.on_surface and run.error < 1:
         problem = run.problem.found(problem.start.t, problem.end.t, path.values[:, [0, -1]].T)
     if path is None:
         mesh = Mesh.uniform(problem.start.t, problem.end.t, FIRST_ELEMENTS, COARSE_DEGREE)

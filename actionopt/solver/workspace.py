@@ -433,8 +433,11 @@ class Workspace:
         """Find the path again on a mesh where following it did not work."""
         if not least:
             return self.root() and self.follow()
-        if self.problem.system.m == 0 and self.descend():
-            return True
+        if self.problem.system.m == 0:
+            if self.descend():
+                return True
+            if self.large:  # Ipopt would take seconds over it, hardly ever to any end
+                return False
         return self.find("patient least") and self.follow()
 
 
