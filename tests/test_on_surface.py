@@ -260,7 +260,7 @@ def test_a_surface_without_points_is_said_and_nothing_of_free_times():
 def test_a_path_that_ran_away_is_no_fault_of_the_events():
     circle = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"], constraint=lambda q, t: q @ q - 1)
     end = ao.Event(None, None, on=lambda q, t: q[0] - q[1])
-    run = Unfixed(ao.Problem(circle, ao.Event(0.0, [1.0, 0.0]), end, energy=0.5), 1e-8, ao.solve)
+    run = Unfixed(ao.Problem(circle, ao.Event(0.0, [1.0, 0.0]), end, energy=0.5), 1e-8)
     run.here = run._around(Path(Mesh.uniform(0.0, 1.0, 2, 4), np.full((2, 9), 1e24)), None)
     run.error = 1e37
     solution = _solution(run, Status.DEGENERATE, 0.0)  # not that the end is off the circle

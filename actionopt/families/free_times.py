@@ -22,9 +22,10 @@ from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.durations import along, rates, returning
+from actionopt.solver.first_paths import FirstPaths, straight
 from actionopt.solver.iterate import sizes
 from actionopt.solver.solve import solve
-from actionopt.solver.unfixed import Unfixed, solve_unfixed, straight
+from actionopt.solver.unfixed import solve_unfixed
 from actionopt.tools.types import Array
 
 # Ad hoc.
@@ -61,8 +62,8 @@ def all_durations(
             by = np.zeros(problem.system.n)
             by[list(turning)] = 2 * np.pi * np.array(k)
             mine = problem.replace(end=problem.end.shifted(by))
-            run = Unfixed(mine, tol, solve)
-            known = [(at.path, "durations") for at in run.near()]
+            paths = FirstPaths(mine, tol, solve).near()
+            known = [(at.path, "durations") for at in paths]
             passing = _passages(mine, known, shots, windings, np.random.default_rng(seed))
             guesses = known + [(path, "forward shots") for path in passing]
             for i, (path, how) in enumerate(guesses):

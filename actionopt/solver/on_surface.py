@@ -23,15 +23,9 @@ from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Event, Problem, diagonal
 from actionopt.solver.arguments import Guess
 from actionopt.solver.durations import along
+from actionopt.solver.first_paths import FIRST_ELEMENTS, FIRST_TOL, FirstPaths, straight
 from actionopt.solver.ladder import COARSE_DEGREE
-from actionopt.solver.unfixed import (
-    APPROACHES,
-    FIRST_ELEMENTS,
-    FIRST_TOL,
-    Unfixed,
-    solve_unfixed,
-    straight,
-)
+from actionopt.solver.unfixed import APPROACHES, solve_unfixed
 from actionopt.tools.types import Array
 from actionopt.tools.watch import Watch
 
@@ -108,7 +102,7 @@ def firsts(
     """
     for k, (fixed, line) in enumerate(points(problem, directions)):
         if fixed.free_time:
-            near = Unfixed(fixed, tol, solve).near()
+            near = FirstPaths(fixed, tol, solve).near()
             yield from (at.path for at in islice(near, None if k < ALL_DURATIONS else 1))
             continue
         tr = Transcription(fixed, line.mesh, fixed.lengths)

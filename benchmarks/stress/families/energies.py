@@ -18,7 +18,7 @@ from scipy.integrate import quad, solve_bvp
 from scipy.special import ellipkinc
 
 import actionopt as ao
-from actionopt.solver.unfixed import straight, timed
+from actionopt.solver.first_paths import straight, timed
 from benchmarks.stress.case import Case, Criterion, Row, mine, solved, within
 
 TITLE = "Given energies"
