@@ -1,9 +1,8 @@
 """From a question whose duration is to be found, or whose paths close anywhere, to a solution.
 
-A first path is one over a fixed duration, from how long a motion of the energy takes along the
-straight line, or a guess. Newton's method on the path and what is beside it (`bordered`) takes it
-to the energy, on a coarse mesh; from there it is followed from mesh to mesh, as between given
-times.
+Newton's method on a first path (`first_paths`) and what is beside it (`bordered`) takes it to the
+energy, or closes it, on a coarse mesh; from there it is followed from mesh to mesh, as between
+given times.
 """
 
 from __future__ import annotations
