@@ -98,6 +98,8 @@ def test_a_length_given_as_a_lagrangian_is_recognised():
     "length, said",
     [
         (lambda q, v: v @ v, "homogeneous of degree one"),
+        (lambda q, v: -np.sqrt(v @ v), "positive"),
+        (lambda q, v: 0 * v[0], "positive"),
         (lambda q, v: np.sqrt(1 + v @ v), "homogeneous of degree one"),
         (lambda q, v, t: np.sqrt(v @ v), "no clock"),
     ],

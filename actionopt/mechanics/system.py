@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.expressions import Expressions
-from actionopt.mechanics.identity import general_states, vanishes
+from actionopt.mechanics.identity import GENERIC, general_states, vanishes
 from actionopt.mechanics.laws import Laws, Once
 from actionopt.mechanics.tracing import (
     ParameterTable,
@@ -151,7 +151,8 @@ class System(Laws):
         Raises
         ------
         ValueError
-            As the class does, and where F is not homogeneous of degree one in v.
+            As the class does, and where F is not homogeneous of degree one in v, or is positive
+            nowhere.
 
         References
         ----------
@@ -371,12 +372,20 @@ class System(Laws):
         return vanishes(euler, self._arguments, [*general_states(self.n), packed])
 
     def _check_length(self, F: ca.SX) -> None:
-        """Raise ValueError unless the length F is homogeneous, or where it is finite nowhere."""
+        """Raise ValueError unless F is homogeneous, and somewhere finite and positive."""
         if not self._homogeneous(F):
             raise ValueError(
                 "expected a length homogeneous of degree one in v, length(q, s v) = s length(q, v) "
                 "for s > 0, such as np.sqrt(v @ v) or a travel time, found one that is not; where "
                 "it is the Lagrangian of a motion, use System(lagrangian, coordinates)"
+            )
+        states = [x[:GENERIC] for x in general_states(self.n)]
+        of = ca.Function("length", self._arguments, [F]).map(GENERIC)
+        packed = np.repeat(self.table.pack(self.parameters), GENERIC, axis=0)
+        if not np.any(np.asarray(of(*[ca.DM(x.T) for x in (*states, packed)])) > 0):
+            raise ValueError(
+                "expected a length that is positive where v is not zero, such as np.sqrt(v @ v), "
+                f"found none that is at {GENERIC} places and velocities"
             )
 
     @property
