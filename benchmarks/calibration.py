@@ -92,8 +92,8 @@ def known(quick: bool) -> dict[str, Callable[[], Question]]:
 
 def measure(k: Question, tol: float) -> Cell:
     """Solve once and compare."""
-    problem = k.problem
-    solution = ao.solve(problem, tol=tol, guess=k.guess, throw=False)
+    solution = ao.solve(k.problem, tol=tol, guess=k.guess, throw=False)
+    problem = solution.problem  # with its duration, where that was to be found
     true = deviation(solution, k.exact, problem, solution.mesh.nodes)
     pairs = {"position": (float(solution.error), true or 0.0)}
     t = np.linspace(problem.start.t, problem.end.t, SAMPLES)

@@ -121,7 +121,7 @@ def ellipse(k: int) -> list[Row]:
     clock = time.perf_counter()
     family = ao.trace(problem, "energy", -0.5, guess=first, tol=TOL)
     row = _row(family.solution(-1), known, clock)
-    row["success"] &= family.values[-1] == -0.5
+    row["success"] &= bool(family.values[-1] == -0.5)
     clock, theirs, found = time.perf_counter(), {}, first
     for part in np.linspace(0, 1, STEPS + 1):
         e_k = 1 - (1 - ROUND) ** (1 - part) * (1 - e) ** part
