@@ -220,7 +220,8 @@ def build(file: ModuleType, numbers: Mapping[str, Any]) -> Scene:
 
     def kinetic(q: Array, v: Array, t: Any) -> Array:
         L, back, rest = (
-            y.lagrangian(q, sign * v, t, parameters=problem.parameters) for sign in (1, -1, 0)
+            problem.system.lagrangian(q, sign * v, t, parameters=problem.parameters)
+            for sign in (1, -1, 0)
         )
         return (L + back) / 2 - rest
 
