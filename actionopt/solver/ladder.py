@@ -31,7 +31,7 @@ UNSOLVED = (Status.NOT_FOUND, Status.UNRESOLVED, Status.DEGENERATE)
 # Beyond which Ipopt takes far longer than a descent; up to it, it keeps nearer to the line.
 DESCENT_COORDINATES = 8
 # Up to which other ways are shorter. Measured on pendulums of n links: at 30 the path beside the
-# line is found by nothing else, at 50 in half the time; three bodies would take three times as long.
+# line is found by nothing else, at 50 in half the time; three bodies would take thrice as long.
 RESONANT_COORDINATES = 20
 # Rungs that are tried from a curved line, and those of them that come before what costs more; its
 # height, in the motion's sizes ("flat" here is as in `workspace`: this is).
