@@ -637,3 +637,14 @@ def test_beside_a_scene_are_others():
         words = scenes.get(name).words
         assert words.question.endswith("?") and words.answer and words.look
         assert words.beside and set(words.beside) <= set(scenes.SCENES) - {name}
+
+
+@pytest.mark.parametrize("name", scenes.SCENES)
+def test_the_kinetic_energy_of_a_scene_can_be_asked_for(name):
+    """Whatever parameters its ends have of their own: the page of every scene draws it."""
+    scene = scenes.get(name)
+    q = np.array([scene.problem.start.near, scene.problem.end.near], dtype=float).T
+    t = np.array([scene.problem.start.t, scene.problem.end.t])
+    inside = q.mean(axis=1, keepdims=True) + 0.1  # some are singular at their ends
+    T = scene.kinetic(inside, np.ones_like(inside), t[:1])
+    assert np.all(np.isfinite(T))
