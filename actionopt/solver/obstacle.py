@@ -414,8 +414,10 @@ class Along(Workspace):
         return t
 
 
-def along(ws: Along, tol: float, curve_of: Callable[[Mesh], Path] | None) -> Status:
+def along(ws: Along, tol: float, curve_of: Callable[[Mesh], Path] | None) -> tuple[Along, Status]:
     """Find the path along the obstacle that is least near a guess or, without one, near lines.
+
+    Return the search that has it, and the verdict.
 
     That is the straight one and, against symmetries that would hold the path there, curved ones to
     either side; of what Ipopt finds from them, the least action first.
@@ -433,22 +435,22 @@ def along(ws: Along, tol: float, curve_of: Callable[[Mesh], Path] | None) -> Sta
             if ws.touch(mesh, line, principle):
                 first.append(ws.here)
             elif ws.unbounded and line is None:
-                return Status.UNBOUNDED
+                return ws, Status.UNBOUNDED
         first.sort(key=lambda found: found.action)
         windows = ws.unseen(first[0]) if first else []
         if not windows:
-            status = _least(ws, tol, first, status)
+            ws, status = _least(ws, tol, first, status)
             if status is not Status.NOT_FOUND and status is not Status.UNRESOLVED:
-                return status
+                return ws, status
             windows = ws.narrow(first[0]) if first else []
         since = np.unique(np.concatenate([since, *(windows or [(since[:-1] + since[1:]) / 2])]))
         if since.size > MOST or ws.hint in HOPELESS:
             break
-    return status
+    return ws, status
 
 
-def _least(ws: Along, tol: float, first: list[Iterate], status: Status) -> Status:
-    """Refine first paths, in order of their action, and keep the least.
+def _least(ws: Along, tol: float, first: list[Iterate], status: Status) -> tuple[Along, Status]:
+    """Refine first paths, in order of their action; return the search that has the least.
 
     What nodes alone hold outside costs less than what all of it does, about: one whose action there
     is above that of a path that was refined is not the least.
@@ -467,9 +469,7 @@ def _least(ws: Along, tol: float, first: list[Iterate], status: Status) -> Statu
                 best, status = copy(ws), last
         elif best is None:
             status = last
-    if best is not None:
-        vars(ws).update(vars(best))
-    return status
+    return best or ws, status
 
 
 def _another(found: Iterate, tried: list[Iterate]) -> bool:

@@ -196,7 +196,7 @@ def _solved(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[So
     try:
         if isinstance(ws, Along):
             search.begin("obstacle", least=True)
-            status = along(ws, tol, curve_of)
+            search.ws, status = along(ws, tol, curve_of)
         else:
             status = _found(search, guess, curve_of)
     except OutOfTime:
