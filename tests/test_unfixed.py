@@ -512,7 +512,7 @@ def test_orbits_of_the_literature_close_with_the_period_of_their_energy(name):
     assert np.max(np.abs(s.end.q - s.start.q)) < 1e-12
     assert np.max(np.abs(s.momenta[1] - s.momenta[0])) < 1e-10
     M = ao.monodromy(s)
-    z, raw = M.multipliers, np.linalg.eigvals(np.asarray(M))
+    z, raw = M.eigenvalues, np.linalg.eigvals(np.asarray(M))
     assert np.max(np.abs(z[::2] * z[1::2] - 1)) < 1e-8
     # Those that are single are eigenvalues of the matrix itself.
     single = [x for x in z if np.sort(np.abs(z - x))[1] > 1e-2]

@@ -69,11 +69,6 @@ class Monodromy(np.ndarray):
         return np.array(pairs)
 
     @property
-    def multipliers(self) -> Array:
-        """The `eigenvalues`, as those of a closed path are called: Floquet multipliers."""
-        return self.eigenvalues
-
-    @property
     def stable(self) -> bool:
         """Whether no neighbour leaves the path exponentially."""
         return self._leaving == 0

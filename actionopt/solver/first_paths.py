@@ -87,7 +87,7 @@ class FirstPaths:
     def near(self) -> Iterator[DiscretePath]:
         """Yield paths over fixed durations, near those of the energy."""
         problem = self.problem
-        t = next((e.t for e in (problem.start, problem.end) if e.t is not None), 0.0)
+        t = given_time(problem)
         q = straight(problem)
         known = along(problem, q, t)
         if known is not None and known[1] > 0:
@@ -290,6 +290,11 @@ def sheared(path: Path, problem: Problem) -> Path:
     return Path(path.mesh, values)
 
 
+def given_time(problem: Problem) -> float:
+    """Return a time that an event gives; zero where neither does."""
+    return next((e.t for e in (problem.start, problem.end) if e.t is not None), 0.0)
+
+
 def straight(problem: Problem) -> Array:
     """Return points (K, n) on the straight line between the events."""
     pairs = zip(problem.start.q, problem.end.q, strict=True)
@@ -315,7 +320,7 @@ def timed(problem: Problem, guess: ArrayLike | Callable[[Array], ArrayLike]) -> 
             "solution, or waypoints, found a callable; Path.interpolate(callable, mesh) has one"
         )
     shape = curve(over(problem, 1.0), guess)
-    start = next((e.t for e in (problem.start, problem.end) if e.t is not None), 0.0)
+    start = given_time(problem)
     s = np.linspace(0.0, 1.0, 10 * LINE)
     known = over(problem, 1.0)
     unit = Mesh.uniform(known.start.t, known.end.t, 10 * FIRST_ELEMENTS, COARSE_DEGREE)

@@ -23,7 +23,14 @@ from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Event, Problem, diagonal
 from actionopt.solver.arguments import Guess
 from actionopt.solver.durations import along
-from actionopt.solver.first_paths import FIRST_ELEMENTS, FIRST_TOL, FirstPaths, straight
+from actionopt.solver.first_paths import (
+    FIRST_ELEMENTS,
+    FIRST_TOL,
+    FirstPaths,
+    given_time,
+    line,
+    straight,
+)
 from actionopt.solver.ladder import COARSE_DEGREE
 from actionopt.solver.unfixed import APPROACHES, solve_unfixed
 from actionopt.tools.types import Array
@@ -100,14 +107,14 @@ def firsts(
 
     The points are looked for in `directions`, as `points` says.
     """
-    for k, (fixed, line) in enumerate(points(problem, directions)):
+    for k, (fixed, first) in enumerate(points(problem, directions)):
         if fixed.free_time:
             near = FirstPaths(fixed, tol, solve).near()
             yield from (at.path for at in islice(near, None if k < ALL_DURATIONS else 1))
             continue
-        tr = Transcription(fixed, line.mesh, fixed.lengths)
-        found = approach(tr, tr.pack(line.values.T), APPROACHES)
-        yield line if found is None else DiscretePath(tr, found[0]).polished().path
+        tr = Transcription(fixed, first.mesh, fixed.lengths)
+        found = approach(tr, tr.pack(first.values.T), APPROACHES)
+        yield first if found is None else DiscretePath(tr, found[0]).polished().path
 
 
 def _thorough(problem: Problem, solve: Callable[..., Solution]) -> Iterator[Path]:
@@ -146,7 +153,7 @@ def points(problem: Problem, directions: Array | None = None) -> list[tuple[Prob
         with suppress(ValueError):
             fixed = Problem(problem.system, *ends, parameters=values, energy=energy)
             found.append((*_line(fixed), fixed, pair))
-    return [(fixed, line) for _, line, fixed, _ in sorted(found, key=lambda x: x[0])]
+    return [(fixed, path) for _, path, fixed, _ in sorted(found, key=lambda x: x[0])]
 
 
 def _sizes(problem: Problem) -> Array:
@@ -155,7 +162,7 @@ def _sizes(problem: Problem) -> Array:
     ends = problem.start, problem.end
     pairs = zip(ends[0].q, ends[1].q, strict=True)
     q = np.array([[(b or 0.0) if a is None else a for a, b in pairs]])
-    t = np.array([[next((e.t for e in ends if e.t is not None), 0.0)]])
+    t = np.array([[given_time(problem)]])
     second = problem.system.pointwise("second")(q, size[None], t, problem.packed)[2]
     with np.errstate(all="ignore"):
         units = 1 / np.sqrt(diagonal(problem.system, 2, second)[0])
@@ -166,15 +173,14 @@ def _sizes(problem: Problem) -> Array:
 def _line(problem: Problem) -> tuple[float, Path]:
     """Return the action along the straight line, S + E T where the time is free, and the line."""
     q = straight(problem)
-    t = next((e.t for e in (problem.start, problem.end) if e.t is not None), 0.0)
+    t = given_time(problem)
     T = _lasting(problem, q, t)
     fixed = over(problem, T)
     mesh = Mesh.uniform(fixed.start.t, fixed.end.t, FIRST_ELEMENTS, COARSE_DEGREE)
-    s = mesh.nodes_since / mesh.duration
-    line = Path(mesh, np.stack([np.interp(s, np.linspace(0, 1, len(q)), x) for x in q.T]))
+    path = Path(mesh, line(problem, mesh))
     with np.errstate(all="ignore"):
-        S = DiscretePath.of(fixed, line).action + (problem.energy or 0.0) * T
-    return S if np.isfinite(S) else np.inf, line
+        S = DiscretePath.of(fixed, path).action + (problem.energy or 0.0) * T
+    return S if np.isfinite(S) else np.inf, path
 
 
 def _lasting(problem: Problem, q: Array, t: float) -> float:
@@ -194,7 +200,7 @@ def _pair(problem: Problem, away: Array, size: Array) -> Array | None:
             pairs = zip(ends[k].q, known[1 - k], strict=True)
             known[k] = [b if a is None else a for a, b in pairs]
     q, times = np.array(known), [e.t for e in ends]
-    t = next((x for x in times if x is not None), 0.0)
+    t = given_time(problem)
     q[[k for k in (0, 1) if ends[k].on is not None]] += away
     timed = any(e.on is not None and e.on.timed for e in ends)
     both = all(e.on is not None for e in ends)
