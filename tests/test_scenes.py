@@ -614,5 +614,5 @@ def test_a_choreography_closes_in_another_order():
     assert abs(part.action / scene.action - 1) < 1e-13
     assert (part.kind, part.morse_index) == ("minimum", 0)  # among choreographies
     around = monodromy(part)
-    assert 4 * np.log(np.abs(around.multipliers).max()) == pytest.approx(5.1177, abs=6e-5)
+    assert 4 * np.log(np.abs(around.eigenvalues).max()) == pytest.approx(5.1177, abs=6e-5)
     assert around.trivial == 4
