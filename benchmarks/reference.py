@@ -13,36 +13,20 @@ II.9, equations 9.10 and 9.13.
 from __future__ import annotations
 
 import sys
-from functools import cache
-from pathlib import Path
 
 import numpy as np
 
+from benchmarks import problems
 from benchmarks.arithmetic import elementwise
+from benchmarks.others import known
+from benchmarks.peers._peer import tangent
+from benchmarks.peers.dop853 import end_and_slope
+from benchmarks.problems._case import sample_times
+from benchmarks.problems._stored import FILE, table
 
-FILE = Path(__file__).with_name("reference.npz")
 DIGITS = 34
 COLUMNS = 8  # of the extrapolation table: order 16
 TOLERANCE = "1e-22"  # of the last correction in each step, relative
-
-
-@cache
-def _table():
-    return dict(np.load(FILE)) if FILE.exists() else {}
-
-
-def stored(name: str):
-    """Return the two `Ends` of a problem from the file."""
-    from benchmarks.problems._case import Ends
-
-    paths = _table()[name]
-    return tuple(Ends(q[:, 0].copy(), q[:, -1].copy(), q.copy()) for q in paths)
-
-
-def others(name: str):
-    """Return the other paths that are known, for either pair of ends: arrays (P, n, K)."""
-    table = _table()
-    return tuple(table.get(f"{name}/{k}", ()) for k in (0, 1))
 
 
 def extrapolate(rhs, t, y, h):
@@ -115,9 +99,6 @@ def polished(case, ends, v) -> np.ndarray:
     Newton's method in multiple precision with the derivatives of double precision gains some
     nine digits a step.
     """
-    from benchmarks.peers._peer import tangent
-    from benchmarks.peers.dop853 import end_and_slope
-
     run = Integrator(case.acceleration, case.duration, f"{case.name}, another path")
     Z = tangent(case, ends)
     slope = end_and_slope(case, ends, np.asarray(v, dtype=float), Z, 1e-11)[2]
@@ -136,12 +117,8 @@ def polished(case, ends, v) -> np.ndarray:
 
 def main() -> None:
     """Integrate every problem that has no closed form, and the other paths; write the file."""
-    from benchmarks import problems
-    from benchmarks.others import known
-    from benchmarks.problems._case import sample_times
-
     fresh = "--others" not in sys.argv
-    paths = {} if fresh else {k: v for k, v in _table().items() if "/" not in k}
+    paths = {} if fresh else {k: v for k, v in table().items() if "/" not in k}
     for module in problems.INTEGRATED if fresh else ():
         run = Integrator(module.acceleration, module.DURATION, module.NAME)
         times = sample_times(module.DURATION)
@@ -149,7 +126,7 @@ def main() -> None:
             [run.path(q, v, times).astype(float) for q, v in module.RELEASES]
         )
     np.savez_compressed(FILE, **paths)
-    _table.cache_clear()
+    table.cache_clear()
     for name, found in known().items():
         case = problems.load()[name]
         for k, (ends, velocities) in enumerate(zip(case.ends(), found, strict=True)):

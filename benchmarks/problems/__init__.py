@@ -14,7 +14,7 @@ from benchmarks.problems import (
     three_bodies,
 )
 from benchmarks.problems._case import Case, Ends
-from benchmarks.reference import others
+from benchmarks.problems._stored import others
 
 __all__ = ["INTEGRATED", "QUICK", "Case", "Ends", "load"]
 

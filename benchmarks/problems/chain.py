@@ -9,7 +9,7 @@ import numpy as np
 from actionopt.scenes import chain
 from benchmarks.arithmetic import NUMPY
 from benchmarks.problems._case import Case, Ends
-from benchmarks.reference import stored
+from benchmarks.problems._stored import stored
 
 NAME = "chain_angles"
 LINKS, L, G = 10, 0.1, 9.81  # unit masses

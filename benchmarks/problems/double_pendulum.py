@@ -6,7 +6,7 @@ import numpy as np
 
 from actionopt.scenes import double_pendulum
 from benchmarks.problems._case import Case
-from benchmarks.reference import stored
+from benchmarks.problems._stored import stored
 
 NAME = "double_pendulum"
 DURATION = 2.0

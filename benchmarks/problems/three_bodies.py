@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks.problems._case import Case, no_partials
-from benchmarks.reference import stored
+from benchmarks.problems._stored import stored
 
 NAME = "three_bodies"
 DURATION = 2.0  # of the period 6.3259
