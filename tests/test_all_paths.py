@@ -419,6 +419,7 @@ def test_an_interruption_ends_the_search_and_keeps_what_it_has(after):
     assert found.interrupted and len(found) >= first[0]
 
 
+@pytest.mark.slow
 def test_each_path_agrees_with_forward_motion():
     problem = ao.Problem(PENDULUM, ao.Event(0.0, 0.0), ao.Event(1.0, 1.0))
     for solution in solve_all(problem, starts=2, continuations=0):
@@ -432,6 +433,7 @@ def test_a_comparison_that_cannot_tell_contradicts_nothing(monkeypatch):
     assert len(solve_all(problem, starts=2, shots=0, continuations=0)) >= 3
 
 
+@pytest.mark.slow
 def test_forced_motion():
     system = ao.System(
         lambda q, v, t: v[0] ** 2 / 2 + 9.81 * np.cos(q[0]),

@@ -98,6 +98,7 @@ def test_the_same_bits_again():
     assert all(np.array_equal(a, b) for a, b in zip(one.values, other.values, strict=True))
 
 
+@pytest.mark.slow
 def test_index_over_conjugate_points():
     # The end is conjugate to the start at t1 = 1, 2 and 3: there the path is not determined.
     def lagrangian(q, v, t, *, w):
@@ -151,6 +152,7 @@ def test_a_path_that_no_neighbour_leads_to_is_found_from_the_straight_line():
     assert found.success.all()
 
 
+@pytest.mark.slow
 def test_pulses_between_nodes_are_seen():
     def lagrangian(q, v, t, *, at, width):
         return v[0] ** 2 / 2 - q[0] ** 2 / 2 + 5 * q[0] * np.exp(-(((t - at) / width) ** 2))

@@ -111,6 +111,7 @@ def test_energy_balance_sees_work_that_is_wrong(name):
     assert compare(curve).energy_drift > 1e-4
 
 
+@pytest.mark.slow
 def test_unstable_motion_agrees_piece_by_piece():
     """A double pendulum amplifies an error of 1e-7 so that at the end nothing is left of it."""
     start = State(0.0, [2.5, 1.0], [0.0, 0.0])
@@ -224,6 +225,7 @@ def test_other_lagrangian():
     assert not found.agrees
 
 
+@pytest.mark.slow
 def test_small_errors_that_add_up_on_a_stable_motion():
     """Each piece is right to 1e-7, the whole is not, and no instability excuses it."""
     found = compare(
@@ -280,6 +282,7 @@ def test_no_claimed_error_excuses_a_curve_that_is_no_motion():
     assert not found.agrees
 
 
+@pytest.mark.slow
 def test_collision_on_the_way_of_the_motion():
     def through(t):  # straight through the centre
         return np.stack([1 - t, 1e-30 + 0 * t]), np.stack([-1 + 0 * t, 0 * t])

@@ -30,6 +30,7 @@ def states(count):
     return random.normal(size=(2, count)), random.normal(size=(2, count)), random.normal(size=count)
 
 
+@pytest.mark.slow
 def test_memory_of_large_numbers_of_times_is_not_kept():
     system = new()
     for count in range(400_000, 400_004):

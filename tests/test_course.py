@@ -61,6 +61,7 @@ def found():
         return {(x.name, k): e.run() for x in LESSONS for k, e in enumerate(x.exercises)}
 
 
+@pytest.mark.slow
 def test_every_number_of_an_answer_is_known_otherwise(found):
     for at, names in found.items():
         lesson, k = at

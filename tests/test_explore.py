@@ -72,6 +72,7 @@ def test_dragging_a_point_shows_the_action_of_the_bent_path():
     assert panel.points.get_ydata()[3] == pytest.approx(place)  # the ends are no points
 
 
+@pytest.mark.slow
 def test_orbits_are_dragged_in_the_plane():
     window = plot.explore(scenes.get("kepler"))
     (panel,) = window.panels
@@ -92,6 +93,7 @@ def test_the_line_bends_as_a_whole():
     assert np.all(change > 0) and window.now.trial.Q[node, 0] == pytest.approx(place, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_other_buttons_and_empty_places_move_nothing():
     window = plot.explore(scenes.get("oscillator"))
     first, node = window.now.trial, knots(window.now.trial)[4]
@@ -138,6 +140,7 @@ def test_the_buttons_solve_and_start_over():
     assert number(window.words.rise) == pytest.approx(first.action - scene.action, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_with_a_force_no_slope_of_the_action_is_claimed():
     """S changes to first order on the motion; what vanishes is the missing force."""
     window = plot.explore(scenes.get("damped_oscillator"), units=plot.SI)
@@ -197,6 +200,7 @@ def test_systems_of_many_coordinates_have_panels(name, panels):
     assert len(window.missing.lines) == scenes.get(name).problem.system.n
 
 
+@pytest.mark.slow
 def test_a_singular_trial_is_shown_as_it_is_and_solved_from_elsewhere():
     # At rest in the centre of attraction.
     scene = scenes.get("kepler")
@@ -209,6 +213,7 @@ def test_a_singular_trial_is_shown_as_it_is_and_solved_from_elsewhere():
     assert "elsewhere" in window.words.message.get_text()
 
 
+@pytest.mark.slow
 def test_nothing_is_shown_where_there_is_no_window(capsys):
     with pytest.raises(RuntimeError, match=r"no window can be opened.*'[aA]gg'.*PyQt6.*ipympl"):
         plot.explore(scenes.get("oscillator")).show()

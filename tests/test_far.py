@@ -50,6 +50,7 @@ def test_the_resolution_of_time_is_said_where_it_forbids_the_tolerance():
     assert true <= found.value.solution.error
 
 
+@pytest.mark.slow
 def test_meshes_are_bounded(monkeypatch):
     monkeypatch.setattr(refine, "MAX_UNKNOWNS", 60)
     pendulum = ao.System(lambda q, v, t: v[0] ** 2 / 2 + 9.81 * np.cos(q[0]), ["x"])

@@ -337,6 +337,7 @@ def test_start_outside_the_domain():
         integrate(KEPLER, State(0.0, [0.0, 0.0], [0.0, 1.0]), 1.0)
 
 
+@pytest.mark.slow
 def test_collision_is_reported_with_its_time_and_without_noise(capfd):
     fall = np.pi / np.sqrt(8)  # from rest at distance one into the centre
     with pytest.raises(IntegrationError) as caught:

@@ -58,6 +58,7 @@ def test_the_two_ways_around_a_sphere():
     assert abs(point.t * long.length - np.pi) < 1e-8
 
 
+@pytest.mark.slow
 def test_a_least_curve_through_the_poles_is_given_up_soon():
     """Minimising goes through a pole, where the curve has a kink in these coordinates."""
     ball = ao.System.geodesic(sphere, ["theta", "phi"])

@@ -209,6 +209,7 @@ def test_a_wide_kink_is_placed():
     assert solution.error < 100 * TOL
 
 
+@pytest.mark.slow
 def test_a_narrow_kink_is_said_not_to_be():
     problem, _ = kink(0.02)
     with pytest.raises(ao.SolveError, match=r"condition about|hardly determined") as caught:

@@ -107,6 +107,7 @@ def test_no_path_is_said():
     assert newton_homotopy(tr, tr.pack(tr.straight())) is None
 
 
+@pytest.mark.slow
 def test_a_small_swing_of_many_links_near_a_resonance():
     """Damped steps end where the matrix is singular; what remains is the force of one mode."""
     links = 30

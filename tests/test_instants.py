@@ -159,6 +159,7 @@ PUSHED = ao.System(
 )
 
 
+@pytest.mark.slow
 def test_a_neighbour_whose_instants_move_takes_its_elements_along():
     near = None
     for k, c in enumerate(np.linspace(0.1, 0.9, 25)):
@@ -170,6 +171,7 @@ def test_a_neighbour_whose_instants_move_takes_its_elements_along():
     assert near.mesh.elements <= 12
 
 
+@pytest.mark.slow
 def test_a_branch_is_followed_as_a_window_moves():
     given = ao.Problem(PUSHED, ao.Event(0.0, [0.0]), ao.Event(1.0, [1.0]))
     branch = ao.trace(given, "c", 0.6)

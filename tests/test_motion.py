@@ -293,6 +293,7 @@ def test_given_axes_are_drawn_on():
 SHORT = {"seconds": 0.3, "fps": 20}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", [".gif", ".png"])
 def test_a_film_has_its_frames_and_is_the_same_file_again(tmp_path, ending):
     solution, scene = solved("rod_pendulum")

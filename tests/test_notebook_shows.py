@@ -106,6 +106,7 @@ def test_a_relaxation_that_runs_away_lasts():
     assert there.arrived and frame_count(there, 25) == there.action.size
 
 
+@pytest.mark.slow
 def test_windows_have_the_units_of_a_scene(monkeypatch):
     scene = scenes.get("pendulum")
     labels = [

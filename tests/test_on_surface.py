@@ -81,6 +81,7 @@ def test_four_normals_and_their_indices():
     assert sorted(indices) == [0, 0, 1, 1]
 
 
+@pytest.mark.slow
 def test_a_branch_to_an_ellipse_loses_its_index_at_the_centre_of_curvature():
     problem = to_ellipse([1.9, 0.0])
     along = ao.trace(problem, ("start", "x"), 1.0, guess=[[1.9, 2.0], [0.0, 0.0]])
@@ -288,6 +289,7 @@ def test_more_that_is_refused():
         ao.solve(problem, principle="most")
 
 
+@pytest.mark.slow
 def test_all_the_normals_and_a_family():
     feet, _ = normals(*INSIDE)
     lengths = np.sort(np.linalg.norm(feet - INSIDE, axis=1))

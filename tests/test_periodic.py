@@ -48,6 +48,7 @@ def test_steady_oscillation_with_drag():
     assert np.max(np.abs(solution(t)[0] - exact)) < CLOSED
 
 
+@pytest.mark.slow
 def test_nonlinear_oscillation_against_shooting():
     system, T = driven(cubic=1.0, drive=2.0), 2 * np.pi / 1.5
     start = ao.Event(0.0, [None])
@@ -508,6 +509,7 @@ def test_a_varied_closed_path_closes():
         ao.variation(solution, lambda t: [t])
 
 
+@pytest.mark.slow
 def test_the_index_of_a_family_of_closed_paths():
     # the index of x = c / (w^2 - W^2) cos W t is 1, and 3 beyond w T = 2 pi: there is resonance
     T = 2.0

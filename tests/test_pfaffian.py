@@ -102,6 +102,7 @@ def test_rolling_in_differential_form_is_the_rolling_scene():
     assert ao.solve(other).success
 
 
+@pytest.mark.slow
 def test_a_leaf_without_integrating_factor_by_hand():
     """exp(..) (dr - angle dangle) = 0 is no differential; its leaves are r = c + angle^2 / 2."""
 

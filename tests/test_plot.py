@@ -137,6 +137,7 @@ def test_free_coordinates_of_an_event_are_not_drawn():
     assert np.isnan(drawn(ax, "end")[1, 0])
 
 
+@pytest.mark.slow
 def test_a_system_without_a_name_is_a_problem_in_titles():
     system = ao.System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]), ["theta"])
     problem = ao.Problem(system, ao.Event(0.0, [0.1]), ao.Event(1.0, [0.5]))
@@ -170,6 +171,7 @@ def test_an_unknown_kind_of_picture_is_an_error(tmp_path, monkeypatch, name, mes
         plot.save(solved("kepler"), tmp_path / "nowhere" / "picture.png")
 
 
+@pytest.mark.slow
 def test_what_is_asked_twice_is_computed_once():
     solution = ao.solve(scenes.get("oscillator").problem)
     found = plot.bundle_data(solution)

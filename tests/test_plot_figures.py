@@ -111,6 +111,7 @@ def test_a_narrow_landscape_keeps_its_labels_inside_and_off_its_colour_bar(name)
     assert (bar.y0, bar.y1) == pytest.approx((place.y0, place.y1), abs=1)
 
 
+@pytest.mark.slow
 def test_numbers_of_arcs_are_left_out_where_they_would_touch():
     drawn, long = [], ao.solve(scenes.get("oscillator", duration=40.0).problem)
 
@@ -211,6 +212,7 @@ def test_every_line_is_seen_on_light_and_on_dark_paper(figure, reader):
                         assert contrast(colour, paper) >= 3
 
 
+@pytest.mark.slow
 def test_the_readers_size_of_words_is_kept():
     with pyplot.rc_context({"font.size": 20}):
         ax = plot.paths(solved("oscillator"))
@@ -395,6 +397,7 @@ def test_fronts_of_an_oscillator_are_hamiltons_principal_function():
     assert plot.fronts_data(solved("oscillator_saddle")).t[-1] == pytest.approx(np.pi)
 
 
+@pytest.mark.slow
 def test_in_the_plane_the_momentum_is_the_gradient_of_the_action():
     solution = solved("projectile")
     data = plot.fronts_data(solution)
@@ -431,6 +434,7 @@ def test_on_a_front_the_action_is_the_one_it_is_drawn_for(name):
     assert checked > 10
 
 
+@pytest.mark.slow
 def test_momentum_and_velocity_are_told_apart_where_they_differ():
     for name, differ in (
         ("charge_planar", True),

@@ -198,6 +198,7 @@ def test_the_picture_says_what_is_seen(name, method, words, monkeypatch):
     panels.paths.figure.draw_without_rendering()
 
 
+@pytest.mark.slow
 def test_a_film_is_a_step_a_frame(tmp_path, monkeypatch):
     few = relaxation_data(solved("saddle"), steps=1)
     monkeypatch.setattr(figures, "relaxation_data", lambda *_, **__: few)

@@ -149,6 +149,7 @@ def test_a_pendulum_gets_to_the_top_on_either_side():
     assert abs(found.start.v[0]) == pytest.approx(known.start.v[0], rel=1e-7)
 
 
+@pytest.mark.slow
 def test_a_bent_line_that_fails_leaves_the_first_attempt():
     """Two rings too far apart for a soap film, and a free body beside it."""
     film = ao.System(lambda q, v, t: q[0] * np.sqrt(1 + v[0] ** 2) + v[1] ** 2 / 2, ["radius", "x"])

@@ -50,6 +50,7 @@ def test_a_bounce(D, S, phi0, wall):
     assert bounce.compare().agrees
 
 
+@pytest.mark.slow
 def test_a_bounce_that_cannot_be_followed_to_infinity():
     problem = ao.Problem(radial(quartic, 3), ao.Event(0, [None]), ao.Event(np.inf, [0]))
     found = ao.solve(problem, guess=lambda r: 1.4 * (1 - np.tanh((r - 8) / 1.5))).compare()

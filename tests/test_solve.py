@@ -85,6 +85,7 @@ def test_round_off_that_forbids_the_tolerance_is_said():
 # -- the motions of the book ----------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_double_pendulum_continued_forward():
     problem = scenes.get("double_pendulum", duration=2.0).problem
     solution = ao.solve(problem, tol=1e-11)
@@ -496,6 +497,7 @@ def test_a_saddle_is_not_least():
     assert relative_error(least, forward(least), times(scene.problem)) <= 1e-7
 
 
+@pytest.mark.slow
 def test_a_collision_ends_with_a_verdict():
     # Head-on into the centre of attraction: no smooth motion.
     system = scenes.get("kepler").problem.system

@@ -276,6 +276,7 @@ def test_a_damaged_file_is_refused(own, tmp_path):
         ao.load(file, SYSTEM)
 
 
+@pytest.mark.slow
 def test_a_file_with_any_one_byte_changed_is_refused_or_whole(own, tmp_path):
     file = saved(own, tmp_path / "damaged.npz")
     content, rng = file.read_bytes(), np.random.default_rng(0)

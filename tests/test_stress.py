@@ -54,6 +54,7 @@ def test_a_pulse_that_is_missed_is_counted():
     assert never_wrong("any", [row(found[:1])]).met
 
 
+@pytest.mark.slow
 def test_the_motion_of_a_kicked_pendulum_is_known_without_the_package():
     centres, tol = pulses.places(3), 1e-8
     found = [timed(pulses.kicked("pendulum", c, WIDTH), tol) for c in centres]
@@ -149,6 +150,7 @@ def systems_of(count):
     return [pair for which in range(3) for pair in random_systems.draws(which, count)]
 
 
+@pytest.mark.slow
 def test_the_equations_by_hand_are_those_of_the_lagrangian():
     random = np.random.default_rng(2)
     for case, problem in systems_of(12):

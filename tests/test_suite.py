@@ -377,6 +377,7 @@ def test_near_collisions_are_met_and_are_not_the_lowest():
         assert away[0] == min(away)
 
 
+@pytest.mark.slow
 def test_points_that_solvers_came_to_are_learnt(tmp_path, monkeypatch):
     problem = suite.get("hoop_bead_fast")
     names = [s.kind for s in problem.others]
@@ -444,6 +445,7 @@ def test_the_index_is_the_same_on_finer_meshes(name):
     assert finer.index_star == problem.index_star
 
 
+@pytest.mark.slow
 def test_what_is_unbounded_below_falls_forever():
     found = [name for name in NAMES if suite.get(name).unbounded]
     assert {n for n in NAMES if "unbounded below" in suite.FAMILIES[n].tags} <= set(found)

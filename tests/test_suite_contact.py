@@ -89,6 +89,7 @@ def test_discrete_optima_tend_to_closed_forms():
             assert np.median(force) == pytest.approx(coarse.scene.facts["force"], rel=1e-6)
 
 
+@pytest.mark.slow
 def test_other_ways_round_are_known():
     others = suite.get("disc").others
     assert [s.kind for s in others] == ["minimum"]

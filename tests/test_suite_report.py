@@ -160,6 +160,7 @@ def test_the_report_tells_meshes_starts_and_parameters_apart(tmp_path, monkeypat
     assert "casadi 3" in text
 
 
+@pytest.mark.slow
 def test_profiles_are_drawn_as_they_are(tmp_path):
     from actionopt.plot.profiles import profiles, save
 

@@ -17,7 +17,7 @@ import actionopt
 from actionopt import suite
 from actionopt.cli import main
 from actionopt.suite import runner, solvers
-from actionopt.suite.cell import Cell, evaluate
+from actionopt.suite.cell import Cell, attempt, evaluate
 from actionopt.suite.expression import nlp
 from actionopt.suite.runner import Limits
 from actionopt.suite.verdict import ACCURACIES, NEAR, STEEP, examine, verdict
@@ -32,6 +32,16 @@ def planted(name, problem="pendulum"):
 def verdicts(tmp_path, *cells, limits=None):
     records = runner.run(cells, tmp_path / "r.jsonl", limits=limits or Limits(20, 4), jobs=2)
     return [verdict(r, "stationary") for r in records], records
+
+
+@pytest.fixture
+def at_home(monkeypatch):
+    """Cells run in this process, whose bounds are left alone: each of their own takes a second."""
+
+    def run(target, asked, memory, seconds, *, limit):
+        return json.loads(json.dumps(attempt(Cell(**asked))))
+
+    monkeypatch.setattr(runner.process, "run", run)
 
 
 def test_planted_answers_are_called_by_their_names():
@@ -130,6 +140,7 @@ def test_a_crash_and_a_hang_cost_one_cell_each(tmp_path):
     assert 2 <= records[0]["wall"] < 5
 
 
+@pytest.mark.slow
 def test_memory_has_a_limit(tmp_path):
     pytest.importorskip("resource")
     found, records = verdicts(tmp_path, planted("memory"), limits=Limits(30, 1.0))
@@ -137,7 +148,7 @@ def test_memory_has_a_limit(tmp_path):
     assert records[0]["word"] == "out of memory"
 
 
-def test_a_run_is_resumed_where_it_stopped(tmp_path):
+def test_a_run_is_resumed_where_it_stopped(tmp_path, at_home):
     file = tmp_path / "r.jsonl"
     cells = [Cell("ipopt", name) for name in ("oscillator", "pendulum")]
     runner.run(cells[:1], file)
@@ -299,6 +310,7 @@ def test_evaluations_are_those_the_solver_says():
     assert answer.evaluations == {k: stats[f"n_call_nlp_{name}"] for k, name in names.items()}
 
 
+@pytest.mark.slow
 def test_all_functions_of_the_plugins_are_known():
     """A new version may ask for others, which would be counted under their names."""
     problem = suite.get("rod_pendulum", elements=2)
@@ -360,7 +372,7 @@ def test_solvers_that_do_not_exist_are_refused():
             solvers.check(name)
 
 
-def test_the_command(tmp_path, capsys, monkeypatch):
+def test_the_command(tmp_path, capsys, monkeypatch, at_home):
     monkeypatch.setattr("actionopt.suite.report._figure", lambda *arguments: "")
     results = tmp_path / "results.jsonl"
     command = ["suite", "run", "--solver", "ipopt", "--problem", "pendulum", "-o", str(results)]

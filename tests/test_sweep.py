@@ -209,6 +209,7 @@ def test_the_order_in_which_tasks_finish_changes_nothing(serial, short):
     assert same(found, serial)
 
 
+@pytest.mark.slow
 def test_a_few_are_in_flight_at_a_time(serial, short, monkeypatch):
     monkeypatch.setattr(module, "IN_FLIGHT", 2)
     most = 0
@@ -311,6 +312,7 @@ def test_what_is_finished_is_not_solved_again(serial, short, tmp_path, monkeypat
     assert same(ao.sweep(PENDULUM, OVER, **given), serial) and len(worked) == 3
 
 
+@pytest.mark.slow
 def test_tasks_that_are_missing_in_the_middle_are_found_alike(serial, short, tmp_path):
     """What is finished behind them must not be where their seeds come from."""
     given = {"record": "index", "keep_paths": True}
@@ -445,6 +447,7 @@ def test_a_dataset_has_names_units_and_what_was_asked(serial):
     assert "parameter g" not in data.attrs
 
 
+@pytest.mark.slow
 def test_dask_finds_the_same_bits(serial, short):
     distributed = pytest.importorskip("distributed")
     with (

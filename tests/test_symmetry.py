@@ -256,6 +256,7 @@ def test_free_particle_has_the_galilean_group_and_scaling(n):
     assert np.allclose(scaling.A * 2, np.eye(n) * scaling.rate, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_bodies_of_unequal_mass_conserve_the_ten_integrals():
     masses = np.array([1.0, 2.0, 0.5])
 

@@ -131,6 +131,7 @@ def test_reading_solutions_of_one_system(make):
         assert found == alone
 
 
+@pytest.mark.slow
 def test_reading_the_energy_of_two_solutions_many_times():
     solutions = [ao.solve(problem) for problem in problems(driven)[:2]]
     t = [np.linspace(0, s.problem.duration, 50) for s in solutions]
@@ -188,6 +189,7 @@ def test_ipopt_in_several_threads(principle):
             assert found == alone
 
 
+@pytest.mark.slow
 def test_sparse_factors_in_several_threads():
     """A closed path's matrix is stored sparse: factorizations by CasADi, inertia included."""
     system = driven()
@@ -203,6 +205,7 @@ def test_sparse_factors_in_several_threads():
         assert found == alone
 
 
+@pytest.mark.slow
 def test_a_branch_in_several_threads():
     def follow(k):
         family = ao.trace(problems[k], "t1", 0.8, tol=1e-6)

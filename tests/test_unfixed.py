@@ -322,6 +322,7 @@ def test_no_path_closes_near_the_guess():  # but rest, and what a force along it
     assert not found.success or np.abs(found(np.linspace(0.0, 7.0, 50))).max() == 0.0
 
 
+@pytest.mark.slow
 def test_families_in_energy_turn_back_where_the_throws_merge():
     """E = g (y + d) / 2 is the least, where T^2 = 2 d / g, with d the distance."""
     family = ao.trace(throw(40.0), "energy", 20.0)
@@ -342,6 +343,7 @@ def henon_heiles():
     )
 
 
+@pytest.mark.slow
 def test_period_doublings_of_henon_and_heiles():
     """Along x = 0 the field across has the equation of Hill, xi'' = -(1 + 2 y) xi."""
     energy, ends = 0.1, ao.Event(0.0, [None, None])
@@ -362,6 +364,7 @@ def test_period_doublings_of_henon_and_heiles():
     assert np.trace(np.transpose(columns)) == pytest.approx(-2.0, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_what_else_there_is_of_a_path_of_given_energy(tmp_path):
     s = ao.solve(throw(40.0), tol=1e-10)
     s.save(tmp_path / "throw.npz")

@@ -52,6 +52,7 @@ def test_where_there_is_no_path_the_search_gives_up_soon_and_says_nothing(capfd)
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.slow
 def test_ways_that_time_does_not_allow_for_come_last(monkeypatch):
     now = [0.0]
     monkeypatch.setattr("actionopt.tools.watch.perf_counter", lambda: now[0])

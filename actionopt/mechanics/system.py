@@ -525,12 +525,13 @@ class System(Laws):
         M, bias, G, gamma = self._at("motion", q, v, t, parameters)
         shape = bias.shape[1:]
         count = bias[0].size
-        M = M.reshape(n, n, count)
-        G = G.reshape(n, m, count)
-        K = np.zeros((count, n + m, n + m))
-        K[:, :n, :n] = np.moveaxis(M, -1, 0)
-        K[:, :n, n:] = -np.moveaxis(G, -1, 0)
-        K[:, n:, :n] = np.moveaxis(G, -1, 0).transpose(0, 2, 1)
+        K = np.zeros((n + m, n + m, count))
+        K[:n, :n] = M.reshape(n, n, count)
+        if m:
+            G = G.reshape(n, m, count)
+            K[:n, n:] = -G
+            K[n:, :n] = G.transpose(1, 0, 2)
+        K = K.transpose(2, 0, 1)
         right = np.concatenate([bias.reshape(n, count), -gamma.reshape(m, count)]).T
         if active is not None:
             i, k = np.nonzero(~active.reshape(m, count))

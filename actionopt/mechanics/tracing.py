@@ -65,6 +65,8 @@ class ParameterTable:
                     f"unknown parameter {name!r}; the parameters are "
                     f"{', '.join(result) or 'none'}{suggestion(name, result)}"
                 )
+            if value is result[name]:
+                continue  # the default, known to be good
             number = _finite(name, value)
             if number.shape != self.shapes[name]:
                 raise ValueError(

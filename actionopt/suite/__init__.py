@@ -68,21 +68,18 @@ def find(
     known = {tag for family in FAMILIES.values() for tag in family.tags}
     for tag in wanted - known:
         raise ValueError(f"unknown tag {tag!r}; the tags are {', '.join(sorted(known))}")
-    found = []
-    for name, family in FAMILIES.items():
-        if not wanted <= set(family.tags):
-            continue
-        problem = get(name)
-        fits = (
-            constrained is None or constrained == bool(problem.m),
-            size is None or size[0] <= problem.n <= size[1],
-        )
-        # What needs the optimum is asked last.
-        if (
-            all(fits)
+    found = [name for name, family in FAMILIES.items() if wanted <= set(family.tags)]
+    if all(x is None for x in (kind, constrained, index, size, convex)):
+        return found  # none is made for that
+
+    def fits(problem: TestProblem) -> bool:
+        return (
+            (constrained is None or constrained == bool(problem.m))
+            and (size is None or size[0] <= problem.n <= size[1])
+            # What needs the optimum is asked last.
             and (kind is None or kind == problem.kind)
             and (index is None or index == problem.index_star)
             and (convex is None or convex == problem.convex)
-        ):
-            found.append(name)
-    return found
+        )
+
+    return [name for name in found if fits(get(name))]
