@@ -225,9 +225,9 @@ def figure(rows: Rows, file) -> None:
     for ax, key in zip(axes[0], UNITS, strict=True):
         for k, (study, name) in enumerate(BY_SIZE.items()):
             _line(ax, *curve(rows[study], key), key, label=name, color=f"C{k}")
-        ax.set_title(f"{UNITS[key][0]}, by coordinates' number", fontsize=10)
+        ax.set_title(f"{UNITS[key][0]}, many coordinates", fontsize=10)
         ax.set_xlabel("links, bodies, masses")
-    axes[0, 0].legend(fontsize=8, frameon=False)
+    axes[0, 1].legend(fontsize=8, frameon=False, loc="lower right")
     for ax, study in zip(axes[1:].flat, QUESTIONS, strict=False):
         _line(ax, *curve(rows[study], "time"), "time", label="actionopt", **style("actionopt_"))
         for peer in many.PEERS:
@@ -235,6 +235,8 @@ def figure(rows: Rows, file) -> None:
             _line(ax, *points, "time", label=peers.LABELS[peer], **style(peer))
         ax.set_title(f"time (s): {BY_SIZE[study]}", fontsize=10)
         ax.set_xlabel(STUDIES[study][1])
+        ax.set_xticks(STUDIES[study][0], map(str, STUDIES[study][0]))
+        ax.set_xticks([], minor=True)
     axes[1, 0].legend(fontsize=8, frameon=False)
     for k, (study, name) in enumerate(BY_UNKNOWNS.items()):
         x, y = curve(rows[study], "time", "unknowns")

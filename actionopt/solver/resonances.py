@@ -26,7 +26,7 @@ from actionopt.discrete.newton import CONTRACTION
 from actionopt.discrete.transcription import Transcription
 from actionopt.tools.types import Array
 
-# Measured on pendulums of 30 to 100 links: what is found takes 3 to 60 factorizations, and holds up
+# Measured on pendulums of 30 to 100 links: what is found takes 5 to 60 factorizations, and holds up
 # to two modes at a time.
 FACTORIZATIONS, HELD = 100, 12
 # Ad hoc, lengths in units of the coordinates' sizes.
@@ -83,7 +83,9 @@ class Resonances:
     def path(self, z: Array) -> Array | None:
         """Return a point (size,) near a stationary path, from z; None if that fails."""
         with np.errstate(all="ignore"):
-            at, kept = self._settled(z, np.zeros((z.size, 0)), STEPS, hold=True), 0
+            none = np.zeros((z.size, 0))
+            at = self._settled(z, none, STEPS, hold=False)
+            at, kept = at or self._settled(z, none, STEPS, hold=True), 0
             while at is not None and kept < at.forces.size:
                 free = self._released(at)
                 if free is None:  # another may have to go first
@@ -97,7 +99,8 @@ class Resonances:
     ) -> _Held | None:
         """Take Newton's steps with the amplitudes kept, but for the first, which has to grow.
 
-        What runs away, or does not settle, is held as well if `hold`. None if that fails.
+        What runs away, or does not settle, is held as well if `hold`. Else the step is shortened if
+        nothing is held: it may leap over a resonance. None if that fails.
         """
         tr, last, wanted = self.tr, math.inf, modes.T @ z
         wanted[:1] += grown
@@ -118,6 +121,9 @@ class Resonances:
                     if not math.isfinite(size):
                         return None
                     if size <= FARTHEST and not slow:
+                        break
+                    if not hold and not wanted.size and not slow:
+                        step *= FARTHEST / size
                         break
                     if not hold or wanted.size == HELD:
                         return None
