@@ -32,12 +32,13 @@ def rank(peer: str) -> int:
     return peers.NAMES.index(peer)
 
 
-def _style(peer: str) -> dict:
+def style(peer: str) -> dict:
+    """Return how a peer's line is drawn."""
     k = rank(peer)
-    style = {"color": f"C{k}", "marker": MARKS[k % len(MARKS)], "markersize": 4}
+    look = {"color": f"C{k}", "marker": MARKS[k % len(MARKS)], "markersize": 4}
     if peer == an.OURS:
-        return {**style, "color": "black", "linewidth": 2.0, "zorder": 3}
-    return {**style, "linewidth": 1.0}
+        return {**look, "color": "black", "linewidth": 2.0, "zorder": 3}
+    return {**look, "linewidth": 1.0}
 
 
 def work_precision(rows: an.Rows, titles: dict[str, str], kind: str, file: Path) -> None:
@@ -53,7 +54,7 @@ def work_precision(rows: an.Rows, titles: dict[str, str], kind: str, file: Path)
         for peer in sorted(by_peer, key=rank):
             errors, times = an.curve(by_peer[peer], kind)
             if errors.size:
-                (handles[peer],) = ax.loglog(np.maximum(errors, 1e-16), times, **_style(peer))
+                (handles[peer],) = ax.loglog(np.maximum(errors, 1e-16), times, **style(peer))
         if an.OURS in by_peer and not an.curve(by_peer[an.OURS], kind)[0].size:
             note = f"{label(an.OURS)}: another path, or none"
             ax.text(0.97, 0.04, note, transform=ax.transAxes, ha="right", fontsize=8)
@@ -96,8 +97,8 @@ def profiles(rows: an.Rows, file: Path) -> None:
             draw.profiles({label(p): steps[p] for p in order}, ax=ax)
             ax.get_legend().remove()
             for peer, stairs in zip(order, ax.lines, strict=True):
-                style = {k: v for k, v in _style(peer).items() if "mark" not in k}
-                stairs.set(linestyle="-", **style)
+                look = {k: v for k, v in style(peer).items() if "mark" not in k}
+                stairs.set(linestyle="-", **look)
             ax.set_title(f"{kind}, error at most {target:.0e}", fontsize=10)
     for ax in axes[-1]:
         ax.set_xlabel("within this factor of the fastest")

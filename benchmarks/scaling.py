@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Callable
+from functools import partial
 from time import process_time
 
-import matplotlib
 import numpy as np
 
 import actionopt as ao
@@ -21,18 +22,18 @@ from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.transcription import Transcription
 from actionopt.tools.files import rounded, write
 from actionopt.tools.progress import steps
-from benchmarks import child
+from actionopt.tools.types import Array
+from benchmarks import child, many, peers
+from benchmarks.problems import Case
 from benchmarks.problems.lattice import lagrangian
 from benchmarks.report import FOLDER
-from benchmarks.results import table, text
+from benchmarks.results import brief, table, text
 
 ELEMENTS = (100, 1000, 10_000)
 LINKS = (10, 30, 100)  # in Cartesian coordinates, with one constraint a link
 ANGLES = (5, 10, 20, 30, 50, 70, 100)  # a pendulum of so many links, no constraints
 BODIES = (3, 5, 10, 20, 50)
 LATTICES = (8, 32, 128, 512)  # masses
-SLOW, SWIFT = 0.3, 0.6  # deviation of their places and rates at the start
-SEEDS = 5  # questions of a size, drawn at random
 MASSES = (10, 100, 1000, 10_000)
 DURATIONS = (2.5, 7.9, 25.1, 79.1)  # of a pendulum: 1 to 32 periods, roughly
 FILLED = 16, 12  # elements and degree on which factors are counted
@@ -53,87 +54,57 @@ def chain(links: int) -> dict:
 
 
 def angles(links: int) -> dict:
-    """Solve a small swing of a pendulum of so many links, unit masses and lengths, in angles."""
-
-    def lagrangian(q, v, t):
-        x, y = np.cumsum(np.cos(q) * v), np.cumsum(np.sin(q) * v)
-        return (x @ x + y @ y) / 2 + 9.81 * np.sum(np.cumsum(np.cos(q)))
-
-    first = np.linspace(0.05, 0.15, links)
-    system = ao.System(lagrangian, [f"a{j}" for j in range(links)])
-    return _timed(ao.Problem(system, ao.Event(0.0, first), ao.Event(0.5, -first / 2)))
+    """Solve a small swing of a pendulum of so many links, in angles."""
+    return _timed(many.problem(many.pendulum(links)))
 
 
 def bodies(count: int) -> dict:
-    """Solve so many bodies of equal mass that attract each other, past a third of their sizes."""
-    return _drawn(lambda seed: _bodies(count, seed))
+    """Solve so many bodies that attract each other, past a third of their sizes."""
+    return _drawn(QUESTIONS["bodies"](count))
 
 
-def _bodies(count: int, seed: int) -> ao.Problem:
-
-    def lagrangian(q, v, t):
-        V = 0.0
-        for i in range(count):
-            for j in range(i):
-                r = q[3 * i : 3 * i + 3] - q[3 * j : 3 * j + 3]
-                V = V - 1 / (count * np.sqrt(r @ r))
-        return (v @ v) / 2 - V
-
-    rng = np.random.default_rng(seed)
-    at = rng.normal(size=(count, 3))
-    at *= rng.uniform(0.3, 1, (count, 1)) * count ** (1 / 3) / np.linalg.norm(at, axis=1)[:, None]
-    then = at + 0.3 * rng.normal(size=at.shape)
-    system = ao.System(lagrangian, [f"x{j}" for j in range(3 * count)])
-    return ao.Problem(system, ao.Event(0.0, at.ravel()), ao.Event(0.5, then.ravel()))
-
-
-def fput(masses: int, spread: float = SLOW) -> dict:
-    """Solve a row of masses on stiffening springs, held by soft ones at both ends."""
-
-    def lagrangian(q, v, t):
-        d = q[1:] - q[:-1]
-        return v @ v / 2 - np.sum(d**2) / 2 - np.sum(d**4) / 4 - q[0] ** 2 - q[-1] ** 2
-
-    return _drawn(lambda seed: _between_ends_of_a_motion(lagrangian, masses, spread, seed))
+def fput(masses: int) -> dict:
+    """Solve a row of masses on stiffening springs between ends of a motion."""
+    return _drawn(QUESTIONS["fput"](masses))
 
 
 def fput_swift(masses: int) -> dict:
     """Solve the same twice as far from rest, where paths are saddles."""
-    return fput(masses, SWIFT)
+    return _drawn(_seeded(lambda seed: many.fput(masses, seed, many.SWIFT)))
 
 
 def toda(masses: int) -> dict:
     """Solve a row of masses that repel each other exponentially."""
-
-    def lagrangian(q, v, t):
-        return v @ v / 2 - np.sum(np.exp(q[:-1] - q[1:]))
-
-    return _drawn(lambda seed: _between_ends_of_a_motion(lagrangian, masses, SLOW, seed))
+    return _drawn(_seeded(lambda seed: many.toda(masses, seed)))
 
 
-def _between_ends_of_a_motion(lagrangian, masses: int, spread: float, seed: int) -> ao.Problem:
-    """Return the problem of a motion from random places at random rates.
-
-    Between two random places there may be none near the line: scaled up from rest, the path of 16
-    or 32 masses of `fput` turns back at 0.7 to 0.8 of ends of deviation 0.3.
-    """
-    q, v = np.random.default_rng((masses, seed)).normal(0.0, spread, (2, masses))
-    names = [f"q{j}" for j in range(masses)]
-    motion = ao.integrate(ao.System(lagrangian, names), ao.State(0.0, q, v), 1.0, tol=1e-8)
-    # A system of its own: what the motion derived is not there yet.
-    return ao.Problem(ao.System(lagrangian, names), ao.Event(0.0, q), ao.Event(1.0, motion(1.0)))
+def _seeded(ask: Callable[[int], Case]) -> list[Callable[[], Case]]:
+    return [partial(ask, seed) for seed in range(many.SEEDS)]
 
 
-def _drawn(ask) -> dict:
+# What peers are asked too: by study, a size's questions.
+QUESTIONS: dict[str, Callable[[int], list[Callable[[], Case]]]] = {
+    "angles": lambda links: [lambda: many.pendulum(links)],
+    "bodies": lambda count: _seeded(lambda seed: many.bodies(count, seed)),
+    "fput": lambda masses: _seeded(lambda seed: many.fput(masses, seed)),
+}
+
+
+def beside(study: str, peer: str, value: int) -> dict:
+    """Ask a peer the questions of a study."""
+    return many.asked(peer, QUESTIONS[study](value), LIMIT / 3)
+
+
+def _drawn(cases: list[Callable[[], Case]]) -> dict:
     """Return the row of the median time of some random questions, and how many are solved.
 
     Each has its part of the time; those that are not solved count with what they took.
     """
-    rows = [_timed(ask(seed), seconds=LIMIT / (2 * SEEDS)) for seed in range(SEEDS)]
+    rows = [_timed(many.problem(case()), seconds=LIMIT / (2 * len(cases))) for case in cases]
     solved = [row for row in rows if not row["status"]] or rows
     middle = sorted(solved, key=lambda row: row["time"])[len(solved) // 2]
     count = sum(not row["status"] for row in rows)
-    return {**middle, "solved": f"{count} of {SEEDS}", "longest": max(r["time"] for r in rows)}
+    return {**middle, "solved": f"{count} of {len(rows)}", "longest": max(r["time"] for r in rows)}
 
 
 def lattice(masses: int) -> dict:
@@ -200,55 +171,95 @@ STUDIES = {  # the function of that name: what it is given
     "duration": (DURATIONS, "duration of a pendulum's motion (s)"),
     "tolerance": ((1e-3, 1e-6, 1e-9, 1e-12), "tolerance, double pendulum"),
 }
+BY_SIZE = {  # studies of many coordinates, in figures
+    "chain": "chain, Cartesian",
+    "angles": "links in angles",
+    "bodies": "bodies",
+    "fput": "FPUT",
+    "fput_swift": "FPUT, twice as far",
+    "toda": "Toda",
+    "lattice": "lattice",
+}
+BY_UNKNOWNS = {"elements": "double pendulum", "duration": "pendulum, longer", "lattice": "lattice"}
+UNITS = {"time": ("time (s)", 1.0), "memory": ("memory (MB)", 1e6)}
+LARGEST = 3  # sizes by which a power is told: small ones show what any solve costs
 Rows = dict[str, dict[str, dict]]
 
 
 def measured(quick: bool) -> Rows:
-    """Return the rows by study and value."""
-    todo = [(s, v) for s, (values, _) in STUDIES.items() for v in values[: -1 if quick else None]]
-    rows: Rows = {study: {} for study in STUDIES}
-    for study, value in steps(todo):
-        found = child.row(f"benchmarks.scaling:{study}", value, limit=LIMIT)
-        rows[study][repr(value)] = rounded(found)
+    """Return the rows by study and value; those of a peer by "study peer"."""
+    few = -1 if quick else None
+    jobs = [(study, study, (v,)) for study, (values, _) in STUDIES.items() for v in values[:few]]
+    for study in QUESTIONS:
+        for peer in many.PEERS:
+            values = STUDIES[study][0][:few]
+            jobs += [(f"{study} {peer}", "beside", (study, peer, v)) for v in values]
+    rows: Rows = {}
+    for name, function, given in steps(jobs):
+        known = rows.setdefault(name, {})
+        if function == "beside" and any(row["status"] for row in known.values()):
+            continue  # what is larger takes longer
+        found = child.row(f"benchmarks.scaling:{function}", *given, limit=LIMIT)
+        known[repr(given[-1])] = rounded(found)
     return rows
 
 
-def figure(rows: Rows, file) -> None:
-    """Draw time and memory of every study."""
-    from benchmarks.figures import plt, save
+def curve(points: dict[str, dict], key: str, against: str = "") -> tuple[Array, Array]:
+    """Return sizes, or what they are `against`, and times or memory of what was solved."""
+    good = [(float(k), p) for k, p in points.items() if not p["status"]]
+    x = [p[against] if against else k for k, p in good]
+    return np.array(x), np.array([p[key] for _, p in good])
 
-    fig, axes = plt.subplots(2, len(rows), figsize=(3.2 * len(rows), 5.6), squeeze=False)
-    for (study, points), column in zip(rows.items(), axes.T, strict=True):
-        good = {float(k): p for k, p in points.items() if not p["status"]}
-        x = sorted(good)
-        for ax, key, unit in zip(column, ("time", "memory"), (1.0, 1e6), strict=True):
-            y = [max(good[k][key], 1e4 if key == "memory" else 1e-6) / unit for k in x]
-            ax.loglog(x, y, "ko-", markersize=4)
-            if x and study != "tolerance":
-                ax.loglog(x, [y[-1] * k / x[-1] for k in x], "C0:", linewidth=1, label="linear")
-            low, high = ax.get_ylim()
-            middle = (low * high) ** 0.5
-            ax.set_ylim(min(low, middle / 4), max(high, middle * 4))
-            for axis in (ax.xaxis, ax.yaxis):
-                axis.set_minor_formatter(matplotlib.ticker.NullFormatter())
-            ax.grid(True, alpha=0.3)
-        column[1].set_xlabel(STUDIES[study][1], fontsize=8)
-        if study == "tolerance":
-            for ax in column:
-                ax.invert_xaxis()
-    axes[0, 0].set_ylabel("time (s)")
-    axes[1, 0].set_ylabel("memory (MB)")
-    axes[0, 0].legend(frameon=False)
+
+def power(points: dict[str, dict], key: str) -> float:
+    """Return that of the size with which time or memory grows, by the largest sizes."""
+    x, y = (a[-LARGEST:] for a in curve(points, key))
+    return float(np.polyfit(np.log(x), np.log(y), 1)[0]) if x.size == LARGEST else np.nan
+
+
+def figure(rows: Rows, file) -> None:
+    """Draw time and memory against size, and the peers beside."""
+    from benchmarks.figures import plt, save, style
+
+    fig, axes = plt.subplots(3, 2, figsize=(8.0, 10.0))
+    for ax, key in zip(axes[0], UNITS, strict=True):
+        for k, (study, name) in enumerate(BY_SIZE.items()):
+            _line(ax, *curve(rows[study], key), key, label=name, color=f"C{k}")
+        ax.set_title(f"{UNITS[key][0]}, many coordinates", fontsize=10)
+        ax.set_xlabel("links, bodies, masses")
+    axes[0, 1].legend(fontsize=8, frameon=False, loc="lower right")
+    for ax, study in zip(axes[1:].flat, QUESTIONS, strict=False):
+        _line(ax, *curve(rows[study], "time"), "time", label="actionopt", **style("actionopt_"))
+        for peer in many.PEERS:
+            points = curve(rows.get(f"{study} {peer}", {}), "time")
+            _line(ax, *points, "time", label=peers.LABELS[peer], **style(peer))
+        ax.set_title(f"time (s): {BY_SIZE[study]}", fontsize=10)
+        ax.set_xlabel(STUDIES[study][1])
+        ax.set_xticks(STUDIES[study][0], map(str, STUDIES[study][0]))
+        ax.set_xticks([], minor=True)
+    axes[1, 0].legend(fontsize=8, frameon=False)
+    for k, (study, name) in enumerate(BY_UNKNOWNS.items()):
+        x, y = curve(rows[study], "time", "unknowns")
+        _line(axes[2, 1], x, y, "time", label=name, color=f"C{k}")
+    axes[2, 1].set_title("time (s), by unknowns", fontsize=10)
+    axes[2, 1].set_xlabel("unknowns")
+    axes[2, 1].legend(fontsize=8, frameon=False)
     fig.tight_layout()
     save(fig, file)
 
 
+def _line(ax, x: Array, y: Array, key: str, **style) -> None:
+    style = {"marker": "o", "markersize": 4, **style}
+    ax.loglog(x, y / UNITS[key][1], **style)
+    ax.grid(True, which="major", alpha=0.3)
+
+
 def page(rows: Rows) -> str:
     """Return the page."""
-    cells = []
-    for study, points in rows.items():
-        for value, p in points.items():
-            head = [STUDIES[study][1], value]
+    cells, powers, times = [], [], []
+    for study, (values, name) in STUDIES.items():
+        for value, p in rows[study].items():
+            head = [name, value]
             if "unknowns" not in p:
                 cells.append([*head, *[""] * 7, p["status"]])
                 continue
@@ -257,14 +268,42 @@ def page(rows: Rows) -> str:
             solved = p.get("solved", "")
             sizes = (p["time"], p["time"] / u * 1e3, p["memory"] / 1e6, p["memory"] / u / 1e3)
             cells.append([*head, f"{u}", *(f"{x:.3g}" for x in sizes), count, solved, p["status"]])
+        if study in BY_SIZE or study in BY_UNKNOWNS:
+            both = [power(rows[study], key) for key in UNITS]
+            told = ["" if np.isnan(p) else f"{p:.1f}" for p in both]
+            powers.append([name, *told, *(_solved(rows[study]) if study in BY_SIZE else ["", ""])])
+        if study in QUESTIONS:
+            for value in values:
+                known = [rows.get(k, {}).get(repr(value)) for k in (study, *_beside(study))]
+                times.append([name, f"{value}", *map(_told, known)])
     columns = ("study", "", "unknowns", "time, s", "ms an unknown", "MB", "kB an unknown")
     shares = [f"{links} links {a:.2g} and {b:.2g}" for links in LINKS[1:] for a, b in [fill(links)]]
+    labels = [peers.LABELS[peer] for peer in ("actionopt_", *many.PEERS)]
     lines = [
         "# Scaling",
         "",
         "Made by `python -m benchmarks.scaling`; tol = 1e-8 unless varied.",
         "",
         "![scaling](scaling.png)",
+        "",
+        "## Powers",
+        "",
+        f"Time and memory grow with these powers of the size, over the largest {LARGEST} solved; "
+        "and how many are solved of the smallest and the largest.",
+        "",
+        *table(["study", "time", "memory", "smallest", "largest"], powers, right=range(1, 5)),
+        "",
+        "## Beside others",
+        "",
+        "Seconds, and how many are solved where several are drawn at random; all begin at the "
+        "straight line. `solve_bvp` has derivatives by hand and tol = {:.0e}, collocation {} "
+        "elements of degree {}. No answer in {:.0f} s, or none at all, ends a column.".format(
+            many.PEERS["scipy_bvp"], *many.PEERS["casadi_collocation"], LIMIT
+        ),
+        "",
+        *table(["study", "", *labels], times, right=range(1, 5)),
+        "",
+        "## All",
         "",
         *table([*columns, "iterations", "solved", ""], cells, right=range(1, 7)),
         "",
@@ -273,6 +312,26 @@ def page(rows: Rows) -> str:
         "{}.".format(*FILLED, "; ".join(shares)),
     ]
     return "\n".join(lines)
+
+
+def _beside(study: str) -> list[str]:
+    return [f"{study} {peer}" for peer in many.PEERS]
+
+
+def _told(row: dict | None) -> str:
+    """Return a row as a cell: its time, and how many are solved."""
+    if row is None:
+        return ""
+    if row["status"]:
+        return brief(row["status"])
+    several = row.get("solved", "of 1")
+    return f"{row['time']:.3g}" + ("" if several.endswith("of 1") else f" ({several})")
+
+
+def _solved(points: dict[str, dict]) -> list[str]:
+    """Return how many of the smallest and the largest are solved."""
+    ends = [points[k] for k in (min(points, key=float), max(points, key=float))]
+    return [p.get("solved", "no" if p["status"] else "yes") for p in ends]
 
 
 def main() -> None:

@@ -26,8 +26,6 @@ CONTRACTION = 0.5  # a larger ratio of successive steps is not the neighbourhood
 ROUNDOFF_STEP = 1e-9  # steps that stop contracting below this size are round-off
 DISTURBED = 5  # steps that multipliers may take to come right
 SURELY = 0.1  # a ratio of steps that leaves no doubt of it
-# A step in the coordinates' sizes, at most; steps until most modes have settled.
-LEAP, SETTLING = 1.0, 2
 DAMPED = 1e-3  # a shorter fraction of a step leads nowhere
 CHORDS = 3  # simplified steps that cost less than a factorization where that is kept
 # Of the ends' movement, for a derivative of one-sided differences that is good to as many digits.
@@ -222,31 +220,6 @@ def approach(
                     return z, k
                 residual = tr.residual(z)
     return None
-
-
-def leap(tr: Transcription, z: Array, steps: int) -> tuple[Array, int, bool]:
-    """Go from z by whole steps of Newton's method to where they contract, or no longer help.
-
-    Return where that is, the factorizations used, and whether they contract. Among many modes some
-    are near a resonance, and the matrix is singular close by: damped steps end there, whole ones
-    leap over it, and soon those modes alone are left. No step is longer than the path's own size.
-    """
-    last, k = math.inf, 0
-    with np.errstate(all="ignore"):
-        while k < steps:
-            k += 1
-            try:
-                step = -Factors(tr.layout, tr.kkt(z)).solve(tr.residual(z))
-            except np.linalg.LinAlgError:
-                break
-            size = _size(step[: tr.layout.unknowns])
-            if not math.isfinite(size) or (k > SETTLING and size > CONTRACTION * last):
-                break
-            z = z + min(1.0, LEAP / max(size, LEAP)) * step
-            if k > SETTLING and size < SURELY * last:
-                return z, k, True
-            last = size
-    return z, k, False
 
 
 def _norm(step: Array) -> float:

@@ -9,8 +9,6 @@ is followed by its arclength (Keller's bordered system, ibid. chapter 10).
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,14 +22,11 @@ from actionopt.tools.types import Array
 # proportion. Measured on 100 lattices and pendulums of 1 to 10 coordinates: what is found takes 18
 # to 215 steps, with up to 4 coordinates (190 unknowns); with more, 400 steps find nothing.
 HOMOTOPY_STEPS, FEWEST_STEPS, ALL_STEPS_SIZE = 240, 20, 200
-# Factorizations where few modes are left. Measured on pendulums of 30 to 100 links: what is found
-# takes 22 to 58.
-RELEASED = 100
 # Ad hoc.
 # Of arclength in s and the root mean square of the coordinates; halved where the corrector fails.
 FIRST_ARC, LONGEST_ARC, SHORTEST_ARC = 0.05, 0.5, 1e-6
 CORRECTOR_STEPS = 5
-CORRECTOR_TOL, ROUGHLY = 1e-6, 1e-3
+CORRECTOR_TOL = 1e-6  # correction, in units of the coordinates' sizes, that ends a corrector
 BEYOND = 1.5  # an s at which the curve is not near the path any more
 
 
@@ -41,30 +36,12 @@ def newton_homotopy(tr: Transcription, z: Array) -> tuple[Array, int] | None:
     `z` is the curve at which the applied force starts.
     """
     steps = min(HOMOTOPY_STEPS, HOMOTOPY_STEPS * ALL_STEPS_SIZE // tr.layout.size + FEWEST_STEPS)
-    return _followed((_Way(tr, z, tr.residual(z), 1.0, 1.0),), steps)
-
-
-def released(tr: Transcription, z: Array) -> tuple[Array, int] | None:
-    """Return the same, where all but a few modes are at rest already: both ways along the curve.
-
-    Their force is weak, and a path may be on either side. Arclength is that of coordinates alone.
-    """
-    force = tr.residual(z)
-    ways = [_Way(tr, z, force, sign, 0.0, ROUGHLY) for sign in (1.0, -1.0)]
-    return _followed(ways, RELEASED, RELEASED)
-
-
-def _followed(ways: Sequence[_Way], steps: int, most: float = math.inf) -> tuple[Array, int] | None:
-    """Go some steps along the ways by turns, until one of them arrives; or `most` factorizations.
-
-    Return where, and the factorizations; None if none arrives.
-    """
+    way = _Way(tr, z, tr.residual(z))
     for _ in range(steps):
-        for way in ways:
-            if way.open and way.advance():
-                return way.z, sum(each.count for each in ways)
-        if not any(way.open for way in ways) or sum(each.count for each in ways) > most:
-            break
+        if not way.advance():
+            return None
+        if way.s >= 1.0 - 1e-9:
+            return way.z, way.count
     return None
 
 
@@ -77,29 +54,21 @@ class _Way:
     tr : Transcription
     z, force : (size,) arrays
     ds : float
-        Of the direction; at first its sign says which way to go.
-    weight : float
-        Of s in the arclength.
-    tol : float
-        Correction, in units of the coordinates' sizes, that ends a corrector.
+        Of the direction.
     """
 
     tr: Transcription
     z: Array
     force: Array
-    ds: float
-    weight: float
-    tol: float = CORRECTOR_TOL
+    ds: float = 1.0
     s: float = 0.0
     direction: Array | None = None
     length: float = FIRST_ARC
     count: int = 0
-    open: bool = True
 
     def advance(self) -> bool:
-        """Take a step; whether it leads to s = 1. The way is no longer open if there is none."""
-        self.open = (self.direction is not None or self._aimed()) and self._stepped()
-        return self.open and self.s >= 1.0 - 1e-9
+        """Take a step; False if there is none."""
+        return (self.direction is not None or self._aimed()) and self._stepped()
 
     def _aimed(self) -> bool:
         """Find the direction of the curve."""
@@ -114,10 +83,10 @@ class _Way:
     def _turned(self, slope: Array) -> bool:
         """Keep going the same way along the curve, through a fold in s as well."""
         cut = self.tr.layout.unknowns
-        norm = np.sqrt(np.mean(slope[:cut] ** 2) + self.weight)
+        norm = np.sqrt(np.mean(slope[:cut] ** 2) + 1.0)
         forward = self.ds
         if self.direction is not None:
-            forward = float(slope[:cut] @ self.direction[:cut]) / cut + self.weight * self.ds
+            forward = float(slope[:cut] @ self.direction[:cut]) / cut + self.ds
         sign = 1.0 if forward >= 0 else -1.0
         self.direction, self.ds = sign * slope / norm, sign / float(norm)
         return bool(norm > 0)
@@ -159,12 +128,12 @@ class _Way:
                     return None
                 # Bordered system: the correction is orthogonal to the direction.
                 along = np.mean(miss[:cut] * across)
-                change = along / (np.mean(slope[:cut] * across) + self.weight * self.ds)
+                change = along / (np.mean(slope[:cut] * across) + self.ds)
                 step = -miss + slope * change
                 size = float(np.max(np.abs(step[:cut])))
                 if not np.isfinite(size) or size > 2 * last:
                     return None
                 z, s, last = z + step, s + float(change), size
-                if size < self.tol:
+                if size < CORRECTOR_TOL:
                     return z, s, slope, k
         return None

@@ -173,10 +173,9 @@ class Homotopy(Rung):
 
 
 class Resonance(Rung):
-    """Newton steps where they cannot be damped: a few of many modes are near a resonance.
+    """Newton steps that hold the few of many modes that are near a resonance, and free them later.
 
-    Whole steps settle the others as a rule; the force that is left, mostly along those few, is
-    released. What is found is a saddle as a rule: other modes are beyond their first resonance.
+    What is found is a saddle as a rule: other modes are beyond their first resonance.
     """
 
     price = 200
@@ -186,7 +185,7 @@ class Resonance(Rung):
         return super().applies(search) and system.n > RESONANT_COORDINATES and system.m == 0
 
     def seek(self, ws: Workspace) -> bool:
-        return ws.leap()
+        return ws.pass_resonances()
 
 
 class Meeting(Rung):

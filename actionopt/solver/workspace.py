@@ -13,14 +13,14 @@ from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import Factors
 from actionopt.discrete.marquardt import settle
 from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.newton import approach, follow, leap, moved
+from actionopt.discrete.newton import approach, follow, moved
 from actionopt.discrete.path import Path
 from actionopt.discrete.projection import project
 from actionopt.discrete.resolution import resolution
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.descent import descend
-from actionopt.solver.homotopy import newton_homotopy, released
+from actionopt.solver.homotopy import newton_homotopy
 from actionopt.solver.ipopt import Principle, find
 from actionopt.solver.iterate import (
     ORDINARY,
@@ -36,6 +36,7 @@ from actionopt.solver.iterate import (
 )
 from actionopt.solver.preflight import check
 from actionopt.solver.record import Record
+from actionopt.solver.resonances import Resonances
 from actionopt.tools.types import Array
 from actionopt.tools.watch import Watch
 
@@ -325,14 +326,13 @@ class Workspace:
                 near = approach(tr, _without_multipliers(self.here), steps)
         return self._reached("newton", near)
 
-    def leap(self, steps: int = QUICK_STEPS) -> bool:
-        """Go to a path by whole Newton steps, and release the force of what modes they leave."""
-        tr = self.here.tr
+    def pass_resonances(self) -> bool:
+        """Go to a path by Newton steps that hold the modes next to a resonance, let go later."""
+        search = Resonances(self.here.tr)
         with self.record.clock("solve"):
-            z, count, near = leap(tr, self.here.z, steps)
-            found = (z, 0) if near else released(tr, z)
-        self.record.iterations["newton"] += count
-        return self._reached("newton" if near else "continuation", found)
+            z = search.path(self.here.z)
+        self.record.iterations["continuation"] += search.count
+        return self._reached("continuation", None if z is None else (z, 0))
 
     def _reached(self, method: str, found: tuple[Array, int] | None) -> bool:
         """Polish what a method reached; where that does not work, keep in mind where it was."""
