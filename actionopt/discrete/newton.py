@@ -81,7 +81,7 @@ def follow(
 
     What is left then is below `target`, in units of the coordinates' sizes, or round-off; or below
     what `enough` returns for the path at hand, whose round-off is not measured. `many` is for
-    `Factors`; more simplified steps are taken then, as the sensitivity is known already.
+    `Factors`.
     """
     cut = tr.layout.unknowns
     first, rest = z, np.inf
