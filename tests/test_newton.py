@@ -11,6 +11,7 @@ from actionopt.discrete.newton import CONTRACTION, _steps, follow
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Event, Problem
 from actionopt.mechanics.system import System
+from actionopt.solver.solve import solve
 
 ROUNDING = 1e-12  # of a path of order one after a solve with a condition of some thousands
 
@@ -169,3 +170,25 @@ def test_a_second_simplified_step_that_grows_asks_for_another_matrix():
     z = np.ones(1)
     _, rest, ratio, converged = _steps(tr, factors, z, z, False, 1e-14, None)
     assert not converged and rest == 1e-6 and ratio == CONTRACTION
+
+
+def test_the_matrix_of_a_steady_linear_system_is_factorized_once_for_all_ends():
+    """Not where its parameters or times are others."""
+    system = System(
+        lambda q, v, t, *, k: v[0] ** 2 / 2 - k * q[0] ** 2 / 2, ["x"], parameters={"k": 1.0}
+    )
+
+    def exact(problem):
+        (a,), (b,), T = problem.start.q, problem.end.q, problem.duration
+        w = np.sqrt(problem.parameters["k"])
+        return lambda t: (a * np.sin(w * (T - t)) + b * np.sin(w * t)) / np.sin(w * T)
+
+    first = solve(Problem(system, Event(0.0, [1.0]), Event(2.5, [0.5])))
+    known = first.discrete.tr.layout.solvers["steady"]
+    for T, end, k in ((2.5, 0.7, 1.0), (2.6, 0.7, 1.0), (2.6, 0.7, 2.0), (2.5, 0.5, 1.0)):
+        problem = Problem(system, Event(0.0, [1.0]), Event(T, [end]), parameters={"k": k})
+        found = solve(problem, guess=first)
+        kept = found.discrete.tr.layout.solvers["steady"] is known
+        assert kept == (T == 2.5 and end == 0.7)
+        times = found.mesh.nodes
+        assert found(times)[0] == pytest.approx(exact(problem)(times), abs=1e-11)

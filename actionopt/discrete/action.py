@@ -220,10 +220,15 @@ class Action:
 
     def unpack(self, z: Array) -> tuple[Array, Array]:
         """Return coordinates (K, n) and multipliers (K, m); NaN where there is no row."""
+        return self.coordinates(z), self.multipliers(z)
+
+    def multipliers(self, z: Array) -> Array:
+        """Return the multipliers (K, m); NaN where there is no row."""
         layout = self.layout
         lam = np.full((layout.node_count, self.problem.system.m), np.nan)
-        lam[layout.row_node, layout.row_constraint] = z[layout.unknowns :] * self.mu_unit
-        return self.coordinates(z), lam
+        if layout.rows:
+            lam[layout.row_node, layout.row_constraint] = z[layout.unknowns :] * self.mu_unit
+        return lam
 
     def coordinates(self, z: Array) -> Array:
         """Return the coordinates at the nodes, (K, n)."""

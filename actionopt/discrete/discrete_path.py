@@ -81,7 +81,7 @@ class DiscretePath:
     @cached_property
     def rows(self) -> Array:
         """Multipliers of the constraint rows at the nodes, (K, m); NaN where there is no row."""
-        return self.tr.unpack(self.z)[1]
+        return self.tr.multipliers(self.z)
 
     @cached_property
     def lam(self) -> Array:

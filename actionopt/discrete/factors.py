@@ -114,7 +114,7 @@ class Factors:
         """Whether another solution costs far less than another factorization."""
         if self.layout.bordered:
             return not self.layout.small
-        return self.layout.keeps_factors or (self._many and self.layout.condensed)
+        return self.layout.keeps_factors or self.layout.storage == "blocks"
 
     def solve(self, right: Array) -> Array:
         """Return the solution for one right-hand side, (size,)."""

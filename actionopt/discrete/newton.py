@@ -79,7 +79,7 @@ def follow(
 
     What is left then is below `target`, in units of the coordinates' sizes, or round-off; or below
     what `enough` returns for the path at hand, whose round-off is not measured. `many` is for
-    `Factors`; more simplified steps are taken then, as the sensitivity is known already.
+    `Factors`.
     """
     cut = tr.layout.unknowns
     first, rest = z, np.inf
@@ -88,7 +88,10 @@ def follow(
         for k in range(1, steps + 1):
             factors, taken = None, z  # frees the last ones before the next are made
             try:
-                factors = Factors(tr.layout, tr.kkt(z), many=many)
+                if linear and tr.problem.system.structure.steady:
+                    factors = _steady(tr, z, many)
+                else:
+                    factors = Factors(tr.layout, tr.kkt(z), many=many)
                 z, rest, ratio, converged = _steps(tr, factors, z, residual, linear, target, enough)
             except np.linalg.LinAlgError:
                 return Followed(z, False, np.inf, k, np.inf)
@@ -108,6 +111,16 @@ def follow(
         # what is left of the step says how little the path is determined.
         at_roundoff = is_roundoff(tr, z, residual)
     return Followed(z, at_roundoff, rest, k, _size((z - first)[:cut]))
+
+
+def _steady(tr: Transcription, z: Array, many: bool) -> Factors:
+    """Return factors of the matrix at z, where it is the same at any z; small ones are kept."""
+    if not tr.layout.small or tr.nodal or tr.watch is not None:  # it is told of second derivatives
+        return Factors(tr.layout, tr.kkt(z), many=many)
+    known = tr.layout.solvers.get("steady")
+    if known is None or known[0] is not tr.weight:  # which problems with other ends share
+        known = tr.layout.solvers["steady"] = tr.weight, Factors(tr.layout, tr.kkt(z), many=many)
+    return known[1]
 
 
 def _steps(

@@ -96,8 +96,9 @@ class Iterate(DiscretePath):
         sizes, lengths = measured(self.problem, Q)
         shown = resolution(self.mesh, Q, sizes)
         known = {"sizes": sizes, "lengths": lengths, "represented": shown, "probed": None}
-        found = replace(self, z=z, factors=result.factors, since=result.since, **known)
-        return found.estimated(self.gain, result.noise * found.unit)
+        unit = self._unit(sizes)
+        known |= _estimated(self.gain, result.noise * unit, unit, shown)
+        return replace(self, z=z, factors=result.factors, since=result.since, **known)
 
     def estimated(self, gain: float, noise: float | None = None) -> Iterate:
         """Return the same with the estimate of its error for a gain, and of its noise.
@@ -105,9 +106,7 @@ class Iterate(DiscretePath):
         The gain is at least what amplified round-off says that other errors are amplified.
         """
         noise = self.noise if noise is None else noise
-        gain = max(gain, amplified(noise) / self.unit)
-        error = estimate(gain, self.resolution.expected, noise)
-        return replace(self, gain=gain, noise=noise, error=error)
+        return replace(self, **_estimated(gain, noise, self.unit, self.resolution))
 
     @property
     def resolution(self) -> Resolution:
@@ -129,8 +128,11 @@ class Iterate(DiscretePath):
     @property
     def unit(self) -> float:
         """What `measured` steps are in the path's own size, at most."""
+        return self._unit(self.sizes)
+
+    def _unit(self, sizes: Array) -> float:
         unit = self.tr.lengths if self.tr.origin is None else self.tr.lengths + abs(self.tr.origin)
-        return max(1.0, float((unit / self.sizes).max()))
+        return max(1.0, float((unit / sizes).max()))
 
     def factored(self, many: bool) -> Iterate:
         """Return the same with factors of the matrix; `many` as `Factors` has it."""
@@ -224,6 +226,12 @@ class Iterate(DiscretePath):
         rates = self.resolution.omitted * k * (k + 1) / mesh.lengths
         limit = VELOCITY_ERROR if shortest > TINY_ELEMENT else 1.0
         return bool(rates.max() * (self.sizes / speeds).max() > limit)
+
+
+def _estimated(gain: float, noise: float, unit: float, shown: Resolution) -> dict[str, float]:
+    """Return gain, noise and error as `Iterate` has them."""
+    gain = max(gain, amplified(noise) / unit)
+    return {"gain": gain, "noise": noise, "error": estimate(gain, shown.expected, noise)}
 
 
 def estimate(gain: Number, omitted: Number, noise: Number) -> Number:

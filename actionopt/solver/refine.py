@@ -45,7 +45,8 @@ def refine(ws: Workspace, tol: float, *, least: bool) -> Status:
             last, missed = missed, ws.missed()
             here = ws.here
             error = max(here.error, SAFETY * missed) + (here.misread() if here.late else 0.0)
-            here = ws.here = replace(here, error=error)
+            if error != here.error:
+                here = ws.here = replace(here, error=error)
             if error <= tol:
                 return Status.UNRESOLVED if here.singular else Status.SOLVED
             stalled = stalled + 1 if missed > last / 2 else 0

@@ -243,8 +243,9 @@ def _dwelling(
 def _is_at_rest(solution: Solution) -> bool:
     """Whether a path that moves hardly leaves its first node, nor comes to its last."""
     values = solution.path.values
-    ends = np.abs(values[:, [1, -1]] - values[:, [0, -2]]).max()
-    return ends < DWELL_STEP * np.ptp(values, axis=1).max()
+    first, last = values[:, 1] - values[:, 0], values[:, -1] - values[:, -2]
+    ends = max(np.abs(first).max(), np.abs(last).max())
+    return bool(ends < DWELL_STEP * (values.max(axis=1) - values.min(axis=1)).max())
 
 
 def moving(solution: Solution) -> Solution:
