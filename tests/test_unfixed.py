@@ -10,6 +10,7 @@ from scipy.special import ellipj, ellipk, ellipkinc
 
 import actionopt as ao
 from actionopt import plot, scenes
+from actionopt.discrete.bordered import Bordered
 
 G = 9.81
 
@@ -561,3 +562,15 @@ def test_a_dwell_at_the_top_and_a_guess_between_other_angles():
     other = problem.replace(start=free(0.0, [-0.5]), end=free(None, [5.0]))
     T = (ellipkinc(2.5, m) + ellipkinc(0.25, m)) * np.sqrt(m)
     assert abs(ao.solve(other, guess=s).duration - T) < 1e-9
+
+
+@pytest.mark.parametrize("name", ["throw_at_energy", "kepler_at_energy", "pendulum_over_top"])
+def test_the_matrix_with_a_duration_is_the_derivative_of_the_equations(name):
+    problem = scenes.get(name).problem
+    path = ao.solve(problem, guess=scenes.get(name).guess, tol=1e-3).path
+    bordered, y = Bordered.around(problem, path, None, np.abs(path.values).max(axis=1))
+    y = y + 0.01 * np.cos(np.arange(y.size))  # the duration as well
+    step = 1e-6 * np.eye(y.size)
+    columns = [(bordered.residual(y + h) - bordered.residual(y - h)) / 2e-6 for h in step]
+    matrix = bordered.layout.full(bordered.kkt(y))
+    assert np.abs(matrix - np.transpose(columns)).max() < 1e-9 * np.abs(matrix).max()

@@ -159,6 +159,22 @@ class Action:
             other.nodal = terms(problem, self.mesh)
         return other
 
+    def stretched(self, problem: Problem) -> Self:
+        """Return that of a problem over other times alone, in these units; L contains no time."""
+        start, end = problem.start.t, problem.end.t
+        other, before = copy(self), self.mesh
+        other.problem, other.mesh = problem, before.moved(start, end)
+        factor = other.mesh.duration / before.duration
+        other._point, other._kept = None, {}
+        for name in ("between_nodes", "row_times"):  # if they were made
+            other.__dict__.pop(name, None)
+        other.times = start + (self.times - before.boundaries[0]) * factor
+        other.halves = [half * factor for half in self.halves]
+        for name in ("half", "weight", "row_weight", "row_unit"):
+            setattr(other, name, getattr(self, name) * factor)
+        other.mu_unit = self.mu_unit / factor
+        return other
+
     def with_ends(self, ends: Array) -> Self:
         """Return the same with other coordinates (2, n) at the first and the last node.
 

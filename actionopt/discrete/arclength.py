@@ -199,7 +199,7 @@ class Branch:
         pattern, entries = tr.layout.kkt, compressed(tr.layout, tr.kkt(z))
         if not (np.all(np.isfinite(entries)) and np.all(np.isfinite(column))):
             return None
-        if z.size <= DENSE:
+        if z.size <= DENSE or (tr.layout.bordered and tr.layout.small):
             matrix = np.zeros((y.size, y.size))
             matrix[pattern.row, pattern.col] = entries
             matrix[:-1, -1], matrix[-1] = column, last

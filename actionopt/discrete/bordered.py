@@ -31,8 +31,8 @@ import numpy as np
 
 from actionopt.discrete.boundaries import moved
 from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.end_times import by_times
-from actionopt.discrete.factors import Factors
+from actionopt.discrete.end_times import by_stretch, by_times
+from actionopt.discrete.factors import Factors, full
 from actionopt.discrete.foot import Foot, feet, reactions
 from actionopt.discrete.layout import Layout, Pattern
 from actionopt.discrete.path import Path
@@ -71,10 +71,15 @@ def over(problem: Problem, duration: float) -> Problem:
     """Return the problem at a duration, where its own is free; the times that are given stay."""
     if not problem.free_time:
         return problem
+    return problem.found(*times(problem, duration))
+
+
+def times(problem: Problem, duration: float) -> tuple[float, float]:
+    """Return the times of the events at a duration, where one of them or both are free."""
     t0, t1 = problem.start.t, problem.end.t
     if t0 is None:
         t0 = 0.0 if t1 is None else t1 - duration
-    return problem.found(t0, t0 + duration if t1 is None else t1)
+    return t0, t0 + duration if t1 is None else t1
 
 
 def moves_of(problem: Problem) -> tuple[Move, ...]:
@@ -126,6 +131,10 @@ class BorderedLayout:
     @cached_property
     def kkt(self) -> Pattern:
         """Those of the inner matrix, the rows below, the columns beside, the corners of feet."""
+        if self.small:  # full, column by column
+            every = np.arange(self.size**2)
+            col, row = np.divmod(every, self.size)
+            return Pattern((self.size, self.size), row, col, every)
         K, size, inner = self.inner.kkt, self.size, self.inner.size
         added = np.arange(inner, size)
         every, above = np.arange(size), np.arange(inner)
@@ -139,6 +148,8 @@ class BorderedLayout:
 
     def full(self, nonzeros: Array) -> Array:
         """Return the full matrix."""
+        if self.small:
+            return nonzeros.reshape(self.size, self.size).T
         matrix = np.zeros((self.size, self.size))
         matrix[self.kkt.row, self.kkt.col] = nonzeros
         return matrix
@@ -172,6 +183,7 @@ class Bordered:
         # How far a path moves, in its sizes, as its duration grows by a part of itself.
         self.reach = 1.0
         self._last: Transcription | None = self.first
+        self._like: Transcription | None = self.first
         if self.layout is None:
             beside = self.timed + self.held + self.borders.c.size
             self.layout = BorderedLayout(self.first.layout, beside, self.feet)
@@ -201,7 +213,7 @@ class Bordered:
         values = [asked.start.q[i] / self.first.lengths[i] for i in self.borders.held]  # type: ignore[operator]
         borders = self.borders._replace(c=np.r_[values, self.borders.c[len(values) :]])
         other = Bordered(asked, self.first, borders, self.feet, self.layout)
-        other._last, other.reach = None, self.reach
+        other._last, other._like, other.reach = None, None, self.reach
         return other
 
     @property
@@ -221,12 +233,24 @@ class Bordered:
 
     def _over(self, duration: float) -> Transcription:
         if self._last is None or duration != self._last.mesh.duration:
+            like = self._like
+            if like is not None and not self._clocked:
+                ends = times(self.free, duration)
+                self._last = like.stretched(like.problem.lasting(*ends))
+                return self._last
             problem, like = over(self.free, duration), self.first
             ends = problem.start.t, problem.end.t
             mesh = moved(like.mesh, like.problem.instants, problem.instants, *ends)
             self._last = Transcription(problem, mesh, like.lengths, like=like)
             self._last.counts, self._last.watch = like.counts, like.watch
+            self._like = self._like or self._last
         return self._last
+
+    @property
+    def _clocked(self) -> bool:
+        """Whether more than the rates changes with the duration."""
+        timed = any(e is not None and e.on.timed for e in self.asked.surfaces)
+        return timed or self.asked.system.structure.depends_on_time
 
     def discrete(self, y: Array) -> DiscretePath:
         """Return the path of unknowns y."""
@@ -272,8 +296,10 @@ class Bordered:
         """Return the nonzeros of the derivative of `residual` on `layout.kkt`."""
         at, (B, C, _, _) = self.discrete(y), self.borders
         inner, size, k = self.first.layout, self.first.layout.size, self.borders.c.size
+        clocked = self._clocked
+        if self.timed and not clocked:  # they are asked for twice
+            at.tr.place(at.x).second = [x.copy() for x in at.tr.second(at.x)]
         K = at.tr.kkt(at.z)
-        K = inner.kkt.sum(K) if inner.storage == "blocks" else K
         added = self.timed + self.held + k
         below, beside = np.zeros((added, self.layout.size)), np.zeros((size, added))
         beside[:, added - k :], below[added - k :, :size] = B, C
@@ -282,21 +308,35 @@ class Bordered:
             by_x, rows = foot.rows(at)[1], row + np.arange(mu.size)
             below[rows[:, None], foot.places] = by_x
             beside[foot.places[:, None], rows] = by_x.T
-            corners.append(foot.curvature(at, mu).ravel())
+            corners.append(foot.curvature(at, mu))
             row += mu.size
         if self.timed:
-            T, h = self.duration(y), STRETCH
-            sides = []
-            for sign in (1, -1):
-                tr = self._over(T * float(np.exp(sign * h)))
-                sides.append(self._equations(DiscretePath(tr, at.z), y))
-            by_time = (sides[0] - sides[1]) / (2 * h)
+            by_time = self._by_duration(at, y) if clocked else np.zeros(self.layout.size)
+            if not clocked:
+                by_time[: inner.unknowns], own = by_stretch(at)
+                by_time[size] = own + self.asked.energy * at.mesh.duration / at.tr.action_unit  # type: ignore[operator]
             beside[:, 0] = by_time[:size]
             below[0] = by_time
             below[: self.timed + self.held, size] = by_time[size : size + self.timed + self.held]
-            self._last = at.tr
-        parts = [K, below.ravel(), beside.T.ravel(), *corners]
+        if self.layout.small:
+            matrix = np.zeros((self.layout.size, self.layout.size))
+            matrix[:size, :size] = full(inner, K)
+            matrix[size:], matrix[:size, size:] = below, beside
+            for foot, corner in zip(self.feet, corners, strict=True):
+                matrix[foot.places[:, None], foot.places] += corner
+            return matrix.ravel(order="F")
+        K = inner.kkt.sum(K) if inner.storage == "blocks" else K
+        parts = [K, below.ravel(), beside.T.ravel(), *(corner.ravel() for corner in corners)]
         return self.layout.kkt.sum(np.concatenate(parts))
+
+    def _by_duration(self, at: DiscretePath, y: Array) -> Array:
+        """Return the derivative of `residual` by log T, (size,), by differences."""
+        T, h, sides = at.mesh.duration, STRETCH, []
+        for sign in (1, -1):
+            tr = self._over(T * float(np.exp(sign * h)))
+            sides.append(self._equations(DiscretePath(tr, at.z), y))
+        self._last = at.tr
+        return (sides[0] - sides[1]) / (2 * h)
 
     def bend(self, y: Array) -> float:
         """Return d2S/d(log T)2 along the paths over fixed durations, in units of action.

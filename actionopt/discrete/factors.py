@@ -213,6 +213,15 @@ def compressed(layout: Layout, nonzeros: Array) -> Array:
     return layout.kkt.sum(nonzeros) if layout.storage == "blocks" else nonzeros
 
 
+def full(layout: Layout, nonzeros: Array) -> Array:
+    """Return the full matrix, (size, size)."""
+    if layout.storage == "blocks":
+        return layout.blocks.full(nonzeros)
+    matrix = np.zeros((layout.size, layout.size))
+    matrix[layout.kkt.row, layout.kkt.col] = nonzeros
+    return matrix
+
+
 class Sparse:
     """A sparse direct solver of CasADi's for one sparsity, fed and read in place.
 

@@ -82,6 +82,21 @@ class Pointwise:
             matrices[:, cols, rows] = nonzeros
         return matrices
 
+    def product(self, output: int, nonzeros: Array, v: Array, *, symmetric: bool = False) -> Array:
+        """Return the matrices of the nonzeros (K, nonzeros) times v (K, columns): (K, rows).
+
+        Where they are `symmetric`, the nonzeros are those of a triangle.
+        """
+        rows, cols = self.sparsity(output)
+        if symmetric:
+            off = rows != cols
+            rows, cols = np.r_[rows, cols[off]], np.r_[cols, rows[off]]
+            nonzeros = np.concatenate([nonzeros, nonzeros[:, off]], axis=1)
+        count, height = len(nonzeros), self.function.size1_out(output)
+        at = height * np.arange(count)[:, None] + rows
+        found = np.bincount(at.ravel(), (nonzeros * v[:, cols]).ravel(), count * height)
+        return found.reshape(count, height)
+
     @cached_property
     def _widths(self) -> tuple[list[int], list[int]]:
         """How many numbers of one time every input and every output has."""

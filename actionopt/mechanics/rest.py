@@ -27,6 +27,7 @@ SLOWEST_DECAY = 1e-7  # rate of decay, in the fastest: a slower one is none
 GRAPH = 1e-10  # singular values of the subspace's coordinates, at least: else it is no graph over q
 NEAR_REST = 1e-6  # of the coordinates' size: how far from an equilibrium one may be given
 REST_STEPS = 8
+RESTS_KEPT = 16  # of a system
 SIGN_STEPS, SIGN_CHANGE = 60, 1e-14
 SERIES_TERMS = 18  # of exp(x) for |x| < 1/2: 2^-18 / 18! = 6e-22
 
@@ -81,8 +82,19 @@ class Rest:
 def rest(system: System, packed: Array, q: Array, t: float, side: int) -> Rest:
     """Return the equilibrium near q (n,) and its manifold as it is at the time t.
 
-    Raises ValueError if there is no equilibrium, or it is no saddle.
+    The last ones are kept. Raises ValueError if there is no equilibrium, or it is no saddle.
     """
+    kept: dict[tuple, Rest] = system.made("rests", dict)
+    key = packed.tobytes(), q.tobytes(), t if system.structure.depends_on_time else 0.0, side
+    found = kept.pop(key, None) or _rest(system, packed, q, t, side)
+    kept[key] = found
+    for old in list(kept)[:-RESTS_KEPT]:
+        kept.pop(old, None)  # another thread may have done so
+    return found
+
+
+def _rest(system: System, packed: Array, q: Array, t: float, side: int) -> Rest:
+    """Return the same, found anew."""
     names, given = system.coordinates, q
     second, first = system.pointwise("second"), system.pointwise("first")
     v, now = np.zeros((1, system.n)), np.array([[t]])

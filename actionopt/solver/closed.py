@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Problem
-from actionopt.tools.types import Array
+from actionopt.tools.types import EPS, Array
 
 # Ad hoc.
 PASSED = 400  # times a period at which a closed path is looked for what its start gives
-PARTS, CLOSED_IN = 40, 9  # of the time between two of them, in turn: 40^9 is more than 1 / EPS
+CLOSED_IN = 30  # steps, each half of the last one at a turning point: to the root of EPS
 SLIVER = 0.1  # of an element
 
 
@@ -29,11 +29,22 @@ def passes(
         q, v = beyond(path, problem, since)
         return (q[pinned] - wanted[:, None]) / unit[:, None], v[pinned] / unit[:, None]
 
-    t = np.linspace(-T, T, 2 * PASSED + 1)[:-1]
-    far = np.linalg.norm(away(t)[0], axis=0)
-    nearest = np.flatnonzero((far <= np.roll(far, 1)) & (far <= np.roll(far, -1)))
-    times = [_nearest(away, float(t[k]) - T / PASSED, t[k] + T / PASSED, t[k]) for k in nearest]
-    return [(s, float(np.abs(away(np.array([s]))[0]).max())) for s in times if abs(s) < T]
+    t, step = np.linspace(-T, T, 2 * PASSED + 1)[:-1], T / PASSED
+    apart, rates = away(t)
+    far = np.linalg.norm(apart, axis=0)
+    nearest = (far <= np.roll(far, 1)) & (far <= np.roll(far, -1))
+    reach = 2 * step * np.linalg.norm(rates, axis=0).max()
+    nearest = np.flatnonzero(nearest & (far <= far.min() + reach))  # others are farther
+    low, high, at = t[nearest] - step, t[nearest] + step, t[nearest]
+    for _ in range(CLOSED_IN):  # Gauss and Newton's method, between the neighbours
+        apart, rates = away(at)
+        down, square = np.einsum("ik,ik->k", apart, rates), np.einsum("ik,ik->k", rates, rates)
+        next_at = np.clip(at - np.divide(down, square, 0 * at, where=square > 0), low, high)
+        settled, at = np.abs(next_at - at).max() <= EPS * T, next_at
+        if settled:
+            break
+    off = np.abs(away(at)[0]).max(axis=0)
+    return [(float(s), float(x)) for s, x in zip(at, off, strict=True) if abs(s) < T]
 
 
 def beyond(path: Path, problem: Problem, since: Array) -> tuple[Array, Array]:
@@ -67,21 +78,3 @@ def rolled(path: Path, shift: float, problem: Problem) -> Path:
     b = np.concatenate([[0.0], inner, [T]])
     curve = lambda t: beyond(path, problem, t - t0 + shift)[0]  # noqa: E731
     return Path.interpolate(curve, mesh.cut(b, degrees[keep]))
-
-
-def _nearest(
-    away: Callable[[Array], tuple[Array, Array]], a: float, b: float, middle: float
-) -> float:
-    """Return where between a and b what `away` returns, with its rate, is least: `middle` if not.
-
-    Where it vanishes, or turns back.
-    """
-    for _ in range(CLOSED_IN):
-        times = np.linspace(a, b, PARTS + 1)
-        growing = np.einsum("ik,ik->k", *away(times)) >= 0
-        turns = np.flatnonzero(~growing[:-1] & growing[1:])
-        if not turns.size:
-            break
-        a, b = (float(times[turns[0] + k]) for k in (0, 1))
-        middle = (a + b) / 2
-    return middle

@@ -26,7 +26,7 @@ from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import Guess, curve
 from actionopt.solver.durations import along, rates, returning
-from actionopt.solver.iterate import measured
+from actionopt.solver.iterate import SAFETY, UNKNOWN_GAIN, measured
 from actionopt.solver.ladder import COARSE_DEGREE
 from actionopt.solver.refine import ROUNDS
 from actionopt.solver.workspace import ROUGHLY
@@ -71,7 +71,13 @@ class FirstPaths:
     def firsts(self, guess: Guess | None) -> Iterator[tuple[Path, Array | None, str]]:
         """Yield paths, with multipliers (K, m) or none, from which to set out, and whence."""
         if guess is not None:
-            for represented in REPRESENTED:
+            first, last = REPRESENTED
+            if isinstance(guess, Solution) and guess.success:
+                # A neighbour's mesh will do; it would grow where each begins a closed path anew.
+                if not self.problem.closes:
+                    yield stretched(self.problem, guess.path), None, "guess"
+                first = min(self.tol / (2 * SAFETY * UNKNOWN_GAIN), first)
+            for represented in (first, last):
                 yield guessed(self.problem, guess, represented), None, "guess"
             return
         if self.problem.on_surface:
@@ -259,11 +265,8 @@ def guessed(problem: Problem, guess: Guess, represented: float) -> Path:
     if problem.free_time and not isinstance(guess, Path):
         guess = timed(problem, guess)
     if isinstance(guess, Path):
-        path, duration = guess, guess.mesh.duration
-        known = over(problem, duration)
-        stretched = path.mesh.moved(known.start.t, known.end.t)
-        path = Path(stretched, path.values)
-        curve_on = path.on if problem.closes else sheared(path, known).on
+        curve_on = stretched(problem, guess).on
+        known = over(problem, guess.mesh.duration)
     else:
         known = over(problem, 1.0)
         curve_on = curve(known, guess)
@@ -278,6 +281,13 @@ def guessed(problem: Problem, guess: Guess, represented: float) -> Path:
         mesh = refined(shown, represented / 2)
         found = curve_on(mesh)
     return found
+
+
+def stretched(problem: Problem, guess: Path) -> Path:
+    """Return a guess over the times of the events, where it begins and ends unless it closes."""
+    known = over(problem, guess.mesh.duration)
+    path = Path(guess.mesh.moved(known.start.t, known.end.t), guess.values)
+    return path if problem.closes else sheared(path, known)
 
 
 def sheared(path: Path, problem: Problem) -> Path:

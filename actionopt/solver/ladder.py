@@ -23,6 +23,7 @@ from actionopt.solver.first_mesh import fewest, paced, planned
 from actionopt.solver.iterate import Iterate, sizes
 from actionopt.solver.meeting import meetings
 from actionopt.solver.refine import refine, solve_on
+from actionopt.solver.window import step
 from actionopt.solver.workspace import LARGE_SIZE, ROUGHLY, Workspace
 from actionopt.tools.watch import OutOfTime
 
@@ -401,7 +402,7 @@ class Search:
         for elements in meshes:
             ws.restart()
             mesh = self._uniform(elements, self._fine_degree() if rung.steep else COARSE_DEGREE)
-            ws.transcribe(mesh, known or (self._curved(mesh) if self.curved else None))
+            ws.transcribe(mesh, known or (self._curved(mesh) if self.curved else self._step(mesh)))
             if not rung.seek(ws):
                 if rung.minimises and ws.unbounded:
                     return Status.UNBOUNDED
@@ -544,6 +545,11 @@ class Search:
         s = mesh.nodes_since / mesh.duration
         side = problem.lengths * np.cos(np.arange(1.0, 1.0 + problem.system.n))  # no symmetry's own
         return Path(mesh, (Q + CURVED_HEIGHT * np.sin(np.pi * s)[:, None] * side).T)
+
+    def _step(self, mesh: Mesh) -> Path | None:
+        """Return a step from rest to rest over a window; None elsewhere, for the straight line."""
+        found = step(self.ws.problem) if self.ws.problem.has_tails else None
+        return None if found is None else Path.interpolate(found, mesh)
 
     def _fine_degree(self) -> int:
         """Return a degree with which a few elements of a smooth path may meet the tolerance.

@@ -37,7 +37,7 @@ from actionopt.solver.iterate import (
 from actionopt.solver.ladder import COARSE_DEGREE
 from actionopt.solver.record import Record
 from actionopt.solver.refine import ILL_CONDITIONED, MAX_UNKNOWNS, ROUNDS, STALLED, UNDETERMINED
-from actionopt.solver.workspace import MEASURABLE
+from actionopt.solver.workspace import MEASURABLE, PASSABLE
 from actionopt.tools.types import Array
 from actionopt.tools.watch import OutOfTime, Watch
 
@@ -48,7 +48,7 @@ ON_START = 1e-9  # of a coordinate's size, how far from that it may begin: the t
 # Singular values of Newton's matrix, of the largest, at a family; the step that ends there; and how
 # far a path moves that is no rest, of its size.
 SINGULAR, SETTLED, MOVING = 1e-7, 1e-7, 1e-6
-NEAR_START = 1e-2  # as far as a first mesh tells
+NEAR_START, NEAR_GUESS = 1e-2, 0.1  # as far as a first mesh tells, or a guess
 PUSHED = 1e-8  # force on a closed path: measured, 1e-14 on motions, and 1 or more on what is none
 
 
@@ -107,10 +107,13 @@ class Unfixed:
 
     def reach(self, path: Path, lam: Array | None, *, damped: bool) -> bool:
         """Go to the path of the energy, or one that closes, near a rough one."""
-        problem = loose(self.problem) if self.problem.closes else self.problem
         self.hint = ""
+        if self.problem.closes and self.problem.start.pinned and self._begun_near(path):
+            return True
+        problem = loose(self.problem) if self.problem.closes else self.problem
         self.here = self._around(path, None if lam is None else np.nan_to_num(lam), problem)
-        if not self._follow():
+        # Of closed paths that are a family the steps do not contract, which is to be seen.
+        if not self._follow(passing=not self.problem.closes):
             if not damped:
                 return False
             bordered, y = self.here
@@ -124,12 +127,28 @@ class Unfixed:
                 return False
         return problem is self.problem or not self.problem.start.pinned or self._begun(NEAR_START)
 
+    def _begun_near(self, path: Path) -> bool:
+        """Go to the closed path near a rough one that begins where that passes what is given."""
+        begins = [s for s, off in self._passes(path) if off <= NEAR_GUESS]
+        if not begins:
+            return False
+        shift = min(begins, key=abs)
+        at = over(self.problem, path.mesh.duration)
+        self.here = self._around(rolled(path, shift, at) if shift else path, None)
+        return self._follow()
+
+    def _passes(self, path: Path) -> list[tuple[float, float]]:
+        """Return when a closed path passes what the start gives, and how far off in its sizes."""
+        problem, pinned = over(self.problem, path.mesh.duration), list(self.problem.start.pinned)
+        wanted = np.array([problem.start.q[i] for i in pinned], dtype=float)
+        lengths = measured(problem, path.values.T)[1]
+        return passes(path, problem, pinned, wanted, lengths[pinned])
+
     def _begun(self, near: float) -> bool:
         """Begin a closed path where it passes the coordinates that the start gives, or so near."""
         assert self.here is not None
-        at, pinned = self.here.at, list(self.problem.start.pinned)
-        wanted = np.array([self.problem.start.q[i] for i in pinned], dtype=float)
-        passed = passes(at.path, at.problem, pinned, wanted, at.tr.lengths[pinned])
+        at = self.here.at
+        passed = self._passes(at.path)
         begins = [s for s, off in passed if off <= near]
         if not begins:
             self.hint = (
@@ -163,13 +182,24 @@ class Unfixed:
         bordered.first.counts, bordered.first.watch = self.record.evaluations, self.watch
         return Reached(bordered, y)
 
-    def _follow(self) -> bool:
-        """Polish the path where it is; False if it is not there."""
+    def _follow(self, *, passing: bool = False) -> bool:
+        """Polish the path where it is; False if it is not there.
+
+        If `passing`, roughly where it goes on to another mesh.
+        """
         assert self.here is not None
         target = min(self.tol / (10 * SAFETY), 1e-13)
         bordered, y = self.here
+
+        def passable(y: Array) -> float:
+            """Return how far a path may be from stationary that goes on to another mesh."""
+            at = bordered.discrete(y)
+            left = resolution(at.mesh, at.Q, measured(at.problem, at.Q)[0]).worst
+            return PASSABLE * left if SAFETY * self.gain * left > self.tol else 0.0
+
         with self.record.clock("solve"):
-            result = follow(bordered, y, target=target, steps=20)  # type: ignore[arg-type]
+            enough = passable if passing else None
+            result = follow(bordered, y, target=target, enough=enough, steps=20)  # type: ignore[arg-type]
         self.record.iterations["newton"] += result.iterations
         self._reached = result.converged
         if not result.converged:  # where it was may be one of a family of paths
@@ -257,7 +287,7 @@ class Unfixed:
             path = at.path.on(mesh)
             first = path.values.T
             self.here = self._around(path, at.rows_on(mesh))
-            if not self._follow():
+            if not self._follow(passing=True):
                 self.here = here
                 return self._failed()
             there = self.here.at
@@ -313,6 +343,8 @@ def solve_unfixed(
     """
     started = perf_counter()
     run, first = Unfixed(problem, tol, watch), FirstPaths(problem, tol, solve)
+    if isinstance(guess, Solution) and guess.success:
+        run.gain = guess.stats.get("gain", run.gain)  # a neighbour is as sensitive
     status = Status.NOT_FOUND
     try:
         for damped in (False, True):

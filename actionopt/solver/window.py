@@ -20,6 +20,7 @@ from actionopt.analysis.modes import second_variation
 from actionopt.analysis.solution import Solution
 from actionopt.discrete.boundaries import bounded
 from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.factors import Factors
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
@@ -202,10 +203,11 @@ def lower(solution: Solution) -> Path | None:
     A straight line between equilibria may be a trap, where symmetry keeps every path on it.
     """
     with suppress(ValueError):
-        if not solution.morse_index:
+        at = solution.discrete
+        matrix = at.tr.kkt(at.z)
+        if np.isfinite(matrix).all() and not Factors(at.tr.layout, matrix).negative():
             return None
         eta = second_variation(solution, 1).modes[0]
-        at = solution.discrete
         t = at.mesh.nodes
         values, away = solution.path(t), eta(t)
         size = np.max(np.abs(values)) / np.max(np.abs(away))
