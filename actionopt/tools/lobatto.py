@@ -53,7 +53,7 @@ class Sampling:
         )
         return np.linalg.solve(P[:count, :-1], integrals).T
 
-    def integrals(self, values: Array) -> Array:
+    def integrals(self, values: Array) -> tuple[Array, Array]:
         """Return the integrals from -1 to the points of values (E, m + 1, n) there, and to 1.
 
         Arrays (E, m + 1, n) and (E, n).
