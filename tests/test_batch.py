@@ -234,7 +234,9 @@ def test_refusals(columns, words):
         solve_run(scenes.get("pendulum").problem, columns, tol)
 
 
-@pytest.mark.parametrize("name", ["pendulum", "double_pendulum", "charge_gauge", "moving_pivot"])
+@pytest.mark.parametrize(
+    "name", ["pendulum", "double_pendulum", "charge_gauge", "moving_pivot", "kepler_polar"]
+)
 def test_stacks_are_the_transcription(name):
     problem = scenes.get(name).problem
     mesh = ao.Mesh.uniform(problem.start.t, problem.end.t, 3, 7)
@@ -245,15 +247,21 @@ def test_stacks_are_the_transcription(name):
     times = np.tile([problem.start.t, problem.end.t], (4, 1))
     stack = Stack(shape, times, np.tile(problem.packed, (4, 1)))
     Q = shape.local(np.array([tr.coordinates(x) for x in z]))
-    S, part = stack.action(Q), stack.gradient(Q)
-    factored = Factored(shape, stack.coefficients(stack.second(Q)))
-    steps = shape.whole(stack.step(factored.solve(stack.rows(part))))
-    missed = shape.whole(stack.step(factored.solve(stack.rows(stack.missed(Q, part)))))
+    S, part, second = stack.action(Q), stack.gradient(Q), stack.second(Q)
+    factored = Factored(shape, stack.coefficients(second))
+    steps, missed, followed = (
+        shape.whole(stack.step(factored.solve(stack.rows(right))))
+        for right in (part, stack.missed(Q, part), stack.missed(Q, part, second))
+    )
     for i, x in enumerate(z):
         factors = Factors(tr.layout, tr.kkt(x))
         assert S[i] == pytest.approx(tr.action(x) * tr.action_unit, rel=1e-13)
         assert factored.negative[i] == factors.negative()
-        for mine, right in ((steps, tr.residual(x)), (missed, tr.missed(x)[0])):
+        for mine, right in (
+            (steps, tr.residual(x)),
+            (missed, tr.missed(x, followed=False)[0]),
+            *([(followed, tr.missed(x)[0])] if problem.system.structure.samples else []),
+        ):
             want = factors.solve(right)
             assert tr.pack(mine[i]) - tr.pack(0 * mine[i]) == pytest.approx(
                 want, rel=1e-8, abs=1e-9 * np.abs(want).max() + 1e-12

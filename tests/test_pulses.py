@@ -129,6 +129,19 @@ def test_a_well_that_is_crossed_is_crossed_at_the_right_speed(c, tol):
     assert np.max(np.abs(solution(t)[0] - t)) < tol + 2 * depth * w * np.pi
 
 
+def test_a_step_inside_an_element_takes_the_momentum_that_it_must():
+    """The sums over a coarse element agree by chance with those of a path that loses too little."""
+    c, w, height, tol = 0.7760217882743019, 1e-3, 0.3, 1e-3
+    system = ao.System(
+        lambda q, v, t: v[0] ** 2 / 2 - height * (1 + np.tanh((q[0] - c) / w)) / 2, ["x"]
+    )
+    solution = ao.solve(ao.Problem(system, ao.Event(0.0, [0.0]), ao.Event(1.0, [1.0])), tol=tol)
+    # Uniform but for the step, whose place is known to a part of w.
+    before = brentq(lambda v: c / v + (1 - c) / math.sqrt(v**2 - 2 * height) - 1, 1.0, 2.0)
+    t = np.linspace(0, 0.7, 501)
+    assert np.max(np.abs(solution(t)[0] - before * t)) < tol
+
+
 def test_a_given_mesh_that_misses_a_pulse_has_the_error_of_it():
     w = 0.001 / FWHM
     problem = ao.Problem(
@@ -166,6 +179,16 @@ def test_dense_points_integrate_and_leave_no_gap(degree, panels):
     assert np.allclose(dense.weighted_values @ (dense.slopes @ values), exact, atol=1e-9)
     gaps = np.diff(np.r_[-1.0, dense.nodes, 1.0])
     assert gaps.max() <= 2 / panels * (np.pi / 2) / rule.panel
+
+
+@pytest.mark.parametrize("rule", [lgl(5).other, lgl(5).same, lgl(6).dense(3)])
+def test_integrals_up_to_each_point(rule):
+    powers = np.stack([rule.nodes**k for k in (0, 1, 4)], axis=1)
+    k = np.array([1, 2, 5])
+    inside, whole = rule.integrals(np.stack([powers, 2 * powers]))
+    exact = (rule.nodes[:, None] ** k - (-1.0) ** k) / k
+    assert np.allclose(inside, [exact, 2 * exact], atol=1e-14)
+    assert np.allclose(whole, [(1 - (-1.0) ** k) / k, 2 * (1 - (-1.0) ** k) / k], atol=1e-14)
 
 
 def window(t, c, w):

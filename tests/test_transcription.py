@@ -319,6 +319,15 @@ def test_turns_are_the_largest_frequency_times_the_duration(lagrangian, turns):
     assert tr.turns(tr.pack(tr.straight())) == pytest.approx(turns)
 
 
+def test_turns_are_those_of_most_of_the_time_and_not_of_most_of_the_nodes():
+    """A stiff well is crossed in a moment, however many elements it may take."""
+    well = System(lambda q, v, t: v[0] ** 2 / 2 + np.exp(-((q[0] / 1e-3) ** 2)), ["x"])
+    problem = Problem(well, Event(0.0, [-1.0]), Event(1.0, [1.0]))
+    since = np.r_[0.0, np.linspace(0.499, 0.501, 9), 1.0]
+    tr = Transcription(problem, Mesh.over(0.0, 1.0, since, 4), np.ones(1))
+    assert tr.turns(tr.pack(tr.straight())) < 1e-6
+
+
 def test_momenta_are_the_derivatives_of_the_action_by_the_end_points():
     tr = transcribed(system_of("shaken", "free", "conservative"))
     z = point(tr)

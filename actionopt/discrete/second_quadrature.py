@@ -23,6 +23,7 @@ PANEL_COUNTS = np.unique([2**k * f for k in range(13) for f in (1, 3)])  # few k
 # meshes of a hundred on the scenes.
 CUT_SHARE = 0.1  # of what the worst element misses, for which one is cut
 CUT_PARTS = 4  # in so many
+MASSLESS = 1e-12  # of the largest inertia: what has less has none; ad hoc
 PEAK_SHARE = 0.05  # of the worst panel of an element: one that misses more is of the same feature
 
 
@@ -82,14 +83,16 @@ def batches(tr: Action) -> list[Batch]:
     return found
 
 
-def missed(tr: Action, batches: list[Batch], x: Array) -> tuple[Array, float]:
+def missed(
+    tr: Action, batches: list[Batch], x: Array, *, followed: bool = True
+) -> tuple[Array, float]:
     """Return what another quadrature finds left of dS/dx, less what `tr` does, in its units.
 
     And the drift, in the units of x, that the momentum missed with it gives to a free body: where a
     feature in q is not resolved, nor is what would hold the body there. Zero where there can be no
-    such feature.
+    such feature. Where what the nodes leave out does not matter it need not be `followed`.
     """
-    works = [(b, _work(b, *values)) for b, values in _sampled(tr, x, batches)]
+    works = [(b, _work(b, *values)) for b, values in _values(tr, x, batches, followed)]
     parts = [(b.at, work.ravel()) for b, work in works]
     at, work = parts[0] if len(parts) == 1 else map(np.concatenate, zip(*parts, strict=True))
     whole = np.bincount(at, work, tr.layout.node_count * tr.problem.system.n)
@@ -116,7 +119,7 @@ def uneven(tr: Action, batches: list[Batch], x: Array) -> Array:
     for g, mine in zip(tr.layout.groups, tr.work(x), strict=True):
         here.update(zip(g.elements.tolist(), mine, strict=True))
     shares = np.zeros(tr.mesh.elements)
-    for b, values in _sampled(tr, x, batches):
+    for b, values in _values(tr, x, batches):
         for e, work in zip(b.elements.tolist(), _work(b, *values), strict=True):
             shares[e] = np.abs((work - here[e]) * unit).max()
     return shares
@@ -148,10 +151,77 @@ def cuts(tr: Action, batches: list[Batch], x: Array) -> list[Array]:
     return found
 
 
-def _sampled(
+def _values(
+    tr: Action, x: Array, batches: list[Batch], followed: bool = True
+) -> Iterator[tuple[Batch, tuple[Array, Array]]]:
+    """Yield forces and momenta at the points of each batch, where a motion goes if it matters.
+
+    Not under constraints, whose forces are not known there.
+    """
+    structure = tr.problem.system.structure
+    narrow = structure.samples and not structure.linear and not structure.constraints
+    return (_followed if followed and narrow else _sampled)(tr, x, batches)
+
+
+def _followed(
     tr: Action, x: Array, batches: list[Batch]
 ) -> Iterator[tuple[Batch, tuple[Array, Array]]]:
-    """Yield dL/dq with the forces, and dL/dv, at the points of each batch: both (E, points, n)."""
+    """Yield forces and momenta as `_sampled`, but where the forces lead between the nodes.
+
+    Polynomials that are stationary to all sums may still cross a narrow feature at a speed that is
+    not the motion's, which gives it another momentum. That of the inertia times the change of
+    velocity is left out: it would undo what the sums find.
+    """
+    known = [(b, (F.copy(), p.copy())) for b, (F, p) in _sampled(tr, x, batches)]
+    with np.errstate(all="ignore"):
+        inertia = _inertia(tr, x)
+        steps = [
+            aside(b.rule, b.half, *values, inertia[b.elements], tr.lengths) for b, values in known
+        ]
+        moved = list(_sampled(tr, x, batches, steps))
+    for (b, (force, momentum)), (_, here), (_, v) in zip(moved, known, steps, strict=True):
+        momentum = momentum - v @ inertia[b.elements]
+        # Beyond where the laws hold nothing is known.
+        good = np.isfinite(force) & np.isfinite(momentum)
+        good = good.all(axis=(1, 2), keepdims=True)
+        yield b, (np.where(good, force, here[0]), np.where(good, momentum, here[1]))
+
+
+def aside(
+    rule: Sampling, half: Array, force: Array, momentum: Array, inertia: Array, lengths: Array
+) -> tuple[Array, Array]:
+    """Return how far a motion under these forces is from the path, in q and v, (E, points, n).
+
+    Zero at the ends of the elements, of inertias (E, n, n); `lengths` (n,) are the coordinates'
+    units.
+    """
+    unit = np.outer(lengths, lengths)
+    known = np.nan_to_num(unit * inertia)
+    inverse = unit * np.linalg.pinv(known, rcond=MASSLESS, hermitian=True)
+    gained, _ = rule.integrals(half * force)
+    v = (gained - momentum) @ inverse
+    v -= rule.integrals(v)[1][:, None] / 2
+    return rule.integrals(half * v)[0], v
+
+
+def _inertia(tr: Action, x: Array) -> Array:
+    """Return the mass matrix in the middle of each element, (N, n, n)."""
+    system = tr.problem.system
+    nonzeros, n = tr.second(x)[2], system.n
+    found = np.empty((tr.mesh.elements, n, n))
+    for g in tr.layout.groups:
+        middle = nonzeros[g.span].reshape(*g.nodes.shape, -1)[:, g.rule.degree // 2]
+        found[g.elements] = system.pointwise("second").full(2, middle, symmetric=True)
+    return found
+
+
+def _sampled(
+    tr: Action, x: Array, batches: list[Batch], steps: list[tuple[Array, Array]] | None = None
+) -> Iterator[tuple[Batch, tuple[Array, Array]]]:
+    """Yield dL/dq with the forces, and dL/dv, at the points of each batch: both (E, points, n).
+
+    Or `steps` in q and v away from the path.
+    """
     system, p = tr.problem.system, tr.problem.packed
     Q, n = tr.place(x).Q, tr.problem.system.n
     q, v, t = [], [], []
@@ -160,6 +230,9 @@ def _sampled(
         q.append((b.rule.values @ local).reshape(-1, n))
         v.append((b.rule.slopes @ (local - local[:, :1]) / b.half).reshape(-1, n))
         t.append(b.times)
+    if steps is not None:
+        q = [here + dq.reshape(-1, n) for here, (dq, _) in zip(q, steps, strict=True)]
+        v = [here + dv.reshape(-1, n) for here, (_, dv) in zip(v, steps, strict=True)]
     t = t if system.structure.depends_on_time else t[:1]
     at = [parts[0] if len(parts) == 1 else np.concatenate(parts) for parts in (q, v, t)]
     force, momentum, _ = system.pointwise("first")(*at, p)

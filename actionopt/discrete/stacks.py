@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 
 from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.second_quadrature import PANEL_COUNTS
+from actionopt.discrete.second_quadrature import PANEL_COUNTS, aside
 from actionopt.mechanics.columns import Columns
 from actionopt.mechanics.system import System
 from actionopt.tools.lobatto import Rule, Sampling, lgl
@@ -262,18 +262,58 @@ class Stack:
         q = (values @ Q.reshape(len(Q), -1)).reshape(shape)
         return q, (slopes @ (Q - Q[:1]).reshape(len(Q), -1)).reshape(shape) / half
 
-    def missed(self, Q: Array, part: Array) -> Array:
-        """Return what another quadrature finds of dS/dq less the `part` of this one."""
+    def missed(self, Q: Array, part: Array, second: list[Array] | None = None) -> Array:
+        """Return what another quadrature finds of dS/dq less the `part` of this one.
+
+        Where the forces lead between the nodes if `second` are given: see `second_quadrature`.
+        """
         s, found = self.shape, -part
         for which, rule in s.sampled:
             local, half = Q[:, :, which], self.half[which]
             q, v = self._sampled(local, rule.values, rule.slopes, half)
             at = self._arguments(s.times_of(rule.nodes, which))
             force, momentum = self._evaluated("gradient", q, v, at)
+            if second is not None:
+                inertia = self._inertia(second[2][(s.P - 1) // 2][:, which])
+                force, momentum = self._followed(rule, half, (q, v), at, (force, momentum), inertia)
             work = rule.weighted_values @ force.reshape(len(q), -1)
             work = work.reshape(local.shape) * half + _work(rule.weighted_slopes, momentum)
             found[:, :, which] += work
         return found
+
+    def _inertia(self, nonzeros: Array) -> Array:
+        """Return mass matrices (E C, n, n) of their nonzeros (nonzeros, E, C) as in `second`."""
+        s = self.shape
+        flat = nonzeros.reshape(len(nonzeros), -1).T * s.action_unit
+        known = s.system.pointwise("second").full(2, flat, symmetric=True)
+        return known / np.outer(s.units, s.units)
+
+    def _followed(
+        self,
+        rule: Sampling,
+        half: Array,
+        here: tuple[Array, Array],
+        at: tuple[Array, Array],
+        known: tuple[Array, Array],
+        inertia: Array,
+    ) -> tuple[Array, Array]:
+        """Return forces and momenta as `second_quadrature` follows them: `known` on the path."""
+        shape = known[0].shape
+        points, n, count = shape[0], self.shape.n, half.size
+
+        def rows(x: Array) -> Array:  # (E C, points, n)
+            return x.reshape(points, n, count).transpose(2, 0, 1)
+
+        def back(x: Array) -> Array:
+            return x.transpose(1, 2, 0).reshape(shape)
+
+        force, momentum = (rows(x) for x in known)
+        q, v = aside(rule, half.reshape(-1, 1, 1), force, momentum, inertia, self.shape.units)
+        known = known[0].copy(), known[1].copy()
+        force, momentum = self._evaluated("gradient", here[0] + back(q), here[1] + back(v), at)
+        momentum = momentum - back(v @ inertia)
+        good = (np.isfinite(force) & np.isfinite(momentum)).all(axis=(0, 1))
+        return np.where(good, force, known[0]), np.where(good, momentum, known[1])
 
     def _evaluated(self, name: str, q: Array, v: Array, at: tuple[Array, Array]) -> list[Array]:
         """Return a function's values at points (points, n, E, C), (points, numbers, E, C)."""

@@ -11,6 +11,7 @@ import numpy as np
 from actionopt.discrete import assemble_blocks, assemble_sparse, second_quadrature
 from actionopt.discrete.action import Action
 from actionopt.mechanics.problem import diagonal
+from actionopt.tools.median import median
 from actionopt.tools.types import Array
 
 
@@ -49,13 +50,15 @@ class Transcription(Action):
         """Where else the equations are summed."""
         return second_quadrature.batches(self)
 
-    def missed(self, z: Array) -> tuple[Array, float]:
+    def missed(self, z: Array, *, followed: bool = True) -> tuple[Array, float]:
         """Return the KKT residual that another quadrature adds to this one's, (size,).
 
         It shows forces that vary faster than the path. That of the constraints is left out. And the
-        drift that the momentum missed with it gives to a free body, in units of `lengths`.
+        drift that the momentum missed with it gives to a free body, in units of `lengths`. It is
+        summed where the forces lead between the nodes, or on the path if it is not `followed`.
         """
-        miss, drift = second_quadrature.missed(self, self.between_nodes, z[: self.layout.unknowns])
+        x = z[: self.layout.unknowns]
+        miss, drift = second_quadrature.missed(self, self.between_nodes, x, followed=followed)
         if self.layout.rows:
             miss = np.concatenate([miss, np.zeros(self.layout.rows)])
         return miss, drift
@@ -91,12 +94,12 @@ class Transcription(Action):
     def turns(self, z: Array) -> float:
         """Return the typical rate of change of motions near x, sqrt(L_qq / L_vv), times T.
 
-        The median along the path for each coordinate, and the largest of these.
+        The median in time for each coordinate, and the largest of these.
         """
         system = self.problem.system
         A, _, C = self.second(z[: self.layout.unknowns])
         with np.errstate(all="ignore"):
-            square = np.median(diagonal(system, 0, A) / diagonal(system, 2, C), axis=0)
+            square = median(diagonal(system, 0, A) / diagonal(system, 2, C), self.weight[:, 0])
         return self.mesh.duration * math.sqrt(square[np.isfinite(square)].max(initial=0.0))
 
     # -- what follows at the ends ---------------------------------------------------------------

@@ -12,7 +12,7 @@ the last step of Newton's method shows, amplified alike, and that of the polynom
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import Factors
 from actionopt.discrete.newton import Followed
 from actionopt.discrete.resolution import Resolution, resolution
+from actionopt.mechanics.laws import Structure
 from actionopt.mechanics.problem import NEGLIGIBLE, Problem
 from actionopt.tools.types import Array
 
@@ -244,7 +245,16 @@ def amplified(noise: Number) -> Number:
     return noise / (ORDINARY * POLYNOMIAL_ROUNDOFF)
 
 
-def unseen(at: DiscretePath, tol: float) -> tuple[Array, float]:
+def hidden(structure: Structure, left: Number, tol: float) -> Any:
+    """Return whether what a mesh leaves out may matter to the forces; as well for arrays.
+
+    The narrowest feature that is looked for is a part of the whole in `samples`, and what is left
+    out changes its impulse by no more than that share of it.
+    """
+    return SAFETY * left * structure.samples > tol
+
+
+def unseen(at: Iterate, tol: float) -> tuple[Array, float]:
     """Return what the forces summed over other points leave (size,), and how far that carries.
 
     By what holds the path there, and by what holds it on the whole: where a feature in q is not
@@ -252,7 +262,8 @@ def unseen(at: DiscretePath, tol: float) -> tuple[Array, float]:
     momentum that is missed carries a body 1 / (1 + w T) as far as a free one, w the typical rate.
     """
     with np.errstate(all="ignore"):
-        residual, carried = at.tr.missed(at.z)
+        followed = hidden(at.problem.system.structure, at.resolution.worst, tol)
+        residual, carried = at.tr.missed(at.z, followed=followed)
         if SAFETY * carried > tol:
             carried /= 1.0 + at.tr.turns(at.z)
         return residual, carried

@@ -23,7 +23,9 @@ from actionopt.solver.iterate import (
     SHORT_ELEMENT,
     TINY_ELEMENT,
     VELOCITY_ERROR,
+    hidden,
 )
+from actionopt.tools.median import median
 from actionopt.tools.types import Array, NDInt
 
 STEPS = 4  # factorizations: a path that takes more was not near; ad hoc
@@ -131,13 +133,14 @@ def _round(
     found.moved[here] += _largest(Q - first, sizes)
     if converged.any():
         ready = _Arrived(stack, factored, Q, part, second, sizes)
-        missed, probed = ready.moved(tol)
+        omitted = ready.omitted()
+        missed, probed = ready.moved(tol, omitted)
         values = {
             "converged": converged,
             "noise": noise,
             "action": stack.action(Q),
             "momenta": np.stack([-part[0, :, 0], part[-1, :, -1]]).transpose(2, 0, 1),
-            "omitted": ready.omitted(),
+            "omitted": omitted,
             "missed": missed,
             "probed": probed,
         }
@@ -180,16 +183,17 @@ class _Arrived:
         singular = rates * (self.sizes / speeds).max(axis=0) > limit
         return np.where(singular, np.inf, found.max(axis=0))
 
-    def moved(self, tol: float) -> tuple[Array, Array]:
+    def moved(self, tol: float, omitted: Array) -> tuple[Array, Array]:
         """Return how far paths would move if forces were summed over other points, (C,).
 
-        And if round-off were in every entry of the matrix.
+        And if round-off were in every entry of the matrix. `omitted` (C,) is what is left out.
         """
         stack, structure = self.stack, self.stack.shape.system.structure
         if structure.steady:  # there is nothing to miss
             step = stack.step(self.factored.solve(self._probe()))
             return np.zeros(len(stack.times)), _largest(step, self.sizes)
-        miss = stack.missed(self.Q, self.part)
+        followed = not structure.linear and hidden(structure, omitted, tol).any()
+        miss = stack.missed(self.Q, self.part, self.second if followed else None)
         both = np.stack([stack.rows(miss), self._probe()], axis=1)
         both = self.factored.solve(both)
         found = [_largest(stack.step(both[:, k]), self.sizes) for k in (0, 1)]
@@ -211,7 +215,9 @@ class _Arrived:
         known = np.where(np.isfinite(inertia) & (inertia > 0), inertia, np.nan)
         unit = np.nanmedian(known, axis=(0, 1, 2))
         carried = momenta.max(axis=0) / np.where(np.isfinite(unit), unit, 1.0)
-        square = np.median(self._diagonal(0) / inertia, axis=(0, 2))  # (n, C)
+        square = (self._diagonal(0) / inertia).swapaxes(1, 2)  # (P, E, n, C)
+        weights = np.outer(shape.rule.weights, shape.mesh.lengths)
+        square = median(square.reshape(-1, *square.shape[2:]), weights.ravel())
         turns = stack.duration * np.sqrt(np.where(np.isfinite(square), square, 0.0).max(axis=0))
         return np.where(SAFETY * carried > tol, carried / (1.0 + turns), carried)
 

@@ -32,6 +32,7 @@ from actionopt.solver.iterate import (
     UNKNOWN_GAIN,
     amplified,
     estimate,
+    hidden,
     measured,
 )
 from actionopt.solver.ladder import COARSE_DEGREE
@@ -267,7 +268,7 @@ class Unfixed:
             self.record.round(at.tr, perf_counter() - started)
             self.record.rounds[-1]["estimate"] = self.error
             if self.error <= self.tol:
-                missed = self._missed(here) * max(unit, 1.0)
+                missed = self._missed(here, shown.worst) * max(unit, 1.0)
                 self.error = max(self.error, SAFETY * missed)
                 if self.error <= self.tol:
                     return Status.SOLVED
@@ -307,13 +308,14 @@ class Unfixed:
             return Status.NOT_FOUND
         return status
 
-    def _missed(self, here: Reached) -> float:
+    def _missed(self, here: Reached, left: float) -> float:
         """Return how far the path would move if its forces were summed over other points."""
         bordered, y = here
         at = here.at
-        if at.problem.system.structure.steady:
+        structure = at.problem.system.structure
+        if structure.steady:
             return 0.0
-        residual, drift = at.tr.missed(at.z)
+        residual, drift = at.tr.missed(at.z, followed=hidden(structure, left, self.tol))
         right = np.concatenate([residual, np.zeros(y.size - residual.size)])
         factors = self.factors or Factors(bordered.layout, bordered.kkt(y))
         step = factors.solve(right)

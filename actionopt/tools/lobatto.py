@@ -30,6 +30,8 @@ class Sampling:
         Map nodal values to values and derivatives at the points.
     weighted_values, weighted_slopes : (d + 1, m + 1) arrays
         Their transposes, times the weights.
+    panels : int
+        Equal parts of [-1, 1] that have the same points.
     """
 
     nodes: Array
@@ -37,6 +39,30 @@ class Sampling:
     slopes: Array
     weighted_values: Array
     weighted_slopes: Array
+    panels: int = 1
+
+    @cached_property
+    def _running(self) -> Array:
+        """Integrals over a panel [-1, 1] up to its points, and over the whole of it, by values."""
+        count = self.nodes.size // self.panels
+        x = self.panels * (self.nodes[:count] + 1) - 1
+        P = legendre(count, np.append(x, 1.0))
+        # (2 k + 1) P_k is the derivative of P_{k + 1} - P_{k - 1}.
+        integrals = np.array([P[k + 1] - (P[k - 1] if k else -1.0) for k in range(count)]) / (
+            2 * np.arange(count)[:, None] + 1
+        )
+        return np.linalg.solve(P[:count, :-1], integrals).T
+
+    def integrals(self, values: Array) -> tuple[Array, Array]:
+        """Return the integrals from -1 to the points of values (E, m + 1, n) there, and to 1.
+
+        Arrays (E, m + 1, n) and (E, n).
+        """
+        E, points, n = values.shape
+        parts = self._running @ values.reshape(E, self.panels, -1, n) / self.panels
+        ends = np.cumsum(parts[:, :, -1], axis=1)
+        parts[:, 1:] += ends[:, :-1, None]
+        return parts[:, :, :-1].reshape(values.shape), ends[:, -1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +120,7 @@ class Rule:
             x, w = np.polynomial.legendre.leggauss(self.panel)
             middles = (2 * np.arange(panels)[:, None] + 1) / panels - 1
             nodes = (middles + x / panels).ravel()
-            self._dense[panels] = self._sampled(nodes, np.tile(w / panels, panels))
+            self._dense[panels] = self._sampled(nodes, np.tile(w / panels, panels), panels)
         return self._dense[panels]
 
     @property
@@ -106,10 +132,10 @@ class Rule:
     def _dense(self) -> dict[int, Sampling]:
         return {}
 
-    def _sampled(self, nodes: Array, weights: Array) -> Sampling:
+    def _sampled(self, nodes: Array, weights: Array, panels: int = 1) -> Sampling:
         values = self.interpolation(nodes)
         slopes = values @ self.derivative
-        return Sampling(nodes, values, slopes, values.T * weights, slopes.T * weights)
+        return Sampling(nodes, values, slopes, values.T * weights, slopes.T * weights, panels)
 
     def interpolation(self, xi: Array) -> Array:
         """Return the matrix (K, d + 1) that maps nodal values to values at the K points `xi`."""
