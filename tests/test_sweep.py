@@ -84,7 +84,7 @@ def test_a_member_is_made_again_to_full_accuracy(serial, short):
         assert found.problem.parameters["g"] == OVER["g"][1]
     with pytest.raises(IndexError):
         serial.solution(1, 9)
-    with pytest.raises(IndexError, match="one an axis"):
+    with pytest.raises(IndexError, match=r"a grid of the shape \(4, 6\)"):
         serial.solution(1)
     assert runs.solution(-1, -1).action == found.action
 
@@ -240,6 +240,33 @@ def test_a_member_that_fails_is_data():
         runs.solution(0)
 
 
+def test_a_parameter_may_be_called_as_an_array_is(tmp_path):
+    law = System(
+        lambda q, v, t, *, index, file: index * v[0] ** 2 / 2 - file * q[0],
+        ["x"],
+        parameters={"index": 1.0, "file": 1.0},
+    )
+    problem = Problem(law, Event(0.0, [0.0]), Event(1.0, [1.0]))
+    runs = ao.sweep(problem, {"index": [1.0, 1.1], "file": [0.0, 1.0, 2.0]})
+    runs.save(tmp_path / "map.npz")
+    found = np.load(tmp_path / "map.npz")
+    assert found["parameter index"].tolist() == [1.0, 1.1] and found["action"].shape == (2, 3)
+    assert found["parameter file"].size == 3
+
+
+def test_who_dies_says_what_would_have_kept_the_rest(short, tmp_path):
+    class Dies:
+        def submit(self, *_):
+            future = Future()
+            future.set_exception(OSError("the machine is gone"))
+            return future
+
+    for file, what in ((None, "What is finished is lost: `resume=FILE`"), ("it", "the same call")):
+        with pytest.raises(OSError, match="the machine is gone") as error:
+            ao.sweep(PENDULUM, {"t1": [0.9]}, executor=Dies(), resume=file and tmp_path / file)
+        assert what in error.value.__notes__[0]
+
+
 def test_nothing_but_failures_is_an_error():
     free = System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 * 0, ["x"])
     problem = Problem(free, Event(0.0, [0.0]), Event(1.0, [1.0]))
@@ -290,6 +317,7 @@ def test_an_interruption_keeps_what_is_done(serial, short, pool, tmp_path):
     done = runs.status != "UNREACHED"
     assert done.sum() >= 10 and np.array_equal(runs.action[done], serial.action[done])
     assert not runs.failed.any() and (runs.branch[~done] == -1).all()
+    assert runs.stats["tasks"] == -(-done.sum() // 5)
     found = ao.sweep(PENDULUM, OVER, **given)
     assert np.array_equal(found.action, serial.action)
     if pool:
@@ -390,7 +418,11 @@ def test_a_sweep_that_was_killed_goes_on(serial, short, tmp_path, monkeypatch):
         ({"over": {"t1": ["one"]}}, "for the values of 't1'"),
         ({"tol": 1.0}, "expected tol between"),
         ({"record": "kind"}, "to record out of index, found 'kind'"),
-        ({"executor": 2}, "expected a concurrent.futures.Executor, found 2"),
+        ({"record": 3}, "to record out of index, found 3"),
+        ({"executor": 2}, "expected a concurrent.futures.Executor that is made, found 2"),
+        ({"executor": ThreadPoolExecutor}, "expected a concurrent.futures.Executor that is made"),
+        ({"resume": "."}, "expected the name of a file, found the folder '.'"),
+        ({"resume": 3}, "expected the name of a file, found 3"),
         ({"progress": 2}, r"expected progress\(done, total, failed\)"),
         ({"problem": PENDULUM.system}, r"expected a Problem\("),
     ],
@@ -443,6 +475,8 @@ def test_a_dataset_has_names_units_and_what_was_asked(serial):
     assert data.error.attrs["units"] == "1" and data.index.attrs["long_name"] == "Morse index"
     assert data.attrs["system"] == "pendulum" and data.attrs["parameter l"] == 1.0
     assert "parameter g" not in data.attrs
+    with pytest.raises(ValueError, match=r"expected units of some of action, .* one of 'nothing'"):
+        serial.to_xarray({"nothing": "m"})
 
 
 def test_dask_finds_the_same_bits(serial, short):

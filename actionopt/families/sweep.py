@@ -118,8 +118,8 @@ def sweep(
     keep_paths = keep_paths or found
     grid = Grid.of(problem, over, zip)
     index = "index" in _recorded(record)
-    if executor is not None and not hasattr(executor, "submit"):
-        raise ValueError(f"expected a concurrent.futures.Executor, found {executor!r}")
+    if executor is not None and (isinstance(executor, type) or not hasattr(executor, "submit")):
+        raise ValueError(f"expected a concurrent.futures.Executor that is made, found {executor!r}")
     if progress is not None and not callable(progress):
         raise ValueError(f"expected progress(done, total, failed), found {progress!r}")
     journal = None if resume is None else Journal(resume, _question(grid, tol, index, keep_paths))
@@ -129,8 +129,11 @@ def sweep(
     except KeyboardInterrupt:
         return run.runs
     except Exception as error:
-        if journal is not None:
-            error.add_note(f"What is finished is in {str(resume)!r}: the same call goes on there.")
+        error.add_note(
+            "What is finished is lost: `resume=FILE` keeps it, task by task."
+            if journal is None
+            else f"What is finished is in {str(resume)!r}: the same call goes on there."
+        )
         raise
     if not run.runs.success.any():
         _none_solved(run.runs)
@@ -139,14 +142,14 @@ def sweep(
 
 def _recorded(record: str | Sequence[str] | None) -> tuple[str, ...]:
     """Return the names of what is to be recorded. Raises ValueError for an unknown one."""
-    names = (record,) if isinstance(record, str) else tuple(record or ())
-    for name in names:
+    names = (record,) if isinstance(record, str) else () if record is None else record
+    for name in names if isinstance(names, Sequence) else (names,):
         if name not in RECORDED:
             raise ValueError(
                 f"expected something to record out of {', '.join(RECORDED)}, found {name!r}; the "
                 "action, errors, momenta, coordinates at the ends and slopes always are"
             )
-    return names
+    return tuple(names)
 
 
 def _question(grid: Grid, tol: float, index: bool, keep_paths: bool) -> dict[str, Any]:
@@ -306,8 +309,7 @@ class _Run:
                     if arrived.empty():
                         continue
                 task = arrived.get()
-                self._done(task, flying[task].result())
-                del flying[task]
+                self._done(task, flying.pop(task).result())
         except BaseException as error:
             for future in flying.values():
                 future.cancel()

@@ -161,7 +161,8 @@ def _one_by_one(
         answers["slopes"][j] = along(found, columns)
         answers["ends"][j] = found.path.values[:, [0, -1]].T
         if index:
-            answers["index"][j] = found.morse_index
+            with suppress(ValueError):  # there is none
+                answers["index"][j] = found.morse_index
     answers["refused"] = np.array(list(messages), dtype=int)
     answers["messages"] = np.array(list(messages.values()), dtype=str)
     return answers | Kept.of(np.array(list(paths), dtype=int), list(paths.values())).packed("kept")
