@@ -14,6 +14,7 @@ import pytest
 
 import actionopt as ao
 from actionopt import Event, Periodic, Problem, System, scenes
+from actionopt.families import batch
 from actionopt.families import sweep as module
 
 OVER = {"g": np.linspace(9.0, 10.0, 4), "t1": np.linspace(0.7, 1.2, 6)}
@@ -238,6 +239,27 @@ def test_a_member_that_fails_is_data():
     assert "the end event after the start event" in runs.messages[0]
     with pytest.raises(ValueError, match=r"found t1 = -1 of the status REFUSED; `retry`"):
         runs.solution(0)
+
+
+def test_paths_that_do_not_exist_cost_little_wherever_the_grid_begins(monkeypatch):
+    """Bratu's problem has a fold at c = 3.5138307: the first half of the values has no path."""
+    law = System(lambda q, v, t, *, c: v[0] ** 2 / 2 - c * np.exp(q[0]), ["q"], parameters={"c": 1})
+    problem = Problem(law, Event(0.0, [0.0]), Event(1.0, [0.0]))
+    over, tried = {"c": np.linspace(4.6, 2.6, 24)}, []
+    missing = over["c"] > 3.5138307
+
+    def counted(problem, *options, **named):
+        if problem.parameters["c"] > 3.52:  # there is none, which takes seconds to find out
+            tried.append(float(problem.parameters["c"]))
+            raise ValueError("there is none")
+        return ao.solve(problem, *options, **named)
+
+    monkeypatch.setattr(module, "solve", counted)
+    monkeypatch.setattr(batch, "solve", counted)
+    monkeypatch.setattr(batch, "solve_near", lambda p, guess, tol: counted(p, guess=guess, tol=tol))
+    runs = ao.sweep(problem, over)
+    assert np.array_equal(runs.failed, missing)
+    assert tried == [over["c"][0], over["c"][missing][-1]]  # to begin with, and beside the fold
 
 
 def test_a_parameter_may_be_called_as_an_array_is(tmp_path):

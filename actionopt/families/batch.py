@@ -138,6 +138,7 @@ def solve_run(
     *,
     index: bool = False,
     guess: Guess | None = None,
+    first: int = 0,
 ) -> Members:
     """Return the paths of members of a family, each found from its neighbours.
 
@@ -153,7 +154,9 @@ def solve_run(
     index : bool
         Whether to count Morse indices.
     guess : Path, Solution, callable or array, optional
-        As for `solve`, for the first member.
+        As for `solve`, for the member from which all others are reached.
+    first : int
+        Which that is.
 
     Raises
     ------
@@ -163,7 +166,7 @@ def solve_run(
     """
     checked(problem, tol, guess, "auto", None)
     run = _Run(problem, columns, tol, index)
-    run.go(guess)
+    run.go(guess, first)
     return run.members()
 
 
@@ -237,28 +240,30 @@ class _Run:
 
     # -- the order -----------------------------------------------------------------------------
 
-    def go(self, guess: Guess | None) -> None:
-        """Solve all members, block by block."""
-        count = len(self.status)
-        first, solution = 0, None
-        while first < count and solution is None:
-            found = self._solve(first, guess)
-            solution = found if found is not None and found.success else None
-            first += 1
-        if solution is None:
+    def go(self, guess: Guess | None, first: int) -> None:
+        """Solve all members, block by block, from the first one on and then before it."""
+        count, solution = len(self.status), None
+        for i in sorted(range(count), key=lambda i: abs(i - first)):
+            solution, first = self._solve(i, guess), i
+            if solution is not None and solution.success:
+                break
+        else:
             return
-        if not (_can_be_stacked(self.problem, self.times) and self._begin(first - 1, solution)):
-            nearest = first - 1
-            for i in range(first, count):
-                found = self._solve(i, solution, nearest)
-                if found is not None and found.success:
-                    solution, nearest = found, i
+        if not (_can_be_stacked(self.problem, self.times) and self._begin(first, solution)):
+            for way in (range(first + 1, count), range(first - 1, -1, -1)):
+                last, nearest = solution, first
+                for i in way:
+                    found = None if self.decided[i] else self._solve(i, last, nearest)
+                    if found is not None and found.success:
+                        last, nearest = found, i
             return
-        for start in range(0, count, BLOCK):
-            block = np.arange(start, min(start + BLOCK, count))
+        home = first // BLOCK
+        blocks = [np.arange(k, min(k + BLOCK, count)) for k in range(0, count, BLOCK)]
+        for block in (*blocks[home:], *blocks[:home][::-1]):
             self._block(block)
-            if self.known[block].any():
-                self.known[:start] = False  # farther ones are neighbours no more
+            if self.known[block].any():  # farther ones are neighbours no more
+                near = np.concatenate([block, blocks[home]])
+                self.known[np.setdiff1d(np.arange(count), near)] = False
 
     def _block(self, block: NDInt) -> None:
         """Solve some members, in waves from those that are known."""

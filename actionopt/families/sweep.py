@@ -1,8 +1,8 @@
 """Solve a problem over a grid of values, in this process or on many machines.
 
 The grid is cut into tasks, runs of neighbours. First some members far apart are solved here, as
-seeds; each task begins with a walk from the nearest seed to its own first member, and needs nothing
-of other tasks. So neither the cut nor any number depends on who solves what, or when.
+seeds; each task begins with a walk from the nearest seed to the member nearest to it, and needs
+nothing of other tasks. So neither the cut nor any number depends on who solves what, or when.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ MOST_MEMBERS = 4096  # of a task, so that its answers are a megabyte at most; ad
 IN_FLIGHT = 1024  # tasks that are sent at once, and so the workers that are kept busy; ad hoc
 PILOTS = 8  # members at equal distances of which the first that is solved tells their size; ad hoc
 SEEDS = 8  # paths from which tasks are reached: they are found here, one by one; ad hoc
-FORMAT = "actionopt sweep 2"
+FORMAT = "actionopt sweep 3"
 RECORDED = ("index",)
 
 Progress = Callable[[int, int, int], object]
@@ -271,21 +271,24 @@ class _Run:
 
     def _sow(self, i: int) -> None:
         """Make a member a seed if a walk from the nearest one leads there."""
-        seed, tol = self._nearest(i), self.runs.tol
+        seed, tol = self._nearest(np.array([i])), self.runs.tol
         if seed is not None and seed.distance:
-            path = walk(self.grid.problem, *seed[:2], self.grid.at(i), seed.distance, tol)
+            path, values, _, distance = seed
+            path = walk(self.grid.problem, path, values, self.grid.at(i), distance, tol)
             if path is not None:
                 self.seeds[i] = path
 
-    def _nearest(self, i: int) -> Seed | None:
-        """Return the seed that is nearest to a member, in parts of the axes."""
+    def _nearest(self, members: NDInt) -> Seed | None:
+        """Return the seed that is nearest to one of some members, in parts of the axes."""
         if not self.seeds:
             return None
-        known, shape = list(self.seeds), self.grid.shape
-        steps = np.abs(np.array(np.unravel_index([i, *known], shape)).T)
-        steps = np.abs(steps[1:] - steps[0])
-        k = int(np.argmin(((steps / np.array(shape)) ** 2).sum(axis=1)))
-        return Seed(self.seeds[known[k]], self.grid.at(known[k]), int(steps[k].max()))
+        known, shape = list(self.seeds), np.array(self.grid.shape)
+        there, here = (np.array(np.unravel_index(i, shape)).T for i in (known, members))
+        steps = np.abs(there[:, None] - here)
+        apart = ((steps / shape) ** 2).sum(axis=2)
+        k, first = np.unravel_index(np.argmin(apart), apart.shape)
+        values = self.grid.at(known[k])
+        return Seed(self.seeds[known[k]], values, int(first), int(steps[k, first].max()))
 
     # -- tasks -------------------------------------------------------------------------------------
 
@@ -327,7 +330,7 @@ class _Run:
             self.question,
             members,
             self.grid.columns(members),
-            self._nearest(members[0]),
+            self._nearest(members),
             options,
         )
 
