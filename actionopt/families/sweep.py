@@ -1,8 +1,9 @@
 """Solve a problem over a grid of values, in this process or on many machines.
 
-The grid is cut into tasks, runs of neighbours. First some members far apart are solved here, as
-seeds; each task begins with a walk from the nearest seed to the member nearest to it, and needs
-nothing of other tasks. So neither the cut nor any number depends on who solves what, or when.
+The grid is cut into tasks, runs of neighbours. Some members far apart are solved here, as seeds,
+while tasks before them are on their way; each begins with a walk from the nearest seed to the
+member nearest to it, and needs nothing of other tasks. So neither the cut nor any number depends
+on who solves what, or when.
 """
 
 from __future__ import annotations
@@ -184,6 +185,13 @@ def _surfaces(problem: Problem) -> list[str | None]:
     return [law and hashlib.sha256(law.encode()).hexdigest()[:12] for law in laws]
 
 
+def _alone(problem: Problem) -> bool:
+    """Whether members are solved one by one."""
+    system = problem.system
+    found = problem.free_time or problem.is_infinite or problem.on_surface
+    return bool(found or system.m or system.r or system.structure.forced)
+
+
 def _none_solved(runs: Runs) -> None:
     """Raise what the first member raises, and say that the others are no better."""
     first = moving(solve(runs.grid.member(0), tol=runs.tol, throw=False))
@@ -211,6 +219,8 @@ class _Run:
     length: int = 0  # of a task, in members
     question: bytes = b""
     seeds: dict[int, Path] = field(default_factory=dict)  # paths by the number of the member
+    walked: dict[int, Path | None] = field(default_factory=dict)  # what came of each search
+    sown: int = 0  # how many were sought after the first
     done: int = 0  # members
     failed: int = 0
 
@@ -226,24 +236,32 @@ class _Run:
     # -- seeds -------------------------------------------------------------------------------------
 
     def begin(self) -> dict[int, Answers]:
-        """Cut the grid and find seeds, or read them; return the tasks that are finished."""
+        """Find a first seed and cut the grid, or read that; return the tasks that are finished."""
         records = [] if self.journal is None else self.journal.records
         if records:
-            self.length, kept = int(records[0]["length"]), Kept.unpacked(records[0], "seed")
-            self.seeds = {i: path for i in kept.members.tolist() if (path := kept.path(i))}
+            self.length = int(records[0]["length"])
+            for record in records:
+                if "seed" in record:
+                    i = int(record["seed"])
+                    self.walked[i] = Kept.unpacked(record, "seed").path(i)
+            first = int(records[0]["seed"])
+            self.seeds = {first: path} if (path := self.walked[first]) else {}
         else:
-            unknowns, system = self._pilot(), self.grid.problem.system
-            seconds = MEMBER_SECONDS + UNKNOWN_SECONDS * unknowns * system.n
-            seconds *= ONE_BY_ONE if system.m or system.r or system.structure.forced else 1
+            problem, unknowns = self.grid.problem, self._pilot()
+            seconds = MEMBER_SECONDS + UNKNOWN_SECONDS * unknowns * problem.system.n
+            seconds *= ONE_BY_ONE if _alone(problem) else 1
             self.length = int(np.clip(SECONDS / seconds, 1, MOST_MEMBERS))
-            some = np.linspace(0, self.tasks - 1, min(SEEDS, self.tasks)).astype(int)
-            for i in self.grid.order[some * self.length].tolist():
-                self._sow(i)
-            if self.journal is not None:
-                kept = Kept.of(np.array(list(self.seeds), dtype=int), list(self.seeds.values()))
-                self.journal.append({"length": self.length, **kept.packed("seed")})
+            first, path = next(iter(self.seeds.items()), (-1, None))
+            self._keep(first, path, length=self.length)
         self.question = pickle.dumps(self.grid.problem)
-        return {int(record["task"]): record for record in records[1:]}
+        return {int(record["task"]): record for record in records if "task" in record}
+
+    def _keep(self, i: int, path: Path | None, **more: int) -> None:
+        """Keep what came of the search for a seed."""
+        self.walked[i] = path
+        if self.journal is not None:
+            kept = Kept.of(np.array([i] if path else [], dtype=int), [path] if path else [])
+            self.journal.append({"seed": i, **more, **kept.packed("seed")})
 
     def _pilot(self) -> int:
         """Find a first seed; return how many unknowns it has.
@@ -269,13 +287,21 @@ class _Run:
                     break
         return unknowns
 
-    def _sow(self, i: int) -> None:
-        """Make a member a seed if a walk from the nearest one leads there."""
-        seed, tol = self._nearest(np.array([i])), self.runs.tol
-        if seed is not None and seed.distance:
-            path, values, _, distance = seed
-            path = walk(self.grid.problem, path, values, self.grid.at(i), distance, tol)
-            if path is not None:
+    def _sow(self, task: int) -> None:
+        """Find the seeds up to a task that are not found yet, each by a walk from the nearest one.
+
+        Tasks are asked for in their order: those before are on their way meanwhile.
+        """
+        fields = np.linspace(0, self.tasks - 1, min(SEEDS, self.tasks)).astype(int)
+        for i in self.grid.order[fields[fields <= task] * self.length].tolist()[self.sown :]:
+            self.sown += 1
+            seed = self._nearest(np.array([i]))
+            if seed is None or not seed.distance:
+                continue
+            if i not in self.walked:
+                given = seed.path, seed.values, self.grid.at(i), seed.distance
+                self._keep(i, walk(self.grid.problem, *given, self.runs.tol))
+            if path := self.walked[i]:
                 self.seeds[i] = path
 
     def _nearest(self, members: NDInt) -> Seed | None:
@@ -324,6 +350,7 @@ class _Run:
 
     def _given(self, task: int) -> tuple:
         """Return the arguments of `work`."""
+        self._sow(task)
         members, runs = self.members(task), self.runs
         options = runs.tol, runs.index is not None, runs.kept is not None
         return (
