@@ -324,8 +324,8 @@ def processes(turns: int) -> list[str]:
     return [
         f"A sweep of {whole.grid.size} double pendulums in {whole.stats['tasks']} tasks, by one",
         f"process and by two: {one:.2f} s and {two:.2f} s, a ratio of {one / two:.2f}. One task",
-        f"takes {each[1]:.2f} s of a processor, and {each[2]:.2f} s beside another one: this machine",
-        f"lets two processes be {most:.2f} times as fast as one.",
+        f"takes {each[1]:.2f} s of a processor, and {each[2]:.2f} s beside another one: the",
+        f"machine lets two processes be {most:.2f} times as fast as one.",
     ]
 
 
