@@ -28,7 +28,8 @@ from scipy.integrate import solve_bvp, solve_ivp
 import actionopt as ao
 from actionopt import scenes
 from actionopt.families import sweep as sweeping
-from actionopt.families.batch import Members, member, solve_run
+from actionopt.families.batch import solve_run
+from actionopt.families.members import Members, member
 from actionopt.families.runs import Runs
 from actionopt.families.task import work
 from actionopt.tools.files import write
