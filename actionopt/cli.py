@@ -326,6 +326,8 @@ def _solve(options: argparse.Namespace) -> int:
 
 
 def _sweep(options: argparse.Namespace) -> int:
+    from importlib.util import find_spec
+
     import numpy as np
 
     from actionopt.families.sweep import sweep
@@ -337,12 +339,23 @@ def _sweep(options: argparse.Namespace) -> int:
         raise ValueError("expected each name once after --over; an axis has one row of values")
     if options.workers is not None and options.workers < 1:
         raise ValueError(f"expected one worker or more, found {options.workers}")
-    if options.out:
-        ready(options.out, ".npz", ".nc")
+    if (
+        options.out
+        and ready(options.out, ".npz", ".nc").suffix == ".nc"
+        and not find_spec("xarray")
+    ):
+        raise ValueError(
+            "expected xarray to be installed to write .nc, found none: pip install "
+            "'actionopt[xarray]', or write an .npz file"
+        )
     if options.plot:
         from actionopt.plot._files import picture
 
         picture(options.plot)
+        if len(over) > 2:
+            raise ValueError(
+                f"expected one or two axes to draw, found {len(over)}; leave --plot out"
+            )
     clock = perf_counter()
     with _executor(options) as executor:
         runs = sweep(

@@ -214,6 +214,9 @@ def test_blocks_are_neighbours(monkeypatch):
     parts = solve_run(problem, columns, TOL)
     assert parts.success.all() and parts.alone.sum() <= 5
     assert np.allclose(parts.action, whole.action, rtol=1e-12)
+    outwards = solve_run(problem, columns, TOL, first=20)
+    assert outwards.success.all() and outwards.alone.sum() <= 5 and outwards.alone[20]
+    assert np.allclose(outwards.action, whole.action, rtol=1e-12)
 
 
 @pytest.mark.parametrize(

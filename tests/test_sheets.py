@@ -41,6 +41,29 @@ def test_a_map_that_jumps_is_two(size):
     assert set(found[over]) == {1} and set(found[~over]) == {0}
 
 
+def test_changes_may_grow_towards_the_edge_but_not_leap():
+    steep = 3.0 ** -np.arange(5.0)[:, None] + 1e-3 * np.arange(6)
+    few = np.ones(steep.shape, dtype=bool)
+    for told in (steep, steep[::-1]):
+        assert not labels([told], few).any()
+    even = 10 + 0.1 * np.arange(5.0)[:, None] + 1e-3 * np.arange(6)
+    for row in (0, 4):
+        told = even + 3 * (np.arange(5) == row)[:, None]
+        found = labels([told], few)
+        assert found.max() == 1 and np.ptp(found[row]) == 0 and (found[row] != found[2]).all()
+
+
+def test_paths_that_hardly_change_with_their_time_any_more_are_one_sheet():
+    """Over a barrier in little time or long: the first row is none of its own."""
+    law = ao.System(
+        lambda q, v, t, *, k: v[0] ** 2 / 2 - k * np.cos(q[0]), ["q"], parameters={"k": 1.0}
+    )
+    problem = ao.Problem(law, ao.Event(0.0, [1.0]), ao.Event(1.0, [3.0]))
+    over = {"t1": np.linspace(1.0, 4.0, 4), "k": np.linspace(1.0, 2.0, 6)}
+    runs = ao.sweep(problem, over, record="index")
+    assert not runs.index.any() and not runs.branch.any()
+
+
 def test_a_narrow_strip_is_a_sheet_of_its_own():
     strip = np.abs(X - X[12, 0]) < 1e-9  # one member wide
     found = labels([X + 2.0 * strip, Y])

@@ -14,6 +14,7 @@ import pytest
 
 import actionopt as ao
 from actionopt import Event, Periodic, Problem, System, scenes
+from actionopt.families import batch
 from actionopt.families import sweep as module
 
 OVER = {"g": np.linspace(9.0, 10.0, 4), "t1": np.linspace(0.7, 1.2, 6)}
@@ -84,7 +85,7 @@ def test_a_member_is_made_again_to_full_accuracy(serial, short):
         assert found.problem.parameters["g"] == OVER["g"][1]
     with pytest.raises(IndexError):
         serial.solution(1, 9)
-    with pytest.raises(IndexError, match="one an axis"):
+    with pytest.raises(IndexError, match=r"a grid of the shape \(4, 6\)"):
         serial.solution(1)
     assert runs.solution(-1, -1).action == found.action
 
@@ -209,6 +210,20 @@ def test_the_order_in_which_tasks_finish_changes_nothing(serial, short):
     assert same(found, serial)
 
 
+def test_tasks_are_on_their_way_before_all_seeds_are_found(serial, short, monkeypatch):
+    walk, events = module.walk, []
+    monkeypatch.setattr(module, "walk", lambda *given: events.append("walk") or walk(*given))
+
+    class Telling(ThreadPoolExecutor):
+        def submit(self, *call):
+            events.append("task")
+            return super().submit(*call)
+
+    with Telling(1) as pool:
+        ao.sweep(PENDULUM, OVER, executor=pool)
+    assert events == ["task", *["walk", "task"] * 4]
+
+
 @pytest.mark.slow
 def test_a_few_are_in_flight_at_a_time(serial, short, monkeypatch):
     monkeypatch.setattr(module, "IN_FLIGHT", 2)
@@ -239,6 +254,54 @@ def test_a_member_that_fails_is_data():
     assert "the end event after the start event" in runs.messages[0]
     with pytest.raises(ValueError, match=r"found t1 = -1 of the status REFUSED; `retry`"):
         runs.solution(0)
+
+
+def test_paths_that_do_not_exist_cost_little_wherever_the_grid_begins(monkeypatch):
+    """Bratu's problem has a fold at c = 3.5138307: the first half of the values has no path."""
+    law = System(lambda q, v, t, *, c: v[0] ** 2 / 2 - c * np.exp(q[0]), ["q"], parameters={"c": 1})
+    problem = Problem(law, Event(0.0, [0.0]), Event(1.0, [0.0]))
+    over, tried = {"c": np.linspace(4.6, 2.6, 24)}, []
+    missing = over["c"] > 3.5138307
+
+    def counted(problem, *options, **named):
+        if problem.parameters["c"] > 3.52:  # there is none, which takes seconds to find out
+            tried.append(float(problem.parameters["c"]))
+            raise ValueError("there is none")
+        return ao.solve(problem, *options, **named)
+
+    monkeypatch.setattr(module, "solve", counted)
+    monkeypatch.setattr(batch, "solve", counted)
+    monkeypatch.setattr(batch, "solve_near", lambda p, guess, tol: counted(p, guess=guess, tol=tol))
+    runs = ao.sweep(problem, over)
+    assert np.array_equal(runs.failed, missing)
+    assert tried == [over["c"][0], over["c"][missing][-1]]  # to begin with, and beside the fold
+
+
+def test_a_parameter_may_be_called_as_an_array_is(tmp_path):
+    law = System(
+        lambda q, v, t, *, index, file: index * v[0] ** 2 / 2 - file * q[0],
+        ["x"],
+        parameters={"index": 1.0, "file": 1.0},
+    )
+    problem = Problem(law, Event(0.0, [0.0]), Event(1.0, [1.0]))
+    runs = ao.sweep(problem, {"index": [1.0, 1.1], "file": [0.0, 1.0, 2.0]})
+    runs.save(tmp_path / "map.npz")
+    found = np.load(tmp_path / "map.npz")
+    assert found["parameter index"].tolist() == [1.0, 1.1] and found["action"].shape == (2, 3)
+    assert found["parameter file"].size == 3
+
+
+def test_who_dies_says_what_would_have_kept_the_rest(short, tmp_path):
+    class Dies:
+        def submit(self, *_):
+            future = Future()
+            future.set_exception(OSError("the machine is gone"))
+            return future
+
+    for file, what in ((None, "What is finished is lost: `resume=FILE`"), ("it", "the same call")):
+        with pytest.raises(OSError, match="the machine is gone") as error:
+            ao.sweep(PENDULUM, {"t1": [0.9]}, executor=Dies(), resume=file and tmp_path / file)
+        assert what in error.value.__notes__[0]
 
 
 def test_nothing_but_failures_is_an_error():
@@ -291,6 +354,7 @@ def test_an_interruption_keeps_what_is_done(serial, short, pool, tmp_path):
     done = runs.status != "UNREACHED"
     assert done.sum() >= 10 and np.array_equal(runs.action[done], serial.action[done])
     assert not runs.failed.any() and (runs.branch[~done] == -1).all()
+    assert runs.stats["tasks"] == -(-done.sum() // 5)
     found = ao.sweep(PENDULUM, OVER, **given)
     assert np.array_equal(found.action, serial.action)
     if pool:
@@ -320,7 +384,8 @@ def test_tasks_that_are_missing_in_the_middle_are_found_alike(serial, short, tmp
     question = module._question(module.Grid.of(PENDULUM, OVER, False), 1e-8, True, True)
     records = module.Journal(tmp_path / "all", question).records
     some = module.Journal(tmp_path / "some", question)
-    for record in (records[0], records[4], records[2]):
+    tasks = [record for record in records if "task" in record]
+    for record in (records[0], tasks[3], tasks[1]):
         some.append(record)
     assert same(ao.sweep(PENDULUM, OVER, resume=tmp_path / "some", **given), serial)
 
@@ -392,7 +457,11 @@ def test_a_sweep_that_was_killed_goes_on(serial, short, tmp_path, monkeypatch):
         ({"over": {"t1": ["one"]}}, "for the values of 't1'"),
         ({"tol": 1.0}, "expected tol between"),
         ({"record": "kind"}, "to record out of index, found 'kind'"),
-        ({"executor": 2}, "expected a concurrent.futures.Executor, found 2"),
+        ({"record": 3}, "to record out of index, found 3"),
+        ({"executor": 2}, "expected a concurrent.futures.Executor that is made, found 2"),
+        ({"executor": ThreadPoolExecutor}, "expected a concurrent.futures.Executor that is made"),
+        ({"resume": "."}, "expected the name of a file, found the folder '.'"),
+        ({"resume": 3}, "expected the name of a file, found 3"),
         ({"progress": 2}, r"expected progress\(done, total, failed\)"),
         ({"problem": PENDULUM.system}, r"expected a Problem\("),
     ],
@@ -445,6 +514,8 @@ def test_a_dataset_has_names_units_and_what_was_asked(serial):
     assert data.error.attrs["units"] == "1" and data.index.attrs["long_name"] == "Morse index"
     assert data.attrs["system"] == "pendulum" and data.attrs["parameter l"] == 1.0
     assert "parameter g" not in data.attrs
+    with pytest.raises(ValueError, match=r"expected units of some of action, .* one of 'nothing'"):
+        serial.to_xarray({"nothing": "m"})
 
 
 @pytest.mark.slow

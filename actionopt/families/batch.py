@@ -19,16 +19,16 @@ from numpy.typing import ArrayLike
 
 from actionopt.analysis.index import inertia
 from actionopt.analysis.indices import indices
-from actionopt.analysis.jacobi import HIGHEST_DEGREE
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.mesh import MAX_DEGREE, Mesh
 from actionopt.discrete.path import Path
-from actionopt.discrete.resolution import left_out
 from actionopt.discrete.stacks import PROGRAMS, Shape, Stack, program
+from actionopt.families.even import between, denser, even
 from actionopt.families.front import NEIGHBOURS, Front, squares, weights
-from actionopt.families.vary import along, led, moved, place, slope
+from actionopt.families.members import Members, member
+from actionopt.families.vary import along, led, place, slope
 from actionopt.mechanics.problem import Periodic, Problem
 from actionopt.solver.arguments import checked
 from actionopt.solver.iterate import LATE_TIME, SAFETY, UNKNOWN_GAIN, amplified, estimate, sizes
@@ -36,7 +36,6 @@ from actionopt.solver.solve import FAMILY_NOISE, FAMILY_SUSPECTED, Guess, moving
 from actionopt.solver.together import Followed, follow
 from actionopt.solver.workspace import MEASURABLE
 from actionopt.tools.blas import one_thread
-from actionopt.tools.lobatto import lgl
 from actionopt.tools.types import Array, NDInt
 
 Name = str | tuple[str, str]
@@ -46,10 +45,7 @@ SAME = 1e-7  # distance, of the ranges, at which members are one
 BLOCK = 1024  # members among which neighbours are sought; ad hoc: distances of all to all
 # Ad hoc, where nothing else is said.
 COORDINATES = 8  # up to which elements' matrices are best eliminated member by member
-MESH_DEGREES = (10, 14, 17)
 MESH_MARGIN = 0.1  # of `tol`, the coefficients that a mesh may leave out to begin with
-ROW_PRICE = 35.0  # of a row of a matrix, in rows: measured, for one to three coordinates
-HALVINGS = 12  # of elements
 OTHERS_GAIN = 2.0  # times that of one member, of errors whose shapes differ
 MORE_DEGREES = 4  # that tell what a mesh has left out
 LEVELS = 4  # meshes that a member is tried on, each finer
@@ -57,77 +53,6 @@ INDEX_MESHES = 4  # on which indices are counted together
 PATIENCE = 4  # failures of `solve` more than successes, from which on it keeps near; ad hoc
 LEAP = 0.5  # of a path's size, from where it was expected: it may be on another sheet
 REBASED = 0.25  # of a wave, on a finer mesh: the next ones begin there
-
-
-@dataclass(frozen=True, eq=False)
-class Members:
-    """What came of k members, in the order in which they were given.
-
-    Attributes
-    ----------
-    status : tuple of Status
-    action, error : (k,) arrays
-        NaN and infinite for a member that was refused.
-    index : (k,) array of int
-        Morse indices, -1 where none was asked for or could be counted.
-    momenta : (k, 2, n) array
-        At the start and at the end.
-    times : (k, 2) array
-        Of the two events.
-    iterations : (k,) array of int
-        Factorizations.
-    alone : (k,) array of bool
-        Which were left to `solve`.
-    neighbour : (k,) array of int
-        The nearest member of those from which each was reached; -1 for one that had none.
-    moved : (k,) array
-        How far the path is from where its neighbours led to expect it, in its own size; NaN
-        where they did not.
-    slopes : (k, columns) array
-        dS by each quantity that differs; NaN where S is no function of them alone, as with forces
-        that are not conservative.
-    sheet : (k,) array of int
-        The same for members that were reached from each other without a leap; -1 for others.
-    meshes : tuple of Mesh
-        Over the times [0, 1].
-    mesh : (k,) array of int
-        Which of them is each member's.
-    values : tuple of (n, K) arrays
-        Coordinates at the nodes.
-    messages : dict of int to str
-        What `solve` says of members that it refused.
-    """
-
-    status: tuple[Status, ...]
-    action: Array
-    error: Array
-    index: NDInt
-    momenta: Array
-    times: Array
-    iterations: NDInt
-    alone: NDInt
-    neighbour: NDInt
-    moved: Array
-    slopes: Array
-    sheet: NDInt
-    meshes: tuple[Mesh, ...]
-    mesh: NDInt
-    values: tuple[Array, ...]
-    messages: dict[int, str]
-
-    @property
-    def success(self) -> NDInt:
-        """Which paths can be used as they are, (k,) of bool."""
-        return np.array([s.success for s in self.status], dtype=bool)
-
-    def path(self, i: int) -> Path:
-        """Return the path of a member; the guess with which `solve` gives it to full accuracy."""
-        return Path(self.meshes[self.mesh[i]].moved(*self.times[i].tolist()), self.values[i])
-
-
-def member(problem: Problem, columns: Mapping[Any, ArrayLike], i: int) -> Problem:
-    """Return the problem of member i. Raises ValueError as a `Problem` does."""
-    return moved(problem, {name: float(np.asarray(row)[i]) for name, row in columns.items()})
 
 
 @one_thread
@@ -138,6 +63,7 @@ def solve_run(
     *,
     index: bool = False,
     guess: Guess | None = None,
+    first: int = 0,
 ) -> Members:
     """Return the paths of members of a family, each found from its neighbours.
 
@@ -153,7 +79,9 @@ def solve_run(
     index : bool
         Whether to count Morse indices.
     guess : Path, Solution, callable or array, optional
-        As for `solve`, for the first member.
+        As for `solve`, for the member from which all others are reached.
+    first : int
+        Which that is.
 
     Raises
     ------
@@ -163,7 +91,7 @@ def solve_run(
     """
     checked(problem, tol, guess, "auto", None)
     run = _Run(problem, columns, tol, index)
-    run.go(guess)
+    run.go(guess, first)
     return run.members()
 
 
@@ -237,28 +165,30 @@ class _Run:
 
     # -- the order -----------------------------------------------------------------------------
 
-    def go(self, guess: Guess | None) -> None:
-        """Solve all members, block by block."""
-        count = len(self.status)
-        first, solution = 0, None
-        while first < count and solution is None:
-            found = self._solve(first, guess)
-            solution = found if found is not None and found.success else None
-            first += 1
-        if solution is None:
+    def go(self, guess: Guess | None, first: int) -> None:
+        """Solve all members, block by block, from the first one on and then before it."""
+        count, solution = len(self.status), None
+        for i in sorted(range(count), key=lambda i: abs(i - first)):
+            solution, first = self._solve(i, guess), i
+            if solution is not None and solution.success:
+                break
+        else:
             return
-        if not (_can_be_stacked(self.problem, self.times) and self._begin(first - 1, solution)):
-            nearest = first - 1
-            for i in range(first, count):
-                found = self._solve(i, solution, nearest)
-                if found is not None and found.success:
-                    solution, nearest = found, i
+        if not (_can_be_stacked(self.problem, self.times) and self._begin(first, solution)):
+            for way in (range(first + 1, count), range(first - 1, -1, -1)):
+                last, nearest = solution, first
+                for i in way:
+                    found = None if self.decided[i] else self._solve(i, last, nearest)
+                    if found is not None and found.success:
+                        last, nearest = found, i
             return
-        for start in range(0, count, BLOCK):
-            block = np.arange(start, min(start + BLOCK, count))
+        home = first // BLOCK
+        blocks = [np.arange(k, min(k + BLOCK, count)) for k in range(0, count, BLOCK)]
+        for block in (*blocks[home:], *blocks[:home][::-1]):
             self._block(block)
-            if self.known[block].any():
-                self.known[:start] = False  # farther ones are neighbours no more
+            if self.known[block].any():  # farther ones are neighbours no more
+                near = np.concatenate([block, blocks[home]])
+                self.known[np.setdiff1d(np.arange(count), near)] = False
 
     def _block(self, block: NDInt) -> None:
         """Solve some members, in waves from those that are known."""
@@ -345,7 +275,7 @@ class _Run:
         ends, tr = (self.problem.start, self.problem.end), solution.discrete.tr
         start, end = (tuple(set(range(tr.lengths.size)) - set(e.pinned)) for e in ends)
         size = sizes(solution.path.values.T, self.problem.scales)
-        mesh = _even(solution.path, size, self._target)
+        mesh = even(solution.path, size, self._target)
         shape = Shape(self.problem.system, mesh, (start, end), tr.lengths, tr.action_unit)
         if not self._add_level(i, solution.path, shape):
             return False
@@ -383,7 +313,7 @@ class _Run:
 
     def _to(self, level: int, Q: Array, source: int) -> Array:
         """Return coordinates (C, K, n) on the mesh of one level on that of another."""
-        return _between(*(self.levels[k].shape.mesh for k in (source, level))) @ Q
+        return between(*(self.levels[k].shape.mesh for k in (source, level))) @ Q
 
     def _rebase(self, level: int) -> None:
         """Let members begin on another mesh from now on."""
@@ -431,13 +361,13 @@ class _Run:
         i, shape = which[worst : worst + 1], self.levels[level].shape
         mesh, degree = shape.mesh, shape.mesh.degrees[0]
         there = shape.on(mesh.cut(mesh.since, min(2 * degree, MAX_DEGREE)))
-        found = self._follow(there, i, _between(mesh, there.mesh) @ Q[worst : worst + 1])
+        found = self._follow(there, i, between(mesh, there.mesh) @ Q[worst : worst + 1])
         if not found.converged[0]:
             return False
         mesh = there.mesh.moved(*self.times[i[0]].tolist())
         path = Path(mesh, found.Q[0].T)
-        even = _even(path, sizes(found.Q[0], self.problem.scales), self._target)
-        return self._add_level(int(i[0]), path, shape.on(even))
+        mesh = even(path, sizes(found.Q[0], self.problem.scales), self._target)
+        return self._add_level(int(i[0]), path, shape.on(mesh))
 
     def _judge(self, level: int, which: NDInt, found: Followed) -> NDInt:
         """Keep what is solved; return which of those that arrived want a finer mesh, (F,)."""
@@ -485,8 +415,8 @@ class _Run:
             if not which.size:
                 return
             if k == len(at.finer):
-                at.finer.append(at.shape.on(_finer(at.finer[-1].mesh)))
-            there = Q if k == 0 else _between(mesh, at.finer[k].mesh) @ Q
+                at.finer.append(at.shape.on(denser(at.finer[-1].mesh)))
+            there = Q if k == 0 else between(mesh, at.finer[k].mesh) @ Q
             found = indices(at.finer[k], self.times[which], self.packed[which], there, self.tol)
             self.index[which] = found
             which, Q = which[found < 0], Q[found < 0]
@@ -530,51 +460,6 @@ class _Run:
         pinned = np.isfinite(self.ends[which])
         Q[:, [0, -1]] = np.where(pinned, self.ends[which], Q[:, [0, -1]])
         return Q
-
-
-def _between(a: Mesh, b: Mesh) -> Array:
-    """Return the matrix (K', K) from values at the nodes of a mesh to those of another."""
-    return Path(a, np.eye(a.offsets[-1] + 1)).on(b).values.T
-
-
-def _finer(mesh: Mesh) -> Mesh:
-    """Return a mesh of four degrees more, or of half the elements' lengths, as `jacobi.finer`."""
-    degree = mesh.degrees[0]
-    if degree + 4 <= HIGHEST_DEGREE:
-        return mesh.cut(mesh.since, degree + 4)
-    middles = (mesh.since[:-1] + mesh.since[1:]) / 2
-    return mesh.cut(np.sort(np.concatenate([mesh.since, middles])), degree)
-
-
-def _even(path: Path, size: Array, target: float) -> Mesh:
-    """Return the cheapest mesh over [0, 1] of elements of one degree that resolves a path.
-
-    By halving elements until they leave out no coefficient above `target`, in units of `size`.
-    """
-    b = path.mesh.boundaries
-    best, cost = None, np.inf
-    for degree in MESH_DEGREES:
-        rule, edges, done = lgl(degree), np.array([0.0, 1.0]), np.zeros(1, dtype=bool)
-        for _ in range(HALVINGS):
-            open_ = np.flatnonzero(~done)
-            if not open_.size:
-                break
-            h = edges[open_ + 1] - edges[open_]
-            s = edges[open_][:, None] + h[:, None] / 2 * (1 + rule.nodes)
-            t = np.clip(b[0] + s.ravel() * (b[-1] - b[0]), b[0], b[-1])
-            values = path(t).T.reshape(open_.size, degree + 1, -1)
-            done[open_] = left_out(rule, values / size)[0] <= target
-            split = open_[~done[open_]]
-            edges = np.sort(np.concatenate([edges, (edges[split] + edges[split + 1]) / 2]))
-            done = np.insert(done, split + 1, False)
-        rows = (degree + 1) * len(size)
-        price = done.size * rows * (ROW_PRICE + rows)
-        if done.all() and price < cost:
-            best, cost = Mesh(edges, degree), price
-    if best is None:
-        since = path.mesh.moved(0.0, 1.0).since
-        best = Mesh(since, max(path.mesh.degrees))
-    return best
 
 
 def _can_be_stacked(problem: Problem, times: Array) -> bool:

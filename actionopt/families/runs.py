@@ -38,6 +38,8 @@ LONG_NAMES = {
     "index": "Morse index",
     "branch": "label of the members that hang together",
 }
+# Names in files and datasets, that a parameter of the same name leaves to them.
+TAKEN = *LONG_NAMES, "event", "coordinate", "quantity", "member", "file", "allow_pickle"
 # How far the momenta of a path that is made again may be from those kept, in their own size, and
 # the action in its range: beyond that it is another path. Ad hoc.
 SAME_PATH = 1e-5
@@ -144,6 +146,12 @@ class Runs:
         return self.grid.shape
 
     @property
+    def _names(self) -> list[str]:
+        """Of what varies, in files and datasets."""
+        names = map(said, self.grid.names)
+        return [f"parameter {name}" if name in TAKEN else name for name in names]
+
+    @property
     def success(self) -> NDInt:
         """Which members can be used as they are: an array of bool."""
         return np.isin(self.status, [status.name for status in Status if status.success])
@@ -189,10 +197,17 @@ class Runs:
             If the member failed, or the path is lost on the way (then sweep with
             `keep_paths=True`).
         """
-        numbers = np.arange(self.grid.size).reshape(self.shape)[at]
-        if numbers.ndim:
-            raise IndexError(f"expected {len(self.shape)} places, one an axis, found {at}")
-        return self._solution(int(numbers))
+        shape = self.shape
+        if not (
+            len(at) == len(shape)
+            and all(isinstance(k, (int, np.integer)) for k in at)
+            and all(-count <= k < count for k, count in zip(at, shape, strict=True))
+        ):
+            raise IndexError(
+                f"expected a place in a grid of the shape {shape}, a whole number for each axis, "
+                f"found {at}"
+            )
+        return self._solution(int(np.arange(self.grid.size).reshape(shape)[at]))
 
     def _solution(self, i: int) -> Solution:
         if not self.success.flat[i]:
@@ -284,7 +299,8 @@ class Runs:
     def save(self, file: str | FilePath) -> None:
         """Write the arrays to an .npz file or, by xarray, to netCDF (.nc), whole or not at all.
 
-        Values are under the names of what varies: "end.x" for a coordinate of the end.
+        Values are under the names of what varies: "end.x" for a coordinate of the end. A parameter
+        that is called as an array is ("index") is "parameter index" there.
         """
         target = ready(file, ".npz", ".nc")
         with whole(target) as part:
@@ -294,7 +310,7 @@ class Runs:
             arrays = {name: getattr(self, name) for name in OVER_GRID}
             if self.index is None:
                 del arrays["index"]
-            along = {said(x): row for x, row in zip(self.grid.names, self.grid.values, strict=True)}
+            along = dict(zip(self._names, self.grid.values, strict=True))
             np.savez(part, allow_pickle=False, branch=self.branch, **arrays, **along)
 
     def to_xarray(self, units: Mapping[str, str] | None = None) -> Any:
@@ -312,6 +328,8 @@ class Runs:
         ------
         ImportError
             If xarray is not installed: `pip install 'actionopt[xarray]'`.
+        ValueError
+            For the unit of something that is not there.
         """
         try:
             import xarray  # pyright: ignore[reportMissingImports]
@@ -322,7 +340,7 @@ class Runs:
             ) from error
 
         grid, system = self.grid, self.problem.system
-        names = [said(name) for name in grid.names]
+        names = self._names
         dims = ["member"] if grid.zipped else names
         at_events = ["event", "coordinate"]
         behind = {"momenta": at_events, "ends": at_events, "slopes": ["quantity"]}
@@ -338,13 +356,16 @@ class Runs:
             "event": ["start", "end"], "coordinate": list(system.coordinates), "quantity": names
         }  # fmt: skip
         known = self.problem.parameters.items()
-        given = {f"parameter {name}": x.ravel() for name, x in known if name not in names}
+        given = {f"parameter {name}": x.ravel() for name, x in known if name not in grid.names}
         about = {"system": self.problem.name, "law": system.source, "tol": self.tol, **self.stats}
         data = xarray.Dataset(found, {**along, **coordinates}, {**about, **given})
         for name, text in LONG_NAMES.items():
             if name in data:
                 data[name].attrs["long_name"] = text
-        for name, unit in {"error": "1", "index": "1", "branch": "1", **(units or {})}.items():
-            if name in data.variables:
-                data[name].attrs["units"] = unit
+        plain = {name: "1" for name in ("error", "index", "branch") if name in found}
+        for name, unit in (plain | dict(units or {})).items():
+            if name not in data.variables:
+                known = ", ".join(map(str, data.variables))
+                raise ValueError(f"expected units of some of {known}, found one of {name!r}")
+            data[name].attrs["units"] = unit
         return data

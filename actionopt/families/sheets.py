@@ -86,14 +86,15 @@ def leapt(action: Array, slopes: Array, values: Array, axis: int) -> NDInt:
     """Return where the action leaps along an axis of these `values`.
 
     `slopes` are its derivatives by them. Between two members it changes by the integral of the
-    slope, which lies between those of both; where the slope turns, a little beside.
+    slope, which lies between those of both; where the slope turns, a little beside: the less it
+    changes around, and at the edge as much as in the next step.
     """
     S, p = (np.moveaxis(x, axis, -1) for x in (action, slopes))
     h = np.diff(values)
     turn = np.abs(np.diff(p))
-    around = np.full((2, *turn.shape), np.nan)
-    around[0][..., 1:], around[1][..., :-1] = turn[..., :-1], turn[..., 1:]
-    allowed = np.abs(h) * (turn / 2 + np.fmin(*around) / 4)  # NaN: two members tell nothing
+    around = _around(turn)
+    beside = np.fmax(np.sqrt(around[1] * around[2]), _trend(around)) / 2
+    allowed = np.abs(h) * (turn / 2 + beside)  # NaN: few members tell nothing
     off = np.abs(np.diff(S) - h * (p[..., 1:] + p[..., :-1]) / 2)
     known = S[np.isfinite(S)]
     return np.moveaxis(off > allowed + UNSEEN * (np.ptp(known) if known.size else 0.0), -1, axis)
@@ -109,22 +110,40 @@ def _times(changes: Array, axis: int) -> Array:
     """Return how many times as large as those around changes along an axis are.
 
     The median of those around, as far as they are known; zero where there are fewer than two.
+    At the edge of what is known, where changes may grow from one to the next, they may go on so.
     """
     rows = np.moveaxis(changes, axis, -1)
+    around = _around(rows)
+    trend = _trend(around)
+    around.sort(axis=0)  # NaN comes last
+    known = np.isfinite(around).sum(axis=0)
+    middle = np.maximum(known - 1, 0) // 2, np.minimum(known // 2, len(AROUND) - 1)
+    low, high = (np.take_along_axis(around, i[None], 0)[0] for i in middle)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        found = rows / np.fmax((low + high) / 2, trend)
+        found = np.where((known >= 2) & (rows > UNSEEN), found, 0.0)
+    return np.moveaxis(found, -1, axis)
+
+
+def _around(rows: Array) -> Array:
+    """Return the changes (4, ...) next to each along the last axis, as `AROUND`; NaN for none."""
     count = rows.shape[-1]
     around = np.full((len(AROUND), *rows.shape), np.nan)
     for k, step in enumerate(AROUND):
         here = slice(max(-step, 0), count - max(step, 0))
         there = slice(max(step, 0), count - max(-step, 0))
         around[k][..., here] = rows[..., there]
-    around.sort(axis=0)  # NaN comes last
-    known = np.isfinite(around).sum(axis=0)
-    middle = np.maximum(known - 1, 0) // 2, np.minimum(known // 2, len(AROUND) - 1)
-    low, high = (np.take_along_axis(around, i[None], 0)[0] for i in middle)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        found = rows / ((low + high) / 2)
-        found = np.where((known >= 2) & (rows > UNSEEN), found, 0.0)
-    return np.moveaxis(found, -1, axis)
+    return around
+
+
+def _trend(around: Array) -> Array:
+    """Return to what changes on one side lead where none is known on the other; NaN elsewhere."""
+    found = []
+    for before, after, beyond in (around[[1, 2, 3]], around[[2, 1, 0]]):
+        with np.errstate(invalid="ignore", divide="ignore"):
+            grown = after * np.clip(after / beyond, 1.0, BREAK)
+        found.append(np.where(np.isnan(before), grown, np.nan))
+    return np.fmax(*found)
 
 
 def _components(count: int, pairs: NDInt) -> NDInt:

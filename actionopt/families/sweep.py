@@ -1,8 +1,9 @@
 """Solve a problem over a grid of values, in this process or on many machines.
 
-The grid is cut into tasks, runs of neighbours. First some members far apart are solved here, as
-seeds; each task begins with a walk from the nearest seed to its own first member, and needs nothing
-of other tasks. So neither the cut nor any number depends on who solves what, or when.
+The grid is cut into tasks, runs of neighbours. Some members far apart are solved here, as seeds,
+while tasks before them are on their way; each begins with a walk from the nearest seed to the
+member nearest to it, and needs nothing of other tasks. So neither the cut nor any number depends
+on who solves what, or when.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ MOST_MEMBERS = 4096  # of a task, so that its answers are a megabyte at most; ad
 IN_FLIGHT = 1024  # tasks that are sent at once, and so the workers that are kept busy; ad hoc
 PILOTS = 8  # members at equal distances of which the first that is solved tells their size; ad hoc
 SEEDS = 8  # paths from which tasks are reached: they are found here, one by one; ad hoc
-FORMAT = "actionopt sweep 2"
+FORMAT = "actionopt sweep 3"
 RECORDED = ("index",)
 
 Progress = Callable[[int, int, int], object]
@@ -118,8 +119,8 @@ def sweep(
     keep_paths = keep_paths or found
     grid = Grid.of(problem, over, zip)
     index = "index" in _recorded(record)
-    if executor is not None and not hasattr(executor, "submit"):
-        raise ValueError(f"expected a concurrent.futures.Executor, found {executor!r}")
+    if executor is not None and (isinstance(executor, type) or not hasattr(executor, "submit")):
+        raise ValueError(f"expected a concurrent.futures.Executor that is made, found {executor!r}")
     if progress is not None and not callable(progress):
         raise ValueError(f"expected progress(done, total, failed), found {progress!r}")
     journal = None if resume is None else Journal(resume, _question(grid, tol, index, keep_paths))
@@ -129,8 +130,11 @@ def sweep(
     except KeyboardInterrupt:
         return run.runs
     except Exception as error:
-        if journal is not None:
-            error.add_note(f"What is finished is in {str(resume)!r}: the same call goes on there.")
+        error.add_note(
+            "What is finished is lost: `resume=FILE` keeps it, task by task."
+            if journal is None
+            else f"What is finished is in {str(resume)!r}: the same call goes on there."
+        )
         raise
     if not run.runs.success.any():
         _none_solved(run.runs)
@@ -139,14 +143,14 @@ def sweep(
 
 def _recorded(record: str | Sequence[str] | None) -> tuple[str, ...]:
     """Return the names of what is to be recorded. Raises ValueError for an unknown one."""
-    names = (record,) if isinstance(record, str) else tuple(record or ())
-    for name in names:
+    names = (record,) if isinstance(record, str) else () if record is None else record
+    for name in names if isinstance(names, Sequence) else (names,):
         if name not in RECORDED:
             raise ValueError(
                 f"expected something to record out of {', '.join(RECORDED)}, found {name!r}; the "
                 "action, errors, momenta, coordinates at the ends and slopes always are"
             )
-    return names
+    return tuple(names)
 
 
 def _question(grid: Grid, tol: float, index: bool, keep_paths: bool) -> dict[str, Any]:
@@ -181,6 +185,13 @@ def _surfaces(problem: Problem) -> list[str | None]:
     return [law and hashlib.sha256(law.encode()).hexdigest()[:12] for law in laws]
 
 
+def _alone(problem: Problem) -> bool:
+    """Whether members are solved one by one."""
+    system = problem.system
+    found = problem.free_time or problem.is_infinite or problem.on_surface
+    return bool(found or system.m or system.r or system.structure.forced)
+
+
 def _none_solved(runs: Runs) -> None:
     """Raise what the first member raises, and say that the others are no better."""
     first = moving(solve(runs.grid.member(0), tol=runs.tol, throw=False))
@@ -208,6 +219,8 @@ class _Run:
     length: int = 0  # of a task, in members
     question: bytes = b""
     seeds: dict[int, Path] = field(default_factory=dict)  # paths by the number of the member
+    walked: dict[int, Path | None] = field(default_factory=dict)  # what came of each search
+    sown: int = 0  # how many were sought after the first
     done: int = 0  # members
     failed: int = 0
 
@@ -223,24 +236,32 @@ class _Run:
     # -- seeds -------------------------------------------------------------------------------------
 
     def begin(self) -> dict[int, Answers]:
-        """Cut the grid and find seeds, or read them; return the tasks that are finished."""
+        """Find a first seed and cut the grid, or read that; return the tasks that are finished."""
         records = [] if self.journal is None else self.journal.records
         if records:
-            self.length, kept = int(records[0]["length"]), Kept.unpacked(records[0], "seed")
-            self.seeds = {i: path for i in kept.members.tolist() if (path := kept.path(i))}
+            self.length = int(records[0]["length"])
+            for record in records:
+                if "seed" in record:
+                    i = int(record["seed"])
+                    self.walked[i] = Kept.unpacked(record, "seed").path(i)
+            first = int(records[0]["seed"])
+            self.seeds = {first: path} if (path := self.walked[first]) else {}
         else:
-            unknowns, system = self._pilot(), self.grid.problem.system
-            seconds = MEMBER_SECONDS + UNKNOWN_SECONDS * unknowns * system.n
-            seconds *= ONE_BY_ONE if system.m or system.r or system.structure.forced else 1
+            problem, unknowns = self.grid.problem, self._pilot()
+            seconds = MEMBER_SECONDS + UNKNOWN_SECONDS * unknowns * problem.system.n
+            seconds *= ONE_BY_ONE if _alone(problem) else 1
             self.length = int(np.clip(SECONDS / seconds, 1, MOST_MEMBERS))
-            some = np.linspace(0, self.tasks - 1, min(SEEDS, self.tasks)).astype(int)
-            for i in self.grid.order[some * self.length].tolist():
-                self._sow(i)
-            if self.journal is not None:
-                kept = Kept.of(np.array(list(self.seeds), dtype=int), list(self.seeds.values()))
-                self.journal.append({"length": self.length, **kept.packed("seed")})
+            first, path = next(iter(self.seeds.items()), (-1, None))
+            self._keep(first, path, length=self.length)
         self.question = pickle.dumps(self.grid.problem)
-        return {int(record["task"]): record for record in records[1:]}
+        return {int(record["task"]): record for record in records if "task" in record}
+
+    def _keep(self, i: int, path: Path | None, **more: int) -> None:
+        """Keep what came of the search for a seed."""
+        self.walked[i] = path
+        if self.journal is not None:
+            kept = Kept.of(np.array([i] if path else [], dtype=int), [path] if path else [])
+            self.journal.append({"seed": i, **more, **kept.packed("seed")})
 
     def _pilot(self) -> int:
         """Find a first seed; return how many unknowns it has.
@@ -266,23 +287,34 @@ class _Run:
                     break
         return unknowns
 
-    def _sow(self, i: int) -> None:
-        """Make a member a seed if a walk from the nearest one leads there."""
-        seed, tol = self._nearest(i), self.runs.tol
-        if seed is not None and seed.distance:
-            path = walk(self.grid.problem, *seed[:2], self.grid.at(i), seed.distance, tol)
-            if path is not None:
+    def _sow(self, task: int) -> None:
+        """Find the seeds up to a task that are not found yet, each by a walk from the nearest one.
+
+        Tasks are asked for in their order: those before are on their way meanwhile.
+        """
+        fields = np.linspace(0, self.tasks - 1, min(SEEDS, self.tasks)).astype(int)
+        for i in self.grid.order[fields[fields <= task] * self.length].tolist()[self.sown :]:
+            self.sown += 1
+            seed = self._nearest(np.array([i]))
+            if seed is None or not seed.distance:
+                continue
+            if i not in self.walked:
+                given = seed.path, seed.values, self.grid.at(i), seed.distance
+                self._keep(i, walk(self.grid.problem, *given, self.runs.tol))
+            if path := self.walked[i]:
                 self.seeds[i] = path
 
-    def _nearest(self, i: int) -> Seed | None:
-        """Return the seed that is nearest to a member, in parts of the axes."""
+    def _nearest(self, members: NDInt) -> Seed | None:
+        """Return the seed that is nearest to one of some members, in parts of the axes."""
         if not self.seeds:
             return None
-        known, shape = list(self.seeds), self.grid.shape
-        steps = np.abs(np.array(np.unravel_index([i, *known], shape)).T)
-        steps = np.abs(steps[1:] - steps[0])
-        k = int(np.argmin(((steps / np.array(shape)) ** 2).sum(axis=1)))
-        return Seed(self.seeds[known[k]], self.grid.at(known[k]), int(steps[k].max()))
+        known, shape = list(self.seeds), np.array(self.grid.shape)
+        there, here = (np.array(np.unravel_index(i, shape)).T for i in (known, members))
+        steps = np.abs(there[:, None] - here)
+        apart = ((steps / shape) ** 2).sum(axis=2)
+        k, first = np.unravel_index(np.argmin(apart), apart.shape)
+        values = self.grid.at(known[k])
+        return Seed(self.seeds[known[k]], values, int(first), int(steps[k, first].max()))
 
     # -- tasks -------------------------------------------------------------------------------------
 
@@ -306,8 +338,7 @@ class _Run:
                     if arrived.empty():
                         continue
                 task = arrived.get()
-                self._done(task, flying[task].result())
-                del flying[task]
+                self._done(task, flying.pop(task).result())
         except BaseException as error:
             for future in flying.values():
                 future.cancel()
@@ -319,13 +350,14 @@ class _Run:
 
     def _given(self, task: int) -> tuple:
         """Return the arguments of `work`."""
+        self._sow(task)
         members, runs = self.members(task), self.runs
         options = runs.tol, runs.index is not None, runs.kept is not None
         return (
             self.question,
             members,
             self.grid.columns(members),
-            self._nearest(members[0]),
+            self._nearest(members),
             options,
         )
 

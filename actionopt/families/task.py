@@ -25,10 +25,14 @@ REFUSED = "REFUSED"  # beside the names of `Status`: the problem makes no sense
 
 
 class Seed(NamedTuple):
-    """From where to begin: a path, the values of its member, and how many steps of the grid."""
+    """From where to begin: a path, and the values of its member.
+
+    And which of the members of a task is the nearest to it, and how many steps of the grid away.
+    """
 
     path: Path
     values: dict[Name, float]
+    first: int
     distance: int
 
 
@@ -55,20 +59,12 @@ def work(
     """
     keep_memory()
     problem = pickle.loads(question)
-    return solved(problem, members, columns, begun(problem, columns, seed, options[0]), options)
-
-
-def begun(
-    problem: Problem, columns: Mapping[Name, Array], seed: Seed | None, tol: float
-) -> Path | None:
-    """Return the path of the first member; the seed's where it has none, None without a seed."""
-    first = {name: float(row[0]) for name, row in columns.items()}
-    path = None if seed is None else walk(problem, *seed[:2], first, seed.distance, tol)
-    if path is None:
-        with suppress(ValueError):
-            found = moving(solve(moved(problem, first), tol=tol, throw=False))
-            path = found.path if found.success else None
-    return seed.path if path is None and seed is not None else path
+    if seed is None:
+        return solved(problem, members, columns, None, options)
+    path, values, first, distance = seed
+    nearest = {name: float(row[first]) for name, row in columns.items()}
+    path = walk(problem, path, values, nearest, distance, options[0]) or path
+    return solved(problem, members, columns, path, options, first)
 
 
 def solved(
@@ -77,11 +73,12 @@ def solved(
     columns: Mapping[Name, Array],
     guess: Guess | None,
     options: tuple[float, bool, bool],
+    first: int = 0,
 ) -> Answers:
-    """Return what comes of members of a problem that is here, the first of them near `guess`."""
+    """Return what comes of members of a problem that is here, the `first` of them near `guess`."""
     (tol, index, keep_paths), k, n = options, len(members), problem.system.n
     if problem.free_time or problem.is_infinite or problem.on_surface:
-        return _one_by_one(problem, members, columns, guess, options)
+        return _one_by_one(problem, members, columns, guess, options, first)
     t0, t1 = columns.get("t0", problem.start.t), columns.get("t1", problem.end.t)
     late = np.broadcast_to(np.less(t0, t1), k)
     answers = _refused(members, n, len(columns), alone=0)
@@ -91,7 +88,8 @@ def solved(
     if late.any():
         tried = np.flatnonzero(late)
         rows = {name: row[tried] for name, row in columns.items()}
-        found = solve_run(problem, rows, tol, index=index, guess=guess)
+        first = int(np.argmin(np.abs(tried - first)))
+        found = solve_run(problem, rows, tol, index=index, guess=guess, first=first)
         messages |= {int(tried[j]): message for j, message in found.messages.items()}
         answers["status"][tried] = [
             REFUSED if j in found.messages else status.name for j, status in enumerate(found.status)
@@ -134,6 +132,7 @@ def _one_by_one(
     columns: Mapping[Name, Array],
     guess: Guess | None,
     options: tuple[float, bool, bool],
+    first: int,
 ) -> Answers:
     """Return the same of members with more than a path to be found, each near the last one."""
     tol, index, _ = options
@@ -141,8 +140,10 @@ def _one_by_one(
     answers = _refused(members, n, len(columns), alone=k)
     if index:
         answers["index"] = np.full(k, -1)
-    messages, paths = {}, {}
-    for j in range(k):
+    messages, paths, begun = {}, {}, guess
+    for j in (*range(first, k), *range(first - 1, -1, -1)):
+        if j == first - 1:  # the other way
+            guess = paths.get(int(members[first]), begun)
         try:
             mine = moved(problem, {name: float(row[j]) for name, row in columns.items()})
             found = moving(solve(mine, guess=guess, tol=tol, throw=False))
@@ -161,7 +162,8 @@ def _one_by_one(
         answers["slopes"][j] = along(found, columns)
         answers["ends"][j] = found.path.values[:, [0, -1]].T
         if index:
-            answers["index"][j] = found.morse_index
+            with suppress(ValueError):  # there is none
+                answers["index"][j] = found.morse_index
     answers["refused"] = np.array(list(messages), dtype=int)
     answers["messages"] = np.array(list(messages.values()), dtype=str)
     return answers | Kept.of(np.array(list(paths), dtype=int), list(paths.values())).packed("kept")

@@ -13,14 +13,19 @@ from typing import Any
 def ready(file: str | Path, *endings: str) -> Path:
     """Return where `file` is to be written.
 
-    Raises FileNotFoundError if its folder is missing, ValueError if it has none of the endings.
+    Raises FileNotFoundError if its folder is missing, ValueError if it is no name of a file, or has
+    none of the endings.
     """
+    if not isinstance(file, (str, os.PathLike)) or not str(file):
+        raise ValueError(f"expected the name of a file, found {file!r}")
     target = Path(file)
     if not target.parent.is_dir():
         raise FileNotFoundError(
             f"expected a folder that is there to write {str(target)!r} in, found none; make it, or "
             "correct the name"
         )
+    if target.is_dir():
+        raise ValueError(f"expected the name of a file, found the folder {str(target)!r}")
     if endings and target.suffix.lower() not in endings:
         found = f"{target.name!r}" + ("" if target.suffix else ", which has no ending")
         raise ValueError(f"expected a file that ends in {', '.join(endings)}, found {found}")
