@@ -14,6 +14,7 @@ import actionopt as ao
 from actionopt import plot, scenes
 from actionopt.gallery.figures import cut
 from actionopt.mechanics.symmetry import cyclic
+from actionopt.plot._style import styled_figures
 from actionopt.plot.data.variations import directions, sizes
 
 PARAMETERS = {"oscillator_saddle": ("oscillator", {"duration": 4.0})}
@@ -109,6 +110,39 @@ def test_a_narrow_landscape_keeps_its_labels_inside_and_off_its_colour_bar(name)
     assert title.x0 >= 0 and title.x1 <= ax.figure.bbox.width
     place = ax.get_window_extent(renderer)
     assert (bar.y0, bar.y1) == pytest.approx((place.y0, place.y1), abs=1)
+
+
+@pytest.mark.parametrize(
+    ("name", "figure"), [("figure_eight", "landscape"), ("rolling_cylinder", "spectrum")]
+)
+def test_a_narrow_picture_has_nothing_over_its_edge(name, figure):
+    """Where ticks change with the room that they leave, one layout does not settle."""
+    drawn = []
+
+    def draw(picture):
+        drawn.append(FIGURES[figure](solved(name), picture.subplots(), units=plot.SI).figure)
+
+    plot.svgs(draw, (6.4, 4.4), cut((6.4, 4.4)))
+    width, height = drawn[0].get_size_inches()
+    with styled_figures():  # sizes in words are measured in the style they were drawn in
+        box = drawn[0].get_tightbbox(drawn[0]._get_renderer())
+    assert min(box.x0, box.y0, width - box.x1, height - box.y1) > -0.02
+
+
+def test_times_beside_a_narrow_strip_do_not_touch():
+    drawn, scene = [], scenes.get("drag_quadratic")
+
+    def draw(figure):
+        drawn.append(plot.motion(solved("drag_quadratic"), scene.draw, figure.subplots()))
+
+    plot.svgs(draw, (6.4, 4.4), cut((6.4, 4.4)))
+    boxes = [x.get_window_extent() for x in drawn[0].get_xticklabels() if x.get_visible()]
+    assert len(boxes) >= 3 and all(a.x1 <= b.x0 for a, b in pairwise(boxes))
+
+
+def test_fronts_have_enough_motions_where_most_run_away():
+    data = plot.fronts_data(solved("kink"))
+    assert len(data.q) >= 0.75 * 41 and np.abs(data.q).max() < 1.5
 
 
 @pytest.mark.slow

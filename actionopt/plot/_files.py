@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from io import StringIO
 from pathlib import Path
 from textwrap import fill
@@ -11,8 +11,11 @@ from typing import Any
 
 import numpy as np
 from matplotlib.backend_bases import FigureCanvasBase
-from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.backends.backend_mixed import MixedModeRenderer
+from matplotlib.backends.backend_svg import RendererSVG
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.textpath import text_to_path
 
 from actionopt.analysis.solution import Solution, question
 from actionopt.families.runs import Runs
@@ -26,7 +29,8 @@ TOGETHER = re.compile(r"\$[^$]*\$|\s\([^()]{1,8}\)")  # mathematics; a unit afte
 SPARE = 0.75  # of the width: what is left beside labels, ad hoc
 SHORT, LONG = 16, 40  # letters of a legend's entry that leaves room for another, and of a line
 LINE = 0.18  # inches of one
-LETTER = 0.55  # width of one, in parts of its size
+LETTER = 0.58  # measured: width of one, in parts of its size
+LAYOUTS, EDGE = 4, 0.02  # at most; inches over the edge that are not seen
 DIGITS = re.compile(r"(\.\d\d)\d+")  # beyond a hundredth of a point
 
 
@@ -52,20 +56,37 @@ def svgs(draw: Callable[[Figure], Any], *sizes: tuple[float, float]) -> list[str
 
 
 def _printed(figure: Figure) -> str:
-    """Return a figure as SVG, laid out once: `savefig` draws everything twice."""
-    canvas, text = FigureCanvasSVG(figure), StringIO()
-    engine = figure.get_layout_engine()
-    assert engine is not None
+    """Return a figure as SVG, laid out once: `savefig` draws everything twice.
+
+    One renderer lays it out and draws it, so that each word is measured once; formulas are parsed
+    once for all cuts.
+    """
     figure.dpi = 72  # as in the file
-    engine.execute(figure)
-    if any(ax.get_aspect() != "auto" for ax in figure.axes):
-        engine.execute(figure)  # a fixed shape changes the ticks, and so the room that they need
+    text, (width, height) = StringIO(), figure.get_size_inches()
+    renderer: Any = RendererSVG(72 * width, 72 * height, text, metadata={"Date": None})
+    renderer._text2path = text_to_path
+    figure._get_renderer = lambda: renderer  # type: ignore[attr-defined]
+    engine = figure.get_layout_engine()
+    assert isinstance(engine, ConstrainedLayoutEngine)
+    room = np.array([0.0, 0.0, width, height])
+    for _ in range(LAYOUTS):  # smaller axes have other ticks, which may need more room
+        engine.set(rect=tuple(np.r_[room[:2], room[2:] - room[:2]] / np.array(2 * [width, height])))
+        engine.execute(figure)
+        over = np.array(figure.get_tightbbox(renderer).extents) - (0, 0, width, height)
+        over *= (-1, -1, 1, 1)
+        if over.max() < EDGE:
+            break
+        room -= np.maximum(over, 0.0) * (-1, -1, 1, 1)
     figure.patch.set_alpha(0)
     for ax in figure.axes:
         _sparse(ax)
         ax.patch.set_alpha(0)
     figure.set_layout_engine("none")
-    canvas.print_svg(text, metadata={"Date": None})
+    mixed: Any = MixedModeRenderer(
+        figure, width, height, figure.dpi, renderer
+    )  # bars of colours: images
+    figure.draw(mixed)
+    mixed.finalize()
     figure.set_layout_engine(engine)
     return text.getvalue()
 
@@ -101,11 +122,20 @@ def _broken(figure: Figure) -> None:
 
 
 def _sparse(ax: Any) -> None:
-    """Leave out words that would touch one another, or an upright line, and can be done without."""
+    """Leave out words that would touch one another, or an upright line, and can be done without.
+
+    These are marked; numbers along the axis are such words too.
+    """
     upright = (line for line in ax.lines if np.unique(line.get_xdata()).size == 1)
     lines = [line.get_window_extent().x0 for line in upright]
+    _parted((words for words in ax.texts if words.get_label() == IF_ROOM), lines)
+    _parted(ax.get_xticklabels(), ())
+
+
+def _parted(row: Iterable[Any], lines: Sequence[float]) -> None:
+    """Hide words of a row that touch one before, or a line."""
     last = -np.inf
-    for words in (words for words in ax.texts if words.get_label() == IF_ROOM):
+    for words in row:
         words.set_visible(True)  # what is not seen has no extent
         box = words.get_window_extent()
         free = box.x0 > last and not any(box.x0 < x < box.x1 for x in lines)

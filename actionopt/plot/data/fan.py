@@ -22,6 +22,7 @@ from actionopt.plot.data.latest import latest
 from actionopt.tools.types import Array
 
 SPREAD = 0.8  # of the largest speed: how far velocities of fronts differ
+ENOUGH, HALVINGS = 0.75, 8  # of the motions: where more run away, fronts have gaps; ad hoc
 BEFORE = 0.8  # of the way to the first focus, where all fronts of a plane meet in a point
 LEVELS = 17  # fronts drawn
 COARSE = 0.05  # of a level: dS = p dq fails by more on a triangle too large to draw fronts on
@@ -114,7 +115,7 @@ def fronts_data(
     One coordinate: first velocities within `spread` of the solution's largest on either side of
     its first, up to the time `until` (by default the first conjugate time, or the end). Two:
     a disc of velocities about the solution's, of half that radius, and by default a time well
-    before the conjugate one.
+    before the conjugate one. Half as far from the solution's, and again, where many run away.
 
     Raises ValueError for non-conservative forces and for constraints: S is no function then of
     all the places around the path.
@@ -129,18 +130,18 @@ def fronts_data(
     t = np.linspace(start.t, end, 121)
     speed = spread * float(np.max(np.linalg.norm(solution.velocity(t), axis=0)))
     if len(start.q) == 1:
-        offsets = np.linspace(-speed, speed, count)[None]
+        offsets = np.linspace(-1, 1, count)[None]
     else:
         k = np.arange(6 * count) + 0.5  # evenly over a disc, by the golden section
-        turn, radius = 2 * np.pi * 0.6180339887498949 * k, speed / 2 * np.sqrt(k / k[-1])
+        turn, radius = 2 * np.pi * 0.6180339887498949 * k, np.sqrt(k / k[-1]) / 2
         offsets = np.zeros((len(start.q), k.size))
         offsets[:2] = radius * np.cos(turn), radius * np.sin(turn)
-    v0 = start.v[:, None] + offsets
-    found = [
-        (p, v)
-        for p, v in zip(motions(_until(solution, end), v0), v0.T, strict=True)
-        if p is not None
-    ]
+    found, halvings = [], 0
+    while len(found) < ENOUGH * offsets.shape[1] and halvings < HALVINGS:
+        v0 = start.v[:, None] + speed / 2**halvings * offsets
+        both = zip(motions(_until(solution, end), v0), v0.T, strict=True)
+        found = [(p, v) for p, v in both if p is not None]
+        halvings += 1
     q = np.array([path(t) for path, _ in found])
     action = np.array([action_along(problem, path, t) for path, _ in found])
     return Fronts(t, q, action, np.array([v for _, v in found]))
