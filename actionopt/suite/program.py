@@ -63,7 +63,8 @@ class Program:
 
     def view(self) -> Program:
         """Return the same functions with counts of their own, and no answer anywhere near."""
-        return Program(self.transcription, self.decades, self.limits)
+        tr = self.transcription
+        return Program(tr.between(tr.problem), self.decades, self.limits)
 
     # -- what it is --------------------------------------------------------------------------
 
