@@ -2,12 +2,16 @@
 
 import pickle
 from copy import deepcopy
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import actionopt as ao
 from actionopt import plot
+from actionopt.analysis.status import Status
+from actionopt.solver import obstacle
+from actionopt.tools.watch import OutOfTime
 
 FREE = "expected a system without an obstacle"
 
@@ -329,13 +333,45 @@ def test_round_a_small_peg():
         assert sol.action == pytest.approx(around(A, B)[1] * R**2, rel=1e-11)
 
 
+def distance(R):
+    return lambda q: np.sqrt(q @ q) - R
+
+
 @pytest.mark.parametrize("R", [1e-2, 1e-3])
-def test_round_a_peg_that_is_hardly_there(R):
-    """By its distance; on the shorter side, which no first mesh tells."""
+@pytest.mark.parametrize("form", [distance, lambda R: disc(radius=R)])
+def test_round_a_peg_that_is_hardly_there(R, form):
+    """In both forms alike; on the shorter side, which no first mesh tells."""
     A, B = np.array([-1.3, 0.4]) / R, np.array([1.6, -0.4923 - 0.2 * R]) / R
-    peg = body(lambda q: np.sqrt(q @ q) - R)
-    sol = ao.solve(ao.Problem(peg, ao.Event(0, A * R), ao.Event(1, B * R)))
+    sol = ao.solve(ao.Problem(body(form(R)), ao.Event(0, A * R), ao.Event(1, B * R)))
     assert sol.action == pytest.approx(around(A, B)[1] * R**2, rel=1e-12)
+    arc = sol.contacts[0]
+    # The force is the given row's: nu f' is the centripetal one, L^2 / R.
+    pull = sol.contact_force((arc.begin + arc.end) / 2)[0] * (1 if form is distance else 2 * R)
+    assert pull == pytest.approx(2 * sol.action / R, rel=1e-4)
+
+
+def test_no_path_goes_through_a_peg_unseen():
+    """Its distance is least in a tip, where parabolas do not lead."""
+    peg = ao.Problem(body(distance(1e-4)), ao.Event(0, [-1.3, 0.4]), ao.Event(1, [1.5, -0.4616]))
+    sol = ao.solve(peg, seconds=0.2, throw=False)
+    assert not sol.success or sol.contacts
+
+
+def test_a_path_that_was_found_in_time_is_kept(monkeypatch):
+    found = [SimpleNamespace(action=action, problem=None) for action in (1.0, 0.5)]
+    ws = SimpleNamespace(restart=lambda: None, here=None)
+
+    def refined(ws, tol):
+        if ws.here is not found[0]:
+            raise OutOfTime
+        return Status.SOLVED
+
+    monkeypatch.setattr(obstacle, "_refined", refined)
+    monkeypatch.setattr(obstacle, "_another", lambda *_: True)
+    best, status = obstacle._least(ws, 1e-8, found, Status.NOT_FOUND)
+    assert (best.here, status) == (found[0], Status.SOLVED)
+    with pytest.raises(OutOfTime):
+        obstacle._least(ws, 1e-8, found[1:], Status.NOT_FOUND)
 
 
 def test_why_there_is_no_path():
