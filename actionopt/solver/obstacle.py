@@ -533,7 +533,10 @@ def _refined(ws: Along, tol: float) -> Status:
                 continue
             ws.hint = ""
             other = ws.changed(allowed)
-            if other is None and ws.as_given():
+            if other is None:
+                if not ws.as_given():
+                    ws.hint = ws.why()
+                    return Status.NOT_FOUND
                 status = refine(ws, tol, least=True)
                 other = ws.changed(allowed) if status.success else None
                 if other is None:
