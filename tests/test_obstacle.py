@@ -138,6 +138,21 @@ def test_a_moving_wall(h):
     assert sol.contact_force(0.5) == pytest.approx([16 * h])
 
 
+def test_both_ways_round_a_circle():
+    A, B = (-2, 0.3), (2, 0)
+    problem = ao.Problem(body(disc()), ao.Event(0, A), ao.Event(1, B))
+    paths = ao.solve_all(problem, starts=2)
+    # The longer way turns by the rest of the circle.
+    _, S, times = around(A, B)
+    length = np.sqrt(2 * S)
+    turned = np.arctan2(0.3 * 2, -4)
+    longer = length + 2 * (np.pi - abs(turned))
+    assert [path.action for path in paths] == pytest.approx([S, longer**2 / 2], rel=1e-12)
+    assert paths[0].contact_force(sum(times) / 2) > 0
+    with pytest.raises(ValueError, match="expected no angles"):
+        ao.solve_all(problem, angles=["x"])
+
+
 def test_geodesic_round_a_sphere():
     ball = body(lambda q: q @ q - 1, names="xyz")
     A, B = np.array([-2, 0.3, 0.1]), np.array([1.5, 0.2, -0.4])
@@ -275,7 +290,6 @@ def test_what_does_not_know_contact_says_so():
     problem = ao.Problem(string(), ao.Event(0, [1.0]), ao.Event(4, [0.5]))
     sol = ao.solve(problem)
     for ask in (
-        lambda: ao.solve_all(problem),
         lambda: ao.trace(problem, "g", 3.0),
         lambda: ao.integrate(problem.system, sol.start, 1.0),
         lambda: ao.find_symmetries(problem.system),
