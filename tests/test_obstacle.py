@@ -2,12 +2,16 @@
 
 import pickle
 from copy import deepcopy
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import actionopt as ao
 from actionopt import plot
+from actionopt.analysis.status import Status
+from actionopt.solver import obstacle
+from actionopt.tools.watch import OutOfTime
 
 FREE = "expected a system without an obstacle"
 
@@ -132,6 +136,21 @@ def test_a_moving_wall(h):
     assert (sol.contacts[0].begin, sol.contacts[0].end) == pytest.approx((begin, 1 - begin))
     assert sol(0.25) == pytest.approx([16 * h * (0.5 - begin) * 0.25])
     assert sol.contact_force(0.5) == pytest.approx([16 * h])
+
+
+def test_both_ways_round_a_circle():
+    A, B = (-2, 0.3), (2, 0)
+    problem = ao.Problem(body(disc()), ao.Event(0, A), ao.Event(1, B))
+    paths = ao.solve_all(problem, starts=2)
+    # The longer way turns by the rest of the circle.
+    _, S, times = around(A, B)
+    length = np.sqrt(2 * S)
+    turned = np.arctan2(0.3 * 2, -4)
+    longer = length + 2 * (np.pi - abs(turned))
+    assert [path.action for path in paths] == pytest.approx([S, longer**2 / 2], rel=1e-12)
+    assert paths[0].contact_force(sum(times) / 2) > 0
+    with pytest.raises(ValueError, match="expected no angles"):
+        ao.solve_all(problem, angles=["x"])
 
 
 def test_geodesic_round_a_sphere():
@@ -271,7 +290,6 @@ def test_what_does_not_know_contact_says_so():
     problem = ao.Problem(string(), ao.Event(0, [1.0]), ao.Event(4, [0.5]))
     sol = ao.solve(problem)
     for ask in (
-        lambda: ao.solve_all(problem),
         lambda: ao.trace(problem, "g", 3.0),
         lambda: ao.integrate(problem.system, sol.start, 1.0),
         lambda: ao.find_symmetries(problem.system),
@@ -329,13 +347,45 @@ def test_round_a_small_peg():
         assert sol.action == pytest.approx(around(A, B)[1] * R**2, rel=1e-11)
 
 
+def distance(R):
+    return lambda q: np.sqrt(q @ q) - R
+
+
 @pytest.mark.parametrize("R", [1e-2, 1e-3])
-def test_round_a_peg_that_is_hardly_there(R):
-    """By its distance; on the shorter side, which no first mesh tells."""
+@pytest.mark.parametrize("form", [distance, lambda R: disc(radius=R)])
+def test_round_a_peg_that_is_hardly_there(R, form):
+    """In both forms alike; on the shorter side, which no first mesh tells."""
     A, B = np.array([-1.3, 0.4]) / R, np.array([1.6, -0.4923 - 0.2 * R]) / R
-    peg = body(lambda q: np.sqrt(q @ q) - R)
-    sol = ao.solve(ao.Problem(peg, ao.Event(0, A * R), ao.Event(1, B * R)))
+    sol = ao.solve(ao.Problem(body(form(R)), ao.Event(0, A * R), ao.Event(1, B * R)))
     assert sol.action == pytest.approx(around(A, B)[1] * R**2, rel=1e-12)
+    arc = sol.contacts[0]
+    # The force is the given row's: nu f' is the centripetal one, L^2 / R.
+    pull = sol.contact_force((arc.begin + arc.end) / 2)[0] * (1 if form is distance else 2 * R)
+    assert pull == pytest.approx(2 * sol.action / R, rel=1e-4)
+
+
+def test_no_path_goes_through_a_peg_unseen():
+    """Its distance is least in a tip, where parabolas do not lead."""
+    peg = ao.Problem(body(distance(1e-4)), ao.Event(0, [-1.3, 0.4]), ao.Event(1, [1.5, -0.4616]))
+    sol = ao.solve(peg, seconds=0.5, throw=False)
+    assert not sol.success or sol.contacts
+
+
+def test_a_path_that_was_found_in_time_is_kept(monkeypatch):
+    found = [SimpleNamespace(action=action, problem=None) for action in (1.0, 0.5)]
+    ws = SimpleNamespace(restart=lambda: None, here=None)
+
+    def refined(ws, tol):
+        if ws.here is not found[0]:
+            raise OutOfTime
+        return Status.SOLVED
+
+    monkeypatch.setattr(obstacle, "_refined", refined)
+    monkeypatch.setattr(obstacle, "_another", lambda *_: True)
+    best, status = obstacle._least(ws, 1e-8, found, Status.NOT_FOUND)
+    assert (best.here, status) == (found[0], Status.SOLVED)
+    with pytest.raises(OutOfTime):
+        obstacle._least(ws, 1e-8, found[1:], Status.NOT_FOUND)
 
 
 def test_why_there_is_no_path():

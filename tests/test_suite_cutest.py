@@ -112,6 +112,9 @@ def test_attributes(bound, free):
     assert Cutest(suite.get("rod_pendulum", 3, decades=2)).sifParams is None
     assert Cutest(suite.get("kepler", eccentricity=0.5)).sifParams == {"eccentricity": 0.5}
     assert Cutest(suite.get("rolling_cylinder")).is_linear_cons.all()
+    rod = Cutest(suite.get("rod_floor", elements=2))  # its length is not, the floor is
+    assert rod.is_linear_cons.tolist() == [name.startswith("f1") for name in rod.connames()]
+    assert rod.linear_cons_first is False
     assert all(getattr(free[0], name) is None for name in CONSTRAINED)
     x = np.arange(float(n))
     np.testing.assert_array_equal(c.all_to_free(c.free_to_all(x)), x)

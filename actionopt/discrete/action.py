@@ -32,6 +32,7 @@ from actionopt.discrete.layout import layout_for
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.nodal import Term, level, terms
 from actionopt.mechanics.problem import Problem, diagonal
+from actionopt.tools.blas import by_each
 from actionopt.tools.types import Array, NDInt
 
 
@@ -283,7 +284,7 @@ class Action:
         for g, half in zip(self.layout.groups, self.halves, strict=True):
             q = at[g.span].reshape(*g.nodes.shape, -1)
             q = q - q[:, :1]  # a constant has no velocity, nor the round-off of one
-            parts.append((g.rule.derivative @ q / half).reshape(-1, at.shape[1]))
+            parts.append((by_each(g.rule.derivative, q) / half).reshape(-1, at.shape[1]))
         return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
     def place(self, x: Array) -> Point:
@@ -339,7 +340,7 @@ class Action:
             # A constant momentum works at the element's ends only: taken out of the sum, its
             # round-off stays out of the nodes between.
             constant = local[:, 0]
-            work = g.rule.weighted.T @ (local - local[:, :1])
+            work = by_each(g.rule.weighted.T, local - local[:, :1])
             work[:, 0] -= constant
             work[:, -1] += constant
             contribution[g.span] += work.reshape(-1, at.shape[1])

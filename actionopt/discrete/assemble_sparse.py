@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from actionopt.discrete.action import Action
+from actionopt.tools.blas import by_each
 from actionopt.tools.types import Array
 
 NOTHING = np.zeros(0)
@@ -56,7 +57,7 @@ def _curvatures(tr: Action, z: Array) -> Array:
 def _stiffness(tr: Action, C: Array) -> Array:
     """Return D' w C D, flattened in the order of `Layout._stiff`."""
     parts = [
-        (g.rule.stiffness @ (C[g.span].reshape(*g.nodes.shape, -1) / half)).ravel()
+        by_each(g.rule.stiffness, C[g.span].reshape(*g.nodes.shape, -1) / half).ravel()
         for g, half in zip(tr.layout.groups, tr.halves, strict=True)
     ]
     return parts[0] if len(parts) == 1 else np.concatenate(parts)

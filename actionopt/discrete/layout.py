@@ -303,10 +303,10 @@ class Pattern:
         """Return the pattern of the contributions at `targets`, pairs of index arrays."""
         row = np.concatenate([t[0] for t in targets])
         col = np.concatenate([t[1] for t in targets])
-        key = np.where((row >= 0) & (col >= 0), col * rows + row, rows * cols)
-        unique, slots = np.unique(key, return_inverse=True)
-        nnz = unique.size - (1 if unique.size and unique[-1] == rows * cols else 0)
-        unique = unique[:nnz]
+        kept = np.flatnonzero((row >= 0) & (col >= 0))  # the others need not be sorted
+        unique, places = np.unique(col[kept] * rows + row[kept], return_inverse=True)
+        slots = np.full(row.size, unique.size)
+        slots[kept] = places
         return cls((rows, cols), unique % rows, unique // rows, slots)
 
     @property

@@ -22,6 +22,7 @@ from actionopt.families.centres import guesses
 from actionopt.families.feet import all_on_surfaces
 from actionopt.families.free_times import all_durations
 from actionopt.families.searches import SAME_PATH, Sweep
+from actionopt.families.sides import all_sides
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
 from actionopt.solver.arguments import asked
@@ -42,9 +43,9 @@ class Paths:
     Attributes
     ----------
     solutions : tuple of Solution
-        Each agrees with the forward motion from its own start; `morse_index` and `kind` say
-        what each is. The end event of a solution with windings is the given one plus 2 pi each;
-        of a closed path, the advance.
+        Each agrees with the forward motion from its own start, but along an obstacle, where
+        contact is no motion; `morse_index` and `kind` say what each is. The end event of a
+        solution with windings is the given one plus 2 pi each; of a closed path, the advance.
     windings : tuple of tuple of int
         For each path, how many turns more than the events say each of `angles` makes.
     found_by : tuple of str
@@ -154,6 +155,7 @@ def solve_all(
     Where the events do not determine the path, as between antipodal points of a sphere, one path
     of the family is kept, apart from the others. Where the end is `Periodic` the paths close,
     momenta included. Where an event lies on a surface, paths are sought to points all over it.
+    Along an obstacle they are least paths, round all sides of it: only `starts` and `seed` count.
 
     Parameters
     ----------
@@ -187,7 +189,6 @@ def solve_all(
         problem and nothing was found.
     """
     asked(problem)
-    problem.system.check_free("only least paths are sought along it, by solve from guesses")
     tolerance(tol)
     problem = problem.asked or problem
     _check_clock(problem)
@@ -210,6 +211,14 @@ def solve_all(
                 "expected whole numbers >= 0 of windings, starts, shots and continuations, "
                 f"found {count!r}"
             )
+    if problem.system.r:
+        if angles:
+            raise ValueError(
+                "expected no angles for a system with an obstacle, found some: give events that "
+                "differ by the turns"
+            )
+        sided = all_sides(problem, tol, starts, seed, progress)
+        return _paths_of(problem, (), *sided)
     if problem.on_surface:
         placed = all_on_surfaces(problem, tol, len(turning), starts, seed, progress)
         return _paths_of(problem, turning, *placed)

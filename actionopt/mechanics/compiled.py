@@ -62,6 +62,10 @@ class Pointwise:
         trigger()
         return outputs
 
+    def forget(self) -> None:
+        """Free the memory: where the function was evaluated last."""
+        self._memory = _Memory()
+
     def sparsity(self, output: int) -> tuple[Array, Array]:
         """Return rows and columns of the nonzeros of an output."""
         if output not in self._sparsity:

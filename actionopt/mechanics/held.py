@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import Any
 
@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from actionopt.mechanics.obstacle import Arc
 from actionopt.mechanics.problem import Problem
 from actionopt.tools.types import Array, NDInt
+
+ALIKE = 6  # powers of two between coordinates that may be measured in one unit; ad hoc
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -25,20 +27,33 @@ class Held(Problem):
         The question itself.
     arcs : sequence of Arc, optional
         When each row is in force, times that are boundaries of elements; always if None.
+    sought : bool
+        Whether the obstacle's rows are those that tell the distance, to first order: `sought` of
+        the system. They are zero where its own are.
     """
 
     free: Problem
     arcs: tuple[Arc, ...] | None
+    sought: bool
 
-    def __init__(self, free: Problem, arcs: tuple[Arc, ...] | None = None) -> None:
+    def __init__(
+        self, free: Problem, arcs: tuple[Arc, ...] | None = None, *, sought: bool = False
+    ) -> None:
         for name in ("start", "end", "parameters", "packed"):
             object.__setattr__(self, name, getattr(free, name))
-        for name, value in (("system", free.system.held), ("free", free), ("arcs", arcs)):
+        system = free.system.held
+        if sought:
+            sizes = np.round(np.log2(free.lengths)).astype(int)
+            if np.ptp(sizes) <= ALIKE:
+                sizes[:] = sizes.max()
+            system = free.system.sought(tuple(sizes.tolist()))
+        known = {"system": system, "free": free, "arcs": arcs, "sought": sought}
+        for name, value in known.items():
             object.__setattr__(self, name, value)
 
     def holding(self, arcs: tuple[Arc, ...]) -> Held:
         """Return the same with other parts in force."""
-        other = Held(self.free, arcs)
+        other = Held(self.free, arcs, sought=self.sought)
         object.__setattr__(other, "instants", self.instants)  # they are found but once
         return other
 
@@ -56,7 +71,7 @@ class Held(Problem):
 
     def __reduce__(self) -> tuple:
         """Make it anew of the question."""
-        return Held, (self.free, self.arcs)
+        return partial(Held, sought=self.sought), (self.free, self.arcs)
 
     def in_force(self, boundaries: Array, offsets: NDInt) -> NDArray[np.bool_] | None:
         """Return which rows are in force at the nodes of a mesh, (K, m + r); None for all.

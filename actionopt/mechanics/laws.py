@@ -239,6 +239,11 @@ class Laws:
                 found = self._pointwise[name]
         return found
 
+    def forget(self) -> None:
+        """Free what tells where functions were evaluated last."""
+        for function in list(self._pointwise.values()):
+            function.forget()
+
     def made(self, name: str, build: Callable[[], T]) -> T:
         """Return what `build` makes of these laws, made once and kept as long as they are."""
         with self.lock:

@@ -45,6 +45,9 @@ STALLED_STEP = 1e-10  # in the velocity's own unit: one that stops contracting i
 
 # Attributes that travel with a system if they are there, besides its functions.
 TRAVELLING = ("structure", "switches", "clock", "energy_is_mechanical")
+# Sizes of a motion that an obstacle counts as far away at most, and inside of it; ad hoc. What a
+# slope's square may be without being zero.
+DISTANT, LEVEL = 100.0, 1e-300
 KEPT_SYSTEMS = 8  # that were loaded, whether or not they are in use: a worker's, ad hoc
 
 
@@ -298,10 +301,34 @@ class System(Laws):
         A path along the obstacle is a motion of it, for as long as it is in contact. Without an
         obstacle it is the system itself.
         """
-        if not self.r:
-            return self
+        return self._holding(self.outside) if self.r else self
+
+    def sought(self, sizes: tuple[int, ...]) -> System:
+        """Return the same with rows of the obstacle that grow as the distance from it does.
+
+        They are f / sqrt(f_q^2 - 2 min(f, 0) f_nn), f_nn being the second derivative along the
+        slope, coordinates in units of 2**sizes: the distance to first order, outside and inside.
+        So a disc is found by q @ q - R**2 as it is by np.sqrt(q @ q) - R. Planes stay as they are.
+        """
+
+        def build() -> System:
+            q, units = self.symbols.q, ca.DM([2.0**size for size in sizes])
+            rows = []
+            for f in ca.vertsplit(self.outside):
+                slope = ca.gradient(f, q) * units
+                steep = ca.sumsqr(slope)
+                bent = ca.dot(slope, ca.jtimes(slope, q, slope * units)) / (steep + LEVEL)
+                inside = ca.fmax(-2 * f * bent, 0)
+                level = ca.sqrt(steep + inside + (f / DISTANT) ** 2)  # never zero
+                rows.append(f / level if ca.depends_on(slope, q) else f)
+            return self._holding(ca.vertcat(*rows))
+
+        return self.made(f"sought in {sizes}", build)
+
+    def _holding(self, outside: ca.SX) -> System:
+        """Return the system whose constraints are these and the rows of an obstacle."""
         held = object.__new__(System)
-        laws = self.L, ca.vertcat(self.f, self.outside), self.Q
+        laws = self.L, ca.vertcat(self.f, outside), self.Q
         held._set(self.symbols, laws, self.coordinates, self.table, self.name, self.source)
         held._pointwise.update({name: self.pointwise(name) for name in ("first", "second")})
         return held

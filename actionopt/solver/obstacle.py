@@ -1,9 +1,10 @@
 """Paths of least action along an obstacle, f(q, t) >= 0: where they touch it, and the path between.
 
-On a coarse mesh Ipopt minimises S with f >= 0 at the nodes; its multipliers tell which parts of the
-path are in contact. There f = 0 is a constraint like any other, elements end where contact begins
-and ends, and the path is followed from mesh to mesh as other paths are. The times of contact are
-unknowns of an outer Newton's method: a path of least action meets the obstacle tangentially,
+On a coarse mesh Ipopt minimises S with f >= 0 at the nodes, in a form that tells the distance
+(`System.sought`); its multipliers tell which parts of the path are in contact. There f = 0 is a
+constraint like any other, elements end where contact begins and ends, and the path is followed from
+mesh to mesh as other paths are. The times of contact are unknowns of an outer Newton's method: a
+path of least action meets the obstacle tangentially,
 
     df/dt = f_q . v + f_t = 0    where contact begins and ends, on the free side of it,
 
@@ -48,6 +49,7 @@ from actionopt.solver.refine import refine
 from actionopt.solver.workspace import Workspace
 from actionopt.tools.lobatto import lgl
 from actionopt.tools.types import EPS, Array
+from actionopt.tools.watch import OutOfTime
 
 # Ad hoc, all of them, where nothing else is said.
 SOUGHT, SOUGHT_DEGREE = 16, 4  # elements on which contact is sought first, and their degree
@@ -71,7 +73,7 @@ SHRINK = 0.2  # of its length, what one step leaves of a part at least
 VANISHING = 1e-10, 1e-5
 SETTLED_TIME = 1e-13  # of the duration: a step of the times of contact that is the last
 STALLED_TIME = 1e-6  # of the duration: steps that stop contracting below this are round-off
-LEAST = 3  # times that the least of f is looked for by parabolas
+CLOSE, CLOSER = 10, 8  # points of each interval in which f is least, and how often it shrinks
 BETWEEN = 8  # degree of the points in an element where contact is looked at between nodes
 INSIDE = 10.0  # times the error of the path: what f may be below zero
 PULLING = 1e-6  # of the largest contact force: what it may be below zero
@@ -80,8 +82,8 @@ KINKED = "the obstacle has a kink in the coordinates: round it, its force there 
 NO_SLOPE = "the obstacle has no slope where it is met: give a function that has, such as a distance"
 DEPENDENT = "rows in contact have gradients that depend on each other: give each surface once"
 SMALL = (
-    "round something small contact is short: give an obstacle as the distance from it, such as "
-    "np.sqrt(q @ q) - R in place of q @ q - R**2"
+    "round something small contact is short: below about a thousandth of the path it may not be "
+    "found; give a guess that goes round it, or make it larger"
 )
 HOPELESS = (NO_ROOM, KINKED, DEPENDENT)  # what finer meshes do not mend
 FAMILY = (
@@ -129,7 +131,7 @@ class Along(Workspace):
     def touch(self, mesh: Mesh, path: Path | None, principle: Principle) -> bool:
         """Ask Ipopt for a least path with f >= 0 at the nodes; False if it finds none."""
         free, started = self.question, perf_counter()
-        self.problem = Held(free)
+        self.problem = Held(free, sought=True)
         mesh = self._bounded(mesh)
         if not self.checked:
             plain = Transcription(free, mesh, free.lengths)
@@ -225,7 +227,26 @@ class Along(Workspace):
         # What Ipopt's barrier leaves of a coordinate that is zero is no size of it.
         values = np.where(np.abs(old.Q) < BARRIER * free.lengths, 0.0, old.Q).T
         path = Path(old.mesh, values)
-        self.transcribe(mesh, path, old.rows_on(mesh), like=path)
+        self.transcribe(mesh, path, self._passed(old, path.on(mesh)), like=path)
+
+    def as_given(self) -> bool:
+        """Follow the path with the obstacle's own rows, which are zero where those sought are."""
+        held, old = self.held, self.here
+        if not held.sought:
+            return True
+        self.problem, self.units = Held(self.question, held.arcs), None
+        self.transcribe(old.mesh, old.path, self._passed(old, old.path), like=old.path)
+        return self.follow()
+
+    def _passed(self, old: DiscretePath, path: Path) -> Array | None:
+        """Return multipliers (K, m + r) that press as those of another form of the rows do."""
+        lam, before, now = old.rows_on(path.mesh), old.tr.problem.system, self.held.system
+        if lam is None or before is now:
+            return lam
+        state, parameters = (path.values, path.mesh.nodes), self.held.parameters
+        G, normals = (x.constraint_jacobian(*state, parameters=parameters) for x in (before, now))
+        slopes = np.linalg.norm(normals, axis=1)
+        return lam * (np.linalg.norm(G, axis=1) / np.where(slopes > 0, slopes, 1.0)).T
 
     # -- the path and its times of contact -------------------------------------------------------
 
@@ -403,15 +424,20 @@ class Along(Workspace):
         inner = (lgl(BETWEEN).nodes[1:-1] + 1) / 2
         between = (mesh.boundaries[:-1, None] + mesh.lengths[:, None] * inner).ravel()
         t = np.unique(np.concatenate([between, mesh.nodes]))
-        for _ in range(LEAST):
-            f = held.system.constraint(self.here.path(t), t, parameters=held.parameters)[m:]
-            slope = np.diff(f) / np.diff(t)
-            i, k = np.nonzero((slope[:, :-1] < 0) & (slope[:, 1:] > 0))
-            # The vertex of the parabola through three neighbours: slopes are those of the middles.
-            rise, before, behind = slope[i, k + 1], slope[i, k], (t[:-1] + t[1:]) / 2
-            vertex = behind[k] - before * (behind[k + 1] - behind[k]) / (rise - before)
-            t = np.unique(np.concatenate([t, vertex]))
-        return t
+        f = held.system.constraint(self.here.path(t), t, parameters=held.parameters)[m:]
+        slope = np.diff(f)
+        free = ~held.active(t)[m:, 1:-1] if held.arcs is not None else True
+        i, k = np.nonzero((slope[:, :-1] < 0) & (slope[:, 1:] > 0) & free)
+        begin, end, found = t[k], t[k + 2], [t]
+        for _ in range(CLOSER):
+            near = begin[:, None] + (end - begin)[:, None] * np.linspace(0.0, 1.0, CLOSE)
+            at = near.ravel()
+            f = held.system.constraint(self.here.path(at), at, parameters=held.parameters)[m:]
+            f = f.reshape(len(f), *near.shape)[i, np.arange(i.size)]
+            each, least = np.arange(i.size), np.clip(np.argmin(f, axis=1), 1, CLOSE - 2)
+            begin, end = near[each, least - 1], near[each, least + 1]
+            found.append(at)
+        return np.unique(np.concatenate(found))
 
 
 def along(ws: Along, tol: float, curve_of: Callable[[Mesh], Path] | None) -> tuple[Along, Status]:
@@ -463,7 +489,12 @@ def _least(ws: Along, tol: float, first: list[Iterate], status: Status) -> tuple
         tried.append(found)
         ws.restart()
         ws.problem, ws.here = found.problem, found
-        last = _refined(ws, tol)
+        try:
+            last = _refined(ws, tol)
+        except OutOfTime:
+            if best is None:
+                raise
+            break
         if last.success or last in (Status.FLOOR, Status.DEGENERATE):
             if best is None or ws.here.action < best.here.action:
                 best, status = copy(ws), last
@@ -503,6 +534,9 @@ def _refined(ws: Along, tol: float) -> Status:
             ws.hint = ""
             other = ws.changed(allowed)
             if other is None:
+                if not ws.as_given():
+                    ws.hint = ws.why()
+                    return Status.NOT_FOUND
                 status = refine(ws, tol, least=True)
                 other = ws.changed(allowed) if status.success else None
                 if other is None:

@@ -40,9 +40,12 @@ class Cell:
 def attempt(cell: Cell) -> dict[str, Any]:
     """Run the solver; return what it answers and how, as plain data."""
     problem = cell.make()
-    x0 = problem.start(cell.start)
+    x0, program = problem.start(cell.start), problem.view()
+    # A start may have taken the answer: it is not left to be read where a solver can look.
+    del problem
+    program.transcription.problem.system.forget()
     try:
-        answer = solvers.run(cell.solver, problem, x0, cell.repeats)
+        answer = solvers.run(cell.solver, program, x0, cell.repeats)
     except solvers.Absent as error:
         return {"outcome": "absent", "word": str(error)}
     except MemoryError:

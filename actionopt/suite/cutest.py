@@ -11,6 +11,7 @@ from time import process_time
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from actionopt.suite.problem import TestProblem
 from actionopt.suite.sparse import whole
@@ -75,10 +76,10 @@ class Cutest:
                 np.clip(side, -INFINITE, INFINITE) for side in problem.constraint_bounds
             )
             self.is_eq_cons = self.cl == self.cu
-            self.is_linear_cons = np.full(m, problem.classification[1] == "L")
+            self.is_linear_cons = problem.linear_rows
             self.nnzj = problem.nnz_jacobian
-            self.eq_cons_first = bool(np.all(self.is_eq_cons[:-1] >= self.is_eq_cons[1:]))
-            self.linear_cons_first = True  # all are alike
+            self.eq_cons_first = _first(self.is_eq_cons)
+            self.linear_cons_first = _first(self.is_linear_cons)
         self._jacobian: Array | None = None  # nonzeros
         self._hessian: Array | None = None  # nonzeros
         self._counts: Counter[str] = Counter()
@@ -326,6 +327,11 @@ class Cutest:
 
         rows, cols, of = whole(self.problem.hessian_structure)
         return coo_matrix((values[of], (rows, cols)), shape=(self.n, self.n))
+
+
+def _first(flags: NDArray[np.bool_]) -> bool:
+    """Whether those that are True come before the others."""
+    return bool(np.all(flags[:-1] >= flags[1:]))
 
 
 def _coo(vector: Array):

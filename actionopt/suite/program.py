@@ -18,6 +18,7 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.transcription import Transcription
@@ -63,7 +64,8 @@ class Program:
 
     def view(self) -> Program:
         """Return the same functions with counts of their own, and no answer anywhere near."""
-        return Program(self.transcription, self.decades, self.limits)
+        tr = self.transcription
+        return Program(tr.between(tr.problem), self.decades, self.limits)
 
     # -- what it is --------------------------------------------------------------------------
 
@@ -159,6 +161,14 @@ class Program:
         """Whether anything may hold strictly: a bound of x, or a row that is no equation."""
         lower, upper = self.constraint_bounds
         return bool(self.limits.coordinates) or bool(np.any(lower < upper))
+
+    @property
+    def linear_rows(self) -> NDArray[np.bool_]:
+        """Which rows of c are linear in x, (m,)."""
+        system = self.transcription.problem.system
+        slopes, q = ca.jacobian(system.f, system.symbols.q), system.symbols.q
+        linear = [not ca.depends_on(slopes[i, :], q) for i in range(system.m)]
+        return np.array(linear, dtype=bool)[self.transcription.layout.row_constraint]
 
     # -- functions ---------------------------------------------------------------------------
 

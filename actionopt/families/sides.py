@@ -1,0 +1,53 @@
+"""All the least paths along an obstacle, as far as they can be found: from curves to all sides."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+
+import numpy as np
+
+from actionopt.analysis.solution import Solution
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.path import Path
+from actionopt.discrete.transcription import Transcription
+from actionopt.families.free_times import is_new
+from actionopt.mechanics.problem import Problem
+from actionopt.solver.solve import solve
+
+SPREAD = np.array([0.3, 1.0, 3.0])  # of the coordinates' sizes, how far curves go to a side
+WAVES, POINTS = 3, 64  # sines of a curve, and its elements; ad hoc
+
+
+def all_sides(
+    problem: Problem,
+    tol: float,
+    starts: int,
+    seed: int,
+    progress: Callable[[str, int, int, int], object] | None,
+) -> tuple[list[tuple[Solution, tuple[int, ...], str]], Counter[str], bool]:
+    """Return paths and how each was found, what was tried, and whether it was interrupted.
+
+    From what `solve` finds, and from `starts` random curves and their mirror images.
+    """
+    found: list[tuple[Solution, tuple[int, ...], str]] = []
+    tried: Counter[str] = Counter()
+    mesh = Mesh.uniform(problem.start.t, problem.end.t, POINTS, 1)
+    line = Transcription(problem, mesh, problem.lengths).straight().T
+    sines = np.sin(np.pi * np.outer(np.arange(1, WAVES + 1), mesh.nodes_since / mesh.duration))
+    drawn = np.random.default_rng(seed).standard_normal((starts, problem.system.n, WAVES))
+    drawn *= np.resize(SPREAD, starts)[:, None, None] / np.arange(1, WAVES + 1)
+    aside = [sign * problem.lengths[:, None] * (a @ sines) for a in drawn for sign in (1, -1)]
+    guesses = [None, *(Path(mesh, line + away) for away in aside)]
+    try:
+        for i, guess in enumerate(guesses):
+            how = "the straight line" if guess is None else "a curve to a side"
+            tried[how] += 1
+            if progress is not None:
+                progress("curves to all sides", i, len(guesses), len(found))
+            path = solve(problem, tol=tol, guess=guess, throw=False)
+            if path.success and is_new(path, (), found):
+                found.append((path, (), how))
+    except KeyboardInterrupt:
+        return found, tried, True
+    return found, tried, False
