@@ -43,6 +43,41 @@ def test_light_around_a_black_hole(angle, T):
     assert solution.compare().agrees
 
 
+@pytest.mark.parametrize("angle, T", [(5.0, 44.41848538706), (-5.0, 49.90208657928)])
+def test_light_around_a_turning_black_hole(angle, T):
+    """With it and against it, a = 0.7, r = 15 to 12; by quadrature of Carter's equations.
+
+    Near r = 0, where no light is, all but nothing is left of the terms of this length.
+    """
+
+    def kerr(q, v, *, a):
+        r = q[0]
+        lapse, twist = 1 - 2 / r, -2 * a / r * v[1]
+        space = r**2 * v[0] ** 2 / (r**2 - 2 * r + a**2)
+        space = space + (r**2 + a**2 + 2 * a**2 / r) * v[1] ** 2
+        return (twist + np.sqrt(twist**2 + lapse * space)) / lapse
+
+    space = ao.System.geodesic(kerr, ["r", "phi"], parameters={"a": 0.7})
+    ray = ao.solve(ao.Problem(space, ao.Event(0, [15, 0]), ao.Event(1, [12, angle])))
+    assert abs(ray.length - T) < 1e-9
+
+
+def test_a_geodesic_that_rises_far_above_the_line_between_its_ends():
+    """In the half-plane, cosh of the distance is 1 + |a - b|^2 / (2 y_a y_b): y is up to 150."""
+    plane = ao.System.geodesic(lambda q, v: np.sqrt(v @ v) / q[1], ["x", "y"])
+    ends = ao.Event(0, [0.0, 0.01]), ao.Event(1, [300.0, 0.01])
+    solution = ao.solve(ao.Problem(plane, *ends))
+    assert abs(solution.length - np.arccosh(1 + 300**2 / (2 * 0.01**2))) < 1e-10
+    assert solution.morse_index == 0
+
+
+def test_no_film_spans_rings_so_far_apart_and_the_sentence_says_from_where_on():
+    """Two rings of radius 1: none beyond the distance 1.325486838698... (OEIS A033259)."""
+    film = ao.System(lambda q, v, t: 2 * np.pi * q[0] * np.sqrt(1 + v[0] ** 2), ["y"])
+    with pytest.raises(ao.SolveError, match=r"no stationary path .* as far as t = 1\.325, where"):
+        ao.solve(ao.Problem(film, ao.Event(0, [1.0]), ao.Event(1.6, [1.0])))
+
+
 def test_the_two_ways_around_a_sphere():
     ball = ao.System.geodesic(sphere, ["theta", "phi"])
     ends = ao.Event(0, [1.2, 0.0]), ao.Event(1, [1.9, 2.0])

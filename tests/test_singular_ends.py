@@ -122,3 +122,19 @@ def test_what_does_not_begin_at_the_centre():
     with pytest.raises(IntegrationError, match="singular point"):
         rough = ao.System(lambda q, v, r: r**2 * v[0] ** 2 / 2 - np.sqrt(r) * q[0], ["u"])
         ao.integrate(rough, ao.State(0, [1.0], [0.0]), 1.0)
+
+
+def test_a_bounce_that_comes_to_rest_as_a_power_of_the_radius():
+    """phi = (r^2 + 1)^-3 in four dimensions, S = 3 pi^2 / 35, a core in three hundred of its sizes.
+
+    The generalized Fubini potential of n = 3 (Athron et al., *Comput. Phys. Commun.* 244, 2019).
+    """
+    potential = lambda x: 72 / 7 * x ** (7 / 3) - 18 * x ** (8 / 3)  # noqa: E731
+    profile = lambda r: (r**2 + 1.0) ** -3  # noqa: E731
+    decay = ao.Problem(radial(potential, 4), ao.Event(0.0, [None]), ao.Event(300.0, [0.0]))
+    bounce = ao.solve(decay, guess=lambda r: [1.05 * profile(r)])
+    assert abs(bounce.action - 3 * np.pi**2 / 35) < 1e-11
+    assert abs(bounce.start.q[0] - 1) < 1e-9
+    assert bounce.morse_index == 1
+    with pytest.raises(ValueError, match="a late finite time"):
+        ao.solve(decay.replace(end=ao.Event(np.inf, [0.0])), guess=bounce)

@@ -111,7 +111,8 @@ def _rest(system: System, packed: Array, q: Array, t: float, side: int) -> Rest:
             raise ValueError(
                 "expected a Lagrangian that is finite, with its derivatives, where the path comes "
                 f"from or tends to in infinite time, found NaN or infinity at rest at q = {given}; "
-                "give a finite time"
+                "give a finite time by which it is all but at rest, and there coordinates a little "
+                "beside it, such as Event(t, q + 1e-9), and a guess"
             )
         step = np.linalg.lstsq(A, force, rcond=None)[0]
         q = q - step
@@ -166,7 +167,9 @@ def _subspace(
             "expected a saddle of the equations of motion where a path comes from or tends to in "
             f"infinite time, found motions near q that grow or decay at the rates {slow}: those "
             "with no real part turn, or come closer more slowly than any exponential; is the sign "
-            "of the potential right (L = T - V rests where V is greatest)? Else give a finite time"
+            "of the potential right (L = T - V rests where V is greatest)? A path that comes "
+            "closer as a power of the time: give a late finite time, the coordinates it has there, "
+            "or those at rest, and a guess"
         )
     # The matrix sign function by Newton's method: no eigenvectors, which may be dependent.
     Z = H

@@ -387,16 +387,17 @@ class System(Laws):
 
     @property
     def is_homogeneous(self) -> bool:
-        """Whether v . dL/dv = L for all velocities: a length, which knows no time."""
+        """Whether L(q, s v) = s L(q, v) for s > 0: a length, which knows no time."""
         with suppress(ValueError):  # finite nowhere where it is tried
             return self._homogeneous(self.L)
         return False
 
     def _homogeneous(self, F: ca.SX) -> bool:
+        """Whether F(q, 2 v) = 2 F(q, v): its round-off, too, however much cancels in it."""
         s = self.symbols
-        euler = ca.horzcat((s.v * ca.gradient(F, s.v)).T, -F)
+        terms = ca.horzcat(ca.substitute(F, s.v, 2 * s.v), -2 * F)
         packed = self.table.pack(self.parameters)
-        return vanishes(euler, self._arguments, [*general_states(self.n), packed])
+        return vanishes(terms, self._arguments, [*general_states(self.n), packed])
 
     def _check_length(self, F: ca.SX) -> None:
         """Raise ValueError unless F is homogeneous, and somewhere finite and positive."""

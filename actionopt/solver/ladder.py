@@ -17,7 +17,7 @@ from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
-from actionopt.discrete.resolution import DEGREES, resolution
+from actionopt.discrete.resolution import DEGREES, Resolution, refined, resolution
 from actionopt.discrete.transcription import Transcription
 from actionopt.solver.first_mesh import fewest, paced, planned
 from actionopt.solver.iterate import Iterate, sizes
@@ -52,7 +52,8 @@ LINEAR = 4  # elements to begin with where nothing has to be sought
 # more evaluations in the geometric mean, 1.1 to 2.6 times as many in the sum, and all but 5 lose an
 # extreme case.
 COARSE_DEGREE, COARSE_ELEMENTS = 6, 8
-GUESS_RESOLUTION = 1e-3  # omitted coefficients of a guess that a mesh resolves; flat
+# Omitted coefficients of a guess that a mesh resolves, flat; refinements of one that does not.
+GUESS_RESOLUTION, GUESS_ROUNDS = 1e-3, 4
 
 
 @dataclass(frozen=True)
@@ -462,10 +463,9 @@ class Search:
         """Follow the guess, or find the stationary path near it, or continue from it."""
         self.begin("guess")
         status = Status.NOT_FOUND
-        for elements in self._fine_enough(curve_of):
-            coarse = self._uniform(elements, COARSE_DEGREE)
+        for coarse in self._fine_enough(curve_of):
             curve = self.settled or curve_of(coarse)
-            own = curve.mesh is not coarse and elements == NEAR_GUESS[0]
+            own = curve.mesh is not coarse and coarse.elements == NEAR_GUESS[0]
             mesh = self.given or (curve.mesh if own else coarse)
             self.ws.transcribe(mesh, curve, like=curve)
             if self._near():
@@ -492,19 +492,28 @@ class Search:
         # A guess is worth seconds, not minutes.
         return self.ladder is not NEAR and (ws.root() or (not ws.large and ws.homotopy()))
 
-    def _fine_enough(self, curve_of: Callable[[Mesh], Path]) -> tuple[int, ...]:
-        """Return the numbers of elements to try: those that resolve the guess, if any does.
+    def _fine_enough(self, curve_of: Callable[[Mesh], Path]) -> list[Mesh]:
+        """Return the meshes to try: uniform ones that resolve the guess, or else one made for it.
 
         A motion of many turns is lost on a mesh that misses them; a kink is resolved by none.
         """
-        for k, elements in enumerate(NEAR_GUESS):
-            mesh = self._uniform(elements, COARSE_DEGREE)
+        meshes = [self._uniform(elements, COARSE_DEGREE) for elements in NEAR_GUESS]
+        for k, mesh in enumerate(meshes):
             curve = curve_of(mesh)
-            size = sizes(curve.values.T, self.ws.problem.scales)
-            own = curve.mesh is not mesh
-            if own or resolution(mesh, curve.values.T, size).worst < GUESS_RESOLUTION:
-                return NEAR_GUESS[k:]
-        return NEAR_GUESS
+            shown = self._shown(curve)
+            if curve.mesh is not mesh or shown.worst < GUESS_RESOLUTION:
+                return meshes[k:]
+        for _ in range(GUESS_ROUNDS):  # a core may be far shorter than the way
+            mesh = refined(shown, GUESS_RESOLUTION / 2)
+            shown = self._shown(curve_of(mesh))
+            if shown.worst < GUESS_RESOLUTION:
+                return [mesh, *meshes]
+        return meshes
+
+    def _shown(self, curve: Path) -> Resolution:
+        """Return what the mesh of a curve resolves of it."""
+        values = curve.values.T
+        return resolution(curve.mesh, values, sizes(values, self.ws.problem.scales))
 
     # -- linear equations ------------------------------------------------------------------------
 

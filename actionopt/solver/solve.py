@@ -26,7 +26,7 @@ from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Problem
-from actionopt.solver import window
+from actionopt.solver import nearer, window
 from actionopt.solver.arguments import Guess, asked, checked, curve
 from actionopt.solver.durations import well
 from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF
@@ -174,7 +174,36 @@ def _asked(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[Sol
         return found
     if problem.is_infinite or problem.has_tails:
         return _in_windows(problem.whole, guess, choices)
-    return _solved(problem, guess, choices)
+    solution, message = _solved(problem, guess, choices)
+    plain = guess is None and choices.mesh is None and choices.ladder is LADDER
+    lost = plain and solution.status is Status.NOT_FOUND and choices.principle == "auto"
+    if lost and nearer.applies(problem):
+        return _outwards(problem, choices, solution, message)
+    return solution, message
+
+
+def _outwards(
+    problem: Problem, choices: Choices, solution: Solution, message: str
+) -> tuple[Solution, str]:
+    """Return a path that is followed from a nearer end, or how far one goes."""
+
+    def near(there: Problem, guess: Path | None, tol: float) -> Solution:
+        ladder = BRIEF if guess is None else NEAR
+        return _solved(there, guess, replace(choices, tol=tol, ladder=ladder))[0]
+
+    with suppress(OutOfTime, ValueError):
+        found, part = nearer.outwards(problem, near, choices.tol)
+        if found is not None:
+            return found, ""
+        if part > 0:
+            way = f"t = {problem.start.t + part * problem.duration:.4g}"
+            if problem.system.F is not None:
+                way = f"{part:.4g} of the way"
+            message += (
+                f"; a path that ends earlier was followed as its end moved on, as far as {way}, "
+                "where it ceases to be, merging with another as a rule: of its kind none ends here"
+            )
+    return solution, message
 
 
 def _solved(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[Solution, str]:
