@@ -450,7 +450,7 @@ def test_a_sweep_prints_what_was_found_and_writes_it(capsys, tmp_path):
         (
             (*("--over", "g=9:10:2", "--over", "t1=1:2:2", "--over", "l=1:2:2"), "--plot", "a.png"),
             1,
-            "expected one or two axes for --plot, found 3",
+            "expected one or two axes to draw, found 3",
         ),
     ],
 )
