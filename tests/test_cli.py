@@ -447,6 +447,11 @@ def test_a_sweep_prints_what_was_found_and_writes_it(capsys, tmp_path):
         (("--over", "h=9:10:2"), 1, "the parameters are m, l, g"),
         (("--over", "g=9:10:2", "--out", "map.txt"), 1, "a file that ends in .npz, .nc"),
         (("--over", "t1=-2:-1:2"), 1, "expected the end event after the start event"),
+        (
+            (*("--over", "g=9:10:2", "--over", "t1=1:2:2", "--over", "l=1:2:2"), "--plot", "a.png"),
+            1,
+            "expected one or two axes to draw, found 3",
+        ),
     ],
 )
 def test_a_sweep_that_makes_no_sense_says_why(capsys, arguments, code, message):
