@@ -574,3 +574,33 @@ def test_the_matrix_with_a_duration_is_the_derivative_of_the_equations(name):
     columns = [(bordered.residual(y + h) - bordered.residual(y - h)) / 2e-6 for h in step]
     matrix = bordered.layout.full(bordered.kkt(y))
     assert np.abs(matrix - np.transpose(columns)).max() < 1e-9 * np.abs(matrix).max()
+
+
+@pytest.mark.parametrize("energy", [0.1, 3.0])
+def test_the_fastest_oscillation_needs_no_guess(energy):
+    """Along y, where x is at rest, it stays harmonic: T = 2 pi / sqrt(2.6) at any energy."""
+    bound = ao.System(
+        lambda q, v, t: v @ v / 2 - q[0] ** 2 / 2 - 1.3 * q[1] ** 2 - (q[0] * q[1]) ** 2 / 2,
+        ["x", "y"],
+    )
+    orbit = ao.solve(ao.Problem(bound, ao.Event(0, None), ao.Periodic(None), energy=energy))
+    assert abs(orbit.duration - 2 * np.pi / np.sqrt(2.6)) < 1e-9
+    assert abs(np.ptp(orbit.path.values[1]) - 2 * np.sqrt(2 * energy / 2.6)) < 1e-2 * energy**0.5
+
+
+def test_an_orbit_about_the_equilibrium_between_two_bodies_needs_no_guess():
+    """A saddle in one plane of phase space, a centre in the other: only that one turns."""
+
+    def rotating(q, v, t, *, mu):
+        x, y = q
+        near = (1 - mu) / np.sqrt((x + mu) ** 2 + y**2) + mu / np.sqrt((x - 1 + mu) ** 2 + y**2)
+        return ((v[0] - y) ** 2 + (v[1] + x) ** 2) / 2 + near
+
+    bodies = ao.System(rotating, ["x", "y"], parameters={"mu": 0.1})
+    start, E = ao.Event(0, [None, 0.0]), -1.7884766149399474
+    orbit = ao.solve(ao.Problem(bodies, start, ao.Periodic(None), energy=E))
+    assert np.abs(orbit.energy(np.linspace(0, orbit.duration, 9)) - E).max() < 1e-6
+    assert np.abs(orbit.end.q - orbit.start.q).max() < 1e-9
+    assert orbit.compare().agrees and np.ptp(orbit.path.values[1]) > 0.1
+    with pytest.raises(ValueError, match="nor where a stable equilibrium is near"):
+        ao.solve(ao.Problem(bodies, start, ao.Periodic(None), energy=-5.0))

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Problem, diagonal
 from actionopt.tools.types import Array
 
@@ -16,6 +18,9 @@ from actionopt.tools.types import Array
 STEPS = 40  # of the fixed point for the rate: one where L is quadratic in v
 SEEN = np.logspace(-4, 4, 65)  # of a coordinate's size: how far from its start a well is looked for
 BISECTIONS, ROUND = 50, 81  # of a turning point; waypoints of a guess
+REST_STEPS, AT_REST = 20, 1e-9  # of Newton's method to an equilibrium; the force left, of its size
+TURNING = 1e-7  # real part of a rate that is imaginary, of the largest
+MODE_ELEMENTS, MODE_DEGREE = 8, 6
 LEAST_RATE = 0.1  # of the largest rate: turning points are passed at a finite one
 
 
@@ -118,3 +123,55 @@ def well(problem: Problem) -> Array | None:
     a, b = ends
     turn = np.linspace(0, 2 * np.pi, ROUND)
     return (a + (b - a) * (1 - np.cos(turn)) / 2)[None]
+
+
+def oscillations(problem: Problem) -> list[Path]:
+    """Return the small oscillations of the energy about the equilibrium near the start.
+
+    Of several coordinates; of one `well` knows more. Over a period each, the fastest first: with
+    that at least a family of closed paths begins at the equilibrium, whose period is found from the
+    energy (Lyapunov's centre theorem; Moser, *Comm. Pure Appl. Math.* 29 (1976) 727-747). None
+    where there is no equilibrium, or nothing turns.
+    """
+    system, t = problem.system, problem.start.t
+    plain = not (system.m or system.structure.forced or system.structure.depends_on_time)
+    closes = problem.advance is not None and not problem.advance.any()
+    if system.n == 1 or not plain or not closes or problem.order != tuple(range(system.n)):
+        return []
+    first, second = system.pointwise("first"), system.pointwise("second")
+    q, v, now = np.array([x or 0.0 for x in problem.start.q]), np.zeros((1, system.n)), [[t]]
+    state = v, np.array(now, dtype=float), problem.packed
+    with np.errstate(all="ignore"):
+        for _ in range(REST_STEPS):
+            force = first(q[None], *state)[0][0].copy()
+            values = [x.copy() for x in second(q[None], *state)]
+            A, B, C = (second.full(i, values[i], symmetric=i != 1)[0] for i in range(3))
+            if not all(np.isfinite(x).all() for x in (force, A, B, C)):
+                return []
+            if np.abs(force).max() <= AT_REST * np.abs(A).max() * problem.scales.max():
+                break
+            q = q - np.linalg.lstsq(A, force, rcond=None)[0]
+        else:
+            return []
+    left = float(problem.energy or 0.0) + float(first(q[None], *state)[2][0, 0])
+    try:
+        inverse = np.linalg.inv(C)
+    except np.linalg.LinAlgError:
+        return []
+    H = np.block([[-inverse @ B.T, inverse], [A - B @ inverse @ B.T, B @ inverse]])
+    rates, modes = np.linalg.eig(H)
+    growing, turning = np.real(rates), np.imag(rates)
+    found = []
+    for k in np.argsort(-turning):
+        w, eta = float(turning[k]), modes[: system.n, k]
+        if w <= 0 or abs(growing[k]) > TURNING * np.abs(rates).max():
+            continue
+        u, speed = np.real(eta), -w * np.imag(eta)
+        energy = (speed @ C @ speed - u @ A @ u) / 2
+        if not left / energy > 0:
+            continue
+        mesh = Mesh.uniform(t, t + 2 * np.pi / w, MODE_ELEMENTS, MODE_DEGREE)
+        angle = w * mesh.nodes_since
+        moved = np.outer(np.real(eta), np.cos(angle)) - np.outer(np.imag(eta), np.sin(angle))
+        found.append(Path(mesh, q[:, None] + np.sqrt(left / energy) * moved))
+    return found

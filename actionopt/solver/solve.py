@@ -28,7 +28,7 @@ from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Problem
 from actionopt.solver import nearer, window
 from actionopt.solver.arguments import Guess, asked, checked, curve
-from actionopt.solver.durations import well
+from actionopt.solver.durations import oscillations, well
 from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF
 from actionopt.solver.ladder import BRIEF, COARSE_DEGREE, IPOPT, LADDER, LINEAR, NEAR, Rung, Search
 from actionopt.solver.obstacle import Along, along
@@ -360,12 +360,7 @@ def _unfixed(
         if problem.closes and guess is None:
             guess = well(problem)
         if problem.closes and guess is None:
-            raise ValueError(
-                "expected a guess for a closed path whose period is to be found: a Path or a "
-                "solution near it, or waypoints round it; none is needed for one coordinate that "
-                f"is bound at that energy, {problem.energy:g}, near where it starts, or turns "
-                "with the advance that is given"
-            )
+            return _oscillating(problem, choices)
     elif guess is None or choices.mesh is not None:
         return None
     tol, principle, watch = choices.tol, choices.principle, choices.watch
@@ -375,6 +370,23 @@ def _unfixed(
     figures = f"tol = {tol:g}, error estimate {solution.error:.2g}"
     hint = f"; {hint}" if hint else ""
     return solution, f"{problem.name}: {solution.status.value} ({figures}){hint}"
+
+
+def _oscillating(problem: Problem, choices: Choices) -> tuple[Solution, str]:
+    """Return a closed path near a small oscillation about the equilibrium near its start."""
+    found = None
+    for guess in oscillations(problem):
+        found = _unfixed(problem, guess, choices)
+        if found is not None and found[0].success:
+            break
+    if found is None:
+        raise ValueError(
+            "expected a guess for a closed path whose period is to be found: a Path or a "
+            "solution near it, or waypoints round it; none is needed for one coordinate that "
+            f"is bound at that energy, {problem.energy:g}, near where it starts, or turns "
+            "with the advance that is given, nor where a stable equilibrium is near the start"
+        )
+    return found
 
 
 def _found(search: Search, guess: Guess | None, curve_of: Callable[[Mesh], Path] | None) -> Status:
