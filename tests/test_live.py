@@ -418,6 +418,19 @@ def slide(chromium, name, value):
         chromium.run(f"{slider}.dispatchEvent(new Event('{event}'))")
 
 
+def test_a_parameter_goes_no_farther_than_the_motion_can_be_followed(folder, chromium):
+    opened(chromium, folder, scenes.get("pendulum"))
+    press(chromium, "solve")
+    live = "document.querySelector('.live').live"
+    for asked in (0.1, 0.94):
+        slide(chromium, "l", asked)
+        assert abs(chromium.run(f"{live}.A.slope({live}.motion())")) < 1e-6  # a motion it is
+        reached = float(chromium.run("document.querySelector('[data-parameter=l]').value"))
+        assert chromium.run(f"{live}.A.p.some(x => Math.abs(x - {reached}) < 0.01)")
+    words = chromium.run("document.querySelector('.live .message').textContent")
+    assert reached == pytest.approx(0.94) or "farther" in words
+
+
 def test_where_conjugate_times_of_other_numbers_are_not_known_that_is_said(folder, chromium):
     opened(chromium, folder, scenes.get("double_pendulum"))
     press(chromium, "solve")

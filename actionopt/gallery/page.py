@@ -34,6 +34,11 @@ WRITTEN = (  # how docstrings write mathematics, escaped, and how books do, in t
     (r"(?<!\w)(\w)(\d?)'(?!\w)", "\\1\u0307\\2"),
     (r"(?<![\w.])([^\W\d]\u0307?)(\d)\b", r"\1<sub>\2</sub>"),
     (r"\^(\w)", r"<sup>\1</sup>"),
+    (  # the index of a momentum
+        r"(?<!\w)([pv])_([^\W\d]+)\b",
+        lambda name: f"{name[1]}<sub>{GREEK.get(name[2], name[2])}</sub>",
+    ),
+    (r"\bhbar\b", "\u0127"),
     (r"\bsqrt\(", "\u221a("),
     (r"(?<=\w)'(?=\w)", "\N{RIGHT SINGLE QUOTATION MARK}"),
     (r"-&gt;", "\u2192"),
@@ -123,6 +128,8 @@ def prose(text: str) -> str:
 def typeset(text: str) -> str:
     """Return a line of a docstring as HTML: mathematics as in books, names in backticks as code.
 
+    >>> typeset("p_phi, hbar of rod_pendulum")
+    'p<sub>φ</sub>, ħ of rod_pendulum'
     >>> typeset("`w`: theta1'^2 <= m/s^2")
     '<code>w</code>: θ̇<sub>1</sub><sup>2</sup> ≤ m/s<sup>2</sup>'
     """

@@ -19,8 +19,8 @@ HUNT = Lesson(
     ),
     attempt=(
         "Drag the handles and hunt for the path of smallest action. Keep the best S you find. A "
-        "path that goes high has less to lose to the kinetic energy at the top, and more on the "
-        "way: there is a best compromise.",
+        "path that goes high gains by the potential energy at the top, and pays in kinetic energy "
+        "on the way: there is a best compromise.",
     ),
     explain=(
         "To be high is worth something: potential energy takes from S, so time spent high makes S "
@@ -593,7 +593,8 @@ SYMMETRY = Lesson(
         "has a conserved angular momentum. And what may be turned and lifted together conserves "
         "that combination alone.",
         "The other way round, a momentum that happens not to change on one motion is no law. The "
-        "momentum of a bead that circles steadily in a cone is constant on that circle only.",
+        "momentum up the side of a cone is constant, zero, for a bead that circles steadily there, "
+        "and for no other; its angular momentum is conserved on all.",
     ),
     trap="Constant on one motion is not conserved: conserved is what a symmetry keeps on all.",
     scenes=("projectile", "kepler_polar", "screw", "inverted_cone"),
@@ -670,9 +671,9 @@ SUM = Lesson(
         "and "
         "add up. For everyday bodies S / hbar is so large that nothing else is left: the path of "
         "stationary action is seen, and no other.",
-        "With S = S* + S'' a^2 / 2 for a bend of the size a, the arrows add up to the square root "
+        "With S = S* + S2 a^2 / 2 for a bend of the size a, the arrows add up to the square root "
         "of "
-        "2 pi hbar / |S''|, turned by an eighth of a turn: forwards if bends cost action, "
+        "2 pi hbar / |S2|, turned by an eighth of a turn: forwards if bends cost action, "
         "backwards "
         "if they gain. Past a focus one bend changes sides, and the sum turns by a quarter.",
         "So the index of a saddle can be seen, in light and in atoms: a quarter of a turn for each "
@@ -682,7 +683,7 @@ SUM = Lesson(
     scenes=("oscillator",),
     exercises=(
         Exercise(
-            "Add the arrows exp(i S'' a^2 / (2 hbar)) with S'' = 1, hbar = 1 over all bends a. How "
+            "Add the arrows exp(i S2 a^2 / (2 hbar)) with S2 = 1, hbar = 1 over all bends a. How "
             "long is the sum, and at which angle?",
             """\
 import numpy as np
@@ -696,7 +697,7 @@ print(length, angle)
             "{length:.4g}, nearly the square root of 2 pi, at {angle:.3g} degrees.",
         ),
         Exercise(
-            "The same with S'' = -1, as for the bend that costs less past the first focus.",
+            "The same with S2 = -1, as for the bend that costs less past the first focus.",
             """\
 import numpy as np
 

@@ -40,7 +40,6 @@ WORDS = {
     "stationary": "Here the slope is zero in every direction.",
     "elsewhere": "No stationary path was found near yours; this one is elsewhere.",
     "lost": "The motion could not be followed farther.",
-    "none": "No motion was found near the former one with these numbers.",
     "unmarked": "Conjugate times are marked for the numbers given at first alone.",
     "halved": "Half the bend: the change of S went from {a} to {b}, {r} of it.",
     "quarter": "A quarter: on the motion nothing is left of the first order.",

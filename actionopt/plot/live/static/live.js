@@ -10,6 +10,7 @@
   const AWAY = 12; // of the picture, where a path that runs away is let go
   const SHOWING = 4; // seconds of the picture
   const SNAP = 0.006; // of the slider: nearer than this to a conjugate time it is that time
+  const PARTS = 64; // of a change of a parameter that Newton's method does not follow at once
   const PIXEL = 0.003, PROMPT = 200; // of the slider; unknowns of a path whose conjugate times take no second
   const TURNS = 6, WHOLE = 0.3, ARROWS = 361, NEIGHBOURS = 31, WIDEST = 8; // of the sum over paths: data/phasors.py
   const still = matchMedia("(prefers-reduced-motion: reduce)");
@@ -238,7 +239,12 @@
       const made = slider(table, name, low, high, value);
       made.input.dataset.parameter = name;
       const say = () => (made.clock.textContent = written(A.p[place], 4));
-      made.input.addEventListener("input", () => { setParameter(place, Number(made.input.value)); say(); });
+      made.input.addEventListener("input", () => {
+        const asked = Number(made.input.value);
+        setParameter(place, asked);
+        if (A.p[place] !== asked) made.input.value = A.p[place];
+        say();
+      });
       made.input.addEventListener("change", refocus); // let go
       made.reset = () => { made.input.value = value; say(); };
       (table.rows ??= []).push(made);
@@ -713,15 +719,20 @@
       stop();
       const b = trial.map((x, i) => x - motion.Q[i]), kept = A.p[place];
       A.p[place] = value;
-      let found = A.newton(motion.Q);
-      for (let parts = 4; !found && parts <= 64; parts *= 4) { // in smaller steps
-        found = motion.Q;
-        for (let k = 1; k <= parts && found; k++) { A.p[place] = kept + ((value - kept) * k) / parts; found = A.newton(found); }
+      let found = A.newton(motion.Q), reached = value;
+      if (!found) { // in smaller steps, as far as there is a motion
+        [found, reached] = [motion.Q, kept];
+        for (let k = 1; k <= PARTS; k++) {
+          A.p[place] = k < PARTS ? kept + ((value - kept) * k) / PARTS : value;
+          const next = A.newton(found);
+          if (!next) break;
+          [found, reached] = [next, A.p[place]];
+        }
       }
-      A.p[place] = value;
-      message.textContent = found ? "" : W.none;
+      A.p[place] = reached;
+      message.textContent = reached === value ? "" : W.lost;
       const own = data.p.every((x, i) => x === A.p[i]);
-      if (found) motion = { Q: found, p0: A.momentum(found), own, foci: own ? data.conjugate : null };
+      motion = { Q: found, p0: A.momentum(found), own, foci: own ? data.conjugate : null };
       if (shown) trial = plus(motion.Q, 1, b) ?? motion.Q.slice();
       best = null;
       foci();
