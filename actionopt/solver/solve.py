@@ -498,17 +498,19 @@ def _far_from_singular(ws: Workspace) -> bool:
         return False
     if m and layout.storage == "blocks":  # they have no kinetic part
         return False
-    K, y = tr.kinetic(here.z), layout.probe
+    y = layout.probe
     try:
         factors = here.factored(ws.many).factors
         assert factors is not None
+        matrix = factors.nonzeros if here.factors is None else tr.kkt(here.z)
+        momentum = tr.momentum(here.z)
         with np.errstate(all="ignore"):
             for _ in range(INVERSE_ITERATIONS):
-                momentum = product(layout, K, y)
-                momentum[layout.unknowns :] = 0.0
-                y = factors.solve(momentum / np.sqrt(y @ momentum))
+                p = momentum(y)
+                p[layout.unknowns :] = 0.0
+                y = factors.solve(p / np.sqrt(y @ p))
             y[layout.unknowns :] = 0.0
-            kinetic, bent = (y @ product(layout, M, y) for M in (K, tr.kkt(here.z)))
+            kinetic, bent = y @ momentum(y), y @ product(layout, matrix, y)
             least = min(1 / np.sqrt(kinetic), abs(bent / kinetic))
     except np.linalg.LinAlgError:
         return False
