@@ -277,7 +277,8 @@ class Unfixed:
                 degrees = np.repeat(at.mesh.degrees, [p.size for p in parts])
                 mesh = at.mesh.cut(np.concatenate([*parts, at.mesh.since[-1:]]), degrees)
             else:
-                if shown.worst < MEASURABLE or self.gain * shown.worst < noise:
+                rounded = shown.worst < MEASURABLE or self.gain * shown.worst < noise
+                if rounded and (SAFETY * noise > self.tol or stalled):
                     return Status.DEGENERATE if noise > UNDETERMINED else Status.FLOOR
                 stalled = stalled + 1 if shown.worst > last / 2 else 0
                 mesh = refined(shown, self.tol / (2 * SAFETY * self.gain))
