@@ -37,7 +37,7 @@ from actionopt.discrete.foot import Foot, feet, reactions
 from actionopt.discrete.layout import Layout, Pattern
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.problem import Event, Problem
+from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.symmetry import find_symmetries
 from actionopt.tools.types import Array
 
@@ -55,16 +55,6 @@ class Move(NamedTuple):
 
     A: Array
     b: Array
-
-
-def loose(problem: Problem) -> Problem:
-    """Return the problem with nothing given at the start, if its paths close."""
-    if not problem.closes:
-        return problem
-    start = Event(problem.start.t, [None] * problem.system.n)
-    end = problem.end.at(problem.end.t)
-    values, energy = problem.parameters, problem.energy
-    return Problem(problem.system, start, end, parameters=values, energy=energy)
 
 
 def over(problem: Problem, duration: float) -> Problem:
@@ -164,7 +154,7 @@ class Bordered:
     asked : Problem
         Its duration is free, its paths close, or its events lie on surfaces.
     first : Transcription
-        Of a `loose` problem, over a first duration: it sets the units.
+        Of the asked one's `loose` problem, over a first duration: it sets the units.
     borders : Borders
     feet : tuple of Foot
     """
@@ -176,7 +166,7 @@ class Bordered:
     layout: Any = None
 
     def __post_init__(self) -> None:
-        self.free = loose(self.asked)
+        self.free = self.asked.loose
         self.timed = int(self.asked.free_time)  # unknowns of the duration
         self.held = sum(foot.units.size for foot in self.feet)  # and multipliers of surfaces
         self.unit = self.first.mesh.duration
@@ -198,7 +188,7 @@ class Bordered:
         moves: Sequence[Move] = (),
     ) -> tuple[Bordered, Array]:
         """Return the equations on the mesh of a path, with a phase near it, and their unknowns."""
-        problem = over(loose(asked), path.mesh.duration)
+        problem = over(asked.loose, path.mesh.duration)
         tr = Transcription(problem, path.mesh, lengths)
         z = tr.pack(path.values.T, lam)
         borders, at = _borders(asked, tr, z, moves), DiscretePath(tr, z)

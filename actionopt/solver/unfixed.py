@@ -16,7 +16,7 @@ import numpy as np
 
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
-from actionopt.discrete.bordered import FULL, Bordered, loose, moves_of, over
+from actionopt.discrete.bordered import FULL, Bordered, moves_of, over
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import Factors
 from actionopt.discrete.mesh import Mesh
@@ -100,6 +100,7 @@ class Unfixed:
     error: float = np.inf
     found_by: str = "none"
     _reached: bool = False
+    _known: dict[Problem, Problem] = field(default_factory=dict)  # over a first duration: for units
 
     def __post_init__(self) -> None:
         self.moves = moves_of(self.problem)
@@ -111,7 +112,7 @@ class Unfixed:
         self.hint = ""
         if self.problem.closes and self.problem.start.pinned and self._begun_near(path):
             return True
-        problem = loose(self.problem) if self.problem.closes else self.problem
+        problem = self.problem.loose
         self.here = self._around(path, None if lam is None else np.nan_to_num(lam), problem)
         # Of closed paths that are a family the steps do not contract, which is to be seen.
         if not self._follow(passing=not self.problem.closes):
@@ -178,7 +179,9 @@ class Unfixed:
     def _around(self, path: Path, lam: Array | None, problem: Problem | None = None) -> Reached:
         problem = problem or self.problem
         with self.record.clock("assemble"):
-            lengths = measured(over(problem, path.mesh.duration), path.values.T)[1]
+            known = self._known.get(problem) or over(problem, path.mesh.duration)
+            lengths = measured(known, path.values.T)[1]
+            self._known[problem] = known
             bordered, y = Bordered.around(problem, path, lam, lengths, self.moves)
         bordered.first.counts, bordered.first.watch = self.record.evaluations, self.watch
         return Reached(bordered, y)
@@ -195,7 +198,7 @@ class Unfixed:
         def passable(y: Array) -> float:
             """Return how far a path may be from stationary that goes on to another mesh."""
             at = bordered.discrete(y)
-            left = resolution(at.mesh, at.Q, measured(at.problem, at.Q)[0]).worst
+            left = resolution(at.mesh, at.Q, measured(bordered.first.problem, at.Q)[0]).worst
             return PASSABLE * left if SAFETY * self.gain * left > self.tol else 0.0
 
         with self.record.clock("solve"):
@@ -259,7 +262,7 @@ class Unfixed:
             started, here = perf_counter(), self.here
             assert here is not None
             at = here.at
-            sizes = measured(at.problem, at.Q)[0]
+            sizes = measured(here.bordered.first.problem, at.Q)[0]
             shown = resolution(at.mesh, at.Q, sizes)
             unit = float((here.bordered.first.lengths / sizes).max())
             noise = self.noise * max(unit, 1.0)
@@ -278,7 +281,8 @@ class Unfixed:
                 degrees = np.repeat(at.mesh.degrees, [p.size for p in parts])
                 mesh = at.mesh.cut(np.concatenate([*parts, at.mesh.since[-1:]]), degrees)
             else:
-                if shown.worst < MEASURABLE or self.gain * shown.worst < noise:
+                rounded = shown.worst < MEASURABLE or self.gain * shown.worst < noise
+                if rounded and (SAFETY * noise > self.tol or stalled):
                     return Status.DEGENERATE if noise > UNDETERMINED else Status.FLOOR
                 stalled = stalled + 1 if shown.worst > last / 2 else 0
                 mesh = refined(shown, self.tol / (2 * SAFETY * self.gain))
