@@ -386,6 +386,7 @@ def test_what_else_there_is_of_a_path_of_given_energy(tmp_path):
     plot.save(s, tmp_path / "throw.png")
 
 
+@pytest.mark.slow
 def test_a_third_of_the_figure_eight_closes_in_another_order(tmp_path):
     """Index: 2 of all loops, 0 of choreographies (Fukuda, Fujiwara and Ozaki, arXiv:1710.04834)."""
     a = np.array([0.3471168881189300012, 0.5327249453880287022])
@@ -528,6 +529,7 @@ def test_orbits_of_the_literature_close_with_the_period_of_their_energy(name):
 OSCILLATOR = ao.System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start", [0.0, 0.5])
 def test_where_two_paths_merge_is_said(start):  # E(T) has its minimum where the end is at rest
     least = ao.Problem(OSCILLATOR, free(0.0, [start]), free(None, [1.0]), energy=0.5)
