@@ -86,6 +86,7 @@ def _parser(asked: Sequence[str] = ()) -> argparse.ArgumentParser:
 
 
 def _add_list(command: argparse.ArgumentParser) -> None:
+    command.description = "Name the scenes; with the name of one, tell of it."
     command.set_defaults(run=_list)
     command.add_argument("scene", nargs="?", help="its parameters, its source, what is known")
 
@@ -110,7 +111,8 @@ def _add_solve(command: argparse.ArgumentParser) -> None:
 def _add_sweep(command: argparse.ArgumentParser) -> None:
     command.description = (
         "Solve a scene or a file over a grid of values, each path from its neighbours. What varies "
-        "is a parameter, t0 or t1, or a coordinate at an event: start.NAME or end.NAME."
+        "is a parameter, t0 or t1, energy where a time is free, or a coordinate at an event: "
+        "start.NAME or end.NAME."
     )
     command.set_defaults(run=_sweep)
     add, one_of = command.add_argument, command.add_mutually_exclusive_group().add_argument
