@@ -190,6 +190,8 @@ def test_what_cannot_be_drawn_is_refused():
     ):
         with pytest.raises(ValueError, match=message):
             plot.wavefronts(solved(name))
+    with pytest.raises(ValueError, match=r"expected a Solution.*give one of them"):
+        plot.paths([solved("kepler")])  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="a coordinate from 0 to 1, found 2"):
         plot.bundle(solved("kepler"), coordinate=2)
     with pytest.raises(ValueError, match="at least one solution"):

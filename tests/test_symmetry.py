@@ -96,6 +96,13 @@ def test_what_is_no_symmetry_is_refused(generator, time, words):
         noether(oscillator_2d(), generator, time=time)
 
 
+def test_symmetries_are_those_of_a_system():
+    problem = scenes.get("kepler").problem
+    for asked in (find_symmetries, lambda law: noether(law, [0, 0])):
+        with pytest.raises(ValueError, match=r"expected a System.*a problem has one"):
+            asked(problem)  # type: ignore[arg-type]
+
+
 def test_a_symmetry_of_some_parameters_is_checked_for_those():
     system = oscillator_2d(ky=2.0)
     with pytest.raises(ValueError, match="parameters"):

@@ -233,6 +233,8 @@ def test_bad_arguments():
         trace(bratu(), ("end", "v"), 1.0)
     with pytest.raises(ValueError, match="expected a Problem"):
         trace("bratu", "lam", 2.0)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="the solution as the guess"):
+        trace(ao.solve(bratu()), "lam", 2.0)  # type: ignore[arg-type]
     plane = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
     half = ao.Problem(plane, ao.Event(0.0, [None, 0.0]), ao.Event(1.0, [1.0, 1.0]))
     with pytest.raises(ValueError, match="event gives, one of y, found 'x'"):

@@ -30,7 +30,7 @@ from actionopt.mechanics.events import State
 from actionopt.mechanics.instants import Instant
 from actionopt.mechanics.jumps import across, jumps
 from actionopt.mechanics.problem import SURFACE_TOLERANCE
-from actionopt.mechanics.system import System
+from actionopt.mechanics.system import System, checked
 from actionopt.tools.checks import number, tolerance
 from actionopt.tools.types import EPS, Array, NDInt
 
@@ -516,11 +516,9 @@ def _moved(mesh: Mesh, t0: float, t1: float) -> Mesh:
 
 def _check(system: System, state: State, t_end: float, tol: float) -> float:
     """Return the time span, or raise ValueError for arguments that do not fit."""
-    if not isinstance(system, System):
-        raise ValueError(f"expected a System(lagrangian, coordinates), found {system!r}")
     if not isinstance(state, State):
         raise ValueError(f"expected a State(t, q, v) to begin with, found {state!r}")
-    if state.q.size != system.n:
+    if state.q.size != checked(system).n:
         raise ValueError(
             f"expected a state of {system.n} coordinates ({', '.join(system.coordinates)}), "
             f"found {state.q.size}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass, field, fields, replace
@@ -480,6 +481,8 @@ def question(solution: Solution) -> Problem:
     """Return the problem of a solution. Raises ValueError for what is none."""
     if not isinstance(solution, Solution):
         hint = "; solve it first" if isinstance(solution, Problem) else ""
+        if isinstance(solution, Sequence):
+            hint = "; give one of them"
         raise ValueError(f"expected a Solution, as `solve` returns it, found {solution!r}{hint}")
     return solution.problem
 

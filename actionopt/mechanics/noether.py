@@ -34,7 +34,7 @@ from actionopt.mechanics.identity import (
     vanishes,
 )
 from actionopt.mechanics.problem import Problem
-from actionopt.mechanics.system import System
+from actionopt.mechanics.system import System, checked
 from actionopt.mechanics.tracing import call, column
 from actionopt.tools.types import Array
 
@@ -157,7 +157,7 @@ def noether(
     >>> float(momentum([1.0, 2.0], [3.0, 5.0], 0.0))  # x y' - y x'
     -1.0
     """
-    system.check_free("what is conserved without it may change in contact")
+    checked(system).check_free("what is conserved without it may change in contact")
     s, n = system.symbols, system.n
     xi = _traced(system, generator, "generator", n)
     tau = _traced(system, time, "time", 1)

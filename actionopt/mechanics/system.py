@@ -683,3 +683,13 @@ def _as_columns(values: ArrayLike, n: int, what: str) -> tuple[Array, bool]:
             f"found {array.shape}"
         )
     return array.reshape(n, -1), array.ndim == 1
+
+
+def checked(system: System) -> System:
+    """Return the system. Raises ValueError for what is none."""
+    if not isinstance(system, System):
+        raise ValueError(
+            f"expected a System(lagrangian, coordinates), found {system!r}; a problem has one, "
+            "and a solution a problem"
+        )
+    return system

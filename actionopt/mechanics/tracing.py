@@ -204,7 +204,7 @@ def _why(error: Exception, arguments: Mapping[str, Any], parameters: Mapping[str
     return (
         f" ({type(error).__name__}: {text}); write it with arithmetic and numpy or casadi "
         "functions of its arguments: no math module, no branches on their values (use "
-        "casadi.if_else), no np.array of them (use np.stack), no float()"
+        "np.where), no np.array of them (use np.stack), no float()"
     )
 
 

@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.ticker import MaxNLocator
 
-from actionopt.analysis.solution import Solution
+from actionopt.analysis.solution import Solution, question
 from actionopt.plot import _style as style
 from actionopt.plot._names import NONE, Units, label, symbol
 from actionopt.plot.data.along import curves, family_data, followed, mesh_data, times
@@ -52,9 +52,9 @@ def paths(
     Cartesian coordinates, pairs named x and y with the same ending, are drawn as orbits in the
     plane; any others against time. An obstacle is drawn where f = 0: in the plane of a path of two
     coordinates that is an orbit, at the start, or over the time of a path of one coordinate. There
-    is no forward integration of a path in contact.
+    is no forward integration of a path in contact. Several solutions are drawn by `family`.
     """
-    names, t = solution.problem.system.coordinates, times(solution)
+    names, t = question(solution).system.coordinates, times(solution)
     ax = style.on(ax)
     for x, y, what in style.traces(names, t, solution(t)):
         ax.plot(x, y, **style.PATH, label=what)

@@ -65,6 +65,8 @@ def asked(problem: Problem, others: Sequence[Any] = ()) -> None:
     """Raise ValueError if there is no problem, TypeError for `others` given without their names."""
     if not isinstance(problem, Problem):
         hint = "; make one of the system and the events" if isinstance(problem, System) else ""
+        if isinstance(problem, Solution):
+            hint = "; give its problem, and the solution as the guess"
         raise ValueError(f"expected a Problem(system, start, end), found {problem!r}{hint}")
     if others:
         raise TypeError(
