@@ -58,7 +58,9 @@ ON_START = 1e-9  # of a coordinate's size, how far from that it may begin: the t
 SINGULAR, SETTLED, MOVING = 1e-7, 1e-7, 1e-6
 ROUGH = 1e-2  # what the first mesh of a family leaves out of a guess
 NEAR_START, NEAR_GUESS = 1e-2, 0.1  # as far as a first mesh tells, or a guess
-PUSHED = 1e-8  # force on a closed path: measured, 1e-14 on motions, and 1 or more on what is none
+# Force on a closed path: measured, 1e-14 on motions, 1e-5 at most on first meshes of them, and 1 or
+# more on what is none, such as a path that has shrunk to a rest, whose refinement would not end.
+PUSHED, HELD = 1e-8, 1.0
 
 
 class Reached(NamedTuple):
@@ -312,6 +314,8 @@ class Unfixed:
         for _ in range(ROUNDS):
             started, here = perf_counter(), self.here
             assert here is not None
+            if here.pushed > HELD:
+                return self._held()
             at = here.at
             sizes = measured(here.bordered.first.problem, at.Q)[0]
             shown = resolution(at.mesh, at.Q, sizes)
@@ -358,10 +362,13 @@ class Unfixed:
         """Return the verdict on the path at hand: one that has to be pushed is none."""
         found = status.success or status is Status.FLOOR
         if found and self.here and self.here.pushed > max(self.tol, self.error, PUSHED):
-            self.hint = "near the guess a path closes only if it is pushed along itself"
-            self.error = np.inf
-            return Status.NOT_FOUND
+            return self._held()
         return status
+
+    def _held(self) -> Status:
+        self.hint = "near the guess a path closes only if it is pushed along itself"
+        self.error = np.inf
+        return Status.NOT_FOUND
 
     def _missed(self, here: Reached, left: float) -> float:
         """Return how far the path would move if its forces were summed over other points."""
