@@ -535,7 +535,7 @@ ORBITS = {  # system, start, period, action; references beside them
 def test_orbits_of_the_literature_close_with_the_period_of_their_energy(name):
     system, q, v, T, S = ORBITS[name]
     loose_ = name == "butterfly"  # known to 1e-11 itself
-    s = orbit(system, q, v, T, tol=1e-8 if loose_ else 1e-10)
+    s = orbit(system, q, v, T, tol=1e-10)
     assert abs(s.duration / T - 1) < (1e-11 if loose_ else 1e-13)
     assert abs(s.action / S - 1) < (1e-11 if loose_ else 1e-12)
     assert np.max(np.abs(s.end.q - s.start.q)) < 1e-12

@@ -312,7 +312,10 @@ class Unfixed:
         """Follow the path from mesh to mesh until the tolerance is met or cannot be."""
         stalled, last = 0, np.inf
         for _ in range(ROUNDS):
-            started, here = perf_counter(), self.here
+            started = perf_counter()
+            if self._reached and SAFETY * self.noise > self.tol:
+                self._follow()  # the last step may have been more than round-off
+            here = self.here
             assert here is not None
             if here.pushed > HELD:
                 return self._held()
