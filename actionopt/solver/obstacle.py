@@ -45,6 +45,7 @@ from actionopt.solver.touching import (
     lines,
     looked_at,
     narrow,
+    other_sides,
     rows_along,
     runs,
     touch,
@@ -353,6 +354,8 @@ def along(ws: Along, tol: float, curve_of: Callable[[Mesh], Path] | None) -> tup
                 return ws, Status.UNBOUNDED
         windows: list[Array] = []
         if first:
+            if curve_of is None:
+                first = _both_sides(ws, mesh, first)
             first.sort(key=lambda found: found.action)
             windows = unseen(first[0])
             if not windows:
@@ -365,6 +368,18 @@ def along(ws: Along, tol: float, curve_of: Callable[[Mesh], Path] | None) -> tup
         if since.size > MOST or ws.hint in HOPELESS:
             break
     return ws, status
+
+
+def _both_sides(ws: Along, mesh: Mesh, first: list[Iterate]) -> list[Iterate]:
+    """Return first paths, and those on the other side of each part of the least that touches."""
+    compared: list[Iterate] = []
+    while _another(least := min(first, key=lambda found: found.action), compared):
+        compared.append(least)
+        for guess in other_sides(least):
+            ws.restart()
+            if touch(ws, mesh, guess, "least"):
+                first.append(ws.here)
+    return first
 
 
 def _least(ws: Along, tol: float, first: list[Iterate], status: Status) -> tuple[Along, Status]:
