@@ -414,10 +414,10 @@ def test_a_path_that_was_found_in_time_is_kept(monkeypatch):
 
     monkeypatch.setattr(obstacle, "_refined", refined)
     monkeypatch.setattr(obstacle, "_another", lambda *_: True)
-    best, status = obstacle._least(ws, 1e-8, found, Status.NOT_FOUND)
+    best, status, _ = obstacle._least(ws, 1e-8, found)
     assert (best.here, status) == (found[0], Status.SOLVED)
     with pytest.raises(OutOfTime):
-        obstacle._least(ws, 1e-8, found[1:], Status.NOT_FOUND)
+        obstacle._least(ws, 1e-8, found[1:])
 
 
 def test_why_there_is_no_path():
