@@ -227,6 +227,64 @@ def test_grazing_contact(more):
         assert sol.compare().agrees
 
 
+def test_at_rest_in_a_corner():
+    """A heavy string in a trough comes along one plane, lies in the corner, leaves on the other."""
+    g, slopes, lengths, rest = 3.0, np.array([0.7, 0.4]), np.array([0.5, 0.8]), 0.6
+    normals = np.array([[np.sin(slopes[0]), np.cos(slopes[0])], [-np.sin(slopes[1]), 0]])
+    normals[1, 1] = np.cos(slopes[1])
+    trough = ao.System(
+        lambda q, v, t: v @ v / 2 + g * q[1],
+        ["x", "y"],
+        obstacle=lambda q, t: [float(a) * q[0] + float(b) * q[1] for a, b in normals],
+    )
+    first, last = np.sqrt(2 * lengths / (g * np.sin(slopes)))  # l = g sin(slope) t^2 / 2
+    A, B = (
+        length * np.array([side * np.cos(slope), np.sin(slope)])
+        for side, length, slope in zip((-1, 1), lengths, slopes, strict=True)
+    )
+    T = first + rest + last
+    sol = ao.solve(ao.Problem(trough, ao.Event(0, A), ao.Event(T, B)))
+    assert sol.action == pytest.approx(
+        np.sum(2 / 3 * np.sqrt(2 * g * np.sin(slopes)) * lengths**1.5), rel=1e-12
+    )
+    assert [(arc.row, arc.begin, arc.end) for arc in sol.contacts] == [
+        pytest.approx((0, 0, first + rest)),
+        pytest.approx((1, first, T)),
+    ]
+    force = sol.contact_force(first + rest / 2)
+    assert normals.T @ force == pytest.approx([0, g])  # its weight, of both
+    assert sol.contact_force(first / 2) == pytest.approx([g * np.cos(slopes[0]), 0])
+
+
+def test_a_ball_held_at_a_moving_inclined_ceiling():
+    """Its distance is one of fall in the frame of the wall, along which it goes evenly."""
+    g, a, th, h, T = 2.0, 0.4, 0.3, np.array([0.5, 0.2]), 3.0
+    n, along = np.array([np.sin(th), np.cos(th)]), np.array([np.cos(th), -np.sin(th)])
+    s, c = float(n[0]), float(n[1])
+
+    def wall(t):
+        return 0.2 * t - a * t * t / 2
+
+    ceiling = ao.System(
+        lambda q, v, t: v @ v / 2 - g * (s * q[0] + c * q[1]),
+        ["x", "y"],
+        obstacle=lambda q, t: wall(t) - s * q[0] - c * q[1],
+    )
+    begin, end = np.sqrt(2 * h / (g - a)) * [1, -1] + [0, T]
+
+    def path(t):
+        gap = (g - a) / 2 * (np.maximum(begin - t, 0) ** 2 + np.maximum(t - end, 0) ** 2)
+        return np.outer(n, wall(t) - gap) + np.outer(along, 1 - t)
+
+    t = np.linspace(0, T, 100)
+    ends = path(t)[:, [0, -1]].T
+    sol = ao.solve(ao.Problem(ceiling, ao.Event(0, ends[0]), ao.Event(T, ends[1])))
+    assert [(arc.begin, arc.end) for arc in sol.contacts] == [pytest.approx((begin, end))]
+    assert sol(t) == pytest.approx(path(t), abs=1e-7)
+    force = np.where((begin < t) & (t < end), g - a, 0)
+    assert sol.contact_force(t)[0] == pytest.approx(force, abs=1e-7)
+
+
 def test_links_above_a_floor():
     """A bob on a rod in Cartesian coordinates goes as the angle does."""
     common = {"obstacle": lambda q, t: q[1] + 0.5, "constraint": lambda q, t: (q @ q - 1) / 2}
