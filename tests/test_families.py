@@ -101,6 +101,7 @@ def test_no_index_is_asked_of_many_unknowns_that_are_no_family(monkeypatch):
     assert ao.solve(long, mesh=mesh, guess=coarse).success
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("turn", "status"), [(1.0, "DEGENERATE"), (1 / 3, "SOLVED")])
 def test_many_coordinates_on_a_sphere(turn, status, monkeypatch):
     """Great circles between opposite points of the sphere in n dimensions are a family of n - 2."""
