@@ -20,7 +20,7 @@ S. J. Wright, *Numerical Optimization* (2nd ed. 2006), section 12.3.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from copy import copy
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -45,6 +45,7 @@ from actionopt.solver.touching import (
     lines,
     looked_at,
     narrow,
+    other_sides,
     rows_along,
     runs,
     touch,
@@ -335,9 +336,31 @@ def along(ws: Along, tol: float, curve_of: Callable[[Mesh], Path] | None) -> tup
     Return the search that has it, and the verdict.
 
     That is the straight one and, against symmetries that would hold the path there, curved ones to
-    either side; of what Ipopt finds from them, the least action first.
+    either side, and then the other side of each part that touches; of what Ipopt finds from them,
+    the least action first. Where that is lost another is kept, and contact sought more finely.
     """
-    problem, status = ws.question, Status.NOT_FOUND
+    kept: tuple[Along, Status] | None = None
+    last = ws, Status.NOT_FOUND
+    try:
+        for found, status, least in _sought(ws, tol, curve_of):
+            last = found, status
+            if status is Status.NOT_FOUND or status is Status.UNRESOLVED:
+                continue
+            if kept is None or found.here.action < kept[0].here.action:
+                kept = last
+            if least:
+                break
+    except OutOfTime:
+        if kept is None:
+            raise
+    return kept or last
+
+
+def _sought(
+    ws: Along, tol: float, curve_of: Callable[[Mesh], Path] | None
+) -> Iterator[tuple[Along, Status, bool]]:
+    """Yield what is found on finer and finer meshes: see `_least`."""
+    problem = ws.question
     since = np.linspace(0.0, problem.duration, SOUGHT + 1)
     for k in range(TRIES):
         mesh = Mesh.over(problem.start.t, problem.end.t, since, SOUGHT_DEGREE)
@@ -350,31 +373,46 @@ def along(ws: Along, tol: float, curve_of: Callable[[Mesh], Path] | None) -> tup
             if touch(ws, mesh, guess, principle):
                 first.append(ws.here)
             elif ws.unbounded and guess is None:
-                return ws, Status.UNBOUNDED
+                yield ws, Status.UNBOUNDED, True
         windows: list[Array] = []
         if first:
+            if curve_of is None:
+                first = _both_sides(ws, mesh, first)
             first.sort(key=lambda found: found.action)
             windows = unseen(first[0])
             if not windows:
-                ws, status = _least(ws, tol, first, status)
-                if status is not Status.NOT_FOUND and status is not Status.UNRESOLVED:
-                    return ws, status
                 windows = narrow(first[0])
+                yield _least(ws, tol, first)
             ws.stand(first[0])
         since = np.unique(np.concatenate([since, *(windows or [(since[:-1] + since[1:]) / 2])]))
         if since.size > MOST or ws.hint in HOPELESS:
-            break
-    return ws, status
+            return
 
 
-def _least(ws: Along, tol: float, first: list[Iterate], status: Status) -> tuple[Along, Status]:
-    """Refine first paths, in order of their action; return the search that has the least.
+def _both_sides(ws: Along, mesh: Mesh, first: list[Iterate]) -> list[Iterate]:
+    """Return first paths, and those on the other side of each part of the least that touches."""
+    compared: list[Iterate] = []
+    while _another(least := min(first, key=lambda found: found.action), compared):
+        compared.append(least)
+        for guess in other_sides(least):
+            ws.restart()
+            if touch(ws, mesh, guess, "least"):
+                first.append(ws.here)
+    return first
+
+
+def _least(ws: Along, tol: float, first: list[Iterate]) -> tuple[Along, Status, bool]:
+    """Refine first paths, in order of their action.
+
+    Return the search that has the least, the verdict, and whether none of less action was lost.
 
     What nodes alone hold outside costs less than what all of it does, about: one whose action there
     is above that of a path that was refined is not the least.
     """
     best: Along | None = None
+    status = Status.NOT_FOUND
     tried: list[Iterate] = []
+    least = True
     for found in first:
         if best and not (found.action < best.here.action and _another(found, tried)):
             continue
@@ -391,8 +429,8 @@ def _least(ws: Along, tol: float, first: list[Iterate], status: Status) -> tuple
             if best is None or ws.here.action < best.here.action:
                 best, status = copy(ws), last
         elif best is None:
-            status = last
-    return best or ws, status
+            status, least = last, False
+    return best or ws, status, least
 
 
 def _another(found: Iterate, tried: list[Iterate]) -> bool:

@@ -17,7 +17,7 @@ from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.held import Held
+from actionopt.mechanics.held import Held, measures
 from actionopt.mechanics.obstacle import EVENT_TOLERANCE, Arc
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.ipopt import Principle, find
@@ -28,6 +28,7 @@ from actionopt.tools.types import Array
 
 # Ad hoc, all of them.
 HEIGHTS = (0.4, 0.8, 1.6, 3.2)  # in the motion's sizes, of the lines to either side of the straight
+ACROSS = np.linspace(0.0, 6.4, 129)  # in the motion's sizes, where the other side is looked for
 WEAK = 1e-3  # impulse in its own unit: a weaker one may be the barrier's
 WINDOW = 8  # elements where a path passes through what no node sees, such as a peg
 UNSEEN = 1e-9  # in units of the rows: what f is below zero there
@@ -42,10 +43,11 @@ def lines(problem: Problem, mesh: Mesh) -> list[Path | None]:
     if n == 1:
         return [None]
     Q = Transcription(problem, mesh, problem.lengths).straight()
-    along, side = (Q[-1] - Q[0]) / problem.lengths, np.cos(np.arange(1.0, 1.0 + n))
+    sizes = 2.0 ** measures(problem.lengths)
+    along, side = (Q[-1] - Q[0]) / sizes, np.cos(np.arange(1.0, 1.0 + n))
     if along.any():
         side = side - (side @ along) / (along @ along) * along
-    bow = np.sin(np.pi * mesh.nodes_since / mesh.duration)[:, None] * (side * problem.lengths)
+    bow = np.sin(np.pi * mesh.nodes_since / mesh.duration)[:, None] * (side * sizes)
     outside = problem.system.held.pointwise("constraint")
     found: list[Path | None] = [None]
     for sign in (1.0, -1.0):
@@ -99,6 +101,35 @@ def touched(found: DiscretePath) -> tuple[Arc, ...]:
             begin = _where_zero(t[k::-1], distance[i, k::-1])
             arcs.append(Arc(i, begin, _where_zero(t[l:], distance[i, l:])))
     return tuple(arcs)
+
+
+def other_sides(found: DiscretePath) -> list[Path]:
+    """Return curves that pass the obstacle on its other side, one for each part in contact.
+
+    From the middle of that part straight across; as far as the parts before and behind the curve is
+    moved with it. There is none across what has no other side, such as a half plane.
+    """
+    held, mesh, curves = _held(found), found.mesh, []
+    if held.system.n == 1:
+        return []
+    arcs, parameters = touched(found), held.parameters
+    sizes = 2.0 ** measures(held.lengths)
+    for arc in arcs:
+        a = max((x.end for x in arcs if x.end < arc.begin), default=held.start.t)
+        b = min((x.begin for x in arcs if x.begin > arc.end), default=held.end.t)
+        if not a < arc.begin <= arc.end < b:
+            continue
+        t, i = (arc.begin + arc.end) / 2, held.free.system.m + arc.row
+        q = found.path(t)
+        inwards = -sizes * held.system.constraint_jacobian(q, t, parameters=parameters)[i]
+        away = sizes * inwards / np.linalg.norm(inwards)
+        line = q[:, None] + away[:, None] * ACROSS
+        f = held.system.constraint(line, np.full(ACROSS.size, t), parameters=parameters)[i]
+        behind = np.flatnonzero(np.logical_or.accumulate(f < 0) & (f >= 0))
+        if behind.size:
+            bump = np.interp(mesh.nodes, [a, arc.begin, arc.end, b], [0.0, 1.0, 1.0, 0.0])
+            curves.append(Path(mesh, found.Q.T + np.outer(ACROSS[behind[0]] * away, bump)))
+    return curves
 
 
 def unseen(found: DiscretePath) -> list[Array]:
