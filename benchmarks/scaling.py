@@ -228,7 +228,13 @@ def figure(rows: Rows, file) -> None:
             _line(ax, *curve(rows.get(study, {}), key), key, label=name, color=f"C{k}")
         ax.set_title(f"{UNITS[key][0]}, many coordinates", fontsize=10)
         ax.set_xlabel("links, bodies, masses")
-    axes[0, 1].legend(fontsize=8, frameon=False, loc="lower right")
+    fig.legend(
+        *axes[0, 0].get_legend_handles_labels(),
+        fontsize=9,
+        frameon=False,
+        ncols=4,
+        loc="upper center",
+    )
     for ax, study in zip(axes[1:].flat, QUESTIONS, strict=False):
         _line(
             ax,
@@ -251,7 +257,7 @@ def figure(rows: Rows, file) -> None:
     axes[2, 1].set_title("time (s), by unknowns", fontsize=10)
     axes[2, 1].set_xlabel("unknowns")
     axes[2, 1].legend(fontsize=8, frameon=False)
-    fig.tight_layout()
+    fig.tight_layout(rect=(0, 0, 1, 0.95))
     save(fig, file)
 
 
