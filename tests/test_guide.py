@@ -1,4 +1,6 @@
-"""The guide: each piece of code runs, in order, and each value that a comment states is found."""
+"""The guide and the page of test problems: each piece of code runs, in order, and each value that
+a comment states is found.
+"""
 
 import ast
 import re
@@ -9,9 +11,11 @@ import numpy as np
 import pytest
 from matplotlib import pyplot
 
-GUIDE = Path(__file__).parent.parent / "docs" / "guide.md"
+DOCS = Path(__file__).parent.parent / "docs"
+GUIDE, SUITE = DOCS / "guide.md", DOCS / "test_problems.md"
 DECIMAL = re.compile(r"-?\d+\.\d+")
-STATED = 50  # values at least: comments that are not taken for values would go unseen
+# Values at least: comments that are not taken for values would go unseen.
+STATED = {GUIDE: 50, SUITE: 12}
 
 
 def stated(block):
@@ -57,14 +61,12 @@ def test_the_comparison_can_fail():
     assert not agree("saddle", "'minimum'")
 
 
-@pytest.fixture(scope="module")
-def page(tmp_path_factory):
-    """Run the page once; return its names, and what it states and does not find."""
-    folder = tmp_path_factory.mktemp("guide")
+def run(text, folder):
+    """Run a page in a folder; return its names, what it states and does not find, and how much."""
     names, wrong, count = {}, [], 0
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        for block in re.findall(r"```python\n(.*?)```", GUIDE.read_text(), re.DOTALL):
+        for block in re.findall(r"```python\n(.*?)```", text, re.DOTALL):
             for statement, comment in stated(block):
                 code = ast.unparse(statement)
                 if not comment:
@@ -75,13 +77,27 @@ def page(tmp_path_factory):
                 if not agree(found, comment):
                     wrong.append(f"{code} is {found}, not {comment}")
     pyplot.close("all")
-    return names, wrong, count, folder
+    return names, wrong, count
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    """Run the guide once."""
+    folder = tmp_path_factory.mktemp("guide")
+    return *run(GUIDE.read_text(), folder), folder
 
 
 def test_what_the_page_states_is_found(page):
     _, wrong, count, _ = page
     assert not wrong, "\n".join(wrong)
-    assert count >= STATED
+    assert count >= STATED[GUIDE]
+
+
+def test_what_the_page_of_test_problems_states_is_found(tmp_path):
+    _, wrong, count = run(SUITE.read_text(), tmp_path)
+    assert not wrong, "\n".join(wrong)
+    assert count >= STATED[SUITE]
+    assert not list(tmp_path.iterdir())
 
 
 def test_forced_paths_have_no_index_and_closed_ones_no_conjugate_points(page):
@@ -98,8 +114,9 @@ def test_the_files_of_the_page_are_there(page):
     assert files == {"pendulum.npz", "pendulum.html", *pictures}
 
 
-def test_the_contents_name_the_sections():
-    text = GUIDE.read_text()
+@pytest.mark.parametrize("file", [GUIDE, SUITE], ids=["guide", "test_problems"])
+def test_the_contents_name_the_sections(file):
+    text = file.read_text()
     sections = re.findall(r"^## (.+)$", text, re.MULTILINE)
     assert re.findall(r"^\[(.+?)\]\(#", text, re.MULTILINE) == sections
     anchors = [section.lower().replace(" ", "-") for section in sections]

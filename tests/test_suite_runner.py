@@ -370,6 +370,7 @@ def test_solvers_that_do_not_exist_are_refused():
         ("ipop", "expected a solver among"),
         ("ipopt:osqp", "sqpmethod or"),
         ("sqpmethod:gurobi", "with one of"),
+        ("scipy:slsqp", "one of .*SLSQP"),  # else it would be scored, as failed
     ):
         with pytest.raises(ValueError, match=message):
             solvers.check(name)

@@ -10,6 +10,7 @@ from actionopt.tools.table import print_table
 
 def add_to(command: argparse.ArgumentParser) -> None:
     """Add the arguments, and what runs."""
+    command.description = "Name the scenes; with the name of one, tell of it."
     command.set_defaults(run=run)
     command.add_argument("scene", nargs="?", help="its parameters, its source, what is known")
 

@@ -21,7 +21,8 @@ def add_to(command: argparse.ArgumentParser) -> None:
     """Add the arguments, and what runs."""
     command.description = (
         "Solve a scene or a file over a grid of values, each path from its neighbours. What varies "
-        "is a parameter, t0 or t1, or a coordinate at an event: start.NAME or end.NAME."
+        "is a parameter, t0 or t1, energy where a time is free, or a coordinate at an event: "
+        "start.NAME or end.NAME."
     )
     command.set_defaults(run=run)
     add, one_of = command.add_argument, command.add_mutually_exclusive_group().add_argument

@@ -63,7 +63,14 @@ def find(
         All of these.
     convex : bool, optional
         Whether f is convex along the constraints.
+
+    Raises
+    ------
+    ValueError
+        For a kind or a tag that there is not.
     """
+    if kind not in (None, "minimum", "saddle", "degenerate"):
+        raise ValueError(f"expected a kind of minimum, saddle or degenerate, found {kind!r}")
     wanted = {tags} if isinstance(tags, str) else set(tags)
     known = {tag for family in FAMILIES.values() for tag in family.tags}
     for tag in wanted - known:

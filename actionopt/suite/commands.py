@@ -16,9 +16,10 @@ from actionopt.tools.table import print_table
 
 SOLVERS = f"""\
 A solver is a plugin of CasADi's nlpsol (ipopt, fatrop, sqpmethod, sqpmethod:osqp, qrsqp, uno,
-...), scipy:METHOD, or FILE.py:FUNCTION of your own. Each runs with its own defaults, every
-problem in a process of its own; what --output has already is not run again, unless the solver's
-file, its version or the problem's numbers are others, or what was too short is longer now.
+...), scipy:METHOD, nlopt:ALGORITHM, cyipopt, asl:PATH (a program that reads .nl files), or
+FILE.py:FUNCTION of your own. Each runs with its own defaults, every problem in a process of its
+own; what --output has already is not run again, unless the solver's file, its version or the
+problem's numbers are others, or what was too short is longer now.
 
   actionopt suite run --solver ipopt --solver sqpmethod --solver scipy:SLSQP
   actionopt suite run --solver mine.py:solve --problem kepler --set eccentricity=0.5 --set decades=4
@@ -65,7 +66,13 @@ def add_to(parser: argparse.ArgumentParser) -> None:
     )
     output = argparse.ArgumentParser(add_help=False)
     add = output.add_argument
-    add("-o", "--output", default="results.jsonl", metavar="FILE", help="results, JSON lines")
+    add(
+        "-o",
+        "--output",
+        default="results.jsonl",
+        metavar="FILE",
+        help="results, JSON lines (results.jsonl)",
+    )
 
     command = commands.add_parser("list", help="name the problems", parents=[chosen])
     command.set_defaults(run=show)
@@ -81,7 +88,10 @@ def add_to(parser: argparse.ArgumentParser) -> None:
     add = command.add_argument
     add("--solver", action="append", required=True, help="a solver; may be repeated")
     add("--dial", action="append", default=[], choices=DIALS, help="the members of a dial instead")
-    add("--start", help="starting point: guess, straight, perturbed, coarse or near")
+    add(
+        "--start",
+        help="starting point: guess, straight, perturbed, coarse or near (the problem's own)",
+    )
     add("--seconds", type=float, default=60.0, help="wall time of one run (60)")
     add("--memory", type=float, default=8.0, help="memory of one run, GiB (8)")
     add("--repeats", type=_whole, default=3, help="solves timed, the least counts (3)")
@@ -97,9 +107,16 @@ def add_to(parser: argparse.ArgumentParser) -> None:
     command.set_defaults(run=dump)
     command.add_argument("--zip", metavar="FILE", help="pack all that is there into one file, too")
     command.add_argument("directory", metavar="DIRECTORY", help="where to; made if it is not there")
-    command = commands.add_parser("report", help="profiles and tables", parents=[output])
+    command = commands.add_parser(
+        "report", help="write a page of profiles and tables", parents=[output]
+    )
     command.set_defaults(run=report)
-    command.add_argument("--to", required=True, metavar="DIRECTORY", help="made if it is not there")
+    command.add_argument(
+        "--to",
+        required=True,
+        metavar="DIRECTORY",
+        help="where its index.html goes; made if it is not there",
+    )
 
 
 def _whole(text: str) -> int:
@@ -264,5 +281,11 @@ def report(options: argparse.Namespace) -> int:
     """Write the report on a file of results."""
     from actionopt.suite.report import write
 
-    print(write(runner.load(options.output), options.to))
+    records = runner.load(options.output)
+    if not records:
+        raise ValueError(
+            f"expected results of at least one run in {options.output}, found none; "
+            "`actionopt suite run --solver NAME` writes them, and --output says where"
+        )
+    print(write(records, options.to))
     return 0

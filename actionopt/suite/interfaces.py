@@ -26,23 +26,28 @@ __all__ = [
 
 # SciPy's methods: those that use no derivatives, and those that take bounds.
 FREE = ("Nelder-Mead", "Powell", "COBYLA", "COBYQA")
-ROW = 1e-8  # NLopt's tolerance of a row; ad hoc
 BOUNDED = (*FREE, "L-BFGS-B", "TNC", "SLSQP", "trust-constr")
+PRODUCTS = ("Newton-CG", "trust-ncg", "trust-krylov")  # of the Hessian with a vector
+DENSE = ("trust-exact", "dogleg")  # the Hessian itself
+METHODS = (*BOUNDED, "CG", "BFGS", *PRODUCTS, *DENSE)
+ROW = 1e-8  # NLopt's tolerance of a row; ad hoc
 
 
 def scipy_arguments(problem: Program, method: str) -> dict[str, Any]:
     """Return keywords for `scipy.optimize.minimize`, but for x0: what the method can use.
 
-    Raises ValueError for a method that takes no constraints or bounds, where there are some.
+    Raises ValueError for a method that is none, or takes no constraints or bounds where there are
+    some.
     """
+    check_method(method)
     given: dict[str, Any] = {"method": method, "fun": problem.objective}
     if method not in FREE:
         given["jac"] = problem.gradient
     if method == "trust-constr":
         given["hess"] = lambda x: hessian(problem, x)
-    elif method in ("Newton-CG", "trust-ncg", "trust-krylov"):
+    elif method in PRODUCTS:
         given["hessp"] = lambda x, p: problem.hessian_product(x, None, p)
-    elif method in ("trust-exact", "dogleg"):
+    elif method in DENSE:
         given["hess"] = lambda x: hessian(problem, x).toarray()
     if problem.limits.coordinates:
         if method not in BOUNDED:
@@ -51,6 +56,15 @@ def scipy_arguments(problem: Program, method: str) -> dict[str, Any]:
     if problem.m:
         given["constraints"] = _scipy_constraints(problem, method)
     return given
+
+
+def check_method(method: str) -> None:
+    """Raise ValueError if `method` is none of `scipy.optimize.minimize`, in its spelling."""
+    if method not in METHODS:
+        raise ValueError(
+            f"expected a method of scipy.optimize.minimize, one of {', '.join(METHODS)}, "
+            f"found {method!r}"
+        )
 
 
 def _scipy_constraints(problem: Program, method: str) -> Any:

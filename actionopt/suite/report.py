@@ -92,7 +92,7 @@ def write(records: Records, directory: str | Path) -> Path:
     Raises ValueError if there are no records.
     """
     if not records:
-        raise ValueError("expected results of at least one run, found none; `actionopt suite run`")
+        raise ValueError("expected results of at least one run, found none")
     latest = {(profile.asked(r), r["solver"]): r for r in records}
     records = _in_order([{**r, "solver": _short(r["solver"])} for r in latest.values()])
     folder = Path(directory)

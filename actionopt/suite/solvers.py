@@ -39,7 +39,12 @@ import numpy as np
 
 from actionopt.suite import asl, nl
 from actionopt.suite.expression import nlp
-from actionopt.suite.interfaces import cyipopt_arguments, nlopt_problem, scipy_arguments
+from actionopt.suite.interfaces import (
+    check_method,
+    cyipopt_arguments,
+    nlopt_problem,
+    scipy_arguments,
+)
 from actionopt.suite.program import Program
 from actionopt.suite.words import SAID, said
 from actionopt.tools.types import Array
@@ -179,6 +184,8 @@ def check(name: str) -> None:
     if base in PACKAGES:
         if bool(rest) == (base == "cyipopt"):
             raise ValueError(f"expected scipy:METHOD, nlopt:ALGORITHM or cyipopt, found {name!r}")
+        if base == "scipy":
+            check_method(rest)
         return
     if base == "asl":
         asl.find(rest)
