@@ -351,6 +351,29 @@ def test_half_the_bend_is_a_quarter_of_the_rise_and_scales_stay_under_the_hand(f
     )
 
 
+def test_where_the_straight_line_is_the_motion_its_first_order_is_nothing(folder, chromium):
+    for name, stationary in (("heavy_top", True), ("oscillator", False)):
+        opened(chromium, folder, scenes.get(name))
+        press(chromium, "bend")
+        press(chromium, "half")
+        words = chromium.run("document.querySelector('.live .message').textContent")
+        assert ("not stationary" in words) != stationary
+
+
+def test_a_motion_shown_is_no_longer_said_to_be_hidden(folder, chromium):
+    opened(chromium, folder, scenes.get("oscillator"))
+    words = "document.querySelector('.live .message').textContent"
+    assert "hidden" in chromium.run(words)
+    chromium.run("document.querySelector('.live .check input').click()")
+    assert "hidden" not in chromium.run(words)
+    press(chromium, "half")
+    press(chromium, "bend")
+    press(chromium, "half")
+    assert "quarter" in chromium.run(words)
+    chromium.run("document.querySelector('.live').live.setDuration(2)")
+    assert chromium.run(words) == ""
+
+
 def test_a_path_relaxes_or_runs_away_and_the_machine_hunts(folder, chromium):
     opened(chromium, folder, scenes.get("oscillator"))
     press(chromium, "bend")

@@ -9,6 +9,7 @@
   const SLOW = 0.15, MOST = 400; // of a step downhill; steps
   const AWAY = 12; // of the picture, where a path that runs away is let go
   const SHOWING = 4; // seconds of the picture
+  const A_STEP = 200; // milliseconds that a step of Newton's method is seen
   const SNAP = 0.006; // of the slider: nearer than this to a conjugate time it is that time
   const NONE = 1e-6; // of a force: what is missing where nothing is
   const PARTS = 64; // of a change of a parameter that Newton's method does not follow at once
@@ -527,7 +528,7 @@
       paths.total.setAttribute("d", arrow(total));
       paths.limit.setAttribute("d", `M${spiral.X(0)},${spiral.Y(0)}L${spiral.X(known[0])},${spiral.Y(known[1])}`);
       const degrees = (Math.atan2(total[1], total[0]) * 180) / Math.PI, signed = (x) => (x > 0 ? "+" : "") + fixed(x, 0);
-      paths.words.textContent = reach >= WIDEST ? W.focus : filled(W.turned, { found: signed(degrees), known: signed(limit) });
+      paths.words.textContent = reach >= WIDEST && motion.verdict.kind === "degenerate" ? W.focus : filled(W.turned, { found: signed(degrees), known: signed(limit) });
       Object.assign(figure.dataset, { turned: degrees, length: Math.hypot(...total), limit: length });
     }
 
@@ -650,7 +651,12 @@
       foci();
       refocus();
       if (still.matches || seen.length < 2) { become(found, words); return; }
-      animate("solve", (k) => { trial = seen[Math.min(seen.length - 1, Math.floor(k / 12))]; if (k >= 12 * seen.length) { trial = found; return words; } });
+      const begun = performance.now();
+      animate("solve", () => {
+        const k = Math.floor((performance.now() - begun) / A_STEP);
+        trial = seen[k] ?? found;
+        if (k >= seen.length) return words;
+      });
     }
 
     function relax() {
@@ -685,8 +691,8 @@
       if (size(b) < 1e-7) { message.textContent = W.nothing; return; }
       const Q = plus(base(), 0.5, b);
       if (!Q) return;
-      const after = S(Q) - reference;
-      become(Q, `${filled(W.halved, { a: energy(before, 4), b: energy(after, 4), r: fixed(after / before, 3) })} ${shown ? W.quarter : W.straighten}`);
+      const after = S(Q) - reference, level = shown || A.slope(base()) < 1e-6 * (Math.abs(before) + Math.abs(after));
+      become(Q, `${filled(W.halved, { a: energy(before, 4), b: energy(after, 4), r: fixed(after / before, 3) })} ${level ? W.quarter : W.straighten}`);
     }
 
     function told(yes) { // whether the motion is seen
@@ -753,6 +759,7 @@
       first = begun();
       time.input.value = data.duration;
       table?.rows.forEach((row) => row.reset());
+      if (paths) paths.unit = null;
       wide = false;
       best = levels = rises = forces = null;
       told(false);
