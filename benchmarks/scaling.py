@@ -186,8 +186,8 @@ LARGEST = 3  # sizes by which a power is told: small ones show what any solve co
 Rows = dict[str, dict[str, dict]]
 
 
-def measured(quick: bool) -> Rows:
-    """Return the rows by study and value; those of a peer by "study peer"."""
+def measured(quick: bool, keep: Callable[[Rows], object]) -> Rows:
+    """Return the rows by study and value; those of a peer by "study peer"; `keep` has the last."""
     few = -1 if quick else None
     jobs = [(study, study, (v,)) for study, (values, _) in STUDIES.items() for v in values[:few]]
     for study in QUESTIONS:
@@ -201,6 +201,7 @@ def measured(quick: bool) -> Rows:
             continue  # what is larger takes longer
         found = child.row(f"benchmarks.scaling:{function}", *given, limit=LIMIT)
         known[repr(given[-1])] = rounded(found)
+        keep(rows)
     return rows
 
 
@@ -224,12 +225,24 @@ def figure(rows: Rows, file) -> None:
     fig, axes = plt.subplots(3, 2, figsize=(8.0, 10.0))
     for ax, key in zip(axes[0], UNITS, strict=True):
         for k, (study, name) in enumerate(BY_SIZE.items()):
-            _line(ax, *curve(rows[study], key), key, label=name, color=f"C{k}")
+            _line(ax, *curve(rows.get(study, {}), key), key, label=name, color=f"C{k}")
         ax.set_title(f"{UNITS[key][0]}, many coordinates", fontsize=10)
         ax.set_xlabel("links, bodies, masses")
-    axes[0, 1].legend(fontsize=8, frameon=False, loc="lower right")
+    fig.legend(
+        *axes[0, 0].get_legend_handles_labels(),
+        fontsize=9,
+        frameon=False,
+        ncols=4,
+        loc="upper center",
+    )
     for ax, study in zip(axes[1:].flat, QUESTIONS, strict=False):
-        _line(ax, *curve(rows[study], "time"), "time", label="actionopt", **style("actionopt_"))
+        _line(
+            ax,
+            *curve(rows.get(study, {}), "time"),
+            "time",
+            label="actionopt",
+            **style("actionopt_"),
+        )
         for peer in many.PEERS:
             points = curve(rows.get(f"{study} {peer}", {}), "time")
             _line(ax, *points, "time", label=peers.LABELS[peer], **style(peer))
@@ -239,12 +252,12 @@ def figure(rows: Rows, file) -> None:
         ax.set_xticks([], minor=True)
     axes[1, 0].legend(fontsize=8, frameon=False)
     for k, (study, name) in enumerate(BY_UNKNOWNS.items()):
-        x, y = curve(rows[study], "time", "unknowns")
+        x, y = curve(rows.get(study, {}), "time", "unknowns")
         _line(axes[2, 1], x, y, "time", label=name, color=f"C{k}")
     axes[2, 1].set_title("time (s), by unknowns", fontsize=10)
     axes[2, 1].set_xlabel("unknowns")
     axes[2, 1].legend(fontsize=8, frameon=False)
-    fig.tight_layout()
+    fig.tight_layout(rect=(0, 0, 1, 0.95))
     save(fig, file)
 
 
@@ -258,7 +271,7 @@ def page(rows: Rows) -> str:
     """Return the page."""
     cells, powers, times = [], [], []
     for study, (values, name) in STUDIES.items():
-        for value, p in rows[study].items():
+        for value, p in rows.get(study, {}).items():
             head = [name, value]
             if "unknowns" not in p:
                 cells.append([*head, *[""] * 7, p["status"]])
@@ -268,11 +281,11 @@ def page(rows: Rows) -> str:
             solved = p.get("solved", "")
             sizes = (p["time"], p["time"] / u * 1e3, p["memory"] / 1e6, p["memory"] / u / 1e3)
             cells.append([*head, f"{u}", *(f"{x:.3g}" for x in sizes), count, solved, p["status"]])
-        if study in BY_SIZE or study in BY_UNKNOWNS:
+        if study in rows and (study in BY_SIZE or study in BY_UNKNOWNS):
             both = [power(rows[study], key) for key in UNITS]
             told = ["" if np.isnan(p) else f"{p:.1f}" for p in both]
             powers.append([name, *told, *(_solved(rows[study]) if study in BY_SIZE else ["", ""])])
-        if study in QUESTIONS:
+        if any(name in rows for name in _beside(study)):
             for value in values:
                 known = [rows.get(k, {}).get(repr(value)) for k in (study, *_beside(study))]
                 times.append([name, f"{value}", *map(_told, known)])
@@ -342,11 +355,15 @@ def main() -> None:
     add("--report-only", action="store_true", help="measure nothing")
     options = parser.parse_args()
     file = FOLDER / "scaling.json"
-    rows = json.loads(file.read_text()) if options.report_only else measured(options.quick)
+
+    def keep(rows: Rows) -> None:
+        if not options.quick:
+            write(file, text(rows, 2) + "\n")
+
+    rows = json.loads(file.read_text()) if options.report_only else measured(options.quick, keep)
     if options.quick:
         print(page(rows))
         return
-    write(file, text(rows, 2) + "\n")
     write(file.with_suffix(".md"), page(rows) + "\n")
     figure(rows, file)
 

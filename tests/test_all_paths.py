@@ -341,6 +341,7 @@ def test_defects_are_not_swallowed(monkeypatch, error):
         solve_all(ao.Problem(PENDULUM, ao.Event(0.0, 0.5), ao.Event(2.0, -0.3)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "error", [np.linalg.LinAlgError("Singular matrix"), ValueError("expected")]
 )
@@ -361,6 +362,7 @@ def test_a_solve_that_fails_is_left_out(monkeypatch, error):
 # -- free ends -------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_path_a_turn_farther_is_the_same_where_an_end_is_free():
     start, end = ao.Event(0.0, [None]), ao.Event(0.3, [0.1])
     found = solve_all(ao.Problem(PENDULUM, start, end), starts=1, continuations=1)
@@ -398,6 +400,7 @@ def test_progress_and_interruption():
     assert "interrupted" in str(found)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="no timers that send signals")
 @pytest.mark.parametrize("after", [0.02, 0.3])
 def test_an_interruption_ends_the_search_and_keeps_what_it_has(after):

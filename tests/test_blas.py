@@ -46,9 +46,9 @@ def test_a_run_of_a_sweep_uses_one_thread(two, monkeypatch):
     """A task is all that a worker calls."""
     seen, go = [], batch._Run.go
 
-    def watched(run, guess):
+    def watched(*given):
         seen.append(two())
-        return go(run, guess)
+        return go(*given)
 
     monkeypatch.setattr(batch._Run, "go", watched)
     ao.sweep(PROBLEM, {("end", "x"): [0.4, 0.5, 0.6]})

@@ -72,6 +72,7 @@ def test_command_names_the_sections(capsys):
 # -- accuracy and costs ----------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("changed", [False, True])
 @pytest.mark.parametrize("name", a_third(scenes.SCENES, 1))
 def test_scenes_meet_their_closed_forms(name, changed):

@@ -290,7 +290,7 @@ def test_a_list_says_where_a_mesh_is_too_coarse(capsys):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="pipes of another kind")
-@pytest.mark.parametrize("unbuffered", [[], ["-u"]])
+@pytest.mark.parametrize("unbuffered", [[], pytest.param(["-u"], marks=pytest.mark.slow)])
 def test_a_reader_that_has_seen_enough_is_no_error(unbuffered):
     read, write = os.pipe()
     os.close(read)  # as `head` does, sooner or later

@@ -496,6 +496,7 @@ def test_a_constraint_that_turns_faster_at_once():
     judge(system, exact, lambda t: exact(t, 1.01), 0.0, 1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tol", [1e-3, 1e-8])
 def test_a_kink_in_q(tol):
     system = System(lambda q, v, t: v[0] ** 2 / 2 - np.abs(q[0]), ["x"])

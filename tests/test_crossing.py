@@ -100,6 +100,7 @@ def test_snell_leg_by_leg():
     assert one.action + two.action == pytest.approx(3.349, abs=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("sign", "level"), [(1.0, 10.0), (-1.0, -10.0)])
 @pytest.mark.parametrize("name", MEETING)
 def test_branches_meet_whatever_the_size_and_sign_of_the_lagrangian(name, sign, level):

@@ -164,6 +164,7 @@ def test_with_a_force_no_slope_of_the_action_is_claimed():
         assert text.get_window_extent().x1 <= window.figure.bbox.x1, text.get_text()
 
 
+@pytest.mark.slow
 def test_keys_do_the_same():
     window = plot.explore(scenes.get("pendulum"))
     canvas, first = window.figure.canvas, window.now.trial
@@ -189,6 +190,7 @@ def test_sliding_the_end_time_through_pi_changes_the_index():
     assert window.marks.get_xdata() == pytest.approx([np.pi, 2 * np.pi], abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "panels"), [("kepler_polar", 2), pytest.param("heavy_top", 3, marks=pytest.mark.slow)]
 )

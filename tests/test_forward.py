@@ -385,6 +385,7 @@ def test_a_jump_at_an_end(c):
     assert path.mesh.boundaries[0] == 0.0 and path.mesh.boundaries[-1] == 1.0
 
 
+@pytest.mark.slow
 def test_a_jump_beyond_which_there_is_no_velocity():
     system = System(lambda q, v, t: np.where(t > 0.3, 1e-3, 1.0) * -np.sqrt(1 - v[0] ** 2), ["x"])
     path = integrate(system, State(0.0, [0.0], [0.5]), 1.0)

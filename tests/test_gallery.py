@@ -365,6 +365,7 @@ def test_the_command(gallery, quick, capsys):
     assert "pendulum" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_help_loads_no_matplotlib():
     code = (
         "import atexit, sys; atexit.register(lambda: print('matplotlib' in sys.modules));"

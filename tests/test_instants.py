@@ -211,6 +211,7 @@ def test_a_mesh_moves_with_its_instants():
         assert found.boundaries == pytest.approx([2.0, 2.2, 2.4, 3.2, 4.0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "lagrangian",
     [

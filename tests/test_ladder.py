@@ -84,14 +84,16 @@ def test_a_guess_is_tried_on_meshes_that_show_it():
         return lambda mesh: Path.interpolate(curve, mesh)
 
     search = search_for(problem)
-    assert search._fine_enough(turning(1)) == NEAR_GUESS
-    assert search._fine_enough(turning(10)) == NEAR_GUESS[1:]
-    assert search._fine_enough(turning(20)) == NEAR_GUESS[2:]
+
+    def tried(curve_of):
+        return tuple(mesh.elements for mesh in search._fine_enough(curve_of))
+
+    assert tried(turning(1)) == NEAR_GUESS
+    assert tried(turning(10)) == NEAR_GUESS[1:]
+    assert tried(turning(20)) == NEAR_GUESS[2:]
     # What no mesh shows, kinks inside elements, is tried on all of them.
-    search_kinks = search._fine_enough(
-        lambda mesh: Path.interpolate(lambda t: np.abs((np.array([t, t]) * 0.37) % 2 - 1), mesh)
-    )
-    assert search_kinks == NEAR_GUESS
+    kinks = lambda t: np.abs((np.array([t, t]) * 0.37) % 2 - 1)  # noqa: E731
+    assert tried(lambda mesh: Path.interpolate(kinks, mesh)) == NEAR_GUESS
 
 
 @pytest.mark.parametrize(("duration", "least"), [(1.0, True), (2.5, True), (7.5, False)])

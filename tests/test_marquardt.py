@@ -98,6 +98,7 @@ def test_nothing_moves_where_a_mass_is_missing():
     assert not found.near and found.iterations == 0 and found.z is z
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "seed", "kind"),
     [

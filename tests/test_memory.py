@@ -25,6 +25,7 @@ print(given_back, faults())
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="another library's memory")
 def test_a_worker_of_dask_maps_memory_once():
     """A megabyte is 256 pages."""

@@ -218,6 +218,7 @@ UNITS = {
 IN_UNITS = [name for name in EXACT if name not in ("closed", "pulse", "valley")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("units", UNITS)
 @pytest.mark.parametrize("name", a_third(IN_UNITS, 2))
 def test_in_other_units_all_that_was_done_is_the_same(name, units, both):

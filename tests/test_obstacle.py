@@ -372,8 +372,8 @@ def test_no_path_goes_through_a_peg_unseen():
 
 
 def test_a_path_that_was_found_in_time_is_kept(monkeypatch):
-    found = [SimpleNamespace(action=action, problem=None) for action in (1.0, 0.5)]
-    ws = SimpleNamespace(restart=lambda: None, here=None)
+    found = [SimpleNamespace(action=action) for action in (1.0, 0.5)]
+    ws = SimpleNamespace(restart=lambda: None, stand=lambda path: setattr(ws, "here", path))
 
     def refined(ws, tol):
         if ws.here is not found[0]:

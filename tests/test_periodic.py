@@ -539,3 +539,12 @@ def test_the_index_of_a_family_of_closed_paths():
     (mark,) = found.marks
     assert (mark.kind, mark.before, mark.after) == ("index", 0, 1)
     assert mark.value == pytest.approx(0.0, abs=1e-7)
+
+
+def test_a_closed_path_that_shrinks_to_a_rest_is_given_up_at_once():
+    # all periods are below 2 pi / sqrt(0.6) = 8.1; the guess has a longer one, and hardly moves
+    spring = ao.System(lambda q, v, t: v[0] ** 2 / 2 - 0.3 * q[0] ** 2 - 0.325 * q[0] ** 4, ["x"])
+    problem = ao.Problem(spring, ao.Event(0.0, [0.0]), Periodic(12.3))
+    found = ao.solve(problem, guess=lambda t: [0.24 * np.sin(2 * np.pi * t / 12.3)], throw=False)
+    assert found.status is ao.Status.NOT_FOUND
+    assert all(part["unknowns"] < 1000 for part in found.stats["rounds"])  # 300 000 otherwise

@@ -32,6 +32,7 @@ def test_the_sum_is_turned_by_a_quarter_at_the_focus(T, turned, hbar):
     assert found.ends[-1] == pytest.approx(found.sum)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hbar", [0.01, 0.003, 0.001])
 @pytest.mark.parametrize("name", ["pendulum", "rod_pendulum"])
 def test_an_action_that_is_no_parabola_has_the_same_limit(name, hbar):

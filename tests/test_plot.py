@@ -64,6 +64,7 @@ def test_the_deviation_is_logarithmic_with_both_bounds():
     assert levels == {solution.error, solution.compare().reference_error}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("last", [0.5, None])
 def test_a_motion_that_cannot_be_followed_is_drawn_as_far_as_it_goes(last):
     """To the middle of the time, or not at all."""

@@ -94,6 +94,7 @@ def test_every_figure_is_labelled_and_nothing_is_clipped(figure, name):
             assert extent.y0 >= -0.5 and extent.y1 <= picture.bbox.height + 0.5, text.get_text()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["oscillator_saddle", "kepler", "heavy_top"])
 def test_a_narrow_landscape_keeps_its_labels_inside_and_off_its_colour_bar(name):
     drawn = []
@@ -114,6 +115,7 @@ def test_a_narrow_landscape_keeps_its_labels_inside_and_off_its_colour_bar(name)
     ticks = [x for x in ax.child_axes[0].get_yticklabels() if x.get_visible()]
     boxes = [x.get_window_extent(renderer) for x in ticks]
     assert len(boxes) >= 2 and all(a.y1 <= b.y0 for a, b in pairwise(boxes))
+    assert 0.0 in [x.get_position()[1] for x in ticks]
 
 
 @pytest.mark.parametrize(
@@ -144,6 +146,7 @@ def test_times_beside_a_narrow_strip_do_not_touch():
     assert len(boxes) >= 3 and all(a.x1 <= b.x0 for a, b in pairwise(boxes))
 
 
+@pytest.mark.slow
 def test_fronts_have_enough_motions_where_most_run_away():
     data = plot.fronts_data(solved("kink"))
     assert len(data.q) >= 0.75 * 41 and np.abs(data.q).max() < 1.5
@@ -451,6 +454,7 @@ def test_in_the_plane_the_momentum_is_the_gradient_of_the_action():
     np.testing.assert_allclose(arrows.V, m * at[1] / T - m * g * T / 2, atol=1e-2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["kepler", "charge_planar"])
 def test_on_a_front_the_action_is_the_one_it_is_drawn_for(name):
     """Paths solved to points of the lines, from the nearest motion that was drawn."""

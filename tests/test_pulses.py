@@ -116,6 +116,7 @@ def test_a_wall_of_a_thousandth_is_crossed_with_the_right_energy(wall, height):
         assert abs(solution.energy(1.0) - energy) < 100 * tol  # the path's error over w, at most
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("c", "tol"), [(0.8210219, 1e-2), (0.2713, 1e-3), (0.5551, 1e-4), (0.6402, 1e-2)]
 )

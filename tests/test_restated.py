@@ -283,6 +283,7 @@ def test_a_further_coordinate_that_takes_no_part(name):
     compare(found, wanted, roundoff=1e-11)
 
 
+@pytest.mark.slow
 @ALL
 def test_on_elements_cut_once_more(name):
     solution, known = base(name)

@@ -136,6 +136,7 @@ def test_the_catalogue_is_the_list_of_files():
         assert scene.source and "\n" not in scene.title + scene.source
 
 
+@pytest.mark.slow
 def test_importing_the_catalogue_loads_no_scene_and_no_matplotlib():
     code = (
         "import sys, actionopt.scenes as s; "

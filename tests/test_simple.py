@@ -58,6 +58,7 @@ def test_damped_oscillator(w, c):
     assert path.index is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("w", "length"), [(1.0, 1.0), (-1.7, 0.3)])
 def test_rod_that_turns(w, length):
     """A mass on a rod, nothing else: q'' = lambda q with lambda = -w^2, and S = w^2 l^2 T / 2."""

@@ -473,6 +473,7 @@ def impossible():
     return Problem(system, Event(0, 0), Event(1, 0))
 
 
+@pytest.mark.slow
 def test_no_path_is_said_and_the_best_attempt_comes_along():
     with pytest.raises(SolveError, match="bratu: no stationary path was found") as f:
         ao.solve(impossible())

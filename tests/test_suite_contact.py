@@ -6,7 +6,7 @@ from helpers import a_third
 from scipy.linalg import null_space
 
 from actionopt import suite
-from actionopt.suite import solvers
+from actionopt.suite import known, solvers
 from actionopt.suite.verdict import examine
 
 NAMES = tuple(suite.find(tags="unilateral contact"))
@@ -109,3 +109,13 @@ def test_parameters_of_a_member():
     assert suite.get("string_floor", extra=0.5).scene.facts["end"] == 1.5
     with pytest.raises(ValueError, match="unknown parameter 'g'"):
         suite.get("string_floor", g=1.0)
+
+
+def test_what_solvers_came_to_is_known():
+    problem = suite.get("chain_floor")
+    points = known.points(problem.name, problem)
+    assert points
+    for x in points:
+        there = problem.nearest(x * problem.unit, 1e-3)
+        assert there.kind == "minimum"
+        assert min(problem.distance(there.x, other.x) for other in problem.others) < 1e-9

@@ -100,6 +100,7 @@ def test_where_solvers_do_not_agree_is_counted_by_hand():
     assert apart == [profile.asked(records[2]), profile.asked(records[4])]
 
 
+@pytest.mark.slow
 def test_the_page_of_dials(tmp_path, monkeypatch):
     monkeypatch.setattr(report, "_figure", lambda *_: "")  # of its own page
     records = [

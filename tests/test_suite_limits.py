@@ -55,6 +55,7 @@ def program(tmp_path, code=0, duals=True):
     return file
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", [CEILING, DISC], ids=["ceiling", "disc"])
 def test_all_solvers_come_to_the_same_bounded_minimum(family, tmp_path):
     problem = suite.TestProblem(family)

@@ -123,6 +123,7 @@ def numbers(solution):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [rod, driven])
 def test_reading_solutions_of_one_system(make):
     alone = [numbers(ao.solve(problem)) for problem in problems(make)[:3]]

@@ -44,6 +44,7 @@ def bratu():
     return ao.Problem(system, ao.Event(0.0, [0.0]), ao.Event(1.0, [0.01]))
 
 
+@pytest.mark.slow
 def test_where_there_is_no_path_the_search_gives_up_soon_and_says_nothing(capfd):
     """Counted: 1000, and half as many more where the homotopy turns back as far as it will."""
     solution = ao.solve(bratu(), throw=False)

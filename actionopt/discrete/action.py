@@ -153,7 +153,7 @@ class Action:
     def between(self, problem: Problem) -> Self:
         """Return that of a problem which differs in the values at its ends only, in these units."""
         other = copy(self)
-        other.problem, other.counts, other._kept = problem, Counter(), {}
+        other.problem, other.counts = problem, Counter()  # what is kept of the mass is the same
         other._point = None
         other.ends = other._ends()
         if self.nodal:

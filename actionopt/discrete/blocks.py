@@ -71,7 +71,7 @@ class Blocks:
         self.absent = ~used.reshape(-1, f)[offsets]  # (N + 1, f): pinned, or no row
         self._scatter = (node_of[:, None] * f + np.arange(f)).ravel()
 
-    @property
+    @cached_property
     def count(self) -> int:
         """Number of nonzeros stored."""
         inside = sum(count * (nodes * f) ** 2 for count, nodes, f in self.shapes)

@@ -30,9 +30,10 @@ from actionopt.families.front import NEIGHBOURS, Front, squares, weights
 from actionopt.families.members import Members, member
 from actionopt.families.vary import along, led, place, slope
 from actionopt.mechanics.problem import Periodic, Problem
+from actionopt.solver import family
 from actionopt.solver.arguments import checked
 from actionopt.solver.iterate import LATE_TIME, SAFETY, UNKNOWN_GAIN, amplified, estimate, sizes
-from actionopt.solver.solve import FAMILY_NOISE, FAMILY_SUSPECTED, Guess, moving, solve, solve_near
+from actionopt.solver.solve import Guess, moving, solve, solve_near
 from actionopt.solver.together import Followed, follow
 from actionopt.solver.workspace import MEASURABLE
 from actionopt.tools.blas import one_thread
@@ -379,8 +380,8 @@ class _Run:
         within = error <= self.tol
         error = np.maximum(error, SAFETY * found.missed)
         several = found.Q.shape[2] > 1
-        family = found.probed > FAMILY_SUSPECTED if several else found.noise > FAMILY_NOISE
-        sound = found.converged & np.isfinite(found.omitted) & ~family
+        one_of_many = found.probed > family.SUSPECTED if several else found.noise > family.NOISE
+        sound = found.converged & np.isfinite(found.omitted) & ~one_of_many
         good = sound & (error <= self.tol)
         self.doubtful[which] = found.converged & ~good & ~(sound & ~within)
         i = which[good]

@@ -277,6 +277,15 @@ class Problem:
         return not (structure.depends_on_time or structure.forced)
 
     @cached_property
+    def loose(self) -> Problem:
+        """The problem with nothing given at the start, if its paths close anywhere."""
+        if not self.closes:
+            return self
+        start = Event(self.start.t, [None] * self.system.n)
+        end, values = self.end.at(self.end.t), self.parameters
+        return Problem(self.system, start, end, parameters=values, energy=self.energy)
+
+    @cached_property
     def advance(self) -> Array | None:
         """q(t1) - q(t0) where the end is `Periodic`, (n,), else None."""
         return np.array(self.end.advance) if isinstance(self.end, Periodic) else None

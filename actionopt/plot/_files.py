@@ -132,19 +132,23 @@ def _sparse(ax: Any) -> None:
     lines = [line.get_window_extent().x0 for line in upright]
     _parted((words for words in ax.texts if words.get_label() == IF_ROOM), lines)
     _parted(ax.get_xticklabels(), ())
-    _parted(ax.get_yticklabels()[:: -1 if ax.yaxis_inverted() else 1], (), up=True)
+    # Of a column zero is the last to go.
+    column = sorted(ax.get_yticklabels(), key=lambda words: abs(words.get_position()[1]))
+    _parted(column, (), up=True)
 
 
 def _parted(row: Iterable[Any], lines: Sequence[float], *, up: bool = False) -> None:
-    """Hide words of a row, or of a column, that touch one before, or a line."""
-    last = -np.inf
+    """Hide words of a row, or of a column, that touch those before, or a line."""
+    taken: list[tuple[float, float]] = []
     for words in row:
         words.set_visible(True)  # what is not seen has no extent
         box = words.get_window_extent()
         low, high = (box.y0, box.y1) if up else (box.x0, box.x1)
-        free = low > last and not any(low < x < high for x in lines)
+        touched = any(a <= high and low <= b for a, b in taken)
+        free = not touched and not any(low < x < high for x in lines)
         words.set_visible(free)
-        last = high if free else last
+        if free:
+            taken.append((low, high))
 
 
 def _wrap(words: Any, width: float) -> None:

@@ -505,6 +505,8 @@ class Search:
                 return meshes[k:]
         for _ in range(GUESS_ROUNDS):  # a core may be far shorter than the way
             mesh = refined(shown, GUESS_RESOLUTION / 2)
+            if mesh.nodes.size > meshes[-1].nodes.size:
+                break
             shown = self._shown(curve_of(mesh))
             if shown.worst < GUESS_RESOLUTION:
                 return [mesh, *meshes]

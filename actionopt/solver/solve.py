@@ -15,12 +15,10 @@ from typing import Any, Literal, Never
 
 import numpy as np
 
-from actionopt.analysis.index import INDEX_TOLERANCE
 from actionopt.analysis.solution import Solution, SolveError
 from actionopt.analysis.status import Status
 from actionopt.discrete.crossing import crossed
 from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.factors import product
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
@@ -29,6 +27,7 @@ from actionopt.mechanics.problem import Problem
 from actionopt.solver import nearer, window
 from actionopt.solver.arguments import Guess, asked, checked, curve
 from actionopt.solver.durations import oscillations, well
+from actionopt.solver.family import LOST, judged, suspected
 from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF
 from actionopt.solver.ladder import BRIEF, COARSE_DEGREE, IPOPT, LADDER, LINEAR, NEAR, Rung, Search
 from actionopt.solver.obstacle import Along, along
@@ -43,20 +42,8 @@ LADDERS = {"auto": LADDER, "ipopt": IPOPT}  # by method
 AT_REST = 1e-6  # of its size, the way of a closed path that is none; ad hoc
 ROUNDED = 1e-9  # of what the events tell of a coordinate's size, a path that may be zero; ad hoc
 BEFORE_A_JUMP = 3  # rungs tried where the first path crosses a jump: seconds are lost there; ad hoc
-# Amplified round-off above which a path may be one of many, and above which that is to be counted;
-# measured: of 400 families in all directions and at any tol the least is 2.4e-7, and chains of 10
-# to 30 links show 3e-8 to 1.6e-7.
-FAMILY_SUSPECTED, FAMILY_AMPLIFICATION = 1e-8, 5e-7
-FAMILY_CHANGE = 2.0  # of it by two more steps; measured: single paths 1.0, families 20 and more
-FAMILY_NOISE = 1e-9  # of one coordinate the noise itself tells; ad hoc
-OUTDATED = 1e-6  # change of multipliers, in whose matrix no family may show; ad hoc
-BENT = 1e-4  # in units of kinetic energy, as the index has it: of a family 1e-8; ad hoc
 DWELT = (Status.NOT_FOUND, Status.UNRESOLVED, Status.DEGENERATE)  # what it may be
 DWELL_STEP = 1e-5  # of the way, that a motion makes at most from node to node at rest; ad hoc
-MANY_UNKNOWNS = 5000  # from where a few solutions are asked for before the index; ad hoc
-# Measured: the second shows what bends least to a tenth of it, on chains of 20 to 100 links.
-INVERSE_ITERATIONS = 3
-LOST = (Status.NOT_FOUND, Status.UNRESOLVED)  # where one of a family may have been near
 
 
 @one_thread
@@ -239,8 +226,8 @@ def _solved(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[So
     if (principle == "least" or system.r) and status.success and ws.here.index > 0:
         status = Status.UNBOUNDED if ws.linear else Status.NOT_LEAST
     solution = _solution(ws, status, search.found_by, started)
-    if _suspect(ws, status):
-        solution = _family(ws, solution)
+    if suspected(ws, status):
+        solution = judged(ws, solution)
     return solution, "" if solution.success else _message(ws, solution.status, tol)
 
 
@@ -430,89 +417,6 @@ def _sought(search: Search, guess: Guess | None, curve_of: Callable[[Mesh], Path
     if ws.linear and search.ladder is not IPOPT:
         return search.solve_linear(curve_of)
     return search.from_nothing() if curve_of is None else search.from_guess(curve_of)
-
-
-def _suspect(ws: Workspace, status: Status) -> bool:
-    """Whether the ends may leave a family of paths, or did so where one was lost."""
-    if ws.problem.system.structure.forced:
-        return False
-    if status is Status.DEGENERATE:  # of linear equations there may be no path at all
-        return not ws.linear
-    if not (status.success or status is Status.FLOOR):
-        return status is Status.UNRESOLVED or (status in LOST and ws.unpolished is not None)
-    here = ws.here
-    if not here.can_be_one_of_many:  # nothing is zero on one side of a symmetry
-        return here.noise > FAMILY_NOISE
-    try:
-        if ws.problem.system.m and here.since > OUTDATED:
-            if _far_from_singular(ws):
-                return False
-            here = ws.here = replace(here, factors=None, probed=None)
-        before = here.amplification(ws.many)
-        if not FAMILY_SUSPECTED < before < FAMILY_AMPLIFICATION:
-            return before >= FAMILY_AMPLIFICATION
-        if _far_from_singular(ws):
-            return False
-        # What is nearly singular by chance stays so; in a family the last steps decide.
-        after = here.polished().polished().amplification(ws.many)
-    except np.linalg.LinAlgError:
-        return True
-    return not before / FAMILY_CHANGE < after < before * FAMILY_CHANGE
-
-
-def _family(ws: Workspace, solution: Solution) -> Solution:
-    """Return the verdict DEGENERATE if the path is one of a family, else the solution as it is."""
-    near = solution
-    if solution.status not in LOST and _far_from_singular(ws):
-        return solution
-    if solution.status in LOST and ws.unpolished is not None:
-        last = ws.unpolished
-        kept = {"path": last.path, "lam": last.rows.T, "action": last.action, "known": last}
-        near = replace(solution, error=np.inf, **kept)
-    try:
-        found = near.inertia
-    except (ValueError, np.linalg.LinAlgError):
-        return solution
-    if not found.nullity or found.tolerance > INDEX_TOLERANCE:
-        return solution
-    condition = 1 / max(found.smallest or 0.0, float(np.finfo(float).eps))
-    ws.hint = f"the paths between the ends are a family of dimension {found.nullity}"
-    noise = max(ws.here.noise, condition * POLYNOMIAL_ROUNDOFF)
-    ws.here = replace(ws.here, noise=noise, error=near.error)
-    stats = near.stats | {"condition": condition, "nullity": found.nullity, "noise": noise}
-    return replace(near, status=Status.DEGENERATE, stats=stats)
-
-
-def _far_from_singular(ws: Workspace) -> bool:
-    """Whether no direction on the mesh is near one in which the action does not bend.
-
-    Asked of many unknowns, where round-off is amplified without any, and the index costs more. By
-    inverse iteration in the kinetic metric (Golub and Van Loan, *Matrix Computations* (4th ed.
-    2013), section 7.6): factors are at hand, and such a direction outgrows all others. Where they
-    are those of a path a little off, its Rayleigh quotient is right to second order. Under
-    constraints paths bend less, and what the index calls nothing is taken.
-    """
-    here, m = ws.here, ws.problem.system.m
-    tr, layout = here.tr, here.tr.layout
-    if (m or not ws.many_coordinates) and layout.unknowns < MANY_UNKNOWNS:
-        return False
-    if m and layout.storage == "blocks":  # they have no kinetic part
-        return False
-    K, y = tr.kinetic(here.z), layout.probe
-    try:
-        factors = here.factored(ws.many).factors
-        assert factors is not None
-        with np.errstate(all="ignore"):
-            for _ in range(INVERSE_ITERATIONS):
-                momentum = product(layout, K, y)
-                momentum[layout.unknowns :] = 0.0
-                y = factors.solve(momentum / np.sqrt(y @ momentum))
-            y[layout.unknowns :] = 0.0
-            kinetic, bent = (y @ product(layout, M, y) for M in (K, tr.kkt(here.z)))
-            least = min(1 / np.sqrt(kinetic), abs(bent / kinetic))
-    except np.linalg.LinAlgError:
-        return False
-    return bool(least > max(BENT if m == 0 else 10 * INDEX_TOLERANCE, here.since))
 
 
 def _message(ws: Workspace, status: Status, tol: float) -> str:

@@ -8,7 +8,7 @@ ed. 2006), section 12.3.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,7 @@ from actionopt.tools.types import Array, NDInt
 
 ROUNDS = 60  # of the active set; ad hoc: rows at the ends of contact come and go one by one
 TOUCHING = 1e-9  # of a row's unit: what a path leaves of one that it touches
+NEARBY = 1e-3  # of the coordinates' sizes: points that are known to five digits
 MET = 1e-4  # the same of an answer whose multipliers are fitted: far above solvers' tolerances
 
 
@@ -88,17 +89,23 @@ def from_path(tr: Transcription, path: Callable[[Array], Array]) -> Star:
 
 
 def others(
-    tr: Transcription, scene: Scene, bends: tuple[tuple[float, ...], ...], known: Star
+    tr: Transcription,
+    scene: Scene,
+    bends: tuple[tuple[float, ...], ...],
+    points: Sequence[Array],
+    known: Star,
 ) -> list[Star]:
-    """Return other optima: those near paths round other sides of the obstacle."""
+    """Return other optima: near paths round other sides of the obstacle, and near `points`."""
     cut, stars = tr.layout.unknowns, [known]
+    candidates = [nearest(tr, point, NEARBY) for point in points]
     for bend in bends:
         try:
             path = solve(scene.problem, tol=1e-10, guess=bent(tr, bend))
-            found = from_path(tr, path)
+            candidates.append(from_path(tr, path))
         except (SolveError, ValueError):
             continue
-        if all(np.max(np.abs(found.z[:cut] - s.z[:cut])) > APART for s in stars):
+    for found in candidates:
+        if found and all(np.max(np.abs(found.z[:cut] - s.z[:cut])) > APART for s in stars):
             stars.append(found)
     return stars[1:]
 

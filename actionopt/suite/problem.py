@@ -307,12 +307,12 @@ class TestProblem(Program):
     @cached_property
     def others(self) -> tuple[Stationary, ...]:
         """Other stationary points that are known; the linear ones have none."""
+        points = () if self.parameters else known.points(self.name, self)
         if self._held:
-            found = active_set.others(self._plain, self.scene, self.family.bends, self.star)
+            found = active_set.others(self._plain, self.scene, self.family.bends, points, self.star)
             return tuple(map(self._stationary, found))
         if self.scene.problem.system.structure.linear:
             return ()
-        points = () if self.parameters else known.points(self.name, self)
         found = others(self._plain, self.scene, self.family.bends, points, self.star)
         return tuple(map(self._stationary, found))
 

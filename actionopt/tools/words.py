@@ -34,7 +34,7 @@ def say(text: str, **values: Any) -> str:
 
 
 # A blank after a number or its exponent, before a unit; within one; before the number of an index.
-TOGETHER = re.compile(
+UNPARTED = re.compile(
     r"(?:(?<=[\d$])|^) (?=(?:J|N|kg|m|s|rad|C|T|V)(?![\w'\u2019]))|(?<=\b[JN]) (?=s\b)"
     r"|(?<=\bkg) (?=m\b)| (?=&times;)|(?<=&times;) |(?<=\bindex) (?=\d)|(?<=\bIndex) (?=\d)"
     r"|(?<=\bindice) (?=\d)"
@@ -47,7 +47,7 @@ def together(text: str) -> str:
     >>> ascii(together("9.81 J s at index 2"))
     "'9.81\\xa0J\\xa0s at index\\xa02'"
     """
-    return TOGETHER.sub("\N{NO-BREAK SPACE}", text)
+    return UNPARTED.sub("\N{NO-BREAK SPACE}", text)
 
 
 def current() -> str:
