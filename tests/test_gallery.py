@@ -20,6 +20,7 @@ from actionopt.gallery import build, builder
 from actionopt.gallery.course.lessons import LESSONS
 from actionopt.gallery.facts import known, named
 from actionopt.gallery.figures import fronts_caption
+from actionopt.gallery.film import film, relaxing
 from actionopt.gallery.index_page import SECTIONS, section
 from actionopt.gallery.page import Page, prose
 from actionopt.gallery.subject import Subject
@@ -111,6 +112,39 @@ def test_pages_are_whole(gallery):
     assert shown >= {picture.resolve() for picture in gallery.rglob("*.svg")}
 
 
+def test_no_line_ends_between_a_number_and_its_unit(gallery):
+    rest = re.compile(r"<(script|style|pre|code)\b.*?</\1>|<[^>]*>", re.DOTALL)
+    for file in pages(gallery):
+        words = rest.sub("", file.read_text(encoding="utf-8"))
+        assert not re.search(r"\d (?:J|N|kg|m|s|rad)\b|[JN] s\b|index \d", words), file
+
+
+def test_the_names_of_coordinates_stand_in_the_picture_and_apart():
+    for name in ("chain", "figure_eight"):
+        scene = scenes.get(name)
+        html = film(Subject(scene, solve(scene.problem, guess=scene.guess)))
+        x, y, wide, high = map(float, re.search('viewBox="([^"]*)"', html)[1].split())
+        names = re.findall('class="name" x="([^"]*)" y="([^"]*)" font-size="([^"]*)"', html)
+        at, size = np.array(names, dtype=float)[:, :2], float(names[0][2])
+        assert len(at) == min(8, scene.problem.system.n)
+        assert np.all(at - size / 2 >= [x, y]) and np.all(at + size / 2 <= [x + wide, y + high])
+        bodies = re.findall('class="body[^>]*cx="([^"]*)" cy="([^"]*)" r="([^"]*)"', html)
+        for other in np.array(bodies, dtype=float):
+            assert np.min(np.hypot(*(at - other[:2]).T)) > other[2] + 0.3 * size
+        apart = np.hypot(*(at[:, None] - at).transpose(2, 0, 1)) + 9 * np.eye(len(at))
+        assert np.min(apart) > 0.9 * size
+
+
+@pytest.mark.parametrize(
+    ("name", "own", "end"),
+    [("kink", {}, "not yet reached"), ("oscillator", {"duration": 4.4}, "runs away")],
+)
+def test_a_path_that_comes_down_is_not_said_to_run_away(name, own, end):
+    scene = scenes.get(name, **own)
+    caption = relaxing(Subject(scene, solve(scene.problem, guess=scene.guess)))
+    assert end in re.search("<figcaption>(.*)</figcaption>", caption)[1]
+
+
 def test_nothing_comes_from_elsewhere(gallery):
     for name, content in files(gallery).items():
         if name.endswith((".woff", ".txt")):  # a font, and its licence
@@ -137,7 +171,7 @@ def test_the_numbers_on_a_page_are_those_of_the_scene(gallery):
     page = Checked()
     page.feed((gallery / "rod_pendulum" / "index.html").read_text(encoding="utf-8"))
     scene = scenes.get("rod_pendulum")
-    assert page.words.count(f"{scene.action:.10g} J s") == 2  # known, and found
+    assert page.words.count(f"{scene.action:.10g}\xa0J\xa0s") == 2  # known, and found
     assert f"action {str(scene.action)[:11]}" in page.words  # printed by the program
 
 

@@ -71,6 +71,26 @@ def test_a_geodesic_that_rises_far_above_the_line_between_its_ends():
     assert solution.morse_index == 0
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("principle", ["auto", "least"])
+def test_a_geodesic_that_is_followed_from_a_nearer_end(principle):
+    plane = ao.System.geodesic(lambda q, v: np.sqrt(v @ v) / q[1], ["x", "y"])
+    ends = ao.Event(0, [0.0, 0.01]), ao.Event(1, [3000.0, 0.5])
+    solution = ao.solve(ao.Problem(plane, *ends), principle=principle, seconds=60)
+    assert solution.length == pytest.approx(np.arccosh(1 + (3000**2 + 0.49**2) / 0.01), abs=1e-9)
+    assert solution.morse_index == 0
+
+
+def test_a_geodesic_that_is_not_least_where_no_least_one_is():
+    """Past half way round the least curves of these coordinates lead through a pole."""
+    ball = ao.System.geodesic(sphere, ["theta", "phi"])
+    problem = ao.Problem(ball, ao.Event(0, [1.57, 0.0]), ao.Event(1, [1.5, 4.0]))
+    found = ao.solve(problem, principle="least", throw=False)
+    beeline = np.cos(1.57) * np.cos(1.5) + np.sin(1.57) * np.sin(1.5) * np.cos(4.0)
+    assert found.status.name == "NOT_LEAST" and found.morse_index == 1
+    assert abs(found.length - (2 * np.pi - np.arccos(beeline))) < 1e-8
+
+
 def test_no_film_spans_rings_so_far_apart_and_the_sentence_says_from_where_on():
     """Two rings of radius 1: none beyond the distance 1.325486838698... (OEIS A033259)."""
     film = ao.System(lambda q, v, t: 2 * np.pi * q[0] * np.sqrt(1 + v[0] ** 2), ["y"])

@@ -9,6 +9,7 @@ from motions import ellipse
 from scipy.optimize import brentq
 
 import actionopt as ao
+import actionopt.analysis.second_variation as second_variation_module
 from actionopt import scenes
 from actionopt.analysis.index import inertia
 from actionopt.analysis.jacobi import finer, resolved
@@ -328,6 +329,28 @@ def test_nodes_conjugate_to_the_start_are_no_bad_pivots():
     s, c = np.sin(W * T), np.cos(W * T)
     exact = MASS * W / s * np.array([[c, -1], [-1, c]])
     assert found.hessian / np.outer(form.units, form.units) == pytest.approx(exact, rel=1e-8)
+
+
+def test_pivots_of_very_different_sizes(monkeypatch):
+    """By Sylvester's law the units of the nodes change no index; nor do they make fronts grow."""
+    solution = oscillation(8.3)
+    form = resolved(solution.discrete, solution.error, 1e-12)
+    sizes, eliminate = [], second_variation_module._eliminate
+
+    def noted(M, *rest, **options):
+        sizes.append(len(M))
+        return eliminate(M, *rest, **options)
+
+    monkeypatch.setattr(second_variation_module, "_eliminate", noted)
+    index = condense(form).negative
+    front, elements = max(sizes), []
+    for E in form.elements:
+        unit = np.ones(len(E))
+        unit[1:-1:2] = 1e-6
+        elements.append(E * unit * unit[:, None])
+    sizes.clear()
+    assert condense(form, elements).negative == index == 8
+    assert max(sizes) < 2 * front
 
 
 # -- published values ----------------------------------------------------------------------------

@@ -539,3 +539,37 @@ def test_the_index_of_a_family_of_closed_paths():
     (mark,) = found.marks
     assert (mark.kind, mark.before, mark.after) == ("index", 0, 1)
     assert mark.value == pytest.approx(0.0, abs=1e-7)
+
+
+def test_a_closed_path_that_shrinks_to_a_rest_is_given_up_at_once():
+    # all periods are below 2 pi / sqrt(0.6) = 8.1; the guess has a longer one, and hardly moves
+    spring = ao.System(lambda q, v, t: v[0] ** 2 / 2 - 0.3 * q[0] ** 2 - 0.325 * q[0] ** 4, ["x"])
+    problem = ao.Problem(spring, ao.Event(0.0, [0.0]), Periodic(12.3))
+    found = ao.solve(problem, guess=lambda t: [0.24 * np.sin(2 * np.pi * t / 12.3)], throw=False)
+    assert found.status is ao.Status.NOT_FOUND
+    assert all(part["unknowns"] < 1000 for part in found.stats["rounds"])  # 300 000 otherwise
+
+
+def test_a_rougher_neighbour_is_not_resolved_to_its_errors():
+    spring = ao.System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2 - q[0] ** 4 / 4, ["x"])
+    rough = ao.solve(ao.Problem(spring, ao.Event(0.0, [0.0]), Periodic(None), energy=5.0), tol=1e-3)
+    near = ao.Problem(spring, ao.Event(0.0, [None]), Periodic(1.02 * rough.duration))
+    fine = ao.solve(near, guess=rough, tol=1e-12)
+    assert fine.mesh.elements < 50  # 278 of some 1e-9 otherwise
+    assert fine.morse_index == 2
+
+
+def test_what_moves_a_closed_path_is_no_direction_down_on_very_short_elements():
+    spring = ao.System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2 - q[0] ** 4 / 4, ["x"])
+    orbit = ao.solve(
+        ao.Problem(spring, ao.Event(0.0, [None]), Periodic(None), energy=0.3), tol=1e-11
+    )
+    T = orbit.duration
+    b = np.sort(np.concatenate([np.linspace(0, T, 9), 3 * T / 8 + 1e-8 * np.arange(1, 5)]))
+    again = ao.solve(
+        ao.Problem(spring, orbit.problem.start, Periodic(T)),
+        guess=orbit,
+        mesh=ao.Mesh(b, [16] * 12),
+    )
+    assert again.morse_index == orbit.morse_index == 2  # 3 by round-off otherwise
+    assert again.inertia.moves == 1

@@ -30,6 +30,7 @@ FIGURES = {
     "spectrum": plot.spectrum,
     "family": lambda solution, units: plot.family([solution], units=units),
     "mesh": plot.mesh,
+    "phasors": lambda solution, units: plot.phasors(solution, 0.05, units=units),
 }
 LARGEST = 400_000  # bytes of a figure as SVG
 UNFORCED = ("bundle", "slices", "landscape", "fan", "wavefronts", "spectrum")
@@ -94,7 +95,7 @@ def test_every_figure_is_labelled_and_nothing_is_clipped(figure, name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["oscillator_saddle", "kepler"])
+@pytest.mark.parametrize("name", ["oscillator_saddle", "kepler", "heavy_top"])
 def test_a_narrow_landscape_keeps_its_labels_inside_and_off_its_colour_bar(name):
     drawn = []
 
@@ -111,6 +112,10 @@ def test_a_narrow_landscape_keeps_its_labels_inside_and_off_its_colour_bar(name)
     assert title.x0 >= 0 and title.x1 <= ax.figure.bbox.width
     place = ax.get_window_extent(renderer)
     assert (bar.y0, bar.y1) == pytest.approx((place.y0, place.y1), abs=1)
+    ticks = [x for x in ax.child_axes[0].get_yticklabels() if x.get_visible()]
+    boxes = [x.get_window_extent(renderer) for x in ticks]
+    assert len(boxes) >= 2 and all(a.y1 <= b.y0 for a, b in pairwise(boxes))
+    assert 0.0 in [x.get_position()[1] for x in ticks]
 
 
 @pytest.mark.parametrize(

@@ -218,8 +218,9 @@ def test_frames_show_the_path_and_where_it_stands(monkeypatch):
     monkeypatch.setattr(figures, "write", keep)
     plot.relaxation_film(solved("saddle"), "film.gif")
     data = relaxed("saddle")
-    assert seen["count"] == len(data.action)
-    seen["update"](7)
+    steps = len(data.action) - 1
+    assert seen["count"] > steps + 1  # it runs away, and is slowed down
+    seen["update"](7 * (seen["count"] - 1) / steps)
     paths, action, parts, residual = seen["figure"].axes
     (now,) = [line for line in paths.lines if line.get_label() == "now"]
     assert np.array_equal(now.get_ydata(), data.paths[7, 0])

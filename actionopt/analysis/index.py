@@ -98,6 +98,8 @@ def inertia(
         return inertia_of(form, tolerance, moves)
     error = np.fmin(error, 1.0)  # unknown ones are not finite
     found = inertia_of(form, float(np.clip(ERROR_GAIN * error, INDEX_TOLERANCE, LOOSEST)), moves)
+    while found.nullity < moves and found.tolerance < LOOSEST:  # round-off of very short elements
+        found = inertia_of(form, 10 * found.tolerance, moves)
     if found.nullity > moves and found.tolerance > INDEX_TOLERANCE:
         with suppress(ValueError):  # a path that is none may be resolved on no mesh
             form = polished(at, POLISHED, found.nullity)

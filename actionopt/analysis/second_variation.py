@@ -24,6 +24,7 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from actionopt.discrete.discrete_path import DiscretePath, dependent
 from actionopt.discrete.foot import reactions, surface_at
@@ -36,6 +37,7 @@ from actionopt.tools.types import Array, NDInt
 
 # Ad hoc, between round-off and what a path is known to.
 DELAYED_PIVOT = 1e-9  # pivots below this fraction of their block's largest wait for the next block
+BALANCED = 5  # rounds, each takes units to their roots
 BLURRED = 10.0  # times the path's error: smaller singular values of G say nothing
 ASSUMED_ERROR = 1e-3  # of a path whose own is not known
 RANK = 1e-10  # singular values below this fraction of the largest are zero
@@ -388,20 +390,42 @@ def _joined(M: Array, to: NDInt, gone: NDInt) -> Array:
 def _eliminate(M: Array, first: int, stop: int, force: bool) -> tuple[Array, int]:
     """Eliminate the variables first to stop of M (k, k); return the rest, and how many lower it.
 
-    A block that is close to singular waits for its neighbours, as a pivot of two rows waits in
-    the factorization of Bunch and Kaufman: a node conjugate to the start has such a block.
+    Directions in which their block hardly bends wait for its neighbours, as a pivot of two rows
+    waits in the factorization of Bunch and Kaufman: a node conjugate to the start has such a block.
+    Others do not, nor those that are only of other units: the rest would grow with every element.
     """
     if stop <= first:
         return M, 0
-    values, vectors = np.linalg.eigh(M[first:stop, first:stop])
-    size = np.abs(values)
-    if not force and size.min() < DELAYED_PIVOT * size.max():
-        return M, 0
-    outer = np.r_[:first, stop : len(M)]
+    block, outer = M[first:stop, first:stop], np.r_[:first, stop : len(M)]
+    values, vectors = np.linalg.eigh(block)
+    late = _small(values)
+    if late.any():
+        units = np.ones(len(block))
+        for _ in range(BALANCED):
+            largest = np.abs(block * units * units[:, None]).max(axis=1)
+            units /= np.sqrt(np.where(largest > 0, largest, 1.0))
+        values, vectors = np.linalg.eigh(block * units * units[:, None])
+        vectors, late = units[:, None] * vectors, _small(values) & (not force)
     X = vectors.T @ M[first:stop, outer]
     with np.errstate(all="ignore"):
-        rest = M[np.ix_(outer, outer)] - X.T @ (X / values[:, None])
-    return (rest + rest.T) / 2, int(np.sum(values < 0))
+        rest = M[np.ix_(outer, outer)] - X[~late].T @ (X[~late] / values[~late, None])
+    rest, negative = (rest + rest.T) / 2, int(np.sum(values[~late] < 0))
+    if not late.any():
+        return rest, negative
+    size = int(late.sum())
+    grown = np.zeros((len(rest) + size,) * 2)
+    own = np.arange(first, first + size)
+    others = np.setdiff1d(np.arange(len(grown)), own)
+    grown[np.ix_(others, others)], grown[own, own] = rest, values[late]
+    grown[np.ix_(own, others)] = X[late]
+    grown[np.ix_(others, own)] = X[late].T
+    return grown, negative
+
+
+def _small(values: Array) -> NDArray[np.bool_]:
+    """Return which of the eigenvalues of a block wait."""
+    size = np.abs(values)
+    return size < DELAYED_PIVOT * size.max()
 
 
 def _kinetic(g, c: Array, half: Array) -> Array:

@@ -47,7 +47,8 @@ FULL = 300  # unknowns up to which a full matrix costs less than a sparse one; a
 # Of the coordinates' sizes: directions in which a path moves less than this against its others
 # are none of their own, as time along a path at rest, or a turn of one that turns anyway. Ad hoc.
 DISTINCT = 1e-4
-SWIFT = 0.1  # of its largest rate, at which a coordinate says where a path begins; ad hoc
+# Of its largest rate, at which a coordinate says where a path begins, or which of a family it is.
+SWIFT, SLOW = 0.1, 1e-3  # ad hoc
 
 
 class Move(NamedTuple):
@@ -186,12 +187,16 @@ class Bordered:
         lam: Array | None,
         lengths: Array,
         moves: Sequence[Move] = (),
+        along: Sequence[Array] = (),
     ) -> tuple[Bordered, Array]:
-        """Return the equations on the mesh of a path, with a phase near it, and their unknowns."""
+        """Return the equations on the mesh of a path, with a phase near it, and their unknowns.
+
+        `along`, (n, K) each, are directions in which it may be moved that `moves` do not tell.
+        """
         problem = over(asked.loose, path.mesh.duration)
         tr = Transcription(problem, path.mesh, lengths)
         z = tr.pack(path.values.T, lam)
-        borders, at = _borders(asked, tr, z, moves), DiscretePath(tr, z)
+        borders, at = _borders(asked, tr, z, moves, along), DiscretePath(tr, z)
         found = cls(asked, tr, borders, feet(at) if asked.on_surface else ())
         mu = [foot.units * reactions(at, foot.end)[0] / tr.action_unit for foot in found.feet]
         speeds = np.abs(path.velocity(path.mesh.nodes)).max(axis=1)
@@ -359,7 +364,9 @@ class Bordered:
         return found
 
 
-def _borders(asked: Problem, tr: Transcription, z: Array, moves: Sequence[Move]) -> Borders:
+def _borders(
+    asked: Problem, tr: Transcription, z: Array, moves: Sequence[Move], along: Sequence[Array]
+) -> Borders:
     """Return the directions in which a closed path may be moved, and the conditions for where."""
     layout, size = tr.layout, tr.layout.size
     if not asked.closes:
@@ -367,6 +374,7 @@ def _borders(asked: Problem, tr: Transcription, z: Array, moves: Sequence[Move])
     at, n = DiscretePath(tr, z), asked.system.n
     fields = [tr.mesh.duration * at.path.velocity(tr.mesh.nodes).T]
     fields += [at.Q @ move.A.T + move.b for move in moves]
+    fields += [direction.T for direction in along]
     weight = np.bincount(layout.node_of, tr.weight[:, 0], layout.node_count) / tr.mesh.duration
     weight[0] += weight[-1]
     root = np.sqrt(weight[layout.free // n])
@@ -385,7 +393,8 @@ def _borders(asked: Problem, tr: Transcription, z: Array, moves: Sequence[Move])
     size = np.zeros(n)
     np.maximum.at(size, layout.free % n, np.linalg.norm(directions, axis=1))
     size = size[list(asked.start.pinned), None]
-    held = _independent(directions[pinned] / np.where(size > 0, size, 1.0)) if k else []
+    swift = SLOW if along else SWIFT  # what is one of a family can be made to begin there
+    held = _independent(directions[pinned] / np.where(size > 0, size, 1.0), swift) if k else []
     for row, j in enumerate(held):
         i = asked.start.pinned[j]
         C[row, pinned[j]] = 1.0
@@ -399,7 +408,7 @@ def _borders(asked: Problem, tr: Transcription, z: Array, moves: Sequence[Move])
     return Borders(B, C, c, tuple(asked.start.pinned[j] for j in held))
 
 
-def _independent(rows: Array) -> list[int]:
+def _independent(rows: Array, swift: float) -> list[int]:
     """Return which of the rows are independent, the largest first (Gram and Schmidt's way).
 
     A coordinate that hardly moves at the start, beside elsewhere, does not say where that is.
@@ -408,7 +417,7 @@ def _independent(rows: Array) -> list[int]:
     for _ in range(min(rows.shape)):
         norms = np.linalg.norm(left, axis=1)
         j = int(np.argmax(norms))
-        if not norms[j] > SWIFT:
+        if not norms[j] > swift:
             break
         chosen.append(j)
         unit = left[j] / norms[j]

@@ -16,7 +16,7 @@ from actionopt.plot.data.relaxation import relaxation_data
 from actionopt.plot.data.variations import over_modes, telling
 from actionopt.plot.live.film import frames, player
 from actionopt.tools.types import Array
-from actionopt.tools.words import say
+from actionopt.tools.words import say, together
 
 FRAMES = 121
 WIDE = 1.5  # of the height, for one coordinate against time
@@ -25,7 +25,8 @@ APART = 0.3  # between films on one clock
 START = (0.12, 1.2)  # of the modes: where a path on a map begins
 MAPPED = 1.5  # of the modes, to either side on their maps
 LEVELS = 8  # lines of a map, on either side of the motion's
-ARROW = 0.16  # of the picture's size: one that shows which way a coordinate grows
+ARROW, SHORT = 0.16, 0.1  # of the picture's size: one that shows which way a coordinate grows;
+# of many coordinates
 STEP = 1e-5  # of a coordinate's size, to see which way that is
 CURVES = 4  # coordinates in a graph
 SHARE = 1e-3  # of the picture's size: a coordinate that moves nothing by more has no arrow
@@ -41,7 +42,7 @@ def film(subject: Subject) -> str:
     what = say("Film: {title}, {motion}.", title=say(s.scene.title), motion=s.motion)
     words = [
         f"{s.motion[0].upper()}{s.motion[1:]}.",
-        say("At the start, an arrow shows which way each coordinate grows."),
+        say("At the start, arrows show which way coordinates grow."),
     ]
     if s.arrows:
         what += " " + say("Arrows are forces of constraint.")
@@ -58,6 +59,7 @@ def growing(s: Subject, motion: Motion) -> list[dict[str, Any]]:
     """
     q, t, names = s.solution.start.q, motion.t[0], s.solution.problem.system.coordinates
     size, found = motion.size, []
+    reach = (ARROW if len(names) <= CURVES else SHORT) * size
     for k, name in enumerate(names[: 2 * CURVES]):
         h = STEP * max(1.0, abs(float(q[k])))
         step = h * np.eye(len(names))[k]
@@ -72,7 +74,7 @@ def growing(s: Subject, motion: Motion) -> list[dict[str, Any]]:
             way, place = max(rows, key=lambda row: float(np.linalg.norm(row[0])))
             long = float(np.linalg.norm(way))
             if long > SHARE * size:
-                tip = place + ARROW * size / long * way
+                tip = place + reach / long * way
                 found.append({"name": letter(name), "from": _row(place), "to": _row(tip)})
                 break
     return found
@@ -148,7 +150,7 @@ def relaxing(subject: Subject) -> str:
         *({"kind": "event", "still": True, "points": [[rows[0][k]]]} for k in (0, -1)),
     ]
     data = {
-        "labels": [f"S = {S:.4f} J s" for S in found.action],
+        "labels": [together(f"S = {S:.4f} J s") for S in found.action],
         "box": [*(points[0].min(), points[0].max()), *(points[1].min(), points[1].max())],
         "shapes": shapes,
         "trails": [],
@@ -156,7 +158,7 @@ def relaxing(subject: Subject) -> str:
     values = {
         "title": say(subject.scene.title),
         "first": rounded(found.action[0]),
-        "last": rounded(found.action[-1]),
+        "last": rounded(found.action[-1], 5),
         "steps": len(found.action) - 1,
         "action": number(found.target_action, 5),
     }
@@ -168,6 +170,10 @@ def relaxing(subject: Subject) -> str:
         "Film: a wild path between the events of {title} goes downhill in action, from {first} J s "
         "to {last} J s in {steps} steps, and runs away from the motion, dashed."
     )
+    short = (
+        "Film: a wild path between the events of {title} goes downhill in action, from {first} J s "
+        "to {last} J s in {steps} steps, and has not reached the motion, dashed."
+    )
     there = (
         "A wild path goes downhill in action, in {steps} steps from {first} to {last} J s, and "
         "reaches the motion (dashed), whose action is {action} J s."
@@ -176,8 +182,15 @@ def relaxing(subject: Subject) -> str:
         "A wild path goes downhill in action, in {steps} steps from {first} to {last} J s, and "
         "runs away from the motion (dashed), whose action is {action} J s."
     )
-    what = say(reaches if found.arrived else leaves, **values)
-    return player(data, what, say(there if found.arrived else away, **values))
+    not_yet = (
+        "A wild path goes downhill in action, in {steps} steps from {first} to {last} J s, and "
+        "has not yet reached the motion (dashed), whose action is {action} J s."
+    )
+    below = found.action[-1] < found.target_action
+    film, words = (
+        (reaches, there) if found.arrived else (leaves, away) if below else (short, not_yet)
+    )
+    return player(data, say(film, **values), say(words, **values))
 
 
 def beside(*subjects: Subject) -> str:
@@ -215,7 +228,8 @@ def beside(*subjects: Subject) -> str:
             {"kind": "dot", "still": False, "points": [[dots[i].tolist()] for i in places]},
         ]
         trails.append(dots[places].tolist())
-        labels.append([f"{say(s.solution.kind)}: S = {f.action[i]:.3f} J s" for i in places])
+        said = (f"{say(s.solution.kind)}: S = {f.action[i]:.3f} J s" for i in places)
+        labels.append([*map(together, said)])
     wide = len(subjects) * (WIDE + APART) - APART
     data = {
         "labels": [" \u00b7 ".join(words) for words in zip(*labels, strict=True)],

@@ -43,10 +43,7 @@ class Held(Problem):
             object.__setattr__(self, name, getattr(free, name))
         system = free.system.held
         if sought:
-            sizes = np.round(np.log2(free.lengths)).astype(int)
-            if np.ptp(sizes) <= ALIKE:
-                sizes[:] = sizes.max()
-            system = free.system.sought(tuple(sizes.tolist()))
+            system = free.system.sought(tuple(measures(free.lengths).tolist()))
         known = {"system": system, "free": free, "arcs": arcs, "sought": sought}
         for name, value in known.items():
             object.__setattr__(self, name, value)
@@ -123,6 +120,12 @@ class Held(Problem):
                     (arc.begin <= t) & (t <= arc.end) & (not arc.point)
                 )
         return found
+
+
+def measures(lengths: Array) -> NDInt:
+    """Return powers of two (n,) near lengths (n,) of coordinates: one of all, if they are alike."""
+    sizes = np.round(np.log2(lengths)).astype(int)
+    return np.full(sizes.shape, sizes.max()) if np.ptp(sizes) <= ALIKE else sizes
 
 
 def arcs_of(on: NDArray[np.bool_], boundaries: Array, offsets: NDInt) -> tuple[Arc, ...]:

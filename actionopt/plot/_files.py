@@ -23,6 +23,7 @@ from actionopt.plot._paths import overview, paths
 from actionopt.plot._runs import runs
 from actionopt.plot._style import IF_ROOM, styled
 from actionopt.tools.files import ready, whole
+from actionopt.tools.words import together
 
 LINES = re.compile(r' d="[^"]*"')
 TOGETHER = re.compile(r"\$[^$]*\$|\s\([^()]{1,8}\)")  # mathematics; a unit after its quantity
@@ -79,7 +80,8 @@ def _printed(figure: Figure) -> str:
         room -= np.maximum(over, 0.0) * (-1, -1, 1, 1)
     figure.patch.set_alpha(0)
     for ax in figure.axes:
-        _sparse(ax)
+        for one in (ax, *ax.child_axes):
+            _sparse(one)
         ax.patch.set_alpha(0)
     figure.set_layout_engine("none")
     mixed: Any = MixedModeRenderer(
@@ -130,23 +132,29 @@ def _sparse(ax: Any) -> None:
     lines = [line.get_window_extent().x0 for line in upright]
     _parted((words for words in ax.texts if words.get_label() == IF_ROOM), lines)
     _parted(ax.get_xticklabels(), ())
+    # Of a column zero is the last to go.
+    column = sorted(ax.get_yticklabels(), key=lambda words: abs(words.get_position()[1]))
+    _parted(column, (), up=True)
 
 
-def _parted(row: Iterable[Any], lines: Sequence[float]) -> None:
-    """Hide words of a row that touch one before, or a line."""
-    last = -np.inf
+def _parted(row: Iterable[Any], lines: Sequence[float], *, up: bool = False) -> None:
+    """Hide words of a row, or of a column, that touch those before, or a line."""
+    taken: list[tuple[float, float]] = []
     for words in row:
         words.set_visible(True)  # what is not seen has no extent
         box = words.get_window_extent()
-        free = box.x0 > last and not any(box.x0 < x < box.x1 for x in lines)
+        low, high = (box.y0, box.y1) if up else (box.x0, box.x1)
+        touched = any(a <= high and low <= b for a, b in taken)
+        free = not touched and not any(low < x < high for x in lines)
         words.set_visible(free)
-        last = box.x1 if free else last
+        if free:
+            taken.append((low, high))
 
 
 def _wrap(words: Any, width: float) -> None:
     letters = int(width / (LETTER * words.get_fontsize()))
-    whole = TOGETHER.sub(lambda m: m[0].replace(" ", "\0"), words.get_text())
-    words.set_text(fill(whole, letters, break_long_words=False).replace("\0", " "))
+    whole = TOGETHER.sub(lambda m: m[0].replace(" ", "\xa0"), together(words.get_text()))
+    words.set_text(fill(whole, letters, break_long_words=False).replace("\xa0", " "))
 
 
 @styled

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
@@ -42,7 +41,7 @@ def phasors(
         figure = style.new_figure(figsize=style.scaled(*SIZE))
         axes = list(figure.subplots(1, 3, width_ratios=(1.25, 1, 1)))
     near, along, spiral = axes
-    circle = colormaps["twilight_shifted"]
+    circle = style.circle()
     for q, phase in zip(data.varied, data.phase, strict=True):
         style.draw(near, names, data.t, q, at, color=circle(phase / (2 * np.pi) % 1), linewidth=1.4)
     style.draw(near, names, data.t, data.q, at, say("stationary path"), **style.true())

@@ -23,7 +23,14 @@ from matplotlib import (
 )
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import FuncNorm, LinearSegmentedColormap, ListedColormap, Normalize, to_rgb
+from matplotlib.colors import (
+    FuncNorm,
+    LinearSegmentedColormap,
+    ListedColormap,
+    Normalize,
+    hsv_to_rgb,
+    to_rgb,
+)
 from matplotlib.lines import Line2D
 from matplotlib.rcsetup import cycler
 from matplotlib.ticker import MaxNLocator
@@ -84,8 +91,11 @@ AREAS = LinearSegmentedColormap.from_list(  # the same for areas, which are seen
 )
 UNSIGNED, UNSIGNED_DARK = (
     ListedColormap(colormaps["cividis"](np.linspace(*part, 256)), "unsigned")
-    for part in ((0.0, 0.6), (0.35, 1.0))
+    for part in ((0.0, 0.6), (0.4, 1.0))
 )
+# Of what turns round: luminances from 0.11 to 0.27 have a contrast of 3.2 on white and on black.
+MIDDLE, SWING = 0.19, 0.08
+WEIGHTS = np.array([0.2126, 0.7152, 0.0722])  # of red, green and blue in luminance
 PATH: Any = {"linewidth": 4.5}  # broad: the forward integration lies within it
 POTENTIAL: Any = {"color": VERMILION, "linewidth": 2.2, "linestyle": (0, (6, 2))}
 SHORT = 0.06  # of a bar of colours
@@ -111,6 +121,17 @@ def paper() -> str:
 def unsigned() -> ListedColormap:
     """Return the colours of what has no sign."""
     return UNSIGNED_DARK if dark() else UNSIGNED
+
+
+def circle() -> ListedColormap:
+    """Return the colours of a phase, each hue as light as is seen; what has none stands out."""
+    turn = np.arange(256) / 256
+    hues = np.square(hsv_to_rgb(np.stack([turn, np.ones(256), np.ones(256)], axis=1)))
+    aim = (MIDDLE + (SWING if dark() else -SWING) * np.cos(2 * np.pi * turn))[:, None]
+    own = (hues @ WEIGHTS)[:, None]
+    linear = np.where(own > aim, hues * aim / own, hues + (1 - hues) * (aim - own) / (1 - own))
+    light = 1.055 * linear ** (1 / 2.4) - 0.055
+    return ListedColormap(np.clip(np.where(linear > 0.0031308, light, 12.92 * linear), 0, 1))
 
 
 def scaled(*sizes: float) -> list[float]:

@@ -76,7 +76,8 @@ class FirstPaths:
                 # A neighbour's mesh will do; it would grow where each begins a closed path anew.
                 if not self.problem.closes:
                     yield stretched(self.problem, guess.path), None, "guess"
-                first = min(self.tol / (2 * SAFETY * UNKNOWN_GAIN), first)
+                known = max(self.tol, guess.error)  # finer, its elements would resolve its errors
+                first = min(known / (2 * SAFETY * UNKNOWN_GAIN), first)
             for represented in (first, last):
                 yield guessed(self.problem, guess, represented), None, "guess"
             return

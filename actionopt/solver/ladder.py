@@ -405,7 +405,7 @@ class Search:
             mesh = self._uniform(elements, self._fine_degree() if rung.steep else COARSE_DEGREE)
             ws.transcribe(mesh, known or (self._curved(mesh) if self.curved else self._step(mesh)))
             if not rung.seek(ws):
-                if rung.minimises and ws.unbounded:
+                if rung.minimises and ws.unbounded and ws.problem.system.F is None:  # F^2 is not
                     return Status.UNBOUNDED
                 if not rung.persistent:
                     return Status.NOT_FOUND

@@ -1,10 +1,9 @@
-"""Paths of least action along an obstacle, f(q, t) >= 0: where they touch it, and the path between.
+"""Paths of least action along an obstacle, f(q, t) >= 0: the path, and the times of contact.
 
-On a coarse mesh Ipopt minimises S with f >= 0 at the nodes, in a form that tells the distance
-(`System.sought`); its multipliers tell which parts of the path are in contact. There f = 0 is a
-constraint like any other, elements end where contact begins and ends, and the path is followed from
-mesh to mesh as other paths are. The times of contact are unknowns of an outer Newton's method: a
-path of least action meets the obstacle tangentially,
+Where a path touches the obstacle (`touching`) f = 0 is a constraint like any other, elements end
+where contact begins and ends, and the path is followed from mesh to mesh as other paths are. The
+times of contact are unknowns of an outer Newton's method: a path of least action meets the obstacle
+tangentially,
 
     df/dt = f_q . v + f_t = 0    where contact begins and ends, on the free side of it,
 
@@ -21,14 +20,12 @@ S. J. Wright, *Numerical Optimization* (2nd ed. 2006), section 12.3.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from copy import copy
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from time import perf_counter
 
 import numpy as np
-from numpy.typing import NDArray
 
 from actionopt.analysis.second_variation import RANK
 from actionopt.analysis.status import Status
@@ -36,30 +33,34 @@ from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import Factors
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
-from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.held import Held
-from actionopt.mechanics.obstacle import EVENT_TOLERANCE, Arc
+from actionopt.mechanics.obstacle import Arc
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.tracing import is_smooth
 from actionopt.solver.contact_times import slips, stretched, without
-from actionopt.solver.ipopt import Principle, find
 from actionopt.solver.iterate import Iterate
-from actionopt.solver.preflight import check
 from actionopt.solver.refine import refine
+from actionopt.solver.touching import (
+    NO_ROOM,
+    lines,
+    looked_at,
+    narrow,
+    other_sides,
+    rows_along,
+    runs,
+    touch,
+    touched,
+    unseen,
+)
 from actionopt.solver.workspace import Workspace
-from actionopt.tools.lobatto import lgl
 from actionopt.tools.types import EPS, Array
 from actionopt.tools.watch import OutOfTime
 
 # Ad hoc, all of them, where nothing else is said.
 SOUGHT, SOUGHT_DEGREE = 16, 4  # elements on which contact is sought first, and their degree
 TRIES, MOST = 7, 200  # meshes on which it is sought, and elements of one
-HEIGHTS = (0.4, 0.8, 1.6, 3.2)  # in the motion's sizes, of the lines to either side of the straight
 FLAT = 1e-3  # in units of the rows' typical gradients: a row has none
-WEAK = 1e-3  # impulse in its own unit: a weaker one may be the barrier's
 BARRIER = 1e-6  # in units of the motion: Ipopt's tolerance
-WINDOW = 8  # elements where a path passes through what no node sees, such as a peg
-UNSEEN = 1e-9  # in units of the rows: what f is below zero there
 HELD_ELEMENTS, HELD_DEGREE = 8, 6  # with which a path is followed first, once contact is known
 JOINS = 25  # steps to the times of contact
 TANGENTIAL = 1e-15  # of a typical rate of f: a rate that is zero
@@ -73,11 +74,8 @@ SHRINK = 0.2  # of its length, what one step leaves of a part at least
 VANISHING = 1e-10, 1e-5
 SETTLED_TIME = 1e-13  # of the duration: a step of the times of contact that is the last
 STALLED_TIME = 1e-6  # of the duration: steps that stop contracting below this are round-off
-CLOSE, CLOSER = 10, 8  # points of each interval in which f is least, and how often it shrinks
-BETWEEN = 8  # degree of the points in an element where contact is looked at between nodes
 INSIDE = 10.0  # times the error of the path: what f may be below zero
 PULLING = 1e-6  # of the largest contact force: what it may be below zero
-NO_ROOM = "no path outside of the obstacle was found: its rows may contradict each other somewhere"
 KINKED = "the obstacle has a kink in the coordinates: round it, its force there has no direction"
 NO_SLOPE = "the obstacle has no slope where it is met: give a function that has, such as a distance"
 DEPENDENT = "rows in contact have gradients that depend on each other: give each surface once"
@@ -126,93 +124,11 @@ class Along(Workspace):
         """What was asked."""
         return self.held.free
 
-    # -- a first path, and where it is in contact ------------------------------------------------
+    # -- the path and its times of contact -------------------------------------------------------
 
-    def touch(self, mesh: Mesh, path: Path | None, principle: Principle) -> bool:
-        """Ask Ipopt for a least path with f >= 0 at the nodes; False if it finds none."""
-        free, started = self.question, perf_counter()
-        self.problem = Held(free, sought=True)
-        mesh = self._bounded(mesh)
-        if not self.checked:
-            plain = Transcription(free, mesh, free.lengths)
-            check(plain, plain.straight() if path is None else path.on(mesh).values.T)
-            self.checked = True
-        lam = np.zeros((mesh.nodes.size, self.problem.system.m))
-        self.transcribe(mesh, path, lam)
-        tr = self.here.tr
-        with self.record.clock("solve"):
-            outside = tr.layout.row_constraint >= free.system.m
-            attempt = find(tr, self.here.z, principle, outside)
-        self.record.iterations["ipopt"] += attempt.iterations
-        self.unbounded = attempt.status == "Diverging_Iterates"
-        self.hint = NO_ROOM if attempt.status == "Infeasible_Problem_Detected" else ""
-        if attempt.converged:
-            self.here = self.here.moved(attempt.z)
-            self.record.round(tr, perf_counter() - started)
-        return attempt.converged
-
-    def pressed(self) -> NDArray[np.bool_]:
-        """Return at which nodes a row presses, (K, m + r): its multiplier exceeds the row."""
-        here, layout = self.here, self.here.tr.layout
-        push = -here.z[layout.unknowns :]
-        pressing = push > np.maximum(here.tr.constraint(here.x), WEAK)
-        on = np.zeros((layout.node_count, self.held.system.m), dtype=bool)
-        on[layout.row_node[pressing], layout.row_constraint[pressing]] = True
-        on[:, : self.question.system.m] = False
-        return on
-
-    def touched(self) -> tuple[Arc, ...]:
-        """Return the parts in contact, as far as nodes tell."""
-        here, held, m = self.here, self.held, self.question.system.m
-        tr, t, on = here.tr, here.mesh.nodes, self.pressed()
-        f = held.system.pointwise("constraint")(here.Q, t[:, None], held.packed)[0]
-        met = np.abs(f) <= EVENT_TOLERANCE * tr.row_units  # events on the obstacle have no rows
-        distance = np.sqrt(np.maximum(f, 0.0))
-        found = []
-        for i in range(m, held.system.m):
-            row = on[:, i].copy()
-            row[0] |= row[1] and met[0, i]
-            row[-1] |= row[-2] and met[-1, i]
-            for k, l in _runs(row):
-                if k == l and t[k] in held.fixed:  # at a free end alone, or at a kink
-                    found.append(Arc(i - m, float(t[k]), float(t[k])))
-                    continue
-                begin = _where_zero(t[k::-1], distance[k::-1, i])
-                end = _where_zero(t[l:], distance[l:, i])
-                found.append(Arc(i - m, begin, end))
-        return tuple(found)
-
-    def unseen(self, found: Iterate) -> list[Array]:
-        """Return times since the start around which a path is inside of the obstacle unseen.
-
-        There elements have to be shorter for their nodes to see it.
-        """
-        self.problem, self.here, m = found.problem, found, self.question.system.m
-        t, reach = self._looked_at(), float(np.diff(found.mesh.nodes).max())
-        f = self.held.system.constraint(found.path(t), t, parameters=self.held.parameters)[m:]
-        windows = []
-        for i, row in enumerate(f < -UNSEEN * found.tr.row_units[m:, None]):
-            held = [arc for arc in self.touched() if arc.row == i]
-            for k, l in _runs(row):
-                a, b = t[max(k - 1, 0)], t[min(l + 1, t.size - 1)]
-                if not any(arc.begin < b + reach and a - reach < arc.end for arc in held):
-                    windows.append(self._window(a - (b - a), b + (b - a)))
-        return windows
-
-    def narrow(self, found: Iterate) -> list[Array]:
-        """Return times since the start around which contact is seen by one or two nodes."""
-        self.problem, self.here, t = found.problem, found, found.mesh.nodes
-        return [
-            self._window(t[max(k - 1, 0)], t[min(l + 1, t.size - 1)])
-            for row in self.pressed().T
-            for k, l in _runs(row)
-            if l - k < 2
-        ]
-
-    def _window(self, a: float, b: float) -> Array:
-        """Return times since the start at which to cut elements from a to b."""
-        since = np.linspace(a, b, WINDOW + 1) - self.question.start.t
-        return since[(since > 0) & (since < self.question.duration)]
+    def stand(self, found: Iterate) -> None:
+        """Go back to a path that Ipopt found."""
+        self.problem, self.here = found.problem, found
 
     def hold(self, arcs: tuple[Arc, ...]) -> None:
         """Stand on a mesh whose elements end where these parts do, and hold them there."""
@@ -247,8 +163,6 @@ class Along(Workspace):
         G, normals = (x.constraint_jacobian(*state, parameters=parameters) for x in (before, now))
         slopes = np.linalg.norm(normals, axis=1)
         return lam * (np.linalg.norm(G, axis=1) / np.where(slopes > 0, slopes, 1.0)).T
-
-    # -- the path and its times of contact -------------------------------------------------------
 
     def follow(self, reach: float = np.inf) -> bool:
         """Polish the path, and the times at which contact begins and ends."""
@@ -368,15 +282,12 @@ class Along(Workspace):
         """
         here, held, m = self.here, self.held, self.question.system.m
         assert held.arcs is not None
-        parameters = held.parameters
-        t = self._looked_at()
-        f = held.system.constraint(here.path(t), t, parameters=parameters)[m:]
-        G = held.system.constraint_jacobian(here.path(t), t, parameters=parameters)[m:]
-        on = held.active(t)[m:]
+        t = looked_at(here)
+        q, f, on = here.path(t), rows_along(here, t), held.active(t)[m:]
+        G = held.system.constraint_jacobian(q, t, parameters=held.parameters)[m:]
         push = np.zeros(f.shape)
         if on.any():
-            state = here.path(t), here.path.velocity(t), t, parameters
-            push = -held.system.dynamics(*state, held.active(t))[1][m:]
+            push = held.contact_force(q, here.path.velocity(t), t, parameters=held.parameters)
         known = max(here.error if np.isfinite(here.error) else 0.0, here.resolution.worst)
         depth = np.where(on, 0.0, -f) / np.einsum("rnk,n->rk", np.abs(G), here.sizes)
         self.inside = float(depth.max(initial=0.0))
@@ -393,7 +304,7 @@ class Along(Workspace):
             return self._idle(t, push, PULLING * unit)
         middle = (t[:-1] + t[1:]) / 2
         for i in np.flatnonzero((inside | pulled).any(axis=1)).tolist():
-            for k, l in _runs((on[i] & ~pulled[i]) | inside[i]):
+            for k, l in runs((on[i] & ~pulled[i]) | inside[i]):
                 begin = t[k] if on[i, k] or k == 0 else middle[k - 1]
                 end = t[l] if on[i, l] or l == t.size - 1 else middle[l]
                 if begin < end:
@@ -418,27 +329,6 @@ class Along(Workspace):
         node = self.here.mesh.offsets[np.argmin(np.abs(self.here.mesh.boundaries - arc.begin))]
         return bool(self.here.rows[node, self.question.system.m + arc.row] > 0)
 
-    def _looked_at(self) -> Array:
-        """Return times between the nodes, and those at which f is least among its neighbours."""
-        mesh, held, m = self.here.mesh, self.held, self.question.system.m
-        inner = (lgl(BETWEEN).nodes[1:-1] + 1) / 2
-        between = (mesh.boundaries[:-1, None] + mesh.lengths[:, None] * inner).ravel()
-        t = np.unique(np.concatenate([between, mesh.nodes]))
-        f = held.system.constraint(self.here.path(t), t, parameters=held.parameters)[m:]
-        slope = np.diff(f)
-        free = ~held.active(t)[m:, 1:-1] if held.arcs is not None else True
-        i, k = np.nonzero((slope[:, :-1] < 0) & (slope[:, 1:] > 0) & free)
-        begin, end, found = t[k], t[k + 2], [t]
-        for _ in range(CLOSER):
-            near = begin[:, None] + (end - begin)[:, None] * np.linspace(0.0, 1.0, CLOSE)
-            at = near.ravel()
-            f = held.system.constraint(self.here.path(at), at, parameters=held.parameters)[m:]
-            f = f.reshape(len(f), *near.shape)[i, np.arange(i.size)]
-            each, least = np.arange(i.size), np.clip(np.argmin(f, axis=1), 1, CLOSE - 2)
-            begin, end = near[each, least - 1], near[each, least + 1]
-            found.append(at)
-        return np.unique(np.concatenate(found))
-
 
 def along(ws: Along, tol: float, curve_of: Callable[[Mesh], Path] | None) -> tuple[Along, Status]:
     """Find the path along the obstacle that is least near a guess or, without one, near lines.
@@ -446,49 +336,89 @@ def along(ws: Along, tol: float, curve_of: Callable[[Mesh], Path] | None) -> tup
     Return the search that has it, and the verdict.
 
     That is the straight one and, against symmetries that would hold the path there, curved ones to
-    either side; of what Ipopt finds from them, the least action first.
+    either side, and then the other side of each part that touches; of what Ipopt finds from them,
+    the least action first. Where that is lost another is kept, and contact sought more finely.
     """
-    problem, status = ws.question, Status.NOT_FOUND
+    kept: tuple[Along, Status] | None = None
+    last = ws, Status.NOT_FOUND
+    try:
+        for found, status, least in _sought(ws, tol, curve_of):
+            last = found, status
+            if status is Status.NOT_FOUND or status is Status.UNRESOLVED:
+                continue
+            if kept is None or found.here.action < kept[0].here.action:
+                kept = last
+            if least:
+                break
+    except OutOfTime:
+        if kept is None:
+            raise
+    return kept or last
+
+
+def _sought(
+    ws: Along, tol: float, curve_of: Callable[[Mesh], Path] | None
+) -> Iterator[tuple[Along, Status, bool]]:
+    """Yield what is found on finer and finer meshes: see `_least`."""
+    problem = ws.question
     since = np.linspace(0.0, problem.duration, SOUGHT + 1)
     for k in range(TRIES):
         mesh = Mesh.over(problem.start.t, problem.end.t, since, SOUGHT_DEGREE)
-        lines = _lines(problem, mesh) if curve_of is None else [curve_of(mesh)]
+        guesses = lines(problem, mesh) if curve_of is None else [curve_of(mesh)]
         # The straight line may be a trap, in which Ipopt goes about for long.
-        principle = "patient least" if k or len(lines) == 1 else "least"
+        principle = "patient least" if k or len(guesses) == 1 else "least"
         first: list[Iterate] = []
-        for line in lines:
+        for guess in guesses:
             ws.restart()
-            if ws.touch(mesh, line, principle):
+            if touch(ws, mesh, guess, principle):
                 first.append(ws.here)
-            elif ws.unbounded and line is None:
-                return ws, Status.UNBOUNDED
-        first.sort(key=lambda found: found.action)
-        windows = ws.unseen(first[0]) if first else []
-        if not windows:
-            ws, status = _least(ws, tol, first, status)
-            if status is not Status.NOT_FOUND and status is not Status.UNRESOLVED:
-                return ws, status
-            windows = ws.narrow(first[0]) if first else []
+            elif ws.unbounded and guess is None:
+                yield ws, Status.UNBOUNDED, True
+        windows: list[Array] = []
+        if first:
+            if curve_of is None:
+                first = _both_sides(ws, mesh, first)
+            first.sort(key=lambda found: found.action)
+            windows = unseen(first[0])
+            if not windows:
+                windows = narrow(first[0])
+                yield _least(ws, tol, first)
+            ws.stand(first[0])
         since = np.unique(np.concatenate([since, *(windows or [(since[:-1] + since[1:]) / 2])]))
         if since.size > MOST or ws.hint in HOPELESS:
-            break
-    return ws, status
+            return
 
 
-def _least(ws: Along, tol: float, first: list[Iterate], status: Status) -> tuple[Along, Status]:
-    """Refine first paths, in order of their action; return the search that has the least.
+def _both_sides(ws: Along, mesh: Mesh, first: list[Iterate]) -> list[Iterate]:
+    """Return first paths, and those on the other side of each part of the least that touches."""
+    compared: list[Iterate] = []
+    while _another(least := min(first, key=lambda found: found.action), compared):
+        compared.append(least)
+        for guess in other_sides(least):
+            ws.restart()
+            if touch(ws, mesh, guess, "least"):
+                first.append(ws.here)
+    return first
+
+
+def _least(ws: Along, tol: float, first: list[Iterate]) -> tuple[Along, Status, bool]:
+    """Refine first paths, in order of their action.
+
+    Return the search that has the least, the verdict, and whether none of less action was lost.
 
     What nodes alone hold outside costs less than what all of it does, about: one whose action there
     is above that of a path that was refined is not the least.
     """
     best: Along | None = None
+    status = Status.NOT_FOUND
     tried: list[Iterate] = []
+    least = True
     for found in first:
         if best and not (found.action < best.here.action and _another(found, tried)):
             continue
         tried.append(found)
         ws.restart()
-        ws.problem, ws.here = found.problem, found
+        ws.stand(found)
         try:
             last = _refined(ws, tol)
         except OutOfTime:
@@ -499,8 +429,8 @@ def _least(ws: Along, tol: float, first: list[Iterate], status: Status) -> tuple
             if best is None or ws.here.action < best.here.action:
                 best, status = copy(ws), last
         elif best is None:
-            status = last
-    return best or ws, status
+            status, least = last, False
+    return best or ws, status, least
 
 
 def _another(found: Iterate, tried: list[Iterate]) -> bool:
@@ -515,7 +445,7 @@ def _refined(ws: Along, tol: float) -> Status:
     Round a small peg a path may turn at one node: contact is far shorter than nodes tell. Then it
     is made so, about the middle, as it grows to its size more easily than it shrinks.
     """
-    first, arcs, allowed, ws.freed = ws.here, ws.touched(), tol / 4, False
+    first, arcs, allowed, ws.freed = ws.here, touched(ws.here), tol / 4, False
     shorter, coarse = 0, 2 * float(np.diff(first.mesh.nodes).max())
     for k in range(CHANGES):
         if k == CHANGES - 1:  # what comes and goes is shorter than times can be told apart
@@ -528,7 +458,8 @@ def _refined(ws: Along, tol: float) -> Status:
                     if shorter == SHORTER and ws.hint == FAMILY:
                         ws.hint = SMALL
                     return Status.NOT_FOUND
-                shorter, ws.problem, ws.here = shorter + 1, first.problem, first
+                shorter += 1
+                ws.stand(first)
                 arcs = tuple(_shortened(arc, coarse) for arc in arcs)
                 continue
             ws.hint = ""
@@ -568,43 +499,3 @@ def _judged(ws: Along, tol: float, status: Status) -> Status:
     error = ws.here.error + depth
     ws.here = replace(ws.here, error=error)
     return Status.FLOOR if status.success and error > tol else status
-
-
-def _lines(problem: Problem, mesh: Mesh) -> list[Path | None]:
-    """Return the straight line (None), and lines curved to either side of it: past the obstacle."""
-    n, m = problem.system.n, problem.system.m
-    if n == 1:
-        return [None]
-    Q = Transcription(problem, mesh, problem.lengths).straight()
-    along, side = (Q[-1] - Q[0]) / problem.lengths, np.cos(np.arange(1.0, 1.0 + n))
-    if along.any():
-        side = side - (side @ along) / (along @ along) * along
-    bow = np.sin(np.pi * mesh.nodes_since / mesh.duration)[:, None] * (side * problem.lengths)
-    outside = problem.system.held.pointwise("constraint")
-    found: list[Path | None] = [None]
-    for sign in (1.0, -1.0):
-        for height in HEIGHTS:
-            line = Q + sign * height * bow
-            if (outside(line, mesh.nodes[:, None], problem.packed)[0][:, m:] >= 0).all():
-                break
-        found.append(Path(mesh, line.T))
-    return found
-
-
-def _where_zero(t: Array, distance: Array) -> float:
-    """Return where contact begins, behind the first of the times t (K,), which go away from it.
-
-    There f grows with the square of the time, so that its root `distance` (K,) is extrapolated.
-    """
-    if t.size < 3:
-        return float(t[-1] if t.size == 1 else t.mean())
-    rate = (distance[2] - distance[1]) / (t[2] - t[1])
-    zero = t[1] - distance[1] / rate if rate else t[0]
-    return float(np.clip(zero, min(t[0], t[1]), max(t[0], t[1])) * 0.98 + 0.02 * t[:2].mean())
-
-
-def _runs(row: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Return the first and the last index of each run of True in a row (K,)."""
-    change = np.diff(np.concatenate([[0], row.astype(int), [0]]))
-    first, behind = np.flatnonzero(change == 1), np.flatnonzero(change == -1)
-    return list(zip(first.tolist(), (behind - 1).tolist(), strict=True))

@@ -42,6 +42,8 @@ LADDERS = {"auto": LADDER, "ipopt": IPOPT}  # by method
 AT_REST = 1e-6  # of its size, the way of a closed path that is none; ad hoc
 ROUNDED = 1e-9  # of what the events tell of a coordinate's size, a path that may be zero; ad hoc
 BEFORE_A_JUMP = 3  # rungs tried where the first path crosses a jump: seconds are lost there; ad hoc
+# By principle, after what a path is followed from a nearer end: a least one was not settled.
+MISSED = {"auto": (Status.NOT_FOUND,), "least": (Status.NOT_FOUND, Status.UNRESOLVED)}
 DWELT = (Status.NOT_FOUND, Status.UNRESOLVED, Status.DEGENERATE)  # what it may be
 DWELL_STEP = 1e-5  # of the way, that a motion makes at most from node to node at rest; ad hoc
 
@@ -163,7 +165,7 @@ def _asked(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[Sol
         return _in_windows(problem.whole, guess, choices)
     solution, message = _solved(problem, guess, choices)
     plain = guess is None and choices.mesh is None and choices.ladder is LADDER
-    lost = plain and solution.status is Status.NOT_FOUND and choices.principle == "auto"
+    lost = plain and solution.status in MISSED.get(choices.principle, ())
     if lost and nearer.applies(problem):
         return _outwards(problem, choices, solution, message)
     return solution, message
@@ -176,10 +178,15 @@ def _outwards(
 
     def near(there: Problem, guess: Path | None, tol: float) -> Solution:
         ladder = BRIEF if guess is None else NEAR
-        return _solved(there, guess, replace(choices, tol=tol, ladder=ladder))[0]
+        brief = replace(choices, tol=tol, ladder=ladder, principle="auto")
+        return _solved(there, guess, brief)[0]
 
     with suppress(OutOfTime, ValueError):
         found, part = nearer.outwards(problem, near, choices.tol)
+        if found is not None and choices.principle == "least" and found.inertia.index:
+            figures = f"tol = {choices.tol:g}, error estimate {found.error:.2g}"
+            found = replace(found, status=Status.NOT_LEAST)
+            return found, f"{problem.name}: {found.status.value} ({figures})"
         if found is not None:
             return found, ""
         if part > 0:

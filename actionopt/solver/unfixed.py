@@ -26,7 +26,14 @@ from actionopt.discrete.resolution import refined, resolution
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import Guess
 from actionopt.solver.closed import passes, rolled
-from actionopt.solver.first_paths import FIRST_ELEMENTS, REPRESENTED, FirstPaths, guessed, line
+from actionopt.solver.first_paths import (
+    FIRST_ELEMENTS,
+    REPRESENTED,
+    FirstPaths,
+    guessed,
+    line,
+    stretched,
+)
 from actionopt.solver.iterate import (
     SAFETY,
     UNKNOWN_GAIN,
@@ -49,8 +56,11 @@ ON_START = 1e-9  # of a coordinate's size, how far from that it may begin: the t
 # Singular values of Newton's matrix, of the largest, at a family; the step that ends there; and how
 # far a path moves that is no rest, of its size.
 SINGULAR, SETTLED, MOVING = 1e-7, 1e-7, 1e-6
+ROUGH = 1e-2  # what the first mesh of a family leaves out of a guess
 NEAR_START, NEAR_GUESS = 1e-2, 0.1  # as far as a first mesh tells, or a guess
-PUSHED = 1e-8  # force on a closed path: measured, 1e-14 on motions, and 1 or more on what is none
+# Force on a closed path: measured, 1e-14 on motions, 1e-5 at most on first meshes of them, and 1 or
+# more on what is none, such as a path that has shrunk to a rest, whose refinement would not end.
+PUSHED, HELD = 1e-8, 1.0
 
 
 class Reached(NamedTuple):
@@ -99,6 +109,7 @@ class Unfixed:
     noise: float = 0.0
     error: float = np.inf
     found_by: str = "none"
+    along: tuple[Path, ...] = ()  # directions of a family that no symmetry tells
     _reached: bool = False
     _known: dict[Problem, Problem] = field(default_factory=dict)  # over a first duration: for units
 
@@ -115,19 +126,21 @@ class Unfixed:
         problem = self.problem.loose
         self.here = self._around(path, None if lam is None else np.nan_to_num(lam), problem)
         # Of closed paths that are a family the steps do not contract, which is to be seen.
-        if not self._follow(passing=not self.problem.closes):
-            if not damped:
-                return False
-            bordered, y = self.here
-            with self.record.clock("solve"):
-                found = approach(bordered, y, APPROACHES)  # type: ignore[arg-type]
-            if found is None:
-                return False
-            self.record.iterations["newton"] += found[1]
-            self.here = Reached(bordered, found[0])
-            if not self._follow():
-                return False
+        if not (self._follow(passing=not self.problem.closes) or (damped and self._approach())):
+            return False
         return problem is self.problem or not self.problem.start.pinned or self._begun(NEAR_START)
+
+    def _approach(self) -> bool:
+        """Go to the path by damped steps."""
+        assert self.here is not None
+        bordered, y = self.here
+        with self.record.clock("solve"):
+            found = approach(bordered, y, APPROACHES)  # type: ignore[arg-type]
+        if found is None:
+            return False
+        self.record.iterations["newton"] += found[1]
+        self.here = Reached(bordered, found[0])
+        return self._follow()
 
     def _begun_near(self, path: Path) -> bool:
         """Go to the closed path near a rough one that begins where that passes what is given."""
@@ -182,7 +195,8 @@ class Unfixed:
             known = self._known.get(problem) or over(problem, path.mesh.duration)
             lengths = measured(known, path.values.T)[1]
             self._known[problem] = known
-            bordered, y = Bordered.around(problem, path, lam, lengths, self.moves)
+            along = [stretched(problem, d).on(path.mesh).values for d in self.along]
+            bordered, y = Bordered.around(problem, path, lam, lengths, self.moves, along)
         bordered.first.counts, bordered.first.watch = self.record.evaluations, self.watch
         return Reached(bordered, y)
 
@@ -218,34 +232,73 @@ class Unfixed:
         )
         return True
 
-    def is_family(self, guess: Guess) -> bool:
-        """Whether closed paths near the guess are a family: it moves to one of them and stays.
+    def in_family(self, guess: Guess, *, thorough: bool) -> bool:
+        """Go to a closed path near the guess if such paths are a family, and refine it there.
 
-        By Newton's steps of least norm, as its matrix has no inverse at any of them.
+        By Newton's steps of least norm, as its matrix has no inverse at any of them. Then the
+        directions in which it may be moved are known: bordered by them, the matrix has one.
+        With `thorough` also on larger meshes.
         """
         if not self.problem.closes:
             return False
-        bordered, y = here = self._around(guessed(self.problem, guess, REPRESENTED[0]), None)
-        if y.size > FULL:
-            return False
+        before = self.here, self.hint, self.gain, self.noise, self.error
+        for represented in (ROUGH, REPRESENTED[0]):
+            self.along, self.gain = (), UNKNOWN_GAIN
+            path = guessed(self.problem, guess, represented)
+            if self.problem.start.pinned:
+                begins = [s for s, off in self._passes(path) if off <= NEAR_GUESS]
+                if not begins:
+                    break
+                at = over(self.problem, path.mesh.duration)
+                path = rolled(path, min(begins, key=abs), at)
+            first = self._around(path, None)
+            if first.y.size > (2 * FULL if thorough else FULL):
+                break
+            if not self._moved_along(first):
+                continue
+            status = self.judged(self.settled())
+            if status.success or status is Status.FLOOR:
+                self.found_by = "guess"
+                self.hint = self._told()
+                return True
+        self.along = ()
+        self.here, self.hint, self.gain, self.noise, self.error = before
+        return False
+
+    def _moved_along(self, here: Reached) -> bool:
+        """Go to a path by steps of least norm, and keep the directions of its family there."""
+        bordered, y = here
         with np.errstate(all="ignore"):
-            for _ in range(APPROACHES):
+            for _ in range(APPROACHES if bordered.layout.small else APPROACHES // 4):
                 matrix, residual = bordered.layout.full(bordered.kkt(y)), bordered.residual(y)
                 if not (np.isfinite(matrix).all() and np.isfinite(residual).all()):
                     return False
-                step, _, rank, _ = np.linalg.lstsq(matrix, residual, rcond=SINGULAR)
+                left, values, right = np.linalg.svd(matrix)
+                rank = int((values > SINGULAR * values[0]).sum())
+                step = right[:rank].T @ ((left[:, :rank].T @ residual) / values[:rank])
                 y = y - step
-                size = bordered.measured(step)
-                if size < SETTLED:
+                if bordered.measured(step) < SETTLED:
                     here = Reached(bordered, y)
-                    if rank == y.size or here.pushed > PUSHED or not _moves(here.at):
+                    if rank == y.size or not _moves(here.at):
                         return False
-                    self.here, self.found_by = here, "guess"
-                    self.hint = (
-                        "closed paths near the guess are a family, also but for where they begin"
-                    )
-                    return True
+                    z, at = y[: here.at.z.size], here.at
+                    moved = [DiscretePath(at.tr, z + d[: z.size]).Q - at.Q for d in right[rank:]]
+                    self.along = tuple(Path(at.mesh, d.T) for d in moved)
+                    self.here = self._around(at.path, at.rows)
+                    return self._follow() or self._approach()
         return False
+
+    def _told(self) -> str:
+        """Return of how many dimensions the family of closed paths is."""
+        assert self.here is not None
+        borders = self.here.bordered.borders
+        count = borders.c.size - max(len(borders.held), 1)
+        where = "that begin there" if borders.held else "besides where each begins"
+        return (
+            f"closed paths near the guess {where} are a family of dimension {count}, of one action "
+            "and one period; the one returned is stationary, and resolved to "
+            f"{self.error:.2g}"
+        )
 
     def settled(self) -> Status:
         """Refine, and begin a closed path where its start says: its mesh moves with it."""
@@ -259,8 +312,13 @@ class Unfixed:
         """Follow the path from mesh to mesh until the tolerance is met or cannot be."""
         stalled, last = 0, np.inf
         for _ in range(ROUNDS):
-            started, here = perf_counter(), self.here
+            started = perf_counter()
+            if self._reached and SAFETY * self.noise > self.tol:
+                self._follow()  # the last step may have been more than round-off
+            here = self.here
             assert here is not None
+            if here.pushed > HELD:
+                return self._held()
             at = here.at
             sizes = measured(here.bordered.first.problem, at.Q)[0]
             shown = resolution(at.mesh, at.Q, sizes)
@@ -307,10 +365,13 @@ class Unfixed:
         """Return the verdict on the path at hand: one that has to be pushed is none."""
         found = status.success or status is Status.FLOOR
         if found and self.here and self.here.pushed > max(self.tol, self.error, PUSHED):
-            self.hint = "near the guess a path closes only if it is pushed along itself"
-            self.error = np.inf
-            return Status.NOT_FOUND
+            return self._held()
         return status
+
+    def _held(self) -> Status:
+        self.hint = "near the guess a path closes only if it is pushed along itself"
+        self.error = np.inf
+        return Status.NOT_FOUND
 
     def _missed(self, here: Reached, left: float) -> float:
         """Return how far the path would move if its forces were summed over other points."""
@@ -365,7 +426,8 @@ def solve_unfixed(
                     break
             if run.here is not None and np.isfinite(run.error):
                 break
-        if status is Status.NOT_FOUND and guess is not None and run.is_family(guess):
+        known = status.success or guess is None
+        if not known and run.in_family(guess, thorough=thorough):  # type: ignore[arg-type]
             status = Status.DEGENERATE
     except OutOfTime:
         status = Status.OUT_OF_TIME
@@ -416,6 +478,7 @@ def _solution(run: Unfixed, status: Status, started: float) -> Solution:
         "time": dict(record.time),
     }
     lam = known.rows.T
-    error = run.error if status.success or status is Status.FLOOR else np.inf
+    known_error = status.success or status is Status.FLOOR or run.along
+    error = run.error if known_error else np.inf
     action = known.action
     return Solution(problem, known.path, action, lam, error, status, stats, known=known)

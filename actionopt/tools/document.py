@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from html import escape
 
-from actionopt.tools.words import current
+from actionopt.tools.words import current, together
+
+PARTS = re.compile(r"<(script|style|pre|code)\b.*?</\1>|<[^>]*>|[^<]+", re.DOTALL)
 
 
 def document(title: str, head: str, body: str, description: str = "") -> str:
@@ -20,7 +23,7 @@ def document(title: str, head: str, body: str, description: str = "") -> str:
 <link rel="icon" href="data:,">
 {head}</head>
 <body>
-{body}
+{PARTS.sub(lambda m: m[0] if m[0][0] == "<" else together(m[0]), body)}
 </body>
 </html>
 """

@@ -88,15 +88,15 @@ class _Writer:
         raise ValueError(f"expected a formula, found {ast.unparse(node)!r}")
 
     def lines(self, sides: Sequence[ast.expr]) -> list[str]:
-        """Return an equation, broken before terms where it is long."""
+        """Return an equation, broken before terms, or its sign, where it is long."""
         text, found = "", []
         for side in sides:
             for k, term in enumerate(self.terms(side)):
-                if k and _width(text) + _width(term) > LINE:
+                part = "<mo>=</mo>" * (k == 0 and side is not sides[0]) + term
+                if text and _width(text) + _width(part) > LINE:
                     found.append(text)
                     text = '<mspace width="1.6em"/>'
-                text += term
-            text += "<mo>=</mo>" * (side is not sides[-1])
+                text += part
         return [f"<mrow>{row}</mrow>" for row in [*found, text]]
 
     def parts(self, node: ast.Name | ast.Subscript) -> tuple[str, str]:

@@ -7,6 +7,7 @@ has not is shown in English.
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -30,6 +31,23 @@ def say(text: str, **values: Any) -> str:
     """
     text = table(_current.get()).get(text, text)
     return text.format(**values) if values else text
+
+
+# A blank after a number or its exponent, before a unit; within one; before the number of an index.
+UNPARTED = re.compile(
+    r"(?:(?<=[\d$])|^) (?=(?:J|N|kg|m|s|rad|C|T|V)(?![\w'\u2019]))|(?<=\b[JN]) (?=s\b)"
+    r"|(?<=\bkg) (?=m\b)| (?=&times;)|(?<=&times;) |(?<=\bindex) (?=\d)|(?<=\bIndex) (?=\d)"
+    r"|(?<=\bindice) (?=\d)"
+)
+
+
+def together(text: str) -> str:
+    r"""Return a text whose lines do not end between a number and its unit.
+
+    >>> ascii(together("9.81 J s at index 2"))
+    "'9.81\\xa0J\\xa0s at index\\xa02'"
+    """
+    return UNPARTED.sub("\N{NO-BREAK SPACE}", text)
 
 
 def current() -> str:

@@ -424,7 +424,7 @@ LEAST = Lesson(
     attempt=(
         "Bend the path, and slide the duration through half a period. When does the same bend "
         "begin "
-        "to cost less? The whole tale, with pictures, is in Is it really least?",
+        "to cost less? The whole tale, with pictures, is in \u201cIs it really least?\u201d",
     ),
     explain=(
         "Let the mass leave with different velocities: all its motions meet again after half a "
@@ -660,9 +660,9 @@ SUM = Lesson(
         "And if fifty of them point the same way?",
     ),
     attempt=(
-        "In Is it really least? look at the arrows of neighbouring paths, laid end to end: near "
-        "the motion they make a long step, far from it they curl up. Change the constant of Planck "
-        "in the "
+        "In \u201cIs it really least?\u201d look at the arrows of neighbouring paths, laid end to "
+        "end: near the motion they make a long step, far from it they curl up. Change the constant "
+        "of Planck in the "
         "program below.",
     ),
     explain=(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from html import escape
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import numpy as np
 
 from actionopt.plot.data.motion import Motion
 from actionopt.tools.document import document
+from actionopt.tools.types import Array
 from actionopt.tools.words import say
 
 STATIC = Path(__file__).parent / "static"
@@ -19,6 +21,8 @@ RISE = 0.36  # radians that space is seen from above, the sine about that of `sc
 TURNS, BREADTH = 9, 0.03  # of a spring; its breadth in parts of the picture's size
 MARGIN = 0.14  # of the longer side, ad hoc
 LEAST_SHAPE = 0.42  # of the longer side: a motion along a line gets some air
+NAME, NAMED = 0.045, 1.45  # of the size, from an arrow's tip to its name; of the arrow, to its end
+BETWEEN = np.linspace(0, 1, 9)[:, None]
 
 
 def player(data: dict[str, Any], what: str, caption: str, *, clock: bool = False) -> str:
@@ -142,28 +146,47 @@ def first(data: dict[str, Any]) -> str:
             parts.append(line(zigzag(points, BREADTH * size), look))
         else:
             parts.append(line(points, look))
-    for label in data.get("labels_at_start", []):
-        (x, y), (u, v) = seen(label["from"]), seen(label["to"])
+    labels = data.get("labels_at_start", [])
+    arrows = [np.array([seen(label["from"]), seen(label["to"])]) for label in labels]
+    lines = [np.array([*map(seen, shape["points"][0])]) for shape in data["shapes"]]
+    taken = (
+        np.concatenate([_between(line) for line in [*lines, *arrows]])
+        if labels
+        else np.empty((0, 2))
+    )
+    for label, ((x, y), (u, v)) in zip(labels, arrows, strict=True):
         long = float(np.hypot(u - x, v - y)) or 1.0
         h, (c, s) = min(0.03 * size, long / 2), ((u - x) / long, (v - y) / long)
         barbs = [(u - h * c + k * h * s / 2, v - h * s - k * h * c / 2) for k in (1, -1)]
         tips = "L".join(f"{a:.5g},{b:.5g}" for a, b in (barbs[0], (u, v), barbs[1]))
         parts.append(f'<path class="grows" d="M{x:.5g},{y:.5g}L{u:.5g},{v:.5g}M{tips}"/>')
-        far = 1 + 0.045 * size / long
+        # Its name stands beyond the tip, or beside it where something else is.
+        places = [(u + NAME * size * a, v + NAME * size * b) for a, b in ((c, s), (-s, c), (s, -c))]
+        rooms = [np.min(np.hypot(*(taken - place).T)) for place in places]
+        place = places[0 if rooms[0] > 0.9 * NAME * size else int(np.argmax(rooms))]
+        taken = np.vstack([taken, place])
         parts.append(
-            f'<text class="name" x="{x + far * (u - x):.5g}" y="{y + far * (v - y):.5g}" '
+            f'<text class="name" x="{place[0]:.5g}" y="{place[1]:.5g}" '
             f'font-size="{0.055 * size:.4g}">{label["name"]}</text>'
         )
     return "".join(parts)
 
 
+def _between(points: Array) -> Array:
+    """Return the points of a line, some of them between the given ones, (K, 2)."""
+    if len(points) == 1:
+        return points
+    return np.concatenate([a + BETWEEN * (b - a) for a, b in pairwise(points)])
+
+
 def _holding(
     box: Sequence[float], labels: Sequence[dict[str, Any]], space: bool
 ) -> Sequence[float]:
-    """Return the box, larger if the tip of an arrow is outside; what turns in space has room."""
+    """Return the box, larger if the name of an arrow is outside; what turns in space has room."""
     if space or not labels:
         return box
-    x, y = zip(*(label["to"] for label in labels), strict=True)
+    tails, tips = (np.array([label[end] for label in labels]) for end in ("from", "to"))
+    x, y = (tails + NAMED * (tips - tails)).T
     left, right, bottom, top = box
     return min(left, *x), max(right, *x), min(bottom, *y), max(top, *y)
 

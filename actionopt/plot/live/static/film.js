@@ -105,7 +105,7 @@
       area[0].setAttribute("points", shaded(k, s, true));
       if (area[1]) area[1].setAttribute("points", shaded(k, s, false));
       const S = data.area[k] + s * (data.area[k + 1] - data.area[k]);
-      sum.textContent = `${words.so_far}: ${minus(S.toPrecision(3))} J s`;
+      sum.textContent = `${words.so_far}: ${minus(S.toPrecision(3))}\u00a0J\u00a0s`;
     }
     return { draw, show };
   }
@@ -187,7 +187,7 @@
       graphs.forEach((g) => g.show(k, s));
       clock.textContent = film.labels
         ? minus(film.labels[Math.round(frame)])
-        : `t = ${(film.t[k] + s * (film.t[k + 1] - film.t[k])).toFixed(2)} ${film.unit ?? "s"}`;
+        : `t = ${minus((film.t[k] + s * (film.t[k + 1] - film.t[k])).toFixed(2))}\u00a0${film.unit ?? "s"}`;
       slider.value = frame;
       slider.setAttribute("aria-valuetext", clock.textContent);
       figure.dataset.frame = frame;

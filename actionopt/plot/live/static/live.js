@@ -9,7 +9,9 @@
   const SLOW = 0.15, MOST = 400; // of a step downhill; steps
   const AWAY = 12; // of the picture, where a path that runs away is let go
   const SHOWING = 4; // seconds of the picture
+  const A_STEP = 200; // milliseconds that a step of Newton's method is seen
   const SNAP = 0.006; // of the slider: nearer than this to a conjugate time it is that time
+  const NONE = 1e-6; // of a force: what is missing where nothing is
   const PARTS = 64; // of a change of a parameter that Newton's method does not follow at once
   const PIXEL = 0.003, PROMPT = 200; // of the slider; unknowns of a path whose conjugate times take no second
   const TURNS = 6, WHOLE = 0.3, ARROWS = 361, NEIGHBOURS = 31, WIDEST = 8; // of the sum over paths: data/phasors.py
@@ -95,6 +97,8 @@
     axes(across, up, grid = false) {
       this.back.replaceChildren();
       const { x, y } = this.shown, dx = nice(((x[1] - x[0]) * 66) / (this.right - this.left)), dy = nice(((y[1] - y[0]) * 30) / (this.bottom - this.top));
+      const most = Math.max(...y.map(Math.abs)), power = most >= 1e5 || most < 1e-2 ? Math.floor(Math.log10(most)) : 0, ten = 10 ** power;
+      this.up = !power ? up : up.includes("(") ? up.replace("(", `(10${minus(`^${power}`)}\u00a0`) : `${up} (10${minus(`^${power}`)})`;
       const label = (value, step) => written(Math.abs(value) < step / 2 ? 0 : value, Math.max(2, Math.ceil(Math.log10(Math.abs(value) / step || 1)) + 1));
       for (let value = Math.ceil(x[0] / dx) * dx; value <= x[1] + 1e-9 * dx; value += dx) {
         const at = this.X(value);
@@ -104,18 +108,18 @@
       for (let value = Math.ceil(y[0] / dy) * dy; value <= y[1] + 1e-9 * dy; value += dy) {
         const at = this.Y(value);
         element(this.back, "path", grid ? "grid" : "axis").setAttribute("d", `M${this.left},${at}H${grid ? this.right : this.left - 4}`);
-        put(element(this.back, "text", "", label(value, dy)), { x: this.left - 7, y: at + 4, "text-anchor": "end" });
+        put(element(this.back, "text", "", label(value / ten, dy / ten)), { x: this.left - 7, y: at + 4, "text-anchor": "end" });
       }
       element(this.back, "path", "axis").setAttribute("d", `M${this.left},${this.top}V${this.bottom}H${this.right}`);
       put(element(this.back, "text", "name", across), { x: this.right, y: this.bottom + 18, "text-anchor": "end" });
-      put(element(this.back, "text", "name", up), { x: 4, y: 12 });
+      put(element(this.back, "text", "name", this.up), { x: 4, y: 12 });
       this.cell = [dx, dy];
     }
 
     // Which colour is whose, beside the unit.
     named(rows) {
       const text = element(this.back, "text");
-      put(text, { x: 48, y: 12 });
+      put(text, { x: Math.max(48, 14 + 7 * this.up.length), y: 12 });
       rows.forEach(([name, look]) => { element(text, "tspan", `key ${look}`, `${name} `); });
     }
 
@@ -176,7 +180,7 @@
   function start(figure) {
     const data = JSON.parse(figure.querySelector("script").textContent), W = data.words;
     const A = new Action(data), { n, forced } = A, units = data.units, spans = data.spans;
-    const unit = (x, word) => (word ? `${x} ${word}` : x);
+    const unit = (x, word) => (word ? `${x} ${word}`.replace(/ /g, "\u00a0") : x);
     const energy = (x, digits = 4, size = 0) => unit(written(x, digits, size), units.action);
     const every = data.elements / spans, knot = (j) => j * every * A.degree;
     const free = (j, i) => !(j === 0 || j === spans) || A.ends[j ? 1 : 0][i] === null;
@@ -393,9 +397,9 @@
         Object.assign(figure.dataset, { area: cell, pixels: energyPanel.unit[0] * energyPanel.unit[1] });
       }
       // the missing force
-      const missing = A.missing(trial), mine = pairs ? pairs.flat() : [chosen];
+      const scale = Math.abs(reference) + Math.abs(value), missing = A.missing(trial), mine = pairs ? pairs.flat() : [chosen];
       if (held === null || !forces) {
-        const reach = Math.max(...mine.flatMap((i) => Array.from(missing[i], Math.abs)), 1e-9 * (forces?.[1] ?? 1) + 1e-12);
+        const reach = Math.max(...mine.flatMap((i) => Array.from(missing[i], Math.abs)), NONE * scale / A.duration / Math.max(...data.sizes), 1e-12);
         const top = Math.max(1.1 * reach, (forces?.most ?? 0) / 8); // what vanishes is seen to vanish
         forces = Object.assign([-top, top], { most: Math.max(top, forces?.most ?? 0) });
       }
@@ -404,7 +408,7 @@
       if (mine.length > 1) missingPanel.named(mine.map((i) => [data.coordinates[i].name, `c${i % 5}`]));
       lacking.forEach((line, i) => line.setAttribute("points", mine.includes(i) ? missingPanel.points(Array.from(missing[i], (f, k) => [A.start + A.shares[k] * A.duration, f]).slice(1, -1)) : ""));
       // words
-      const scale = Math.abs(reference) + Math.abs(value), rise = value - reference, distance = A.slope(trial);
+      const rise = value - reference, distance = A.slope(trial);
       const places = Math.max(0, Math.min(8, 4 - Math.floor(Math.log10(Math.max(scale, 1e-6)))));
       const text = [["S", `S = ${unit(fixed(value, places), units.action)}`]];
       if (!forced && shown) {
@@ -471,7 +475,7 @@
 
     // -- the sum over paths, along the present bend or half a wave
     function sum() {
-      if (!paths?.open || held !== null) return;
+      if (!paths?.open || !paths.near.right || held !== null) return; // not laid out yet: `toggle` will be
       const Q = motion.Q, wave = ripple(1), mine = trial.map((x, i) => x - Q[i]);
       const b = size(mine) < 1e-7 ? wave : mine.map((x) => (x * size(wave)) / size(mine));
       const S0 = S(Q), along = (a) => { const moved = plus(Q, a, b); return moved ? S(moved) - S0 : NaN; };
@@ -482,7 +486,7 @@
         const u = (Math.abs(x) - WHOLE) / (1 - WHOLE);
         return u <= 0 ? 1 : u >= 1 ? 0 : 1 / (1 + Math.exp(1 / (1 - u) - 1 / u));
       };
-      const hue = (phase) => `hsl(${(((phase * 180) / Math.PI) % 360).toFixed(0)} 70% 50%)`, step = (2 * reach) / (ARROWS - 1);
+      const hue = (phase) => `oklch(0.62 0.16 ${(((phase * 180) / Math.PI) % 360).toFixed(0)})`, step = (2 * reach) / (ARROWS - 1);
       const ends = [[0, 0]], phases = [];
       for (let k = 0; k < ARROWS; k++) {
         const a = reach * ((2 * k) / (ARROWS - 1) - 1), rise = along(a), [x, y] = ends[k];
@@ -524,8 +528,8 @@
       paths.total.setAttribute("d", arrow(total));
       paths.limit.setAttribute("d", `M${spiral.X(0)},${spiral.Y(0)}L${spiral.X(known[0])},${spiral.Y(known[1])}`);
       const degrees = (Math.atan2(total[1], total[0]) * 180) / Math.PI, signed = (x) => (x > 0 ? "+" : "") + fixed(x, 0);
-      paths.words.textContent = reach >= WIDEST ? W.focus : filled(W.turned, { found: signed(degrees), known: signed(limit) });
-      Object.assign(figure.dataset, { turned: degrees, sum: Math.hypot(...total), limit: length });
+      paths.words.textContent = reach >= WIDEST && motion.verdict.kind === "degenerate" ? W.focus : filled(W.turned, { found: signed(degrees), known: signed(limit) });
+      Object.assign(figure.dataset, { turned: degrees, length: Math.hypot(...total), limit: length });
     }
 
     // -- what the motion is
@@ -647,7 +651,12 @@
       foci();
       refocus();
       if (still.matches || seen.length < 2) { become(found, words); return; }
-      animate("solve", (k) => { trial = seen[Math.min(seen.length - 1, Math.floor(k / 12))]; if (k >= 12 * seen.length) { trial = found; return words; } });
+      const begun = performance.now();
+      animate("solve", () => {
+        const k = Math.floor((performance.now() - begun) / A_STEP);
+        trial = seen[k] ?? found;
+        if (k >= seen.length) return words;
+      });
     }
 
     function relax() {
@@ -682,8 +691,8 @@
       if (size(b) < 1e-7) { message.textContent = W.nothing; return; }
       const Q = plus(base(), 0.5, b);
       if (!Q) return;
-      const after = S(Q) - reference;
-      become(Q, `${filled(W.halved, { a: energy(before, 4), b: energy(after, 4), r: fixed(after / before, 3) })} ${shown ? W.quarter : W.straighten}`);
+      const after = S(Q) - reference, level = shown || A.slope(base()) < 1e-6 * (Math.abs(before) + Math.abs(after));
+      become(Q, `${filled(W.halved, { a: energy(before, 4), b: energy(after, 4), r: fixed(after / before, 3) })} ${level ? W.quarter : W.straighten}`);
     }
 
     function told(yes) { // whether the motion is seen
@@ -694,6 +703,7 @@
 
     function setDuration(T) {
       stop();
+      message.textContent = "";
       wide = true;
       const nearest = motion.foci?.find((t) => Math.abs(t - A.start - T) < SNAP * (data.longest - 0.1 * data.duration));
       const goal = nearest === undefined ? T : nearest - A.start, from = base(), b = trial.map((x, i) => x - from[i]), line = !shown;
@@ -749,6 +759,7 @@
       first = begun();
       time.input.value = data.duration;
       table?.rows.forEach((row) => row.reset());
+      if (paths) paths.unit = null;
       wide = false;
       best = levels = rises = forces = null;
       told(false);
@@ -764,7 +775,7 @@
       wave: () => { stop(); become(plus(shown ? motion.Q : first, 1, ripple(3)) ?? trial); },
     };
     for (const [name, button] of Object.entries(buttons)) button.addEventListener("click", () => ways[name]());
-    reveal.addEventListener("change", () => { told(reveal.checked); draw(); });
+    reveal.addEventListener("change", () => { message.textContent = ""; told(reveal.checked); draw(); });
     time.input.addEventListener("pointerdown", () => { wide = true; fit(true); draw(); });
     time.input.addEventListener("input", () => setDuration(Number(time.input.value)));
 

@@ -1,0 +1,161 @@
+"""`actionopt sweep`: solve a question over a grid of values."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+from actionopt.cli.question import add_question, question, seconds
+from actionopt.tools.table import print_table
+
+if TYPE_CHECKING:
+    from actionopt.families.runs import Runs
+
+
+def add_to(command: argparse.ArgumentParser) -> None:
+    """Add the arguments, and what runs."""
+    command.description = (
+        "Solve a scene or a file over a grid of values, each path from its neighbours. What varies "
+        "is a parameter, t0 or t1, energy where a time is free, or a coordinate at an event: "
+        "start.NAME or end.NAME."
+    )
+    command.set_defaults(run=run)
+    add, one_of = command.add_argument, command.add_mutually_exclusive_group().add_argument
+    add_question(command)
+    look: Any = {
+        "metavar": "NAME=FROM:TO:COUNT",
+        "help": "values at equal steps; one for each axis",
+    }
+    add("--over", type=_over, action="append", required=True, **look)
+    add("--tol", type=float, default=1e-8, help="bound on the relative error of each path (1e-8)")
+    add("--index", action="store_true", help="count the index of each path")
+    one_of("--workers", type=int, metavar="N", help="processes (1)")
+    one_of("--dask", metavar="ADDRESS", help="of the scheduler of a Dask cluster")
+    add("--resume", metavar="FILE", help="keep what is finished there, and go on from it")
+    add("--out", metavar="FILE", help="write the arrays (.npz, or .nc by xarray)")
+    add("--plot", metavar="FILE", help="draw the action (png, pdf, svg, ...)")
+
+
+def _over(text: str) -> tuple[str | tuple[str, str], Any]:
+    name, equals, row = text.partition("=")
+    try:
+        first, last, count = row.split(":")
+        if not (equals and name and int(count) > 0):
+            raise ValueError
+        event, dot, coordinate = name.partition(".")
+        return (event, coordinate) if dot else name, (float(first), float(last), int(count))
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(
+            f"expected NAME=FROM:TO:COUNT, such as g=9:10:50 or end.x=0:1:20, found {text!r}"
+        ) from error
+
+
+def run(options: argparse.Namespace) -> int:
+    """Solve, print what came of it, and write what is asked for; 130 if interrupted."""
+    import numpy as np
+
+    from actionopt.families.sweep import sweep
+    from actionopt.tools.files import ready
+
+    problem, _ = question(options)
+    over = {name: np.linspace(*row) for name, row in options.over}
+    if len(over) < len(options.over):
+        raise ValueError("expected each name once after --over; an axis has one row of values")
+    if options.workers is not None and options.workers < 1:
+        raise ValueError(f"expected one worker or more, found {options.workers}")
+    if (
+        options.out
+        and ready(options.out, ".npz", ".nc").suffix == ".nc"
+        and not find_spec("xarray")
+    ):
+        raise ValueError(
+            "expected xarray to be installed to write .nc, found none: pip install "
+            "'actionopt[xarray]', or write an .npz file"
+        )
+    if options.plot:
+        from actionopt.plot._files import picture
+
+        picture(options.plot)
+        if len(over) > 2:
+            raise ValueError(
+                f"expected one or two axes to draw, found {len(over)}; leave --plot out"
+            )
+    clock = perf_counter()
+    with _executor(options) as executor:
+        runs = sweep(
+            problem, over, executor=executor, tol=options.tol, resume=options.resume,
+            record="index" if options.index else None,
+            progress=_bar(clock) if sys.stderr.isatty() else None,
+        )  # fmt: skip
+    _print_runs(runs, perf_counter() - clock)
+    if options.out:
+        runs.save(options.out)
+    if options.plot:
+        from actionopt import plot
+
+        plot.save_runs(runs, options.plot)
+    return 130 if runs.interrupted else 0
+
+
+@contextmanager
+def _executor(options: argparse.Namespace) -> Iterator[Any]:
+    """Yield who solves: processes, the workers of a Dask cluster, or None for this process."""
+    if options.dask:
+        try:
+            import distributed  # pyright: ignore[reportMissingImports]
+        except ImportError as error:
+            raise ValueError(
+                "expected Dask to be installed for --dask, found none: pip install "
+                "'actionopt[dask]'"
+            ) from error
+        with distributed.Client(options.dask) as client:
+            yield client.get_executor()
+    elif (options.workers or 1) > 1:
+        from concurrent.futures import ProcessPoolExecutor
+        from multiprocessing import get_context
+
+        with ProcessPoolExecutor(options.workers, mp_context=get_context("spawn")) as pool:
+            yield pool
+    else:
+        yield None
+
+
+def _bar(started: float) -> Callable[[int, int, int], None]:
+    """Return what tells of a sweep on a terminal: a bar, the rate, and what failed."""
+    from actionopt.tools.progress import progress
+
+    def told(done: int, total: int, failed: int) -> None:
+        rate = done / (perf_counter() - started)
+        progress(done, total, f"{rate:.0f}/s" + (f", {failed} failed" if failed else ""))
+
+    return told
+
+
+def _print_runs(runs: Runs, time: float) -> None:
+    """Print what came of a sweep."""
+    import numpy as np
+
+    def counted(values: Any) -> str:
+        found = zip(*np.unique(values, return_counts=True), strict=True)
+        return ", ".join(f"{count} {value}" for value, count in found)
+
+    solved = runs.action[runs.success]
+    rows = [
+        ("status", counted(runs.status)),
+        ("action", f"{solved.min():.9g} to {solved.max():.9g}" if solved.size else "none"),
+        ("largest error", f"{runs.error[runs.success].max(initial=0.0):.1e}"),
+    ]
+    if runs.index is not None:
+        found = np.unique(runs.index[runs.success], return_counts=True)
+        rows.append(("index", ", ".join(f"{k} of {n}" for k, n in zip(*found, strict=True))))
+    rows += [
+        ("branches", str(runs.branch.max(initial=-1) + 1)),
+        ("time", f"{seconds(time)}, {runs.stats['tasks']} tasks"),
+    ]
+    print(f"{runs.problem.name}: {runs.grid.size} paths{', interrupted' * runs.interrupted}")
+    print_table(rows)

@@ -1,0 +1,226 @@
+"""Where a path touches an obstacle, f(q, t) >= 0: a first one, and what it tells of contact.
+
+On a coarse mesh Ipopt minimises S with f >= 0 at the nodes, in a form that tells the distance
+(`System.sought`); its multipliers tell which parts of the path are in contact. What passes between
+the nodes is looked for there: a path's polynomials are known everywhere.
+"""
+
+from __future__ import annotations
+
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from actionopt.discrete.boundaries import bounded
+from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.path import Path
+from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.held import Held, measures
+from actionopt.mechanics.obstacle import EVENT_TOLERANCE, Arc
+from actionopt.mechanics.problem import Problem
+from actionopt.solver.ipopt import Principle, find
+from actionopt.solver.preflight import check
+from actionopt.solver.workspace import Workspace
+from actionopt.tools.lobatto import lgl
+from actionopt.tools.types import Array
+
+# Ad hoc, all of them.
+HEIGHTS = (0.4, 0.8, 1.6, 3.2)  # in the motion's sizes, of the lines to either side of the straight
+ACROSS = np.linspace(0.0, 6.4, 129)  # in the motion's sizes, where the other side is looked for
+WEAK = 1e-3  # impulse in its own unit: a weaker one may be the barrier's
+WINDOW = 8  # elements where a path passes through what no node sees, such as a peg
+UNSEEN = 1e-9  # in units of the rows: what f is below zero there
+CLOSE, CLOSER = 10, 8  # points of each interval in which f is least, and how often it shrinks
+BETWEEN = 8  # degree of the points in an element where contact is looked at between nodes
+NO_ROOM = "no path outside of the obstacle was found: its rows may contradict each other somewhere"
+
+
+def lines(problem: Problem, mesh: Mesh) -> list[Path | None]:
+    """Return the straight line (None), and lines curved to either side of it: past the obstacle."""
+    n, m = problem.system.n, problem.system.m
+    if n == 1:
+        return [None]
+    Q = Transcription(problem, mesh, problem.lengths).straight()
+    sizes = 2.0 ** measures(problem.lengths)
+    along, side = (Q[-1] - Q[0]) / sizes, np.cos(np.arange(1.0, 1.0 + n))
+    if along.any():
+        side = side - (side @ along) / (along @ along) * along
+    bow = np.sin(np.pi * mesh.nodes_since / mesh.duration)[:, None] * (side * sizes)
+    outside = problem.system.held.pointwise("constraint")
+    found: list[Path | None] = [None]
+    for sign in (1.0, -1.0):
+        for height in HEIGHTS:
+            line = Q + sign * height * bow
+            if (outside(line, mesh.nodes[:, None], problem.packed)[0][:, m:] >= 0).all():
+                break
+        found.append(Path(mesh, line.T))
+    return found
+
+
+def touch(ws: Workspace, mesh: Mesh, path: Path | None, principle: Principle) -> bool:
+    """Ask Ipopt for a least path with f >= 0 at the nodes; False if it finds none."""
+    free, started = ws.question, perf_counter()
+    ws.problem = Held(free, sought=True)
+    if ws.problem.boundaries:
+        mesh = bounded(mesh, ws.problem.boundaries)
+    if not ws.checked:
+        plain = Transcription(free, mesh, free.lengths)
+        check(plain, plain.straight() if path is None else path.on(mesh).values.T)
+        ws.checked = True
+    ws.transcribe(mesh, path, np.zeros((mesh.nodes.size, ws.problem.system.m)))
+    tr = ws.here.tr
+    with ws.record.clock("solve"):
+        outside = tr.layout.row_constraint >= free.system.m
+        attempt = find(tr, ws.here.z, principle, outside)
+    ws.record.iterations["ipopt"] += attempt.iterations
+    ws.unbounded = attempt.status == "Diverging_Iterates"
+    ws.hint = NO_ROOM if attempt.status == "Infeasible_Problem_Detected" else ""
+    if attempt.converged:
+        ws.here = ws.here.moved(attempt.z)
+        ws.record.round(tr, perf_counter() - started)
+    return attempt.converged
+
+
+def touched(found: DiscretePath) -> tuple[Arc, ...]:
+    """Return the parts in contact of what Ipopt found, as far as nodes tell."""
+    tr, t, on, held = found.tr, found.mesh.nodes, _pressed(found), _held(found)
+    f = held.system.constraint(found.Q.T, t, parameters=held.parameters)[held.free.system.m :]
+    # Events on the obstacle have no rows.
+    met = np.abs(f) <= EVENT_TOLERANCE * tr.row_units[-len(f) :, None]
+    distance = np.sqrt(np.maximum(f, 0.0))
+    arcs = []
+    for i, row in enumerate(on):
+        row[0] |= row[1] and met[i, 0]
+        row[-1] |= row[-2] and met[i, -1]
+        for k, l in runs(row):
+            if k == l and t[k] in held.fixed:  # at a free end alone, or at a kink
+                arcs.append(Arc(i, float(t[k]), float(t[k])))
+                continue
+            begin = _where_zero(t[k::-1], distance[i, k::-1])
+            arcs.append(Arc(i, begin, _where_zero(t[l:], distance[i, l:])))
+    return tuple(arcs)
+
+
+def other_sides(found: DiscretePath) -> list[Path]:
+    """Return curves that pass the obstacle on its other side, one for each part in contact.
+
+    From the middle of that part straight across; as far as the parts before and behind the curve is
+    moved with it. There is none across what has no other side, such as a half plane.
+    """
+    held, mesh, curves = _held(found), found.mesh, []
+    if held.system.n == 1:
+        return []
+    arcs, parameters = touched(found), held.parameters
+    sizes = 2.0 ** measures(held.lengths)
+    for arc in arcs:
+        a = max((x.end for x in arcs if x.end < arc.begin), default=held.start.t)
+        b = min((x.begin for x in arcs if x.begin > arc.end), default=held.end.t)
+        if not a < arc.begin <= arc.end < b:
+            continue
+        t, i = (arc.begin + arc.end) / 2, held.free.system.m + arc.row
+        q = found.path(t)
+        inwards = -sizes * held.system.constraint_jacobian(q, t, parameters=parameters)[i]
+        away = sizes * inwards / np.linalg.norm(inwards)
+        line = q[:, None] + away[:, None] * ACROSS
+        f = held.system.constraint(line, np.full(ACROSS.size, t), parameters=parameters)[i]
+        behind = np.flatnonzero(np.logical_or.accumulate(f < 0) & (f >= 0))
+        if behind.size:
+            bump = np.interp(mesh.nodes, [a, arc.begin, arc.end, b], [0.0, 1.0, 1.0, 0.0])
+            curves.append(Path(mesh, found.Q.T + np.outer(ACROSS[behind[0]] * away, bump)))
+    return curves
+
+
+def unseen(found: DiscretePath) -> list[Array]:
+    """Return times since the start around which a path is inside of the obstacle unseen.
+
+    There elements have to be shorter for their nodes to see it.
+    """
+    t, reach = looked_at(found), float(np.diff(found.mesh.nodes).max())
+    f, arcs, windows = rows_along(found, t), touched(found), []
+    for i, row in enumerate(f < -UNSEEN * found.tr.row_units[-len(f) :, None]):
+        for k, l in runs(row):
+            a, b = t[max(k - 1, 0)], t[min(l + 1, t.size - 1)]
+            near = (x for x in arcs if x.begin < b + reach and a - reach < x.end)
+            if all(arc.row != i for arc in near):
+                windows.append(_window(found, a - (b - a), b + (b - a)))
+    return windows
+
+
+def narrow(found: DiscretePath) -> list[Array]:
+    """Return times since the start around which contact is seen by one or two nodes."""
+    t = found.mesh.nodes
+    return [
+        _window(found, t[max(k - 1, 0)], t[min(l + 1, t.size - 1)])
+        for row in _pressed(found)
+        for k, l in runs(row)
+        if l - k < 2
+    ]
+
+
+def rows_along(found: DiscretePath, t: Array) -> Array:
+    """Return the rows of the obstacle (r, K) along a path, at times t (K,)."""
+    held = _held(found)
+    f = held.system.constraint(found.path(t), t, parameters=held.parameters)
+    return f[held.free.system.m :]
+
+
+def looked_at(found: DiscretePath) -> Array:
+    """Return times between the nodes, and those at which f is least among its neighbours."""
+    mesh, held = found.mesh, _held(found)
+    inner = (lgl(BETWEEN).nodes[1:-1] + 1) / 2
+    between = (mesh.boundaries[:-1, None] + mesh.lengths[:, None] * inner).ravel()
+    t = np.unique(np.concatenate([between, mesh.nodes]))
+    slope = np.diff(rows_along(found, t))
+    free = ~held.active(t)[held.free.system.m :, 1:-1] if held.arcs is not None else True
+    i, k = np.nonzero((slope[:, :-1] < 0) & (slope[:, 1:] > 0) & free)
+    begin, end, times = t[k], t[k + 2], [t]
+    for _ in range(CLOSER):
+        near = begin[:, None] + (end - begin)[:, None] * np.linspace(0.0, 1.0, CLOSE)
+        each, at = np.arange(i.size), near.ravel()
+        f = rows_along(found, at)
+        f = f.reshape(len(f), *near.shape)[i, each]
+        least = np.clip(np.argmin(f, axis=1), 1, CLOSE - 2)
+        begin, end = near[each, least - 1], near[each, least + 1]
+        times.append(at)
+    return np.unique(np.concatenate(times))
+
+
+def runs(row: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Return the first and the last index of each run of True in a row (K,)."""
+    change = np.diff(np.concatenate([[0], row.astype(int), [0]]))
+    first, behind = np.flatnonzero(change == 1), np.flatnonzero(change == -1)
+    return list(zip(first.tolist(), (behind - 1).tolist(), strict=True))
+
+
+def _held(found: DiscretePath) -> Held:
+    assert isinstance(found.problem, Held)
+    return found.problem
+
+
+def _pressed(found: DiscretePath) -> NDArray[np.bool_]:
+    """Return at which nodes a row presses, (r, K): its multiplier exceeds the row."""
+    tr, layout, system = found.tr, found.tr.layout, _held(found).system
+    pressing = -found.z[layout.unknowns :] > np.maximum(tr.constraint(found.x), WEAK)
+    on = np.zeros((system.m, layout.node_count), dtype=bool)
+    on[layout.row_constraint[pressing], layout.row_node[pressing]] = True
+    return on[_held(found).free.system.m :]
+
+
+def _window(found: DiscretePath, a: float, b: float) -> Array:
+    """Return times since the start at which to cut elements from a to b."""
+    since = np.linspace(a, b, WINDOW + 1) - found.problem.start.t
+    return since[(since > 0) & (since < found.problem.duration)]
+
+
+def _where_zero(t: Array, distance: Array) -> float:
+    """Return where contact begins, behind the first of the times t (K,), which go away from it.
+
+    There f grows with the square of the time, so that its root `distance` (K,) is extrapolated.
+    """
+    if t.size < 3:
+        return float(t[-1] if t.size == 1 else t.mean())
+    rate = (distance[2] - distance[1]) / (t[2] - t[1])
+    zero = t[1] - distance[1] / rate if rate else t[0]
+    return float(np.clip(zero, min(t[0], t[1]), max(t[0], t[1])) * 0.98 + 0.02 * t[:2].mean())
