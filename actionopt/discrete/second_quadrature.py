@@ -200,8 +200,9 @@ def aside(
     inverse = unit * np.linalg.pinv(known, rcond=MASSLESS, hermitian=True)
     gained, _ = rule.integrals(half * force)
     v = (gained - momentum) @ inverse
-    v -= rule.integrals(v)[1][:, None] / 2
-    return rule.integrals(half * v)[0], v
+    q, whole = rule.integrals(v)
+    mean = whole[:, None] / 2
+    return half * (q - mean * (rule.nodes[:, None] + 1)), v - mean
 
 
 def _inertia(tr: Action, x: Array) -> Array:

@@ -12,6 +12,7 @@ from functools import cache, cached_property
 
 import numpy as np
 
+from actionopt.tools.blas import by_each
 from actionopt.tools.types import Array
 
 # Degrees more of the other quadrature of a rule, whose points lie between the nodes. Odd, or both
@@ -59,7 +60,8 @@ class Sampling:
         Arrays (E, m + 1, n) and (E, n).
         """
         E, points, n = values.shape
-        parts = self._running @ values.reshape(E, self.panels, -1, n) / self.panels
+        parts = by_each(self._running, values.reshape(E * self.panels, -1, n))
+        parts = parts.reshape(E, self.panels, -1, n) / self.panels
         ends = np.cumsum(parts[:, :, -1], axis=1)
         parts[:, 1:] += ends[:, :-1, None]
         return parts[:, :, :-1].reshape(values.shape), ends[:, -1]
