@@ -100,7 +100,7 @@ def _drawn(cases: list[Callable[[], Case]]) -> dict:
 
     Each has its part of the time; those that are not solved count with what they took.
     """
-    rows = [_timed(many.problem(case()), seconds=LIMIT / (2 * len(cases))) for case in cases]
+    rows = [_timed(many.problem(case()), seconds=LIMIT / (1.5 * len(cases))) for case in cases]
     solved = [row for row in rows if not row["status"]] or rows
     middle = sorted(solved, key=lambda row: row["time"])[len(solved) // 2]
     count = sum(not row["status"] for row in rows)

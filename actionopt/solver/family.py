@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from actionopt.analysis.index import INDEX_TOLERANCE
+from actionopt.analysis.index import INDEX_TOLERANCE, Inertia
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
 from actionopt.discrete.factors import product
@@ -70,12 +70,17 @@ def judged(ws: Workspace, solution: Solution) -> Solution:
         return solution
     if not found.nullity or found.tolerance > INDEX_TOLERANCE:
         return solution
-    condition = 1 / max(found.smallest or 0.0, float(np.finfo(float).eps))
+    condition = conditioned(found)
     ws.hint = f"the paths between the ends are a family of dimension {found.nullity}"
     noise = max(ws.here.noise, condition * POLYNOMIAL_ROUNDOFF)
     ws.here = replace(ws.here, noise=noise, error=near.error)
     stats = near.stats | {"condition": condition, "nullity": found.nullity, "noise": noise}
     return replace(near, status=Status.DEGENERATE, stats=stats)
+
+
+def conditioned(found: Inertia) -> float:
+    """Return the condition that the direction which bends least gives to a path."""
+    return 1 / max(found.smallest or 0.0, float(np.finfo(float).eps))
 
 
 def _far_from_singular(ws: Workspace) -> bool:

@@ -27,7 +27,7 @@ from actionopt.mechanics.problem import Problem
 from actionopt.solver import nearer, window
 from actionopt.solver.arguments import Guess, asked, checked, curve
 from actionopt.solver.durations import oscillations, well
-from actionopt.solver.family import LOST, judged, suspected
+from actionopt.solver.family import LOST, conditioned, judged, suspected
 from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF
 from actionopt.solver.ladder import BRIEF, COARSE_DEGREE, IPOPT, LADDER, LINEAR, NEAR, Rung, Search
 from actionopt.solver.obstacle import Along, along
@@ -259,7 +259,10 @@ def _dwelling(
                     return near
                 if near[0].success or near[0].status is Status.DEGENERATE:
                     solution = near[0]
-    solution = replace(solution, status=Status.DWELLING)
+    stats = solution.stats
+    if solution.success:
+        stats = stats | {"condition": max(stats["condition"], conditioned(solution.inertia))}
+    solution = replace(solution, status=Status.DWELLING, stats=stats)
     return solution, f"{problem.name}: {Status.DWELLING.value} (tol = {choices.tol:g})"
 
 
