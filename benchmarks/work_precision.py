@@ -27,7 +27,8 @@ def main(arguments: list[str] | None = None) -> None:
     from benchmarks import report  # here, as the peers' processes import this module too
 
     options = _options(arguments)
-    results = Results.open(report.FOLDER / options.data, fresh=options.fresh)
+    file = report.FOLDER / options.data
+    results = Results.open(file, fresh=options.fresh)
     if not options.report_only:
         bench = Bench(options.peers, options.limit)
         try:
@@ -36,7 +37,7 @@ def main(arguments: list[str] | None = None) -> None:
                 measure(bench, results, case, options.rounds)
         finally:
             bench.close()
-    report.write(results)
+    report.write(Results.open(file))  # of what is kept, which is rounded
 
 
 def measure(bench: Bench, results: Results, case: str, rounds: int) -> None:
