@@ -473,11 +473,10 @@ def impossible():
     return Problem(system, Event(0, 0), Event(1, 0))
 
 
-@pytest.mark.slow
 def test_no_path_is_said_and_the_best_attempt_comes_along():
     with pytest.raises(SolveError, match="bratu: no stationary path was found") as f:
         ao.solve(impossible())
-    assert "try a guess" in str(f.value)
+    assert "try another guess" in str(f.value)
     attempt = f.value.solution
     assert isinstance(f.value, RuntimeError)
     assert isinstance(attempt, ao.Solution) and not attempt.success
