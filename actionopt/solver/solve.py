@@ -420,7 +420,7 @@ def _sought(search: Search, guess: Guess | None, curve_of: Callable[[Mesh], Path
         ws.gain = guess.stats.get("gain", ws.gain)  # a neighbour is as sensitive
         if guess.problem.system is problem.system:
             ws.many = search.given is None or search.given is guess.mesh
-            if np.array_equal(problem.packed, guess.problem.packed):
+            if (problem.packed == guess.problem.packed).all():
                 ws.units, ws.checked = guess.discrete.tr, True
                 status = search.from_neighbour(guess)
     if status not in (Status.NOT_FOUND, Status.UNRESOLVED):
