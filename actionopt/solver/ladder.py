@@ -210,7 +210,7 @@ class Meeting(Rung):
         ws, problem, lost = search.ws, search.ws.problem, 0
         for seed, count in enumerate(self.meshes):
             left, elements = MEETING_PAIRS * MEETING_UNKNOWNS, MEETING_ELEMENTS + 1
-            for guess in meetings(problem, count, MEETING_PAIRS, seed, ws.watch):
+            for guess in meetings(problem, count, MEETING_PAIRS, seed, ws.watch and ws.watch.look):
                 ws.restart()
                 ws.record.rounds.clear()
                 ws.transcribe(guess.mesh, guess, like=guess)

@@ -87,8 +87,7 @@ def solve(
         is what there is. Ways that take longer, at the pace so far, are tried after the others.
     progress : callable, optional
         `progress(how, elements, iterations)` at every iteration: the way that is being tried, the
-        elements of the mesh at hand (0 where there is none), and the iterations so far. What it
-        raises ends the solve.
+        elements of the mesh at hand, and the iterations so far. What it raises ends the solve.
     throw : bool
         Raise on failure; otherwise return the best attempt with its `status`.
 
