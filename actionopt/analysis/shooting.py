@@ -70,8 +70,8 @@ def integrate(
     """Return (q, v) of motions after the times `span` (K,), back in time where it is negative.
 
     They start at `start`, times (K,), coordinates and velocities (n, G, K), and make no more than
-    `steps` steps; `watch` is called before each, with 0 for the elements of a mesh. The rest is as
-    for `flown`.
+    `steps` steps; `watch` is called before each, with the steps up to it. The rest is as for
+    `flown`.
     """
     begin, q0, v0 = start
     n, group, count = v0.shape
@@ -86,7 +86,7 @@ def integrate(
         while live.size and done < patience:
             done += 1
             if watch is not None:
-                watch(0)
+                watch(done)
             if track is None and live.size <= count / 2 and patience == steps:
                 # What takes far longer than half of them is too close to a singularity.
                 patience = min(steps, 3 * done + 20)

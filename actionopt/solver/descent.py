@@ -84,7 +84,7 @@ def descend(tr: Transcription, z: Array) -> Descended:
                 factors = Factors(tr.layout, H + mu * K)
             before, (z, action) = z, lower
             gradient = tr.gradient(z)
-            if mu == 0.0 and np.array_equal(z, before + step):  # not of a step that was shortened
+            if mu == 0.0 and (z == before + step).all():  # not of a step that was shortened
                 second = factors.solve(gradient)
                 if np.linalg.norm(second) < CONTRACTION * np.linalg.norm(step):
                     return Descended(z - second, True, False, count)

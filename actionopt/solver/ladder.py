@@ -210,7 +210,7 @@ class Meeting(Rung):
         ws, problem, lost = search.ws, search.ws.problem, 0
         for seed, count in enumerate(self.meshes):
             left, elements = MEETING_PAIRS * MEETING_UNKNOWNS, MEETING_ELEMENTS + 1
-            for guess in meetings(problem, count, MEETING_PAIRS, seed, ws.watch):
+            for guess in meetings(problem, count, MEETING_PAIRS, seed, ws.watch and ws.watch.look):
                 ws.restart()
                 ws.record.rounds.clear()
                 ws.transcribe(guess.mesh, guess, like=guess)
@@ -437,7 +437,7 @@ class Search:
         return any(
             (least or not self.least)
             and here.x.shape == lost.x.shape
-            and np.array_equal(here.mesh.since, lost.mesh.since)
+            and here.mesh.since.tobytes() == lost.mesh.since.tobytes()
             and np.abs(here.x - lost.x).max() < LOST_ALIKE
             for least, lost in self.lost
         )

@@ -36,9 +36,9 @@ def meetings(
 ) -> Iterator[Path]:
     """Yield up to `most` curves between the events of `problem`, the best first.
 
-    `count` motions set out from each event; `watch` is for `integrate`. Both events must give all
-    the coordinates; there must be no constraints, whose velocities would have to be drawn from the
-    tangent space.
+    `count` motions set out from each event; `watch` is called at each of their steps, with the
+    elements of a curve of so many. Both events must give all the coordinates; there must be no
+    constraints, whose velocities would have to be drawn from the tangent space.
     """
     rng = np.random.default_rng(seed)
     start, end = (np.array(e.q, dtype=float) for e in (problem.start, problem.end))
@@ -93,7 +93,8 @@ def _halves(
         track.append((times, q0, v0))
     accuracy, most = steps
     start = times, q0[:, None], v0[:, None]
-    q, v = integrate(problem, start, half, accuracy=accuracy, steps=most, track=track, watch=watch)
+    told = watch and (lambda steps: watch(2 * -(-steps // STEPS_PER_ELEMENT)))
+    q, v = integrate(problem, start, half, accuracy=accuracy, steps=most, track=track, watch=told)
     return q[:, 0], v[:, 0]
 
 

@@ -87,8 +87,7 @@ def solve(
         is what there is. Ways that take longer, at the pace so far, are tried after the others.
     progress : callable, optional
         `progress(how, elements, iterations)` at every iteration: the way that is being tried, the
-        elements of the mesh at hand (0 where there is none), and the iterations so far. What it
-        raises ends the solve.
+        elements of the mesh at hand, and the iterations so far. What it raises ends the solve.
     throw : bool
         Raise on failure; otherwise return the best attempt with its `status`.
 
@@ -420,7 +419,7 @@ def _sought(search: Search, guess: Guess | None, curve_of: Callable[[Mesh], Path
         ws.gain = guess.stats.get("gain", ws.gain)  # a neighbour is as sensitive
         if guess.problem.system is problem.system:
             ws.many = search.given is None or search.given is guess.mesh
-            if np.array_equal(problem.packed, guess.problem.packed):
+            if (problem.packed == guess.problem.packed).all():
                 ws.units, ws.checked = guess.discrete.tr, True
                 status = search.from_neighbour(guess)
     if status not in (Status.NOT_FOUND, Status.UNRESOLVED):

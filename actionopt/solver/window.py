@@ -159,7 +159,7 @@ def step(problem: Problem) -> Callable[[Array], Array] | None:
     """Return a step, tanh, from one equilibrium to the other on a window, or None for one alone."""
     before, after = problem.rests
     a, b = (np.array(e.near, dtype=float)[:, None] for e in (problem.start, problem.end))
-    if before is None or after is None or np.array_equal(a, b):
+    if before is None or after is None or (a == b).all():
         return None
     rate = np.sqrt(before.slow * after.slow) / 2
     return lambda t: (a + b) / 2 + (b - a) / 2 * np.tanh(rate * t)

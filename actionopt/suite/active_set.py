@@ -53,7 +53,7 @@ def star(tr: Transcription, z: Array, on: NDArray[np.bool_], reach: float = FAR)
     assert isinstance(asked, Held)
     first, layout, seen = z[:cut], tr.layout, []
     _, lam = tr.unpack(z)
-    while len(seen) < ROUNDS and not any(np.array_equal(on, other) for other in seen):
+    while len(seen) < ROUNDS and not any((on == other).all() for other in seen):
         seen.append(on)
         part = Transcription(Pressed(asked.free, on), tr.mesh, tr.lengths, like=tr)
         found = follow(part, part.pack(tr.coordinates(z), np.nan_to_num(lam)), steps=30)
@@ -69,7 +69,7 @@ def star(tr: Transcription, z: Array, on: NDArray[np.bool_], reach: float = FAR)
         m = asked.free.system.m
         new = np.where(on, push >= -TOUCHING, row < -TOUCHING)
         new[:, :m] = True
-        if np.array_equal(new, on):
+        if (new == on).all():
             break
         on = new
     else:

@@ -289,7 +289,7 @@ def _list(values: Array) -> str:
 
 def _span(values: Any) -> str:
     """Return an array of whole numbers, in short where they follow each other."""
-    if np.array_equal(values, np.arange(values[0], values[0] + values.size)):
+    if (values == np.arange(values[0], values[0] + values.size)).all():
         return f"np.arange({values[0]}, {values[0] + values.size})"
     return f"np.array({_list(values)})"
 

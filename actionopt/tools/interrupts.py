@@ -41,9 +41,13 @@ def raised_later(raised: list[BaseException], *, stop: bool) -> Iterator[None]:
     found = zip(_SIGNALS, map(_get, _SIGNALS), strict=True) if mine else ()
     handlers = [(number, handler) for number, handler in found if callable(handler)]
     stderr, silent = sys.stderr, _Others(sys.stderr)
+    ended = False
+    raised.clear()
 
     def kept(handler: Callable[[int, Any], Any]) -> Callable[[int, Any], None]:
         def run(number: int, frame: Any) -> None:
+            if ended:  # another handler has raised while they were set back
+                return handler(number, frame)
             try:
                 handler(number, frame)
             except BaseException as error:
@@ -64,11 +68,14 @@ def raised_later(raised: list[BaseException], *, stop: bool) -> Iterator[None]:
         if not raised:
             raise
     finally:
-        for number, before, handler in changed:
-            if _get(number) is handler:  # and not one that a handler has set
-                _set(number, before)
         if sys.stderr is silent:  # another thread that ends here leaves it
             sys.stderr = stderr
+        try:
+            for number, before, handler in changed:
+                if _get(number) is handler:  # and not one that a handler has set
+                    _set(number, before)
+        finally:
+            ended = True
         if raised:
             first = raised[0]
             raised.clear()

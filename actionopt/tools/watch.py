@@ -44,11 +44,15 @@ class Watch:
         self.raised: BaseException | None = None  # by progress: nobody on the way may take it
 
     def __call__(self, elements: int) -> None:
-        """Raise OutOfTime, or report, when it is time to."""
-        self.iterations += 1
+        """Count second derivatives on so many elements, and look."""
         if self.evaluated == 0:
             self.since = perf_counter()
         self.evaluated += elements
+        self.look(elements)
+
+    def look(self, elements: int) -> None:
+        """Raise OutOfTime, or report, when it is time to."""
+        self.iterations += 1
         if self.raised is not None:
             raise OutOfTime
         if self.progress is not None:

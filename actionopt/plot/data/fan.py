@@ -265,7 +265,7 @@ def _lone(neighbours: Array, mask: Array) -> Array:
     while True:  # every triangle takes the least number around it
         least = np.where(beside, piece[neighbours], len(mask)).min(axis=1)
         now = np.where(mask, piece, np.minimum(piece, least))
-        if np.array_equal(now, piece):
+        if (now == piece).all():
             break
         piece = now
     counts = np.bincount(piece[~mask], minlength=1)
