@@ -100,6 +100,13 @@ class Path:
         """Return this curve interpolated on another mesh over the same times."""
         return Path(mesh, self._since(self.values, 0, mesh.nodes_since))
 
+    def carried_on(self, since: Array, reach: float) -> tuple[Array, Array]:
+        """Return q and v (n, K) at times since the first, on the polynomials, also beyond the ends.
+
+        As far as `reach` half lengths of the last element from its middle.
+        """
+        return tuple(self._since(self.values, k, since, reach) for k in (0, 1))  # type: ignore[return-value]
+
     def legendre(self) -> list[Array]:
         """Return each element's Legendre coefficients, shape (n, d + 1), in element order."""
         result: list[Array] = [np.empty(0)] * self.mesh.elements
@@ -123,7 +130,7 @@ class Path:
         found = self._since(values, derivatives, flat - b[0])
         return found.reshape(values.shape[0], *times.shape)
 
-    def _since(self, values: Array, derivatives: int, flat: Array) -> Array:
+    def _since(self, values: Array, derivatives: int, flat: Array, reach: float = 1.0) -> Array:
         """Evaluate the same at times (K,) measured from the path's first: (n, K)."""
         b = self.mesh.since
         where = np.clip(np.searchsorted(b, flat, side="right") - 1, 0, self.mesh.elements - 1)
@@ -136,7 +143,7 @@ class Path:
             if e.size == 0:
                 continue
             h = self.mesh.lengths[e]
-            xi = np.clip(((flat[mine] - b[e]) - (b[e + 1] - flat[mine])) / h, -1.0, 1.0)
+            xi = np.clip(((flat[mine] - b[e]) - (b[e + 1] - flat[mine])) / h, -reach, reach)
             weights = g.rule.interpolation(xi)
             for _ in range(derivatives):
                 weights = (weights @ g.rule.derivative) * (2 / h)[:, None]
