@@ -22,6 +22,7 @@ too: unknowns mu stand between the duration and the forces, as rows on(q, t) = 0
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -220,7 +221,8 @@ class Bordered:
         """Return the duration of unknowns y (size,)."""
         if not self.timed:
             return self.unit
-        return self.unit * float(np.exp(np.clip(y[self.first.layout.size], -OFF, OFF)))
+        late = float(y[self.first.layout.size])
+        return self.unit * math.exp(min(max(late, -OFF), OFF))
 
     def at(self, y: Array) -> Transcription:
         """Return the discrete action over the duration that belongs to y."""

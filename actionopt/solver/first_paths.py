@@ -79,10 +79,8 @@ class FirstPaths:
                 known = max(self.tol, guess.error)  # finer, its elements would resolve its errors
                 if not self.problem.system.structure.depends_on_time:
                     guess = passing(self.problem, guess.path)
-                # A neighbour's mesh will do; it would grow where each begins a closed path anew.
-                if not self.problem.closes:
-                    path = guess if isinstance(guess, Path) else guess.path
-                    yield stretched(self.problem, path), None, "guess"
+                path = guess if isinstance(guess, Path) else guess.path
+                yield stretched(self.problem, path), None, "guess"  # a neighbour's mesh will do
                 first = min(known / (2 * SAFETY * UNKNOWN_GAIN), first)
             for represented in (first, last):
                 yield guessed(self.problem, guess, represented), None, "guess"

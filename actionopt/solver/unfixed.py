@@ -212,7 +212,7 @@ class Unfixed:
         def passable(y: Array) -> float:
             """Return how far a path may be from stationary that goes on to another mesh."""
             at = bordered.discrete(y)
-            left = resolution(at.mesh, at.Q, measured(bordered.first.problem, at.Q)[0]).worst
+            left = resolution(at.mesh, at.Q, measured(bordered.first.problem, at.Q)[0]).expected
             return PASSABLE * left if SAFETY * self.gain * left > self.tol else 0.0
 
         with self.record.clock("solve"):
@@ -325,7 +325,7 @@ class Unfixed:
             unit = float((here.bordered.first.lengths / sizes).max())
             noise = self.noise * max(unit, 1.0)
             self.gain = max(self.gain, amplified(noise))
-            self.error = estimate(self.gain, shown.worst, noise)
+            self.error = estimate(self.gain, shown.expected, noise)
             self.record.round(at.tr, perf_counter() - started)
             self.record.rounds[-1]["estimate"] = self.error
             if self.error <= self.tol:
@@ -339,7 +339,7 @@ class Unfixed:
                 degrees = np.repeat(at.mesh.degrees, [p.size for p in parts])
                 mesh = at.mesh.cut(np.concatenate([*parts, at.mesh.since[-1:]]), degrees)
             else:
-                rounded = shown.worst < MEASURABLE or self.gain * shown.worst < noise
+                rounded = shown.expected < MEASURABLE or self.gain * shown.expected < noise
                 if rounded and (SAFETY * noise > self.tol or stalled):
                     return Status.DEGENERATE if noise > UNDETERMINED else Status.FLOOR
                 stalled = stalled + 1 if shown.worst > last / 2 else 0
@@ -357,8 +357,8 @@ class Unfixed:
             change = float(np.max(np.abs(there.Q - first) / sizes))
             longer = abs(there.mesh.duration / at.mesh.duration - 1)
             change += self.here.bordered.reach * longer
-            if shown.worst > MEASURABLE:
-                self.gain = max(change / shown.worst, 1.0)
+            if shown.expected > MEASURABLE:
+                self.gain = max(change / shown.expected, 1.0)
         return self._failed()
 
     def judged(self, status: Status) -> Status:
