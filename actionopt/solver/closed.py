@@ -33,7 +33,7 @@ def passes(
         return (q[pinned] - wanted[:, None]) / unit[:, None], v[pinned] / unit[:, None]
 
     again = _is_same(problem)  # what is passed in a period was in the one before
-    t, step = np.linspace(0.0 if again else -T, T, (1 if again else 2) * PASSED + 1)[:-1], T / PASSED
+    t, step = np.linspace(0.0 if again else -T, T, (2 - again) * PASSED + 1)[:-1], T / PASSED
     apart, rates = away(t)
     far = np.sqrt(np.einsum("ik,ik->k", apart, apart))
     nearest = (far <= np.roll(far, 1)) & (far <= np.roll(far, -1))
