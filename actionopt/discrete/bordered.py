@@ -189,13 +189,15 @@ class Bordered:
         lengths: Array,
         moves: Sequence[Move] = (),
         along: Sequence[Array] = (),
+        like: Transcription | None = None,
     ) -> tuple[Bordered, Array]:
         """Return the equations on the mesh of a path, with a phase near it, and their unknowns.
 
-        `along`, (n, K) each, are directions in which it may be moved that `moves` do not tell.
+        `along`, (n, K) each, are directions in which it may be moved that `moves` do not tell; the
+        units of action and of constraints are those of `like`, if that is given.
         """
         problem = over(asked.loose, path.mesh.duration)
-        tr = Transcription(problem, path.mesh, lengths)
+        tr = Transcription(problem, path.mesh, lengths, like=like)
         z = tr.pack(path.values.T, lam)
         borders, at = _borders(asked, tr, z, moves, along), DiscretePath(tr, z)
         found = cls(asked, tr, borders, feet(at) if asked.on_surface else ())
