@@ -587,7 +587,11 @@ def test_a_dwell_at_the_top_and_a_guess_between_other_angles():
         assert abs(s.duration - ellipkinc(end / 2, m) * np.sqrt(m)) < 1e-9
     other = problem.replace(start=free(0.0, [-0.5]), end=free(None, [5.0]))
     T = (ellipkinc(2.5, m) + ellipkinc(0.25, m)) * np.sqrt(m)
-    assert abs(ao.solve(other, guess=s).duration - T) < 1e-9
+    longer = ao.solve(other, guess=s)
+    assert abs(longer.duration - T) < 1e-9
+    back = ao.solve(problem, guess=longer)  # parts of one motion
+    assert abs(back.duration - s.duration) < 1e-9
+    assert max(sum(x.stats["iterations"].values()) for x in (longer, back)) <= 4
 
 
 @pytest.mark.parametrize("name", ["throw_at_energy", "kepler_at_energy", "pendulum_over_top"])

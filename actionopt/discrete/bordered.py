@@ -22,6 +22,7 @@ too: unknowns mu stand between the duration and the forces, as rows on(q, t) = 0
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -188,13 +189,15 @@ class Bordered:
         lengths: Array,
         moves: Sequence[Move] = (),
         along: Sequence[Array] = (),
+        like: Transcription | None = None,
     ) -> tuple[Bordered, Array]:
         """Return the equations on the mesh of a path, with a phase near it, and their unknowns.
 
-        `along`, (n, K) each, are directions in which it may be moved that `moves` do not tell.
+        `along`, (n, K) each, are directions in which it may be moved that `moves` do not tell; the
+        units of action and of constraints are those of `like`, if that is given.
         """
         problem = over(asked.loose, path.mesh.duration)
-        tr = Transcription(problem, path.mesh, lengths)
+        tr = Transcription(problem, path.mesh, lengths, like=like)
         z = tr.pack(path.values.T, lam)
         borders, at = _borders(asked, tr, z, moves, along), DiscretePath(tr, z)
         found = cls(asked, tr, borders, feet(at) if asked.on_surface else ())
@@ -220,7 +223,8 @@ class Bordered:
         """Return the duration of unknowns y (size,)."""
         if not self.timed:
             return self.unit
-        return self.unit * float(np.exp(np.clip(y[self.first.layout.size], -OFF, OFF)))
+        late = float(y[self.first.layout.size])
+        return self.unit * math.exp(min(max(late, -OFF), OFF))
 
     def at(self, y: Array) -> Transcription:
         """Return the discrete action over the duration that belongs to y."""

@@ -7,7 +7,7 @@ are all paths.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -100,6 +100,14 @@ class Path:
         """Return this curve interpolated on another mesh over the same times."""
         return Path(mesh, self._since(self.values, 0, mesh.nodes_since))
 
+    def carried_on(self, since: Array, reach: float) -> tuple[Array, Array]:
+        """Return q and v (n, K) at times since the first, on the polynomials, also beyond the ends.
+
+        As far as `reach` half lengths of the last element from its middle.
+        """
+        q, v = self._all_since(self.values, (0, 1), since, reach)
+        return q, v
+
     def legendre(self) -> list[Array]:
         """Return each element's Legendre coefficients, shape (n, d + 1), in element order."""
         result: list[Array] = [np.empty(0)] * self.mesh.elements
@@ -125,9 +133,15 @@ class Path:
 
     def _since(self, values: Array, derivatives: int, flat: Array) -> Array:
         """Evaluate the same at times (K,) measured from the path's first: (n, K)."""
+        return self._all_since(values, (derivatives,), flat)[0]
+
+    def _all_since(
+        self, values: Array, orders: Sequence[int], flat: Array, reach: float = 1.0
+    ) -> list[Array]:
+        """Evaluate derivatives of increasing orders, (n, K) each."""
         b = self.mesh.since
         where = np.clip(np.searchsorted(b, flat, side="right") - 1, 0, self.mesh.elements - 1)
-        result = np.empty((values.shape[0], flat.size))
+        results = [np.empty((values.shape[0], flat.size)) for _ in orders]
         position = np.empty(self.mesh.elements, dtype=int)
         for g in self.mesh.groups:
             position[g.elements] = np.arange(g.elements.size)
@@ -136,10 +150,11 @@ class Path:
             if e.size == 0:
                 continue
             h = self.mesh.lengths[e]
-            xi = np.clip(((flat[mine] - b[e]) - (b[e + 1] - flat[mine])) / h, -1.0, 1.0)
-            weights = g.rule.interpolation(xi)
-            for _ in range(derivatives):
-                weights = (weights @ g.rule.derivative) * (2 / h)[:, None]
+            xi = np.clip(((flat[mine] - b[e]) - (b[e + 1] - flat[mine])) / h, -reach, reach)
+            weights, order = g.rule.interpolation(xi), 0
             local = values[:, g.nodes[position[e]]]
-            result[:, mine] = np.einsum("nkj,kj->nk", local, weights)
-        return result
+            for wanted, result in zip(orders, results, strict=True):
+                while order < wanted:
+                    weights, order = (weights @ g.rule.derivative) * (2 / h)[:, None], order + 1
+                result[:, mine] = np.einsum("nkj,kj->nk", local, weights)
+        return results

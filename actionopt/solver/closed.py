@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -13,7 +14,9 @@ from actionopt.tools.types import EPS, Array
 # Ad hoc.
 PASSED = 400  # times a period at which a closed path is looked for what its start gives
 CLOSED_IN = 30  # steps, each half of the last one at a turning point: to the root of EPS
+CLOSE = EPS**0.5  # of a period, a last step: elsewhere what is left is its square
 SLIVER = 0.1  # of an element
+FEW, ROUNDED = 3, 1e-9  # elements that stay as they are; of their lengths, where these are one
 
 
 def passes(
@@ -29,32 +32,44 @@ def passes(
         q, v = beyond(path, problem, since)
         return (q[pinned] - wanted[:, None]) / unit[:, None], v[pinned] / unit[:, None]
 
-    t, step = np.linspace(-T, T, 2 * PASSED + 1)[:-1], T / PASSED
+    again = _is_same(problem)  # what is passed in a period was in the one before
+    t, step = np.linspace(0.0 if again else -T, T, (2 - again) * PASSED + 1)[:-1], T / PASSED
     apart, rates = away(t)
-    far = np.linalg.norm(apart, axis=0)
+    far = np.sqrt(np.einsum("ik,ik->k", apart, apart))
     nearest = (far <= np.roll(far, 1)) & (far <= np.roll(far, -1))
-    reach = 2 * step * np.linalg.norm(rates, axis=0).max()
+    reach = 2 * step * math.sqrt(np.einsum("ik,ik->k", rates, rates).max())
     nearest = np.flatnonzero(nearest & (far <= far.min() + reach))  # others are farther
     low, high, at = t[nearest] - step, t[nearest] + step, t[nearest]
+    apart, rates = apart[:, nearest], rates[:, nearest]
     for _ in range(CLOSED_IN):  # Gauss and Newton's method, between the neighbours
-        apart, rates = away(at)
         down, square = np.einsum("ik,ik->k", apart, rates), np.einsum("ik,ik->k", rates, rates)
         next_at = np.clip(at - np.divide(down, square, 0 * at, where=square > 0), low, high)
-        settled, at = np.abs(next_at - at).max() <= EPS * T, next_at
-        if settled:
+        moved, at = np.abs(next_at - at).max(), next_at
+        apart, rates = away(at)
+        if moved <= CLOSE * T:
             break
-    off = np.abs(away(at)[0]).max(axis=0)
-    return [(float(s), float(x)) for s, x in zip(at, off, strict=True) if abs(s) < T]
+    off = np.abs(apart).max(axis=0)
+    at = np.concatenate([at - T, at]) if again else at
+    off = np.concatenate([off, off]) if again else off
+    return [(s, x) for s, x in zip(at.tolist(), off.tolist(), strict=True) if abs(s) < T]
+
+
+def _is_same(problem: Problem) -> bool:
+    """Whether the next period of a closed path is the same in all coordinates."""
+    assert problem.advance is not None
+    return problem.order == tuple(range(len(problem.order))) and not problem.advance.any()
 
 
 def beyond(path: Path, problem: Problem, since: Array) -> tuple[Array, Array]:
     """Return q and v (n, K) of a closed path at times since its start, before and after as well."""
-    t0, T = path.mesh.boundaries[0], path.mesh.duration
+    T = path.mesh.duration
     order, advance = list(problem.order), problem.advance
     assert advance is not None
-    turns = np.clip(np.floor(since / T), -1, 1)
-    t = t0 + np.clip(since - turns * T, 0.0, T)
-    q, v, back = path(t), path.velocity(t), np.argsort(order)
+    turns = np.floor(since / T).clip(-1, 1)
+    q, v = path.carried_on((since - turns * T).clip(0.0, T), 1.0)
+    if _is_same(problem):
+        return q, v
+    back = np.argsort(order)
     earlier = (q - advance[:, None])[back], v[back]
     later = problem.closed_from(q), v[order]
     pairs = zip(earlier, (q, v), later, strict=True)
@@ -70,6 +85,12 @@ def rolled(path: Path, shift: float, problem: Problem) -> Path:
     cut = min(int(np.searchsorted(since, ahead, side="right")) - 1, mesh.elements - 1)
     b = np.concatenate([[0.0], since[cut + 1 :] - ahead, since[1 : cut + 1] + (T - ahead), [T]])
     degrees = np.concatenate([mesh.degrees[cut:], mesh.degrees[: cut + 1]])
+    # Where it began before, two elements become one again, no longer than one beside them.
+    seam, lengths = mesh.elements - cut, np.diff(b)
+    beside = max(lengths[seam - 2], lengths[(seam + 1) % lengths.size])
+    if mesh.elements > FEW and b[seam + 1] - b[seam - 1] <= (1 + ROUNDED) * beside:
+        degrees[seam - 1] = degrees[seam - 1 : seam + 1].max()
+        b, degrees = np.delete(b, seam), np.delete(degrees, seam)
     # The element that is cut in two: a sliver of it goes with its neighbour.
     sliver = SLIVER * mesh.lengths[cut]
     keep = np.ones(degrees.size, dtype=bool)

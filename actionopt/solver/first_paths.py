@@ -41,6 +41,9 @@ TRIED = np.logspace(-8, 8, 65)  # durations at which a straight line is looked a
 PARABOLAS = 12  # steps to the least energy of paths over given durations
 ASIDE = 0.9  # of the duration of the lowest path
 MERGED = 1e-7  # of it, within which two paths are one: half the digits
+# Half lengths of its first and last element, from their middles, that a motion is carried on; steps
+# to where it passes a place; and parts of its duration within which it passes there.
+AHEAD, NEARER, NEAR = 3.0, 6, 1e-3
 LINE = 41  # points on the straight line
 LOOKED = 400  # times at which a motion is looked at for where it comes to rest
 
@@ -73,10 +76,11 @@ class FirstPaths:
         if guess is not None:
             first, last = REPRESENTED
             if isinstance(guess, Solution) and guess.success:
-                # A neighbour's mesh will do; it would grow where each begins a closed path anew.
-                if not self.problem.closes:
-                    yield stretched(self.problem, guess.path), None, "guess"
                 known = max(self.tol, guess.error)  # finer, its elements would resolve its errors
+                if not self.problem.system.structure.depends_on_time:
+                    guess = passing(self.problem, guess.path)
+                path = guess if isinstance(guess, Path) else guess.path
+                yield stretched(self.problem, path), None, "guess"  # a neighbour's mesh will do
                 first = min(known / (2 * SAFETY * UNKNOWN_GAIN), first)
             for represented in (first, last):
                 yield guessed(self.problem, guess, represented), None, "guess"
@@ -282,6 +286,37 @@ def guessed(problem: Problem, guess: Guess, represented: float) -> Path:
         mesh = refined(shown, represented / 2)
         found = curve_on(mesh)
     return found
+
+
+def passing(problem: Problem, path: Path) -> Path:
+    """Return a motion cut off or carried on where it passes what the events give, or comes nearest.
+
+    Without a clock each part of a motion is one, and so is what it goes on to be.
+    """
+    if not problem.free_time or problem.closes or problem.on_surface:
+        return path
+    events, longest = (problem.start, problem.end), (AHEAD - 1) / 2 * path.mesh.lengths[[0, -1]]
+    unit = np.abs(path.values).max(axis=1)
+    ends = np.array([0.0, path.mesh.duration])
+    low, high = ends - [longest[0], ends[1] / 2], ends + [ends[1] / 2, longest[1]]
+    at = ends
+    for _ in range(NEARER):  # Gauss and Newton's method
+        q, v = path.carried_on(at, AHEAD)
+        by = np.zeros(2)
+        for k, event in enumerate(events):
+            i = list(event.pinned)
+            away = (q[i, k] - np.array(event.q, dtype=float)[i]) / unit[i]
+            rates = v[i, k] / unit[i]
+            square = rates @ rates
+            by[k] = away @ rates / square if square > 0 else 0.0
+        at = np.clip(at - by, low, high)
+        if np.abs(by).max() <= NEAR * ends[1]:
+            break
+    if not np.abs(at - ends).max() > NEAR * ends[1]:
+        return path
+    T, mesh = at[1] - at[0], path.mesh
+    values = path.carried_on(at[0] + mesh.nodes_since * (T / ends[1]), AHEAD)[0]
+    return Path(mesh.moved(mesh.boundaries[0], mesh.boundaries[0] + T), values)
 
 
 def stretched(problem: Problem, guess: Path) -> Path:

@@ -23,7 +23,7 @@ from actionopt.solver.first_mesh import fewest, paced, planned
 from actionopt.solver.iterate import Iterate, sizes
 from actionopt.solver.meeting import meetings
 from actionopt.solver.refine import refine, solve_on
-from actionopt.solver.window import step
+from actionopt.solver.window import graded, step
 from actionopt.solver.workspace import LARGE_SIZE, ROUGHLY, Workspace
 from actionopt.tools.watch import OutOfTime
 
@@ -547,6 +547,8 @@ class Search:
 
     def _uniform(self, elements: int, degree: int) -> Mesh:
         problem = self.ws.problem
+        if problem.has_tails:
+            return graded(problem, elements, degree)
         return Mesh.uniform(problem.start.t, problem.end.t, elements, degree)
 
     def _curved(self, mesh: Mesh) -> Path:

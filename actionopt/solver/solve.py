@@ -301,10 +301,11 @@ def _in_windows(problem: Problem, guess: Guess | None, choices: Choices) -> tupl
             below = window.lower(solution)
         if below is not None:
             solution, message = _solved(here.problem, below, inner)
-        later = window.longer(here, solution, choices.tol)
+        edges = here.edges(solution)
+        later = window.longer(here, solution, edges, choices.tol)
         if not solution.success or later is None or choices.mesh is not None:
             break
-        left, before = max(x[0] for x in here.edges(solution)), left
+        left, before = max(x[0] for x in edges), left
         if left > before / 2:
             message = window.unmet(choices.tol, left)
             solution = replace(solution, status=Status.UNRESOLVED)
@@ -317,7 +318,7 @@ def _in_windows(problem: Problem, guess: Guess | None, choices: Choices) -> tupl
             again, told = _in_windows(problem, step, choices)
             if again.success:
                 return again, told
-    solution = window.judged(here, solution)
+    solution = window.judged(solution, edges)
     return window.centred(solution), message
 
 

@@ -23,6 +23,7 @@ from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.newton import approach, follow, is_roundoff
 from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import refined, resolution
+from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import Guess
 from actionopt.solver.closed import passes, rolled
@@ -45,7 +46,7 @@ from actionopt.solver.iterate import (
 from actionopt.solver.ladder import COARSE_DEGREE
 from actionopt.solver.record import Record
 from actionopt.solver.refine import ILL_CONDITIONED, MAX_UNKNOWNS, ROUNDS, STALLED, UNDETERMINED
-from actionopt.solver.workspace import MEASURABLE, PASSABLE
+from actionopt.solver.workspace import MEASURABLE, PASSABLE, alike
 from actionopt.tools.types import Array
 from actionopt.tools.watch import OutOfTime, Watch
 
@@ -111,7 +112,9 @@ class Unfixed:
     found_by: str = "none"
     along: tuple[Path, ...] = ()  # directions of a family that no symmetry tells
     _reached: bool = False
-    _known: dict[Problem, Problem] = field(default_factory=dict)  # over a first duration: for units
+    # Over a first duration, for sizes; and on its last mesh, for units.
+    _known: dict[Problem, Problem] = field(default_factory=dict)
+    _units: dict[Problem, Transcription] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.moves = moves_of(self.problem)
@@ -148,16 +151,21 @@ class Unfixed:
         if not begins:
             return False
         shift = min(begins, key=abs)
-        at = over(self.problem, path.mesh.duration)
-        self.here = self._around(rolled(path, shift, at) if shift else path, None)
+        self.here = self._around(rolled(path, shift, self.problem) if shift else path, None)
         return self._follow()
 
     def _passes(self, path: Path) -> list[tuple[float, float]]:
         """Return when a closed path passes what the start gives, and how far off in its sizes."""
-        problem, pinned = over(self.problem, path.mesh.duration), list(self.problem.start.pinned)
+        problem, pinned = self.problem, list(self.problem.start.pinned)
         wanted = np.array([problem.start.q[i] for i in pinned], dtype=float)
-        lengths = measured(problem, path.values.T)[1]
+        lengths = measured(self._over(problem, path), path.values.T)[1]
         return passes(path, problem, pinned, wanted, lengths[pinned])
+
+    def _over(self, problem: Problem, path: Path) -> Problem:
+        """Return the problem over a duration, that of the first path that was asked about."""
+        if problem not in self._known:
+            self._known[problem] = over(problem, path.mesh.duration)
+        return self._known[problem]
 
     def _begun(self, near: float) -> bool:
         """Begin a closed path where it passes the coordinates that the start gives, or so near."""
@@ -173,7 +181,7 @@ class Unfixed:
             )
             return False
         shift = min(begins, key=abs)
-        self.here = self._around(rolled(at.path, shift, at.problem), None)
+        self.here = self._around(rolled(at.path, shift, self.problem), None)
         if not self._follow():
             self.hint = "no closed path near the guess begins at what the start gives"
             return False
@@ -192,11 +200,12 @@ class Unfixed:
     def _around(self, path: Path, lam: Array | None, problem: Problem | None = None) -> Reached:
         problem = problem or self.problem
         with self.record.clock("assemble"):
-            known = self._known.get(problem) or over(problem, path.mesh.duration)
-            lengths = measured(known, path.values.T)[1]
-            self._known[problem] = known
+            lengths = measured(self._over(problem, path), path.values.T)[1]
+            like = self._units.get(problem)
+            like = like if like is not None and alike(lengths, like) else None
             along = [stretched(problem, d).on(path.mesh).values for d in self.along]
-            bordered, y = Bordered.around(problem, path, lam, lengths, self.moves, along)
+            bordered, y = Bordered.around(problem, path, lam, lengths, self.moves, along, like)
+            self._units[problem] = bordered.first
         bordered.first.counts, bordered.first.watch = self.record.evaluations, self.watch
         return Reached(bordered, y)
 
@@ -212,7 +221,7 @@ class Unfixed:
         def passable(y: Array) -> float:
             """Return how far a path may be from stationary that goes on to another mesh."""
             at = bordered.discrete(y)
-            left = resolution(at.mesh, at.Q, measured(bordered.first.problem, at.Q)[0]).worst
+            left = resolution(at.mesh, at.Q, measured(bordered.first.problem, at.Q)[0]).expected
             return PASSABLE * left if SAFETY * self.gain * left > self.tol else 0.0
 
         with self.record.clock("solve"):
@@ -249,8 +258,7 @@ class Unfixed:
                 begins = [s for s, off in self._passes(path) if off <= NEAR_GUESS]
                 if not begins:
                     break
-                at = over(self.problem, path.mesh.duration)
-                path = rolled(path, min(begins, key=abs), at)
+                path = rolled(path, min(begins, key=abs), self.problem)
             first = self._around(path, None)
             if first.y.size > (2 * FULL if thorough else FULL):
                 break
@@ -325,7 +333,7 @@ class Unfixed:
             unit = float((here.bordered.first.lengths / sizes).max())
             noise = self.noise * max(unit, 1.0)
             self.gain = max(self.gain, amplified(noise))
-            self.error = estimate(self.gain, shown.worst, noise)
+            self.error = estimate(self.gain, shown.expected, noise)
             self.record.round(at.tr, perf_counter() - started)
             self.record.rounds[-1]["estimate"] = self.error
             if self.error <= self.tol:
@@ -339,7 +347,7 @@ class Unfixed:
                 degrees = np.repeat(at.mesh.degrees, [p.size for p in parts])
                 mesh = at.mesh.cut(np.concatenate([*parts, at.mesh.since[-1:]]), degrees)
             else:
-                rounded = shown.worst < MEASURABLE or self.gain * shown.worst < noise
+                rounded = shown.expected < MEASURABLE or self.gain * shown.expected < noise
                 if rounded and (SAFETY * noise > self.tol or stalled):
                     return Status.DEGENERATE if noise > UNDETERMINED else Status.FLOOR
                 stalled = stalled + 1 if shown.worst > last / 2 else 0
@@ -357,8 +365,8 @@ class Unfixed:
             change = float(np.max(np.abs(there.Q - first) / sizes))
             longer = abs(there.mesh.duration / at.mesh.duration - 1)
             change += self.here.bordered.reach * longer
-            if shown.worst > MEASURABLE:
-                self.gain = max(change / shown.worst, 1.0)
+            if shown.expected > MEASURABLE:
+                self.gain = max(change / shown.expected, 1.0)
         return self._failed()
 
     def judged(self, status: Status) -> Status:
@@ -460,7 +468,7 @@ def _solution(run: Unfixed, status: Status, started: float) -> Solution:
     if path is None:
         mesh = Mesh.uniform(problem.start.t, problem.end.t, FIRST_ELEMENTS, COARSE_DEGREE)
         path = Path(mesh, line(problem, mesh))
-    known = DiscretePath.of(problem, path, rows)
+    known = _on_its_mesh(run, problem, path, rows)
     record = run.record
     record.time["total"] = perf_counter() - started
     noise = run.noise
@@ -482,3 +490,11 @@ def _solution(run: Unfixed, status: Status, started: float) -> Solution:
     error = run.error if known_error else np.inf
     action = known.action
     return Solution(problem, known.path, action, lam, error, status, stats, known=known)
+
+
+def _on_its_mesh(run: Unfixed, problem: Problem, path: Path, rows: Array | None) -> DiscretePath:
+    """Return the path of the problem with its times found, in the units at hand."""
+    if run.here is None or run.problem.on_surface:
+        return DiscretePath.of(problem, path, rows)
+    tr = Transcription(problem, path.mesh, run.here.at.tr.lengths, like=run.here.at.tr)
+    return DiscretePath(tr, tr.pack(path.values.T, rows))

@@ -183,7 +183,7 @@ class Workspace:
         with self.record.clock("assemble"):
             system, mesh = self.problem.system, self._bounded(mesh)
             size, lengths = measured(self.problem, None if like is None else like.values.T)
-            units = self.units if self.units is not None and _alike(lengths, self.units) else None
+            units = self.units if self.units is not None and alike(lengths, self.units) else None
             tr = self.units = Transcription(self.problem, mesh, lengths, like=units)
             self._attach(tr)
             if path is None:
@@ -210,7 +210,7 @@ class Workspace:
             ends = mine.ends[[0, -1]]
             origin = 0.0 if tr.origin is None else tr.origin
             lengths = np.maximum(tr.lengths, np.max(np.abs(ends - origin), axis=0))
-            if not _alike(lengths, tr):
+            if not alike(lengths, tr):
                 return False
             if not self.linear:
                 try:
@@ -446,7 +446,7 @@ def _without_multipliers(path: DiscretePath) -> Array:
     return np.concatenate([path.x, np.zeros(path.z.size - path.x.size)])
 
 
-def _alike(lengths: Array, tr: Transcription) -> bool:
+def alike(lengths: Array, tr: Transcription) -> bool:
     """Whether units of a transcription serve for coordinates of these lengths as well."""
     ratio = lengths / tr.lengths
     return bool(ratio.max() < UNITS_RATIO and ratio.min() > 1 / UNITS_RATIO)
