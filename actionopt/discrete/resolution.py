@@ -181,7 +181,7 @@ def _cheapest(
     # A prediction downwards is extrapolated far: give back at most a third of the degree, and
     # only where it is plainly too high.
     least = np.where(found.omitted < TOO_FINE * target, np.ceil(degrees * (2 / 3)), degrees)
-    need[:, 0] = np.maximum(need[:, 0], least)
+    need[:, 0] = np.where(found.omitted <= target, least, np.maximum(need[:, 0], least))
     usable = need <= DEGREES[-1]
     usable[found.mesh.lengths < SHORTEST * found.mesh.duration, 1:] = False  # hardly a time in it
     need = DEGREES[np.minimum(np.searchsorted(DEGREES, need), DEGREES.size - 1)]
