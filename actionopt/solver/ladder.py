@@ -493,7 +493,7 @@ class Search:
             if np.all(np.abs(coarse.on(fine).values - curve.values) <= allowed):
                 ws.transcribe(mesh, coarse, like=coarse)
                 constrained = ws.problem.system.m > 0
-                near = ws.follow() or (not constrained and ws.approach())
+                near = ws.follow() or (not constrained and ws.approach()) or ws.settle()
                 return self.refine() if near and ws.here.rough < ROUGHLY else Status.NOT_FOUND
         return Status.NOT_FOUND
 
