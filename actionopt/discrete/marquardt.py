@@ -26,6 +26,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import casadi as ca
 import numpy as np
 
 from actionopt.discrete.assemble_sparse import forcing
@@ -160,19 +161,23 @@ class _Systems:
         if F:
             A.append(F)
         self.balancing = Pattern.build(size, size, [*mass, J, J[::-1]])
-        # Of y and dz by turns.
+        # Of y and dz by turns, in the order of least fill of A. Measured: minimum degree that is
+        # looked for among both takes 50 times the operations at 100 links.
+        order = np.array(Pattern.build(size, size, A).sparsity.ldl()[1])
+        self.place = np.empty_like(order)
+        self.place[order] = 2 * np.arange(size)
+        y, dz = self.place, self.place + 1
         self.stepping = Pattern.build(
             2 * size,
             2 * size,
             [
-                *((2 * row, 2 * col + 1) for row, col in A),
-                *((2 * col + 1, 2 * row) for row, col in A),
-                *((2 * row, 2 * col) for row, col in mass),
-                *((2 * row + 1, 2 * col + 1) for row, col in mass),
+                *((y[row], dz[col]) for row, col in A),
+                *((dz[col], y[row]) for row, col in A),
+                *((y[row], y[col]) for row, col in mass),
+                *((dz[row], dz[col]) for row, col in mass),
             ],
         )
         self._balancer = Sparse(self.balancing, "ldl")
-        self._stepper = Sparse(self.stepping, "ldl")
 
     def balance(self, mass: Array, J: Array, right: Array) -> Array:
         """Solve [M, J'; J, 0] for one right-hand side (size,)."""
@@ -184,5 +189,8 @@ class _Systems:
         A = [H, H[self.H_off], J, J, F]
         M = np.concatenate([mass, mass[self.M_off], self.regular])
         both = np.zeros(2 * right.size)
-        both[::2] = right
-        return self._stepper(self.stepping.sum(np.concatenate([*A, *A, -M, M])), both)[1::2]
+        both[self.place] = right
+        values = self.stepping.sum(np.concatenate([*A, *A, -M, M]))
+        # No order but this: CasADi's solvers of the same name ignore that option.
+        factors = ca.ldl(ca.DM(self.stepping.sparsity, memoryview(values)), False)  # type: ignore
+        return ca.ldl_solve(ca.DM(both), *factors).full().ravel()[self.place + 1]
