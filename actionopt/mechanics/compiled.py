@@ -15,9 +15,9 @@ AT_ONCE = 2**18  # numbers up to which all times are evaluated in one call: 2 MB
 KEPT = 2**21  # numbers in the memory that a thread keeps for a function: 16 MB
 OVERHEAD = 2**11  # that the smallest memory counts for: its CasADi function takes about as much
 # Measured: of how many times or more the operations of some are written out, how many, and how many
-# operations at most. A call of CasADi's for each time takes as long as a hundred operations; what
-# is written out takes half a millisecond to build, and longer lists leave the processor's cache.
-PARTED, PART, OPERATIONS = 256, 32, 2**11
+# operations at most. A call of CasADi's for each time takes as long as a hundred operations; eight
+# times at once save most of that, and what is written out pays even where it is evaluated once.
+PARTED, PART, OPERATIONS = 256, 8, 2**9
 
 
 class Pointwise:
