@@ -125,7 +125,7 @@ def _finite(name: str, value: ArrayLike) -> Array:
     found = numbers(value, f"parameter {name!r}")
     if found.ndim > 2:
         raise ValueError(f"expected parameter {name!r} with at most two axes, found {found.ndim}")
-    if not np.all(np.isfinite(found)):
+    if not np.isfinite(found).all():
         raise ValueError(f"expected a finite parameter {name!r}, found {value!r}")
     found.setflags(write=False)
     return found

@@ -38,7 +38,7 @@ def check(tr: Transcription, Q: Array) -> None:
             _check_finite(tr, Q)
     second = system.pointwise("second")
     row, col = second.sparsity(2)
-    if np.array_equal(row, col):  # the full matrix of many coordinates has far more numbers
+    if (row == col).all():  # the full matrix of many coordinates has far more numbers
         regular = row.size == system.n and bool((tr.inertia > 0).all())
     else:
         regular = _definite(second.full(2, tr.inertia[None], symmetric=True)[0])
