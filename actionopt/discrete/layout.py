@@ -71,29 +71,34 @@ class Layout:
         number = np.zeros((self.node_count, n), dtype=np.intp)
         number[0, list(start)] = -1
         number[-1, slice(None) if closed else list(end)] = -1
-        self.free = np.flatnonzero(number.ravel() == 0)
+        self.free = (number.ravel() == 0).nonzero()[0]
         self.unknowns = self.free.size
         number.ravel()[self.free] = np.arange(self.unknowns)
         if closed:
             number[-1] = number[0, list(closed)]
         self.number = number
 
-        self.G_rows, self.G_cols = (
-            system.pointwise("constraint_jacobian").sparsity(0) if m else _EMPTY
-        )
-        keep = np.zeros((self.node_count, m), dtype=bool)
+        self.rows, self.row_number = 0, np.full((self.node_count, m), -1, dtype=np.intp)
+        self.row_nodes = self.row_select = self.row_node = self.row_constraint = _NONE
+        self.G_rows = self.G_cols = _NONE
+        if m:
+            self._number_rows(in_force)
+        self._own = _Solvers()
+
+    def _number_rows(self, in_force: NDArray[np.bool_] | None) -> None:
+        """Give the constraint rows their numbers, node by node."""
+        self.G_rows, self.G_cols = self.system.pointwise("constraint_jacobian").sparsity(0)
+        keep = np.zeros((self.node_count, self.system.m), dtype=bool)
         for i, a in zip(self.G_rows, self.G_cols, strict=True):
-            keep[:, i] |= number[:, a] >= 0
-        keep[-1] &= not closed
+            keep[:, i] |= self.number[:, a] >= 0
+        keep[-1] &= not self.closed
         if in_force is not None:
             keep &= in_force
         self.row_nodes = np.flatnonzero(keep.any(axis=1))
         self.row_select = np.flatnonzero(keep[self.row_nodes].ravel())
         self.rows = self.row_select.size
         self.row_node, self.row_constraint = np.nonzero(keep)
-        self.row_number = np.full((self.node_count, m), -1, dtype=np.intp)
         self.row_number[keep] = np.arange(self.rows)
-        self._own = _Solvers()
 
     @property
     def solvers(self) -> dict[str, Any]:
@@ -272,7 +277,7 @@ BLOCK_SIZE, FILLED = 160, 0.2
 # Unknowns and rows above which sparse factors are kept. Measured from 5000 to 70,000: they cost two
 # to three factorizations, a solution a twentieth of one.
 KEPT_SIZE = 2000
-_EMPTY = (np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp))
+_NONE = np.zeros(0, dtype=np.intp)
 
 
 def _pairs(rows: NDInt, cols: NDInt) -> tuple[NDInt, NDInt]:

@@ -15,9 +15,9 @@ AT_ONCE = 2**18  # numbers up to which all times are evaluated in one call: 2 MB
 KEPT = 2**21  # numbers in the memory that a thread keeps for a function: 16 MB
 OVERHEAD = 2**11  # that the smallest memory counts for: its CasADi function takes about as much
 # Measured: of how many times or more the operations of some are written out, how many, and how many
-# operations at most. A call of CasADi's for each time takes as long as a hundred operations; what
-# is written out takes half a millisecond to build, and longer lists leave the processor's cache.
-PARTED, PART, OPERATIONS = 256, 32, 2**11
+# operations at most. A call of CasADi's for each time takes as long as a hundred operations; eight
+# times at once save most of that, and what is written out pays even where it is evaluated once.
+PARTED, PART, OPERATIONS = 256, 8, 2**9
 
 
 class Pointwise:
@@ -53,7 +53,7 @@ class Pointwise:
         count = len(arguments[0])
         ready = self._memory.ready.get(count)
         if ready is None:
-            if count == 0 or count > self._whole:
+            if count == 0 or count > self._sizes[2]:
                 return self._in_parts(count, arguments)
             ready = self._prepare(count)
         inputs, outputs, trigger = ready[:3]
@@ -102,10 +102,16 @@ class Pointwise:
         return found.reshape(count, height)
 
     @cached_property
-    def _widths(self) -> tuple[list[int], list[int]]:
-        """How many numbers of one time every input and every output has."""
+    def _sizes(self) -> tuple[list[int], list[int], int, int]:
+        """How many numbers of one time every input, every output has; times at once; all numbers.
+
+        Of one time.
+        """
         f = self.function
-        return [f.numel_in(i) for i in range(f.n_in())], [f.nnz_out(i) for i in range(f.n_out())]
+        inputs = [f.numel_in(i) for i in range(f.n_in())]
+        outputs = [f.nnz_out(i) for i in range(f.n_out())]
+        numbers = max(sum(inputs) + sum(outputs), 1)
+        return inputs, outputs, max(AT_ONCE // numbers, 1), numbers
 
     @cached_property
     def _part(self) -> tuple[ca.Function, int]:
@@ -116,20 +122,10 @@ class Pointwise:
         part = min(PART, max(OPERATIONS // max(f.n_instructions(), 1), 1))
         return (f.map(part).expand(), part) if part > 1 else (f, 1)
 
-    @cached_property
-    def _numbers(self) -> int:
-        """How many numbers one time has."""
-        return max(sum(map(sum, self._widths)), 1)
-
-    @cached_property
-    def _whole(self) -> int:
-        """How many times are evaluated in one call."""
-        return max(AT_ONCE // self._numbers, 1)
-
     def _in_parts(self, count: int, arguments: tuple[Array, ...]) -> list[Array]:
         """Evaluate at more times than memory is kept for, or at none, in memory for this once."""
-        part = self._whole
-        outputs = [np.empty((count, width)) for width in self._widths[1]]
+        _, widths, part, _ = self._sizes
+        outputs = [np.empty((count, width)) for width in widths]
         for first in range(0, count, part):
             start = min(first, count - part)  # the last part is a whole one, too
             here = slice(start, start + part)
@@ -144,14 +140,16 @@ class Pointwise:
         parts = -(-count // part)  # the last one evaluates at zeros as well
         mapped = mapped.map(parts) if parts > 1 else mapped
         buffer, trigger = mapped.buffer()
-        inputs, outputs = ([np.zeros((parts * part, w)) for w in ws] for ws in self._widths)
+        *widths, _, numbers = self._sizes
+        inputs, outputs = ([np.zeros((parts * part, w)) for w in ws] for ws in widths[:2])
         for i, slot in enumerate(inputs):
             buffer.set_arg(i, memoryview(slot))  # type: ignore
         for i, slot in enumerate(outputs):
             buffer.set_res(i, memoryview(slot))  # type: ignore
-        inputs, outputs = ([slot[:count] for slot in slots] for slots in (inputs, outputs))
+        if part > 1:
+            inputs, outputs = ([slot[:count] for slot in slots] for slots in (inputs, outputs))
         ready = inputs, outputs, trigger, buffer, mapped  # the last two keep the memory alive
-        self._memory.keep(count, ready, self._numbers)
+        self._memory.keep(count, ready, numbers)
         return ready
 
 

@@ -272,6 +272,8 @@ class Expressions:
     def __matmul__(self, other: Any) -> Any:
         """Return the product of vectors or matrices."""
         if isinstance(other, Expressions) and self.ndim and other.ndim:
+            if self.ndim == other.ndim == 1 and self.sx.size1() == other.sx.size1():
+                return Expressions(ca.dot(self.sx, other.sx), 0)
             left = self.sx if self.ndim == 2 else self.sx.T
             if left.size2() == other.sx.size1():  # CasADi takes one entry for a number
                 product = ca.mtimes(left, other.sx)

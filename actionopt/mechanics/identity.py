@@ -61,7 +61,11 @@ def mismatch(terms: ca.SX, arguments: Sequence[ca.SX], points: Sequence[Array]) 
         return np.zeros((terms.shape[0], count))
     function = ca.Function("terms", list(arguments), [ca.densify(terms)]).map(count)
     columns = [ca.DM(np.broadcast_to(p, (count, np.shape(p)[1])).T) for p in points]
-    values = np.asarray(function(*columns)).reshape(terms.shape[0], count, terms.shape[1])
+    return remainder(np.asarray(function(*columns)).reshape(terms.shape[0], count, terms.shape[1]))
+
+
+def remainder(values: Array) -> Array:
+    """Return |sum| over the sum of sizes for terms (rows, K, k): (rows, K), NaN if not finite."""
     with np.errstate(all="ignore"):
         size = np.sum(np.abs(values), axis=2)
         result = np.abs(np.sum(values, axis=2)) / np.where(size > 0, size, 1.0)
@@ -73,7 +77,14 @@ def vanishes(terms: ca.SX, arguments: Sequence[ca.SX], points: Sequence[Array]) 
 
     Raises ValueError if it is finite at none of the points.
     """
-    found = mismatch(terms, arguments, points)
+    return negligible(mismatch(terms, arguments, points))
+
+
+def negligible(found: Array) -> bool:
+    """Return whether what sums leave of their terms, (rows, K), is their round-off.
+
+    Raises ValueError if none is finite.
+    """
     known = np.isfinite(found).all(axis=0)
     if not known.any():
         raise ValueError(

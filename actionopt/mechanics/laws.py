@@ -24,6 +24,7 @@ from actionopt.mechanics.tracing import (
     Symbols,
     is_smooth,
     localized,
+    stacked,
 )
 
 T = TypeVar("T")
@@ -116,20 +117,11 @@ class Laws:
     ) -> None:
         self.symbols, self.coordinates = symbols, coordinates
         self.L, self.f, self.Q = L, f, Q
+        self.n, self.m = len(coordinates), f.numel()  # of coordinates, and of constraint rows
         self.F: ca.SX | None = None  # the length whose square is 2 L, of geodesics
         self.lock = threading.RLock()  # of all that is derived and kept
         self._pointwise: dict[str, Pointwise] = {}
         self._made: dict[str, Any] = {}
-
-    @property
-    def n(self) -> int:
-        """Number of coordinates."""
-        return len(self.coordinates)
-
-    @property
-    def m(self) -> int:
-        """Number of constraint rows."""
-        return self.f.numel()
 
     @property
     def degrees_of_freedom(self) -> int:
@@ -222,11 +214,10 @@ class Laws:
         """Symbolic first and second derivatives of L and the constraint Jacobian."""
         s = self.symbols
         n = self.n
-        hessian, gradient = ca.hessian(self.L, ca.vertcat(s.q, s.v))
-        Lq, Lv = ca.vertsplit(gradient, n)
-        (Lqq, Lqv), (_, Lvv) = ca.blocksplit(ca.triu(hessian), n, n)
+        H, g = ca.hessian(self.L, stacked(s.q, s.v))
+        H = ca.triu(H) if n > 1 else H
         G = ca.jacobian(self.f, s.q) if self.m else ca.SX(0, n)
-        return Derivatives(Lq, Lv, Lqq, Lqv, Lvv, G)
+        return Derivatives(g[:n], g[n:], H[:n, :n], H[:n, n:], H[n:, n:], G)
 
     def pointwise(self, name: str) -> Pointwise:
         """Return the compiled function `name` of one time, deriving it on first use."""

@@ -367,8 +367,8 @@ class Problem:
         one that may be rounding of another, small beside it in whatever they are measured.
         """
         known = [[abs(x) if x is not None else 0.0 for x in e.near] for e in (self.start, self.end)]
-        size = np.max(known, axis=0)
-        largest = float(np.max(size))
+        size = np.array(known).max(axis=0)
+        largest = float(size.max())
         if not largest > 0:
             return np.ones(size.shape)
         nothing = size <= NEGLIGIBLE * largest
@@ -574,8 +574,8 @@ def _check_surfaces(problem: Problem) -> None:
 def diagonal(system: System, output: int, values: Array) -> Array:
     """Return the magnitudes (K, n) on the diagonal of L_qq (0) or L_vv (2) with these nonzeros."""
     rows, cols = system.pointwise("second").sparsity(output)
-    found = np.zeros((len(values), system.n))
-    found[:, rows[rows == cols]] = np.abs(values[:, rows == cols])
+    found, on = np.zeros((len(values), system.n)), rows == cols
+    found[:, rows[on]] = np.abs(values[:, on])
     return found
 
 

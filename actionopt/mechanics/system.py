@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.expressions import Expressions
-from actionopt.mechanics.identity import GENERIC, general_states, vanishes
+from actionopt.mechanics.identity import GENERIC, general_states, negligible, remainder, vanishes
 from actionopt.mechanics.laws import Laws, Once
 from actionopt.mechanics.tracing import (
     ParameterTable,
@@ -220,7 +220,7 @@ class System(Laws):
         laws = L if F is None else _square(F) / 2, constraints, forces, outside
         self._set(symbols, laws, names_of, table, name, _place(law), F=F)
         if F is not None:
-            self._check_length(F)
+            self._check_length()
 
     def _set(
         self,
@@ -389,28 +389,25 @@ class System(Laws):
     def is_homogeneous(self) -> bool:
         """Whether L(q, s v) = s L(q, v) for s > 0: a length, which knows no time."""
         with suppress(ValueError):  # finite nowhere where it is tried
-            return self._homogeneous(self.L)
+            return _doubles(*self._doubled("value"))
         return False
 
-    def _homogeneous(self, F: ca.SX) -> bool:
-        """Whether F(q, 2 v) = 2 F(q, v): its round-off, too, however much cancels in it."""
-        s = self.symbols
-        terms = ca.horzcat(ca.substitute(F, s.v, 2 * s.v), -2 * F)
-        packed = self.table.pack(self.parameters)
-        return vanishes(terms, self._arguments, [*general_states(self.n), packed])
+    def _doubled(self, name: str) -> tuple[Array, Array]:
+        """Return F(q, v) and F(q, 2 v) of the function `name` in general position, both (K, 1)."""
+        (q, v, t), packed = general_states(self.n), self.table.pack(self.table.defaults)
+        F = self.pointwise(name)
+        return F(q, v, t, packed)[0].copy(), F(q, 2 * v, t, packed)[0]
 
-    def _check_length(self, F: ca.SX) -> None:
+    def _check_length(self) -> None:
         """Raise ValueError unless F is homogeneous, and somewhere finite and positive."""
-        if not self._homogeneous(F):
+        once, twice = self._doubled("length")
+        if not _doubles(once, twice):
             raise ValueError(
                 "expected a length homogeneous of degree one in v, length(q, s v) = s length(q, v) "
                 "for s > 0, such as np.sqrt(v @ v) or a travel time, found one that is not; where "
                 "it is the Lagrangian of a motion, use System(lagrangian, coordinates)"
             )
-        states = [x[:GENERIC] for x in general_states(self.n)]
-        of = ca.Function("length", self._arguments, [F]).map(GENERIC)
-        packed = np.repeat(self.table.pack(self.parameters), GENERIC, axis=0)
-        if not np.any(np.asarray(of(*[ca.DM(x.T) for x in (*states, packed)])) > 0):
+        if not np.any(once[:GENERIC] > 0):
             raise ValueError(
                 "expected a length that is positive where v is not zero, such as np.sqrt(v @ v), "
                 f"found none that is at {GENERIC} places and velocities"
@@ -637,16 +634,24 @@ def _loaded(digest: str, derived: list[str], version: str, state: bytes) -> Syst
         return system
 
 
+def _doubles(once: Array, twice: Array) -> bool:
+    """Whether the values F(q, 2 v) are 2 F(q, v), (K, 1): their round-off, too, whatever cancels.
+
+    Raises ValueError if none is finite.
+    """
+    return negligible(remainder(np.hstack([twice, -2 * once])[None]))
+
+
 def _square(F: ca.SX) -> ca.SX:
     """Return F^2, without the roots that are factors of F: smooth where they vanish."""
-    if F.op() == ca.OP_SQRT:
+    code = F.op()
+    if code == ca.OP_SQRT:
         return F.dep(0)
-    if F.op() == ca.OP_TWICE:
-        return 4 * _square(F.dep(0))
-    if F.op() in (ca.OP_MUL, ca.OP_DIV):
-        a, b = _square(F.dep(0)), _square(F.dep(1))
-        return a * b if F.op() == ca.OP_MUL else a / b
-    return F**2
+    if code == ca.OP_TWICE:
+        return ca.SX.binary(ca.OP_MUL, 4, _square(F.dep(0)))
+    if code in (ca.OP_MUL, ca.OP_DIV):
+        return ca.SX.binary(code, _square(F.dep(0)), _square(F.dep(1)))
+    return ca.SX.unary(ca.OP_SQ, F)
 
 
 def _symbols(n: int, table: ParameterTable) -> Symbols:

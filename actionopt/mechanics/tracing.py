@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import inspect
+import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from types import FunctionType
 from typing import Any
 
 import casadi as ca
@@ -21,6 +23,7 @@ KINKED = re.compile(rf"\b(fabs|{ROUNDED})\(|[<?!]|==")
 LOCALIZED = re.compile(rf"\b(exp|expm1|sinh|cosh|tanh|erf|{ROUNDED})\(|[<?!]|==")
 TAILED = re.compile(r"\b(fabs|sqrt|pow|log|log1p|hypot|asin|acos|atan|atan2|asinh|acosh|atanh)\(")
 DIVISOR = re.compile(r"/(@\d+|\w+|.)")  # the first of it
+STARRED = inspect.CO_VARARGS | inspect.CO_VARKEYWORDS
 # At how many times the forces along a path are sampled before it is a solution, by how narrow a
 # feature they may have (`localized`). Derived for Gauss's points in panels (`second_quadrature`):
 # between 2500 the largest gap is 1 / 1600 of the duration, and of a Gaussian pulse whose width at
@@ -83,22 +86,30 @@ class ParameterTable:
 
     def symbols(self) -> ca.SX:
         """Return the parameters packed in one column of symbols, (P, 1)."""
-        columns = [ca.SX.sym(name, int(np.prod(shape))) for name, shape in self.shapes.items()]
-        if len(columns) == 1:
-            return columns[0]
-        return ca.vertcat(*columns) if columns else ca.SX(0, 1)
+        columns = [ca.SX.sym(name, math.prod(shape)) for name, shape in self.shapes.items()]
+        return columns[0] if len(columns) == 1 else stacked(*columns)
 
     def named(self, packed: ca.SX) -> dict[str, Expressions]:
         """Return by name what the user's callables receive, from a column packed as `symbols`."""
-        found, first = {}, 0
+        found, first, each = {}, 0, packed.elements()
         for name, shape in self.shapes.items():
-            size = int(np.prod(shape))
-            part = packed[first : first + size]
+            size = math.prod(shape)
+            part: Any = packed[first : first + size] if shape else each[first]
             if len(shape) == 2:  # row by row, as numpy stores it
                 part = ca.reshape(part, shape[1], shape[0]).T
             found[name] = Expressions(part, len(shape))
             first += size
         return found
+
+
+def stacked(*columns: ca.SX) -> ca.SX:
+    """Return columns of expressions in one; so few cost CasADi's vertcat twice the time."""
+    sizes = [column.numel() for column in columns]
+    whole, first = ca.SX(sum(sizes), 1), 0
+    for column, size in zip(columns, sizes, strict=True):
+        whole[first : first + size] = column
+        first += size
+    return whole
 
 
 def suggestion(name: str, known: Mapping[str, Any] | Sequence[str]) -> str:
@@ -114,7 +125,7 @@ def _finite(name: str, value: ArrayLike) -> Array:
     found = numbers(value, f"parameter {name!r}")
     if found.ndim > 2:
         raise ValueError(f"expected parameter {name!r} with at most two axes, found {found.ndim}")
-    if not np.all(np.isfinite(found)):
+    if not np.isfinite(found).all():
         raise ValueError(f"expected a finite parameter {name!r}, found {value!r}")
     found.setflags(write=False)
     return found
@@ -128,6 +139,11 @@ def requested(callable_: Callable[..., Any], role: str, positional: Sequence[str
     ValueError
         If it does not take the `positional` arguments of its role.
     """
+    if type(callable_) is FunctionType and not vars(callable_):  # it is what it says it is
+        code = callable_.__code__
+        count, starred = code.co_argcount, code.co_flags & STARRED
+        if count == len(positional) and not starred:  # the ordinary case, quickly found out
+            return list(code.co_varnames[count : count + code.co_kwonlyargcount])
     want = f"{role}({', '.join(positional)}, *, parameters by name)"
     if not callable(callable_):
         raise ValueError(f"expected a callable {want}, found {callable_!r}")
@@ -247,7 +263,8 @@ def column(result: Any, role: str, rows: int | None = None) -> ca.SX:
         if isinstance(result, (list, tuple)):
             value = ca.vertcat(*[ca.vec(_sx(item)) for item in result]) if result else ca.SX(0, 1)
         else:
-            value = ca.vec(_sx(result))
+            value = _sx(result)
+            value = value if value.is_column() else ca.vec(value)
     except Exception as error:
         raise ValueError(
             f"expected the {role} to return numbers or expressions, found {type(result).__name__}"

@@ -3,13 +3,24 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any
 
 from actionopt.discrete.transcription import Transcription
+
+
+class Clock:
+    """Adds the time that its body takes to one of the `times`."""
+
+    def __init__(self, times: dict[str, float], name: str) -> None:
+        self.times, self.name = times, name
+
+    def __enter__(self) -> None:
+        self.started = perf_counter()
+
+    def __exit__(self, *_: object) -> None:
+        self.times[self.name] += perf_counter() - self.started
 
 
 @dataclass(eq=False)
@@ -34,14 +45,9 @@ class Record:
     rounds: list[dict[str, Any]] = field(default_factory=list)
     time: dict[str, float] = field(default_factory=lambda: defaultdict(float))
 
-    @contextmanager
-    def clock(self, name: str) -> Iterator[None]:
-        """Add the time that the body takes to `name`."""
-        started = perf_counter()
-        try:
-            yield
-        finally:
-            self.time[name] += perf_counter() - started
+    def clock(self, name: str) -> Clock:
+        """Return what adds the time that the body takes to `name`."""
+        return Clock(self.time, name)
 
     def round(self, tr: Transcription, seconds: float) -> None:
         """Note that a path was found on a mesh."""
