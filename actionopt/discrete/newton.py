@@ -119,7 +119,7 @@ def _steady(tr: Transcription, z: Array, many: bool) -> Factors:
         return Factors(tr.layout, tr.kkt(z), many=many)
     known = tr.layout.solvers.get("steady")
     if known is None or known[0] is not tr.weight:  # which problems with other ends share
-        known = tr.layout.solvers["steady"] = tr.weight, Factors(tr.layout, tr.kkt(z), many=many)
+        known = tr.layout.solvers["steady"] = tr.weight, Factors(tr.layout, tr.kkt(z))
     return known[1]
 
 
