@@ -90,6 +90,16 @@ def test_solutions_are_those_of_a_dense_solver(kind, stored):
     assert not np.allclose(dense @ (found * (1 + 1e-6)), right, rtol=1e-10, atol=1e-10)
 
 
+@pytest.mark.parametrize("many", [False, True])
+def test_two_solutions_are_those_of_one_after_the_other(stored, many):
+    layout, nonzeros, dense = matrix_of("plain", stored)
+    factors = Factors(layout, nonzeros, many=many)
+    rights = np.random.default_rng(4).normal(size=(2, layout.size))
+    factors.solve(rights[0])
+    for found, right in zip(factors.solve_both(*rights), rights, strict=True):
+        assert np.allclose(dense @ found, right, rtol=0, atol=1e-9)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("elements", [1, 2, 3, 12, 41, 80])
 def test_condensation_alone_solves_to_rounding(monkeypatch, kind, elements):

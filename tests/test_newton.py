@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from helpers import motion, transcribed
 
+from actionopt.discrete.factors import Factors
 from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.newton import CONTRACTION, _steps, follow
+from actionopt.discrete.newton import CONTRACTION, _pulled, _steps, follow
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Event, Problem
 from actionopt.mechanics.system import System
@@ -192,3 +193,27 @@ def test_the_matrix_of_a_steady_linear_system_is_factorized_once_for_all_ends():
         assert kept == (T == 2.5 and end == 0.7)
         times = found.mesh.nodes
         assert found(times)[0] == pytest.approx(exact(problem)(times), abs=1e-11)
+
+
+@pytest.mark.parametrize("elements", [1, 5])
+@pytest.mark.parametrize("kind", ["forced", "constrained"])
+def test_the_pull_of_moving_ends_is_that_of_finite_differences(kind, elements):
+    more = {
+        "forced": {"force": lambda q, v, t: [v[1] * q[0], -v[0] - q[1]]},
+        "constrained": {"constraint": lambda q, t: q[0] ** 2 + q[1] ** 3 - 1},
+    }[kind]
+    system = System(
+        lambda q, v, t: (1 + q[1] ** 2) * v[0] ** 2 + v[1] ** 2 + v[0] * q[1] * t - q[0] ** 4,
+        ["x", "y"],
+        **more,
+    )
+    problem = Problem(system, Event(0, [1.0, 0.0]), Event(1.3, [0.8, 0.36 ** (1 / 3)]))
+    mesh = Mesh.uniform(0.0, 1.3, elements, [4, 5, 4, 5, 5][:elements])
+    tr = Transcription(problem, mesh, np.array([2.0, 0.7]))
+    z = np.random.default_rng(elements).uniform(-1, 1, tr.layout.size)
+    ends, h = tr.ends[[0, -1]], 1e-5
+    change = np.array([[0.3, -0.2], [0.1, 0.4]])
+    assert tr.layout.storage == "blocks"
+    found = _pulled(tr, z, tr.with_ends(ends + change), Factors(tr.layout, tr.kkt(z)))
+    after, before = (tr.with_ends(ends + s * h * change).residual(z) for s in (1, -1))
+    assert found == pytest.approx((after - before) / (2 * h), abs=1e-8 * np.abs(found).max())

@@ -98,6 +98,21 @@ class Blocks:
         total[self.offsets] += (nodes @ full[self.offsets][:, :, None])[:, :, 0]
         return total.ravel()[self.places]
 
+    def of_ends(self, nonzeros: Array, ends: Array) -> Array:
+        """Return the matrix over all places times values (2, f) at the first and the last node.
+
+        Shape (size,): how the other side of the equations changes with what is pinned there.
+        """
+        elements, nodes = self.split(nonzeros)
+        total = np.zeros((self.nodes, self.width))
+        for side, values in zip((0, -1), ends, strict=True):
+            total[side] += nodes[side] @ values
+            for blocks, g in zip(elements, self.groups, strict=True):
+                if g.nodes[side, side] == self.offsets[side]:
+                    block = blocks[side].reshape(g.nodes.shape[1], self.width, -1, self.width)
+                    total[g.nodes[side]] += block[:, :, side] @ values
+        return total.ravel()[self.places]
+
     def full(self, nonzeros: Array) -> Array:
         """Return the matrix itself, (size, size)."""
         elements, nodes = self.split(nonzeros)

@@ -25,6 +25,9 @@ from actionopt.tools.types import Array, NDInt
 # of each or three times as much (but `REFINEMENTS`) changes no iteration on any scene.
 TINY = 50  # unknowns and rows of a full matrix of which two solutions cost more than its inverse
 SLIM = 3  # coordinates and constraints up to which sparse factors take less time than blocks
+# Unknowns and rows from which they take less than a full matrix, if there are to be many. Measured:
+# of one coordinate and 47 unknowns 3 us against 60, of two and 94 7 against 40; the pattern 400.
+SPARSE = 30
 PATTERN = 2000  # unknowns and rows up to which finding their pattern takes little memory
 REGULAR = 1e-10  # on the rows' diagonal, whose gradients are of size one
 REFINEMENTS = 6  # each leaves half of the residual at most
@@ -61,20 +64,26 @@ class Factors:
     @cached_property
     def _direct(self) -> Callable[[Array], Array] | None:
         """What solves but for errors; None if nothing does so quickly."""
-        layout, system = self.layout, self.layout.system
-        slim = system.n + system.m <= SLIM and layout.size <= PATTERN
-        pays = self._many and slim and layout.unpivoted
+        layout, pays = self.layout, self._pays
+        if layout.small and not pays:
+            return None
         if layout.condensed and not pays:
             with suppress(np.linalg.LinAlgError):  # a block may be singular where all are not
                 return self._condensed.solve
         elif layout.unpivoted:
             if layout.keeps_factors:
                 return self._kept.solve
-            regular = _regular(layout, compressed(layout, self.nonzeros))
-            return lambda right: _solver(layout, "ldl")(regular, right)
+            return lambda right: _solver(layout, "ldl")(self._regular, right)
         elif layout.bordered:
             return _Edged(layout, self.nonzeros).solve if _Edged.serves(layout) else self._pivoted
         return None
+
+    @property
+    def _pays(self) -> bool:
+        """Whether sparse factors take less time than blocks or a full matrix."""
+        layout, system = self.layout, self.layout.system
+        slim = system.n + system.m <= SLIM and SPARSE <= layout.size <= PATTERN
+        return self._many and slim and layout.unpivoted
 
     @cached_property
     def _pivoted(self) -> Callable[[Array], Array]:
@@ -92,6 +101,10 @@ class Factors:
                 raise np.linalg.LinAlgError("the matrix is singular") from error
 
         return solve
+
+    @cached_property
+    def _regular(self) -> Array:
+        return _regular(self.layout, compressed(self.layout, self.nonzeros))
 
     @cached_property
     def _kept(self) -> _Kept:
@@ -118,14 +131,14 @@ class Factors:
 
     def solve(self, right: Array) -> Array:
         """Return the solution for one right-hand side, (size,)."""
-        if self.layout.small:  # LAPACK factorizes faster than it inverts, if that is not tiny
-            tiny = self.layout.size <= TINY
-            return self._inverse @ right if tiny else np.linalg.solve(self._full, right)
         if self._direct is not None:
             x = self._direct(right) if self._accurate else self._refined(self._direct, right)
             if x is not None:
                 return x
             self._direct = None
+        if self.layout.small:  # LAPACK factorizes faster than it inverts, if that is not tiny
+            tiny = self.layout.size <= TINY
+            return self._inverse @ right if tiny else np.linalg.solve(self._full, right)
         if self.layout.bordered:
             x = self._refined(self._pivoted, right)
             if x is None:
@@ -137,9 +150,17 @@ class Factors:
             raise np.linalg.LinAlgError("the matrix is singular")
         return x
 
+    @property
+    def pairs(self) -> bool:
+        """Whether two right-hand sides take hardly more than one."""
+        return self._accurate if self._pays else self.layout.small
+
     def solve_both(self, one: Array, other: Array) -> tuple[Array, Array]:
-        """Return the solutions for two right-hand sides; a small matrix is factorized once."""
-        if self.layout.small:
+        """Return the solutions for two right-hand sides, which may be factorized for once."""
+        if self.pairs and self._pays:
+            one, other = _solver(self.layout, "ldl", 2)(self._regular, np.stack([one, other]))
+            return one, other
+        if self.pairs:
             one, other = np.linalg.solve(self._full, np.stack([one, other], axis=1)).T
             return one, other
         return self.solve(one), self.solve(other)
@@ -225,25 +246,30 @@ def full(layout: Layout, nonzeros: Array) -> Array:
 class Sparse:
     """A sparse direct solver of CasADi's for one sparsity, fed and read in place.
 
-    CasADi's linear solvers factorize anew for every right-hand side; that costs less than handing
-    matrices over as objects, by an order of magnitude where they are small.
+    CasADi's linear solvers factorize anew for every call; that costs less than handing matrices
+    over as objects, by an order of magnitude where they are small. `count` right-hand sides are
+    solved for at once.
     """
 
-    def __init__(self, pattern: Pattern, kind: str) -> None:
+    def __init__(self, pattern: Pattern, kind: str, count: int = 1) -> None:
         size = pattern.shape[0]
-        values, right = ca.MX.sym("values", pattern.nnz), ca.MX.sym("right", size)
+        values, right = ca.MX.sym("values", pattern.nnz), ca.MX.sym("right", size, count)
         self.analysed = ca.Linsol(kind, kind, pattern.sparsity)
         solved = self.analysed.solve(ca.MX(pattern.sparsity, values), right)
         self._function = ca.Function(kind, [values, right], [solved])
-        self._values, self._right = np.empty(pattern.nnz), np.empty(size)
-        self._solved = np.empty(size)
+        shape = (size,) if count == 1 else (count, size)
+        self._values, self._right = np.empty(pattern.nnz), np.empty(shape)
+        self._solved = np.empty(shape)
         self._buffer, self._trigger = self._function.buffer()
         self._buffer.set_arg(0, memoryview(self._values))  # type: ignore
         self._buffer.set_arg(1, memoryview(self._right))  # type: ignore
         self._buffer.set_res(0, memoryview(self._solved))  # type: ignore
 
     def __call__(self, nonzeros: Array, right: Array) -> Array:
-        """Return the solution (size,); raise numpy.linalg.LinAlgError if the matrix is singular."""
+        """Return the solution, (size,) or (count, size), of as many right-hand sides.
+
+        Raise numpy.linalg.LinAlgError if the matrix is singular.
+        """
         self._values[:] = nonzeros
         self._right[:] = right
         self._solved[:] = np.nan  # what a failed factorization leaves behind
@@ -351,11 +377,12 @@ def negative_eigenvalues(layout: Layout, nonzeros: Array) -> int:
     return Factors(layout, nonzeros).negative()
 
 
-def _solver(layout: Layout, kind: str) -> Sparse:
+def _solver(layout: Layout, kind: str, count: int = 1) -> Sparse:
     """Return the layout's sparse solver, analysed once for its sparsity."""
-    if kind not in layout.solvers:
-        layout.solvers[kind] = Sparse(layout.kkt, kind)
-    return layout.solvers[kind]
+    key = kind if count == 1 else f"{kind} {count}"
+    if key not in layout.solvers:
+        layout.solvers[key] = Sparse(layout.kkt, kind, count)
+    return layout.solvers[key]
 
 
 def _matrix(layout: Layout, nonzeros: Array) -> ca.DM:

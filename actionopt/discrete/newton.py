@@ -30,6 +30,7 @@ DAMPED = 1e-3  # a shorter fraction of a step leads nowhere
 CHORDS = 3  # simplified steps that cost less than a factorization where that is kept
 # Of the ends' movement, for a derivative of one-sided differences that is good to as many digits.
 ENDS_DIFFERENCE = 1e-5
+HALF = 1e-8  # of the digits: a larger residual is no round-off, whatever the matrix is
 TARGET = 1e-14  # in units of the coordinates' sizes; one step past it costs next to nothing
 
 
@@ -109,7 +110,8 @@ def follow(
                 break
         # A residual of round-off leaves nothing to contract: the matrix is (nearly) singular and
         # what is left of the step says how little the path is determined.
-        at_roundoff = is_roundoff(tr, z, residual)
+        near = _size(residual) < HALF * _size(factors.nonzeros) * _size(np.abs(z) + tr.magnitudes)
+        at_roundoff = near and is_roundoff(tr, z, residual)
     return Followed(z, at_roundoff, rest, k, _size((z - first)[:cut]))
 
 
@@ -119,7 +121,7 @@ def _steady(tr: Transcription, z: Array, many: bool) -> Factors:
         return Factors(tr.layout, tr.kkt(z), many=many)
     known = tr.layout.solvers.get("steady")
     if known is None or known[0] is not tr.weight:  # which problems with other ends share
-        known = tr.layout.solvers["steady"] = tr.weight, Factors(tr.layout, tr.kkt(z), many=many)
+        known = tr.layout.solvers["steady"] = tr.weight, Factors(tr.layout, tr.kkt(z))
     return known[1]
 
 
@@ -161,34 +163,48 @@ def _steps(
     return z - step, rest, ratio, False
 
 
-def moved(tr: Transcription, z: Array, to: Transcription) -> Array:
+def moved(tr: Transcription, z: Array, to: Transcription) -> tuple[Array, bool]:
     """Return where the stationary path z of `tr` goes when its ends move to those of `to`.
 
     Along the tangent of the family of paths, which is smooth where new ends alone would kink the
-    path, and by simplified steps as long as they contract. Raises numpy.linalg.LinAlgError if
-    the matrix is singular.
+    path, and by simplified steps as long as they contract. And whether there may be a path near: a
+    simplified step that grows says that the family bends before. Raises numpy.linalg.LinAlgError
+    if the matrix is singular.
     """
     cut = tr.layout.unknowns
-    before = tr.ends[[0, -1]]
-    nearby = tr.with_ends(before + ENDS_DIFFERENCE * (to.ends[[0, -1]] - before))
     with np.errstate(all="ignore"):
         factors = Factors(tr.layout, tr.kkt(z), many=True)
-        step = factors.solve(nearby.residual(z)) / ENDS_DIFFERENCE  # that of z itself is zero
+        step, near = factors.solve(_pulled(tr, z, to, factors)), True
         z = z - step
         for _ in range(CHORDS - 1 if tr.layout.storage == "blocks" else 0):
             last, step = _size(step[:cut]), factors.solve(to.residual(z))
-            if not _size(step[:cut]) < CONTRACTION * last:
+            size = _size(step[:cut])
+            if not size < CONTRACTION * last:
+                near = size < last or tr.layout.rows > 0  # multipliers may disturb it
                 break
             z = z - step
-    return z
+    return z, near
+
+
+def _pulled(tr: Transcription, z: Array, to: Transcription, factors: Factors) -> Array:
+    """Return how the residual of `tr` at z changes with its ends, to those of `to`, (size,)."""
+    ends = tr.ends[[0, -1]]
+    change = to.ends[[0, -1]] - ends
+    if tr.layout.storage == "blocks":
+        padded = np.zeros((2, tr.layout.blocks.width))
+        padded[:, : tr.lengths.size] = change / tr.lengths
+        return tr.layout.blocks.of_ends(factors.nonzeros, padded)
+    nearby = tr.with_ends(ends + ENDS_DIFFERENCE * change)
+    return nearby.residual(z) / ENDS_DIFFERENCE  # that of z itself is zero
 
 
 def approach(
-    tr: Transcription, z: Array, steps: int, *, convex: bool = False
+    tr: Transcription, z: Array, steps: int, *, convex: bool = False, many: bool = False
 ) -> tuple[Array, int] | None:
     """Return a point where Newton's method contracts, and the factorizations used; else None.
 
-    If `convex`, only where the action is so at z: from there it hardly ever fails. The damping
+    If `convex`, only where the action is so at z: from there it hardly ever fails; `many` is for
+    `Factors`. The damping
     factor comes from the curvature that the simplified step shows (Deuflhard, algorithm NLEQ-ERR).
     """
     cut = tr.layout.unknowns
@@ -197,7 +213,8 @@ def approach(
         residual = tr.residual(z)
         for k in range(1, steps + 1):
             try:
-                factors = Factors(tr.layout, tr.kkt(z))
+                factors = None  # frees the last ones before the next are made
+                factors = Factors(tr.layout, tr.kkt(z), many=many)
                 if convex and k == 1 and not factors.definite():
                     return None
                 step = -factors.solve(residual)

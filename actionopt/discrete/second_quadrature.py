@@ -172,19 +172,26 @@ def _followed(
     not the motion's, which gives it another momentum. That of the inertia times the change of
     velocity is left out: it would undo what the sums find.
     """
-    known = [(b, (F.copy(), p.copy())) for b, (F, p) in _sampled(tr, x, batches)]
+    at = _points(tr, x, batches)
+    known = [(F.copy(), p.copy()) for _, (F, p) in _evaluated(tr, batches, at)]
     with np.errstate(all="ignore"):
         inertia = _inertia(tr, x)
-        steps = [
-            aside(b.rule, b.half, *values, inertia[b.elements], tr.lengths) for b, values in known
+        steps = []
+        for b, values in zip(batches, known, strict=True):
+            own = inertia if len(inertia) == 1 else inertia[b.elements]
+            steps.append((own, aside(b.rule, b.half, *values, own, tr.lengths)))
+        beside = [
+            (q + dq.reshape(q.shape), v + dv.reshape(v.shape))
+            for (q, v), (_, (dq, dv)) in zip(at, steps, strict=True)
         ]
-        moved = list(_sampled(tr, x, batches, steps))
-    for (b, (force, momentum)), (_, here), (_, v) in zip(moved, known, steps, strict=True):
-        momentum = momentum - v @ inertia[b.elements]
-        # Beyond where the laws hold nothing is known.
-        good = np.isfinite(force) & np.isfinite(momentum)
-        good = good.all(axis=(1, 2), keepdims=True)
-        yield b, (np.where(good, force, here[0]), np.where(good, momentum, here[1]))
+        moved = list(_evaluated(tr, batches, beside))
+    for (b, (force, momentum)), here, (own, (_, v)) in zip(moved, known, steps, strict=True):
+        momentum = momentum - v @ own
+        if not np.isfinite(force.sum() + momentum.sum()):  # nothing is known beyond the laws
+            good = np.isfinite(force) & np.isfinite(momentum)
+            good = good.all(axis=(1, 2), keepdims=True)
+            force, momentum = np.where(good, force, here[0]), np.where(good, momentum, here[1])
+        yield b, (force, momentum)
 
 
 def aside(
@@ -192,23 +199,35 @@ def aside(
 ) -> tuple[Array, Array]:
     """Return how far a motion under these forces is from the path, in q and v, (E, points, n).
 
-    Zero at the ends of the elements, of inertias (E, n, n); `lengths` (n,) are the coordinates'
-    units.
+    Zero at the ends of the elements, of inertias (E, n, n), or (1, n, n) where all are the same;
+    `lengths` (n,) are the coordinates' units.
     """
-    unit = np.outer(lengths, lengths)
-    known = np.nan_to_num(unit * inertia)
-    inverse = unit * np.linalg.pinv(known, rcond=MASSLESS, hermitian=True)
     gained, _ = rule.integrals(half * force)
-    v = (gained - momentum) @ inverse
+    v = (gained - momentum) @ _inverted(inertia, lengths)
     q, whole = rule.integrals(v)
     mean = whole[:, None] / 2
     return half * (q - mean * (rule.nodes[:, None] + 1)), v - mean
 
 
+def _inverted(inertia: Array, lengths: Array) -> Array:
+    """Return what the inertias (E, n, n) do to a velocity, (E, n, n); zero where there is none."""
+    unit = lengths[:, None] * lengths
+    known = np.nan_to_num(unit * inertia)
+    diagonal = np.einsum("eii->ei", known)  # a view
+    if np.count_nonzero(known) > np.count_nonzero(diagonal):
+        return unit * np.linalg.pinv(known, rcond=MASSLESS, hermitian=True)
+    size = np.abs(diagonal)
+    there = size > MASSLESS * size.max(axis=1, keepdims=True)
+    diagonal[...] = np.where(there, 1 / diagonal, 0.0)
+    return unit * known
+
+
 def _inertia(tr: Action, x: Array) -> Array:
-    """Return the mass matrix in the middle of each element, (N, n, n)."""
-    system = tr.problem.system
-    nonzeros, n = tr.second(x)[2], system.n
+    """Return the mass matrix in the middle of each element, (N, n, n); one if it is constant."""
+    system, n = tr.problem.system, tr.problem.system.n
+    if system.structure.constant_mass and not system.structure.depends_on_time:
+        return system.pointwise("second").full(2, tr.inertia[None], symmetric=True)
+    nonzeros = tr.second(x)[2]
     found = np.empty((tr.mesh.elements, n, n))
     for g in tr.layout.groups:
         middle = nonzeros[g.span].reshape(*g.nodes.shape, -1)[:, g.rule.degree // 2]
@@ -217,23 +236,31 @@ def _inertia(tr: Action, x: Array) -> Array:
 
 
 def _sampled(
-    tr: Action, x: Array, batches: list[Batch], steps: list[tuple[Array, Array]] | None = None
+    tr: Action, x: Array, batches: list[Batch]
 ) -> Iterator[tuple[Batch, tuple[Array, Array]]]:
-    """Yield dL/dq with the forces, and dL/dv, at the points of each batch: both (E, points, n).
+    """Yield dL/dq with the forces, and dL/dv, at the points of each batch: both (E, points, n)."""
+    return _evaluated(tr, batches, _points(tr, x, batches))
 
-    Or `steps` in q and v away from the path.
-    """
-    system, p = tr.problem.system, tr.problem.packed
+
+def _points(tr: Action, x: Array, batches: list[Batch]) -> list[tuple[Array, Array]]:
+    """Return q and v at the points of each batch, (E points, n) each."""
     Q, n = tr.place(x).Q, tr.problem.system.n
-    q, v, t = [], [], []
+    found = []
     for b in batches:
         local = Q[b.nodes]
-        q.append((b.rule.values @ local).reshape(-1, n))
-        v.append((b.rule.slopes @ (local - local[:, :1]) / b.half).reshape(-1, n))
-        t.append(b.times)
-    if steps is not None:
-        q = [here + dq.reshape(-1, n) for here, (dq, _) in zip(q, steps, strict=True)]
-        v = [here + dv.reshape(-1, n) for here, (_, dv) in zip(v, steps, strict=True)]
+        q = b.rule.values @ local
+        v = b.rule.slopes @ (local - local[:, :1]) / b.half
+        found.append((q.reshape(-1, n), v.reshape(-1, n)))
+    return found
+
+
+def _evaluated(
+    tr: Action, batches: list[Batch], points: list[tuple[Array, Array]]
+) -> Iterator[tuple[Batch, tuple[Array, Array]]]:
+    """Yield what `_sampled` does for given q and v."""
+    system, p = tr.problem.system, tr.problem.packed
+    q, v = zip(*points, strict=True)
+    t = [b.times for b in batches]
     t = t if system.structure.depends_on_time else t[:1]
     at = [parts[0] if len(parts) == 1 else np.concatenate(parts) for parts in (q, v, t)]
     force, momentum, _ = system.pointwise("first")(*at, p)
@@ -241,7 +268,7 @@ def _sampled(
         force = force + system.pointwise("force")(*at, p)[0]
     first = 0
     for b in batches:
-        shape = b.elements.size, b.rule.nodes.size, n
+        shape = b.elements.size, b.rule.nodes.size, system.n
         part = slice(first, first + shape[0] * shape[1])
         first = part.stop
         yield b, (force[part].reshape(shape), momentum[part].reshape(shape))

@@ -153,7 +153,7 @@ class Iterate(DiscretePath):
         assert here.factors is not None
         residual, carried = unseen(self, tol / self.unit)
         with np.errstate(all="ignore"):
-            if self.can_be_one_of_many and tr.layout.small:
+            if self.can_be_one_of_many and here.factors.pairs:
                 step, probed = here.factors.solve_both(residual, here._probe())
                 here = replace(here, probed=probed)
             else:

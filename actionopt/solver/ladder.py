@@ -447,17 +447,17 @@ class Search:
 
     def from_neighbour(self, neighbour: Solution) -> Status:
         """Follow a path of the system as its ends move to these, where nothing else differs."""
-        problem, old = self.ws.problem, neighbour.problem
+        ws, problem, old = self.ws, self.ws.problem, neighbour.problem
         same = (
             (old.start.t, old.end.t) == (problem.start.t, problem.end.t)
             and (old.start.pinned, old.end.pinned) == (problem.start.pinned, problem.end.pinned)
             and old.advance is None is problem.advance
             and self.given in (None, neighbour.mesh)
         )
-        self.begin("linear" if self.ws.linear else "guess")
-        if not same or not self.ws.continue_from(neighbour.discrete):
+        self.begin("linear" if ws.linear else "guess")
+        if not same or not ws.continue_from(neighbour.discrete):
             return Status.NOT_FOUND
-        near = self.ws.follow() or self.ws.approach(PATIENT)
+        near = (not ws.astray and ws.follow()) or ws.approach(PATIENT)
         return self.refine() if near else Status.NOT_FOUND
 
     def from_guess(self, curve_of: Callable[[Mesh], Path]) -> Status:

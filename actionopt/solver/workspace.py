@@ -88,6 +88,8 @@ class Workspace:
         Whether the last minimisation found the action unbounded.
     recovered : bool
         Whether the last transfer lost the path and found it again.
+    astray : bool
+        Whether a neighbour's path led to where plain Newton steps will hardly arrive.
     hint : str
         What to add to the verdict.
     best : Iterate or None
@@ -108,6 +110,7 @@ class Workspace:
     checked: bool = False
     unbounded: bool = False
     recovered: bool = False
+    astray: bool = False
     hint: str = ""
     best: Iterate | None = None
     unpolished: DiscretePath | None = None
@@ -214,7 +217,8 @@ class Workspace:
                 return False
             if not self.linear:
                 try:
-                    z = moved(tr, z, mine)
+                    z, near = moved(tr, z, mine)
+                    self.astray = not near
                 except np.linalg.LinAlgError:
                     return False
                 finally:
@@ -321,9 +325,9 @@ class Workspace:
         """
         tr = self.here.tr
         with self.record.clock("solve"):
-            near = approach(tr, self.here.z, steps, convex=convex)
+            near = approach(tr, self.here.z, steps, convex=convex, many=self.many)
             if near is None and tr.layout.rows:
-                near = approach(tr, _without_multipliers(self.here), steps)
+                near = approach(tr, _without_multipliers(self.here), steps, many=self.many)
         return self._reached("newton", near)
 
     def pass_resonances(self) -> bool:
