@@ -154,12 +154,9 @@ def cuts(tr: Action, batches: list[Batch], x: Array) -> list[Array]:
 def _values(
     tr: Action, x: Array, batches: list[Batch], followed: bool = True
 ) -> Iterator[tuple[Batch, tuple[Array, Array]]]:
-    """Yield forces and momenta at the points of each batch, where a motion goes if it matters.
-
-    Not under constraints, whose forces are not known there.
-    """
+    """Yield forces and momenta at the points of each batch, where a motion goes if it matters."""
     structure = tr.problem.system.structure
-    narrow = structure.samples and not structure.linear and not structure.constraints
+    narrow = structure.samples and not structure.linear
     return (_followed if followed and narrow else _sampled)(tr, x, batches)
 
 
@@ -170,13 +167,16 @@ def _followed(
 
     Polynomials that are stationary to all sums may still cross a narrow feature at a speed that is
     not the motion's, which gives it another momentum. That of the inertia times the change of
-    velocity is left out: it would undo what the sums find.
+    velocity is left out: it would undo what the sums find. Constraints are followed to first order.
     """
     known = [(b, (F.copy(), p.copy())) for b, (F, p) in _sampled(tr, x, batches)]
     with np.errstate(all="ignore"):
         inertia = _inertia(tr, x)
+        inverse = inverses(inertia, tr.lengths)
+        along = _tangents(tr, x, batches, inverse)
         steps = [
-            aside(b.rule, b.half, *values, inertia[b.elements], tr.lengths) for b, values in known
+            aside(b.rule, b.half, *values, inverse[b.elements], tangent)
+            for (b, values), tangent in zip(known, along, strict=True)
         ]
         moved = list(_sampled(tr, x, batches, steps))
     for (b, (force, momentum)), (_, here), (_, v) in zip(moved, known, steps, strict=True):
@@ -188,21 +188,68 @@ def _followed(
 
 
 def aside(
-    rule: Sampling, half: Array, force: Array, momentum: Array, inertia: Array, lengths: Array
+    rule: Sampling,
+    half: Array,
+    force: Array,
+    momentum: Array,
+    inverse: Array,
+    tangent: Array | None = None,
 ) -> tuple[Array, Array]:
     """Return how far a motion under these forces is from the path, in q and v, (E, points, n).
 
-    Zero at the ends of the elements, of inertias (E, n, n); `lengths` (n,) are the coordinates'
-    units.
+    Zero at the ends of the elements, of `inverse` inertias (E, n, n). Constraints leave of a force
+    what `tangent` (E, points, n, n) makes of it.
     """
-    unit = np.outer(lengths, lengths)
-    known = np.nan_to_num(unit * inertia)
-    inverse = unit * np.linalg.pinv(known, rcond=MASSLESS, hermitian=True)
-    gained, _ = rule.integrals(half * force)
-    v = (gained - momentum) @ inverse
+    if tangent is None:
+        gained, _ = rule.integrals(half * force)
+        v = (gained - momentum) @ inverse
+    else:  # of the forces of constraint, which are not known, nothing is left at any point
+        gained, _ = rule.integrals(_turned(tangent, half * force - rule.rates(momentum)))
+        _, whole = rule.integrals(_turned(tangent, gained))
+        v = _turned(tangent, gained - whole[:, None] / 2) @ inverse
     q, whole = rule.integrals(v)
     mean = whole[:, None] / 2
     return half * (q - mean * (rule.nodes[:, None] + 1)), v - mean
+
+
+def _turned(matrices: Array, vectors: Array) -> Array:
+    """Return the products of matrices (..., n, n) and vectors (..., n)."""
+    return np.matmul(matrices, vectors[..., None])[..., 0]
+
+
+def inverses(inertia: Array, lengths: Array) -> Array:
+    """Return the inverses of inertias (N, n, n), zero where there is none.
+
+    `lengths` (n,) are the coordinates' units.
+    """
+    unit = np.outer(lengths, lengths)
+    known = np.nan_to_num(unit * inertia)
+    return unit * np.linalg.pinv(known, rcond=MASSLESS, hermitian=True)
+
+
+def _tangents(
+    tr: Action, x: Array, batches: list[Batch], inverse: Array
+) -> list[Array] | list[None]:
+    """Return what constraints leave of forces at the points of each batch, (E, points, n, n).
+
+    That is F - G' (G M^-1 G')^-1 G M^-1 F, with the rows that are in force on the element; None
+    without constraints.
+    """
+    system, n, m = tr.problem.system, tr.problem.system.n, tr.problem.system.m
+    if not m:
+        return [None] * len(batches)
+    found, function = [], system.pointwise("constraint_jacobian")
+    for b, (q, _, t) in zip(batches, _states(tr, x, batches), strict=True):
+        nonzeros = function(q, t, tr.problem.packed)[0]
+        G = function.full(0, nonzeros).reshape(b.elements.size, -1, m, n)
+        inner = b.nodes[:, 1:-1] if b.nodes.shape[1] > 2 else b.nodes
+        in_force = (tr.layout.row_number[inner] >= 0).any(axis=1)
+        G *= np.expand_dims(in_force, (1, 3))
+        GW = G @ inverse[b.elements, None]
+        square = np.nan_to_num(GW @ G.swapaxes(2, 3))
+        away = np.linalg.pinv(square, rcond=MASSLESS, hermitian=True) @ GW
+        found.append(np.eye(n) - G.swapaxes(2, 3) @ away)
+    return found
 
 
 def _inertia(tr: Action, x: Array) -> Array:
@@ -223,14 +270,8 @@ def _sampled(
 
     Or `steps` in q and v away from the path.
     """
-    system, p = tr.problem.system, tr.problem.packed
-    Q, n = tr.place(x).Q, tr.problem.system.n
-    q, v, t = [], [], []
-    for b in batches:
-        local = Q[b.nodes]
-        q.append((b.rule.values @ local).reshape(-1, n))
-        v.append((b.rule.slopes @ (local - local[:, :1]) / b.half).reshape(-1, n))
-        t.append(b.times)
+    system, p, n = tr.problem.system, tr.problem.packed, tr.problem.system.n
+    q, v, t = (list(parts) for parts in zip(*_states(tr, x, batches), strict=True))
     if steps is not None:
         q = [here + dq.reshape(-1, n) for here, (dq, _) in zip(q, steps, strict=True)]
         v = [here + dv.reshape(-1, n) for here, (_, dv) in zip(v, steps, strict=True)]
@@ -245,6 +286,15 @@ def _sampled(
         part = slice(first, first + shape[0] * shape[1])
         first = part.stop
         yield b, (force[part].reshape(shape), momentum[part].reshape(shape))
+
+
+def _states(tr: Action, x: Array, batches: list[Batch]) -> Iterator[tuple[Array, Array, Array]]:
+    """Yield q and v (E points, n), and the times, at the points of each batch."""
+    Q, n = tr.place(x).Q, tr.problem.system.n
+    for b in batches:
+        local = Q[b.nodes]
+        q = (b.rule.values @ local).reshape(-1, n)
+        yield q, (b.rule.slopes @ (local - local[:, :1]) / b.half).reshape(-1, n), b.times
 
 
 def _work(batch: Batch, force: Array, momentum: Array) -> Array:
