@@ -1,11 +1,14 @@
 """Forces rougher than the path: seen by another quadrature, and refined for. Traps of symmetry."""
 
+import math
+
 import casadi as ca
 import numpy as np
 import pytest
 
 import actionopt as ao
 from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.second_quadrature import aside
 from actionopt.discrete.transcription import Transcription
 from actionopt.tools.lobatto import lgl
 
@@ -162,3 +165,21 @@ def test_a_bent_line_that_fails_leaves_the_first_attempt():
     solution = ao.solve(problem, throw=False)
     assert not solution.success
     assert np.max(np.abs(solution.path.values[0] - 1.0)) < 1e-6  # the straight line
+
+
+def test_under_a_constraint_a_motion_is_followed_along_it():
+    """A bead on a circle is kicked within an element: it gains J / m along the wire alone."""
+    rule, half, m, rate, kick, width = lgl(6).dense(48), 0.1, 2.0, 0.5, 0.3, 3e-3
+    t = half * rule.nodes
+    along = np.stack([-np.sin(rate * t), np.cos(rate * t)], axis=-1)[None]
+    across = np.stack([np.cos(rate * t), np.sin(rate * t)], axis=-1)[None]
+    pulse = kick / (width * np.sqrt(np.pi)) * np.exp(-((t / width) ** 2))[None, :, None]
+    force = pulse * (along + 3 * across) - m * rate**2 * across
+    tangent = along[..., None] * along[..., None, :]
+    inverse = np.eye(2)[None] / m
+    q, v = aside(rule, np.array([[[half]]]), force, m * rate * along, inverse, tangent)
+    gained = kick / m * np.array([math.erf(x) for x in t / width]) / 2
+    turn = rate * half
+    assert np.sum(v * along, axis=2)[0] == pytest.approx(gained, abs=turn**2 * kick / m)
+    assert np.abs(np.sum(v * across, axis=2)).max() < turn * kick / m
+    assert np.abs(np.sum(q * along, axis=2)[0, [0, -1]]).max() < 1e-4

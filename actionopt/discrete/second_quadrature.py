@@ -154,12 +154,9 @@ def cuts(tr: Action, batches: list[Batch], x: Array) -> list[Array]:
 def _values(
     tr: Action, x: Array, batches: list[Batch], followed: bool = True
 ) -> Iterator[tuple[Batch, tuple[Array, Array]]]:
-    """Yield forces and momenta at the points of each batch, where a motion goes if it matters.
-
-    Not under constraints, whose forces are not known there.
-    """
+    """Yield forces and momenta at the points of each batch, where a motion goes if it matters."""
     structure = tr.problem.system.structure
-    narrow = structure.samples and not structure.linear and not structure.constraints
+    narrow = structure.samples and not structure.linear
     return (_followed if followed and narrow else _sampled)(tr, x, batches)
 
 
@@ -170,23 +167,29 @@ def _followed(
 
     Polynomials that are stationary to all sums may still cross a narrow feature at a speed that is
     not the motion's, which gives it another momentum. That of the inertia times the change of
-    velocity is left out: it would undo what the sums find.
+    velocity is left out: it would undo what the sums find. Constraints are followed to first order.
     """
     at = _points(tr, x, batches)
     known = [(F.copy(), p.copy()) for _, (F, p) in _evaluated(tr, batches, at)]
     with np.errstate(all="ignore"):
         inertia = _inertia(tr, x)
-        steps = []
-        for b, values in zip(batches, known, strict=True):
-            own = inertia if len(inertia) == 1 else inertia[b.elements]
-            steps.append((own, aside(b.rule, b.half, *values, own, tr.lengths)))
+        inverse = inverses(inertia, tr.lengths)
+        own, inverse = (
+            [found if len(found) == 1 else found[b.elements] for b in batches]
+            for found in (inertia, inverse)
+        )
+        along = _tangents(tr, batches, at, inverse)
+        steps = [
+            aside(b.rule, b.half, *values, back, tangent)
+            for b, values, back, tangent in zip(batches, known, inverse, along, strict=True)
+        ]
         beside = [
             (q + dq.reshape(q.shape), v + dv.reshape(v.shape))
-            for (q, v), (_, (dq, dv)) in zip(at, steps, strict=True)
+            for (q, v), (dq, dv) in zip(at, steps, strict=True)
         ]
         moved = list(_evaluated(tr, batches, beside))
-    for (b, (force, momentum)), here, (own, (_, v)) in zip(moved, known, steps, strict=True):
-        momentum = momentum - v @ own
+    for (b, (force, momentum)), here, mass, (_, v) in zip(moved, known, own, steps, strict=True):
+        momentum = momentum - v @ mass
         if not np.isfinite(force.sum() + momentum.sum()):  # nothing is known beyond the laws
             good = np.isfinite(force) & np.isfinite(momentum)
             good = good.all(axis=(1, 2), keepdims=True)
@@ -195,22 +198,40 @@ def _followed(
 
 
 def aside(
-    rule: Sampling, half: Array, force: Array, momentum: Array, inertia: Array, lengths: Array
+    rule: Sampling,
+    half: Array,
+    force: Array,
+    momentum: Array,
+    inverse: Array,
+    tangent: Array | None = None,
 ) -> tuple[Array, Array]:
     """Return how far a motion under these forces is from the path, in q and v, (E, points, n).
 
-    Zero at the ends of the elements, of inertias (E, n, n), or (1, n, n) where all are the same;
-    `lengths` (n,) are the coordinates' units.
+    Zero at the ends of the elements, of `inverse` inertias (E, n, n), or (1, n, n) where all are
+    the same. Constraints leave of a force what `tangent` (E, points, n, n) makes of it.
     """
-    gained, _ = rule.integrals(half * force)
-    v = (gained - momentum) @ _inverted(inertia, lengths)
+    if tangent is None:
+        gained, _ = rule.integrals(half * force)
+        v = (gained - momentum) @ inverse
+    else:  # of the forces of constraint, which are not known, nothing is left at any point
+        gained, _ = rule.integrals(_turned(tangent, half * force - rule.rates(momentum)))
+        _, whole = rule.integrals(_turned(tangent, gained))
+        v = _turned(tangent, gained - whole[:, None] / 2) @ inverse
     q, whole = rule.integrals(v)
     mean = whole[:, None] / 2
     return half * (q - mean * (rule.nodes[:, None] + 1)), v - mean
 
 
-def _inverted(inertia: Array, lengths: Array) -> Array:
-    """Return what the inertias (E, n, n) do to a velocity, (E, n, n); zero where there is none."""
+def _turned(matrices: Array, vectors: Array) -> Array:
+    """Return the products of matrices (..., n, n) and vectors (..., n)."""
+    return np.matmul(matrices, vectors[..., None])[..., 0]
+
+
+def inverses(inertia: Array, lengths: Array) -> Array:
+    """Return the inverses of inertias (E, n, n), zero where there is none.
+
+    `lengths` (n,) are the coordinates' units.
+    """
     unit = lengths[:, None] * lengths
     known = np.nan_to_num(unit * inertia)
     diagonal = np.einsum("eii->ei", known)  # a view
@@ -220,6 +241,31 @@ def _inverted(inertia: Array, lengths: Array) -> Array:
     there = size > MASSLESS * size.max(axis=1, keepdims=True)
     diagonal[...] = np.where(there, 1 / diagonal, 0.0)
     return unit * known
+
+
+def _tangents(
+    tr: Action, batches: list[Batch], at: list[tuple[Array, Array]], inverse: list[Array]
+) -> list[Array] | list[None]:
+    """Return what constraints leave of forces at the points of each batch, (E, points, n, n).
+
+    That is F - G' (G M^-1 G')^-1 G M^-1 F, with the rows that are in force on the element; None
+    without constraints.
+    """
+    system, n, m = tr.problem.system, tr.problem.system.n, tr.problem.system.m
+    if not m:
+        return [None] * len(batches)
+    found, function = [], system.pointwise("constraint_jacobian")
+    for b, (q, _), back in zip(batches, at, inverse, strict=True):
+        nonzeros = function(q, b.times, tr.problem.packed)[0]
+        G = function.full(0, nonzeros).reshape(b.elements.size, -1, m, n)
+        inner = b.nodes[:, 1:-1] if b.nodes.shape[1] > 2 else b.nodes
+        in_force = (tr.layout.row_number[inner] >= 0).any(axis=1)
+        G *= np.expand_dims(in_force, (1, 3))
+        GW = G @ back[:, None]
+        square = np.nan_to_num(GW @ G.swapaxes(2, 3))
+        away = np.linalg.pinv(square, rcond=MASSLESS, hermitian=True) @ GW
+        found.append(np.eye(n) - G.swapaxes(2, 3) @ away)
+    return found
 
 
 def _inertia(tr: Action, x: Array) -> Array:

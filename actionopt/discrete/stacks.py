@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 
 from actionopt.discrete.mesh import Mesh
-from actionopt.discrete.second_quadrature import PANEL_COUNTS, aside
+from actionopt.discrete.second_quadrature import PANEL_COUNTS, aside, inverses
 from actionopt.mechanics.columns import Columns
 from actionopt.mechanics.system import System
 from actionopt.tools.lobatto import Rule, Sampling, lgl
@@ -308,7 +308,8 @@ class Stack:
             return x.transpose(1, 2, 0).reshape(shape)
 
         force, momentum = (rows(x) for x in known)
-        q, v = aside(rule, half.reshape(-1, 1, 1), force, momentum, inertia, self.shape.units)
+        inverse = inverses(inertia, self.shape.units)
+        q, v = aside(rule, half.reshape(-1, 1, 1), force, momentum, inverse)
         known = known[0].copy(), known[1].copy()
         force, momentum = self._evaluated("gradient", here[0] + back(q), here[1] + back(v), at)
         momentum = momentum - back(v @ inertia)

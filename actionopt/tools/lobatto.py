@@ -12,6 +12,7 @@ from functools import cache, cached_property
 
 import numpy as np
 
+from actionopt.tools.blas import by_each
 from actionopt.tools.types import Array
 
 # Degrees more of the other quadrature of a rule, whose points lie between the nodes. Odd, or both
@@ -52,6 +53,22 @@ class Sampling:
             2 * np.arange(count)[:, None] + 1
         )
         return np.linalg.solve(P[:count, :-1], integrals).T
+
+    @cached_property
+    def _rates(self) -> Array:
+        """Derivatives at the points of a panel [-1, 1], by values there."""
+        count = self.nodes.size // self.panels
+        P = legendre(count, self.panels * (self.nodes[:count] + 1) - 1)
+        slopes = np.zeros((count, count))
+        for k in range(count - 1):
+            slopes[k + 1] = (slopes[k - 1] if k else 0.0) + (2 * k + 1) * P[k]
+        return np.linalg.solve(P[:count], slopes).T
+
+    def rates(self, values: Array) -> Array:
+        """Return the derivatives of values (E, m + 1, n) at the points, panel by panel."""
+        E, points, n = values.shape
+        parts = by_each(self._rates, values.reshape(E * self.panels, -1, n))
+        return self.panels * parts.reshape(values.shape)
 
     def integrals(self, values: Array) -> tuple[Array, Array]:
         """Return the integrals from -1 to the points of values (E, m + 1, n) there, and to 1.

@@ -1,7 +1,10 @@
 """A kink between two wells: L = v^2 / 2 + (q^2 - 1)^2 / (8 eps^2), ends +-tanh(1 / (2 eps)).
 
 The path q = tanh(t / (2 eps)) may be shifted at a cost of order exp(-1 / eps): where that is
-below round-off the place of the kink is not determined, and this must be said.
+below round-off the place of the kink is not determined, and this must be said. At eps = 0.1 the
+round-off of sums with the differentiation matrices moves it by 4e-10 (root mean square; 1e-9 was
+seen), that of the matrices' entries by 2e-10, of forces and momenta alone by 4e-11, and that of
+the coordinates by 1e-12.
 """
 
 from __future__ import annotations

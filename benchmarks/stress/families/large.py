@@ -1,7 +1,9 @@
 """Long and large: ten revolutions, a chain of fifty pendulums, a lattice of a thousand masses.
 
 Time and memory are measured in a fresh process for each size, and fitted as a power of the
-size; a power of one is linear growth.
+size; a power of one is linear growth. Kepler's time tells of the ways that are tried before one
+leads to the path as well: from a circle, 2.5 revolutions take 19 factorizations of Newton's method
+alone, and 5 to 20 take 130 to 210 of several ways, at a power of 0.6 to 0.7 among themselves.
 """
 
 from __future__ import annotations
