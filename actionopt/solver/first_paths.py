@@ -43,7 +43,7 @@ ASIDE = 0.9  # of the duration of the lowest path
 MERGED = 1e-7  # of it, within which two paths are one: half the digits
 # Half lengths of its first and last element, from their middles, that a motion is carried on; steps
 # to where it passes a place; and parts of its duration within which it passes there.
-AHEAD, NEARER, NEAR = 3.0, 6, 1e-3
+AHEAD, NEARER, NEAR = 3.0, 6, 0.02
 LINE = 41  # points on the straight line
 LOOKED = 400  # times at which a motion is looked at for where it comes to rest
 
