@@ -655,3 +655,13 @@ def test_a_circle_is_closed_whose_turn_is_its_motion(tol):
     radius = np.sqrt((np.sqrt(7) - 1) / 1.5)
     r = np.linalg.norm(s(np.linspace(0, s.duration, 101)), axis=0)
     assert np.abs(r / radius - 1).max() < tol
+
+
+def test_a_neighbour_that_passes_the_new_end_nowhere_is_a_guess_as_well():
+    """Motions under no force: T = d / sqrt(2 E); one coordinate stays zero, others end far off."""
+    system = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
+    problem = ao.Problem(system, free(0.0, [0.0, 0.0]), free(None, [1.0, 0.0]), energy=0.5)
+    s = ao.solve(problem)
+    for end in ([3.0, 0.0], [0.1, 0.0], [0.5, 2.0], [-1.0, 0.0], [-0.3, 0.4]):
+        near = ao.solve(problem.replace(end=free(None, end)), guess=s)
+        assert abs(near.duration - np.linalg.norm(end)) < 1e-9
