@@ -634,3 +634,34 @@ def test_an_orbit_about_the_equilibrium_between_two_bodies_needs_no_guess():
     assert orbit.compare().agrees and np.ptp(orbit.path.values[1]) > 0.1
     with pytest.raises(ValueError, match="nor where a stable equilibrium is near"):
         ao.solve(ao.Problem(bodies, start, ao.Periodic(None), energy=-5.0))
+
+
+@pytest.mark.parametrize("tol", [1e-3, 1e-6])
+def test_a_circle_is_closed_whose_turn_is_its_motion(tol):
+    """Time and the turn of the plane move a circle alike: r^2 + 3 r^4 / 4 = E, w^2 = 1 + r^2."""
+    system = ao.System(lambda q, v, t: v @ v / 2 - (q @ q) / 2 - (q @ q) ** 2 / 4, ["x", "y"])
+    T = 2 * np.pi / np.sqrt(1 + (np.sqrt(7) - 1) / 1.5)
+
+    def rough(t):
+        a = 2 * np.pi * t / 4.5
+        return 0.9 * np.stack([np.cos(a + 0.5), np.sin(a + 0.5)]) + 0.1 * np.stack(
+            [np.cos(2 * a), np.sin(2 * a)]
+        )
+
+    guess = ao.Path.interpolate(rough, ao.Mesh.uniform(0, 4.5, 8, 5))
+    anywhere = ao.Problem(system, free(0.0, [None, None]), ao.Periodic(None), energy=2.0)
+    s = ao.solve(anywhere, guess=guess, tol=tol)
+    assert abs(s.duration / T - 1) < tol
+    radius = np.sqrt((np.sqrt(7) - 1) / 1.5)
+    r = np.linalg.norm(s(np.linspace(0, s.duration, 101)), axis=0)
+    assert np.abs(r / radius - 1).max() < tol
+
+
+def test_a_neighbour_that_passes_the_new_end_nowhere_is_a_guess_as_well():
+    """Motions under no force: T = d / sqrt(2 E); one coordinate stays zero, others end far off."""
+    system = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
+    problem = ao.Problem(system, free(0.0, [0.0, 0.0]), free(None, [1.0, 0.0]), energy=0.5)
+    s = ao.solve(problem)
+    for end in ([3.0, 0.0], [0.1, 0.0], [0.5, 2.0], [-1.0, 0.0], [-0.3, 0.4]):
+        near = ao.solve(problem.replace(end=free(None, end)), guess=s)
+        assert abs(near.duration - np.linalg.norm(end)) < 1e-9

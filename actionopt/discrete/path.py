@@ -139,20 +139,19 @@ class Path:
         self, values: Array, orders: Sequence[int], flat: Array, reach: float = 1.0
     ) -> list[Array]:
         """Evaluate derivatives of increasing orders, (n, K) each."""
-        b = self.mesh.since
-        where = np.clip(np.searchsorted(b, flat, side="right") - 1, 0, self.mesh.elements - 1)
+        b, groups = self.mesh.since, self.mesh.groups
+        where = (np.searchsorted(b, flat, side="right") - 1).clip(0, self.mesh.elements - 1)
+        degrees = np.array(self.mesh.degrees)[where] if len(groups) > 1 else None
         results = [np.empty((values.shape[0], flat.size)) for _ in orders]
-        position = np.empty(self.mesh.elements, dtype=int)
-        for g in self.mesh.groups:
-            position[g.elements] = np.arange(g.elements.size)
-            mine = np.isin(where, g.elements) if len(self.mesh.groups) > 1 else slice(None)
+        for g in groups:
+            mine = slice(None) if degrees is None else degrees == g.rule.degree
             e = where[mine]
             if e.size == 0:
                 continue
             h = self.mesh.lengths[e]
-            xi = np.clip(((flat[mine] - b[e]) - (b[e + 1] - flat[mine])) / h, -reach, reach)
+            xi = (((flat[mine] - b[e]) - (b[e + 1] - flat[mine])) / h).clip(-reach, reach)
             weights, order = g.rule.interpolation(xi), 0
-            local = values[:, g.nodes[position[e]]]
+            local = values[:, self.mesh.offsets[e][:, None] + np.arange(g.rule.degree + 1)]
             for wanted, result in zip(orders, results, strict=True):
                 while order < wanted:
                     weights, order = (weights @ g.rule.derivative) * (2 / h)[:, None], order + 1

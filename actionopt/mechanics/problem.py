@@ -425,9 +425,11 @@ class Problem:
         """Return how far a motion near the straight line extends, (n,), as far as L tells."""
         ends = np.array([[a or 0.0, b or 0.0] for a, b in pairs])
         apart, system = ends[:, 1] - ends[:, 0], self.system
-        q = ends[:, 0] + ALONG[:, None] * apart
-        v = np.repeat(apart[None] / self.duration, ALONG.size, axis=0)
-        at = q, v, self.start.t + ALONG[:, None] * self.duration, self.packed
+        one = not apart.any() and not system.structure.depends_on_time  # place, as where it closes
+        along = ALONG[:1] if one else ALONG
+        q = ends[:, 0] + along[:, None] * apart
+        v = np.repeat(apart[None] / self.duration, along.size, axis=0)
+        at = q, v, self.start.t + along[:, None] * self.duration, self.packed
         force = np.abs(system.pointwise("first")(*at)[0])
         stiffness = diagonal(system, 0, system.pointwise("second")(*at)[0])
         rest = AMPLITUDES * force.max(axis=0) / stiffness.max(axis=0)

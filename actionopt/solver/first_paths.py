@@ -41,9 +41,10 @@ TRIED = np.logspace(-8, 8, 65)  # durations at which a straight line is looked a
 PARABOLAS = 12  # steps to the least energy of paths over given durations
 ASIDE = 0.9  # of the duration of the lowest path
 MERGED = 1e-7  # of it, within which two paths are one: half the digits
-# Half lengths of its first and last element, from their middles, that a motion is carried on; steps
-# to where it passes a place; and parts of its duration within which it passes there.
-AHEAD, NEARER, NEAR = 3.0, 6, 1e-3
+# Half lengths of its first and last element, from their middles, that a motion is carried on; parts
+# of its duration that are cut off at most; steps to where it passes a place, and such parts within
+# which it passes there.
+AHEAD, CUT, NEARER, NEAR = 3.0, 0.4, 6, 0.02
 LINE = 41  # points on the straight line
 LOOKED = 400  # times at which a motion is looked at for where it comes to rest
 
@@ -295,26 +296,27 @@ def passing(problem: Problem, path: Path) -> Path:
     """
     if not problem.free_time or problem.closes or problem.on_surface:
         return path
-    events, longest = (problem.start, problem.end), (AHEAD - 1) / 2 * path.mesh.lengths[[0, -1]]
-    unit = np.abs(path.values).max(axis=1)
-    ends = np.array([0.0, path.mesh.duration])
-    low, high = ends - [longest[0], ends[1] / 2], ends + [ends[1] / 2, longest[1]]
+    mesh, n = path.mesh, problem.system.n
+    longest, ends = (AHEAD - 1) / 2 * mesh.lengths[[0, -1]], np.array([0.0, mesh.duration])
+    cut = CUT * ends[1]
+    low, high = ends - [longest[0], cut], ends + [cut, longest[1]]
+    unit, wanted = np.abs(path.values).max(axis=1)[:, None], np.zeros((n, 2))
+    unit, given = np.where(unit > 0, unit, 1.0), np.zeros((n, 2), dtype=bool)
+    for k, event in enumerate((problem.start, problem.end)):
+        for i in event.pinned:
+            wanted[i, k], given[i, k] = event.q[i], True
     at = ends
     for _ in range(NEARER):  # Gauss and Newton's method
         q, v = path.carried_on(at, AHEAD)
-        by = np.zeros(2)
-        for k, event in enumerate(events):
-            i = list(event.pinned)
-            away = (q[i, k] - np.array(event.q, dtype=float)[i]) / unit[i]
-            rates = v[i, k] / unit[i]
-            square = rates @ rates
-            by[k] = away @ rates / square if square > 0 else 0.0
-        at = np.clip(at - by, low, high)
+        away, rates = (np.where(given, x / unit, 0.0) for x in (q - wanted, v))
+        square = (rates * rates).sum(axis=0)
+        by = np.divide((away * rates).sum(axis=0), square, out=np.zeros(2), where=square > 0)
+        at = (at - by).clip(low, high)
         if np.abs(by).max() <= NEAR * ends[1]:
             break
     if not np.abs(at - ends).max() > NEAR * ends[1]:
         return path
-    T, mesh = at[1] - at[0], path.mesh
+    T = at[1] - at[0]
     values = path.carried_on(at[0] + mesh.nodes_since * (T / ends[1]), AHEAD)[0]
     return Path(mesh.moved(mesh.boundaries[0], mesh.boundaries[0] + T), values)
 

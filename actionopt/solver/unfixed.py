@@ -129,7 +129,7 @@ class Unfixed:
         problem = self.problem.loose
         self.here = self._around(path, None if lam is None else np.nan_to_num(lam), problem)
         # Of closed paths that are a family the steps do not contract, which is to be seen.
-        if not (self._follow(passing=not self.problem.closes) or (damped and self._approach())):
+        if not (self._follow(passing=True) or (damped and self._approach())):
             return False
         return problem is self.problem or not self.problem.start.pinned or self._begun(NEAR_START)
 
@@ -152,7 +152,7 @@ class Unfixed:
             return False
         shift = min(begins, key=abs)
         self.here = self._around(rolled(path, shift, self.problem) if shift else path, None)
-        return self._follow()
+        return self._follow(passing=True)
 
     def _passes(self, path: Path) -> list[tuple[float, float]]:
         """Return when a closed path passes what the start gives, and how far off in its sizes."""
@@ -221,8 +221,9 @@ class Unfixed:
         def passable(y: Array) -> float:
             """Return how far a path may be from stationary that goes on to another mesh."""
             at = bordered.discrete(y)
-            left = resolution(at.mesh, at.Q, measured(bordered.first.problem, at.Q)[0]).expected
-            return PASSABLE * left if SAFETY * self.gain * left > self.tol else 0.0
+            shown = resolution(at.mesh, at.Q, measured(bordered.first.problem, at.Q)[0])
+            goes_on = SAFETY * self.gain * shown.expected > self.tol
+            return PASSABLE * shown.worst if goes_on else 0.0
 
         with self.record.clock("solve"):
             enough = passable if passing else None
@@ -318,7 +319,7 @@ class Unfixed:
 
     def refine(self) -> Status:
         """Follow the path from mesh to mesh until the tolerance is met or cannot be."""
-        stalled, last = 0, np.inf
+        stalled, last, pushed = 0, np.inf, np.inf
         for _ in range(ROUNDS):
             started = perf_counter()
             if self._reached and SAFETY * self.noise > self.tol:
@@ -340,6 +341,11 @@ class Unfixed:
                 missed = self._missed(here, shown.worst) * max(unit, 1.0)
                 self.error = max(self.error, SAFETY * missed)
                 if self.error <= self.tol:
+                    if self._is_pushed(here) and here.pushed < pushed / 2:
+                        pushed = here.pushed  # less, perhaps, where it is nearest to this iterate
+                        if self._again(at):
+                            continue
+                        self.here = here
                     return Status.SOLVED
                 stalled += 1
                 cuts = at.tr.cuts(at.z)
@@ -372,9 +378,20 @@ class Unfixed:
     def judged(self, status: Status) -> Status:
         """Return the verdict on the path at hand: one that has to be pushed is none."""
         found = status.success or status is Status.FLOOR
-        if found and self.here and self.here.pushed > max(self.tol, self.error, PUSHED):
+        if found and self.here and self._is_pushed(self.here):
             return self._held()
         return status
+
+    def _is_pushed(self, here: Reached) -> bool:
+        """Whether a closed path is none; one of a family is not held by what resolves it badly."""
+        return here.pushed > max(self.tol, 0.0 if self.along else self.error, PUSHED)
+
+    def _again(self, at: DiscretePath) -> bool:
+        """Follow a closed path on its mesh once more, its phase about where it is now."""
+        if self.along:
+            return False
+        self.here = self._around(at.path, at.rows)
+        return self._follow() and _moves(self.here.at)
 
     def _held(self) -> Status:
         self.hint = "near the guess a path closes only if it is pushed along itself"

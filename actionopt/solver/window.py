@@ -63,17 +63,21 @@ class Window:
 
     def edges(self, solution: Solution) -> Edges:
         """Return what each tail leaves out, relative to q; its equilibrium, and the time."""
-        problem, Q = self.problem, solution.path.values.T
+        problem = self.problem
+        Q = solution.path.values.T
         size = sizes(Q, problem.scales)
-        known = [(k, r) for k, r in zip((0, -1), problem.rests, strict=True) if r is not None]
-        t = np.array([(problem.start, problem.end)[k].t for k, _ in known])
-        q = Q[[k for k, _ in known]]
-        v = np.array([r.rates @ (x - r.q) for x, (_, r) in zip(q, known, strict=True)])
-        a = problem.system.acceleration(q.T, v.T, t, parameters=problem.parameters).T
         found = []
-        for k, (_, r) in enumerate(known):
-            left = np.abs(a[k] - r.rates @ v[k]) / r.slow**2
-            found.append((float((left / size).max()), r, float(t[k])))
+        for k, event, known in zip(
+            (0, -1), (problem.start, problem.end), problem.rests, strict=True
+        ):
+            if known is None:
+                continue
+            q = Q[k]
+            eta = q - known.q
+            v = known.rates @ eta
+            a = problem.system.acceleration(q, v, event.t, parameters=problem.parameters)
+            left = np.abs(a - known.rates @ v) / known.slow**2
+            found.append((float((left / size).max()), known, event.t))
         return found
 
 
