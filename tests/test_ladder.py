@@ -10,6 +10,7 @@ import actionopt as ao
 from actionopt import Event, Path, Problem, System, scenes
 from actionopt.discrete.transcription import Transcription
 from actionopt.solver.ladder import (
+    COARSE_GUESS,
     IPOPT,
     LADDER,
     MEETING_LOST,
@@ -94,6 +95,31 @@ def test_a_guess_is_tried_on_meshes_that_show_it():
     # What no mesh shows, kinks inside elements, is tried on all of them.
     kinks = lambda t: np.abs((np.array([t, t]) * 0.37) % 2 - 1)  # noqa: E731
     assert tried(lambda mesh: Path.interpolate(kinks, mesh)) == NEAR_GUESS
+
+
+def test_a_guess_in_many_coordinates_is_followed_on_few_elements_that_show_it():
+    def lagrangian(q, v, t):
+        d = q[1:] - q[:-1]
+        return (v @ v - d @ d) / 2 - q[0] ** 4
+
+    start, end = 0.1 * np.cos(np.arange(6))[:, None], 0.1 * np.sin(np.arange(6))[:, None]
+    row = System(lagrangian, list("abcdef"))
+    problem = Problem(row, Event(0.0, start.ravel()), Event(1.0, end.ravel()))
+
+    def elements(bump, tol):
+        """Return those of the first mesh, for a guess with a bump between the nodes of few."""
+
+        def guess(t):
+            return (
+                start * (1 - t) + end * t + bump * t * (1 - t) * np.exp(-(((t - 0.4) / 0.02) ** 2))
+            )
+
+        solution = ao.solve(problem, tol=tol, guess=guess)
+        assert solution.compare().agrees and solution.error < tol
+        return solution.stats["rounds"][0]["elements"]
+
+    assert elements(0.0, 1e-3) == elements(0.0, 1e-9) == COARSE_GUESS[0]
+    assert elements(0.02, 1e-3) > COARSE_GUESS[-1]
 
 
 @pytest.mark.parametrize(("duration", "least"), [(1.0, True), (2.5, True), (7.5, False)])

@@ -185,9 +185,9 @@ def _cheapest(
     usable = need <= DEGREES[-1]
     usable[found.mesh.lengths < SHORTEST * found.mesh.duration, 1:] = False  # hardly a time in it
     need = DEGREES[np.minimum(np.searchsorted(DEGREES, need), DEGREES.size - 1)]
-    # Per node. Measured on 2 to 20 coordinates: 10 + need, and more where matrices are large (derived:
-    # their square). The rest is ad hoc: where coordinates are few, what counts is how surely the next
-    # mesh is the last, and low degrees are predicted from nearer.
+    # Per node. Measured on 2 to 20 coordinates: 10 + need; derived: the square of an element's
+    # matrix, for more. The rest is ad hoc: few coordinates cost little beside another mesh, and
+    # low degrees are predicted from nearer.
     price = SPLITS * need * (10.0 + need + (need / n) ** 2 + (need * n / 100.0) ** 2)
     price = np.where(usable, price, np.inf)
     price[found.omitted <= target, 1:] = np.inf

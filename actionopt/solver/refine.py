@@ -14,7 +14,7 @@ from actionopt.analysis.status import Status
 from actionopt.discrete.boundaries import bounded
 from actionopt.discrete.mesh import MAX_DEGREE, Mesh
 from actionopt.discrete.resolution import SHORTEST, refined
-from actionopt.solver.iterate import SAFETY, estimate
+from actionopt.solver.iterate import SAFETY
 from actionopt.solver.workspace import MEASURABLE, Workspace
 
 # Ad hoc, where nothing else is said.
@@ -38,9 +38,6 @@ ILL_CONDITIONED, UNDETERMINED = 1e-10, 1e-6
 def refine(ws: Workspace, tol: float, *, least: bool) -> Status:
     """Transfer the path from mesh to mesh until the tolerance is met or cannot be."""
     stalled, missed, most = 0, np.inf, MAX_UNKNOWNS
-    first = ws.here
-    if first.error == np.inf and estimate(first.gain, first.resolution.expected, 0.0) <= tol:
-        ws.follow()  # Ipopt's path, which is less accurate
     for _ in range(ROUNDS):
         before = ws.here.resolution
         resolved = ws.here.error <= tol
