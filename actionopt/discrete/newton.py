@@ -175,7 +175,7 @@ def moved(tr: Transcription, z: Array, to: Transcription) -> Array:
         factors = Factors(tr.layout, tr.kkt(z), many=True)
         step = factors.solve(nearby.residual(z)) / ENDS_DIFFERENCE  # that of z itself is zero
         z = z - step
-        for _ in range(CHORDS - 1 if tr.layout.storage == "blocks" else 0):
+        for _ in range(CHORDS - 1 if factors.cheap else 0):
             last, step = _size(step[:cut]), factors.solve(to.residual(z))
             if not _size(step[:cut]) < CONTRACTION * last:
                 break
