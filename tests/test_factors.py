@@ -110,6 +110,22 @@ def test_condensation_alone_solves_to_rounding(monkeypatch, kind, elements):
     assert np.max(np.abs(dense @ found - right)) <= 1e-9 * np.max(np.abs(dense))
 
 
+def test_solutions_with_a_matrix_near_another_are_its_own(stored):
+    layout, nonzeros, dense = matrix_of("sphere", stored)
+    known = Factors(layout, nonzeros)
+    known.solve(np.ones(layout.size))
+    right = np.random.default_rng(4).normal(size=layout.size)
+    # So far in the first matrix's units that refinement settles in a few steps, and does not.
+    least = np.linalg.svd(dense, compute_uv=False)[-1]
+    for far in (1e-3 * least, 3.0):
+        shift = np.full(layout.size, far)
+        factors = known.near(nonzeros + diagonal(layout, shift))
+        found, other = factors.solve(right), dense + np.diag(shift)
+        assert np.allclose(found, np.linalg.solve(other, right), rtol=1e-8, atol=1e-9)
+        refactored = "_direct" in vars(factors)
+        assert layout.small or refactored == (far == 3.0)
+
+
 def test_a_right_hand_side_of_zero_has_the_solution_zero(stored):
     layout, nonzeros, _ = matrix_of("sphere", stored)
     assert np.all(Factors(layout, nonzeros).solve(np.zeros(layout.size)) == 0)

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 import actionopt as ao
+from actionopt import scenes
+from actionopt.discrete.factors import full
 from actionopt.discrete.marquardt import _Masses, settle
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.transcription import Transcription
@@ -96,6 +98,19 @@ def test_nothing_moves_where_a_mass_is_missing():
     z = np.full(tr.layout.size, 0.7)
     found = settle(tr, z)
     assert not found.near and found.iterations == 0 and found.z is z
+
+
+def test_a_guess_near_a_path_takes_newton_steps_alone(monkeypatch):
+    """All links of a chain turned evenly: along its slowest oscillation, but for the clock."""
+    monkeypatch.setattr(_Masses, "step", None)
+    scene = scenes.get("chain", links=12)
+    problem = scene.problem
+    mesh = Mesh.uniform(problem.start.t, problem.end.t, 8, 6)
+    tr = Transcription(problem, mesh, problem.lengths)
+    found = settle(tr, tr.pack(scene.guess(mesh.nodes).T))
+    assert found.near and found.iterations <= 4
+    step = np.linalg.solve(full(tr.layout, tr.kkt(found.z)), tr.residual(found.z))
+    assert np.max(np.abs(step[: tr.layout.unknowns])) < 1e-3
 
 
 @pytest.mark.slow

@@ -127,6 +127,15 @@ def test_layers_take_few_elements(where):
     assert sums[2] < 1500
 
 
+def test_sparse_factors_take_higher_degrees_and_fewer_nodes():
+    found = resolved(lambda t: np.sin(40 * t), Mesh.uniform(-1.0, 1.0, 8, 6))
+    full, sparse = refined(found, 1e-9), refined(found, 1e-9, sparse=True)
+    assert max(sparse.degrees) > max(full.degrees)
+    assert sum(sparse.degrees) < sum(full.degrees)
+    for mesh in (full, sparse):
+        assert resolved(lambda t: np.sin(40 * t), mesh).worst < 1e-8
+
+
 def test_a_layer_is_cut_out_alike_in_every_element():
     boundaries = []
     for k in range(3):

@@ -60,6 +60,16 @@ class Factors:
         self.layout, self.nonzeros = layout, nonzeros
         self._many = many
         self._accurate = False  # whether a solution was accurate before it was refined
+        self._near: Callable[[Array], Array] | None = None  # what solves with a matrix near this
+
+    def near(self, nonzeros: Array) -> Factors:
+        """Return those of a matrix near this one: solutions are refined from this one's.
+
+        Where that does not converge, the other matrix is factorized.
+        """
+        other = Factors(self.layout, nonzeros, many=self._many)
+        other._near = None if self.layout.small else self._direct
+        return other
 
     @cached_property
     def _direct(self) -> Callable[[Array], Array] | None:
@@ -131,6 +141,11 @@ class Factors:
 
     def solve(self, right: Array) -> Array:
         """Return the solution for one right-hand side, (size,)."""
+        if self._near is not None:
+            x = self._refined(self._near, right)
+            if x is not None:
+                return x
+            self._near, self._accurate = None, False
         if self._direct is not None:
             x = self._direct(right) if self._accurate else self._refined(self._direct, right)
             if x is not None:
@@ -289,18 +304,42 @@ class _Kept:
 
     def __init__(self, layout: Layout, nonzeros: Array) -> None:
         values = _regular(layout, compressed(layout, nonzeros))
-        self._factors = ca.ldl(_matrix(layout, values))
+        self._order = layout.solvers.get("order")
+        if self._order is None:  # the first on this layout finds it
+            self._factors = ca.ldl(_matrix(layout, values))
+            layout.solvers["order"] = np.array(self._factors[2])
+        else:
+            if "ordered" not in layout.solvers:
+                layout.solvers["ordered"] = _ordered(layout.kkt, self._order)
+            sparsity, source = layout.solvers["ordered"]
+            self._factors = ca.ldl(ca.DM(sparsity, memoryview(values[source])), False)  # type: ignore
         self._dense = ca.Sparsity.dense(layout.size)
 
     def solve(self, right: Array) -> Array:
         """Return the solution for one right-hand side, (size,)."""
+        right = right if self._order is None else right[self._order]
         column = ca.DM(self._dense, memoryview(right))  # type: ignore
-        return ca.ldl_solve(column, *self._factors).full().ravel()
+        found = ca.ldl_solve(column, *self._factors).full().ravel()
+        if self._order is None:
+            return found
+        x = np.empty_like(found)
+        x[self._order] = found
+        return x
 
     @property
     def negative(self) -> int:
         """The number of negative pivots."""
         return int(np.sum(self._factors[0].full() < 0))
+
+
+def _ordered(pattern: Pattern, order: NDInt) -> tuple[ca.Sparsity, NDInt]:
+    """Return the pattern with rows and columns in this order, and which nonzero is each of its."""
+    place = np.empty_like(order)
+    place[order] = np.arange(order.size)
+    row, col = place[pattern.row], place[pattern.col]
+    source = np.argsort(col * order.size + row)
+    ordered = Pattern(pattern.shape, row[source], col[source], source)
+    return ordered.sparsity, source
 
 
 class _Edged:

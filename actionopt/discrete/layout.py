@@ -146,7 +146,8 @@ class Layout:
     @property
     def keeps_factors(self) -> bool:
         """Whether sparse factors are kept: solutions under constraints have to be refined."""
-        return self.storage == "sparse" and self.rows > 0 and self.size > KEPT_SIZE
+        kept = self.storage == "sparse" and self.unpivoted and self.size > KEPT_SIZE
+        return kept and self.rows > 0
 
     @property
     def unpivoted(self) -> bool:
@@ -272,8 +273,10 @@ class _Solvers(threading.local):
 
 
 # Unknowns and rows within an element up to which its block is worth its zeros; above, the share of
-# its work that sparse factors do as well, at a fifth of the speed of blocks. Ad hoc.
-BLOCK_SIZE, FILLED = 160, 0.2
+# its work that sparse factors do as well, at a fifth of the speed of blocks. Measured on chains of
+# 1 to 10 links and lattices of 4 to 32 masses, 16 elements of degree 6: sparse factors take twice
+# the time of blocks the first time and a third later, up to this size; beyond, half and a fifth.
+BLOCK_SIZE, FILLED = 60, 0.2
 # Unknowns and rows above which sparse factors are kept. Measured from 5000 to 70,000: they cost two
 # to three factorizations, a solution a twentieth of one.
 KEPT_SIZE = 2000

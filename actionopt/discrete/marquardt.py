@@ -17,8 +17,9 @@ go where Newton's method would take them. Constraints are kept, and with y for a
 a symmetric quasi-definite matrix, which has factors L D L' in any order (Vanderbei, SIAM Journal on
 Optimization 5 (1995) 100-113). As no such step is longer than |r| / 2 s, a radius for the steps
 makes s proportional to |r|, and the method quadratic in the end (Yamashita and Fukushima, Computing
-[Suppl] 15 (2001) 239-249). After each step the path is put back on the constraint surface, and its
-multipliers are those of least residual.
+[Suppl] 15 (2001) 239-249). Newton's steps, s = 0, come first: each costs a seventh, and nothing
+else is needed where they leave a tenth of the residual. After each step the path is put back on the
+constraint surface, and its multipliers are those of least residual.
 """
 
 from __future__ import annotations
@@ -30,9 +31,9 @@ import casadi as ca
 import numpy as np
 
 from actionopt.discrete.assemble_sparse import forcing
-from actionopt.discrete.factors import REGULAR, Sparse
+from actionopt.discrete.factors import REGULAR, Factors, Sparse
 from actionopt.discrete.layout import Layout, Pattern
-from actionopt.discrete.newton import CONTRACTION
+from actionopt.discrete.newton import CONTRACTION, SURELY
 from actionopt.discrete.projection import project
 from actionopt.discrete.transcription import Transcription
 from actionopt.tools.types import Array
@@ -71,23 +72,38 @@ def settle(tr: Transcription, z: Array) -> Settled:
             at = _Masses.of(tr, z)
             first, norm = at.balanced(z[:cut])
             z = first if math.isfinite(norm) else z
-            while math.isfinite(norm) and count < STEPS and radius > NARROWEST:
+            plain = True  # as long as it is known at once to lead there
+            while 0 < norm < math.inf and count < STEPS and radius > NARROWEST:
                 count += 1
-                step = at.step(z, norm / (2 * radius * math.sqrt(at.total)))
+                step = _plain(tr, z) if plain else None
+                if step is None:
+                    plain = False
+                    step = at.step(z, norm / (2 * radius * math.sqrt(at.total)))
                 Q = project(tr, tr.coordinates(z + step))
                 trial, left = at.balanced(tr.pack(Q)[:cut])
-                if not left < norm:
+                ratio, size = left / norm, tr.measured(trial - z)
+                if ratio < CONTRACTION and size < NEAR:
+                    return Settled(trial, True, count)
+                if plain and not ratio < SURELY:
+                    plain = False
+                    continue
+                if not ratio < 1:
                     radius *= NARROWER
                     continue
-                ratio, size = left / norm, tr.measured(trial - z)
                 z, norm = trial, left
-                if ratio < CONTRACTION and size < NEAR:
-                    return Settled(z, True, count)
                 if ratio > STALLED:
                     break
         except np.linalg.LinAlgError:
             pass
     return Settled(z, False, count)
+
+
+def _plain(tr: Transcription, z: Array) -> Array | None:
+    """Return Newton's step (size,), None where the matrix is singular."""
+    try:
+        return -Factors(tr.layout, tr.kkt(z)).solve(tr.residual(z))
+    except np.linalg.LinAlgError:
+        return None
 
 
 @dataclass(frozen=True, eq=False)

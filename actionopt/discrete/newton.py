@@ -176,7 +176,7 @@ def moved(tr: Transcription, z: Array, to: Transcription) -> tuple[Array, bool]:
         factors = Factors(tr.layout, tr.kkt(z), many=True)
         step, near = factors.solve(_pulled(tr, z, to, factors)), True
         z = z - step
-        for _ in range(CHORDS - 1 if tr.layout.storage == "blocks" else 0):
+        for _ in range(CHORDS - 1 if factors.cheap else 0):
             last, step = _size(step[:cut]), factors.solve(to.residual(z))
             size = _size(step[:cut])
             if not size < CONTRACTION * last:

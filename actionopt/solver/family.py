@@ -42,7 +42,7 @@ def suspected(ws: Workspace, status: Status) -> bool:
         if ws.problem.system.m and here.since > OUTDATED:
             if _far_from_singular(ws):
                 return False
-            here = ws.here = replace(here, factors=None, probed=None)
+            here = ws.here = here.updated()
         before = here.amplification(ws.many)
         if not SUSPECTED < before < AMPLIFICATION:
             return before >= AMPLIFICATION

@@ -141,6 +141,13 @@ class Iterate(DiscretePath):
             return self
         return replace(self, factors=Factors(self.tr.layout, self.tr.kkt(self.z), many=many))
 
+    def updated(self) -> Iterate:
+        """Return the same with factors of the matrix where the path is, not close to it."""
+        if self.factors is None:
+            return self
+        factors = self.factors.near(self.tr.kkt(self.z))
+        return replace(self, factors=factors, probed=None, since=0.0)
+
     def missed(self, tol: float, many: bool) -> tuple[float, Iterate]:
         """Return how far the path would move if its forces were summed over other points.
 

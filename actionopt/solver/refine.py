@@ -63,7 +63,7 @@ def refine(ws: Workspace, tol: float, *, least: bool) -> Status:
             target = tol / (2 * SAFETY * ws.here.gain)
             if ws.many_coordinates:  # the path settles on a cheaper mesh first
                 target = max(target, SETTLED * before.worst**2)
-            mesh = refined(before, target)
+            mesh = refined(before, target, sparse=ws.many_coordinates and ws.sparse)
         if stalled == 0:
             most = min(max(FRUITLESS_GROWTH * _size(ws, mesh), FRUITLESS), MAX_UNKNOWNS)
         if MAX_UNKNOWNS > _size(ws, mesh) > most:  # more elements and nothing gained

@@ -137,6 +137,11 @@ class Workspace:
         return self.here.tr.layout.size > LARGE_SIZE
 
     @property
+    def sparse(self) -> bool:
+        """Whether the equations on the mesh at hand are solved by sparse factors."""
+        return self.here.tr.layout.storage == "sparse"
+
+    @property
     def many_coordinates(self) -> bool:
         """Whether factorizations cost more than anything else."""
         return self.problem.system.n > FEW_COORDINATES
