@@ -297,17 +297,21 @@ class Laws:
     def motion(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
         """Index-1 equations of motion as expressions: M a - G' lam = bias, G a = -gamma.
 
-        bias = L_q + Q - L_vq v - L_vt and gamma = d/dt (G v + f_t) at a = 0: twice the time
-        derivative of f, less its acceleration term.
+        bias = L_q + Q - L_vq v - L_vt and gamma = d/dt (G v + f_t), the time derivatives of L_v and
+        twice of f less their acceleration terms.
         """
         s, d = self.symbols, self.derivatives
-        bias = d.Lq - ca.jtimes(d.Lv, s.q, s.v) - ca.jacobian(d.Lv, s.t)
+        place, rate = stacked(s.q, s.t), stacked(s.v, ca.SX(1))
+
+        def changing(of: ca.SX) -> ca.SX:
+            """Return the time derivative along a motion, at constant v."""
+            return ca.jtimes(of, place, rate)
+
+        bias = d.Lq - changing(d.Lv)
         if self.Q.numel():
             bias += self.Q
-        M = d.Lvv + ca.triu(d.Lvv, False).T
-        rate = d.G @ s.v + ca.jacobian(self.f, s.t)
-        gamma = ca.jacobian(rate, s.q) @ s.v + ca.jacobian(rate, s.t)
-        return M, bias, d.G, gamma
+        gamma = changing(changing(self.f)) if self.m else self.f
+        return ca.triu2symm(d.Lvv), bias, d.G, gamma
 
 
 def _dense(expression: ca.SX) -> ca.SX:
