@@ -11,7 +11,6 @@ from actionopt.tools.types import Array
 PROJECTIONS = 12  # Gauss-Newton steps, which converge quadratically where they do
 RIDGE = 1e-10  # of the trace of G G': dependent constraints leave their common direction alone
 PROJECTED = 1e-8  # a step of this size is the last: the next would be its square
-TINY = float(np.finfo(float).tiny)  # where there is no normal
 DENSE_ROWS = 300  # constraints above which dense projections cost more than a start off the surface
 
 
@@ -36,7 +35,7 @@ def project(tr: Transcription, Q: Array) -> Array:
         G = jacobian.full(0, jacobian(q, t, problem.packed)[0]) * free[:, None, :]
         normals = G.transpose(0, 2, 1)
         gram = G @ normals
-        ridge = RIDGE * gram.trace(axis1=1, axis2=2)[:, None, None] + TINY
+        ridge = RIDGE * gram.trace(axis1=1, axis2=2)[:, None, None] + np.finfo(float).tiny
         move = (normals @ np.linalg.solve(gram + ridge * unit, f[..., None]))[..., 0]
         far = np.abs(move).max(axis=1, keepdims=True)
         # No farther at once than the coordinates' own size: the surface may be nearly flat.
