@@ -28,11 +28,11 @@ def project(tr: Transcription, Q: Array) -> Array:
     t = tr.mesh.nodes[at][:, None]
     free = (layout.number[at] >= 0) * tr.lengths  # pinned coordinates do not move
     q = Q[at].copy()
-    constraint, jacobian = map(system.pointwise, ("constraint", "constraint_jacobian"))
+    jacobian = system.pointwise("constraint_jacobian")
     miss, unit = np.inf, np.eye(system.m)
     for _ in range(PROJECTIONS):
-        f = constraint(q, t, problem.packed)[0]
-        G = jacobian.full(0, jacobian(q, t, problem.packed)[0]) * free[:, None, :]
+        G, f = jacobian(q, t, problem.packed)
+        G = jacobian.full(0, G) * free[:, None, :]
         normals = G.transpose(0, 2, 1)
         gram = G @ normals
         ridge = RIDGE * gram.trace(axis1=1, axis2=2)[:, None, None] + np.finfo(float).tiny

@@ -147,7 +147,7 @@ class Laws:
         smooth = all(moved[:3]) or is_smooth_in_path(s, self.L)  # if all move, it does not matter
         laws = [("first", 2, 0, 2)]  # function, output, inputs of q and of t
         if self.m:
-            laws.append(("constraint", 0, 0, 1))
+            laws.append(("constraint_jacobian", 1, 0, 1))
         if self.Q.numel():
             laws.append(("force", 0, 0, 2))
         seen: set[int] = set()
@@ -274,7 +274,7 @@ class Laws:
 
     def _build_constraint_jacobian(self):
         s = self.symbols
-        return [s.q, s.t, s.p], [self.derivatives.G]
+        return [s.q, s.t, s.p], [self.derivatives.G, self.f]  # as a rule both are wanted
 
     def _build_constraint_rate(self):
         s = self.symbols
