@@ -144,7 +144,9 @@ class Laws:
             any(self._depends("force_jacobian", k, (0, 1)) for k in (0, 1) if self.Q.numel()),
         )
         s = self.symbols
-        smooth = all(moved[:3]) or is_smooth_in_path(s, self.L)  # if all move, it does not matter
+        narrow = localized(self.L, s.p)
+        # What is as wide as its periods has no kink; if all move, it does not matter.
+        smooth = not narrow or all(moved[:3]) or is_smooth_in_path(s, self.L)
         laws = [("first", 2, 0, 2)]  # function, output, inputs of q and of t
         if self.m:
             laws.append(("constraint_jacobian", 1, 0, 1))
@@ -154,8 +156,7 @@ class Laws:
         for name, output, q, _ in laws:
             seen.update(self.pointwise(name).function.jac_sparsity(output, q).get_col())
         timed = any(self._depends(name, k, (t,)) for name, k, _, t in laws)
-        p = self.symbols.p
-        narrow = max(localized(self.L, p), localized(self.Q, p))
+        narrow = max(narrow, localized(self.Q, s.p))
         unseen, tailed = narrow == 2 or (narrow and timed), narrow or timed
         return Structure(
             depends_on_time=timed,
