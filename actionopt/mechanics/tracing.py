@@ -288,7 +288,7 @@ def surface(result: Any, role: str) -> ca.SX:
     Raises ValueError as that does, and for a comparison, which is 0 or 1 and has no slope.
     """
     rows = column(result, role)
-    for i, row in enumerate(rows.elements()):
+    for i, row in enumerate(ca.vertsplit(rows)):
         if any(row.is_op(code) for code in COMPARISONS):
             raise ValueError(
                 f"expected the {role} to return expressions that vanish on a surface, found the "
@@ -347,7 +347,8 @@ def localized(expression: ca.SX, parameters: ca.SX) -> int:
     divisors = {found for found in DIVISOR.findall(text) if not found[0].isdigit()}
     # Common subexpressions that are constants are written first: "@1=2, (sq(v)/@1)".
     divisors = {x for x in divisors if not re.search(rf"{re.escape(x)}=[-+.\de]+,", text)}
-    return int(bool(divisors) and not divisors <= {x.name() for x in parameters.elements()})
+    each: list[Any] = parameters.elements()
+    return int(bool(divisors) and not divisors <= {x.name() for x in each})
 
 
 def _has_nan(expression: ca.SX) -> bool:
