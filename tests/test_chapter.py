@@ -99,7 +99,7 @@ def test_other_numbers_are_other_numbers():
     ("name", "spared", "paid"),
     [
         ("kepler", ("constraint", "force"), ("second",)),
-        ("turning_wire", ("force", "curvature"), ("constraint", "constraint_jacobian")),
+        ("turning_wire", ("force", "curvature"), ("constraint_jacobian",)),
         ("damped_oscillator", ("constraint",), ("force", "force_jacobian")),
         ("rod_pendulum", ("force",), ("constraint_curvature",)),
     ],

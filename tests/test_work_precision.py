@@ -5,7 +5,7 @@ from itertools import product
 import pytest
 from helpers import a_third
 
-from benchmarks import peers, worker
+from benchmarks import floor, peers, worker
 
 NAMES = ("pendulum_energy", "orbit", "kink", "fish_eye")
 PEERS = ("actionopt_", "scipy_bvp", "dop853", "ipopt_alone")
@@ -30,3 +30,11 @@ def test_a_duration_that_is_off_is_an_error():
     late = 1.01 * found.duration
     assert case.error(found.curve, ends, found.duration) < 1e-7
     assert case.error(lambda t: found.curve(t / 1.01), ends, late) == pytest.approx(0.01, rel=1e-4)
+
+
+def test_a_cold_solve_takes_longer_than_what_casadi_alone_takes_of_it():
+    case = worker._cases()["pendulum"]
+    parts, (ours, _), shown = floor.measured(case, 1e-3, 3)
+    assert min(parts) > 0 and sum(parts) < ours
+    nodes, iterates = map(int, shown.split(" x "))
+    assert nodes > 8 and 2 < iterates < 20

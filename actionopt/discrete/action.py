@@ -50,7 +50,7 @@ class Point:
     v: Array
     values: tuple[float, Array, Array] | None = None
     second: list[Array] | None = None
-    normals: Array | None = None
+    rows: tuple[Array, Array] | None = None  # the constraints' normals and values
 
 
 class Units(NamedTuple):
@@ -395,11 +395,8 @@ class Action:
 
     def constraint(self, x: Array) -> Array:
         """Return the weighted constraint rows w_k f(q_k, t_k), (rows,), in units of `row_unit`."""
-        layout, p = self.layout, self.problem.packed
-        Q = self.place(x).Q[layout.row_nodes]
-        f = self.problem.system.pointwise("constraint")(Q, self.row_times, p)[0]
-        self.counts["constraint"] += 1
-        return (self.row_weight * f).ravel()[layout.row_select] / self.row_unit
+        f = self._at_rows(x)[1]
+        return (self.row_weight * f).ravel()[self.layout.row_select] / self.row_unit
 
     @cached_property
     def row_times(self) -> Array:
@@ -448,13 +445,19 @@ class Action:
 
     def normals(self, x: Array) -> Array:
         """Return the nonzeros of G at the rows' nodes, (R, nonzeros)."""
+        return self._at_rows(x)[0]
+
+    def _at_rows(self, x: Array) -> tuple[Array, Array]:
+        """Return the nonzeros of G and the constraints at the rows' nodes, (R, ...)."""
         point = self.place(x)
-        if point.normals is None:
+        if point.rows is None:
+            self.counts["constraint"] += 1
             self.counts["constraint_jacobian"] += 1
             function = self.problem.system.pointwise("constraint_jacobian")
             at = point.Q[self.layout.row_nodes]
-            point.normals = function(at, self.row_times, self.problem.packed)[0].copy()
-        return point.normals
+            G, f = function(at, self.row_times, self.problem.packed)
+            point.rows = G.copy(), f.copy()
+        return point.rows
 
     def constraint_curvature(self, z: Array) -> Array | None:
         """Return the nonzeros of w lam f_qq at the rows' nodes, (R, nonzeros); else None."""

@@ -7,7 +7,7 @@ import numpy as np
 from actionopt.discrete.transcription import Transcription
 from actionopt.tools.types import Array
 
-# Ad hoc, all of them.
+# Ad hoc, where nothing else is said.
 PROJECTIONS = 12  # Gauss-Newton steps, which converge quadratically where they do
 RIDGE = 1e-10  # of the trace of G G': dependent constraints leave their common direction alone
 PROJECTED = 1e-8  # a step of this size is the last: the next would be its square
@@ -29,18 +29,18 @@ def project(tr: Transcription, Q: Array) -> Array:
     free = (layout.number[at] >= 0) * tr.lengths  # pinned coordinates do not move
     q = Q[at].copy()
     jacobian = system.pointwise("constraint_jacobian")
-    miss = np.inf
+    miss, unit = np.inf, np.eye(system.m)
     for _ in range(PROJECTIONS):
-        f = system.pointwise("constraint")(q, t, problem.packed)[0].copy()
-        G = jacobian.full(0, jacobian(q, t, problem.packed)[0]) * free[:, None, :]
-        gram = G @ np.swapaxes(G, 1, 2)
-        ridge = RIDGE * np.trace(gram, axis1=1, axis2=2)[:, None, None] + np.finfo(float).tiny
-        step = np.linalg.solve(gram + ridge * np.eye(system.m), f[..., None])
-        move = (np.swapaxes(G, 1, 2) @ step)[..., 0]
+        G, f = jacobian(q, t, problem.packed)
+        G = jacobian.full(0, G) * free[:, None, :]
+        normals = G.transpose(0, 2, 1)
+        gram = G @ normals
+        ridge = RIDGE * gram.trace(axis1=1, axis2=2)[:, None, None] + np.finfo(float).tiny
+        move = (normals @ np.linalg.solve(gram + ridge * unit, f[..., None]))[..., 0]
+        far = np.abs(move).max(axis=1, keepdims=True)
         # No farther at once than the coordinates' own size: the surface may be nearly flat.
-        long = np.maximum(np.max(np.abs(move), axis=1, keepdims=True), 1.0)
-        q = q - free * move / long
-        last, miss = miss, float(np.max(np.abs(move)))
+        q = q - free * move / np.maximum(far, 1.0)
+        last, miss = miss, float(far.max())
         if miss < PROJECTED or miss > 2 * last:
             break
     moved = Q.copy()

@@ -144,18 +144,19 @@ class Laws:
             any(self._depends("force_jacobian", k, (0, 1)) for k in (0, 1) if self.Q.numel()),
         )
         s = self.symbols
-        smooth = all(moved[:3]) or is_smooth_in_path(s, self.L)  # if all move, it does not matter
+        narrow = localized(self.L, s.p)
+        # What is as wide as its periods has no kink; if all move, it does not matter.
+        smooth = not narrow or all(moved[:3]) or is_smooth_in_path(s, self.L)
         laws = [("first", 2, 0, 2)]  # function, output, inputs of q and of t
         if self.m:
-            laws.append(("constraint", 0, 0, 1))
+            laws.append(("constraint_jacobian", 1, 0, 1))
         if self.Q.numel():
             laws.append(("force", 0, 0, 2))
         seen: set[int] = set()
         for name, output, q, _ in laws:
             seen.update(self.pointwise(name).function.jac_sparsity(output, q).get_col())
         timed = any(self._depends(name, k, (t,)) for name, k, _, t in laws)
-        p = self.symbols.p
-        narrow = max(localized(self.L, p), localized(self.Q, p))
+        narrow = max(narrow, localized(self.Q, s.p))
         unseen, tailed = narrow == 2 or (narrow and timed), narrow or timed
         return Structure(
             depends_on_time=timed,
@@ -274,7 +275,7 @@ class Laws:
 
     def _build_constraint_jacobian(self):
         s = self.symbols
-        return [s.q, s.t, s.p], [self.derivatives.G]
+        return [s.q, s.t, s.p], [self.derivatives.G, self.f]  # as a rule both are wanted
 
     def _build_constraint_rate(self):
         s = self.symbols
@@ -297,17 +298,21 @@ class Laws:
     def motion(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
         """Index-1 equations of motion as expressions: M a - G' lam = bias, G a = -gamma.
 
-        bias = L_q + Q - L_vq v - L_vt and gamma = d/dt (G v + f_t) at a = 0: twice the time
-        derivative of f, less its acceleration term.
+        bias = L_q + Q - L_vq v - L_vt and gamma = d/dt (G v + f_t), the time derivatives of L_v and
+        twice of f less their acceleration terms.
         """
         s, d = self.symbols, self.derivatives
-        bias = d.Lq - ca.jtimes(d.Lv, s.q, s.v) - ca.jacobian(d.Lv, s.t)
+        place, rate = stacked(s.q, s.t), stacked(s.v, ca.SX(1))
+
+        def changing(of: ca.SX) -> ca.SX:
+            """Return the time derivative along a motion, at constant v."""
+            return ca.jtimes(of, place, rate)
+
+        bias = d.Lq - changing(d.Lv)
         if self.Q.numel():
             bias += self.Q
-        M = d.Lvv + ca.triu(d.Lvv, False).T
-        rate = d.G @ s.v + ca.jacobian(self.f, s.t)
-        gamma = ca.jacobian(rate, s.q) @ s.v + ca.jacobian(rate, s.t)
-        return M, bias, d.G, gamma
+        gamma = changing(changing(self.f)) if self.m else self.f
+        return ca.triu2symm(d.Lvv), bias, d.G, gamma
 
 
 def _dense(expression: ca.SX) -> ca.SX:

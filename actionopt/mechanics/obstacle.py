@@ -69,11 +69,11 @@ def check_outside(
     held, m = system.held, system.m
     q = np.array([[0.0 if x is None else x for x in event] for _, _, event in ends])
     t = np.array([[time] for _, time, _ in ends])
-    f = held.pointwise("constraint")(q, t, packed)[0]
     jacobian = held.pointwise("constraint_jacobian")
     rows, cols = jacobian.sparsity(0)
+    G, f = jacobian(q, t, packed)
     sizes = np.abs(held.pointwise("constraint_rate")(q, t, packed)[0]) * duration
-    for k, row in enumerate(np.abs(jacobian(q, t, packed)[0])):
+    for k, row in enumerate(np.abs(G)):
         np.add.at(sizes[k], rows, row * scales[cols])
     inside = ~(f >= -EVENT_TOLERANCE * np.maximum(sizes, np.finfo(float).tiny))
     for k, (role, time, event) in enumerate(ends):

@@ -603,9 +603,9 @@ def _check_on_surface(problem: Problem) -> None:
     events = {"start": problem.start, "end": problem.end}
     q = np.array([[0.0 if x is None else x for x in e.q] for e in events.values()])
     t = np.array([[e.t or 0.0] for e in events.values()])
-    f = system.pointwise("constraint")(q, t, problem.packed)[0]
     jacobian = system.pointwise("constraint_jacobian")
-    G = np.abs(jacobian(q, t, problem.packed)[0])
+    G, f = jacobian(q, t, problem.packed)
+    G = np.abs(G)
     rows, cols = jacobian.sparsity(0)
     # What f changes by when the coordinates and the time change by their own size: |f| alone has
     # no scale.

@@ -347,7 +347,8 @@ def localized(expression: ca.SX, parameters: ca.SX) -> int:
     divisors = {found for found in DIVISOR.findall(text) if not found[0].isdigit()}
     # Common subexpressions that are constants are written first: "@1=2, (sq(v)/@1)".
     divisors = {x for x in divisors if not re.search(rf"{re.escape(x)}=[-+.\de]+,", text)}
-    return int(bool(divisors) and not divisors <= {x.name() for x in ca.vertsplit(parameters)})
+    each: list[Any] = parameters.elements()
+    return int(bool(divisors) and not divisors <= {x.name() for x in each})
 
 
 def _has_nan(expression: ca.SX) -> bool:

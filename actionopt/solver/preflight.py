@@ -10,7 +10,7 @@ import numpy as np
 
 from actionopt.analysis.second_variation import RANK
 from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.system import System
 from actionopt.tools.types import Array
 
 # Ad hoc.
@@ -52,8 +52,9 @@ def check(tr: Transcription, Q: Array) -> None:
     G = None
     if system.m:
         jacobian = system.pointwise("constraint_jacobian")
-        G = jacobian.full(0, jacobian(q, t, problem.packed)[0])
-        _check_rank(problem, q, t, G * tr.lengths)
+        G, f = jacobian(q, t, problem.packed)
+        G = jacobian.full(0, G)
+        _check_rank(system, f, G * tr.lengths)
     if regular:
         return
     # Generic velocities: a mass matrix such as that of v^4 is singular at rest only.
@@ -132,12 +133,11 @@ def _check_events(tr: Transcription, Q: Array) -> None:
         )
 
 
-def _check_rank(problem: Problem, q: Array, t: Array, G: Array) -> None:
-    """Raise ValueError if G (K, m, n), scaled, lacks rank at all of the points q (K, n), t (K, 1).
+def _check_rank(system: System, f: Array, G: Array) -> None:
+    """Raise ValueError if G (K, m, n), scaled, lacks rank at all of K points, where f is (K, m).
 
     It names the rows of the null vector, and says whether they contradict each other.
     """
-    system = problem.system
     if system.m > system.n:
         raise ValueError(
             f"expected at most {system.n} constraints on {system.n} coordinates, found {system.m}"
@@ -153,7 +153,6 @@ def _check_rank(problem: Problem, q: Array, t: Array, G: Array) -> None:
         return
     null = np.abs(left[0, :, -1])
     rows = np.flatnonzero(null > 1e-6 * null.max()).tolist()
-    f = system.pointwise("constraint")(q, t, problem.packed)[0]
     miss = np.abs(f / np.maximum(size[..., 0], np.finfo(float).tiny))[:, rows].max()
     if len(rows) == 1:
         raise ValueError(
