@@ -30,7 +30,7 @@ DAMPED = 1e-3  # a shorter fraction of a step leads nowhere
 CHORDS = 3  # simplified steps that cost less than a factorization where that is kept
 # Of the ends' movement, for a derivative of one-sided differences that is good to as many digits.
 ENDS_DIFFERENCE = 1e-5
-HALF = 1e-8  # of the digits: a larger residual is no round-off, whatever the matrix is
+HALF_DIGITS = 1e-8  # of the terms: a larger residual is no round-off, whatever the matrix is
 TARGET = 1e-14  # in units of the coordinates' sizes; one step past it costs next to nothing
 
 
@@ -110,7 +110,7 @@ def follow(
                 break
         # A residual of round-off leaves nothing to contract: the matrix is (nearly) singular and
         # what is left of the step says how little the path is determined.
-        near = _size(residual) < HALF * _size(factors.nonzeros) * _size(np.abs(z) + tr.magnitudes)
+        near = _size(residual) < HALF_DIGITS * _size(factors.nonzeros) * _size(np.abs(z) + tr.magnitudes)
         at_roundoff = near and is_roundoff(tr, z, residual)
     return Followed(z, at_roundoff, rest, k, _size((z - first)[:cut]))
 
