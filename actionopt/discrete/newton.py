@@ -110,8 +110,9 @@ def follow(
                 break
         # A residual of round-off leaves nothing to contract: the matrix is (nearly) singular and
         # what is left of the step says how little the path is determined.
-        near = _size(residual) < HALF_DIGITS * _size(factors.nonzeros) * _size(np.abs(z) + tr.magnitudes)
-        at_roundoff = near and is_roundoff(tr, z, residual)
+        terms = _size(factors.nonzeros) * _size(np.abs(z) + tr.magnitudes)
+        small = _size(residual) < HALF_DIGITS * terms
+        at_roundoff = small and is_roundoff(tr, z, residual)
     return Followed(z, at_roundoff, rest, k, _size((z - first)[:cut]))
 
 
