@@ -215,7 +215,9 @@ def approach(
         for k in range(1, steps + 1):
             try:
                 factors = None  # frees the last ones before the next are made
-                factors = Factors(tr.layout, tr.kkt(z), many=many)
+                # From the second on they are many, which does not pay for small ones.
+                often = many or (k > 1 and not tr.layout.small)
+                factors = Factors(tr.layout, tr.kkt(z), many=often)
                 if convex and k == 1 and not factors.definite():
                     return None
                 step = -factors.solve(residual)
@@ -239,10 +241,10 @@ def approach(
                 except np.linalg.LinAlgError:
                     return None
                 rest = _norm(simplified[:cut])
-                second = _norm((simplified - (1 - damping) * step)[:cut])
-                better = 0.5 * length * damping**2 / second if second else 1.0
                 if rest < (1 - damping / 4) * length:
                     break
+                second = _norm((simplified - (1 - damping) * step)[:cut])
+                better = 0.5 * length * damping**2 / second if second else 1.0
                 damping = min(better, damping / 2) if np.isfinite(rest) else damping / 4
             z, last = trial, length
             if damping == 1.0 and rest < CONTRACTION * length:  # near: the second step counts too

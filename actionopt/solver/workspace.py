@@ -266,7 +266,8 @@ class Workspace:
 
     def _attach(self, tr: Transcription) -> None:
         """Count what is evaluated from now on."""
-        self.record.evaluations.update(tr.counts)
+        if tr.counts:
+            self.record.evaluations.update(tr.counts)
         tr.counts, tr.watch = self.record.evaluations, self.watch
 
     def _motion_multipliers(self, mesh: Mesh, Q: Array) -> Array | None:
