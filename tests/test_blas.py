@@ -3,13 +3,14 @@
 from concurrent.futures import ThreadPoolExecutor
 from threading import Barrier
 
+import numpy as np
 import pytest
 
 import actionopt as ao
 from actionopt.analysis.modes import lowest
 from actionopt.families import batch
 from actionopt.plot.data import variations
-from actionopt.tools.blas import one_thread, thread_count
+from actionopt.tools.blas import cholesky, one_thread, thread_count
 
 OSCILLATOR = ao.System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
 PROBLEM = ao.Problem(OSCILLATOR, ao.Event(0.0, [1.0]), ao.Event(1.0, [0.5]))
@@ -95,3 +96,22 @@ def test_the_last_to_leave_restores_them(two):
     with ThreadPoolExecutor(2) as pool:
         first, other = pool.submit(work, True), pool.submit(work, False)
         assert (other.result(), first.result()) == (1, 2)
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_positive_definite_matrices_are_solved_from_their_factor(monkeypatch, known):
+    if not known:
+        monkeypatch.setattr("actionopt.tools.blas._library", lambda: None)
+    rng = np.random.default_rng(5)
+    for rows in (1, 7, 60):
+        A = rng.normal(size=(rows, rows))
+        A = A @ A.T + np.eye(rows)
+        given = A.copy()
+        solve = cholesky(A)
+        for _ in range(2):
+            x = rng.normal(size=rows)
+            assert solve(given @ x) == pytest.approx(x, abs=1e-10)
+        assert np.array_equal(A, given)
+        A[-1, -1] -= 1 / np.linalg.inv(A)[-1, -1] * (1 + 1e-6)  # which makes it just indefinite
+        with pytest.raises(np.linalg.LinAlgError):
+            cholesky(A)

@@ -19,6 +19,7 @@ import numpy as np
 
 from actionopt.discrete.blocks import Condensed
 from actionopt.discrete.layout import Layout, Pattern
+from actionopt.tools.blas import cholesky
 from actionopt.tools.types import Array, NDInt
 
 # The first three are where two costs cross, never timed with care. The others are ad hoc: a third
@@ -60,6 +61,7 @@ class Factors:
         self.layout, self.nonzeros = layout, nonzeros
         self._many = many
         self._accurate = False  # whether a solution was accurate before it was refined
+        self._definite: Callable[[Array], Array] | None = None  # what solves, if that was asked
         self._near: Callable[[Array], Array] | None = None  # what solves with a matrix near this
 
     def near(self, nonzeros: Array) -> Factors:
@@ -141,6 +143,8 @@ class Factors:
 
     def solve(self, right: Array) -> Array:
         """Return the solution for one right-hand side, (size,)."""
+        if self._definite is not None:
+            return self._definite(right)
         if self._near is not None:
             x = self._refined(self._near, right)
             if x is not None:
@@ -188,7 +192,7 @@ class Factors:
             if not self.layout.small:
                 self._condensed = Condensed(self.layout.blocks, self.nonzeros, definite=True)
                 return True
-            np.linalg.cholesky(self._full)
+            self._definite = cholesky(self._full)
         except np.linalg.LinAlgError:
             return False
         return True

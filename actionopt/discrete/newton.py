@@ -30,7 +30,7 @@ DAMPED = 1e-3  # a shorter fraction of a step leads nowhere
 CHORDS = 3  # simplified steps that cost less than a factorization where that is kept
 # Of the ends' movement, for a derivative of one-sided differences that is good to as many digits.
 ENDS_DIFFERENCE = 1e-5
-HALF = 1e-8  # of the digits: a larger residual is no round-off, whatever the matrix is
+HALF_DIGITS = 1e-8  # of the terms: a larger residual is no round-off, whatever the matrix is
 TARGET = 1e-14  # in units of the coordinates' sizes; one step past it costs next to nothing
 
 
@@ -110,8 +110,9 @@ def follow(
                 break
         # A residual of round-off leaves nothing to contract: the matrix is (nearly) singular and
         # what is left of the step says how little the path is determined.
-        near = _size(residual) < HALF * _size(factors.nonzeros) * _size(np.abs(z) + tr.magnitudes)
-        at_roundoff = near and is_roundoff(tr, z, residual)
+        terms = _size(factors.nonzeros) * _size(np.abs(z) + tr.magnitudes)
+        small = _size(residual) < HALF_DIGITS * terms
+        at_roundoff = small and is_roundoff(tr, z, residual)
     return Followed(z, at_roundoff, rest, k, _size((z - first)[:cut]))
 
 
@@ -214,7 +215,9 @@ def approach(
         for k in range(1, steps + 1):
             try:
                 factors = None  # frees the last ones before the next are made
-                factors = Factors(tr.layout, tr.kkt(z), many=many)
+                # From the second on they are many, which does not pay for small ones.
+                often = many or (k > 1 and not tr.layout.small)
+                factors = Factors(tr.layout, tr.kkt(z), many=often)
                 if convex and k == 1 and not factors.definite():
                     return None
                 step = -factors.solve(residual)
@@ -238,10 +241,10 @@ def approach(
                 except np.linalg.LinAlgError:
                     return None
                 rest = _norm(simplified[:cut])
-                second = _norm((simplified - (1 - damping) * step)[:cut])
-                better = 0.5 * length * damping**2 / second if second else 1.0
                 if rest < (1 - damping / 4) * length:
                     break
+                second = _norm((simplified - (1 - damping) * step)[:cut])
+                better = 0.5 * length * damping**2 / second if second else 1.0
                 damping = min(better, damping / 2) if np.isfinite(rest) else damping / 4
             z, last = trial, length
             if damping == 1.0 and rest < CONTRACTION * length:  # near: the second step counts too

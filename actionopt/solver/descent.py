@@ -63,7 +63,7 @@ def descend(tr: Transcription, z: Array) -> Descended:
             H, K = tr.kkt(z), tr.kinetic(z)
             if not np.all(np.isfinite(H)):
                 break
-            while not (factors := Factors(tr.layout, H + mu * K)).definite():
+            while not (factors := Factors(tr.layout, H + mu * K if mu else H)).definite():
                 mu = max(RAISE_MU * mu, FIRST_MU)
                 if mu > LARGEST_MU:  # a mass matrix that is not positive has no lowest action
                     return Descended(z, False, False, count)

@@ -10,7 +10,7 @@ from actionopt.analysis.index import INDEX_TOLERANCE, Inertia
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
 from actionopt.discrete.factors import product
-from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF
+from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF, Iterate
 from actionopt.solver.workspace import Workspace
 
 # Amplified round-off above which a path may be one of many, and above which that is to be counted;
@@ -20,6 +20,9 @@ SUSPECTED, AMPLIFICATION = 1e-8, 5e-7
 CHANGE = 2.0  # of it by two more steps; measured: single paths 1.0, families 20 and more
 NOISE = 1e-9  # of one coordinate the noise itself tells; ad hoc
 OUTDATED = 1e-6  # change of multipliers, in whose matrix no family may show; ad hoc
+# Of what a family would show, at most, where multipliers are others; ad hoc. Measured: that of
+# single paths on the scenes is then right to three digits.
+SHOWS = 0.01
 BENT = 1e-4  # in units of kinetic energy, as the index has it: of a family 1e-8; ad hoc
 MANY_UNKNOWNS = 5000  # from where a few solutions are asked for before the index; ad hoc
 # Measured: the second shows what bends least to a tenth of it, on chains of 20 to 100 links.
@@ -39,11 +42,17 @@ def suspected(ws: Workspace, status: Status) -> bool:
     if not here.can_be_one_of_many:  # nothing is zero on one side of a symmetry
         return here.noise > NOISE
     try:
+        before = None
         if ws.problem.system.m and here.since > OUTDATED:
-            if _far_from_singular(ws):
-                return False
-            here = ws.here = here.updated()
-        before = here.amplification(ws.many)
+            if here.factors is not None:
+                before = here.amplification(ws.many)
+            if before is None or not _serves(here, before):
+                if _far_from_singular(ws):
+                    return False
+                here, before = here.updated(), None
+                ws.here = here
+        if before is None:
+            before = here.amplification(ws.many)
         if not SUSPECTED < before < AMPLIFICATION:
             return before >= AMPLIFICATION
         if _far_from_singular(ws):
@@ -53,6 +62,24 @@ def suspected(ws: Workspace, status: Status) -> bool:
     except np.linalg.LinAlgError:
         return True
     return not before / CHANGE < after < before * CHANGE
+
+
+def _serves(here: Iterate, amplification: float) -> bool:
+    """Whether the matrix at hand, of other multipliers, would show a family as well, at once.
+
+    There it would bend no more than by their change times the curvature of the constraints, and
+    amplify round-off accordingly.
+    """
+    tr, n = here.tr, here.tr.layout.unknowns
+    assert here.factors is not None
+    ones = np.concatenate([here.x, np.cos(1.0 + np.arange(here.z.size - n))])
+    curvature = tr.constraint_curvature(ones)
+    if curvature is None:
+        return True
+    row, col = tr.problem.system.pointwise("constraint_curvature").sparsity(0)
+    bent = curvature * (tr.lengths[row] * tr.lengths[col] / tr.action_unit)
+    change = here.since * np.abs(bent).max(initial=0.0) / np.abs(here.factors.nonzeros).max()
+    return bool(change * amplification < SHOWS * POLYNOMIAL_ROUNDOFF)
 
 
 def judged(ws: Workspace, solution: Solution) -> Solution:

@@ -17,6 +17,7 @@ from actionopt.discrete.newton import approach, follow, moved
 from actionopt.discrete.path import Path
 from actionopt.discrete.projection import project
 from actionopt.discrete.resolution import resolution
+from actionopt.discrete.shifted import shifted
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.descent import descend
@@ -223,7 +224,8 @@ class Workspace:
             if not self.linear:
                 try:
                     z, near = moved(tr, z, mine)
-                    self.astray = not near
+                    if not near:
+                        mine, z = self._shifted(neighbour, mine, z)
                 except np.linalg.LinAlgError:
                     return False
                 finally:
@@ -233,6 +235,18 @@ class Workspace:
             size = np.maximum(tr.lengths, np.max(np.abs(ends), axis=0))
             self.here = Iterate(mine, z, size, lengths, self.gain)
         return bool(np.all(np.isfinite(z)))
+
+    def _shifted(
+        self, neighbour: DiscretePath, tr: Transcription, z: Array
+    ) -> tuple[Transcription, Array]:
+        """Return where a path goes that is far from a neighbour's as it may be sooner or later."""
+        plain = not (self.problem.boundaries or tr.nodal)
+        found = shifted(neighbour.tr, neighbour.z, tr.coordinates(z)) if plain else None
+        self.astray = found is None
+        if found is None:
+            return tr, z
+        tr = Transcription(self.problem, found[0], tr.lengths, like=tr)
+        return tr, tr.pack(found[1])
 
     def restart(self) -> None:
         """Forget what was found out about a path that is given up."""
@@ -257,7 +271,8 @@ class Workspace:
 
     def _attach(self, tr: Transcription) -> None:
         """Count what is evaluated from now on."""
-        self.record.evaluations.update(tr.counts)
+        if tr.counts:
+            self.record.evaluations.update(tr.counts)
         tr.counts, tr.watch = self.record.evaluations, self.watch
 
     def _motion_multipliers(self, mesh: Mesh, Q: Array) -> Array | None:
