@@ -85,6 +85,7 @@ def solve(
     seconds : float, optional
         The time it may take, a little more where one evaluation takes long; then the best attempt
         is what there is. Ways that take longer, at the pace so far, are tried after the others.
+        Without it, a search that finds nothing ends at a price: see `ladder.PURSE`.
     progress : callable, optional
         `progress(how, elements, iterations)` at every iteration: the way that is being tried, the
         elements of the mesh at hand (0 where there is none), and the iterations so far. What it
