@@ -7,6 +7,7 @@ linear system.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import ClassVar
@@ -19,15 +20,22 @@ from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import DEGREES, Resolution, refined, resolution
 from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.problem import Problem
 from actionopt.solver.first_mesh import fewest, paced, planned
+from actionopt.solver.homotopy import HOMOTOPY_STEPS
 from actionopt.solver.iterate import Iterate, sizes
 from actionopt.solver.meeting import meetings
 from actionopt.solver.refine import refine, solve_on
 from actionopt.solver.window import graded, step
 from actionopt.solver.workspace import LARGE_SIZE, ROUGHLY, Workspace
-from actionopt.tools.watch import OutOfTime
+from actionopt.tools.watch import OutOfTime, Spent, Watch
 
 UNSOLVED = (Status.NOT_FOUND, Status.UNRESOLVED, Status.DEGENERATE)
+# What ways of a price from DEAR on may cost together, in second derivatives on one element: five
+# times the median, 3000, of what a path takes that is found by a homotopy, by motions that meet or
+# by patience (28 of 270 random systems and pendulums of 1 to 20 coordinates; at most 12,000). The
+# motions of a meeting count MOTION each, by their time.
+PURSE, DEAR, MOTION = 15_000, 500, 4
 # Ad hoc, where nothing else is said.
 # Beyond which Ipopt takes far longer than a descent; up to it, it keeps nearer to the line.
 DESCENT_COORDINATES = 8
@@ -44,6 +52,7 @@ MEETING_COORDINATES, MEETING_PAIRS, MEETING_UNKNOWNS, MEETING_ELEMENTS = 8, 32, 
 # Paths so found that cannot be refined, after which others are not tried: measured, over random
 # systems and pendulums, it is the first that can be, or none.
 MEETING_LOST = 3
+FEW_STEPS = 60  # of a homotopy, before motions that meet
 HIGH_DEGREE_COORDINATES = 3  # up to which a higher degree costs less than a second mesh
 PATIENT = 30  # damped steps towards a path near a guess: whatever else there is costs more
 NEAR_GUESS = (16, 32, 64)  # elements: a guess has features that coarser meshes would miss
@@ -159,7 +168,7 @@ class PatientLeast(Least):
     def applies(self, search: Search) -> bool:
         # With a saddle in hand a long search on a large system is not worth it.
         small = search.saddle is None or search.saddle[0] == "meeting" or not search.ws.large
-        return super().applies(search) and small
+        return super().applies(search) and small and search.ws.has_mass
 
     def seek(self, ws: Workspace) -> bool:
         return ws.find("patient least")
@@ -168,13 +177,25 @@ class PatientLeast(Least):
 class Homotopy(Rung):
     """Newton homotopy from the straight line: gets to a saddle slowly but surely.
 
-    On one mesh: on finer ones it took long and found no path that no other rung did.
+    On one mesh: on finer ones it took long and found no path that no other rung did. Few steps at
+    first, if motions that meet may be quicker: half of what it finds takes 60. It comes first
+    because small changes of the question change nothing in what it finds.
     """
 
     lengthy, price = True, 1500
 
     def seek(self, ws: Workspace) -> bool:
-        return ws.homotopy()
+        return ws.homotopy(FEW_STEPS if meets(ws.problem) else HOMOTOPY_STEPS)
+
+
+class LongHomotopy(Homotopy):
+    """The same, on and on."""
+
+    def applies(self, search: Search) -> bool:
+        return super().applies(search) and search.ws.way is not None
+
+    def seek(self, ws: Workspace) -> bool:
+        return ws.go_on()
 
 
 class Resonance(Rung):
@@ -203,15 +224,14 @@ class Meeting(Rung):
     price = 3000
 
     def applies(self, search: Search) -> bool:
-        problem, n = search.ws.problem, search.ws.problem.system.n
-        whole = len(problem.start.pinned) == n == len(problem.end.pinned)
-        free = whole and n <= MEETING_COORDINATES and problem.system.m == 0 and not search.curved
-        return super().applies(search) and free
+        return super().applies(search) and meets(search.ws.problem) and not search.curved
 
     def attempt(self, search: Search) -> Status:
         """Refine the first of the curves that Newton's method takes to a path."""
         ws, problem, lost = search.ws, search.ws.problem, 0
         for seed, count in enumerate(self.meshes):
+            if ws.watch is not None:
+                ws.watch.evaluated += MOTION * count
             left, elements = MEETING_PAIRS * MEETING_UNKNOWNS, MEETING_ELEMENTS + 1
             for guess in meetings(problem, count, MEETING_PAIRS, seed, ws.watch and ws.watch.look):
                 ws.restart()
@@ -237,6 +257,13 @@ class Meeting(Rung):
         return Status.NOT_FOUND
 
 
+def meets(problem: Problem) -> bool:
+    """Whether motions from both events can be drawn at random, and few are enough."""
+    n = problem.system.n
+    whole = len(problem.start.pinned) == n == len(problem.end.pinned)
+    return whole and n <= MEETING_COORDINATES and problem.system.m == 0
+
+
 class Root(Rung):
     """Ipopt solves the stationarity conditions: no path need be near."""
 
@@ -259,7 +286,7 @@ LADDER: tuple[Rung, ...] = (
     Least("least", (8, 16, 32, 64)),
     Homotopy("continuation", (8,)),
     Meeting("meeting", (256, 768)),
-    Root("stationary", (8, 16)),
+    LongHomotopy("long continuation", (8,)),
     PatientLeast("patient least", (8, 16, 32, 64)),
 )
 # By Ipopt alone: what can be had without methods of our own.
@@ -303,11 +330,16 @@ class Search:
         every path on it that is sought from there. Then a curved one is tried.
         """
         self.may_be_least = self._may_be_least
-        status = self._try(self.ladder)
-        if status in UNSOLVED:
-            again = self._from_curve(CURVED_RUNGS)
-            return again if again.success else status
-        return status
+        watch = self.ws.watch
+        try:
+            status = self._try(self.ladder)
+            if status in UNSOLVED:
+                again = self._from_curve(CURVED_RUNGS)
+                return again if again.success else status
+            return status
+        finally:
+            if watch is not None:
+                watch.most = math.inf  # other searches may follow
 
     def _from_curve(self, rungs: int) -> Status:
         """Try so many rungs from a curved line, those that were tried left out.
@@ -351,8 +383,15 @@ class Search:
         for rung in self._priced(sorted(ladder, key=lambda rung: large and rung.lengthy)):
             if not rung.applies(self):
                 continue
+            if rung.price >= DEAR:
+                self._limit(rung.price)
             self.begin(rung.name, rung.minimises)
-            status = rung.attempt(self)
+            try:
+                status = rung.attempt(self)
+            except Spent:
+                assert self.ws.watch is not None
+                self.ws.watch.most, status = math.inf, Status.NOT_FOUND
+                break
             if isinstance(rung, Descent) and status is Status.UNRESOLVED:
                 around = self._from_curve(CURVED_FIRST)  # before what costs more
                 status = around if around.success else status
@@ -367,6 +406,19 @@ class Search:
             if status not in (Status.NOT_FOUND, Status.UNRESOLVED):
                 return status
         return self._refine_saddle() if self.principle == "auto" else status
+
+    def _limit(self, price: int) -> None:
+        """Let what is tried from now on cost no more than `PURSE`, where no time is given.
+
+        With a saddle in hand no more than the price of the way.
+        """
+        watch = self.ws.watch = self.ws.watch or Watch(None, None)
+        if watch.end is not None or self.curved:
+            return
+        if watch.most == math.inf:
+            watch.most = watch.evaluated + PURSE
+        if self.saddle is not None and self.principle == "auto":
+            watch.most = min(watch.most, watch.evaluated + price)
 
     def _priced(self, rungs: Iterable[Rung]) -> Iterator[Rung]:
         """Yield the rungs in turn, last those that the time left does not allow for."""
@@ -384,6 +436,8 @@ class Search:
             return Status.NOT_FOUND
         (name, found), self.saddle = self.saddle, None
         self.begin(name)
+        if self.ws.watch is not None:
+            self.ws.watch.most = math.inf
         if self.ws.here.z is not found.z:
             self.ws.record.rounds.clear()
             self.ws.here = found
@@ -605,6 +659,15 @@ class Search:
 
     def refine(self) -> Status:
         """Refine the path at hand to the tolerance, or judge it on the mesh that was given."""
+        watch = self.ws.watch
+        if watch is None:
+            return self._refined()
+        most, watch.most = watch.most, math.inf  # a path in hand is not given up
+        status = self._refined()
+        watch.most = most
+        return status
+
+    def _refined(self) -> Status:
         if self.given is not None:
             return solve_on(self.ws, self.given, least=self.least)
         return refine(self.ws, self.tol, least=self.least)

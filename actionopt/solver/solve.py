@@ -85,6 +85,7 @@ def solve(
     seconds : float, optional
         The time it may take, a little more where one evaluation takes long; then the best attempt
         is what there is. Ways that take longer, at the pace so far, are tried after the others.
+        Without it, a search that finds nothing ends at a price: see `ladder.PURSE`.
     progress : callable, optional
         `progress(how, elements, iterations)` at every iteration: the way that is being tried, the
         elements of the mesh at hand, and the iterations so far. What it raises ends the solve.
@@ -177,9 +178,17 @@ def _outwards(
     """Return a path that is followed from a nearer end, or how far one goes."""
 
     def near(there: Problem, guess: Path | None, tol: float) -> Solution:
-        ladder = BRIEF if guess is None else NEAR
-        brief = replace(choices, tol=tol, ladder=ladder, principle="auto")
-        return _solved(there, guess, brief)[0]
+        if guess is None:
+            return _solved(there, None, replace(choices, tol=tol, ladder=BRIEF, principle="auto"))[
+                0
+            ]
+        # On the guess's own mesh alone, and by Newton's method: most steps are too long.
+        ws, started = Workspace(there, tol=tol, watch=choices.watch), perf_counter()
+        search = Search(ws, tol, "auto", None, NEAR)
+        search.begin("guess")
+        ws.transcribe(guess.mesh, guess, like=guess)
+        found = ws.follow() or ws.approach()
+        return _solution(ws, search.refine() if found else Status.NOT_FOUND, "guess", started)
 
     with suppress(OutOfTime, ValueError):
         found, part = nearer.outwards(problem, near, choices.tol)

@@ -21,7 +21,7 @@ from actionopt.discrete.shifted import shifted
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.descent import descend
-from actionopt.solver.homotopy import newton_homotopy
+from actionopt.solver.homotopy import HOMOTOPY_STEPS, Way
 from actionopt.solver.ipopt import Principle, find
 from actionopt.solver.iterate import (
     ORDINARY,
@@ -116,6 +116,7 @@ class Workspace:
     best: Iterate | None = None
     unpolished: DiscretePath | None = None
     iterate: Iterate | None = None
+    way: tuple[Iterate, Way] | None = None  # of a homotopy that has not come to its end
 
     @property
     def question(self) -> Problem:
@@ -153,6 +154,15 @@ class Workspace:
         return self.problem.system.m == 0 and not self.many_coordinates
 
     @property
+    def has_mass(self) -> bool:
+        """Whether L_vv is positive along the straight line, as along a least path (Legendre)."""
+        tr = self.here.tr
+        if tr.layout.rows:  # tangent to the constraints alone it has to be
+            return True
+        with np.errstate(all="ignore"):
+            return Factors(tr.layout, tr.kinetic(tr.pack(tr.straight()))).definite()
+
+    @property
     def kinked(self) -> bool:
         """Whether Newton's method still loses the path where a smooth one would be resolved.
 
@@ -172,6 +182,7 @@ class Workspace:
             best=None,
             unpolished=None,
             iterate=None,
+            way=None,
         )
 
     # -- where it begins -----------------------------------------------------------------------
@@ -310,11 +321,25 @@ class Workspace:
         self.here = before
         return False
 
-    def homotopy(self) -> bool:
-        """Continue from the path at hand by releasing the force that makes it a motion."""
+    def homotopy(self, steps: int = HOMOTOPY_STEPS) -> bool:
+        """Continue from the path at hand by releasing the force that makes it a motion.
+
+        So many steps at most; then `go_on` may take more.
+        """
+        self.way = self.here, Way(self.here.tr, self.here.z, self.here.tr.residual(self.here.z))
+        return self.go_on(steps)
+
+    def go_on(self, steps: int = HOMOTOPY_STEPS) -> bool:
+        """Take more steps of a homotopy that has not come to its end, if there is one."""
+        if self.way is None:
+            return False
+        self.here, way = self.way
+        before = way.count
         with self.record.clock("solve"):
-            reached = newton_homotopy(self.here.tr, self.here.z)
-        return self._reached("continuation", reached)
+            arrived = way.arrives(min(steps, way.longest))
+        if way.ended:
+            self.way = None
+        return self._reached("continuation", (way.z, way.count - before) if arrived else None)
 
     def descend(self) -> bool:
         """Minimise the action from the path at hand, and on where Newton's method is lost."""

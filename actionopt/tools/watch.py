@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from time import perf_counter
 
@@ -12,6 +13,10 @@ Progress = Callable[[str, int, int], object]
 
 class OutOfTime(Exception):
     """The time that was given is used up; never seen outside the solver."""
+
+
+class Spent(Exception):
+    """What a search may cost is used up; never seen outside the solver."""
 
 
 class Watch:
@@ -33,6 +38,7 @@ class Watch:
     def __init__(self, seconds: float | None, progress: Progress | None) -> None:
         self.end: float | None = None
         self.since, self.evaluated = 0.0, 0  # from the first derivatives on
+        self.most = math.inf  # elements evaluated, after which `Spent` is raised
         if seconds is not None:
             given = number(seconds, "the seconds a solve may take")
             if given <= 0 or isinstance(seconds, bool):
@@ -63,6 +69,8 @@ class Watch:
                 raise
         if self.end is not None and perf_counter() > self.end:
             raise OutOfTime
+        if self.evaluated > self.most:
+            raise Spent
 
     def affords(self, elements: int) -> bool:
         """Whether there is time for derivatives on so many elements, at the pace so far."""
