@@ -20,6 +20,9 @@ SUSPECTED, AMPLIFICATION = 1e-8, 5e-7
 CHANGE = 2.0  # of it by two more steps; measured: single paths 1.0, families 20 and more
 NOISE = 1e-9  # of one coordinate the noise itself tells; ad hoc
 OUTDATED = 1e-6  # change of multipliers, in whose matrix no family may show; ad hoc
+# Amplification times the distance from its matrix, from where on a family may not show in it;
+# measured at a tolerance of 1e-3: families 1e-12 and more, straight paths 3e-14 and less.
+HIDDEN = 1e-13
 BENT = 1e-4  # in units of kinetic energy, as the index has it: of a family 1e-8; ad hoc
 MANY_UNKNOWNS = 5000  # from where a few solutions are asked for before the index; ad hoc
 # Measured: the second shows what bends least to a tenth of it, on chains of 20 to 100 links.
@@ -44,6 +47,9 @@ def suspected(ws: Workspace, status: Status) -> bool:
                 return False
             here = ws.here = replace(here, factors=None, probed=None)
         before = here.amplification(ws.many)
+        if before < SUSPECTED and before * here.since > HIDDEN:
+            here = ws.here = replace(here, factors=None, probed=None, since=0.0)
+            before = here.amplification(ws.many)
         if not SUSPECTED < before < AMPLIFICATION:
             return before >= AMPLIFICATION
         if _far_from_singular(ws):
