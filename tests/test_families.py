@@ -146,3 +146,16 @@ def test_many_coordinates_on_a_sphere(turn, status, monkeypatch):
     found = ao.solve(problem, guess=circle, throw=False)
     assert found.status.name == status
     assert found.stats.get("nullity", 0) == (n - 2 if turn == 1 else 0)
+
+
+def test_a_family_shows_to_a_loose_tolerance():
+    """Half way round a centre of force in nine dimensions, in any plane through the ends."""
+    system = ao.System(lambda q, v, t: v @ v / 2 + 1 / np.sqrt(q @ q + 0.1), list("abcdefghi"))
+    one, aside = np.eye(9)[0], np.cos(np.arange(9) + 1.0) * (np.arange(9) > 0)
+    aside /= np.linalg.norm(aside)
+    problem = ao.Problem(system, ao.Event(0.0, one), ao.Event(3.0, -one))
+
+    def guess(t):
+        return np.outer(one, np.cos(np.pi * t / 3)) + np.outer(aside, np.sin(np.pi * t / 3))
+
+    assert ao.solve(problem, guess=guess, tol=1e-3, throw=False).status is ao.Status.DEGENERATE
