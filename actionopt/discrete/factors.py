@@ -20,6 +20,7 @@ import numpy as np
 from actionopt.discrete.blocks import Condensed
 from actionopt.discrete.layout import Layout, Pattern
 from actionopt.tools.blas import cholesky
+from actionopt.tools.memory import give_back
 from actionopt.tools.types import Array, NDInt
 
 # The first three are where two costs cross, never timed with care. The others are ad hoc: a third
@@ -30,6 +31,7 @@ SLIM = 3  # coordinates and constraints up to which sparse factors take less tim
 # of one coordinate and 47 unknowns 3 us against 60, of two and 94 7 against 40; the pattern 400.
 SPARSE = 30
 PATTERN = 2000  # unknowns and rows up to which finding their pattern takes little memory
+LARGE_SIZE = 50_000  # unknowns and rows whose factors take a second or so; ad hoc
 REGULAR = 1e-10  # on the rows' diagonal, whose gradients are of size one
 REFINEMENTS = 6  # each leaves half of the residual at most
 ACCURATE = 1e-10  # residual relative to |b| that is enough: Newton's method corrects the rest
@@ -308,6 +310,8 @@ class _Kept:
 
     def __init__(self, layout: Layout, nonzeros: Array) -> None:
         values = _regular(layout, compressed(layout, nonzeros))
+        if layout.size > LARGE_SIZE:
+            give_back()  # what the pattern was made with, a sixth of the most that is taken
         self._order = layout.solvers.get("order")
         if self._order is None:  # the first on this layout finds it
             self._factors = ca.ldl(_matrix(layout, values))

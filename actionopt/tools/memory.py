@@ -10,11 +10,18 @@ from __future__ import annotations
 
 import ctypes
 import os
+from contextlib import suppress
 from functools import cache
 
 TRIM, MAP = -1, -3  # of glibc's <malloc.h>
 # Bytes: what glibc learns at most (DEFAULT_MMAP_THRESHOLD_MAX); it keeps twice that when freed.
 LEARNED = 2**25
+
+
+def give_back() -> None:
+    """Return to the system what was freed: glibc takes no large array from among small ones."""
+    with suppress(AttributeError, OSError, TypeError):  # another library
+        ctypes.CDLL(None).malloc_trim(0)
 
 
 @cache
