@@ -228,13 +228,11 @@ class Bordered:
 
     def _over(self, duration: float) -> Transcription:
         if self._last is None or duration != self._last.mesh.duration:
-            like = self._like
+            problem, like = over(self.free, duration), self._like
             if like is not None and not self._clocked:
-                ends = times(self.free, duration)
-                self._last = like.stretched(like.problem.lasting(*ends))
+                self._last = like.stretched(problem)
                 return self._last
-            problem, like = over(self.free, duration), self.first
-            ends = problem.start.t, problem.end.t
+            like, ends = self.first, (problem.start.t, problem.end.t)
             mesh = moved(like.mesh, like.problem.instants, problem.instants, *ends)
             self._last = Transcription(problem, mesh, like.lengths, like=like)
             self._last.counts, self._last.watch = like.counts, like.watch

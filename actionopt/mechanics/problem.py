@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from copy import copy
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -249,19 +248,6 @@ class Problem:
         object.__setattr__(problem, "asked", self)
         object.__setattr__(problem, "energy", self.energy)
         return problem
-
-    def lasting(self, t0: float, t1: float) -> Problem:
-        """Return a problem that was found over other times t0 and t1: nothing is checked again.
-
-        Its system has no clock.
-        """
-        other = object.__new__(Problem)
-        known = {f.name: getattr(self, f.name) for f in fields(self)}
-        start, end = copy(self.start), copy(self.end)
-        object.__setattr__(start, "t", t0)
-        object.__setattr__(end, "t", t1)
-        other.__dict__.update(known, start=start, end=end)
-        return other
 
     @property
     def unfixed(self) -> bool:
