@@ -214,6 +214,22 @@ class Resonance(Rung):
         return ws.pass_resonances()
 
 
+class Places(Rung):
+    """Newton steps that are limited place by place, in lattices."""
+
+    price = 1000
+
+    def applies(self, search: Search) -> bool:
+        problem = search.ws.problem
+        n = problem.system.n
+        whole = len(problem.start.pinned) == n == len(problem.end.pinned)
+        local = n > RESONANT_COORDINATES and search.ws.here.tr.layout.storage != "blocks"
+        return super().applies(search) and local and whole and problem.system.m == 0
+
+    def seek(self, ws: Workspace) -> bool:
+        return ws.settle_places()
+
+
 class Meeting(Rung):
     """Motions from both events that nearly meet half way; `meshes` are their numbers.
 
@@ -281,6 +297,7 @@ LADDER: tuple[Rung, ...] = (
     Newton("convex newton", (4,), convex=True),
     Descent("descent", (COARSE_ELEMENTS, 16, 32, 64)),
     Newton("newton", (4,)),
+    Places("places", (4,)),
     Resonance("resonance", (4,)),
     Descent("descent of many", (4, 8, 16, 32, 64), many=True),
     Least("least", (8, 16, 32, 64)),

@@ -35,6 +35,7 @@ from actionopt.solver.iterate import (
     sizes,
     unseen,
 )
+from actionopt.solver.places import settled
 from actionopt.solver.preflight import check
 from actionopt.solver.record import Record
 from actionopt.solver.resonances import Resonances
@@ -382,6 +383,13 @@ class Workspace:
             z = search.path(self.here.z)
         self.record.iterations["continuation"] += search.count
         return self._reached("continuation", None if z is None else (z, 0))
+
+    def settle_places(self) -> bool:
+        """Go to a path by Newton steps that are limited for each coordinate by itself."""
+        with self.record.clock("solve"):
+            z, count = settled(self.here.tr, self.here.z)
+        self.record.iterations["newton"] += count
+        return self._reached("newton", None if z is None else (z, 0))
 
     def _reached(self, method: str, found: tuple[Array, int] | None) -> bool:
         """Polish what a method reached; where that does not work, keep in mind where it was."""
