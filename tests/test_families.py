@@ -1,15 +1,10 @@
 """Ends that leave a family of paths: said at any tolerance, with its dimension."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.discrete.factors import Factors
-from actionopt.solver.family import _serves
-from actionopt.solver.iterate import Iterate
 
 SPHERE = ao.System(
     lambda q, v, t: v @ v / 2, ["x", "y", "z"], constraint=lambda q, t: (q @ q - 1) / 2
@@ -95,26 +90,6 @@ def test_beside_the_antipode_there_is_one_path(miss):
     solution = ao.solve(ao.Problem(SPHERE, ao.Event(0.0, [0.0, 0.0, 1.0]), end))
     assert solution.action == pytest.approx(angle**2 / 2, rel=1e-9)
     assert solution.kind == "minimum"
-
-
-@pytest.mark.parametrize("miss", [1.0, 1e-2])
-def test_a_matrix_of_other_multipliers_serves_where_it_tells_the_same(miss):
-    """By what the matrix at the path itself says of round-off."""
-    angle = np.pi - miss
-    end = ao.Event(1.0, [np.sin(angle), 0.0, np.cos(angle)])
-    solution = ao.solve(ao.Problem(SPHERE, ao.Event(0.0, [0.0, 0.0, 1.0]), end), tol=1e-6)
-    tr, z = solution.discrete.tr, solution.discrete.z
-    here = Iterate(tr, z, np.ones(3), np.ones(3))
-    rows = np.arange(z.size) >= tr.layout.unknowns
-    known, served = here.amplification(False), []
-    for since in 10.0 ** np.arange(-8, 2):
-        factors = Factors(tr.layout, tr.kkt(z + since * rows))
-        other = replace(here, factors=factors, since=since)
-        served.append(_serves(other, other.amplification(False)))
-        if served[-1]:
-            assert other.amplification(False) == pytest.approx(known, rel=0.1)
-    assert served[0] and not served[-1] and served == sorted(served, reverse=True)
-    assert sum(served) >= 3
 
 
 def test_no_index_is_asked_of_many_unknowns_that_are_no_family(monkeypatch):

@@ -10,7 +10,7 @@ from actionopt.analysis.index import INDEX_TOLERANCE, Inertia
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
 from actionopt.discrete.factors import product
-from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF, Iterate
+from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF
 from actionopt.solver.workspace import Workspace
 
 # Amplified round-off above which a path may be one of many, and above which that is to be counted;
@@ -20,9 +20,6 @@ SUSPECTED, AMPLIFICATION = 1e-8, 5e-7
 CHANGE = 2.0  # of it by two more steps; measured: single paths 1.0, families 20 and more
 NOISE = 1e-9  # of one coordinate the noise itself tells; ad hoc
 OUTDATED = 1e-6  # change of multipliers, in whose matrix no family may show; ad hoc
-# Of what a family would show, at most, where multipliers are others; ad hoc. Measured: that of
-# single paths on the scenes is then right to three digits.
-SHOWS = 0.01
 # Amplification times the distance from its matrix, from where on a family may not show in it;
 # measured at a tolerance of 1e-3: families 1e-12 and more, straight paths 3e-14 and less.
 HIDDEN = 1e-13
@@ -45,17 +42,11 @@ def suspected(ws: Workspace, status: Status) -> bool:
     if not here.can_be_one_of_many:  # nothing is zero on one side of a symmetry
         return here.noise > NOISE
     try:
-        before = None
         if ws.problem.system.m and here.since > OUTDATED:
-            if here.factors is not None:
-                before = here.amplification(ws.many)
-            if before is None or not _serves(here, before):
-                if _far_from_singular(ws):
-                    return False
-                here, before = here.updated(), None
-                ws.here = here
-        if before is None:
-            before = here.amplification(ws.many)
+            if _far_from_singular(ws):
+                return False
+            here = ws.here = here.updated()
+        before = here.amplification(ws.many)
         if before < SUSPECTED and before * here.since > HIDDEN:
             here = ws.here = here.updated()
             before = here.amplification(ws.many)
@@ -68,24 +59,6 @@ def suspected(ws: Workspace, status: Status) -> bool:
     except np.linalg.LinAlgError:
         return True
     return not before / CHANGE < after < before * CHANGE
-
-
-def _serves(here: Iterate, amplification: float) -> bool:
-    """Whether the matrix at hand, of other multipliers, would show a family as well, at once.
-
-    There it would bend no more than by their change times the curvature of the constraints, and
-    amplify round-off accordingly.
-    """
-    tr, n = here.tr, here.tr.layout.unknowns
-    assert here.factors is not None
-    ones = np.concatenate([here.x, np.cos(1.0 + np.arange(here.z.size - n))])
-    curvature = tr.constraint_curvature(ones)
-    if curvature is None:
-        return True
-    row, col = tr.problem.system.pointwise("constraint_curvature").sparsity(0)
-    bent = curvature * (tr.lengths[row] * tr.lengths[col] / tr.action_unit)
-    change = here.since * np.abs(bent).max(initial=0.0) / np.abs(here.factors.nonzeros).max()
-    return bool(change * amplification < SHOWS * POLYNOMIAL_ROUNDOFF)
 
 
 def judged(ws: Workspace, solution: Solution) -> Solution:
