@@ -9,17 +9,11 @@ import actionopt as ao
 from actionopt.discrete.newton import approach, follow
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.system import System
-from actionopt.solver.homotopy import Way
+from actionopt.solver.homotopy import newton_homotopy
 from actionopt.solver.ipopt import find
 from actionopt.solver.resonances import Resonances
 
 PENDULUM = System(lambda q, v, t: v[0] ** 2 / 2 + 9.81 * np.cos(q[0]), ["theta"])
-
-
-def newton_homotopy(tr, z):
-    """Return a point near a stationary path and the factorizations used, or None."""
-    way = Way(tr, z, tr.residual(z))
-    return (way.z, way.count) if way.arrives(way.longest) else None
 
 
 def is_motion(tr, z, flow, tolerance):

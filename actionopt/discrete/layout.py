@@ -118,11 +118,15 @@ class Layout:
 
     @cached_property
     def probe(self) -> Array:
-        """A right-hand side (size,), as smooth as the lowest modes are, of no symmetry."""
+        """A right-hand side (size,), as smooth as the lowest modes are, of no symmetry.
+
+        Not along the side to which first paths are curved: what turns such a path about the line
+        between its ends is normal to it.
+        """
         node, coordinate = np.divmod(self.free, self.system.n)
         found = np.zeros(self.size)
         s = node / self.node_count
-        found[: self.unknowns] = np.cos(1.0 + coordinate) * np.exp(2 * s)
+        found[: self.unknowns] = np.sin(1.0 + coordinate) * np.exp(2 * s)
         return found
 
     @cached_property

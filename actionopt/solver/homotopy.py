@@ -22,9 +22,10 @@ from actionopt.tools.types import Array
 # to 215 steps, with up to 4 coordinates (190 unknowns); with more, 400 steps find nothing.
 HOMOTOPY_STEPS, FEWEST_STEPS, ALL_STEPS_SIZE = 240, 20, 200
 # Where the way is given up: forces so many times the first one, coordinates so many times their
-# sizes. Measured on 50 systems of 1 to 4 coordinates: those that are reached come to 2.8 and 25,
-# others, beyond a fold where no path is left, to 50 and 100, in steps that get no longer.
-FORCED, FAR = 5.0, 50.0
+# sizes. Measured on 50 systems of 1 to 4 coordinates: those that are reached come to 2.8 and 25, to
+# 20 where a force is a sharp pulse; others, beyond a fold where no path is left, get farther and
+# farther, in steps that get no longer.
+FORCED, FAR = 100.0, 50.0
 # Ad hoc.
 # Of arclength in s and the root mean square of the coordinates; halved where the corrector fails.
 FIRST_ARC, LONGEST_ARC, SHORTEST_ARC = 0.05, 0.5, 1e-6
@@ -33,8 +34,23 @@ CORRECTOR_TOL = 1e-6  # correction, in units of the coordinates' sizes, that end
 BEYOND = 1.5  # an s at which the curve is not near the path any more
 
 
+def newton_homotopy(tr: Transcription, z: Array) -> tuple[Array, int] | None:
+    """Return a point (size,) near a stationary path and the factorizations used, or None.
+
+    `z` is the curve at which the applied force starts.
+    """
+    steps = min(HOMOTOPY_STEPS, HOMOTOPY_STEPS * ALL_STEPS_SIZE // tr.layout.size + FEWEST_STEPS)
+    way = _Way(tr, z, tr.residual(z))
+    for _ in range(steps):
+        if not way.advance():
+            return None
+        if way.s >= 1.0 - 1e-9:
+            return way.z, way.count
+    return None
+
+
 @dataclass(eq=False)
-class Way:
+class _Way:
     """A way along the curve R(z) = (1 - s) `force`, one step after the other.
 
     Attributes
@@ -53,21 +69,6 @@ class Way:
     direction: Array | None = None
     length: float = FIRST_ARC
     count: int = 0
-    steps: int = 0
-    ended: bool = False
-
-    @property
-    def longest(self) -> int:
-        """Steps that are worth their time."""
-        size = self.tr.layout.size
-        return min(HOMOTOPY_STEPS, HOMOTOPY_STEPS * ALL_STEPS_SIZE // size + FEWEST_STEPS)
-
-    def arrives(self, steps: int) -> bool:
-        """Go on to the end, or until so many steps were taken in all; whether it led to a path."""
-        while not self.ended and self.steps < steps:
-            self.steps += 1
-            self.ended = not self.advance() or self.s >= 1.0 - 1e-9
-        return self.s >= 1.0 - 1e-9
 
     def advance(self) -> bool:
         """Take a step; False if there is none."""

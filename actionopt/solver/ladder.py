@@ -22,7 +22,6 @@ from actionopt.discrete.resolution import DEGREES, Resolution, refined, resoluti
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.first_mesh import fewest, paced, planned
-from actionopt.solver.homotopy import HOMOTOPY_STEPS
 from actionopt.solver.iterate import Iterate, sizes
 from actionopt.solver.meeting import meetings
 from actionopt.solver.refine import refine, solve_on
@@ -42,9 +41,8 @@ DESCENT_COORDINATES = 8
 # Up to which other ways are shorter. Measured on pendulums of n links: at 30 the path beside the
 # line is found by nothing else, at 50 in half the time; three bodies would take thrice as long.
 RESONANT_COORDINATES = 20
-# Rungs that are tried from a curved line, and those of them that come before what costs more; its
-# height, in the motion's sizes ("flat" here is as in `workspace`: this is).
-CURVED_RUNGS, CURVED_FIRST, CURVED_HEIGHT = 6, 2, 0.4
+# Of a curved line, in the motion's sizes ("flat" here is as in `workspace`: this is).
+CURVED_HEIGHT = 0.4
 LOST_ALIKE = 1e-3  # of a path's size, what leads to the same meshes again
 # Motions that meet: the coordinates up to which a few hundred are many; pairs that are tried, and
 # unknowns of as many paths, which they may have together; elements of one that takes too long.
@@ -52,7 +50,6 @@ MEETING_COORDINATES, MEETING_PAIRS, MEETING_UNKNOWNS, MEETING_ELEMENTS = 8, 32, 
 # Paths so found that cannot be refined, after which others are not tried: measured, over random
 # systems and pendulums, it is the first that can be, or none.
 MEETING_LOST = 3
-FEW_STEPS = 60  # of a homotopy, before motions that meet
 HIGH_DEGREE_COORDINATES = 3  # up to which a higher degree costs less than a second mesh
 PATIENT = 30  # damped steps towards a path near a guess: whatever else there is costs more
 NEAR_GUESS = (16, 32, 64)  # elements: a guess has features that coarser meshes would miss
@@ -177,25 +174,15 @@ class PatientLeast(Least):
 class Homotopy(Rung):
     """Newton homotopy from the straight line: gets to a saddle slowly but surely.
 
-    On one mesh: on finer ones it took long and found no path that no other rung did. Few steps at
-    first, if motions that meet may be quicker: half of what it finds takes 60. It comes first
-    because small changes of the question change nothing in what it finds.
+    On one mesh: on finer ones it took long and found no path that no other rung did. It comes
+    before motions that meet, which may be quicker, because small changes of the question change
+    nothing in what it finds.
     """
 
     lengthy, price = True, 1500
 
     def seek(self, ws: Workspace) -> bool:
-        return ws.homotopy(FEW_STEPS if meets(ws.problem) else HOMOTOPY_STEPS)
-
-
-class LongHomotopy(Homotopy):
-    """The same, on and on."""
-
-    def applies(self, search: Search) -> bool:
-        return super().applies(search) and search.ws.way is not None
-
-    def seek(self, ws: Workspace) -> bool:
-        return ws.go_on()
+        return ws.homotopy()
 
 
 class Resonance(Rung):
@@ -303,8 +290,11 @@ LADDER: tuple[Rung, ...] = (
     Least("least", (8, 16, 32, 64)),
     Homotopy("continuation", (8,)),
     Meeting("meeting", (256, 768)),
-    LongHomotopy("long continuation", (8,)),
     PatientLeast("patient least", (8, 16, 32, 64)),
+)
+# Rungs that are tried from a curved line: those before what costs more, and all of them.
+CURVED_FIRST, CURVED_RUNGS = (
+    1 + [rung.name for rung in LADDER].index(last) for last in ("descent", "least")
 )
 # By Ipopt alone: what can be had without methods of our own.
 IPOPT: tuple[Rung, ...] = (

@@ -234,7 +234,7 @@ class _Arrived:
         shape = self.stack.shape
         # As `Layout.probe`: as smooth as the lowest modes are, of no symmetry.
         node = shape.mesh.offsets[:-1] + np.arange(shape.P)[:, None]
-        probe = np.cos(1.0 + np.arange(shape.n))[:, None] * np.exp(
+        probe = np.sin(1.0 + np.arange(shape.n))[:, None] * np.exp(
             2 * node[:, None] / (shape.mesh.offsets[-1] + 1)
         )  # (P, n, E)
         probe[-1, :, :-1] = 0.0  # nodes between elements once

@@ -21,7 +21,7 @@ from actionopt.discrete.shifted import shifted
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.descent import descend
-from actionopt.solver.homotopy import HOMOTOPY_STEPS, Way
+from actionopt.solver.homotopy import newton_homotopy
 from actionopt.solver.ipopt import Principle, find
 from actionopt.solver.iterate import (
     ORDINARY,
@@ -117,7 +117,6 @@ class Workspace:
     best: Iterate | None = None
     unpolished: DiscretePath | None = None
     iterate: Iterate | None = None
-    way: tuple[Iterate, Way] | None = None  # of a homotopy that has not come to its end
 
     @property
     def question(self) -> Problem:
@@ -183,7 +182,6 @@ class Workspace:
             best=None,
             unpolished=None,
             iterate=None,
-            way=None,
         )
 
     # -- where it begins -----------------------------------------------------------------------
@@ -322,25 +320,11 @@ class Workspace:
         self.here = before
         return False
 
-    def homotopy(self, steps: int = HOMOTOPY_STEPS) -> bool:
-        """Continue from the path at hand by releasing the force that makes it a motion.
-
-        So many steps at most; then `go_on` may take more.
-        """
-        self.way = self.here, Way(self.here.tr, self.here.z, self.here.tr.residual(self.here.z))
-        return self.go_on(steps)
-
-    def go_on(self, steps: int = HOMOTOPY_STEPS) -> bool:
-        """Take more steps of a homotopy that has not come to its end, if there is one."""
-        if self.way is None:
-            return False
-        self.here, way = self.way
-        before = way.count
+    def homotopy(self) -> bool:
+        """Continue from the path at hand by releasing the force that makes it a motion."""
         with self.record.clock("solve"):
-            arrived = way.arrives(min(steps, way.longest))
-        if way.ended:
-            self.way = None
-        return self._reached("continuation", (way.z, way.count - before) if arrived else None)
+            reached = newton_homotopy(self.here.tr, self.here.z)
+        return self._reached("continuation", reached)
 
     def descend(self) -> bool:
         """Minimise the action from the path at hand, and on where Newton's method is lost."""
