@@ -30,6 +30,7 @@ from actionopt.solver.workspace import LARGE_SIZE, ROUGHLY, Workspace
 from actionopt.tools.watch import OutOfTime, Spent, Watch
 
 UNSOLVED = (Status.NOT_FOUND, Status.UNRESOLVED, Status.DEGENERATE)
+REACHED = (Status.SOLVED, Status.FLOOR)
 # What ways of a price from DEAR on may cost together, in second derivatives on one element: five
 # times the median, 3000, of what a path takes that is found by a homotopy, by motions that meet or
 # by patience (28 of 270 random systems and pendulums of 1 to 20 coordinates; at most 12,000). The
@@ -342,7 +343,7 @@ class Search:
             status = self._try(self.ladder)
             if status in UNSOLVED:
                 again = self._from_curve(CURVED_RUNGS)
-                return again if again.success else status
+                return again if again in REACHED else status
             return status
         finally:
             if watch is not None:
@@ -367,7 +368,7 @@ class Search:
         except OutOfTime:
             self.ws.best = ws.best or self.ws.best
             raise
-        if status.success:
+        if status in REACHED:
             ws.record = ws.record.after(self.ws.record)
             self.ws, self.found_by, self.least = ws, around.found_by, around.least
         else:
@@ -401,7 +402,7 @@ class Search:
                 break
             if isinstance(rung, Descent) and status is Status.UNRESOLVED:
                 around = self._from_curve(CURVED_FIRST)  # before what costs more
-                status = around if around.success else status
+                status = around if around in REACHED else status
             if status is Status.UNBOUNDED:
                 if self.principle == "least":
                     return status
