@@ -364,7 +364,8 @@ class Unfixed:
             path = at.path.on(mesh)
             first = path.values.T
             self.here = self._around(path, at.rows_on(mesh))
-            if not self._follow(passing=True):
+            # Where paths are sensitive another mesh is enough to leave what Newton contracts in.
+            if not (self._follow(passing=True) or self._approach()):
                 self.here = here
                 return self._failed()
             there = self.here.at
