@@ -231,6 +231,18 @@ class Meeting(Rung):
         return super().applies(search) and meets(search.ws.problem) and not search.curved
 
     def attempt(self, search: Search) -> Status:
+        ws = search.ws
+        first = ws.iterate
+        try:
+            status = self._met(search)
+        except Spent:
+            ws.iterate = first
+            raise
+        if status is Status.NOT_FOUND:  # motions drawn at random are nothing to go on from
+            ws.iterate = first
+        return status
+
+    def _met(self, search: Search) -> Status:
         """Refine the first of the curves that Newton's method takes to a path."""
         ws, problem, lost = search.ws, search.ws.problem, 0
         for seed, count in enumerate(self.meshes):
@@ -277,6 +289,13 @@ class Root(Rung):
         return ws.root()
 
 
+class IndefiniteRoot(Root):
+    """The same where kinetic energies have both signs: no path is least, and few ways are left."""
+
+    def applies(self, search: Search) -> bool:
+        return super().applies(search) and not search.ws.has_mass
+
+
 # How a first path is sought from the straight line. Newton's method comes first where the action
 # is convex there; elsewhere descent, where the action may be bounded below. The elements, measured
 # alike: half as many everywhere take 7 % more iterations, and lose an extreme case; twice as many
@@ -291,6 +310,7 @@ LADDER: tuple[Rung, ...] = (
     Least("least", (8, 16, 32, 64)),
     Homotopy("continuation", (8,)),
     Meeting("meeting", (256, 768)),
+    IndefiniteRoot("stationary", (8, 16)),
     PatientLeast("patient least", (8, 16, 32, 64)),
 )
 # Rungs that are tried from a curved line: those before what costs more, and all of them.
