@@ -314,9 +314,9 @@ def _in_windows(problem: Problem, guess: Guess | None, choices: Choices) -> tupl
         later = window.longer(here, solution, edges, choices.tol)
         if not solution.success or later is None or choices.mesh is not None:
             break
-        left, before = max(x[0] for x in edges), left
-        if left > before / 2:
-            message = window.unmet(choices.tol, left)
+        left, before = max(edge.left for edge in edges), left
+        if not left <= before / 2:
+            message = window.unmet(choices.tol, max(edge.moved for edge in edges))
             solution = replace(solution, status=Status.UNRESOLVED)
             break
         here = later
