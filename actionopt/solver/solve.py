@@ -303,14 +303,15 @@ def _in_windows(problem: Problem, guess: Guess | None, choices: Choices) -> tupl
     left = np.inf
     while True:
         solution, message = _solved(here.problem, here.guess, inner)
-        below = None
+        factors, below = window.factored(solution), None
         if solution.status in LOST and problem.system.n <= window.FEW:
             below = window.down(here)
-        elif here.guess is None and solution.success and inner.principle != "stationary":
-            below = window.lower(solution)
+        elif here.guess is None and factors is not None and inner.principle != "stationary":
+            below = window.lower(solution, factors)
         if below is not None:
             solution, message = _solved(here.problem, below, inner)
-        edges = here.edges(solution)
+            factors = window.factored(solution)
+        edges = here.edges(solution, factors)
         later = window.longer(here, solution, edges, choices.tol)
         if not solution.success or later is None or choices.mesh is not None:
             break

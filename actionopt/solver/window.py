@@ -73,17 +73,14 @@ class Window:
     problem: Problem
     guess: Any
 
-    def edges(self, solution: Solution) -> list[Edge]:
-        """Return what each tail leaves out.
+    def edges(self, solution: Solution, factors: Factors | None) -> list[Edge]:
+        """Return what each tail leaves out; of a path that was not found, at the edges alone.
 
         An acceleration that is left out for 1 / slow is a momentum at the edge, to which the path
         responds as a whole: near another equilibrium many times as much as at the edge.
         """
-        problem, at = self.problem, solution.discrete
-        Q, tr = solution.path.values.T, at.tr
+        problem, Q = self.problem, solution.path.values.T
         size = sizes(Q, problem.scales)
-        unit = tr.x_unit / size[tr.layout.free % len(size)]
-        factors = Factors(tr.layout, tr.kkt(at.z))
         found = []
         for k, event, known in zip(
             (0, -1), (problem.start, problem.end), problem.rests, strict=True
@@ -96,10 +93,17 @@ class Window:
             a = problem.system.acceleration(q, v, event.t, parameters=problem.parameters)
             off = a - known.rates @ v
             left = float((np.abs(off) / known.slow**2 / size).max())
-            pull = np.zeros_like(Q)
-            pull[k] = known.mass @ off / known.slow
-            moved = unit * factors.solve(tr.free_part(pull.ravel()))
-            found.append(Edge(left, max(left, float(np.abs(moved).max())), known, event.t))
+            moved = left
+            if factors is not None:
+                tr, pull = solution.discrete.tr, np.zeros_like(Q)
+                pull[k] = known.mass @ off / known.slow
+                try:
+                    away = factors.solve(tr.free_part(pull.ravel()))
+                except np.linalg.LinAlgError:  # nothing holds the path
+                    away = np.inf
+                away = away * tr.x_unit / size[tr.layout.free % size.size]
+                moved = max(left, float(np.abs(away).max()))
+            found.append(Edge(left, moved, known, event.t))
         return found
 
 
@@ -244,16 +248,23 @@ def down(window: Window) -> Path | None:
     return DiscretePath(tr, found.z).path if found.found else None
 
 
-def lower(solution: Solution) -> Path | None:
+def factored(solution: Solution) -> Factors | None:
+    """Return factors of the matrix at a path that was found, or None."""
+    at = solution.discrete
+    with suppress(np.linalg.LinAlgError):  # not finite
+        return Factors(at.tr.layout, at.tr.kkt(at.z)) if solution.success else None
+    return None
+
+
+def lower(solution: Solution, factors: Factors) -> Path | None:
     """Return a least path that the action leads down to from a saddle, or None.
 
     A straight line between equilibria may be a trap, where symmetry keeps every path on it.
     """
     with suppress(ValueError):
-        at = solution.discrete
-        matrix = at.tr.kkt(at.z)
-        if np.isfinite(matrix).all() and not Factors(at.tr.layout, matrix).negative():
+        if not factors.negative():
             return None
+        at = solution.discrete
         eta = second_variation(solution, 1).modes[0]
         t = at.mesh.nodes
         values, away = solution.path(t), eta(t)
