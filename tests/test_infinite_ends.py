@@ -96,7 +96,7 @@ def test_what_a_window_leaves_out_is_amplified_near_another_equilibrium(away, to
     assert np.abs(ao.solve(back, tol=tol)(-t) - true).max() <= 2 * np.pi * tol
 
 
-@pytest.mark.parametrize("away", [1e-3, 1e-5])
+@pytest.mark.parametrize("away", [1e-3, pytest.param(1e-5, marks=pytest.mark.slow)])
 def test_what_dwells_longer_is_solved_or_said_not_to_be(away):
     """x = tanh(t - s), from as near to -1."""
     problem = ao.Problem(KINK, ao.Event(0, [away - 1]), ao.Event(INF, [1.0]))
