@@ -80,6 +80,32 @@ def test_half_a_kink_has_its_own_clock():
     assert np.abs(back(4 - t) - half(t)).max() < 1e-8
 
 
+def sine_gordon(q, v, t):
+    return v[0] ** 2 / 2 + 1 - np.cos(q[0])
+
+
+@pytest.mark.parametrize("away, tol", [(0.1, 1e-2), (0.01, 1e-2), (0.01, 1e-3), (0.01, 1e-6)])
+def test_what_a_window_leaves_out_is_amplified_near_another_equilibrium(away, tol):
+    """x = 4 arctan e^(t - s): the path dwells near 0 before it goes to 2 pi."""
+    system = ao.System(sine_gordon, ["x"])
+    path = ao.solve(ao.Problem(system, ao.Event(0, [away]), ao.Event(INF, [2 * np.pi])), tol=tol)
+    t = np.linspace(0, 50, 999)
+    true = 4 * np.arctan(np.tan(away / 4) * np.exp(t))
+    assert np.abs(path(t) - true).max() <= 2 * np.pi * path.error <= 2 * np.pi * tol
+    back = ao.Problem(system, ao.Event(-INF, [2 * np.pi]), ao.Event(0, [away]))
+    assert np.abs(ao.solve(back, tol=tol)(-t) - true).max() <= 2 * np.pi * tol
+
+
+@pytest.mark.parametrize("away", [1e-3, pytest.param(1e-5, marks=pytest.mark.slow)])
+def test_what_dwells_longer_is_solved_or_said_not_to_be(away):
+    """x = tanh(t - s), from as near to -1."""
+    problem = ao.Problem(KINK, ao.Event(0, [away - 1]), ao.Event(INF, [1.0]))
+    path = ao.solve(problem, tol=1e-3, throw=False)
+    t = np.linspace(0, 50, 999)
+    wrong = np.abs(path(t) - np.tanh(t + np.arctanh(away - 1))).max()
+    assert wrong <= 1e-3 or not path.success
+
+
 def test_a_separatrix_is_measured_from_rest():
     """L = v^2/2 + cos x: x = 4 arctan e^t - pi, and S = 8 above rest, where L = -1."""
     pendulum = ao.System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]) + 0.3 * v[0], ["x"])

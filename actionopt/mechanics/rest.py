@@ -44,6 +44,8 @@ class Rest:
         Coordinates and momenta at rest.
     slope, rates : (n, n) arrays
         p = self.p + slope eta, v = rates eta, eta = q - self.q.
+    mass : (n, n) array
+        L_vv at rest.
     slow, fast : float
         The least and the largest rate of decay.
     lagrangian : float
@@ -55,6 +57,7 @@ class Rest:
     p: Array
     slope: Array
     rates: Array
+    mass: Array
     slow: float
     fast: float
     lagrangian: float
@@ -130,7 +133,7 @@ def _rest(system: System, packed: Array, q: Array, t: float, side: int) -> Rest:
         )
     momentum, L = (x[0].copy() for x in first(q[None], v, now, packed)[1:])
     slope, rates, decay = _subspace(A, B, C, side, names)
-    return Rest(side, q, momentum, slope, rates, decay.min(), decay.max(), float(L[0]))
+    return Rest(side, q, momentum, slope, rates, C, decay.min(), decay.max(), float(L[0]))
 
 
 def _subspace(

@@ -303,20 +303,21 @@ def _in_windows(problem: Problem, guess: Guess | None, choices: Choices) -> tupl
     left = np.inf
     while True:
         solution, message = _solved(here.problem, here.guess, inner)
-        below = None
+        factors, below = window.factored(solution), None
         if solution.status in LOST and problem.system.n <= window.FEW:
             below = window.down(here)
-        elif here.guess is None and solution.success and inner.principle != "stationary":
-            below = window.lower(solution)
+        elif here.guess is None and factors is not None and inner.principle != "stationary":
+            below = window.lower(solution, factors)
         if below is not None:
             solution, message = _solved(here.problem, below, inner)
-        edges = here.edges(solution)
+            factors = window.factored(solution)
+        edges = here.edges(solution, factors)
         later = window.longer(here, solution, edges, choices.tol)
         if not solution.success or later is None or choices.mesh is not None:
             break
-        left, before = max(x[0] for x in edges), left
-        if left > before / 2:
-            message = window.unmet(choices.tol, left)
+        left, before = max(edge.left for edge in edges), left
+        if not left <= before / 2:
+            message = window.unmet(choices.tol, max(edge.moved for edge in edges))
             solution = replace(solution, status=Status.UNRESOLVED)
             break
         here = later

@@ -3,8 +3,9 @@
 It is that of the equilibrium beyond.
 Where the window should end is not known before the path is. So it is solved on one, and what the
 linear manifold leaves out is measured at its edges: by how much the acceleration there differs from
-that of the linear motion, over the square of the slowest rate. Where that is too much the window
-grows by as many e-foldings as are missing, and the path is followed.
+that of the linear motion, over the square of the slowest rate; and by how much the path moves if
+that acts on it for the inverse of the slowest rate. Where it is too much the window grows by as
+many e-foldings as are missing, and the path is followed.
 """
 
 from __future__ import annotations
@@ -51,7 +52,18 @@ SAME_ENERGY = 1e-8  # of what moving between two equilibria takes
 SAME_PLACE = 1e-9  # of the coordinates' size, within which two equilibria are one
 
 
-Edges = list[tuple[float, Rest, float]]  # what each leaves out, the equilibrium and the time
+@dataclass(frozen=True)
+class Edge:
+    """What a window's edge leaves out, relative to q.
+
+    `left` is that of the path there, `moved` at most what it does anywhere on the path; `rest` the
+    equilibrium beyond the time `t`.
+    """
+
+    left: float
+    moved: float
+    rest: Rest
+    t: float
 
 
 @dataclass(frozen=True)
@@ -61,10 +73,13 @@ class Window:
     problem: Problem
     guess: Any
 
-    def edges(self, solution: Solution) -> Edges:
-        """Return what each tail leaves out, relative to q; its equilibrium, and the time."""
-        problem = self.problem
-        Q = solution.path.values.T
+    def edges(self, solution: Solution, factors: Factors | None) -> list[Edge]:
+        """Return what each tail leaves out; of a path that was not found, at the edges alone.
+
+        An acceleration that is left out for 1 / slow is a momentum at the edge, to which the path
+        responds as a whole: near another equilibrium many times as much as at the edge.
+        """
+        problem, Q = self.problem, solution.path.values.T
         size = sizes(Q, problem.scales)
         found = []
         for k, event, known in zip(
@@ -76,8 +91,19 @@ class Window:
             eta = q - known.q
             v = known.rates @ eta
             a = problem.system.acceleration(q, v, event.t, parameters=problem.parameters)
-            left = np.abs(a - known.rates @ v) / known.slow**2
-            found.append((float((left / size).max()), known, event.t))
+            off = a - known.rates @ v
+            left = float((np.abs(off) / known.slow**2 / size).max())
+            moved = left
+            if factors is not None:
+                tr, pull = solution.discrete.tr, np.zeros_like(Q)
+                pull[k] = known.mass @ off / known.slow
+                try:
+                    away = factors.solve(tr.free_part(pull.ravel()))
+                except np.linalg.LinAlgError:  # nothing holds the path
+                    away = np.inf
+                away = away * tr.x_unit / size[tr.layout.free % size.size]
+                moved = max(left, float(np.abs(away).max()))
+            found.append(Edge(left, moved, known, event.t))
         return found
 
 
@@ -189,20 +215,21 @@ def graded(problem: Problem, elements: int, degree: int) -> Mesh:
     return Mesh(np.unique(np.concatenate(parts)), degree)
 
 
-def longer(window: Window, solution: Solution, edges: Edges, tol: float) -> Window | None:
+def longer(window: Window, solution: Solution, edges: list[Edge], tol: float) -> Window | None:
     """Return a window whose edges leave out little enough, or None if this one's do."""
     problem = window.problem
     order = 1 if problem.system.structure.depends_on_time else 2
     ends, grown = [problem.start, problem.end], False
-    for left, known, t in edges:
-        if left <= SHARE * tol:
+    for edge in edges:
+        moved, known = edge.moved, edge.rest
+        if moved <= SHARE * tol:
             continue
         grown = True
-        folds = np.log(2 * left / (SHARE * tol)) / order if np.isfinite(left) else CORE
+        folds = np.log(2 * moved / (SHARE * tol)) / order if np.isfinite(moved) else CORE
         by = min(folds / known.slow, (WINDOW_GROWTH - 1) * problem.duration)
         k = 0 if known.side < 0 else 1
         event = ends[k]
-        ends[k] = event.at(t + known.side * by)
+        ends[k] = event.at(edge.t + known.side * by)
     if not grown:
         return None
     wider = problem.replace(start=ends[0], end=ends[1])
@@ -221,16 +248,23 @@ def down(window: Window) -> Path | None:
     return DiscretePath(tr, found.z).path if found.found else None
 
 
-def lower(solution: Solution) -> Path | None:
+def factored(solution: Solution) -> Factors | None:
+    """Return factors of the matrix at a path that was found, or None."""
+    at = solution.discrete
+    with suppress(np.linalg.LinAlgError):  # not finite
+        return Factors(at.tr.layout, at.tr.kkt(at.z)) if solution.success else None
+    return None
+
+
+def lower(solution: Solution, factors: Factors) -> Path | None:
     """Return a least path that the action leads down to from a saddle, or None.
 
     A straight line between equilibria may be a trap, where symmetry keeps every path on it.
     """
     with suppress(ValueError):
-        at = solution.discrete
-        matrix = at.tr.kkt(at.z)
-        if np.isfinite(matrix).all() and not Factors(at.tr.layout, matrix).negative():
+        if not factors.negative():
             return None
+        at = solution.discrete
         eta = second_variation(solution, 1).modes[0]
         t = at.mesh.nodes
         values, away = solution.path(t), eta(t)
@@ -271,10 +305,9 @@ def centred(solution: Solution) -> Solution:
     return replace(solution, problem=moved, path=Path(mesh, solution.path.values), known=None)
 
 
-def judged(solution: Solution, edges: Edges) -> Solution:
+def judged(solution: Solution, edges: list[Edge]) -> Solution:
     """Return the solution with what the edges leave out in its error."""
-    left = max((x[0] for x in edges), default=0.0)
-    return replace(solution, error=solution.error + left)
+    return replace(solution, error=solution.error + max(edge.moved for edge in edges))
 
 
 def _reach(whole: Problem, event: Event, other: Event, folds: float, curve: Any) -> float:
@@ -447,10 +480,10 @@ def within(solution: Solution, problem: Problem) -> Callable[[Array], Array]:
     return lambda times: solution(times - t)
 
 
-def unmet(tol: float, left: float) -> str:
+def unmet(tol: float, moved: float) -> str:
     """Return what to say where no window is long enough."""
     return (
-        f"beyond the last window the path is {left:.2g} from the linear manifold of the "
-        f"equilibrium, more than tol = {tol:g}: it comes to rest more slowly than its rates say, "
-        "or not there"
+        "beyond the last window the path is not on the linear manifold of the equilibrium, which "
+        f"may move it by {moved:.2g}, more than tol = {tol:g}: it comes to rest more slowly than "
+        "its rates say, or not there"
     )
