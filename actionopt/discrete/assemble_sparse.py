@@ -91,5 +91,6 @@ def forcing(tr: Action, x: Array) -> Array:
 
 def _matrix(tr: Action, H: Array, J: Array, F: Array) -> Array:
     """Return [H + F, J'; J, 0] from the nonzeros of its parts."""
-    parts = (H, J, F, np.zeros(1))
-    return tr.layout.kkt.sum(np.concatenate(parts)[tr.layout.kkt_source])
+    pattern = tr.layout.kkt
+    parts = np.concatenate((H, J, F, np.zeros(1)))[tr.layout.kkt_source]
+    return pattern.sum(parts) if tr.problem.system.structure.forced else parts

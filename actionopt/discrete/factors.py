@@ -143,17 +143,24 @@ class Factors:
             return not self.layout.small
         return self.layout.keeps_factors or self.layout.storage == "blocks"
 
-    def solve(self, right: Array) -> Array:
-        """Return the solution for one right-hand side, (size,)."""
+    def solve(self, right: Array, enough: float = ACCURATE) -> Array:
+        """Return the solution for one right-hand side, (size,).
+
+        Its residual is `enough` where it has to be refined, relative to the right-hand side.
+        """
         if self._definite is not None:
             return self._definite(right)
         if self._near is not None:
-            x = self._refined(self._near, right)
+            x = self._refined(self._near, right, enough)
             if x is not None:
                 return x
             self._near, self._accurate = None, False
         if self._direct is not None:
-            x = self._direct(right) if self._accurate else self._refined(self._direct, right)
+            x = (
+                self._direct(right)
+                if self._accurate
+                else self._refined(self._direct, right, enough)
+            )
             if x is not None:
                 return x
             self._direct = None
@@ -214,7 +221,9 @@ class Factors:
         solver.analysed.nfact(matrix)
         return int(solver.analysed.neig(matrix))
 
-    def _refined(self, direct: Callable[[Array], Array], right: Array) -> Array | None:
+    def _refined(
+        self, direct: Callable[[Array], Array], right: Array, enough: float = ACCURATE
+    ) -> Array | None:
         """Return the solution by refinement of a direct one, or None if that does not converge."""
         x, miss, last = np.zeros_like(right), right, np.inf
         size = float(np.abs(right).max())
@@ -226,7 +235,7 @@ class Factors:
                 break
             self._accurate = left <= ACCURATE * size and last == np.inf
             x, last = nearer, left
-            if left <= ACCURATE * size:
+            if left <= enough * size:
                 return x
         norm = float(np.max(np.abs(self.nonzeros)))
         return (

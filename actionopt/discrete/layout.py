@@ -230,11 +230,14 @@ class Layout:
             rows.append(F.row)
             cols.append(F.col)
             source.append(first + np.arange(F.nnz))
-        pattern = Pattern.build(
-            self.size, self.size, [(np.concatenate(rows), np.concatenate(cols))]
-        )
-        self.kkt_source = np.concatenate(source)  # -1 is the zero behind the last nonzero
-        return pattern
+        # -1 is the zero behind the last nonzero.
+        shape, self.kkt_source = (self.size, self.size), np.concatenate(source)
+        row, col = np.concatenate(rows), np.concatenate(cols)
+        if self.system.structure.forced:
+            return Pattern.build(*shape, [(row, col)])
+        order = np.argsort(col * self.size + row)  # no two contributions meet
+        self.kkt_source = self.kkt_source[order]
+        return Pattern(shape, row[order], col[order], _NONE)
 
     @cached_property
     def row_diagonal(self) -> NDInt:

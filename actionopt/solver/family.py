@@ -27,6 +27,7 @@ BENT = 1e-4  # in units of kinetic energy, as the index has it: of a family 1e-8
 MANY_UNKNOWNS = 5000  # from where a few solutions are asked for before the index; ad hoc
 # Measured: the second shows what bends least to a tenth of it, on chains of 20 to 100 links.
 INVERSE_ITERATIONS = 3
+ROUGH = 1e-2  # residual of their solutions: the next one outgrows it; ad hoc
 LOST = (Status.NOT_FOUND, Status.UNRESOLVED)  # where one of a family may have been near
 
 
@@ -114,7 +115,7 @@ def _far_from_singular(ws: Workspace) -> bool:
             for _ in range(INVERSE_ITERATIONS):
                 p = momentum(y)
                 p[layout.unknowns :] = 0.0
-                y = factors.solve(p / np.sqrt(y @ p))
+                y = factors.solve(p / np.sqrt(y @ p), ROUGH)
             y[layout.unknowns :] = 0.0
             kinetic, bent = y @ momentum(y), y @ product(layout, matrix, y)
             least = min(1 / np.sqrt(kinetic), abs(bent / kinetic))

@@ -611,8 +611,18 @@ class Search:
     def _settles(self) -> bool:
         """Move the iterate at hand to the stationary path next to it, as far as that is quick."""
         ws = self.ws
-        free = ws.problem.system.m == 0
-        return ws.follow() or (free and ws.approach(PATIENT)) or ws.settle()
+        if ws.problem.system.m == 0:
+            return ws.follow() or ws.approach(PATIENT) or ws.settle()
+        if not ws.many_coordinates:
+            return ws.follow() or ws.settle()
+        first = ws.here  # its multipliers lead astray, as a rule
+        if ws.settle():
+            return True
+        settled, ws.here = ws.here, first
+        if ws.follow():
+            return True
+        ws.here = settled
+        return False
 
     def _fine_enough(self, curve_of: Callable[[Mesh], Path]) -> list[Mesh]:
         """Return the meshes to try: uniform ones that resolve the guess, or else one made for it.
