@@ -107,10 +107,10 @@ Why: what a peer is given ready, actionopt does within its time. `solve_bvp`, sh
 solvers start from equations of motion, Jacobians or formulas derived by hand; actionopt is given
 the Lagrangian, and traces, derives and compiles it, checks the question, chooses units, and
 estimates its error: a millisecond or so on one or two coordinates, where a peer needs no more in
-all. A loose error on many coordinates costs it nearly what a tight one does: the first mesh
-resolves more. Lambert's solvers know Kepler's problem alone, in closed form but for one unknown.
-The reference of the 10-link chain in x and y is a saddle of index 38. The polyline leads actionopt
-to another stationary path of less action; solvers that eliminate the multipliers stay near it.
+all (`floor.md` tells what of it CasADi takes). Lambert's solvers know Kepler's problem alone, in
+closed form but for one unknown. The reference of the 10-link chain in x and y is a saddle of index
+38. Without a guess actionopt prefers another path, of less action, to which the polyline leads as
+well; the straight line as a guess leads to the reference.
 """
 
 

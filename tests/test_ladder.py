@@ -15,11 +15,13 @@ from actionopt.solver.ladder import (
     LADDER,
     MEETING_LOST,
     NEAR_GUESS,
+    PURSE,
     Meeting,
     Root,
     Search,
 )
 from actionopt.solver.workspace import Workspace
+from actionopt.tools.watch import Spent
 
 
 def search_for(problem, tol=1e-8, principle="auto"):
@@ -120,6 +122,22 @@ def test_a_guess_in_many_coordinates_is_followed_on_few_elements_that_show_it():
 
     assert elements(0.0, 1e-3) == elements(0.0, 1e-9) == COARSE_GUESS[0]
     assert elements(0.02, 1e-3) > COARSE_GUESS[-1]
+
+
+def test_with_a_saddle_in_hand_each_way_has_its_own_price():
+    """The least path of a chain was no longer looked for when the way before had cost its own."""
+    search = search_for(scenes.get("pendulum").problem)
+    search.saddle = "newton", None
+    search._limit(500)
+    watch = search.ws.watch
+    watch.evaluated = 501
+    with pytest.raises(Spent):
+        watch.look(8)
+    assert not search._spent
+    search._limit(4000)
+    assert watch.most == 4501
+    watch.evaluated = PURSE + 1
+    assert search._spent
 
 
 @pytest.mark.parametrize(("duration", "least"), [(1.0, True), (2.5, True), (7.5, False)])

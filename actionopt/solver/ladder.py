@@ -327,6 +327,7 @@ class Search:
     around: Search | None = None  # the same from a curved line, once it was begun
     lost: list[tuple[bool, Iterate]] = field(default_factory=list)  # what could not be refined
     saddle: tuple[str, Iterate] | None = None  # found while a least path was sought
+    purse: float = math.inf  # elements evaluated after which nothing dear is tried
     settled: Path | None = None  # what became of a guess on a mesh that may be too coarse
     tried: list[str] = field(default_factory=list)
 
@@ -363,7 +364,7 @@ class Search:
             around = Search(self.ws.again(), *given, curved=True, lost=self.lost)
             self.around, done = around, 0
             around.may_be_least = self._may_be_least
-        ws = around.ws
+        around.purse, ws = self.purse, around.ws
         try:
             status = around._try(self.ladder[done:rungs])
         except OutOfTime:
@@ -398,9 +399,9 @@ class Search:
             try:
                 status = rung.attempt(self)
             except Spent:
-                assert self.ws.watch is not None
-                self.ws.watch.most, status = math.inf, Status.NOT_FOUND
-                break
+                status = Status.NOT_FOUND
+                if self._spent:
+                    break
             if isinstance(rung, Descent) and status is Status.UNRESOLVED:
                 around = self._from_curve(CURVED_FIRST)  # before what costs more
                 status = around if around in REACHED else status
@@ -424,10 +425,20 @@ class Search:
         watch = self.ws.watch = self.ws.watch or Watch(None, None)
         if watch.end is not None or self.curved:
             return
-        if watch.most == math.inf:
-            watch.most = watch.evaluated + PURSE
+        if self.purse == math.inf:
+            self.purse = watch.evaluated + PURSE
+        watch.most = self.purse
         if self.saddle is not None and self.principle == "auto":
-            watch.most = min(watch.most, watch.evaluated + price)
+            watch.most = min(self.purse, watch.evaluated + price)
+
+    @property
+    def _spent(self) -> bool:
+        """Whether nothing is left, and not only what one way may cost."""
+        watch = self.ws.watch
+        assert watch is not None
+        spent = watch.evaluated > self.purse
+        watch.most = math.inf if spent else self.purse
+        return spent
 
     def _priced(self, rungs: Iterable[Rung]) -> Iterator[Rung]:
         """Yield the rungs in turn, last those that the time left does not allow for."""
