@@ -268,10 +268,21 @@ def meets(problem: Problem) -> bool:
     return whole and n <= MEETING_COORDINATES and problem.system.m == 0
 
 
+@dataclass(frozen=True)
 class Root(Rung):
-    """Ipopt solves the stationarity conditions: no path need be near."""
+    """Ipopt solves the stationarity conditions: no path need be near.
 
+    Only of coordinates more and not more than `between`: where motions do not meet any more, and
+    lattices are too small for steps place by place, seven of 23 random questions to a Toda lattice
+    of 15 masses are answered by nothing else.
+    """
+
+    between: tuple[float, float] = (0, math.inf)
     price = 500
+
+    def applies(self, search: Search) -> bool:
+        least, most = self.between
+        return super().applies(search) and least < search.ws.problem.system.n <= most
 
     def seek(self, ws: Workspace) -> bool:
         return ws.root()
@@ -291,6 +302,7 @@ LADDER: tuple[Rung, ...] = (
     Least("least", (8, 16, 32, 64)),
     Homotopy("continuation", (8,)),
     Meeting("meeting", (256, 768)),
+    Root("stationary", (8,), between=(MEETING_COORDINATES, RESONANT_COORDINATES)),
     PatientLeast("patient least", (8, 16, 32, 64)),
 )
 # Rungs that are tried from a curved line: those before what costs more, and all of them.
