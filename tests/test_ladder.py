@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers import solved
+from helpers import integrated, solved
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
@@ -46,6 +46,30 @@ def test_ipopt_alone_finds_the_same_path(scene):
     assert near.action == pytest.approx(ours.action, rel=1e-9)
     with pytest.raises(ValueError, match="expected method 'auto' or 'ipopt', found 'newton'"):
         ao.solve(scene.problem, method="newton")
+
+
+def test_ten_to_twenty_coordinates_have_a_root_search():
+    """A Toda lattice: too few masses for steps place by place, too many for motions that meet."""
+
+    def tension(q):
+        return np.exp(-np.diff(q, prepend=0.0, append=0.0)) - 1
+
+    def lagrangian(q, v, t):
+        d = [q[0], *(q[j + 1] - q[j] for j in range(n - 1)), -q[-1]]
+        return v @ v / 2 - sum(np.exp(-s) + s for s in d)
+
+    def flow(t, y):
+        return np.concatenate([y[n:], -np.diff(tension(y[:n]))])
+
+    n = 15
+    q, v = np.random.default_rng(20).normal(0.0, [[0.3], [0.5]], (2, n))
+    end = integrated(flow, np.concatenate([q, v]), 0.0, 2.5)(2.5)[:n]
+    system = System(lagrangian, [f"q{j}" for j in range(n)])
+    problem = Problem(system, Event(0.0, q), Event(2.5, end))
+    solution = ao.solve(problem, tol=1e-6, principle="stationary")
+    assert solution.stats["rung"] == "stationary"
+    first = np.concatenate([q, solution.start.v])
+    assert np.abs(integrated(flow, first, 0.0, 2.5)(2.5)[:n] - end).max() < 1e-5
 
 
 def test_a_curved_attempt_that_fails_leaves_no_trace(monkeypatch):
