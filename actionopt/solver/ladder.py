@@ -308,8 +308,8 @@ LADDER: tuple[Rung, ...] = (
     Descent("descent of many", (4, 8, 16, 32, 64), many=True),
     Least("least", (8, 16, 32, 64)),
     Homotopy("continuation", (8,)),
-    Meeting("meeting", (256, 768)),
     Root("stationary", (8, 16)),
+    Meeting("meeting", (256, 768)),
     PatientLeast("patient least", (8, 16, 32, 64)),
 )
 # Rungs that are tried from a curved line: those before what costs more, and all of them.
