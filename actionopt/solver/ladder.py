@@ -58,6 +58,9 @@ NEAR_GUESS = (16, 32, 64)  # elements: a guess has features that coarser meshes 
 # Elements tried before where coordinates are many, of a guess and of Newton's method. Measured on
 # chains, bodies and lattices: half the time and a third of it less, at any tolerance.
 COARSE_GUESS, FEW = (4, 8), 2
+# Unknowns and rows from which a rough path settles on its surface before Newton's method is tried,
+# which takes three factorizations to fail; ad hoc: from there one takes a seventh of a second.
+SETTLED_FIRST = 20_000
 LINEAR = 4  # elements to begin with where nothing has to be sought
 # Measured over the scenes and 40 stress cases: degrees 4, 5, 8 and 10 take from 3 % fewer to 10 %
 # more evaluations in the geometric mean, 1.1 to 2.6 times as many in the sum, and all but 5 lose an
@@ -612,7 +615,7 @@ class Search:
         ws = self.ws
         if ws.problem.system.m == 0:
             return ws.follow() or ws.approach(PATIENT) or ws.settle()
-        if not ws.many_coordinates:
+        if ws.here.tr.layout.size < SETTLED_FIRST:
             return ws.follow() or ws.settle()
         first = ws.here  # its multipliers lead astray, as a rule
         if ws.settle():
