@@ -100,6 +100,7 @@ def shooting(a, b, T, windings, fastest, steps=200):
     return sorted(result, key=lambda row: row[2])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("a", "b", "T"), [(0.5, -0.3, 2.0), pytest.param(0.0, 1.0, 3.1, marks=pytest.mark.slow)]
 )

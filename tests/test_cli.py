@@ -65,6 +65,7 @@ def test_list_names_every_scene_in_one_line(capsys):
     assert rod.endswith(scenes.get("rod_pendulum").title)
 
 
+@pytest.mark.slow
 def test_list_and_help_import_no_matplotlib():
     code = "import sys; from actionopt.cli import main; main(['list']); print(*sys.modules)"
     command = [sys.executable, "-c", code]

@@ -77,6 +77,7 @@ def test_every_number_of_an_answer_is_known_otherwise(found):
             assert names[name] == pytest.approx(value, rel=error, abs=error), (at, name)
 
 
+@pytest.mark.slow
 def test_what_the_answers_say_besides_is_so(found):
     assert found["local", 1]["off"] < 1e-5
     assert 0.5 < found["light", 0]["cross"] < 0.6

@@ -11,7 +11,7 @@ from matplotlib import pyplot
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
-SLOW = ("02_two_paths", "06_convergence", "08_gallery", "09_pork_chop")
+SLOW = ("02_two_paths", "06_convergence", "08_gallery", "09_pork_chop", "10_fronts")
 
 
 def hello_action(found):

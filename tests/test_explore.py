@@ -123,6 +123,7 @@ def test_while_a_point_is_held_the_picture_is_as_if_drawn_anew():
     assert window.behind is None and window.held is None
 
 
+@pytest.mark.slow
 def test_the_buttons_solve_and_start_over():
     scene = scenes.get("oscillator")
     window = plot.explore(scene, units=plot.SI)
@@ -174,6 +175,7 @@ def test_keys_do_the_same():
         assert np.array_equal(window.now.trial.Q, first.Q) != solved
 
 
+@pytest.mark.slow
 def test_sliding_the_end_time_through_pi_changes_the_index():
     window = plot.explore(scenes.get("oscillator"))
     shown = []

@@ -81,6 +81,7 @@ def test_a_geodesic_that_is_followed_from_a_nearer_end(principle):
     assert solution.morse_index == 0
 
 
+@pytest.mark.slow
 def test_a_geodesic_that_is_not_least_where_no_least_one_is():
     """Past half way round the least curves of these coordinates lead through a pole."""
     ball = ao.System.geodesic(sphere, ["theta", "phi"])
@@ -91,6 +92,7 @@ def test_a_geodesic_that_is_not_least_where_no_least_one_is():
     assert abs(found.length - (2 * np.pi - np.arccos(beeline))) < 1e-8
 
 
+@pytest.mark.slow
 def test_no_film_spans_rings_so_far_apart_and_the_sentence_says_from_where_on():
     """Two rings of radius 1: none beyond the distance 1.325486838698... (OEIS A033259)."""
     film = ao.System(lambda q, v, t: 2 * np.pi * q[0] * np.sqrt(1 + v[0] ** 2), ["y"])

@@ -84,7 +84,10 @@ def sine_gordon(q, v, t):
     return v[0] ** 2 / 2 + 1 - np.cos(q[0])
 
 
-@pytest.mark.parametrize("away, tol", [(0.1, 1e-2), (0.01, 1e-2), (0.01, 1e-3), (0.01, 1e-6)])
+@pytest.mark.parametrize(
+    "away, tol",
+    [(0.1, 1e-2), (0.01, 1e-2), (0.01, 1e-3), pytest.param(0.01, 1e-6, marks=pytest.mark.slow)],
+)
 def test_what_a_window_leaves_out_is_amplified_near_another_equilibrium(away, tol):
     """x = 4 arctan e^(t - s): the path dwells near 0 before it goes to 2 pi."""
     system = ao.System(sine_gordon, ["x"])

@@ -301,6 +301,7 @@ def test_all_the_normals_and_a_family():
     assert ao.solve(centre, throw=False).status is ao.Status.DEGENERATE
 
 
+@pytest.mark.slow
 def test_variations_move_along_the_surface():
     way = ao.solve(to_ellipse(), guess=[[0.3, -1.8], [0.1, -0.1]], tol=1e-11)
     spectrum = ao.second_variation(way, 2)

@@ -119,7 +119,11 @@ def test_a_narrow_landscape_keeps_its_labels_inside_and_off_its_colour_bar(name)
 
 
 @pytest.mark.parametrize(
-    ("name", "figure"), [("figure_eight", "landscape"), ("rolling_cylinder", "spectrum")]
+    ("name", "figure"),
+    [
+        ("figure_eight", "landscape"),
+        pytest.param("rolling_cylinder", "spectrum", marks=pytest.mark.slow),
+    ],
 )
 def test_a_narrow_picture_has_nothing_over_its_edge(name, figure):
     """Where ticks change with the room that they leave, one layout does not settle."""

@@ -38,6 +38,7 @@ def test_one_axis_is_a_line_for_each_branch(line):
     assert ax.get_title() == "problem: action $S$, 25 paths, 2 of them failed"
 
 
+@pytest.mark.slow
 def test_two_axes_are_contours_on_areas_of_the_index(area):
     ax = plot.runs(area)
     mesh = next(x for x in ax.collections if isinstance(x, QuadMesh))

@@ -394,6 +394,7 @@ def test_the_library_for_optiprofiler(monkeypatch):
     np.testing.assert_array_equal(given["hcub"](x), [-h for h in H] + H)
 
 
+@pytest.mark.slow
 def test_problems_selected_for_optiprofiler():
     assert "pendulum" in actionopt_select({"ptype": "u", "maxdim": 50})
     assert set(actionopt_select({"ptype": "l"})) == {

@@ -204,6 +204,7 @@ def test_what_has_changed_runs_again(tmp_path, monkeypatch):
     assert ran(repeats=2) == (1, "answered")
 
 
+@pytest.mark.slow
 def test_a_record_says_where_and_when(tmp_path):
     (record,) = runner.run([Cell("ipopt", "pendulum", repeats=2)], tmp_path / "r.jsonl")
     assert record["content"] == f"casadi {ca.CasadiMeta.version()}"
@@ -376,6 +377,7 @@ def test_solvers_that_do_not_exist_are_refused():
             solvers.check(name)
 
 
+@pytest.mark.slow
 def test_the_command(tmp_path, capsys, monkeypatch, at_home):
     monkeypatch.setattr("actionopt.suite.report._figure", lambda *arguments: "")
     results = tmp_path / "results.jsonl"

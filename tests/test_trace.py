@@ -99,6 +99,7 @@ def test_coordinate_of_an_event_moves(which, name, to):
     assert found.actions[-1] == pytest.approx(again.action, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_constrained_system():
     system = ao.System(
         lambda q, v, t: sum(x * x for x in v) / 2,

@@ -453,7 +453,9 @@ def test_a_start_where_the_path_turns_back(below, timed):
 KEPLER = ao.System(lambda q, v, t: v @ v / 2 + 1 / np.sqrt(q @ q), ["x", "y"])
 
 
-@pytest.mark.parametrize("e", [0.1, 0.8, 0.95])
+@pytest.mark.parametrize(
+    "e", [0.8, *(pytest.param(e, marks=pytest.mark.slow) for e in (0.1, 0.95))]
+)
 @pytest.mark.parametrize("timed", [True, False])
 @pytest.mark.parametrize(("start", "many"), [(None, 2), ((None, 0.0), 2), ("pericentre", 1)])
 def test_closed_paths_that_are_many(e, timed, start, many):

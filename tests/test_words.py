@@ -92,6 +92,7 @@ def test_translations_have_the_same_values(name):
         assert other.strip() == other or text.strip() != text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", a_third(OTHERS))
 def test_figures_speak_one_language(name):
     solution = solve(scenes.get("oscillator").problem)
