@@ -48,7 +48,7 @@ def suspected(ws: Workspace, status: Status) -> bool:
                 return False
             here = ws.here = here.updated()
         before = here.amplification(ws.many)
-        if before < SUSPECTED and before * here.since > HIDDEN:
+        if not ws.linear and before < SUSPECTED and before * here.since > HIDDEN:
             here = ws.here = here.updated()
             before = here.amplification(ws.many)
         if not SUSPECTED < before < AMPLIFICATION:
