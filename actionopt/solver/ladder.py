@@ -212,11 +212,9 @@ class Places(Rung):
     price = 1000
 
     def applies(self, search: Search) -> bool:
-        problem = search.ws.problem
-        n = problem.system.n
-        whole = len(problem.start.pinned) == n == len(problem.end.pinned)
-        local = n > RESONANT_COORDINATES and search.ws.here.tr.layout.storage != "blocks"
-        return super().applies(search) and local and whole and problem.system.m == 0
+        ws = search.ws
+        local = ws.problem.system.n > RESONANT_COORDINATES and ws.sparse
+        return super().applies(search) and local and plain(ws.problem)
 
     def seek(self, ws: Workspace) -> bool:
         return ws.settle_places()
@@ -232,7 +230,9 @@ class Meeting(Rung):
     price = 3000
 
     def applies(self, search: Search) -> bool:
-        return super().applies(search) and meets(search.ws.problem) and not search.curved
+        problem = search.ws.problem
+        few = problem.system.n <= MEETING_COORDINATES
+        return super().applies(search) and few and plain(problem) and not search.curved
 
     def attempt(self, search: Search) -> Status:
         ws = search.ws
@@ -277,14 +277,12 @@ class Meeting(Rung):
         return Status.NOT_FOUND
 
 
-def meets(problem: Problem) -> bool:
-    """Whether motions from both events can be drawn at random, and few are enough."""
+def plain(problem: Problem) -> bool:
+    """Whether all coordinates are given at both events, and nothing constrains them."""
     n = problem.system.n
-    whole = len(problem.start.pinned) == n == len(problem.end.pinned)
-    return whole and n <= MEETING_COORDINATES and problem.system.m == 0
+    return len(problem.start.pinned) == n == len(problem.end.pinned) and problem.system.m == 0
 
 
-@dataclass(frozen=True)
 class Root(Rung):
     """Ipopt solves the stationarity conditions: no path need be near.
 
