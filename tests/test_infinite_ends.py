@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import actionopt as ao
+from actionopt.solver.solve import solve_near
 
 INF = math.inf
 
@@ -164,6 +165,31 @@ def test_a_bounce_from_the_centre_to_infinity():
     assert abs(bounce.start.q[0] - 2.7412091182694) < 1e-10
     assert bounce.morse_index == 1
     assert np.abs(bounce(np.array([40.0, 200.0]))).max() < 1e-10
+
+
+def bounces(D):
+    def radial(q, v, r):
+        return r ** (D - 1) * (v[0] ** 2 / 2 + q[0] ** 2 / 2 - q[0] ** 3 / 2 + q[0] ** 4 / 10)
+
+    return ao.Problem(ao.System(radial, ["phi"]), ao.Event(0, [None]), ao.Event(INF, [0.0]))
+
+
+def test_near_the_straight_line_there_is_rest():
+    for D in (3, 5):
+        rest = solve_near(bounces(D), lambda r: 0 * r[None], 1e-8)
+        assert rest.success and rest.action == 0 and rest.morse_index == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("D", [4, 5])
+def test_all_bounces(D):
+    """Rest, and one whose action is 2 / D of its kinetic part: Derrick's theorem."""
+    found = ao.solve_all(bounces(D))
+    rest, bounce = found
+    assert (rest.action, found.indices) == (0, (0, 1))
+    r = np.linspace(0, 60, 60001)
+    kinetic = np.trapezoid(r ** (D - 1) * bounce.velocity(r)[0] ** 2 / 2, r)
+    assert bounce.action == pytest.approx(2 / D * kinetic, rel=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -20,6 +20,7 @@ from actionopt.solver.ladder import (
     Root,
     Search,
 )
+from actionopt.solver.solve import solve_near
 from actionopt.solver.workspace import Workspace
 from actionopt.tools.watch import Spent
 
@@ -254,3 +255,13 @@ def test_few_motions_that_meet_are_refined_where_none_can_be(monkeypatch):
     monkeypatch.setattr(Search, "refine", unresolved)
     assert Meeting("meeting", (8, 16)).attempt(search) is ao.Status.NOT_FOUND
     assert len(refined) == MEETING_LOST
+
+
+def test_where_no_way_applies_the_verdict_is_said_of_the_straight_line():
+    friction = System(
+        lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]), ["x"], force=lambda q, v, t: -0.02 * v
+    )
+    found = solve_near(Problem(friction, Event(0.0, 0.0), Event(15.0, 0.2128)), None, 1e-8)
+    assert found.status is ao.Status.NOT_FOUND and found.error == np.inf
+    t = np.linspace(0, 15, 7)
+    assert found(t)[0] == pytest.approx(0.2128 * t / 15)

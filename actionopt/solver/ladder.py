@@ -362,6 +362,7 @@ class Search:
         watch = self.ws.watch
         try:
             status = self._try(self.ladder)
+            self.ws.ensure_iterate()
             if status in UNSOLVED:
                 again = self._from_curve(CURVED_RUNGS)
                 return again if again in REACHED else status

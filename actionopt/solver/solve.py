@@ -300,6 +300,8 @@ def _in_windows(problem: Problem, guess: Guess | None, choices: Choices) -> tupl
     tolerance(choices.tol)
     here = window.first(problem, guess, choices.tol, choices.mesh)
     inner = replace(choices, tol=max(choices.tol * (1 - window.SHARE), FINEST))
+    if here.guess is None and choices.ladder is NEAR:  # the guess was the straight line
+        inner = replace(inner, ladder=BRIEF)
     left = np.inf
     while True:
         solution, message = _solved(here.problem, here.guess, inner)

@@ -59,6 +59,7 @@ EXPECTED = 2.0  # times what is missed, to first order, that a path may move whe
 # kink of a fiftieth of the path, which is not solved in either case.
 ROUGHLY = 2e-2
 MEASURABLE = 1e-12  # coefficients below this are too near to rounding to measure a gain
+VERDICT_MESH = 4, 6  # elements and degree of a path of which only a verdict is said; ad hoc
 UNLIKELY = 100.0  # ratio of global to local error that has another reason as a rule; flat
 
 
@@ -218,6 +219,12 @@ class Workspace:
                 lam = self._motion_multipliers(mesh, Q)
             self.here = Iterate(tr, tr.pack(Q, lam), size, lengths, self.gain)
 
+    def ensure_iterate(self) -> None:
+        """Transcribe along the straight line where no way of searching applied: for a verdict."""
+        if self.iterate is None:
+            mesh = Mesh.uniform(self.problem.start.t, self.problem.end.t, *VERDICT_MESH)
+            self.transcribe(mesh, None)
+
     def continue_from(self, neighbour: DiscretePath) -> bool:
         """Stand where a path of a problem goes when its ends move to this one's.
 
@@ -269,7 +276,7 @@ class Workspace:
             self.here = self.best
         elif self.iterate is None:
             self.checked = True
-            self.transcribe(Mesh.uniform(self.problem.start.t, self.problem.end.t, 4, 6), None)
+            self.ensure_iterate()
         else:
             self.here = replace(self.here, error=np.inf)
         self.here.tr.watch = None
