@@ -10,6 +10,30 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy: the matrices are 
 os.environ["MPLBACKEND"] = "Agg"  # before matplotlib: no window opens
 
 
+# First words of the names of the test files that are not on how a path is found and judged. All
+# others are on the rooms from mechanics to families: their numbers hang on linear algebra.
+BESIDE = """
+    architecture blas chapter claims cli cluster course examples explore files gallery guide journal
+    live memory motion notebook pages phasors pickling plot relaxation scenes store stress suite
+    threads watch words work
+""".split()
+
+
+def pytest_addoption(parser, pluginmanager):
+    """Without pytest-xdist, the options for it in pyproject.toml say nothing: one process runs."""
+    if not pluginmanager.hasplugin("xdist"):
+        for name in ("--numprocesses", "--maxprocesses", "--dist"):
+            parser.addoption(name)
+
+
+def pytest_collection_modifyitems(items):
+    """Mark what kernels of linear algebra may change."""
+    for item in items:
+        test, word = (item.path.stem + "_").split("_")[:2]
+        if test == "test" and word not in BESIDE:
+            item.add_marker("numerics")
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_collection():
     """Look for no garbage among the tests and modules: it takes 0.1 to 0.3 s each time."""
@@ -21,6 +45,7 @@ def pytest_collection():
         gc.enable()
 
 
+@pytest.hookimpl(optionalhook=True)  # it is of pytest-xdist
 def pytest_xdist_auto_num_workers(config):
     """Return no workers for files asked for by name: starting them takes longer than most."""
     return 0 if all(".py" in name for name in config.args) else None

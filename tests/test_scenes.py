@@ -235,9 +235,11 @@ def test_the_check_of_the_equations_of_motion_sees_a_wrong_curve(solved):
 def test_exact_stays_outside_of_the_obstacle_which_presses_as_the_facts_say(scene):
     problem, t = scene.problem, times(scene)
     (arc,) = touched(scene)
+    # Nearer to the ends of contact f, of the second order there, is zero to its tolerance.
+    t = t[np.abs(np.subtract.outer([arc.begin, arc.end], t)).min(axis=0) > 1e-4 * problem.duration]
     q, v = scene.exact(t), scene.facts["velocity"](t)
     (f,) = problem.system.obstacle(q, t, parameters=problem.parameters)
-    on = (arc.begin <= t) & (t <= arc.end)
+    on = (arc.begin < t) & (t < arc.end)
     assert on.sum() > 3 and np.max(np.abs(f[on])) < FORMULA_TOLERANCE
     assert np.min(f[~on]) > FORMULA_TOLERANCE
     (force,) = Held(problem, (arc,)).contact_force(q, v, t, parameters=problem.parameters)

@@ -1,5 +1,7 @@
 """Iterates: placed, followed, carried, what is told of them and what is written down."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -45,6 +47,18 @@ def test_a_path_that_goes_far_is_not_the_same_path():
     ws.here = ws.here.moved(ws.here.z + 3 * FOLLOWED_REACH)
     assert not ws.follow(reach=FOLLOWED_REACH)
     assert ws.record.rounds == []
+
+
+def test_of_two_samples_of_round_off_the_larger_is_taken():
+    """The amplification is 1e6: a sample of no round-off at all would be luck."""
+    spring = scenes.get("oscillator").problem.system
+    ends = Event(0.0, [1.0]), Event(np.pi + 1e-6, [1e-6 - 1.0])
+    ws = Workspace(Problem(spring, *ends), linear=True)
+    ws.transcribe(Mesh.uniform(0.0, ends[1].t, 4, 12), None)
+    assert ws.follow()
+    lucky, unlucky = (replace(ws.here, noise=noise).sampled() for noise in (0.0, 1.0))
+    assert 1e-13 < lucky.noise < 1e-8 and lucky.error > 4 * lucky.noise
+    assert unlucky.noise == 1.0
 
 
 def amplification(ws):

@@ -284,6 +284,10 @@ class Solution:
         string whose potential energy is S. (A body that goes this way in time would have to be
         pulled with the same force.) As accurate as `multipliers`.
 
+        It jumps where contact begins and ends. At both times of an arc of `contacts` it is the
+        limit from within the arc, and so are `acceleration`, `multipliers` and `constraint_force`;
+        the impulse of a moment of contact is no part of it.
+
         Raises ValueError for a system without an obstacle.
         """
         if not self.problem.system.r:

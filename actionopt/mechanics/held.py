@@ -111,7 +111,10 @@ class Held(Problem):
         return self.system.dynamics(q, v, t, parameters, self.active(np.atleast_1d(t)))
 
     def active(self, t: Array) -> NDArray[np.bool_]:
-        """Return which rows are in force at times t (K,), (m + r, K)."""
+        """Return which rows are in force at times t (K,), (m + r, K).
+
+        Both ends of an arc belong to it. A moment of contact has an impulse, and no force.
+        """
         found = np.ones((self.system.m, t.size), dtype=bool)
         if self.arcs is not None:
             found[self.free.system.m :] = False

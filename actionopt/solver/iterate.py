@@ -195,6 +195,17 @@ class Iterate(DiscretePath):
         step = here.factors.solve(self.tr.residual(self.z))
         return replace(self.moved(self.z - step), sizes=self.sizes, lengths=self.lengths)
 
+    def sampled(self) -> Iterate:
+        """Return the same with the larger noise of two samples: one may be small by chance.
+
+        The other is what the residual asks for after the step that the first one was.
+        """
+        here, tr, z = self.factored(many=False), self.tr, self.z
+        assert here.factors is not None
+        step = here.factors.solve(tr.residual(z))
+        noise = tr.measured(here.factors.solve(tr.residual(z - step))) * self.unit
+        return here.estimated(here.gain, max(here.noise, noise))
+
     def _probe(self) -> Array:
         """Return a residual (size,) as round-off in the largest entry of the matrix makes it."""
         assert self.factors is not None

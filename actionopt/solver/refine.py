@@ -14,7 +14,7 @@ from actionopt.analysis.status import Status
 from actionopt.discrete.boundaries import bounded
 from actionopt.discrete.mesh import MAX_DEGREE, Mesh
 from actionopt.discrete.resolution import SHORTEST, refined
-from actionopt.solver.iterate import SAFETY
+from actionopt.solver.iterate import SAFETY, amplified
 from actionopt.solver.workspace import MEASURABLE, Workspace
 
 # Ad hoc, where nothing else is said.
@@ -24,6 +24,9 @@ ROUNDS = 20
 SETTLED = 10.0
 STALLED = 8  # rounds that bring nothing: a layer of 1e-6 is closed in on in six
 EXPLAINED_BY_ROUNDOFF = 10.0  # times the effect of that in times and coordinates: it may be all
+# Times the round-off that one sample shows: tolerances that it may still forbid. Measured on
+# oscillators near a conjugate time: one sample in a hundred is 100 times smaller than the error.
+NOTICEABLE = 1e3
 AVERAGING_SIZE = 50_000  # unknowns and multipliers with which to average it
 # Times the mesh of the last round that brought something; so many are tried in any case, as they
 # take a tenth of a second.
@@ -40,6 +43,8 @@ def refine(ws: Workspace, tol: float, *, least: bool) -> Status:
     stalled, missed, most = 0, np.inf, MAX_UNKNOWNS
     for _ in range(ROUNDS):
         before = ws.here.resolution
+        if ws.here.error <= tol < NOTICEABLE * ws.here.noise and amplified(ws.here.noise) > 1:
+            ws.here = ws.here.sampled()
         resolved = ws.here.error <= tol
         if resolved:
             last, missed = missed, ws.missed()
@@ -81,6 +86,7 @@ def refine(ws: Workspace, tol: float, *, least: bool) -> Status:
         here, worst, expected = ws.here, ws.here.resolution.worst, ws.here.resolution.expected
         rounded = expected < MEASURABLE or here.gain * expected < here.noise
         if rounded and SAFETY * here.noise > tol:
+            here = ws.here = here.sampled()
             return Status.DEGENERATE if here.noise > UNDETERMINED else Status.FLOOR
         stalled = stalled + 1 if worst > before.worst / 2 else 0
         if stalled == STALLED or ws.kinked:
