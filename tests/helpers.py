@@ -9,6 +9,8 @@ from scipy.integrate import solve_ivp
 import actionopt as ao
 from actionopt import Event, Mesh, Problem, scenes
 from actionopt.discrete.transcription import Transcription
+from actionopt.solver.ladder import LADDER, Search
+from actionopt.solver.workspace import Workspace
 
 
 def a_third(variants, first=0):
@@ -28,6 +30,25 @@ def solved(name, *, tol=1e-8, **parameters):
     """Return the solution of a scene, near its guess if it has one."""
     scene = scenes.get(name, **parameters)
     return ao.solve(scene.problem, guess=scene.guess, tol=tol)
+
+
+def same_bits(one, other, because):
+    """Assert that two computations gave the same numbers, to the last bit.
+
+    Any rounding may part them, and does so on another processor first. So `because` says why none
+    can: the same operations on the same numbers, or on these with other signs or powers of two.
+    """
+    message = f"other bits, which cannot be {because}"
+    np.testing.assert_array_equal(one, other, message, strict=True)
+
+
+def applies(rung, problem, principle="auto"):
+    """Return whether a rung of the ladder is open to a problem, by its name."""
+    ws = Workspace(problem)
+    ws.transcribe(Mesh.uniform(problem.start.t, problem.end.t, 4, 6), None)
+    search = Search(ws, 1e-8, principle, None, may_be_least=principle != "stationary")
+    (way,) = (way for way in LADDER if way.name == rung)
+    return way.applies(search)
 
 
 def times(problem, count=401):

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers import same_bits
 from test_guide import agree, stated
 
 PAGE = Path(__file__).parent.parent / "docs" / "cluster.md"
@@ -50,5 +51,6 @@ def test_two_ranks_of_mpi_find_the_same(tmp_path):
     with np.load(tmp_path / "far.npz") as kept:
         found = dict(kept)
     here = ao.sweep(ao.scenes.get("pendulum").problem, {"t1": np.linspace(0.4, 0.9, 50)})
-    assert np.array_equal(found["action"], here.action)
-    assert np.array_equal(found["momenta"], here.momenta) and here.success.all()
+    for name in ("action", "momenta"):
+        same_bits(found[name], getattr(here, name), because="tasks do not depend on who does them")
+    assert here.success.all()

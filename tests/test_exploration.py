@@ -1,7 +1,7 @@
 """A trial path and what can be done with it, against splines and integrals of others."""
 
 from itertools import pairwise
-from time import perf_counter
+from time import process_time
 
 import numpy as np
 import pytest
@@ -133,10 +133,10 @@ def test_a_drag_takes_less_than_five_milliseconds(name):
     to = {i: q + 1e-2 for i, q in enumerate(now.trial.Q[node])}
     clocks = []
     for _ in range(10):
-        clock = perf_counter()
+        clock = process_time()
         trial = bent(now, now.trial, node, to).trial
         assert np.isfinite([trial.action, trial.slope, trial.missing[0, 5]]).all()
-        clocks.append(perf_counter() - clock)
+        clocks.append(process_time() - clock)
     assert min(clocks) <= 5e-3
 
 
@@ -245,7 +245,8 @@ def test_the_nearest_conjugate_time_attracts(spring):
     motion = solved(begin(spring)).motion
     focus = np.pi / W
     assert motion.near(focus + 0.01, 0.02) == pytest.approx(focus, abs=1e-8)
-    assert motion.near(focus + 0.03, 0.02) == focus + 0.03
+    away = focus + 0.03
+    assert motion.near(away, 0.02) == away
     assert len(motion.before(focus)) == 0 and len(motion.before(focus + 1e-4)) == 1
 
 

@@ -43,8 +43,11 @@ def test_a_displacement_along_a_fast_passage_is_a_shift_of_time(units):
 
 
 @pytest.mark.parametrize("tol", [1e-3, 1e-9])
-def test_the_next_passage_of_a_pericentre_takes_a_factorization_or_two(tol):
-    """At eccentricity 0.9, by the motion itself; the path is not asked for where it was."""
+def test_the_next_passage_of_a_pericentre_takes_newton_steps_alone(tol):
+    """At eccentricity 0.9, by the motion itself; the path is not asked for where it was.
+
+    From the path as it was, Newton's method fails, and so do Marquardt's and a homotopy.
+    """
     run = motion(KEPLER, [1.9, 0.0], [0.0, np.sqrt(0.1 / 1.9)], 0.0, 6.5)
 
     def between(start):
@@ -55,7 +58,7 @@ def test_the_next_passage_of_a_pericentre_takes_a_factorization_or_two(tol):
 
     first = ao.solve(between(0.9), tol=tol, guess=guess(0.9))
     other = ao.solve(between(0.92), tol=tol, guess=first)
-    assert other.stats["iterations"]["newton"] <= 2
+    assert set(other.stats["iterations"]) == {"newton"}
     assert not np.array_equal(other.mesh.since, first.mesh.since)
     t = np.linspace(0.0, 5.0, 301)
     assert np.abs(other(t) - run(0.92 + t)).max() < 2 * tol

@@ -70,7 +70,10 @@ def test_index_along_growing_time():
     assert [m.kind for m in found.marks] == ["index"] * 3
     assert [m.value for m in found.marks] == pytest.approx(np.arange(1, 4) * np.pi / 2, abs=1e-8)
     assert [(m.before, m.after) for m in found.marks] == [(0, 1), (1, 2), (2, 3)]
-    assert np.array_equal(found.indices, np.floor(found.values * 2 / np.pi))
+    turns = found.values * 2 / np.pi  # the index at a mark itself is a matter of rounding
+    between = np.abs(turns - np.round(turns)) > 1e-6
+    assert between.sum() > 5
+    assert np.array_equal(found.indices[between], np.floor(turns[between]))
     assert "goal" in found.stopped and found.values[-1] == 5.0
 
 
