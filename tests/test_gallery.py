@@ -112,6 +112,19 @@ def test_pages_are_whole(gallery):
     assert shown >= {picture.resolve() for picture in gallery.rglob("*.svg")}
 
 
+def test_pages_of_the_course_are_short_and_say_everything(gallery):
+    assert len(list((gallery / "course").glob("*.html"))) == len(LESSONS) == 9
+    contents = (gallery / "course.html").read_text(encoding="utf-8")
+    for lesson in LESSONS:
+        html = (gallery / "course" / f"{lesson.name}.html").read_text(encoding="utf-8")
+        words = re.sub(r"<script.*?</script>|<pre.*?</pre>|<[^>]*>", " ", html, flags=re.DOTALL)
+        assert 200 < len(words.split()) < 900, lesson.name
+        assert html.count("<details") == 3 == len(lesson.exercises)
+        assert "{" not in words
+        assert lesson.name in contents
+        assert set(lesson.scenes) <= set(scenes.SCENES)
+
+
 def test_no_line_ends_between_a_number_and_its_unit(gallery):
     rest = re.compile(r"<(script|style|pre|code)\b.*?</\1>|<[^>]*>", re.DOTALL)
     for file in pages(gallery):
