@@ -2,6 +2,7 @@
 
 import copy
 import pickle
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -13,7 +14,8 @@ from actionopt import plot
 from actionopt.analysis.status import Status
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
-from actionopt.solver.unfixed import Unfixed, _solution
+from actionopt.solver.unfixed import Unfixed
+from actionopt.solver.verdict import solution_of
 
 G = 9.81
 A, B = 2.0, 1.0  # semi-axes
@@ -261,10 +263,12 @@ def test_a_surface_without_points_is_said_and_nothing_of_free_times():
 def test_a_path_that_ran_away_is_no_fault_of_the_events():
     circle = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"], constraint=lambda q, t: q @ q - 1)
     end = ao.Event(None, None, on=lambda q, t: q[0] - q[1])
-    run = Unfixed(ao.Problem(circle, ao.Event(0.0, [1.0, 0.0]), end, energy=0.5), 1e-8)
-    run.here = run._around(Path(Mesh.uniform(0.0, 1.0, 2, 4), np.full((2, 9), 1e24)), None)
-    run.error = 1e37
-    solution = _solution(run, Status.DEGENERATE, 0.0)  # not that the end is off the circle
+    run = Unfixed(ao.Problem(circle, ao.Event(0.0, [1.0, 0.0]), end, energy=0.5), tol=1e-8)
+    far = Path(Mesh.uniform(0.0, 1.0, 2, 4), np.full((2, 9), 1e24))
+    run.transcribe(far.mesh, far)
+    run.here = replace(run.here, error=1e37)
+    # No word of the end, which is off the circle.
+    solution = solution_of(run, Status.DEGENERATE, "guess", 0.0)
     assert solution.status is Status.DEGENERATE
 
 

@@ -150,6 +150,10 @@ class Action:
             times = np.clip(times, low[elements, None], high[elements, None])
         return times.reshape(-1, 1)
 
+    def at(self, z: Array) -> Self:
+        """Return itself: the times of its events are given, whatever z is."""
+        return self
+
     def between(self, problem: Problem) -> Self:
         """Return that of a problem which differs in the values at its ends only, in these units."""
         other = copy(self)
@@ -244,7 +248,9 @@ class Action:
         layout = self.layout
         lam = np.full((layout.node_count, self.problem.system.m), np.nan)
         if layout.rows:
-            lam[layout.row_node, layout.row_constraint] = z[layout.unknowns :] * self.mu_unit
+            lam[layout.row_node, layout.row_constraint] = (
+                z[layout.unknowns : layout.size] * self.mu_unit
+            )
         return lam
 
     def coordinates(self, z: Array) -> Array:
@@ -268,7 +274,7 @@ class Action:
             return float(np.abs(x).max())
         return float((np.abs(x) / self.magnitudes[: x.size]).max())
 
-    @cached_property
+    @property
     def magnitudes(self) -> Array:
         """Sizes of coordinates and multipliers in the units of z, (size,): one near zero."""
         found = np.ones(self.layout.size)
@@ -466,7 +472,7 @@ class Action:
             return None
         Q = self.place(z[: layout.unknowns]).Q
         lam = np.zeros(layout.row_nodes.size * system.m)
-        lam[layout.row_select] = z[layout.unknowns :] * self.mu_unit
+        lam[layout.row_select] = z[layout.unknowns : layout.size] * self.mu_unit
         curvature = system.pointwise("constraint_curvature")(
             Q[layout.row_nodes], lam.reshape(-1, system.m), self.row_times, self.problem.packed
         )[0]

@@ -24,9 +24,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -35,7 +35,7 @@ from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.end_times import by_stretch, by_times
 from actionopt.discrete.factors import Factors, full
 from actionopt.discrete.foot import Foot, feet, reactions
-from actionopt.discrete.layout import Layout, Pattern
+from actionopt.discrete.layout import Layout, MatrixLayout, Pattern
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
@@ -108,7 +108,7 @@ class Borders(NamedTuple):
     held: tuple[int, ...] = ()
 
 
-class BorderedLayout:
+class BorderedLayout(MatrixLayout):
     """The pattern of a KKT matrix with dense rows and columns beside it."""
 
     bordered, unpivoted, storage, condensed, keeps_factors = True, False, "sparse", False, False
@@ -159,13 +159,16 @@ class Bordered:
         Of the asked one's `loose` problem, over a first duration: it sets the units.
     borders : Borders
     feet : tuple of Foot
+    shared : BorderedLayout, optional
+        The layout of another member of a family.
     """
 
     asked: Problem
     first: Transcription
     borders: Borders
     feet: tuple[Foot, ...] = ()
-    layout: Any = None
+    shared: BorderedLayout | None = None
+    layout: BorderedLayout = field(init=False)
 
     def __post_init__(self) -> None:
         self.free = self.asked.loose
@@ -176,9 +179,8 @@ class Bordered:
         self.reach = 1.0
         self._last: Transcription | None = self.first
         self._like: Transcription | None = self.first
-        if self.layout is None:
-            beside = self.timed + self.held + self.borders.c.size
-            self.layout = BorderedLayout(self.first.layout, beside, self.feet)
+        beside = self.timed + self.held + self.borders.c.size
+        self.layout = self.shared or BorderedLayout(self.first.layout, beside, self.feet)
 
     @classmethod
     def around(
@@ -248,6 +250,19 @@ class Bordered:
         """Whether more than the rates changes with the duration."""
         timed = any(e is not None and e.on.timed for e in self.asked.surfaces)
         return timed or self.asked.system.structure.depends_on_time
+
+    def missed(self, y: Array, *, followed: bool = True) -> tuple[Array, float]:
+        """Return what another quadrature adds to the residual, (size,), and a free body's drift."""
+        miss, drift = self.at(y).missed(y, followed=followed)
+        return self._of_path(miss), drift
+
+    def misread(self, y: Array) -> Array:
+        """Return the change of the residual, (size,), if numbers are read as the next floats."""
+        return self._of_path(self.at(y).misread(y))
+
+    def _of_path(self, residual: Array) -> Array:
+        """Return the residual (size,) of which that of the path is given, the rest zero."""
+        return np.concatenate([residual, np.zeros(self.layout.size - residual.size)])
 
     def discrete(self, y: Array) -> DiscretePath:
         """Return the path of unknowns y."""
@@ -348,7 +363,7 @@ class Bordered:
         column[pattern.row[down]] = nonzeros[down]
         own, row[k], column[k] = row[k], 0.0, 0.0
         fixed = np.where(across | down, np.where(across & down, 1.0, 0.0), nonzeros)
-        return float(own - row @ Factors(self.layout, fixed).solve(column))  # type: ignore[arg-type]
+        return float(own - row @ Factors(self.layout, fixed).solve(column))
 
     def measured(self, step: Array) -> float:
         """Return the largest change of a coordinate by a step, as a function of time."""
@@ -357,7 +372,7 @@ class Bordered:
             return found
         return max(found, self.reach * abs(float(step[self.first.layout.size])))
 
-    @cached_property
+    @property
     def magnitudes(self) -> Array:
         """Sizes of the unknowns in their units, (size,)."""
         beside = self.layout.size - self.first.layout.size

@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 
 from actionopt.discrete.blocks import Condensed
-from actionopt.discrete.layout import Layout, Pattern
+from actionopt.discrete.layout import MatrixLayout, Pattern
 from actionopt.tools.blas import cholesky
 from actionopt.tools.memory import give_back
 from actionopt.tools.types import Array, NDInt
@@ -44,7 +44,7 @@ class Factors:
 
     Parameters
     ----------
-    layout : Layout
+    layout : MatrixLayout
     nonzeros : array
         As `Transcription.kkt` returns them.
     many : bool
@@ -57,7 +57,7 @@ class Factors:
         If the matrix is singular or not finite; `solve` may raise it too.
     """
 
-    def __init__(self, layout: Layout, nonzeros: Array, *, many: bool = False) -> None:
+    def __init__(self, layout: MatrixLayout, nonzeros: Array, *, many: bool = False) -> None:
         if not np.isfinite(nonzeros).all():
             raise np.linalg.LinAlgError("the matrix is not finite")
         self.layout, self.nonzeros = layout, nonzeros
@@ -243,7 +243,7 @@ class Factors:
         )
 
 
-def product(layout: Layout, nonzeros: Array, z: Array) -> Array:
+def product(layout: MatrixLayout, nonzeros: Array, z: Array) -> Array:
     """Return the matrix with these nonzeros times z, (size,)."""
     if layout.storage == "blocks":
         return layout.blocks.product(nonzeros, z)
@@ -251,7 +251,7 @@ def product(layout: Layout, nonzeros: Array, z: Array) -> Array:
     return np.bincount(pattern.row, nonzeros * z[pattern.col], z.size)
 
 
-def diagonal(layout: Layout, values: Array) -> Array:
+def diagonal(layout: MatrixLayout, values: Array) -> Array:
     """Return the nonzeros of the matrix that has `values` (size,) on its diagonal."""
     if layout.storage == "blocks":
         return layout.blocks.diagonal(values)
@@ -259,12 +259,12 @@ def diagonal(layout: Layout, values: Array) -> Array:
     return np.where(pattern.row == pattern.col, values[pattern.row], 0.0)
 
 
-def compressed(layout: Layout, nonzeros: Array) -> Array:
+def compressed(layout: MatrixLayout, nonzeros: Array) -> Array:
     """Return the nonzeros (nnz,) on the pattern `layout.kkt`."""
     return layout.kkt.sum(nonzeros) if layout.storage == "blocks" else nonzeros
 
 
-def full(layout: Layout, nonzeros: Array) -> Array:
+def full(layout: MatrixLayout, nonzeros: Array) -> Array:
     """Return the full matrix, (size, size)."""
     if layout.storage == "blocks":
         return layout.blocks.full(nonzeros)
@@ -317,7 +317,7 @@ class _Kept:
     of L D L' as objects.
     """
 
-    def __init__(self, layout: Layout, nonzeros: Array) -> None:
+    def __init__(self, layout: MatrixLayout, nonzeros: Array) -> None:
         values = _regular(layout, compressed(layout, nonzeros))
         if layout.size > LARGE_SIZE:
             give_back()  # what the pattern was made with, a sixth of the most that is taken
@@ -428,12 +428,12 @@ def _largest(columns: Array) -> NDInt:
     return np.unique(rows).astype(int)
 
 
-def negative_eigenvalues(layout: Layout, nonzeros: Array) -> int:
+def negative_eigenvalues(layout: MatrixLayout, nonzeros: Array) -> int:
     """Return the number of negative eigenvalues of a symmetric KKT matrix (its inertia)."""
     return Factors(layout, nonzeros).negative()
 
 
-def _solver(layout: Layout, kind: str, count: int = 1) -> Sparse:
+def _solver(layout: MatrixLayout, kind: str, count: int = 1) -> Sparse:
     """Return the layout's sparse solver, analysed once for its sparsity."""
     key = kind if count == 1 else f"{kind} {count}"
     if key not in layout.solvers:
@@ -441,12 +441,12 @@ def _solver(layout: Layout, kind: str, count: int = 1) -> Sparse:
     return layout.solvers[key]
 
 
-def _matrix(layout: Layout, nonzeros: Array) -> ca.DM:
+def _matrix(layout: MatrixLayout, nonzeros: Array) -> ca.DM:
     """Return a matrix for CasADi, which reads buffers twice as fast as arrays."""
     return ca.DM(layout.kkt.sparsity, memoryview(nonzeros))  # type: ignore
 
 
-def _regular(layout: Layout, nonzeros: Array) -> Array:
+def _regular(layout: MatrixLayout, nonzeros: Array) -> Array:
     """Return the nonzeros with `REGULAR` taken off the diagonal of the constraint rows."""
     if not layout.rows:
         return nonzeros

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from actionopt.discrete.equations import Equations
 from actionopt.discrete.factors import Factors, product
 from actionopt.discrete.transcription import Transcription
 from actionopt.tools.types import EPS, Array
@@ -67,7 +68,7 @@ class Followed:
 
 
 def follow(
-    tr: Transcription,
+    tr: Equations,
     z: Array,
     *,
     linear: bool = False,
@@ -89,7 +90,7 @@ def follow(
         for k in range(1, steps + 1):
             factors, taken = None, z  # frees the last ones before the next are made
             try:
-                if linear and tr.problem.system.structure.steady:
+                if linear and isinstance(tr, Transcription) and tr.problem.system.structure.steady:
                     factors = _steady(tr, z, many)
                 else:
                     factors = Factors(tr.layout, tr.kkt(z), many=many)
@@ -127,7 +128,7 @@ def _steady(tr: Transcription, z: Array, many: bool) -> Factors:
 
 
 def _steps(
-    tr: Transcription,
+    tr: Equations,
     factors: Factors,
     z: Array,
     residual: Array,
@@ -200,7 +201,7 @@ def _pulled(tr: Transcription, z: Array, to: Transcription, factors: Factors) ->
 
 
 def approach(
-    tr: Transcription, z: Array, steps: int, *, convex: bool = False, many: bool = False
+    tr: Equations, z: Array, steps: int, *, convex: bool = False, many: bool = False
 ) -> tuple[Array, int] | None:
     """Return a point where Newton's method contracts, and the factorizations used; else None.
 
@@ -260,13 +261,13 @@ def _norm(step: Array) -> float:
     return math.sqrt(float(step @ step) / step.size)
 
 
-def _roundoff(tr: Transcription, factors: Factors) -> Array:
+def _roundoff(tr: Equations, factors: Factors) -> Array:
     """Return a residual (size,) of the size of round-off, of no preferred sign."""
     terms = product(tr.layout, np.abs(factors.nonzeros), tr.magnitudes)
     return EPS * np.cos(np.arange(terms.size)) * terms
 
 
-def is_roundoff(tr: Transcription, z: Array, residual: Array) -> bool:
+def is_roundoff(tr: Equations, z: Array, residual: Array) -> bool:
     """Whether the residual is no larger than the round-off of its own evaluation."""
     magnitude = product(tr.layout, np.abs(tr.kkt(z)), np.abs(z) + tr.magnitudes - 1.0)
     return bool(np.max(np.abs(residual)) <= 4 * EPS * np.max(magnitude))

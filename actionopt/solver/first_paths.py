@@ -63,6 +63,8 @@ class FirstPaths:
         What to add to the verdict: how low the energy gets.
     merged : bool
         Whether two paths are one at the energy.
+    refused : ValueError or None
+        Why the first question over a given duration was no question, if one was not.
     """
 
     problem: Problem
@@ -70,6 +72,7 @@ class FirstPaths:
     solve: Callable[..., Solution]
     hint: str = ""
     merged: bool = False
+    refused: ValueError | None = None
     _blocked: str = ""
 
     def firsts(self, guess: Guess | None) -> Iterator[tuple[Path, Array | None, str]]:
@@ -259,7 +262,8 @@ class FirstPaths:
             return at if resolution(mesh, at.Q, sizes).worst < ROUGHLY else None
         try:
             found = self.solve(fixed, tol=FIRST_TOL, throw=False)
-        except ValueError:
+        except ValueError as error:
+            self.refused = self.refused or error
             return None
         return found.discrete if found.success else None
 

@@ -12,11 +12,12 @@ the last step of Newton's method shows, amplified alike, and that of the polynom
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import Any, Self, TypeVar
 
 import numpy as np
 
 from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.equations import Equations
 from actionopt.discrete.factors import Factors
 from actionopt.discrete.newton import Followed
 from actionopt.discrete.resolution import Resolution, resolution
@@ -81,27 +82,35 @@ class Iterate(DiscretePath):
     since: float = 0.0
     represented: Resolution | None = None
 
-    def moved(self, z: Array) -> Iterate:
-        """Return another path on the same mesh, of which nothing more is known."""
-        return replace(self, z=z, factors=None, probed=None, represented=None)
+    @property
+    def equations(self) -> Equations:
+        """What it is to solve: those of the path alone."""
+        return self.tr
 
-    def bare(self) -> Iterate:
+    def moved(self, z: Array) -> Self:
+        """Return another path on the same mesh, of which nothing more is known."""
+        tr = self.equations.at(z)
+        return replace(self, tr=tr, z=z, factors=None, probed=None, represented=None)
+
+    def bare(self) -> Self:
         """Return the same without what takes memory."""
         if self.factors is None and self.probed is None:
             return self
         return replace(self, factors=None, probed=None)
 
-    def arrived(self, result: Followed) -> Iterate:
+    def arrived(self, result: Followed) -> Self:
         """Return the path at which Newton's method arrived."""
-        z, Q = result.z, self.tr.coordinates(result.z)
-        sizes, lengths = measured(self.problem, Q)
-        shown = resolution(self.mesh, Q, sizes)
+        tr = self.equations.at(result.z)
+        Q = tr.coordinates(result.z)
+        sizes, lengths = measured(tr.problem, Q)
+        shown = resolution(tr.mesh, Q, sizes)
         known = {"sizes": sizes, "lengths": lengths, "represented": shown, "probed": None}
         unit = self._unit(sizes)
         known |= _estimated(self.gain, result.noise * unit, unit, shown)
-        return replace(self, z=z, factors=result.factors, since=result.since, **known)
+        known |= {"factors": result.factors, "since": result.since}
+        return replace(self, tr=tr, z=result.z, **known)
 
-    def estimated(self, gain: float, noise: float | None = None) -> Iterate:
+    def estimated(self, gain: float, noise: float | None = None) -> Self:
         """Return the same with the estimate of its error for a gain, and of its noise.
 
         The gain is at least what amplified round-off says that other errors are amplified.
@@ -135,20 +144,21 @@ class Iterate(DiscretePath):
         unit = self.tr.lengths if self.tr.origin is None else self.tr.lengths + abs(self.tr.origin)
         return max(1.0, float((unit / sizes).max()))
 
-    def factored(self, many: bool) -> Iterate:
+    def factored(self, many: bool) -> Self:
         """Return the same with factors of the matrix; `many` as `Factors` has it."""
         if self.factors is not None:
             return self
-        return replace(self, factors=Factors(self.tr.layout, self.tr.kkt(self.z), many=many))
+        equations = self.equations
+        return replace(self, factors=Factors(equations.layout, equations.kkt(self.z), many=many))
 
-    def updated(self) -> Iterate:
+    def updated(self) -> Self:
         """Return the same with factors of the matrix where the path is, not close to it."""
         if self.factors is None:
             return self
-        factors = self.factors.near(self.tr.kkt(self.z))
+        factors = self.factors.near(self.equations.kkt(self.z))
         return replace(self, factors=factors, probed=None, since=0.0)
 
-    def missed(self, tol: float, many: bool) -> tuple[float, Iterate]:
+    def missed(self, tol: float, many: bool) -> tuple[float, Self]:
         """Return how far the path would move if its forces were summed over other points.
 
         Nothing is missed where they are linear in the path and do not depend on time. And the
@@ -156,7 +166,7 @@ class Iterate(DiscretePath):
         """
         if self.problem.system.structure.steady:
             return 0.0, self
-        here, tr = self.factored(many), self.tr
+        here = self.factored(many)
         assert here.factors is not None
         residual, carried = unseen(self, tol / self.unit)
         with np.errstate(all="ignore"):
@@ -165,7 +175,7 @@ class Iterate(DiscretePath):
                 here = replace(here, probed=probed)
             else:
                 step = here.factors.solve(residual)
-        return max(tr.measured(step), carried) * self.unit, here
+        return max(self.equations.measured(step), carried) * self.unit, here
 
     @property
     def can_be_one_of_many(self) -> bool:
@@ -186,24 +196,24 @@ class Iterate(DiscretePath):
             here = self.factored(many)
             assert here.factors is not None
             probed = here.factors.solve(here._probe())
-        return self.tr.measured(probed) * self.unit
+        return self.equations.measured(probed) * self.unit
 
-    def polished(self) -> Iterate:
+    def polished(self) -> Self:
         """Return it after one more of Newton's steps."""
         here = self.factored(many=False)
         assert here.factors is not None
-        step = here.factors.solve(self.tr.residual(self.z))
+        step = here.factors.solve(self.equations.residual(self.z))
         return replace(self.moved(self.z - step), sizes=self.sizes, lengths=self.lengths)
 
-    def sampled(self) -> Iterate:
+    def sampled(self) -> Self:
         """Return the same with the larger noise of two samples: one may be small by chance.
 
         The other is what the residual asks for after the step that the first one was.
         """
-        here, tr, z = self.factored(many=False), self.tr, self.z
+        here, equations, z = self.factored(many=False), self.equations, self.z
         assert here.factors is not None
-        step = here.factors.solve(tr.residual(z))
-        noise = tr.measured(here.factors.solve(tr.residual(z - step))) * self.unit
+        step = here.factors.solve(equations.residual(z))
+        noise = equations.measured(here.factors.solve(equations.residual(z - step))) * self.unit
         return here.estimated(here.gain, max(here.noise, noise))
 
     def _probe(self) -> Array:
@@ -211,7 +221,7 @@ class Iterate(DiscretePath):
         assert self.factors is not None
         return (
             POLYNOMIAL_ROUNDOFF * float(np.abs(self.factors.nonzeros).max())
-        ) * self.tr.layout.probe
+        ) * self.equations.layout.probe
 
     @property
     def late(self) -> bool:
@@ -227,8 +237,9 @@ class Iterate(DiscretePath):
         """
         if not self.late and self.tr.origin is None:
             return 0.0
-        factors = Factors(self.tr.layout, self.tr.kkt(self.z))
-        return self.tr.measured(factors.solve(self.tr.misread(self.z))) * self.unit
+        equations = self.equations
+        factors = Factors(equations.layout, equations.kkt(self.z))
+        return equations.measured(factors.solve(equations.misread(self.z))) * self.unit
 
     @property
     def singular(self) -> bool:
@@ -281,7 +292,7 @@ def unseen(at: Iterate, tol: float) -> tuple[Array, float]:
     """
     with np.errstate(all="ignore"):
         followed = hidden(at.problem.system.structure, at.resolution.worst, tol)
-        residual, carried = at.tr.missed(at.z, followed=followed)
+        residual, carried = at.equations.missed(at.z, followed=followed)
         if SAFETY * carried > tol:
             carried /= 1.0 + at.tr.turns(at.z)
         return residual, carried

@@ -180,9 +180,9 @@ class Along(Workspace):
             )
         return True
 
-    def _change(self, first: Iterate, old: Iterate) -> Array:
-        """Return by how much the path changed, (K, n): its nodes have moved with the mesh."""
-        return self.here.Q - old.path.on(self.here.mesh).values.T
+    def _change(self, first: Iterate, old: Iterate) -> float:
+        """Return by how much the path changed: its nodes have moved with the mesh."""
+        return float(np.max(np.abs(self.here.Q - old.path.on(self.here.mesh).values.T) / old.sizes))
 
     def _recover(self, least: bool) -> bool:
         return False

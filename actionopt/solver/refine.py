@@ -102,7 +102,7 @@ def _size(ws: Workspace, mesh: Mesh) -> int:
 
 def _misread(ws: Workspace, misread: float) -> str:
     """Return a hint: the round-off of times moves the path by so much."""
-    t = max(abs(ws.problem.start.t), abs(ws.problem.end.t))
+    t = float(np.abs(ws.here.mesh.boundaries[[0, -1]]).max())
     return (
         f"times near {t:.6g} are known to {np.spacing(t):.1g} only, which alone moves the path by "
         f"about {misread:.1g}; measure time from the start"

@@ -11,14 +11,13 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from time import perf_counter
-from typing import Any, Literal, Never
+from typing import Literal, Never
 
 import numpy as np
 
 from actionopt.analysis.solution import Solution, SolveError
 from actionopt.analysis.status import Status
 from actionopt.discrete.crossing import crossed
-from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
@@ -33,6 +32,7 @@ from actionopt.solver.ladder import BRIEF, COARSE_DEGREE, IPOPT, LADDER, LINEAR,
 from actionopt.solver.obstacle import Along, along
 from actionopt.solver.on_surface import solve_on_surface
 from actionopt.solver.unfixed import solve_unfixed
+from actionopt.solver.verdict import solution_of
 from actionopt.solver.workspace import Workspace
 from actionopt.tools.blas import one_thread
 from actionopt.tools.checks import COARSEST, FINEST, tolerance
@@ -188,7 +188,7 @@ def _outwards(
         search.begin("guess")
         ws.transcribe(guess.mesh, guess, like=guess)
         found = ws.follow() or ws.approach()
-        return _solution(ws, search.refine() if found else Status.NOT_FOUND, "guess", started)
+        return solution_of(ws, search.refine() if found else Status.NOT_FOUND, "guess", started)
 
     with suppress(OutOfTime, ValueError):
         found, part = nearer.outwards(problem, near, choices.tol)
@@ -241,7 +241,7 @@ def _solved(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[So
         raise watch.raised
     if (principle == "least" or system.r) and status.success and ws.here.index > 0:
         status = Status.UNBOUNDED if ws.linear else Status.NOT_LEAST
-    solution = _solution(ws, status, search.found_by, started)
+    solution = solution_of(ws, status, search.found_by, started)
     if suspected(ws, status):
         solution = judged(ws, solution)
     return solution, "" if solution.success else _message(ws, solution.status, tol)
@@ -457,30 +457,3 @@ def _message(ws: Workspace, status: Status, tol: float) -> str:
             f"{np.spacing(size):.1g} only: measure it from a point near the motion"
         )
     return f"{name}: {status.value} ({figures}){hint}"
-
-
-def _solution(ws: Workspace, status: Status, found_by: str, started: float) -> Solution:
-    """Return the iterate at hand as a solution, with what the record tells."""
-    here, record = ws.here, ws.record
-    found, layout = DiscretePath(here.tr, here.z), here.tr.layout
-    with record.clock("verify"):
-        action = found.action
-        if status.success and not np.isfinite(action):
-            status = Status.UNRESOLVED
-        found.tr.forget()  # many solutions may be kept
-    record.time["total"] = perf_counter() - started
-    stats: dict[str, Any] = {
-        "rung": found_by,
-        "unknowns": layout.unknowns,
-        "rows": layout.rows,
-        "iterations": dict(record.iterations),
-        "evaluations": dict(record.evaluations),
-        "rounds": record.rounds,
-        "gain": here.gain,
-        "noise": here.noise,
-        "condition": max(here.noise / POLYNOMIAL_ROUNDOFF, 1.0),
-        "derived": ws.problem.system.derived,
-        "time": dict(record.time),
-    }
-    lam, error = found.rows.T, here.error
-    return Solution(ws.question, found.path, action, lam, error, status, stats, known=found)

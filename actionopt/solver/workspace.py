@@ -137,7 +137,7 @@ class Workspace:
     @property
     def large(self) -> bool:
         """Whether the problem on the mesh at hand is too large for what takes long."""
-        return self.here.tr.layout.size > LARGE_SIZE
+        return self.here.equations.layout.size > LARGE_SIZE
 
     @property
     def sparse(self) -> bool:
@@ -170,8 +170,8 @@ class Workspace:
         So it is where a least curve runs through a pole of its coordinates. Measured: of 60 layers,
         walls and poles passed at a distance, the last was lost on elements of 1e-5.
         """
-        shortest = self.here.mesh.lengths.min()
-        return self.recovered and bool(shortest < TINY_ELEMENT * self.problem.duration)
+        mesh = self.here.mesh
+        return self.recovered and bool(mesh.lengths.min() < TINY_ELEMENT * mesh.duration)
 
     def again(self) -> Workspace:
         """Return one for another search for a path of the same problem."""
@@ -360,11 +360,11 @@ class Workspace:
         Near a resonance the multipliers of the motion along the first path make the matrix
         nearly singular there; without any it is stiff, and the way may be open.
         """
-        tr = self.here.tr
+        equations = self.here.equations
         with self.record.clock("solve"):
-            near = approach(tr, self.here.z, steps, convex=convex, many=self.many)
-            if near is None and tr.layout.rows:
-                near = approach(tr, _without_multipliers(self.here), steps, many=self.many)
+            near = approach(equations, self.here.z, steps, convex=convex, many=self.many)
+            if near is None and equations.layout.rows:
+                near = approach(equations, _without_multipliers(self.here), steps, many=self.many)
         return self._reached("newton", near)
 
     def pass_resonances(self) -> bool:
@@ -416,7 +416,7 @@ class Workspace:
 
         with self.record.clock("solve"):
             result = follow(
-                here.tr,
+                here.equations,
                 here.z,
                 linear=self.linear,
                 many=self.many,
@@ -431,6 +431,10 @@ class Workspace:
         if self.watch is not None:
             self.best = self.here.bare()
         return True
+
+    def answer(self) -> tuple[Problem, DiscretePath]:
+        """Return what was asked, and the path at hand."""
+        return self.question, DiscretePath(self.here.tr, self.here.z)
 
     def missed(self) -> float:
         """Return how far the path would move if its forces were summed over other points."""
@@ -458,14 +462,15 @@ class Workspace:
                 return False
         here = self.here
         # In the sizes of the old path, in which its omitted coefficients are.
-        change, gain = float(np.max(np.abs(self._change(first, old)) / old.sizes)), here.gain
+        change, gain = self._change(first, old), here.gain
         if old.resolution.expected > MEASURABLE:
             left = old.resolution.expected
             if change > UNLIKELY * left and not self.problem.system.structure.steady:
                 with suppress(np.linalg.LinAlgError):  # what was not seen moves the path as well
-                    factors = Factors(old.tr.layout, old.tr.kkt(old.z))
+                    factors = old.factored(many=False).factors
+                    assert factors is not None
                     residual, carried = unseen(old, self.tol)
-                    left += max(old.tr.measured(factors.solve(residual)), carried)
+                    left += max(old.equations.measured(factors.solve(residual)), carried)
             gain = max(change / left, 1.0)
         elif gain == UNKNOWN_GAIN:
             gain = 1.0
@@ -473,9 +478,9 @@ class Workspace:
         self.record.rounds[-1]["estimate"] = self.here.error
         return True
 
-    def _change(self, first: Iterate, old: Iterate) -> Array:
+    def _change(self, first: Iterate, old: Iterate) -> float:
         """Return by how much a path changed on its mesh, to which `first` interpolates the old."""
-        return self.here.Q - first.Q
+        return float(np.max(np.abs(self.here.Q - first.Q) / old.sizes))
 
     def _recover(self, least: bool) -> bool:
         """Find the path again on a mesh where following it did not work."""
