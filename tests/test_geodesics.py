@@ -34,7 +34,13 @@ def test_the_least_time_in_a_wind(w, T):
     assert pickle.loads(pickle.dumps(solution)).length == solution.length
 
 
-@pytest.mark.parametrize("angle, T", [(3.3, 50.4997725673849), (9.5, 84.8553103202039)])
+@pytest.mark.parametrize(
+    "angle, T",
+    [
+        pytest.param(3.3, 50.4997725673849, marks=pytest.mark.slow),
+        (9.5, 84.8553103202039),
+    ],
+)
 def test_light_around_a_black_hole(angle, T):
     """Values by quadrature in 25 digits, at any rate of the clock."""
     space = ao.System.geodesic(optical, ["r", "phi"], parameters={"M": 1.0})

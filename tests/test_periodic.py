@@ -386,7 +386,7 @@ def closed_eigenvalues(A, B, C, T, n, order=40, samples=320):
 @pytest.mark.parametrize(
     ("T", "B", "F"),
     [
-        (3.0, 0.5, 1.0),
+        pytest.param(3.0, 0.5, 1.0, marks=pytest.mark.slow),
         (6.0, 1.1, 2.0),
         pytest.param(7.0, 0.5, 1.0, marks=pytest.mark.slow),
         (11.0, 1.1, 2.0),
