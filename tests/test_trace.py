@@ -6,7 +6,8 @@ import pytest
 import actionopt as ao
 from actionopt import scenes
 from actionopt.discrete.arclength import Point
-from actionopt.families.trace import _Run, trace
+from actionopt.families.marks import locate
+from actionopt.families.trace import POLE_SIZE, _Run, trace
 
 
 def bratu(lam=1.0):
@@ -192,6 +193,12 @@ class Line:
     def at(self, s):
         return None
 
+    def inner(self, tr, one, other):
+        return one @ other / 2
+
+    def norm(self, tr, change):
+        return np.sqrt(self.inner(tr, change, change))
+
 
 @pytest.mark.parametrize(
     ("function", "root"),
@@ -205,9 +212,7 @@ class Line:
 )
 def test_roots_along_a_branch(function, root):
     line = Line()
-    run = _Run(lambda s: None, 0.0, 1.0, 1e-8, False)
-    run.branch = line
-    found = run._locate(line.here, 1.0, function)
+    found = locate(line, line.here, 1.0, function, 0.0)
     assert found.s == pytest.approx(root, abs=1e-11)
 
 
@@ -272,7 +277,7 @@ def test_a_pole_is_noticed_from_either_side(to, side):
 )
 def test_where_a_branch_will_be_infinite(before, now, goal, pole, part, monkeypatch):
     run = object.__new__(_Run)
-    run.origin, run.goal = part * goal, goal
+    run.origin, run.goal, run.pole_size = part * goal, goal, POLE_SIZE
     sizes = dict([before, now])
     monkeypatch.setattr(_Run, "_size", lambda self, point: sizes[point.s])
     here, there = (Point(None, None, s, None) for s in (before[0], now[0]))
@@ -289,3 +294,94 @@ def test_paths_that_end_on_the_way_end_the_trace():
     found = ao.trace(ao.Problem(system, ao.Event(0.0, [1.0]), ao.Event(1.0, [0.5])), "a", 2.0)
     assert "no step, however short" in found.stopped
     assert found.values[-1] == pytest.approx(1.0, abs=1e-3) and found.values[-1] <= 1
+
+
+def at_rest(slope, potential, first):
+    """Paths at rest where the slope of `potential` is g: with both ends free there are no others.
+
+    Folds are where that slope turns, and the index is one where it falls.
+    """
+    system = ao.System(
+        lambda q, v, t, *, g: v[0] ** 2 / 2 + potential(q[0]) - g * q[0],
+        ["x"],
+        parameters={"g": float(slope(first))},
+    )
+    problem = ao.Problem(system, ao.Event(0.0, [None]), ao.Event(0.5, [None]))
+    return problem, {"guess": [[first, first]]}
+
+
+def check_marks_agree(found):
+    """The index changes at marks and nowhere else, and by what they say."""
+    said = sum(mark.after - mark.before for mark in found.marks)
+    assert found.indices[-1] - found.indices[0] == said
+    assert all(abs(mark.after - mark.before) == 1 for mark in found.marks)
+
+
+@pytest.mark.parametrize("apart", [1e-1, 1e-4])
+def test_two_folds_close_to_each_other(apart):
+    w = (apart / 2) ** (1 / 3)  # g = q^3 - 3 w^2 q turns at -w and w, 4 w^3 apart, of about 2
+    problem, near = at_rest(
+        lambda q: q**3 - 3 * w * w * q, lambda q: q**4 / 4 - 1.5 * (w * q) ** 2, -1.0
+    )
+    found = trace(problem, "g", 1.0, **near)
+    assert [m.kind for m in found.marks] == ["fold", "fold"]
+    assert [m.value for m in found.marks] == pytest.approx([2 * w**3, -2 * w**3], abs=1e-8)
+    assert [(m.before, m.after) for m in found.marks] == [(0, 1), (1, 0)]
+    check_marks_agree(found)
+
+
+def test_three_motions_of_a_pendulum_a_little_longer_than_half_a_period():
+    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]), ["x"])
+    problem = ao.Problem(system, ao.Event(0.0, [0.0]), ao.Event(3.15, [-1.0]))
+    found = trace(problem, ("end", "x"), 1.0)
+    assert [(m.kind, m.before, m.after) for m in found.marks] == [("fold", 0, 1), ("fold", 1, 0)]
+    check_marks_agree(found)
+    assert set(found.indices.tolist()) == {0, 1}
+
+
+@pytest.mark.parametrize("imperfection", [1e-3])
+def test_an_imperfect_pitchfork_is_followed_to_its_own_side(imperfection):
+    """g q - q^3 + imperfection = 0: from one path to three, without a fold on the way."""
+    system = ao.System(
+        lambda q, v, t, *, g: (
+            v[0] ** 2 / 2 - g * q[0] ** 2 / 2 + q[0] ** 4 / 4 - imperfection * q[0]
+        ),
+        ["x"],
+        parameters={"g": -1.0},
+    )
+    problem = ao.Problem(system, ao.Event(0.0, [None]), ao.Event(0.5, [None]))
+    found = trace(problem, "g", 1.0, guess=[[imperfection, imperfection]])
+    assert not found.marks and set(found.indices.tolist()) == {0} and "goal" in found.stopped
+    assert found.paths[-1](0.2)[0] == pytest.approx(np.sign(imperfection), abs=0.02)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(50))
+def test_folds_of_random_branches(seed):
+    """Rest where a sum of sines has the slope g: its turning points, in order."""
+    rng = np.random.default_rng(seed)
+    rise, first, k = rng.uniform(0.3, 1.5), rng.normal(), int(rng.integers(2, 6))
+    a, w, phase = (
+        rng.normal(size=k) * rng.choice([0.3, 1.0]),
+        rng.uniform(0.5, 4, k),
+        6 * rng.random(k),
+    )
+
+    def slope(q):
+        return rise * q + sum(a[i] * np.sin(w[i] * q + phase[i]) for i in range(k))
+
+    def potential(q):
+        return rise * q**2 / 2 - sum(a[i] / w[i] * np.cos(w[i] * q + phase[i]) for i in range(k))
+
+    problem, near = at_rest(slope, potential, first)
+    start = slope(first)
+    way = np.sign(slope(first + 1e-4) - start)
+    q = first + way * np.linspace(1e-4, 40.0, 400001)
+    over = (slope(q) >= start + 4.0) | (slope(q) < start)
+    q = q[: int(np.argmax(over))]
+    g = slope(q)
+    turns = np.flatnonzero(np.diff(np.sign(np.diff(g)))) + 1
+    found = trace(problem, "g", start + 4.0, **near)
+    assert [m.value for m in found.marks] == pytest.approx(g[turns], abs=1e-6)
+    assert all(m.kind == "fold" for m in found.marks)
+    check_marks_agree(found)

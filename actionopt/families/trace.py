@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Literal
 
 import numpy as np
 
@@ -23,6 +22,7 @@ from actionopt.analysis.solution import Solution
 from actionopt.discrete.arclength import Branch, Point
 from actionopt.discrete.bordered import Bordered, over
 from actionopt.discrete.path import Path
+from actionopt.families.marks import LEVEL, STRAIGHT_STEP, Mark, Step, locate
 from actionopt.families.vary import Name, moved, present
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import asked
@@ -35,41 +35,15 @@ Vary = Name | Callable[[float], Problem]
 
 # Ad hoc, where nothing else is said. Steps are of arclength, the range of values as the unit.
 FIRST_STEP, LONGEST_STEP, SHORTEST_STEP = 0.05, 0.25, 1e-7
-STRAIGHT_STEP = 0.95  # cosine of the angle between directions (18 degrees): short enough
 # Of the Jacobi fields; derived: eigenvalues converge twice as fast, and signs are asked, no more.
 TRACE_RESOLUTION = 1e-5
-LOCATED = 1e-12  # change of arclength that ends the search for a point
-LOCATE_STEPS = 60
-STEP_ASIDE = 1e-3  # of what a root is enclosed in: how near it a step is tried that fails on it
+SHORTEST_TOLD = 1e-4  # a step that is halved no more to tell what changes within it
 GROWN_UNITS = 2.0  # times the units of the coordinates: then these grow along, and steps with them
 # A branch is infinite at a value where it has grown so many times, nearer to it than this part of
-# the range.
+# the range. Where equations are not linear it grows from tol to tol^(1/3), too, at a pitchfork with
+# an imperfection of tol.
 POLE_SIZE, POLE_DISTANCE = 100.0, 1e-3
 INTERRUPTED = "it was interrupted"
-
-
-@dataclass(frozen=True, eq=False)
-class Mark:
-    """A point of a branch where something changes.
-
-    Attributes
-    ----------
-    kind : {"fold", "index", "period doubling"}
-        Whether the branch turns back there, or only the index changes; or, of closed paths, a
-        multiplier passes -1: others branch off that close after two turns.
-    value : float
-        Of the varied quantity.
-    path : Path
-        The (degenerate) path there.
-    before, after : int or None
-        Index on either side, in the order of the trace.
-    """
-
-    kind: Literal["fold", "index", "period doubling"]
-    value: float
-    path: Path
-    before: int | None
-    after: int | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,6 +237,7 @@ class _Run:
     indices: list[int] = field(default_factory=list)
     marks: list[Mark] = field(default_factory=list)
     sizes: Array = field(init=False)
+    pole_size: float = field(init=False)
     stopped: str = ""
     meshes: int = 1
     solves: int = 0
@@ -277,6 +252,8 @@ class _Run:
             except ValueError as error:
                 raise _Uncounted(_without(error)) from None
         self.sizes = at.tr.lengths
+        linear = problem.system.structure.linear
+        self.pole_size = POLE_SIZE if linear else max(POLE_SIZE, self.tol ** (-2 / 3))
         self._set(at.path, at.rows, at.tr.lengths, self.origin, np.sign(self.goal - self.origin))
 
     def _set(self, path: Path, rows: Array | None, lengths: Array, s: float, sign: float) -> None:
@@ -317,8 +294,14 @@ class _Run:
                         return
                     continue
                 there = last
-            self._mark(here, there)
-            self._append(there)
+            index = self._index(there)
+            marks = self._marks(here, there, index)
+            if marks is None:
+                length /= 2
+                continue
+            self.marks += marks
+            self.points.append(there)
+            self.indices.append(index)
             if progress is not None:
                 progress(there.s, self._action(there), self.indices[-1])
             if beyond is not None:
@@ -348,7 +331,7 @@ class _Run:
         Near a conjugate point the size grows like 1 / (pole - s), whose inverse is a line.
         """
         before, now = self._size(here), self._size(there)
-        if now < POLE_SIZE or now <= before:
+        if now < self.pole_size or now <= before:
             return None
         left = (there.s - here.s) / (now / before - 1)
         ahead = self.goal if left * (self.goal - self.origin) > 0 else self.origin
@@ -415,91 +398,55 @@ class _Run:
         del self.points[-1], self.indices[-1]
         self._set(point.path.on(mesh), rows, lengths, point.s, sign)
 
-    def _mark(self, here: Point, there: Point) -> None:
-        """Locate what changed between two points."""
-        after = self._index(there)
-        before = self.indices[-1]
-        turned = here.direction[-1] * there.direction[-1] < 0
-        length = self._distance(here, there)
-        if turned:
-            found = self._locate(here, length, lambda p: p.direction[-1])
-            self._note("fold", found or there, before, after)
-        elif before != after:
-            for j in range(min(before, after), max(before, after)):
+    # -- what changes on the way ----------------------------------------------------------------
 
-                def sign(p: Point, j: int = j) -> float:
-                    if isinstance(p.tr, Bordered):
-                        return self._index(p) - j - 0.5
-                    return lowest(form(p.at), j + 1)[0][j]
-
-                found = self._locate(here, length, sign)
-                step = 1 if after > before else -1
-                low = j if step > 0 else j + 1
-                self._note("index", found or there, low, low + step)
+    def _marks(self, here: Point, there: Point, after: int) -> list[Mark] | None:
+        """Return what changes between two points; None if a shorter step is to tell."""
+        before, step = self.indices[-1], Step.between(self.branch, here, there)
+        short, changes = step.length < SHORTEST_TOLD, abs(after - before)
+        if not short and (step.hides_folds or (self.counting and step.turns and changes != 1)):
+            return None
+        marks: list[Mark] = []
+        if step.turns:
+            found = self._locate(here, step, lambda p: p.direction[-1])
+            along = None if found is None else Step.between(self.branch, here, found).length
+            if not short and (along is None or not step.turns_at(along)):
+                return None
+            marks.append(self._mark("fold", found or there, before, after))
+        else:
+            way = 1 if after > before else -1
+            for low in range(before, after, way):
+                j = min(low, low + way)
+                found = self._locate(here, step, partial(self._sign, j))
+                if not short and (found is None or self._is_fold(found, changes)):
+                    return None
+                marks.append(self._mark("index", found or there, low, low + way))
 
         problem = there.at.problem
         has_multipliers = self.counting and problem.closes and not problem.system.m
         if has_multipliers and _doubled(here) * _doubled(there) < 0:
-            found = self._locate(here, length, _doubled)
-            self._note("period doubling", found or there, before, after)
+            found = self._locate(here, step, _doubled)
+            marks.append(self._mark("period doubling", found or there, before, after))
+        return marks
 
-    def _note(self, kind, point: Point, before: int, after: int) -> None:
+    def _mark(self, kind, point: Point, before: int, after: int) -> Mark:
         sides = (before, after) if self.counting else (None, None)
-        self.marks.append(Mark(kind, point.s, point.path, *sides))
+        return Mark(kind, point.s, point.path, *sides)
 
-    def _distance(self, here: Point, there: Point) -> float:
-        """Return the arclength from one point to the other along the first one's direction."""
-        change = np.r_[there.z - here.z, there.s - here.s]
-        return self.branch.inner(here.tr, change, here.direction)
+    def _sign(self, j: int, point: Point) -> float:
+        """Return what is positive where the index is more than j, or less, and negative else."""
+        if isinstance(point.tr, Bordered):
+            return self._index(point) - j - 0.5
+        return lowest(form(point.at), j + 1)[0][j]
 
-    def _locate(
-        self, here: Point, length: float, function: Callable[[Point], float]
-    ) -> Point | None:
-        """Return the point within `length` of `here` at which `function` vanishes (Illinois).
+    def _is_fold(self, point: Point, changes: int) -> bool:
+        """Whether one of several changes of the index is at a fold."""
+        return changes > 1 and abs(point.direction[-1]) < LEVEL * self.branch.range
 
-        Where another branch crosses there, no step leads to it: it is interpolated.
-        """
-        far = self.branch.step(here, length)
-        if far is None:
-            return None
-        low, high = (0.0, here), (length, far[0])
-        at_low, at_high, side = float(function(here)), float(function(far[0])), 0
-        if at_low * at_high > 0:
-            return None
-        for _ in range(LOCATE_STEPS):
-            if at_low == 0 or high[0] - low[0] < LOCATED:
-                return low[1]
-            if at_high == 0:
-                return high[1]
-            a, b = low[0], high[0]
-            trial = (a * at_high - b * at_low) / (at_high - at_low)
-            trial = trial if a < trial < b else (a + b) / 2
-            taken, lost = self.branch.step(here, trial), False
-            if taken is None:
-                lost, aside = True, STEP_ASIDE * (b - a)
-                trial = trial - aside if trial - aside > a else trial + aside
-                taken = self.branch.step(here, trial)
-            if taken is None:
-                break
-            point, value = taken[0], float(function(taken[0]))
-            last = max(abs(at_low), abs(at_high))
-            if value * at_high > 0:
-                high, at_high = (trial, point), value
-                at_low = at_low / 2 if side == 1 else at_low
-                side = 1
-            else:
-                low, at_low = (trial, point), value
-                at_high = at_high / 2 if side == -1 else at_high
-                side = -1
-            if abs(value) <= 1e-13 * last:
-                return point
-            if lost:
-                break
-        at_low, at_high = float(function(low[1])), float(function(high[1]))
-        part = at_low / (at_low - at_high)
-        z = low[1].z + part * (high[1].z - low[1].z)
-        s = low[1].s + part * (high[1].s - low[1].s)
-        return Point(self.branch.at(s), z, s, low[1].direction)
+    def _locate(self, here: Point, step: Step, function) -> Point | None:
+        """Return the point of the step at which `function` vanishes; None if there is none."""
+        # So far does an imperfection as large as `tol` part the branches of a pitchfork.
+        return locate(self.branch, here, step.length, function, self.tol ** (1 / 3))
 
     def result(self) -> Trace:
         """Return what is known so far."""

@@ -1,0 +1,180 @@
+"""What changes between two neighbouring points of a branch, and where.
+
+On a branch (z, s) without branch points s turns, at a fold, where the index changes by one, and
+nowhere else: ds/dsigma and the determinant of the KKT matrix have one ratio that never vanishes
+(Allgower and Georg, *Numerical Continuation Methods* (1990), chapter 8). A step that shows more
+than one change, or the one without the other, is too long to tell what lies between.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from actionopt.discrete.arclength import Branch, Point
+from actionopt.discrete.path import Path
+
+LOCATED = 1e-12  # change of arclength that ends the search for a point
+LOCATE_STEPS = 60
+# From where a step fails to where it does not: how near it is tried first, and halvings; ad hoc.
+STEP_ASIDE, HALVINGS = 1e-3, 10
+# Of two folds, in the range of s: what lies nearer together is no pair. Ad hoc, far above what
+# `arclength.CLOSE` leaves in s, and at a cusp, where ds/dsigma touches zero, met in ten steps.
+FOLDS_APART = 1e-6
+# Of how far ds/dsigma bends within a step, the part that its cubic may be off; and of a step, how
+# far from where the cubic turns s may turn. Ad hoc.
+UNSURE_SLOPE, UNSURE_FOLD = 0.5, 0.1
+STRAIGHT_STEP = 0.95  # cosine of the angle between directions (18 degrees): short enough
+LEVEL = 1e-6  # ds/dsigma, of the range of s, that is zero at a point located to LOCATED; ad hoc
+
+
+@dataclass(frozen=True, eq=False)
+class Mark:
+    """A point of a branch where something changes.
+
+    Attributes
+    ----------
+    kind : {"fold", "index", "period doubling"}
+        Whether the branch turns back there, or only the index changes; or, of closed paths, a
+        multiplier passes -1: others branch off that close after two turns.
+    value : float
+        Of the varied quantity.
+    path : Path
+        The (degenerate) path there.
+    before, after : int or None
+        Index on either side, in the order of the trace.
+    """
+
+    kind: Literal["fold", "index", "period doubling"]
+    value: float
+    path: Path
+    before: int | None
+    after: int | None
+
+
+@dataclass(frozen=True)
+class Step:
+    """A step along a branch, as s shows it: a cubic with its values and slopes at both ends.
+
+    Attributes
+    ----------
+    length : float
+        Along the direction of the first point; s is in units of its range.
+    first, last : float
+        Slopes of s at the ends.
+    bend : float
+        By how much the slope in the middle is more than the mean of these.
+    """
+
+    length: float
+    first: float
+    last: float
+    bend: float
+
+    @classmethod
+    def between(cls, branch: Branch, here: Point, there: Point) -> Step:
+        """Return the step from one point of a branch to the next one."""
+        change = np.r_[there.z - here.z, there.s - here.s]
+        length = branch.inner(here.tr, change, here.direction)
+        first = here.direction[-1] / branch.range
+        last = there.direction[-1] / branch.range / branch.angle(here, there)
+        mean = change[-1] / branch.range / length
+        return cls(length, first, last, 1.5 * (mean - (first + last) / 2))
+
+    @property
+    def turns(self) -> bool:
+        """Whether s grows at one end and falls at the other."""
+        return self.first * self.last < 0
+
+    @property
+    def hides_folds(self) -> bool:
+        """Whether s may turn twice, though it goes the same way at both ends."""
+        towards_zero = self.bend * self.first < 0
+        if self.turns or not towards_zero or abs(self.bend) * self.length < FOLDS_APART:
+            return False
+        part = 0.5 + (self.last - self.first) / (8 * self.bend)
+        least = self._slope(part) * np.sign(self.first)
+        return 0 < part < 1 and least < UNSURE_SLOPE * abs(self.bend)
+
+    def turns_at(self, length: float) -> bool:
+        """Whether the cubic turns so far along, too, as it does where nothing is hidden."""
+        if abs(self.bend) * self.length < FOLDS_APART:
+            return True
+        near = (length / self.length + UNSURE_FOLD * np.array([-1.0, 1.0])).clip(0.0, 1.0)
+        return bool(self._slope(near[0]) * self._slope(near[1]) <= 0)
+
+    def _slope(self, part: float) -> float:
+        rise = self.last - self.first
+        return self.first + rise * part + 4 * self.bend * part * (1 - part)
+
+
+class Trial(NamedTuple):
+    """A point so far along a step, and the value of what vanishes somewhere on it."""
+
+    length: float
+    point: Point
+    value: float
+
+
+def locate(
+    branch: Branch, here: Point, length: float, function: Callable[[Point], float], gap: float
+) -> Point | None:
+    """Return the point within `length` of `here` at which `function` vanishes (Illinois).
+
+    Where another branch crosses there, no step leads to it: it is interpolated. None where steps
+    lead to another branch instead, farther away than `gap`.
+    """
+
+    def tried(length: float) -> Trial | None:
+        taken = branch.step(here, length)
+        return None if taken is None else Trial(length, taken[0], float(function(taken[0])))
+
+    low, high = Trial(0.0, here, float(function(here))), tried(length)
+    if high is None or low.value * high.value > 0:
+        return None
+    at_low, at_high, side = low.value, high.value, 0
+    for _ in range(LOCATE_STEPS):
+        a, b = low.length, high.length
+        last = max(abs(at_low), abs(at_high))
+        if b - a < LOCATED or min(abs(low.value), abs(high.value)) <= 1e-13 * last:
+            break
+        length = (a * at_high - b * at_low) / (at_high - at_low)
+        length = length if a < length < b else (a + b) / 2
+        trial = tried(length)
+        if trial is None:
+            low, high = (_beside(tried, length, end) for end in (low, high))
+            break
+        if trial.value * high.value > 0:
+            at_low = at_low / 2 if side == 1 else at_low
+            high, at_high, side = trial, trial.value, 1
+        else:
+            at_high = at_high / 2 if side == -1 else at_high
+            low, at_low, side = trial, trial.value, -1
+    apart = np.r_[high.point.z - low.point.z, high.point.s - low.point.s]
+    if branch.norm(here.tr, apart) > (high.length - low.length) / STRAIGHT_STEP + gap:
+        return None
+    part = low.value / (low.value - high.value)
+    z = low.point.z + part * (high.point.z - low.point.z)
+    s = low.point.s + part * (high.point.s - low.point.s)
+    return Point(branch.at(s), z, s, low.point.direction)
+
+
+def _beside(tried: Callable[[float], Trial | None], lost: float, end: Trial) -> Trial:
+    """Return the nearest point, on the side of `end`, to where no step leads.
+
+    Right beside a branch point as a rule, else by bisection.
+    """
+    length = lost + STEP_ASIDE * (end.length - lost)
+    for k in range(HALVINGS):
+        found = tried(length)
+        if found is None or found.value * end.value <= 0:
+            lost = length
+        elif k == 0:
+            return found
+        else:
+            end = found
+        length = (lost + end.length) / 2
+    return end
