@@ -192,3 +192,14 @@ def test_a_jump_of_the_refractive_index_is_named_at_once():
         ao.solve(problem)
     assert error.value.solution.status is ao.Status.JUMP
     assert error.value.solution.stats["iterations"] == {}
+
+
+@pytest.mark.parametrize("end", [[-1, 0.1], [-1, 0.3]])
+def test_no_path_has_a_negative_length(end):
+    """A wind faster than the ship leaves no way against it; with it there is one."""
+    gale = ao.System.geodesic(wind, ["x", "y"], parameters={"w": 1.2})
+    against = ao.Problem(gale, ao.Event(0, [0, 0]), ao.Event(1, end))
+    with pytest.raises(ao.SolveError, match="expected a length that is not negative") as found:
+        ao.solve(against)
+    assert found.value.solution.status is ao.Status.NOT_FOUND
+    assert ao.solve(against.replace(end=ao.Event(1, [1, 0.2]))).length > 0

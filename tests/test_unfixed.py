@@ -258,6 +258,12 @@ def test_one_coordinate_in_a_well_needs_no_guess(start):
             ao.solve(problem.replace(energy=energy))
 
 
+def test_one_coordinate_that_no_wall_turns_back_closes_nowhere():
+    hollow = ao.System(lambda q, v, t: v[0] ** 2 / 2 + np.exp(-(q[0] ** 2)), ["x"])
+    with pytest.raises(ValueError, match=r"bound at that energy, 0\.5"):
+        ao.solve(ao.Problem(hollow, free(0.0, [None]), ao.Periodic(None), energy=0.5))
+
+
 @pytest.mark.parametrize("sign", [1, -1])
 def test_one_coordinate_that_turns_needs_no_guess(sign):
     """T = 2 k K(k), k^2 = 2 / (E + 1): a pendulum over the top, g = l = 1."""

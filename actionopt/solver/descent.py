@@ -61,7 +61,7 @@ def descend(tr: Transcription, z: Array) -> Descended:
         while count < DESCENT_STEPS and np.abs(z).max() < RUNAWAY:
             farthest = DESCENT_REACH * max(1.0, float(np.abs(z).max()))
             H, K = tr.kkt(z), tr.kinetic(z)
-            if not np.all(np.isfinite(H)):
+            if not (np.isfinite(H).all() and np.isfinite(K).all()):
                 break
             while not (factors := Factors(tr.layout, H + mu * K if mu else H)).definite():
                 mu = max(RAISE_MU * mu, FIRST_MU)

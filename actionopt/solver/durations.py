@@ -109,7 +109,7 @@ def well(problem: Problem) -> Array | None:
         return None
     k = int(np.argmin(np.where(inside, np.abs(x - centre), np.inf)))
     walls = np.flatnonzero(~inside)
-    if not (walls[0] < k < walls[-1]):
+    if not (walls.size and walls[0] < k < walls[-1]):
         return None
     ends = []
     for wall, step in ((walls[walls < k][-1], 1), (walls[walls > k][0], -1)):

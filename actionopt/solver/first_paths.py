@@ -31,6 +31,7 @@ from actionopt.solver.ladder import COARSE_DEGREE
 from actionopt.solver.refine import ROUNDS
 from actionopt.solver.workspace import ROUGHLY
 from actionopt.tools.types import Array
+from actionopt.tools.watch import Watch
 
 # Ad hoc.
 FIRST_ELEMENTS = 4
@@ -59,6 +60,8 @@ class FirstPaths:
     tol : float
     solve : callable
         `actionopt.solve`, for paths over given durations.
+    watch : Watch or None
+        Of the search for which they are.
     hint : str
         What to add to the verdict: how low the energy gets.
     merged : bool
@@ -70,6 +73,7 @@ class FirstPaths:
     problem: Problem
     tol: float
     solve: Callable[..., Solution]
+    watch: Watch | None = None
     hint: str = ""
     merged: bool = False
     refused: ValueError | None = None
@@ -254,6 +258,7 @@ class FirstPaths:
         if near is not None:
             mesh = near.mesh.moved(fixed.start.t, fixed.end.t)
             tr = Transcription(fixed, mesh, near.tr.lengths)
+            tr.watch = self.watch
             result = follow(tr, tr.pack(near.Q, np.nan_to_num(near.rows)))
             at = DiscretePath(tr, result.z)
             if not result.converged:

@@ -25,9 +25,10 @@ from actionopt.solver.first_mesh import fewest, paced, planned
 from actionopt.solver.iterate import Iterate, sizes
 from actionopt.solver.meeting import meetings
 from actionopt.solver.refine import refine, solve_on
+from actionopt.solver.signals import LEADS_NOWHERE
 from actionopt.solver.window import graded, step
 from actionopt.solver.workspace import LARGE_SIZE, ROUGHLY, Workspace
-from actionopt.tools.watch import OutOfTime, Spent, Watch
+from actionopt.tools.watch import OutOfTime, Watch
 
 UNSOLVED = (Status.NOT_FOUND, Status.UNRESOLVED, Status.DEGENERATE)
 REACHED = (Status.SOLVED, Status.FLOOR)
@@ -239,7 +240,7 @@ class Meeting(Rung):
         first = ws.iterate
         try:
             status = self._met(search)
-        except Spent:
+        except LEADS_NOWHERE:
             ws.iterate = first
             raise
         if status is Status.NOT_FOUND:  # motions drawn at random are nothing to go on from
@@ -411,14 +412,14 @@ class Search:
         """Try the rungs in turn until one leads to a path that can be refined."""
         status, large = Status.NOT_FOUND, self._large
         for rung in self._priced(sorted(ladder, key=lambda rung: large and rung.lengthy)):
-            if not rung.applies(self):
-                continue
-            if rung.price >= DEAR:
-                self._limit(rung.price)
-            self.begin(rung.name, rung.minimises)
             try:
+                if not rung.applies(self):  # which may take second derivatives
+                    continue
+                if rung.price >= DEAR:
+                    self._limit(rung.price)
+                self.begin(rung.name, rung.minimises)
                 status = rung.attempt(self)
-            except Spent:
+            except LEADS_NOWHERE:
                 status = Status.NOT_FOUND
                 if self._spent:
                     break
@@ -438,12 +439,12 @@ class Search:
         return self._refine_saddle() if self.principle == "auto" else status
 
     def _limit(self, price: int) -> None:
-        """Let what is tried from now on cost no more than `PURSE`, where no time is given.
+        """Let what is tried from now on cost no more than `PURSE`, where ways have a price.
 
         With a saddle in hand no more than the price of the way.
         """
         watch = self.ws.watch = self.ws.watch or Watch(None, None)
-        if watch.end is not None or self.curved:
+        if not watch.priced or self.curved:
             return
         if self.purse == math.inf:
             self.purse = watch.evaluated + PURSE
@@ -455,7 +456,8 @@ class Search:
     def _spent(self) -> bool:
         """Whether nothing is left, and not only what one way may cost."""
         watch = self.ws.watch
-        assert watch is not None
+        if watch is None:
+            return False
         spent = watch.evaluated > self.purse
         watch.most = math.inf if spent else self.purse
         return spent

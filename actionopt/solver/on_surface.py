@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
-from itertools import chain, islice
+from itertools import islice
 from typing import Any, Literal
 
 import numpy as np
@@ -34,7 +34,7 @@ from actionopt.solver.first_paths import (
 from actionopt.solver.ladder import COARSE_DEGREE
 from actionopt.solver.unfixed import APPROACHES, solve_unfixed
 from actionopt.tools.types import Array
-from actionopt.tools.watch import Watch
+from actionopt.tools.watch import OutOfTime, Watch
 
 # Ad hoc.
 APART = 1e-6  # of the coordinates' sizes: points nearer to one another are one
@@ -61,21 +61,30 @@ def solve_on_surface(
     index.
     """
     options: Any = (principle, watch)
-    quick = [guess] if guess is not None else islice(firsts(problem, solve, tol), TRIED)
-    starts = chain(((False, x) for x in quick), ((True, x) for x in _thorough(problem, solve)))
-    best, rung = None, {} if guess is not None else {"rung": "surface"}
-    for slow, first in starts:
-        done = guess is not None or watch is not None or (best is not None and best[0] < np.inf)
-        if slow and done:  # nobody watches how long all ways to a point take
-            break
-        solution, hint = solve_unfixed(problem, solve, tol, first, *options, thorough=thorough)
-        found = _judged(replace(solution, stats=solution.stats | rung), hint)
-        rank = np.inf if not found[0].success else 0 if principle == "stationary" else _index(found)
-        if best is None or rank < best[0]:
-            best = rank, found
-        if not best[0] or (watch is not None and watch.raised is not None):
-            break
-    return best[1] if best else solve_unfixed(problem, solve, tol, guess, *options)
+    if guess is not None:
+        found = solve_unfixed(problem, solve, tol, guess, *options, thorough=thorough)
+        return _judged(*found)
+    best = None
+    try:
+        quick = islice(firsts(problem, solve, tol, watch=watch), TRIED)
+        for starts in (quick, _thorough(problem, solve)):
+            for first in starts:
+                path, hint = solve_unfixed(problem, solve, tol, first, *options, thorough=thorough)
+                found = _judged(replace(path, stats=path.stats | {"rung": "surface"}), hint)
+                rank = np.inf
+                if found[0].success:
+                    rank = 0 if principle == "stationary" else _index(found)
+                if best is None or rank < best[0]:
+                    best = rank, found
+                if not best[0]:
+                    return found
+            if best is not None and best[0] < np.inf:
+                return best[1]
+    except OutOfTime:  # on the way to a first path
+        if best is None or best[0] == np.inf:
+            path, _ = best[1] if best else solve_unfixed(problem, solve, tol, None, *options)
+            return replace(path, status=Status.OUT_OF_TIME), ""
+    return best[1] if best else solve_unfixed(problem, solve, tol, None, *options)
 
 
 def _judged(solution: Solution, hint: str) -> tuple[Solution, str]:
@@ -102,6 +111,7 @@ def firsts(
     solve: Callable[..., Solution],
     tol: float,
     directions: Array | None = None,
+    watch: Watch | None = None,
 ) -> Iterator[Path]:
     """Yield paths to points on the surfaces, that of the least straight line first.
 
@@ -109,10 +119,11 @@ def firsts(
     """
     for k, (fixed, first) in enumerate(points(problem, directions)):
         if fixed.free_time:
-            near = FirstPaths(fixed, tol, solve).near()
+            near = FirstPaths(fixed, tol, solve, watch).near()
             yield from (at.path for at in islice(near, None if k < ALL_DURATIONS else 1))
             continue
         tr = Transcription(fixed, first.mesh, fixed.lengths)
+        tr.watch = watch
         found = approach(tr, tr.pack(first.values.T), APPROACHES)
         yield first if found is None else DiscretePath(tr, found[0]).polished().path
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from time import perf_counter
 from typing import Literal, Never
 
@@ -31,6 +32,7 @@ from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF
 from actionopt.solver.ladder import BRIEF, COARSE_DEGREE, IPOPT, LADDER, LINEAR, NEAR, Rung, Search
 from actionopt.solver.obstacle import Along, along
 from actionopt.solver.on_surface import solve_on_surface
+from actionopt.solver.signals import SIGNALS, status_of
 from actionopt.solver.unfixed import solve_unfixed
 from actionopt.solver.verdict import solution_of
 from actionopt.solver.workspace import Workspace
@@ -116,11 +118,7 @@ def solve(
         raise ValueError(f"expected method 'auto' or 'ipopt', found {method!r}")
     watch = None if seconds is progress is None else Watch(seconds, progress)
     choices = Choices(tol, principle, LADDERS[method], mesh, watch)
-    solution, message = _asked(problem, guess, choices)
-    fixed = mesh is not None or problem.system.r > 0
-    timed = not (fixed or problem.unfixed or solution.problem.has_tails)
-    if timed and (solution.status in DWELT or _is_at_rest(solution)):
-        solution, message = _dwelling(problem, guess, choices, solution, message)
+    solution, message = _answered(problem, guess, choices)
     if throw and not solution.success:
         raise SolveError(message, solution)
     return solution
@@ -149,8 +147,49 @@ class Choices:
     watch: Watch | None
 
 
+def _answered(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[Solution, str]:
+    """Return the path, and the verdict with its figures; of a path that dwells, that it does."""
+    solution, message = _asked(problem, guess, choices)
+    fixed = choices.mesh is not None or problem.system.r > 0
+    timed = not (fixed or problem.unfixed or solution.problem.has_tails)
+    if timed and (solution.status in DWELT or _is_at_rest(solution)):
+        return _dwelling(problem, guess, choices, solution, message)
+    return solution, message
+
+
+def _on_the_way(
+    outer: Watch | None,
+    problem: Problem,
+    *,
+    tol: float,
+    guess: Guess | None = None,
+    throw: Literal[False],
+) -> Solution:
+    """Return what `solve` does, in the time that is left for a search that needs it on its way.
+
+    Raises OutOfTime if none is.
+    """
+    watch = None if outer is None else Watch(None, None, outer)
+    found, _ = _answered(problem, guess, Choices(tol, "auto", LADDER, None, watch))
+    if found.status is Status.OUT_OF_TIME:
+        raise OutOfTime
+    return found
+
+
 def _asked(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[Solution, str]:
-    """Return the path, and the verdict with its figures."""
+    """Return the path, and the verdict with its figures: a negative length is no geodesic's."""
+    solution, message = _of_its_kind(problem, guess, choices)
+    if problem.system.F is not None and solution.success:
+        try:
+            _ = solution.length
+        except ValueError as error:
+            message = f"{problem.name}: {Status.NOT_FOUND.value}; {error}"
+            solution = replace(solution, status=Status.NOT_FOUND, error=np.inf)
+    return solution, message
+
+
+def _of_its_kind(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[Solution, str]:
+    """Return the path of a question of any kind, and the verdict with its figures."""
     if problem.unfixed:
         timed = problem.asked is not None
         if timed and callable(guess) and not isinstance(guess, (Path, Solution)):
@@ -231,16 +270,16 @@ def _solved(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[So
             search.ws, status = along(ws, tol, curve_of)
         else:
             status = _found(search, guess, curve_of)
-    except OutOfTime:
+        search.ws.here.tr.watch = None  # a verdict is not left half done
+        if (principle == "least" or system.r) and status.success and search.ws.here.index > 0:
+            status = Status.UNBOUNDED if search.ws.linear else Status.NOT_LEAST
+    except SIGNALS as signal:
         search.ws.stop()
         search.ws.hint = f"tried: {', '.join(dict.fromkeys(search.tried))}"
-        status = Status.OUT_OF_TIME
+        status = status_of(signal)
     ws = search.ws
-    ws.here.tr.watch = None  # a verdict is not left half done
     if watch is not None and watch.raised is not None and not isinstance(watch.raised, OutOfTime):
         raise watch.raised
-    if (principle == "least" or system.r) and status.success and ws.here.index > 0:
-        status = Status.UNBOUNDED if ws.linear else Status.NOT_LEAST
     solution = solution_of(ws, status, search.found_by, started)
     if suspected(ws, status):
         solution = judged(ws, solution)
@@ -306,10 +345,14 @@ def _in_windows(problem: Problem, guess: Guess | None, choices: Choices) -> tupl
     while True:
         solution, message = _solved(here.problem, here.guess, inner)
         factors, below = window.factored(solution), None
-        if solution.status in LOST and problem.system.n <= window.FEW:
-            below = window.down(here)
-        elif here.guess is None and factors is not None and inner.principle != "stationary":
-            below = window.lower(solution, factors)
+        try:
+            if solution.status in LOST and problem.system.n <= window.FEW:
+                below = window.down(here, choices.watch)
+            elif here.guess is None and factors is not None and inner.principle != "stationary":
+                below = window.lower(solution, factors, choices.watch)
+        except OutOfTime:
+            solution = replace(solution, status=Status.OUT_OF_TIME)
+            message = f"{problem.name}: {solution.status.value} (tol = {choices.tol:g})"
         if below is not None:
             solution, message = _solved(here.problem, below, inner)
             factors = window.factored(solution)
@@ -376,7 +419,8 @@ def _unfixed(
     tol, principle, watch = choices.tol, choices.principle, choices.watch
     thorough = choices.ladder is not NEAR
     way = solve_on_surface if problem.on_surface else solve_unfixed
-    solution, hint = way(problem, solve, tol, guess, principle, watch, thorough=thorough)
+    first = partial(_on_the_way, watch)
+    solution, hint = way(problem, first, tol, guess, principle, watch, thorough=thorough)
     figures = f"tol = {tol:g}, error estimate {solution.error:.2g}"
     hint = f"; {hint}" if hint else ""
     return solution, f"{problem.name}: {solution.status.value} ({figures}){hint}"

@@ -36,6 +36,7 @@ from actionopt.solver.first_paths import (
 from actionopt.solver.iterate import SAFETY, UNKNOWN_GAIN, Iterate, measured
 from actionopt.solver.preflight import check
 from actionopt.solver.refine import refine
+from actionopt.solver.signals import SIGNALS, status_of
 from actionopt.solver.verdict import solution_of
 from actionopt.solver.workspace import VERDICT_MESH, Workspace, alike
 from actionopt.tools.types import Array
@@ -388,7 +389,7 @@ def solve_unfixed(
     With `thorough`, also on a mesh that represents the guess better, and by damped steps.
     """
     started = perf_counter()
-    run, first = Unfixed(problem, tol=tol, watch=watch), FirstPaths(problem, tol, solve)
+    run, first = Unfixed(problem, tol=tol, watch=watch), FirstPaths(problem, tol, solve, watch)
     if isinstance(guess, Solution) and guess.success:
         run.gain = guess.stats.get("gain", run.gain)  # a neighbour is as sensitive
     status, known = Status.NOT_FOUND, False
@@ -408,8 +409,8 @@ def solve_unfixed(
                 break
         if guess is not None and not status.success and run.in_family(guess, thorough=thorough):
             status = Status.DEGENERATE
-    except OutOfTime:
-        status = Status.OUT_OF_TIME
+    except SIGNALS as signal:
+        status = status_of(signal)
         run.stop()
     if watch is not None and watch.raised is not None and not isinstance(watch.raised, OutOfTime):
         raise watch.raised

@@ -33,6 +33,7 @@ from actionopt.solver.descent import descend
 from actionopt.solver.iterate import sizes
 from actionopt.tools.checks import COARSEST, numbers
 from actionopt.tools.types import Array
+from actionopt.tools.watch import Watch
 
 # Ad hoc, where nothing else is said.
 CORE = 4.0  # e-foldings of a window besides those of its tail: the path is somewhere, too
@@ -90,7 +91,10 @@ class Window:
             q = Q[k]
             eta = q - known.q
             v = known.rates @ eta
-            a = problem.system.acceleration(q, v, event.t, parameters=problem.parameters)
+            try:
+                a = problem.system.acceleration(q, v, event.t, parameters=problem.parameters)
+            except np.linalg.LinAlgError:  # the mass matrix is singular so far from rest
+                a = np.full(q.shape, np.inf)
             off = a - known.rates @ v
             left = float((np.abs(off) / known.slow**2 / size).max())
             moved = left
@@ -236,16 +240,19 @@ def longer(window: Window, solution: Solution, edges: list[Edge], tol: float) ->
     return Window(wider, _carried(solution, solution.mesh, wider))
 
 
-def down(window: Window) -> Path | None:
+def down(window: Window, watch: Watch | None) -> Path | None:
     """Return a least path that the action leads down to from the guess, or from the line."""
     problem = window.problem
     mesh = bounded(
         Mesh.uniform(problem.start.t, problem.end.t, DOWN_ELEMENTS, DOWN_DEGREE), problem.boundaries
     )
     tr = Transcription(problem, mesh, problem.lengths)
+    tr.watch = watch
     Q = tr.straight() if window.guess is None else window.guess(mesh.nodes).T
-    found = descend(tr, tr.pack(Q))
-    return DiscretePath(tr, found.z).path if found.found else None
+    with suppress(np.linalg.LinAlgError):  # not finite
+        found = descend(tr, tr.pack(Q))
+        return DiscretePath(tr, found.z).path if found.found else None
+    return None
 
 
 def factored(solution: Solution) -> Factors | None:
@@ -256,7 +263,7 @@ def factored(solution: Solution) -> Factors | None:
     return None
 
 
-def lower(solution: Solution, factors: Factors) -> Path | None:
+def lower(solution: Solution, factors: Factors, watch: Watch | None) -> Path | None:
     """Return a least path that the action leads down to from a saddle, or None.
 
     A straight line between equilibria may be a trap, where symmetry keeps every path on it.
@@ -269,10 +276,12 @@ def lower(solution: Solution, factors: Factors) -> Path | None:
         t = at.mesh.nodes
         values, away = solution.path(t), eta(t)
         size = np.max(np.abs(values)) / np.max(np.abs(away))
+        tr = at.tr.between(solution.problem)  # a solution's own is not watched
+        tr.watch = watch
         for part in ASIDE:
-            found = descend(at.tr, at.tr.pack((values + part * size * away).T))
+            found = descend(tr, tr.pack((values + part * size * away).T))
             if found.found:
-                return DiscretePath(at.tr, found.z).path
+                return DiscretePath(tr, found.z).path
     return None
 
 

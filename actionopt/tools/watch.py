@@ -29,14 +29,20 @@ class Watch:
     progress : callable or None
         `progress(how, elements, iterations)`, called each time.
 
+    outer : Watch, optional
+        Of the search that this one is a part of: its time is that of both.
+
     Raises
     ------
     ValueError
         If the time is no positive number.
     """
 
-    def __init__(self, seconds: float | None, progress: Progress | None) -> None:
-        self.end: float | None = None
+    def __init__(
+        self, seconds: float | None, progress: Progress | None, outer: Watch | None = None
+    ) -> None:
+        self.outer = outer
+        self.end: float | None = None if outer is None else outer.end
         self.since, self.evaluated = 0.0, 0  # from the first derivatives on
         self.most = math.inf  # elements evaluated, after which `Spent` is raised
         if seconds is not None:
@@ -47,7 +53,17 @@ class Watch:
         if progress is not None and not callable(progress):
             raise ValueError(f"expected progress(how, elements, iterations), found {progress!r}")
         self.progress, self.how, self.iterations = progress, "", 0
-        self.raised: BaseException | None = None  # by progress: nobody on the way may take it
+        self._raised: BaseException | None = None  # by progress: nobody on the way may take it
+
+    @property
+    def raised(self) -> BaseException | None:
+        """What `progress` raised."""
+        return self._raised if self.outer is None else self.outer.raised
+
+    @property
+    def priced(self) -> bool:
+        """Whether ways have a price: those of a search whose time is given have that."""
+        return self.end is None or self.outer is not None
 
     def __call__(self, elements: int) -> None:
         """Count second derivatives on so many elements, and look."""
@@ -58,14 +74,17 @@ class Watch:
 
     def look(self, elements: int) -> None:
         """Raise OutOfTime, or report, when it is time to."""
+        if self.outer is not None:
+            self.outer.how = self.how
+            self.outer.look(elements)
         self.iterations += 1
-        if self.raised is not None:
+        if self._raised is not None:
             raise OutOfTime
         if self.progress is not None:
             try:
                 self.progress(self.how, elements, self.iterations)
             except BaseException as error:
-                self.raised = error
+                self._raised = error
                 raise
         if self.end is not None and perf_counter() > self.end:
             raise OutOfTime

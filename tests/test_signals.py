@@ -1,0 +1,159 @@
+"""What ends a search from within is a verdict: prices paid, time used up, singular matrices."""
+
+import numpy as np
+import pytest
+
+import actionopt as ao
+from actionopt.discrete.factors import Factors
+from actionopt.solver import ladder
+from actionopt.solver.solve import LADDERS, solve_near
+from actionopt.tools.watch import OutOfTime, Spent, Watch
+
+PENDULUM = ao.System(lambda q, v, t: v[0] ** 2 / 2 + 9.81 * np.cos(q[0]), ["theta"])
+KEPLER = ao.System(lambda q, v, t: v @ v / 2 + 1 / np.sqrt(q @ q), ["x", "y"])
+BEAD = ao.System(
+    lambda q, v, t: v @ v / 2 - 9.81 * q[1], ["x", "y"], constraint=lambda q, t: (q @ q - 1) / 2
+)
+DISC = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"], obstacle=lambda q, t: q @ q - 1)
+KINK = ao.System(lambda q, v, t: v[0] ** 2 / 2 + (q[0] ** 2 - 1) ** 2 / 4, ["phi"])
+CENTRE = ao.System(lambda q, v, t: v[0] ** 2 / 2 + 1 / np.sqrt(abs(q[0])), ["x"])
+LEAP = ao.System.geodesic(
+    lambda q, v: (1.25 - 0.25 * abs(q[0]) / q[0]) * np.sqrt(v @ v), ["x", "y"]
+)
+
+
+def circle(q, t):
+    return q @ q - 4
+
+
+QUESTIONS = {
+    "events": ao.Problem(PENDULUM, ao.Event(0, [0.3]), ao.Event(3, [2.0])),
+    "constraint": ao.Problem(BEAD, ao.Event(0, [0, -1]), ao.Event(1, [1, 0])),
+    "obstacle": ao.Problem(DISC, ao.Event(0, [-2, 0.1]), ao.Event(1, [2, 0.2])),
+    "energy": ao.Problem(KEPLER, ao.Event(0, [1, 0]), ao.Event(None, [-0.5, 0.8]), energy=-0.3),
+    "closed": ao.Problem(PENDULUM, ao.Event(0, [None]), ao.Periodic(None), energy=-5.0),
+    "surface": ao.Problem(KEPLER, ao.Event(0, [1, 0.0]), ao.Event(3, None, on=circle)),
+    "surface, energy": ao.Problem(
+        KEPLER, ao.Event(0, [1, 0.0]), ao.Event(None, None, on=circle), energy=0.2
+    ),
+    "infinite": ao.Problem(KINK, ao.Event(-np.inf, [-1]), ao.Event(np.inf, [1])),
+    "half": ao.Problem(KINK, ao.Event(0, [0.2]), ao.Event(np.inf, [1])),
+}
+QUICK = ("events", "infinite")
+ALL = pytest.mark.parametrize(
+    "name", [pytest.param(x, marks=[] if x in QUICK else [pytest.mark.slow]) for x in QUESTIONS]
+)
+
+
+class Dead(ladder.Rung):
+    """A way that ends in a signal: where it is asked whether it applies, or where it is tried."""
+
+    signal: Exception
+    applying = False
+
+    def applies(self, search):
+        if self.applying:
+            raise self.signal
+        return True
+
+    def seek(self, ws):
+        raise self.signal
+
+
+@pytest.mark.parametrize("applying", [True, False])
+@pytest.mark.parametrize("signal", [Spent(), np.linalg.LinAlgError()])
+def test_a_way_that_leads_nowhere_is_followed_by_the_next(monkeypatch, signal, applying):
+    monkeypatch.setattr(Dead, "signal", signal, raising=False)
+    monkeypatch.setattr(Dead, "applying", applying)
+    monkeypatch.setitem(LADDERS, "auto", (Dead("dead", (4,)), *ladder.LADDER))
+    assert ao.solve(QUESTIONS["events"]).success
+    monkeypatch.setitem(LADDERS, "auto", (Dead("dead", (4,)),))
+    assert ao.solve(QUESTIONS["events"], throw=False).status is ao.Status.NOT_FOUND
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "problem",
+    [
+        ao.Problem(CENTRE, ao.Event(0, [-1.0]), ao.Event(1, [1.0])),
+        ao.Problem(LEAP, ao.Event(0, [-1, 0]), ao.Event(1, [1, 0])),
+    ],
+)
+def test_whether_a_way_applies_takes_derivatives(problem):
+    """Which may be more than their price, or not finite."""
+    with pytest.raises(ao.SolveError):
+        ao.solve(problem)
+
+
+def counting(monkeypatch, number, at):
+    """Call `at` before each factorization from the one with that number on; return their count."""
+    count, real = [0], Factors.__init__
+
+    def init(self, *given, **named):
+        count[0] += 1
+        if count[0] >= number:
+            at()
+        real(self, *given, **named)
+
+    monkeypatch.setattr(Factors, "__init__", init)
+    return count
+
+
+def singular():
+    raise np.linalg.LinAlgError("the matrix is not finite")
+
+
+@ALL
+@pytest.mark.parametrize("first", [2, pytest.param(1, marks=pytest.mark.slow)])
+def test_singular_matrices_end_in_a_verdict(monkeypatch, name, first):
+    problem = QUESTIONS[name]
+    monkeypatch.setattr(ladder, "PURSE", 1000)
+    with monkeypatch.context() as broken:
+        counting(broken, first, singular)
+        found = ao.solve(problem, throw=False)
+        near = solve_near(problem, found, 1e-8)
+    assert isinstance(found.status, ao.Status)
+    assert isinstance(near.status, ao.Status)
+
+
+def late_factorizations(monkeypatch, problem, last, **options):
+    """Return how many there are after the time, which is up at number `last`; and the solution."""
+    now = [0.0]
+    count = counting(monkeypatch, last, lambda: now.__setitem__(0, 1e9))
+    monkeypatch.setattr("actionopt.tools.watch.perf_counter", lambda: now[0])
+    found = ao.solve(problem, seconds=1.0, throw=False, **options)
+    return count[0] - last, found
+
+
+@ALL
+@pytest.mark.parametrize("last", [1, 3])
+def test_nothing_is_sought_once_the_time_is_up(monkeypatch, name, last):
+    """First paths included: they are solutions of other problems, in the same time.
+
+    A descent tries a few damped matrices of one second derivative, and a verdict takes another.
+    """
+    late, found = late_factorizations(monkeypatch, QUESTIONS[name], last)
+    assert late <= 10
+    assert found.success or found.status is ao.Status.OUT_OF_TIME
+
+
+def test_a_guess_is_worth_no_search_of_its_own(monkeypatch):
+    """Where nothing is near a guess, no other first path to the surface is made."""
+    spring = ao.System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2, ["x"])
+    end = ao.Event(np.pi, None, on=lambda q, t: q[0] - 1)  # conjugate to the start
+    monkeypatch.setattr("actionopt.solver.on_surface.points", None)
+    found = ao.solve(ao.Problem(spring, ao.Event(0, [0]), end), guess=[[0, 1]], throw=False)
+    assert not found.success
+
+
+def test_parts_of_a_search_have_a_price_of_their_own_and_its_time():
+    told = []
+    outer = Watch(100.0, lambda how, elements, count: told.append(how))
+    inner = Watch(None, None, outer)
+    inner.how = "newton"
+    inner(8)
+    assert inner.priced and not outer.priced
+    assert (inner.evaluated, outer.evaluated, inner.end, told) == (8, 0, outer.end, ["newton"])
+    outer.end = 0.0
+    with pytest.raises(OutOfTime):
+        inner(8)
