@@ -11,6 +11,7 @@ from scipy.special import ellipj, ellipk, ellipkinc
 import actionopt as ao
 from actionopt import plot, scenes
 from actionopt.discrete.bordered import Bordered
+from actionopt.solver.unfixed import Unfixed
 
 G = 9.81
 
@@ -131,6 +132,39 @@ def test_all_paths_to_a_free_end_of_a_clock():
     roots = (Tv**2 / 2 - np.polynomial.Polynomial([0.0, 0.0, 0.0, 1.0])).roots()
     roots = np.sort(roots[(abs(roots.imag) < 1e-9) & (roots.real > 0)].real)
     assert sorted(path.duration for path in paths) == pytest.approx(roots, abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    "L, start, end",
+    [
+        (lambda q, v, t: v[0] ** 2 / 2 + 1 / q[0], [1.0], [0.0]),  # a fall onto the pole
+        (lambda q, v, t: v[0] ** 2 / 2 + 1 / q[0], [0.0], [1.0]),
+        (lambda q, v, t: v[0] ** 2 / 2 - q @ q / 2, [1.0, 0.0], [0.0, 1.0]),  # without mass
+    ],
+)
+def test_what_is_no_question_between_given_times_is_none_of_a_given_energy(L, start, end):
+    system = ao.System(L, ["x", "y"][: len(start)])
+    with pytest.raises(ValueError, match="expected a") as raised:
+        ao.solve(ao.Problem(system, ao.Event(0.0, start), ao.Event(1.1, end)))
+    timed = ao.Problem(system, ao.Event(0.0, start), ao.Event(None, end), energy=2.0)
+    for guess in (None, np.linspace(start, end, 3).T):
+        with pytest.raises(ValueError, match="expected a") as again:
+            ao.solve(timed, guess=guess)
+        assert str(again.value) == str(raised.value)
+
+
+def test_the_round_off_of_late_times_counts_where_one_is_free():
+    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 + 0.3 * q[0] * np.cos(30 * t), ["x"])
+
+    def moved(t0):
+        problem = ao.Problem(system, ao.Event(t0, [1.0]), ao.Event(None, [0.5]), energy=0.7)
+        run = Unfixed(problem, tol=1e-8)
+        mesh = ao.Mesh.uniform(t0, t0 + 0.4, 4, 10)
+        run.transcribe(mesh, ao.Path(mesh, np.linspace([1.0], [0.5], 41).T))
+        return run.here.misread()
+
+    assert moved(0.0) == 0.0
+    assert 1e-13 < moved(1e6) < 1e-7  # eps t is 1e-10
 
 
 def test_what_does_not_fit_is_refused():
