@@ -29,6 +29,7 @@ from actionopt.mechanics.events import State, Tail
 from actionopt.mechanics.held import Held, arcs_of
 from actionopt.mechanics.obstacle import Arc
 from actionopt.mechanics.problem import NEGLIGIBLE, Problem
+from actionopt.tools.checks import numbers
 from actionopt.tools.types import Array
 
 IN_CONTACT = ("acceleration", "multipliers", "constraint_force", "contact_force")
@@ -223,7 +224,7 @@ class Solution:
 
     def _beyond(self, t: ArrayLike, derivatives: int) -> Array:
         """Return q or v at times of which some may be beyond a window, (n, *t.shape)."""
-        times = np.asarray(t, dtype=float)
+        times = numbers(t, "the times")
         flat, problem = times.ravel(), self.problem
         low, high = (
             t if isinstance(event, Tail) else away

@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from actionopt.analysis.solution import Solution
 
 FILE_HELP = """\
-A file of your own is plain Python that defines `problem` (or `scene`): a Problem, a Scene, or a
-function of keyword parameters that returns one. --set overrides physical parameters of the first
-two and passes keywords to the last.
+A file of your own is plain Python that defines `problem` or `scene`: a Problem, a Scene, or a
+function of keyword parameters that returns one. Of both names `scene` is taken. --set overrides
+physical parameters of the first two and passes keywords to the last.
 
   actionopt solve pendulum --set g=1.62 --plot pendulum.png
   actionopt solve kepler --tol 1e-12 --json

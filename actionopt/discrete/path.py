@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt.discrete.mesh import Mesh
+from actionopt.tools.checks import numbers
 from actionopt.tools.types import EPS, Array
 
 # A time that a user computes from the ends in a few operations may miss them by some spacings.
@@ -119,7 +120,7 @@ class Path:
 
     def _evaluate(self, values: Array, derivatives: int, t: ArrayLike) -> Array:
         """Evaluate nodal values (n, nodes), or a derivative of them, at times t: (n, *t.shape)."""
-        times = np.asarray(t, dtype=float)
+        times = t if isinstance(t, np.ndarray) and t.dtype.char == "d" else numbers(t, "the times")
         flat = times.reshape(-1)
         b = self.mesh.boundaries
         slack = TIME_SLACK * max(abs(b[0]), abs(b[-1]), b[-1] - b[0])

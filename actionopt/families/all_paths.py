@@ -114,7 +114,7 @@ class Paths:
 
     def __str__(self) -> str:
         """Say what was found and how it was sought, in sentences."""
-        lines = [f"{len(self)} paths"]
+        lines = ["1 path" if len(self) == 1 else f"{len(self)} paths"]
         for s, turns, how in zip(self.solutions, self.windings, self.found_by, strict=True):
             what = ""
             with suppress(ValueError):  # forced paths have none

@@ -147,10 +147,8 @@ def _until(path: Path, t: float, target: Array, pinned: list[int]) -> Path:
     return Path(cut, path(np.minimum(cut.nodes, t)) + s * shear[:, None])
 
 
-def is_new(
-    solution: Solution, turns: tuple[int, ...], found: list, apart: float = SAME**0.5
-) -> bool:
-    """Whether a path is none of those found: it is `apart` from them, of its size, somewhere."""
+def is_new(solution: Solution, turns: tuple[int, ...], found: list) -> bool:
+    """Whether a path is none of those found."""
     s = np.linspace(0, 1, 33)
     t0, T = solution.start.t, solution.duration
     mine = solution(t0 + s * T)
@@ -159,7 +157,7 @@ def is_new(
         if other_turns != turns or abs(other.duration / T - 1) > SAME:
             continue
         there = other(other.start.t + s * other.duration)
-        if np.max(np.abs(there - mine) / size) < apart:
+        if np.max(np.abs(there - mine) / size) < np.sqrt(SAME):
             return False
     return True
 

@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike
 from actionopt.mechanics.expressions import Expressions
 from actionopt.mechanics.identity import CANCELLED, general_points
 from actionopt.mechanics.tracing import ParameterTable, call, column, requested
+from actionopt.tools.checks import numbers
 from actionopt.tools.lobatto import lgl
 from actionopt.tools.types import Array
 
@@ -162,7 +163,13 @@ def integrate_pfaffian(
     >>> cylinder.degrees_of_freedom
     1
     """
-    start = np.array(through, dtype=float, ndmin=1)
+    if not callable(rows):
+        raise ValueError(
+            f"expected integrate_pfaffian(rows, through), rows a callable rows(q), found {rows!r}"
+        )
+    start = np.atleast_1d(numbers(through, "through, a configuration"))
+    if start.ndim != 1 or not np.isfinite(start).all():
+        raise ValueError(f"expected finite coordinates of shape (n,) as through, found {through!r}")
     n = start.size
     found = frobenius(rows, n, parameters=parameters)
     if not found.integrable:

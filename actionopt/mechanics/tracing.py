@@ -23,6 +23,13 @@ KINKED = re.compile(rf"\b(fabs|{ROUNDED})\(|[<?!]|==")
 LOCALIZED = re.compile(rf"\b(exp|expm1|sinh|cosh|tanh|erf|{ROUNDED})\(|[<?!]|==")
 TAILED = re.compile(r"\b(fabs|sqrt|pow|log|log1p|hypot|asin|acos|atan|atan2|asinh|acosh|atanh)\(")
 DIVISOR = re.compile(r"/(@\d+|\w+|.)")  # the first of it
+# What arguments are called as a rule, and how the rate of one: qdot, q_dot, dq, dq_dt.
+USUAL = {
+    "q": ("q", "x", "r", "pos", "position", "coordinates"),
+    "v": ("v", "qdot", "q_dot", "dq", "qd", "xdot", "x_dot", "dx", "vel", "velocity", "velocities"),
+    "t": ("t", "time"),
+}
+RATE_NAME = re.compile(r"^(?:d(\w+?)(?:_?dt)?|(\w+?)_?(?:dot|prime))$")
 STARRED = inspect.CO_VARARGS | inspect.CO_VARKEYWORDS
 # At how many times the forces along a path are sampled before it is a solution, by how narrow a
 # feature they may have (`localized`). Derived for Gauss's points in panels (`second_quadrature`):
@@ -143,6 +150,7 @@ def requested(callable_: Callable[..., Any], role: str, positional: Sequence[str
         code = callable_.__code__
         count, starred = code.co_argcount, code.co_flags & STARRED
         if count == len(positional) and not starred:  # the ordinary case, quickly found out
+            _check_order(role, positional, code.co_varnames[:count])
             return list(code.co_varnames[count : count + code.co_kwonlyargcount])
     want = f"{role}({', '.join(positional)}, *, parameters by name)"
     if not callable(callable_):
@@ -169,8 +177,34 @@ def requested(callable_: Callable[..., Any], role: str, positional: Sequence[str
             extra = ", ".join(p.name for p in needed[len(positional) :])
             hint = f"; put a * before the parameters ({extra})"
         raise ValueError(f"expected {want}, found {role}({', '.join(p.name for p in ahead)}){hint}")
+    if not starred:
+        _check_order(role, positional, [p.name for p in ahead[: len(positional)]])
     names = [p.name for p in parameters if p.kind is kinds.KEYWORD_ONLY]
     return [*names, "**"] if any(p.kind is kinds.VAR_KEYWORD for p in parameters) else names
+
+
+def _check_order(role: str, positional: Sequence[str], given: Sequence[str]) -> None:
+    """Raise ValueError where the names of the arguments are clearly in another order.
+
+    That is where two or more of them are the usual names of others, or a rate stands before what
+    it is the rate of. Other names are the user's.
+    """
+    if tuple(given) == tuple(positional):
+        return
+    meant = [_meant(name) for name in given]
+    misplaced = [k for k, (x, y) in enumerate(zip(meant, positional, strict=False)) if x and x != y]
+    first, second, *_ = (*given, "", "")
+    swapped = {"q", "v"} <= {*positional[:2]} and RATE_NAME.sub(r"\1\2", first) == second != first
+    if len({meant[k] for k in misplaced}) > 1 or swapped:
+        raise ValueError(
+            f"expected {role}({', '.join(positional)}), its arguments in this order whatever they "
+            f"are called, found {role}({', '.join(given)}), whose names are those of another order"
+        )
+
+
+def _meant(name: str) -> str:
+    """Return which argument a name stands for as a rule, q, v or t; nothing of most names."""
+    return next((x for x, usual in USUAL.items() if name.lower() in usual), "")
 
 
 def call(

@@ -16,7 +16,7 @@ from actionopt.scenes._scene import Scene
 
 
 def from_file(file: str | Path, settings: Mapping[str, Any] | None = None) -> Problem | Scene:
-    """Return what a Python file defines as `problem` or `scene`.
+    """Return what a Python file defines as `scene` or, if it defines none, as `problem`.
 
     That is a Problem, a Scene, or a function of keyword parameters that returns one. `settings`
     are these parameters, or those of the system. The file is run; its folder is where it imports
@@ -32,7 +32,7 @@ def from_file(file: str | Path, settings: Mapping[str, Any] | None = None) -> Pr
     sys.path.insert(0, str(file.parent))  # as `python file` does, for its neighbours
     try:
         defined = runpy.run_path(str(file))
-        found = defined.get("problem", defined.get("scene"))
+        found = defined.get("scene", defined.get("problem"))
         if inspect.isfunction(found):
             _known(found, settings)
             found, settings = found(**settings), {}

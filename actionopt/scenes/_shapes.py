@@ -77,10 +77,16 @@ def ground(*points: Point) -> Shape:
 
 
 def circle(radius: float, center: Point = (0.0, 0.0), points: int = 61) -> Shape:
-    """Return a circle as scenery."""
+    """Return a circle of a radius about a point in the plane, as scenery."""
+    middle = None if np.ndim(radius) else _columns(center)
+    if middle is None or middle.shape != (2, 1):
+        raise ValueError(
+            "expected circle(radius, (x, y)), a number and a point in the plane, found "
+            f"circle({radius!r}, {center!r})"
+        )
     angle = np.linspace(0.0, 2 * np.pi, points)
     round_ = radius * np.stack([np.cos(angle), np.sin(angle)])
-    return Shape("ground", _columns(center) + round_)
+    return Shape("ground", middle + round_)
 
 
 def project(points: Array) -> Array:

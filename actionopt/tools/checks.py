@@ -11,13 +11,14 @@ import numpy as np
 # Tolerances: below 1e-14 is the round-off of S itself, some 50 spacings of floats; above 0.1 (ad
 # hoc) an answer has not one digit.
 FINEST, COARSEST = 1e-14, 0.1
+PLAIN = (float, int, list, tuple, np.ndarray, np.generic)  # numbers that say nothing else
 TOLERANCE = f"tol between {FINEST:g} (round-off) and {COARSEST:g}"
 
 
 def number(value: object, what: str) -> float:
     """Return a finite real number.
 
-    Raises ValueError for anything else; text is no number.
+    Raises ValueError for anything else; text is no number, nor is one with a unit.
 
     >>> number(np.float32(0.5), "the time")
     0.5
@@ -26,7 +27,7 @@ def number(value: object, what: str) -> float:
         if isinstance(value, (str, bytes, np.complexfloating)) or getattr(value, "ndim", 0):
             raise TypeError("not a real number")
         found = float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError) as error:
+    except Exception as error:  # of another package's numbers it may be any
         raise ValueError(f"expected a number for {what}, found {value!r}") from error
     if not math.isfinite(found):
         raise ValueError(f"expected a finite number for {what}, found {found}")
@@ -36,17 +37,37 @@ def number(value: object, what: str) -> float:
 def numbers(value: object, what: str) -> np.ndarray:
     """Return a new array of real numbers, of the shape given.
 
-    Raises ValueError for text, complex numbers, rows of different lengths and other objects.
+    Raises ValueError for text, complex numbers, rows of different lengths and other objects, for
+    numbers with units, and for tables that are labelled by anything but 0, 1, 2, ...
     """
+    _check_bare(value, what)
     try:
         found = np.array(value)
         if found.dtype.kind not in "biufO":
             raise TypeError(f"{found.dtype} is no real type")
         return found if found.dtype.char == "d" else found.astype(float)
-    except (TypeError, ValueError) as error:
+    except Exception as error:  # of another package's arrays it may be any
         raise ValueError(
             f"expected a number or an array of numbers for {what}, found {value!r}"
         ) from error
+
+
+def _check_bare(value: Any, what: str) -> None:
+    """Raise ValueError for what says more than numbers: units, or labels (pandas, xarray, pint)."""
+    if isinstance(value, PLAIN):
+        return
+    if hasattr(value, "magnitude") or hasattr(value, "unit"):
+        raise ValueError(
+            f"expected plain numbers for {what}, found {value!r}: units are not converted; give "
+            "its magnitude in the unit of your choice"
+        )
+    labels = getattr(value, "axes", None) if hasattr(value, "iloc") else None
+    if labels is not None and any(list(axis) != list(range(len(axis))) for axis in labels):
+        raise ValueError(
+            f"expected numbers for {what} whose order says what they are, found labels "
+            f"{', '.join(str(list(axis)) for axis in labels)}, which are not read; put them in "
+            "order, and give to_numpy()"
+        )
 
 
 def tolerance(tol: object) -> float:
@@ -75,10 +96,12 @@ def named(values: object, what: str) -> Mapping[str, Any]:
 def items(row: Any, what: str) -> list[Any]:
     """Return the items of a sequence; one number is a sequence of one.
 
-    Raises ValueError for a set or a mapping: their items have no order that means anything.
+    Raises ValueError for a set or a mapping: their items have no order that means anything. So it
+    does for numbers with units or labels.
     """
     if type(row) in (list, tuple):
         return list(row)
+    _check_bare(row, what)
     if isinstance(row, (Mapping, Set)):
         raise ValueError(
             f"expected {what} in the order of the coordinates of the system, found {row!r}, which "
