@@ -475,3 +475,11 @@ def test_between_two_shots_on_either_side_of_the_end_is_one_that_meets_it(monkey
     for v in met:
         angle, _ = integrated(lambda t, y: [y[1], -np.sin(y[0])], [0.2, v], 0.0, 3.0)(3.0)
         assert angle == pytest.approx(0.5, abs=0.02)
+
+
+def test_every_passage_of_an_oscillator_through_a_point():
+    """x = +-sin t: at 1/2 twice a turn, either way round."""
+    problem = ao.Problem(OSCILLATOR, ao.Event(0.0, [0.0]), ao.Event(None, [0.5]), energy=0.5)
+    found = solve_all(problem, windings=4)
+    times = 6 / np.pi * np.sort([s.duration for s in found])  # in twelfths of a turn
+    assert times[:9] == pytest.approx([1, 5, 7, 11, 13, 17, 19, 23, 25])

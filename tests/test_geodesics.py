@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import actionopt as ao
+from actionopt.solver.nearer import _led
 
 
 def sphere(q, v):
@@ -203,3 +204,15 @@ def test_no_path_has_a_negative_length(end):
         ao.solve(against)
     assert found.value.solution.status is ao.Status.NOT_FOUND
     assert ao.solve(against.replace(end=ao.Event(1, [1, 0.2]))).length > 0
+
+
+def test_what_leaves_the_straight_line_grows_with_the_way():
+    plane = ao.System.geodesic(lambda q, v: np.sqrt(v @ v) / q[1], ["x", "y"])
+    near, far = (
+        ao.Problem(plane, ao.Event(0, [0.0, 1.0]), ao.Event(1, [x, 1.0])) for x in (1.0, 2.0)
+    )
+    path = ao.solve(near)
+    led = _led(path, far, 2.0)
+    t = np.linspace(0, 1, 7)
+    assert led(t)[0] == pytest.approx(2 * path(t)[0])
+    assert led(t)[1] - 1 == pytest.approx(2 * (path(t)[1] - 1))

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 import actionopt as ao
+from actionopt.families.centres import guesses
 from actionopt.solver.solve import solve_near
+from actionopt.solver.window import searched
 
 INF = math.inf
 
@@ -261,3 +263,14 @@ def test_a_kink_between_wells_of_unlike_rates():
     )
     kink = ao.solve(ao.Problem(system, ao.Event(-INF, [-1.0]), ao.Event(INF, [1.0])))
     assert kink.action == pytest.approx(4 / 3 * 1.3, abs=1e-9)
+
+
+def test_a_bounce_that_begins_next_to_another_equilibrium_is_guessed():
+    rest = min(np.roots([2, 0, -2, -0.27]).real)
+    thin = ao.System(
+        lambda q, v, r: r**3 * (v[0] ** 2 / 2 + (q[0] ** 2 - 1) ** 2 / 2 - 0.27 * (q[0] - rest)),
+        ["phi"],
+    )
+    whole = ao.Problem(thin, ao.Event(0.0, [None]), ao.Event(INF, [rest]))
+    guess = next(guesses(searched(whole, 1e-8), rest))
+    assert guess(np.zeros(1))[0, 0] == pytest.approx(1.06165, abs=1e-4)  # the other is at 1.06172

@@ -12,6 +12,7 @@ import actionopt as ao
 from actionopt import plot
 from actionopt.analysis.status import Status
 from actionopt.solver import obstacle
+from actionopt.solver.touching import other_sides
 from actionopt.tools.watch import OutOfTime
 
 FREE = "expected a system without an obstacle"
@@ -554,3 +555,13 @@ def test_a_string_over_random_hills_is_the_least_concave_majorant(seed):
     miss = steep * steep * (t[1] - t[0]) ** 2 / 8
     assert 0 <= sol.action - majorant(t, y) + 1e-12 < miss < 1e-5
     assert sol.contact_force(t).min() > -1e-6 and (sol(t)[0] - y).min() > -1e-6
+
+
+def test_the_other_side_of_a_disc():
+    sol = ao.solve(
+        ao.Problem(body(disc()), ao.Event(0, (-2, 0.3)), ao.Event(1, (2, 0.1))), tol=1e-4
+    )
+    (curve,) = other_sides(sol.discrete)
+    above, below = sol(0.5)[1], curve(0.5)[1]
+    assert above > 0.9 and below < -0.9
+    assert curve([0.0, 1.0]) == pytest.approx(sol([0.0, 1.0]))

@@ -576,3 +576,17 @@ def test_a_ripple_that_nobody_would_see_is_none(ripple, flat):
     data = plot.conserved_data(solution)
     assert np.ptp(data.momentum[0]) == pytest.approx(ripple, rel=1e-6)
     assert data.flat == (True, flat)
+
+
+def test_motions_that_run_away_leave_most_of_a_front():
+    """Where x'' = x^3 the fast ones are at infinity before the end: they set out less fast then."""
+    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 + q[0] ** 4 / 4, ["x"])
+    solution = ao.solve(ao.Problem(system, ao.Event(0.0, [0.0]), ao.Event(1.0, [1.0])))
+    data = plot.fronts_data(solution, count=21, spread=6.0)
+    assert len(data.q) >= 0.75 * 21
+
+
+def test_a_slice_goes_as_far_either_way():
+    solution = solved("oscillator")
+    (mode,) = directions(solution, 1)[1]
+    assert plot.slice_data(solution, mode, count=3).alpha.tolist() == [-1, 0, 1]

@@ -1,12 +1,14 @@
 """Members with inequalities: their certificates, from the functions a solver sees alone."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from helpers import a_third
 from scipy.linalg import null_space
 
 from actionopt import suite
-from actionopt.suite import known, solvers
+from actionopt.suite import active_set, known, solvers
 from actionopt.suite.verdict import examine
 
 NAMES = tuple(suite.find(tags="unilateral contact"))
@@ -119,3 +121,21 @@ def test_what_solvers_came_to_is_known():
         there = problem.nearest(x * problem.unit, 1e-3)
         assert there.kind == "minimum"
         assert min(problem.distance(there.x, other.x) for other in problem.others) < 1e-9
+
+
+def test_rows_that_come_and_go_by_turns_are_said_not_to_settle(monkeypatch):
+    tr = suite.get("string_floor", elements=2).transcription
+    calls = []
+
+    def follow(part, z, **options):
+        """Below the floor where it is free, and drawn to it where it is held."""
+        calls.append(part)
+        assert len(calls) < 9
+        held = part.problem.on.any()
+        Q = np.full((tr.layout.node_count, 1), 0.0 if held else -1.0)
+        return SimpleNamespace(converged=True, z=part.pack(Q, np.ones_like(Q)), noise=0.0)
+
+    monkeypatch.setattr(active_set, "follow", follow)
+    none = np.zeros((tr.layout.node_count, 1), dtype=bool)
+    with pytest.raises(ValueError, match="its active set does not settle"):
+        active_set.star(tr, tr.pack(tr.straight()), none)

@@ -458,3 +458,10 @@ def test_a_folder_takes_more_sizes_and_packs_to_the_same_bytes(tmp_path):
     dump([suite.get("oscillator_stiff", 20, 5)], folder, skipped=lambda p, e: told.append(p.name))
     assert told == ["oscillator_stiff"]
     assert len(json.loads(manifest.read_text())) == 5
+
+
+def test_the_header_counts_the_defined_variables():
+    problem = suite.get("rod_pendulum", elements=2)
+    text = "".join(nl.lines(problem, problem.start())).splitlines()
+    defined = sum(line.startswith("V") for line in text)
+    assert sum(int(x) for x in text[9].split("#")[0].split()) == defined > 0

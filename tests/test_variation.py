@@ -159,3 +159,11 @@ def test_every_coordinate_of_a_closed_path_has_to_close(torn):
     solution = ao.solve(problem)
     with pytest.raises(ValueError, match=f"found that {'xy'[torn]} differs by"):
         variation(solution, lambda t: np.stack([np.cos(t) + (k == torn) * t / 3 for k in (0, 1)]))
+
+
+def test_a_varied_path_ends_on_its_surface():
+    plane = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
+    circle = ao.Event(1.0, None, on=lambda q, t: q @ q - 1)
+    way = ao.solve(ao.Problem(plane, ao.Event(0.0, [3.0, 0.0]), circle))
+    S = variation(way, lambda t: np.stack([0 * t, t]))  # tangent where it ends
+    assert np.linalg.norm(S.path(0.3)(1.0)) == pytest.approx(1.0, abs=1e-12)
