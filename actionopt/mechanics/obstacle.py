@@ -29,8 +29,8 @@ class Arc:
     row : int
         Index of the row of the obstacle.
     begin, end : float
-        The times between which it is zero. They are one where the obstacle gives an impulse: at a
-        free end, or where it has a kink in time.
+        The times between which it is zero; both belong to the arc. They are one where the obstacle
+        gives an impulse: at a free end, or where it has a kink in time.
     """
 
     row: int
