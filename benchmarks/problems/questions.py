@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.special import ellipj, ellipk, ellipkinc
 
@@ -51,7 +53,8 @@ def _orbit(E: float = 2.0) -> Case:
 
     def ends(x: float) -> Ends:
         u = -ellipkinc(np.arccos(x / np.sqrt(A2)), m)  # it rises
-        return _found(lambda t: np.sqrt(A2) * ellipj(u + rate * t, m)[1], T, nominal, x)
+        found = _found(lambda t: np.sqrt(A2) * ellipj(u + rate * t, m)[1], T, nominal, x)
+        return replace(found, start=found.end)  # exactly: peers measure misses by the ends
 
     return Case(
         name="orbit",
