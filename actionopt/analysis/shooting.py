@@ -16,6 +16,7 @@ from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Problem
 from actionopt.tools.types import Array, NDInt
+from actionopt.tools.watch import Watch
 
 # Ad hoc: what comes of it is a guess, and Newton's method does the rest.
 STEP_ERROR = 1e-5  # of one step
@@ -46,7 +47,9 @@ def shoot(problem: Problem, v0: Array) -> Array:
     return flown(problem, np.broadcast_to(q0, v0.shape), v0)[0]
 
 
-def flown(problem: Problem, q0: Array, v0: Array, track: list | None = None) -> tuple[Array, Array]:
+def flown(
+    problem: Problem, q0: Array, v0: Array, track: list | None = None, watch: Watch | None = None
+) -> tuple[Array, Array]:
     """Return coordinates and velocities at the end of motions from q0 and v0, all (n, G, K).
 
     K motions in groups of G that share their steps, so that differences within a group are
@@ -54,7 +57,8 @@ def flown(problem: Problem, q0: Array, v0: Array, track: list | None = None) -> 
     of the first of each group after every step.
     """
     t0, T = np.full(v0.shape[2], problem.start.t), np.full(v0.shape[2], problem.duration)
-    return integrate(problem, (t0, q0, v0), T, track=track)
+    look = watch and watch.look
+    return integrate(problem, (t0, q0, v0), T, track=track, watch=look)
 
 
 def integrate(
@@ -138,7 +142,9 @@ def _acceleration(problem: Problem, y: Array, t: Array) -> Array:
     return np.asarray(a, dtype=float).reshape(y.shape[1:])
 
 
-def motions(problem: Problem, v0: Array, q0: Array | None = None) -> list[Path | None]:
+def motions(
+    problem: Problem, v0: Array, q0: Array | None = None, watch: Watch | None = None
+) -> list[Path | None]:
     """Return the motions with velocities v0 (n, K) as paths, on elements of three steps each.
 
     They leave from q0 (n, K), by default the start event. None stands for one that does not
@@ -147,7 +153,7 @@ def motions(problem: Problem, v0: Array, q0: Array | None = None) -> list[Path |
     if q0 is None:
         q0 = np.repeat(np.array(problem.start.q, dtype=float)[:, None], v0.shape[1], axis=1)
     track: list[tuple[Array, Array, Array]] = [(np.full(v0.shape[1], problem.start.t), q0, v0)]
-    ends: Array = flown(problem, q0[:, None], v0[:, None], track)[0][:, 0]
+    ends: Array = flown(problem, q0[:, None], v0[:, None], track, watch)[0][:, 0]
     finite = np.isfinite(ends).min(axis=0)
     result: list[Path | None] = []
     for k in range(v0.shape[1]):
@@ -206,21 +212,43 @@ def close(problem: Problem, q0: Array, v0: Array, units: Array) -> tuple[Array, 
     n = len(v0)
     free = np.setdiff1d(np.arange(n), problem.start.pinned)
     asked = np.r_[np.arange(n), n + free]  # what has to return
-    varied = np.r_[free, n + np.arange(n)]
     order = np.r_[problem.order, n + np.array(problem.order)]
     advance = np.r_[problem.advance, np.zeros(n)][:, None, None]
+
+    def miss(q0: Array, v0: Array, q: Array, v: Array) -> Array:
+        gap = np.concatenate([q, v]) - np.concatenate([q0, v0])[order] - advance
+        return gap[asked] / units[asked, None, None]
+
+    return arrive(problem, q0, v0, units, miss)
+
+
+def arrive(
+    problem: Problem,
+    q0: Array,
+    v0: Array,
+    units: Array,
+    miss: Callable[[Array, Array, Array, Array], Array],
+    watch: Watch | None = None,
+) -> tuple[Array, Array, NDInt]:
+    """Change motions from q0 and v0 (n, K) until they miss nothing; return those, and which.
+
+    The coordinates that the start gives stay. `miss(q0, v0, q, v)`, (n, G, A) each, are rows
+    (r, G, A) that vanish for states at the start and the end; `units` (2 n,) are those of
+    coordinates and velocities.
+    """
+    n = len(v0)
+    varied = np.r_[np.setdiff1d(np.arange(n), problem.start.pinned), n + np.arange(n)]
 
     def gap(x: Array, which: NDInt) -> Array:
         y = np.repeat(np.concatenate([q0, v0])[:, None, which], x.shape[1], axis=1)
         y[varied] = x * units[varied, None, None]
-        miss = np.concatenate(flown(problem, y[:n], y[n:])) - y[order] - advance
-        return miss[asked] / units[asked, None, None]
+        return miss(y[:n], y[n:], *flown(problem, y[:n], y[n:], watch=watch))
 
     y = np.concatenate([q0, v0])
-    x, closed = _newton(y[varied] / units[varied, None], np.eye(varied.size), gap)
-    y = y[:, closed]
+    x, arrived = _newton(y[varied] / units[varied, None], np.eye(varied.size), gap)
+    y = y[:, arrived]
     y[varied] = x * units[varied, None]
-    return y[:n], y[n:], closed
+    return y[:n], y[n:], arrived
 
 
 def _newton(x: Array, basis: Array, gap) -> tuple[Array, NDInt]:

@@ -15,12 +15,11 @@ from itertools import product
 
 import numpy as np
 
-from actionopt.analysis.shooting import motions
 from actionopt.analysis.solution import Solution
 from actionopt.discrete.bordered import over
-from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Problem
+from actionopt.solver.arrivals import LOOKED_AT, PASSES, Units, passages
 from actionopt.solver.durations import along, rates, returning
 from actionopt.solver.first_paths import FirstPaths, straight
 from actionopt.solver.iterate import sizes
@@ -32,9 +31,7 @@ from actionopt.tools.types import Array
 LONG = (
     6.0  # times the duration along the straight line, or up and back: how far motions are followed
 )
-LOOKED_AT = 600  # times at which a motion is compared with the end
 NEAREST = 40  # passages from which paths are sought, of each class of windings
-PASSED_BY = 0.5  # of the coordinates' sizes: farther passages lead nowhere
 NEARBY_TARGET = 1e-1  # of the sizes: a sample of a path that may pass the end is no farther
 FAN = 72  # directions in the plane
 SAME = 1e-6  # of its size and duration: paths closer than that are one
@@ -118,33 +115,12 @@ def _passages(
             f"expected an energy above that of rest at the start, {problem.energy - left[0]:.6g}, "  # type: ignore[operator]
             f"found {problem.energy:.6g}: no motion leaves from there"
         )
-    pinned = list(end.pinned)
-    target = np.array([end.q[i] for i in pinned], dtype=float)[:, None]
-    unit = np.maximum(size, np.abs(straight(problem)[-1] - q0))[pinned, None]
-    paths: list[tuple[float, Path]] = []
-    for T in (fixed.duration, fixed.duration / 4):
-        for path in motions(over(problem, T), (speed[:, None] * u).T):
-            if path is None:
-                continue
-            t = t0 + np.linspace(0, T, LOOKED_AT + 1)
-            away = np.linalg.norm((path(t)[pinned] - target) / unit, axis=0)
-            low = 1 + np.flatnonzero((away[1:-1] <= away[:-2]) & (away[1:-1] < away[2:]))
-            low = [i for i in low if away[i] < PASSED_BY][: 2 + windings if n == 1 else 3]
-            paths += [(float(away[i]), _until(path, t[i], target[:, 0], pinned)) for i in low]
-    paths.sort(key=lambda item: item[0])
-    return [path for _, path in paths[:NEAREST]]
-
-
-def _until(path: Path, t: float, target: Array, pinned: list[int]) -> Path:
-    """Return the path up to the time t, sheared so that it ends at the target (k,)."""
-    mesh = path.mesh
-    T = t - mesh.boundaries[0]
-    since = np.append(mesh.since[mesh.since < T * (1 - 1e-9)], T)
-    shear = np.zeros(path.values.shape[0])
-    shear[pinned] = target - path(t)[pinned]
-    cut = Mesh.over(mesh.boundaries[0], t, since, np.array(mesh.degrees)[: since.size - 1])
-    s = cut.nodes_since / T
-    return Path(cut, path(np.minimum(cut.nodes, t)) + s * shear[:, None])
+    unit = np.maximum(size, np.abs(straight(problem)[-1] - q0))
+    q, v = np.repeat(q0[:, None], len(u), axis=1), (speed[:, None] * u).T
+    units, most = Units.of(problem, unit, q, v, t0), 2 + windings if n == 1 else PASSES
+    spans = fixed.duration, fixed.duration / 4
+    paths = [item for T in spans for item in passages(problem, q, v, T, units, most=most)]
+    return [path for _, path in sorted(paths, key=lambda item: item[0])[:NEAREST]]
 
 
 def is_new(solution: Solution, turns: tuple[int, ...], found: list) -> bool:

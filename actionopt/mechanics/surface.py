@@ -95,6 +95,12 @@ class Surface:
         rows, by_q, by_t, by_p = (x[0].reshape(-1, self.count).T for x in found)
         return rows[:, 0].copy(), by_q.copy(), by_t[:, 0].copy(), by_p.copy()
 
+    def along(self, q: Array, t: Array, packed: Array) -> tuple[Array, Array, Array]:
+        """Return on (K, s) and its derivatives by q (K, s, n) and t (K, s) at q (K, n), t (K,)."""
+        on, by_q, by_t, _ = self._first(q, t[:, None], packed)
+        by_q = by_q.reshape(len(t), -1, self.count).transpose(0, 2, 1)
+        return on.copy(), by_q.copy(), by_t.copy()
+
     def curvature(self, q: Array, t: float, packed: Array, mu: Array) -> Array:
         """Return the second derivatives of mu.on by q, (n, n)."""
         found = self._second(q[None], np.array([[t]]), packed, mu[None])[0]

@@ -22,6 +22,7 @@ from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Event, Problem, diagonal
 from actionopt.solver.arguments import Guess
+from actionopt.solver.arrivals import arrivals
 from actionopt.solver.durations import along
 from actionopt.solver.first_paths import (
     FIRST_ELEMENTS,
@@ -67,7 +68,8 @@ def solve_on_surface(
     best = None
     try:
         quick = islice(firsts(problem, solve, tol, watch=watch), TRIED)
-        for starts in (quick, _thorough(problem, solve)):
+        motions = _motions(problem, watch)  # many: one path is enough
+        for starts in (quick, _thorough(problem, solve), motions):
             for first in starts:
                 path, hint = solve_unfixed(problem, solve, tol, first, *options, thorough=thorough)
                 found = _judged(replace(path, stats=path.stats | {"rung": "surface"}), hint)
@@ -76,8 +78,8 @@ def solve_on_surface(
                     rank = 0 if principle == "stationary" else _index(found)
                 if best is None or rank < best[0]:
                     best = rank, found
-                if not best[0]:
-                    return found
+                if not best[0] or (starts is motions and best[0] < np.inf):
+                    return best[1]
             if best is not None and best[0] < np.inf:
                 return best[1]
     except OutOfTime:  # on the way to a first path
@@ -136,6 +138,17 @@ def _thorough(problem: Problem, solve: Callable[..., Solution]) -> Iterator[Path
         found = solve(fixed, tol=FIRST_TOL, throw=False)
         if found.success:
             yield found.path
+
+
+def _motions(problem: Problem, watch: Watch | None) -> Iterator[Path]:
+    """Yield motions from the start, or from points of its surface, that arrive at the end."""
+    starts = [fixed for fixed, _ in points(problem)]
+    if not starts and problem.free_time and len(problem.start.pinned) == problem.system.n:
+        starts = [problem]  # a surface that moves is where no straight line leads
+    size = _sizes(problem)
+    if starts:
+        size = np.maximum(size, np.abs(np.diff(straight(starts[0])[[0, -1]], axis=0)[0]))
+    yield from arrivals(problem, starts, size, watch)
 
 
 def points(problem: Problem, directions: Array | None = None) -> list[tuple[Problem, Path]]:

@@ -7,7 +7,7 @@ given times (`refine`).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import Literal
@@ -25,12 +25,14 @@ from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import Guess
+from actionopt.solver.arrivals import arrivals
 from actionopt.solver.closed import passes, rolled
 from actionopt.solver.first_paths import (
     REPRESENTED,
     FirstPaths,
     guessed,
     line,
+    straight,
     stretched,
 )
 from actionopt.solver.iterate import SAFETY, UNKNOWN_GAIN, Iterate, measured
@@ -393,19 +395,30 @@ def solve_unfixed(
     if isinstance(guess, Solution) and guess.success:
         run.gain = guess.stats.get("gain", run.gain)  # a neighbour is as sensitive
     status, known = Status.NOT_FOUND, False
-    try:
+
+    def tries() -> Iterator[tuple[Path, Array | None, str, bool]]:
+        """Yield first paths with their multipliers, whence, and whether to damp the steps."""
         for damped in (False, True):
             for k, (path, lam, how) in enumerate(first.firsts(guess)):
                 if k and not thorough:
                     break
-                if not run.reach(path, lam, damped=damped):
-                    continue
-                run.found_by = how
-                status = run.judged(run.settled())
-                known = bool(np.isfinite(run.here.error))
-                if status.success or status is Status.FLOOR:
-                    break
+                yield path, lam, how, damped
             if known:
+                return
+        if guess is None and not problem.on_surface:
+            way = np.abs(np.diff(straight(problem)[[0, -1]], axis=0)[0])
+            size = np.maximum(over(problem, 1.0).scales, way)
+            for path in arrivals(problem, [problem], size, watch):
+                yield path, None, "motion", False
+
+    try:
+        for path, lam, how, damped in tries():
+            if not run.reach(path, lam, damped=damped):
+                continue
+            run.found_by = how
+            status = run.judged(run.settled())
+            known = bool(np.isfinite(run.here.error))
+            if status.success or status is Status.FLOOR:
                 break
         if guess is not None and not status.success and run.in_family(guess, thorough=thorough):
             status = Status.DEGENERATE

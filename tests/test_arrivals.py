@@ -1,0 +1,79 @@
+"""Paths that motions from the start lead to, where no path over given times near by does."""
+
+import numpy as np
+import pytest
+
+import actionopt as ao
+from actionopt.solver.arrivals import Units, misses
+
+SPRING = ao.System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2, ["x"])
+
+
+def test_a_motion_of_the_energy_that_returns_is_found_where_paths_over_durations_rest():
+    # Over any duration but a half period the path from 0 to 0 is at rest.
+    solution = ao.solve(
+        ao.Problem(SPRING, ao.Event(0.0, [0.0]), ao.Event(None, [0.0]), energy=0.5), tol=1e-8
+    )
+    assert solution.duration == pytest.approx(np.pi, rel=1e-8)
+    assert abs(solution.velocity(0.0)[0]) == pytest.approx(1.0, rel=1e-8)
+
+
+def test_a_longer_transfer_of_given_energy_is_found_as_a_motion():
+    def potential(q):
+        return (q[0] ** 2 + 1.7 * q[1] ** 2 + q[0] ** 2 * q[1]) / 2
+
+    system = ao.System(lambda q, v, t: v @ v / 2 - potential(q), ["x", "y"])
+    first = ao.State(0.0, np.array([0.5, -0.3]), np.array([1.0, 0.6]))
+    end = ao.integrate(system, first, 4.0)(4.0)
+    energy = 0.68 + potential(np.array(first.q))
+    problem = ao.Problem(system, ao.Event(0.0, first.q), ao.Event(None, end), energy=energy)
+    solution = ao.solve(problem, tol=1e-6)
+    start = ao.State(0.0, solution.start.q, solution.start.v)
+    again = ao.integrate(system, start, solution.duration)(solution.duration)
+    np.testing.assert_allclose(again, end, atol=1e-4)
+    assert start.v @ start.v / 2 + potential(start.q) == pytest.approx(energy, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_a_path_to_a_surface_is_found_far_from_its_nearest_point():
+    system = ao.System(
+        lambda q, v, t: v @ v / 2 - q @ q / 2 + 0.8 * np.cos(1.5 * q[0] - q[1]), ["x", "y"]
+    )
+    ridge = ao.Event(3.0, None, on=lambda q, t: q[1] - q[0] / 2 + np.sin(3 * q[1]) / 2 + 2)
+    solution = ao.solve(ao.Problem(system, ao.Event(0.0, [-0.6, -0.3]), ridge), tol=1e-6)
+    x, y = solution.end.q
+    assert y - x / 2 + np.sin(3 * y) / 2 == pytest.approx(-2.0, abs=1e-5)
+    p, along = solution.momentum(3.0), [1 + 1.5 * np.cos(3 * y), 0.5]
+    assert abs(p @ along) < 1e-4 * np.linalg.norm(p)
+
+
+@pytest.mark.slow
+def test_a_motion_meets_a_wall_that_moves():
+    # H - E = u p at the wall x = h + u t.
+    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2 + np.cos(2 * q[0]) / 2, ["x"])
+    wall = ao.Event(None, None, on=lambda q, t: q[0] - 0.4 + 0.3 * t)
+    solution = ao.solve(ao.Problem(system, ao.Event(0.0, [-0.8]), wall, energy=0.3))
+    T, x, v = solution.duration, solution.end.q[0], solution.end.v[0]
+    np.testing.assert_allclose(x, 0.4 - 0.3 * T, atol=1e-6)
+    H = v**2 / 2 + x**2 / 2 - np.cos(2 * x) / 2
+    np.testing.assert_allclose(H - 0.3, -0.3 * v, atol=1e-6)
+
+
+@pytest.mark.parametrize("k", [0, 1])
+def test_a_path_misses_nothing_at_a_surface_that_moves_where_its_time_is_free(k):
+    # p = mu on_q and H - E = -mu on_t, at either event.
+    t, q, v, u = 0.7, np.array([0.3, -0.5]), np.array([0.8, 1.1]), 0.4
+    system = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
+
+    def on(q, t):
+        return v @ (q - np.array([0.3, -0.5])) - u * (t - 0.7)
+
+    events = [ao.Event(None, None, on=on), ao.Event(1.0, [0.0, 0.0])]
+    if k:
+        events = [ao.Event(0.0, [0.0, 0.0]), events[0]]
+    problem = ao.Problem(system, *events, energy=float(v @ v) / 2 - u)
+    state = q[:, None], v[:, None], np.array([t])
+    unit = Units(np.ones(2), 1.0, 1.0)
+    np.testing.assert_allclose(misses(problem, k, state, unit), 0.0, atol=1e-14)
+    turned = q[:, None], -v[:, None], np.array([t])
+    assert np.abs(misses(problem, k, turned, unit)).max() > 0.1
