@@ -2,6 +2,7 @@
 
 import copy
 import pickle
+from functools import partial
 
 import numpy as np
 import pytest
@@ -147,9 +148,10 @@ def test_what_is_no_question_between_given_times_is_none_of_a_given_energy(L, st
     with pytest.raises(ValueError, match="expected a") as raised:
         ao.solve(ao.Problem(system, ao.Event(0.0, start), ao.Event(1.1, end)))
     timed = ao.Problem(system, ao.Event(0.0, start), ao.Event(None, end), energy=2.0)
-    for guess in (None, np.linspace(start, end, 3).T):
+    line = np.linspace(start, end, 3).T
+    for ask in (ao.solve, partial(ao.solve, guess=line), ao.solve_all):
         with pytest.raises(ValueError, match="expected a") as again:
-            ao.solve(timed, guess=guess)
+            ask(timed)
         assert str(again.value) == str(raised.value)
 
 

@@ -59,10 +59,12 @@ def all_durations(
             by = np.zeros(problem.system.n)
             by[list(turning)] = 2 * np.pi * np.array(k)
             mine = problem.replace(end=problem.end.shifted(by))
-            paths = FirstPaths(mine, tol, solve).near()
-            known = [(at.path, "durations") for at in paths]
+            paths = FirstPaths(mine, tol, solve)
+            known = [(at.path, "durations") for at in paths.near()]
             passing = _passages(mine, known, shots, windings, np.random.default_rng(seed))
             guesses = known + [(path, "forward shots") for path in passing]
+            if not guesses and paths.refused is not None:
+                raise paths.refused
             for i, (path, how) in enumerate(guesses):
                 tried[how] += 1
                 if progress is not None:

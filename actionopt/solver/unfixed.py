@@ -100,8 +100,6 @@ class Unfixed(Workspace):
     found_by: str = "none"
     along: tuple[Path, ...] = ()
     moves: tuple[Move, ...] = field(init=False)
-    # Over a first duration, for sizes.
-    _known: dict[Problem, Problem] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.moves = moves_of(self.problem)
@@ -134,7 +132,7 @@ class Unfixed(Workspace):
         """Return a path on its own mesh, with the equations whose phases are set near it."""
         problem = problem or self.problem
         with self.record.clock("assemble"):
-            size, lengths = measured(self._over(problem, path), path.values.T)
+            size, lengths = measured(over(problem, path.mesh.duration), path.values.T)
             like = self.units if self.units is not None and alike(lengths, self.units) else None
             along = [stretched(problem, d).on(path.mesh).values for d in self.along]
             bordered, y = Bordered.around(problem, path, lam, lengths, self.moves, along, like)
@@ -144,12 +142,6 @@ class Unfixed(Workspace):
                 check(tr, path.values.T)
                 self.checked = True
         return UnfixedPath(tr, y, size, lengths, self.gain, bordered=bordered)
-
-    def _over(self, problem: Problem, path: Path) -> Problem:
-        """Return the problem over a duration, that of the first path that was asked about."""
-        if problem not in self._known:
-            self._known[problem] = over(problem, path.mesh.duration)
-        return self._known[problem]
 
     def ensure_iterate(self) -> None:
         """Transcribe along the straight line where there is no path at hand: for a verdict."""
@@ -234,7 +226,7 @@ class Unfixed(Workspace):
         """Return when a closed path passes what the start gives, and how far off in its sizes."""
         problem, pinned = self.problem, list(self.problem.start.pinned)
         wanted = np.array([problem.start.q[i] for i in pinned], dtype=float)
-        lengths = measured(self._over(problem, path), path.values.T)[1]
+        lengths = measured(over(problem, path.mesh.duration), path.values.T)[1]
         return passes(path, problem, pinned, wanted, lengths[pinned])
 
     def _begun(self, near: float) -> bool:
