@@ -463,6 +463,25 @@ def test_a_sweep_that_makes_no_sense_says_why(capsys, arguments, code, message):
     assert found == code and message in err
 
 
+def test_a_sweep_names_what_may_be_tried_again_and_tries_it(capsys, monkeypatch, tmp_path):
+    from actionopt.families import sweep as module
+
+    def misses(*given):
+        answers = work(*given)
+        answers["status"][2], answers["action"][2] = "NOT_FOUND", np.nan
+        answers["unsought"][2] = True
+        return answers
+
+    work = module.work
+    monkeypatch.setattr(module, "work", misses)
+    asked = "sweep", "pendulum", "--over", "t1=0.5:0.6:4", "--resume", str(tmp_path / "part")
+    code, out, _ = run(capsys, *asked)
+    assert code == 0 and "1 not found, 1 of them not searched for at length: --retry\n" in out
+    code, out, _ = run(capsys, *asked, "--retry")
+    assert code == 0 and "4 SOLVED" in out and "--retry" not in out
+    assert (tmp_path / "part.retry").exists()
+
+
 def test_an_interrupted_sweep_prints_what_is_done(capsys, monkeypatch):
     from actionopt.families import sweep as module
 

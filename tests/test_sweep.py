@@ -1,12 +1,17 @@
 """A problem over a grid of values: the same numbers whoever solves it, and failures are data."""
 
 import multiprocessing
+import os
 import pickle
+import re
 import signal
 import subprocess
 import sys
 import textwrap
+import time
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -14,7 +19,7 @@ import pytest
 
 import actionopt as ao
 from actionopt import Event, Periodic, Problem, System, scenes
-from actionopt.families import batch
+from actionopt.families import batch, budget, dispatch
 from actionopt.families import sweep as module
 
 OVER = {"g": np.linspace(9.0, 10.0, 4), "t1": np.linspace(0.7, 1.2, 6)}
@@ -226,7 +231,7 @@ def test_tasks_are_on_their_way_before_all_seeds_are_found(serial, short, monkey
 
 @pytest.mark.slow
 def test_a_few_are_in_flight_at_a_time(serial, short, monkeypatch):
-    monkeypatch.setattr(module, "IN_FLIGHT", 2)
+    monkeypatch.setattr(dispatch, "IN_FLIGHT", 2)
     most = 0
 
     class Counting(ThreadPoolExecutor):
@@ -263,18 +268,27 @@ def test_paths_that_do_not_exist_cost_little_wherever_the_grid_begins(monkeypatc
     over, tried = {"c": np.linspace(4.6, 2.6, 24)}, []
     missing = over["c"] > 3.5138307
 
-    def counted(problem, *options, **named):
-        if problem.parameters["c"] > 3.52:  # there is none, which takes seconds to find out
+    near = ao.solve(problem)
+    nothing = replace(near, status=ao.Status.NOT_FOUND)
+
+    def counted(problem, tol=1e-8, guess=None, throw=False, progress=None):
+        if problem.parameters["c"] < 3.52:
+            return ao.solve(problem, tol=tol, guess=guess, throw=throw)
+        if progress is not None:  # what takes a tenth of a second or more to find out
             tried.append(float(problem.parameters["c"]))
-            raise ValueError("there is none")
-        return ao.solve(problem, *options, **named)
+            progress("patient least", budget.PURSE, 1)
+        return nothing
 
     monkeypatch.setattr(module, "solve", counted)
     monkeypatch.setattr(batch, "solve", counted)
-    monkeypatch.setattr(batch, "solve_near", lambda p, guess, tol: counted(p, guess=guess, tol=tol))
+    monkeypatch.setattr(batch, "solve_near", lambda p, guess, tol: counted(p, tol, guess))
     runs = ao.sweep(problem, over)
     assert np.array_equal(runs.failed, missing)
-    assert tried == [over["c"][0], over["c"][missing][-1]]  # to begin with, and beside the fold
+    # Beside the fold, then far from there, up to the budget: four searches that fail.
+    assert tried[:2] == [over["c"][missing][-1], over["c"][0]] and len(tried) == 4
+    assert runs.unsought.sum() == missing.sum() - 4
+    counts = f"{missing.sum()} not found, {missing.sum() - 4} of them not searched for at length"
+    assert f"; {counts}: runs.retry())" in repr(runs)
 
 
 def test_a_parameter_may_be_called_as_an_array_is(tmp_path):
@@ -330,6 +344,102 @@ def test_failures_are_tried_again_near_a_guess_or_a_neighbour():
     assert far.success.all() and (np.abs(far.action[1:3] - whole[1:3]) > 0.5).all()
 
 
+def anharmonic():
+    law = System(
+        lambda q, v, t, *, w: v[0] ** 2 / 2 - w**2 * q[0] ** 2 / 2 - 0.2 * q[0] ** 4,
+        ["x"],
+        parameters={"w": 1.0},
+    )
+    return Problem(law, Event(0.0, [1.0]), Event(1.0, [0.5]))
+
+
+def test_what_no_neighbour_leads_to_is_searched_for_as_solve_would():
+    over = {"t1": [1.5, 4.0], ("end", "x"): np.linspace(-3.0, 3.0, 7)}
+    runs = ao.sweep(anharmonic(), over)
+    assert runs.success.all() and len(np.unique(runs.branch)) > 2
+    assert "retry" not in repr(runs)
+
+
+def test_what_lies_behind_a_degenerate_member_is_solved():
+    law = System(
+        lambda q, v, t, *, w: v[0] ** 2 / 2 - w**2 * q[0] ** 2 / 2, ["x"], parameters={"w": 0.9}
+    )
+    problem = Problem(law, Event(0.0, [0.3]), Event(np.pi, [1.0]))
+    runs = ao.sweep(problem, {"w": [0.9, 1.0, 1.1]})
+    assert runs.status.tolist() == ["SOLVED", "DEGENERATE", "SOLVED"]
+    assert "1 not found: runs.retry()" in repr(runs)
+
+
+@pytest.mark.parametrize("name", ["solve", "solve_near"])
+def test_an_unexpected_exception_loses_one_member_alone(name, monkeypatch):
+    whole, find = ao.sweep(PENDULUM, {"t1": [1.2, 1.25, 1.3]}), getattr(batch, name)
+
+    def fails(problem, *given, **named):
+        if problem.end.t == 1.25:
+            raise AssertionError("no iterate")
+        return find(problem, *given, **named)
+
+    monkeypatch.setattr(batch, name, fails)
+    monkeypatch.setattr(batch, "_can_be_stacked", lambda *_: False)
+    if name == "solve":  # which is asked last
+        monkeypatch.setattr(batch, "solve_near", lambda p, *_: replace(ao.solve(p), status=LOST))
+    runs = ao.sweep(PENDULUM, {"t1": [1.2, 1.25, 1.3]})
+    assert runs.status.tolist() == ["SOLVED", "ERROR", "SOLVED"]
+    assert runs.messages == {1: "AssertionError: no iterate"}
+    assert runs.action[[0, 2]] == pytest.approx(whole.action[[0, 2]], rel=1e-9)
+
+
+LOST = ao.Status.NOT_FOUND
+
+
+@pytest.fixture(scope="module")
+def holes():
+    """A map that nothing was searched for in, kept with its paths or not."""
+    over = {"t1": [1.0, 1.5], ("end", "x"): np.linspace(-3.0, 3.0, 12)}
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(budget, "FREE", 0)
+        patched.setattr(budget.Budget, "found", lambda *_: None)
+        runs = ao.sweep(anharmonic(), over)
+        kept = ao.sweep(anharmonic(), over, keep_paths=True)
+    for made in (runs, kept):
+        for k in (2, 9):  # holes that have solved neighbours
+            made.status.flat[k], made.action.flat[k] = "NOT_FOUND", np.nan
+    assert runs.failed.sum() >= 2
+    return runs, kept
+
+
+@pytest.mark.parametrize(
+    "pool", [ThreadPoolExecutor, pytest.param(spawned, marks=pytest.mark.slow)]
+)
+def test_a_retry_finds_the_same_bits_on_any_executor(holes, pool):
+    for runs in holes:
+        again = runs.retry()
+        assert again.success.all() and not again.unsought.any()
+        before = runs.success
+        assert np.array_equal(again.action[before], runs.action[before])
+        with pool(2) as workers:
+            assert same(runs.retry(executor=workers), again)
+
+
+def test_an_interrupted_retry_goes_on(holes, tmp_path, monkeypatch):
+    from actionopt.families import runs as module
+
+    monkeypatch.setattr(module, "TOGETHER", 1)
+    runs, _ = holes
+    whole, told = runs.retry(), []
+    part = runs.retry(resume=tmp_path / "it", progress=Stop(1))
+    assert part.failed.sum() == runs.failed.sum() - 1
+    again = runs.retry(resume=tmp_path / "it", progress=lambda *x: told.append(x))
+    assert same(again, whole) and told[-1] == (runs.failed.sum(), runs.failed.sum(), 0)
+    worked = []
+    monkeypatch.setattr(module, "work", lambda *given: worked.append(given))
+    assert same(runs.retry(resume=tmp_path / "it"), whole) and not worked
+    with pytest.raises(ValueError, match="whose known is"):
+        whole.retry(resume=tmp_path / "it")
+    with pytest.raises(ValueError, match="a guess that can be pickled"):
+        runs.retry(guess=lambda t: t, resume=tmp_path / "other")
+
+
 # -- interruptions, files -------------------------------------------------------------------------
 
 
@@ -381,7 +491,7 @@ def test_tasks_that_are_missing_in_the_middle_are_found_alike(serial, short, tmp
     """What is finished behind them must not be where their seeds come from."""
     given = {"record": "index", "keep_paths": True}
     ao.sweep(PENDULUM, OVER, resume=tmp_path / "all", **given)
-    question = module._question(module.Grid.of(PENDULUM, OVER, False), 1e-8, True, True)
+    question = module.question_of(module.Grid.of(PENDULUM, OVER, False), 1e-8, True, True)
     records = module.Journal(tmp_path / "all", question).records
     some = module.Journal(tmp_path / "some", question)
     tasks = [record for record in records if "task" in record]
@@ -439,6 +549,56 @@ def test_a_sweep_that_was_killed_goes_on(serial, short, tmp_path, monkeypatch):
     monkeypatch.setattr(module, "work", lambda *given: worked.append(given[1]) or work(*given))
     runs = ao.sweep(PENDULUM, OVER, record="index", keep_paths=True, resume=tmp_path / "it")
     assert same(runs, serial) and len(worked) == 2
+
+
+WAITS = """
+    import sys
+    import time
+    import numpy as np
+    import actionopt as ao
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+    from actionopt.families import sweep as module
+    from actionopt.scenes import get
+
+    def slow(*given):
+        time.sleep(3.0)
+        return WORK(*given)
+
+    WORK = module.work
+    module.SECONDS, module.MEMBER_SECONDS, module.UNKNOWN_SECONDS = 5.5, 1.0, 0.0
+    if __name__ == "__main__":
+        module.work = slow
+        over = {"g": np.linspace(9.0, 10.0, 12), "t1": np.linspace(0.7, 1.2, 6)}
+        with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+            tell = lambda *said: print(said, flush=True)
+            runs = ao.sweep(get("pendulum").problem, over, executor=pool, progress=tell)
+        print(runs.interrupted, runs.success.sum(), runs.failed.sum(), flush=True)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("times", [1, 2])
+def test_ctrl_c_keeps_the_tasks_that_have_begun_or_leaves_them(times, tmp_path):
+    (tmp_path / "it.py").write_text(textwrap.dedent(WAITS))
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    given = {"start_new_session": True, "cwd": tmp_path, **pipes}
+    given["env"] = os.environ | {"PYTHONPATH": str(Path(ao.__file__).parents[1])}
+    with subprocess.Popen([sys.executable, "it.py"], **given) as process:
+        assert process.stdout.readline() == "(5, 72, 0)\n"  # the next ones have begun
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal does
+        said = process.stderr.readline()
+        assert re.match(r"interrupted: waiting for (a task|2 tasks) that ha(s|ve) begun;", said)
+        since = time.monotonic()
+        for _ in range(times - 1):
+            os.killpg(process.pid, signal.SIGINT)
+        out, err = process.communicate(timeout=60)
+    waited = time.monotonic() - since
+    assert process.returncode == 0 and "Traceback" not in err
+    if times == 1:
+        assert out.splitlines()[-1] in ("True 10 0", "True 15 0") and waited > 1.0
+    else:
+        assert out == "True 5 0\n" and waited < 2.0
 
 
 # -- what is asked --------------------------------------------------------------------------------

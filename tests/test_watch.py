@@ -10,7 +10,7 @@ from helpers import same_bits
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.tools.progress import waiting
+from actionopt.tools.progress import Bar, waiting
 from actionopt.tools.watch import OutOfTime, Watch
 
 LATTICE = ao.System(
@@ -189,3 +189,17 @@ def test_nothing_on_the_way_takes_what_progress_raises(error):
 
     with pytest.raises(error, match="mine"):
         ao.solve(scenes.get("kepler").problem, progress=tell)
+
+
+def test_without_a_terminal_there_is_a_line_each_ten_seconds(monkeypatch):
+    now, log = [0.0], io.StringIO()
+    monkeypatch.setattr(sys, "stderr", log)
+    monkeypatch.setattr("actionopt.tools.progress.perf_counter", lambda: now[0])
+    bar = Bar()
+    for done in range(1, 26):
+        now[0] += 1.0
+        bar(done, 25, "")
+    assert [line.split()[1] for line in log.getvalue().splitlines()] == ["10/25", "20/25", "25/25"]
+    short = Bar()
+    short(3, 3, "")
+    assert log.getvalue().count("\n") == 3

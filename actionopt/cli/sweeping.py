@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.util import find_spec
@@ -11,6 +10,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 from actionopt.cli.question import add_question, question, seconds
+from actionopt.tools.interrupts import leave_interruptions
 from actionopt.tools.table import print_table
 
 if TYPE_CHECKING:
@@ -36,6 +36,7 @@ def add_to(command: argparse.ArgumentParser) -> None:
     add("--index", action="store_true", help="count the index of each path")
     one_of("--workers", type=int, metavar="N", help="processes (1)")
     one_of("--dask", metavar="ADDRESS", help="of the scheduler of a Dask cluster")
+    add("--retry", action="store_true", help="try again what is not found, as long as it takes")
     add("--resume", metavar="FILE", help="keep what is finished there, and go on from it")
     add("--out", metavar="FILE", help="write the arrays (.npz, or .nc by xarray)")
     add("--plot", metavar="FILE", help="draw the action (png, pdf, svg, ...)")
@@ -90,8 +91,11 @@ def run(options: argparse.Namespace) -> int:
         runs = sweep(
             problem, over, executor=executor, tol=options.tol, resume=options.resume,
             record="index" if options.index else None,
-            progress=_bar(clock) if sys.stderr.isatty() else None,
+            progress=_bar(),
         )  # fmt: skip
+        if options.retry and not runs.interrupted and runs.failed.any():
+            file = None if options.resume is None else f"{options.resume}.retry"
+            runs = runs.retry(executor=executor, progress=_bar(), resume=file)
     _print_runs(runs, perf_counter() - clock)
     if options.out:
         runs.save(options.out)
@@ -119,21 +123,24 @@ def _executor(options: argparse.Namespace) -> Iterator[Any]:
         from concurrent.futures import ProcessPoolExecutor
         from multiprocessing import get_context
 
-        with ProcessPoolExecutor(options.workers, mp_context=get_context("spawn")) as pool:
+        context = get_context("spawn")
+        with ProcessPoolExecutor(options.workers, context, leave_interruptions) as pool:
             yield pool
     else:
         yield None
 
 
-def _bar(started: float) -> Callable[[int, int, int], None]:
-    """Return what tells of a sweep on a terminal: a bar, the rate, and what failed."""
-    from actionopt.tools.progress import progress
+def _bar() -> Callable[[int, int, int], None]:
+    """Return what tells of a sweep: a bar, the rate, and what failed."""
+    from actionopt.tools.progress import Bar
 
-    def told(done: int, total: int, failed: int) -> None:
+    bar, started = Bar(), perf_counter()
+
+    def show(done: int, total: int, failed: int) -> None:
         rate = done / (perf_counter() - started)
-        progress(done, total, f"{rate:.0f}/s" + (f", {failed} failed" if failed else ""))
+        bar(done, total, f"{rate:.0f}/s" + (f", {failed} failed" if failed else ""))
 
-    return told
+    return show
 
 
 def _print_runs(runs: Runs, time: float) -> None:
@@ -154,6 +161,7 @@ def _print_runs(runs: Runs, time: float) -> None:
         found = np.unique(runs.index[runs.success], return_counts=True)
         rows.append(("index", ", ".join(f"{k} of {n}" for k, n in zip(*found, strict=True))))
     rows += [
+        *([("failed", f"{runs.failures}: --retry")] if runs.failures else []),
         ("branches", str(runs.branch.max(initial=-1) + 1)),
         ("time", f"{seconds(time)}, {runs.stats['tasks']} tasks"),
     ]

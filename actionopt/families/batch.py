@@ -2,13 +2,15 @@
 
 Members are solved in waves. Each begins where those that are solved lead to expect its path, and a
 wave goes no farther from them than that works: first outwards from one member, then in between.
-Who does not contract waits for nearer neighbours, and is left to `solve` in the end, alone. So is
-everyone of whom there is any doubt: `together` says what it measures. Where nothing is found in
-that way either, those that lie behind are not tried.
+Members that do not contract wait for nearer neighbours, and are solved alone in the end: near the
+nearest one, then from nothing. So is every member of which there is any doubt: `together` says
+what it measures. Searches from nothing that fail have a budget, and members that lie behind one
+without a path come last.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -25,11 +27,12 @@ from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.mesh import MAX_DEGREE, Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.stacks import PROGRAMS, Shape, Stack, program
+from actionopt.families.budget import Budget
 from actionopt.families.even import between, denser, even
 from actionopt.families.front import NEIGHBOURS, Front, squares, weights
-from actionopt.families.members import Members, member
+from actionopt.families.members import Members, checked_columns, member, refusal
 from actionopt.families.vary import along, led, place, slope
-from actionopt.mechanics.problem import Periodic, Problem
+from actionopt.mechanics.problem import Problem
 from actionopt.solver import family
 from actionopt.solver.arguments import checked
 from actionopt.solver.iterate import LATE_TIME, SAFETY, UNKNOWN_GAIN, amplified, estimate, sizes
@@ -38,8 +41,6 @@ from actionopt.solver.together import Followed, follow
 from actionopt.solver.workspace import MEASURABLE
 from actionopt.tools.blas import one_thread
 from actionopt.tools.types import Array, NDInt
-
-Name = str | tuple[str, str]
 
 PREDICTED = 256  # at a time; ad hoc, a size of memory
 SAME = 1e-7  # distance, of the ranges, at which members are one
@@ -51,7 +52,6 @@ OTHERS_GAIN = 2.0  # times that of one member, of errors whose shapes differ
 MORE_DEGREES = 4  # that tell what a mesh has left out
 LEVELS = 4  # meshes that a member is tried on, each finer
 INDEX_MESHES = 4  # on which indices are counted together
-PATIENCE = 4  # failures of `solve` more than successes, from which on it keeps near; ad hoc
 LEAP = 0.5  # of a path's size, from where it was expected: it may be on another sheet
 REBASED = 0.25  # of a wave, on a finer mesh: the next ones begin there
 
@@ -65,6 +65,8 @@ def solve_run(
     index: bool = False,
     guess: Guess | None = None,
     first: int = 0,
+    given: Mapping[int, Solution] | None = None,
+    limited: bool = True,
 ) -> Members:
     """Return the paths of members of a family, each found from its neighbours.
 
@@ -80,9 +82,13 @@ def solve_run(
     index : bool
         Whether to count Morse indices.
     guess : Path, Solution, callable or array, optional
-        As for `solve`, for the member from which all others are reached.
+        Near which the member is sought from which all others are reached.
     first : int
         Which that is.
+    given : mapping of int to Solution, optional
+        Members that are solved already, from which others are reached: not solved again.
+    limited : bool
+        Whether searches that find nothing have a budget; else every member is searched for.
 
     Raises
     ------
@@ -91,8 +97,8 @@ def solve_run(
         as `solve` does for `tol` and the guess.
     """
     checked(problem, tol, guess, "auto", None)
-    run = _Run(problem, columns, tol, index)
-    run.go(guess, first)
+    run = _Run(problem, columns, tol, index, limited)
+    run.go(guess, first, given or {})
     return run.members()
 
 
@@ -114,10 +120,15 @@ class _Run:
     """The members as they are found."""
 
     def __init__(
-        self, problem: Problem, columns: Mapping[Any, ArrayLike], tol: float, index: bool
+        self,
+        problem: Problem,
+        columns: Mapping[Any, ArrayLike],
+        tol: float,
+        index: bool,
+        limited: bool,
     ) -> None:
         self.problem, self.tol, self.counting = problem, tol, index
-        self.columns = _checked(problem, columns)
+        self.columns = checked_columns(problem, columns)
         k, n = next(iter(self.columns.values())).size, problem.system.n
         self.times = np.tile([problem.start.t, problem.end.t], (k, 1))
         self.packed = np.tile(problem.packed, (k, 1))
@@ -148,10 +159,12 @@ class _Run:
         self.iterations = np.zeros(k, dtype=int)
         self.momenta = np.full((k, 2, n), np.nan)
         self.alone, self.decided, self.known, self.doubtful = np.zeros((4, k), dtype=bool)
+        self.unsought = np.zeros(k, dtype=bool)
         self.values: list[Array] = [np.zeros((n, 0))] * k
         self.meshes: list[Mesh] = []
         self.messages: dict[int, str] = {}
-        self.patience = PATIENCE
+        self.errors: dict[int, str] = {}
+        self.budget = Budget(limited)
         self.levels: list[_Level] = []
         self.base = 0
         self.seeds = np.zeros((k, 0, n))  # of known members, on the mesh of the level `base`
@@ -162,27 +175,39 @@ class _Run:
             tuple(self.status), self.action, self.error, self.index, self.momenta, self.times,
             self.iterations, self.alone, self.neighbour, self.moved, self.slopes,
             self.sheet, tuple(self.meshes), self.mesh, tuple(self.values), self.messages,
+            self.errors, self.unsought,
         )  # fmt: skip
 
     # -- the order -----------------------------------------------------------------------------
 
-    def go(self, guess: Guess | None, first: int) -> None:
-        """Solve all members, block by block, from the first one on and then before it."""
+    def go(self, guess: Guess | None, first: int, given: Mapping[int, Solution]) -> None:
+        """Solve all members, block by block, from the first one on and then before it.
+
+        Or from the first of those that are `given`.
+        """
         count, solution = len(self.status), None
-        for i in sorted(range(count), key=lambda i: abs(i - first)):
-            solution, first = self._solve(i, guess), i
+        for i in given or sorted(range(count), key=lambda i: abs(i - first)):
+            solution, first = given.get(i) or self._solve(i, guess), i
             if solution is not None and solution.success:
                 break
         else:
             return
+        for i, known in given.items():
+            self._hold(i, known)
         if not (_can_be_stacked(self.problem, self.times) and self._begin(first, solution)):
             for way in (range(first + 1, count), range(first - 1, -1, -1)):
                 last, nearest = solution, first
                 for i in way:
-                    found = None if self.decided[i] else self._solve(i, last, nearest)
+                    found = given.get(i)
+                    if not self.decided[i]:
+                        found = self._solve(i, last, nearest)
                     if found is not None and found.success:
                         last, nearest = found, i
             return
+        for i in given:
+            if i != first:
+                self._know(i, given[i].path)
+                self.sheet[i] = self.sheet.max() + 1
         home = first // BLOCK
         blocks = [np.arange(k, min(k + BLOCK, count)) for k in range(0, count, BLOCK)]
         for block in (*blocks[home:], *blocks[:home][::-1]):
@@ -195,63 +220,94 @@ class _Run:
         """Solve some members, in waves from those that are known."""
         front, known = Front(self.at[block]), np.flatnonzero(self.known)
         front.learn(known, self.at[known], ~self.decided[block])
-        while not self.decided[block].all():
+        lost: deque[int] = deque()  # for whom a search from nothing found no path
+        while True:
             left = ~self.decided[block]
             chosen = front.wave(left & ~self.doubtful[block], self.known[block])
             if chosen.size:
-                self._wave(block[chosen], front.nearest[chosen])
+                try:
+                    self._wave(block[chosen], front.nearest[chosen])
+                except Exception:  # for one of them: each is solved alone
+                    self.doubtful[block[chosen]] = True
                 new = block[chosen][self.known[block[chosen]]]
                 front.told(chosen.size, new.size)
             else:
-                left &= ~front.behind
-                if not left.any():
-                    self.decided[block] = True
+                i, allowed = front.alone(left, self.budget.allows), self.budget.allows
+                again = i is None and allowed and bool(lost)
+                i = lost.popleft() if again else i
+                if i is None:
+                    self.unsought[block[left]] = self.decided[block] = True
                     break
-                i = np.flatnonzero(left)[np.argmin(front.near[left])]
                 new = block[i : i + 1]
-                self._leave(int(block[i]), int(front.nearest[i]))
+                self._leave(int(block[i]), int(front.nearest[i]), again)
                 if not self.known[block[i]]:
-                    front.lost(self.at[new])
+                    if allowed and not again:
+                        lost.append(i)
+                    if self.status[block[i]] is not Status.DEGENERATE:  # there are on both sides
+                        front.lost(self.at[new])
                     continue
                 front.again()
             front.learn(new, self.at[new], ~self.decided[block])
 
     # -- one by one ------------------------------------------------------------------------------
 
-    def _solve(self, i: int, guess: Guess | None, neighbour: int = -1) -> Solution | None:
-        """Leave a member to `solve`; None if that refuses it."""
+    def _solve(
+        self, i: int, guess: Guess | None, neighbour: int = -1, again: bool = False
+    ) -> Solution | None:
+        """Solve a member alone; None if it is refused, or if that fails unexpectedly.
+
+        Near a guess, then from nothing as `solve` does; `again`, as `solve` does from the guess.
+        """
         self.alone[i] = self.decided[i] = True
         self.neighbour[i] = neighbour
         try:
             problem = member(self.problem, self.columns, i)
             guess = led(guess, problem) if isinstance(guess, Path) else guess
             found = None
-            if guess is not None:  # in little time
+            if again:
+                found = self._search(i, problem, guess)
+            elif guess is not None:
                 found = moving(solve_near(problem, guess, self.tol))
-                if not found.success:
-                    found = moving(solve_near(problem, None, self.tol))
-            if found is None or not (found.success or self.patience <= 0):
-                found = solve(problem, tol=self.tol, guess=guess, throw=False)
-                found = moving(found)
-                self.patience = min(self.patience + (1 if found.success else -1), PATIENCE)
-        except ValueError as error:
-            self.messages[i] = str(error)
+                if found.success:
+                    steps = sum(found.stats["iterations"].values())
+                    self.budget.well += steps * found.mesh.elements
+            if found is None or not (found.success or again):
+                found = self._search(i, problem, None)
+            slopes = along(found, self.columns)
+            if self.counting and found.success:
+                with suppress(ValueError):  # there is none
+                    self.index[i] = found.morse_index
+        except Exception as error:
+            text, refused = refusal(error)
+            (self.messages if refused else self.errors)[i] = text
             return None
         self.status[i], self.action[i], self.error[i] = found.status, found.action, found.error
         self.iterations[i] += sum(found.stats["iterations"].values())
-        self.momenta[i] = found.momenta
-        self.slopes[i] = along(found, self.columns)
-        if self.counting and found.success:
-            with suppress(ValueError):  # there is none
-                self.index[i] = found.morse_index
-        self.mesh[i], self.values[i] = len(self.meshes), found.path.values
-        self.meshes.append(found.mesh.moved(0.0, 1.0))
+        self.momenta[i], self.slopes[i] = found.momenta, slopes
+        self._hold(i, found)
         return found
 
-    def _leave(self, i: int, neighbour: int) -> None:
+    def _hold(self, i: int, found: Solution) -> None:
+        """Keep the path of a member."""
+        self.decided[i], self.mesh[i], self.values[i] = True, len(self.meshes), found.path.values
+        self.meshes.append(found.mesh.moved(0.0, 1.0))
+
+    def _search(self, i: int, problem: Problem, guess: Guess | None) -> Solution:
+        """Search as `solve` does within the budget, else briefly and from nothing."""
+        if not self.budget.allows:
+            found = moving(solve_near(problem, None, self.tol))
+            self.unsought[i] = not found.success
+            return found
+        before, given = self.budget.vain, {"tol": self.tol, "guess": guess, "throw": False}
+        found = moving(solve(problem, **given, progress=self.budget.count))
+        if found.success:
+            self.budget.found(before)
+        return found
+
+    def _leave(self, i: int, neighbour: int, again: bool) -> None:
         """Leave a member to `solve`, from a neighbour."""
         expected = self._predicted(np.array([i]), np.array([neighbour]))[0]
-        found = self._solve(i, self._path(neighbour), neighbour)
+        found = self._solve(i, self._path(neighbour), neighbour, again)
         if found is not None and found.success:
             self._know(i, found.path)
             size = np.abs(self.seeds[i]).max(axis=0)
@@ -335,6 +391,8 @@ class _Run:
         found = self._follow(self.levels[self.base].shape, which, expected)
         found.converged &= found.moved <= LEAP
         self.iterations[which] += found.iterations
+        elements = self.levels[self.base].shape.mesh.elements
+        self.budget.well += int(found.iterations[found.converged].sum()) * elements
         self.moved[which] = np.where(found.converged, found.moved, np.nan)
         self.seeds[which] = found.Q
         finer = self._judge(self.base, which, found)
@@ -484,35 +542,3 @@ def _can_be_stacked(problem: Problem, times: Array) -> bool:
     except ValueError:  # an instruction that there is no function of numpy's for
         return False
     return True
-
-
-def _checked(problem: Problem, columns: Mapping[Any, ArrayLike]) -> dict[Name, Array]:
-    """Return the columns as arrays. Raises ValueError as `solve_run` does."""
-    found: dict[Name, Array] = {}
-    system = problem.system
-    scalars = [name for name, shape in system.table.shapes.items() if shape == ()]
-    for name, values in columns.items():
-        column = np.array(values, dtype=float)
-        if column.ndim != 1 or not column.size or not np.isfinite(column).all():
-            raise ValueError(f"expected a row of finite values of {name!r}, found {values!r}")
-        if found and column.size != next(iter(found.values())).size:
-            raise ValueError(
-                f"expected as many values of {name!r} as of others, found {column.size}"
-            )
-        known = name in ("t0", "t1") or name in scalars
-        if isinstance(name, tuple) and len(name) == 2 and name[0] in ("start", "end"):
-            event = problem.start if name[0] == "start" else problem.end
-            closed = name[0] == "end" and isinstance(event, Periodic)
-            known = not closed and name[1] in system.coordinates
-            known = known and event.q[system.coordinates.index(name[1])] is not None
-        if not known:
-            raise ValueError(
-                "expected the name of a parameter that is one number, 't0', 't1', or 'start' or "
-                "'end' with a coordinate that the event gives, found "
-                f"{name!r}; the parameters are {', '.join(scalars) or 'none'}, the coordinates "
-                f"{', '.join(system.coordinates)}"
-            )
-        found[name] = column
-    if not found:
-        raise ValueError("expected at least one quantity that differs, found none")
-    return found

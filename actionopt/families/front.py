@@ -69,8 +69,22 @@ class Front:
         """Take note of members that were given up, at points (.., columns)."""
         self._lost = np.concatenate([self._lost, points])
 
+    def alone(self, left: NDInt, behind: bool) -> int | None:
+        """Return who of those that are `left`, (k,) of bool, is to be solved alone; None if nobody.
+
+        The nearest that does not lie behind a member that was given up; then, if it is asked for,
+        of those that do, the one farthest from all that were given up.
+        """
+        here = np.flatnonzero(left & ~self._behind)
+        if here.size:
+            return int(here[np.argmin(self.near[here])])
+        here = np.flatnonzero(left)
+        if not behind or not here.size:
+            return None
+        return int(here[np.argmax(squares(self.at[here], self._lost).min(axis=1))])
+
     @property
-    def behind(self) -> NDInt:
+    def _behind(self) -> NDInt:
         """Which members have one that was given up between them and the nearest known, (k,).
 
         It is nearer to both than they are to each other.

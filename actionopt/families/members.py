@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.linalg import LinAlgError
 from numpy.typing import ArrayLike
 
 from actionopt.analysis.status import Status
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
-from actionopt.families.vary import moved
-from actionopt.mechanics.problem import Problem
+from actionopt.families.vary import Name, moved
+from actionopt.mechanics.problem import Periodic, Problem
 from actionopt.tools.types import Array, NDInt
 
 
@@ -54,6 +55,10 @@ class Members:
         Coordinates at the nodes.
     messages : dict of int to str
         What `solve` says of members that it refused.
+    errors : dict of int to str
+        What ended the solve of members unexpectedly.
+    unsought : (k,) array of bool
+        Members that failed and were not searched for as `solve` would, to save time.
     """
 
     status: tuple[Status, ...]
@@ -72,6 +77,8 @@ class Members:
     mesh: NDInt
     values: tuple[Array, ...]
     messages: dict[int, str]
+    errors: dict[int, str]
+    unsought: NDInt
 
     @property
     def success(self) -> NDInt:
@@ -83,6 +90,48 @@ class Members:
         return Path(self.meshes[self.mesh[i]].moved(*self.times[i].tolist()), self.values[i])
 
 
+def refusal(error: Exception) -> tuple[str, bool]:
+    """Return what is said of a member whose solve raised, and whether it was refused.
+
+    Anything but a refusal is unexpected; the other members are not to be lost with it.
+    """
+    if isinstance(error, ValueError) and not isinstance(error, LinAlgError):
+        return str(error), True
+    return f"{type(error).__name__}: {error}", False
+
+
 def member(problem: Problem, columns: Mapping[Any, ArrayLike], i: int) -> Problem:
     """Return the problem of member i. Raises ValueError as a `Problem` does."""
     return moved(problem, {name: float(np.asarray(row)[i]) for name, row in columns.items()})
+
+
+def checked_columns(problem: Problem, columns: Mapping[Any, ArrayLike]) -> dict[Name, Array]:
+    """Return the columns as arrays. Raises ValueError as `solve_run` does."""
+    found: dict[Name, Array] = {}
+    system = problem.system
+    scalars = [name for name, shape in system.table.shapes.items() if shape == ()]
+    for name, values in columns.items():
+        column = np.array(values, dtype=float)
+        if column.ndim != 1 or not column.size or not np.isfinite(column).all():
+            raise ValueError(f"expected a row of finite values of {name!r}, found {values!r}")
+        if found and column.size != next(iter(found.values())).size:
+            raise ValueError(
+                f"expected as many values of {name!r} as of others, found {column.size}"
+            )
+        known = name in ("t0", "t1") or name in scalars
+        if isinstance(name, tuple) and len(name) == 2 and name[0] in ("start", "end"):
+            event = problem.start if name[0] == "start" else problem.end
+            closed = name[0] == "end" and isinstance(event, Periodic)
+            known = not closed and name[1] in system.coordinates
+            known = known and event.q[system.coordinates.index(name[1])] is not None
+        if not known:
+            raise ValueError(
+                "expected the name of a parameter that is one number, 't0', 't1', or 'start' or "
+                "'end' with a coordinate that the event gives, found "
+                f"{name!r}; the parameters are {', '.join(scalars) or 'none'}, the coordinates "
+                f"{', '.join(system.coordinates)}"
+            )
+        found[name] = column
+    if not found:
+        raise ValueError("expected at least one quantity that differs, found none")
+    return found

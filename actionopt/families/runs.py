@@ -2,30 +2,36 @@
 
 from __future__ import annotations
 
-from collections import deque
+import pickle
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from actionopt.analysis.forward import IntegrationError, integrate
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
 from actionopt.discrete.path import Path
+from actionopt.families.dispatch import Intake, Progress, check_executor, dispatch
 from actionopt.families.grid import Grid, said
 from actionopt.families.kept import Kept, find
+from actionopt.families.question import question_of
+from actionopt.families.remake import SAME_PATH, remake
+from actionopt.families.retry import Beside, check_sent, retry_of, work
 from actionopt.families.sheets import leapt, sheets
-from actionopt.families.task import Answers, solved
-from actionopt.mechanics.events import State
+from actionopt.families.task import REFUSED, Answers
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.solve import Guess, solve
 from actionopt.tools.files import ready, whole
+from actionopt.tools.journal import Journal
 from actionopt.tools.types import Array, NDInt
 
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+TOGETHER = 16  # members of a task of `retry`, of a tenth to half a second each; ad hoc
 UNREACHED = "UNREACHED"  # beside the names of `Status`, and REFUSED
 OVER_GRID = ("action", "error", "status", "momenta", "ends", "slopes", "index")
 LONG_NAMES = {
@@ -40,10 +46,6 @@ LONG_NAMES = {
 }
 # Names in files and datasets, that a parameter of the same name leaves to them.
 TAKEN = *LONG_NAMES, "event", "coordinate", "quantity", "member", "file", "allow_pickle"
-# How far the momenta of a path that is made again may be from those kept, in their own size, and
-# the action in its range: beyond that it is another path. Ad hoc.
-SAME_PATH = 1e-5
-HALVES = 1e-10  # tol of the motions from both ends: a guess needs no more; ad hoc
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +65,8 @@ class Runs:
         infinite if there was none.
     status : array of str
         The name of a `Status`; "REFUSED" where the problem makes no sense (`messages` say why),
-        "UNREACHED" where the sweep was interrupted before.
+        "ERROR" where the solver ended unexpectedly (`messages` say how), "UNREACHED" where the
+        sweep was interrupted before.
     momenta, ends : (..., 2, n) arrays
         Momenta and coordinates at the two events; NaN where a member failed.
     slopes : (..., k) array
@@ -73,11 +76,15 @@ class Runs:
     index : array of int or None
         Morse indices, if they were asked for; -1 where there is none.
     messages : dict of int to str
-        Why members were refused, by their numbers in the order of the grid.
+        Why members were refused, or how the solver ended unexpectedly, by their numbers in the
+        order of the grid.
     kept : list of Kept or None
         The paths, if they were to be kept.
     stats : dict of str to int
         Iterations, members that were solved alone, and tasks.
+    unsought : array of bool
+        Members that failed and were not searched for as `solve` would, because searches before
+        them found nothing: `retry` does.
     """
 
     grid: Grid
@@ -92,6 +99,7 @@ class Runs:
     messages: dict[int, str]
     kept: list[Kept] | None = field(repr=False)
     stats: dict[str, int]
+    unsought: NDInt
 
     @classmethod
     def begun(cls, grid: Grid, tol: float, index: bool, keep_paths: bool) -> Runs:
@@ -111,11 +119,14 @@ class Runs:
             messages={},
             kept=[] if keep_paths else None,
             stats={"iterations": 0, "alone": 0, "tasks": 0},
+            unsought=np.zeros(shape, dtype=bool),
         )
 
     def put(self, answers: Answers) -> None:
         """Enter what came of a task."""
-        for name in OVER_GRID:
+        for i in answers["members"].tolist():
+            self.messages.pop(i, None)
+        for name in (*OVER_GRID, "unsought"):
             whole = getattr(self, name)
             if whole is not None:
                 rows = whole.reshape(self.grid.size, *whole.shape[len(self.shape) :])
@@ -133,7 +144,16 @@ class Runs:
         """Show what varies and how many were solved, not the arrays."""
         over, sheets = ", ".join(map(said, self.grid.names)), int(self.branch.max(initial=-1)) + 1
         solved = f"{int(self.success.sum())} of {self.grid.size} solved"
-        return f"Runs({self.problem.name} over {over}: {solved}, branches {sheets})"
+        failed = f"; {self.failures}: runs.retry()" if self.failures else ""
+        return f"Runs({self.problem.name} over {over}: {solved}, branches {sheets}{failed})"
+
+    @property
+    def failures(self) -> str:
+        """How many members were tried in vain, "" for none: those that `retry` may find."""
+        missed = self.failed & (self.status != REFUSED)
+        unsought = int((missed & self.unsought).sum())
+        part = f", {unsought} of them not searched for at length" if unsought else ""
+        return f"{int(missed.sum())} not found{part}" if missed.any() else ""
 
     @property
     def problem(self) -> Problem:
@@ -233,63 +253,84 @@ class Runs:
         """Return a curve near the path of a member that was solved."""
         if self.kept is not None:
             return find(self.kept, i)
-        system, parameters, n = problem.system, problem.parameters, problem.system.n
-        if system.r:  # forward motions do not know contact
-            return None
-        ends, momenta = (x.reshape(-1, 2, n)[i] for x in (self.ends, self.momenta))
-        t0, t1 = problem.start.t, problem.end.t
-        middle = t0 + problem.duration / 2
-        straight = (ends[1] - ends[0]) / problem.duration
-        halves = []
-        try:
-            for t, q, p in zip((t0, t1), ends, momenta, strict=True):
-                state = State(t, q, system.velocity(q, p, t, straight, parameters=parameters))
-                halves.append(integrate(system, state, middle, tol=HALVES, parameters=parameters))
-        except (ValueError, IntegrationError, np.linalg.LinAlgError):
-            return None
-        before, after = halves
-        gap = (after(middle) - before(middle))[:, None] / 2
+        n = problem.system.n
+        return remake(problem, *(x.reshape(-1, 2, n)[i] for x in (self.ends, self.momenta)))
 
-        def curve(t: Array) -> Array:
-            """Both motions, moved by half the gap between them in proportion to the time."""
-            first, last = np.minimum(t, middle), np.maximum(t, middle)
-            left = before(first) + gap * ((first - t0) / (middle - t0))
-            right = after(last) - gap * ((t1 - last) / (t1 - middle))
-            return np.where(t <= middle, left, right)
+    def retry(
+        self,
+        guess: Guess | None = None,
+        *,
+        executor: Executor | None = None,
+        progress: Progress | None = None,
+        resume: str | FilePath | None = None,
+    ) -> Runs:
+        """Return the same with the members that failed tried again, each as long as `solve` takes.
 
-        return curve
+        Near neighbours that are solved, then from nothing as `solve` does; or near `guess`, then
+        from nothing.
 
-    def retry(self, guess: Guess | None = None) -> Runs:
-        """Return the same with the members that failed tried again, one by one, in this process.
+        Parameters
+        ----------
+        guess : Path, Solution, callable or array, optional
+            As for `solve`, for each member. With an executor or a file one that can be pickled.
+        executor : concurrent.futures.Executor, optional
+            As for `sweep`: the numbers are the same, to the last bit.
+        progress : callable, optional
+            `progress(done, total, failed)`, of the members that are tried again. An interruption
+            (KeyboardInterrupt) ends it as it ends a sweep, and keeps what is found.
+        resume : str or path, optional
+            A file, not that of the sweep, that keeps what is finished, as for `sweep`.
 
-        Each is tried near `guess`, as for `solve`, or, without one, near a neighbour that is solved
-        by then; where there is none, from nothing. An interruption (KeyboardInterrupt) ends it and
-        keeps what was found.
+        Raises
+        ------
+        ValueError
+            For bad arguments, or if the file belongs to another question.
         """
-        again = self._copied()
-        success, failed = self.success.ravel(), self.failed.ravel()
-        left, waiting = deque(np.flatnonzero(failed).tolist()), deque[int]()
-        near: dict[int, Path] = {}
-        options = self.tol, self.index is not None, True
-        with suppress(KeyboardInterrupt):
-            while left or waiting:
-                i = (waiting or left).popleft()
-                if not failed[i]:
-                    continue
-                failed[i], beside = False, self.grid.beside(i)
-                for j in beside if guess is None else ():
-                    if success[j] and j not in near:
-                        with suppress(ValueError):
-                            near[j] = self._solution(j).path
-                first = next((near[j] for j in beside if j in near), guess)
-                member = np.array([i])
-                answers = solved(self.problem, member, self.grid.columns(member), first, options)
-                again.put(answers)
-                found = Kept.unpacked(answers, "kept").path(i)
-                if found is not None and guess is None:
-                    near[i] = found
-                    waiting.extend(beside)
+        check_executor(executor, progress)
+        guess = guess.path if isinstance(guess, Solution) else guess
+        if executor is not None or resume is not None:
+            check_sent(guess)
+        journal, again, grid = None, self._copied(), self.grid
+        if resume is not None:
+            about = question_of(grid, self.tol, self.index is not None, self.kept is not None)
+            known = self.status.tobytes() + self.momenta.tobytes()
+            journal = Journal(resume, retry_of(about, known, guess))
+        failed = grid.order[self.failed.ravel()[grid.order]]
+        tasks = [failed[k : k + TOGETHER] for k in range(0, failed.size, TOGETHER)]
+        intake, position = Intake(again, failed.size, journal, progress), np.argsort(grid.order)
+        question = pickle.dumps(self.problem)
+        try:
+            for record in [] if journal is None else journal.records:
+                intake(int(record["task"]), record, kept=True)
+            left = (k for k in range(len(tasks)) if k not in intake.entered)
+            given = ((k, (question, *self._retried(tasks[k], position, guess))) for k in left)
+            dispatch(work, given, executor, intake)
+        except KeyboardInterrupt:
+            pass
+        except Exception as error:
+            intake.note(error)
+            raise
         return again
+
+    def _retried(self, members: NDInt, position: NDInt, guess: Guess | None) -> tuple:
+        """Return what `work` is given to try members again, with those that are solved beside.
+
+        `position` is that of each member in the order of the grid.
+        """
+        success, near = self.success.ravel(), set[int]()
+        if guess is None:
+            near.update(*(self.grid.beside(i) for i in members.tolist()))
+        beside = np.array([j for j in near if success[j]], dtype=int)
+        members = np.concatenate([members, beside])
+        members = members[np.argsort(position[members])]
+        ends, momenta = (x.reshape(-1, *x.shape[-2:])[members] for x in (self.ends, self.momenta))
+        paths = None
+        if self.kept is not None:
+            kept = {j: path for j in beside.tolist() if (path := find(self.kept, j)) is not None}
+            paths = Kept.of(np.array(list(kept), dtype=int), list(kept.values()))
+        options = self.tol, self.index is not None, self.kept is not None
+        known = Beside(success[members], ends, momenta, paths)
+        return members, self.grid.columns(members), known, guess, options
 
     def _copied(self) -> Runs:
         """Return the same in arrays of its own."""

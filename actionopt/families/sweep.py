@@ -8,25 +8,22 @@ on who solves what, or when.
 
 from __future__ import annotations
 
-import hashlib
 import pickle
-import sys
-from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
-from queue import SimpleQueue
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt.analysis.solution import SolveError
 from actionopt.discrete.path import Path
-from actionopt.families.grid import Grid, said
+from actionopt.families.dispatch import Intake, Progress, check_executor, dispatch
+from actionopt.families.grid import Grid
 from actionopt.families.kept import Kept
+from actionopt.families.question import question_of
 from actionopt.families.runs import Runs
 from actionopt.families.task import Answers, Seed, work
 from actionopt.families.vary import Name, present
@@ -39,20 +36,16 @@ from actionopt.tools.journal import Journal
 from actionopt.tools.types import NDInt
 
 if TYPE_CHECKING:
-    from concurrent.futures import Executor, Future
+    from concurrent.futures import Executor
 
 SECONDS = 1.0  # of a task, about: what is lost with a worker, and much beside what sending it takes
 # Of a member, and of its unknowns times its coordinates. Measured, with 117 to 542 unknowns, to a
 # factor of two; those with constraints or forces, solved one by one, take some ten times as long.
 MEMBER_SECONDS, UNKNOWN_SECONDS, ONE_BY_ONE = 1e-4, 8e-7, 10
 MOST_MEMBERS = 4096  # of a task, so that its answers are a megabyte at most; ad hoc
-IN_FLIGHT = 1024  # tasks that are sent at once, and so the workers that are kept busy; ad hoc
 PILOTS = 8  # members at equal distances of which the first that is solved tells their size; ad hoc
 SEEDS = 8  # paths from which tasks are reached: they are found here, one by one; ad hoc
-FORMAT = "actionopt sweep 3"
 RECORDED = ("index",)
-
-Progress = Callable[[int, int, int], object]
 
 
 def sweep(
@@ -93,7 +86,8 @@ def sweep(
         All rows have one length, and member k has the k-th value of each: one axis.
     progress : callable, optional
         `progress(done, total, failed)`, members, after each task. An interruption
-        (KeyboardInterrupt) cancels the tasks that wait, ends the sweep and keeps what is done.
+        (KeyboardInterrupt) ends the sweep and keeps what is done: at once in this process; tasks
+        that an executor has begun are waited for, unless it is interrupted again.
     resume : str or path, optional
         A file that keeps what is finished, task by task, and is written if there is none. The same
         call goes on from there after whatever ended the process.
@@ -119,26 +113,21 @@ def sweep(
     keep_paths = keep_paths or found
     grid = Grid.of(problem, over, zip)
     index = "index" in _recorded(record)
-    if executor is not None and (isinstance(executor, type) or not hasattr(executor, "submit")):
-        raise ValueError(f"expected a concurrent.futures.Executor that is made, found {executor!r}")
-    if progress is not None and not callable(progress):
-        raise ValueError(f"expected progress(done, total, failed), found {progress!r}")
-    journal = None if resume is None else Journal(resume, _question(grid, tol, index, keep_paths))
-    run = _Run(grid, Runs.begun(grid, tol, index, keep_paths), executor, progress, journal)
+    check_executor(executor, progress)
+    about = question_of(grid, tol, index, keep_paths)
+    journal = None if resume is None else Journal(resume, about)
+    runs = Runs.begun(grid, tol, index, keep_paths)
+    run = _Run(grid, runs, executor, Intake(runs, grid.size, journal, progress))
     try:
         run.go(run.begin())
     except KeyboardInterrupt:
-        return run.runs
+        return runs
     except Exception as error:
-        error.add_note(
-            "What is finished is lost: `resume=FILE` keeps it, task by task."
-            if journal is None
-            else f"What is finished is in {str(resume)!r}: the same call goes on there."
-        )
+        run.intake.note(error)
         raise
-    if not run.runs.success.any():
-        _none_solved(run.runs)
-    return run.runs
+    if not runs.success.any():
+        _none_solved(runs)
+    return runs
 
 
 def _recorded(record: str | Sequence[str] | None) -> tuple[str, ...]:
@@ -151,38 +140,6 @@ def _recorded(record: str | Sequence[str] | None) -> tuple[str, ...]:
                 "action, errors, momenta, coordinates at the ends and slopes always are"
             )
     return tuple(names)
-
-
-def _question(grid: Grid, tol: float, index: bool, keep_paths: bool) -> dict[str, Any]:
-    """Return what tells one sweep from another, as plain data."""
-    version = sys.modules[__name__.partition(".")[0]].__version__
-    problem, over = grid.problem, {}
-    for name, row in zip(grid.names, grid.values, strict=True):
-        digest = hashlib.sha256(row.tobytes()).hexdigest()[:12]
-        over[said(name)] = f"{row.size} values from {row[0]:g} to {row[-1]:g} ({digest})"
-    return {
-        "format": FORMAT,
-        "law": f"{problem.name} ({problem.system.digest[:12]})",
-        "parameters": {name: x.tolist() for name, x in problem.parameters.items()},
-        "start": [problem.start.t, problem.start.q],
-        "end": [problem.end.t, problem.end.q],
-        "advance": None if problem.advance is None else problem.advance.tolist(),
-        "relabel": getattr(problem.end, "relabel", None),
-        "energy": problem.energy,
-        **({"on": _surfaces(problem)} if problem.on_surface else {}),
-        "over": over,
-        "zip": grid.zipped,
-        "tol": tol,
-        "record": ["index"] if index else [],
-        "keep_paths": keep_paths,
-        "made by": f"actionopt {version}, CasADi {ca.CasadiMeta.version()}",
-    }
-
-
-def _surfaces(problem: Problem) -> list[str | None]:
-    """Return what tells the surfaces of events from others."""
-    laws = [None if e.on is None else e.on.law.serialize() for e in (problem.start, problem.end)]
-    return [law and hashlib.sha256(law.encode()).hexdigest()[:12] for law in laws]
 
 
 def _alone(problem: Problem) -> bool:
@@ -214,15 +171,12 @@ class _Run:
     grid: Grid
     runs: Runs
     executor: Executor | None
-    progress: Progress | None
-    journal: Journal | None
+    intake: Intake
     length: int = 0  # of a task, in members
     question: bytes = b""
     seeds: dict[int, Path] = field(default_factory=dict)  # paths by the number of the member
     walked: dict[int, Path | None] = field(default_factory=dict)  # what came of each search
     sown: int = 0  # how many were sought after the first
-    done: int = 0  # members
-    failed: int = 0
 
     @property
     def tasks(self) -> int:
@@ -237,7 +191,7 @@ class _Run:
 
     def begin(self) -> dict[int, Answers]:
         """Find a first seed and cut the grid, or read that; return the tasks that are finished."""
-        records = [] if self.journal is None else self.journal.records
+        records = [] if self.intake.journal is None else self.intake.journal.records
         if records:
             self.length = int(records[0]["length"])
             for record in records:
@@ -259,9 +213,9 @@ class _Run:
     def _keep(self, i: int, path: Path | None, **more: int) -> None:
         """Keep what came of the search for a seed."""
         self.walked[i] = path
-        if self.journal is not None:
+        if self.intake.journal is not None:
             kept = Kept.of(np.array([i] if path else [], dtype=int), [path] if path else [])
-            self.journal.append({"seed": i, **more, **kept.packed("seed")})
+            self.intake.journal.append({"seed": i, **more, **kept.packed("seed")})
 
     def _pilot(self) -> int:
         """Find a first seed; return how many unknowns it has.
@@ -273,7 +227,7 @@ class _Run:
         places = np.linspace(0, grid.size - 1, PILOTS).astype(int)
         first, *others = dict.fromkeys(grid.order[places].tolist())
         for i in (first, None, *others):
-            with suppress(ValueError):
+            with suppress(Exception):  # another may do
                 problem = grid.problem if i is None else grid.member(i)
                 found = moving(solve(problem, tol=tol, throw=False))
                 unknowns = found.stats["unknowns"]
@@ -320,33 +274,10 @@ class _Run:
 
     def go(self, finished: dict[int, Answers]) -> None:
         """Have all other tasks done, and enter what came of them."""
-        for answers in finished.values():
-            self._enter(answers)
-        waiting = deque(task for task in range(self.tasks) if task not in finished)
-        if self.executor is None:
-            for task in waiting:
-                self._done(task, work(*self._given(task)))
-            return
-        flying: dict[int, Future] = {}
-        arrived: SimpleQueue[int] = SimpleQueue()
-        try:
-            while waiting or flying:
-                if waiting and len(flying) < IN_FLIGHT:
-                    task = waiting.popleft()
-                    flying[task] = self.executor.submit(work, *self._given(task))
-                    flying[task].add_done_callback(lambda _, task=task: arrived.put(task))
-                    if arrived.empty():
-                        continue
-                task = arrived.get()
-                self._done(task, flying.pop(task).result())
-        except BaseException as error:
-            for future in flying.values():
-                future.cancel()
-            if isinstance(error, KeyboardInterrupt):
-                for task, future in flying.items():
-                    if future.done() and not future.cancelled() and future.exception() is None:
-                        self._done(task, future.result())
-            raise
+        for task, answers in finished.items():
+            self.intake(task, answers, kept=True)
+        tasks = ((k, self._given(k)) for k in range(self.tasks) if k not in finished)
+        dispatch(work, tasks, self.executor, self.intake)
 
     def _given(self, task: int) -> tuple:
         """Return the arguments of `work`."""
@@ -360,17 +291,3 @@ class _Run:
             self._nearest(members),
             options,
         )
-
-    def _done(self, task: int, answers: Answers) -> None:
-        """Keep what came of a task, and enter it."""
-        if self.journal is not None:
-            self.journal.append({"task": np.array(task), **answers})
-        self._enter(answers)
-
-    def _enter(self, answers: Answers) -> None:
-        """Enter what came of a task, and tell."""
-        self.runs.put(answers)
-        self.done += answers["members"].size
-        self.failed += int(np.isnan(answers["action"]).sum())
-        if self.progress is not None:
-            self.progress(self.done, self.grid.size, self.failed)

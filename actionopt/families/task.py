@@ -9,19 +9,29 @@ from typing import NamedTuple
 
 import numpy as np
 
+from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
 from actionopt.discrete.path import Path
 from actionopt.families.batch import solve_run
 from actionopt.families.kept import Kept
+from actionopt.families.members import refusal
 from actionopt.families.vary import Name, along, moved
 from actionopt.families.walk import walk
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.solve import Guess, moving, solve
+from actionopt.tools.interrupts import leave_interruptions
 from actionopt.tools.memory import keep_memory
 from actionopt.tools.types import Array, NDInt
 
 Answers = dict[str, Array]
-REFUSED = "REFUSED"  # beside the names of `Status`: the problem makes no sense
+# Beside the names of `Status`: the problem makes no sense; the solver ended unexpectedly.
+REFUSED, ERROR = "REFUSED", "ERROR"
+
+
+# Of answers: rows with an item for each member.
+PER_MEMBER = (
+    "members", "status", "action", "error", "momenta", "ends", "slopes", "index", "unsought"
+)  # fmt: skip
 
 
 class Seed(NamedTuple):
@@ -58,6 +68,7 @@ def work(
         `tol`, and whether to count indices and to keep paths.
     """
     keep_memory()
+    leave_interruptions()
     problem = pickle.loads(question)
     if seed is None:
         return solved(problem, members, columns, None, options)
@@ -74,11 +85,16 @@ def solved(
     guess: Guess | None,
     options: tuple[float, bool, bool],
     first: int = 0,
+    given: Mapping[int, Solution] | None = None,
+    limited: bool = True,
 ) -> Answers:
-    """Return what comes of members of a problem that is here, the `first` of them near `guess`."""
+    """Return what comes of members of a problem that is here, the `first` of them near `guess`.
+
+    Or near those that are `given`. Searches that find nothing have a budget if `limited`.
+    """
     (tol, index, keep_paths), k, n = options, len(members), problem.system.n
     if problem.free_time or problem.is_infinite or problem.on_surface:
-        return _one_by_one(problem, members, columns, guess, options, first)
+        return one_by_one(problem, members, columns, guess, options, first)
     t0, t1 = columns.get("t0", problem.start.t), columns.get("t1", problem.end.t)
     late = np.broadcast_to(np.less(t0, t1), k)
     answers = _refused(members, n, len(columns), alone=0)
@@ -89,12 +105,17 @@ def solved(
         tried = np.flatnonzero(late)
         rows = {name: row[tried] for name, row in columns.items()}
         first = int(np.argmin(np.abs(tried - first)))
-        found = solve_run(problem, rows, tol, index=index, guess=guess, first=first)
-        messages |= {int(tried[j]): message for j, message in found.messages.items()}
+        known = {int(np.searchsorted(tried, j)): near for j, near in (given or {}).items()}
+        found = solve_run(
+            problem, rows, tol, index=index, guess=guess, first=first, given=known, limited=limited
+        )
+        said = found.messages | found.errors
+        messages |= {int(tried[j]): message for j, message in said.items()}
         answers["status"][tried] = [
-            REFUSED if j in found.messages else status.name for j, status in enumerate(found.status)
+            REFUSED if j in found.messages else ERROR if j in found.errors else status.name
+            for j, status in enumerate(found.status)
         ]
-        answers["error"][tried] = found.error
+        answers["error"][tried], answers["unsought"][tried] = found.error, found.unsought
         good = found.success
         for name in ("action", "momenta", "slopes", *(("index",) if index else ())):
             answers[name][tried[good]] = getattr(found, name)[good]
@@ -121,20 +142,26 @@ def _refused(members: NDInt, n: int, columns: int, alone: int) -> Answers:
         "momenta": np.full((k, 2, n), np.nan),
         "ends": np.full((k, 2, n), np.nan),
         "slopes": np.full((k, columns), np.nan),
+        "unsought": np.zeros(k, dtype=bool),
         "iterations": np.array(0),
         "alone": np.array(alone),
     }
 
 
-def _one_by_one(
+def one_by_one(
     problem: Problem,
     members: NDInt,
     columns: Mapping[Name, Array],
     guess: Guess | None,
     options: tuple[float, bool, bool],
-    first: int,
+    first: int = 0,
+    given: Mapping[int, Path] | None = None,
+    lead: bool = True,
 ) -> Answers:
-    """Return the same of members with more than a path to be found, each near the last one."""
+    """Return the same of members with more than a path to be found, each near the last one.
+
+    Those that are `given` are not solved again. All are sought near `guess` unless they `lead`.
+    """
     tol, index, _ = options
     k, n = len(members), problem.system.n
     answers = _refused(members, n, len(columns), alone=k)
@@ -144,26 +171,35 @@ def _one_by_one(
     for j in (*range(first, k), *range(first - 1, -1, -1)):
         if j == first - 1:  # the other way
             guess = paths.get(int(members[first]), begun)
+        if given and j in given:
+            guess = given[j]
+            continue
         try:
             mine = moved(problem, {name: float(row[j]) for name, row in columns.items()})
             found = moving(solve(mine, guess=guess, tol=tol, throw=False))
             if not found.success and guess is not None:
                 found = moving(solve(mine, tol=tol, throw=False))
-        except ValueError as error:
-            messages[int(members[j])] = str(error)
+            slopes, number = along(found, columns), -1
+            if index and found.success:
+                with suppress(ValueError):  # there is none
+                    number = found.morse_index
+        except Exception as error:
+            text, refused = refusal(error)
+            messages[int(members[j])] = text
+            answers["status"][j] = REFUSED if refused else ERROR
             continue
         answers["status"][j] = found.status.name
         answers["iterations"] += sum(found.stats["iterations"].values())
         if not found.success:
             continue
-        guess = paths[int(members[j])] = found.path
+        paths[int(members[j])] = found.path
+        guess = found.path if lead else guess
         answers["action"][j], answers["error"][j] = found.action, found.error
         answers["momenta"][j] = np.stack(found.momenta)
-        answers["slopes"][j] = along(found, columns)
+        answers["slopes"][j] = slopes
         answers["ends"][j] = found.path.values[:, [0, -1]].T
         if index:
-            with suppress(ValueError):  # there is none
-                answers["index"][j] = found.morse_index
+            answers["index"][j] = number
     answers["refused"] = np.array(list(messages), dtype=int)
     answers["messages"] = np.array(list(messages.values()), dtype=str)
     return answers | Kept.of(np.array(list(paths), dtype=int), list(paths.values())).packed("kept")

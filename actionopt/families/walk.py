@@ -54,7 +54,7 @@ def _steps(
             there = moved(problem, values)
             accuracy = tol if k == count else max(tol, ON_THE_WAY)
             found = moving(solve_near(there, led(near, there), accuracy))
-        except ValueError:  # no problem, or an end that makes no sense
+        except Exception:  # no problem, an end that makes no sense, or the solver failed
             return None
         if not found.success:
             return None

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from actionopt import scenes
 from actionopt.gallery.builder import build
-from actionopt.tools.progress import progress
+from actionopt.tools.progress import Bar
 from actionopt.tools.words import SPOKEN
 
 
@@ -34,7 +34,7 @@ def add_to(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Write the pages and print where they start."""
     asked = [scenes.from_file(name) if name.endswith(".py") else name for name in options.asked]
-    build(options.directory, asked, show=progress, jobs=options.jobs, lang=options.lang)
+    build(options.directory, asked, show=Bar(), jobs=options.jobs, lang=options.lang)
     first = Path(options.directory) / "index.html"
     print(first)
     if options.open:

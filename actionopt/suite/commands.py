@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from functools import partial
 from typing import Any
 
 from actionopt import suite
@@ -11,7 +12,7 @@ from actionopt.suite import runner, solvers
 from actionopt.suite.cell import Cell
 from actionopt.suite.dials import DIALS
 from actionopt.suite.verdict import MODES, meaning, verdict
-from actionopt.tools.progress import progress
+from actionopt.tools.progress import Bar
 from actionopt.tools.table import print_table
 
 SOLVERS = f"""\
@@ -211,7 +212,7 @@ def run(options: argparse.Namespace) -> int:
         limits=runner.Limits(options.seconds, options.memory),
         jobs=options.jobs,
         again=options.again,
-        show=show_record,
+        show=partial(show_record, Bar()),
     )
     for mode in MODES:
         counts, names = runner.tally(records, mode), meaning(mode)
@@ -248,9 +249,9 @@ def _on_dials(options: argparse.Namespace) -> list[Cell]:
     ]
 
 
-def show_record(done: int, total: int, record: dict[str, Any]) -> None:
+def show_record(bar: Bar, done: int, total: int, record: dict[str, Any]) -> None:
     """Write a progress bar to the standard error."""
-    progress(done, total, f"{record['solver']} {record['problem']}: {verdict(record, MODES[0])}")
+    bar(done, total, f"{record['solver']} {record['problem']}: {verdict(record, MODES[0])}")
 
 
 def dump(options: argparse.Namespace) -> int:

@@ -6,6 +6,7 @@ signals now and then, and takes whatever a handler raises for Ctrl-C, or loses i
 
 from __future__ import annotations
 
+import multiprocessing
 import signal
 import sys
 import threading
@@ -84,6 +85,18 @@ def raised_later(raised: list[BaseException], *, stop: bool) -> Iterator[None]:
             raise first
         finally:
             del first  # or it would refer to itself
+
+
+def leave_interruptions() -> None:
+    """Let Ctrl-C in a terminal, which all its processes are told of, be for who gives out tasks.
+
+    In a process that another one started, for good: one that waits for a task would end by it.
+    """
+    if (
+        multiprocessing.parent_process() is not None
+        and threading.current_thread() is threading.main_thread()
+    ):
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 class _Others:

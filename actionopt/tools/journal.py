@@ -58,9 +58,14 @@ class Journal:
         np.savez(stream, allow_pickle=False, **record)
         data = stream.getvalue()
         with open(self.file, "ab") as file:
-            file.write(HEAD.pack(len(data), zlib.crc32(data)) + data)
-            file.flush()
-            os.fsync(file.fileno())
+            size = file.tell()
+            try:
+                file.write(HEAD.pack(len(data), zlib.crc32(data)) + data)
+                file.flush()
+                os.fsync(file.fileno())
+            except BaseException:  # behind half a record none would be read again
+                file.truncate(size)
+                raise
 
     def _read(self, about: dict[str, Any]) -> None:
         """Read what there is, and cut off what is not whole."""

@@ -11,25 +11,34 @@ from typing import TypeVar
 T = TypeVar("T")
 BAR_WIDTH = 24  # characters: a third of a narrow terminal
 PATIENCE, PACE = 1.0, 0.1  # seconds before anything is said, and between two lines: ad hoc
+LOG_PACE = 10.0  # seconds between two lines where there is no terminal, as in a log file; ad hoc
 
 
-def progress(done: int, total: int, what: str) -> None:
-    """Write how much is done and what was done last; over itself on a terminal."""
-    filled = BAR_WIDTH * done // max(total, 1)
-    line = f"[{'#' * filled}{'.' * (BAR_WIDTH - filled)}] {done}/{total} {what}"
-    if sys.stderr.isatty():
-        end = "\n" if done == total else ""
-        print(f"\r\x1b[K{line}", end=end, file=sys.stderr, flush=True)
-    else:
-        print(line, file=sys.stderr, flush=True)
+class Bar:
+    """A bar on the terminal; elsewhere a line each ten seconds, and one at the end of those."""
+
+    def __init__(self) -> None:
+        self.shown, self.lines = perf_counter(), 0
+
+    def __call__(self, done: int, total: int, what: str) -> None:
+        """Write how much is done and what was done last; over itself on a terminal."""
+        filled = BAR_WIDTH * done // max(total, 1)
+        line = f"[{'#' * filled}{'.' * (BAR_WIDTH - filled)}] {done}/{total} {what}"
+        if sys.stderr.isatty():
+            end = "\n" if done == total else ""
+            print(f"\r\x1b[K{line}", end=end, file=sys.stderr, flush=True)
+        elif perf_counter() - self.shown >= LOG_PACE or (self.lines and done == total):
+            self.shown, self.lines = perf_counter(), self.lines + 1
+            print(line, file=sys.stderr, flush=True)
 
 
 def steps(items: Sequence[T]) -> Iterator[T]:
     """Yield the items, and show how many are done and which one is under way."""
+    bar = Bar()
     for k, item in enumerate(items):
-        progress(k, len(items), str(item))
+        bar(k, len(items), str(item))
         yield item
-    progress(len(items), len(items), "")
+    bar(len(items), len(items), "")
 
 
 @contextmanager

@@ -1,0 +1,129 @@
+"""Tasks that are done in this process or given to an executor, and what an interruption does."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from queue import SimpleQueue
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from actionopt.families.task import Answers
+from actionopt.tools.journal import Journal
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor, Future
+
+IN_FLIGHT = 1024  # tasks that are sent at once, and so the workers that are kept busy; ad hoc
+
+
+Progress = Callable[[int, int, int], object]
+
+
+def check_executor(executor: Executor | None, progress: Progress | None) -> None:
+    """Raise ValueError for what is no executor, or no function to be told of progress."""
+    if executor is not None and (isinstance(executor, type) or not hasattr(executor, "submit")):
+        raise ValueError(f"expected a concurrent.futures.Executor that is made, found {executor!r}")
+    if progress is not None and not callable(progress):
+        raise ValueError(f"expected progress(done, total, failed), found {progress!r}")
+
+
+class Entered(Protocol):
+    """What answers are entered in."""
+
+    def put(self, answers: Answers) -> None:
+        """Enter what came of a task."""
+
+
+@dataclass(eq=False)
+class Intake:
+    """Enters what comes of tasks in `runs`, each once, keeps it in a journal, and reports it."""
+
+    runs: Entered
+    total: int  # members of all tasks
+    journal: Journal | None
+    progress: Progress | None
+    done: int = 0  # members
+    failed: int = 0
+    entered: set[int] = field(default_factory=set)  # tasks
+
+    def __call__(self, task: int, answers: Answers, kept: bool = False) -> None:
+        """Enter a task, which may be `kept` already."""
+        if task in self.entered:  # an interruption came behind that
+            return
+        if self.journal is not None and not kept:
+            self.journal.append({"task": np.array(task), **answers})
+        self.runs.put(answers)
+        self.entered.add(task)
+        self.done += answers["members"].size
+        self.failed += int(np.isnan(answers["action"]).sum())
+        if self.progress is not None:
+            self.progress(self.done, self.total, self.failed)
+
+    def note(self, error: Exception) -> None:
+        """Add to an error where what is finished is."""
+        error.add_note(
+            "What is finished is lost: `resume=FILE` keeps it, task by task."
+            if self.journal is None
+            else f"What is finished is in {str(self.journal.file)!r}: the same call goes on there."
+        )
+
+
+def dispatch(
+    work: Callable[..., Any],
+    tasks: Iterable[tuple[int, tuple]],
+    executor: Executor | None,
+    done: Callable[[int, Any], None],
+) -> None:
+    """Have `work(*given)` done for each (task, given), and call `done(task, answers)`.
+
+    An interruption (KeyboardInterrupt) sends no more to an executor; tasks that have begun are
+    waited for and entered, which a line on the standard error says. Another one leaves them at
+    once, and ends the executor's processes. Without an executor the task at hand is left at once.
+    """
+    if executor is None:
+        for task, given in tasks:
+            done(task, work(*given))
+        return
+    flying: dict[int, Future] = {}
+    arrived: SimpleQueue[int] = SimpleQueue()
+
+    def enter() -> None:
+        task = arrived.get()
+        done(task, flying[task].result())
+        del flying[task]
+
+    try:
+        for task, given in tasks:
+            flying[task] = executor.submit(work, *given)
+            flying[task].add_done_callback(lambda _, task=task: arrived.put(task))
+            while len(flying) >= IN_FLIGHT or not arrived.empty():
+                enter()
+        while flying:
+            enter()
+    except BaseException as error:
+        begun = {task: future for task, future in flying.items() if not future.cancel()}
+        if isinstance(error, KeyboardInterrupt):
+            _wait(begun, executor, done)
+        raise
+
+
+def _wait(begun: dict[int, Future], executor: Executor, done: Callable[[int, Any], None]) -> None:
+    """Enter what comes of tasks that have begun; leave them at another interruption."""
+    waiting = sum(not future.done() for future in begun.values())
+    if waiting:
+        tasks = "a task that has" if waiting == 1 else f"{waiting} tasks that have"
+        print(
+            f"interrupted: waiting for {tasks} begun; interrupt again to leave",
+            file=sys.stderr,
+            flush=True,
+        )
+    try:
+        for task, future in begun.items():
+            if future.exception() is None:
+                done(task, future.result())
+    except KeyboardInterrupt:
+        for process in dict(getattr(executor, "_processes", None) or {}).values():
+            process.terminate()
