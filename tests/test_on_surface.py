@@ -154,6 +154,16 @@ def test_a_free_particle_to_a_moving_wall():
     assert given.end.q == pytest.approx([wall + u * 1.5, 0.0], abs=1e-9)
 
 
+def test_the_action_changes_with_the_time_at_which_a_moving_wall_is_left():
+    """S = (X - w - u t0)^2 / (2 (T - t0)) from a wall at w + u t."""
+    w, u, t0, X, T = 1.0, 0.4, 0.5, 9.0, 3.0
+    wall = ao.Event(t0, None, on=lambda q, t: q[0] - w - u * t)
+    found = ao.solve(ao.Problem(plane(), wall, ao.Event(T, [X, 0.0]))).sensitivity()
+    way, time = X - w - u * t0, T - t0
+    assert found.t0 == pytest.approx(way**2 / (2 * time**2) - u * way / time, rel=1e-9)
+    assert found.t1 == pytest.approx(-(way**2) / (2 * time**2), rel=1e-9)
+
+
 def test_a_throw_to_a_slope():
     """It lands normally: backwards along the parabola from there."""
     E, k, d = 60.0, 0.5, 4.0
