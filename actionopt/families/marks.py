@@ -46,6 +46,8 @@ class Mark:
         The (degenerate) path there.
     before, after : int or None
         Index on either side, in the order of the trace.
+    point : int
+        Of the trace, the point before it.
     """
 
     kind: Literal["fold", "index", "period doubling"]
@@ -53,6 +55,7 @@ class Mark:
     path: Path
     before: int | None
     after: int | None
+    point: int = 0
 
 
 @dataclass(frozen=True)

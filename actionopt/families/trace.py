@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 
@@ -105,14 +106,21 @@ class Trace:
 
     def at(self, value: float) -> list[Solution]:
         """Return the paths of the family at a value, one for each time the branch passes it."""
+        folds = {mark.point: mark for mark in self.marks if mark.kind == "fold"}
+        nodes: list[tuple[float, Path, bool]] = []  # the folds among them
+        for k in range(len(self.values)):
+            nodes.append((float(self.values[k]), self.paths[k], False))
+            if k in folds:
+                nodes.append((folds[k].value, folds[k].path, True))
         result = []
-        for k in range(len(self.values) - 1):
-            a, b = self.values[k], self.values[k + 1]
+        for k, ((a, one, turned), (b, other, turns)) in enumerate(pairwise(nodes)):
             if not (min(a, b) <= value <= max(a, b)) or a == b or (value == a and k > 0):
                 continue
             part = (value - a) / (b - a)
+            if turned or turns:  # the branch is a parabola there
+                part = np.sqrt(part) if turned else 1 - np.sqrt(1 - part)
             problem = self.family(value)
-            pair = self.paths[k : k + 2]
+            pair = one, other
             if problem.free_time:
                 a, b = (path.mesh.duration for path in pair)
                 problem = over(problem, (1 - part) * a + part * b)
@@ -431,7 +439,7 @@ class _Run:
 
     def _mark(self, kind, point: Point, before: int, after: int) -> Mark:
         sides = (before, after) if self.counting else (None, None)
-        return Mark(kind, point.s, point.path, *sides)
+        return Mark(kind, point.s, point.path, *sides, len(self.points) - 1)
 
     def _sign(self, j: int, point: Point) -> float:
         """Return what is positive where the index is more than j, or less, and negative else."""
