@@ -40,13 +40,19 @@ FILES = {dotted(file): file for file in sorted(PACKAGE.rglob("*.py"))}
 
 
 @cache
+def parsed(file: Path) -> ast.Module:
+    """Return what a file says, as a tree."""
+    return ast.parse(file.read_text(encoding="utf-8"))
+
+
+@cache
 def imports(file: Path) -> frozenset[str]:
     """Return the modules that a file imports, anywhere in it."""
     return frozenset(_imports(file))
 
 
 def _imports(file: Path) -> Iterator[str]:
-    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+    for node in ast.walk(parsed(file)):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -64,7 +70,7 @@ def arrows() -> dict[str, set[str]]:
 
 def sentence(file: Path) -> str:
     """Return the first line of a module's docstring."""
-    text = ast.get_docstring(ast.parse(file.read_text(encoding="utf-8"))) or ""
+    text = ast.get_docstring(parsed(file)) or ""
     return text.split("\n\n")[0].replace("\n", " ").rstrip(".")
 
 

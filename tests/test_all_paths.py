@@ -40,7 +40,7 @@ def test_projectile_has_one_path():
 @pytest.mark.parametrize(
     ("lam", "actions"),
     [(1.0, [-1.0465167047946651, 16.440013090858122]),
-     (3.4, [-4.2594654167377802, -4.1830776405135700]),
+     pytest.param(3.4, [-4.2594654167377802, -4.1830776405135700], marks=pytest.mark.slow),
      pytest.param(3.6, [], marks=pytest.mark.slow)],
 )  # fmt: skip
 def test_bratu(lam, actions):

@@ -56,7 +56,7 @@ def test_libraries_stay_in_their_rooms():
 
 def test_one_module_knows_the_interface_of_ipopt():
     for module in (m for m in rooms.FILES if not m.startswith(SOLVERS)):
-        for node in ast.walk(ast.parse(rooms.FILES[module].read_text(encoding="utf-8"))):
+        for node in ast.walk(rooms.parsed(rooms.FILES[module])):
             if isinstance(node, ast.Attribute):
                 assert node.attr not in ("nlpsol", "qpsol"), module
             if isinstance(node, ast.Constant) and isinstance(node.value, str):
@@ -70,7 +70,7 @@ def test_comparisons_let_time_limits_through():
 
 def constants(file):
     """Yield the names in capitals that a module assigns."""
-    for node in ast.parse(file.read_text(encoding="utf-8")).body:
+    for node in rooms.parsed(file).body:
         if isinstance(node, (ast.Assign, ast.AnnAssign)):
             targets = node.targets if isinstance(node, ast.Assign) else [node.target]
             names = (x for target in targets for x in ast.walk(target) if isinstance(x, ast.Name))

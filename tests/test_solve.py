@@ -436,8 +436,9 @@ def test_every_known_path_is_met_to_every_tolerance(name):
         assert estimate <= tol
 
 
-def test_the_estimate_is_calibrated():
-    rows = [row for name in KNOWN for row in measured(name)]
+@pytest.mark.parametrize("every", [3, pytest.param(1, marks=pytest.mark.slow)])
+def test_the_estimate_is_calibrated(every):
+    rows = [row for name in KNOWN[2 % every :: every] for row in measured(name)]  # as above
     held = [error <= estimate for _, error, estimate, _ in rows]
     assert np.mean(held) >= 0.95
     assert np.median([estimate / max(error, EPS) for _, error, estimate, _ in rows]) <= 100
