@@ -19,11 +19,14 @@ BESIDE = """
 """.split()
 
 
-def pytest_addoption(parser, pluginmanager):
-    """Without pytest-xdist, the options for it in pyproject.toml say nothing: one process runs."""
-    if not pluginmanager.hasplugin("xdist"):
-        for name in ("--numprocesses", "--maxprocesses", "--dist"):
-            parser.addoption(name)
+@pytest.hookimpl(tryfirst=True)
+def pytest_cmdline_main(config):
+    """Share the tests out where pytest-xdist is installed, unless the command says otherwise."""
+    shares = config.pluginmanager.hasplugin("xdist") and not hasattr(config, "workerinput")
+    if shares and config.option.numprocesses is None:
+        config.option.numprocesses = "auto"
+        config.option.maxprocesses = 2  # each reads all the tests before it runs any
+        config.option.dist = "loadfile"  # what one file solves for many tests is solved once
 
 
 def pytest_collection_modifyitems(items):

@@ -8,6 +8,8 @@ from collections import Counter
 from graphlib import TopologicalSorter
 from pathlib import Path
 
+from conftest import BESIDE
+
 TOP = Path(__file__).parent.parent
 SPEC = importlib.util.spec_from_file_location("rooms", TOP / "docs" / "rooms.py")
 assert SPEC is not None and SPEC.loader is not None
@@ -88,6 +90,10 @@ def test_the_map_is_the_one_in_contributing():
     page = (TOP / "CONTRIBUTING.md").read_text(encoding="utf-8")
     printed = page.split(rooms.BEGIN)[1].split(rooms.END)[0]
     assert printed.strip() == rooms.drawn().strip(), "run: python docs/rooms.py --write"
+
+
+def test_files_that_no_kernel_changes_are_there():
+    assert set(BESIDE) <= {file.stem.split("_")[1] for file in TOP.glob("tests/test_*.py")}
 
 
 def test_importing_the_package_imports_nothing_optional():
