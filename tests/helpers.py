@@ -13,14 +13,14 @@ from actionopt.solver.ladder import LADDER, Search
 from actionopt.solver.workspace import Workspace
 
 
-def a_third(variants, first=0):
-    """Return a test's variants, every third of them quick; tests with another `first` take others.
+def a_quarter(variants, first=0):
+    """Return a test's variants, every fourth of them quick; tests with another `first` take others.
 
     All are run where the slow ones are.
     """
     slow = [pytest.mark.slow]
     return [
-        pytest.param(*(x if isinstance(x, tuple) else (x,)), marks=slow if (k - first) % 3 else [])
+        pytest.param(*(x if isinstance(x, tuple) else (x,)), marks=slow if (k - first) % 4 else [])
         for k, x in enumerate(variants)
     ]
 

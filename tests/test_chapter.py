@@ -4,7 +4,7 @@ import importlib
 
 import numpy as np
 import pytest
-from helpers import a_third
+from helpers import a_quarter
 
 import actionopt as ao
 from actionopt import chapter, cli, scenes
@@ -74,7 +74,7 @@ def test_command_names_the_sections(capsys):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("changed", [False, True])
-@pytest.mark.parametrize("name", a_third(scenes.SCENES, 1))
+@pytest.mark.parametrize("name", a_quarter(scenes.SCENES, 1))
 def test_scenes_meet_their_closed_forms(name, changed):
     scene, solution = solved(name, changed)
     t = np.linspace(scene.problem.start.t, scene.problem.end.t, 101)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers import a_third, solved
+from helpers import a_quarter, solved
 
 from actionopt import scenes, solve_all
 from actionopt.gallery.subject import Subject
@@ -617,7 +617,7 @@ def turned(s, p):
     return np.stack([c * p[0] - w * p[1], w * p[0] + c * p[1]])
 
 
-@pytest.mark.parametrize("name", a_third(scenes.SCENES, 1))
+@pytest.mark.parametrize("name", a_quarter(scenes.SCENES, 1))
 def test_what_a_page_says_of_its_scene_is_so(name):
     words, seen = scenes.get(name).words, Seen(name)
     said = {"answer", "look", *words.captions}

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers import a_third, integrated
+from helpers import a_quarter, integrated
 from motions import ellipse
 from scipy.optimize import brentq
 
@@ -249,7 +249,7 @@ SYSTEMS = {name: scenes.get(name).problem.system for name in scenes.SCENES}
 UNFORCED = [name for name, x in SYSTEMS.items() if not (x.structure.forced or x.r)]
 
 
-@pytest.mark.parametrize("name", a_third(UNFORCED, 1))
+@pytest.mark.parametrize("name", a_quarter(UNFORCED, 1))
 def test_index_theorem_on_every_scene(name):
     scene = scenes.get(name)
     solution = ao.solve(scene.problem, guess=scene.guess)

@@ -11,7 +11,7 @@ from html.parser import HTMLParser
 import browser
 import numpy as np
 import pytest
-from helpers import a_third
+from helpers import a_quarter
 
 from actionopt import Event, Mesh, scenes
 from actionopt.cli import main
@@ -188,7 +188,7 @@ def test_the_numbers_on_a_page_are_those_of_the_scene(gallery):
     assert f"action {str(scene.action)[:11]}" in page.words  # printed by the program
 
 
-@pytest.mark.parametrize("name", a_third(scenes.SCENES, 2))
+@pytest.mark.parametrize("name", a_quarter(scenes.SCENES, 2))
 def test_what_was_found_is_what_is_known(name):
     scene = scenes.get(name)
     subject = Subject(scene, solve(scene.problem, tol=1e-10, guess=scene.guess))

@@ -10,7 +10,7 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
-from helpers import a_third, solved
+from helpers import a_quarter, solved
 
 from actionopt import scenes
 from actionopt.gallery import units
@@ -159,7 +159,7 @@ def terms(node):
     yield node
 
 
-@pytest.mark.parametrize("name", a_third(scenes.SCENES, 2))
+@pytest.mark.parametrize("name", a_quarter(scenes.SCENES, 2))
 def test_the_equations_of_motion_vanish_on_the_solution(name):
     assert unfulfilled(name) < 1e-8
 

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from helpers import a_third, integrated, motion
+from helpers import a_quarter, integrated, motion
 from motions import ellipse
 from scipy.optimize import brentq
 
@@ -298,7 +298,7 @@ def test_elements_that_cannot_be_split_any_more():
 UNFORCED = [name for name in scenes.SCENES if not scenes.get(name).problem.system.structure.forced]
 
 
-@pytest.mark.parametrize("name", a_third(UNFORCED))
+@pytest.mark.parametrize("name", a_quarter(UNFORCED))
 def test_pivots_agree_with_dense_eigenvalues_on_every_scene(name):
     scene = scenes.get(name)
     solution = ao.solve(scene.problem, guess=scene.guess, tol=1e-7)

@@ -10,7 +10,7 @@ import browser
 import casadi as ca
 import numpy as np
 import pytest
-from helpers import a_third, solved
+from helpers import a_quarter, solved
 
 import actionopt as ao
 from actionopt import plot, scenes
@@ -82,7 +82,7 @@ def computed(asked):
     return dict(zip(asked, told["answers"], strict=True)) | {"erf": told["erf"]}
 
 
-@pytest.mark.parametrize("name", a_third(LIVE, 1))
+@pytest.mark.parametrize("name", a_quarter(LIVE, 1))
 def test_the_action_in_the_page_is_that_of_the_package(asked, computed, name):
     known, told = asked[name]["data"], computed[name]
     problem = scenes.get(name).problem
@@ -108,7 +108,7 @@ def test_the_action_in_the_page_is_that_of_the_package(asked, computed, name):
         assert pytest.approx(f, abs=SAME * np.max(np.abs(Q)) ** 2) == np.transpose(told["f"])
 
 
-@pytest.mark.parametrize("name", a_third(LIVE, 1))
+@pytest.mark.parametrize("name", a_quarter(LIVE, 1))
 def test_newtons_method_and_the_index_in_the_page(computed, name):
     solution, told = solved(name, tol=1e-10), computed[name]
     scale = max(abs(solution.action), 1.0)

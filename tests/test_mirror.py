@@ -8,7 +8,7 @@ was taken without its magnitude, where the values of a problem happen to be of o
 import casadi as ca
 import numpy as np
 import pytest
-from helpers import a_third, same_bits
+from helpers import a_quarter, same_bits
 
 import actionopt as ao
 from actionopt import Event, Mesh, Periodic, Problem, State, System
@@ -158,7 +158,7 @@ UNFORCED = [name for name, case in CASES.items() if case[6] is None]
 EXACT = [name for name in CASES if name not in ("sphere", "layers")]
 
 
-@pytest.mark.parametrize("name", a_third(CASES))
+@pytest.mark.parametrize("name", a_quarter(CASES))
 def test_the_path_is_mirrored_and_all_that_was_done_is_the_same(name, both):
     here, there = both(name)
     assert here.status is there.status
@@ -169,14 +169,14 @@ def test_the_path_is_mirrored_and_all_that_was_done_is_the_same(name, both):
     assert flat(figures(here)) == flat(figures(there))
 
 
-@pytest.mark.parametrize("name", a_third(EXACT))
+@pytest.mark.parametrize("name", a_quarter(EXACT))
 def test_the_comparison_is_the_same(name, both):
     """But where a singular value decomposition, or a motion that overflows, has its own signs."""
     one, other = (solution.compare() for solution in both(name))
     assert [getattr(one, key) for key in NUMBERS] == [getattr(other, key) for key in NUMBERS]
 
 
-@pytest.mark.parametrize("name", a_third(UNFORCED, 1))
+@pytest.mark.parametrize("name", a_quarter(UNFORCED, 1))
 def test_the_second_variation_is_the_same(name, both):
     here, there = both(name)
     one, other = here.inertia, there.inertia
@@ -193,7 +193,7 @@ def test_the_second_variation_is_the_same(name, both):
         assert np.allclose(a, sign * b, rtol=SAME, atol=SAME * np.max(np.abs(a)))
 
 
-@pytest.mark.parametrize("name", a_third((x for x in CASES if x not in ("closed", "layers")), 1))
+@pytest.mark.parametrize("name", a_quarter((x for x in CASES if x not in ("closed", "layers")), 1))
 def test_an_action_of_the_other_sign_has_the_same_stationary_paths(name):
     """-L has the equations of motion of L; only what is least is not."""
     found = []
@@ -224,7 +224,7 @@ IN_UNITS = [name for name in EXACT if name not in ("closed", "pulse", "valley")]
 
 @pytest.mark.slow
 @pytest.mark.parametrize("units", UNITS)
-@pytest.mark.parametrize("name", a_third(IN_UNITS, 2))
+@pytest.mark.parametrize("name", a_quarter(IN_UNITS, 2))
 def test_in_other_units_all_that_was_done_is_the_same(name, units, both):
     side, sign, way = UNITS[units]
     here, n = both(name)[0], CASES[name][1]
@@ -361,7 +361,7 @@ def test_a_file_is_whole_on_either_side(name, both, tmp_path):
             assert np.array_equal(loaded.start.v, solution.start.v)
 
 
-@pytest.mark.parametrize("name", a_third((x for x in CASES if x not in ("closed", "layers")), 2))
+@pytest.mark.parametrize("name", a_quarter((x for x in CASES if x not in ("closed", "layers")), 2))
 def test_a_motion_is_followed_alike_and_backwards_in_time(name, both):
     """q(-t) is a motion of L(q, -v, -t)."""
     solution, _ = both(name)

@@ -8,7 +8,7 @@ import textwrap
 
 import numpy as np
 import pytest
-from helpers import a_third, solved
+from helpers import a_quarter, solved
 
 import actionopt as ao
 from actionopt import Event, Problem, System, scenes
@@ -29,7 +29,7 @@ def elsewhere(monkeypatch):
     return load
 
 
-@pytest.mark.parametrize("name", a_third(scenes.SCENES))
+@pytest.mark.parametrize("name", a_quarter(scenes.SCENES))
 def test_what_is_derived_of_a_loaded_law_is_the_same_to_the_last_operation(name, elsewhere):
     own = scenes.get(name).problem.system
     system = System.__new__(System)

@@ -65,7 +65,7 @@ MORE = {
 @pytest.mark.parametrize(
     ("name", "figure"),
     [
-        *helpers.a_third((name, figure) for name in LABELLED for figure in LABELLED[name]),
+        *helpers.a_quarter((name, figure) for name in LABELLED for figure in LABELLED[name]),
         *(
             pytest.param(name, figure, marks=pytest.mark.slow)
             for name in MORE
@@ -237,7 +237,7 @@ def contrast(colour, paper):
 
 
 @pytest.mark.parametrize("reader", ["default", "dark_background"])
-@pytest.mark.parametrize("figure", helpers.a_third([*FIGURES, "explore"]))
+@pytest.mark.parametrize("figure", helpers.a_quarter([*FIGURES, "explore"]))
 def test_every_line_is_seen_on_light_and_on_dark_paper(figure, reader):
     solution = solved("oscillator_saddle")
     with pyplot.style.context(reader):

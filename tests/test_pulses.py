@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from helpers import a_third
+from helpers import a_quarter
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
@@ -45,7 +45,7 @@ def after_a_kick(c, w):
 
 @pytest.mark.parametrize(
     ("width", "tol"),
-    a_third([(0.001, 1e-3), (0.001, 1e-6), (0.0033, 1e-3), (0.001, 1e-10), (0.002, 1e-8)]),
+    a_quarter([(0.001, 1e-3), (0.001, 1e-6), (0.0033, 1e-3), (0.001, 1e-10), (0.002, 1e-8)]),
 )
 def test_a_pulse_of_a_thousandth_is_not_missed(width, tol):
     t = np.linspace(0, 1, 4001)

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import mpmath
 import numpy as np
 import pytest
-from helpers import a_third
+from helpers import a_quarter
 
 from actionopt import scenes, suite
 from actionopt.suite import known, solvers, stars
@@ -116,7 +116,7 @@ def test_units_of_many_sizes_change_the_numbers_and_not_the_optimum(name):
     assert hard.distance(hard.start("near")) <= 1.001e-3
 
 
-@pytest.mark.parametrize("name", a_third(NAMES, 2))
+@pytest.mark.parametrize("name", a_quarter(NAMES, 2))
 def test_derivatives_agree_with_differences(name):
     problem = suite.get(name)
     x, d, lam = point(problem, 1e-4 if "near collision" in problem.tags else 1e-2)
@@ -151,7 +151,7 @@ def test_derivatives_agree_with_differences(name):
         )
 
 
-@pytest.mark.parametrize("name", a_third(name for name in NAMES if name not in HELD))
+@pytest.mark.parametrize("name", a_quarter(name for name in NAMES if name not in HELD))
 def test_stars_satisfy_the_conditions_of_kuhn_and_tucker(name):
     problem = suite.get(name)
     x, lam = problem.x_star, problem.lam_star
@@ -178,7 +178,7 @@ LARGE = [name for name, size in SIZES.items() if DENSE < size <= 2200]
 @pytest.mark.parametrize(
     "name",
     [
-        *a_third((name for name, size in SIZES.items() if size <= DENSE), 1),
+        *a_quarter((name for name, size in SIZES.items() if size <= DENSE), 1),
         *(pytest.param(name, marks=pytest.mark.slow) for name in LARGE),
     ],
 )

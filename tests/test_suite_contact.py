@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from helpers import a_third
+from helpers import a_quarter
 from scipy.linalg import null_space
 
 from actionopt import suite
@@ -23,7 +23,7 @@ def gap(problem, x):
     return problem.constraints(x), J, lower < upper
 
 
-@pytest.mark.parametrize("name", a_third(NAMES))
+@pytest.mark.parametrize("name", a_quarter(NAMES))
 def test_stars_satisfy_the_conditions_of_karush_kuhn_and_tucker(name):
     problem = suite.get(name)
     x, lam, u = problem.x_star, problem.lam_star, problem.unit
@@ -58,7 +58,7 @@ def test_stars_satisfy_the_conditions_of_karush_kuhn_and_tucker(name):
     assert (problem.index_star, problem.kind) == (0, "minimum")
 
 
-@pytest.mark.parametrize("name", a_third(NAMES, 1))
+@pytest.mark.parametrize("name", a_quarter(NAMES, 1))
 def test_qualifications_hold_or_fail_as_the_tags_say(name):
     problem = suite.get(name)
     if "bounds on coordinates" in problem.tags:

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from helpers import a_third
+from helpers import a_quarter
 
 from actionopt import suite
 from actionopt.cli import main
@@ -47,7 +47,7 @@ def record(solver, problem, parameters=None, *, right=True, **more):
     }
 
 
-@pytest.mark.parametrize("dial", a_third(DIALS.values(), 1), ids=list(DIALS))
+@pytest.mark.parametrize("dial", a_quarter(DIALS.values(), 1), ids=list(DIALS))
 def test_members_of_a_dial_have_optima_and_grow_harder(dial):
     assert len(dial.values) >= 6 and list(dial.values) == sorted(dial.values)
     ends = dial.values[0], dial.values[-1]

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import casadi as ca
 import numpy as np
 import pytest
-from helpers import a_third
+from helpers import a_quarter
 
 from actionopt import suite
 from actionopt.suite import mof, nl, standalone
@@ -80,7 +80,7 @@ def close(found, expected, tolerance):
     return np.max(np.abs(found - expected)) <= tolerance * np.max(np.abs(expected))
 
 
-@pytest.mark.parametrize("name", [*a_third(NAMES, 1), *OTHERS])
+@pytest.mark.parametrize("name", [*a_quarter(NAMES, 1), *OTHERS])
 def test_the_expression_is_the_transcription(name):
     problem = few(name)
     x, lam = somewhere(problem)
@@ -134,7 +134,7 @@ def off(problem, back, x, lam):
     return [np.max(np.abs(a - b) / size, initial=0.0) for a, b, size in pairs]
 
 
-@pytest.mark.parametrize("name", [*a_third(NAMES), *OTHERS])
+@pytest.mark.parametrize("name", [*a_quarter(NAMES), *OTHERS])
 def test_nl_files_read_back(name, tmp_path):
     problem = few(name)
     nl.write(problem, tmp_path / "a.nl")

@@ -429,7 +429,7 @@ def test_what_else_there_is_of_a_path_of_given_energy(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_third_of_the_figure_eight_closes_in_another_order(tmp_path):
+def test_a_quarter_of_the_figure_eight_closes_in_another_order(tmp_path):
     """Index: 2 of all loops, 0 of choreographies (Fukuda, Fujiwara and Ozaki, arXiv:1710.04834)."""
     a = np.array([0.3471168881189300012, 0.5327249453880287022])
     T, S = 6.325913982926222812, 24.42704864453737307

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
-from helpers import a_third
+from helpers import a_quarter
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
@@ -93,7 +93,7 @@ def test_translations_have_the_same_values(name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", a_third(OTHERS))
+@pytest.mark.parametrize("name", a_quarter(OTHERS))
 def test_figures_speak_one_language(name):
     solution = solve(scenes.get("oscillator").problem)
     drawings = {

@@ -3,7 +3,7 @@
 from itertools import product
 
 import pytest
-from helpers import a_third
+from helpers import a_quarter
 
 from benchmarks import floor, peers, worker
 
@@ -11,7 +11,7 @@ NAMES = ("pendulum_energy", "orbit", "kink", "fish_eye")
 PEERS = ("actionopt_", "scipy_bvp", "dop853", "ipopt_alone")
 
 
-@pytest.mark.parametrize(("name", "peer"), a_third(product(NAMES, PEERS)))
+@pytest.mark.parametrize(("name", "peer"), a_quarter(product(NAMES, PEERS)))
 def test_a_question_is_answered_or_cannot_be_asked(name, peer):
     case = worker._cases()[name]
     start = case.starts[0]
