@@ -103,7 +103,7 @@ def test_a_circle_has_its_radius_first():
     for wrong in (([0, 0], 1.0), (1.0, (0, 0, 0)), (1.0, 2.0)):
         with pytest.raises(ValueError, match="expected"):
             circle(*wrong)
-    with pytest.raises(ValueError, match=r"expected circle\(radius, \(x, y\)\)"):
+    with pytest.raises(ValueError, match=r"circle\(radius, \(x, y\)\)"):
         circle([0.0, 0.0], 1.0)
     assert circle(2.0, (1, 0)).points[:, 0] == pytest.approx([3, 0])
 

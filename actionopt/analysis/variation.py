@@ -24,6 +24,7 @@ from actionopt.discrete.path import Path
 from actionopt.discrete.projection import project
 from actionopt.discrete.resolution import resolution
 from actionopt.mechanics.problem import Problem
+from actionopt.tools.checks import numbers
 from actionopt.tools.types import Array
 
 # Ad hoc: near round-off.
@@ -171,7 +172,15 @@ def variation(
     problem = question(solution)
     mesh, known = resolving(solution.mesh, eta), solution.discrete
     at = known.on(mesh, known.multipliers(mesh.nodes)).polished()
-    found = form(at, np.broadcast_to(np.asarray(unit, dtype=float), (problem.system.n,)))
+    units = numbers(unit, "the unit")
+    with np.errstate(all="ignore"):
+        usable = np.isfinite(units**4) & (units > 0)  # energies are in its square
+    if units.shape not in ((), (problem.system.n,)) or not usable.all():
+        raise ValueError(
+            f"expected one positive unit, or one of each of {problem.system.n} coordinates, found "
+            f"{unit!r}"
+        )
+    found = form(at, np.broadcast_to(units, (problem.system.n,)))
     return Variation(found, at.lam, Path(mesh, _allowed(found, Path.interpolate(eta, mesh)).T))
 
 

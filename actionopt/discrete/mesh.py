@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from actionopt.tools.checks import numbers
 from actionopt.tools.lobatto import Rule, lgl
 from actionopt.tools.types import Array, NDInt
 
@@ -68,7 +69,7 @@ class Mesh:
     since: Array
 
     def __init__(self, boundaries: ArrayLike, degrees: int | ArrayLike) -> None:
-        times = np.array(boundaries, dtype=float)
+        times = numbers(boundaries, "the boundaries of a mesh")
         since = times - times[0] if times.ndim == 1 and times.size else times
         if times.ndim == 1 and np.all(np.diff(times) > 0):
             # Nearer to zero than the first, times may be told apart that are not from there.

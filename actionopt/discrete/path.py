@@ -46,12 +46,14 @@ class Path:
     velocities: Array | None = None
 
     def __post_init__(self) -> None:
+        if not isinstance(self.mesh, Mesh):
+            raise ValueError(f"expected Path(mesh, values), found {self.mesh!r} as the mesh")
         count = self.mesh.offsets[-1] + 1
         for name in ("values", "velocities"):
             given = getattr(self, name)
             if given is None:
                 continue
-            given = np.array(given, dtype=float, ndmin=2)
+            given = np.atleast_2d(numbers(given, name))
             if given.ndim != 2 or given.shape[1] != count:
                 raise ValueError(
                     f"expected {name} of shape (n, {count}), one column a node, found {given.shape}"
@@ -75,7 +77,11 @@ class Path:
 
         A curve of one coordinate may return (K,). Raises ValueError for any other shape.
         """
-        values = np.asarray(curve(mesh.nodes), dtype=float)
+        if not callable(curve) or not isinstance(mesh, Mesh):
+            raise ValueError(
+                f"expected interpolate(curve, mesh), curve a callable, found {curve!r}, {mesh!r}"
+            )
+        values = numbers(curve(mesh.nodes), "a curve at the nodes")
         return cls(mesh, values[None, :] if values.ndim == 1 else values)
 
     def __call__(self, t: ArrayLike) -> Array:

@@ -36,6 +36,7 @@ from actionopt.mechanics.identity import (
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System, checked
 from actionopt.mechanics.tracing import call, column
+from actionopt.tools.checks import numbers
 from actionopt.tools.types import Array
 
 Generator = Callable[..., Any] | Sequence[float] | Array
@@ -236,7 +237,7 @@ def is_mechanical(system: System, kinetic: Callable[..., Any]) -> bool:
 def _traced(system: System, given: Any, role: str, rows: int) -> ca.SX:
     """Return a user's function (or numbers) in the system's symbols, as a column."""
     if not callable(given):
-        return ca.SX(column(np.array(given, dtype=float, ndmin=1).tolist(), role, rows))
+        return ca.SX(column(np.atleast_1d(numbers(given, f"the {role}")).tolist(), role, rows))
     s = system.symbols
     fresh = system.table.symbols()
     named = system.table.named(fresh)

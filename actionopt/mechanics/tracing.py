@@ -156,7 +156,13 @@ def requested(callable_: Callable[..., Any], role: str, positional: Sequence[str
     if not callable(callable_):
         raise ValueError(f"expected a callable {want}, found {callable_!r}")
     kinds = inspect.Parameter
-    parameters = list(inspect.signature(callable_).parameters.values())
+    try:
+        parameters = list(inspect.signature(callable_).parameters.values())
+    except (TypeError, ValueError) as error:
+        raise ValueError(
+            f"expected {want}, found {callable_!r}, which does not say its arguments; write a "
+            "lambda round it"
+        ) from error
     ahead = [
         p for p in parameters if p.kind in (kinds.POSITIONAL_ONLY, kinds.POSITIONAL_OR_KEYWORD)
     ]

@@ -12,10 +12,12 @@ from actionopt.analysis.solution import Solution
 from actionopt.plot import _style as style
 from actionopt.plot._names import NONE, Units, label, symbol
 from actionopt.plot.data.along import Kinetic, conserved_data, energies_data
+from actionopt.plot.data.arguments import checked
 from actionopt.tools.words import say
 
 
 @style.styled
+@checked
 def energies(
     solution: Solution,
     ax: Axes | None = None,
@@ -60,6 +62,7 @@ def energies(
 
 
 @style.styled
+@checked
 def conserved(
     solution: Solution, axes: Sequence[Axes] | None = None, *, units: Units = NONE
 ) -> tuple[Axes, Axes]:

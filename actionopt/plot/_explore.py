@@ -19,6 +19,7 @@ from actionopt.mechanics.problem import Problem
 from actionopt.plot import _style as style
 from actionopt.plot._explore_parts import ASIDE, LEFT, RIGHT, Missing, Panel, Words, fit, panels
 from actionopt.plot._names import NONE, SI, Units, label
+from actionopt.plot.data.arguments import checked
 from actionopt.plot.data.exploration import Exploration, begin, bent, lasting, restarted, solved
 from actionopt.plot.data.trial import Trial, knots
 from actionopt.scenes import Scene
@@ -35,6 +36,7 @@ NO_WINDOW = (
 )
 
 
+@checked
 def explore(
     question: Scene | Problem, *, guess: Guess | None = None, units: Units | None = None
 ) -> Explorer:

@@ -12,6 +12,7 @@ from matplotlib.tri import Triangulation
 from actionopt.analysis.solution import Solution
 from actionopt.plot import _style as style
 from actionopt.plot._names import NONE, Units, label, planar
+from actionopt.plot.data.arguments import checked
 from actionopt.plot.data.fan import LEVELS, Fronts, fan_data, fronts_data, over_plane, over_time
 from actionopt.tools.types import Array
 from actionopt.tools.words import say
@@ -24,6 +25,7 @@ FOCUS: Any = {
 
 
 @style.styled
+@checked
 def fan(
     solution: Solution,
     ax: Axes | None = None,
@@ -72,6 +74,7 @@ def fan(
 
 
 @style.styled
+@checked
 def wavefronts(
     solution: Solution,
     ax: Axes | None = None,

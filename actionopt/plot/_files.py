@@ -22,6 +22,8 @@ from actionopt.families.runs import Runs
 from actionopt.plot._paths import overview, paths
 from actionopt.plot._runs import runs
 from actionopt.plot._style import IF_ROOM, styled
+from actionopt.plot.data.arguments import checked
+from actionopt.tools.checks import numbers
 from actionopt.tools.files import ready, whole
 from actionopt.tools.words import together
 
@@ -46,8 +48,17 @@ def svgs(draw: Callable[[Figure], Any], *sizes: tuple[float, float]) -> list[str
 
     What is wider than a picture, titles and legends, is broken into lines.
     """
+    for size in sizes:
+        if not (numbers(size, "a size (width, height)").shape == (2,) and min(size) > 0):
+            raise ValueError(f"expected a size (width, height) in inches, found {size!r}")
+    if not callable(draw) or not sizes:
+        raise ValueError(
+            f"expected svgs(draw, size, ...), draw a callable, found {draw!r}, {sizes}"
+        )
     figure, found = Figure(sizes[0], layout="constrained"), []  # not pyplot's: it needs no display
     draw(figure)
+    if not figure.axes:
+        raise ValueError("expected draw(figure) to put axes on the figure, found none on it")
     for size in sizes:
         figure.set_size_inches(size)
         if size[0] < sizes[0][0]:
@@ -158,6 +169,7 @@ def _wrap(words: Any, width: float) -> None:
 
 
 @styled
+@checked
 def save(solution: Solution, file: str | Path, *, compare: bool = True) -> None:
     """Write `overview`, or `paths` alone if `compare` is False, to a picture file.
 
@@ -176,6 +188,7 @@ def save(solution: Solution, file: str | Path, *, compare: bool = True) -> None:
 
 
 @styled
+@checked
 def save_runs(found: Runs, file: str | Path, quantity: str = "action") -> None:
     """Write the picture of a sweep, `runs`, to a file. Raises as `save` and `runs` do."""
     picture(file)

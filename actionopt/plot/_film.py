@@ -17,6 +17,7 @@ from actionopt.analysis.solution import Solution
 from actionopt.plot import _strobe as strobe
 from actionopt.plot import _style as style
 from actionopt.plot._names import NONE, Units
+from actionopt.plot.data.arguments import checked
 from actionopt.plot.data.motion import Draw, motion_data
 from actionopt.plot.live.film import film_page
 from actionopt.tools.files import ready, whole
@@ -36,6 +37,7 @@ FFMPEG = [
 Update = Callable[[int], None]
 
 
+@checked
 def film(
     solution: Solution,
     draw: Draw,
@@ -69,6 +71,7 @@ def film(
     write(figure, update, count, file, fps)
 
 
+@checked
 def animation(
     solution: Solution,
     draw: Draw,

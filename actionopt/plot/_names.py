@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from actionopt.tools.checks import items
 from actionopt.tools.greek import GREEK, split
 from actionopt.tools.words import say
 
@@ -75,6 +76,8 @@ def symbol(name: str) -> str:
     >>> symbol("theta1"), symbol("x"), symbol("speed")
     ('$\\theta_{1}$', '$x$', '$\\mathrm{speed}$')
     """
+    if not isinstance(name, str):
+        raise ValueError(f"expected the name of a coordinate, found {name!r}")
     word, index = split(name)
     if word in GREEK:
         word = f"\\{word}"
@@ -89,6 +92,9 @@ def planar(names: Sequence[str]) -> list[tuple[int, int]]:
     >>> planar(["x1", "y1", "x2", "y2"]), planar(["x", "s"])
     ([(0, 1), (2, 3)], [])
     """
+    names = items(names, "the names of coordinates")
+    if not all(isinstance(name, str) and name for name in names):
+        raise ValueError(f"expected names of coordinates, found {names}")
     partner = {"x": "y", "X": "Y"}
     pairs = [
         (i, names.index(partner[name[0]] + name[1:]))

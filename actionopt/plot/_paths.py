@@ -18,6 +18,7 @@ from actionopt.analysis.solution import Solution, question
 from actionopt.plot import _style as style
 from actionopt.plot._names import NONE, Units, label, symbol
 from actionopt.plot.data.along import curves, family_data, followed, mesh_data, times
+from actionopt.plot.data.arguments import checked
 from actionopt.tools.types import Array
 from actionopt.tools.words import say
 
@@ -28,6 +29,7 @@ BOUND: Any = {"color": style.GREY, "linewidth": 1.2}
 
 
 @style.styled
+@checked
 def overview(
     solution: Solution, axes: Sequence[Axes] | None = None, *, units: Units = NONE
 ) -> tuple[Axes, Axes]:
@@ -44,6 +46,7 @@ def overview(
 
 
 @style.styled
+@checked
 def paths(
     solution: Solution, ax: Axes | None = None, *, compare: bool = True, units: Units = NONE
 ) -> Axes:
@@ -94,6 +97,7 @@ def _obstacle(ax: Axes, solution: Solution, t: Array) -> None:
 
 
 @style.styled
+@checked
 def contact(solution: Solution, ax: Axes | None = None, *, units: Units = NONE) -> Axes:
     """Draw the contact force nu of each row of an obstacle against time.
 
@@ -115,6 +119,7 @@ def contact(solution: Solution, ax: Axes | None = None, *, units: Units = NONE) 
 
 
 @style.styled
+@checked
 def deviation(solution: Solution, ax: Axes | None = None, *, units: Units = NONE) -> Axes:
     """Draw the deviation of the forward integration against time, on a logarithmic axis.
 
@@ -136,6 +141,7 @@ def deviation(solution: Solution, ax: Axes | None = None, *, units: Units = NONE
 
 
 @style.styled
+@checked
 def family(
     solutions: Iterable[Solution],
     ax: Axes | None = None,
@@ -179,6 +185,7 @@ def family(
 
 
 @style.styled
+@checked
 def mesh(
     solution: Solution, axes: Sequence[Axes] | None = None, *, units: Units = NONE
 ) -> tuple[Axes, Axes]:

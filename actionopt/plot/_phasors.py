@@ -12,6 +12,7 @@ from matplotlib.colors import Normalize
 from actionopt.analysis.solution import Solution
 from actionopt.plot import _style as style
 from actionopt.plot._names import NONE, Units, label
+from actionopt.plot.data.arguments import checked
 from actionopt.plot.data.phasors import WHOLE, phasors_data
 from actionopt.tools.words import say
 
@@ -19,6 +20,7 @@ SIZE = (12.6, 4.2)
 
 
 @style.styled
+@checked
 def phasors(
     solution: Solution,
     hbar: float,

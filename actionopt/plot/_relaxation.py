@@ -17,6 +17,7 @@ from actionopt.plot import _style as style
 from actionopt.plot._film import FPS, film_file, write
 from actionopt.plot._names import NONE, Units, label
 from actionopt.plot._strobe import faded
+from actionopt.plot.data.arguments import checked
 from actionopt.plot.data.relaxation import Relaxation, relaxation_data
 from actionopt.tools.types import Array
 from actionopt.tools.words import say
@@ -54,6 +55,7 @@ class Panels(NamedTuple):
 
 
 @style.styled
+@checked
 def relaxation(
     solution: Solution,
     start: Start = None,
@@ -80,6 +82,7 @@ def relaxation(
     return panels
 
 
+@checked
 def relaxation_film(
     solution: Solution,
     file: str | FilePath,

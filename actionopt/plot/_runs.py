@@ -10,6 +10,7 @@ from actionopt.families.runs import Runs
 from actionopt.families.vary import Name
 from actionopt.plot import _style as style
 from actionopt.plot._names import NONE, Units, label, symbol
+from actionopt.plot.data.arguments import checked
 from actionopt.tools.types import Array
 
 LEVELS = 15
@@ -24,6 +25,7 @@ QUANTITIES = {
 
 
 @style.styled
+@checked
 def runs(
     runs: Runs, quantity: str = "action", ax: Axes | None = None, *, units: Units = NONE
 ) -> Axes:

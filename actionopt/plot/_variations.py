@@ -13,6 +13,7 @@ from actionopt.analysis.solution import Solution
 from actionopt.discrete.path import Path
 from actionopt.plot import _style as style
 from actionopt.plot._names import NONE, Units, label
+from actionopt.plot.data.arguments import checked
 from actionopt.plot.data.variations import (
     Landscape,
     bundle_data,
@@ -31,6 +32,7 @@ NARROW = 0.02  # of the duration: an arc too short for a number
 
 
 @style.styled
+@checked
 def bundle(
     solution: Solution,
     ax: Axes | None = None,
@@ -62,6 +64,7 @@ def bundle(
 
 
 @style.styled
+@checked
 def slices(
     solution: Solution,
     ax: Axes | None = None,
@@ -99,6 +102,7 @@ def slices(
 
 
 @style.styled
+@checked
 def landscape(
     solution: Solution, ax: Axes | None = None, *, reach: float = 0.5, units: Units = NONE
 ) -> Axes:
@@ -134,6 +138,7 @@ def level_lines(data: Landscape, level: float) -> list[Array]:
 
 
 @style.styled
+@checked
 def landscapes(
     solutions: Sequence[Solution], axes: Sequence[Axes] | None = None, *, units: Units = NONE
 ) -> list[Axes]:
@@ -148,6 +153,7 @@ def landscapes(
 
 
 @style.styled
+@checked
 def spectrum(
     solution: Solution, ax: Axes | None = None, *, count: int = 3, units: Units = NONE
 ) -> Axes:

@@ -14,6 +14,8 @@ import importlib
 import pkgutil
 from typing import Any
 
+import numpy as np
+
 from actionopt.mechanics.tracing import suggestion
 from actionopt.scenes import _scene
 from actionopt.scenes._own import from_file
@@ -61,8 +63,9 @@ def get(name: str, **parameters: Any) -> Scene:
                 f"{', '.join(known)}{suggestion(key, known)}"
             )
     try:
-        return _scene.build(file, known | parameters)
-    except TypeError as error:
+        with np.errstate(all="ignore"):  # what is not finite is refused as a number
+            return _scene.build(file, known | parameters)
+    except (TypeError, OverflowError, ZeroDivisionError) as error:
         given = ", ".join(f"{key}={value!r}" for key, value in parameters.items())
         raise ValueError(
             f"expected values that scene {name!r} can compute with, found {given}: {error}"

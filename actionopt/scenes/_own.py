@@ -7,12 +7,14 @@ import runpy
 import sys
 import traceback
 from collections.abc import Callable, Mapping
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.tracing import suggestion
 from actionopt.scenes._scene import Scene
+from actionopt.tools.checks import named
 
 
 def from_file(file: str | Path, settings: Mapping[str, Any] | None = None) -> Problem | Scene:
@@ -25,7 +27,9 @@ def from_file(file: str | Path, settings: Mapping[str, Any] | None = None) -> Pr
     Raises ValueError, with the line, if there is no such file, it raises or defines neither, or it
     has no such parameter.
     """
-    file, settings = Path(file), dict(settings or {})
+    if not isinstance(file, (str, PathLike)):
+        raise ValueError(f"expected the name of a Python file, found {file!r}")
+    file, settings = Path(file), dict(named(settings, "parameters"))
 
     if not file.is_file():
         raise ValueError(f"expected a Python file, found no file {str(file)!r}")

@@ -14,6 +14,7 @@ import numpy as np
 
 from actionopt.mechanics.expressions import Expressions
 from actionopt.mechanics.tracing import column
+from actionopt.tools.checks import number, numbers, whole
 from actionopt.tools.types import Array
 
 Point = Sequence[float] | Array
@@ -45,7 +46,7 @@ class Shape:
 
     def __post_init__(self) -> None:
         traced = isinstance(self.points, Expressions)
-        points = self.points if traced else np.asarray(self.points, dtype=float)
+        points = self.points if traced else numbers(self.points, "the points of a shape")
         count = {"body": 1, "spring": 2}.get(self.kind, points.shape[-1] if points.ndim else 0)
         if self.kind not in KINDS or points.shape not in ((2, count), (3, count)):
             raise ValueError(
@@ -78,8 +79,11 @@ def ground(*points: Point) -> Shape:
 
 def circle(radius: float, center: Point = (0.0, 0.0), points: int = 61) -> Shape:
     """Return a circle of a radius about a point in the plane, as scenery."""
-    middle = None if np.ndim(radius) else _columns(center)
-    if middle is None or middle.shape != (2, 1):
+    whole(points, "the points of a circle", 1)
+    if not isinstance(radius, Expressions):
+        radius = number(radius, "the radius of circle(radius, (x, y))")
+    middle = _columns(center)
+    if middle.shape != (2, 1):
         raise ValueError(
             "expected circle(radius, (x, y)), a number and a point in the plane, found "
             f"circle({radius!r}, {center!r})"
@@ -95,6 +99,10 @@ def project(points: Array) -> Array:
     Seen from a little above: what lies farther back stands higher, and circles about z are
     ellipses that lie level. Points in the plane are seen where they are.
     """
+    if not isinstance(points, Expressions):
+        points = numbers(points, "points to be seen")
+    if points.ndim < 2 or points.shape[-2] not in (2, 3):
+        raise ValueError(f"expected points (..., 2 or 3, P), found the shape {points.shape}")
     if points.shape[-2] == 2:
         return points
     x, y, z = points if isinstance(points, Expressions) else np.moveaxis(points, -2, 0)
@@ -110,7 +118,7 @@ def _columns(*points: Point) -> Array:
         if {row.size for row in rows} not in ({2}, {3}):
             raise ValueError
         return np.stack(rows, axis=1)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise ValueError(
             "expected points (x, y) in the plane or (x, y, z) in space, found "
             f"{', '.join(map(repr, points)) or 'none'}"

@@ -85,6 +85,10 @@ class TestProblem(Program):
         decades: float | None = None,
         parameters: Mapping[str, Any] | None = None,
     ) -> None:
+        if not isinstance(family, Family):
+            raise ValueError(
+                f"expected a family, such as suite.FAMILIES['pendulum'], found {family!r}"
+            )
         self.family = family
         self.parameters = dict(parameters or {})
         self.scene = family.build(**self.parameters)

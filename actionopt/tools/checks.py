@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Mapping, Set
 from typing import Any
 
@@ -31,6 +32,22 @@ def number(value: object, what: str) -> float:
         raise ValueError(f"expected a number for {what}, found {value!r}") from error
     if not math.isfinite(found):
         raise ValueError(f"expected a finite number for {what}, found {found}")
+    return found
+
+
+DRAWN_AT_MOST = 1_000_000  # of what is drawn: far more than can be seen; ad hoc
+
+
+def whole(value: Any, what: str, least: int) -> int:
+    """Return a whole number from the least to `DRAWN_AT_MOST`; raise ValueError for others."""
+    try:
+        found = operator.index(value)
+    except TypeError:
+        found = least - 1
+    if not least <= found <= DRAWN_AT_MOST or isinstance(value, bool):
+        raise ValueError(
+            f"expected a whole number from {least} to {DRAWN_AT_MOST:,} for {what}, found {value!r}"
+        )
     return found
 
 

@@ -7,10 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from actionopt.analysis.solution import Solution
+from actionopt.analysis.solution import Solution, question
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.symmetry import noether
+from actionopt.plot.data.arguments import checked
 from actionopt.plot.data.latest import latest
+from actionopt.tools.checks import numbers
 from actionopt.tools.types import Array
 
 COUNT = 600  # times at which a curve is drawn: more than a picture has columns for
@@ -43,6 +45,7 @@ class Curves:
     deviation: Array
 
 
+@checked
 def curves(solution: Solution, count: int = COUNT) -> Curves:
     """Return the arrays behind the pictures at `count` equal times; the comparison is made."""
     t = times(solution, count)
@@ -88,6 +91,7 @@ class Energies:
     moving: bool
 
 
+@checked
 def energies_data(
     solution: Solution, count: int = COUNT, *, kinetic: Kinetic | None = None
 ) -> Energies:
@@ -106,7 +110,10 @@ def energies_data(
         return (lagrangian(v) + lagrangian(-v)) / 2 - lagrangian(0 * v)
 
     T = kinetic or even
-    here, rest, twice = (np.asarray(T(q, factor * v, t), dtype=float) for factor in (1, 0, 2))
+    what = "kinetic(q, v, t), T at K times"
+    here, rest, twice = (numbers(T(q, factor * v, t), what) for factor in (1, 0, 2))
+    if not here.shape == rest.shape == twice.shape == t.shape:
+        raise ValueError(f"expected {what}, found the shape {here.shape} at {t.size} times")
     V, V_rest = here - lagrangian(v), rest - lagrangian(0 * v)
     size = FLAT * max(np.max(np.abs(here)), np.max(np.abs(V)))
     return Energies(
@@ -142,6 +149,7 @@ class Conserved:
 
 
 @latest
+@checked
 def conserved_data(solution: Solution, count: int = COUNT) -> Conserved:
     """Return H and p along the path at equal times, which of them are constant, and which must."""
     t = times(solution, count)
@@ -168,15 +176,19 @@ def _symmetric(problem: Problem, shift: Array) -> bool:
     return True
 
 
+@checked
 def family_data(solutions: Iterable[Solution], count: int = COUNT) -> tuple[Array, Array, Array]:
     """Return times (K,), paths (P, n, K) and actions (P,) of several solutions."""
     found = list(solutions)
     if not found:
         raise ValueError("expected at least one solution, found none")
+    for solution in found:
+        question(solution)
     t = times(found[0], count)
     return t, np.array([s(t) for s in found]), np.array([s.action for s in found])
 
 
+@checked
 def mesh_data(solution: Solution) -> tuple[Array, Array]:
     """Return the element boundaries (N + 1,) and degrees (N,) of the adaptive mesh."""
     return np.array(solution.mesh.boundaries), np.array(solution.mesh.degrees)

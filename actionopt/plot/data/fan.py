@@ -18,6 +18,7 @@ from actionopt.analysis.solution import Solution
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Event, Problem
 from actionopt.plot.data.along import COUNT, times
+from actionopt.plot.data.arguments import checked
 from actionopt.plot.data.latest import latest
 from actionopt.tools.types import Array
 
@@ -58,6 +59,7 @@ class Fan:
 
 
 @latest
+@checked
 def fan_data(solution: Solution, count: int = 12, spread: float = 0.15) -> Fan:
     """Return motions whose first velocities differ from the solution's by up to `spread` of it.
 
@@ -107,6 +109,7 @@ class Fronts:
     velocity: Array
 
 
+@checked
 def fronts_data(
     solution: Solution, count: int = 41, spread: float = SPREAD, until: float | None = None
 ) -> Fronts:

@@ -12,6 +12,7 @@ import numpy as np
 
 from actionopt.analysis.solution import Solution
 from actionopt.plot.data.along import COUNT, times
+from actionopt.plot.data.arguments import checked
 from actionopt.plot.data.variations import sizes
 from actionopt.scenes import Shape, project
 from actionopt.tools.types import Array
@@ -119,6 +120,7 @@ class Motion:
         return list(zip(self.points, self.kinds, strict=True))
 
 
+@checked
 def motion_data(solution: Solution, draw: Draw, count: int = 9, force: bool = False) -> Motion:
     """Return the shapes at `count` equal times, and the forces of constraint if asked for.
 

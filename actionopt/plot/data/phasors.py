@@ -23,6 +23,7 @@ import numpy as np
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.variation import variation
 from actionopt.plot.data.along import COUNT, times
+from actionopt.plot.data.arguments import checked
 from actionopt.plot.data.variations import directions
 from actionopt.tools.checks import number
 from actionopt.tools.types import Array
@@ -84,6 +85,7 @@ class Phasors:
         return np.concatenate([[0.0], np.cumsum(self.arrows)])
 
 
+@checked
 def phasors_data(solution: Solution, hbar: float, *, mode: int = 0) -> Phasors:
     """Return the arrows of neighbours along a mode of d2S, by default the lowest.
 

@@ -26,6 +26,7 @@ from actionopt.discrete.factors import Factors, diagonal
 from actionopt.discrete.newton import follow
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
+from actionopt.plot.data.arguments import checked
 from actionopt.plot.data.trial import weights
 from actionopt.tools.types import Array
 
@@ -82,6 +83,7 @@ class Relaxation:
         return bool(self.distance[-1] < 0.01 * max(1.0, self.distance[0]))
 
 
+@checked
 def relaxation_data(
     solution: Solution,
     start: Path | Callable[[Array], ArrayLike] | None = None,

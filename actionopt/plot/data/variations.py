@@ -21,6 +21,7 @@ from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Event
 from actionopt.plot.data.along import COUNT, times
+from actionopt.plot.data.arguments import checked
 from actionopt.plot.data.latest import latest
 from actionopt.tools.blas import one_thread
 from actionopt.tools.types import Array
@@ -98,6 +99,7 @@ class Bundle:
 
 
 @latest
+@checked
 def bundle_data(solution: Solution, count: int = 8, size: float = 0.25) -> Bundle:
     """Return neighbours along the lowest modes of d2S, `count` a mode.
 
@@ -142,6 +144,7 @@ class Slice:
     second: float
 
 
+@checked
 def slice_data(solution: Solution, eta: Path, reach: float = 1.0, count: int = 61) -> Slice:
     """Return S(alpha) along `eta` for |alpha| <= reach. Raises ValueError as `variation` does."""
     S = variation(solution, eta)
@@ -176,6 +179,7 @@ class Landscape:
 
 
 @latest
+@checked
 def landscape_data(solution: Solution, reach: float = 0.5, count: int = 35) -> Landscape:
     """Return the action over the two modes that tell most.
 
@@ -234,6 +238,7 @@ class Spectrum:
 
 @latest
 @one_thread
+@checked
 def spectrum_data(solution: Solution, count: int = 3, points: int = 48) -> Spectrum:
     """Return the lowest eigenvalues of the path's first parts.
 

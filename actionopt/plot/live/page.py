@@ -12,6 +12,7 @@ from actionopt import __version__
 from actionopt.analysis.solution import Solution
 from actionopt.mechanics.problem import Problem
 from actionopt.plot._names import NONE, SI, Units
+from actionopt.plot.data.arguments import checked
 from actionopt.plot.data.motion import Draw
 from actionopt.plot.live.data import check, data, written
 from actionopt.plot.live.drawing import drawing
@@ -29,6 +30,7 @@ MINUS = "\N{MINUS SIGN}"
 TOL = 1e-10  # of the path that the page has as its answer
 
 
+@checked
 def page(
     question: Scene | Problem,
     file: str | Path,

@@ -1,0 +1,122 @@
+"""What a figure is asked for, checked by the names of its arguments: one name means one thing."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterable
+from functools import wraps
+from os import PathLike
+from typing import Any, TypeVar
+
+import numpy as np
+
+from actionopt.analysis.solution import question
+from actionopt.families.runs import Runs
+from actionopt.mechanics.problem import Problem
+from actionopt.plot._names import Units
+from actionopt.scenes import Scene
+from actionopt.tools.checks import number, whole
+
+Figure = TypeVar("Figure", bound=Callable[..., Any])
+
+
+def checked(figure: Figure) -> Figure:
+    """Let a function raise ValueError for arguments of the names below that are not what they say.
+
+    What is optional may be None.
+    """
+    taken = inspect.signature(figure)
+
+    @wraps(figure)
+    def call(*given: Any, **named: Any) -> Any:
+        try:
+            arguments = taken.bind(*given, **named).arguments
+        except TypeError:  # too many or too few: it says so itself
+            arguments = {}
+        for name, value in arguments.items():
+            if name in CHECKS and (value is not None or taken.parameters[name].default is not None):
+                CHECKS[name](value)
+        return figure(*given, **named)
+
+    return call  # type: ignore[return-value]
+
+
+def _count(value: object) -> None:
+    whole(value, "how many there are to be", 1)
+
+
+def _number(value: object) -> None:
+    number(value, "a size in a figure")
+
+
+def _positive(value: object) -> None:
+    if number(value, "seconds, or a size in a figure") <= 0:
+        raise ValueError(f"expected a positive number, found {value!r}")
+
+
+def _index(value: object) -> None:
+    whole(value, "the index of a coordinate or a mode", 0)
+
+
+def _axes(value: Any) -> None:
+    several = isinstance(value, (list, tuple, np.ndarray)) and len(value) > 0
+    each: Any = np.ravel(np.array(value, dtype=object)) if several else [value]
+    if not all(hasattr(ax, "plot") for ax in each):
+        raise ValueError(f"expected axes of Matplotlib, as many as the figure has, found {value!r}")
+
+
+def _solutions(value: Any) -> None:
+    if not isinstance(value, Iterable) or isinstance(value, (str, bytes)):
+        raise ValueError(f"expected several solutions, found {value!r}; put it in a list")
+
+
+def _runs(value: object) -> None:
+    if not isinstance(value, Runs):
+        raise ValueError(f"expected the answers of a sweep, found {value!r}")
+
+
+def _file(value: object) -> None:
+    if not isinstance(value, (str, PathLike)):
+        raise ValueError(f"expected the name of a file, found {value!r}")
+
+
+def _question(value: object) -> None:
+    if not isinstance(value, (Scene, Problem)):
+        raise ValueError(f"expected a Problem(system, start, end) or a Scene, found {value!r}")
+
+
+def _units(value: object) -> None:
+    if not isinstance(value, Units):
+        raise ValueError(f"expected plot.Units(time='s', ...), found {value!r}")
+
+
+def _text(value: object) -> None:
+    if not isinstance(value, str):
+        raise ValueError(f"expected a name as text, found {value!r}")
+
+
+CHECKS: dict[str, Callable[[Any], Any]] = {
+    "solution": question,
+    "solutions": _solutions,
+    "question": _question,
+    "units": _units,
+    "runs": _runs,
+    "found": _runs,
+    "ax": _axes,
+    "axes": _axes,
+    "count": _count,
+    "points": _count,
+    "steps": _count,
+    "fps": _count,
+    "mode": _index,
+    "coordinate": _index,
+    "size": _number,
+    "spread": _number,
+    "reach": _number,
+    "hbar": _number,
+    "seconds": _positive,
+    "until": _number,
+    "file": _file,
+    "method": _text,
+    "quantity": _text,
+}
