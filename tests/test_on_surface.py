@@ -1,6 +1,7 @@
 """Events on surfaces: transversality, against closed forms; the index, against focal points."""
 
 import copy
+import itertools
 import pickle
 from dataclasses import replace
 from itertools import pairwise
@@ -335,6 +336,39 @@ def test_all_the_normals_and_a_family():
     circle = ao.Event(1.0, None, on=lambda q, t: q @ q - 1)
     centre = ao.Problem(plane(), ao.Event(0.0, [0.0, 0.0]), circle)
     assert ao.solve(centre, throw=False).status is ao.Status.DEGENERATE
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-4])
+def test_normals_from_a_point_close_to_an_ellipse_and_to_a_small_one(size):
+    """One is short, the other leads across: the nearest point tells nothing of how far it is."""
+    problem = to_ellipse([0.9 * (1 + (size < 1)), 0.9], a=size, b=1.6 * size)
+    found = ao.solve_all(problem, starts=1)
+    assert found.indices == (0, 1)
+    assert found[1].end.q[1] < 0 < found[0].end.q[1]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(8))
+def test_all_normals_of_random_ellipses_and_ellipsoids(seed):
+    """x_i = a_i^2 p_i / (a_i^2 + m), where m makes it a point of the surface."""
+    rng = np.random.default_rng(seed)
+    n = 2 + seed % 2
+    axes, p = rng.uniform(0.4, 2.5, n), rng.normal(0, 1.5, n)
+    poles = np.sort(-(axes**2))
+
+    def off(m):
+        return np.sum((axes * p / (axes**2 + m)) ** 2) - 1
+
+    count = 0
+    edges = [poles[0] - 100, *poles, poles[-1] + 100]
+    for low, high in itertools.pairwise(edges):
+        m = low + (high - low) * np.linspace(1e-9, 1 - 1e-9, 20001)
+        count += np.count_nonzero(np.diff(np.sign([off(x) for x in m])))
+    free = ao.System(lambda q, v, t: v @ v / 2, ["x", "y", "z"][:n])
+    on = lambda q, t: sum((q[i] / axes[i]) ** 2 for i in range(n)) - 1  # noqa: E731
+    found = ao.solve_all(ao.Problem(free, ao.Event(0.0, p), ao.Event(1.0, None, on=on)))
+    assert len(found) == count
+    assert sum((-1) ** k for k in found.indices) == (0 if n == 2 else 2)  # Euler's characteristic
 
 
 @pytest.mark.slow

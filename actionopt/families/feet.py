@@ -8,13 +8,23 @@ from collections.abc import Callable
 import numpy as np
 
 from actionopt.analysis.solution import Solution
+from actionopt.discrete.foot import onto
 from actionopt.families.free_times import is_new
-from actionopt.mechanics.problem import Problem
-from actionopt.solver.on_surface import firsts, solve_on_surface
+from actionopt.families.searches import SAME_PATH
+from actionopt.mechanics.problem import Event, Problem
+from actionopt.solver.first_paths import given_time
+from actionopt.solver.on_surface import firsts, near, sizes, solve_on_surface
 from actionopt.solver.solve import solve
+from actionopt.tools.types import Array
 
-SPREAD = np.array([0.3, 1.0, 3.0])  # of the coordinates' sizes, from where surfaces are looked for
-EACH = 6  # directions a start; ad hoc
+# Ad hoc.
+SPREAD = np.array([0.3, 1.0, 3.0])  # of the way to a surface, from where it is looked for
+EACH = 6  # points a start
+# How far a surface reaches is told by so many points on it, looked for from ever farther; it is
+# bounded if it reaches no farther than this part of where they were looked for.
+SEEN, FARTHER, ROUNDS, BOUNDED = 12, 4.0, 8, 0.4
+SURE = 10.0  # times `tol`, that two paths are apart: on a small surface they are close
+LEAST_EXTENT = 0.1  # of the largest one, in the units of the coordinates
 
 
 def all_on_surfaces(
@@ -32,17 +42,62 @@ def all_on_surfaces(
     found: list[tuple[Solution, tuple[int, ...], str]] = []
     tried: Counter[str] = Counter()
     n, count, none = problem.system.n, EACH * starts, (0,) * angles
-    random = np.random.default_rng(seed).standard_normal((count, n))
-    random *= np.resize(SPREAD, count)[:, None]
-    directions = np.concatenate([np.zeros((1, n)), np.eye(n), -np.eye(n), random])
+    random = np.random.default_rng(seed)
+    axes = np.concatenate([np.zeros((1, n)), np.eye(n), -np.eye(n)])
+    away = random.standard_normal((count, n)) * np.resize(SPREAD, count)[:, None]
     try:
-        for i, first in enumerate(firsts(problem, solve, tol, directions)):
+        pairs = near(problem, axes)
+        over = _all_over(problem, pairs, count, random)
+        pairs += over if over else near(problem, away)
+        for i, first in enumerate(firsts(problem, solve, tol, pairs)):
             tried["points on surfaces"] += 1
             if progress is not None:
-                progress("points on surfaces", i, len(directions), len(found))
+                progress("points on surfaces", i, len(pairs), len(found))
             path, _ = solve_on_surface(problem, solve, tol, first, "auto", None, thorough=False)
-            if path.success and is_new(path, none, found):
+            if path.success and is_new(path, none, found, max(SAME_PATH, SURE * tol)):
                 found.append((path, none, "a point on a surface"))
     except KeyboardInterrupt:
         return found, tried, True
     return found, tried, False
+
+
+def _all_over(
+    problem: Problem, pairs: list[Array], count: int, random: np.random.Generator
+) -> list[Array]:
+    """Return pairs (2, n) of points all over the surfaces; none if these have no bounds."""
+    if not pairs:
+        return []
+    over = np.tile(pairs[0], (count, 1, 1))
+    for k, event in enumerate(problem.surfaces):
+        if event is not None:
+            feet = _feet(problem, event, pairs[0], k, count, random)
+            if not feet.size:
+                return []
+            over[:, k] = np.resize(feet, (count, feet.shape[1]))
+    return list(over)
+
+
+def _feet(
+    problem: Problem, event: Event, pair: Array, k: int, count: int, random: np.random.Generator
+) -> Array:
+    """Return points (K, n) all over the surface of an event; none if it has no bounds.
+
+    They are looked for from `pair` (2, n), points of both events near each other.
+    """
+    size, t = sizes(problem), given_time(problem) if event.t is None else event.t
+
+    def seen(centre: Array, reach: Array, count: int) -> Array:
+        starts = centre + reach * random.standard_normal((count, centre.size))
+        feet = (onto(problem, event, q, t, size) for q in starts)
+        return np.array([q for q in feet if q is not None]).reshape(-1, centre.size)
+
+    reach = max(1.0, np.abs((pair[1] - pair[0]) / size).max())
+    for _ in range(ROUNDS):
+        feet = np.vstack([pair[k], seen(pair[k], reach * size, SEEN)])
+        low, high = feet.min(axis=0), feet.max(axis=0)
+        extent = (high - low) / 2 / size
+        if extent.max() < BOUNDED * reach:
+            extent = np.maximum(extent, LEAST_EXTENT * extent.max())
+            return seen((low + high) / 2, extent * size, count)
+        reach = FARTHER * reach
+    return np.empty((0, size.size))

@@ -125,8 +125,10 @@ def _passages(
     return [path for _, path in sorted(paths, key=lambda item: item[0])[:NEAREST]]
 
 
-def is_new(solution: Solution, turns: tuple[int, ...], found: list) -> bool:
-    """Whether a path is none of those found."""
+def is_new(
+    solution: Solution, turns: tuple[int, ...], found: list, apart: float = SAME**0.5
+) -> bool:
+    """Whether a path is none of those found: it is `apart` from them, of its size, somewhere."""
     s = np.linspace(0, 1, 33)
     t0, T = solution.start.t, solution.duration
     mine = solution(t0 + s * T)
@@ -135,7 +137,7 @@ def is_new(solution: Solution, turns: tuple[int, ...], found: list) -> bool:
         if other_turns != turns or abs(other.duration / T - 1) > SAME:
             continue
         there = other(other.start.t + s * other.duration)
-        if np.max(np.abs(there - mine) / size) < np.sqrt(SAME):
+        if np.max(np.abs(there - mine) / size) < apart:
             return False
     return True
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 from itertools import islice
@@ -112,17 +112,14 @@ def firsts(
     problem: Problem,
     solve: Callable[..., Solution],
     tol: float,
-    directions: Array | None = None,
+    pairs: Iterable[Array] | None = None,
     watch: Watch | None = None,
 ) -> Iterator[Path]:
-    """Yield paths to points on the surfaces, that of the least straight line first.
-
-    The points are looked for in `directions`, as `points` says.
-    """
-    for k, (fixed, first) in enumerate(points(problem, directions)):
+    """Yield paths to points on the surfaces, that of the least straight line first: `points`."""
+    for k, (fixed, first) in enumerate(points(problem, pairs)):
         if fixed.free_time:
-            near = FirstPaths(fixed, tol, solve, watch).near()
-            yield from (at.path for at in islice(near, None if k < ALL_DURATIONS else 1))
+            timed = FirstPaths(fixed, tol, solve, watch).near()
+            yield from (at.path for at in islice(timed, None if k < ALL_DURATIONS else 1))
             continue
         tr = Transcription(fixed, first.mesh, fixed.lengths)
         tr.watch = watch
@@ -145,29 +142,21 @@ def _motions(problem: Problem, watch: Watch | None) -> Iterator[Path]:
     starts = [fixed for fixed, _ in points(problem)]
     if not starts and problem.free_time and len(problem.start.pinned) == problem.system.n:
         starts = [problem]  # a surface that moves is where no straight line leads
-    size = _sizes(problem)
+    size = sizes(problem)
     if starts:
         size = np.maximum(size, np.abs(np.diff(straight(starts[0])[[0, -1]], axis=0)[0]))
     yield from arrivals(problem, starts, size, watch)
 
 
-def points(problem: Problem, directions: Array | None = None) -> list[tuple[Problem, Path]]:
+def points(problem: Problem, pairs: Iterable[Array] | None = None) -> list[tuple[Problem, Path]]:
     """Return problems between points on the surfaces, and straight lines, the least action first.
 
-    They are looked for in `directions` (k, n), in units of the way to the first one; else along the
-    axes.
+    Between `pairs` (2, n) of points; else of those near each other: `near`.
     """
-    n, size = problem.system.n, _sizes(problem)
-    nearest = _pair(problem, np.zeros(n), size)
-    far = 1.0 if nearest is None else float(np.abs((nearest[1] - nearest[0]) / size).max()) or 1.0
-    if directions is None:
-        directions = np.concatenate([np.zeros((1, n)), np.eye(n), -np.eye(n)])
-        if n > FEW:
-            directions = np.random.default_rng(0).standard_normal((2 * FEW, n))
+    size = sizes(problem)
     found: list[tuple[float, Path, Problem, Array]] = []
-    for direction in directions:
-        pair = _pair(problem, far * direction * size, size)
-        if pair is None or any(np.all(np.abs(pair - q) < APART * size) for *_, q in found):
+    for pair in near(problem) if pairs is None else pairs:
+        if any(np.all(np.abs(pair - q) < APART * size) for *_, q in found):
             continue
         ends = [
             e if e.on is None else Event(e.t, q)
@@ -180,7 +169,24 @@ def points(problem: Problem, directions: Array | None = None) -> list[tuple[Prob
     return [(fixed, path) for _, path, fixed, _ in sorted(found, key=lambda x: x[0])]
 
 
-def _sizes(problem: Problem) -> Array:
+def near(problem: Problem, directions: Array | None = None) -> list[Array]:
+    """Return points (2, n) of both events, on their surfaces, and near each other.
+
+    They are looked for in `directions` (k, n), in units of the way to the first one; else along the
+    axes.
+    """
+    n, size = problem.system.n, sizes(problem)
+    nearest = _pair(problem, np.zeros(n), size)
+    far = 1.0 if nearest is None else float(np.abs((nearest[1] - nearest[0]) / size).max()) or 1.0
+    if directions is None:
+        directions = np.concatenate([np.zeros((1, n)), np.eye(n), -np.eye(n)])
+        if n > FEW:
+            directions = np.random.default_rng(0).standard_normal((2 * FEW, n))
+    pairs = (_pair(problem, far * direction * size, size) for direction in directions)
+    return [pair for pair in pairs if pair is not None]
+
+
+def sizes(problem: Problem) -> Array:
     """Return the coordinates' sizes (n,), of equal kinetic energy: how far is far on a surface."""
     size = over(problem, 1.0).scales
     ends = problem.start, problem.end
