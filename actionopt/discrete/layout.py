@@ -24,43 +24,23 @@ from actionopt.tools.types import Array, NDInt
 
 
 class MatrixLayout:
-    """Numbering and storage of a KKT matrix, as Newton's method and `factors` see them.
-
-    Attributes
-    ----------
-    system : System
-    unknowns, rows, size : int
-        Free coordinates, multipliers, and all unknowns together.
-    bordered : bool
-        Whether dense rows and columns stand beside the matrix of a path.
-    storage : {"blocks", "sparse"}
-    small, condensed, keeps_factors, unpivoted : bool
-        How it is factorized.
-    solvers : dict
-        What was compiled for this shape, by kind.
-    probe : (size,) array
-        A smooth right-hand side, of no symmetry.
-    blocks : Blocks
-    kkt : Pattern
-    row_diagonal : array of int
-        Positions of the rows' diagonal among the nonzeros of `kkt`.
-    """
+    """Numbering and storage of a KKT matrix, as Newton's method and `factors` see them."""
 
     system: System
-    unknowns: int
-    rows: int
-    size: int
-    bordered: bool
+    unknowns: int  # coordinates that are free
+    rows: int  # multipliers
+    size: int  # all unknowns together
+    bordered: bool  # by dense rows and columns
     storage: Literal["blocks", "sparse"]
     small: bool
     condensed: bool
     keeps_factors: bool
     unpivoted: bool
-    solvers: dict[str, Any]
-    probe: Array
+    solvers: dict[str, Any]  # what was compiled for this shape, by kind
+    probe: Array  # (size,), a smooth right-hand side of no symmetry
     blocks: Any
     kkt: Pattern
-    row_diagonal: NDInt
+    row_diagonal: NDInt  # positions of the rows' diagonal among the nonzeros of `kkt`
 
 
 class Layout(MatrixLayout):

@@ -28,13 +28,12 @@ from actionopt.solver import nearer, window
 from actionopt.solver.arguments import Guess, asked, checked, curve
 from actionopt.solver.durations import oscillations, well
 from actionopt.solver.family import LOST, conditioned, judged, suspected
-from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF
 from actionopt.solver.ladder import BRIEF, COARSE_DEGREE, IPOPT, LADDER, LINEAR, NEAR, Rung, Search
 from actionopt.solver.obstacle import Along, along
 from actionopt.solver.on_surface import solve_on_surface
 from actionopt.solver.signals import SIGNALS, status_of
 from actionopt.solver.unfixed import solve_unfixed
-from actionopt.solver.verdict import solution_of
+from actionopt.solver.verdict import message_of, solution_of
 from actionopt.solver.workspace import Workspace
 from actionopt.tools.blas import one_thread
 from actionopt.tools.checks import COARSEST, FINEST, tolerance
@@ -232,9 +231,8 @@ def _outwards(
     with suppress(OutOfTime, ValueError):
         found, part = nearer.outwards(problem, near, choices.tol)
         if found is not None and choices.principle == "least" and found.inertia.index:
-            figures = f"tol = {choices.tol:g}, error estimate {found.error:.2g}"
             found = replace(found, status=Status.NOT_LEAST)
-            return found, f"{problem.name}: {found.status.value} ({figures})"
+            return found, message_of(found, choices.tol)
         if found is not None:
             return found, ""
         if part > 0:
@@ -283,7 +281,7 @@ def _solved(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[So
     solution = solution_of(ws, status, search.found_by, started)
     if suspected(ws, status):
         solution = judged(ws, solution)
-    return solution, "" if solution.success else _message(ws, solution.status, tol)
+    return solution, "" if solution.success else message_of(solution, tol, ws.hint)
 
 
 def _dwelling(
@@ -421,9 +419,7 @@ def _unfixed(
     way = solve_on_surface if problem.on_surface else solve_unfixed
     first = partial(_on_the_way, watch)
     solution, hint = way(problem, first, tol, guess, principle, watch, thorough=thorough)
-    figures = f"tol = {tol:g}, error estimate {solution.error:.2g}"
-    hint = f"; {hint}" if hint else ""
-    return solution, f"{problem.name}: {solution.status.value} ({figures}){hint}"
+    return solution, message_of(solution, tol, hint)
 
 
 def _oscillating(problem: Problem, choices: Choices) -> tuple[Solution, str]:
@@ -484,20 +480,3 @@ def _sought(search: Search, guess: Guess | None, curve_of: Callable[[Mesh], Path
     if ws.linear and search.ladder is not IPOPT:
         return search.solve_linear(curve_of)
     return search.from_nothing() if curve_of is None else search.from_guess(curve_of)
-
-
-def _message(ws: Workspace, status: Status, tol: float) -> str:
-    """Return the verdict with its figures, and what to try next."""
-    name = ws.problem.name
-    figures = f"tol = {tol:g}, error estimate {ws.here.error:.2g}"
-    if status in (Status.FLOOR, Status.DEGENERATE):
-        figures += f", condition about {ws.here.noise / POLYNOMIAL_ROUNDOFF:.1g}"
-    hint = f"; {ws.hint}" if ws.hint else ""
-    if ws.problem.origin is not None:
-        i = int(np.argmax(ws.problem.scales / ws.problem.lengths))
-        size = ws.problem.scales[i]
-        hint += (
-            f"; {ws.problem.system.coordinates[i]} is about {size:.3g} and known to "
-            f"{np.spacing(size):.1g} only: measure it from a point near the motion"
-        )
-    return f"{name}: {status.value} ({figures}){hint}"

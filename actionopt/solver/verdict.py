@@ -1,4 +1,4 @@
-"""From the path at hand to a solution, with what the record tells of the search."""
+"""From the path at hand to a solution, and to the sentence that says what it is."""
 
 from __future__ import annotations
 
@@ -38,3 +38,20 @@ def solution_of(ws: Workspace, status: Status, found_by: str, started: float) ->
     }
     lam, error = found.rows.T, here.error
     return Solution(problem, found.path, action, lam, error, status, stats, known=found)
+
+
+def message_of(solution: Solution, tol: float, hint: str = "") -> str:
+    """Return the verdict with its figures, and what to try next."""
+    problem, status = solution.problem, solution.status
+    figures = f"tol = {tol:g}, error estimate {solution.error:.2g}"
+    if status in (Status.FLOOR, Status.DEGENERATE):
+        figures += f", condition about {solution.stats['condition']:.1g}"
+    hint = f"; {hint}" if hint else ""
+    if problem.origin is not None:
+        i = int(np.argmax(problem.scales / problem.lengths))
+        size = problem.scales[i]
+        hint += (
+            f"; {problem.system.coordinates[i]} is about {size:.3g} and known to "
+            f"{np.spacing(size):.1g} only: measure it from a point near the motion"
+        )
+    return f"{problem.name}: {status.value} ({figures}){hint}"
