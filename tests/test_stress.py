@@ -12,6 +12,7 @@ from benchmarks.stress.families import (
     FAMILIES,
     clocks,
     energies,
+    forwards,
     origins,
     pulses,
     random_systems,
@@ -183,3 +184,23 @@ def test_a_duration_that_is_off_is_counted(kind):
     assert met(rows)
     off = [row | {"error": 2 * energies.WRONG} for row in rows]
     assert not met(off) and not met([row | {"success": False} for row in rows])
+
+
+@pytest.mark.slow
+def test_an_answer_of_another_energy_or_beside_the_normal_is_counted():
+    case, q1, v1 = forwards.draws(0, 1)[0]
+    for kind, question in forwards.KINDS.items():
+        problem, missed = question(case, q1, v1)
+        found = ao.solve(problem, tol=1e-8)
+        assert missed(found) < 1e-9
+        if kind == "transfers":
+            energy = forwards.energy(case, found.start.q, found.start.v)
+            beside = problem.replace(energy=energy * (1 + 1e-5))
+        else:
+            along = np.linalg.svd(forwards.momentum(case, found.end.q, found.end.v)[None])[2][-1]
+            beside = ao.Problem(
+                case.system,
+                ao.Event(0.0, case.q0),
+                ao.Event(case.T, found.end.q + 1e-4 * along),
+            )
+        assert missed(ao.solve(beside, tol=1e-8, guess=found)) > 1e-6
