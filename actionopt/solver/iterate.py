@@ -65,7 +65,7 @@ class Iterate(DiscretePath):
     factors : Factors or None
         Of the matrix at the path or close to it, if they are kept.
     probed : (size,) array or None
-        How the `probe` of the layout moves the path.
+        The `probe` of the layout after a step of inverse iteration.
     since : float
         How far it and its multipliers are from where that matrix was taken.
     represented : Resolution or None
@@ -185,25 +185,19 @@ class Iterate(DiscretePath):
         shifted = problem.advance is not None and not structure.depends_on_time
         return (problem.system.n > 1 or shifted) and not structure.forced
 
-    def amplification(self, many: bool) -> float:
-        """Return how far round-off in every entry of the matrix may move the path.
+    def growth(self, many: bool) -> float:
+        """Return by how much a step of inverse iteration makes a variation grow.
 
-        Without forces, or to one side of a symmetry, the residual of a path has no round-off of
-        its own that would tell.
+        In the kinetic metric (Golub and Van Loan, *Matrix Computations* (4th ed. 2013), section
+        7.6): 1 / |mu| or less, for the eigenvalue mu of the second variation that is nearest zero.
         """
         probed = self.probed
         if probed is None:
             here = self.factored(many)
             assert here.factors is not None
             probed = here.factors.solve(here._probe())
-        return self.equations.measured(probed) * self.unit
-
-    def polished(self) -> Self:
-        """Return it after one more of Newton's steps."""
-        here = self.factored(many=False)
-        assert here.factors is not None
-        step = here.factors.solve(self.equations.residual(self.z))
-        return replace(self.moved(self.z - step), sizes=self.sizes, lengths=self.lengths)
+        cut, probe = self.tr.layout.unknowns, self.tr.layout.probe
+        return float(np.abs(probed[:cut]).max() / np.abs(probe).max()) if cut else 0.0
 
     def sampled(self) -> Self:
         """Return the same with the larger noise of two samples: one may be small by chance.
@@ -217,11 +211,11 @@ class Iterate(DiscretePath):
         return here.estimated(here.gain, max(here.noise, noise))
 
     def _probe(self) -> Array:
-        """Return a residual (size,) as round-off in the largest entry of the matrix makes it."""
-        assert self.factors is not None
-        return (
-            POLYNOMIAL_ROUNDOFF * float(np.abs(self.factors.nonzeros).max())
-        ) * self.equations.layout.probe
+        """Return the momentum (size,) of the variation that inverse iteration begins with."""
+        layout, found = self.tr.layout, np.zeros(self.equations.layout.size)
+        cut = layout.unknowns
+        found[:cut] = self.tr.momentum(self.z)(layout.probe)[:cut]
+        return found
 
     @property
     def late(self) -> bool:
