@@ -41,7 +41,7 @@ def suspected(ws: Workspace, status: Status) -> bool:
             grown = here.growth(ws.many)
     except np.linalg.LinAlgError:
         return True
-    return not grown < NEAR_SINGULAR
+    return not 0 < grown < NEAR_SINGULAR
 
 
 def judged(ws: Workspace, solution: Solution) -> Solution:

@@ -171,7 +171,9 @@ class Iterate(DiscretePath):
         residual, carried = unseen(self, tol / self.unit)
         with np.errstate(all="ignore"):
             if self.can_be_one_of_many and here.factors.pairs:
-                step, probed = here.factors.solve_both(residual, here._probe())
+                step, probed = here.factors.solve_both(
+                    residual, here._probe()
+                )
                 here = replace(here, probed=probed)
             else:
                 step = here.factors.solve(residual)
@@ -212,9 +214,9 @@ class Iterate(DiscretePath):
 
     def _probe(self) -> Array:
         """Return the momentum (size,) of the variation that inverse iteration begins with."""
-        layout, found = self.tr.layout, np.zeros(self.equations.layout.size)
-        cut = layout.unknowns
-        found[:cut] = self.tr.momentum(self.z)(layout.probe)[:cut]
+        found = np.zeros(self.equations.layout.size)
+        cut = self.tr.layout.unknowns
+        found[:cut] = self.tr.momentum(self.tr.layout.probe)[:cut]
         return found
 
     @property
