@@ -40,7 +40,7 @@ class Transcription(Action):
         return self.kept("kinetic", lambda: self._assembly.kinetic(self, z))
 
     def momentum(self, y: Array) -> Array:
-        """Return the kinetic part of the KKT matrix times y, (size,), y (size,) or (unknowns,).
+        """Return the kinetic part of the KKT matrix times the variation y, both (unknowns,).
 
         As it is where the mass matrix is the typical one, `inertia`, all along the path.
         """
@@ -51,10 +51,7 @@ class Transcription(Action):
         for g in layout.groups:
             work = g.rule.weighted.T @ p[g.span].reshape(*g.nodes.shape, -1)
             p[g.span] = work.reshape(-1, p.shape[1])
-        found = np.zeros(layout.size)
-        whole = np.bincount(layout.scatter, p.ravel(), rest.size)
-        found[: layout.unknowns] = self.free_part(whole)
-        return found
+        return self.free_part(np.bincount(layout.scatter, p.ravel(), rest.size))
 
     @property
     def _assembly(self):

@@ -11,6 +11,7 @@ from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
 from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF
 from actionopt.solver.workspace import Workspace
+from actionopt.tools.types import Array
 
 # Growth of a variation in a step of inverse iteration, from where on eigenvalues are counted.
 # Measured at tolerances from 1e-12 to 0.1: on the scenes 0.3 to 9, on families 1e6 and more.
@@ -55,14 +56,44 @@ def judged(ws: Workspace, solution: Solution) -> Solution:
         found = near.inertia
     except (ValueError, np.linalg.LinAlgError):
         return solution
-    if not found.nullity or found.tolerance > INDEX_TOLERANCE:
+    if found.nullity <= found.moves or found.tolerance > INDEX_TOLERANCE:
         return solution
     condition = conditioned(found)
-    ws.hint = f"the paths between the ends are a family of dimension {found.nullity}"
+    ws.hint = _told(ws, found, near.error)
     noise = max(ws.here.noise, condition * POLYNOMIAL_ROUNDOFF)
     ws.here = replace(ws.here, noise=noise, error=near.error)
     stats = near.stats | {"condition": condition, "nullity": found.nullity, "noise": noise}
     return replace(near, status=Status.DEGENERATE, stats=stats)
+
+
+def _told(ws: Workspace, found: Inertia, error: float) -> str:
+    """Return of which paths the family is, and its dimension."""
+    problem, count = ws.problem, found.nullity
+    if not problem.closes:
+        where = "to the surface" if problem.on_surface else "between the ends"
+        return f"the paths {where} are a family of dimension {count}"
+    where = "that begin there"
+    if not problem.start.pinned:
+        where, count = "besides where each begins", count - 1
+    return (
+        f"closed paths near this one {where} are a family of dimension {count}, of one action; "
+        f"the one returned is stationary, and resolved to {error:.2g}"
+    )
+
+
+def directions(ws: Workspace) -> list[Array]:
+    """Return variations (unknowns,) of the path at hand in which the action hardly bends.
+
+    By a step of inverse iteration from more variations than a family has dimensions: those that
+    grow, in the span of what becomes of them.
+    """
+    here = ws.here.factored(ws.many)
+    assert here.factors is not None
+    cut, count = here.tr.layout.unknowns, 2 * ws.problem.system.n + 1
+    first, _ = np.linalg.qr(np.random.default_rng(0).standard_normal((cut, count)))
+    grown = [here.factors.solve(here.momentum(x))[:cut] for x in first.T]
+    found, sizes, _ = np.linalg.svd(np.transpose(grown), full_matrices=False)
+    return list(found.T[sizes > NEAR_SINGULAR])
 
 
 def conditioned(found: Inertia) -> float:

@@ -171,9 +171,7 @@ class Iterate(DiscretePath):
         residual, carried = unseen(self, tol / self.unit)
         with np.errstate(all="ignore"):
             if self.can_be_one_of_many and here.factors.pairs:
-                step, probed = here.factors.solve_both(
-                    residual, here._probe()
-                )
+                step, probed = here.factors.solve_both(residual, here.momentum(here.probe))
                 here = replace(here, probed=probed)
             else:
                 step = here.factors.solve(residual)
@@ -197,9 +195,16 @@ class Iterate(DiscretePath):
         if probed is None:
             here = self.factored(many)
             assert here.factors is not None
-            probed = here.factors.solve(here._probe())
-        cut, probe = self.tr.layout.unknowns, self.tr.layout.probe
-        return float(np.abs(probed[:cut]).max() / np.abs(probe).max()) if cut else 0.0
+            probed = here.factors.solve(here.momentum(here.probe))
+        probe = self.probe
+        return (
+            float(np.abs(probed[: probe.size]).max() / np.abs(probe).max()) if probe.size else 0.0
+        )
+
+    @property
+    def probe(self) -> Array:
+        """The variation (unknowns,) that inverse iteration begins with."""
+        return self.tr.layout.probe[: self.tr.layout.unknowns]
 
     def sampled(self) -> Self:
         """Return the same with the larger noise of two samples: one may be small by chance.
@@ -212,11 +217,10 @@ class Iterate(DiscretePath):
         noise = equations.measured(here.factors.solve(equations.residual(z - step))) * self.unit
         return here.estimated(here.gain, max(here.noise, noise))
 
-    def _probe(self) -> Array:
-        """Return the momentum (size,) of the variation that inverse iteration begins with."""
+    def momentum(self, x: Array) -> Array:
+        """Return the momentum (size,) of a variation (unknowns,), as `equations` have it."""
         found = np.zeros(self.equations.layout.size)
-        cut = self.tr.layout.unknowns
-        found[:cut] = self.tr.momentum(self.tr.layout.probe)[:cut]
+        found[: x.size] = self.tr.momentum(x)
         return found
 
     @property
