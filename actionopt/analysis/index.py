@@ -148,9 +148,24 @@ def inertia_asked(at: DiscretePath, error: float) -> Inertia:
     else:
         found, form = _counted(there, error, known)
     found = counted(found, bordered, y, form)
-    moves = min(found.nullity, bordered.borders.c.size)
-    held = len(bordered.borders.held)
+    moves, held = min(found.nullity, known), len(bordered.borders.held)
+    if held and form is not None and found.nullity > known:
+        # What is given chooses of a family; a symmetry may well lead along what is left of that.
+        there = _held_at_start(form, asked.start.pinned)
+        left = _signs(there, found.tolerance, _duration(form, bordered))
+        return replace(found, nullity=left.nullity, moves=0)
     return replace(found, nullity=found.nullity - min(held, moves), moves=max(moves - held, 0))
+
+
+def _held_at_start(form: Form, pinned: tuple[int, ...]) -> Form:
+    """Return a form with springs on the coordinates that the start of a closed path gives.
+
+    In it only those variations still vanish that leave the start where it is.
+    """
+    rows = form.basis[0][list(pinned)]
+    first, r = form.elements[0].copy(), form.freedom
+    first[:r, :r] += np.abs(np.diag(form.elements[0])).max() * rows.T @ rows
+    return replace(form, elements=[first, *form.elements[1:]])
 
 
 def counted(found: Inertia, bordered: Bordered, y: Array, form: Form | None) -> Inertia:
@@ -161,25 +176,36 @@ def counted(found: Inertia, bordered: Bordered, y: Array, form: Form | None) -> 
         beside = None if form is None else _duration(form, bordered)
         if beside is None or form is None:  # as where fixed durations have a fold
             return replace(found, index=found.index + 1, nullity=found.nullity - 1)
-
-        def below(mu: float) -> int:
-            own = beside[0].own - mu * beside[1]
-            shifted = form.shifted(kinetic=mu)
-            return condense(form, shifted, beside[0]._replace(own=own)).negative
-
-        index = below(-found.tolerance)
-        return replace(found, index=index, nullity=below(found.tolerance) - index)
+        return _signs(form, found.tolerance, beside, found.smallest)
     bend = bordered.bend(y)
     if abs(bend) <= found.tolerance:
         return replace(found, nullity=found.nullity + 1)
     return replace(found, index=found.index + (bend < 0))
 
 
+def _signs(
+    form: Form,
+    tolerance: float,
+    beside: tuple[Beside, float] | None,
+    smallest: float | None = None,
+) -> Inertia:
+    """Return the inertia of a form with a variable beside its path, which has a kinetic part."""
+
+    def below(mu: float) -> int:
+        variable = beside and beside[0]._replace(own=beside[0].own - mu * beside[1])
+        return condense(form, form.shifted(kinetic=mu), variable).negative
+
+    index = below(-tolerance)
+    return Inertia(index, below(tolerance) - index, smallest, tolerance)
+
+
 def _duration(form: Form, bordered: Bordered) -> tuple[Beside, float] | None:
     """Return log T as a variable beside the path of a form, and its kinetic part.
 
-    None where constraints move with the duration: then variations do not keep them at all of it.
+    None where that is given, or constraints move with it: variations do not keep them then.
     """
+    if not bordered.timed:
+        return None
     at, tr, asked = form.at, form.at.tr, bordered.asked
     lam = np.nan_to_num(at.rows) if tr.layout.rows else None
     there, y = Bordered.around(asked, at.path, lam, tr.lengths)
