@@ -470,6 +470,8 @@ def solve_unfixed(
     merged = first.merged and status in (Status.NOT_FOUND, Status.UNRESOLVED)
     if merged:
         status = Status.DEGENERATE
+    here = run.here
+    here.tr.watch = here.bordered.first.watch = None  # a verdict is not left half done
     solution = solution_of(run, status, run.found_by, started)
     if not merged and (run.along or suspected(run, status)):
         solution = family.judged(run, solution)
