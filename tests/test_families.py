@@ -103,9 +103,8 @@ def test_no_index_is_asked_of_many_unknowns_that_are_no_family(monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("turn", "status"), [(1.0, "DEGENERATE"), (1 / 3, "SOLVED")])
-def test_many_coordinates_on_a_sphere(turn, status, monkeypatch):
+def test_many_coordinates_on_a_sphere(turn, status):
     """Great circles between opposite points of the sphere in n dimensions are a family of n - 2."""
-    monkeypatch.setattr("actionopt.solver.family.MANY_UNKNOWNS", 0)
     n = 33
     system = ao.System(
         lambda q, v, t: v @ v / 2, [f"x{i}" for i in range(n)], constraint=lambda q, t: q @ q - 1
@@ -134,3 +133,70 @@ def test_a_family_shows_to_a_loose_tolerance():
         return np.outer(one, np.cos(np.pi * t / 3)) + np.outer(aside, np.sin(np.pi * t / 3))
 
     assert ao.solve(problem, guess=guess, tol=1e-3, throw=False).status is ao.Status.DEGENERATE
+
+
+TURN = np.linspace(0.0, 2 * np.pi, 33)
+ISOTROPIC = ao.System(lambda q, v, t: (v @ v - q @ q) / 2, ["x", "y"])
+TWO_TO_ONE = ao.System(lambda q, v, t: (v @ v - q[0] ** 2 - 4 * q[1] ** 2) / 2, ["x", "y"])
+KEPLER = ao.System(lambda q, v, t: v @ v / 2 + 1 / np.sqrt(q @ q), ["x", "y"])
+ISOCHRONOUS = ao.System(lambda q, v, t: (v @ v - q @ q - 0.2 / q[0] ** 2) / 2, ["x", "y"])
+# Waypoints on a member, for a shape c and an angle; energy; index and nullity, which a count in
+# Fourier coefficients and the duration gives as well; and the dimension but for the phase.
+CLOSED = {
+    "isotropic": (
+        ISOTROPIC,
+        lambda c, a: [c * np.cos(TURN), np.sqrt(2 - c * c) * np.sin(TURN + a)],
+        (1.0, (3, 3)),
+    ),
+    "two to one": (
+        TWO_TO_ONE,
+        lambda c, a: [
+            np.sqrt(2) * c * np.cos(TURN),
+            np.sqrt((1 - c * c) / 2) * np.sin(2 * TURN + a),
+        ],
+        (1.0, (5, 3)),
+    ),
+    "Kepler": (
+        KEPLER,
+        lambda c, a: [np.cos(TURN + a) - c / 2, np.sqrt(1 - c * c / 4) * np.sin(TURN + a)],
+        (-0.5, (1, 3)),
+    ),
+    "isochronous": (
+        ISOCHRONOUS,
+        lambda c, a: [
+            1.05 + 0.6 * c * np.cos(2 * TURN),
+            1.2 * np.sqrt(1 - c * c) * np.sin(TURN + a),
+        ],
+        (1.5, (5, 3)),
+    ),
+}
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(x, marks=pytest.mark.slow) if x in ("isochronous", "Kepler") else x
+        for x in CLOSED
+    ],
+)
+@pytest.mark.parametrize(
+    "shape", [0.3, *(pytest.param(c, marks=pytest.mark.slow) for c in (0.5, 0.8))]
+)
+def test_closed_paths_of_one_energy_are_a_family_of_one_index(name, shape):
+    system, guess, (energy, counted) = CLOSED[name]
+    problem = ao.Problem(system, ao.Event(0.0, None), ao.Periodic(None), energy=energy)
+    with pytest.raises(ao.SolveError, match="are a family of dimension 2") as raised:
+        ao.solve(problem, guess=np.array(guess(shape, 0.7)), tol=1e-6)
+    found = raised.value.solution
+    assert found.status is ao.Status.DEGENERATE and found.error < 1e-6
+    assert (found.inertia.index, found.inertia.nullity) == counted
+    assert found.stats["nullity"] == counted[1] and found.kind == "degenerate"
+
+
+@pytest.mark.slow
+def test_an_energy_does_not_choose_one_of_many_great_circles():
+    problem = ao.Problem(SPHERE, ao.Event(0.0, [0, 0, 1]), ao.Event(None, [0, 0, -1]), energy=0.5)
+    guess = [[0, 0.6, 1, 0.6, 0], [0, 0, 0, 0, 0], [1, 0.8, 0, -0.8, -1]]
+    found = ao.solve(problem, guess=guess, throw=False)
+    assert found.status is ao.Status.DEGENERATE and found.stats["nullity"] == 1
+    assert found.duration == pytest.approx(np.pi)

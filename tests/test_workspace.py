@@ -61,11 +61,11 @@ def test_of_two_samples_of_round_off_the_larger_is_taken():
     assert unlucky.noise == 1.0
 
 
-def amplification(ws):
-    return ws.here.amplification(False)
+def growth(ws):
+    return ws.here.growth(False)
 
 
-@pytest.mark.parametrize("told", [amplification, Workspace.missed])
+@pytest.mark.parametrize("told", [growth, Workspace.missed])
 def test_errors_are_told_of_the_path_at_hand(told):
     _, ws = on_the_way()
     assert ws.follow()

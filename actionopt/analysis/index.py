@@ -21,7 +21,7 @@ from typing import Literal
 import numpy as np
 
 from actionopt.analysis.jacobi import polished, resolved
-from actionopt.analysis.second_variation import Form, check_legendre, condense
+from actionopt.analysis.second_variation import Beside, Form, check_legendre, condense
 from actionopt.discrete.bordered import Bordered, moves_of
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import Factors
@@ -32,6 +32,8 @@ from actionopt.tools.types import Array
 # Of the Jacobi fields; derived: eigenvalues converge twice as fast, to 1e-12, far below the
 # tolerance. And of the path, where its error leaves a sign open: a tenth of the tolerance in |mu|.
 INDEX_RESOLUTION, POLISHED = 1e-6, 1e-10
+# |mu| below which it may be zero; measured: of families 1e-6 at most on paths to 1e-8.
+NEAR_ZERO = 1e-5
 INDEX_TOLERANCE = 1e-8  # least |mu| that has a sign; ad hoc: the default `tol` of a path
 LOOSEST = 1e-2  # |mu| moved by a path whose error is not known; ad hoc
 ERROR_GAIN = 10.0  # |mu| moved by an error of the path; ad hoc, for coefficients of order one
@@ -93,17 +95,36 @@ def inertia(
     """
     if isinstance(at.problem, Held):
         return _held(at, max(float(np.fmin(ERROR_GAIN * error, LOOSEST)), INDEX_TOLERANCE))
-    form = resolved(at, error, INDEX_RESOLUTION)
     if tolerance is not None:
-        return inertia_of(form, tolerance, moves)
-    error = np.fmin(error, 1.0)  # unknown ones are not finite
-    found = inertia_of(form, float(np.clip(ERROR_GAIN * error, INDEX_TOLERANCE, LOOSEST)), moves)
-    while found.nullity < moves and found.tolerance < LOOSEST:  # round-off of very short elements
-        found = inertia_of(form, 10 * found.tolerance, moves)
-    if found.nullity > moves and found.tolerance > INDEX_TOLERANCE:
+        return inertia_of(resolved(at, error, INDEX_RESOLUTION), tolerance, moves)
+    return _counted(at, error, moves)[0]
+
+
+def _counted(at: DiscretePath, error: float, moves: int) -> tuple[Inertia, Form]:
+    """Return the inertia, and the form on which it was counted.
+
+    An eigenvalue that is zero comes to zero as the path comes to be exact, and another one does
+    not: those that are near zero are counted again along a better path.
+    """
+    form = resolved(at, error, INDEX_RESOLUTION)
+    error = float(np.fmin(error, 1.0))  # unknown ones are not finite
+    tolerance = float(np.clip(ERROR_GAIN * error, INDEX_TOLERANCE, LOOSEST))
+    found = _all_moves(form, max(tolerance, NEAR_ZERO), moves)
+    if found.nullity <= moves:
+        return replace(found, tolerance=max(tolerance, INDEX_TOLERANCE)), form
+    if error > POLISHED:
         with suppress(ValueError):  # a path that is none may be resolved on no mesh
-            form = polished(at, POLISHED, found.nullity)
-            return inertia_of(form) if form is not None else found
+            better = polished(at, POLISHED, found.nullity)
+            if better is not None:
+                form, tolerance = better, INDEX_TOLERANCE
+    return _all_moves(form, tolerance, moves), form
+
+
+def _all_moves(form: Form, tolerance: float, moves: int) -> Inertia:
+    """Return the inertia to a tolerance at which all moves are zero: short elements round them."""
+    found = inertia_of(form, tolerance, moves)
+    while found.nullity < moves and found.tolerance < LOOSEST:
+        found = inertia_of(form, 10 * found.tolerance, moves)
     return found
 
 
@@ -121,23 +142,91 @@ def inertia_asked(at: DiscretePath, error: float) -> Inertia:
     lam = None if rows is None else np.nan_to_num(rows)
     bordered, y = Bordered.around(asked, path, lam, at.tr.lengths, moves)
     known = bordered.borders.c.size
-    found = inertia(bordered.discrete(y) if asked.closes else at, error, moves=known)
-    found = counted(found, bordered, y)
-    moves = min(found.nullity, bordered.borders.c.size)
-    held = len(bordered.borders.held)
+    there = bordered.discrete(y) if asked.closes else at
+    if isinstance(at.problem, Held):
+        found, form = inertia(there, error, moves=known), None
+    else:
+        found, form = _counted(there, error, known)
+    found = counted(found, bordered, y, form)
+    moves, held = min(found.nullity, known), len(bordered.borders.held)
+    if held and form is not None and found.nullity > known:
+        # What is given chooses of a family; a symmetry may well lead along what is left of that.
+        there = _held_at_start(form, asked.start.pinned)
+        left = _signs(there, found.tolerance, _duration(form, bordered))
+        return replace(found, nullity=left.nullity, moves=0)
     return replace(found, nullity=found.nullity - min(held, moves), moves=max(moves - held, 0))
 
 
-def counted(found: Inertia, bordered: Bordered, y: Array) -> Inertia:
+def _held_at_start(form: Form, pinned: tuple[int, ...]) -> Form:
+    """Return a form with springs on the coordinates that the start of a closed path gives.
+
+    In it only those variations still vanish that leave the start where it is.
+    """
+    rows = form.basis[0][list(pinned)]
+    first, r = form.elements[0].copy(), form.freedom
+    first[:r, :r] += np.abs(np.diag(form.elements[0])).max() * rows.T @ rows
+    return replace(form, elements=[first, *form.elements[1:]])
+
+
+def counted(found: Inertia, bordered: Bordered, y: Array, form: Form | None) -> Inertia:
     """Return the inertia with the duration varying, from that over a fixed one."""
     if not bordered.timed:
         return found
-    if found.nullity > bordered.borders.c.size:  # fixed durations have a fold there
-        return replace(found, index=found.index + 1, nullity=found.nullity - 1)
+    if found.nullity > bordered.borders.c.size:
+        beside = None if form is None else _duration(form, bordered)
+        if beside is None or form is None:  # as where fixed durations have a fold
+            return replace(found, index=found.index + 1, nullity=found.nullity - 1)
+        return _signs(form, found.tolerance, beside, found.smallest)
     bend = bordered.bend(y)
     if abs(bend) <= found.tolerance:
         return replace(found, nullity=found.nullity + 1)
     return replace(found, index=found.index + (bend < 0))
+
+
+def _signs(
+    form: Form,
+    tolerance: float,
+    beside: tuple[Beside, float] | None,
+    smallest: float | None = None,
+) -> Inertia:
+    """Return the inertia of a form with a variable beside its path, which has a kinetic part."""
+
+    def below(mu: float) -> int:
+        variable = beside and beside[0]._replace(own=beside[0].own - mu * beside[1])
+        return condense(form, form.shifted(kinetic=mu), variable).negative
+
+    index = below(-tolerance)
+    return Inertia(index, below(tolerance) - index, smallest, tolerance)
+
+
+def _duration(form: Form, bordered: Bordered) -> tuple[Beside, float] | None:
+    """Return log T as a variable beside the path of a form, and its kinetic part.
+
+    None where that is given, or constraints move with it: variations do not keep them then.
+    """
+    if not bordered.timed:
+        return None
+    at, tr, asked = form.at, form.at.tr, bordered.asked
+    lam = np.nan_to_num(at.rows) if tr.layout.rows else None
+    there, y = Bordered.around(asked, at.path, lam, tr.lengths)
+    row, layout = there.by_duration(y), there.first.layout
+    if there.held or row[layout.unknowns : layout.size].any():
+        return None
+    unit = there.first.action_unit
+    across = np.zeros(tr.mesh.nodes.size * asked.system.n)
+    across[layout.free] = row[: layout.unknowns] * unit / there.first.x_unit
+    nodes = np.einsum("kn,knr->kr", across.reshape(tr.mesh.nodes.size, -1) * form.units, form.basis)
+    parts: list[Array] = [np.empty(0)] * len(form.elements)
+    for g in tr.layout.groups:
+        for e, of in zip(g.elements, g.nodes, strict=True):
+            first = of if e == 0 else of[1:]  # nodes between elements once
+            parts[e] = np.concatenate(
+                [np.zeros((of.size - first.size, form.freedom)), nodes[first]]
+            ).ravel()
+    point = tr.place(at.x)
+    mass = asked.system.pointwise("second").product(2, tr.second(at.x)[2], point.v, symmetric=True)
+    kinetic = float(np.sum(tr.weight * point.v * mass))
+    return Beside(row[layout.size] * unit, parts), kinetic
 
 
 def _held(at: DiscretePath, tolerance: float) -> Inertia:

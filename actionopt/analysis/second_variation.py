@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -36,7 +37,7 @@ from actionopt.mechanics.system import System
 from actionopt.tools.types import Array, NDInt
 
 # Ad hoc, between round-off and what a path is known to.
-DELAYED_PIVOT = 1e-9  # pivots below this fraction of their block's largest wait for the next block
+DELAYED_PIVOT = 1e-5  # pivots below this fraction of their block's largest wait for the next block
 BALANCED = 5  # rounds, each takes units to their roots
 BLURRED = 10.0  # times the path's error: smaller singular values of G say nothing
 ASSUMED_ERROR = 1e-3  # of a path whose own is not known
@@ -326,6 +327,13 @@ def check_legendre(form: Form) -> None:
         )
 
 
+class Beside(NamedTuple):
+    """A variable that varies with the path: its own second derivative, and those across, (N,)."""
+
+    own: float
+    across: list[Array]
+
+
 @dataclass(frozen=True, eq=False)
 class Condensed:
     """What is left when a path is eliminated.
@@ -342,7 +350,9 @@ class Condensed:
     hessian: Array
 
 
-def condense(form: Form, elements: list[Array] | None = None) -> Condensed:
+def condense(
+    form: Form, elements: list[Array] | None = None, beside: Beside | None = None
+) -> Condensed:
     """Eliminate all variations of the path but those of its pinned ends.
 
     Parameters
@@ -350,28 +360,38 @@ def condense(form: Form, elements: list[Array] | None = None) -> Condensed:
     form : Form
     elements : list of arrays, optional
         Element matrices in place of those of d2S, as `Form.shifted` returns them.
+    beside : Beside, optional
+        A variable that varies with the path. It is kept until the end, and eliminated there.
     """
     elements = form.elements if elements is None else elements
     r, (keep, keep_end) = form.freedom, form.pinned
-    first = r if form.closed else keep
-    front, negative = np.zeros((r, r)), 0
+    more = int(beside is not None)  # rows in front of all others
+    first = more + (r if form.closed else keep)
+    front, negative = np.zeros((more + r, more + r)), 0
+    if beside is not None:
+        front[0, 0] = beside.own
     for e, E in enumerate(elements):
         old = front.shape[0]
         size = old + E.shape[0] - r
         grown = np.zeros((size, size))
         grown[:old, :old] = front
         grown[old - r :, old - r :] += E
+        if beside is not None:
+            grown[0, old - r :] += beside.across[e]
+            grown[old - r :, 0] += beside.across[e]
         if e < len(elements) - 1:
             front, count = _eliminate(grown, first, size - r, force=False)
             negative += count
             continue
         if form.closed:
-            grown = _joined(grown, np.arange(keep, r), np.arange(size - r + keep, size))
+            grown = _joined(grown, more + np.arange(keep, r), np.arange(size - r + keep, size))
             last = np.arange(size - r, size - r + keep)
         else:
             last = np.arange(size - r, size - r + keep_end)
-        # The free directions of the last node go as well.
-        order = np.r_[:keep, np.setdiff1d(np.arange(keep, len(grown)), last), last]
+        # The free directions of the last node go as well, and the variable beside the path.
+        start = more + np.arange(keep)
+        rest = np.setdiff1d(np.arange(len(grown)), np.r_[start, last])
+        order = np.r_[start, rest, last]
         grown = grown[np.ix_(order, order)]
         front, count = _eliminate(grown, keep, len(grown) - last.size, force=True)
         negative += count

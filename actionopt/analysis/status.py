@@ -65,3 +65,8 @@ class Status(Enum):
     def success(self) -> bool:
         """Whether the path can be used as it is."""
         return self in (Status.SOLVED, Status.ON_MESH)
+
+    @property
+    def stationary(self) -> bool:
+        """Whether the path is a stationary one, known as well as it can be."""
+        return self.success or self is Status.FLOOR

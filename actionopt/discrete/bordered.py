@@ -358,12 +358,18 @@ class Bordered:
         k = self.first.layout.size
         nonzeros, pattern = self.kkt(y), self.layout.kkt
         across, down = pattern.row == k, pattern.col == k
-        row, column = np.zeros((2, self.layout.size))
-        row[pattern.col[across]] = nonzeros[across]
+        row, column = self.by_duration(y), np.zeros(self.layout.size)
         column[pattern.row[down]] = nonzeros[down]
         own, row[k], column[k] = row[k], 0.0, 0.0
         fixed = np.where(across | down, np.where(across & down, 1.0, 0.0), nonzeros)
         return float(own - row @ Factors(self.layout, fixed).solve(column))
+
+    def by_duration(self, y: Array) -> Array:
+        """Return the derivative of T (E - H) by the unknowns, log T among them, (size,)."""
+        nonzeros, pattern, row = self.kkt(y), self.layout.kkt, np.zeros(self.layout.size)
+        across = pattern.row == self.first.layout.size
+        row[pattern.col[across]] = nonzeros[across]
+        return row
 
     def measured(self, step: Array) -> float:
         """Return the largest change of a coordinate by a step, as a function of time."""

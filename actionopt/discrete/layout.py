@@ -138,7 +138,7 @@ class Layout(MatrixLayout):
 
     @cached_property
     def probe(self) -> Array:
-        """A right-hand side (size,), as smooth as the lowest modes are, of no symmetry.
+        """A variation (size,), as smooth as the lowest modes are, of no symmetry.
 
         Not along the side to which first paths are curved: what turns such a path about the line
         between its ends is normal to it.

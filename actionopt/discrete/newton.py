@@ -103,7 +103,7 @@ def follow(
             if converged:
                 return Followed(z, True, rest, k, travelled, factors, _size(z - taken))
             if enough is not None and ratio < CONTRACTION and rest * ratio <= enough(z):
-                return Followed(z, True, 0.0, k, travelled, factors)
+                return Followed(z, True, 0.0, k, travelled, factors, _size(z - taken))
             residual = tr.residual(z)
             # Multipliers far off disturb the first steps, and are right after them.
             disturbed = tr.layout.rows > 0 and k <= DISTURBED and ratio < 1 / CONTRACTION

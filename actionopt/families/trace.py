@@ -376,7 +376,7 @@ class _Run:
             check_independent(found, self.tol)
             inertia = inertia_of(found)
             if isinstance(point.tr, Bordered):
-                inertia = counted(inertia, point.tr, point.z)
+                inertia = counted(inertia, point.tr, point.z, found)
             return inertia.index
         except ValueError as error:
             raise _Uncounted(_without(error)) from None

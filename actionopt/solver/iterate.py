@@ -65,7 +65,7 @@ class Iterate(DiscretePath):
     factors : Factors or None
         Of the matrix at the path or close to it, if they are kept.
     probed : (size,) array or None
-        How the `probe` of the layout moves the path.
+        The `probe` of the layout after a step of inverse iteration.
     since : float
         How far it and its multipliers are from where that matrix was taken.
     represented : Resolution or None
@@ -171,7 +171,7 @@ class Iterate(DiscretePath):
         residual, carried = unseen(self, tol / self.unit)
         with np.errstate(all="ignore"):
             if self.can_be_one_of_many and here.factors.pairs:
-                step, probed = here.factors.solve_both(residual, here._probe())
+                step, probed = here.factors.solve_both(residual, here.momentum(here.probe))
                 here = replace(here, probed=probed)
             else:
                 step = here.factors.solve(residual)
@@ -185,25 +185,26 @@ class Iterate(DiscretePath):
         shifted = problem.advance is not None and not structure.depends_on_time
         return (problem.system.n > 1 or shifted) and not structure.forced
 
-    def amplification(self, many: bool) -> float:
-        """Return how far round-off in every entry of the matrix may move the path.
+    def growth(self, many: bool) -> float:
+        """Return by how much a step of inverse iteration makes a variation grow.
 
-        Without forces, or to one side of a symmetry, the residual of a path has no round-off of
-        its own that would tell.
+        In the kinetic metric (Golub and Van Loan, *Matrix Computations* (4th ed. 2013), section
+        7.6): 1 / |mu| or less, for the eigenvalue mu of the second variation that is nearest zero.
         """
         probed = self.probed
         if probed is None:
             here = self.factored(many)
             assert here.factors is not None
-            probed = here.factors.solve(here._probe())
-        return self.equations.measured(probed) * self.unit
+            probed = here.factors.solve(here.momentum(here.probe))
+        probe = self.probe
+        return (
+            float(np.abs(probed[: probe.size]).max() / np.abs(probe).max()) if probe.size else 0.0
+        )
 
-    def polished(self) -> Self:
-        """Return it after one more of Newton's steps."""
-        here = self.factored(many=False)
-        assert here.factors is not None
-        step = here.factors.solve(self.equations.residual(self.z))
-        return replace(self.moved(self.z - step), sizes=self.sizes, lengths=self.lengths)
+    @property
+    def probe(self) -> Array:
+        """The variation (unknowns,) that inverse iteration begins with."""
+        return self.tr.layout.probe[: self.tr.layout.unknowns]
 
     def sampled(self) -> Self:
         """Return the same with the larger noise of two samples: one may be small by chance.
@@ -216,12 +217,11 @@ class Iterate(DiscretePath):
         noise = equations.measured(here.factors.solve(equations.residual(z - step))) * self.unit
         return here.estimated(here.gain, max(here.noise, noise))
 
-    def _probe(self) -> Array:
-        """Return a residual (size,) as round-off in the largest entry of the matrix makes it."""
-        assert self.factors is not None
-        return (
-            POLYNOMIAL_ROUNDOFF * float(np.abs(self.factors.nonzeros).max())
-        ) * self.equations.layout.probe
+    def momentum(self, x: Array) -> Array:
+        """Return the momentum (size,) of a variation (unknowns,), as `equations` have it."""
+        found = np.zeros(self.equations.layout.size)
+        found[: x.size] = self.tr.momentum(x)
+        return found
 
     @property
     def late(self) -> bool:

@@ -10,7 +10,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from actionopt.analysis.index import INDEX_TOLERANCE
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
 from actionopt.discrete.bordered import over
@@ -63,8 +62,7 @@ def solve_on_surface(
     """
     options: Any = (principle, watch)
     if guess is not None:
-        found = solve_unfixed(problem, solve, tol, guess, *options, thorough=thorough)
-        return _judged(*found)
+        return solve_unfixed(problem, solve, tol, guess, *options, thorough=thorough)
     best = None
     try:
         quick = islice(firsts(problem, solve, tol, watch=watch), TRIED)
@@ -72,7 +70,7 @@ def solve_on_surface(
         for starts in (quick, _thorough(problem, solve), motions):
             for first in starts:
                 path, hint = solve_unfixed(problem, solve, tol, first, *options, thorough=thorough)
-                found = _judged(replace(path, stats=path.stats | {"rung": "surface"}), hint)
+                found = replace(path, stats=path.stats | {"rung": "surface"}), hint
                 rank = np.inf
                 if found[0].success:
                     rank = 0 if principle == "stationary" else _index(found)
@@ -87,18 +85,6 @@ def solve_on_surface(
             path, _ = best[1] if best else solve_unfixed(problem, solve, tol, None, *options)
             return replace(path, status=Status.OUT_OF_TIME), ""
     return best[1] if best else solve_unfixed(problem, solve, tol, None, *options)
-
-
-def _judged(solution: Solution, hint: str) -> tuple[Solution, str]:
-    """Return the verdict DEGENERATE if the path is one of a family, else the solution as it is."""
-    if solution.success:
-        with suppress(ValueError, np.linalg.LinAlgError):
-            found = solution.inertia
-            if found.nullity and found.tolerance <= INDEX_TOLERANCE:
-                hint = f"the paths to the surface are a family of dimension {found.nullity}"
-                stats = solution.stats | {"nullity": found.nullity}
-                return replace(solution, status=Status.DEGENERATE, stats=stats), hint
-    return solution, hint
 
 
 def _index(found: tuple[Solution, str]) -> int:

@@ -8,6 +8,7 @@ given times (`refine`).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import Literal
@@ -24,9 +25,11 @@ from actionopt.discrete.newton import is_roundoff
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
+from actionopt.solver import family
 from actionopt.solver.arguments import Guess
 from actionopt.solver.arrivals import arrivals
 from actionopt.solver.closed import passes, rolled
+from actionopt.solver.family import directions, suspected
 from actionopt.solver.first_paths import (
     REPRESENTED,
     FirstPaths,
@@ -36,6 +39,7 @@ from actionopt.solver.first_paths import (
     stretched,
 )
 from actionopt.solver.iterate import SAFETY, UNKNOWN_GAIN, Iterate, measured
+from actionopt.solver.ladder import COARSE_DEGREE
 from actionopt.solver.preflight import check
 from actionopt.solver.refine import refine
 from actionopt.solver.signals import SIGNALS, status_of
@@ -48,9 +52,10 @@ STOPS = "an end free in place and time is where a motion of the energy comes to 
 # Ad hoc.
 APPROACHES = 40  # damped steps of Newton's method
 ON_START = 1e-9  # of a coordinate's size, how far from that it may begin: the tolerance if larger
-# Singular values of Newton's matrix, of the largest, at a family; the step that ends there; and how
-# far a path moves that is no rest, of its size.
-SINGULAR, SETTLED, MOVING = 1e-7, 1e-7, 1e-6
+# Along a family on a coarse mesh, singular values of Newton's matrix, of which others are of order
+# one; the step to it from where on a path is held along it; and how far one moves that is no rest.
+SINGULAR, NEAR_FAMILY, MOVING = 1e-3, 1e-3, 1e-6
+UNREACHED = 1e6  # damping of steps to a family, in squares of the residual, that leads nowhere
 ROUGH = 1e-2  # what the first mesh of a family leaves out of a guess
 NEAR_START, NEAR_GUESS = 1e-2, 0.1  # as far as a first mesh tells, or a guess
 # Force on a closed path: measured, 1e-14 on motions, 1e-5 at most on first meshes of them, and 1 or
@@ -262,7 +267,7 @@ class Unfixed(Workspace):
         self.here = replace(self._around(path, lam), gain=gain)
         return self.follow()
 
-    def in_family(self, guess: Guess, *, thorough: bool) -> bool:
+    def in_family(self, guess: Guess, *, thorough: bool) -> Status | None:
         """Go to a closed path near the guess if such paths are a family, and refine it there.
 
         By Newton's steps of least norm, as its matrix has no inverse at any of them. Then the
@@ -270,7 +275,7 @@ class Unfixed(Workspace):
         With `thorough` also on larger meshes.
         """
         if not self.problem.closes:
-            return False
+            return None
         before = self.iterate, self.hint
         for represented in (ROUGH, REPRESENTED[0]):
             self.along, self.gain = (), UNKNOWN_GAIN
@@ -280,52 +285,75 @@ class Unfixed(Workspace):
                 if not begins:
                     break
                 path = rolled(path, min(begins, key=abs), self.problem)
+            most = (2 * FULL if thorough else FULL) // self.problem.system.n
+            if path.mesh.offsets[-1] > most:  # what it resolves may be the corners of a guess
+                ends = path.mesh.boundaries[[0, -1]].tolist()
+                path = path.on(Mesh.uniform(*ends, most // COARSE_DEGREE, COARSE_DEGREE))
             first = self._around(path, None)
-            if first.z.size > (2 * FULL if thorough else FULL):
-                break
             if not self._moved_along(first):
                 continue
             status = self.judged(self.settled())
-            if status.success or status is Status.FLOOR:
+            if status.stationary:
                 self.found_by = "guess"
-                self.hint = self._told()
-                return True
+                return status
         self.along = ()
         self.iterate, self.hint = before
-        return False
+        return None
 
     def _moved_along(self, here: UnfixedPath) -> bool:
-        """Go to a path by steps of least norm, and keep the directions of its family there."""
-        bordered, y = here.bordered, here.z
+        """Go to a path by steps of least norm, and keep the directions of its family there.
+
+        By Levenberg and Marquardt's method, damped by the square of the residual: it comes to a
+        family as fast as Newton's to a single path (N. Yamashita and M. Fukushima, *Computing
+        Suppl.* 15 (2001), p. 239).
+        """
+        bordered, y, damping = here.bordered, here.z, 1.0
+        residual = bordered.residual(y)
         with np.errstate(all="ignore"):
             for _ in range(APPROACHES if bordered.layout.small else APPROACHES // 4):
-                matrix, residual = bordered.layout.full(bordered.kkt(y)), bordered.residual(y)
-                if not (np.isfinite(matrix).all() and np.isfinite(residual).all()):
+                matrix, size = bordered.layout.full(bordered.kkt(y)), np.linalg.norm(residual)
+                if not (np.isfinite(matrix).all() and np.isfinite(size)):
                     return False
                 left, values, right = np.linalg.svd(matrix)
-                rank = int((values > SINGULAR * values[0]).sum())
-                step = right[:rank].T @ ((left[:, :rank].T @ residual) / values[:rank])
-                y = y - step
-                if bordered.measured(step) < SETTLED:
+                across, rank = left.T @ residual, int((values > SINGULAR).sum())
+                step = right[:rank].T @ (across[:rank] / values[:rank])
+                if rank < y.size and bordered.measured(step) < NEAR_FAMILY:
                     here = here.moved(y)
-                    if rank == y.size or not here.moves:
-                        return False
                     moved = [here.tr.coordinates(y + d) - here.Q for d in right[rank:]]
                     self.along = tuple(Path(here.mesh, d.T) for d in moved)
                     self.here = self._around(here.path, here.rows)
-                    return self.follow() or self.approach(APPROACHES)
+                    return here.moves and (self.follow() or self.approach(APPROACHES))
+                while damping < UNREACHED:
+                    step = right.T @ (values * across / (values**2 + damping * size**2))
+                    there = bordered.residual(y - step)
+                    if np.linalg.norm(there) < size:
+                        break
+                    damping *= 10.0
+                else:
+                    return False
+                y, residual, damping = y - step, there, damping / 10.0
         return False
 
-    def _told(self) -> str:
-        """Return of how many dimensions the family of closed paths is."""
-        borders = self.here.bordered.borders
-        count = borders.c.size - max(len(borders.held), 1)
-        where = "that begin there" if borders.held else "besides where each begins"
-        return (
-            f"closed paths near the guess {where} are a family of dimension {count}, of one action "
-            "and one period; the one returned is stationary, and resolved to "
-            f"{self.here.error:.2g}"
-        )
+    def _hold_along(self) -> bool:
+        """Hold a closed path along the directions of its family, if it seems to be one of one.
+
+        On a mesh of its own, as that of a guess may be of many short elements. What is held so has
+        a regular matrix; whether the directions are those of a family is counted at the end.
+        """
+        if self.along or not self.problem.closes or not suspected(self, Status.SOLVED):
+            return False
+        before = self.here
+        with suppress(np.linalg.LinAlgError):
+            moved = [before.tr.coordinates(before.x + d) - before.Q for d in directions(self)]
+            self.along = tuple(Path(before.mesh, d.T) for d in moved)
+            path = guessed(self.problem, before.path, REPRESENTED[0])
+            self.here = self._around(
+                path if path.mesh.elements < before.mesh.elements else before.path, None
+            )
+            if self.along and self.follow():
+                return True
+        self.along, self.here = (), before
+        return False
 
     # -- to the tolerance -----------------------------------------------------------------------
 
@@ -336,6 +364,21 @@ class Unfixed(Workspace):
             return status
         near = max(self.tol, ON_START)
         return self._refined() if self._begun(near) else Status.NOT_FOUND
+
+    def verdict(self) -> Status:
+        """Return the verdict on the path at hand, refined: held along a family if it is of one."""
+        first, held = self.here, self._hold_along()
+        status = self.judged(self.settled())
+        if held and not status.stationary:
+            self.along, self.here = (), first
+            return self.judged(self.settled())
+        last = self.here
+        if not held and self._hold_along():
+            again = self.judged(self.settled())
+            if again.stationary:
+                return again
+            self.along, self.here = (), last
+        return status
 
     def _refined(self) -> Status:
         """Refine; a closed path that is pushed also with its phase set about where it is now."""
@@ -353,7 +396,7 @@ class Unfixed(Workspace):
 
     def judged(self, status: Status) -> Status:
         """Return the verdict on the path at hand: one that has to be pushed is none."""
-        found = status.success or status is Status.FLOOR
+        found = status.stationary
         if self.here.pushed > HELD or (found and self._is_pushed(self.here)):
             return self._held()
         return status
@@ -408,12 +451,12 @@ def solve_unfixed(
             if not run.reach(path, lam, damped=damped):
                 continue
             run.found_by = how
-            status = run.judged(run.settled())
+            status = run.verdict()
             known = bool(np.isfinite(run.here.error))
-            if status.success or status is Status.FLOOR:
+            if status.stationary:
                 break
-        if guess is not None and not status.success and run.in_family(guess, thorough=thorough):
-            status = Status.DEGENERATE
+        if guess is not None and not status.success:
+            status = run.in_family(guess, thorough=thorough) or status
     except SIGNALS as signal:
         status = status_of(signal)
         run.stop()
@@ -424,14 +467,20 @@ def solve_unfixed(
             raise first.refused
         run.checked = True
         run.ensure_iterate()
+    merged = first.merged and status in (Status.NOT_FOUND, Status.UNRESOLVED)
+    if merged:
+        status = Status.DEGENERATE
+    here = run.here
+    here.tr.watch = here.bordered.first.watch = None  # a verdict is not left half done
+    solution = solution_of(run, status, run.found_by, started)
+    if not merged and (run.along or suspected(run, status)):
+        solution = family.judged(run, solution)
+        status = solution.status
+    if principle == "least" and status.success and solution.morse_index > 0:
+        solution = replace(solution, status=Status.NOT_LEAST)
     events = () if problem.closes else (problem.start, problem.end)
     anywhere = any(e.t is None and e.on is None and not e.pinned for e in events)
     hint = run.hint or first.hint
     if anywhere and not status.success:
         hint = f"{STOPS}; {hint}" if hint else STOPS
-    if first.merged and status in (Status.NOT_FOUND, Status.UNRESOLVED):
-        status = Status.DEGENERATE
-    solution = solution_of(run, status, run.found_by, started)
-    if principle == "least" and status.success and solution.morse_index > 0:
-        solution = replace(solution, status=Status.NOT_LEAST)
     return solution, hint
