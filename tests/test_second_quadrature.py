@@ -49,6 +49,18 @@ def test_a_fast_force_is_not_mistaken_for_a_slow_one(w, tol):
     assert relative(ao.solve(problem, tol=tol), exact) <= tol
 
 
+def test_a_wall_across_a_rail_is_seen_as_without_the_rail():
+    """On the line y = 2 x the inertia is five times that of x."""
+    wall = lambda x: 10 * x - 0.1 * np.tanh((x - 0.3) / 0.01)  # noqa: E731
+    rail = ao.System(
+        lambda q, v, t: v @ v / 2 + wall(q[0]), ["x", "y"], constraint=lambda q, t: q[1] - 2 * q[0]
+    )
+    ends = (ao.Event(t, [t, 2 * t]) for t in (0.0, 1.0))
+    alone = line(lambda q, v, t: 5 * v[0] ** 2 / 2 + wall(q[0]), 0.0, 1.0)
+    one, other = (ao.solve(p, tol=1e-8) for p in (ao.Problem(rail, *ends), alone))
+    assert relative(one, lambda t: other(t)[0]) <= 2e-8
+
+
 def test_a_jump_at_a_boundary_of_elements_is_seen():
     problem = line(lambda q, v, t: v[0] ** 2 / 2 + q[0] * ca.if_else(t > 1, 1, 0), 0.0, 1.5, T=2.0)
     solution = ao.solve(problem, tol=1e-6)
