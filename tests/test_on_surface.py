@@ -347,6 +347,14 @@ def test_normals_from_a_point_close_to_an_ellipse_and_to_a_small_one(size):
     assert found[1].end.q[1] < 0 < found[0].end.q[1]
 
 
+def test_a_small_circle_far_away():
+    centre, p = np.array([446.0, 959.0]), np.array([1.3, 0.7])
+    end = ao.Event(1.0, None, on=lambda q, t: ((q - centre) / 0.126) @ ((q - centre) / 0.126) - 1)
+    found = ao.solve_all(ao.Problem(plane(), ao.Event(0.0, p), end), starts=1)
+    lengths = np.linalg.norm(centre - p) + np.array([-0.126, 0.126])
+    assert [np.sqrt(2 * s.action) for s in found] == pytest.approx(lengths, rel=1e-7)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(8))
 def test_all_normals_of_random_ellipses_and_ellipsoids(seed):

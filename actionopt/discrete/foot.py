@@ -18,7 +18,7 @@ from actionopt.tools.types import Array, NDInt
 
 # Of Newton's method to a surface; ad hoc.
 LONGEST_WAY = 60  # steps
-FARTHEST = 10.0  # a step, in the coordinates' sizes
+FARTHEST = 10.0  # the first step, in the coordinates' sizes; each next one twice as far
 REACHED = 1e-9  # the last step: the next would be its square
 
 
@@ -112,7 +112,7 @@ def onto(problem: Problem, event: Event, q: Array, t: float, size: Array) -> Arr
     q = q.copy()
     q[given] = [event.q[i] for i in given]
     free = np.setdiff1d(np.arange(system.n), given)
-    for _ in range(LONGEST_WAY):
+    for k in range(LONGEST_WAY):
         rows, by_q, _, _ = event.on.at(q, t, problem.packed)
         if system.m:
             f = system.constraint(q, t, parameters=problem.parameters)
@@ -123,7 +123,8 @@ def onto(problem: Problem, event: Event, q: Array, t: float, size: Array) -> Arr
             return None
         step = -np.linalg.pinv(by_q) @ rows
         largest = np.abs(step).max()
-        q[free] += step * min(1.0, FARTHEST / largest if largest else 1.0) * size[free]
+        farthest = FARTHEST * 2.0**k
+        q[free] += step * (farthest / largest if largest > farthest else 1.0) * size[free]
         if largest < REACHED:
             return q
     return None
