@@ -9,7 +9,7 @@ import numpy as np
 
 from actionopt.analysis.index import INDEX_RESOLUTION, Inertia
 from actionopt.analysis.jacobi import resolved
-from actionopt.analysis.second_variation import Form, condense
+from actionopt.analysis.second_variation import Form, are_units, condense
 from actionopt.analysis.second_variation import form as form_of
 from actionopt.analysis.solution import Solution, question
 from actionopt.discrete.path import Path
@@ -68,7 +68,7 @@ def second_variation(
     """
     n, asked = question(solution).system.n, numbers(units, "the units")
     whole = isinstance(count, (int, np.integer)) and count >= 1
-    if not whole or asked.shape not in ((), (1,), (n,)) or not np.all(asked > 0):
+    if not whole or not are_units(asked, n):
         raise ValueError(
             f"expected a whole count >= 1 and positive units, one or {n}, found count = {count!r}, "
             f"units = {units!r}"

@@ -125,6 +125,13 @@ class Form:
         return result
 
 
+def are_units(units: Array, n: int) -> bool:
+    """Whether numbers may be the unit of n coordinates, or one of each; energies are in squares."""
+    with np.errstate(all="ignore"):
+        usable = np.isfinite(units**4) & (units > 0)
+    return units.shape in ((), (1,), (n,)) and bool(usable.all())
+
+
 def form(at: DiscretePath, units: Array | None = None, *, phase: bool = True) -> Form:
     """Return the second variation along a path, the coordinates in `units` (n,).
 

@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from actionopt.analysis.second_variation import Form, form
+from actionopt.analysis.second_variation import Form, are_units, form
 from actionopt.analysis.solution import Solution, question
 from actionopt.discrete.foot import onto
 from actionopt.discrete.mesh import Mesh
@@ -173,9 +173,7 @@ def variation(
     mesh, known = resolving(solution.mesh, eta), solution.discrete
     at = known.on(mesh, known.multipliers(mesh.nodes)).polished()
     units = numbers(unit, "the unit")
-    with np.errstate(all="ignore"):
-        usable = np.isfinite(units**4) & (units > 0)  # energies are in its square
-    if units.shape not in ((), (problem.system.n,)) or not usable.all():
+    if not are_units(units, problem.system.n):
         raise ValueError(
             f"expected one positive unit, or one of each of {problem.system.n} coordinates, found "
             f"{unit!r}"
