@@ -1,7 +1,6 @@
 """Events on surfaces: transversality, against closed forms; the index, against focal points."""
 
 import copy
-import itertools
 import pickle
 from dataclasses import replace
 from itertools import pairwise
@@ -15,6 +14,7 @@ from actionopt import plot
 from actionopt.analysis.status import Status
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
+from actionopt.families import task
 from actionopt.solver.unfixed import Unfixed
 from actionopt.solver.verdict import solution_of
 
@@ -369,7 +369,7 @@ def test_all_normals_of_random_ellipses_and_ellipsoids(seed):
 
     count = 0
     edges = [poles[0] - 100, *poles, poles[-1] + 100]
-    for low, high in itertools.pairwise(edges):
+    for low, high in pairwise(edges):
         m = low + (high - low) * np.linspace(1e-9, 1 - 1e-9, 20001)
         count += np.count_nonzero(np.diff(np.sign([off(x) for x in m])))
     free = ao.System(lambda q, v, t: v @ v / 2, ["x", "y", "z"][:n])
@@ -432,3 +432,13 @@ def test_a_clock_and_a_moving_surface():
     assert p @ p / 2 + np.sin(T) * q[0] - E == pytest.approx(-0.2 * mu, rel=1e-9)
     runs = ao.sweep(found.problem, {"energy": [1.0, 1.5]})
     assert runs.action[1] == pytest.approx(found.action, rel=1e-7)
+
+
+def test_a_member_that_its_neighbour_does_not_lead_to_is_solved_without_it(monkeypatch):
+    def solve(problem, *, guess=None, **options):
+        found = ao.solve(problem, guess=guess, **options)
+        return replace(found, status=ao.Status.NOT_FOUND) if guess is not None else found
+
+    monkeypatch.setattr(task, "solve", solve)
+    runs = ao.sweep(to_ellipse(), {"b": [0.8, 1.0, 1.2]})
+    assert (runs.status == "SOLVED").all()
