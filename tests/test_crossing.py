@@ -128,6 +128,17 @@ def test_a_jump_has_its_height_from_either_side(way, step):
     assert back is not None and not back.inevitable  # it comes back to the first side
 
 
+@pytest.mark.parametrize(("power", "jumps"), [(0, True), (1 / 3, False), (1.0, False)])
+def test_a_cusp_is_no_jump_however_near_it_is_seen(power, jumps):
+    system = ao.System(
+        lambda q, v, t: v[0] ** 2 / 2 - 2 * np.sign(q[0] - 0.1) * abs(q[0] - 0.1) ** power, ["y"]
+    )
+    problem = ao.Problem(system, ao.Event(0.0, [-1.0]), ao.Event(2.0, [1.0]))
+    mesh = ao.Mesh.uniform(0.0, 2.0, 4, 4)
+    found = crossed(system.switches, problem, ao.Path.interpolate(lambda t: [t - 1], mesh))
+    assert (found is not None) is jumps
+
+
 @pytest.mark.parametrize("c", [0.7, -0.7])
 def test_a_lagrangian_with_its_steps_held_is_itself(c):
     """The steps' own values put in give L again, everywhere; others give another branch."""

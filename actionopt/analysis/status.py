@@ -41,8 +41,9 @@ class Status(Enum):
         "variation, as past a conjugate point; try principle='stationary' or 'auto'"
     )
     JUMP = (
-        "the Lagrangian jumps on a surface that the path crosses: the force there is infinite, no "
-        "derivative shows it, and this is no stationary path; replace the step by a smooth one "
+        "the Lagrangian jumps on a surface that the path crosses, and the energy with it: the "
+        "force there is infinite, no derivative shows it, and this is no stationary path; replace "
+        "the step (a comparison, abs(q) / q, the branch of an arctan) by a smooth one "
         "(np.tanh) of some width, or solve each side by itself with an event on the surface, which "
         "lies right where the momentum along it is continuous"
     )

@@ -51,6 +51,7 @@ class Point:
     values: tuple[float, Array, Array] | None = None
     second: list[Array] | None = None
     rows: tuple[Array, Array] | None = None  # the constraints' normals and values
+    between: tuple[Array, ...] | None = None  # q, v, L_q, L_v and L where else L was evaluated
 
 
 class Units(NamedTuple):

@@ -1,15 +1,24 @@
 """Whether a path crosses a jump of the Lagrangian: then it is no path.
 
 A jump in q or v is an infinite force, which no derivative shows. One in t alone is none: there q
-and p are continuous, and the path is resolved.
+and p are continuous, and the path is resolved. Jumps that are written as comparisons are found
+where these change, all others where the balance of energy does not hold (`energy_balance`).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.energy_balance import (
+    INNER_PARTS,
+    Imbalance,
+    imbalance,
+    narrowed,
+    rounded,
+)
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.switches import Switches
@@ -19,6 +28,9 @@ from actionopt.tools.types import Array
 BISECTIONS = 60  # between two samples there are no more floats to halve
 LONGEST_TEXT = 60  # of a surface that is told; ad hoc
 CONTINUOUS = 1e-9  # of the largest |L| along the path: branches this close meet; ad hoc
+# Distances from a jump to either side, in units of the shortest, at which L is compared. A jump is
+# the same at all of them; of a cusp |x|^a the upper quartile is 500^a times the lower one.
+WIDER = 4.0 ** np.arange(10)
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,14 +41,17 @@ class Jump:
     q: Array
     v: Array
     height: float
-    inevitable: bool  # whether the two ends of the path lie on different sides
-    surface: str  # the comparison that changes there
+    energy: float  # by how much v . L_v - L jumps there
+    inevitable: bool = False  # whether the two ends of the path lie on different sides of a surface
+    surface: str = ""  # the comparison that changes there
 
     def __str__(self) -> str:
         """Say where."""
         q = ", ".join(f"{x:.6g}" for x in self.q)
-        where = f", where {self.surface} changes" if len(self.surface) < LONGEST_TEXT else ""
-        return f"L jumps by {self.height:.3g} at t = {self.t:.6g}, q = [{q}]{where}"
+        told = 0 < len(self.surface) < LONGEST_TEXT
+        where = f", where {self.surface} changes" if told else ""
+        jumps = f"L jumps by {self.height:.3g} at t = {self.t:.6g}, q = [{q}]{where}"
+        return f"{jumps}, and the energy by {self.energy:.3g}"
 
 
 def crossed(found: Switches, problem: Problem, path: Path) -> Jump | None:
@@ -67,12 +82,56 @@ def crossed(found: Switches, problem: Problem, path: Path) -> Jump | None:
         same = (there == before).all(axis=1)
         low, high = np.where(same, middle, low), np.where(same, high, middle)
         after = np.where(same[:, None], after, there)
-    heights = L(high, after) - L(high, before)
-    jumps = np.flatnonzero(~(np.abs(heights) <= CONTINUOUS * size))
-    if not jumps.size:
+    heights = np.abs(L(high, after) - L(high, before))
+    for k in np.flatnonzero(~(heights <= CONTINUOUS * size)):
+        jump = _jump(problem, path, low[k], high[k])
+        if jump is not None:
+            inevitable = bool((c[0] != c[-1]).any())
+            changed = " and ".join(found.texts[i] for i in np.flatnonzero(before[k] != after[k]))
+            return replace(jump, inevitable=inevitable, surface=changed)
+    return None
+
+
+def unbalanced(at: DiscretePath, error: float) -> Jump | Imbalance | None:
+    """Return a jump of L behind an imbalance of energy, or where there is one without, or None.
+
+    `error` is that of the path, in its own size.
+    """
+    found = imbalance(at.tr, at.x, error)
+    if found is None:
         return None
-    k = jumps[0]
-    q, v, t = state(high[k : k + 1])
-    inevitable = bool((c[0] != c[-1]).any())
-    changed = " and ".join(found.texts[i] for i in np.flatnonzero(before[k] != after[k]))
-    return Jump(float(t[0, 0]), q[0], v[0], float(abs(heights[k])), inevitable, changed)
+    found = narrowed(at.problem, at.path, found)
+    if found is None:
+        return None
+    close = found.high - found.low <= INNER_PARTS * rounded(at.problem)
+    for low, high in zip(found.low[close], found.high[close], strict=True):
+        jump = _jump(at.problem, at.path, low, high)
+        if jump is not None:
+            return jump
+    return None if close.all() else found  # what is no jump so close is a cusp, or round-off
+
+
+def _jump(problem: Problem, path: Path, low: float, high: float) -> Jump | None:
+    """Return the jump of L between two close times since the start, or None if it is none.
+
+    On either side of a jump L has a value of its own: half the samples there agree much better than
+    those of the two sides do. (Nearest to it round-off may put them on the wrong side.)
+    """
+    apart = max(high - low, rounded(problem))
+    since = np.concatenate([low - apart * WIDER, high + apart * WIDER])
+    since = np.clip(since, 0.0, problem.duration)
+    q, v = (part.T for part in path.carried_on(since, 1.0))
+    t = np.full((since.size, 1), problem.start.t + (low + high) / 2)  # a jump in t alone is none
+    first = problem.system.pointwise("first")(q, v, t, problem.packed)
+    L = first[2][:, 0]
+    energy = np.einsum("kn,kn->k", first[1], v) - L
+    sides = np.split(np.where(np.isfinite(L), L, np.nan), 2)
+    if any(np.isnan(side).all() for side in sides):
+        return None
+    (l0, l1, l2), (r0, r1, r2) = (np.nanquantile(side, (0.25, 0.5, 0.75)) for side in sides)
+    height = abs(r1 - l1)
+    if not (l2 - l0) + (r2 - r0) <= height / 2:
+        return None
+    before, after = (np.nanmedian(side) for side in np.split(energy, 2))
+    q, v = (part[:, 0] for part in path.carried_on(np.array([high]), 1.0))
+    return Jump(float(problem.start.t + high), q, v, float(height), float(abs(after - before)))

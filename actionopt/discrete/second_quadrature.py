@@ -9,7 +9,7 @@ and the tolerance are.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -170,7 +170,7 @@ def _followed(
     velocity is left out: it would undo what the sums find. Constraints are followed to first order.
     """
     at = _points(tr, x, batches)
-    known = [(F.copy(), p.copy()) for _, (F, p) in _evaluated(tr, batches, at)]
+    known = [values for _, values in _sampled(tr, x, batches)]
     with np.errstate(all="ignore"):
         inertia = _inertia(tr, x)
         inverse = inverses(inertia, tr.lengths)
@@ -285,7 +285,28 @@ def _sampled(
     tr: Action, x: Array, batches: list[Batch]
 ) -> Iterator[tuple[Batch, tuple[Array, Array]]]:
     """Yield dL/dq with the forces, and dL/dv, at the points of each batch: both (E, points, n)."""
-    return _evaluated(tr, batches, _points(tr, x, batches))
+    q, v, force, momentum, _ = values(tr, x, batches)
+    return _shared_out(tr, batches, _pushed(tr, q, v, times(tr, batches), force), momentum)
+
+
+def values(tr: Action, x: Array, batches: list[Batch]) -> tuple[Array, ...]:
+    """Return q, v, L_q, L_v, all (points, n), and L (points,) at all points of the batches.
+
+    They are kept with what else is known for x.
+    """
+    point = tr.place(x)
+    if point.between is None:
+        q, v = (_joined(parts) for parts in zip(*_points(tr, x, batches), strict=True))
+        first = tr.problem.system.pointwise("first")
+        Lq, Lv, L = first(q, v, times(tr, batches), tr.problem.packed)
+        point.between = q, v, Lq.copy(), Lv.copy(), L[:, 0].copy()
+    return point.between
+
+
+def times(tr: Action, batches: list[Batch]) -> Array:
+    """Return the times of the points, (points, 1), or (1, 1) where nothing depends on them."""
+    t = [b.times for b in batches]
+    return _joined(t if tr.problem.system.structure.depends_on_time else t[:1])
 
 
 def _points(tr: Action, x: Array, batches: list[Batch]) -> list[tuple[Array, Array]]:
@@ -304,20 +325,32 @@ def _evaluated(
     tr: Action, batches: list[Batch], points: list[tuple[Array, Array]]
 ) -> Iterator[tuple[Batch, tuple[Array, Array]]]:
     """Yield what `_sampled` does for given q and v."""
-    system, p = tr.problem.system, tr.problem.packed
-    q, v = zip(*points, strict=True)
-    t = [b.times for b in batches]
-    t = t if system.structure.depends_on_time else t[:1]
-    at = [parts[0] if len(parts) == 1 else np.concatenate(parts) for parts in (q, v, t)]
-    force, momentum, _ = system.pointwise("first")(*at, p)
-    if system.structure.forced:
-        force = force + system.pointwise("force")(*at, p)[0]
+    q, v = (_joined(parts) for parts in zip(*points, strict=True))
+    t = times(tr, batches)
+    force, momentum, _ = tr.problem.system.pointwise("first")(q, v, t, tr.problem.packed)
+    return _shared_out(tr, batches, _pushed(tr, q, v, t, force), momentum)
+
+
+def _pushed(tr: Action, q: Array, v: Array, t: Array, force: Array) -> Array:
+    """Return the forces dL/dq with those that are non-conservative."""
+    if not tr.problem.system.structure.forced:
+        return force
+    return force + tr.problem.system.pointwise("force")(q, v, t, tr.problem.packed)[0]
+
+
+def _shared_out(
+    tr: Action, batches: list[Batch], force: Array, momentum: Array
+) -> Iterator[tuple[Batch, tuple[Array, Array]]]:
     first = 0
     for b in batches:
-        shape = b.elements.size, b.rule.nodes.size, system.n
+        shape = b.elements.size, b.rule.nodes.size, tr.problem.system.n
         part = slice(first, first + shape[0] * shape[1])
         first = part.stop
         yield b, (force[part].reshape(shape), momentum[part].reshape(shape))
+
+
+def _joined(parts: Sequence[Array]) -> Array:
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
 def _work(batch: Batch, force: Array, momentum: Array) -> Array:
@@ -339,7 +372,7 @@ def _hidden(tr: Action, x: Array, batch: Batch, values: tuple[Array, Array]) -> 
     if times.size > 1:
         times = tr.timed(batch.elements, tr.mesh.nodes[batch.nodes])
     own = replace(batch, rule=batch.own, times=times)
-    (_, known), *_ = list(_sampled(tr, x, [own]))
+    (_, known), *_ = list(_evaluated(tr, [own], _points(tr, x, [own])))
     between = batch.rule.values
     units = (tr.lengths, tr.lengths / (2 * batch.half))
     total = np.zeros(values[0].shape[:2])

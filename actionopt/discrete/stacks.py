@@ -17,6 +17,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
+from actionopt.discrete.energy_balance import ROUNDOFF
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.second_quadrature import PANEL_COUNTS, aside, inverses
 from actionopt.mechanics.columns import Columns
@@ -280,6 +281,29 @@ class Stack:
             work = work.reshape(local.shape) * half + _work(rule.weighted_slopes, momentum)
             found[:, :, which] += work
         return found
+
+    def imbalance(self, Q: Array) -> Array:
+        """Return how far L changes along paths without a reason, (C,), infinite if not known.
+
+        From node to node and element to element, in the unit of `energy_balance`.
+        """
+        s, v = self.shape, self.velocities(Q)
+        if s.system.structure.jumpless:
+            return np.zeros(len(self.times))
+        force, p = self._evaluated("gradient", Q, v, self._at)
+        L, _, explicit, _ = self._evaluated("slopes", Q, v, self._at)
+        acceleration = (s.rule.derivative @ v.reshape(len(v), -1)).reshape(v.shape) / self.half
+        middle = p[s.P // 2]
+        rate = (force * v + (p - middle) * acceleration).sum(axis=1) + explicit[:, 0]
+        inside = L[-1, 0] - L[0, 0] - (self.weight * rate).sum(axis=0)
+        inside -= (middle * (v[-1] - v[0])).sum(axis=0)
+        step = (v[0, :, 1:] - v[-1, :, :-1]) * (p[0, :, 1:] + p[-1, :, :-1]) / 2
+        between = L[0, 0, 1:] - L[-1, 0, :-1] - step.sum(axis=0)
+        largest = np.abs(np.concatenate([inside, between])).max(axis=0)
+        size, speed, most, momentum = (np.abs(y).max(axis=(0, 2)) for y in (Q, v, force, p))
+        largest = largest - ROUNDOFF * np.abs(L).max(axis=(0, 1, 2))
+        off = np.maximum(largest, 0) / (most * size + momentum * speed).sum(axis=0)
+        return np.where(np.isfinite(off), off, np.inf)
 
     def _inertia(self, nonzeros: Array) -> Array:
         """Return mass matrices (E C, n, n) of their nonzeros (nonzeros, E, C) as in `second`."""

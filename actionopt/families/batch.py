@@ -24,6 +24,7 @@ from actionopt.analysis.indices import indices
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
 from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.energy_balance import ROUNDOFF
 from actionopt.discrete.mesh import MAX_DEGREE, Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.stacks import PROGRAMS, Shape, Stack, program
@@ -444,6 +445,7 @@ class _Run:
         sensitive = min(SENSITIVE, FARTHER * at.probed)
         one_of_many = found.probed > sensitive if several else found.noise > NOISE
         sound = found.converged & np.isfinite(found.omitted) & ~one_of_many
+        sound &= found.imbalance <= error + ROUNDOFF  # else L may jump
         good = sound & (error <= self.tol)
         self.doubtful[which] = found.converged & ~good & ~(sound & ~within)
         i = which[good]

@@ -17,7 +17,7 @@ import numpy as np
 
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.instants import Clock, clock
-from actionopt.mechanics.switches import Switches, is_smooth_in_path, switches
+from actionopt.mechanics.switches import Switches, is_jumpless, is_smooth_in_path, switches
 from actionopt.mechanics.tracing import (
     SAMPLES,
     TAILED_SAMPLES,
@@ -73,6 +73,7 @@ class Structure:
     forced: bool
     cyclic: tuple[str, ...]  # coordinates that neither L, f nor Q contain
     smooth: bool  # neither L nor Q have a kink or a jump in q or v
+    jumpless: bool  # it is plain that L cannot step
     samples: int  # times over the whole duration at which the forces are sampled, at least
 
     @property
@@ -145,6 +146,7 @@ class Laws:
         )
         s = self.symbols
         narrow = localized(self.L, s.p)
+        jumpless = narrow == 0 or (narrow == 1 and is_jumpless(s, self.L))
         # What is as wide as its periods has no kink; if all move, it does not matter.
         smooth = not narrow or all(moved[:3]) or is_smooth_in_path(s, self.L)
         laws = [("first", 2, 0, 2)]  # function, output, inputs of q and of t
@@ -169,6 +171,7 @@ class Laws:
             forced=self.Q.numel() > 0,
             cyclic=tuple(c for i, c in enumerate(self.coordinates) if i not in seen),
             smooth=narrow < 2 or (is_smooth_in_path(s, self.L) and is_smooth_in_path(s, self.Q)),
+            jumpless=jumpless,
             samples=SAMPLES if unseen else TAILED_SAMPLES if tailed else 0,
         )
 
@@ -257,6 +260,9 @@ class Laws:
     def _build_first(self):
         d = self.derivatives
         return self._arguments, [_dense(d.Lq), _dense(d.Lv), self.L]
+
+    def _build_rate(self):
+        return self._arguments, [_dense(ca.jacobian(self.L, self.symbols.t))]
 
     def _build_second(self):
         d = self.derivatives

@@ -26,6 +26,9 @@ KINKS = (
     ca.OP_REMAINDER,
     ca.OP_COPYSIGN,
 )
+SUMS = (ca.OP_ADD, ca.OP_SUB, ca.OP_NEG, ca.OP_TWICE)
+ENTIRE_CODES = (ca.OP_SQ, ca.OP_SIN, ca.OP_COS)
+ROOTS = (ca.OP_SQRT, ca.OP_LOG, ca.OP_POW, ca.OP_CONSTPOW)
 STEPPED = r"[<?!]|==|\b(sign|floor|ceil|copysign|fmod|remainder|atan2)\("  # as text
 
 
@@ -124,6 +127,46 @@ def is_smooth_in_path(s: Symbols, expression: ca.SX) -> bool:
             if code in KINKS and any(of_path[i] for i in asked):
                 return False
     return True
+
+
+def is_jumpless(s: Symbols, L: ca.SX) -> bool:
+    """Return whether it is plain that L cannot step: where it is finite it varies as widely as q.
+
+    So it is for polynomials, sines and cosines of q and v, with one root, logarithm or quotient of
+    a constant by these: where its argument vanishes L has a kink, or is infinite. Quotients of two
+    that vanish may step, such as q / sqrt(q^2), functions of a quotient, such as arctan(1 / q), and
+    differences, such as that of roots that are large.
+    """
+    CONSTANT, ENTIRE, ROOT, QUOTIENT, OTHER = range(5)
+    f = ca.Function("L", [s.q, s.v, s.t, s.p], [L])
+    kinds: dict[int, int] = {}
+    for k in range(f.n_instructions()):
+        code, out, into = f.instruction_id(k), f.instruction_output(k), f.instruction_input(k)
+        if code == ca.OP_OUTPUT:
+            return kinds[into[0]] < OTHER
+        if code in (ca.OP_INPUT, ca.OP_CONST):
+            moves = code == ca.OP_INPUT and into[0] < 2
+            kinds[out[0]] = ENTIRE if moves else CONSTANT
+            continue
+        of = [kinds[i] for i in into]
+        low, high = min(of), max(of)
+        kind = OTHER
+        if high == CONSTANT:
+            kind = CONSTANT
+        elif code in SUMS:  # of two that are not entire the large parts may cancel
+            kind = high if len(of) == 1 or low <= ENTIRE else OTHER
+        elif code == ca.OP_MUL:
+            kind = high if low == CONSTANT or (low == ENTIRE and high <= ROOT) else OTHER
+        elif code in ENTIRE_CODES and high == ENTIRE:
+            kind = ENTIRE
+        elif code == ca.OP_DIV and of[1] == CONSTANT:
+            kind = of[0]
+        elif code == ca.OP_INV or (code == ca.OP_DIV and of[0] == CONSTANT):
+            kind = QUOTIENT if of[-1] <= ROOT else OTHER
+        elif code in ROOTS and of[0] == ENTIRE and (len(of) == 1 or of[1] == CONSTANT):
+            kind = QUOTIENT if code in (ca.OP_POW, ca.OP_CONSTPOW) else ROOT
+        kinds[out[0]] = kind
+    return False
 
 
 def _made(code: int, x: tuple[ca.SX, ...]) -> ca.SX:

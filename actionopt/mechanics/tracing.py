@@ -21,7 +21,9 @@ from actionopt.tools.types import Array
 ROUNDED = "fmin|fmax|fmod|remainder|floor|ceil|sign|copysign"
 KINKED = re.compile(rf"\b(fabs|{ROUNDED})\(|[<?!]|==")
 LOCALIZED = re.compile(rf"\b(exp|expm1|sinh|cosh|tanh|erf|{ROUNDED})\(|[<?!]|==")
-TAILED = re.compile(r"\b(fabs|sqrt|pow|log|log1p|hypot|asin|acos|atan|atan2|asinh|acosh|atanh)\(")
+TAILED = re.compile(
+    r"\b(fabs|sqrt|tan|pow|log|log1p|hypot|asin|acos|atan|atan2|asinh|acosh|atanh)\("
+)
 DIVISOR = re.compile(r"/(@\d+|\w+|.)")  # the first of it
 # What arguments are called as a rule, and how the rate of one: qdot, q_dot, dq, dq_dt.
 USUAL = {

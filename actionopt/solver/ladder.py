@@ -268,6 +268,8 @@ class Meeting(Rung):
                             return status
                         search.saddle = self.name, ws.here.bare()
                         return Status.NOT_FOUND
+                    if ws.unbalance:
+                        return status
                     lost += 1
                     if lost == MEETING_LOST:
                         return Status.NOT_FOUND
@@ -434,7 +436,7 @@ class Search:
             elif self.saddle is not None and self.principle == "auto" and large:
                 # A least path is not worth many times the saddle in hand.
                 status = self._refine_saddle()
-            if status not in (Status.NOT_FOUND, Status.UNRESOLVED):
+            if status not in (Status.NOT_FOUND, Status.UNRESOLVED) or self.ws.unbalance:
                 return status
         return self._refine_saddle() if self.principle == "auto" else status
 

@@ -12,6 +12,8 @@ import numpy as np
 
 from actionopt.analysis.status import Status
 from actionopt.discrete.boundaries import bounded
+from actionopt.discrete.crossing import Jump
+from actionopt.discrete.energy_balance import Imbalance
 from actionopt.discrete.mesh import MAX_DEGREE, Mesh
 from actionopt.discrete.resolution import SHORTEST, refined
 from actionopt.solver.iterate import SAFETY, amplified
@@ -40,6 +42,17 @@ ILL_CONDITIONED, UNDETERMINED = 1e-10, 1e-6
 
 def refine(ws: Workspace, tol: float, *, least: bool) -> Status:
     """Transfer the path from mesh to mesh until the tolerance is met or cannot be."""
+    ws.unbalance = None
+    status = _refined(ws, tol, least=least)
+    if status is Status.FLOOR:
+        ws.unbalanced()
+    if ws.unbalance is not None:
+        ws.here = replace(ws.here, error=np.inf)
+        return Status.JUMP if isinstance(ws.unbalance, Jump) else Status.UNRESOLVED
+    return status
+
+
+def _refined(ws: Workspace, tol: float, *, least: bool) -> Status:
     stalled, missed, most = 0, np.inf, MAX_UNKNOWNS
     for _ in range(ROUNDS):
         before = ws.here.resolution
@@ -53,11 +66,20 @@ def refine(ws: Workspace, tol: float, *, least: bool) -> Status:
             if error != here.error:
                 here = ws.here = replace(here, error=error)
             if error <= tol:
-                return Status.UNRESOLVED if here.singular else Status.SOLVED
-            stalled = stalled + 1 if missed > last / 2 else 0
-            mesh = _split(ws)
+                if here.singular:
+                    return Status.UNRESOLVED
+                off = ws.unbalanced()
+                if off is None:
+                    return Status.SOLVED
+                if isinstance(off, Jump):
+                    return Status.JUMP
+                mesh = _cut(here.mesh, off)
+                stalled += 1
+            else:
+                stalled = stalled + 1 if missed > last / 2 else 0
+                mesh = _split(ws)
             # What is left may be the round-off of times or coordinates; many average it out.
-            if stalled or _size(ws, mesh) > AVERAGING_SIZE:
+            if error > tol and (stalled or _size(ws, mesh) > AVERAGING_SIZE):
                 misread = here.misread()
                 if missed <= EXPLAINED_BY_ROUNDOFF * misread:
                     ws.hint = _misread(ws, misread) if here.late else ""
@@ -124,7 +146,21 @@ def solve_on(ws: Workspace, mesh: Mesh, *, least: bool) -> Status:
     known = ok and change < CREDIBLE_CHANGE
     error = 2 * float(change) + SAFETY * (there.noise + missed) if known else np.inf
     ws.here = replace(kept, gain=there.gain, noise=there.noise, error=error)
-    return Status.ON_MESH
+    off = ws.unbalanced()
+    if off is not None:
+        ws.here = replace(ws.here, error=np.inf)
+    return Status.JUMP if isinstance(off, Jump) else Status.ON_MESH
+
+
+def _cut(mesh: Mesh, off: Imbalance) -> Mesh:
+    """Return the mesh with boundaries round where the balance of energy does not hold."""
+    b, apart = mesh.since, SHORTEST * mesh.duration
+    new = np.unique(np.concatenate([off.low, off.high]))
+    new = new[np.abs(new[:, None] - b).min(axis=1) > apart]
+    new = new[np.diff(new, prepend=-np.inf) > apart]
+    since = np.sort(np.concatenate([b, new]))
+    middle = (since[:-1] + since[1:]) / 2
+    return mesh.cut(since, np.array(mesh.degrees)[np.searchsorted(b, middle) - 1])
 
 
 def _split(ws: Workspace) -> Mesh:

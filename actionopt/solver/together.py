@@ -43,10 +43,11 @@ class Followed:
     converged : (C,) array of bool
         Whether the steps contracted down to round-off, and sizes and velocities are known.
     iterations : (C,) array of int
-    moved, noise, omitted, missed, probed : (C,) arrays
+    moved, noise, omitted, missed, probed, imbalance : (C,) arrays
         Distance from the first iterate; amplified round-off; the largest coefficient left out;
         how far it would move if forces were summed over other points; and if round-off were in
-        the matrix. In units of each coordinate's own size.
+        the matrix. In units of each coordinate's own size. And how far the balance of energy is
+        off, in the unit of `energy_balance`.
     action : (C,) array
     momenta : (C, 2, n) array
     """
@@ -59,6 +60,7 @@ class Followed:
     omitted: Array
     missed: Array
     probed: Array
+    imbalance: Array
     action: Array
     momenta: Array
 
@@ -67,8 +69,8 @@ class Followed:
         """Return what is known before anything was done."""
         count, n = len(Q), Q.shape[2]
         none, moved = np.zeros(count, dtype=int), np.zeros(count)
-        noise, omitted, missed, probed, action = np.full((5, count), np.nan)
-        measures = moved, noise, omitted, missed, probed, action
+        noise, omitted, missed, probed, imbalance, action = np.full((6, count), np.nan)
+        measures = moved, noise, omitted, missed, probed, imbalance, action
         momenta = np.full((count, 2, n), np.nan)
         return cls(Q.copy(), none > 0, none.copy(), *measures, momenta)
 
@@ -143,6 +145,7 @@ def _round(
             "omitted": omitted,
             "missed": missed,
             "probed": probed,
+            "imbalance": stack.imbalance(Q),
         }
         for name, value in values.items():
             getattr(found, name)[here[converged]] = value[converged]

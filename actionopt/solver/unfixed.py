@@ -452,10 +452,10 @@ def solve_unfixed(
                 continue
             run.found_by = how
             status = run.verdict()
-            known = bool(np.isfinite(run.here.error))
-            if status.stationary:
+            known = bool(np.isfinite(run.here.error)) or run.unbalance is not None
+            if status.stationary or status is Status.JUMP:
                 break
-        if guess is not None and not status.success:
+        if guess is not None and not (status.success or status is Status.JUMP):
             status = run.in_family(guess, thorough=thorough) or status
     except SIGNALS as signal:
         status = status_of(signal)

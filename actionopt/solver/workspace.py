@@ -9,7 +9,9 @@ from time import perf_counter
 import numpy as np
 
 from actionopt.discrete.boundaries import bounded
+from actionopt.discrete.crossing import Jump, unbalanced
 from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.energy_balance import Imbalance
 from actionopt.discrete.factors import Factors
 from actionopt.discrete.marquardt import settle
 from actionopt.discrete.mesh import Mesh
@@ -99,6 +101,8 @@ class Workspace:
         Where it was polished last, if time may run out.
     unpolished : DiscretePath or None
         A path that was near, and not to be polished.
+    unbalance : Jump, Imbalance or None
+        Where the balance of energy did not hold along the last path that was resolved.
     """
 
     problem: Problem
@@ -117,6 +121,7 @@ class Workspace:
     hint: str = ""
     best: Iterate | None = None
     unpolished: DiscretePath | None = None
+    unbalance: Jump | Imbalance | None = None
     iterate: Iterate | None = None
 
     @property
@@ -182,6 +187,7 @@ class Workspace:
             hint="",
             best=None,
             unpolished=None,
+            unbalance=None,
             iterate=None,
         )
 
@@ -267,7 +273,7 @@ class Workspace:
 
     def restart(self) -> None:
         """Forget what was found out about a path that is given up."""
-        self.gain, self.best = UNKNOWN_GAIN, None
+        self.gain, self.best, self.unbalance = UNKNOWN_GAIN, None, None
 
     def stop(self) -> None:
         """Go back to where it was polished last, for want of time; watched no more."""
@@ -441,6 +447,15 @@ class Workspace:
         with self.record.clock("verify"):
             found, self.here = self.here.missed(self.tol, self.many)
         return found
+
+    def unbalanced(self) -> Jump | Imbalance | None:
+        """Return where the balance of energy does not hold along the path; say so if L jumps."""
+        with self.record.clock("verify"):
+            off = unbalanced(self.here, self.here.error)
+        if off is not None or self.unbalance is not None:
+            self.hint = str(off or "")
+        self.unbalance = off
+        return off
 
     def transfer(self, mesh: Mesh, *, least: bool, missed: float = 0.0) -> bool:
         """Take the path to another mesh and polish it there; False if it was lost.

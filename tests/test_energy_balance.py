@@ -1,0 +1,163 @@
+"""The balance of energy along a path: jumps of L are found however they are written."""
+
+import re
+
+import numpy as np
+import pytest
+
+import actionopt as ao
+from actionopt.discrete.crossing import Jump, unbalanced
+from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.energy_balance import imbalance
+
+
+def free(V):
+    """Return the Lagrangian of a unit mass in a potential."""
+    return lambda q, v, t: v @ v / 2 - V(q)
+
+
+# Potentials that jump where the first coordinate is zero, and by how much.
+JUMPS = {
+    "abs(q) / q": (lambda q: abs(q[0]) / q[0], 2.0),
+    "q / abs(q)": (lambda q: q[0] / abs(q[0]), 2.0),
+    "q / sqrt(q^2)": (lambda q: q[0] / np.sqrt(q[0] ** 2), 2.0),
+    "power": (lambda q: (q[0] ** 2) ** 0.5 / q[0], 2.0),
+    "cube": (lambda q: 0.01 * q[0] ** 3 / np.sqrt(q[0] ** 6), 0.02),
+    "arctan(1 / q)": (lambda q: np.arctan(1 / q[0]), np.pi),
+    "arctan(y / x)": (lambda q: np.arctan((q[0] + 2) / q[0]), np.pi),
+    "tanh(1 / q)": (lambda q: np.tanh(1 / q[0]), 2.0),
+    "logistic": (lambda q: 1 / (1 + np.exp(1 / q[0])), 1.0),
+    "arctan(tan q)": (lambda q: np.arctan(np.tan(1.5 * (q[0] + np.pi / 3))), np.pi),
+    "arctan2 at its cut": (lambda q: np.arctan2(q[0], -1e-300), np.pi),
+    "narrower than floats": (lambda q: np.tanh(q[0] / 1e-17), 2.0),
+}
+
+
+def across(lagrangian, tol=1e-8, **choices):
+    problem = ao.Problem(
+        ao.System(lagrangian, ["x"]), ao.Event(0.0, [-0.83]), ao.Event(1.0, [1.07])
+    )
+    return ao.solve(problem, tol=tol, **choices)
+
+
+@pytest.mark.parametrize("name", JUMPS)
+@pytest.mark.parametrize("tol", [1e-3, pytest.param(1e-10, marks=pytest.mark.slow)])
+def test_a_jump_is_named_with_its_height(name, tol):
+    V, height = JUMPS[name]
+    with pytest.raises(ao.SolveError) as error:
+        across(free(V), tol)
+    assert error.value.solution.status is ao.Status.JUMP
+    told = re.search(r"L jumps by ([\d.]+) at .*, and the energy by ([\d.]+)", str(error.value))
+    assert told and [float(x) for x in told.groups()] == pytest.approx([height] * 2, rel=5e-3)
+
+
+def test_a_jump_of_the_velocity_or_beside_a_moving_wall():
+    turning = across(lambda q, v, t: v[0] ** 2 / 2 - 9 * q[0] - v[0] / abs(v[0]), throw=False)
+    wall = across(lambda q, v, t: v[0] ** 2 / 2 - np.arctan(1 / (q[0] - 9 * t + 3)), throw=False)
+    assert turning.status is wall.status is ao.Status.JUMP
+
+
+def test_questions_of_every_kind():
+    system = ao.System(free(lambda q: 0.1 * q[0] / abs(q[0])), ["x"])
+    start, across = ao.Event(0.0, [-0.83]), ao.Event(None, [1.07])
+    given = ao.solve(ao.Problem(system, start, across, energy=2.0), throw=False)
+    assert given.status is ao.Status.JUMP
+    mesh = ao.Mesh.uniform(0.0, 1.0, 4, 6)
+    fixed = ao.Problem(system, start, ao.Event(1.0, [1.07]))
+    assert ao.solve(fixed, mesh=mesh, throw=False).status is ao.Status.JUMP
+    plane = ao.System(free(lambda q: 0.1 * q[0] / abs(q[0])), ["x", "y"])
+    circle = ao.Event(1.0, None, on=lambda q, t: (q[0] - 2) ** 2 + q[1] ** 2 - 1)
+    on_surface = ao.solve(ao.Problem(plane, ao.Event(0.0, [-0.83, 0.1]), circle), throw=False)
+    assert not on_surface.success
+
+
+@pytest.mark.slow
+def test_members_of_a_sweep():
+    system = ao.System(free(lambda q: 0.1 * q[0] / abs(q[0])), ["x"])
+    fixed = ao.Problem(system, ao.Event(0.0, [-0.83]), ao.Event(1.0, [1.07]))
+    ends = np.linspace(-0.5, 0.5, 12)  # followed together, but for what may jump
+    members = ao.sweep(fixed, {("end", "x"): ends})
+    solved = np.array([str(status) == "SOLVED" for status in members.status])
+    assert solved[ends < 0].any() and not solved[ends > 0].any()
+
+
+def test_a_step_that_no_node_meets():
+    """It is solved where it bends the path little, and else said to be too narrow."""
+    low = across(free(lambda q: 5e-5 * np.tanh((q[0] - 0.0123) / 3e-5)), tol=1e-9)
+    before, after = low.energy([0.0, 1.0])
+    assert before == pytest.approx(after, abs=1e-9)
+    high = across(free(lambda q: np.tanh((q[0] - 0.0123) / 1e-6)), throw=False)
+    assert high.status is ao.Status.UNRESOLVED and high.error == np.inf
+
+
+CONTINUOUS = {
+    "kink": lambda q, v, t: v @ v / 2 - abs(q[0]),
+    "cusp": lambda q, v, t: v @ v / 2 - 0.1 * np.sign(q[0] - 0.1) * abs(q[0] - 0.1) ** (1 / 3),
+    "hidden switch of a force": lambda q, v, t: v @ v / 2 - np.arctan(1 / (t - 0.3711)) * q[0],
+    "steep switch": lambda q, v, t: v @ v / 2 - np.tanh((t - 0.3711) / 1e-6) * q[0],
+    "hidden switch of a mass": lambda q, v, t: (2 + np.arctan(1 / (t - 0.3711))) * v @ v / 2,
+    "pulse": lambda q, v, t: v @ v / 2 + 100 * np.exp(-(((t - 0.4) / 1e-3) ** 2)) * q[0],
+    "wall of some width": lambda q, v, t: v @ v / 2 - np.tanh((q[0] - 0.0123) / 1e-2) / 9,
+    "large constant": lambda q, v, t: v @ v / 2 - np.tanh(q[0]) + 1e9,
+    "difference of large numbers": lambda q, v, t: (
+        v @ v / 2 + (1e9 + np.tanh(q[0])) - 1e9 - np.tanh(q[0]) / 2
+    ),
+    "surface not crossed": lambda q, v, t: v @ v / 2 - np.arctan(1 / (q[0] + 0.9)),
+}
+
+
+SLOW = ("cusp", "steep switch")
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(x, marks=pytest.mark.slow) if x in SLOW else x for x in CONTINUOUS],
+)
+def test_what_does_not_jump_is_solved(name):
+    assert across(CONTINUOUS[name], tol=1e-4).status is ao.Status.SOLVED
+
+
+def test_the_balance_holds_along_any_curve_and_shows_the_slightest_jump():
+    """No motion is asked for: the error of the path drops out."""
+    mesh = ao.Mesh.uniform(0.0, 1.0, 3, 9)
+    problem = ao.Problem(
+        ao.System(free(lambda q: np.exp(q[0]) * q[1]), ["x", "y"]),
+        ao.Event(0.0, [-1.0, 0.0]),
+        ao.Event(1.0, [1.0, 0.5]),
+    )
+    curve = ao.Path.interpolate(lambda t: [2 * t - 1, t**2 * np.cos(t) / np.cos(1.0) / 2], mesh)
+
+    def at(V):
+        other = ao.Problem(ao.System(free(V), ["x", "y"]), problem.start, problem.end)
+        return DiscretePath.of(other, curve)
+
+    smooth = at(lambda q: np.exp(q[0]) * q[1])
+    assert imbalance(smooth.tr, smooth.x, 1e-13) is None
+    stepped = at(lambda q: np.exp(q[0]) * q[1] + 1e-11 * (q[1] - 0.2) / np.sqrt((q[1] - 0.2) ** 2))
+    assert imbalance(stepped.tr, stepped.x, 1e-9) is None
+    stepped = at(lambda q: np.exp(q[0]) * q[1] + 1e-6 * (q[0] - 0.2) / np.sqrt((q[0] - 0.2) ** 2))
+    jump = unbalanced(stepped, 1e-9)
+    assert isinstance(jump, Jump)
+    assert jump.height == pytest.approx(2e-6, rel=1e-3)
+    assert jump.q[0] == pytest.approx(0.2, abs=1e-12) and jump.t == pytest.approx(0.6, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("V", "plain"),
+    [
+        (lambda q: 1 / np.sqrt(q @ q), True),
+        (lambda q: (q @ q) ** -1.5 + q[0] ** 2, True),
+        (lambda q: q[1] * np.sqrt(1 + q[0] ** 2), True),
+        (lambda q: np.log(q[0]) * np.cos(q[1]), True),
+        (lambda q: q[0] / np.sqrt(q @ q), False),
+        (lambda q: q[0] * (q @ q) ** -0.5, False),
+        (lambda q: 1 / np.sqrt(q[0] ** 2) - 1 / q[0], False),
+        (lambda q: np.sqrt(1e9 * q[0] ** 2) - np.sqrt(1e9 * (q[0] - 1e-9) ** 2), False),
+        (lambda q: np.sqrt(q[0] ** 2) / (1e-9 + np.sqrt(q[0] ** 2)), False),
+        (lambda q: np.cos(1 / q[0]), False),
+        (lambda q: abs(q[0]), False),
+        (lambda q: np.tan(q[0]), False),
+    ],
+)
+def test_what_plainly_cannot_jump_is_not_asked(V, plain):
+    assert ao.System(free(V), ["x", "y"]).structure.jumpless is plain
