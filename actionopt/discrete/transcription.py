@@ -42,7 +42,7 @@ class Transcription(Action):
     def momentum(self, y: Array) -> Array:
         """Return the kinetic part of the KKT matrix times the variation y, both (unknowns,).
 
-        As it is where the mass matrix is the typical one, `inertia`, all along the path.
+        The mass matrix is the same at all nodes: `inertia`, that half way on the straight line.
         """
         layout, second = self.layout, self.problem.system.pointwise("second")
         mass = second.full(2, self.inertia[None], symmetric=True)[0]

@@ -82,7 +82,10 @@ def _file(value: object) -> None:
 
 def _question(value: object) -> None:
     if not isinstance(value, (Scene, Problem)):
-        raise ValueError(f"expected a Problem(system, start, end) or a Scene, found {value!r}")
+        hint = "; give its `problem`" if hasattr(value, "problem") else ""
+        raise ValueError(
+            f"expected a Problem(system, start, end) or a Scene, found {value!r}{hint}"
+        )
 
 
 def _units(value: object) -> None:
