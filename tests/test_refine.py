@@ -39,6 +39,14 @@ def test_ends_that_are_conjugate_are_told():
     assert refine(ws, 1e-8, least=False) is Status.DEGENERATE
 
 
+@pytest.mark.parametrize("c", [0.25, 0.45])
+def test_a_pole_of_the_force_in_time_leaves_no_family_of_paths(c):
+    """A free body that is pushed has one path between any ends, however the push is rounded."""
+    pushed = System(lambda q, v, t: v[0] ** 2 / 2, ["x"], force=lambda q, v, t: abs(t - c) ** -0.7)
+    problem = Problem(pushed, Event(0.0, [0.0]), Event(1.0, [1.0]))
+    assert ao.solve(problem, tol=1e-6, throw=False).status is Status.UNRESOLVED
+
+
 def test_a_tolerance_below_amplified_rounding_is_told_at_once():
     """Swings that end a hair beyond the conjugate time: no mesh makes up for rounding."""
     pendulum = System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]), ["theta"])
