@@ -219,6 +219,14 @@ def test_both_ways_in_space():
         assert solution.morse_index == index
 
 
+def test_shots_that_turn_more_often_than_asked_aim_at_no_end():
+    free = ao.System(lambda q, v, t: (v[0] ** 2 + v[1] ** 2) / 2, ["angle", "x"])
+    problem = ao.Problem(free, ao.Event(0.0, [0.0, 0.0]), ao.Event(1.0, [1.0, 1.0]))
+    run = Sweep(problem, 1e-8, (0,), 0, 1, None)
+    run._aim(np.array([[0.9, 20.0], [1.1, 1.0]]))
+    assert run.tried["forward shots"] == 1 and len(run.found) == 1
+
+
 # -- two angles ------------------------------------------------------------------------------------
 
 

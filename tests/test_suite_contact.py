@@ -123,6 +123,10 @@ def test_what_solvers_came_to_is_known():
         assert min(problem.distance(there.x, other.x) for other in problem.others) < 1e-9
 
 
+def test_an_optimum_is_not_among_the_others():
+    assert suite.get("string_floor", elements=2).others == ()
+
+
 def test_rows_that_come_and_go_by_turns_are_said_not_to_settle(monkeypatch):
     tr = suite.get("string_floor", elements=2).transcription
     calls = []

@@ -344,6 +344,14 @@ def test_failures_are_tried_again_near_a_guess_or_a_neighbour():
     assert far.success.all() and (np.abs(far.action[1:3] - whole[1:3]) > 0.5).all()
 
 
+def test_a_retry_sets_out_from_solved_neighbours(monkeypatch):
+    runs = ao.sweep(PENDULUM, {"t1": [1.2, 1.25, 1.3]})
+    whole = runs.action.copy()
+    runs.status[1], runs.action[1] = "NOT_FOUND", np.nan
+    monkeypatch.setattr(batch, "solve", lambda p, **_: replace(ao.solve(p), status=LOST))
+    assert runs.retry().action == pytest.approx(whole, rel=1e-9)
+
+
 def anharmonic():
     law = System(
         lambda q, v, t, *, w: v[0] ** 2 / 2 - w**2 * q[0] ** 2 / 2 - 0.2 * q[0] ** 4,
