@@ -390,6 +390,7 @@ def _lagrangian(solution, t):
 
 def test_what_is_conserved():
     data = plot.conserved_data(solved("projectile"))
+    assert not data.energy.flags.writeable
     assert data.flat == (True, True, False)
     assert plot.conserved_data(solved("damped_oscillator")).flat == (False, False)
     fact = scenes.get("kepler").facts["energy"]
