@@ -176,6 +176,7 @@ def test_without_constraints_what_is_of_them_is_none(free):
     np.testing.assert_array_equal(row(g, u.n), u.grad(x))
     np.testing.assert_array_equal(dense(H), u.ihess(x))
     np.testing.assert_allclose(u.hess(x), differences(u.grad, x), atol=1e-6)
+    np.testing.assert_array_equal(u.ihess(x + 0.1), u.hess(x + 0.1))
 
 
 def test_second_derivatives(bound):
