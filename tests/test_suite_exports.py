@@ -316,6 +316,9 @@ def test_bounds_of_files_for_jump(tmp_path):
     ]
     assert rows[0]["set"] == {"type": "LessThan", "upper": problem.constraint_bounds[1][0]}
     assert "dual_start" not in rows[0]  # which of them hold is not known
+    linear = suite.get("polar_pendulum", elements=2)  # whose rows have constants
+    _, _, rows, _ = read_mof(mof.write(linear, tmp_path / "linear.mof.json"))
+    assert {row["set"]["type"] for row in rows} == {"EqualTo"}
 
 
 # -- a file that needs numpy alone -----------------------------------------------------------
