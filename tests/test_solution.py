@@ -240,6 +240,12 @@ def test_what_is_no_solution_is_refused(rod):
         plot.page(rod, "page.html")
 
 
+@pytest.mark.parametrize("ask", ["momentum", "energy", "acceleration", "multipliers", "velocity"])
+def test_times_are_plain_numbers(rod, ask):
+    with pytest.raises(ValueError, match="expected a number or an array of numbers for the times"):
+        getattr(rod, ask)("noon")
+
+
 def test_what_is_printed_is_short_and_says_what_matters(rod):
     unknowns = rod.discrete.tr.layout.unknowns
     assert (

@@ -468,7 +468,7 @@ class Solution:
 
     def _pointwise(self, name: str, t: ArrayLike) -> Array:
         """Return what a method of the system says along the path, (..., *t.shape)."""
-        times = np.asarray(t, dtype=float)
+        times = numbers(t, "the times")
         system = self.problem.system
         if system.r and name in IN_CONTACT:
             method = getattr(Held(self.problem, self.contacts), name)

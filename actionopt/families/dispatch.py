@@ -125,5 +125,8 @@ def _wait(begun: dict[int, Future], executor: Executor, done: Callable[[int, Any
             if future.exception() is None:
                 done(task, future.result())
     except KeyboardInterrupt:
-        for process in dict(getattr(executor, "_processes", None) or {}).values():
+        processes = dict(getattr(executor, "_processes", None) or {})
+        if processes:  # else a cancelled task would stop the thread that waits for them for ever
+            executor.shutdown(wait=False, cancel_futures=True)
+        for process in processes.values():
             process.terminate()

@@ -30,6 +30,7 @@ from actionopt.solver.arguments import asked
 from actionopt.solver.solve import Guess, solve
 from actionopt.solver.window import framed
 from actionopt.tools.blas import one_thread
+from actionopt.tools.checks import number
 from actionopt.tools.types import Array
 
 Vary = Name | Callable[[float], Problem]
@@ -187,13 +188,14 @@ def trace(
     asked(problem)
     family, value = _family(problem.asked or problem, vary, start)
     problem.system.check_free("a branch does not know where contact changes; sweep does")
-    if not np.isfinite(to) or to == value:
-        raise ValueError(f"expected a finite value other than the present {value}, found {to}")
+    to = number(to, "the value to go to")
+    if to == value:
+        raise ValueError(f"expected a value to go to other than the present {value}, found {to}")
     first = solve(family(value), guess=guess, tol=tol)
     if first.problem.has_tails:
         family = partial(_within, family, first.problem)
     counting = count and not problem.system.structure.forced
-    run = _Run(family, value, float(to), tol, counting)
+    run = _Run(family, value, to, tol, counting)
     try:
         run.begin(first)
     except _Uncounted as error:

@@ -195,13 +195,13 @@ def _check_order(role: str, positional: Sequence[str], given: Sequence[str]) -> 
     """Raise ValueError where the names of the arguments are clearly in another order.
 
     That is where two or more of them are the usual names of others, or a rate stands before what
-    it is the rate of. Other names are the user's.
+    it is the rate of. Other names are the user's: v, v_t, x are a field, its derivative and where.
     """
-    if tuple(given) == tuple(positional):
+    first, second, *_ = (*given, "", "")
+    if tuple(given) == tuple(positional) or second.startswith(f"{first}_"):
         return
     meant = [_meant(name) for name in given]
     misplaced = [k for k, (x, y) in enumerate(zip(meant, positional, strict=False)) if x and x != y]
-    first, second, *_ = (*given, "", "")
     swapped = {"q", "v"} <= {*positional[:2]} and RATE_NAME.sub(r"\1\2", first) == second != first
     if len({meant[k] for k in misplaced}) > 1 or swapped:
         raise ValueError(

@@ -112,7 +112,7 @@ def _refined(ws: Workspace, tol: float, *, least: bool) -> Status:
         rounded = expected < MEASURABLE or here.gain * expected < here.noise
         if rounded and SAFETY * here.noise > tol:
             ws.here = here.sampled()
-            return Status.DEGENERATE if _is_undetermined(ws, UNDETERMINED) else Status.FLOOR
+            return _failed(ws) if ws.here.noise > UNDETERMINED else Status.FLOOR
         stalled = stalled + 1 if worst > before.worst / 2 else 0
         if stalled == STALLED or ws.kinked:
             return _failed(ws)
@@ -186,18 +186,15 @@ def _finer(mesh: Mesh) -> Mesh:
 
 
 def _failed(ws: Workspace) -> Status:
-    """Say why a path cannot be refined: it is not determined, or it was none."""
-    return Status.DEGENERATE if _is_undetermined(ws, ILL_CONDITIONED) else Status.UNRESOLVED
+    """Say why a path cannot be refined: it is not determined, or it was none.
 
-
-def _is_undetermined(ws: Workspace, limit: float) -> bool:
-    """Whether round-off is amplified beyond `limit` since the action hardly bends in a direction.
-
-    Otherwise it is the forces that are rounded coarsely, as near a pole in time.
+    It is not determined where round-off is amplified since the action hardly bends in a direction.
+    Otherwise the forces are rounded coarsely, as near a pole in time.
     """
-    if not ws.here.noise > limit:
-        return False
+    if not ws.here.noise > ILL_CONDITIONED:
+        return Status.UNRESOLVED
     try:
-        return not ws.here.growth(ws.many) < BENDING
+        bends = ws.here.growth(ws.many) < BENDING
     except np.linalg.LinAlgError:
-        return True
+        bends = False
+    return Status.UNRESOLVED if bends else Status.DEGENERATE

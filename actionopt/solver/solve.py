@@ -241,7 +241,7 @@ def _outwards(
                 way = f"{part:.4g} of the way"
             message += (
                 f"; a path that ends earlier was followed as its end moved on, as far as {way}, "
-                "where it ceases to be, merging with another as a rule: of its kind none ends here"
+                "where it was lost, as a rule because it merges with another there and both end"
             )
     return solution, message
 
