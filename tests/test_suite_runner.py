@@ -433,3 +433,8 @@ def test_the_whole_suite_with_ipopt(tmp_path):
     assert sum(found[name] == "right" for name in easy) >= len(easy) - 3
     falling = [name for name in found if "unbounded below" in suite.FAMILIES[name].tags]
     assert {found[name] for name in falling} == {"right"}
+
+
+def test_the_list_counts_what_has_no_optimum_on_the_mesh(capsys):
+    assert main(["suite", "list", "pendulum", "--elements", "1", "--degree", "2"]) == 0
+    assert "(1 of 1)" in capsys.readouterr().out
