@@ -512,6 +512,28 @@ def test_why_there_is_no_path():
         ao.solve(ao.Problem(twice, ao.Event(0, [-2, 0.3]), ao.Event(1, [2, 0])), tol=1e-6)
 
 
+@pytest.mark.parametrize(
+    "row, why",
+    [
+        (lambda q: (q @ q - 1) ** 3, "gradient is not zero on its surface"),
+        (lambda q: (q @ q - 1) * np.abs(q @ q - 1), "a kink or a corner"),
+    ],
+)
+def test_a_surface_without_a_normal_is_named(row, why):
+    with pytest.raises(ao.SolveError, match=why):
+        ao.solve(ao.Problem(body(row), ao.Event(0, [-2.5, 0.1]), ao.Event(1, [2.5, -0.2])))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [1e-2, 1e-3])
+def test_a_path_through_a_thin_wall_is_not_found(width):
+    wall = body(lambda q: (q[0] / width) ** 2 + q[1] ** 2 - 1)
+    problem = ao.Problem(wall, ao.Event(0, [-2.5, 0.1]), ao.Event(1, [2.5, -0.2]))
+    with pytest.raises(ao.SolveError, match="small or sharp") as caught:
+        ao.solve(problem, tol=1e-8)
+    assert caught.value.solution.status is ao.Status.NOT_FOUND
+
+
 def test_pictures():
     sol = ao.solve(ao.Problem(body(disc()), ao.Event(0, [-2, 0.3]), ao.Event(1, [2, 0])))
     above, below = plot.overview(sol)

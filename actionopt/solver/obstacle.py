@@ -42,6 +42,7 @@ from actionopt.solver.iterate import Iterate
 from actionopt.solver.refine import refine
 from actionopt.solver.touching import (
     NO_ROOM,
+    is_of_higher_order,
     lines,
     looked_at,
     narrow,
@@ -70,20 +71,29 @@ CHANGES = 8  # of what is in contact, before it is given up
 # far above its round-off, and of the part at most.
 DIFFERENCE, LEAST_DIFFERENCE, MOST_DIFFERENCE = 1e-6, 1e-11, 1e-2
 SHRINK = 0.2  # of its length, what one step leaves of a part at least
-# Of the duration, in this range the tolerance: a shorter part between times of contact is none.
+# Of the duration, in this range the tolerance: a shorter part between times of contact is none. Of
+# the path's size, the greater one: what may be inside of the obstacle where such parts come and go.
 VANISHING = 1e-10, 1e-5
 SETTLED_TIME = 1e-13  # of the duration: a step of the times of contact that is the last
 STALLED_TIME = 1e-6  # of the duration: steps that stop contracting below this are round-off
 INSIDE = 10.0  # times the error of the path: what f may be below zero
 PULLING = 1e-6  # of the largest contact force: what it may be below zero
-KINKED = "the obstacle has a kink in the coordinates: round it, its force there has no direction"
+KINKED = (
+    "expected an obstacle that is smooth in the coordinates, found a kink or a corner (fmax, fmin, "
+    "fabs), where its force has no direction: round it, such as by (x**4 + y**4)**(1/4) for the "
+    "larger of abs(x) and abs(y); give fmin(f, g) as two rows"
+)
 NO_SLOPE = "the obstacle has no slope where it is met: give a function that has, such as a distance"
+ORDER = (
+    "expected an obstacle whose gradient is not zero on its surface, found a power of the distance "
+    "from it: give a function that grows as the distance, such as f for f**3"
+)
 DEPENDENT = "rows in contact have gradients that depend on each other: give each surface once"
 SMALL = (
-    "round something small contact is short: below about a thousandth of the path it may not be "
-    "found; give a guess that goes round it, or make it larger"
+    "round something small or sharp contact is short: below about a thousandth of the path it may "
+    "not be found; give a guess that goes round it, or make it larger or rounder"
 )
-HOPELESS = (NO_ROOM, KINKED, DEPENDENT)  # what finer meshes do not mend
+HOPELESS = (NO_ROOM, KINKED, ORDER, DEPENDENT)  # what finer meshes do not mend
 FAMILY = (
     "where events and obstacle have a symmetry, such as a sphere between them, the least path may "
     "be one of a family: move an event a little"
@@ -262,6 +272,8 @@ class Along(Workspace):
             return KINKED
         t = self.here.mesh.nodes
         on = self.held.active(t)
+        if is_of_higher_order(self.here):
+            return ORDER
         G = system.constraint_jacobian(self.here.Q.T, t, parameters=self.held.parameters)
         G = G * self.here.tr.lengths[:, None] / self.here.tr.row_units[:, None, None]
         for rows in (G[on[:, k], :, k] for k in np.flatnonzero(on.any(axis=0))):
@@ -449,7 +461,7 @@ def _refined(ws: Along, tol: float) -> Status:
     shorter, coarse = 0, 2 * float(np.diff(first.mesh.nodes).max())
     for k in range(CHANGES):
         if k == CHANGES - 1:  # what comes and goes is shorter than times can be told apart
-            allowed = np.inf
+            allowed = max(tol, VANISHING[1])
         ws.hold(arcs)
         try:
             if not ws.follow():
@@ -478,6 +490,9 @@ def _refined(ws: Along, tol: float) -> Status:
         except np.linalg.LinAlgError:
             ws.hint = DEPENDENT
             return Status.NOT_FOUND
+    if ws.inside > allowed:
+        ws.hint = SMALL
+        return Status.NOT_FOUND
     return Status.UNRESOLVED
 
 

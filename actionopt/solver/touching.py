@@ -24,7 +24,7 @@ from actionopt.solver.ipopt import Principle, find
 from actionopt.solver.preflight import check
 from actionopt.solver.workspace import Workspace
 from actionopt.tools.lobatto import lgl
-from actionopt.tools.types import Array
+from actionopt.tools.types import EPS, Array
 
 # Ad hoc, all of them.
 HEIGHTS = (0.4, 0.8, 1.6, 3.2)  # in the motion's sizes, of the lines to either side of the straight
@@ -34,6 +34,7 @@ WINDOW = 8  # elements where a path passes through what no node sees, such as a 
 UNSEEN = 1e-9  # in units of the rows: what f is below zero there
 CLOSE, CLOSER = 10, 8  # points of each interval in which f is least, and how often it shrinks
 BETWEEN = 8  # degree of the points in an element where contact is looked at between nodes
+WHOLE = 0.01  # how near a whole number the order is of a row that grows as a power of the distance
 NO_ROOM = "no path outside of the obstacle was found: its rows may contradict each other somewhere"
 
 
@@ -185,6 +186,29 @@ def looked_at(found: DiscretePath) -> Array:
         begin, end = near[each, least - 1], near[each, least + 1]
         times.append(at)
     return np.unique(np.concatenate(times))
+
+
+def is_of_higher_order(found: DiscretePath) -> bool:
+    """Return whether a row in contact grows as a whole power of the distance from its surface.
+
+    In the form that tells the distance (`System.sought`) a row that grows as its power k has the
+    slope 1 / k at the surface. Planes, which keep their own form, may have any.
+    """
+    held, t = _held(found), found.mesh.nodes
+    if not held.sought:
+        return False
+    own = Held(held.free, held.arcs).system
+    told, given = (
+        x.constraint_jacobian(found.Q.T, t, parameters=held.parameters) for x in (held.system, own)
+    )
+    slopes = np.linalg.norm(told * 2.0 ** measures(held.lengths)[:, None], axis=1)
+    for i, row in enumerate(held.active(t)):
+        if i < held.free.system.m or not row.any() or (told[i] == given[i]).all():
+            continue
+        k = np.round(1 / np.maximum(np.median(slopes[i, row]), EPS))
+        if k > 1 and np.abs(k * slopes[i, row] - 1).max() < WHOLE / k:
+            return True
+    return False
 
 
 def runs(row: NDArray[np.bool_]) -> list[tuple[int, int]]:
