@@ -68,6 +68,8 @@ class FirstPaths:
         Whether two paths are one at the energy.
     refused : ValueError or None
         Why the first question over a given duration was no question, if one was not.
+    blocked : str
+        That the energy is below the potential on the straight line, if it is.
     """
 
     problem: Problem
@@ -77,7 +79,7 @@ class FirstPaths:
     hint: str = ""
     merged: bool = False
     refused: ValueError | None = None
-    _blocked: str = ""
+    blocked: str = ""
 
     def firsts(self, guess: Guess | None) -> Iterator[tuple[Path, Array | None, str]]:
         """Yield paths, with multipliers (K, m) or none, from which to set out, and whence."""
@@ -114,7 +116,7 @@ class FirstPaths:
         else:
             durations = self._crossed()
             if known is not None and known[1] < 0:
-                self._blocked = "the energy is below the potential on the straight line; "
+                self.blocked = "the energy is below the potential on the straight line; "
             if known is not None:
                 durations.append(float(known[0][-1]))
         if not durations:
@@ -173,7 +175,7 @@ class FirstPaths:
                 yield aside
         excess, T = self.excess(self._sharp(low)), low.mesh.duration
         energy = float(self.problem.energy or 0)
-        self.hint = self._blocked + (
+        self.hint = self.blocked + (
             f"of the paths over {2 * SCANNED + 1} durations that were tried, the lowest energy "
             f"is that over {T:.6g}, {energy - excess:.6g}"
         )

@@ -440,7 +440,9 @@ def solve_unfixed(
                 yield path, lam, how, damped
             if known:
                 return
-        if guess is None and not (problem.on_surface or first.merged):
+        # Of one coordinate every motion takes the straight line.
+        shut = bool(first.blocked) and problem.system.n == 1
+        if guess is None and not (problem.on_surface or first.merged or shut):
             way = np.abs(np.diff(straight(problem)[[0, -1]], axis=0)[0])
             size = np.maximum(over(problem, 1.0).scales, way)
             for path in arrivals(problem, [problem], size, watch):
