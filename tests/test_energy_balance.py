@@ -81,6 +81,39 @@ def test_members_of_a_sweep():
     assert solved[ends < 0].any() and not solved[ends > 0].any()
 
 
+def test_opposite_jumps_in_members_of_a_sweep():
+    """On an element their changes of L cancel: they are seen between its samples."""
+    system = ao.System(
+        free(lambda q: 0.3 * (abs(q[0] - 0.1) / (q[0] - 0.1) - abs(q[0] - 0.25) / (q[0] - 0.25))),
+        ["x"],
+    )
+    fixed = ao.Problem(system, ao.Event(0.0, [-1.0]), ao.Event(1.0, [1.0]))
+    members = ao.sweep(fixed, {("end", "x"): [0.0, 0.5, 0.9, 1.0]})
+    assert members.success.tolist() == [True, False, False, False]
+
+
+@pytest.mark.parametrize(("start", "end"), [(-1e-6, 1.0), (1.0, -1e-4)])
+def test_a_jump_beside_an_end_of_the_path(start, end):
+    """It lies between the end and the first of the samples."""
+    system = ao.System(free(lambda q: 0.2 * abs(q[0]) / q[0]), ["x"])
+    problem = ao.Problem(system, ao.Event(0.0, [start]), ao.Event(1.0, [end]))
+    assert ao.solve(problem, throw=False).status is ao.Status.JUMP
+
+
+def test_a_jump_beside_a_switch_of_the_clock():
+    """L jumps in the time there; on either side of it L is compared with itself."""
+
+    def solved(V):
+        system = ao.System(
+            lambda q, v, t: np.where(t > 0.5, 2.0, 1.0) * v[0] ** 2 / 2 - 0.2 * V(q[0]), ["x"]
+        )
+        problem = ao.Problem(system, ao.Event(0.0, [-2.0]), ao.Event(1.0, [1.0]))
+        return ao.solve(problem, throw=False).status
+
+    assert solved(lambda x: abs(x) / x) is ao.Status.JUMP
+    assert solved(abs) is ao.Status.SOLVED
+
+
 def test_a_step_that_no_node_meets():
     """It is solved where it bends the path little, and else said to be too narrow."""
     low = across(free(lambda q: 5e-5 * np.tanh((q[0] - 0.0123) / 3e-5)), tol=1e-9)

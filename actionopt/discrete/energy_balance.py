@@ -81,7 +81,7 @@ def imbalance(tr: Transcription, x: Array, error: float) -> Imbalance | None:
     problem, mesh = tr.problem, tr.mesh
     if problem.system.structure.jumpless or not np.isfinite(error):
         return None
-    batches, n, Q = tr.between_nodes, problem.system.n, tr.place(x).Q
+    batches = tr.between_nodes
     with np.errstate(all="ignore"):
         q, v, force, momentum, L = second_quadrature.values(tr, x, batches)
         t = second_quadrature.times(tr, batches)
@@ -92,35 +92,33 @@ def imbalance(tr: Transcription, x: Array, error: float) -> Imbalance | None:
         unit = np.nansum(most * size + largest * speed)
         read = np.abs(explicit).max() * np.abs(t).max() + np.abs(L[np.isfinite(L)]).max(initial=0.0)
         allowed = float((error + ROUNDOFF) * unit + ROUNDOFF * read)
-        first, inside = 0, []
-        # Of each element: L at its ends, as (1) has it from the first and the last sample; v, L_v.
-        ends, speeds, momenta = np.empty((mesh.elements, 2)), *np.empty((2, mesh.elements, 2, n))
+        # Of each element at its ends, on its own side of a switch.
+        speeds, momenta, outer = _at_ends(tr, x)
+        first, low, high, off = 0, [], [], []
         for b in batches:
             shape = b.elements.size, b.rule.nodes.size
             here = slice(first, first := first + shape[0] * shape[1])
             mine = [y[here].reshape(*shape, *y.shape[1:]) for y in (momentum, L, rate, v)]
             level, whole = _level(b.rule, b.half, *mine)
-            inside.append(level[:, 1:] - level[:, :-1])
             p, v_first = mine[0], mine[-1][:, :1]
-            at_ends = b.own.slopes[ENDS] @ (Q[b.nodes] - Q[b.nodes[:, :1]]) / b.half
-            ends[b.elements] = level[:, ENDS] + _product(at_ends - v_first, _middle(p))
-            ends[b.elements, 1] += whole
-            speeds[b.elements], momenta[b.elements] = at_ends, p[:, ENDS]
+            ends = outer[b.elements] - _product(speeds[b.elements] - v_first, _middle(p))
+            ends[:, 1] -= whole
+            level = np.concatenate([ends[:, :1], level, ends[:, 1:]], axis=1)
+            off.append((level[:, 1:] - level[:, :-1]).ravel())
+            points = np.concatenate([[-1.0], b.rule.nodes, [1.0]])
+            since = mesh.since[b.elements, None] + b.half[:, :, 0] * (1 + points)
+            low.append(since[:, :-1].ravel())
+            high.append(since[:, 1:].ravel())
         # Between elements velocities differ by the error of the path.
         step = (speeds[1:, 0] - speeds[:-1, 1]) * (momenta[1:, 0] + momenta[:-1, 1]) / 2
-        between = ends[1:, 0] - ends[:-1, 1] - step.sum(axis=1)
+        between = outer[1:, 0] - outer[:-1, 1] - step.sum(axis=1)
         if tr.sides is not None:  # where laws switch L may jump: their momentum is continuous
             between[tr.sides[0][1:] != tr.sides[1][:-1]] = 0.0
-    if all((np.abs(off) <= allowed).all() for off in (*inside, between)):
+    off = np.concatenate([*off, between])
+    if (np.abs(off) <= allowed).all():
         return None
-    low, high, outer = [], [], np.empty((mesh.elements, 2))
-    for b in batches:
-        since = mesh.since[b.elements, None] + b.half[:, :, 0] * (1 + b.rule.nodes)
-        outer[b.elements] = since[:, [0, -1]]
-        low.append(since[:, :-1].ravel())
-        high.append(since[:, 1:].ravel())
-    low, high = np.concatenate([*low, outer[:-1, 1]]), np.concatenate([*high, outer[1:, 0]])
-    off = np.concatenate([*(part.ravel() for part in inside), between])
+    inner, width = mesh.since[1:-1], rounded(problem)
+    low, high = np.concatenate([*low, inner - width]), np.concatenate([*high, inner + width])
     order = np.argsort(low)
     order = order[~(np.abs(off[order]) <= allowed)]
     if order.size > off.size / 2:  # all along the path: round-off of large numbers that cancel
@@ -137,17 +135,19 @@ def narrowed(problem: Problem, path: Path, found: Imbalance) -> Imbalance | None
     """
     shortest = rounded(problem)
     first = True  # what is off at first may be the sums'
-    while (found.high - found.low).max() > INNER_PARTS * shortest:
-        edges = np.linspace(found.low, found.high, INNER_PARTS + 1)
+    while (long := found.high - found.low > INNER_PARTS * shortest).any():
+        edges = np.linspace(found.low[long], found.high[long], INNER_PARTS + 1)
         low, high = edges[:-1].T.ravel(), edges[1:].T.ravel()
         parts = _off(problem, path, low, high)
         share = 0.0 if first else PERSISTENT
-        least = np.repeat(np.maximum(found.allowed, share * np.abs(found.off)), INNER_PARTS)
-        wrong = np.flatnonzero(~(np.abs(parts) <= least))[:FOLLOWED]
+        least = np.repeat(np.maximum(found.allowed, share * np.abs(found.off[long])), INNER_PARTS)
+        wrong = np.flatnonzero(~(np.abs(parts) <= least))
         if not wrong.size:
             break
-        off, first = np.nan_to_num(parts[wrong]), False
-        found = Imbalance(low[wrong], high[wrong], off, found.allowed)
+        kept = (found.low, found.high, found.off)
+        new = low[wrong], high[wrong], np.nan_to_num(parts[wrong])
+        low, high, off = (np.append(y[~long], z)[:FOLLOWED] for y, z in zip(kept, new, strict=True))
+        found, first = Imbalance(low, high, off, found.allowed), False
     if not problem.system.structure.depends_on_time:
         return found
     if first:  # that was the sum of dL/dt
@@ -182,6 +182,18 @@ def _off(problem: Problem, path: Path, low: Array, high: Array, *, timed: bool =
         p, L, rate, v = (y.reshape(*since.shape, *y.shape[1:]) for y in (p, L[:, 0], rate, v))
         level, _ = _level(INNER_RULE, half, p, L, rate, v)
     return level[:, -1] - level[:, 0]
+
+
+def _at_ends(tr: Transcription, x: Array) -> list[Array]:
+    """Return v and L_v (elements, 2, n), and L (elements, 2), at the ends of each element."""
+    point = tr.place(x)
+    _, p, L = tr.problem.system.pointwise("first")(point.at, point.v, tr.times, tr.problem.packed)
+    found = []
+    for y in (point.v, p, L[:, 0]):
+        found.append(ends := np.empty((tr.mesh.elements, 2, *y.shape[1:])))
+        for g in tr.layout.groups:
+            ends[g.elements] = y[g.span].reshape(*g.nodes.shape, *y.shape[1:])[:, ENDS]
+    return found
 
 
 def _explicit(problem: Problem, q: Array, v: Array, t: Array) -> Array:

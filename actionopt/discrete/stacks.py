@@ -285,24 +285,42 @@ class Stack:
     def imbalance(self, Q: Array) -> Array:
         """Return how far L changes along paths without a reason, (C,), infinite if not known.
 
-        From node to node and element to element, in the unit of `energy_balance`.
+        From sample to sample and element to element, in the unit of `energy_balance`.
         """
         s, v = self.shape, self.velocities(Q)
         if s.system.structure.jumpless:
             return np.zeros(len(self.times))
-        force, p = self._evaluated("gradient", Q, v, self._at)
-        L, _, explicit, _ = self._evaluated("slopes", Q, v, self._at)
-        acceleration = (s.rule.derivative @ v.reshape(len(v), -1)).reshape(v.shape) / self.half
-        middle = p[s.P // 2]
-        rate = (force * v + (p - middle) * acceleration).sum(axis=1) + explicit[:, 0]
-        inside = L[-1, 0] - L[0, 0] - (self.weight * rate).sum(axis=0)
-        inside -= (middle * (v[-1] - v[0])).sum(axis=0)
-        step = (v[0, :, 1:] - v[-1, :, :-1]) * (p[0, :, 1:] + p[-1, :, :-1]) / 2
-        between = L[0, 0, 1:] - L[-1, 0, :-1] - step.sum(axis=0)
-        largest = np.abs(np.concatenate([inside, between])).max(axis=0)
-        size, speed, most, momentum = (np.abs(y).max(axis=(0, 2)) for y in (Q, v, force, p))
-        largest = largest - ROUNDOFF * np.abs(L).max(axis=(0, 1, 2))
-        off = np.maximum(largest, 0) / (most * size + momentum * speed).sum(axis=0)
+        L, p, _, _ = self._evaluated("slopes", Q, v, self._at)
+        at_ends, ends, p = L[[0, -1], 0], v[[0, -1]], p[[0, -1]]
+        step = (ends[0, :, 1:] - ends[1, :, :-1]) * (p[0, :, 1:] + p[1, :, :-1]) / 2
+        between = at_ends[0, 1:] - at_ends[1, :-1] - step.sum(axis=0)
+        largest = np.abs(between).max(axis=0, initial=0.0)
+        read = np.abs(L).max(axis=(0, 1, 2))
+        size, speed, momentum = (np.abs(y).max(axis=(0, 2)) for y in (Q, v, p))
+        most = np.zeros_like(size)
+        for which, rule in s.sampled:
+            half = self.half[which]
+            q, v = self._sampled(Q[:, :, which], rule.values, rule.slopes, half)
+            at = self._arguments(s.times_of(rule.nodes, which))
+            force, p = self._evaluated("gradient", q, v, at)
+            L, _, explicit, _ = self._evaluated("slopes", q, v, at)
+            acceleration = rule.rates(v.reshape(1, len(v), -1)).reshape(v.shape) / half
+            middle = p[len(p) // 2]
+            rate = (force * v + (p - middle) * acceleration).sum(axis=1) + explicit[:, 0]
+            changed, whole = rule.integrals((half * rate).reshape(1, len(rate), -1))
+            # From one end of an element to the other, its samples between.
+            changed = np.concatenate([0 * whole, changed[0], whole]).reshape(-1, *half.shape)
+            first, last = at_ends[:, None, which]
+            level = np.concatenate([first, L[:, 0], last]) - changed
+            first, last = ends[:, None, :, which]
+            away = np.concatenate([first, v, last]) - v[0]
+            level -= (middle * away).sum(axis=1)
+            largest = np.maximum(largest, np.abs(np.diff(level, axis=0)).max(axis=(0, 1)))
+            most = np.maximum(most, np.abs(force).max(axis=(0, 2)))
+            momentum = np.maximum(momentum, np.abs(p).max(axis=(0, 2)))
+            read = np.maximum(read, np.abs(L).max(axis=(0, 1, 2)))
+        largest = np.maximum(largest - ROUNDOFF * read, 0)
+        off = largest / (most * size + momentum * speed).sum(axis=0)
         return np.where(np.isfinite(off), off, np.inf)
 
     def _inertia(self, nonzeros: Array) -> Array:
