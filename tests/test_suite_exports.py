@@ -25,8 +25,8 @@ from actionopt.suite.interfaces import (
     scipy_arguments,
 )
 from actionopt.suite.limits import Limits
+from actionopt.suite.listing import first_multipliers
 from actionopt.suite.optiprofiler import arguments
-from actionopt.suite.tape import first_multipliers
 
 HARD = {"near collision", "coordinate singularity"}  # nothing is near their paths on few elements
 LATER = HARD | {"badly scaled units"}  # and these are others in other numbers

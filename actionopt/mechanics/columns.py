@@ -12,6 +12,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from actionopt.tools.tape import instructions
 from actionopt.tools.types import Array
 
 # Times of one call; measured: half or twice as many take up to a tenth longer.
@@ -22,7 +23,7 @@ def _if_else_zero(condition: Array, value: Array, *, out: Array) -> None:
     out[...] = np.where(condition != 0, value, 0.0)
 
 
-_ONE = {
+_NAMED: dict[str, Callable[..., Any]] = {
     "ASSIGN": np.positive, "NEG": np.negative, "EXP": np.exp, "LOG": np.log, "SQRT": np.sqrt,
     "SQ": np.square, "TWICE": lambda x, *, out: np.add(x, x, out=out), "INV": np.reciprocal,
     "SIN": np.sin, "COS": np.cos, "TAN": np.tan, "ASIN": np.arcsin, "ACOS": np.arccos,
@@ -30,19 +31,13 @@ _ONE = {
     "ACOSH": np.arccosh, "ATANH": np.arctanh, "FABS": np.fabs, "SIGN": np.sign,
     "FLOOR": np.floor, "CEIL": np.ceil, "NOT": np.logical_not, "LOG1P": np.log1p,
     "EXPM1": np.expm1,
-}  # fmt: skip
-_TWO = {
     "ADD": np.add, "SUB": np.subtract, "MUL": np.multiply, "DIV": np.divide, "POW": np.power,
     "CONSTPOW": np.power, "LT": np.less, "LE": np.less_equal, "EQ": np.equal,
     "NE": np.not_equal, "AND": np.logical_and, "OR": np.logical_or, "FMOD": np.fmod,
     "COPYSIGN": np.copysign, "FMIN": np.fmin, "FMAX": np.fmax, "ATAN2": np.arctan2,
     "HYPOT": np.hypot, "IF_ELSE_ZERO": _if_else_zero,
 }  # fmt: skip
-_DONE: dict[int, tuple[Callable[..., Any], int]] = {
-    getattr(ca, f"OP_{name}"): (ufunc, count)
-    for count, table in ((1, _ONE), (2, _TWO))
-    for name, ufunc in table.items()
-}
+UFUNCS = {getattr(ca, f"OP_{name}"): ufunc for name, ufunc in _NAMED.items()}
 
 
 class Columns:
@@ -63,18 +58,15 @@ class Columns:
         self.widths = [function.nnz_out(k) for k in range(function.n_out())]
         self._registers = function.sz_w()
         self._program: list[tuple[Any, Any, Any]] = []
-        for k in range(function.n_instructions()):
-            code, at = function.instruction_id(k), function.instruction_input(k)
-            to = function.instruction_output(k)
+        for code, to, at, value in instructions(function):
             if code == ca.OP_CONST:
-                self._program.append(("constant", function.instruction_constant(k), to[0]))
+                self._program.append(("constant", value, to[0]))
             elif code == ca.OP_INPUT:
-                self._program.append(("input", (at[0], at[1]), to[0]))
+                self._program.append(("input", at, to[0]))
             elif code == ca.OP_OUTPUT:
-                self._program.append(("output", at[0], (to[0], to[1])))
-            elif code in _DONE:
-                ufunc, count = _DONE[code]
-                self._program.append((ufunc, tuple(at[:count]), to[0]))
+                self._program.append(("output", at[0], to))
+            elif code in UFUNCS:
+                self._program.append((UFUNCS[code], at, to[0]))
             else:
                 raise ValueError(f"expected instructions that numpy knows, found number {code}")
 

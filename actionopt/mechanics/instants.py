@@ -7,14 +7,16 @@ them, paths are as smooth as their elements need; no quadrature has to sum acros
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from actionopt.mechanics.compiled import Pointwise
-from actionopt.mechanics.tracing import ROUNDED, SAMPLES, Symbols
+from actionopt.mechanics.switches import REMAINDERS
+from actionopt.mechanics.tracing import SAMPLES, Symbols
+from actionopt.tools.tape import Node, Tape, applied
 from actionopt.tools.types import EPS, Array
 
 Instant = tuple[float, float]  # the last time before it and the first one after it
@@ -24,10 +26,8 @@ INTERVALS = 10_000  # followed at once: more of them are round-off; ad hoc, four
 # spacings of times, so that the nodes of an element of degree 10 stay apart.
 SHORTEST = 1e-13
 
-CLOCKED = rf"\b(fabs|{ROUNDED}|atan2)\(|1\.?/|[<?!]|=="  # as in an expression's text
 DIFFERENCES = (ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_FMIN, ca.OP_FMAX)
 ROUNDING_CODES = (ca.OP_FLOOR, ca.OP_CEIL)
-REMAINDERS = (ca.OP_FMOD, ca.OP_REMAINDER)
 # Operations that have a jump or a kink where one operand is zero: 1 / x is arctan's.
 ZEROS = {
     ca.OP_SIGN: 0,
@@ -36,6 +36,7 @@ ZEROS = {
     ca.OP_ATAN2: 0,
     ca.OP_COPYSIGN: 1,
 }
+CLOCKED = {*ZEROS, *DIFFERENCES, *ROUNDING_CODES, *REMAINDERS}
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,25 +67,20 @@ class Clock:
 
 def clock(s: Symbols, *laws: ca.SX) -> Clock | None:
     """Return what switches with the time alone in these laws; None if nothing does."""
-    if not any(re.search(CLOCKED, str(law)) for law in laws):
-        return None
     arguments = [s.q, s.v, s.t, s.p]
-    f = ca.Function("laws", arguments, list(laws))
-    known: dict[int, tuple[ca.SX, bool] | None] = {}  # and whether of the time; None for the path's
+    tape = Tape(arguments, laws)
+    if CLOCKED.isdisjoint(tape.operations):
+        return None
     steps: list[ca.SX] = []
     smooth: list[ca.SX] = []
-    for k in range(f.n_instructions()):
-        code, out, into = f.instruction_id(k), f.instruction_output(k), f.instruction_input(k)
-        if code == ca.OP_OUTPUT:
-            continue
-        if code == ca.OP_INPUT:
-            of, row = into
-            known[out[0]] = None if of < 2 else (arguments[of][row], of == 2)
-            continue
-        if code == ca.OP_CONST:
-            known[out[0]] = ca.SX(f.instruction_constant(k)), False
-            continue
-        operands = [known[i] for i in into]
+
+    def switched(node: Node, operands: list[tuple[ca.SX, bool] | None]) -> Any:
+        """Return an expression, and whether it is of the time; None for the path's."""
+        code, (of, row) = node.operation, node.entry
+        if node.kind == "input":
+            return None if of < 2 else (arguments[of][row], of == 2)
+        if node.kind == "constant":
+            return ca.SX(node.value), False
         # What has the sign of the time may be of the path.
         asked = operands[ZEROS[code] : ZEROS[code] + 1] if code in ZEROS else operands
         x = [operand[0] for operand in asked if operand is not None]
@@ -92,11 +88,9 @@ def clock(s: Symbols, *laws: ca.SX) -> Clock | None:
         made = None
         if None not in operands:
             plain = [operand[0] for operand in operands if operand is not None]
-            make = ca.SX.unary if len(plain) == 1 else ca.SX.binary
-            made = make(code, *plain), any(operand[1] for operand in operands if operand)
-        known[out[0]] = made
+            made = applied(code, plain), any(operand[1] for operand in operands if operand)
         if not timed:
-            continue
+            return made
         if code in ZEROS or code in DIFFERENCES:
             zero = x[0] if code in ZEROS else x[0] - x[1]
             smooth.append(zero)
@@ -107,6 +101,9 @@ def clock(s: Symbols, *laws: ca.SX) -> Clock | None:
         elif code in REMAINDERS and made is not None:
             smooth.append(x[0] / x[1])
             steps.append(ca.floor((x[0] - made[0]) / x[1] + 0.5))
+        return made
+
+    tape.fold(switched)
     if not steps:
         return None
     slopes = ca.densify(ca.jacobian(ca.vertcat(*smooth), s.t))

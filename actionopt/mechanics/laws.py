@@ -17,15 +17,16 @@ import numpy as np
 
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.instants import Clock, clock
-from actionopt.mechanics.switches import Switches, is_jumpless, is_smooth_in_path, switches
-from actionopt.mechanics.tracing import (
-    SAMPLES,
-    TAILED_SAMPLES,
-    Symbols,
+from actionopt.mechanics.switches import (
+    Switches,
+    is_jumpless,
     is_smooth,
+    is_smooth_in_path,
     localized,
-    stacked,
+    switches,
 )
+from actionopt.mechanics.tracing import SAMPLES, TAILED_SAMPLES, Symbols, stacked
+from actionopt.tools.tape import Tape
 
 T = TypeVar("T")
 
@@ -144,11 +145,11 @@ class Laws:
             self.m > 0 and self._depends("constraint_jacobian", 0, (0,)),
             any(self._depends("force_jacobian", k, (0, 1)) for k in (0, 1) if self.Q.numel()),
         )
-        s = self.symbols
-        narrow = localized(self.L, s.p)
-        jumpless = narrow == 0 or (narrow == 1 and is_jumpless(s, self.L))
+        L, f, Q = self.tape, self.operations(self.f), self.operations(self.Q)
+        narrow = localized(L)
+        jumpless = narrow == 0 or (narrow == 1 and is_jumpless(L))
         # What is as wide as its periods has no kink; if all move, it does not matter.
-        smooth = not narrow or all(moved[:3]) or is_smooth_in_path(s, self.L)
+        smooth = not narrow or all(moved[:3]) or is_smooth_in_path(L)
         laws = [("first", 2, 0, 2)]  # function, output, inputs of q and of t
         if self.m:
             laws.append(("constraint_jacobian", 1, 0, 1))
@@ -158,22 +159,31 @@ class Laws:
         for name, output, q, _ in laws:
             seen.update(self.pointwise(name).function.jac_sparsity(output, q).get_col())
         timed = any(self._depends(name, k, (t,)) for name, k, _, t in laws)
-        narrow = max(narrow, localized(self.Q, s.p))
+        narrow = max(narrow, localized(Q))
         unseen, tailed = narrow == 2 or (narrow and timed), narrow or timed
         return Structure(
             depends_on_time=timed,
             constant_mass=smooth and not moved[0],
             constant_coupling=smooth and not moved[1],
             constant_stiffness=smooth and not moved[2],
-            affine_constraint=not moved[3] and is_smooth(self.f),
-            affine_force=not moved[4] and is_smooth_in_path(s, self.Q),
+            affine_constraint=not moved[3] and is_smooth(f),
+            affine_force=not moved[4] and is_smooth_in_path(Q),
             constraints=self.m,
             forced=self.Q.numel() > 0,
             cyclic=tuple(c for i, c in enumerate(self.coordinates) if i not in seen),
-            smooth=narrow < 2 or (is_smooth_in_path(s, self.L) and is_smooth_in_path(s, self.Q)),
+            smooth=narrow < 2 or (is_smooth_in_path(L) and is_smooth_in_path(Q)),
             jumpless=jumpless,
             samples=SAMPLES if unseen else TAILED_SAMPLES if tailed else 0,
         )
+
+    @Once
+    def tape(self) -> Tape:
+        """Return the operations of L."""
+        return self.operations(self.L)
+
+    def operations(self, law: ca.SX) -> Tape:
+        """Return the operations of an expression of (q, v, t) and the parameters."""
+        return Tape(self._arguments, [law])
 
     @Once
     def filled(self) -> float:
@@ -200,7 +210,9 @@ class Laws:
     @Once
     def switches(self) -> Switches | None:
         """Return the branches of L, where they depend on q or v; None where there are none."""
-        return switches(self.symbols, self.L, self.coordinates) if self.structure.samples else None
+        return (
+            switches(self.symbols, self.tape, self.coordinates) if self.structure.samples else None
+        )
 
     @Once
     def clock(self) -> Clock | None:

@@ -14,22 +14,25 @@ from dataclasses import dataclass
 import casadi as ca
 
 from actionopt.mechanics.compiled import Pointwise
-from actionopt.mechanics.tracing import Symbols, is_smooth
+from actionopt.mechanics.tracing import COMPARISONS, Symbols
+from actionopt.tools.tape import Node, Tape, applied
 
-STEP_CODES = (ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_SIGN, ca.OP_FLOOR, ca.OP_CEIL)
-KINKS = (
-    *STEP_CODES,
-    ca.OP_FABS,
-    ca.OP_FMIN,
-    ca.OP_FMAX,
-    ca.OP_FMOD,
-    ca.OP_REMAINDER,
-    ca.OP_COPYSIGN,
-)
+STEP_CODES = {ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_SIGN, ca.OP_FLOOR, ca.OP_CEIL}
+REMAINDERS = {ca.OP_FMOD, ca.OP_REMAINDER}
+STEPPED = STEP_CODES | REMAINDERS | {ca.OP_COPYSIGN, ca.OP_ATAN2}
+CUT = {*STEP_CODES, *REMAINDERS, *COMPARISONS, ca.OP_COPYSIGN, ca.OP_FMIN, ca.OP_FMAX}
+CUT |= {ca.OP_IF_ELSE_ZERO}
+KINKS = CUT | {ca.OP_FABS}
+LOCALIZED = CUT | {ca.OP_EXP, ca.OP_EXPM1, ca.OP_SINH, ca.OP_COSH, ca.OP_TANH, ca.OP_ERF}
+TAILED = {
+    ca.OP_FABS, ca.OP_SQRT, ca.OP_TAN, ca.OP_POW, ca.OP_CONSTPOW, ca.OP_LOG, ca.OP_LOG1P,
+    ca.OP_HYPOT, ca.OP_ASIN, ca.OP_ACOS, ca.OP_ATAN, ca.OP_ATAN2, ca.OP_ASINH, ca.OP_ACOSH,
+    ca.OP_ATANH,
+}  # fmt: skip
+QUOTIENTS = (ca.OP_DIV, ca.OP_INV)
 SUMS = (ca.OP_ADD, ca.OP_SUB, ca.OP_NEG, ca.OP_TWICE)
 ENTIRE_CODES = (ca.OP_SQ, ca.OP_SIN, ca.OP_COS)
 ROOTS = (ca.OP_SQRT, ca.OP_LOG, ca.OP_POW, ca.OP_CONSTPOW)
-STEPPED = r"[<?!]|==|\b(sign|floor|ceil|copysign|fmod|remainder|atan2)\("  # as text
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,48 +54,41 @@ class Switches:
     texts: tuple[str, ...]
 
 
-def switches(s: Symbols, L: ca.SX, coordinates: Sequence[str]) -> Switches | None:
-    """Return the steps of the Lagrangian L; None where it has none in q or v."""
-    if re.search(STEPPED, str(L)) is None:
+def switches(s: Symbols, lagrangian: Tape, coordinates: Sequence[str]) -> Switches | None:
+    """Return the steps of the Lagrangian; None where it has none in q or v."""
+    if STEPPED.isdisjoint(lagrangian.operations):
         return None
     arguments = [s.q, s.v, s.t, s.p]
-    f = ca.Function("L", arguments, [L])
     names: list[ca.SX] = []  # the symbols c
     steps: list[ca.SX] = []  # what they stand for
-    values: dict[int, tuple[ca.SX, ca.SX, bool]] = {}  # as it is, held, whether of q or v
-    held = ca.SX(0)
 
     def step(value: ca.SX) -> ca.SX:
         names.append(ca.SX.sym(f"c{len(names)}"))
         steps.append(value)
         return names[-1]
 
-    for k in range(f.n_instructions()):
-        code, out, into = f.instruction_id(k), f.instruction_output(k), f.instruction_input(k)
-        if code == ca.OP_OUTPUT:
-            held = values[into[0]][1]
-        elif code == ca.OP_INPUT:
-            x = arguments[into[0]][into[1]]
-            values[out[0]] = (x, x, into[0] < 2)
-        elif code == ca.OP_CONST:
-            x = ca.SX(f.instruction_constant(k))
-            values[out[0]] = (x, x, False)
-        else:
-            plain, kept, of_path = zip(*[values[i] for i in into], strict=True)
-            made = _made(code, plain)
-            moves = any(of_path)
-            if moves and code in STEP_CODES:
-                values[out[0]] = (made, step(made), True)
-            elif moves and code == ca.OP_COPYSIGN:
-                values[out[0]] = (made, ca.fabs(kept[0]) * step(ca.sign(plain[1])), True)
-            elif moves and code == ca.OP_ATAN2:
-                side = ca.fabs(kept[0]) * step(ca.sign(plain[0]))  # of the branch cut
-                values[out[0]] = (made, ca.atan2(side, kept[1]), True)
-            elif moves and code in (ca.OP_FMOD, ca.OP_REMAINDER):
-                whole = step((plain[0] - made) / plain[1])
-                values[out[0]] = (made, kept[0] - whole * kept[1], True)
-            else:
-                values[out[0]] = (made, _made(code, kept), moves)
+    def branch(node: Node, operands: list[tuple[ca.SX, ca.SX, bool]]) -> tuple[ca.SX, ca.SX, bool]:
+        """Return the value as it is, with the steps held, and whether it is of q or v."""
+        code, (of, row) = node.operation, node.entry
+        if not operands:
+            x = arguments[of][row] if node.kind == "input" else ca.SX(node.value)
+            return x, x, 0 <= of < 2
+        plain, kept, of_path = zip(*operands, strict=True)
+        made = applied(code, plain)
+        moves = any(of_path)
+        if moves and code in STEP_CODES:
+            return made, step(made), True
+        if moves and code == ca.OP_COPYSIGN:
+            return made, ca.fabs(kept[0]) * step(ca.sign(plain[1])), True
+        if moves and code == ca.OP_ATAN2:
+            side = ca.fabs(kept[0]) * step(ca.sign(plain[0]))  # of the branch cut
+            return made, ca.atan2(side, kept[1]), True
+        if moves and code in REMAINDERS:
+            whole = step((plain[0] - made) / plain[1])
+            return made, kept[0] - whole * kept[1], True
+        return made, applied(code, kept), moves
+
+    held = lagrangian.fold(branch)[lagrangian.results[0][0]][1]
     if not names:
         return None
     c = ca.vertcat(*names)
@@ -105,31 +101,47 @@ def switches(s: Symbols, L: ca.SX, coordinates: Sequence[str]) -> Switches | Non
     )
 
 
-def is_smooth_in_path(s: Symbols, expression: ca.SX) -> bool:
-    """Return whether no function with a kink or a jump in q or v is in the expression.
+def is_smooth(law: Tape) -> bool:
+    """Return whether no function with a kink or a jump is in a law.
+
+    The derivatives of such functions hide what they depend on: fabs(q) has no second one.
+    """
+    return KINKS.isdisjoint(law.operations)
+
+
+def is_smooth_in_path(law: Tape) -> bool:
+    """Return whether no function with a kink or a jump in q or v is in a law of (q, v, t, p).
 
     One in t alone hides nothing of what the derivatives by q and v depend on.
     """
-    if is_smooth(expression):
+    if is_smooth(law):
         return True
-    f = ca.Function("whole", [s.q, s.v, s.t, s.p], [expression])
-    of_path: dict[int, bool] = {}
-    for k in range(f.n_instructions()):
-        code, out, into = f.instruction_id(k), f.instruction_output(k), f.instruction_input(k)
-        if code == ca.OP_INPUT:
-            of_path[out[0]] = into[0] < 2
-        elif code == ca.OP_CONST:
-            of_path[out[0]] = False
-        elif code != ca.OP_OUTPUT:
-            of_path[out[0]] = any(of_path[i] for i in into)
-            # Of the two operands of "x where c" only the condition c makes a kink.
-            asked = into[:1] if code == ca.OP_IF_ELSE_ZERO else into
-            if code in KINKS and any(of_path[i] for i in asked):
-                return False
-    return True
+    of_path = law.fold(lambda node, operands: any(operands) or 0 <= node.entry[0] < 2)
+    return not any(
+        # Of the two operands of "x where c" only the condition c makes a kink.
+        node.operation in KINKS
+        and any(of_path[i] for i in node.operands[: 2 - (node.operation == ca.OP_IF_ELSE_ZERO)])
+        for node in law.nodes
+    )
 
 
-def is_jumpless(s: Symbols, L: ca.SX) -> bool:
+def localized(law: Tape) -> int:
+    """Return how narrow a feature a law of (q, v, t, p) can have: 0, 1 or 2.
+
+    0 for polynomials, sines and cosines, whose features are as wide as their periods; 1 for
+    quotients and powers, whose features have tails that are seen from afar; 2 for functions that
+    may vary in a moment and hardly at all elsewhere. Quotients by a number or by a parameter are
+    of no account.
+    """
+    if not LOCALIZED.isdisjoint(law.operations):
+        return 2
+    if not TAILED.isdisjoint(law.operations):
+        return 1
+    divisors = [law.nodes[x.operands[-1]] for x in law.nodes if x.operation in QUOTIENTS]
+    return int(any(x.kind != "constant" and x.entry[0] != 3 for x in divisors))
+
+
+def is_jumpless(lagrangian: Tape) -> bool:
     """Return whether it is plain that L cannot step: where it is finite it varies as widely as q.
 
     So it is for polynomials, sines and cosines of q and v, with one root, logarithm or quotient of
@@ -138,36 +150,26 @@ def is_jumpless(s: Symbols, L: ca.SX) -> bool:
     differences, such as that of roots that are large.
     """
     CONSTANT, ENTIRE, ROOT, QUOTIENT, OTHER = range(5)
-    f = ca.Function("L", [s.q, s.v, s.t, s.p], [L])
-    kinds: dict[int, int] = {}
-    for k in range(f.n_instructions()):
-        code, out, into = f.instruction_id(k), f.instruction_output(k), f.instruction_input(k)
-        if code == ca.OP_OUTPUT:
-            return kinds[into[0]] < OTHER
-        if code in (ca.OP_INPUT, ca.OP_CONST):
-            moves = code == ca.OP_INPUT and into[0] < 2
-            kinds[out[0]] = ENTIRE if moves else CONSTANT
-            continue
-        of = [kinds[i] for i in into]
+
+    def kind(node: Node, of: list[int]) -> int:
+        code = node.operation
+        if not of:
+            return ENTIRE if 0 <= node.entry[0] < 2 else CONSTANT
         low, high = min(of), max(of)
-        kind = OTHER
         if high == CONSTANT:
-            kind = CONSTANT
-        elif code in SUMS:  # of two that are not entire the large parts may cancel
-            kind = high if len(of) == 1 or low <= ENTIRE else OTHER
-        elif code == ca.OP_MUL:
-            kind = high if low == CONSTANT or (low == ENTIRE and high <= ROOT) else OTHER
-        elif code in ENTIRE_CODES and high == ENTIRE:
-            kind = ENTIRE
-        elif code == ca.OP_DIV and of[1] == CONSTANT:
-            kind = of[0]
-        elif code == ca.OP_INV or (code == ca.OP_DIV and of[0] == CONSTANT):
-            kind = QUOTIENT if of[-1] <= ROOT else OTHER
-        elif code in ROOTS and of[0] == ENTIRE and (len(of) == 1 or of[1] == CONSTANT):
-            kind = QUOTIENT if code in (ca.OP_POW, ca.OP_CONSTPOW) else ROOT
-        kinds[out[0]] = kind
-    return False
+            return CONSTANT
+        if code in SUMS:  # of two that are not entire the large parts may cancel
+            return high if len(of) == 1 or low <= ENTIRE else OTHER
+        if code == ca.OP_MUL:
+            return high if low == CONSTANT or (low == ENTIRE and high <= ROOT) else OTHER
+        if code in ENTIRE_CODES and high == ENTIRE:
+            return ENTIRE
+        if code == ca.OP_DIV and of[1] == CONSTANT:
+            return of[0]
+        if code == ca.OP_INV or (code == ca.OP_DIV and of[0] == CONSTANT):
+            return QUOTIENT if of[-1] <= ROOT else OTHER
+        if code in ROOTS and of[0] == ENTIRE and (len(of) == 1 or of[1] == CONSTANT):
+            return QUOTIENT if code in (ca.OP_POW, ca.OP_CONSTPOW) else ROOT
+        return OTHER
 
-
-def _made(code: int, x: tuple[ca.SX, ...]) -> ca.SX:
-    return ca.SX.unary(code, x[0]) if len(x) == 1 else ca.SX.binary(code, x[0], x[1])
+    return lagrangian.fold(kind)[lagrangian.results[0][0]] < OTHER

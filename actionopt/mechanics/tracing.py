@@ -18,13 +18,6 @@ from actionopt.mechanics.expressions import Expressions, OutOfRange, Untraceable
 from actionopt.tools.checks import named, numbers
 from actionopt.tools.types import Array
 
-ROUNDED = "fmin|fmax|fmod|remainder|floor|ceil|sign|copysign"
-KINKED = re.compile(rf"\b(fabs|{ROUNDED})\(|[<?!]|==")
-LOCALIZED = re.compile(rf"\b(exp|expm1|sinh|cosh|tanh|erf|{ROUNDED})\(|[<?!]|==")
-TAILED = re.compile(
-    r"\b(fabs|sqrt|tan|pow|log|log1p|hypot|asin|acos|atan|atan2|asinh|acosh|atanh)\("
-)
-DIVISOR = re.compile(r"/(@\d+|\w+|.)")  # the first of it
 # What arguments are called as a rule, and how the rate of one: qdot, q_dot, dq, dq_dt.
 USUAL = {
     "q": ("q", "x", "r", "pos", "position", "coordinates"),
@@ -34,10 +27,10 @@ USUAL = {
 RATE_NAME = re.compile(r"^(?:d(\w+?)(?:_?dt)?|(\w+?)_?(?:dot|prime))$")
 STARRED = inspect.CO_VARARGS | inspect.CO_VARKEYWORDS
 # At how many times the forces along a path are sampled before it is a solution, by how narrow a
-# feature they may have (`localized`). Derived for Gauss's points in panels (`second_quadrature`):
-# between 2500 the largest gap is 1 / 1600 of the duration, and of a Gaussian pulse whose width at
-# half height is 1 / 1000 of it three quarters of the peak are seen at the least. A feature with
-# tails is seen six times as far away.
+# feature they may have (`switches.localized`). Derived for Gauss's points in panels
+# (`second_quadrature`): between 2500 the largest gap is 1 / 1600 of the duration, and of a Gaussian
+# pulse whose width at half height is 1 / 1000 of it three quarters of the peak are seen at the
+# least. A feature with tails is seen six times as far away.
 SAMPLES, TAILED_SAMPLES = 2500, 400
 COMPARISONS = (ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_NOT, ca.OP_AND, ca.OP_OR)
 
@@ -359,38 +352,6 @@ def scalar(result: Any, role: str) -> ca.SX:
             "expression, such as v @ v / 2 or v[0] ** 2 / 2"
         )
     return column(result, role, 1)
-
-
-def is_smooth(expression: ca.SX) -> bool:
-    """Return whether no function with a kink or a jump is in the expression.
-
-    The derivatives of such functions hide what they depend on: fabs(q) has no second one.
-    """
-    if not expression.numel():
-        return True
-    return KINKED.search(str(expression)) is None
-
-
-def localized(expression: ca.SX, parameters: ca.SX) -> int:
-    """Return how narrow a feature an expression can have: 0, 1 or 2.
-
-    0 for polynomials, sines and cosines, whose features are as wide as their periods; 1 for
-    quotients and powers, whose features have tails that are seen from afar; 2 for functions that
-    may vary in a moment and hardly at all elsewhere. Of no
-    account are quotients by a number or one of the `parameters` (a column of symbols).
-    """
-    if not expression.numel():
-        return 0
-    text = str(expression)
-    if LOCALIZED.search(text):
-        return 2
-    if TAILED.search(text):
-        return 1
-    divisors = {found for found in DIVISOR.findall(text) if not found[0].isdigit()}
-    # Common subexpressions that are constants are written first: "@1=2, (sq(v)/@1)".
-    divisors = {x for x in divisors if not re.search(rf"{re.escape(x)}=[-+.\de]+,", text)}
-    each: list[Any] = parameters.elements()
-    return int(bool(divisors) and not divisors <= {x.name() for x in each})
 
 
 def _has_nan(expression: ca.SX) -> bool:

@@ -19,6 +19,7 @@ import casadi as ca
 
 from actionopt.mechanics.laws import Laws
 from actionopt.mechanics.tracing import ParameterTable
+from actionopt.tools.tape import Node, Tape
 
 LONGEST = 60  # terms; more are no formula to be read (ad hoc)
 ELEMENTARY = {
@@ -120,24 +121,21 @@ def _read(system: Laws, table: ParameterTable, expression: ca.SX, *more: ca.SX) 
     lamda = ["lamda"] if system.m == 1 else [f"lamda{k + 1}" for k in range(system.m)]
     known = [dots[0], dots[1], ["t"], _named(table), dots[2], lamda]
     places = [name for k in (5, 3, 2, 0, 1, 4) for name in known[k]]
-    f = ca.Function("written", [s.q, s.v, s.t, s.p, *more], [ca.densify(expression)])
-    place: dict[int, Sum] = {}
-    found: list[Sum] = [{} for _ in range(f.numel_out(0))]
-    for k in range(f.n_instructions()):
-        op, to, of = f.instruction_id(k), f.instruction_output(k), f.instruction_input(k)
-        if op == ca.OP_CONST:
-            value = f.instruction_constant(k)
-            place[to[0]] = {ONE: _number(value)} if value else {}
-        elif op == ca.OP_INPUT:
-            name = known[of[0]][of[1]]
-            place[to[0]] = {((Symbol(places.index(name), name), Fraction(1)),): Fraction(1)}
-        elif op == ca.OP_OUTPUT:
-            found[to[1]] = _collected(place[of[0]])
-        else:
-            place[to[0]] = _applied(op, [place[i] for i in of])
-            if len(place[to[0]]) > LONGEST:
-                raise ValueError(f"expected formulas of at most {LONGEST} terms, found longer ones")
-    return found
+    tape = Tape([s.q, s.v, s.t, s.p, *more], [ca.densify(expression)])
+
+    def made(node: Node, operands: list[Sum]) -> Sum:
+        if node.kind == "constant":
+            return {ONE: _number(node.value)} if node.value else {}
+        if node.kind == "input":
+            name = known[node.entry[0]][node.entry[1]]
+            return {((Symbol(places.index(name), name), Fraction(1)),): Fraction(1)}
+        found = _applied(node.operation, operands)
+        if len(found) > LONGEST:
+            raise ValueError(f"expected formulas of at most {LONGEST} terms, found longer ones")
+        return found
+
+    found = tape.fold(made)
+    return [_collected(found[k]) for k in tape.results[0]]
 
 
 def _number(value: float) -> float | Fraction:

@@ -36,7 +36,7 @@ from actionopt.discrete.path import Path
 from actionopt.mechanics.held import Held
 from actionopt.mechanics.obstacle import Arc
 from actionopt.mechanics.problem import Problem
-from actionopt.mechanics.tracing import is_smooth
+from actionopt.mechanics.switches import is_smooth
 from actionopt.solver.contact_times import slips, stretched, without
 from actionopt.solver.iterate import Iterate
 from actionopt.solver.refine import refine
@@ -268,7 +268,7 @@ class Along(Workspace):
     def why(self) -> str:
         """Return why a path may not be found by Newton's method."""
         system = self.held.system
-        if not is_smooth(self.question.system.outside):
+        if not is_smooth(system.operations(self.question.system.outside)):
             return KINKED
         t = self.here.mesh.nodes
         on = self.held.active(t)

@@ -17,10 +17,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from actionopt.suite.listing import Listing, first_multipliers
 from actionopt.suite.problem import TestProblem
 from actionopt.suite.program import Program
-from actionopt.suite.tape import Listing, Tape, first_multipliers
 from actionopt.tools.files import whole
+from actionopt.tools.tape import Tape
 from actionopt.tools.types import Array
 
 NAMES = {"ADD": "+", "SUB": "-", "MUL": "*", "DIV": "/", "POW": "^", "CONSTPOW": "^", "NEG": "-"}
@@ -145,7 +146,7 @@ class _Terms:
             if node.kind == "constant":
                 place[k] = _real(node.value)
             elif node.kind == "input":
-                place[k] = inputs[tape.inputs[node.entry[0]]][node.entry[1]]
+                place[k] = inputs[tape.names[node.entry[0]]][node.entry[1]]
             elif node.operation not in OPERATIONS:
                 raise ValueError(
                     f"expected an operation of MathOptFormat, found CasADi's {node.operation}"

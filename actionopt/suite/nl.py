@@ -17,10 +17,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from actionopt.suite.listing import Evaluation, Listing, Row, first_multipliers
 from actionopt.suite.problem import TestProblem
 from actionopt.suite.program import Program
-from actionopt.suite.tape import Evaluation, Listing, Node, Row, Tape, first_multipliers
 from actionopt.tools.files import whole
+from actionopt.tools.tape import Node, Tape
 from actionopt.tools.types import Array
 
 # CasADi's operation: its opcode, and where the format has none of its own, more lines about the

@@ -15,8 +15,8 @@ import casadi as ca
 import numpy as np
 
 from actionopt.suite.problem import TestProblem
-from actionopt.suite.tape import Tape, tape
 from actionopt.tools.files import write as write_file
+from actionopt.tools.tape import Tape
 from actionopt.tools.types import Array
 
 INFIX = {"ADD": "+", "SUB": "-", "MUL": "*", "DIV": "/", "POW": "**", "CONSTPOW": "**"}
@@ -254,7 +254,7 @@ def _derivatives(problem: TestProblem, lagrangian: bool) -> Tape:
     second = [ca.vec(ca.hessian(values[i], by)[0]) for i in range(values.numel())]
     out = ca.vertcat(values, ca.vec(slopes.T), *second)
     names = ["q", "v", "t"] if lagrangian else ["q", "t"]
-    return tape(ca.Function("parts", given, [ca.densify(out)], names, ["parts"]))
+    return Tape(given, [out], names)
 
 
 def _body(found: Tape) -> str:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import casadi as ca
 
+from actionopt.tools.tape import instructions
+
 UNARY = {
     ca.OP_ASSIGN: "{0}", ca.OP_NEG: "-{0}", ca.OP_SQ: "{0}*{0}", ca.OP_TWICE: "2*{0}",
     ca.OP_INV: "1/{0}", ca.OP_NOT: "+!{0}", ca.OP_ERF: "erf({0})",
@@ -38,16 +40,14 @@ def body(function: ca.Function) -> str:
     Raises ValueError for an operation that has no counterpart here.
     """
     lines = []
-    for k in range(function.n_instructions()):
-        what = function.instruction_id(k)
-        into, of = function.instruction_output(k), function.instruction_input(k)
+    for what, into, of, value in instructions(function):
         if what == ca.OP_OUTPUT:
             lines.append(f"o[{into[0]}][{into[1]}]=w[{of[0]}]")
             continue
         if what == ca.OP_INPUT:
             right = f"x[{of[0]}][{of[1]}]"
         elif what == ca.OP_CONST:
-            right = number(function.instruction_constant(k))
+            right = number(value)
         elif what in UNARY:
             right = UNARY[what].format(f"w[{of[0]}]")
         elif what in BINARY:

@@ -6,7 +6,6 @@ for each, from arrays, and never has the whole expression in memory.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,75 +15,8 @@ import numpy as np
 
 from actionopt.suite.program import Program
 from actionopt.suite.stars import least_multipliers
+from actionopt.tools.tape import Tape
 from actionopt.tools.types import Array, NDInt
-
-
-@dataclass(frozen=True, eq=False)
-class Node:
-    """An operation of CasADi's and its operands; or an entry of an input; or a number."""
-
-    operation: int
-    operands: tuple[int, ...] = ()
-    entry: tuple[int, int] = (-1, -1)  # which input, and which entry of it
-    value: float = 0.0
-
-    @property
-    def kind(self) -> str:
-        """What it is: "operation", "input" or "constant"."""
-        if self.operands:
-            return "operation"
-        return "input" if self.operation == ca.OP_INPUT else "constant"
-
-
-@dataclass(frozen=True, eq=False)
-class Tape:
-    """Operations in their order, and which of them are the results, output by output."""
-
-    nodes: list[Node]
-    results: list[list[int]]
-    inputs: tuple[str, ...]
-
-    @cached_property
-    def shared(self) -> list[int]:
-        """Operations that are used more than once."""
-        uses = Counter(operand for node in self.nodes for operand in node.operands)
-        uses.update(k for output in self.results for k in output)
-        return [k for k, node in enumerate(self.nodes) if node.operands and uses[k] > 1]
-
-    def uses(self, entry: tuple[int, int]) -> bool:
-        """Whether an entry of an input is among the operands."""
-        return any(node.kind == "input" and node.entry == entry for node in self.nodes)
-
-    def place(self, node: Node) -> str:
-        """Return the name of an entry of an input: "q[0]"; "t" of the time."""
-        name = self.inputs[node.entry[0]]
-        return name if name == "t" else f"{name}[{node.entry[1]}]"
-
-
-def tape(function: ca.Function) -> Tape:
-    """Return the operations of a function of dense inputs and outputs.
-
-    CasADi's instructions overwrite their work vector; a node is made for each value instead.
-    """
-    function = function.expand()
-    nodes: list[Node] = [Node(ca.OP_CONST)]
-    results = [[0] * function.numel_out(i) for i in range(function.n_out())]
-    places = [function.sparsity_out(i).find() for i in range(function.n_out())]
-    work: dict[int, int] = {}
-    for k in range(function.n_instructions()):
-        operation = function.instruction_id(k)
-        out, given = function.instruction_output(k), function.instruction_input(k)
-        if operation == ca.OP_OUTPUT:
-            results[out[0]][places[out[0]][out[1]]] = work[given[0]]
-            continue
-        if operation == ca.OP_INPUT:
-            nodes.append(Node(operation, entry=(given[0], given[1])))
-        elif operation == ca.OP_CONST:
-            nodes.append(Node(operation, value=function.instruction_constant(k)))
-        else:
-            nodes.append(Node(operation, tuple(work[i] for i in given)))
-        work[out[0]] = len(nodes) - 1
-    return Tape(nodes, results, tuple(function.name_in()))
 
 
 class Listing:
@@ -108,9 +40,7 @@ class Listing:
         s, n, m = system.symbols, system.n, system.m if program.m else 0
         q, v, t = ca.SX.sym("q", n), ca.SX.sym("v", n), ca.SX.sym("t")
         L = ca.Function("L", [s.q, s.v, s.t, s.p], [system.L]).expand()
-        self.lagrangian = tape(
-            ca.Function("L", [q, v, t], [L(q, v, t, numbers)], ["q", "v", "t"], ["L"])
-        )
+        self.lagrangian = Tape([q, v, t], [L(q, v, t, numbers)], ["q", "v", "t"])
         self.constraints: list[Tape] = []
         self.affine = True
         slopes, rests = ca.SX.zeros(m, n), ca.SX.zeros(m)
@@ -125,8 +55,7 @@ class Listing:
             kept = [0 if a in alone else q[a] for a in range(n)]
             rests[i] = ca.substitute(f[i], q, ca.vertcat(*kept))
             self.affine = self.affine and not ca.depends_on(rests[i], q)
-            f_i = ca.Function("f", [q, t], [ca.densify(rests[i])], ["q", "t"], ["f"])
-            self.constraints.append(tape(f_i))
+            self.constraints.append(Tape([q, t], [rests[i]], ["q", "t"]))
         self._linear = ca.Function("linear", [t], [ca.densify(slopes)])
         self._rest = ca.Function("rest", [q, t], [ca.densify(rests)])
 

@@ -1,0 +1,128 @@
+"""The operations of expressions, one after the other, as CasADi evaluates them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property
+from typing import Any, NamedTuple, TypeVar
+
+import casadi as ca
+
+T = TypeVar("T")
+
+
+# An operation, the registers it goes to and those it comes from, and the value of a constant. What
+# reads an input comes from (input, nonzero), what writes an output goes to (output, nonzero).
+Instruction = tuple[int, list[int], list[int], float]
+
+
+def instructions(function: ca.Function) -> Iterator[Instruction]:
+    """Yield the instructions of a function of SX expressions, in their order."""
+    for k in range(function.n_instructions()):
+        code, into = function.instruction_id(k), function.instruction_output(k)
+        if code == ca.OP_CONST:
+            yield code, into, [], function.instruction_constant(k)
+        else:
+            yield code, into, function.instruction_input(k), 0.0
+
+
+class Node(NamedTuple):
+    """An operation and its operands, earlier nodes; or an entry of an input; or a number."""
+
+    operation: int
+    operands: tuple[int, ...] = ()
+    entry: tuple[int, int] = (-1, -1)  # which input, and which entry of it
+    value: float = 0.0
+
+    @property
+    def kind(self) -> str:
+        """What it is: "operation", "input" or "constant"."""
+        if self.operands:
+            return "operation"
+        return "input" if self.operation == ca.OP_INPUT else "constant"
+
+
+class Tape:
+    """Operations in their order, a node for each value, and which of them are the results.
+
+    Parameters
+    ----------
+    arguments : sequence of casadi.SX
+        Dense columns of symbols.
+    results : sequence of casadi.SX
+        Expressions in these.
+    names : sequence of str, optional
+        Of the arguments.
+
+    Attributes
+    ----------
+    nodes : list of Node
+        The first is zero.
+    """
+
+    def __init__(
+        self, arguments: Sequence[ca.SX], results: Sequence[ca.SX], names: Sequence[str] = ()
+    ) -> None:
+        self.names = tuple(names)
+        self.nodes = [Node(ca.OP_CONST)]
+        self._given = results
+        self._found: list[tuple[list[int], int]] = []
+        if not any([result.numel() for result in results]):
+            return
+        work: dict[int, int] = {}
+        for code, into, of, value in instructions(ca.Function("tape", arguments, results)):
+            if code == ca.OP_OUTPUT:
+                self._found.append((into, work[of[0]]))
+                continue
+            if code == ca.OP_INPUT:
+                node = Node(code, (), (of[0], of[1]))
+            elif code == ca.OP_CONST:
+                node = Node(code, (), (-1, -1), value)
+            else:
+                node = Node(code, tuple([work[i] for i in of]))
+            work[into[0]] = len(self.nodes)
+            self.nodes.append(node)
+
+    @cached_property
+    def operations(self) -> frozenset[int]:
+        """CasADi's numbers of all operations."""
+        return frozenset([node.operation for node in self.nodes])
+
+    @cached_property
+    def results(self) -> list[list[int]]:
+        """The node of each entry, result by result."""
+        results = [[0] * result.numel() for result in self._given]
+        places = [result.sparsity().find() for result in self._given]
+        for (output, nonzero), node in self._found:
+            results[output][places[output][nonzero]] = node
+        return results
+
+    @cached_property
+    def shared(self) -> list[int]:
+        """Operations that are used more than once."""
+        uses = Counter(operand for node in self.nodes for operand in node.operands)
+        uses.update(k for result in self.results for k in result)
+        return [k for k, node in enumerate(self.nodes) if node.operands and uses[k] > 1]
+
+    def fold(self, make: Callable[[Node, list[T]], T]) -> list[T]:
+        """Return what `make` makes of each node and of what it made of the node's operands."""
+        made: list[T] = []
+        for node in self.nodes:
+            made.append(make(node, [made[i] for i in node.operands]))
+        return made
+
+    def uses(self, entry: tuple[int, int]) -> bool:
+        """Return whether an entry of an input is among the operands."""
+        return any(node.entry == entry for node in self.nodes)
+
+    def place(self, node: Node) -> str:
+        """Return the name of an entry of an input: "q[0]"; "t" of the time."""
+        name = self.names[node.entry[0]]
+        return name if name == "t" else f"{name}[{node.entry[1]}]"
+
+
+def applied(operation: int, x: Sequence[ca.SX]) -> Any:
+    """Return an operation of one expression or of two."""
+    make = ca.SX.unary if len(x) == 1 else ca.SX.binary
+    return make(operation, *x)
