@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -11,21 +11,15 @@ import numpy as np
 
 from actionopt.suite import FAMILIES, profile
 from actionopt.suite.dials import DIALS, Dial
+from actionopt.suite.page import figure, table
+from actionopt.suite.page import write as write_page
 from actionopt.suite.solvers import counted
 from actionopt.suite.verdict import UNSCORED, verdict
-from actionopt.tools.files import write as write_file
 
 Records = Sequence[Mapping[str, Any]]
 MANY = 50  # Hessians that make a problem hard
 FALLS = "f is unbounded below, and Ipopt does not stop before x is beyond 1e20"
-Table = Callable[[Sequence[str], Sequence[Sequence[str]]], str]
 PAGE = """\
-<!doctype html>
-<html lang="en">
-<meta charset="utf-8">
-<title>Solvers along the dials</title>
-<style>{style}</style>
-<h1>Solvers along the dials</h1>
 <p>One parameter of a family is turned from easy to hard; mesh and starting point stay. Counted are
 the gradients that a solver evaluates, which are about its iterations; filled where it is right as a
 minimiser (a local minimum no higher than the known optimum, or "unbounded" where f is), hollow
@@ -38,7 +32,6 @@ same verdict; to run out of time is none.</p>
 <h2>What is hard for Ipopt</h2>
 <p>With its defaults Ipopt takes more than {many} Hessians on {count} families, or fails.</p>
 {hard}
-</html>
 """
 
 
@@ -47,26 +40,20 @@ def on_a_dial(record: Mapping[str, Any]) -> bool:
     return any(dial.value(record) is not None for dial in DIALS.values())
 
 
-def write(records: Records, folder: Path, style: str, table: Table) -> Path:
-    """Write `dials.html` and its figures on the last records of each cell; return the page.
-
-    `style` is the page's, and `table(head, rows)` makes one in HTML.
-    """
+def write(records: Records, folder: Path) -> Path:
+    """Write `dials.html` and its figures on the last records of each cell; return the page."""
     rows = hard(records)
-    text = PAGE.format(
-        style=style,
-        dials="\n".join(_dial(dial, records, folder, table) for dial in DIALS.values()),
+    body = PAGE.format(
+        dials="\n".join(_dial(dial, records, folder) for dial in DIALS.values()),
         hard=table(["family", "Hessians", "verdict", "why"], rows),
         many=MANY,
         count=len(rows),
         **_disagreement(records),
     )
-    page = folder / "dials.html"
-    write_file(page, text)
-    return page
+    return write_page(folder / "dials.html", "Solvers along the dials", body)
 
 
-def _dial(dial: Dial, records: Records, folder: Path, table: Table) -> str:
+def _dial(dial: Dial, records: Records, folder: Path) -> str:
     mine = [r for r in records if dial.value(r) is not None and r["outcome"] not in UNSCORED]
     if not mine:
         return ""
@@ -97,12 +84,10 @@ def _dial(dial: Dial, records: Records, folder: Path, table: Table) -> str:
 def _figure(curves: Mapping[str, Any], folder: Path, dial: Dial) -> str:
     from actionopt.plot import profiles as draw  # matplotlib only where something is drawn
 
-    name = f"dial_{dial.name.replace(' ', '_')}.svg"
     ax = draw.dial(curves, xlabel=dial.parameter)
     if dial.values[0] > 0 and dial.values[-1] > 50 * dial.values[0]:
         ax.set_xscale("log")
-    draw.save(ax, folder / name)
-    return f'<p><img src="{name}" alt="{escape(dial.name)}"></p>'
+    return figure(ax, folder, f"dial_{dial.name.replace(' ', '_')}", dial.name)
 
 
 def _cell(record: Mapping[str, Any]) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path, PurePath
 from statistics import median
@@ -11,28 +11,13 @@ from typing import Any
 from actionopt.suite import FAMILIES, dial_report, profile
 from actionopt.suite.dial_report import on_a_dial
 from actionopt.suite.dials import DIALS
+from actionopt.suite.page import figure, table
+from actionopt.suite.page import write as write_page
 from actionopt.suite.runner import Limits, tally
 from actionopt.suite.solvers import CHANGED, counted
 from actionopt.suite.verdict import ACCURACIES, MODES, UNSCORED, meaning, verdict
-from actionopt.tools.files import write as write_file
 
-STYLE = """
-body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto }
-div { overflow-x: auto }
-table { border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums }
-pre { overflow-x: auto }
-th, td { padding: 0.2rem 0.7rem; border-bottom: 1px solid #ddd; text-align: right }
-th:first-child, td:first-child { text-align: left }
-img { max-width: 100% }
-.right { color: #007a5a } .wrong { color: #b84a00; font-weight: bold }
-"""
 PAGE = """\
-<!doctype html>
-<html lang="en">
-<meta charset="utf-8">
-<title>Solvers on stationary-action problems</title>
-<style>{style}</style>
-<h1>Solvers on stationary-action problems</h1>
 <p>{cells} runs: {solvers} solvers on {problems} problems, {dates}, {machines}; {packages}. Every
 solver has its own default options{changed}. Two questions are put to each answer: whether it is
 what a <em>minimiser</em> should say, and whether it is the <em>stationary</em> point that is known,
@@ -56,7 +41,6 @@ SciPy's solvers are called from Python, and take longer.</p>
 {matrices}
 {unknown}{mistakes}{dials}<p>Made by</p>
 <pre>{commands}</pre>
-</html>
 """
 
 SECTION = """\
@@ -109,9 +93,7 @@ def write(records: Records, directory: str | Path) -> Path:
         )
         for tau, table in tables.items()
     ]
-    page = folder / "index.html"
-    text = PAGE.format(
-        style=STYLE,
+    body = PAGE.format(
         dials=_dials(every, folder),
         cells=len(records),
         solvers=len({r["solver"] for r in records}),
@@ -135,14 +117,13 @@ def write(records: Records, directory: str | Path) -> Path:
         mistakes=_mistakes(records),
         commands=_commands(every),
     )
-    write_file(page, text)
-    return page
+    return write_page(folder / "index.html", "Solvers on stationary-action problems", body)
 
 
 def _dials(records: Records, folder: Path) -> str:
     if not any(map(on_a_dial, records)):
         return ""
-    page = dial_report.write(records, folder, STYLE, table)
+    page = dial_report.write(records, folder)
     link = f'<a href="{page.name}">along the dials</a>'
     return f"<p>Families from easy to hard, and where solvers differ: {link}.</p>"
 
@@ -185,8 +166,7 @@ def _section(mode: str, records: Records, ran: Records, folder: Path) -> str:
 def _figure(steps: Mapping, folder: Path, name: str, title: str, least: float = 0.01) -> str:
     from actionopt.plot import profiles as draw  # matplotlib only where something is drawn
 
-    draw.save(draw.profiles(steps, xlabel=title, least=least), folder / f"{name}.svg")
-    return f'<p><img src="{name}.svg" alt="{escape(title)}"></p>'
+    return figure(draw.profiles(steps, xlabel=title, least=least), folder, name, title)
 
 
 def _short(solver: str) -> str:
@@ -345,16 +325,3 @@ def _mistakes(records: Records) -> str:
         return ""
     texts = (f"<p>{escape(name)}</p><pre>{escape(trace)}</pre>" for name, trace in found.items())
     return f"<h2>Mistakes in solvers' files</h2>{''.join(texts)}"
-
-
-def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return a table in HTML."""
-    lines = ["<div><table>", f"<tr>{''.join(f'<th>{escape(cell)}</th>' for cell in head)}</tr>"]
-    for row in rows:
-        lines.append(f"<tr>{''.join(map(_cell, row))}</tr>")
-    return "\n".join([*lines, "</table></div>"])
-
-
-def _cell(text: str) -> str:
-    kind = f' class="{text}"' if text in ("right", "wrong") else ""
-    return f"<td{kind}>{escape(text)}</td>"
