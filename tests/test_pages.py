@@ -20,7 +20,7 @@ def test_links_lead_to_files_that_are_there(page):
     text = re.sub(r"```.*?```|`[^`]*`", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
     for link in re.findall(r'\]\(([^)\s]+)\)|(?:src|href)="([^"]+)"', text):
         target = "".join(link).partition("#")[0]
-        if target and not target.startswith(("http:", "https:", "mailto:")):
+        if target and not target.startswith(("http:", "https:", "mailto:", "data:")):
             assert (page.parent / target).exists(), target
 
 
