@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import systems
 from helpers import integrated
 from scipy.optimize import brentq
 
@@ -18,7 +19,7 @@ FILM = ao.System(lambda q, v, t: q[0] * np.sqrt(1 + v[0] ** 2), ["y"])
 BRATU = ao.System(
     lambda q, v, t, *, lam: v[0] ** 2 / 2 - lam * np.exp(q[0]), ["u"], parameters={"lam": 1.0}
 )
-PENDULUM = ao.System(lambda q, v, t: v[0] ** 2 / 2 + 9.81 * np.cos(q[0]), ["theta"])
+PENDULUM = systems.pendulum(g=9.81)
 
 
 def kepler(dimensions, mu=1.0):
@@ -220,7 +221,7 @@ def test_both_ways_in_space():
 
 
 def test_shots_that_turn_more_often_than_asked_aim_at_no_end():
-    free = ao.System(lambda q, v, t: (v[0] ** 2 + v[1] ** 2) / 2, ["angle", "x"])
+    free = systems.particle("angle x")
     problem = ao.Problem(free, ao.Event(0.0, [0.0, 0.0]), ao.Event(1.0, [1.0, 1.0]))
     run = Sweep(problem, 1e-8, (0,), 0, 1, None)
     run._aim(np.array([[0.9, 20.0], [1.1, 1.0]]))
@@ -286,10 +287,8 @@ def test_double_pendulum_against_ten_thousand_random_shots(seed):
 
 # -- ends that do not determine the path -----------------------------------------------------------
 
-OSCILLATOR = ao.System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
-SPHERE = ao.System(
-    lambda q, v, t: v @ v / 2, ["x", "y", "z"], constraint=lambda q, t: (q @ q - 1) / 2
-)
+OSCILLATOR = systems.oscillator()
+SPHERE = systems.particle("x y z", constraint=lambda q, t: (q @ q - 1) / 2)
 POLAR = ao.System(lambda q, v, t: (v[0] ** 2 + np.sin(q[0]) ** 2 * v[1] ** 2) / 2, ["theta", "phi"])
 
 
@@ -332,9 +331,7 @@ def test_what_is_singular_on_the_way_ends_no_search():
 
 
 def test_what_solve_refuses_is_refused():
-    twice = ao.System(
-        lambda q, v, t: v @ v / 2, ["x", "y"], constraint=lambda q, t: [q[0] - q[1], q[1] - q[0]]
-    )
+    twice = systems.particle("x y", constraint=lambda q, t: [q[0] - q[1], q[1] - q[0]])
     problem = ao.Problem(twice, ao.Event(0.0, [0.0, 0.0]), ao.Event(1.0, [1.0, 1.0]))
     with pytest.raises(ValueError, match="expected independent constraints"):
         solve_all(problem, starts=2)
@@ -384,9 +381,7 @@ def test_a_path_a_turn_farther_is_the_same_where_an_end_is_free():
 
 
 def test_the_summary_counts_what_was_left_out():
-    problem = ao.Problem(
-        ao.System(lambda q, v, t: v[0] ** 2 / 2, ["x"]), ao.Event(0.0, 0.0), ao.Event(1.0, 2.0)
-    )
+    problem = ao.Problem(systems.particle(), ao.Event(0.0, 0.0), ao.Event(1.0, 2.0))
     found = solve_all(problem)
     assert "left out" not in str(found)
     assert "left out: 3 that forward motion" in str(replace(found, rejected=3))
@@ -447,11 +442,7 @@ def test_a_comparison_that_cannot_tell_contradicts_nothing(monkeypatch):
 
 @pytest.mark.slow
 def test_forced_motion():
-    system = ao.System(
-        lambda q, v, t: v[0] ** 2 / 2 + 9.81 * np.cos(q[0]),
-        ["theta"],
-        force=lambda q, v, t: [-0.3 * v[0]],
-    )
+    system = systems.pendulum(g=9.81, force=lambda q, v, t: [-0.3 * v[0]])
     problem = ao.Problem(system, ao.Event(0.0, 0.5), ao.Event(1.0, -0.3))
     found = solve_all(problem, windings=1, starts=1, shots=8, continuations=1)
     assert sorted(set(found.windings)) == [(-1,), (0,), (1,)]
@@ -474,7 +465,7 @@ def test_bad_arguments():
 
 
 def test_between_two_shots_on_either_side_of_the_end_is_one_that_meets_it(monkeypatch):
-    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]), ["angle"])
+    system = systems.pendulum("angle")
     problem = ao.Problem(system, ao.Event(0.0, [0.2]), ao.Event(3.0, [0.5]))
     sweep, met = Sweep(problem, 1e-8, (), 0, 0, None), []
     monkeypatch.setattr(sweep, "_arrived", lambda classes, v0: met.extend(v0[0]))

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+import systems
 
 import actionopt as ao
 from actionopt.solver.arrivals import Units, misses
 
-SPRING = ao.System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2, ["x"])
+SPRING = systems.oscillator()
 
 
 def test_a_motion_of_the_energy_that_returns_is_found_where_paths_over_durations_rest():
@@ -63,7 +64,7 @@ def test_a_motion_meets_a_wall_that_moves():
 def test_a_path_misses_nothing_at_a_surface_that_moves_where_its_time_is_free(k):
     # p = mu on_q and H - E = -mu on_t, at either event.
     t, q, v, u = 0.7, np.array([0.3, -0.5]), np.array([0.8, 1.1]), 0.4
-    system = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
+    system = systems.particle("x y")
 
     def on(q, t):
         return v @ (q - np.array([0.3, -0.5])) - u * (t - 0.7)

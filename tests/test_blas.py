@@ -5,6 +5,7 @@ from threading import Barrier
 
 import numpy as np
 import pytest
+import systems
 
 import actionopt as ao
 from actionopt.analysis.modes import lowest
@@ -12,7 +13,7 @@ from actionopt.families import batch
 from actionopt.plot.data import variations
 from actionopt.tools.blas import cholesky, one_thread, thread_count
 
-OSCILLATOR = ao.System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
+OSCILLATOR = systems.oscillator()
 PROBLEM = ao.Problem(OSCILLATOR, ao.Event(0.0, [1.0]), ao.Event(1.0, [0.5]))
 
 

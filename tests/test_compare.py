@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
+import systems
 from motions import damped, ellipse, growing, kicked, oscillation, pendulum, turning_wire
 from scipy.optimize import brentq
 from scipy.special import ndtr
@@ -54,8 +55,8 @@ def between(system, exact, t0, t1, **options):
 
 
 OSCILLATOR = System(lambda q, v, t: v[0] ** 2 / 2 - 2 * q[0] ** 2, ["x"])
-FREE = System(lambda q, v, t: (v[0] ** 2 + v[1] ** 2) / 2, ["x", "y"])
-ORBIT = System(lambda q, v, t: (v[0] ** 2 + v[1] ** 2) / 2 + 1 / np.hypot(q[0], q[1]), ["x", "y"])
+FREE = systems.particle("x y")
+ORBIT = systems.kepler()
 DOUBLE = System(
     lambda q, v, t: (
         v[0] ** 2
@@ -130,7 +131,7 @@ def test_unstable_motion_agrees_piece_by_piece():
 
 def test_motion_whose_every_element_is_unstable():
     """The pendulum from its upper rest round to it: errors grow by e^20 in an element."""
-    system = System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]), ["angle"])
+    system = systems.pendulum("angle")
 
     def exact(t):
         return 4 * np.arctan(np.exp(t))[None, ...] - np.pi, 2 / np.cosh(t)[None, ...]
@@ -470,10 +471,8 @@ def test_a_constraint_that_turns_faster_at_once():
     def angle(t):
         return 0.3 * t + np.where(t > c, 1.5 * (t - c), 0.0)
 
-    system = System(
-        lambda q, v, t: (v @ v) / 2,
-        ["x", "y"],
-        constraint=lambda q, t: q[0] * np.sin(angle(t)) - q[1] * np.cos(angle(t)),
+    system = systems.particle(
+        "x y", constraint=lambda q, t: q[0] * np.sin(angle(t)) - q[1] * np.cos(angle(t))
     )
 
     def exact(t, kept=1.0):

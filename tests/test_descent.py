@@ -4,6 +4,7 @@ from itertools import count
 
 import numpy as np
 import pytest
+import systems
 from helpers import transcribed
 
 from actionopt import System
@@ -11,7 +12,7 @@ from actionopt.discrete.newton import follow
 from actionopt.solver.descent import RUNAWAY, descend
 
 SPRING = System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2 - q[0] ** 4 / 400, ["x"])
-PENDULUM = System(lambda q, v, t: v[0] ** 2 / 2 + 9.81 * np.cos(q[0]), ["theta"])
+PENDULUM = systems.pendulum(g=9.81)
 
 
 def test_a_start_that_is_the_minimum_already_is_found():
@@ -79,7 +80,7 @@ def test_a_mass_that_is_not_positive_has_no_lowest_action():
 
 
 def test_values_that_are_not_finite_end_it():
-    kepler = System(lambda q, v, t: v @ v / 2 + 1 / np.sqrt(q @ q), ["x", "y"])
+    kepler = systems.kepler()
     tr = transcribed(kepler, ([-1.0, 0.0], [1.0, 0.0]), 1.0)
     result = descend(tr, tr.pack(tr.straight()))  # through the centre
     assert not result.found and not result.runaway and result.iterations == 0

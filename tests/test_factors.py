@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import systems
 from helpers import same_bits
 
 from actionopt.discrete.blocks import Condensed
@@ -160,7 +161,7 @@ def test_inertia_is_that_of_the_dense_eigenvalues(kind, stored, duration):
 
 def test_inertia_of_many_signs():
     # Past k conjugate times of x'' = -x the Hessian has k negative eigenvalues.
-    oscillator = System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2, ["x"])
+    oscillator = systems.oscillator()
     for half_periods in (0.5, 3.5, 20.5):
         T = half_periods * np.pi
         problem = Problem(oscillator, Event(0, 0), Event(T, 1))
@@ -200,7 +201,7 @@ def test_a_factorization_outlives_the_next_one_of_its_layout(kind, stored):
 
 def test_blocks_that_are_singular_do_not_make_the_matrix_so():
     # x'' = -x on one element of half a period: its own ends are conjugate, the whole path's not.
-    oscillator = System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2, ["x"])
+    oscillator = systems.oscillator()
     mesh = Mesh(np.r_[0.0, np.pi, np.pi + np.linspace(0.2, 1.0, 5)], 24)
     problem = Problem(oscillator, Event(0, 1), Event(np.pi + 1, 0.3))
     tr = Transcription(problem, mesh, np.ones(1))

@@ -2,15 +2,14 @@
 
 import numpy as np
 import pytest
+import systems
 
 import actionopt as ao
 from actionopt import scenes
 
-SPHERE = ao.System(
-    lambda q, v, t: v @ v / 2, ["x", "y", "z"], constraint=lambda q, t: (q @ q - 1) / 2
-)
-SPACE = ao.System(lambda q, v, t: v @ v / 2 + 1 / np.sqrt(q @ q), ["x", "y", "z"])
-PLANE = ao.System(lambda q, v, t: (v @ v - q @ q) / 2, ["x", "y"])
+SPHERE = systems.particle("x y z", constraint=lambda q, t: (q @ q - 1) / 2)
+SPACE = systems.kepler("x y z")
+PLANE = systems.oscillator("x y")
 
 
 def antipodes(axis):
@@ -78,7 +77,7 @@ def test_a_guess_in_a_plane_of_symmetry_does_not_hide_it():
 
     solution = ao.solve(half_an_orbit(r), guess=guess, throw=False)
     assert solution.status is ao.Status.DEGENERATE
-    plane = ao.System(lambda q, v, t: v @ v / 2 + 1 / np.sqrt(q @ q), ["x", "y"])
+    plane = systems.kepler()
     problem = ao.Problem(plane, ao.Event(0.0, [1.0, 0.0]), ao.Event(half, [-r, 0.0]))
     assert ao.solve(problem, guess=lambda t: guess(t)[:2]).kind == "minimum"
 
@@ -136,9 +135,9 @@ def test_a_family_shows_to_a_loose_tolerance():
 
 
 TURN = np.linspace(0.0, 2 * np.pi, 33)
-ISOTROPIC = ao.System(lambda q, v, t: (v @ v - q @ q) / 2, ["x", "y"])
+ISOTROPIC = systems.oscillator("x y")
 TWO_TO_ONE = ao.System(lambda q, v, t: (v @ v - q[0] ** 2 - 4 * q[1] ** 2) / 2, ["x", "y"])
-KEPLER = ao.System(lambda q, v, t: v @ v / 2 + 1 / np.sqrt(q @ q), ["x", "y"])
+KEPLER = systems.kepler()
 ISOCHRONOUS = ao.System(lambda q, v, t: (v @ v - q @ q - 0.2 / q[0] ** 2) / 2, ["x", "y"])
 # Waypoints on a member, for a shape c and an angle; energy; index and nullity, which a count in
 # Fourier coefficients and the duration gives as well; and the dimension but for the phase.

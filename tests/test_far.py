@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import systems
 
 import actionopt as ao
 from actionopt.solver import refine
@@ -53,7 +54,7 @@ def test_the_resolution_of_time_is_said_where_it_forbids_the_tolerance():
 @pytest.mark.slow
 def test_meshes_are_bounded(monkeypatch):
     monkeypatch.setattr(refine, "MAX_UNKNOWNS", 60)
-    pendulum = ao.System(lambda q, v, t: v[0] ** 2 / 2 + 9.81 * np.cos(q[0]), ["x"])
+    pendulum = systems.pendulum("x", g=9.81)
     problem = ao.Problem(pendulum, ao.Event(0.0, [0.3]), ao.Event(20.0, [-0.2]))
     with pytest.raises(ao.SolveError, match="more than 60 unknowns"):
         ao.solve(problem, tol=1e-12)
@@ -63,7 +64,7 @@ def test_meshes_are_bounded(monkeypatch):
 def test_events_that_can_be_told_apart_can_be_joined(t0, T):
     """T is None: t1 is the float next to t0. The motion is that from zero, for a steady L."""
     t1 = np.nextafter(t0, np.inf) if T is None else t0 + T
-    system = ao.System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
+    system = systems.oscillator()
     there = ao.solve(ao.Problem(system, ao.Event(t0, [0.3]), ao.Event(t1, [0.5])))
     here = ao.solve(ao.Problem(system, ao.Event(0.0, [0.3]), ao.Event(t1 - t0, [0.5])))
     assert there.action == pytest.approx(here.action, rel=1e-12)
@@ -110,7 +111,7 @@ def test_an_angle_of_many_turns(turns):
 
 
 def test_the_origin_of_a_plain_problem_is_zero():
-    system = ao.System(lambda q, v, t: v @ v / 2 - q @ q / 2, ["x", "y"])
+    system = systems.oscillator("x y")
     problem = ao.Problem(system, ao.Event(0.0, [1.0, 0.0]), ao.Event(1.0, [0.5, -2.0]))
     assert problem.origin is None
     assert problem.lengths is problem.scales
@@ -120,9 +121,7 @@ def test_the_origin_of_a_plain_problem_is_zero():
 
 def test_a_coordinate_that_is_small_at_the_events_alone():
     """Nearly opposite points of a sphere: x is 1e-3 at the end, and 1 on the way."""
-    sphere = ao.System(
-        lambda q, v, t: v @ v / 2, ["x", "y", "z"], constraint=lambda q, t: (q @ q - 1) / 2
-    )
+    sphere = systems.particle("x y z", constraint=lambda q, t: (q @ q - 1) / 2)
     angle = np.pi - 1e-3
     end = ao.Event(1.0, [np.sin(angle), 0.0, np.cos(angle)])
     solution = ao.solve(ao.Problem(sphere, ao.Event(0.0, [0.0, 0.0, 1.0]), end))

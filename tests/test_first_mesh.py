@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import systems
 
 import actionopt as ao
 from actionopt.discrete.mesh import Mesh
@@ -101,9 +102,7 @@ def test_equations_with_constant_rates_are_solved_on_the_first_mesh(square, tol)
 
 @pytest.mark.parametrize("friction", [1.0, 30.0, 1e4])
 def test_friction_leaves_a_layer(friction):
-    system = ao.System(
-        lambda q, v, t: v[0] ** 2 / 2, ["x"], force=lambda q, v, t: [-friction * v[0]]
-    )
+    system = systems.particle(force=lambda q, v, t: [-friction * v[0]])
     solution = ao.solve(ao.Problem(system, ao.Event(0.0, [0.0]), ao.Event(1.0, [1.0])), tol=1e-9)
     t = np.linspace(0.0, min(1.0, 30 / friction), 301)
     exact = np.expm1(-friction * t) / np.expm1(-friction)

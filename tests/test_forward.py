@@ -8,6 +8,7 @@ import threading
 
 import numpy as np
 import pytest
+import systems
 from motions import damped, ellipse, growing, kicked, pendulum, turning_wire
 
 from actionopt import Mesh, State, System
@@ -229,7 +230,7 @@ def test_an_angle_beside_a_length_keeps_its_own_size():
 
 def test_long_motion_is_measured_in_its_own_size():
     """From rest for a hundred periods, where a T^2 says nothing of the amplitude."""
-    system = System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2, ["x"])
+    system = systems.oscillator()
     path = integrate(system, State(0.0, [1.0], [0.0]), 628.0)
     assert deviation(path, lambda t: (np.cos(t)[None], -np.sin(t)[None])) < LONG
 
@@ -255,7 +256,7 @@ def test_a_second_integration_derives_nothing(monkeypatch):
 
 
 def test_a_given_mesh_is_kept_where_it_resolves_the_motion():
-    system = System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2, ["x"])
+    system = systems.oscillator()
     given = Mesh([0.0, 0.2, 0.5, 5.0, 6.0], [4, 12, 12, 20])
     path = integrate(system, State(0.0, [1.0], [0.0]), 6.0, mesh=given)
     assert set(given.boundaries) < set(path.mesh.boundaries.tolist())
@@ -399,7 +400,7 @@ def test_a_jump_beyond_which_there_is_no_velocity():
 @pytest.mark.parametrize("t0", [1e6, 1e9])
 def test_times_far_from_zero(t0):
     """Without time in the Lagrangian nothing is lost, and the times asked for are those meant."""
-    system = System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
+    system = systems.oscillator()
     path = integrate(system, State(t0, [1.0], [0.5]), t0 + 10.0)
     t = np.linspace(t0, t0 + 10.0, 301)
     s = t - t0
@@ -547,7 +548,7 @@ def test_other_threads_keep_standard_error(capfd):
     ids=["a coordinate is zero", "the surface moves"],
 )
 def test_a_state_off_the_surface_by_rounding_is_on_it(constraint, q, v):
-    system = System(lambda q, v, t: v @ v / 2, ["x", "y"], constraint=constraint)
+    system = systems.particle("x y", constraint=constraint)
     path = integrate(system, State(0.0, q, v), 1.5)
     t = np.linspace(0.0, 1.5, 31)
     assert np.max(np.abs(path(t) - (np.array(q)[:, None] + np.outer(v, t)))) < ACCURATE

@@ -4,6 +4,7 @@ import pickle
 
 import numpy as np
 import pytest
+import systems
 
 import actionopt as ao
 from actionopt.solver.nearer import _led
@@ -176,7 +177,7 @@ def test_what_is_no_length(length, said):
 
 def test_only_geodesics_have_a_length_that_is_positive():
     ends = ao.Event(0, [0, 0]), ao.Event(1, [1, 1])
-    plane = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
+    plane = systems.particle("x y")
     with pytest.raises(ValueError, match=r"expected a path of System\.geodesic"):
         ao.solve(ao.Problem(plane, *ends)).length  # noqa: B018
     back = ao.System.geodesic(lambda q, v: 0.5 * np.sqrt(v @ v) - v[0], ["x", "y"])

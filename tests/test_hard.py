@@ -6,6 +6,7 @@ anew in extended precision and agree with what is printed.
 
 import numpy as np
 import pytest
+import systems
 from helpers import applies, motion, relative_error
 from scipy.integrate import solve_ivp
 from scipy.special import airy
@@ -218,7 +219,7 @@ def test_a_narrow_kink_is_said_not_to_be():
 
 
 def oscillator(T, end):
-    system = System(lambda q, v, t: v @ v / 2 - q @ q / 2, ["x"], name="oscillator")
+    system = systems.oscillator(name="oscillator")
     return Problem(system, Event(0.0, [1.0]), Event(T, [end]))
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import systems
 from helpers import applies, integrated, transcribed
 from scipy.integrate import solve_bvp
 
@@ -13,7 +14,7 @@ from actionopt.solver.homotopy import newton_homotopy
 from actionopt.solver.ipopt import find
 from actionopt.solver.resonances import Resonances
 
-PENDULUM = System(lambda q, v, t: v[0] ** 2 / 2 + 9.81 * np.cos(q[0]), ["theta"])
+PENDULUM = systems.pendulum(g=9.81)
 
 
 def is_motion(tr, z, flow, tolerance):
@@ -82,11 +83,7 @@ def test_each_of_two_solutions_is_reached():
 
 
 def test_with_a_constraint_on_the_way():
-    rod = System(
-        lambda q, v, t: (v[0] ** 2 + v[1] ** 2) / 2 - 9.81 * q[1],
-        ["x", "y"],
-        constraint=lambda q, t: q[0] ** 2 + q[1] ** 2 - 1,
-    )
+    rod = systems.thrown(constraint=lambda q, t: q[0] ** 2 + q[1] ** 2 - 1)
     a, b, T = 0.5, -0.7, 0.6
     tr = transcribed(rod, [[np.sin(x), -np.cos(x)] for x in (a, b)], T, 8)
     angle = np.linspace(a, b, tr.layout.node_count)

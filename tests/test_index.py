@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+import systems
 from helpers import a_quarter, integrated, motion
 from motions import ellipse
 from scipy.optimize import brentq
@@ -210,7 +211,7 @@ def test_total_derivatives_along_a_constraint(T, index):
         drive = 10 * q[0] * v[0] * np.cos(30 * t) - 150 * q[0] ** 2 * np.sin(30 * t)
         return (v[0] ** 2 + v[1] ** 2) / 2 - 9.81 * q[1] + turn + drive
 
-    angle = ao.System(lambda q, v, t: v[0] ** 2 / 2 + 9.81 * np.cos(q[0]), ["theta"])
+    angle = systems.pendulum(g=9.81)
     swing = motion(angle, [-np.pi / 2], [0.0], 0.0, float(T))
 
     def on_the_rod(t):
@@ -275,7 +276,7 @@ def test_a_straight_path_through_a_valley(width, index):
 
 @pytest.mark.parametrize("degree", [4, 5])  # with and without a node in the centre
 def test_a_path_through_a_singularity(degree):
-    system = ao.System(lambda q, v, t: (v @ v) / 2 + 1 / np.sqrt(q @ q), ["x", "y"])
+    system = systems.kepler()
     problem = ao.Problem(system, ao.Event(-1.0, [-1.0, 0.0]), ao.Event(1.0, [1.0, 0.0]))
     near = 2.0 ** np.arange(-46.0, 1.0)
     mesh = ao.Mesh(np.r_[-near[::-1], near], degree)
@@ -384,7 +385,7 @@ def test_plain_solve_counts_nothing(monkeypatch):
 
 
 def test_forced_systems_have_no_index():
-    system = ao.System(lambda q, v, t: v[0] ** 2 / 2, ["x"], force=lambda q, v, t: [-v[0]])
+    system = systems.particle(force=lambda q, v, t: [-v[0]])
     solution = ao.solve(ao.Problem(system, ao.Event(0.0, 0.0), ao.Event(1.0, 1.0)))
     with pytest.raises(ValueError, match="non-conservative"):
         _ = solution.morse_index
@@ -426,7 +427,7 @@ def test_bad_arguments():
 @pytest.mark.parametrize("size", [1.0, 1e-3, 1e-6, 1e-9])
 def test_the_index_does_not_depend_on_how_far_a_coordinate_goes(size):
     """Two equal oscillators past their first conjugate time: both count."""
-    system = ao.System(lambda q, v, t: (v @ v - q @ q) / 2, ["x", "y"])
+    system = systems.oscillator("x y")
     problem = ao.Problem(system, ao.Event(0.0, [0.0, 0.0]), ao.Event(4.0, [1.0, size]))
     assert ao.solve(problem, tol=1e-9).morse_index == 2
 
@@ -443,7 +444,7 @@ def test_the_index_does_not_depend_on_how_far_a_coordinate_goes(size):
     ],
 )
 def test_choices_that_make_no_sense_are_one_sentence(choices):
-    system = ao.System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
+    system = systems.oscillator()
     solution = ao.solve(ao.Problem(system, ao.Event(0, [1.0]), ao.Event(1, [0.5])))
     with pytest.raises(ValueError, match=r"expected a whole count|numbers for the units"):
         second_variation(solution, **choices)
@@ -513,7 +514,7 @@ def test_nullity_of_families_of_paths(tol, tilt):
         T, orbit = half_an_ellipse(far, tilt)
         ends = ao.Event(0.0, [1, 0, 0]), ao.Event(T, [-far, 0, 0])
         cases.append((ao.Problem(KEPLER, *ends), orbit, 1))
-    plane = ao.System(lambda q, v, t: (v @ v - q @ q) / 2, ["x", "y"])
+    plane = systems.oscillator("x y")
     ends = ao.Event(0.0, [1.0, tilt]), ao.Event(np.pi, [-1.0, -tilt])
     cases.append((ao.Problem(plane, *ends), None, 2))
     for problem, guess, nullity in cases:
@@ -622,10 +623,8 @@ def test_multipliers_that_vanish_by_symmetry_are_measured_beside_the_others(N):
 @pytest.mark.parametrize("unit", [1e-6, 1.0, 1e5])
 def test_multipliers_are_measured_alike_in_any_unit_of_their_rows(unit):
     def pendulum(unit):
-        system = ao.System(
-            lambda q, v, t: v @ v / 2 - 9.81 * q[1],
-            ["x", "y", "z"],
-            constraint=lambda q, t: [q[0] ** 2 + q[1] ** 2 - 1, unit * (q[2] - q[0])],
+        system = systems.thrown(
+            "x y z", constraint=lambda q, t: [q[0] ** 2 + q[1] ** 2 - 1, unit * (q[2] - q[0])]
         )
         ends = [[np.sin(a), -np.cos(a), np.sin(a)] for a in (0.3, -0.2)]
         problem = ao.Problem(system, ao.Event(0.0, ends[0]), ao.Event(1.0, ends[1]))

@@ -5,6 +5,7 @@ import pickle
 
 import numpy as np
 import pytest
+import systems
 
 import actionopt as ao
 from actionopt.families.centres import guesses
@@ -243,7 +244,7 @@ def test_equilibria_of_two_energies_are_not_joined():
     problem = ao.Problem(tilted, ao.Event(-INF, [-1.0]), ao.Event(INF, [1.0]))
     with pytest.raises(ValueError, match=r"two equilibria of one energy.* found -0.2 and 0.2"):
         ao.solve(problem)
-    bound = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"], constraint=lambda q, t: q @ q - 1)
+    bound = systems.particle("x y", constraint=lambda q, t: q @ q - 1)
     with pytest.raises(ValueError, match="without constraints or forces"):
         ao.solve(ao.Problem(bound, ao.Event(-INF, [1, 0]), ao.Event(0, [0, 1])))
 

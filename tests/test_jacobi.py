@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import systems
 
 import actionopt as ao
 from actionopt import Event, Mesh, Problem, System
@@ -69,7 +70,7 @@ def test_a_path_is_resolved_whatever_its_sign(side, element):
 
 
 def conjugate_ends(start, end):
-    system = System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
+    system = systems.oscillator()
     problem = Problem(system, Event(0.0, [start]), Event(np.pi, [end]))
     return Transcription(problem, Mesh.uniform(0.0, np.pi, 6, 14), np.ones(1))
 

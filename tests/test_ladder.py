@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import systems
 from helpers import applies, integrated, solved
 from scipy.integrate import quad
 from scipy.optimize import brentq
@@ -260,9 +261,7 @@ def test_few_motions_that_meet_are_refined_where_none_can_be(monkeypatch):
 
 
 def test_where_no_way_applies_the_verdict_is_said_of_the_straight_line():
-    friction = System(
-        lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]), ["x"], force=lambda q, v, t: -0.02 * v
-    )
+    friction = systems.pendulum("x", force=lambda q, v, t: -0.02 * v)
     found = solve_near(Problem(friction, Event(0.0, 0.0), Event(15.0, 0.2128)), None, 1e-8)
     assert found.status is ao.Status.NOT_FOUND and found.error == np.inf
     t = np.linspace(0, 15, 7)

@@ -2,14 +2,15 @@
 
 import numpy as np
 import pytest
+import systems
 from helpers import same_bits
 
 from actionopt import Event, Problem, System
 from actionopt.analysis.shooting import about, integrate
 from actionopt.solver.meeting import MOST_PAIRS, joined, meetings, nearest
 
-OSCILLATOR = System(lambda q, v, t: (v @ v - q @ q) / 2, ["x", "y"])
-PENDULUM = System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]), ["angle"])
+OSCILLATOR = systems.oscillator("x y")
+PENDULUM = systems.pendulum("angle")
 
 
 def test_integrating_back_in_time_undoes_integrating_forth():

@@ -6,6 +6,7 @@ from itertools import pairwise
 import helpers
 import numpy as np
 import pytest
+import systems
 from matplotlib import pyplot
 from PIL import Image
 
@@ -62,7 +63,7 @@ def test_plain_data_are_rounded_json():
 
 
 def test_a_drawing_of_ones_own():
-    system = ao.System(lambda q, v, t: (v[0] ** 2 + v[1] ** 2) / 2, ["a", "b"])
+    system = systems.particle("a b")
     solution = ao.solve(ao.Problem(system, ao.Event(0.0, [0, 0]), ao.Event(2.0, [1, 2])))
     data = plot.motion_data(solution, lambda q, t: [scenes.body((q[0], t))], 3)
     assert np.allclose(data.bodies[0], [[0, 0.5, 1], [0, 1, 2]])

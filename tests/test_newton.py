@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import systems
 from helpers import motion, transcribed
 
 from actionopt.discrete.factors import Factors
@@ -17,7 +18,7 @@ from actionopt.solver.solve import solve
 ROUNDING = 1e-12  # of a path of order one after a solve with a condition of some thousands
 
 
-PENDULUM = System(lambda q, v, t: v[0] ** 2 / 2 + 9.81 * np.cos(q[0]), ["theta"])
+PENDULUM = systems.pendulum(g=9.81)
 
 
 def swing(T=0.8, rate=2.0):
@@ -30,7 +31,7 @@ def swing(T=0.8, rate=2.0):
 LINEAR = {
     "oscillator": (System(lambda q, v, t: v[0] ** 2 / 2 - 2 * q[0] ** 2, ["x"]), ([1], [2])),
     "drag": (
-        System(lambda q, v, t: v[0] ** 2 / 2, ["x"], force=lambda q, v, t: [-3 * v[0] - q[0]]),
+        systems.particle(force=lambda q, v, t: [-3 * v[0] - q[0]]),
         ([1], [2]),
     ),
     "slope": (
@@ -108,9 +109,7 @@ def test_a_singular_matrix_is_no_path():
 
 def test_values_that_are_not_finite_are_no_path():
     # Straight through the centre of attraction.
-    system = System(
-        lambda q, v, t: (v[0] ** 2 + v[1] ** 2) / 2 + 1 / np.hypot(q[0], q[1]), ["x", "y"]
-    )
+    system = systems.kepler()
     tr = transcribed(system, ([-1, 0], [1, 0]), 1.0, 2, 4)
     assert not follow(tr, tr.pack(tr.straight())).converged
 
@@ -118,7 +117,7 @@ def test_values_that_are_not_finite_are_no_path():
 def test_the_noise_tells_the_accuracy_of_a_badly_conditioned_path():
     # The end is nearly conjugate: the end point determines the path to 1 / (w T - pi) only.
     gap = 1e-7
-    system = System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2, ["x"])
+    system = systems.oscillator()
     T = np.pi + gap
     tr = transcribed(system, ([1.0], [-1.0]), T, 6, 12)
     t = tr.mesh.nodes
@@ -151,7 +150,7 @@ def test_a_path_of_zeros_is_as_uncertain_as_one_beside_it(gap, m, elements):
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_any_path_of_a_family_is_one_that_hardly_is_determined(side, size):
     """Between conjugate ends: cos t + B sin t for every B. The matrix is singular to rounding."""
-    system = System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
+    system = systems.oscillator()
     tr = transcribed(system, ([side], [-side]), np.pi, 6, 14)
     t = tr.mesh.nodes[:, None]
     member = side * (np.cos(t) + size * np.sin(t))

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import systems
 from helpers import a_quarter
 
 import actionopt as ao
@@ -144,11 +145,8 @@ def test_a_catenary_above_a_floor():
 @pytest.mark.parametrize("h", [1.0, 0.4])
 def test_a_moving_wall(h):
     """Straight world lines touch the wall x = h (1 - 8 (t - 1/2)^2) where they are tangents."""
-    wall = ao.System(
-        lambda q, v, t: v[0] ** 2 / 2,
-        ["x"],
-        obstacle=lambda q, t, *, h: q[0] - h * (1 - 8 * (t - 0.5) ** 2),
-        parameters={"h": h},
+    wall = systems.particle(
+        obstacle=lambda q, t, *, h: q[0] - h * (1 - 8 * (t - 0.5) ** 2), parameters={"h": h}
     )
     sol = ao.solve(ao.Problem(wall, ao.Event(0, [0.0]), ao.Event(1, [0.0])))
     begin = 1 / np.sqrt(8)
@@ -379,12 +377,7 @@ def test_bad_questions():
     with pytest.raises(ValueError, match="expected no mesh"):
         ao.solve(problem, mesh=ao.Mesh.uniform(0, 4, 8, 4))
     with pytest.raises(ValueError, match="found both"):
-        ao.System(
-            lambda q, v, t: v @ v / 2,
-            ["x"],
-            force=lambda q, v, t: [-v[0]],
-            obstacle=lambda q, t: q[0],
-        )
+        systems.particle(force=lambda q, v, t: [-v[0]], obstacle=lambda q, t: q[0])
     with pytest.raises(ValueError, match="row 1 contains none"):
         ao.Problem(body(disc(), lambda q: 1.0), ao.Event(0, [2, 2]), ao.Event(1, [2, 3]))
     with pytest.raises(ValueError, match="Periodic"):
@@ -392,7 +385,7 @@ def test_bad_questions():
     for t in (None, np.inf):
         with pytest.raises(ValueError, match="times of a path along"):
             ao.Problem(string(), ao.Event(0, [1.0]), ao.Event(t, [0.5]))
-    plain = ao.System(lambda q, v, t: v @ v / 2, ["x"])
+    plain = systems.particle()
     with pytest.raises(ValueError, match="expected a system with an obstacle"):
         ao.solve(ao.Problem(plain, ao.Event(0, [0]), ao.Event(1, [1]))).contact_force(0.5)
 
@@ -432,9 +425,7 @@ def test_shortest_way_in_a_length():
 
 
 def test_a_wall_with_a_kink_gives_an_impulse():
-    wall = ao.System(
-        lambda q, v, t: v[0] ** 2 / 2, ["x"], obstacle=lambda q, t: q[0] - 2 + 4 * abs(t - 0.4)
-    )
+    wall = systems.particle(obstacle=lambda q, t: q[0] - 2 + 4 * abs(t - 0.4))
     sol = ao.solve(ao.Problem(wall, ao.Event(0, [1.0]), ao.Event(1, [1.0])))
     assert [(arc.begin, arc.end) for arc in sol.contacts] == [pytest.approx((0.4, 0.4))]
     assert sol.velocity([0.2, 0.7])[0] == pytest.approx([1 / 0.4, -1 / 0.6])
@@ -442,7 +433,7 @@ def test_a_wall_with_a_kink_gives_an_impulse():
 
 def test_a_path_along_a_wall_that_does_not_press():
     """Straight along the wall: f = 0 all the way, and no force (complementarity is not strict)."""
-    wall = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"], obstacle=lambda q, t: q[1])
+    wall = systems.particle("x y", obstacle=lambda q, t: q[1])
     sol = ao.solve(ao.Problem(wall, ao.Event(0, [0, 0]), ao.Event(1, [1, 0])))
     t = np.linspace(0, 1, 50)
     assert np.abs(sol(t)[1]).max() < 1e-8
@@ -500,11 +491,7 @@ def test_a_path_that_was_found_in_time_is_kept(monkeypatch):
 
 
 def test_why_there_is_no_path():
-    walls = ao.System(
-        lambda q, v, t: v[0] ** 2 / 2,
-        ["x"],
-        obstacle=lambda q, t: [q[0] - 3 * np.sin(np.pi * t), 2 - q[0]],
-    )
+    walls = systems.particle(obstacle=lambda q, t: [q[0] - 3 * np.sin(np.pi * t), 2 - q[0]])
     with pytest.raises(ao.SolveError, match="may contradict each other"):
         ao.solve(ao.Problem(walls, ao.Event(0, [1.0]), ao.Event(1, [1.0])))
     twice = body(disc(), lambda q: 2 * disc()(q))
@@ -567,7 +554,7 @@ def test_a_string_over_random_hills_is_the_least_concave_majorant(seed):
         return sum(size[i] * np.sin(3 * (i + 2) * t + phase[i]) for i in range(3))
 
     ends = [(t, hills(t) + rng.uniform(0.01, 0.5)) for t in (0.0, 1.0)]
-    string = ao.System(lambda q, v, t: v[0] ** 2 / 2, ["y"], obstacle=lambda q, t: q[0] - hills(t))
+    string = systems.particle("y", obstacle=lambda q, t: q[0] - hills(t))
     sol = ao.solve(ao.Problem(string, *(ao.Event(t, [y]) for t, y in ends)))
     t = np.linspace(0, 1, 20001)
     y = hills(t)

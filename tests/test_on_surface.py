@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+import systems
 from scipy.optimize import brentq
 
 import actionopt as ao
@@ -24,7 +25,7 @@ INSIDE = [0.3, 0.1]  # the evolute: four normals
 
 
 def plane():
-    return ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
+    return systems.particle("x y")
 
 
 def ellipse(q, t, *, a, b):
@@ -187,9 +188,7 @@ def test_a_throw_to_a_slope():
 
 def test_from_a_point_of_the_sphere_to_a_parallel():
     """Meridians meet it at right angles, and each other at the poles."""
-    sphere = ao.System(
-        lambda q, v, t: v @ v / 2, ["x", "y", "z"], constraint=lambda q, t: (q @ q - 1) / 2
-    )
+    sphere = systems.particle("x y z", constraint=lambda q, t: (q @ q - 1) / 2)
     low, high = 0.3, 1.1  # latitudes
     start = ao.Event(0.0, [np.cos(low), 0.0, np.sin(low)])
     end = ao.Event(1.0, None, on=lambda q, t: q[2] - np.sin(high))
@@ -203,7 +202,7 @@ def test_from_a_point_of_the_sphere_to_a_parallel():
 
 
 def test_with_forces_the_momentum_is_normal():
-    system = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"], force=lambda q, v, t: [-v[0], -v[1]])
+    system = systems.particle("x y", force=lambda q, v, t: [-v[0], -v[1]])
     end = ao.Event(1.0, None, on=lambda q, t: q[0] + q[1] - 2)
     found = ao.solve(ao.Problem(system, ao.Event(0.0, [0.0, 0.0]), end))
     assert found.start.v == pytest.approx(np.ones(2) / (1 - np.exp(-1.0)), rel=1e-8)
@@ -272,7 +271,7 @@ def test_a_surface_without_points_is_said_and_nothing_of_free_times():
 
 
 def test_a_path_that_ran_away_is_no_fault_of_the_events():
-    circle = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"], constraint=lambda q, t: q @ q - 1)
+    circle = systems.particle("x y", constraint=lambda q, t: q @ q - 1)
     end = ao.Event(None, None, on=lambda q, t: q[0] - q[1])
     run = Unfixed(ao.Problem(circle, ao.Event(0.0, [1.0, 0.0]), end, energy=0.5), tol=1e-8)
     far = Path(Mesh.uniform(0.0, 1.0, 2, 4), np.full((2, 9), 1e24))
@@ -306,14 +305,14 @@ def test_a_path_through_a_pole_is_not_resolved():
 
 
 def test_more_that_is_refused():
-    wall = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"], obstacle=lambda q, t: q[1] + 1)
+    wall = systems.particle("x y", obstacle=lambda q, t: q[1] + 1)
     start, end = ao.Event(0.0, [0.0, 0.0]), ao.Event(1.0, None, on=lambda q, t: q[0] - 1)
     with pytest.raises(ValueError, match="obstacle"):
         ao.Problem(wall, start, end)
     moving = lambda q, t: q[0] - t  # noqa: E731
     with pytest.raises(ValueError, match="one time that is given"):
         ao.Problem(plane(), ao.Event(None, [0.0, 0.0]), ao.Event(None, None, on=moving), energy=1.0)
-    other = ao.System(lambda q, v, t: v @ v / 2, ["x", "y", "z"])
+    other = systems.particle("x y z")
     known = ao.Problem(plane(), start, end).end
     with pytest.raises(ValueError):
         ao.Problem(other, ao.Event(0.0, [0.0, 0.0, 0.0]), known)
@@ -409,9 +408,7 @@ def test_the_quickest_descent_meets_the_wall_squarely(lean):
 
 
 def test_from_the_pole_to_a_parallel_is_a_family():
-    sphere = ao.System(
-        lambda q, v, t: v @ v / 2, ["x", "y", "z"], constraint=lambda q, t: (q @ q - 1) / 2
-    )
+    sphere = systems.particle("x y z", constraint=lambda q, t: (q @ q - 1) / 2)
     end = ao.Event(1.0, None, on=lambda q, t: q[2] - 0.5)
     found = ao.solve(ao.Problem(sphere, ao.Event(0.0, [0.0, 0.0, 1.0]), end), throw=False)
     assert found.status is ao.Status.DEGENERATE

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import systems
 from helpers import integrated
 from scipy.optimize import fsolve
 from scipy.special import ellipk
@@ -134,7 +135,7 @@ def test_what_does_not_fit_is_refused():
 
 
 def test_a_closed_path_without_a_clock_begins_anywhere_along_itself():
-    pendulum = ao.System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]), ["theta"])
+    pendulum = systems.pendulum()
     for start in (None, 0.5):
         problem = ao.Problem(pendulum, ao.Event(0.0, [start]), ao.Periodic(8.0))
         found = ao.solve(problem, guess=lambda t: [1.2 * np.cos(2 * np.pi * t / 8)], tol=1e-11)
@@ -267,10 +268,10 @@ def test_what_comes_back_with_a_kink_is_left_out():
 
 
 def test_closed_paths_without_a_clock_come_in_families():
-    pendulum = ao.System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]), ["theta"])
+    pendulum = systems.pendulum()
     with pytest.raises(ValueError, match="give one coordinate at the start"):
         ao.solve_all(ao.Problem(pendulum, FREE, Periodic(8.0)))
-    linear = ao.System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2, ["x"])
+    linear = systems.oscillator()
     (rest,) = ao.solve_all(ao.Problem(linear, FREE, Periodic(3.0)))
     assert np.max(np.abs(rest.path.values)) < CLOSED
 
@@ -474,7 +475,7 @@ def test_an_orbit_without_a_clock_is_moved_along_itself():
     exact = closed_eigenvalues(stiffness, lambda t: np.zeros((1, 1)), lambda t: np.eye(1), 4.0, 1)
     assert (found.index, found.nullity) == (np.sum(exact < -1e-6), np.sum(np.abs(exact) < 1e-6))
     assert found.nullity == 1
-    turning = ao.System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]), ["a"])
+    turning = systems.pendulum("a")
     once = Periodic(4.0, advance=[2 * np.pi])
     pinned = ao.solve(ao.Problem(turning, ao.Event(0.0, [0.0]), once))
     loose = ao.Problem(turning, ao.Event(0.0, [None]), once)
@@ -489,7 +490,7 @@ def test_nullity_of_a_closed_oscillation(T, nullity):
 
 
 def test_where_nothing_holds_a_free_body_it_may_be_moved():
-    body = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
+    body = systems.particle("x y")
     for start, end in ((None, Periodic(3.0)), (None, ao.Event(3.0, [None, None]))):
         problem = ao.Problem(body, ao.Event(0.0, [start, start]), end)
         found = ao.solve(problem, throw=False).inertia

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import systems
 
 import actionopt as ao
 from actionopt import scenes
@@ -66,12 +67,7 @@ def test_a_sphere_rolling_along_one_line_is_accepted():
 
     start = [0.0, 0.0, np.pi / 2, 0.3, 0.0]
     f = integrate_pfaffian(rows, start, parameters={"R": 0.5})
-    system = ao.System(
-        lambda q, v, t: v @ v / 2,
-        ["x", "y", "phi", "theta", "psi"],
-        parameters={"R": 0.5},
-        constraint=f,
-    )
+    system = systems.particle("x y phi theta psi", parameters={"R": 0.5}, constraint=f)
     assert system.degrees_of_freedom == 1
     q = np.array([0.4, 0.0, np.pi / 2, 0.3 + 0.4 / 0.5, 0.0])
     assert np.max(np.abs(system.constraint(q, 0.0))) < FORMULA_TOLERANCE
@@ -131,7 +127,7 @@ def test_a_leaf_of_two_rows_that_are_integrable_together():
         return [[1.0, 0.0, -q[1]], [0.0, 1.0, 0.0]]
 
     f = integrate_pfaffian(rows, [0.5, 2.0, 1.0])
-    system = ao.System(lambda q, v, t: v @ v / 2, ["a", "b", "c"], constraint=f)
+    system = systems.particle("a b c", constraint=f)
     on = np.array([0.5 + 2.0 * 0.7, 2.0, 1.7])
     assert np.max(np.abs(system.constraint(on, 0.0))) < FORMULA_TOLERANCE
     assert np.max(np.abs(system.constraint(on + [0, 0, 0.1], 0.0))) > 0.09

@@ -7,6 +7,7 @@ from dataclasses import replace
 import matplotlib
 import numpy as np
 import pytest
+import systems
 from helpers import solved
 from matplotlib import pyplot
 
@@ -140,7 +141,7 @@ def test_free_coordinates_of_an_event_are_not_drawn():
 
 @pytest.mark.slow
 def test_a_system_without_a_name_is_a_problem_in_titles():
-    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]), ["theta"])
+    system = systems.pendulum()
     problem = ao.Problem(system, ao.Event(0.0, [0.1]), ao.Event(1.0, [0.5]))
     solution = ao.solve(problem)
     for draw in (plot.paths, plot.landscape, plot.spectrum):

@@ -4,6 +4,7 @@ import pickle
 
 import numpy as np
 import pytest
+import systems
 
 from actionopt import scenes
 from actionopt.mechanics.events import Event, Periodic, State
@@ -104,10 +105,8 @@ def test_a_free_coordinate_leaves_the_constraint_to_decide():
     "row", [lambda q, t: 0 * q[0], lambda q, t: t - t, lambda q, t: t * (t - 2), lambda q, t: 0.0]
 )
 def test_a_constraint_without_coordinates_is_refused(row):
-    alone = System(lambda q, v, t: v @ v / 2, ["x", "y"], constraint=row)
-    second = System(
-        lambda q, v, t: v @ v / 2, ["x", "y"], constraint=lambda q, t: [q[0] + q[1] - 1, row(q, t)]
-    )
+    alone = systems.particle("x y", constraint=row)
+    second = systems.particle("x y", constraint=lambda q, t: [q[0] + q[1] - 1, row(q, t)])
     for i, system in enumerate((alone, second)):
         with pytest.raises(ValueError, match=f"row {i} does not depend on any of them"):
             Problem(system, START, END)
@@ -229,7 +228,7 @@ def test_durations_far_from_the_limits_of_numbers_are_solved(duration):
 @pytest.mark.parametrize("off", [1e-6, -1e-6])
 def test_events_on_a_surface_that_moves_pass_up_to_rounding(u, off):
     """x = u t: at t = 0 what x should be is zero, and only the motion gives a scale."""
-    wall = System(lambda q, v, t: v @ v / 2, ("x", "y"), constraint=lambda q, t: q[0] - u * t)
+    wall = systems.particle("x y", constraint=lambda q, t: q[0] - u * t)
     for rounding in (0.0, 1e-17, -1e-17):
         Problem(wall, Event(0, [rounding, 0.0]), Event(1.5, [1.5 * u, 0.0]))
         Problem(wall, Event(0, [rounding, 1e-20]), Event(1e-3, [1e-3 * u, 0.0]))
@@ -272,6 +271,6 @@ def test_a_stiff_coordinate_says_nothing_of_how_far_another_goes():
 def test_events_that_are_not_close_are_measured_from_zero(side):
     for x0, x1 in ((1.0, 1.02), (1.0, -1.0), (0.0, 1e6), (5.0, None), (1e6, 2e6)):
         ends = [Event(t, [None if x is None else side * x]) for t, x in ((0, x0), (1, x1))]
-        problem = Problem(System(lambda q, v, t: v[0] ** 2 / 2, ("x",)), *ends)
+        problem = Problem(systems.particle(), *ends)
         assert problem.origin is None
         assert problem.lengths == problem.scales == [max(abs(x0), abs(x1 or 0.0))]

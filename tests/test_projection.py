@@ -2,19 +2,19 @@
 
 import numpy as np
 import pytest
+import systems
 
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.projection import project
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Event, Problem
-from actionopt.mechanics.system import System
 
 CLOSE = 1e-9  # of the surface; a step below 1e-8 is the last
 NORMAL, LENGTHS = np.array([1.0, 2.0]), np.array([0.5, 3.0])
 
 
 def on(constraint, start, end, lengths=LENGTHS):
-    system = System(lambda q, v, t: v @ v / 2, ["x", "y"], constraint=constraint)
+    system = systems.particle("x y", constraint=constraint)
     problem = Problem(system, Event(0.0, start), Event(1.0, end))
     return Transcription(problem, Mesh.uniform(0.0, 1.0, 2, 3), lengths)
 

@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+import systems
 from helpers import a_quarter
 from scipy.integrate import quad
 from scipy.optimize import brentq
@@ -204,9 +205,7 @@ def window(t, c, w):
 @pytest.mark.parametrize("c", [0.5154, 0.7])
 def test_a_window_is_a_kick_in_a_force_as_in_a_lagrangian(c, tol):
     w, kick = 0.003, 2.0
-    forced = ao.System(
-        lambda q, v, t: v[0] ** 2 / 2, ["x"], force=lambda q, v, t: [kick * window(t, c, w)]
-    )
+    forced = systems.particle(force=lambda q, v, t: [kick * window(t, c, w)])
     lagrangian = ao.System(lambda q, v, t: v[0] ** 2 / 2 + kick * window(t, c, w) * q[0], ["x"])
     t = np.linspace(0, 1, 4001)
 
@@ -226,11 +225,7 @@ def test_a_window_is_a_kick_in_a_force_as_in_a_lagrangian(c, tol):
 
 def test_a_kick_may_move_a_forced_path_far_when_it_is_seen():
     c, w, kick = 0.5154, 0.003, 2.0
-    system = ao.System(
-        lambda q, v, t: v[0] ** 2 / 2 + 9.81 * np.cos(q[0]),
-        ["x"],
-        force=lambda q, v, t: [kick * window(t, c, w)],
-    )
+    system = systems.pendulum("x", g=9.81, force=lambda q, v, t: [kick * window(t, c, w)])
     solution = ao.solve(ao.Problem(system, ao.Event(0.0, [0.0]), ao.Event(1.0, [1.0])), tol=1e-8)
     before, after = c - w, c + w
     change = solution.velocity(after)[0] - solution.velocity(before)[0]

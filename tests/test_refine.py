@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+import systems
 
 import actionopt as ao
-from actionopt import Event, Mesh, Problem, Status, System, scenes
+from actionopt import Event, Mesh, Problem, Status, scenes
 from actionopt.solver.refine import _finer, refine, solve_on
 from actionopt.solver.workspace import Workspace
 
@@ -34,7 +35,7 @@ def test_nothing_is_refined_that_is_good_enough():
 
 
 def test_ends_that_are_conjugate_are_told():
-    oscillator = System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2, ["x"])
+    oscillator = systems.oscillator()
     ws = found(Problem(oscillator, Event(0.0, [1.0]), Event(3 * np.pi, [-1.0])))
     assert refine(ws, 1e-8, least=False) is Status.DEGENERATE
 
@@ -42,14 +43,14 @@ def test_ends_that_are_conjugate_are_told():
 @pytest.mark.parametrize("c", [0.25, 0.45])
 def test_a_pole_of_the_force_in_time_leaves_no_family_of_paths(c):
     """A free body that is pushed has one path between any ends, however the push is rounded."""
-    pushed = System(lambda q, v, t: v[0] ** 2 / 2, ["x"], force=lambda q, v, t: abs(t - c) ** -0.7)
+    pushed = systems.particle(force=lambda q, v, t: abs(t - c) ** -0.7)
     problem = Problem(pushed, Event(0.0, [0.0]), Event(1.0, [1.0]))
     assert ao.solve(problem, tol=1e-6, throw=False).status is Status.UNRESOLVED
 
 
 def test_a_tolerance_below_amplified_rounding_is_told_at_once():
     """Swings that end a hair beyond the conjugate time: no mesh makes up for rounding."""
-    pendulum = System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]), ["theta"])
+    pendulum = systems.pendulum()
     late = 1e-5
     end = 1e-3 * (0.3 * late - 1)
     problem = Problem(pendulum, Event(0.0, [1e-3]), Event(np.pi + late, [end]))
@@ -80,7 +81,7 @@ def test_a_finer_mesh_has_more_degrees_or_halves_where_there_are_no_more():
 @pytest.mark.parametrize("elements", [1, 2, 4, 8])
 @pytest.mark.parametrize("T", [2.0, 9.29, 40.0])
 def test_errors_on_a_given_mesh_are_not_below_the_truth(T, elements, degree):
-    system = System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
+    system = systems.oscillator()
     problem = Problem(system, Event(0.0, [0.3]), Event(T, [0.2]))
     solution = ao.solve(problem, mesh=Mesh.uniform(0.0, T, elements, degree))
     t = np.linspace(0.0, T, 801)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import systems
 
 import actionopt as ao
 from actionopt import scenes
@@ -227,7 +228,7 @@ def test_each_entry_of_a_matrix_has_its_own_derivative():
 
 
 def test_forced_systems_are_refused():
-    system = ao.System(lambda q, v, t: v[0] ** 2 / 2, ["x"], force=lambda q, v, t: [-v[0]])
+    system = systems.particle(force=lambda q, v, t: [-v[0]])
     solution = ao.solve(ao.Problem(system, ao.Event(0.0, 0.0), ao.Event(1.0, 1.0)))
     with pytest.raises(ValueError, match="non-conservative"):
         solution.sensitivity()

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import systems
 from helpers import motion
 
 import actionopt as ao
@@ -12,7 +13,7 @@ from actionopt.discrete.transcription import Transcription
 KEPLER = ao.System(
     lambda q, v, t: (v[0] ** 2 + v[1] ** 2) / 2 + 1 / np.sqrt(q[0] ** 2 + q[1] ** 2), ["x", "y"]
 )
-FREE = ao.System(lambda q, v, t: (v[0] ** 2 + v[1] ** 2) / 2, ["x", "y"])
+FREE = systems.particle("x y")
 
 
 def step(t):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import systems
 
 import actionopt as ao
 from actionopt.discrete.factors import Factors
@@ -9,12 +10,10 @@ from actionopt.solver import ladder
 from actionopt.solver.solve import LADDERS, solve_near
 from actionopt.tools.watch import OutOfTime, Spent, Watch
 
-PENDULUM = ao.System(lambda q, v, t: v[0] ** 2 / 2 + 9.81 * np.cos(q[0]), ["theta"])
-KEPLER = ao.System(lambda q, v, t: v @ v / 2 + 1 / np.sqrt(q @ q), ["x", "y"])
-BEAD = ao.System(
-    lambda q, v, t: v @ v / 2 - 9.81 * q[1], ["x", "y"], constraint=lambda q, t: (q @ q - 1) / 2
-)
-DISC = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"], obstacle=lambda q, t: q @ q - 1)
+PENDULUM = systems.pendulum(g=9.81)
+KEPLER = systems.kepler()
+BEAD = systems.thrown(constraint=lambda q, t: (q @ q - 1) / 2)
+DISC = systems.particle("x y", obstacle=lambda q, t: q @ q - 1)
 KINK = ao.System(lambda q, v, t: v[0] ** 2 / 2 + (q[0] ** 2 - 1) ** 2 / 4, ["phi"])
 CENTRE = ao.System(lambda q, v, t: v[0] ** 2 / 2 + 1 / np.sqrt(abs(q[0])), ["x"])
 LEAP = ao.System.geodesic(
@@ -139,7 +138,7 @@ def test_nothing_is_sought_once_the_time_is_up(monkeypatch, name, last):
 
 def test_a_guess_is_worth_no_search_of_its_own(monkeypatch):
     """Where nothing is near a guess, no other first path to the surface is made."""
-    spring = ao.System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2, ["x"])
+    spring = systems.oscillator()
     end = ao.Event(np.pi, None, on=lambda q, t: q[0] - 1)  # conjugate to the start
     monkeypatch.setattr("actionopt.solver.on_surface.points", None)
     found = ao.solve(ao.Problem(spring, ao.Event(0, [0]), end), guess=[[0, 1]], throw=False)

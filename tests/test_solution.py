@@ -4,10 +4,11 @@ from copy import deepcopy
 
 import numpy as np
 import pytest
+import systems
 from helpers import solved
 
 import actionopt as ao
-from actionopt import Event, Mesh, Problem, System, plot, scenes
+from actionopt import Event, Mesh, Problem, plot, scenes
 from actionopt.analysis.status import Status
 
 FORMULA_TOLERANCE = 1e-10  # two ways to one number on a path that is good to 1e-12
@@ -196,7 +197,7 @@ def test_multipliers_are_those_of_the_book(name):
 
 
 def test_costly_things_are_made_once_and_on_demand():
-    system = System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]), ["x"])
+    system = systems.pendulum("x")
     solution = ao.solve(Problem(system, Event(0, 0.2), Event(1, 0.5)))
     assert "inertia" not in vars(solution) and "_comparison" not in vars(solution)
     assert solution.morse_index == 0 and solution.kind == "minimum"
@@ -257,7 +258,7 @@ def test_what_is_printed_is_short_and_says_what_matters(rod):
         )
     )
     assert str(rod.status) == f"{rod.status}" == rod.status.value
-    system = System(lambda q, v, t: v[0] ** 2 / 2, ["x"])
+    system = systems.particle()
     bare = ao.solve(Problem(system, Event(0, 0.0), Event(1, 1.0)))
     assert repr(bare).startswith("Solution(problem: SOLVED, S = 0.5, ")
     shown = [rod.path, rod.mesh, rod.compare(), ao.trace(scenes.get("pendulum").problem, "g", 9.0),
@@ -281,7 +282,7 @@ def test_conserved_energy_and_its_rate():
 
 def test_errors_of_velocities_are_relative_to_the_largest():
     """x = cos t over three turns is fast where it passes zero and at rest where it turns."""
-    system = System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
+    system = systems.oscillator()
     T = 6 * np.pi + 0.5
     problem = Problem(system, Event(0.0, [1.0]), Event(T, [np.cos(T)]))
     solution = ao.solve(problem, mesh=Mesh.uniform(0.0, T, 12, 8))

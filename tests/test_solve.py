@@ -9,6 +9,7 @@ from functools import cache
 import mpmath as mp
 import numpy as np
 import pytest
+import systems
 from helpers import a_quarter, forward, relative_error, same_bits, solved, times
 from scipy.integrate import solve_bvp
 
@@ -188,7 +189,7 @@ def test_another_solve_derives_nothing(monkeypatch):
 
 
 def test_a_plain_system_pays_for_nothing_else():
-    system = System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]), ["x"])
+    system = systems.pendulum("x")
     solution = ao.solve(Problem(system, Event(0, 0), Event(1, 1)))
     assert not [name for name in system.derived if name.startswith(("force", "constraint"))]
     assert solution.stats["rows"] == 0
@@ -569,7 +570,7 @@ def test_a_signal_from_the_keyboard_ends_the_solve():
     assert int(run.stdout.split()[-1]) <= 5
 
 
-OSCILLATOR = System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2, ["x"])
+OSCILLATOR = systems.oscillator()
 
 # -- what was once wrong --------------------------------------------------------------------------
 
@@ -666,7 +667,7 @@ def test_a_re_solve_from_the_tangent_takes_fewer_steps_and_arrives_at_the_same_p
 
 
 def test_what_is_given_without_its_name_is_refused():
-    system = ao.System(lambda q, v, t: v[0] ** 2 / 2, ["x"])
+    system = systems.particle()
     start, end = ao.Event(0.0, [0.0]), ao.Event(1.0, [1.0])
     with pytest.raises(ValueError, match=r"Problem\(system, start, end\), found System.*make one"):
         ao.solve(system, start, end)

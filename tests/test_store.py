@@ -9,6 +9,7 @@ from copy import deepcopy
 
 import numpy as np
 import pytest
+import systems
 
 import actionopt as ao
 from actionopt import Event, Periodic, Problem, System, scenes
@@ -499,7 +500,7 @@ def test_an_attempt_whose_action_is_infinite_can_be_kept(tmp_path):
 @pytest.mark.parametrize("T", [np.pi / 2, 1.0])
 def test_an_action_that_another_machine_sums_otherwise_is_the_same(T, tmp_path):
     """A quarter of an oscillator's period has S = 0 up to rounding; a part of it has not."""
-    oscillator = System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
+    oscillator = systems.oscillator()
     solution = ao.solve(Problem(oscillator, Event(0.0, [1.0]), Event(T, [np.cos(T)])), tol=1e-12)
     assert solution.action == pytest.approx(-np.sin(2 * T) / 4, abs=1e-12)
     file = tmp_path / "solution.npz"

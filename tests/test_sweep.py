@@ -16,6 +16,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
+import systems
 
 import actionopt as ao
 from actionopt import Event, Periodic, Problem, System, scenes
@@ -97,9 +98,7 @@ def test_a_member_is_made_again_to_full_accuracy(serial, short):
 
 def test_values_may_be_zipped():
     points = np.array([[1.0, 0.2], [0.9, 0.3], [0.8, 0.1]]).T
-    problem = Problem(
-        System(lambda q, v, t: v @ v / 2, ["x", "y"]), Event(0.0, [0.0, 0.0]), Event(1.0, [1.0, 0])
-    )
+    problem = Problem(systems.particle("x y"), Event(0.0, [0.0, 0.0]), Event(1.0, [1.0, 0]))
     over = {("end", "x"): points[0], ("end", "y"): points[1], "t0": [0.0, -1.0, 0.5]}
     runs = ao.sweep(problem, over, zip=True)
     T = 1 - np.array([0.0, -1.0, 0.5])
@@ -323,7 +322,7 @@ def test_nothing_but_failures_is_an_error():
     problem = Problem(free, Event(0.0, [0.0]), Event(1.0, [1.0]))
     with pytest.raises(ValueError, match="end event after the start"):
         ao.sweep(problem, {"t1": [-1.0, 0.0]})
-    spring = System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
+    spring = systems.oscillator()
     between = Problem(spring, Event(0.0, [0.0]), Event(np.pi, [1.0]))
     with pytest.raises(
         ao.SolveError, match=r"found 2 DEGENERATE of 2; the first, end.x = 1: "
@@ -657,7 +656,7 @@ def test_answers_are_shown_and_pickled(serial):
 
 def test_a_change_of_index_is_a_branch_of_its_own():
     """An oscillator past half a period: the action is no longer least."""
-    spring = System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
+    spring = systems.oscillator()
     problem = Problem(spring, Event(0.0, [0.0]), Event(1.0, [1.0]))
     t1 = np.linspace(0.5, 8.0, 40)
     runs = ao.sweep(problem, {"t1": t1}, record="index")

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import systems
 from helpers import integrated
 
 import actionopt as ao
@@ -157,7 +158,7 @@ def test_constraints_must_be_kept():
             d[0] * q[1] - d[1] * q[0],
         ]
 
-    system = ao.System(lambda q, v, t: v @ v / 2, ["x", "y", "z"], constraint=constraint)
+    system = systems.particle("x y z", constraint=constraint)
     found = noether(system, turning(axis))
     q, v = np.array([0.0, 0.8, -0.6]), np.array([2.0, 0.0, 0.0])
     assert abs(found(q, v, 0.0) - axis @ np.cross(q, v)) < FORMULA_TOLERANCE
@@ -380,9 +381,7 @@ def test_scaling_of_an_inverse_square_potential():
 
 
 def test_a_force_along_one_coordinate_leaves_the_momentum_of_another():
-    system = ao.System(
-        lambda q, v, t: v @ v / 2, ["x", "y"], force=lambda q, v, t: [0 * v[0], -v[1]]
-    )
+    system = systems.particle("x y", force=lambda q, v, t: [0 * v[0], -v[1]])
     assert system.structure.cyclic == ("x", "y")
     momenta = cyclic(system)
     assert list(momenta) == ["x"]
@@ -479,11 +478,7 @@ def test_the_drift_is_relative_to_the_size_of_the_terms(side):
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_points_that_do_not_get_onto_a_surface_are_left_out(side):
     """From beyond its top Newton's steps on x / (1 + x^2) lead away for ever."""
-    system = ao.System(
-        lambda q, v, t: v @ v / 2,
-        ["x", "y"],
-        constraint=lambda q, t: [side * q[0] / (1 + q[0] ** 2) - 0.1],
-    )
+    system = systems.particle("x y", constraint=lambda q, t: [side * q[0] / (1 + q[0] ** 2) - 0.1])
     q, _, t = points_of(system, system.table.pack(system.parameters))
     assert 0 < len(q) < 40
     assert np.max(np.abs(system.constraint(q.T, t[:, 0]))) <= 1e-12

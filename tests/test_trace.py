@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import systems
 
 import actionopt as ao
 from actionopt import scenes
@@ -160,7 +161,7 @@ def test_interrupted_trace_keeps_what_it_has():
 @pytest.mark.slow
 def test_a_path_that_grows_without_bound_is_followed_no_further():
     # x = cos t + B sin t with B = (1/2 - cos T) / sin T: infinite at T = pi
-    system = ao.System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
+    system = systems.oscillator()
     problem = ao.Problem(system, ao.Event(0.0, 1.0), ao.Event(1.0, 0.5))
     found = trace(problem, "t1", 4.0)
     assert len(found.values) < 60 and 3.13 < found.values[-1] < np.pi
@@ -174,7 +175,7 @@ def test_a_path_that_grows_without_bound_is_followed_no_further():
 
 def test_a_change_of_index_where_another_branch_crosses():
     # from 1 to -1 all paths are there at T = pi, and no step leads on to it
-    system = ao.System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
+    system = systems.oscillator()
     found = trace(ao.Problem(system, ao.Event(0.0, 1.0), ao.Event(1.0, -1.0)), "t1", 4.0)
     (mark,) = found.marks
     assert mark.value == pytest.approx(np.pi, abs=1e-7)
@@ -244,7 +245,7 @@ def test_bad_arguments():
         trace("bratu", "lam", 2.0)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="the solution as the guess"):
         trace(ao.solve(bratu()), "lam", 2.0)  # type: ignore[arg-type]
-    plane = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
+    plane = systems.particle("x y")
     half = ao.Problem(plane, ao.Event(0.0, [None, 0.0]), ao.Event(1.0, [1.0, 1.0]))
     with pytest.raises(ValueError, match="event gives, one of y, found 'x'"):
         trace(half, ("start", "x"), 1.0)
@@ -253,7 +254,7 @@ def test_bad_arguments():
 @pytest.mark.parametrize(("to", "side"), [(3.0, 1.0), (2.0, -1.0)])
 def test_a_pole_is_noticed_from_either_side(to, side):
     """x = cos t + B sin t is infinite at T = pi; the way there is down the times."""
-    system = ao.System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
+    system = systems.oscillator()
     problem = ao.Problem(system, ao.Event(0.0, side), ao.Event(4.0, 0.5 * side))
     found = trace(problem, "t1", to)
     assert np.pi < found.values[-1] < 3.16 and len(found.values) < 60
@@ -332,7 +333,7 @@ def test_two_folds_close_to_each_other(apart):
 
 
 def test_three_motions_of_a_pendulum_a_little_longer_than_half_a_period():
-    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]), ["x"])
+    system = systems.pendulum("x")
     problem = ao.Problem(system, ao.Event(0.0, [0.0]), ao.Event(3.15, [-1.0]))
     found = trace(problem, ("end", "x"), 1.0)
     assert [(m.kind, m.before, m.after) for m in found.marks] == [("fold", 0, 1), ("fold", 1, 0)]

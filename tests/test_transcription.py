@@ -8,6 +8,7 @@ from itertools import product
 
 import numpy as np
 import pytest
+import systems
 from numpy.polynomial import Legendre, Polynomial
 
 from actionopt.discrete.factors import compressed
@@ -381,11 +382,7 @@ def test_nothing_is_built_for_what_is_absent():
 
 
 def test_an_affine_constraint_has_no_curvature():
-    system = System(
-        lambda q, v, t: (v[0] ** 2 + v[1] ** 2) / 2,
-        ["x", "y"],
-        constraint=lambda q, t: q[0] - q[1],
-    )
+    system = systems.particle("x y", constraint=lambda q, t: q[0] - q[1])
     problem = Problem(system, Event(0, [0, 0]), Event(1, [1, 1]))
     tr = Transcription(problem, Mesh([0, 1], 4), np.ones(2))
     tr.kkt(point(tr))
@@ -491,7 +488,7 @@ def test_hessian_of_the_lagrangian_has_the_factor_of_the_objective(factor):
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_running_away_is_seen(side):
-    oscillator = System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2, ["x"])
+    oscillator = systems.oscillator()
     ends = Event(0, side), Event(5, 0.5 * side)
     problem = Problem(oscillator, *ends)  # past the conjugate time, pi
     tr = Transcription(problem, Mesh.uniform(0, 5, 4, 6), np.ones(1))
@@ -632,11 +629,7 @@ def test_a_signal_handler_may_return_and_may_be_replaced(monkeypatch):
 
 
 def test_magnitudes_are_those_of_coordinates_far_from_zero_and_one_of_multipliers():
-    system = System(
-        lambda q, v, t: (v[0] ** 2 + v[1] ** 2) / 2,
-        ["x", "y"],
-        constraint=lambda q, t: q[0] - q[1],
-    )
+    system = systems.particle("x y", constraint=lambda q, t: q[0] - q[1])
     problem = Problem(system, Event(0.0, [-1e6, -1e6]), Event(1.0, [-1e6 + 1, -1e6 + 1]))
     tr = Transcription(problem, Mesh.uniform(0.0, 1.0, 2, 4), problem.lengths)
     far = tr.magnitudes[: tr.layout.unknowns]

@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+import systems
 from helpers import integrated
 from scipy.special import ellipj, ellipk, ellipkinc
 
@@ -99,7 +100,7 @@ def test_pendulum_of_given_energy(energy, a, b):
 
 
 def test_a_start_whose_time_is_free():
-    oscillator = ao.System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
+    oscillator = systems.oscillator()
     problem = ao.Problem(oscillator, free(None, [0.3]), ao.Event(2.0, [0.8]), energy=0.5)
     s = ao.solve(problem, tol=1e-12)
     assert abs(s.start.t - (2.0 - np.arcsin(0.8) + np.arcsin(0.3))) < 1e-12
@@ -174,7 +175,7 @@ def test_the_round_off_of_late_times_counts_where_one_is_free():
 def test_what_does_not_fit_is_refused():
     system, q = throw(30.0).system, [0.0, 0.0]
     timed = ao.System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(t) * q[0], ["x"])
-    dragged = ao.System(lambda q, v, t: v[0] ** 2 / 2, ["x"], force=lambda q, v, t: [-v[0]])
+    dragged = systems.particle(force=lambda q, v, t: [-v[0]])
     for ask, what in (
         (lambda: ao.Problem(system, free(0.0, q), free(1.0, q), energy=1.0), "time of an event is"),
         (lambda: ao.Problem(timed, free(0.0, [None]), ao.Periodic(None)), "without a clock"),
@@ -213,7 +214,7 @@ def lambert(energy, r1, r2):
 @pytest.mark.slow
 @pytest.mark.parametrize(("energy", "end"), [(-0.4, (0.3, 0.9)), (-0.3, (-0.8, 0.9))])
 def test_all_four_transfers_of_given_energy(energy, end):
-    system = ao.System(lambda q, v, t: v @ v / 2 + 1 / np.sqrt(q @ q), ["x", "y"])
+    system = systems.kepler()
     problem = ao.Problem(system, free(0.0, [1.0, 0.0]), free(None, end), energy=energy)
     found = ao.solve_all(problem)
     exact = lambert(energy, (1.0, 0.0), end)
@@ -237,7 +238,7 @@ SPRING = ao.System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2 - q[0] ** 4 / 4
 
 @pytest.mark.slow
 def test_transfers_in_a_plane_of_space_are_found_once():
-    kepler = ao.System(lambda q, v, t: v @ v / 2 + 1 / np.sqrt(q @ q), ["x", "y", "z"])
+    kepler = systems.kepler("x y z")
     ends = ao.Event(0.0, [1.0, 0.0, 0.0]), ao.Event(None, [0.0, 1.2, 0.0])
     paths = ao.solve_all(ao.Problem(kepler, *ends, energy=-1 / 2.2), shots=4)
     durations = sorted(path.duration for path in paths)
@@ -305,7 +306,7 @@ def test_one_coordinate_that_no_wall_turns_back_closes_nowhere():
 @pytest.mark.parametrize("sign", [1, -1])
 def test_one_coordinate_that_turns_needs_no_guess(sign):
     """T = 2 k K(k), k^2 = 2 / (E + 1): a pendulum over the top, g = l = 1."""
-    pendulum = ao.System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]), ["theta"])
+    pendulum = systems.pendulum()
     end = ao.Periodic(None, advance=[sign * 2 * np.pi])
     for energy in (1.01, 3.0):
         s = ao.solve(ao.Problem(pendulum, free(0.0, [0.4]), end, energy=energy), tol=1e-10)
@@ -458,9 +459,7 @@ def test_a_quarter_of_the_figure_eight_closes_in_another_order(tmp_path):
 
 def test_an_order_that_is_none_is_refused():
     heavy = ao.System(lambda q, v, t: v[0] ** 2 + v[1] ** 2 / 2 - (q[0] - q[1]) ** 2, ["a", "b"])
-    spring = ao.System(
-        lambda q, v, t: (v @ v - q @ q) / 2, ["a", "b"], force=lambda q, v, t: [-v[0], -v[1]]
-    )
+    spring = systems.oscillator("a b", force=lambda q, v, t: [-v[0], -v[1]])
     for system, order, what in (
         (heavy, ["b", "a"], "leaves L as it is"),
         (heavy, ["a", "a"], "each of a, b once"),
@@ -494,7 +493,7 @@ def test_a_start_where_the_path_turns_back(below, timed):
         ao.solve(problem, guess=guess, tol=1e-10)
 
 
-KEPLER = ao.System(lambda q, v, t: v @ v / 2 + 1 / np.sqrt(q @ q), ["x", "y"])
+KEPLER = systems.kepler()
 
 
 @pytest.mark.parametrize(
@@ -596,7 +595,7 @@ def test_orbits_of_the_literature_close_with_the_period_of_their_energy(name):
         assert np.min(np.abs(raw - x)) < (1e-7 if loose_ else 1e-8) * max(abs(x), 1.0)
 
 
-OSCILLATOR = ao.System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2, ["x"])
+OSCILLATOR = systems.oscillator()
 
 
 @pytest.mark.slow
@@ -619,13 +618,13 @@ def test_where_two_paths_merge_is_said(start):  # E(T) has its minimum where the
 def test_an_end_free_in_place_and_time_is_where_the_motion_stops():
     s = ao.solve(ao.Problem(OSCILLATOR, free(0.0, [0.3]), free(None, [None]), energy=0.5))
     assert abs(s.duration - np.arccos(0.3)) < 1e-9 and abs(s.end.q[0] - 1) < 1e-9
-    flight = ao.System(lambda q, v, t: v[0] ** 2 / 2, ["x"])
+    flight = systems.particle()
     with pytest.raises(ao.SolveError, match="comes to rest"):
         ao.solve(ao.Problem(flight, free(0.0, [0.3]), free(None, [None]), energy=0.5))
 
 
 def test_a_dwell_at_the_top_and_a_guess_between_other_angles():
-    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 + np.cos(q[0]), ["a"])
+    system = systems.pendulum("a")
     for excess, end in ((1e-4, 6.0), (0.1, 4.0)):
         m = 2 / (2 + excess)
         problem = ao.Problem(system, free(0.0, [0.0]), free(None, [end]), energy=1 + excess)
@@ -705,7 +704,7 @@ def test_a_circle_is_closed_whose_turn_is_its_motion(tol):
 
 def test_a_neighbour_that_passes_the_new_end_nowhere_is_a_guess_as_well():
     """Motions under no force: T = d / sqrt(2 E); one coordinate stays zero, others end far off."""
-    system = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
+    system = systems.particle("x y")
     problem = ao.Problem(system, free(0.0, [0.0, 0.0]), free(None, [1.0, 0.0]), energy=0.5)
     s = ao.solve(problem)
     for end in ([3.0, 0.0], [0.1, 0.0], [0.5, 2.0], [-1.0, 0.0], [-0.3, 0.4]):

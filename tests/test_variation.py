@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import systems
 from helpers import solved
 from scipy.integrate import quad
 
@@ -162,7 +163,7 @@ def test_every_coordinate_of_a_closed_path_has_to_close(torn):
 
 
 def test_a_varied_path_ends_on_its_surface():
-    plane = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
+    plane = systems.particle("x y")
     circle = ao.Event(1.0, None, on=lambda q, t: q @ q - 1)
     way = ao.solve(ao.Problem(plane, ao.Event(0.0, [3.0, 0.0]), circle))
     S = variation(way, lambda t: np.stack([0 * t, t]))  # tangent where it ends

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import systems
 
 import actionopt as ao
 from actionopt import Event, Mesh, Path, Problem, System, scenes
@@ -177,7 +178,7 @@ def test_a_steep_path_is_not_torn_whichever_way_it_goes(side):
         return [2 + side * np.tanh((t - 0.41) / 7e-3)]
 
     mesh = Mesh([0.0, 0.005, 0.2, 0.3, 0.4, 0.5, 0.6, 1.0], 12)
-    free = System(lambda q, v, t: v[0] ** 2 / 2, ["x"])
+    free = systems.particle()
     ws = Workspace(Problem(free, *[Event(t, curve(np.array(t))) for t in (0.0, 1.0)]))
     ws.transcribe(mesh, Path.interpolate(curve, mesh))
     assert not ws.here.singular
