@@ -19,10 +19,11 @@ import numpy as np
 
 import actionopt as ao
 from actionopt import scenes
+from actionopt.scenes import Known
 from actionopt.tools.files import write
 from actionopt.tools.progress import steps
 from benchmarks.results import table, versions
-from benchmarks.stress.case import Question, deviation
+from benchmarks.stress.case import deviation
 from benchmarks.stress.families import bodies, kink, layers, turning
 
 PAGE = Path(__file__).parents[1] / "docs" / "calibration.md"
@@ -53,23 +54,10 @@ class Cell:
         return self.pairs["position"][1]
 
 
-def scene(name: str, **parameters) -> Question:
-    """Return the question of a scene, with all that is known of its path."""
-    s = scenes.get(name, **parameters)
-    velocity, forces = s.facts.get("velocity"), s.facts.get("multipliers")
-    multipliers = None
-    if velocity is not None and forces is not None:
-
-        def multipliers(t):
-            return forces(s.exact(t), velocity(t), t)
-
-    return Question(s.problem, s.exact, s.guess, velocity=velocity, multipliers=multipliers)
-
-
-def known(quick: bool) -> dict[str, Callable[[], Question]]:
+def known(quick: bool) -> dict[str, Callable[[], Known]]:
     """Return all problems by name, each built when called."""
     names = [n for n in scenes.SCENES if scenes.get(n).exact is not None]
-    found = {name: partial(scene, name) for name in names}
+    found = {name: partial(scenes.get, name) for name in names}
     if quick:
         return dict(list(found.items())[:5])
     for label, name, parameters in (
@@ -80,7 +68,7 @@ def known(quick: bool) -> dict[str, Callable[[], Question]]:
         ("Kepler, e = 0.9", "kepler", {"eccentricity": 0.9}),
         ("Kepler, e = 0.97", "kepler", {"eccentricity": 0.97}),
     ):
-        found[label] = partial(scene, name, **parameters)
+        found[label] = partial(scenes.get, name, **parameters)
     found |= {f"perihelion, e = {e}": partial(bodies.perihelion, e) for e in (0.6, 0.95, 0.99)}
     found |= {f"layer, {e:g}": partial(layers.layer, e) for e in (1e-1, *layers.WIDTHS)}
     found |= {f"P15, {e:g}": partial(turning.p15, e) for e in (1e-2, 1e-3, 1e-4)}
@@ -90,23 +78,23 @@ def known(quick: bool) -> dict[str, Callable[[], Question]]:
     return found
 
 
-def measure(k: Question, tol: float) -> Cell:
+def measure(k: Known, tol: float) -> Cell:
     """Solve once and compare."""
     solution = ao.solve(k.problem, tol=tol, guess=k.guess, throw=False)
     problem = solution.problem  # with its duration, where that was to be found
     true = deviation(solution, k.exact, problem, solution.mesh.nodes)
     pairs = {"position": (float(solution.error), true or 0.0)}
     t = np.linspace(problem.start.t, problem.end.t, SAMPLES)
-    if k.velocity is not None:
-        least = np.max(np.abs(k.exact(t)), axis=1, keepdims=True) / problem.duration
-        pairs["velocity"] = (
-            float(solution.velocity_error),
-            _relative(solution.velocity(t), k.velocity(t), least),
-        )
-    if k.multipliers is not None:
+    velocity, forces = k.facts.velocity, k.facts.multipliers
+    if velocity is None or k.exact is None:
+        return Cell(tol, solution.status.name, solution.success, pairs)
+    q, v = k.exact(t), velocity(t)
+    least = np.max(np.abs(q), axis=1, keepdims=True) / problem.duration
+    pairs["velocity"] = (float(solution.velocity_error), _relative(solution.velocity(t), v, least))
+    if forces is not None:
         pairs["multiplier"] = (
             float(solution.multiplier_error),
-            _relative(solution.multipliers(t), k.multipliers(t)),
+            _relative(solution.multipliers(t), forces(q, v, t)),
         )
     return Cell(tol, solution.status.name, solution.success, pairs)
 

@@ -19,12 +19,13 @@ import numpy as np
 from actionopt.mechanics.tracing import suggestion
 from actionopt.scenes import _scene
 from actionopt.scenes._own import from_file
-from actionopt.scenes._scene import Facts, Scene, Words
+from actionopt.scenes._scene import Facts, Known, Scene, Words
 from actionopt.scenes._shapes import Shape, body, circle, ground, project, rod, spring
 
 __all__ = [
     "SCENES",
     "Facts",
+    "Known",
     "Scene",
     "Shape",
     "Words",

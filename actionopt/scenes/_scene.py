@@ -118,48 +118,29 @@ class Words:
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
-    """A named, documented example.
+class Known:
+    """A question, and what is known of its answer.
 
     Parameters
     ----------
     problem : Problem
         The question.
-    title, source : str
-        One line each: what it is, and the section, page or equation it is taken from.
-    draw : callable
-        `draw(q, t)` for q of shape (n,): the shapes of the picture at one time, back to front.
     exact : callable, optional
         The path in closed form: (n, K) for K times, (n,) for one time.
+    guess : callable or array, optional
+        A rough path, as `solve` takes it, where the straight line between the events leads
+        elsewhere or nowhere.
     facts : Facts, optional
         What is known exactly.
-    guess : callable, optional
-        A rough path of the same shapes as `exact`, where the straight line between the events
-        leads elsewhere or nowhere.
-    kinetic : callable, optional
-        Of (q, v, t): the kinetic energy in a frame at rest, (K,).
-    words : Words, optional
-        For its page in the gallery.
+    source : str
+        The section, page or equation it is taken from, in one line.
     """
 
     problem: Problem
-    title: str
-    source: str
-    draw: Callable[[Array, float], list[Shape]]
     exact: Curve | None = None
+    guess: Any = None
     facts: Facts = field(default_factory=Facts)
-    guess: Curve | None = None
-    kinetic: Along | None = None
-    words: Words = field(default_factory=Words)
-
-    @property
-    def name(self) -> str:
-        """The scene's name, which is its system's."""
-        return self.problem.system.name
-
-    def __repr__(self) -> str:
-        """Show name and title."""
-        return f"Scene({self.name}: {self.title})"
+    source: str = ""
 
     @cached_property
     def action(self) -> float | None:
@@ -179,6 +160,37 @@ class Scene:
             self.exact(t), self.facts["velocity"](t), t, parameters=problem.parameters
         )
         return float(h / 2 * np.tile(w, PANELS) @ L)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Scene(Known):
+    """A named, documented example: what is `Known`, and how it is shown.
+
+    Parameters
+    ----------
+    title : str
+        What it is, in one line.
+    draw : callable
+        `draw(q, t)` for q of shape (n,): the shapes of the picture at one time, back to front.
+    kinetic : callable, optional
+        Of (q, v, t): the kinetic energy in a frame at rest, (K,).
+    words : Words, optional
+        For its page in the gallery.
+    """
+
+    title: str
+    draw: Callable[[Array, float], list[Shape]]
+    kinetic: Along | None = None
+    words: Words = field(default_factory=Words)
+
+    @property
+    def name(self) -> str:
+        """The scene's name, which is its system's."""
+        return self.problem.system.name
+
+    def __repr__(self) -> str:
+        """Show name and title."""
+        return f"Scene({self.name}: {self.title})"
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,14 +239,14 @@ def build(file: ModuleType, numbers: Mapping[str, Any]) -> Scene:
 
     return Scene(
         problem,
-        file.TITLE,
-        file.SOURCE,
-        found.draw,
         found.exact,
-        found.facts,
         found.guess,
-        found.kinetic or kinetic,
-        file.WORDS,
+        found.facts,
+        file.SOURCE,
+        title=file.TITLE,
+        draw=found.draw,
+        kinetic=found.kinetic or kinetic,
+        words=file.WORDS,
     )
 
 

@@ -38,7 +38,8 @@ def _scene(
     problem = Problem(system, *(Event(t, q) for t, q in ends))
     action = numbers.pop("action", None)
     facts = Facts(action=action, morse_index=0, numbers=numbers)
-    return Scene(problem, title, source, lambda q, t: [body(q[:2])], exact, facts)
+    known = {"exact": exact, "facts": facts, "source": source}
+    return Scene(problem, title=title, draw=lambda q, t: [body(q[:2])], **known)
 
 
 def _string(name: str, rows: Callable[[Any, Any], Any], *, lagrangian: Any = None) -> System:

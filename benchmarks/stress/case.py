@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 import actionopt as ao
+from actionopt.scenes import Known
 from benchmarks.stress import peers
 
 Curve = Callable[[np.ndarray], np.ndarray]
@@ -20,27 +21,10 @@ LARGE = 40  # coordinates above which the peers' dense matrices take too long to
 
 
 @dataclass(frozen=True, eq=False)
-class Question:
-    """What is asked.
+class Question(Known):
+    """What is asked, and how accurately; the peers start from its `guess`, too."""
 
-    Attributes
-    ----------
-    problem : Problem
-    exact : callable, optional
-        The path wanted, (K,) times to (n, K).
-    guess : optional
-        As `solve` takes it; the peers start from it too.
-    tol : float
-    velocity, multipliers : callable, optional
-        Of the path wanted, (K,) times to (n, K) and (m, K).
-    """
-
-    problem: ao.Problem
-    exact: Curve | None = None
-    guess: Any = None
     tol: float = 1e-9
-    velocity: Curve | None = None
-    multipliers: Curve | None = None
 
 
 @dataclass(frozen=True, eq=False)
