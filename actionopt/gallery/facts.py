@@ -23,7 +23,7 @@ ROUNDING = 1e-9  # what is smaller than this part of a size is zero
 
 
 @dataclass(frozen=True)
-class Known:
+class Row:
     """A row of the table.
 
     Attributes
@@ -40,16 +40,16 @@ class Known:
     difference: float | None = None
 
 
-def known(subject: Subject) -> list[Known]:
+def known(subject: Subject) -> list[Row]:
     """Return all that the scene's facts say, compared with the solution."""
-    rows: list[Known] = []
+    rows: list[Row] = []
     motion = _path, _action, _energy, _index, _rates, _conserved, _start, _contact
     for part in (*motion, _twin, _others):
         rows += part(subject)
     return rows
 
 
-Rows = Iterator[Known]
+Rows = Iterator[Row]
 
 
 def _path(s: Subject) -> Rows:
@@ -73,7 +73,7 @@ def _energy(s: Subject) -> Rows:
 def _index(s: Subject) -> Rows:
     facts, end = s.scene.facts, s.t[-1]
     if facts.morse_index is not None and not s.forced:
-        yield Known("Morse index", str(facts.morse_index), str(s.solution.morse_index))
+        yield Row("Morse index", str(facts.morse_index), str(s.solution.morse_index))
     if facts.conjugate_times is not None:
         found = [p.t for p in s.conjugate for _ in range(p.multiplicity)]
         times = facts.conjugate_times
@@ -81,7 +81,7 @@ def _index(s: Subject) -> Rows:
             yield _numbers(say("conjugate time {k}", k=k + 1), float(a), b, "s")
         later = times[times > end]
         if not found and later.size:
-            yield Known("first conjugate time", f"{number(later[0], DIGITS)} s", "after the end")
+            yield Row("first conjugate time", f"{number(later[0], DIGITS)} s", "after the end")
 
 
 def _rates(s: Subject) -> Rows:
@@ -105,7 +105,7 @@ def _conserved(s: Subject) -> Rows:
         size = float(np.max(known)) or 1.0
         start = float(values[0]) if abs(values[0]) > ROUNDING * size else 0.0
         drift = float(np.ptp(values)) / size
-        yield Known(named(s, name), "constant", number(start, DIGITS), drift)
+        yield Row(named(s, name), "constant", number(start, DIGITS), drift)
 
 
 def named(s: Subject, name: str) -> str:
@@ -155,15 +155,15 @@ def _others(s: Subject) -> Rows:
         if name in CONTACT:
             continue
         unit = units.html(units.FACTS.get(name, ""))
-        yield Known(say(name.replace("_", " ")), f"{number(float(value), DIGITS)} {unit}", "")
+        yield Row(say(name.replace("_", " ")), f"{number(float(value), DIGITS)} {unit}", "")
 
 
-def _numbers(what: str, expected: float, found: float, unit: str) -> Known:
+def _numbers(what: str, expected: float, found: float, unit: str) -> Row:
     """Return the row of a number; the difference is relative to the number if that is large."""
     difference = abs(found - expected) / max(1.0, abs(expected))
     if expected == 0 and difference < ROUNDING:
         found = 0.0
-    return Known(
+    return Row(
         what,
         f"{number(expected, DIGITS)} {unit}",
         f"{number(found, DIGITS)} {unit}",
@@ -177,7 +177,7 @@ def _curve(
     found: Array,
     words: str = "closed form",
     least: Array | float = 0.0,
-) -> Known:
+) -> Row:
     """Return the row of a curve; the difference is relative to the size of each coordinate.
 
     That is the largest value it has, or `least` if that is larger.
@@ -185,7 +185,7 @@ def _curve(
     a, b = (np.asarray(x, dtype=float).reshape(len(found), -1) for x in (expected, found))
     size = np.maximum(np.max(np.abs(a), axis=1), least)
     size = np.where(size > ROUNDING * np.max(size), size, np.max(size) or 1.0)[:, None]
-    return Known(what, words, "", float(np.max(np.abs(a - b) / size)))
+    return Row(what, words, "", float(np.max(np.abs(a - b) / size)))
 
 
 def _sizes(s: Subject) -> Array:

@@ -16,7 +16,7 @@ import numpy as np
 
 import actionopt as ao
 from actionopt import Event, Problem, System
-from benchmarks.stress.case import Case, Criterion, Row, every, mine
+from benchmarks.stress.case import Case, Criterion, Row, every, measured, mine
 from benchmarks.stress.tally import judged, never_wrong, row
 
 TITLE = "Far clocks"
@@ -110,19 +110,17 @@ def cases(quick: bool) -> list[Case]:
     """Return them."""
     count = 2 if quick else COUNT
     far = [
-        Case(
-            f"forced, t0 = {t0:g}, tol {tol:.0e}",
-            measure=lambda t0=t0, tol=tol: measure(t0, t0 + DURATION, True, tol, count),
+        measured(
+            f"forced, t0 = {t0:g}, tol {tol:.0e}", measure, t0, t0 + DURATION, True, tol, count
         )
         for t0 in STARTS
         for tol in TOLERANCES
     ]
     steady = [
-        Case(
+        measured(
             f"steady, t0 = {t0:g}, " + (f"{T:g} later" if T else "the next float"),
-            measure=lambda t0=t0, T=T: measure(
-                t0, t0 + T if T else np.nextafter(t0, np.inf), False, 1e-8, count
-            ),
+            measure,
+            *(t0, t0 + T if T else np.nextafter(t0, np.inf), False, 1e-8, count),
         )
         for t0, T in STEADY
     ]

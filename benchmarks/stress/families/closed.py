@@ -15,7 +15,7 @@ from functools import cache
 import numpy as np
 
 import actionopt as ao
-from benchmarks.stress.case import Case, Criterion, Row, every, mine
+from benchmarks.stress.case import Case, Criterion, Row, answer, every, measured, mine
 
 TITLE = "Closed paths of one energy: families and single ones"
 COUNTS = {"isotropic": (4, 1), "two to one": (4, 1), "Kepler": (4, 1), "isochronous": (4, 1)}
@@ -92,28 +92,18 @@ def single(k: int) -> list[Row]:
 def _row(problem: ao.Problem, guess: np.ndarray, tol: float) -> Row:
     clock = time.perf_counter()
     solution = ao.solve(problem, guess=guess, tol=tol, throw=False)
-    row: Row = {
-        "solver": "actionopt",
-        "status": solution.status.name,
-        "success": solution.success,
-        "error": None,
-        "estimate": float(solution.error),
-        "time": time.perf_counter() - clock,
-    }
-    counted = solution.inertia
+    row, counted = answer(solution, time.perf_counter() - clock), solution.inertia
     return row | {"index": counted.index, "nullity": counted.nullity, "moves": counted.moves}
 
 
 def cases(quick: bool) -> list[Case]:
     """Return them."""
     found = [
-        Case(f"{name} {k}", measure=lambda name=name, k=k: member(name, k))
+        measured(f"{name} {k}", member, name, k)
         for name, counts in COUNTS.items()
         for k in range(counts[quick])
     ]
-    return found + [
-        Case(f"single {k}", measure=lambda k=k: single(k)) for k in range(SINGLE[quick])
-    ]
+    return found + [measured(f"single {k}", single, k) for k in range(SINGLE[quick])]
 
 
 def criteria(rows) -> list[Criterion]:

@@ -17,7 +17,7 @@ from scipy.integrate import quad, solve_bvp, solve_ivp
 from scipy.optimize import brentq
 
 import actionopt as ao
-from benchmarks.stress.case import Case, Criterion, Row, mine, solved, within
+from benchmarks.stress.case import Case, Criterion, Row, answer, measured, mine, solved, within
 
 TITLE = "Ends at infinity and at centres, rays"
 TOL = 1e-9
@@ -191,14 +191,7 @@ def winding(k: int) -> list[Row]:
 def _mine(problem: ao.Problem, guess: ao.Solution | None) -> tuple[Row, ao.Solution]:
     clock = time.perf_counter()
     solution = ao.solve(problem, guess=guess, tol=TOL, throw=False)
-    row = {
-        "solver": "actionopt",
-        "status": solution.status.name,
-        "success": solution.success,
-        "estimate": float(solution.error),
-        "time": time.perf_counter() - clock,
-    }
-    return row, solution
+    return answer(solution, time.perf_counter() - clock), solution
 
 
 def _action(found, rate) -> float:
@@ -228,7 +221,7 @@ KINDS = {"well": well, "bounce": bounce, "winding": winding}
 def cases(quick: bool) -> list[Case]:
     """Return them."""
     return [
-        Case(f"{kind} {k}", measure=lambda kind=kind, k=k: KINDS[kind](k))
+        measured(f"{kind} {k}", KINDS[kind], k)
         for kind, counts in COUNTS.items()
         for k in range(counts[quick])
     ]

@@ -19,7 +19,7 @@ from scipy.special import ellipkinc
 
 import actionopt as ao
 from actionopt.solver.first_paths import straight, timed
-from benchmarks.stress.case import Case, Criterion, Row, mine, solved, within
+from benchmarks.stress.case import Case, Criterion, Row, answer, measured, mine, solved, within
 
 TITLE = "Given energies"
 TOL, WRONG = 1e-9, 1e-8
@@ -176,14 +176,8 @@ def _mine(problem: ao.Problem, known, guess: ao.Path | None = None) -> Row:
 
 
 def _row(solution: ao.Solution, known, clock: float) -> Row:
-    return {
-        "solver": "actionopt",
-        "status": solution.status.name,
-        "success": solution.success,
-        "error": float(np.min(np.abs(solution.duration / known - 1))),
-        "estimate": float(solution.error),
-        "time": time.perf_counter() - clock,
-    }
+    error = float(np.min(np.abs(solution.duration / known - 1)))
+    return answer(solution, time.perf_counter() - clock, error)
 
 
 def _peer(problem: ao.Problem, first: ao.Path, known) -> tuple[Row, ao.Path | None]:
@@ -227,7 +221,7 @@ KINDS = {"throw": throw, "over": over, "transfer": transfer, "well": well, "elli
 def cases(quick: bool) -> list[Case]:
     """Return them."""
     return [
-        Case(f"{kind} {k}", measure=lambda kind=kind, k=k: KINDS[kind](k))
+        measured(f"{kind} {k}", KINDS[kind], k)
         for kind, counts in COUNTS.items()
         for k in range(counts[quick])
     ]

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 import actionopt as ao
-from benchmarks.stress.case import Case, Criterion, Row, mine, timed
+from benchmarks.stress.case import Case, Criterion, Row, measured, mine, timed
 from benchmarks.stress.families.random_systems import FAR, Random
 from benchmarks.stress.forward import distance
 from benchmarks.stress.tally import all_solved, judged, never_wrong, row
@@ -131,10 +131,7 @@ def measure(kind: str, which: int, count: int) -> list[Row]:
 def cases(quick: bool) -> list[Case]:
     """Return them."""
     return [
-        Case(
-            f"{kind}, {name}",
-            measure=lambda kind=kind, k=k: measure(kind, k, 3 if quick else COUNT),
-        )
+        measured(f"{kind}, {name}", measure, kind, k, 3 if quick else COUNT)
         for kind in KINDS
         for k, name in enumerate(BINS)
     ]

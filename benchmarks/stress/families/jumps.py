@@ -16,7 +16,7 @@ from time import process_time
 import numpy as np
 
 import actionopt as ao
-from benchmarks.stress.case import Case, Criterion, Row, mine
+from benchmarks.stress.case import Case, Criterion, Row, measured, mine
 from benchmarks.stress.tally import Outcome, all_solved, never_wrong, row
 
 TITLE = "Jumps in q"
@@ -122,18 +122,11 @@ def controls(step: Callable | None, count: int) -> list[Row]:
 def cases(quick: bool) -> list[Case]:
     """Return them."""
     count = 2 if quick else COUNT
-    out = [
-        Case(f"jump: {name}", measure=lambda step=step: jumps(step, count))
-        for name, step in FORMS.items()
-    ]
-    out += [
-        Case(f"step of {width:.0e}", measure=lambda width=width: steps(width, count))
-        for width in WIDTHS
-    ]
+    out = [measured(f"jump: {name}", jumps, step, count) for name, step in FORMS.items()]
+    out += [measured(f"step of {width:.0e}", steps, width, count) for width in WIDTHS]
     known = {**SMOOTH, "a jump in time": None}
     return out + [
-        Case(f"control: {name}", measure=lambda step=step: controls(step, count))
-        for name, step in known.items()
+        measured(f"control: {name}", controls, step, count) for name, step in known.items()
     ]
 
 

@@ -17,7 +17,7 @@ import actionopt as ao
 from actionopt import Event, Problem, System, scenes
 from benchmarks import child
 from benchmarks.problems.chain import G
-from benchmarks.stress.case import Case, Criterion, Question, mine, told
+from benchmarks.stress.case import Case, Criterion, Question, measured, mine, told
 from benchmarks.stress.families._hanging import release
 
 TITLE = "Long and large"
@@ -101,7 +101,7 @@ def cases(quick: bool) -> list[Case]:
         *((f"lattice, {n} masses", "lattice", n) for n in masses),
         *((f"pendulum chain, {n}", "swing", n) for n in (PENDULUMS[:1] if quick else PENDULUMS)),
     ]
-    return [Case(label, measure=lambda job=job: measure(*job)) for label, *job in jobs]
+    return [measured(label, measure, *job) for label, *job in jobs]
 
 
 def criteria(rows) -> list[Criterion]:

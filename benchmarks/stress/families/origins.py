@@ -18,7 +18,7 @@ import numpy as np
 
 import actionopt as ao
 from actionopt import Event, Problem, System
-from benchmarks.stress.case import Case, Criterion, Row, every, mine, timed
+from benchmarks.stress.case import Case, Criterion, Row, every, measured, mine, timed
 from benchmarks.stress.tally import all_solved, judged, never_wrong, row
 
 TITLE = "Far origins"
@@ -147,9 +147,7 @@ def cases(quick: bool) -> list[Case]:
     """Return them."""
     count = 2 if quick else COUNT
     return [
-        Case(f"{name}, X = {X:g}", measure=lambda name=name, X=X: measure(name, X, count))
-        for name in places()
-        for X in SHIFTS
+        measured(f"{name}, X = {X:g}", measure, name, X, count) for name in places() for X in SHIFTS
     ]
 
 

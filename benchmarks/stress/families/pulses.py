@@ -22,7 +22,7 @@ from scipy.special import erf
 
 import actionopt as ao
 from actionopt import Event, Problem, System
-from benchmarks.stress.case import Case, Criterion, Row, deviation, mine, timed
+from benchmarks.stress.case import Case, Criterion, Row, deviation, measured, mine, timed
 from benchmarks.stress.tally import Outcome, all_solved, judged, never_wrong, row
 
 TITLE = "Pulses and walls"
@@ -205,17 +205,14 @@ def cases(quick: bool) -> list[Case]:
     """Return them."""
     centres = places(PLACES // 20 if quick else PLACES)
     kicks = [
-        Case(
-            f"{name}, width {w:g}, tol {tol:.0e}",
-            measure=lambda m=m, w=w, tol=tol: m(centres, w, tol),
-        )
+        measured(f"{name}, width {w:g}, tol {tol:.0e}", m, centres, w, tol)
         for name, m in (("free body", free_bodies), ("pendulum", pendulums))
         for w in WIDTHS
         for tol in TOLERANCES
     ]
     count = CROSSED // 10 if quick else CROSSED
     walls = [
-        Case(f"{name}, tol {tol:.0e}", measure=lambda n=name, tol=tol: crossings(n, count, tol))
+        measured(f"{name}, tol {tol:.0e}", crossings, name, count, tol)
         for name in WALLS
         for tol in WALL_TOLERANCES
     ]

@@ -21,7 +21,7 @@ from scipy.integrate import solve_ivp
 import actionopt as ao
 from actionopt import Event, Problem, System
 from benchmarks.stress import peers
-from benchmarks.stress.case import Case, Criterion, Question, Row, mine, timed
+from benchmarks.stress.case import Case, Criterion, Question, Row, measured, mine, timed
 from benchmarks.stress.forward import distance
 from benchmarks.stress.tally import counted, judged, never_wrong, row
 
@@ -215,9 +215,7 @@ def measure(which: int, count: int, compared: int) -> list[Row]:
 def cases(quick: bool) -> list[Case]:
     """Return them."""
     count, compared = (4, 1) if quick else (COUNT, COMPARED)
-    return [
-        Case(name, measure=lambda k=k: measure(k, count, compared)) for k, name in enumerate(BINS)
-    ]
+    return [measured(name, measure, k, count, compared) for k, name in enumerate(BINS)]
 
 
 def criteria(rows) -> list[Criterion]:

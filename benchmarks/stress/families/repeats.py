@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 
 from benchmarks.child import run
-from benchmarks.stress.case import Case, Criterion, digest, every, mine, timed
+from benchmarks.stress.case import Case, Criterion, digest, every, measured, mine, timed
 from benchmarks.stress.families import bodies, pendulums
 
 TITLE = "Repeats"
@@ -35,7 +35,7 @@ def measure(name: str) -> list[dict]:
 
 def cases(quick: bool) -> list[Case]:
     """Return them."""
-    return [Case(name, measure=lambda name=name: measure(name)) for name in QUESTIONS]
+    return [measured(name, measure, name) for name in QUESTIONS]
 
 
 def criteria(rows) -> list[Criterion]:

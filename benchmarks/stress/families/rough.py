@@ -18,14 +18,13 @@ import numpy as np
 import actionopt as ao
 from actionopt import Event, Problem, System
 from actionopt.scenes.chain import positions
+from benchmarks import problems
 from benchmarks.arithmetic import NUMPY
 from benchmarks.peers import scipy_bvp
 from benchmarks.peers._peer import Failed
-from benchmarks.problems import Case as Known
-from benchmarks.problems import Ends
 from benchmarks.problems.chain import LINKS, L, acceleration
 from benchmarks.problems.chain import cases as chains
-from benchmarks.stress.case import Case, Criterion, Row, mine, timed
+from benchmarks.stress.case import Case, Criterion, Row, measured, mine, timed
 from benchmarks.stress.forward import miss, motion
 from benchmarks.stress.tally import all_solved, counted, judged, never_wrong, row
 
@@ -66,7 +65,7 @@ def angles(q: np.ndarray) -> np.ndarray:
 
 
 @cache
-def system(name: str) -> tuple[Known, System]:
+def system(name: str) -> tuple[problems.Case, System]:
     """Return the chain in these coordinates, as the peers and as the package are told it."""
     known = next(case for case in chains() if case.name == name)
     options = {"parameters": known.parameters, "constraint": known.constraint}
@@ -100,7 +99,7 @@ def collocation(name: str, problem: Problem, guess: np.ndarray) -> tuple[str, fl
     state = np.concatenate([guess, np.gradient(guess, t, axis=1)])
     try:
         with np.errstate(all="ignore"):
-            ends = Ends(start, end, guess)
+            ends = problems.Ends(start, end, guess)
             scipy_bvp.solve(system(name)[0], ends, t, state, TOL, max_nodes=MAX_NODES)
         said = "SOLVED"
     except (Failed, ValueError, np.linalg.LinAlgError) as error:
@@ -126,7 +125,7 @@ def cases(quick: bool) -> list[Case]:
     """Return them."""
     count, compared = (4, 1) if quick else (COUNT, COMPARED)
     return [
-        Case(f"{title}, {kind}", measure=lambda n=n, k=kind: measure(n, k, count, compared))
+        measured(f"{title}, {kind}", measure, n, kind, count, compared)
         for n, title in NAMES.items()
         for kind in GUESSES
     ]

@@ -20,7 +20,7 @@ import numpy as np
 import actionopt as ao
 from actionopt import Event, Problem, System
 from actionopt.scenes import rod_pendulum
-from benchmarks.stress.case import Case, Criterion, Row, digest, mine
+from benchmarks.stress.case import Case, Criterion, Row, digest, measured, mine
 from benchmarks.stress.tally import counted
 
 TITLE = "Threads"
@@ -131,7 +131,7 @@ def cases(quick: bool) -> list[Case]:
     """Return them."""
     solves, reads = (20, 400) if quick else (SOLVES, READS)
     return [
-        Case(f"{kind} {name}", measure=lambda m=m, name=name, k=k: m(name, k))
+        measured(f"{kind} {name}", m, name, k)
         for kind, m, k in (("solving", solving, solves), ("energies of", reading, reads))
         for name in SYSTEMS
     ]
