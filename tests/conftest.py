@@ -4,6 +4,7 @@ import gc
 import os
 import sys
 
+import browser
 import pytest
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy: the matrices are small
@@ -59,3 +60,12 @@ def no_figure_left():
     yield
     if "matplotlib.pyplot" in sys.modules:
         sys.modules["matplotlib.pyplot"].close("all")
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    if browser.found() is None:
+        pytest.skip("no Chromium found")
+    page = browser.Browser()
+    yield page
+    page.close()

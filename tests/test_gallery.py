@@ -8,7 +8,6 @@ import sys
 from collections import Counter
 from html.parser import HTMLParser
 
-import browser
 import numpy as np
 import pytest
 from helpers import a_quarter
@@ -452,15 +451,6 @@ def test_colours_can_be_told_apart(gallery, dark):
 
 
 # -- in a browser ----------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def chromium():
-    if browser.found() is None:
-        pytest.skip("no Chromium found")
-    page = browser.Browser()
-    yield page
-    page.close()
 
 
 def test_pages_load_whole_and_from_here_alone(gallery, chromium):

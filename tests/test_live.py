@@ -6,7 +6,6 @@ import shutil
 import subprocess
 from pathlib import Path
 
-import browser
 import casadi as ca
 import numpy as np
 import pytest
@@ -164,15 +163,6 @@ def test_every_operation_is_written_as_casadi_computes_it():
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("pages")
-
-
-@pytest.fixture(scope="module")
-def chromium():
-    if browser.found() is None:
-        pytest.skip("no Chromium found")
-    page = browser.Browser()
-    yield page
-    page.close()
 
 
 DOUBLE_WELL = ao.System(

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from actionopt import plot
-from actionopt.gallery.page import escape, letter, number, rounded, typeset
+from actionopt.gallery.page import escape, number, rounded, typeset
 from actionopt.gallery.subject import Subject, span
 from actionopt.plot import SI
 from actionopt.plot.data.fan import aligned
+from actionopt.tools.greek import letter
 from actionopt.tools.words import say
 
 Rule = tuple[Callable[[Subject], bool], str | None]  # None for a figure nobody misses

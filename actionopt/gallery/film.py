@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 
 from actionopt.analysis.solution import Solution
-from actionopt.gallery.page import letter, number, rounded
+from actionopt.gallery.page import number, rounded
 from actionopt.gallery.subject import Subject
 from actionopt.plot import SI, Motion, landscape_data, motion, motion_data, svg
 from actionopt.plot._variations import level_lines
 from actionopt.plot.data.relaxation import relaxation_data
 from actionopt.plot.data.variations import over_modes, telling
 from actionopt.plot.live.film import frames, player
+from actionopt.tools.greek import letter
 from actionopt.tools.types import Array
 from actionopt.tools.words import say, together
 

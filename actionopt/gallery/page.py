@@ -10,14 +10,13 @@ from html import escape
 
 from actionopt import __version__
 from actionopt.tools.document import document
-from actionopt.tools.greek import GREEK, split
+from actionopt.tools.greek import GREEK
 from actionopt.tools.words import say
 
 __all__ = [
     "Page",
     "escape",
     "frame",
-    "letter",
     "number",
     "prose",
     "rounded",
@@ -138,16 +137,6 @@ def typeset(text: str) -> str:
     for code, plain in zip(rest[::2], rest[1::2], strict=True):
         parts += [f"<code>{code}</code>", _mathematics(plain)]
     return "".join(parts)
-
-
-def letter(name: str) -> str:
-    """Return the name of a coordinate as text, Greek letters and indices as such.
-
-    >>> letter("theta1"), letter("x")
-    ('θ₁', 'x')
-    """
-    word, index = split(name)
-    return GREEK.get(word, word) + "".join(chr(0x2080 + int(digit)) for digit in index)
 
 
 def _mathematics(text: str) -> str:

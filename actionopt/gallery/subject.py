@@ -10,9 +10,10 @@ import numpy as np
 
 from actionopt.analysis.conjugate import ConjugatePoint, conjugate_points
 from actionopt.analysis.solution import Solution
-from actionopt.gallery.page import letter, rounded
+from actionopt.gallery.page import rounded
 from actionopt.plot import SI, Energies, energies_data, motion_data, planar
 from actionopt.scenes import Scene
+from actionopt.tools.greek import letter
 from actionopt.tools.types import Array
 from actionopt.tools.words import say
 

@@ -9,8 +9,6 @@ The time of descent is the action: that of light where the index is sqrt(h / y).
 square of that length per unit of the parameter, which is then the time, up to a factor.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from actionopt.scenes._scene import Facts, Setup, Words, curve

@@ -8,8 +8,6 @@ r"""The charge in uniform fields again, with another vector potential.
 The gauge A = (0, B x) makes y cyclic; it adds d/dt (e B x y / 2) to the Lagrangian.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from actionopt.scenes import charge_planar

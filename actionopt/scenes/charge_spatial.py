@@ -8,8 +8,6 @@ r"""A charge in uniform electric and magnetic fields, in space.
 Along the magnetic field the charge falls freely in the electric one.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from actionopt.scenes._scene import Facts, Setup, Words, conjugates, curve

@@ -7,8 +7,6 @@ r"""A mass on a spring in a viscous fluid: a force that no Lagrangian without ti
 The drag is -b x'.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from actionopt.scenes import oscillator

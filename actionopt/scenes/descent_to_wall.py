@@ -10,8 +10,6 @@ Only the wall is given, not where on it the body arrives: that makes the time of
 arrives at a right angle, as light does on a wave front.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from actionopt.scenes._scene import Facts, Setup, Words

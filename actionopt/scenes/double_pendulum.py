@@ -11,8 +11,6 @@ r"""Two pendulums, one hung from the other.
 Both angles are measured from straight down.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from actionopt.scenes._scene import Facts, Setup, Words

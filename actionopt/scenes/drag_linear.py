@@ -8,8 +8,6 @@
 Gravity g points downward; the drag enters as virtual work.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from actionopt.scenes import projectile

@@ -7,8 +7,6 @@
 The drag enters as virtual work.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from actionopt.scenes._scene import Facts, Setup, Words, curve

@@ -7,8 +7,6 @@ r"""A mass on a spring with a harmonic drive.
 The spring on an oscillating wall once more: total time derivatives dropped, B = A w^2.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

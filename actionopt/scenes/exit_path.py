@@ -10,8 +10,6 @@ the noise must add to the drift. The drift of Maier and Stein is no gradient: wh
 it is easier to leave beside the axis than along it.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from actionopt.scenes._scene import Setup, Words

@@ -10,8 +10,6 @@ L is half the square of the optical length per unit of the parameter. The rays a
 of a sphere of radius a, seen in a stereographic projection.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from actionopt.scenes._scene import Facts, Setup, Words, conjugates, curve

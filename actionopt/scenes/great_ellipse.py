@@ -9,8 +9,6 @@ r"""The shortest way from one city to another on a flattened Earth.
 The coordinate phi does not appear: its momentum is constant, Clairaut's relation.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from actionopt.scenes._scene import Facts, Setup, Words

@@ -8,8 +8,6 @@ r"""A heavy symmetric top with its tip fixed.
 Neither phi nor psi appears in L: their momenta are constant.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from actionopt.scenes._scene import Facts, Setup, Words, curve

@@ -11,8 +11,6 @@ At the energy k a^2 / 8, three quarters of what leads out of the triangle, many 
 irregular; this one returns. How long that takes is not given but found.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from actionopt.mechanics.events import State

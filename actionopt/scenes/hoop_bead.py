@@ -9,8 +9,6 @@ r"""A bead on a vertical hoop that turns about its upright diameter.
 H is constant, but it is not the energy: whatever turns the hoop does work.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from actionopt.scenes._scene import Facts, Setup, Words, curve

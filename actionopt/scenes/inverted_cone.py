@@ -10,8 +10,6 @@ r"""A particle sliding inside a cone that stands on its apex.
 Without friction; the surface of the cone is built into the coordinates.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from actionopt.scenes._scene import Facts, Setup, Words, curve

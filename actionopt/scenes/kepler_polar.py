@@ -7,8 +7,6 @@
 The azimuth phi does not appear in L: its momentum, the angular momentum, is constant.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -9,8 +9,6 @@
 The plane of the orbit is turned about the x axis.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

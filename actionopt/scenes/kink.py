@@ -9,8 +9,6 @@ L = T - V with V = -k (a^2 - x^2)^2 / (8 a^2). With the sign of V turned it is t
 two wells in imaginary time, whose action is that of a whole kink: 2 m w a^2 / 3.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from actionopt.scenes._scene import Facts, Setup, Words, curve

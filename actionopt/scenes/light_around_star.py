@@ -8,8 +8,6 @@ In a static spacetime light takes the least or a stationary coordinate time (Fer
 its paths are the geodesics of the optical metric. M is half the hole's radius.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from actionopt.scenes._scene import Facts, Setup, Words

@@ -8,8 +8,6 @@ r"""A probe between two stars, a quarter of the way round an orbit about the poi
 In coordinates that turn with both, mirror images of the arc make the orbit.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from actionopt.mechanics.events import State

@@ -11,8 +11,6 @@ what it shows stands on its head. L is half the square of the optical length per
 parameter.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from actionopt.scenes._scene import Facts, Setup, Words, curve

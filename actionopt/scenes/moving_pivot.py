@@ -9,8 +9,6 @@ r"""A pendulum whose pivot is pulled aside with uniform acceleration.
 In the frame of the pivot gravity is tilted: the pendulum swings about -arctan(a / g).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from actionopt.scenes import pendulum

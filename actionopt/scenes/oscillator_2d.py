@@ -8,8 +8,6 @@ r"""A particle bound to a centre by equal springs in every direction of the plan
 Its paths are ellipses about the centre.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from actionopt.scenes._scene import Facts, Setup, Words, conjugates

@@ -7,8 +7,6 @@ r"""The oscillator with a total time derivative added to its Lagrangian.
 L changes by dF/dt with F = c t x^2 / 2: the path does not, S by the end values of F.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from actionopt.scenes import oscillator

@@ -11,8 +11,6 @@ r"""A pendulum with a given energy, from the lowest point to the top.
 The energy is m g l and a little to spare; how long it takes is not given but found.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from actionopt.scenes._elliptic import complete, jacobi

@@ -9,8 +9,6 @@ r"""The plane pendulum in polar coordinates, its length held by a multiplier.
 Gravity g points downward; the multiplier is the tension, negative because it points inward.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

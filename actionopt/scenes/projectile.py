@@ -8,8 +8,6 @@
 Gravity g points downward; there is no air.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from actionopt.scenes._scene import Facts, Setup, Words, curve

@@ -9,8 +9,6 @@ r"""The plane pendulum again, in Cartesian coordinates: the rod's tension is a m
 Gravity g points downward, y upward, and the pivot is the origin.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

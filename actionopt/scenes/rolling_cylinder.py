@@ -8,8 +8,6 @@ r"""A cylinder rolling straight down a slope.
 Rolling along one line integrates to a condition on positions; friction is its multiplier.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from actionopt.scenes._scene import Facts, Setup, Words, curve

@@ -8,8 +8,6 @@ r"""A free particle seen from a turning table.
 Coriolis and centrifugal forces alone bend the path in the turning coordinates.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from actionopt.scenes._scene import Facts, Setup, Words

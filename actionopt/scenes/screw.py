@@ -9,8 +9,6 @@ r"""A particle on a cylinder, in a potential wound round it like a thread.
 Turning and climbing together, (phi, z) -> (phi + c d, z + d), changes nothing.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from actionopt.scenes import pendulum

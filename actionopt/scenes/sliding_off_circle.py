@@ -8,8 +8,6 @@ r"""A mass that slides down a fixed circle and would leave it.
 The multiplier is the normal force: once it is negative the surface would have to pull.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from actionopt.scenes._scene import Facts, Setup, Words, curve

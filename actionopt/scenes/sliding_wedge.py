@@ -10,8 +10,6 @@ r"""A block sliding down a wedge that is itself free to slide.
 The wedge slides without friction on the ground, as the block does on the wedge.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from actionopt.scenes._scene import Facts, Setup, Words, curve

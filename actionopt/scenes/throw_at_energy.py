@@ -9,8 +9,6 @@
 Gravity g points downward; how long the throw takes is not given but found.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from actionopt.scenes._scene import Facts, Setup, Words, curve

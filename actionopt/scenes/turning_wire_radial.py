@@ -9,8 +9,6 @@ r"""The bead on the turning wire, by its distance along the wire.
 With the moving constraint solved, t is gone from L: H is constant, the energy is not.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from actionopt.scenes import turning_wire

@@ -9,8 +9,6 @@ r"""Two bodies under their mutual gravity, their centre of mass drifting.
 The relative position moves on a Kepler ellipse.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from actionopt.scenes._scene import Facts, Setup, Words, curve

@@ -6,8 +6,6 @@ r"""Two particles on a line, coupled through one combination of their places.
 U depends on a q1 + b q2 only, so (q1, q2) -> (q1 + b d, q2 - a d) changes nothing.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from actionopt.scenes._scene import Facts, Setup, Words, conjugates, curve

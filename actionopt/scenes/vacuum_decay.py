@@ -10,8 +10,6 @@ Gaussian. It is stationary and not least: one direction lowers the action, along
 grows (Coleman).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from actionopt.scenes._scene import Facts, Setup, Words, curve

@@ -7,8 +7,6 @@ r"""The shortest way round a ball in space.
 It lies in the plane of its ends and the middle: a tangent, a part of a great circle, and a tangent.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from actionopt.scenes._scene import Facts, Setup, Words

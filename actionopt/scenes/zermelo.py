@@ -8,8 +8,6 @@ Length is the time it takes, |v - u L| = L, in the ship's own speed: a metric th
 back (Randers). L below is half its square per unit of the parameter.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from actionopt.scenes._scene import Facts, Setup, Words

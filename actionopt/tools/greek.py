@@ -17,3 +17,13 @@ def split(name: str) -> tuple[str, str]:
     """
     word, index = re.fullmatch(r"(.*?)_?(\d*)", name, re.DOTALL).groups()  # type: ignore[union-attr]
     return word, index
+
+
+def letter(name: str) -> str:
+    """Return the name of a coordinate as text, Greek letters and indices as such.
+
+    >>> letter("theta1"), letter("x")
+    ('θ₁', 'x')
+    """
+    word, index = split(name)
+    return GREEK.get(word, word) + "".join(chr(0x2080 + int(digit)) for digit in index)

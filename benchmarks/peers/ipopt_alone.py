@@ -1,7 +1,5 @@
 """The package where only Ipopt may find the first path."""
 
-from __future__ import annotations
-
 from functools import partial
 
 from benchmarks.peers._peer import TOLERANCES, Peer

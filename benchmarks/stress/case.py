@@ -68,6 +68,15 @@ def measured(name: str, measure: Callable[..., list[Row]], *arguments: Any) -> C
     return Case(name, measure=partial(measure, *arguments))
 
 
+def members(kinds: dict[str, Callable], counts: dict[str, tuple], quick: bool) -> list[Case]:
+    """Return the first cases of each kind: as many as its counts say, of all and of a quick run."""
+    return [
+        measured(f"{kind} {k}", kinds[kind], k)
+        for kind in counts
+        for k in range(counts[kind][quick])
+    ]
+
+
 def ours(question: Question, more: More | None = None) -> Row:
     """Solve with this package."""
     clock = time.perf_counter()

@@ -1,7 +1,5 @@
 """The nine lessons."""
 
-from __future__ import annotations
-
 from actionopt.gallery.course.lesson import Exercise, Lesson
 
 HUNT = Lesson(

@@ -13,7 +13,7 @@ from actionopt.plot._names import NONE, Units, planar
 from actionopt.plot.data.exploration import LONGEST, motion
 from actionopt.plot.live.law import law
 from actionopt.solver.solve import solve
-from actionopt.tools.greek import GREEK, split
+from actionopt.tools.greek import letter
 from actionopt.tools.lobatto import lgl
 from actionopt.tools.types import Array
 
@@ -60,7 +60,7 @@ def data(problem: Problem, solution: Solution, units: Units = NONE) -> dict[str,
         "parameters": _parameters(problem),
         "coordinates": [
             {
-                "name": written(name),
+                "name": letter(name),
                 "unit": units.coordinate(name),
                 "force": units.generalized_force(name),
             }
@@ -128,17 +128,7 @@ def _parameters(problem: Problem) -> list[dict[str, Any]]:
         count = int(np.size(value))
         for k, x in enumerate(np.ravel(value)):
             if place + k not in held:
-                label = written(name) + (f"[{k}]" if np.ndim(value) else "")
+                label = letter(name) + (f"[{k}]" if np.ndim(value) else "")
                 found.append({"name": label, "place": place + k, "value": float(x)})
         place += count
     return found
-
-
-def written(name: str) -> str:
-    """Return a name as text, Greek letters and indices as such.
-
-    >>> written("theta1"), written("x")
-    ('θ₁', 'x')
-    """
-    word, index = split(name)
-    return GREEK.get(word, word) + "".join(chr(0x2080 + int(digit)) for digit in index)

@@ -14,7 +14,7 @@ from actionopt.mechanics.problem import Problem
 from actionopt.plot._names import NONE, SI, Units
 from actionopt.plot.data.arguments import checked
 from actionopt.plot.data.motion import Draw
-from actionopt.plot.live.data import check, data, written
+from actionopt.plot.live.data import check, data
 from actionopt.plot.live.drawing import drawing
 from actionopt.plot.live.words import words as spoken
 from actionopt.scenes import Scene
@@ -22,6 +22,7 @@ from actionopt.solver.arguments import Guess
 from actionopt.solver.solve import solve
 from actionopt.tools.document import document
 from actionopt.tools.files import ready, write
+from actionopt.tools.greek import letter
 from actionopt.tools.words import say
 
 STATIC = Path(__file__).parent / "static"
@@ -148,7 +149,7 @@ def _sentence(problem: Problem, units: Units) -> str:
 
     def at(q: Sequence[float | None]) -> str:
         known = [
-            f"{written(name)} = {x:.4g} {units.coordinate(name)}".rstrip().replace("-", MINUS)
+            f"{letter(name)} = {x:.4g} {units.coordinate(name)}".rstrip().replace("-", MINUS)
             for name, x in zip(problem.system.coordinates, q, strict=True)
             if x is not None
         ]

@@ -10,12 +10,12 @@ modes of anharmonic oscillators, which nothing but their phase moves.
 from __future__ import annotations
 
 import time
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 
 import actionopt as ao
-from benchmarks.stress.case import Case, Criterion, Row, answer, every, measured, mine
+from benchmarks.stress.case import Case, Criterion, Row, answer, every, members, mine
 
 TITLE = "Closed paths of one energy: families and single ones"
 COUNTS = {"isotropic": (4, 1), "two to one": (4, 1), "Kepler": (4, 1), "isochronous": (4, 1)}
@@ -98,12 +98,8 @@ def _row(problem: ao.Problem, guess: np.ndarray, tol: float) -> Row:
 
 def cases(quick: bool) -> list[Case]:
     """Return them."""
-    found = [
-        measured(f"{name} {k}", member, name, k)
-        for name, counts in COUNTS.items()
-        for k in range(counts[quick])
-    ]
-    return found + [measured(f"single {k}", single, k) for k in range(SINGLE[quick])]
+    kinds = {name: partial(member, name) for name in COUNTS} | {"single": single}
+    return members(kinds, {**COUNTS, "single": SINGLE}, quick)
 
 
 def criteria(rows) -> list[Criterion]:

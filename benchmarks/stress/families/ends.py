@@ -17,7 +17,7 @@ from scipy.integrate import quad, solve_bvp, solve_ivp
 from scipy.optimize import brentq
 
 import actionopt as ao
-from benchmarks.stress.case import Case, Criterion, Row, answer, measured, mine, solved, within
+from benchmarks.stress.case import Case, Criterion, Row, answer, members, mine, solved, within
 
 TITLE = "Ends at infinity and at centres, rays"
 TOL = 1e-9
@@ -220,11 +220,7 @@ KINDS = {"well": well, "bounce": bounce, "winding": winding}
 
 def cases(quick: bool) -> list[Case]:
     """Return them."""
-    return [
-        measured(f"{kind} {k}", KINDS[kind], k)
-        for kind, counts in COUNTS.items()
-        for k in range(counts[quick])
-    ]
+    return members(KINDS, COUNTS, quick)
 
 
 def criteria(rows) -> list[Criterion]:

@@ -19,7 +19,7 @@ from scipy.special import ellipkinc
 
 import actionopt as ao
 from actionopt.solver.first_paths import straight, timed
-from benchmarks.stress.case import Case, Criterion, Row, answer, measured, mine, solved, within
+from benchmarks.stress.case import Case, Criterion, Row, answer, members, mine, solved, within
 
 TITLE = "Given energies"
 TOL, WRONG = 1e-9, 1e-8
@@ -220,11 +220,7 @@ KINDS = {"throw": throw, "over": over, "transfer": transfer, "well": well, "elli
 
 def cases(quick: bool) -> list[Case]:
     """Return them."""
-    return [
-        measured(f"{kind} {k}", KINDS[kind], k)
-        for kind, counts in COUNTS.items()
-        for k in range(counts[quick])
-    ]
+    return members(KINDS, COUNTS, quick)
 
 
 def of_kind(rows, kind: str) -> list[Criterion]:

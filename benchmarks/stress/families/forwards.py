@@ -12,11 +12,10 @@ durations, at tol 1e-8, with no guess and no limit of time.
 from __future__ import annotations
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 import actionopt as ao
 from benchmarks.stress.case import Case, Criterion, Row, measured, mine, timed
-from benchmarks.stress.families.random_systems import FAR, Random
+from benchmarks.stress.families.random_systems import Random
 from benchmarks.stress.forward import distance
 from benchmarks.stress.tally import all_solved, judged, never_wrong, row
 
@@ -45,20 +44,6 @@ def momentum(case: Random, q: np.ndarray, v: np.ndarray) -> np.ndarray:
     """Return p (n,) at (q, v)."""
     a = np.array(case.vectors.terms(q, 0.0)).reshape(-1, 1)
     return inertia(case, q) @ v + (a * case.vectors.along).sum(axis=0)
-
-
-def end(case: Random) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return the state of the motion at T, if it stays near."""
-    n = case.n
-
-    def rhs(t, y):
-        return np.concatenate([y[n:], case.acceleration(y[:n, None], y[n:, None], t)[:, 0]])
-
-    first = np.concatenate([case.q0, case.v0])
-    run = solve_ivp(rhs, (0, case.T), first, "DOP853", rtol=1e-10, atol=1e-10)
-    if not run.success or np.max(np.abs(run.y[:n])) > FAR:
-        return None
-    return run.y[:n, -1], run.y[n:, -1]
 
 
 def transfer(case: Random, q1: np.ndarray, v1: np.ndarray):
@@ -108,7 +93,7 @@ def draws(which: int, count: int) -> list[tuple[Random, np.ndarray, np.ndarray]]
         parts = case.masses, case.vectors, case.potential
         clocked = any(np.any(part.omega) for part in parts)
         if case.n in (2, 3) and not clocked and not np.any(case.friction):
-            last = end(case)
+            last = case.end()
             if last is not None:
                 out.append((case, *last))
     return out

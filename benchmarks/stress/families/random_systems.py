@@ -158,8 +158,8 @@ class Random:
         f = f - self.potential.w.T @ self.potential.slopes(q, t)[1]
         return np.linalg.solve(np.moveaxis(M, 2, 0), f.T[..., None])[..., 0].T
 
-    def end(self) -> np.ndarray:
-        """Return where the motion is at T, not numbers if it leads far away."""
+    def end(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """Return the state of the motion at T, if it stays near."""
         n = self.n
 
         def rhs(t, y):
@@ -167,15 +167,14 @@ class Random:
 
         first = np.concatenate([self.q0, self.v0])
         run = solve_ivp(rhs, (0, self.T), first, "DOP853", rtol=1e-10, atol=1e-10)
-        reached = np.max(np.abs(run.y[:n]))
-        return run.y[:n, -1] if run.success and reached < FAR else np.full(n, np.nan)
+        if not run.success or not np.max(np.abs(run.y[:n])) < FAR:
+            return None
+        return run.y[:n, -1], run.y[n:, -1]
 
     def problem(self) -> Problem | None:
         """Return the question, if the motion stays near."""
-        q1 = self.end()
-        if not np.all(np.isfinite(q1)):
-            return None
-        return Problem(self.system, Event(0.0, self.q0), Event(self.T, q1))
+        end = self.end()
+        return end and Problem(self.system, Event(0.0, self.q0), Event(self.T, end[0]))
 
 
 def draws(which: int, count: int) -> list[tuple[Random, Problem]]:
