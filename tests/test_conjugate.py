@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import systems
 from helpers import a_quarter, integrated
 from motions import ellipse
 from scipy.optimize import brentq
@@ -220,15 +221,11 @@ def test_focal_points_of_a_free_start_with_a_total_derivative(c):
 @pytest.mark.parametrize("width", [0.3, 0.03, 0.003])
 def test_a_straight_path_through_a_valley(width):
     # Poeschl and Teller's -2 / w^2 sech^2 u across the way: fields tanh u and u tanh u - 1.
-    def lagrangian(q, v, t, *, w):
-        steep = 2 / w**2 / np.cosh((q[0] - 0.47) / w) ** 2
-        return (v[0] ** 2 + v[1] ** 2) / 2 - steep * q[1] ** 2 / 2
-
     def field(t):
         u, u0 = (t - 0.47) / width, -0.47 / width
         return np.tanh(u) * (u0 * np.tanh(u0) - 1) - (u * np.tanh(u) - 1) * np.tanh(u0)
 
-    system = ao.System(lagrangian, ["x", "y"], parameters={"w": width})
+    system = systems.valley(0.47, parameters={"w": width})
     problem = ao.Problem(system, ao.Event(0.0, [0.0, 0.0]), ao.Event(1.0, [1.0, 0.0]))
     exact = brentq(field, 0.47, 1.0, xtol=1e-15)
     assert times_of(ao.solve(problem)) == pytest.approx([exact], abs=TIME_TOLERANCE)

@@ -11,7 +11,7 @@ from actionopt import System
 from actionopt.discrete.newton import follow
 from actionopt.solver.descent import RUNAWAY, descend
 
-SPRING = System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2 - q[0] ** 4 / 400, ["x"])
+SPRING = systems.spring(stiffening=0.01)
 PENDULUM = systems.pendulum(g=9.81)
 
 
@@ -51,13 +51,8 @@ def test_the_minimum_is_found_from_afar(T, size):
 
 def test_stiff_variations_do_not_slow_down_the_others():
     """Swings of twelve links ask for a mu of ten: steps without the factor 1 + mu are 17."""
-
-    def lagrangian(q, v, t):
-        x, y = np.cumsum(np.cos(q) * v), np.cumsum(np.sin(q) * v)
-        return (x @ x + y @ y) / 2 + 9.81 * np.sum(np.cumsum(np.cos(q)))
-
     first = np.linspace(0.05, 0.15, 12)
-    tr = transcribed(System(lagrangian, list("abcdefghijkl")), (first, -first / 2), 0.5)
+    tr = transcribed(systems.links(12), (first, -first / 2), 0.5)
     result = descend(tr, tr.pack(tr.straight()))
     assert result.found and result.iterations <= 14
 

@@ -108,11 +108,6 @@ def test_no_path_is_said():
 @pytest.mark.parametrize("links", [30, pytest.param(70, marks=pytest.mark.slow)])
 def test_a_small_swing_of_many_links_near_a_resonance(links):
     """Damped steps end where the matrix is singular. Of 70 links a mode makes 1.005 half turns."""
-
-    def lagrangian(q, v, t):
-        x, y = np.cumsum(np.cos(q) * v), np.cumsum(np.sin(q) * v)
-        return (x @ x + y @ y) / 2 + 9.81 * np.sum(np.cumsum(np.cos(q)))
-
     below = links - np.maximum.outer(np.arange(links), np.arange(links))  # masses that both carry
 
     def flow(t, y):
@@ -122,8 +117,7 @@ def test_a_small_swing_of_many_links_near_a_resonance(links):
         return np.concatenate([v, np.linalg.solve(below * cosines, force)])
 
     first = np.linspace(0.05, 0.15, links)
-    system = System(lagrangian, [f"a{j}" for j in range(links)])
-    problem = ao.Problem(system, ao.Event(0.0, first), ao.Event(0.5, -first / 2))
+    problem = ao.Problem(systems.links(links), ao.Event(0.0, first), ao.Event(0.5, -first / 2))
     tr = Transcription(
         problem, ao.Mesh.uniform(0.0, 0.5, 4 if links < 60 else 8, 6), problem.lengths
     )

@@ -250,12 +250,7 @@ def test_a_lagrangian_that_is_singular_at_rest():
 
 def valley(width):
     """A straight path in a valley steep on a short way: 2 / w^2 sech^2 u of Poeschl and Teller."""
-
-    def lagrangian(q, v, t, *, w):
-        steep = 2 / w**2 / np.cosh((q[0] - 0.31) / w) ** 2
-        return (v[0] ** 2 + v[1] ** 2) / 2 - steep * q[1] ** 2 / 2
-
-    system = ao.System(lagrangian, ["x", "y"], parameters={"w": width})
+    system = systems.valley(0.31, parameters={"w": width})
     problem = ao.Problem(system, ao.Event(0.0, [0.0, 0.0]), ao.Event(1.0, [1.0, 0.0]))
     mesh = ao.Mesh.uniform(0.0, 1.0, 2, 4)
     return claimed(problem, ao.Path(mesh, np.stack([mesh.nodes, 0 * mesh.nodes])))

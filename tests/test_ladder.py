@@ -171,7 +171,7 @@ def test_with_a_saddle_in_hand_each_way_has_its_own_price():
 @pytest.mark.parametrize(("duration", "least"), [(1.0, True), (2.5, True), (7.5, False)])
 def test_least_first_and_a_saddle_where_there_is_none(duration, least):
     # A stiffening spring: past the first conjugate time the action is unbounded below.
-    spring = System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2 - q[0] ** 4 / 400, ["x"])
+    spring = systems.spring(stiffening=0.01)
     problem = Problem(spring, Event(0.0, [0.1]), Event(duration, [0.2]))
     solution = ao.solve(problem)
     assert solution.compare().agrees

@@ -247,11 +247,7 @@ def test_rotations_of_a_driven_pendulum_wind():
 @pytest.mark.slow
 def test_what_comes_back_with_a_kink_is_left_out():
     """Of the paths that return to x = 1 after 4 only those that close; and none that does not."""
-
-    def spring(q, v, t):
-        return v[0] ** 2 / 2 - q[0] ** 2 / 2 - q[0] ** 4 / 4
-
-    problem = ao.Problem(ao.System(spring, ["x"]), ao.Event(0.0, [1.0]), Periodic(4.0))
+    problem = ao.Problem(systems.spring(), ao.Event(0.0, [1.0]), Periodic(4.0))
     found = ao.solve_all(problem, starts=2, shots=20, continuations=0)
     assert len(found) >= 2 and all(closes(s) for s in found)
     # both ways through x = 1 on the one orbit of that period
@@ -260,7 +256,7 @@ def test_what_comes_back_with_a_kink_is_left_out():
     orbits = [h for h in H if abs(h - min(H)) < 1e-7]
     assert len(orbits) == 2
     # Under a clock no orbit may be begun elsewhere to pass the start: what returns has a kink.
-    pushed = ao.System(lambda q, v, t: spring(q, v, t) + 0.3 * np.cos(np.pi * t / 2) * q[0], ["x"])
+    pushed = systems.spring(push=lambda t: 0.3 * np.cos(np.pi * t / 2))
     problem = ao.Problem(pushed, problem.start, Periodic(4.0))
     found = ao.solve_all(problem, starts=2, shots=20, continuations=0)
     assert all(closes(s) for s in found)
@@ -463,7 +459,7 @@ def test_index_of_a_driven_bead_on_a_circle_in_either_coordinates(w, c, T):
 
 
 def test_an_orbit_without_a_clock_is_moved_along_itself():
-    spring = ao.System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2 - q[0] ** 4 / 4, ["x"])
+    spring = systems.spring()
     pinned = ao.solve(
         ao.Problem(spring, ao.Event(0.0, [0.0]), Periodic(4.0)),
         guess=lambda t: [1.4 * np.sin(np.pi * t / 2)],
@@ -558,7 +554,7 @@ def test_a_closed_path_that_shrinks_to_a_rest_is_given_up_at_once():
 
 
 def test_a_rougher_neighbour_is_not_resolved_to_its_errors():
-    spring = ao.System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2 - q[0] ** 4 / 4, ["x"])
+    spring = systems.spring()
     rough = ao.solve(ao.Problem(spring, ao.Event(0.0, [0.0]), Periodic(None), energy=5.0), tol=1e-3)
     near = ao.Problem(spring, ao.Event(0.0, [None]), Periodic(1.02 * rough.duration))
     fine = ao.solve(near, guess=rough, tol=1e-12)
@@ -567,7 +563,7 @@ def test_a_rougher_neighbour_is_not_resolved_to_its_errors():
 
 
 def test_what_moves_a_closed_path_is_no_direction_down_on_very_short_elements():
-    spring = ao.System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2 - q[0] ** 4 / 4, ["x"])
+    spring = systems.spring()
     orbit = ao.solve(
         ao.Problem(spring, ao.Event(0.0, [None]), Periodic(None), energy=0.3), tol=1e-11
     )

@@ -677,15 +677,8 @@ def test_what_is_given_without_its_name_is_refused():
 
 def test_a_pendulum_of_many_links_has_a_least_path():
     """Past conjugate times of its small swings; the motion itself is the oracle."""
-    n = 12
-
-    def lagrangian(q, v, t):
-        x, y = np.cumsum(np.cos(q) * v), np.cumsum(np.sin(q) * v)
-        return (x @ x + y @ y) / 2 + 9.81 * np.sum(np.cumsum(np.cos(q)))
-
-    first = np.linspace(0.05, 0.15, n)
-    system = ao.System(lagrangian, [f"a{j}" for j in range(n)])
-    found = ao.solve(ao.Problem(system, ao.Event(0.0, first), ao.Event(0.5, -first / 2)))
+    first = np.linspace(0.05, 0.15, 12)
+    found = ao.solve(ao.Problem(systems.links(12), ao.Event(0.0, first), ao.Event(0.5, -first / 2)))
     assert found.morse_index == 0 and found.compare().agrees
 
 

@@ -74,7 +74,7 @@ def test_behind_a_wall_the_sentence_says_so():
 
 @pytest.mark.parametrize(("energy", "a", "b"), [(12.0, 0.0, 2.0), (-3.0, -0.4, 1.1)])
 def test_pendulum_of_given_energy(energy, a, b):
-    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 + G * np.cos(q[0]), ["a"])
+    system = systems.pendulum("a", G)
     k2 = (energy + G) / (2 * G)
 
     def clock(x):
@@ -233,7 +233,7 @@ def quartic_period(energy):
     return 4 * ellipk(square / (2 + 2 * square)) / np.sqrt(1 + square)
 
 
-SPRING = ao.System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2 - q[0] ** 4 / 4, ["x"])
+SPRING = systems.spring()
 
 
 @pytest.mark.slow
@@ -362,7 +362,7 @@ def test_figure_eight():
 
 
 def test_no_path_closes_near_the_guess():  # but rest, and what a force along it would close
-    system = ao.System(lambda q, v, t: v @ v / 2 - q[0] ** 2 / 2 - q[0] ** 4 / 4, ["x"])
+    system = systems.spring()
     problem = ao.Problem(system, ao.Event(0.0, [None]), ao.Periodic(7.0))  # too long for once round
     found = ao.solve(problem, guess=lambda t: [np.cos(t)], throw=False)
     assert not found.success or np.abs(found(np.linspace(0.0, 7.0, 50))).max() == 0.0
