@@ -122,16 +122,27 @@ def _jump(problem: Problem, path: Path, low: float, high: float) -> Jump | None:
     since = np.clip(since, 0.0, problem.duration)
     q, v = (part.T for part in path.carried_on(since, 1.0))
     t = np.full((since.size, 1), problem.start.t + (low + high) / 2)  # a jump in t alone is none
-    first = problem.system.pointwise("first")(q, v, t, problem.packed)
-    L = first[2][:, 0]
-    energy = np.einsum("kn,kn->k", first[1], v) - L
-    sides = np.split(np.where(np.isfinite(L), L, np.nan), 2)
-    if any(np.isnan(side).all() for side in sides):
-        return None
-    (l0, l1, l2), (r0, r1, r2) = (np.nanquantile(side, (0.25, 0.5, 0.75)) for side in sides)
-    height = abs(r1 - l1)
-    if not (l2 - l0) + (r2 - r0) <= height / 2:
+    first = problem.system.pointwise("first")
+    _, p, L = (part.copy() for part in first(q, v, t, problem.packed))
+    energy = np.einsum("kn,kn->k", p, v) - L[:, 0]
+    if any(_height(component) for component in v.T):  # with which L changes, jump or not
+        L = first(q, np.broadcast_to(v[0], v.shape), t, problem.packed)[2]
+    height = _height(L[:, 0])
+    if not height:
         return None
     before, after = (np.nanmedian(side) for side in np.split(energy, 2))
     q, v = (part[:, 0] for part in path.carried_on(np.array([high]), 1.0))
-    return Jump(float(problem.start.t + high), q, v, float(height), float(abs(after - before)))
+    return Jump(float(problem.start.t + high), q, v, height, float(abs(after - before)))
+
+
+def _height(values: Array) -> float:
+    """Return by how much the halves of values (K,) differ, those of two sides; zero if no jump.
+
+    Half the samples of each side agree much better than those of the two do.
+    """
+    sides = np.split(np.where(np.isfinite(values), values, np.nan), 2)
+    if any(np.isnan(side).all() for side in sides):
+        return 0.0
+    (l0, l1, l2), (r0, r1, r2) = (np.nanquantile(side, (0.25, 0.5, 0.75)) for side in sides)
+    height = float(abs(r1 - l1))
+    return height if (l2 - l0) + (r2 - r0) <= height / 2 else 0.0

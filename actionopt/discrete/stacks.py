@@ -282,21 +282,30 @@ class Stack:
             found[:, :, which] += work
         return found
 
-    def imbalance(self, Q: Array) -> Array:
+    def imbalance(self, Q: Array) -> tuple[Array, Array]:
         """Return how far L changes along paths without a reason, (C,), infinite if not known.
 
-        From sample to sample and element to element, in the unit of `energy_balance`.
+        From sample to sample and element to element, in the unit of `energy_balance`; and their
+        `energy_balance.drift`, (C,).
         """
         s, v = self.shape, self.velocities(Q)
-        if s.system.structure.jumpless:
-            return np.zeros(len(self.times))
+        structure, none = s.system.structure, np.zeros(len(self.times))
+        if structure.jumpless:
+            return none, none
         L, p, _, _ = self._evaluated("slopes", Q, v, self._at)
-        at_ends, ends, p = L[[0, -1], 0], v[[0, -1]], p[[0, -1]]
-        step = (ends[0, :, 1:] - ends[1, :, :-1]) * (p[0, :, 1:] + p[1, :, :-1]) / 2
+        at_ends, ends = L[[0, -1], 0], v[[0, -1]]
+        step = (ends[0, :, 1:] - ends[1, :, :-1]) * (p[0, :, 1:] + p[-1, :, :-1]) / 2
         between = at_ends[0, 1:] - at_ends[1, :-1] - step.sum(axis=0)
         largest = np.abs(between).max(axis=0, initial=0.0)
         read = np.abs(L).max(axis=(0, 1, 2))
         size, speed, momentum = (np.abs(y).max(axis=(0, 2)) for y in (Q, v, p))
+        drift = none
+        if not (structure.depends_on_time or structure.forced):
+            H = (v * p).sum(axis=1) - L[:, 0]
+            H -= (self.weight * H).sum(axis=(0, 1)) / self.duration
+            carried = (self.weight * H).swapaxes(0, 1).reshape(-1, none.size).cumsum(axis=0)
+            carried = np.abs(carried).max(axis=0) - ROUNDOFF * read * self.duration
+            drift = np.nan_to_num(np.maximum(carried, 0) / (momentum * size).sum(axis=0))
         most = np.zeros_like(size)
         for which, rule in s.sampled:
             half = self.half[which]
@@ -321,7 +330,7 @@ class Stack:
             read = np.maximum(read, np.abs(L).max(axis=(0, 1, 2)))
         largest = np.maximum(largest - ROUNDOFF * read, 0)
         off = largest / (most * size + momentum * speed).sum(axis=0)
-        return np.where(np.isfinite(off), off, np.inf)
+        return np.where(np.isfinite(off), off, np.inf), drift
 
     def _inertia(self, nonzeros: Array) -> Array:
         """Return mass matrices (E C, n, n) of their nonzeros (nonzeros, E, C) as in `second`."""

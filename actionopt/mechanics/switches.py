@@ -7,6 +7,7 @@ L(q, v, t, c after) differ.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -32,7 +33,8 @@ TAILED = {
 QUOTIENTS = (ca.OP_DIV, ca.OP_INV)
 SUMS = (ca.OP_ADD, ca.OP_SUB, ca.OP_NEG, ca.OP_TWICE)
 ENTIRE_CODES = (ca.OP_SQ, ca.OP_SIN, ca.OP_COS)
-ROOTS = (ca.OP_SQRT, ca.OP_LOG, ca.OP_POW, ca.OP_CONSTPOW)
+ROOTS = (ca.OP_SQRT, ca.OP_LOG)
+POWERS = (ca.OP_POW, ca.OP_CONSTPOW)
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,35 +143,77 @@ def localized(law: Tape) -> int:
     return int(any(x.kind != "constant" and x.entry[0] != 3 for x in divisors))
 
 
+# What `is_jumpless` knows of a value: one of these, its sign where that is plain, and the number
+# that it is. A sign is 1 or -1 and the constants of unknown sign of which it is the product.
+CONSTANT, ENTIRE, MOVING, ROOT, QUOTIENT, OTHER = range(6)
+Sign = tuple[int, frozenset[tuple[int, int]]] | None
+Known = tuple[int, Sign, float]
+POSITIVE: Sign = (1, frozenset())
+
+
 def is_jumpless(lagrangian: Tape) -> bool:
     """Return whether it is plain that L cannot step: where it is finite it varies as widely as q.
 
     So it is for polynomials, sines and cosines of q and v, with one root, logarithm or quotient of
-    a constant by these: where its argument vanishes L has a kink, or is infinite. Quotients of two
-    that vanish may step, such as q / sqrt(q^2), functions of a quotient, such as arctan(1 / q), and
-    differences, such as that of roots that are large.
+    a constant by these in q, or several of one sign: where their arguments vanish L has a kink, or
+    is infinite. Quotients of two that vanish may step, such as q / sqrt(q^2), functions of a
+    quotient, such as arctan(1 / q), and differences, such as that of roots that are large.
+
+    What has a cusp, such as a power between 0 and 1/2, or a kink in v is not plain either: there
+    the energy shows what forces at samples do not.
     """
-    CONSTANT, ENTIRE, ROOT, QUOTIENT, OTHER = range(5)
+    return lagrangian.fold(_known)[lagrangian.results[0][0]][0] < OTHER
 
-    def kind(node: Node, of: list[int]) -> int:
-        code = node.operation
-        if not of:
-            return ENTIRE if 0 <= node.entry[0] < 2 else CONSTANT
-        low, high = min(of), max(of)
-        if high == CONSTANT:
-            return CONSTANT
-        if code in SUMS:  # of two that are not entire the large parts may cancel
-            return high if len(of) == 1 or low <= ENTIRE else OTHER
-        if code == ca.OP_MUL:
-            return high if low == CONSTANT or (low == ENTIRE and high <= ROOT) else OTHER
-        if code in ENTIRE_CODES and high == ENTIRE:
-            return ENTIRE
-        if code == ca.OP_DIV and of[1] == CONSTANT:
-            return of[0]
-        if code == ca.OP_INV or (code == ca.OP_DIV and of[0] == CONSTANT):
-            return QUOTIENT if of[-1] <= ROOT else OTHER
-        if code in ROOTS and of[0] == ENTIRE and (len(of) == 1 or of[1] == CONSTANT):
-            return QUOTIENT if code in (ca.OP_POW, ca.OP_CONSTPOW) else ROOT
-        return OTHER
 
-    return lagrangian.fold(kind)[lagrangian.results[0][0]] < OTHER
+def _known(node: Node, of: list[Known]) -> Known:
+    """Return what is known of a value by what is known of its operands."""
+    if node.kind == "constant":
+        return CONSTANT, (1 if node.value >= 0 else -1, frozenset()), node.value
+    if node.kind == "input":
+        if node.entry[0] < 2:
+            return (ENTIRE, MOVING)[node.entry[0]], None, math.nan
+        return CONSTANT, (1, frozenset([node.entry])), math.nan
+    kinds, signs, numbers = zip(*of, strict=True)
+    code = node.operation
+    if code in SUMS and max(kinds) == QUOTIENT and min(kinds) <= MOVING:  # where it is infinite
+        signs = tuple(s for k, s in zip(kinds, signs, strict=True) if k == QUOTIENT)
+        code = ca.OP_NEG if code == ca.OP_SUB and kinds[1] == QUOTIENT else ca.OP_TWICE
+    sign = _sign(code, signs)
+    return _kind(node.operation, kinds, numbers[-1], sign), sign, math.nan
+
+
+def _kind(code: int, of: tuple[int, ...], exponent: float, sign: Sign) -> int:
+    low, high = min(of), max(of)
+    if high == CONSTANT:
+        return CONSTANT
+    if code in SUMS:  # of two that are not entire the large parts may cancel
+        return high if len(of) == 1 or low <= MOVING or sign else OTHER
+    if code == ca.OP_MUL:
+        return high if low == CONSTANT or (low <= MOVING and high <= ROOT) else OTHER
+    if code in ENTIRE_CODES and high <= MOVING:
+        return high
+    if code == ca.OP_DIV and of[1] == CONSTANT:
+        return of[0]
+    if code == ca.OP_INV or (code == ca.OP_DIV and of[0] == CONSTANT):
+        return QUOTIENT if of[-1] in (ENTIRE, ROOT) else OTHER
+    if code in POWERS and of == (ENTIRE, CONSTANT):
+        return QUOTIENT if exponent <= 0 or exponent >= 0.5 else OTHER
+    return ROOT if code in ROOTS and high == ENTIRE else OTHER
+
+
+def _sign(code: int, of: tuple[Sign, ...]) -> Sign:
+    """Return the sign of a value, if not zero, by those of its operands."""
+    first, last = of[0], of[-1]
+    if code in (ca.OP_SQ, ca.OP_SQRT):
+        return POSITIVE
+    if code in POWERS:
+        return POSITIVE if first == POSITIVE else None
+    if first is None or last is None:
+        return None
+    if code in (ca.OP_NEG, ca.OP_SUB):
+        last = -last[0], last[1]
+    if code in (ca.OP_MUL, ca.OP_DIV):
+        return first[0] * last[0], first[1] ^ last[1]
+    if code in (ca.OP_ADD, ca.OP_SUB):
+        return first if first == last else None
+    return last if code in (ca.OP_NEG, ca.OP_INV, ca.OP_TWICE) else None

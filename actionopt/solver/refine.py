@@ -72,11 +72,11 @@ def _refined(ws: Workspace, tol: float, *, least: bool) -> Status:
                 if here.singular:
                     return Status.UNRESOLVED
                 off = ws.unbalanced()
-                if off is None:
-                    return Status.SOLVED
                 if isinstance(off, Jump):
                     return Status.JUMP
-                mesh = _cut(here.mesh, off)
+                if off is None and ws.here.error <= tol:
+                    return Status.SOLVED
+                mesh = _split(ws) if off is None else _cut(here.mesh, off)
                 stalled += 1
             else:
                 stalled = stalled + 1 if missed > last / 2 else 0

@@ -17,6 +17,7 @@ from actionopt.discrete.resolution import left_out
 from actionopt.discrete.stacks import Factored, Shape, Stack
 from actionopt.mechanics.problem import MOTIONLESS, NEGLIGIBLE, SHORT_MOTION
 from actionopt.solver.iterate import (
+    DRIFT_SAFETY,
     ORDINARY,
     POLYNOMIAL_ROUNDOFF,
     SAFETY,
@@ -137,15 +138,16 @@ def _round(
         ready = _Arrived(stack, factored, Q, part, second, sizes)
         omitted = ready.omitted()
         missed, probed = ready.moved(tol, omitted)
+        off, drift = stack.imbalance(Q)
         values = {
             "converged": converged,
             "noise": noise,
             "action": stack.action(Q),
             "momenta": np.stack([-part[0, :, 0], part[-1, :, -1]]).transpose(2, 0, 1),
             "omitted": omitted,
-            "missed": missed,
+            "missed": np.maximum(missed, DRIFT_SAFETY / SAFETY * drift),
             "probed": probed,
-            "imbalance": stack.imbalance(Q),
+            "imbalance": off,
         }
         for name, value in values.items():
             getattr(found, name)[here[converged]] = value[converged]

@@ -11,7 +11,7 @@ import numpy as np
 from actionopt.discrete.boundaries import bounded
 from actionopt.discrete.crossing import Jump, unbalanced
 from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.energy_balance import Imbalance
+from actionopt.discrete.energy_balance import Imbalance, drift, largest, rounding
 from actionopt.discrete.factors import Factors
 from actionopt.discrete.marquardt import settle
 from actionopt.discrete.mesh import Mesh
@@ -26,6 +26,7 @@ from actionopt.solver.descent import descend
 from actionopt.solver.homotopy import newton_homotopy
 from actionopt.solver.ipopt import Principle, find
 from actionopt.solver.iterate import (
+    DRIFT_SAFETY,
     ORDINARY,
     POLYNOMIAL_ROUNDOFF,
     SAFETY,
@@ -450,8 +451,15 @@ class Workspace:
 
     def unbalanced(self) -> Jump | Imbalance | None:
         """Return where the balance of energy does not hold along the path; say so if L jumps."""
+        here = self.here
         with self.record.clock("verify"):
-            off = unbalanced(self.here, self.here.error)
+            off = unbalanced(here, here.error)
+            error = max(here.error, DRIFT_SAFETY * drift(here.tr, here.x))
+            if off is None and error > max(self.tol, here.error):
+                known = rounding(here.problem, here.path)
+                error = max(here.error, DRIFT_SAFETY * drift(here.tr, here.x, known))
+                off = largest(here.tr, here.x) if error > self.tol else None
+        self.here = replace(here, error=error)
         if off is not None or self.unbalance is not None:
             self.hint = str(off or "")
         self.unbalance = off

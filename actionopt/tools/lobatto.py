@@ -26,7 +26,7 @@ class Sampling:
 
     Attributes
     ----------
-    nodes : (m + 1,) array
+    nodes, weights : (m + 1,) arrays
     values, slopes : (m + 1, d + 1) arrays
         Map nodal values to values and derivatives at the points.
     weighted_values, weighted_slopes : (d + 1, m + 1) arrays
@@ -36,6 +36,7 @@ class Sampling:
     """
 
     nodes: Array
+    weights: Array
     values: Array
     slopes: Array
     weighted_values: Array
@@ -154,7 +155,8 @@ class Rule:
     def _sampled(self, nodes: Array, weights: Array, panels: int = 1) -> Sampling:
         values = self.interpolation(nodes)
         slopes = values @ self.derivative
-        return Sampling(nodes, values, slopes, values.T * weights, slopes.T * weights, panels)
+        weighted = values.T * weights, slopes.T * weights
+        return Sampling(nodes, weights, values, slopes, *weighted, panels)
 
     def interpolation(self, xi: Array) -> Array:
         """Return the matrix (K, d + 1) that maps nodal values to values at the K points `xi`."""
