@@ -51,8 +51,16 @@ def imports(file: Path) -> frozenset[str]:
     return frozenset(_imports(file))
 
 
+def _statements(node: ast.AST) -> Iterator[ast.AST]:
+    """Yield the statements in a tree, without the expressions they are made of."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, (ast.stmt, ast.excepthandler, ast.match_case)):
+            yield child
+            yield from _statements(child)
+
+
 def _imports(file: Path) -> Iterator[str]:
-    for node in ast.walk(parsed(file)):
+    for node in _statements(parsed(file)):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):

@@ -594,18 +594,20 @@ def test_ctrl_c_keeps_the_tasks_that_have_begun_or_leaves_them(times, tmp_path):
     with subprocess.Popen([sys.executable, "it.py"], **given) as process:
         assert process.stdout.readline() == "(5, 72, 0)\n"  # the next ones have begun
         os.killpg(process.pid, signal.SIGINT)  # as a terminal does
-        said = process.stderr.readline()
-        assert re.match(r"interrupted: waiting for (a task|2 tasks) that ha(s|ve) begun;", said)
+        said = process.stderr.readline()  # the pool fetches more tasks than it has processes
+        assert re.match(r"interrupted: waiting for (a task|\d tasks) that ha(s|ve) begun;", said)
         since = time.monotonic()
         for _ in range(times - 1):
             os.killpg(process.pid, signal.SIGINT)
         out, err = process.communicate(timeout=60)
     waited = time.monotonic() - since
     assert process.returncode == 0 and "Traceback" not in err
+    interrupted, kept, failed = out.splitlines()[-1].split()
+    assert (interrupted, failed) == ("True", "0")
     if times == 1:
-        assert out.splitlines()[-1] in ("True 10 0", "True 15 0") and waited > 1.0
+        assert 5 < int(kept) < 72 and waited > 1.0
     else:
-        assert out == "True 5 0\n" and waited < 2.0
+        assert kept == "5" and waited < 2.0
 
 
 # -- what is asked --------------------------------------------------------------------------------

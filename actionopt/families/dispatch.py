@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any, Protocol
@@ -126,7 +127,14 @@ def _wait(begun: dict[int, Future], executor: Executor, done: Callable[[int, Any
                 done(task, future.result())
     except KeyboardInterrupt:
         processes = dict(getattr(executor, "_processes", None) or {})
-        if processes:  # else a cancelled task would stop the thread that waits for them for ever
-            executor.shutdown(wait=False, cancel_futures=True)
+        if processes:
+            # The executor's thread fails on cancelled tasks when its processes end (until Python
+            # 3.12). It drops them when it cancels: in the order of submission, so this one last.
+            from concurrent.futures import wait
+
+            with suppress(RuntimeError):  # the processes have ended already
+                last = executor.submit(int)
+                executor.shutdown(wait=False, cancel_futures=True)
+                wait([last], timeout=1.0)
         for process in processes.values():
             process.terminate()
