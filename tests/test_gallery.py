@@ -35,10 +35,12 @@ CLOSE = 1e-9  # of what is known exactly, for paths good to 1e-10 and their acce
 
 @pytest.fixture(scope="module")
 def gallery(tmp_path_factory):
-    """A gallery of two scenes."""
+    """A gallery of two scenes, without layout, which the tests of figures look at."""
     target = tmp_path_factory.mktemp("gallery")
-    assert build(target, NAMES, jobs=1) == ["least", "course", *NAMES]
-    return target
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("actionopt.plot._files.LAYOUTS", 0)
+        assert build(target, NAMES, jobs=1) == ["least", "course", *NAMES]
+        yield target
 
 
 def files(target):

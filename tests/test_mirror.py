@@ -262,7 +262,7 @@ def test_in_other_units_all_that_was_done_is_the_same(name, units, both):
 
 
 @pytest.mark.parametrize("units", UNITS)
-@pytest.mark.parametrize("name", ["pendulum", "step", "far", "drag", "sphere"])
+@pytest.mark.parametrize("name", a_quarter(["step", "pendulum", "far", "drag", "sphere"]))
 def test_a_motion_is_followed_alike_in_other_units(name, units, both):
     side, sign, way = UNITS[units]
     solution, n = both(name)[0], CASES[name][1]
@@ -329,7 +329,7 @@ def test_parameters_of_the_problem_are_told_of_as_if_they_were_the_systems_own(r
 # -- parts of a search and of a comparison ---------------------------------------------------
 
 
-@pytest.mark.parametrize("name", [name for name in CASES if name != "closed"])
+@pytest.mark.parametrize("name", a_quarter(name for name in CASES if name != "closed"))
 def test_a_path_under_way_is_measured_alike(name, both):
     """How sensitive, whether singular, what is missed: on a coarse mesh with something left."""
     found = []
@@ -351,7 +351,7 @@ def test_a_path_under_way_is_measured_alike(name, both):
         assert np.allclose(one, other, rtol=SAME, atol=1e-14, equal_nan=True)
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", a_quarter(CASES))
 def test_a_file_is_whole_on_either_side(name, both, tmp_path):
     for solution in both(name):
         solution.save(tmp_path / "one.npz")
@@ -381,11 +381,9 @@ def test_a_motion_is_followed_alike_and_backwards_in_time(name, both):
 
 @pytest.mark.parametrize(
     ("way", "goal", "stopped"),
-    [
-        (("end", "x"), 2.5, "goal"),
-        (("end", "x"), -0.5, "goal"),
-        (("start", "x"), 0.0, "goal"),
-    ],
+    a_quarter(
+        [(("start", "x"), 0.0, "goal"), (("end", "x"), 2.5, "goal"), (("end", "x"), -0.5, "goal")]
+    ),
 )
 def test_a_trace_is_mirrored(way, goal, stopped):
     traces = []

@@ -223,7 +223,7 @@ def inside(ax):
         assert figure.bbox.y0 <= extent.y0 and extent.y1 <= figure.bbox.y1
 
 
-@pytest.mark.parametrize("name", helpers.a_quarter(scenes.SCENES, 1))
+@pytest.mark.parametrize("name", helpers.a_quarter(scenes.SCENES, 3))
 def test_nothing_is_clipped(name):
     solution, scene = solved(name)
     force = bool(scene.problem.system.m)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import systems
-from helpers import integrated
+from helpers import a_quarter, integrated
 from scipy.optimize import fsolve
 from scipy.special import ellipk
 
@@ -416,7 +416,9 @@ def test_index_of_a_nonlinear_closed_path_against_fourier_sums(T, B, F):
     assert found == pytest.approx(exact[:6], rel=1e-5, abs=1e-5)
 
 
-@pytest.mark.parametrize(("w", "c", "T"), [(1.0, 0.3, 2.0), (2.0, 0.5, 5.0), (1.0, 0.3, 9.0)])
+@pytest.mark.parametrize(
+    ("w", "c", "T"), a_quarter([(2.0, 0.5, 5.0), (1.0, 0.3, 2.0), (1.0, 0.3, 9.0)])
+)
 def test_index_of_a_driven_bead_on_a_circle_in_either_coordinates(w, c, T):
     names = {"w": w, "c": c, "W": 2 * np.pi / T}
     angle = ao.System(

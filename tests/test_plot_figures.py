@@ -237,7 +237,7 @@ def contrast(colour, paper):
 
 
 @pytest.mark.parametrize("reader", ["default", "dark_background"])
-@pytest.mark.parametrize("figure", helpers.a_quarter([*FIGURES, "explore"]))
+@pytest.mark.parametrize("figure", helpers.a_quarter([*FIGURES, "explore"], 1))
 def test_every_line_is_seen_on_light_and_on_dark_paper(figure, reader):
     solution = solved("oscillator_saddle")
     with pyplot.style.context(reader):
@@ -325,10 +325,10 @@ def test_the_energies_of_an_oscillator_and_a_charge():
 
 @pytest.mark.parametrize(
     "name",
-    [
-        *("moving_pivot", "oscillating_wall", "rotating_frame_bound", "rotating_frame_free"),
-        *("turning_wire_radial", "turning_wire", "pendulum", "polar_pendulum", "kepler_polar"),
-    ],
+    helpers.a_quarter(
+        "moving_pivot oscillating_wall rotating_frame_bound rotating_frame_free "
+        "turning_wire_radial turning_wire pendulum polar_pendulum kepler_polar".split()
+    ),
 )
 def test_the_kinetic_energy_drawn_is_that_of_the_body_in_space(name):
     """By differences of where the scene draws it, in a frame at rest."""
@@ -397,7 +397,7 @@ def test_what_is_conserved():
     np.testing.assert_allclose(plot.conserved_data(solved("kepler")).energy, fact, rtol=1e-6)
 
 
-@pytest.mark.parametrize("name", scenes.SCENES)
+@pytest.mark.parametrize("name", helpers.a_quarter(scenes.SCENES, 2))
 def test_conserved_is_what_a_symmetry_keeps(name):
     """H if nothing depends on time and no force acts, the momenta of cyclic coordinates."""
     solution = solved(name)

@@ -176,7 +176,8 @@ def test_in_the_other_order_of_the_coordinates(name):
 
 
 @pytest.mark.parametrize(
-    ("unit", "way", "scale"), [((1e3, 0.02), 60.0, 3e-5), ((1e-2, 40.0), 1e-3, 7e4)]
+    ("unit", "way", "scale"),
+    [((1e3, 0.02), 60.0, 3e-5), pytest.param((1e-2, 40.0), 1e-3, 7e4, marks=pytest.mark.slow)],
 )
 @ALL
 def test_in_other_units(name, unit, way, scale):

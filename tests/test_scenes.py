@@ -52,9 +52,10 @@ def which(holds):
     return [row for row in ROWS if holds(made(row[0], False))]
 
 
-def where(holds):
-    """Let a test take these scenes alone."""
-    return pytest.mark.parametrize("scene", which(holds), ids=named, indirect=True)
+def where(holds, slow=()):
+    """Let a test take these scenes alone, slow those whose numbers are changed or not."""
+    rows = [pytest.param(x, marks=[pytest.mark.slow] * (x[1] in slow)) for x in which(holds)]
+    return pytest.mark.parametrize("scene", rows, ids=named, indirect=True)
 
 
 @pytest.fixture(params=ROWS, ids=named)
@@ -315,7 +316,7 @@ def test_action_in_closed_form_is_the_integral_of_the_lagrangian(solved):
     assert abs(S - solved.action) < FORMULA_TOLERANCE * max(1.0, np.max(np.abs(L)))
 
 
-@where(lambda scene: "conjugate_times" in scene.facts)
+@where(lambda scene: "conjugate_times" in scene.facts, slow=[False])
 def test_conjugate_times_are_where_neighbouring_motions_meet(scene):
     """det dq(t)/dv(0) vanishes there, changes sign where the multiplicity is odd, else nowhere."""
     problem = scene.problem

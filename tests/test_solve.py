@@ -368,7 +368,7 @@ def in_units(name, length, time, mass):
 
 
 @pytest.mark.parametrize("base", [10.0**12, 2.0**40], ids=["decimal", "binary"])
-@pytest.mark.parametrize("name", ["kepler", "pendulum", "rod_pendulum"])
+@pytest.mark.parametrize("name", a_quarter(["rod_pendulum", "kepler", "pendulum"]))
 def test_units_do_not_matter(name, base):
     units = [(1.0, 1.0, 1.0)]
     for factor in (base, 1 / base):

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 import systems
-from helpers import integrated
+from helpers import a_quarter, integrated
 from scipy.special import ellipj, ellipk, ellipkinc
 
 import actionopt as ao
@@ -274,7 +274,7 @@ def test_period_of_a_quartic_oscillator(start, energy):
     assert s.kind == "saddle" and s.morse_index == s.between_times.morse_index == 2
 
 
-@pytest.mark.parametrize("start", [None, 0.3, -0.2])
+@pytest.mark.parametrize("start", a_quarter([None, 0.3, -0.2]))
 def test_one_coordinate_in_a_well_needs_no_guess(start):
     """T of a quartic spring, and of Morse's potential D (1 - e^-x)^2: 2 pi / (2 (D - E))^(1/2)."""
     depth = 2.0
@@ -472,7 +472,7 @@ def test_an_order_that_is_none_is_refused():
             ao.Problem(system, free(0.0, None), ao.Periodic(1.0, relabel=order))
 
 
-@pytest.mark.parametrize("below", [0.0, 1e-4, 1e-7, 1e-12])
+@pytest.mark.parametrize("below", a_quarter([1e-7, 0.0, 1e-4, 1e-12]))
 @pytest.mark.parametrize("timed", [True, False])
 def test_a_start_where_the_path_turns_back(below, timed):
     top = 1.4
@@ -496,11 +496,15 @@ def test_a_start_where_the_path_turns_back(below, timed):
 KEPLER = systems.kepler()
 
 
+@pytest.mark.parametrize("e", a_quarter([0.8, 0.1, 0.95]))
 @pytest.mark.parametrize(
-    "e", [0.8, *(pytest.param(e, marks=pytest.mark.slow) for e in (0.1, 0.95))]
+    ("timed", "start", "many"),
+    a_quarter(
+        (timed, *start)
+        for start in [((None, 0.0), 2), (None, 2), ("pericentre", 1)]
+        for timed in (True, False)
+    ),
 )
-@pytest.mark.parametrize("timed", [True, False])
-@pytest.mark.parametrize(("start", "many"), [(None, 2), ((None, 0.0), 2), ("pericentre", 1)])
 def test_closed_paths_that_are_many(e, timed, start, many):
     """Ellipses of one energy: one period, one action, any orientation and eccentricity."""
     a = 1.3
