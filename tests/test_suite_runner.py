@@ -377,8 +377,8 @@ def test_solvers_that_do_not_exist_are_refused():
             solvers.check(name)
 
 
-@pytest.mark.slow
 def test_the_command(tmp_path, capsys, monkeypatch, at_home):
+    monkeypatch.setattr("actionopt.tools.progress.LOG_PACE", 0.0)
     monkeypatch.setattr("actionopt.suite.report._figure", lambda *arguments: "")
     results = tmp_path / "results.jsonl"
     command = ["suite", "run", "--solver", "ipopt", "--problem", "pendulum", "-o", str(results)]
@@ -392,16 +392,8 @@ def test_the_command(tmp_path, capsys, monkeypatch, at_home):
     assert capsys.readouterr().out.strip() == str(tmp_path / "page" / "index.html")
     assert main(["suite", "list", "kepler", "--problem", "oscillator"]) == 0
     assert len(capsys.readouterr().out.splitlines()) == 3
-    assert main(["suite", "list", "--tag", "near collision"]) == 0
-    assert "kepler_near_collision" in capsys.readouterr().out
     assert main(["suite", "run", "--solver", "ipop", "-o", str(results)]) == 1
     assert "expected a solver" in capsys.readouterr().err
-    coarse = ["suite", "run", "--solver", "ipopt", "--tag", "stiff potential", "--elements", "8"]
-    assert main([*coarse, "-o", str(tmp_path / "coarse.jsonl"), "--repeats", "1"]) == 0
-    assert "left out: oscillator_stiff: expected a discrete optimum" in capsys.readouterr().err
-    assert "oscillator_stiff" not in (tmp_path / "coarse.jsonl").read_text()
-    assert main([*coarse, "--problem", "oscillator_stiff", "-o", str(tmp_path / "none")]) == 1
-    assert "use more elements" in capsys.readouterr().err
     broken = tmp_path / "broken.py"
     broken.write_text("def solve(problem, x0):\n    return undefined")
     command = ["suite", "run", "--solver", f"{broken}:solve", "--problem", "pendulum"]
@@ -416,6 +408,18 @@ def test_the_command(tmp_path, capsys, monkeypatch, at_home):
     assert "def solve(problem, x0):" in capsys.readouterr().out
     assert main(["suite", "dump", str(tmp_path / "all"), "--problem", "oscillator"]) == 0
     assert (tmp_path / "all" / "oscillator.nl").is_file()
+
+
+@pytest.mark.slow
+def test_the_command_for_problems_of_a_tag(tmp_path, capsys, at_home):
+    assert main(["suite", "list", "--tag", "near collision"]) == 0
+    assert "kepler_near_collision" in capsys.readouterr().out
+    coarse = ["suite", "run", "--solver", "ipopt", "--tag", "stiff potential", "--elements", "8"]
+    assert main([*coarse, "-o", str(tmp_path / "coarse.jsonl"), "--repeats", "1"]) == 0
+    assert "left out: oscillator_stiff: expected a discrete optimum" in capsys.readouterr().err
+    assert "oscillator_stiff" not in (tmp_path / "coarse.jsonl").read_text()
+    assert main([*coarse, "--problem", "oscillator_stiff", "-o", str(tmp_path / "none")]) == 1
+    assert "use more elements" in capsys.readouterr().err
 
 
 @pytest.mark.slow
