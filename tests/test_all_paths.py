@@ -178,9 +178,7 @@ def lambert(r1, r2, T, mu=1.0):
 @pytest.mark.parametrize(
     ("T", "revolutions", "options"),
     [
-        pytest.param(
-            *(3.0, 0, {"starts": 1, "shots": 16, "continuations": 0}), marks=pytest.mark.slow
-        ),
+        (3.0, 0, {"starts": 0, "shots": 4, "continuations": 0}),
         pytest.param(10.0, 1, {}, marks=pytest.mark.slow),
         pytest.param(16.0, 2, {}, marks=pytest.mark.slow),
         pytest.param(22.0, 3, {}, marks=pytest.mark.slow),

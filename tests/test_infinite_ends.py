@@ -268,11 +268,13 @@ def test_a_kink_between_wells_of_unlike_rates():
 
 
 def test_a_bounce_that_begins_next_to_another_equilibrium_is_guessed():
-    rest = min(np.roots([2, 0, -2, -0.27]).real)
-    thin = ao.System(
-        lambda q, v, r: r**3 * (v[0] ** 2 / 2 + (q[0] ** 2 - 1) ** 2 / 2 - 0.27 * (q[0] - rest)),
-        ["phi"],
-    )
-    whole = ao.Problem(thin, ao.Event(0.0, [None]), ao.Event(INF, [rest]))
-    guess = next(guesses(searched(whole, 1e-8), rest))
-    assert guess(np.zeros(1))[0, 0] == pytest.approx(1.06165, abs=1e-4)  # the other is at 1.06172
+    rest, unit = min(np.roots([2, 0, -2, -0.27]).real), 1e-3
+
+    def thin(q, v, r):
+        x = q[0] / unit
+        return r**3 * ((v[0] / unit) ** 2 / 2 + (x**2 - 1) ** 2 / 2 - 0.27 * (x - rest))
+
+    end = ao.Event(INF, [unit * rest])
+    whole = ao.Problem(ao.System(thin, ["phi"]), ao.Event(0.0, [None]), end)
+    begin = next(guesses(searched(whole, 1e-8), unit * rest))(np.zeros(1))[0, 0]
+    assert begin / unit == pytest.approx(1.06165, abs=1e-4)  # the other is at 1.06172

@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 from matplotlib import pyplot
 from matplotlib.text import Text
+from matplotlib.tri import Triangulation
 
 import actionopt as ao
 from actionopt import plot, scenes
 from actionopt.gallery.figures import cut
 from actionopt.mechanics.symmetry import cyclic
 from actionopt.plot._style import styled_figures
+from actionopt.plot.data import fan
 from actionopt.plot.data.variations import directions, sizes
 
 PARAMETERS = {"oscillator_saddle": ("oscillator", {"duration": 4.0})}
@@ -444,6 +446,53 @@ def test_fronts_of_an_oscillator_are_hamiltons_principal_function():
     expected = ((x**2 + 1) * np.cos(t) - 2 * x) / (2 * np.sin(t))
     np.testing.assert_allclose(data.action[:, 10:], expected, atol=1e-3)
     assert plot.fronts_data(solved("oscillator_saddle")).t[-1] == pytest.approx(np.pi)
+
+
+def test_a_sheet_of_the_plane_is_the_action_between_its_places_too():
+    """S is quadratic in the place: second differences of it give the middles without an error."""
+    solution = solved("projectile")
+    data = plot.fronts_data(solution, count=7)
+    sheet, T = fan.over_plane(solution, data), data.t[-1]
+    m, g = (solution.problem.parameters[k] for k in ("m", "g"))
+
+    def exact(triangles):
+        x, y = triangles.x - solution.start.q[0], triangles.y - solution.start.q[1]
+        return m * (x**2 + y**2) / (2 * T) - m * g * T * y / 2 - m * g**2 * T**3 / 24
+
+    finer, S = sheet.fine()
+    assert sheet.aligned and not sheet.triangles.mask.any()
+    assert len(finer.triangles) == 16 * len(sheet.triangles.triangles)
+    np.testing.assert_allclose(sheet.action, exact(sheet.triangles), atol=1e-12)
+    np.testing.assert_allclose(S, exact(finer), atol=1e-12)
+
+
+def test_triangles_that_share_places_or_hang_on_by_an_edge_are_left_out():
+    grid = np.array([[x, y] for y in range(4) for x in range(4)], dtype=float)
+    flat = Triangulation(*grid.T)
+    none = np.zeros(len(flat.triangles), dtype=bool)
+    assert not fan._turned(*grid.T, flat.triangles).any()
+    assert fan._turned(*(grid * [-1, 1]).T, flat.triangles).all()
+    assert not fan._covered(grid.T, flat.triangles, none).any()
+    folded = np.abs(grid.T - [[1.6], [0.0]])  # the columns 0 and 1 lie on the columns 3 and 2
+    assert fan._covered(folded, flat.triangles, none).any()
+    corners = [k for k, row in enumerate(flat.neighbors) if (row < 0).sum() == 2]
+    kept = fan._lone(flat.neighbors, none)
+    assert kept[corners].all() and not kept.all()
+    middle = grid[flat.triangles].mean(axis=1)[:, 0]
+    apart = fan._lone(flat.neighbors, (middle > 1) & (middle < 2))
+    assert apart.all() or len(set(middle[~apart] < 1)) == 1  # one side of the gap alone
+
+
+def test_motions_of_two_coordinates_spread_where_they_meet_again():
+    system = ao.System(lambda q, v, t: (v @ v - q[0] ** 2 - 4 * q[1] ** 2) / 2, ["x", "y"])
+    ends = ao.Event(0.0, [1.0, 0.2]), ao.Event(2.0, [0.3, 0.5])
+    data = plot.fan_data(ao.solve(ao.Problem(system, *ends)), count=4)
+    assert [point.t for point in data.conjugate] == pytest.approx([np.pi / 2])
+    np.testing.assert_array_equal(data.index, data.t > data.conjugate[0].t)
+    focus = np.argmin(np.abs(data.t - np.pi / 2))
+    spread = np.ptp(data.neighbours, axis=0)
+    assert spread[0].max() < 1e-4 < 0.1 < spread[1].max()
+    assert spread[1, focus] < 0.03 * spread[1].max()
 
 
 @pytest.mark.slow

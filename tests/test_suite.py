@@ -304,6 +304,8 @@ def test_find_by_what_is_asked():
     assert suite.find(kind="degenerate", size=(1, 100)) == ["oscillator_conjugate"]
     with pytest.raises(ValueError, match="the tags are"):
         suite.find(tags="easy")
+    with pytest.raises(ValueError, match=r"size=\(least, most\)"):
+        suite.find(size=())
     with pytest.raises(ValueError, match="kind of minimum"):
         suite.find(kind="sadle")
     with pytest.raises(ValueError, match="did you mean 'pendulum'"):

@@ -166,5 +166,5 @@ def test_a_dial_is_asked_for_by_its_name():
 def test_the_tables_of_dials_have_the_members_on_these(tmp_path, monkeypatch):
     monkeypatch.setattr(dial_report, "_figure", lambda *_: "")
     records = [record("a", "kepler", {"eccentricity": e}) for e in (0.2, 0.8)]
-    text = dial_report.write(records, tmp_path, "", lambda head, rows: f"{head} {rows}").read_text()
+    text = dial_report.write(records, tmp_path).read_text()
     assert "<h2>Eccentricity</h2>" in text and "<h2>Links</h2>" not in text

@@ -119,7 +119,7 @@ def test_the_report_says_what_the_records_say(tmp_path, monkeypatch):
     assert re.search(row, stationary)
     assert "<td>a</td><td>2 / 4</td>" in text
     assert "mine.py:solve" in text
-    assert "/far" not in text
+    assert "/far" not in text and "None" not in text
     assert "actionopt suite run \\\n  --solver a \\\n  --solver b" in text
     assert "overflow-x" in text
     figures = re.findall(r'src="([^"]+)"', text)

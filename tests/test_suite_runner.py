@@ -3,6 +3,7 @@
 import json
 import re
 import runpy
+import signal
 import sys
 import time
 import types
@@ -17,7 +18,7 @@ import actionopt
 from actionopt import suite
 from actionopt.cli import main
 from actionopt.suite import runner, solvers
-from actionopt.suite.cell import Cell, attempt, evaluate
+from actionopt.suite.cell import Cell, attempt, evaluate, limit
 from actionopt.suite.expression import nlp
 from actionopt.suite.runner import Limits
 from actionopt.suite.verdict import ACCURACIES, NEAR, STEEP, examine, verdict
@@ -149,6 +150,14 @@ def test_memory_has_a_limit(tmp_path):
     found, records = verdicts(tmp_path, planted("memory"), limits=Limits(30, 1.0))
     assert found == ["limit"]
     assert records[0]["word"] == "out of memory"
+
+
+def test_bounds_are_set_in_bytes_and_seconds(monkeypatch):
+    resource, said = pytest.importorskip("resource"), []
+    monkeypatch.setattr(resource, "setrlimit", lambda *given: said.append(given))
+    monkeypatch.setattr(signal, "alarm", said.append)
+    limit(2.5, 7.9)
+    assert said == [(resource.RLIMIT_AS, (2684354560, 2684354560)), 12]
 
 
 def test_a_run_is_resumed_where_it_stopped(tmp_path, at_home):

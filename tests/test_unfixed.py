@@ -236,6 +236,19 @@ def quartic_period(energy):
 SPRING = systems.spring()
 
 
+def test_both_throws_of_one_energy_in_space_are_found():
+    """|r|^2 = (v T)^2 - g z T^2 - g^2 T^4 / 4, where the speed at the start is v."""
+    end, g, E = np.array([3.0, 4.0, 1.0]), 9.81, 60.0
+    thrown = ao.System(lambda q, v, t: v @ v / 2 - g * q[2], ["x", "y", "z"])
+    problem = ao.Problem(thrown, ao.Event(0.0, [0.0] * 3), ao.Event(None, end), energy=E)
+    paths = ao.solve_all(problem, starts=0, shots=1, continuations=0)
+    squares = np.roots([g**2 / 4, g * end[2] - 2 * E, end @ end])
+    assert sorted(path.duration for path in paths) == pytest.approx(sorted(np.sqrt(squares)))
+    assert [path.abbreviated_action - path.action for path in paths] == pytest.approx(
+        [E * path.duration for path in paths]
+    )
+
+
 @pytest.mark.slow
 def test_transfers_in_a_plane_of_space_are_found_once():
     kepler = systems.kepler("x y z")

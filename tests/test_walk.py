@@ -1,5 +1,7 @@
 """From one member of a family to another without leaving the kind of path."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -40,6 +42,16 @@ def test_where_there_is_no_way_there_is_no_path(monkeypatch):
     assert walk(PENDULUM, first, {"t1": 1.0}, {"t1": -1.0}, 3, 1e-8) is None
     monkeypatch.setattr(module, "_alike", lambda a, b: False)
     assert walk(PENDULUM, first, {"t1": 1.0}, {"t1": 1.1}, 99, 1e-8) is not None  # the last of them
+
+
+def test_twice_as_many_steps_come_to_the_same(monkeypatch):
+    speeds = {4: 1.0, 8: 2.0, 16: 2.0 + 1e-4, 32: 3.0}
+
+    def steps(problem, path, start, end, count, tol):
+        return SimpleNamespace(path=count, momenta=([speeds[count]], [-1.0]))
+
+    monkeypatch.setattr(module, "_steps", steps)
+    assert walk(PENDULUM, None, START, END, 99, 1e-8) == 8
 
 
 def test_a_path_is_led_to_other_ends():

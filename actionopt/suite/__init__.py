@@ -15,6 +15,7 @@ from typing import Any
 from actionopt.mechanics.tracing import suggestion
 from actionopt.suite.families import FAMILIES, Family
 from actionopt.suite.problem import TestProblem
+from actionopt.tools.checks import numbers
 
 __all__ = ["FAMILIES", "Family", "TestProblem", "find", "get"]
 
@@ -67,7 +68,7 @@ def find(
     Raises
     ------
     ValueError
-        For a kind or a tag that there is not.
+        For a kind or a tag that there is not, or a `size` of other than two numbers.
     """
     if kind not in (None, "minimum", "saddle", "degenerate"):
         raise ValueError(f"expected a kind of minimum, saddle or degenerate, found {kind!r}")
@@ -75,6 +76,8 @@ def find(
     known = {tag for family in FAMILIES.values() for tag in family.tags}
     for tag in wanted - known:
         raise ValueError(f"unknown tag {tag!r}; the tags are {', '.join(sorted(known))}")
+    if size is not None and numbers(size, "size").shape != (2,):
+        raise ValueError(f"expected size=(least, most) numbers of unknowns, found {size!r}")
     found = [name for name, family in FAMILIES.items() if wanted <= set(family.tags)]
     if all(x is None for x in (kind, constrained, index, size, convex)):
         return found  # none is made for that

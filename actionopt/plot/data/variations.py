@@ -9,6 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from actionopt.analysis.conjugate import conjugate_points
 from actionopt.analysis.index import inertia_of
@@ -120,6 +121,7 @@ def bundle_data(solution: Solution, count: int = 8, size: float = 0.25) -> Bundl
                 continue
             varied.append(path(t))
             rise.append(action - float(S(0.0)))
+    _check_finite(rise, "size", size)
     return Bundle(t, solution(t), np.array(varied), np.array(rise))
 
 
@@ -155,7 +157,16 @@ def slice_data(solution: Solution, eta: Path, reach: float = 1.0, count: int = 6
             action[k] = S(a)
         except ValueError:
             continue
-    return Slice(alpha, action, float(S(0.0)) + S.second * alpha**2 / 2, S.second)
+    with np.errstate(over="ignore"):
+        parabola = float(S(0.0)) + S.second * alpha**2 / 2
+    _check_finite(parabola, "reach", reach)
+    return Slice(alpha, action, parabola, S.second)
+
+
+def _check_finite(values: ArrayLike, name: str, given: float) -> None:
+    """Raise ValueError if varied paths go so far that numbers overflow."""
+    if not np.all(np.isfinite(values)):
+        raise ValueError(f"expected {name} with finite actions, found {given:g}; try a smaller one")
 
 
 @dataclass(frozen=True, eq=False)
