@@ -13,6 +13,7 @@ from scipy.special import ellipj, ellipk, ellipkinc
 import actionopt as ao
 from actionopt import plot, scenes
 from actionopt.discrete.bordered import Bordered
+from actionopt.solver.first_paths import FirstPaths
 from actionopt.solver.unfixed import Unfixed
 
 G = 9.81
@@ -188,6 +189,12 @@ def test_what_does_not_fit_is_refused():
     ):
         with pytest.raises(ValueError, match=what):
             ask()
+
+
+def test_a_straight_line_has_the_energy_over_one_duration():
+    """E = d^2 / (2 T^2) + g h / 2; the durations that are tried are a factor 1.8 apart."""
+    (T,) = FirstPaths(throw(40.0), 1e-8, ao.solve)._crossed()
+    assert pytest.approx(np.sqrt(17.0 / (80.0 - G)), rel=0.1) == T
 
 
 # -- all of them -----------------------------------------------------------------------------------
