@@ -119,6 +119,25 @@ def test_questions_of_every_kind():
     assert not on_surface.success
 
 
+@pytest.mark.parametrize("end", [(0.6, 0.8), (0.8, 0.6)])
+def test_on_a_constraint_where_no_path_is_found(end):
+    system = ao.System(
+        free(lambda q: 0.1 * q[0] / abs(q[0])), ["x", "y"], constraint=lambda q, t: q @ q - 1
+    )
+    problem = ao.Problem(system, ao.Event(0.0, [-0.6, 0.8]), ao.Event(1.0, end))
+    assert ao.solve(problem, throw=False).status is ao.Status.JUMP
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("start", [-1.0, -0.83])
+def test_a_geodesic_across_an_edge_of_the_index(start):
+    length = ao.System.geodesic(
+        lambda q, v: (1.25 - 0.25 * abs(q[0]) / q[0]) * np.sqrt(v @ v), ["x", "y"]
+    )
+    problem = ao.Problem(length, ao.Event(0.0, [start, 0.0]), ao.Event(1.0, [1.0, 1.0]))
+    assert ao.solve(problem, throw=False).status is ao.Status.JUMP
+
+
 @pytest.mark.slow
 def test_members_of_a_sweep():
     system = ao.System(free(lambda q: 0.1 * q[0] / abs(q[0])), ["x"])

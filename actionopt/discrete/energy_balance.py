@@ -61,7 +61,7 @@ class Imbalance:
     low, high : (K,) arrays
         Times since the start between which it does not, in order.
     off : (K,) array
-        By how much L changes there without a reason.
+        By how much L changes there without a reason; zero if that is not known.
     allowed : float
         How far L may change without a reason.
     """
@@ -178,7 +178,7 @@ def narrowed(problem: Problem, path: Path, found: Imbalance) -> Imbalance | None
     known no better, or steps in the time alone, on which no force depends.
     """
     allowed = max(found.allowed, rounding(problem, path))
-    above = ~(np.abs(found.off) <= allowed)
+    above = ~(np.abs(found.off) <= allowed) | (found.off == 0)  # or not known
     if not above.any():
         return None
     found = Imbalance(found.low[above], found.high[above], found.off[above], allowed)

@@ -18,7 +18,8 @@ import numpy as np
 
 from actionopt.analysis.solution import Solution, SolveError
 from actionopt.analysis.status import Status
-from actionopt.discrete.crossing import crossed
+from actionopt.discrete.crossing import Jump, crossed, unbalanced
+from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
@@ -441,28 +442,39 @@ def _oscillating(problem: Problem, choices: Choices) -> tuple[Solution, str]:
 
 def _found(search: Search, guess: Guess | None, curve_of: Callable[[Mesh], Path] | None) -> Status:
     """Find a path that crosses no jump of L."""
-    ws = search.ws
-    steps = ws.problem.system.switches
-    if steps is None:
-        return _sought(search, guess, curve_of)
-    mesh = Mesh.uniform(ws.problem.start.t, ws.problem.end.t, LINEAR, COARSE_DEGREE)
-    straight = Transcription(ws.problem, mesh, ws.problem.lengths).straight()
-    first = Path(mesh, straight.T) if curve_of is None else curve_of(mesh)
-    jump, status = crossed(steps, ws.problem, first), Status.JUMP
-    if jump is not None:
-        search.ladder = search.ladder[:BEFORE_A_JUMP]
-    if jump is None or not jump.inevitable:
+    ws, problem = search.ws, search.ws.problem
+    steps, jump = problem.system.switches, None
+    if steps is not None:
+        first = _first(problem, curve_of)
+        jump = crossed(steps, problem, first.path)
+    if jump is not None and jump.inevitable:
+        ws.transcribe(first.mesh, first.path)
+        search.found_by = "none"
+    else:
+        if jump is not None:
+            search.ladder = search.ladder[:BEFORE_A_JUMP]
         status = _sought(search, guess, curve_of)
         # What was lost on the way may have been lost at a jump that the first path crosses.
-        jump = crossed(steps, ws.problem, search.ws.here.path) or (None if status.success else jump)
-    else:
-        ws.transcribe(mesh, first)
-        search.found_by = "none"
-    if jump is None:
-        return status
+        lost = status in (Status.NOT_FOUND, Status.UNRESOLVED)
+        if steps is not None:
+            jump = crossed(steps, problem, search.ws.here.path) or (None if status.success else jump)
+        if jump is None and lost and not problem.system.structure.jumpless:
+            tried = filter(None, (search.ws.iterate, _first(problem, curve_of)))
+            found = (unbalanced(at, search.ws.tol) for at in tried)
+            jump = next((off for off in found if isinstance(off, Jump)), None)
+        if jump is None:
+            return status
     ws = search.ws
     ws.hint, ws.here = str(jump), replace(ws.here, error=np.inf)
     return Status.JUMP
+
+
+def _first(problem: Problem, curve_of: Callable[[Mesh], Path] | None) -> DiscretePath:
+    """Return the straight line between the events, or the guess."""
+    mesh = Mesh.uniform(problem.start.t, problem.end.t, LINEAR, COARSE_DEGREE)
+    tr = Transcription(problem, mesh, problem.lengths)
+    path = Path(mesh, tr.straight().T) if curve_of is None else curve_of(mesh)
+    return DiscretePath.of(problem, path)
 
 
 def _sought(search: Search, guess: Guess | None, curve_of: Callable[[Mesh], Path] | None) -> Status:

@@ -168,15 +168,25 @@ def rows_along(found: DiscretePath, t: Array) -> Array:
 
 
 def looked_at(found: DiscretePath) -> Array:
-    """Return times between the nodes, and those at which f is least among its neighbours."""
+    """Return times between the nodes, and those at which f is least among its neighbours.
+
+    Also where it may be least beside an end of the path or of contact: there f is zero and may fall
+    before it grows.
+    """
     mesh, held = found.mesh, _held(found)
     inner = (lgl(BETWEEN).nodes[1:-1] + 1) / 2
     between = (mesh.boundaries[:-1, None] + mesh.lengths[:, None] * inner).ravel()
     t = np.unique(np.concatenate([between, mesh.nodes]))
     slope = np.diff(rows_along(found, t))
-    free = ~held.active(t)[held.free.system.m :, 1:-1] if held.arcs is not None else True
-    i, k = np.nonzero((slope[:, :-1] < 0) & (slope[:, 1:] > 0) & free)
-    begin, end, times = t[k], t[k + 2], [t]
+    on = np.zeros((len(slope), t.size), dtype=bool)
+    if held.arcs is not None:
+        on = held.active(t)[held.free.system.m :]
+    i, k = np.nonzero((slope[:, :-1] < 0) & (slope[:, 1:] > 0) & ~on[:, 1:-1])
+    edge = on[:, 1:] != on[:, :-1]
+    edge[:, [0, -1]] |= ~on[:, [0, -1]]
+    j, l = np.nonzero(edge)
+    i, begin, end = np.append(i, j), np.append(t[k], t[l]), np.append(t[k + 2], t[l + 1])
+    times = [t]
     for _ in range(CLOSER):
         near = begin[:, None] + (end - begin)[:, None] * np.linspace(0.0, 1.0, CLOSE)
         each, at = np.arange(i.size), near.ravel()
