@@ -4,42 +4,60 @@ from importlib import import_module
 from typing import Any
 
 from actionopt.analysis.compare import Comparison
-from actionopt.analysis.conjugate import conjugate_points
-from actionopt.analysis.contact import contact_loss
+from actionopt.analysis.conjugate import ConjugatePoint, conjugate_points
+from actionopt.analysis.contact import Contact, contact_loss
 from actionopt.analysis.forward import IntegrationError, integrate
-from actionopt.analysis.modes import second_variation
-from actionopt.analysis.monodromy import monodromy
+from actionopt.analysis.index import Inertia
+from actionopt.analysis.modes import SecondVariation, second_variation
+from actionopt.analysis.monodromy import Monodromy, monodromy
+from actionopt.analysis.sensitivity import Sensitivity
 from actionopt.analysis.solution import Solution, SolveError
 from actionopt.analysis.status import Status
 from actionopt.analysis.store import load
-from actionopt.analysis.variation import variation
+from actionopt.analysis.variation import Variation, variation
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
-from actionopt.families.all_paths import solve_all
+from actionopt.families.all_paths import Paths, solve_all
+from actionopt.families.branch import Trace
+from actionopt.families.marks import Mark
 from actionopt.families.runs import Runs
 from actionopt.families.sweep import sweep
 from actionopt.families.trace import trace
 from actionopt.mechanics.events import Event, Periodic, State
+from actionopt.mechanics.obstacle import Arc
 from actionopt.mechanics.pfaffian import integrate_pfaffian
 from actionopt.mechanics.problem import Problem
-from actionopt.mechanics.symmetry import find_symmetries, noether
+from actionopt.mechanics.symmetry import Conserved, Symmetry, find_symmetries, noether
 from actionopt.mechanics.system import System
 from actionopt.solver.solve import solve
 
 __all__ = [
+    "Arc",
     "Comparison",
+    "ConjugatePoint",
+    "Conserved",
+    "Contact",
     "Event",
+    "Inertia",
     "IntegrationError",
+    "Mark",
     "Mesh",
+    "Monodromy",
     "Path",
+    "Paths",
     "Periodic",
     "Problem",
     "Runs",
+    "SecondVariation",
+    "Sensitivity",
     "Solution",
     "SolveError",
     "State",
     "Status",
+    "Symmetry",
     "System",
+    "Trace",
+    "Variation",
     "conjugate_points",
     "contact_loss",
     "find_symmetries",

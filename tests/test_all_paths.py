@@ -222,6 +222,7 @@ def test_shots_that_turn_more_often_than_asked_aim_at_no_end():
     free = systems.particle("angle x")
     problem = ao.Problem(free, ao.Event(0.0, [0.0, 0.0]), ao.Event(1.0, [1.0, 1.0]))
     run = Sweep(problem, 1e-8, (0,), 0, 1, None)
+    run.begin()
     run._aim(np.array([[0.9, 20.0], [1.1, 1.0]]))
     assert run.tried["forward shots"] == 1 and len(run.found) == 1
 
@@ -390,9 +391,9 @@ def test_progress_and_interruption():
     problem = ao.Problem(PENDULUM, ao.Event(0.0, 0.5), ao.Event(2.0, -0.3))
     told = []
 
-    def progress(how, done, total, found):
-        told.append((how, done, total, found))
-        if how == "deflated starts":
+    def progress(stage, done, total, detail):
+        told.append((stage, done, total, detail))
+        if stage == "deflated starts":
             raise KeyboardInterrupt
 
     found = solve_all(problem, progress=progress)
@@ -410,9 +411,9 @@ def test_an_interruption_ends_the_search_and_keeps_what_it_has(after):
     problem = ao.Problem(PENDULUM, ao.Event(0.0, 0.5), ao.Event(14.0, -0.3))
     first = []
 
-    def progress(how, done, total, found):
-        if found and not first:
-            first.append(found)
+    def progress(stage, done, total, detail):
+        if detail["found"] and not first:
+            first.append(detail["found"])
             signal.setitimer(signal.ITIMER_REAL, after)
 
     before = signal.signal(signal.SIGALRM, signal.default_int_handler)
@@ -466,6 +467,7 @@ def test_between_two_shots_on_either_side_of_the_end_is_one_that_meets_it(monkey
     system = systems.pendulum("angle")
     problem = ao.Problem(system, ao.Event(0.0, [0.2]), ao.Event(3.0, [0.5]))
     sweep, met = Sweep(problem, 1e-8, (), 0, 0, None), []
+    sweep.begin()
     monkeypatch.setattr(sweep, "_arrived", lambda classes, v0: met.extend(v0[0]))
     sweep._bracket(np.linspace(-3.0, 3.0, 7))
     assert met

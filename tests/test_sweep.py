@@ -91,7 +91,7 @@ def test_a_member_is_made_again_to_full_accuracy(serial, short):
         assert found.problem.parameters["g"] == OVER["g"][1]
     with pytest.raises(IndexError):
         serial.solution(1, 9)
-    with pytest.raises(IndexError, match=r"a grid of the shape \(4, 6\)"):
+    with pytest.raises(IndexError, match=r"an array of shape \(4, 6\)"):
         serial.solution(1)
     assert runs.solution(-1, -1).action == found.action
 
@@ -254,7 +254,11 @@ def test_a_member_that_fails_is_data():
     runs = ao.sweep(PENDULUM, {"t1": [-1.0, 0.5, 1.0]}, progress=lambda *said: told.append(said))
     assert runs.status.tolist() == ["REFUSED", "SOLVED", "SOLVED"]
     assert runs.failed.tolist() == [True, False, False] and runs.branch.tolist() == [-1, 0, 0]
-    assert np.isnan(runs.action[0]) and np.isinf(runs.error[0]) and told == [(3, 3, 1)]
+    assert (
+        np.isnan(runs.action[0])
+        and np.isinf(runs.error[0])
+        and told == [("sweep", 3, 3, {"failed": 1})]
+    )
     assert "the end event after the start event" in runs.messages[0]
     with pytest.raises(ValueError, match=r"found t1 = -1 of the status REFUSED; `retry`"):
         runs.solution(0)
@@ -275,7 +279,7 @@ def test_paths_that_do_not_exist_cost_little_wherever_the_grid_begins(monkeypatc
             return ao.solve(problem, tol=tol, guess=guess, throw=throw)
         if progress is not None:  # what takes a tenth of a second or more to find out
             tried.append(float(problem.parameters["c"]))
-            progress("patient least", budget.PURSE, 1)
+            progress("patient least", 1, None, {"elements": budget.PURSE})
         return nothing
 
     monkeypatch.setattr(module, "solve", counted)
@@ -437,7 +441,11 @@ def test_an_interrupted_retry_goes_on(holes, tmp_path, monkeypatch):
     part = runs.retry(resume=tmp_path / "it", progress=Stop(1))
     assert part.failed.sum() == runs.failed.sum() - 1
     again = runs.retry(resume=tmp_path / "it", progress=lambda *x: told.append(x))
-    assert same(again, whole) and told[-1] == (runs.failed.sum(), runs.failed.sum(), 0)
+    assert same(again, whole) and told[-1][1:] == (
+        runs.failed.sum(),
+        runs.failed.sum(),
+        {"failed": 0},
+    )
     worked = []
     monkeypatch.setattr(module, "work", lambda *given: worked.append(given))
     assert same(runs.retry(resume=tmp_path / "it"), whole) and not worked
@@ -456,7 +464,7 @@ class Stop:
     def __init__(self, tasks, error=KeyboardInterrupt):
         self.left, self.error = tasks, error
 
-    def __call__(self, done, total, failed):
+    def __call__(self, stage, done, total, detail):
         self.left -= 1
         if self.left == 0:
             raise self.error
@@ -487,7 +495,7 @@ def test_what_is_finished_is_not_solved_again(serial, short, tmp_path, monkeypat
     monkeypatch.setattr(module, "work", lambda *given: worked.append(given[1]) or work(*given))
     told = []
     runs = ao.sweep(PENDULUM, OVER, progress=lambda *x: told.append(x), **given)
-    assert same(runs, serial) and len(worked) == 3 and told[-1] == (24, 24, 0)
+    assert same(runs, serial) and len(worked) == 3 and told[-1] == ("sweep", 24, 24, {"failed": 0})
     monkeypatch.setattr(module, "solve", None)
     monkeypatch.setattr(module, "walk", None)
     assert same(ao.sweep(PENDULUM, OVER, **given), serial) and len(worked) == 3
@@ -535,7 +543,7 @@ KILLED = """
     module.SECONDS, module.MEMBER_SECONDS, module.UNKNOWN_SECONDS = 5.5, 1.0, 0.0
     over = {"g": np.linspace(9.0, 10.0, 4), "t1": np.linspace(0.7, 1.2, 6)}
     problem = get("pendulum").problem
-    tell = lambda *said: print(said, flush=True)
+    tell = lambda *said: print(said[1:3], flush=True)
     given = {"record": "index", "keep_paths": True, "resume": sys.argv[1]}
     ao.sweep(problem, over, progress=lambda *x: (tell(*x), sys.stdin.readline()), **given)
 """
@@ -549,7 +557,7 @@ def test_a_sweep_that_was_killed_goes_on(serial, short, tmp_path, monkeypatch):
             assert process.stdout.readline().startswith("(")
             process.stdin.write("\n")
             process.stdin.flush()
-        assert process.stdout.readline() == "(15, 24, 0)\n"
+        assert process.stdout.readline() == "(15, 24)\n"
         process.kill()
     assert process.returncode == -signal.SIGKILL
     worked, work = [], module.work
@@ -578,7 +586,7 @@ WAITS = """
         module.work = slow
         over = {"g": np.linspace(9.0, 10.0, 12), "t1": np.linspace(0.7, 1.2, 6)}
         with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
-            tell = lambda *said: print(said, flush=True)
+            tell = lambda *said: print(said[1:3], flush=True)
             runs = ao.sweep(get("pendulum").problem, over, executor=pool, progress=tell)
         print(runs.interrupted, runs.success.sum(), runs.failed.sum(), flush=True)
 """
@@ -592,7 +600,7 @@ def test_ctrl_c_keeps_the_tasks_that_have_begun_or_leaves_them(times, tmp_path):
     given = {"start_new_session": True, "cwd": tmp_path, **pipes}
     given["env"] = os.environ | {"PYTHONPATH": str(Path(ao.__file__).parents[1])}
     with subprocess.Popen([sys.executable, "it.py"], **given) as process:
-        assert process.stdout.readline() == "(5, 72, 0)\n"  # the next ones have begun
+        assert process.stdout.readline() == "(5, 72)\n"  # the next ones have begun
         os.killpg(process.pid, signal.SIGINT)  # as a terminal does
         said = process.stderr.readline()  # the pool fetches more tasks than it has processes
         assert re.match(r"interrupted: waiting for (a task|\d tasks) that ha(s|ve) begun;", said)
@@ -631,7 +639,7 @@ def test_ctrl_c_keeps_the_tasks_that_have_begun_or_leaves_them(times, tmp_path):
         ({"executor": ThreadPoolExecutor}, "expected a concurrent.futures.Executor that is made"),
         ({"resume": "."}, "expected the name of a file, found the folder '.'"),
         ({"resume": 3}, "expected the name of a file, found 3"),
-        ({"progress": 2}, r"expected progress\(done, total, failed\)"),
+        ({"progress": 2}, r"expected progress\(stage, done, total, detail\)"),
         ({"problem": PENDULUM.system}, r"expected a Problem\("),
     ],
 )

@@ -552,7 +552,7 @@ def test_bad_arguments_say_what_is_wrong(call, message):
 
 def test_no_velocity_with_a_momentum_that_cannot_be():
     bounded = System(lambda q, v, t: np.sin(v[0]), ["x"])  # |p| = |cos v| <= 1
-    with pytest.raises(ValueError, match="no velocity with the momentum"):
+    with pytest.raises(ValueError, match="expected a velocity with the momentum"):
         bounded.velocity([0.0], [3.0], 0.0, [0.5])
 
 

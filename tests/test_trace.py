@@ -148,8 +148,8 @@ def test_one_problem_is_compiled():
 def test_interrupted_trace_keeps_what_it_has():
     seen = []
 
-    def progress(value, action, index):
-        seen.append(value)
+    def progress(stage, done, total, detail):
+        seen.append(detail["value"])
         if len(seen) == 3:
             raise KeyboardInterrupt
 

@@ -128,7 +128,7 @@ def test_a_varied_path_that_cannot_stay_on_the_surface_is_refused():
     wire(100.0)  # the wire is straight: there is no end to it
     circle = varied("rod_pendulum")[1]
     with pytest.raises(ValueError, match="smaller alpha"):
-        circle(np.nan)
+        circle(10.0)
 
 
 def test_free_ends_may_vary():

@@ -65,10 +65,10 @@ def spent(problem, **options):
     """Return the ways that are tried in turn, and the elements that each evaluates."""
     ways = Counter()
 
-    def told(how, elements, iterations):
-        ways[how] += elements
+    def tell(stage, done, total, detail):
+        ways[stage] += detail["elements"]
 
-    ao.solve(problem, throw=False, progress=told, **options)
+    ao.solve(problem, throw=False, progress=tell, **options)
     return ways
 
 
@@ -85,15 +85,15 @@ def test_ways_that_time_does_not_allow_for_come_last(monkeypatch):
     now = [0.0]
     monkeypatch.setattr("actionopt.tools.watch.perf_counter", lambda: now[0])
 
-    def told(how, elements, iterations):
-        now[0] += 1e-3 * elements  # a millisecond an element
+    def tell(stage, done, total, detail):
+        now[0] += 1e-3 * detail["elements"]  # a millisecond an element
 
     with pytest.raises(ao.SolveError, match=r"tried: convex newton, descent, newton, stationary$"):
-        ao.solve(bratu(), seconds=1.6, progress=told)
+        ao.solve(bratu(), seconds=1.6, progress=tell)
     assert now[0] == pytest.approx(1.6, abs=0.1)
     now[0] = 0.0  # in 3.9 s all ends by itself
     with pytest.raises(ao.SolveError, match=r"descent, newton, continuation, stationary$"):
-        ao.solve(bratu(), seconds=2.6, progress=told)
+        ao.solve(bratu(), seconds=2.6, progress=tell)
 
 
 def test_time_that_runs_out_while_refining_leaves_the_path_that_was_found():
@@ -103,7 +103,7 @@ def test_time_that_runs_out_while_refining_leaves_the_path_that_was_found():
     ao.solve(problem, tol=1e-10, progress=lambda *told: calls.append(told))
     count = 0
 
-    def stop(how, elements, iterations):
+    def stop(stage, done, total, detail):
         nonlocal count
         count += 1
         if count == len(calls) - 1:
@@ -122,13 +122,13 @@ def test_progress_names_the_way_the_elements_and_the_iterations():
 
     def told(*call):
         calls.append(call)
-        if len({how for how, _, _ in calls}) == 3:
+        if len({stage for stage, *_ in calls}) == 3:
             raise OutOfTime
 
     ao.solve(hard(), throw=False, progress=told)
-    ways, elements, iterations = zip(*calls, strict=True)
+    ways, iterations, totals, details = zip(*calls, strict=True)
     assert len(set(ways)) > 1 and set(ways) <= {w for w in ways if isinstance(w, str) and w}
-    assert min(elements) >= 1
+    assert min(detail["elements"] for detail in details) >= 1 and {*totals} == {None}
     assert list(iterations) == list(range(1, len(calls) + 1))
 
 
@@ -136,8 +136,8 @@ def test_what_progress_raises_ends_the_solve():
     class Enough(Exception):
         pass
 
-    def tell(how, elements, iterations):
-        if how == "least" or iterations > 60:
+    def tell(stage, done, total, detail):
+        if stage == "least" or done > 60:
             raise Enough
 
     with pytest.raises(Enough):
@@ -151,7 +151,7 @@ def test_seconds_that_make_no_sense(seconds):
 
 
 def test_progress_that_cannot_be_called():
-    with pytest.raises(ValueError, match=r"progress\(how, elements, iterations\)"):
+    with pytest.raises(ValueError, match=r"progress\(stage, done, total, detail\)"):
         Watch(None, "bar")
 
 
@@ -165,13 +165,13 @@ def test_a_line_is_shown_on_a_terminal_after_a_while_and_goes_away(monkeypatch):
     monkeypatch.setattr(sys, "stderr", screen)
     monkeypatch.setattr("actionopt.tools.progress.perf_counter", lambda: now[0])
     with waiting() as told:
-        told("newton", 4, 1)
+        told("newton", 1, None, {"elements": 4})
         assert screen.getvalue() == ""
         now[0] = 1.5
-        told("least", 8, 20)
+        told("least", 20, None, {"elements": 8})
         assert "2 s: least, 8 elements, 20 iterations" in screen.getvalue()
         now[0] = 1.51
-        told("least", 8, 21)
+        told("least", 21, None, {"elements": 8})
         assert "21 iterations" not in screen.getvalue()
     assert screen.getvalue().endswith("\r\x1b[K")
 
@@ -184,7 +184,7 @@ def test_nothing_is_told_where_nobody_looks(monkeypatch):
 
 @pytest.mark.parametrize("error", [np.linalg.LinAlgError, ValueError, KeyboardInterrupt])
 def test_nothing_on_the_way_takes_what_progress_raises(error):
-    def tell(how, elements, iterations):
+    def tell(stage, done, total, detail):
         raise error("mine")
 
     with pytest.raises(error, match="mine"):

@@ -41,6 +41,7 @@ from actionopt.mechanics.jumps import jumps
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
 from actionopt.tools.checks import tolerance
+from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array
 
 # Ad hoc, each within a factor of some, where nothing else is said.
@@ -117,6 +118,8 @@ class Comparison:
     amplified: float
     path: Path | None
     reason: str = ""
+
+    __repr__ = one_line
 
     @property
     def agrees(self) -> bool | None:

@@ -15,6 +15,7 @@ import numpy as np
 from actionopt.analysis.solution import Solution, question
 from actionopt.discrete.crossing import BISECTIONS
 from actionopt.mechanics.events import State
+from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array, NDInt
 
 SAMPLES_PER_INTERVAL = 4  # of the nodes; ad hoc: roots that lie closer together pass unseen
@@ -41,6 +42,8 @@ class Contact:
     t: float
     state: State
     lost: bool
+
+    __repr__ = one_line
 
 
 def contact_loss(solution: Solution) -> tuple[Contact, ...]:

@@ -15,6 +15,7 @@ from actionopt.analysis.solution import Solution, question
 from actionopt.discrete.path import Path
 from actionopt.tools.blas import one_thread
 from actionopt.tools.checks import numbers
+from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array, NDInt
 
 DENSE_EIGENPROBLEM = 600  # free variations up to which all eigenvalues are computed at once; ad hoc
@@ -43,6 +44,8 @@ class SecondVariation:
     modes: tuple[Path, ...]
     inertia: Inertia
     units: Array
+
+    __repr__ = one_line
 
 
 @one_thread

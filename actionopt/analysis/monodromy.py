@@ -48,6 +48,12 @@ class Monodromy(np.ndarray):
         """Keep what is known of the matrix this one is taken from."""
         self.trivial = getattr(other, "trivial", 0)
 
+    def __repr__(self) -> str:
+        """Show the size and the stability; `print` shows the entries."""
+        if self.ndim != 2 or self.shape[0] != self.shape[1] or not np.isfinite(self).all():
+            return super().__repr__()  # of a part, say
+        return f"Monodromy({self.shape[0]} x {self.shape[1]}, {self.stability})"
+
     @property
     def eigenvalues(self) -> Array:
         """Eigenvalues in pairs z, 1 / z, the largest first."""

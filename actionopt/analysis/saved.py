@@ -84,10 +84,10 @@ def _tail(event: Event) -> list[Any] | None:
 
 def solution_file(file: str | FilePath) -> FilePath:
     """Return where a solution goes. Raises as `save`, and before anything is written."""
-    target = FilePath(file)
+    target = ready(file)
     if target.suffix != ".npz":
         raise ValueError(f"expected a file name that ends in .npz, found {target.name!r}")
-    return ready(target)
+    return target
 
 
 def _edge(t: float, rest: list[float], side: int, phase: list[Any] | None) -> Tail:

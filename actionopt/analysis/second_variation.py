@@ -35,6 +35,7 @@ from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
 from actionopt.tools.types import Array, NDInt
+from actionopt.tools.watch import check_time
 
 # Ad hoc, between round-off and what a path is known to.
 DELAYED_PIVOT = 1e-5  # pivots below this fraction of their block's largest wait for the next block
@@ -191,6 +192,7 @@ def form(at: DiscretePath, units: Array | None = None, *, phase: bool = True) ->
     elements: list[Array] = [np.empty(0)] * tr.mesh.elements
     kinetic: list[Array] = [np.empty(0)] * tr.mesh.elements
     for g in layout.groups:
+        check_time()
         a, b, c = (x[g.span].reshape(*g.nodes.shape, *scale.shape) * scale for x in (A, B, C))
         rate = _kinetic(g, c, tr.half[g.elements])
         whole = rate + _rest(g, a, b, tr.half[g.elements])
@@ -198,6 +200,7 @@ def form(at: DiscretePath, units: Array | None = None, *, phase: bool = True) ->
             rate = rate + _rest(g, c / problem.duration**2, 0 * b, tr.half[g.elements])
         Z = basis[g.nodes]
         for target, local in ((elements, whole), (kinetic, rate)):
+            check_time()
             reduced = _reduce(local, Z)
             for e, block in zip(g.elements, reduced, strict=True):
                 target[e] = block

@@ -21,6 +21,7 @@ from actionopt.discrete.foot import reactions, surface_at
 from actionopt.mechanics.problem import Tail
 from actionopt.mechanics.system import System
 from actionopt.tools.blas import one_thread
+from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array
 
 # Of the Jacobi fields; derived: second derivatives converge twice as fast, to round-off.
@@ -58,6 +59,8 @@ class Sensitivity:
     q0q0: Array
     q0q1: Array
     q1q1: Array
+
+    __repr__ = one_line
 
     @property
     def van_vleck(self) -> float:

@@ -16,7 +16,7 @@ from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Problem
 from actionopt.tools.types import Array, NDInt
-from actionopt.tools.watch import Watch
+from actionopt.tools.watch import Watch, check_time
 
 # Ad hoc: what comes of it is a guess, and Newton's method does the rest.
 STEP_ERROR = 1e-5  # of one step
@@ -89,6 +89,7 @@ def integrate(
     with np.errstate(all="ignore"):
         while live.size and done < patience:
             done += 1
+            check_time()
             if watch is not None:
                 watch(done)
             if track is None and live.size <= count / 2 and patience == steps:

@@ -24,7 +24,8 @@ from actionopt.discrete.path import Path
 from actionopt.discrete.projection import project
 from actionopt.discrete.resolution import resolution
 from actionopt.mechanics.problem import Problem
-from actionopt.tools.checks import numbers
+from actionopt.tools.checks import number, numbers
+from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array
 
 # Ad hoc: near round-off.
@@ -56,12 +57,14 @@ class Variation:
     lam: Array = field(repr=False)
     eta: Path
 
+    __repr__ = one_line
+
     def __call__(self, alpha: ArrayLike) -> Array:
         """Return S(alpha), of the shape of `alpha`.
 
         Raises ValueError where no varied path on the constraint surface is near.
         """
-        values = np.asarray(alpha, dtype=float)
+        values = numbers(alpha, "alpha")
         tr = self.form.tr
         actions = [tr.action_and_gradient(self.nodes(a))[0] for a in values.ravel()]
         return np.array(actions).reshape(values.shape)
@@ -95,15 +98,16 @@ class Variation:
 
     def nodes(self, alpha: float) -> Array:
         """Return the coordinates of the varied path at the nodes, (K, n)."""
-        tr = self.form.tr
+        tr, alpha = self.form.tr, number(alpha, "alpha")
         Q = self.form.at.Q + alpha * self.eta.values.T
         system, problem = tr.problem.system, tr.problem
         if alpha == 0:
             return Q
-        moved = self.moved(Q)
-        if not system.m:
-            return moved
-        f = system.pointwise("constraint")(moved, tr.mesh.nodes[:, None], problem.packed)[0]
+        with np.errstate(all="ignore"):  # what is not finite is refused
+            moved = self.moved(Q)
+            if not system.m:
+                return moved
+            f = system.pointwise("constraint")(moved, tr.mesh.nodes[:, None], problem.packed)[0]
         if not np.max(np.abs(f) / tr.row_units) <= PROJECTED:
             raise ValueError(
                 f"expected a path on the constraint surface near q + alpha eta, found none for "
@@ -170,6 +174,10 @@ def variation(
     (True, True)
     """
     problem = question(solution)
+    if not callable(eta):
+        raise ValueError(
+            f"expected a Path or a callable of times that returns (n, K), found {eta!r} as eta"
+        )
     mesh, known = resolving(solution.mesh, eta), solution.discrete
     at = known.on(mesh, known.multipliers(mesh.nodes)).polished()
     units = numbers(unit, "the unit")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from importlib.util import find_spec
 from time import perf_counter
@@ -15,6 +15,7 @@ from actionopt.tools.table import print_table
 
 if TYPE_CHECKING:
     from actionopt.families.runs import Runs
+    from actionopt.tools.watch import Progress
 
 
 def add_to(command: argparse.ArgumentParser) -> None:
@@ -36,7 +37,8 @@ def add_to(command: argparse.ArgumentParser) -> None:
     add("--index", action="store_true", help="count the index of each path")
     one_of("--workers", type=int, metavar="N", help="processes (1)")
     one_of("--dask", metavar="ADDRESS", help="of the scheduler of a Dask cluster")
-    add("--retry", action="store_true", help="try again what is not found, as long as it takes")
+    what = "try again what is not found, as long as it takes; also of a sweep that --out wrote"
+    add("--retry", nargs="?", const=True, metavar="FILE.npz", help=what)
     add("--resume", metavar="FILE", help="keep what is finished there, and go on from it")
     add("--out", metavar="FILE", help="write the arrays (.npz, or .nc by xarray)")
     add("--plot", metavar="FILE", help="draw the action (png, pdf, svg, ...)")
@@ -60,10 +62,14 @@ def run(options: argparse.Namespace) -> int:
     """Solve, print what came of it, and write what is asked for; 130 if interrupted."""
     import numpy as np
 
+    from actionopt.families.grid import Grid
+    from actionopt.families.runs import Runs
     from actionopt.families.sweep import sweep
+    from actionopt.tools.checks import tolerance
     from actionopt.tools.files import ready
 
     problem, _ = question(options)
+    tol = tolerance(options.tol)
     over = {name: np.linspace(*row) for name, row in options.over}
     if len(over) < len(options.over):
         raise ValueError("expected each name once after --over; an axis has one row of values")
@@ -88,11 +94,14 @@ def run(options: argparse.Namespace) -> int:
             )
     clock = perf_counter()
     with _executor(options) as executor:
-        runs = sweep(
-            problem, over, executor=executor, tol=options.tol, resume=options.resume,
-            record="index" if options.index else None,
-            progress=_bar(),
-        )  # fmt: skip
+        if isinstance(options.retry, str):
+            runs = Runs.read(options.retry, Grid.of(problem, over, False), tol, options.index)
+        else:
+            runs = sweep(
+                problem, over, executor=executor, tol=tol, resume=options.resume,
+                record="index" if options.index else None,
+                progress=_bar(),
+            )  # fmt: skip
         if options.retry and not runs.interrupted and runs.failed.any():
             file = None if options.resume is None else f"{options.resume}.retry"
             runs = runs.retry(executor=executor, progress=_bar(), resume=file)
@@ -130,15 +139,15 @@ def _executor(options: argparse.Namespace) -> Iterator[Any]:
         yield None
 
 
-def _bar() -> Callable[[int, int, int], None]:
-    """Return what tells of a sweep: a bar, the rate, and what failed."""
+def _bar() -> Progress:
+    """Return the `progress` of a sweep: a bar, the rate, and how many members failed."""
     from actionopt.tools.progress import Bar
 
     bar, started = Bar(), perf_counter()
 
-    def show(done: int, total: int, failed: int) -> None:
-        rate = done / (perf_counter() - started)
-        bar(done, total, f"{rate:.0f}/s" + (f", {failed} failed" if failed else ""))
+    def show(stage: str, done: int, total: int | None, detail: Mapping[str, float]) -> None:
+        rate, failed = done / (perf_counter() - started), detail["failed"]
+        bar(done, total or 0, f"{rate:.0f}/s" + (f", {failed} failed" if failed else ""))
 
     return show
 
@@ -152,6 +161,7 @@ def _print_runs(runs: Runs, time: float) -> None:
         return ", ".join(f"{count} {value}" for value, count in found)
 
     solved = runs.action[runs.success]
+    remedy = "" if runs.retried == "fully" else ": --retry"
     rows = [
         ("status", counted(runs.status)),
         ("action", f"{solved.min():.9g} to {solved.max():.9g}" if solved.size else "none"),
@@ -161,7 +171,7 @@ def _print_runs(runs: Runs, time: float) -> None:
         found = np.unique(runs.index[runs.success], return_counts=True)
         rows.append(("index", ", ".join(f"{k} of {n}" for k, n in zip(*found, strict=True))))
     rows += [
-        *([("failed", f"{runs.failures}: --retry")] if runs.failures else []),
+        *([("failed", runs.failures + remedy)] if runs.failures else []),
         ("branches", str(runs.branch.max(initial=-1) + 1)),
         ("time", f"{seconds(time)}, {runs.stats['tasks']} tasks"),
     ]

@@ -34,6 +34,7 @@ from actionopt.discrete.nodal import Term, level, terms
 from actionopt.mechanics.problem import Problem, diagonal
 from actionopt.tools.blas import by_each
 from actionopt.tools.types import Array, NDInt
+from actionopt.tools.watch import check_time
 
 
 @dataclass(eq=False, slots=True)
@@ -427,6 +428,7 @@ class Action:
 
     def second(self, x: Array) -> list[Array]:
         """Return the nonzeros of L_qq, L_qv and L_vv, each (evaluations, nonzeros)."""
+        check_time()
         if self.watch is not None:
             self.watch(self.mesh.elements)
         function, p = self.problem.system.pointwise("second"), self.problem.packed

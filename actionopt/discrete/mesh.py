@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from actionopt.tools.checks import numbers
+from actionopt.tools.checks import number, numbers, whole
 from actionopt.tools.lobatto import Rule, lgl
 from actionopt.tools.types import Array, NDInt
 
@@ -104,8 +104,12 @@ class Mesh:
 
     @classmethod
     def uniform(cls, start: float, end: float, elements: int, degree: int) -> Mesh:
-        """Return `elements` equal elements of one degree over the times [start, end]."""
-        duration = end - start
+        """Return `elements` equal elements of one degree over the times [start, end].
+
+        Raises ValueError for bad numbers.
+        """
+        start, end = number(start, "the start of a mesh"), number(end, "the end of a mesh")
+        elements, duration = whole(elements, "the number of elements", 1), end - start
         since = np.arange(elements + 1) * (duration / elements)
         since[-1] = duration
         return cls.over(start, end, since, degree)
@@ -174,7 +178,11 @@ class Mesh:
         return result
 
     def moved(self, start: float, end: float) -> Mesh:
-        """Return the same mesh stretched affinely onto the times [start, end]."""
+        """Return the same mesh stretched affinely onto the times [start, end].
+
+        Raises ValueError for times that are not finite numbers, or do not increase.
+        """
+        start, end = number(start, "the start of a mesh"), number(end, "the end of a mesh")
         b = self.boundaries
         if b[0] == start and b[-1] == end:
             return self

@@ -104,7 +104,12 @@ class Path:
         return self._evaluate(self.values, 2, t)
 
     def on(self, mesh: Mesh) -> Path:
-        """Return this curve interpolated on another mesh over the same times."""
+        """Return this curve interpolated on another mesh over the same times.
+
+        Raises ValueError for anything but a mesh.
+        """
+        if not isinstance(mesh, Mesh):
+            raise ValueError(f"expected a Mesh(boundaries, degrees), found {mesh!r}")
         return Path(mesh, self._since(self.values, 0, mesh.nodes_since))
 
     def carried_on(self, since: Array, reach: float) -> tuple[Array, Array]:

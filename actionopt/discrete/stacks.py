@@ -24,6 +24,7 @@ from actionopt.mechanics.columns import Columns
 from actionopt.mechanics.system import System
 from actionopt.tools.lobatto import Rule, Sampling, lgl
 from actionopt.tools.types import Array, NDInt
+from actionopt.tools.watch import check_time
 
 PROGRAMS = "value", "gradient", "second", "slopes"
 
@@ -244,6 +245,7 @@ class Stack:
 
         Or at other points of each element, `nodes` (points,).
         """
+        check_time()
         s = self.shape
         if nodes is None:
             found = self._evaluated("second", Q, self.velocities(Q), self._at)

@@ -10,7 +10,7 @@ start. No search of this kind proves that nothing is left.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from html import escape
@@ -30,7 +30,9 @@ from actionopt.solver.solve import solve_near
 from actionopt.solver.window import searched
 from actionopt.tools.blas import one_thread
 from actionopt.tools.checks import tolerance
+from actionopt.tools.shown import listed
 from actionopt.tools.types import Array
+from actionopt.tools.watch import Progress, check_progress, time_limit
 
 SAME_MOTION = 0.05  # of its size, by which a path may differ from one on a window; ad hoc
 PROBES = 16  # random points at which periodicity is checked; ad hoc: one would do, as a rule
@@ -79,6 +81,13 @@ class Paths:
     interrupted: bool
     families: tuple[Solution, ...] = ()
     kinked: int = 0
+
+    def __repr__(self) -> str:
+        """Show how many paths there are, their actions, and whether there may be others."""
+        actions = listed((f"{s.action:.6g}" for s in self.solutions), len(self))
+        more = f"; {len(self.families)} families" if self.families else ""
+        ended = "; interrupted" if self.interrupted else ""
+        return f"Paths({len(self)}: S = {actions or 'none'}{more}{ended})"
 
     def __len__(self) -> int:
         """Return the number of paths."""
@@ -148,7 +157,8 @@ def solve_all(
     shots: int = 100,
     continuations: int = 20,
     seed: int = 0,
-    progress: Callable[[str, int, int, int], object] | None = None,
+    seconds: float | None = None,
+    progress: Progress | None = None,
 ) -> Paths:
     """Return the distinct stationary paths between the events of `problem` that were found.
 
@@ -177,9 +187,12 @@ def solve_all(
         Most paths to be followed through folds.
     seed : int
         Of the random directions.
+    seconds : float, optional
+        The time it may take; then the search ends as if it were interrupted.
     progress : callable, optional
-        `progress(how, done, total, found)`. An interruption (KeyboardInterrupt) ends the search
-        and keeps what was found.
+        `progress(stage, done, total, detail)`: the way of searching, how many starts of it were
+        tried, how many there are, and {"found": the paths so far}. An interruption
+        (KeyboardInterrupt) ends the search and keeps what was found.
 
     Raises
     ------
@@ -190,6 +203,7 @@ def solve_all(
     """
     asked(problem)
     tolerance(tol)
+    check_progress(progress)
     problem = problem.asked or problem
     _check_clock(problem)
     whole = problem.whole
@@ -211,41 +225,48 @@ def solve_all(
                 "expected whole numbers >= 0 of windings, starts, shots and continuations, "
                 f"found {count!r}"
             )
-    if problem.system.r:
-        if angles:
-            raise ValueError(
-                "expected no angles for a system with an obstacle, found some: give events that "
-                "differ by the turns"
-            )
-        sided = all_sides(problem, tol, starts, seed, progress)
-        return _paths_of(problem, (), *sided)
-    if problem.on_surface:
-        placed = all_on_surfaces(problem, tol, len(turning), starts, seed, progress)
-        return _paths_of(problem, turning, *placed)
-    if problem.free_time:
-        timed = all_durations(problem, tol, turning, windings, shots, seed, progress)
-        return _paths_of(problem, turning, *timed)
-    run = Sweep(problem, tol, turning, windings, seed, progress)
-    try:
-        run.straight()
-        if not run.linear:
-            run.least(starts)
-            run.forward_shots(shots)
-            run.deflate(starts)
-            run.folds(continuations)
-    except KeyboardInterrupt:
-        run.interrupted = True
-    if run.refused is not None and not (run.found or run.families or run.interrupted):
-        raise run.refused
-    if whole.is_infinite:
-        run.found = _without_end(run, whole)
+    if problem.system.r and angles:
+        raise ValueError(
+            "expected no angles for a system with an obstacle, found some: give events that "
+            "differ by the turns"
+        )
+    with time_limit(seconds):
+        if problem.system.r:
+            sided = all_sides(problem, tol, starts, seed, progress)
+            return _paths_of(problem, (), *sided)
+        if problem.on_surface:
+            placed = all_on_surfaces(problem, tol, len(turning), starts, seed, progress)
+            return _paths_of(problem, turning, *placed)
+        if problem.free_time:
+            timed = all_durations(problem, tol, turning, windings, shots, seed, progress)
+            return _paths_of(problem, turning, *timed)
+        run = Sweep(problem, tol, turning, windings, seed, progress)
+        try:
+            run.begin()
+            run.straight()
+            if not run.linear:
+                run.least(starts)
+                run.forward_shots(shots)
+                run.deflate(starts)
+                run.folds(continuations)
+        except KeyboardInterrupt:
+            run.interrupted = True
+        if run.refused is not None and not (run.found or run.families or run.interrupted):
+            raise run.refused
+        if whole.is_infinite:
+            candidates, run.found = run.found, []
+            try:
+                _add_without_end(run, whole, candidates)
+            except KeyboardInterrupt:
+                run.interrupted = True
     return _ordered(run)
 
 
-def _without_end(run: Sweep, whole: Problem) -> list[tuple[Solution, tuple[int, ...], str]]:
-    """Return the paths of a problem of infinite times near those found on a window."""
-    found: list[tuple[Solution, tuple[int, ...], str]] = []
-    candidates = list(run.found)
+def _add_without_end(
+    run: Sweep, whole: Problem, candidates: list[tuple[Solution, tuple[int, ...], str]]
+) -> None:
+    """Add to a search the paths of infinite times near `candidates`, which are on a window."""
+    found, candidates = run.found, list(candidates)
     if whole.system.n == 1 and not whole.start.pinned and np.isinf(whole.end.t):
         rest, none = whole.end.near[0], (0,) * len(run.turning)
         for guess in guesses(run.problem, float(rest or 0.0)):
@@ -262,7 +283,6 @@ def _without_end(run: Sweep, whole: Problem) -> list[tuple[Solution, tuple[int, 
             continue  # it was held at the window's edge
         if all(np.any(np.abs(path(t) - other(t)) > SAME_PATH * size) for other, _, _ in found):
             found.append((path, turns, how))
-    return found
 
 
 def _check_clock(problem: Problem) -> None:

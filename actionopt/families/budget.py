@@ -8,6 +8,7 @@ Costs are second derivatives on one element: the same on any machine.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from actionopt.solver.ladder import PURSE
 
@@ -25,9 +26,9 @@ class Budget:
         self.limit = FREE if limited else math.inf
         self.well, self.vain = 0.0, 0.0
 
-    def count(self, how: str, elements: int, iterations: int) -> None:
+    def count(self, stage: str, done: int, total: int | None, detail: Mapping[str, float]) -> None:
         """Count an iteration of a search: the `progress` of `solve`. It is in vain until found."""
-        self.vain += elements
+        self.vain += detail["elements"]
 
     def found(self, before: float) -> None:
         """Take note that a search found a path, before which `vain` was as given."""

@@ -6,13 +6,14 @@ import sys
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, field
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from actionopt.families.task import Answers
 from actionopt.tools.journal import Journal
+from actionopt.tools.watch import Progress, TimeUp, check_time, time_left
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor, Future
@@ -20,15 +21,10 @@ if TYPE_CHECKING:
 IN_FLIGHT = 1024  # tasks that are sent at once, and so the workers that are kept busy; ad hoc
 
 
-Progress = Callable[[int, int, int], object]
-
-
-def check_executor(executor: Executor | None, progress: Progress | None) -> None:
-    """Raise ValueError for what is no executor, or no function to be told of progress."""
+def check_executor(executor: Executor | None) -> None:
+    """Raise ValueError for anything but an executor or None."""
     if executor is not None and (isinstance(executor, type) or not hasattr(executor, "submit")):
         raise ValueError(f"expected a concurrent.futures.Executor that is made, found {executor!r}")
-    if progress is not None and not callable(progress):
-        raise ValueError(f"expected progress(done, total, failed), found {progress!r}")
 
 
 class Entered(Protocol):
@@ -40,8 +36,9 @@ class Entered(Protocol):
 
 @dataclass(eq=False)
 class Intake:
-    """Enters what comes of tasks in `runs`, each once, keeps it in a journal, and reports it."""
+    """Enters answers of tasks in `runs`, each once, keeps them in a journal, and reports."""
 
+    stage: str  # what `progress` is told of them
     runs: Entered
     total: int  # members of all tasks
     journal: Journal | None
@@ -61,7 +58,7 @@ class Intake:
         self.done += answers["members"].size
         self.failed += int(np.isnan(answers["action"]).sum())
         if self.progress is not None:
-            self.progress(self.done, self.total, self.failed)
+            self.progress(self.stage, self.done, self.total, {"failed": self.failed})
 
     def note(self, error: Exception) -> None:
         """Add to an error where what is finished is."""
@@ -83,6 +80,7 @@ def dispatch(
     An interruption (KeyboardInterrupt) sends no more to an executor; tasks that have begun are
     waited for and entered, which a line on the standard error says. Another one leaves them at
     once, and ends the executor's processes. Without an executor the task at hand is left at once.
+    So are all tasks when the time given is used up.
     """
     if executor is None:
         for task, given in tasks:
@@ -92,12 +90,16 @@ def dispatch(
     arrived: SimpleQueue[int] = SimpleQueue()
 
     def enter() -> None:
-        task = arrived.get()
+        try:
+            task = arrived.get(timeout=time_left())
+        except Empty:
+            raise TimeUp from None
         done(task, flying[task].result())
         del flying[task]
 
     try:
         for task, given in tasks:
+            check_time()
             flying[task] = executor.submit(work, *given)
             flying[task].add_done_callback(lambda _, task=task: arrived.put(task))
             while len(flying) >= IN_FLIGHT or not arrived.empty():
@@ -106,7 +108,7 @@ def dispatch(
             enter()
     except BaseException as error:
         begun = {task: future for task, future in flying.items() if not future.cancel()}
-        if isinstance(error, KeyboardInterrupt):
+        if isinstance(error, KeyboardInterrupt) and not isinstance(error, TimeUp):
             _wait(begun, executor, done)
         raise
 

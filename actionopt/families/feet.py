@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from actionopt.solver.first_paths import given_time
 from actionopt.solver.on_surface import firsts, near, sizes, solve_on_surface
 from actionopt.solver.solve import solve
 from actionopt.tools.types import Array
+from actionopt.tools.watch import Progress, check_time
 
 # Ad hoc.
 SPREAD = np.array([0.3, 1.0, 3.0])  # of the way to a surface, from where it is looked for
@@ -33,7 +33,7 @@ def all_on_surfaces(
     angles: int,
     starts: int,
     seed: int,
-    progress: Callable[[str, int, int, int], object] | None,
+    progress: Progress | None,
 ) -> tuple[list[tuple[Solution, tuple[int, ...], str]], Counter[str], bool]:
     """Return paths with their windings and how each was found, what was tried, and an interruption.
 
@@ -51,8 +51,9 @@ def all_on_surfaces(
         pairs += over if over else near(problem, away)
         for i, first in enumerate(firsts(problem, solve, tol, pairs)):
             tried["points on surfaces"] += 1
+            check_time()
             if progress is not None:
-                progress("points on surfaces", i, len(pairs), len(found))
+                progress("points on surfaces", i, len(pairs), {"found": len(found)})
             path, _ = solve_on_surface(problem, solve, tol, first, "auto", None, thorough=False)
             if path.success and is_new(path, none, found, max(SAME_PATH, SURE * tol)):
                 found.append((path, none, "a point on a surface"))

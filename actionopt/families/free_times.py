@@ -9,7 +9,6 @@ asked.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
 from contextlib import suppress
 from itertools import product
 
@@ -26,6 +25,7 @@ from actionopt.solver.iterate import sizes
 from actionopt.solver.solve import solve
 from actionopt.solver.unfixed import solve_unfixed
 from actionopt.tools.types import Array
+from actionopt.tools.watch import Progress, check_time
 
 # Ad hoc.
 LONG = (
@@ -44,7 +44,7 @@ def all_durations(
     windings: int,
     shots: int,
     seed: int,
-    progress: Callable[[str, int, int, int], object] | None,
+    progress: Progress | None,
 ) -> tuple[list[tuple[Solution, tuple[int, ...], str]], Counter[str], bool]:
     """Return paths with their windings and how each was found, what was tried, and an interruption.
 
@@ -67,8 +67,9 @@ def all_durations(
                 raise paths.refused
             for i, (path, how) in enumerate(guesses):
                 tried[how] += 1
+                check_time()
                 if progress is not None:
-                    progress(how, i, len(guesses), len(found))
+                    progress(how, i, len(guesses), {"found": len(found)})
                 solution = solve_unfixed(mine, solve, tol, path, "auto", None, thorough=False)[0]
                 if solution.success and is_new(solution, k, found) and _first(solution, windings):
                     found.append((solution, k, how))

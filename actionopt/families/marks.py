@@ -16,6 +16,7 @@ import numpy as np
 
 from actionopt.discrete.arclength import Branch, Point
 from actionopt.discrete.path import Path
+from actionopt.tools.shown import one_line
 
 LOCATED = 1e-12  # change of arclength that ends the search for a point
 LOCATE_STEPS = 60
@@ -56,6 +57,8 @@ class Mark:
     before: int | None
     after: int | None
     point: int = 0
+
+    __repr__ = one_line
 
 
 @dataclass(frozen=True)

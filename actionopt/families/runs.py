@@ -5,16 +5,16 @@ from __future__ import annotations
 import pickle
 from collections.abc import Callable, Mapping
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
 from actionopt.discrete.path import Path
-from actionopt.families.dispatch import Intake, Progress, check_executor, dispatch
+from actionopt.families.dispatch import Intake, check_executor, dispatch
 from actionopt.families.grid import Grid, said
 from actionopt.families.kept import Kept, find
 from actionopt.families.question import question_of
@@ -24,9 +24,11 @@ from actionopt.families.sheets import leapt, sheets
 from actionopt.families.task import REFUSED, Answers
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.solve import Guess, solve
+from actionopt.tools.checks import flat_index
 from actionopt.tools.files import ready, whole
 from actionopt.tools.journal import Journal
 from actionopt.tools.types import Array, NDInt
+from actionopt.tools.watch import Progress, check_progress
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -85,6 +87,8 @@ class Runs:
     unsought : array of bool
         Members that failed and were not searched for as `solve` would, because searches before
         them found nothing: `retry` does.
+    retried : str
+        Whether `retry` tried again what had failed: "no", "partly" if it was interrupted, "fully".
     """
 
     grid: Grid
@@ -100,6 +104,7 @@ class Runs:
     kept: list[Kept] | None = field(repr=False)
     stats: dict[str, int]
     unsought: NDInt
+    retried: Literal["no", "partly", "fully"] = "no"
 
     @classmethod
     def begun(cls, grid: Grid, tol: float, index: bool, keep_paths: bool) -> Runs:
@@ -121,6 +126,40 @@ class Runs:
             stats={"iterations": 0, "alone": 0, "tasks": 0},
             unsought=np.zeros(shape, dtype=bool),
         )
+
+    @classmethod
+    def read(cls, file: str | FilePath, grid: Grid, tol: float, index: bool) -> Runs:
+        """Return the members of a grid from an .npz file that `save` wrote; paths are not in it.
+
+        Raises
+        ------
+        ValueError
+            If the file holds other values or no sweep, or paths do not follow from its arrays:
+            where a time is free, or an event is at infinity or on a surface.
+        OSError
+            If it cannot be read.
+        """
+        problem, runs = grid.problem, cls.begun(grid, tol, index, False)
+        if problem.free_time or problem.is_infinite or problem.on_surface:
+            raise ValueError(
+                "expected given times and coordinates at the events, found some to be found: only "
+                "the paths say where; keep them by resume="
+            )
+        with np.load(file, allow_pickle=False) as data:
+            axes = dict(zip(runs._names, grid.values, strict=True))
+            arrays = {name: getattr(runs, name) for name in OVER_GRID}
+            wanted = axes | {name: x for name, x in arrays.items() if x is not None}
+            for name, x in wanted.items():
+                if name not in data or data[name].shape != x.shape:
+                    raise ValueError(
+                        f"expected a file of this sweep, with {name!r} of shape {x.shape}, found "
+                        f"{str(file)!r} without"
+                    )
+                if name in axes and (data[name] != x).any():
+                    raise ValueError(f"expected the values of {name!r} asked for, found others")
+                if name not in axes:
+                    x[...] = data[name]
+        return runs
 
     def put(self, answers: Answers) -> None:
         """Enter what came of a task."""
@@ -144,12 +183,13 @@ class Runs:
         """Show what varies and how many were solved, not the arrays."""
         over, sheets = ", ".join(map(said, self.grid.names)), int(self.branch.max(initial=-1)) + 1
         solved = f"{int(self.success.sum())} of {self.grid.size} solved"
-        failed = f"; {self.failures}: runs.retry()" if self.failures else ""
+        failed = f"; {self.failures}" if self.failures else ""
+        failed += ": runs.retry()" if failed and self.retried != "fully" else ""
         return f"Runs({self.problem.name} over {over}: {solved}, branches {sheets}{failed})"
 
     @property
     def failures(self) -> str:
-        """How many members were tried in vain, "" for none: those that `retry` may find."""
+        """How many members were tried in vain, "" for none."""
         missed = self.failed & (self.status != REFUSED)
         unsought = int((missed & self.unsought).sum())
         part = f", {unsought} of them not searched for at length" if unsought else ""
@@ -183,8 +223,8 @@ class Runs:
 
     @property
     def interrupted(self) -> bool:
-        """Whether the user ended it before all members were tried."""
-        return bool((self.status == UNREACHED).any())
+        """Whether the user, or the time given, ended it before all members were tried."""
+        return self.retried == "partly" or bool((self.status == UNREACHED).any())
 
     @property
     def branch(self) -> NDInt:
@@ -217,17 +257,7 @@ class Runs:
             If the member failed, or the path is lost on the way (then sweep with
             `keep_paths=True`).
         """
-        shape = self.shape
-        if not (
-            len(at) == len(shape)
-            and all(isinstance(k, (int, np.integer)) for k in at)
-            and all(-count <= k < count for k, count in zip(at, shape, strict=True))
-        ):
-            raise IndexError(
-                f"expected a place in a grid of the shape {shape}, a whole number for each axis, "
-                f"found {at}"
-            )
-        return self._solution(int(np.arange(self.grid.size).reshape(shape)[at]))
+        return self._solution(flat_index(at, self.shape))
 
     def _solution(self, i: int) -> Solution:
         if not self.success.flat[i]:
@@ -276,7 +306,7 @@ class Runs:
         executor : concurrent.futures.Executor, optional
             As for `sweep`: the numbers are the same, to the last bit.
         progress : callable, optional
-            `progress(done, total, failed)`, of the members that are tried again. An interruption
+            As for `sweep`, of the members that are tried again, the stage "retry". An interruption
             (KeyboardInterrupt) ends it as it ends a sweep, and keeps what is found.
         resume : str or path, optional
             A file, not that of the sweep, that keeps what is finished, as for `sweep`.
@@ -286,7 +316,8 @@ class Runs:
         ValueError
             For bad arguments, or if the file belongs to another question.
         """
-        check_executor(executor, progress)
+        check_executor(executor)
+        check_progress(progress)
         guess = guess.path if isinstance(guess, Solution) else guess
         if executor is not None or resume is not None:
             check_sent(guess)
@@ -295,9 +326,11 @@ class Runs:
             about = question_of(grid, self.tol, self.index is not None, self.kept is not None)
             known = self.status.tobytes() + self.momenta.tobytes()
             journal = Journal(resume, retry_of(about, known, guess))
+        retried: Literal["partly", "fully"] = "fully"
         failed = grid.order[self.failed.ravel()[grid.order]]
         tasks = [failed[k : k + TOGETHER] for k in range(0, failed.size, TOGETHER)]
-        intake, position = Intake(again, failed.size, journal, progress), np.argsort(grid.order)
+        intake = Intake("retry", again, failed.size, journal, progress)
+        position = np.argsort(grid.order)
         question = pickle.dumps(self.problem)
         try:
             for record in [] if journal is None else journal.records:
@@ -306,11 +339,11 @@ class Runs:
             given = ((k, (question, *self._retried(tasks[k], position, guess))) for k in left)
             dispatch(work, given, executor, intake)
         except KeyboardInterrupt:
-            pass
+            retried = "partly"
         except Exception as error:
             intake.note(error)
             raise
-        return again
+        return replace(again, retried=retried)
 
     def _retried(self, members: NDInt, position: NDInt, guess: Guess | None) -> tuple:
         """Return what `work` is given to try members again, with those that are solved beside.

@@ -8,7 +8,6 @@ folds in the end time, where paths appear in pairs.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import product
 
@@ -28,6 +27,7 @@ from actionopt.mechanics.problem import Problem
 from actionopt.solver.ipopt import find
 from actionopt.solver.solve import solve
 from actionopt.tools.types import Array
+from actionopt.tools.watch import Progress, check_time
 
 # Ad hoc: how much is enough to find all paths cannot be derived, and what is found more, costs
 # more. Lengths are in units of the coordinates' sizes, velocities and momenta in the largest's.
@@ -66,7 +66,7 @@ class Sweep:
     turning: tuple[int, ...]
     windings: int
     seed: int
-    progress: Callable[[str, int, int, int], object] | None
+    progress: Progress | None
     found: list[tuple[Solution, tuple[int, ...], str]] = field(default_factory=list)
     families: list[tuple[Solution, tuple[int, ...]]] = field(default_factory=list)
     kinked: list[tuple[Solution, tuple[int, ...]]] = field(default_factory=list)
@@ -78,16 +78,19 @@ class Sweep:
     def __post_init__(self) -> None:
         problem = self.problem
         self.linear = problem.system.structure.linear
-        turns = range(-self.windings, self.windings + 1)
         self.closed = problem.advance is not None
         # One more turn is another path where both events say where it is, or it has to close; where
         # neither says, the whole path may be a turn farther, and is the same one.
         start, end = set(problem.start.pinned), set(problem.end.pinned)
         self.loose = tuple(i for i in self.turning if i not in start | end)
         self.turning = tuple(i for i in self.turning if self.closed or i in start & end)
-        mesh = Mesh.uniform(problem.start.t, problem.end.t, SEARCH_ELEMENTS, SEARCH_DEGREE)
         self.far = np.zeros(problem.system.n)
         self.classes: list[Winding] = []
+
+    def begin(self) -> None:
+        """Lay out the classes of windings, each with a mesh to search on."""
+        problem, turns = self.problem, range(-self.windings, self.windings + 1)
+        mesh = Mesh.uniform(problem.start.t, problem.end.t, SEARCH_ELEMENTS, SEARCH_DEGREE)
         for k in sorted(product(turns, repeat=len(self.turning)), key=lambda k: np.abs(k).sum()):
             by = np.zeros(problem.system.n)
             by[list(self.turning)] = 2 * np.pi * np.array(k)
@@ -417,8 +420,9 @@ class Sweep:
     def _tell(self, how: str, done: int, total: int) -> None:
         if how in ("straight line", "least starts"):
             self.tried[how + "s" * (how[-1] != "s")] += 1
+        check_time()
         if self.progress is not None:
-            self.progress(how, done, total, len(self.found))
+            self.progress(how, done, total, {"found": len(self.found)})
 
 
 def _determined(solution: Solution) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from actionopt.discrete.transcription import Transcription
 from actionopt.families.free_times import is_new
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.solve import solve
+from actionopt.tools.watch import Progress, check_time
 
 SPREAD = np.array([0.3, 1.0, 3.0])  # of the coordinates' sizes, how far curves go to a side
 WAVES, POINTS = 3, 64  # sines of a curve, and its elements; ad hoc
@@ -24,7 +24,7 @@ def all_sides(
     tol: float,
     starts: int,
     seed: int,
-    progress: Callable[[str, int, int, int], object] | None,
+    progress: Progress | None,
 ) -> tuple[list[tuple[Solution, tuple[int, ...], str]], Counter[str], bool]:
     """Return paths and how each was found, what was tried, and whether it was interrupted.
 
@@ -43,8 +43,9 @@ def all_sides(
         for i, guess in enumerate(guesses):
             how = "the straight line" if guess is None else "a curve to a side"
             tried[how] += 1
+            check_time()
             if progress is not None:
-                progress("curves to all sides", i, len(guesses), len(found))
+                progress("curves to all sides", i, len(guesses), {"found": len(found)})
             path = solve(problem, tol=tol, guess=guess, throw=False)
             if path.success and is_new(path, (), found):
                 found.append((path, (), how))

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from actionopt.analysis.solution import SolveError
 from actionopt.discrete.path import Path
-from actionopt.families.dispatch import Intake, Progress, check_executor, dispatch
+from actionopt.families.dispatch import Intake, check_executor, dispatch
 from actionopt.families.grid import Grid
 from actionopt.families.kept import Kept
 from actionopt.families.question import question_of
@@ -34,6 +34,7 @@ from actionopt.solver.solve import moving, solve
 from actionopt.tools.checks import tolerance
 from actionopt.tools.journal import Journal
 from actionopt.tools.types import NDInt
+from actionopt.tools.watch import Progress, check_progress, time_limit
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -57,6 +58,7 @@ def sweep(
     record: str | Sequence[str] | None = None,
     keep_paths: bool = False,
     zip: bool = False,
+    seconds: float | None = None,
     progress: Progress | None = None,
     resume: str | FilePath | None = None,
 ) -> Runs:
@@ -84,8 +86,12 @@ def sweep(
         Keep the paths, too: some kilobytes each.
     zip : bool
         All rows have one length, and member k has the k-th value of each: one axis.
+    seconds : float, optional
+        The time it may take; then it ends as if it were interrupted, and leaves tasks that have
+        begun.
     progress : callable, optional
-        `progress(done, total, failed)`, members, after each task. An interruption
+        `progress(stage, done, total, detail)` after each task: "sweep", the members that are done,
+        all members, and {"failed": how many of those done failed}. An interruption
         (KeyboardInterrupt) ends the sweep and keeps what is done: at once in this process; tasks
         that an executor has begun are waited for, unless it is interrupted again.
     resume : str or path, optional
@@ -113,13 +119,15 @@ def sweep(
     keep_paths = keep_paths or found
     grid = Grid.of(problem, over, zip)
     index = "index" in _recorded(record)
-    check_executor(executor, progress)
+    check_executor(executor)
+    check_progress(progress)
     about = question_of(grid, tol, index, keep_paths)
     journal = None if resume is None else Journal(resume, about)
     runs = Runs.begun(grid, tol, index, keep_paths)
-    run = _Run(grid, runs, executor, Intake(runs, grid.size, journal, progress))
+    run = _Run(grid, runs, executor, Intake("sweep", runs, grid.size, journal, progress))
     try:
-        run.go(run.begin())
+        with time_limit(seconds):
+            run.go(run.begin())
     except KeyboardInterrupt:
         return runs
     except Exception as error:

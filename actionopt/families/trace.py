@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
-from itertools import pairwise
+from time import perf_counter
 
 import numpy as np
 
@@ -19,10 +19,11 @@ from actionopt.analysis.jacobi import finer, resolved
 from actionopt.analysis.modes import lowest
 from actionopt.analysis.monodromy import carried
 from actionopt.analysis.second_variation import check_independent, form
-from actionopt.analysis.solution import Solution
+from actionopt.analysis.solution import Solution, SolveError
 from actionopt.discrete.arclength import Branch, Point
-from actionopt.discrete.bordered import Bordered, over
+from actionopt.discrete.bordered import Bordered
 from actionopt.discrete.path import Path
+from actionopt.families.branch import INTERRUPTED, Trace
 from actionopt.families.marks import LEVEL, STRAIGHT_STEP, Mark, Step, locate
 from actionopt.families.vary import Name, moved, present
 from actionopt.mechanics.problem import Problem
@@ -30,8 +31,9 @@ from actionopt.solver.arguments import asked
 from actionopt.solver.solve import Guess, solve
 from actionopt.solver.window import framed
 from actionopt.tools.blas import one_thread
-from actionopt.tools.checks import number
-from actionopt.tools.types import Array
+from actionopt.tools.checks import number, whole
+from actionopt.tools.types import EPS, Array
+from actionopt.tools.watch import Progress, TimeUp, check_progress, check_time, time_limit
 
 Vary = Name | Callable[[float], Problem]
 
@@ -45,94 +47,6 @@ GROWN_UNITS = 2.0  # times the units of the coordinates: then these grow along, 
 # the range. Where equations are not linear it grows from tol to tol^(1/3), too, at a pitchfork with
 # an imperfection of tol.
 POLE_SIZE, POLE_DISTANCE = 100.0, 1e-3
-INTERRUPTED = "it was interrupted"
-
-
-@dataclass(frozen=True, eq=False)
-class Trace:
-    """A family of stationary paths, in the order in which it was followed.
-
-    Attributes
-    ----------
-    values, actions : (P,) arrays
-        The varied quantity and the action.
-    indices : (P,) array of int
-        Morse indices; -1 where none was counted or, with non-conservative forces, exists.
-    paths : tuple of Path
-    marks : tuple of Mark
-        Folds and changes of the index.
-    stopped : str
-        Why it ended, a sentence; it says so where the value asked for was not reached.
-    family : callable
-        Maps a value to its Problem.
-    tol : float
-    stats : dict
-        Steps, factorizations and meshes used.
-    """
-
-    values: Array
-    actions: Array
-    indices: Array
-    paths: tuple[Path, ...]
-    marks: tuple[Mark, ...]
-    stopped: str
-    family: Callable[[float], Problem]
-    tol: float
-    stats: dict[str, int]
-
-    def __repr__(self) -> str:
-        """Show how far it went and what it met, not the arrays."""
-        found = f"{len(self.values)} paths from {self.values[0]:g} to {self.values[-1]:g}"
-        marks = ", ".join(f"{mark.kind} at {mark.value:g}" for mark in self.marks)
-        return f"Trace({found}; {marks or 'no marks'}; ended: {self.stopped})"
-
-    @property
-    def durations(self) -> Array:
-        """How long each path takes, (P,)."""
-        return np.array([path.mesh.duration for path in self.paths])
-
-    @property
-    def interrupted(self) -> bool:
-        """Whether the user ended it."""
-        return self.stopped == INTERRUPTED
-
-    @property
-    def returned(self) -> bool:
-        """Whether the branch turned and came back to the first value, on another path."""
-        return len(self.values) > 1 and bool(self.values[-1] == self.values[0])
-
-    def solution(self, k: int) -> Solution:
-        """Return point k as a full solution. Raises SolveError if it is degenerate."""
-        return solve(self.family(float(self.values[k])), guess=self.paths[k], tol=self.tol)
-
-    def at(self, value: float) -> list[Solution]:
-        """Return the paths of the family at a value, one for each time the branch passes it."""
-        folds = {mark.point: mark for mark in self.marks if mark.kind == "fold"}
-        nodes: list[tuple[float, Path, bool]] = []  # the folds among them
-        for k in range(len(self.values)):
-            nodes.append((float(self.values[k]), self.paths[k], False))
-            if k in folds:
-                nodes.append((folds[k].value, folds[k].path, True))
-        result = []
-        for k, ((a, one, turned), (b, other, turns)) in enumerate(pairwise(nodes)):
-            if not (min(a, b) <= value <= max(a, b)) or a == b or (value == a and k > 0):
-                continue
-            part = (value - a) / (b - a)
-            if turned or turns:  # the branch is a parabola there
-                part = np.sqrt(part) if turned else 1 - np.sqrt(1 - part)
-            problem = self.family(value)
-            pair = one, other
-            if problem.free_time:
-                a, b = (path.mesh.duration for path in pair)
-                problem = over(problem, (1 - part) * a + part * b)
-            t0, T = problem.start.t, problem.duration
-            ends = []
-            for path in pair:
-                ends.append(Path(path.mesh.moved(t0, t0 + T), path.values))
-            mesh = ends[1].mesh
-            guess = Path(mesh, (1 - part) * ends[0](mesh.nodes) + part * ends[1].values)
-            result.append(solve(problem, guess=guess, tol=self.tol))
-        return result
 
 
 @one_thread
@@ -146,7 +60,8 @@ def trace(
     tol: float = 1e-8,
     steps: int = 300,
     count: bool = True,
-    progress: Callable[[float, float, int], object] | None = None,
+    seconds: float | None = None,
+    progress: Progress | None = None,
 ) -> Trace:
     """Follow the path of `problem` as one quantity moves to the value `to`.
 
@@ -173,9 +88,13 @@ def trace(
     count : bool
         Count the index at every point. Without, the trace is faster; its folds are found all
         the same.
+    seconds : float, optional
+        The time it may take, the first path included, as for `solve`; then the trace ends and
+        keeps what it has.
     progress : callable, optional
-        `progress(value, action, index)` after each point. An interruption (KeyboardInterrupt)
-        ends the trace and keeps what it has.
+        `progress(stage, done, total, detail)` after each point: "trace", the points so far,
+        `steps`, and {"value": ..., "action": ..., "index": ...} of the point. An interruption
+        (KeyboardInterrupt) ends the trace and keeps what it has.
 
     Raises
     ------
@@ -186,25 +105,33 @@ def trace(
         If there is no first path.
     """
     asked(problem)
+    check_progress(progress)
     family, value = _family(problem.asked or problem, vary, start)
     problem.system.check_free("a branch does not know where contact changes; sweep does")
-    to = number(to, "the value to go to")
+    to, steps = number(to, "the value to go to"), whole(steps, "the most points to compute", 1)
     if to == value:
         raise ValueError(f"expected a value to go to other than the present {value}, found {to}")
-    first = solve(family(value), guess=guess, tol=tol)
+    started = perf_counter()
+    first = solve(family(value), guess=guess, tol=tol, seconds=seconds)
+    left = None if seconds is None else max(started + seconds - perf_counter(), EPS)
     if first.problem.has_tails:
         family = partial(_within, family, first.problem)
     counting = count and not problem.system.structure.forced
     run = _Run(family, value, to, tol, counting)
     try:
-        run.begin(first)
-    except _Uncounted as error:
-        raise ValueError(str(error)) from None
-    try:
-        run.go(steps, progress)
+        with time_limit(left):
+            run.begin(first)
+            run.go(steps, progress)
+    except TimeUp:
+        if not run.points:
+            message = f"expected more than {seconds} seconds for a trace, found no time to begin it"
+            raise SolveError(message, first) from None
+        run.end("its time was used up; give more (seconds=), or trace on from there")
     except KeyboardInterrupt:
         run.stopped = INTERRUPTED
     except _Uncounted as error:
+        if not run.points:
+            raise ValueError(str(error)) from None
         run.end(str(error))
     return run.result()
 
@@ -218,10 +145,15 @@ def _family(
 ) -> tuple[Callable[[float], Problem], float]:
     """Return the problem as a function of the varied quantity, and the quantity's present value."""
     if not callable(vary):
+        if start is not None:
+            raise ValueError(
+                f"expected start only where vary is a function, found {start!r} for {vary!r}, "
+                "which begins at the value that the problem has"
+            )
         return partial(_with, problem, vary), present(problem, vary)  # which pickles
     if start is None:
         raise ValueError("expected start, the number that stands for the problem given")
-    return vary, float(start)
+    return vary, number(start, "start, the number that stands for the problem given")
 
 
 def _with(problem: Problem, name: Name, value: float) -> Problem:
@@ -281,10 +213,11 @@ class _Run:
         """Say why it ended at the last point, short of the goal."""
         self.stopped = f"it stopped at {self.points[-1].s:.9g}, short of {self.goal:g}: {why}"
 
-    def go(self, steps: int, progress) -> None:
+    def go(self, steps: int, progress: Progress | None) -> None:
         """Step along the branch until it leaves the interval."""
         length = FIRST_STEP
         while len(self.points) < steps:
+            check_time()
             here = self.points[-1]
             taken = self._try(here, length)
             if taken is None:
@@ -313,7 +246,8 @@ class _Run:
             self.points.append(there)
             self.indices.append(index)
             if progress is not None:
-                progress(there.s, self._action(there), self.indices[-1])
+                at = {"value": there.s, "action": self._action(there), "index": index}
+                progress("trace", len(self.points), steps, at)
             if beyond is not None:
                 ends = {self.goal: "the goal", self.origin: "the first value again"}
                 self.stopped = f"it reached {ends[beyond]}"

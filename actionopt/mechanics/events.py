@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt.tools.checks import items, number, numbers
+from actionopt.tools.shown import MOST_SHOWN, brief, one_line
 from actionopt.tools.types import Array
 
 
@@ -104,7 +105,8 @@ class Event:
     def __repr__(self) -> str:
         """Show what was given, and whether the event lies on a surface."""
         on = ", on=..." if self.on is not None else ""
-        return f"Event(t={self.t}, q={self.q}{on})"
+        q = self.q if self.q is None or len(self.q) <= MOST_SHOWN else brief(self.q)
+        return f"Event(t={self.t}, q={q}{on})"
 
     @property
     def near(self) -> tuple[float | None, ...]:
@@ -124,8 +126,16 @@ class Event:
         """Return the same event with its coordinates farther by `by` (n,); free ones stay so."""
         if self.q is None:
             return self
-        pairs = zip(self.q, items(by, "a shift of an event"), strict=True)
+        pairs = zip(self.q, _shift(by, len(self.q)), strict=True)
         return Event(self.t, [None if x is None else x + d for x, d in pairs], on=self.on)
+
+
+def _shift(by: Sequence[float] | ArrayLike, n: int | None) -> Array:
+    """Return a shift of n coordinates, or of as many as it has. Raises ValueError for others."""
+    row = numbers(items(by, "a shift of an event"), "a shift of an event")
+    if row.ndim != 1 or n not in (None, row.size):
+        raise ValueError(f"expected a shift of {n or 'all'} coordinates, found {by!r}")
+    return row
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,6 +172,8 @@ class Periodic(Event):
 
     advance: tuple[float, ...] | None
     relabel: tuple[str | int, ...] | None
+
+    __repr__ = one_line
 
     def __init__(
         self,
@@ -214,7 +226,7 @@ class Periodic(Event):
 
     def shifted(self, by: Sequence[float] | ArrayLike) -> Periodic:
         """Return the end of a path that advances by `by` (n,) more."""
-        row = np.array(items(by, "a shift of an event"), dtype=float)
+        row = _shift(by, None if self.advance is None else len(self.advance))
         row = row if self.advance is None else self.advance + row
         return Periodic(self.t, row, relabel=self.relabel)
 
@@ -292,6 +304,8 @@ class State:
     t: float
     q: Array
     v: Array
+
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "t", number(self.t, "the time of a state"))

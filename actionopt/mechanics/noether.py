@@ -36,7 +36,7 @@ from actionopt.mechanics.identity import (
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System, checked
 from actionopt.mechanics.tracing import call, column
-from actionopt.tools.checks import numbers
+from actionopt.tools.checks import numbers, whole
 from actionopt.tools.types import Array
 
 Generator = Callable[..., Any] | Sequence[float] | Array
@@ -96,7 +96,9 @@ class Conserved:
         As large as the velocity's error; more means that I is not conserved with the
         parameters of the solution's problem.
         """
-        problem = solution.problem
+        if not hasattr(solution, "problem") or not callable(solution):
+            raise ValueError(f"expected a Solution along which to look, found {solution!r}")
+        problem, count = solution.problem, whole(count, "the number of times", 1)
         t = np.linspace(problem.start.t, problem.end.t, count)
         terms = self._each(solution(t), solution.velocity(t), t, problem.parameters)
         size = float(np.max(np.sum(np.abs(terms), axis=1)))
@@ -105,12 +107,9 @@ class Conserved:
 
     def _each(self, q: ArrayLike, v: ArrayLike, t: ArrayLike, parameters) -> Array:
         """Return the terms of I, (K, terms) or (terms,)."""
-        table, n = self.system.table, self.system.n
-        columns = [np.asarray(x, dtype=float).reshape(n, -1).T for x in (q, v)]
-        packed = table.pack(table.values(parameters))
-        times = np.asarray(t, dtype=float).reshape(-1, 1)
-        values = self._terms(*columns, times, packed)[0].copy()  # type: ignore[attr-defined]
-        return values[0] if np.ndim(q) == 1 else values
+        arguments, single = self.system.arguments(q, v, t, parameters)
+        values = self._terms(*arguments)[0].copy()  # type: ignore[attr-defined]
+        return values[0] if single else values
 
 
 def noether(

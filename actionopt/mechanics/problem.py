@@ -17,7 +17,8 @@ from actionopt.mechanics.obstacle import check_outside, check_rows
 from actionopt.mechanics.rest import Rest, rest
 from actionopt.mechanics.surface import settled, widened
 from actionopt.mechanics.system import System
-from actionopt.tools.checks import number
+from actionopt.tools.checks import named, number
+from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array
 
 # What the solver measures coordinates in. Ad hoc: a unit need not be right but in its order of
@@ -75,6 +76,8 @@ class Problem:
     parameters: Mapping[str, Any] = field(default=None, kw_only=True)  # type: ignore[assignment]
     energy: float | None = field(default=None, kw_only=True)
     asked: Problem | None = field(default=None, init=False, repr=False)
+
+    __repr__ = one_line
 
     def __post_init__(self) -> None:
         if not isinstance(self.system, System):
@@ -212,7 +215,7 @@ class Problem:
             self.system,
             start,
             end,
-            parameters={**self.parameters, **(parameters or {})},
+            parameters={**self.parameters, **named(parameters, "parameters")},
             energy=old.energy if energy is None and free else energy,
         )
 

@@ -35,9 +35,11 @@ from actionopt.mechanics.tracing import (
     surface,
 )
 from actionopt.tools.checks import numbers
+from actionopt.tools.shown import listed
 from actionopt.tools.types import Array
 
 # Of Newton's method in `velocity`; ad hoc.
+NO_VELOCITY: Any = object()  # in place of v, for functions of q and t alone
 NEWTON_STEPS = 50
 DAMPED_STEP = 1e-8  # of the velocity: a longer one is shortened where it leads away
 LAST_STEP = 1e-15  # of the velocity: some spacings of floats
@@ -244,7 +246,7 @@ class System(Laws):
 
     def __repr__(self) -> str:
         """Show the name and the coordinates, and where the law of a loaded one came from."""
-        found = f"{self.name or 'unnamed'}: {', '.join(self.coordinates)}"
+        found = f"{self.name or 'unnamed'}: {listed(self.coordinates, self.n)}"
         return f"System({found}{f'; loaded, its law {self.source}' if self.loaded else ''})"
 
     def _repr_html_(self) -> str:
@@ -441,7 +443,7 @@ class System(Laws):
     def force(self, q: ArrayLike, v: ArrayLike, t: ArrayLike, *, parameters=None) -> Array:
         """Return the non-conservative forces Q, shape (n, K) or (n,); zero where there are none."""
         if self.Q.numel() == 0:
-            return np.zeros(np.broadcast_shapes(np.shape(q), np.shape(v)))
+            return 0.0 * self._at("first", q, v, t, parameters)[0]
         return self._at("force", q, v, t, parameters)[0]
 
     def energy(self, q: ArrayLike, v: ArrayLike, t: ArrayLike, *, parameters=None) -> Array:
@@ -455,7 +457,7 @@ class System(Laws):
 
     def constraint(self, q: ArrayLike, t: ArrayLike, *, parameters=None) -> Array:
         """Return f(q, t), shape (m, K) or (m,)."""
-        return self._at("constraint", q, None, t, parameters)[0]
+        return self._at("constraint", q, NO_VELOCITY, t, parameters)[0]
 
     def obstacle(self, q: ArrayLike, t: ArrayLike, *, parameters=None) -> Array:
         """Return f(q, t) of the obstacle, shape (r, K) or (r,): not negative outside of it."""
@@ -505,38 +507,42 @@ class System(Laws):
         n, m = self.n, self.m
         v, target = numbers(guess, "the guess of v"), numbers(p, "p")
         G = self.constraint_jacobian(q, t, parameters=parameters)
-        rate = self._at("constraint_rate", q, None, t, parameters)[0] if m else np.zeros(0)
+        rate = self._at("constraint_rate", q, NO_VELOCITY, t, parameters)[0] if m else np.zeros(0)
 
         def mismatch(v: Array) -> Array:
             return np.concatenate(
                 [target - self.momentum(q, v, t, parameters=parameters), -rate - G @ v]
             )
 
-        miss, last = mismatch(v), np.inf
-        for _ in range(NEWTON_STEPS):
-            M = self.mass_matrix(q, v, t, parameters=parameters)
-            K = np.block([[M, -G.T], [G, np.zeros((m, m))]])
-            step = np.linalg.solve(K, miss)[:n]
-            size = float(np.max(np.abs(step)))
-            if not np.isfinite(size):
-                raise ValueError(
-                    f"expected a finite momentum {target} and a Lagrangian with finite derivatives "
-                    f"at q = {q}, t = {t}, v = {v}, found NaN or infinity; move away from there"
-                )
-            # Away from the answer a full step may leave the domain of L (|v| < c, say).
-            while size > DAMPED_STEP * np.max(np.abs(v)):
-                ahead = mismatch(v + step)
-                if m or np.linalg.norm(ahead) < np.linalg.norm(miss):
-                    break
-                step, size = step / 2, size / 2
-            v = v + step
-            miss = mismatch(v)
-            if size <= LAST_STEP * np.max(np.abs(v)) or (size >= last / 2 and size < STALLED_STEP):
-                return v
-            last = size
+        with np.errstate(all="ignore"):  # what is not finite is refused
+            miss, last = mismatch(v), np.inf
+            for _ in range(NEWTON_STEPS):
+                M = self.mass_matrix(q, v, t, parameters=parameters)
+                K = np.block([[M, -G.T], [G, np.zeros((m, m))]])
+                step = np.linalg.solve(K, miss)[:n]
+                size = float(np.max(np.abs(step)))
+                if not np.isfinite(size):
+                    raise ValueError(
+                        f"expected a finite momentum {target} and a Lagrangian with finite "
+                        f"derivatives at q = {q}, t = {t}, v = {v}, found NaN or infinity; move "
+                        "away from there"
+                    )
+                # Away from the answer a full step may leave the domain of L (|v| < c, say).
+                while size > DAMPED_STEP * np.max(np.abs(v)):
+                    ahead = mismatch(v + step)
+                    if m or np.linalg.norm(ahead) < np.linalg.norm(miss):
+                        break
+                    step, size = step / 2, size / 2
+                v = v + step
+                miss = mismatch(v)
+                if size <= LAST_STEP * np.max(np.abs(v)) or (
+                    size >= last / 2 and size < STALLED_STEP
+                ):
+                    return v
+                last = size
         raise ValueError(
-            f"no velocity with the momentum {target} was found at q = {q}: expected the "
-            "Lagrangian to be convex in the velocities near there"
+            f"expected a velocity with the momentum {target} at q = {q}, found none: the "
+            "Lagrangian is to be convex in the velocities near there"
         )
 
     def dynamics(
@@ -567,9 +573,18 @@ class System(Laws):
 
     def _at(self, name: str, q, v, t, parameters) -> list[Array]:
         """Evaluate a compiled function at arguments of the user's shape: (rows, K) or (rows,)."""
+        arguments, single = self.arguments(q, v, t, parameters)
+        results = self.pointwise(name)(*arguments)
+        return [r[0].copy() if single else r.T.copy() for r in results]
+
+    def arguments(self, q, v, t, parameters) -> tuple[list[Array], bool]:
+        """Return q and v as (K, n), t as (K, 1) and packed parameters; whether q is one place (n,).
+
+        Without v where it is `NO_VELOCITY`. Raises ValueError for shapes that do not fit.
+        """
         columns, single = _as_columns(q, self.n, "q")
         arguments = [columns.T]
-        if v is not None:
+        if v is not NO_VELOCITY:
             rates, v_single = _as_columns(v, self.n, "v")
             if rates.shape != columns.shape or v_single != single:
                 raise ValueError(
@@ -582,8 +597,7 @@ class System(Laws):
                 f"expected one time or {columns.shape[1]} times, found shape {times.shape}"
             )
         arguments += [times.reshape(-1, 1), self.table.pack(self.table.values(parameters))]
-        results = self.pointwise(name)(*arguments)
-        return [r[0].copy() if single else r.T.copy() for r in results]
+        return arguments, single
 
 
 _KNOWN: WeakValueDictionary[str, System] = WeakValueDictionary()  # by digest: pickled or loaded

@@ -57,6 +57,8 @@ SI = Units("s", "m", "J", "N")
 
 
 def _angle(name: str) -> bool:
+    if not isinstance(name, str):
+        raise ValueError(f"expected the name of a coordinate, found {name!r}")
     return split(name)[0] in GREEK
 
 

@@ -21,6 +21,7 @@ from actionopt.scenes import _scene
 from actionopt.scenes._own import from_file
 from actionopt.scenes._scene import Facts, Known, Scene, Words
 from actionopt.scenes._shapes import Shape, body, circle, ground, project, rod, spring
+from actionopt.tools.checks import among
 
 __all__ = [
     "SCENES",
@@ -84,7 +85,7 @@ def title(name: str) -> str:
 
 
 def _module(name: str):
-    if name not in SCENES:
+    if not among(name, SCENES):
         raise ValueError(
             f"unknown scene {name!r}{suggestion(str(name), SCENES)}; "
             f"the scenes are {', '.join(SCENES)}"

@@ -22,6 +22,7 @@ from actionopt.mechanics.events import Event, State
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
 from actionopt.scenes._shapes import Shape
+from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array
 
 PANELS, POINTS = 64, 20  # Gauss-Legendre rule for `Scene.action`: exact to rounding here
@@ -77,6 +78,8 @@ class Facts(Mapping[str, Any]):
     gauge: Callable[[Array, Any], Array] | None = None
     flat: Curve | None = None
     numbers: Mapping[str, float] = field(default_factory=dict)
+
+    __repr__ = one_line
 
     @cached_property
     def _known(self) -> dict[str, Any]:
@@ -141,6 +144,8 @@ class Known:
     guess: Any = None
     facts: Facts = field(default_factory=Facts)
     source: str = ""
+
+    __repr__ = one_line
 
     @cached_property
     def action(self) -> float | None:

@@ -15,6 +15,7 @@ import numpy as np
 from actionopt.mechanics.expressions import Expressions
 from actionopt.mechanics.tracing import column
 from actionopt.tools.checks import number, numbers, whole
+from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array
 
 Point = Sequence[float] | Array
@@ -44,9 +45,13 @@ class Shape:
     kind: str
     points: Array
 
+    __repr__ = one_line
+
     def __post_init__(self) -> None:
         traced = isinstance(self.points, Expressions)
         points = self.points if traced else numbers(self.points, "the points of a shape")
+        if not isinstance(self.kind, str):
+            raise ValueError(f"expected a shape of kind {', '.join(KINDS)}, found {self.kind!r}")
         count = {"body": 1, "spring": 2}.get(self.kind, points.shape[-1] if points.ndim else 0)
         if self.kind not in KINDS or points.shape not in ((2, count), (3, count)):
             raise ValueError(

@@ -14,7 +14,7 @@ from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
-from actionopt.tools.checks import numbers, tolerance
+from actionopt.tools.checks import among, numbers, tolerance
 from actionopt.tools.types import Array
 
 Guess = Path | Solution | Callable[[Array], ArrayLike] | ArrayLike
@@ -30,7 +30,7 @@ def checked(
     """Raise ValueError for bad arguments; return the guess as a function of a default mesh."""
     asked(problem)
     tolerance(tol)
-    if principle not in ("auto", "least", "stationary"):
+    if not among(principle, ("auto", "least", "stationary")):
         raise ValueError(f"expected principle 'auto', 'least' or 'stationary', found {principle!r}")
     if principle == "least" and problem.system.structure.forced:
         raise ValueError(
@@ -95,12 +95,13 @@ def curve(problem: Problem, guess: Guess) -> Callable[[Mesh], Path]:
         wanted = guess
 
         def sampled(mesh: Mesh) -> Path:
-            path = Path.interpolate(lambda t: numbers(wanted(t), "the guess at times t"), mesh)
-            if path.values.shape[0] != n:
+            values, K = numbers(wanted(mesh.nodes), "the guess at times t"), mesh.nodes.size
+            if values.shape != (n, K) and not (n == 1 and values.shape == (K,)):
                 raise ValueError(
-                    f"expected the guess to return ({n}, K) for K times, found {path.values.shape}"
+                    f"expected the guess to return ({n}, K) for K times, one column a time, found "
+                    f"shape {values.shape} for {K} times; a constant is c + 0 * t"
                 )
-            return path
+            return Path(mesh, values)
 
         sampled(Mesh.uniform(t0, t1, 1, 2))
         return sampled

@@ -37,7 +37,7 @@ from actionopt.solver.unfixed import solve_unfixed
 from actionopt.solver.verdict import message_of, solution_of
 from actionopt.solver.workspace import Workspace
 from actionopt.tools.blas import one_thread
-from actionopt.tools.checks import COARSEST, FINEST, tolerance
+from actionopt.tools.checks import COARSEST, FINEST, among, tolerance
 from actionopt.tools.watch import OutOfTime, Progress, Watch
 
 LADDERS = {"auto": LADDER, "ipopt": IPOPT}  # by method
@@ -89,8 +89,9 @@ def solve(
         is what there is. Ways that take longer, at the pace so far, are tried after the others.
         Without it, a search that finds nothing ends at a price: see `ladder.PURSE`.
     progress : callable, optional
-        `progress(how, elements, iterations)` at every iteration: the way that is being tried, the
-        elements of the mesh at hand, and the iterations so far. What it raises ends the solve.
+        `progress(stage, done, total, detail)` at every iteration: the strategy that is being
+        tried, the iterations so far, None (nobody knows how many there will be), and
+        {"elements": those of the mesh at hand}. What it raises ends the solve.
     throw : bool
         Raise on failure; otherwise return the best attempt with its `status`.
 
@@ -114,7 +115,7 @@ def solve(
     if others:
         asked(problem, others)
     asked(problem)
-    if method not in LADDERS:
+    if not among(method, LADDERS):
         raise ValueError(f"expected method 'auto' or 'ipopt', found {method!r}")
     watch = None if seconds is progress is None else Watch(seconds, progress)
     choices = Choices(tol, principle, LADDERS[method], mesh, watch)

@@ -15,7 +15,7 @@ from typing import Any
 from actionopt.mechanics.tracing import suggestion
 from actionopt.suite.families import FAMILIES, Family
 from actionopt.suite.problem import TestProblem
-from actionopt.tools.checks import numbers
+from actionopt.tools.checks import among, numbers
 
 __all__ = ["FAMILIES", "Family", "TestProblem", "find", "get"]
 
@@ -34,7 +34,7 @@ def get(
 
     Raises ValueError if there is no such family or parameter, or the mesh makes no sense.
     """
-    if name not in FAMILIES:
+    if not among(name, FAMILIES):
         raise ValueError(f"unknown test problem {name!r}{suggestion(str(name), tuple(FAMILIES))}")
     return TestProblem(FAMILIES[name], elements, degree, decades, parameters)
 
@@ -70,15 +70,17 @@ def find(
     ValueError
         For a kind or a tag that there is not, or a `size` of other than two numbers.
     """
-    if kind not in (None, "minimum", "saddle", "degenerate"):
+    if not (kind is None or among(kind, ("minimum", "saddle", "degenerate"))):
         raise ValueError(f"expected a kind of minimum, saddle or degenerate, found {kind!r}")
-    wanted = {tags} if isinstance(tags, str) else set(tags)
+    one = isinstance(tags, str) or not isinstance(tags, Collection)
+    wanted: list[Any] = [tags] if one else list(tags)
     known = {tag for family in FAMILIES.values() for tag in family.tags}
-    for tag in wanted - known:
-        raise ValueError(f"unknown tag {tag!r}; the tags are {', '.join(sorted(known))}")
+    for tag in wanted:
+        if not among(tag, known):
+            raise ValueError(f"unknown tag {tag!r}; the tags are {', '.join(sorted(known))}")
     if size is not None and numbers(size, "size").shape != (2,):
         raise ValueError(f"expected size=(least, most) numbers of unknowns, found {size!r}")
-    found = [name for name, family in FAMILIES.items() if wanted <= set(family.tags)]
+    found = [name for name, family in FAMILIES.items() if set(wanted) <= set(family.tags)]
     if all(x is None for x in (kind, constrained, index, size, convex)):
         return found  # none is made for that
 

@@ -37,6 +37,7 @@ from actionopt.mechanics.tracing import suggestion
 from actionopt.scenes import Facts, Scene
 from actionopt.suite import obstacles
 from actionopt.suite.limits import UNLIMITED, Limits
+from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array
 
 
@@ -92,6 +93,8 @@ class Family:
     why: str = ""
     made: Callable[..., Scene] | None = None
     once: Mapping[str, Any] = field(default_factory=dict)
+
+    __repr__ = one_line
 
     def build(self, **parameters: Any) -> Scene:
         """Return the scene, changed as this family has it.

@@ -27,6 +27,7 @@ from actionopt.suite.stars import (
     star,
     too_coarse,
 )
+from actionopt.tools.checks import named
 from actionopt.tools.types import Array
 
 SEED = 20  # of the perturbed starting points
@@ -90,7 +91,7 @@ class TestProblem(Program):
                 f"expected a family, such as suite.FAMILIES['pendulum'], found {family!r}"
             )
         self.family = family
-        self.parameters = dict(parameters or {})
+        self.parameters = dict(named(parameters, "parameters"))
         self.scene = family.build(**self.parameters)
         asked = self.scene.problem
         elements = family.elements if elements is None else elements

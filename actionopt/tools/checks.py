@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Mapping, Set
+from collections.abc import Iterable, Mapping, Set
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,8 @@ def number(value: object, what: str) -> float:
     >>> number(np.float32(0.5), "the time")
     0.5
     """
+    if isinstance(value, float) and math.isfinite(value):
+        return float(value)
     try:
         if isinstance(value, (str, bytes, np.complexfloating)) or getattr(value, "ndim", 0):
             raise TypeError("not a real number")
@@ -35,20 +37,43 @@ def number(value: object, what: str) -> float:
     return found
 
 
-DRAWN_AT_MOST = 1_000_000  # of what is drawn: far more than can be seen; ad hoc
+LARGEST_COUNT = 1_000_000  # far more than can be drawn, or solved together; ad hoc
 
 
 def whole(value: Any, what: str, least: int) -> int:
-    """Return a whole number from the least to `DRAWN_AT_MOST`; raise ValueError for others."""
+    """Return a whole number from the least to `LARGEST_COUNT`; raise ValueError for others."""
     try:
         found = operator.index(value)
     except TypeError:
         found = least - 1
-    if not least <= found <= DRAWN_AT_MOST or isinstance(value, bool):
+    if not least <= found <= LARGEST_COUNT or isinstance(value, bool):
         raise ValueError(
-            f"expected a whole number from {least} to {DRAWN_AT_MOST:,} for {what}, found {value!r}"
+            f"expected a whole number from {least} to {LARGEST_COUNT:,} for {what}, found {value!r}"
         )
     return found
+
+
+def among(value: object, names: Iterable[str]) -> bool:
+    """Whether a value is one of some names; an array, which compares entry by entry, is not."""
+    return isinstance(value, str) and value in names
+
+
+def flat_index(value: Any, shape: tuple[int, ...]) -> int:
+    """Return the number of the entry at indices (one for each axis) of an array, row by row.
+
+    Raises IndexError for anything but whole numbers within the shape.
+    """
+    whole_numbers = all(isinstance(k, (int, np.integer)) and type(k) is not bool for k in value)
+    if not (
+        len(value) == len(shape)
+        and whole_numbers
+        and all(-count <= k < count for k, count in zip(value, shape, strict=True))
+    ):
+        raise IndexError(
+            f"expected a place in an array of shape {shape}, a whole number for each axis, found "
+            f"{value}"
+        )
+    return int(np.arange(math.prod(shape)).reshape(shape)[value])
 
 
 def numbers(value: object, what: str) -> np.ndarray:

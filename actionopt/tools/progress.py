@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from time import perf_counter
 from typing import TypeVar
+
+from actionopt.tools.watch import Progress
 
 T = TypeVar("T")
 BAR_WIDTH = 24  # characters: a third of a narrow terminal
@@ -42,8 +44,8 @@ def steps(items: Sequence[T]) -> Iterator[T]:
 
 
 @contextmanager
-def waiting() -> Iterator[Callable[[str, int, int], None] | None]:
-    """Yield what `solve` may tell its progress; on a terminal it is shown after a second.
+def waiting() -> Iterator[Progress | None]:
+    """Yield the `progress` of a solve that shows it on a terminal, after a second.
 
     The line is gone afterwards. Yields None where the standard error is no terminal.
     """
@@ -53,7 +55,7 @@ def waiting() -> Iterator[Callable[[str, int, int], None] | None]:
     started = perf_counter()
     shown = started + PATIENCE - PACE
 
-    def told(how: str, elements: int, iterations: int) -> None:
+    def show(stage: str, done: int, total: int | None, detail: Mapping[str, float]) -> None:
         nonlocal shown
         now = perf_counter()
         if now - shown < PACE:
@@ -61,11 +63,12 @@ def waiting() -> Iterator[Callable[[str, int, int], None] | None]:
         shown = now
         filled = int((now - started) / PACE) % (BAR_WIDTH + 1)  # how long it will take is not known
         bar = "#" * filled + "." * (BAR_WIDTH - filled)
-        line = f"[{bar}] {now - started:.0f} s: {how}, {elements} elements, {iterations} iterations"
+        what = f"{stage}, {detail['elements']} elements, {done} iterations"
+        line = f"[{bar}] {now - started:.0f} s: {what}"
         print(f"\r\x1b[K{line}", end="", file=sys.stderr, flush=True)
 
     try:
-        yield told
+        yield show
     finally:
         if shown > started + PATIENCE - PACE:
             print("\r\x1b[K", end="", file=sys.stderr, flush=True)

@@ -3,12 +3,63 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from time import perf_counter
 
 from actionopt.tools.checks import number
 
-Progress = Callable[[str, int, int], object]
+# progress(stage, done, total, detail): what is being done, how many steps of it are done and how
+# many there are (None where nobody knows), and numbers by name, such as {"elements": 8}.
+Progress = Callable[[str, int, int | None, Mapping[str, float]], object]
+
+
+def check_progress(progress: Progress | None) -> None:
+    """Raise ValueError for anything but a callable or None."""
+    if progress is not None and not callable(progress):
+        raise ValueError(f"expected progress(stage, done, total, detail), found {progress!r}")
+
+
+def positive_seconds(seconds: float) -> float:
+    """Return a time limit. Raises ValueError for anything but a positive number."""
+    given = number(seconds, "the seconds a search may take")
+    if given <= 0 or isinstance(seconds, bool):
+        raise ValueError(f"expected a positive number of seconds, found {seconds!r}")
+    return given
+
+
+class TimeUp(KeyboardInterrupt):
+    """The time given to a search for many paths is used up: it ends as if it were interrupted."""
+
+
+_END: ContextVar[float] = ContextVar("end", default=math.inf)  # of `perf_counter`, in this thread
+
+
+@contextmanager
+def time_limit(seconds: float | None) -> Iterator[None]:
+    """Let `check_time` raise TimeUp in the body, in this thread, after so many seconds.
+
+    Without a limit if None. Raises ValueError as `positive_seconds` does.
+    """
+    end = math.inf if seconds is None else perf_counter() + positive_seconds(seconds)
+    token = _END.set(min(_END.get(), end))
+    try:
+        yield
+    finally:
+        _END.reset(token)
+
+
+def check_time() -> None:
+    """Raise TimeUp if the time given to a search for many paths is used up."""
+    if perf_counter() > _END.get():
+        raise TimeUp
+
+
+def time_left() -> float | None:
+    """Return how many seconds are left, at least zero; None without a limit."""
+    end = _END.get()
+    return None if math.isinf(end) else max(end - perf_counter(), 0.0)
 
 
 class OutOfTime(Exception):
@@ -27,8 +78,7 @@ class Watch:
     seconds : float or None
         After which `OutOfTime` is raised; without a limit if None.
     progress : callable or None
-        `progress(how, elements, iterations)`, called each time.
-
+        `progress(how, iterations, None, {"elements": elements})`, called each time.
     outer : Watch, optional
         Of the search that this one is a part of: its time is that of both.
 
@@ -46,12 +96,8 @@ class Watch:
         self.since, self.evaluated = 0.0, 0  # from the first derivatives on
         self.most = math.inf  # elements evaluated, after which `Spent` is raised
         if seconds is not None:
-            given = number(seconds, "the seconds a solve may take")
-            if given <= 0 or isinstance(seconds, bool):
-                raise ValueError(f"expected a positive number of seconds, found {seconds!r}")
-            self.end = perf_counter() + given
-        if progress is not None and not callable(progress):
-            raise ValueError(f"expected progress(how, elements, iterations), found {progress!r}")
+            self.end = perf_counter() + positive_seconds(seconds)
+        check_progress(progress)
         self.progress, self.how, self.iterations = progress, "", 0
         self._raised: BaseException | None = None  # by progress: nobody on the way may take it
 
@@ -82,7 +128,7 @@ class Watch:
             raise OutOfTime
         if self.progress is not None:
             try:
-                self.progress(self.how, elements, self.iterations)
+                self.progress(self.how, self.iterations, None, {"elements": elements})
             except BaseException as error:
                 self._raised = error
                 raise

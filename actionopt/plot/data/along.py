@@ -13,6 +13,7 @@ from actionopt.mechanics.symmetry import noether
 from actionopt.plot.data.arguments import checked
 from actionopt.plot.data.latest import latest
 from actionopt.tools.checks import numbers
+from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array
 
 COUNT = 600  # times at which a curve is drawn: more than a picture has columns for
@@ -43,6 +44,8 @@ class Curves:
     q: Array
     forward: Array
     deviation: Array
+
+    __repr__ = one_line
 
 
 @checked
@@ -90,6 +93,8 @@ class Energies:
     quadratic: bool
     moving: bool
 
+    __repr__ = one_line
+
 
 @checked
 def energies_data(
@@ -109,6 +114,8 @@ def energies_data(
     def even(q: Array, v: Array, t: Array) -> Array:
         return (lagrangian(v) + lagrangian(-v)) / 2 - lagrangian(0 * v)
 
+    if not (kinetic is None or callable(kinetic)):
+        raise ValueError(f"expected kinetic(q, v, t), the kinetic energy, found {kinetic!r}")
     T = kinetic or even
     what = "kinetic(q, v, t), T at K times"
     here, rest, twice = (numbers(T(q, factor * v, t), what) for factor in (1, 0, 2))
@@ -146,6 +153,8 @@ class Conserved:
     momentum: Array
     flat: tuple[bool, ...]
     kept: tuple[bool, ...]
+
+    __repr__ = one_line
 
 
 @latest

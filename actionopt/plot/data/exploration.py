@@ -21,6 +21,7 @@ from actionopt.mechanics.problem import Event, Problem
 from actionopt.plot.data.trial import Trial, moved, placed, straight
 from actionopt.solver.arguments import Guess
 from actionopt.solver.solve import solve
+from actionopt.tools.shown import one_line
 
 LONGEST = 3.0  # durations of the first problem, to which its motion is continued
 PARTS = (1.0, 0.5, 0.2)  # of the way there, where it cannot be
@@ -44,6 +45,8 @@ class Motion:
 
     path: Path
     conjugate: tuple[ConjugatePoint, ...]
+
+    __repr__ = one_line
 
     @property
     def end(self) -> float:
@@ -121,6 +124,8 @@ class Exploration:
     solution: Solution | None = None
     motion: Motion | None = None
     message: str = ""
+
+    __repr__ = one_line
 
     @cached_property
     def stationary(self) -> Trial | None:

@@ -20,6 +20,7 @@ from actionopt.mechanics.problem import Event, Problem
 from actionopt.plot.data.along import COUNT, times
 from actionopt.plot.data.arguments import checked
 from actionopt.plot.data.latest import latest
+from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array
 
 SPREAD = 0.8  # of the largest speed: how far velocities of fronts differ
@@ -56,6 +57,8 @@ class Fan:
     neighbours: Array
     conjugate: tuple[ConjugatePoint, ...]
     index: Array
+
+    __repr__ = one_line
 
 
 @latest
@@ -107,6 +110,8 @@ class Fronts:
     q: Array
     action: Array
     velocity: Array
+
+    __repr__ = one_line
 
 
 @checked
@@ -176,6 +181,8 @@ class Sheet:
     action: Array
     momentum: Array
     velocity: Array
+
+    __repr__ = one_line
 
     @property
     def aligned(self) -> bool:

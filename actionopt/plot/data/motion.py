@@ -15,6 +15,7 @@ from actionopt.plot.data.along import COUNT, times
 from actionopt.plot.data.arguments import checked
 from actionopt.plot.data.variations import sizes
 from actionopt.scenes import Shape, project
+from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array
 
 Draw = Callable[[Array, float], Sequence[Shape]]
@@ -56,6 +57,8 @@ class Motion:
     box: Array
     forces: Array | None = None
     arrow: float = 0.0
+
+    __repr__ = one_line
 
     @property
     def space(self) -> bool:

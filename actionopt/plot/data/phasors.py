@@ -26,6 +26,7 @@ from actionopt.plot.data.along import COUNT, times
 from actionopt.plot.data.arguments import checked
 from actionopt.plot.data.variations import directions
 from actionopt.tools.checks import number
+from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array
 
 # Ad hoc: the sum for a quadratic S is then sqrt(2 pi i hbar / S'') to 4e-3. More turns come nearer,
@@ -73,6 +74,8 @@ class Phasors:
     q: Array
     varied: Array
     phase: Array
+
+    __repr__ = one_line
 
     @property
     def sum(self) -> complex:

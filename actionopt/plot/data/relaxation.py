@@ -28,6 +28,7 @@ from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
 from actionopt.plot.data.arguments import checked
 from actionopt.plot.data.trial import weights
+from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array
 
 METHODS = ("descent", "newton")
@@ -76,6 +77,8 @@ class Relaxation:
     target_action: float
     residual: Array
     distance: Array
+
+    __repr__ = one_line
 
     @property
     def arrived(self) -> bool:

@@ -31,6 +31,7 @@ from actionopt.discrete.projection import project
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Periodic, Problem
 from actionopt.solver.arguments import Guess, curve
+from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array
 
 SPANS = 8  # between the knots
@@ -52,6 +53,8 @@ class Trial:
 
     tr: Transcription
     Q: Array
+
+    __repr__ = one_line
 
     @property
     def path(self) -> Path:

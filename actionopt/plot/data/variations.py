@@ -25,6 +25,7 @@ from actionopt.plot.data.along import COUNT, times
 from actionopt.plot.data.arguments import checked
 from actionopt.plot.data.latest import latest
 from actionopt.tools.blas import one_thread
+from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array
 
 MODES = 3  # of a bundle
@@ -98,6 +99,8 @@ class Bundle:
     varied: Array
     rise: Array
 
+    __repr__ = one_line
+
 
 @latest
 @checked
@@ -145,6 +148,8 @@ class Slice:
     parabola: Array
     second: float
 
+    __repr__ = one_line
+
 
 @checked
 def slice_data(solution: Solution, eta: Path, reach: float = 1.0, count: int = 61) -> Slice:
@@ -187,6 +192,8 @@ class Landscape:
     b: Array
     rise: Array
     modes: tuple[int, int]
+
+    __repr__ = one_line
 
 
 @latest
@@ -245,6 +252,8 @@ class Spectrum:
     eigenvalues: Array
     index: Array
     conjugate: Array
+
+    __repr__ = one_line
 
 
 @latest

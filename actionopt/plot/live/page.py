@@ -31,7 +31,6 @@ MINUS = "\N{MINUS SIGN}"
 TOL = 1e-10  # of the path that the page has as its answer
 
 
-@checked
 def page(
     question: Scene | Problem,
     file: str | Path,
@@ -71,6 +70,7 @@ def page(
     write(target, whole(question, draw=draw, guess=guess, units=units))
 
 
+@checked
 def whole(
     question: Scene | Problem,
     *,
@@ -80,11 +80,6 @@ def whole(
     above: str = "",
 ) -> str:
     """Return the page as text; `above` is HTML that leads elsewhere. Raises as `page` does."""
-    if not isinstance(question, (Scene, Problem)):
-        raise ValueError(
-            f"expected a Problem or a Scene, which the page's reader solves, found {question!r}"
-            f"{'; give its `problem`' if hasattr(question, 'problem') else ''}"
-        )
     title = titled(question)
     problem = question.problem if isinstance(question, Scene) else question
     if isinstance(question, Scene):
