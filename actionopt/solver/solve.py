@@ -458,7 +458,8 @@ def _found(search: Search, guess: Guess | None, curve_of: Callable[[Mesh], Path]
         # What was lost on the way may have been lost at a jump that the first path crosses.
         lost = status in (Status.NOT_FOUND, Status.UNRESOLVED)
         if steps is not None:
-            jump = crossed(steps, problem, search.ws.here.path) or (None if status.success else jump)
+            before = None if status.success else jump
+            jump = crossed(steps, problem, search.ws.here.path) or before
         if jump is None and lost and not problem.system.structure.jumpless:
             tried = filter(None, (search.ws.iterate, _first(problem, curve_of)))
             found = (unbalanced(at, search.ws.tol) for at in tried)
