@@ -82,8 +82,8 @@ def test_a_path_of_a_family_is_found_near_by(side, bump):
     tr = conjugate_ends(side, -side)
     t = tr.mesh.nodes[:, None]
     near = tr.pack(side * np.cos(t) + bump * np.exp(-(((t - 1) / 0.3) ** 2)) * np.sin(t))
-    found = _stationary(tr, near, 1)
-    assert np.max(np.abs(tr.residual(found))) <= 1e-12
+    found, force = _stationary(tr, near, 1)
+    assert np.max(np.abs(tr.residual(found))) <= 1e-12 and force <= 1e-12
     rest = tr.coordinates(found) - side * np.cos(t)
     size = (rest * np.sin(t)).sum() / (np.sin(t) ** 2).sum()
     assert np.max(np.abs(rest - size * np.sin(t))) <= 1e-11
@@ -94,8 +94,10 @@ def test_a_path_of_a_family_is_found_near_by(side, bump):
 @pytest.mark.parametrize("side", [1.0, -1.0])
 @pytest.mark.parametrize("miss", [1e-3, -1e-3])
 def test_no_path_is_found_where_there_is_none(side, miss):
+    """Only a force in proportion to the miss would hold one."""
     tr = conjugate_ends(side, -side + miss)
-    assert _stationary(tr, tr.pack(side * np.cos(tr.mesh.nodes[:, None])), 1) is None
+    _, force = _stationary(tr, tr.pack(side * np.cos(tr.mesh.nodes[:, None])), 1)
+    assert abs(miss) / 10 < force < 10 * abs(miss)
 
 
 @pytest.mark.parametrize("angle", [0.3, 2.0, 3.7, 5.5])
@@ -115,5 +117,5 @@ def test_a_nonlinear_family_is_approached_to_rounding(angle, size):
     problem = Problem(bowl, Event(0.0, [0.0, 0.0]), Event(T, [0.0, 0.0]))
     tr = Transcription(problem, mesh, np.full(2, 1.854))
     Q = size * known[:, None] * [np.cos(angle), np.sin(angle)]
-    found = tr.coordinates(_stationary(tr, tr.pack(Q), 1))
+    found = tr.coordinates(_stationary(tr, tr.pack(Q), 1)[0])
     assert np.max(np.abs(np.linalg.norm(found, axis=1) - known)) <= 1e-9

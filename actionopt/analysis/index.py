@@ -100,11 +100,14 @@ def inertia(
     return _counted(at, error, moves)[0]
 
 
-def _counted(at: DiscretePath, error: float, moves: int) -> tuple[Inertia, Form]:
-    """Return the inertia, and the form on which it was counted.
+def _counted(
+    at: DiscretePath, error: float, moves: int, asked: tuple[Bordered, Array] | None = None
+) -> tuple[Inertia, Form]:
+    """Return the inertia over a given duration, and the form on which it was counted.
 
     An eigenvalue that is zero comes to zero as the path comes to be exact, and another one does
-    not: those that are near zero are counted again along a better path.
+    not: those that are near zero are counted again along a better path, which solves the equations
+    `asked` where its duration was found: a family may be of one duration, and not of those beside.
     """
     form = resolved(at, error, INDEX_RESOLUTION)
     error = float(np.fmin(error, 1.0))  # unknown ones are not finite
@@ -114,7 +117,9 @@ def _counted(at: DiscretePath, error: float, moves: int) -> tuple[Inertia, Form]
         return replace(found, tolerance=max(tolerance, INDEX_TOLERANCE)), form
     if error > POLISHED:
         with suppress(ValueError):  # a path that is none may be resolved on no mesh
-            better = polished(at, POLISHED, found.nullity)
+            if asked is not None:
+                found = counted(found, *asked, form)
+            better = polished(at, POLISHED, found.nullity - moves)
             if better is not None:
                 form, tolerance = better, INDEX_TOLERANCE
     return _all_moves(form, tolerance, moves), form
@@ -146,7 +151,7 @@ def inertia_asked(at: DiscretePath, error: float) -> Inertia:
     if isinstance(at.problem, Held):
         found, form = inertia(there, error, moves=known), None
     else:
-        found, form = _counted(there, error, known)
+        found, form = _counted(there, error, known, (bordered, y))
     found = counted(found, bordered, y, form)
     moves, held = min(found.nullity, known), len(bordered.borders.held)
     if held and form is not None and found.nullity > known:

@@ -22,7 +22,9 @@ from actionopt.analysis.second_variation import (
     coefficients,
     form,
 )
+from actionopt.discrete.bordered import Bordered, moves_of
 from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.equations import Equations
 from actionopt.discrete.factors import compressed
 from actionopt.discrete.mesh import MAX_DEGREE, Mesh
 from actionopt.discrete.newton import follow
@@ -96,54 +98,70 @@ def resolved(first: DiscretePath, error: float, tol: float, *, polish: bool = Fa
 def polished(first: DiscretePath, tol: float, nullity: int) -> Form | None:
     """Return d2S along a path improved on a mesh that resolves it and its Jacobi fields to `tol`.
 
-    Newton's method leaves the path where it is along `nullity` directions in which the action
-    hardly bends, if its own steps lead nowhere for them: in a family of paths any will do. None
-    where it finds no stationary path near. Raises ValueError as `resolved` does.
+    With what was found beside it, such as its duration. Newton's method leaves the path where it is
+    along `nullity` directions in which the action hardly bends, if its own steps lead nowhere for
+    them: in a family of paths any will do. What moves a closed path along itself, or as a whole, is
+    not among them. None where it finds no stationary path near. Raises ValueError as `resolved`
+    does.
     """
-    at = first
+    at, asked = first, first.problem.asked or first.problem
     for _ in range(FIELD_ROUNDS):
-        z = _stationary(at.tr, at.z, nullity)
-        if z is None:
+        equations: Equations = at.tr
+        z = at.z
+        if first.problem.unfixed:
+            rows = np.nan_to_num(at.rows) if at.tr.layout.rows else None
+            equations, z = Bordered.around(asked, at.path, rows, at.tr.lengths, moves_of(asked))
+        near = _stationary(equations, z, nullity)
+        if near is None:
             return None
-        found = form(DiscretePath(at.tr, z))
+        z, force = near
+        tr = equations.at(z)
+        found = form(DiscretePath(tr, z[: tr.layout.size]))
         check_independent(found, tol)
-        mesh = finer(at.mesh, tol, form=found, Q=found.at.Q / at.tr.lengths)
+        mesh = finer(tr.mesh, tol, form=found, Q=found.at.Q / tr.lengths)
         if mesh is None:
-            return found
-        at = found.at.on(mesh, first.multipliers(mesh.nodes))
+            return found if force < FREE_FORCE else None
+        at = found.at.on(mesh, found.at.multipliers(mesh.nodes))
     return None
 
 
-def _stationary(tr: Transcription, z: Array, nullity: int) -> Array | None:
-    """Return the stationary path near z, (size,), or None.
+def _stationary(equations: Equations, z: Array, nullity: int) -> tuple[Array, float] | None:
+    """Return the path near z, (size,), that a force makes stationary, and that force; or None.
 
     Where Newton's matrix K is singular, [K B; B' 0] with as many columns B as K lacks in rank is
-    not: their multipliers vanish where there is a path, and tell where there is none.
+    not: their multipliers, the force, vanish where there is a path, up to what the mesh leaves out
+    of it, and tell where there is none.
     """
-    near = follow(tr, z)
+    near = follow(equations, z)
     if near.converged and near.travelled < POLISH_REACH:
-        return near.z
-    cut, size, first = tr.layout.unknowns, tr.layout.size, z
+        return near.z, 0.0
+    layout, first = equations.layout, z
+    cut, size, pattern = layout.unknowns, layout.size, layout.kkt
     border = np.zeros((size, nullity))
-    border[:cut] = np.random.default_rng(0).standard_normal((cut, nullity)) / np.sqrt(cut)
-    pattern = tr.layout.kkt
+    border[:cut] = np.random.default_rng(0).standard_normal((cut, nullity))
     with np.errstate(all="ignore"):
-        for _ in range(BORDERED_STEPS):
-            entries, residual = compressed(tr.layout, tr.kkt(z)), tr.residual(z)
+        for k in range(BORDERED_STEPS):
+            entries, residual = compressed(layout, equations.kkt(z)), equations.residual(z)
             if not (np.isfinite(entries).all() and np.isfinite(residual).all()):
                 return None
             K, B = ca.DM(pattern.sparsity, entries), ca.DM(border)
             matrix = ca.blockcat([[K, B], [B.T, ca.DM(nullity, nullity)]])
-            right = ca.DM(np.r_[residual, np.zeros(nullity)])
+            right = np.eye(size + nullity, 1 + nullity, 1 - size)
+            right[:size, 0] = residual
             try:
-                step = np.asarray(ca.solve(matrix, right, "csparse")).ravel()
+                found = np.asarray(ca.solve(matrix, ca.DM(right), "csparse"))
             except RuntimeError:  # singular all the same
                 return None
+            # The other columns span the kernel: the border for the next step.
+            border[:cut] = np.linalg.qr(found[:cut, 1:])[0]
+            if k == 0:
+                continue  # random directions may be nearly across the kernel
+            step = found[:, 0]
             z = z - step[:size]
             if not np.max(np.abs((z - first)[:cut]), initial=0.0) < POLISH_REACH:
                 return None
             if np.max(np.abs(step[:cut])) < BORDERED_TOL:
-                return z if np.max(np.abs(step[size:])) < FREE_FORCE else None
+                return z, float(np.max(np.abs(step[size:])))
     return None
 
 
