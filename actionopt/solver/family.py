@@ -48,16 +48,18 @@ def suspected(ws: Workspace, status: Status) -> bool:
 
 def judged(ws: Workspace, solution: Solution) -> Solution:
     """Return the verdict DEGENERATE if the path is one of a family, else the solution as it is."""
-    near = solution
+    near, here = solution, ws.here
     if solution.status in LOST and ws.unpolished is not None:
-        last = ws.unpolished
+        ws.here = ws.unpolished
+        problem, last = ws.answer()
         kept = {"path": last.path, "lam": last.rows.T, "action": last.action, "known": last}
-        near = replace(solution, error=np.inf, **kept)
+        near = replace(solution, problem=problem, error=np.inf, **kept)
     try:
         found = near.inertia
     except (ValueError, np.linalg.LinAlgError):
-        return solution
-    if found.nullity <= found.moves or found.tolerance > INDEX_TOLERANCE:
+        found = None
+    if found is None or found.nullity <= found.moves or found.tolerance > INDEX_TOLERANCE:
+        ws.here = here
         return solution
     condition = conditioned(found)
     ws.hint = _told(ws, found, near.error)

@@ -277,9 +277,10 @@ class Unfixed(Workspace):
         if not self.problem.closes:
             return None
         before = self.iterate, self.hint
+        near = guess
         for represented in (ROUGH, REPRESENTED[0]):
             self.along, self.gain = (), UNKNOWN_GAIN
-            path = guessed(self.problem, guess, represented)
+            path = guessed(self.problem, near, represented)
             if self.problem.start.pinned:
                 begins = [s for s, off in self._passes(path) if off <= NEAR_GUESS]
                 if not begins:
@@ -292,6 +293,7 @@ class Unfixed(Workspace):
             first = self._around(path, None)
             if not self._moved_along(first):
                 continue
+            near = self.here.path  # on a rough mesh directions of the family may be missed
             status = self.judged(self.settled())
             if status.stationary:
                 self.found_by = "guess"
@@ -344,7 +346,9 @@ class Unfixed(Workspace):
             return False
         before = self.here
         with suppress(np.linalg.LinAlgError):
-            moved = [before.tr.coordinates(before.x + d) - before.Q for d in directions(self)]
+            # What its phase held on the way to it may be one of them.
+            here = self.here = self._around(before.path, before.rows)
+            moved = [here.tr.coordinates(here.x + d) - here.Q for d in directions(self)]
             self.along = tuple(Path(before.mesh, d.T) for d in moved)
             path = guessed(self.problem, before.path, REPRESENTED[0])
             self.here = self._around(
@@ -382,17 +386,26 @@ class Unfixed(Workspace):
 
     def _refined(self) -> Status:
         """Refine; a closed path that is pushed also with its phase set about where it is now."""
-        pushed, here = np.inf, self.here
-        if here.pushed > HELD:
-            return self._held()
+        while self.here.pushed > HELD:
+            if not self._pushed_less():
+                return self._held()
         status = refine(self, self.tol, least=False)
-        while status.success and self._is_pushed(self.here) and self.here.pushed < pushed / 2:
-            here, pushed = self.here, self.here.pushed
-            if self.along or not (self._followed_again(here.path, here.rows) and self.here.moves):
-                self.here = here
-                break
+        while status.success and self._is_pushed(self.here) and self._pushed_less():
             status = refine(self, self.tol, least=False)
         return status
+
+    def _pushed_less(self) -> bool:
+        """Set the phase of a pushed path about where it is; False if that does not help.
+
+        Of a rough path round a centre, a shift of time and a turn are two directions; where it is
+        held by both, it can not become the circle of which they are one.
+        """
+        here = self.here
+        if not self.along and self._followed_again(here.path, here.rows) and self.here.moves:
+            if self.here.pushed < here.pushed / 2:
+                return True
+        self.here = here
+        return False
 
     def judged(self, status: Status) -> Status:
         """Return the verdict on the path at hand: one that has to be pushed is none."""

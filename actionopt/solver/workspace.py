@@ -100,7 +100,7 @@ class Workspace:
         What to add to the verdict.
     best : Iterate or None
         Where it was polished last, if time may run out.
-    unpolished : DiscretePath or None
+    unpolished : Iterate or None
         A path that was near, and not to be polished.
     unbalance : Jump, Imbalance or None
         Where the balance of energy did not hold along the last path that was resolved.
@@ -121,7 +121,7 @@ class Workspace:
     astray: bool = False
     hint: str = ""
     best: Iterate | None = None
-    unpolished: DiscretePath | None = None
+    unpolished: Iterate | None = None
     unbalance: Jump | Imbalance | None = None
     iterate: Iterate | None = None
 
@@ -400,12 +400,12 @@ class Workspace:
         self._note_unpolished(self.here)
         return False
 
-    def _note_unpolished(self, path: DiscretePath) -> None:
+    def _note_unpolished(self, path: Iterate) -> None:
         """Keep a path in mind that was near, unless it runs through a singularity."""
         mesh, Q = path.mesh, path.Q
         shown = resolution(mesh, Q, sizes(Q, self.problem.scales)).worst < ROUGHLY
         if shown and mesh.lengths.min() > SHORT_ELEMENT * mesh.duration:
-            self.unpolished = DiscretePath(path.tr, path.z)
+            self.unpolished = replace(path.bare(), error=np.inf)
 
     def follow(self, reach: float = np.inf) -> bool:
         """Polish the path where it is; False if it is not there, or farther than `reach`."""
