@@ -195,8 +195,9 @@ class Bordered:
     ) -> tuple[Bordered, Array]:
         """Return the equations on the mesh of a path, with a phase near it, and their unknowns.
 
-        `along`, (n, K) each, are directions in which it may be moved that `moves` do not tell; the
-        units of action and of constraints are those of `like`, if that is given.
+        `along`, (n, K) each, are the directions in which it may be moved where there are more than
+        along itself and by the `moves`; the units of action and of constraints are those of `like`,
+        if that is given.
         """
         problem = over(asked.loose, path.mesh.duration)
         tr = Transcription(problem, path.mesh, lengths, like=like)
@@ -395,9 +396,10 @@ def _borders(
     if not asked.closes:
         return Borders(np.zeros((size, 0)), np.zeros((0, size)), np.zeros(0))
     at, n = DiscretePath(tr, z), asked.system.n
-    fields = [tr.mesh.duration * at.path.velocity(tr.mesh.nodes).T]
-    fields += [at.Q @ move.A.T + move.b for move in moves]
-    fields += [direction.T for direction in along]
+    fields = [direction.T for direction in along]
+    if not fields:
+        fields = [tr.mesh.duration * at.path.velocity(tr.mesh.nodes).T]
+        fields += [at.Q @ move.A.T + move.b for move in moves]
     weight = np.bincount(layout.node_of, tr.weight[:, 0], layout.node_count) / tr.mesh.duration
     weight[0] += weight[-1]
     root = np.sqrt(weight[layout.free // n])

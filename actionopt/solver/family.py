@@ -9,7 +9,9 @@ import numpy as np
 from actionopt.analysis.index import INDEX_TOLERANCE, Inertia
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
-from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF
+from actionopt.discrete.bordered import Bordered, Borders
+from actionopt.discrete.factors import Factors
+from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF, Iterate
 from actionopt.solver.workspace import Workspace
 from actionopt.tools.types import Array
 
@@ -84,19 +86,31 @@ def _told(ws: Workspace, found: Inertia, error: float) -> str:
     )
 
 
-def directions(ws: Workspace) -> list[Array]:
-    """Return variations (unknowns,) of the path at hand in which the action hardly bends.
+def directions(here: Iterate, bordered: Bordered) -> list[Array]:
+    """Return variations (unknowns,) of a path in which the action hardly bends, all of them.
 
-    By a step of inverse iteration from more variations than a family has dimensions: those that
-    grow, in the span of what becomes of them.
+    The kernel of the matrix of a closed path, those included that set no other path apart. It is
+    solved with beside as many random directions as make it regular, and one more,
+
+        [ K     M X ] [ x ]   [ 0 ]
+        [ X' M   0  ] [ a ] = [ e ],
+
+    and x is of the kernel where a vanishes (W. Govaerts, *Numerical Methods for Bifurcations of
+    Dynamical Equilibria* (2000), section 3.2).
     """
-    here = ws.here.factored(ws.many)
-    assert here.factors is not None
-    cut, count = here.tr.layout.unknowns, 2 * ws.problem.system.n + 1
-    first, _ = np.linalg.qr(np.random.default_rng(0).standard_normal((cut, count)))
-    grown = [here.factors.solve(here.momentum(x))[:cut] for x in first.T]
-    found, sizes, _ = np.linalg.svd(np.transpose(grown), full_matrices=False)
-    return list(found.T[sizes > NEAR_SINGULAR])
+    layout, count = here.tr.layout, 2 * here.problem.system.n + 1
+    first, _ = np.linalg.qr(np.random.default_rng(0).standard_normal((layout.unknowns, count)))
+    momenta = np.stack([here.momentum(x)[: layout.size] for x in first.T], axis=1)
+    around = Borders(momenta, momenta.T, np.zeros(count))
+    equations = Bordered(bordered.asked, bordered.first, around, bordered.feet)
+    known = here.z[: here.z.size - bordered.borders.c.size]
+    factors = Factors(equations.layout, equations.kkt(np.concatenate([known, np.zeros(count)])))
+    sides = np.eye(equations.layout.size)[-count:]
+    solved = np.array([factors.solve(side) for side in sides]).T
+    _, _, mix = np.linalg.svd(solved[-count:])
+    x, a = solved[: layout.unknowns] @ mix.T, solved[-count:] @ mix.T
+    grown = np.linalg.norm(x, axis=0) > NEAR_SINGULAR * np.linalg.norm(a, axis=0)
+    return list((x / np.abs(x).max(axis=0)).T[grown])
 
 
 def conditioned(found: Inertia) -> float:

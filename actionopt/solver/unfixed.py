@@ -96,7 +96,7 @@ class Unfixed(Workspace):
     found_by : str
         The way that led to the path at hand.
     along : tuple of Path
-        Directions of a family that no symmetry tells.
+        Directions of the family of closed paths that it is held along, all of them.
     moves : tuple of Move
         Motions of configuration space that a closed path may be subjected to.
     """
@@ -310,16 +310,20 @@ class Unfixed(Workspace):
         Suppl.* 15 (2001), p. 239).
         """
         bordered, y, damping = here.bordered, here.z, 1.0
-        residual = bordered.residual(y)
+        beside = bordered.borders.c.size  # no phase is needed, nor a force
+        count = y.size - beside
+        residual = bordered.residual(y)[:count]
         with np.errstate(all="ignore"):
             for _ in range(APPROACHES if bordered.layout.small else APPROACHES // 4):
-                matrix, size = bordered.layout.full(bordered.kkt(y)), np.linalg.norm(residual)
+                matrix = bordered.layout.full(bordered.kkt(y))[:count, :count]
+                size = np.linalg.norm(residual)
                 if not (np.isfinite(matrix).all() and np.isfinite(size)):
                     return False
                 left, values, right = np.linalg.svd(matrix)
+                right = np.pad(right, ((0, 0), (0, beside)))
                 across, rank = left.T @ residual, int((values > SINGULAR).sum())
                 step = right[:rank].T @ (across[:rank] / values[:rank])
-                if rank < y.size and bordered.measured(step) < NEAR_FAMILY:
+                if rank < count and bordered.measured(step) < NEAR_FAMILY:
                     here = here.moved(y)
                     moved = [here.tr.coordinates(y + d) - here.Q for d in right[rank:]]
                     self.along = tuple(Path(here.mesh, d.T) for d in moved)
@@ -327,7 +331,7 @@ class Unfixed(Workspace):
                     return here.moves and (self.follow() or self.approach(APPROACHES))
                 while damping < UNREACHED:
                     step = right.T @ (values * across / (values**2 + damping * size**2))
-                    there = bordered.residual(y - step)
+                    there = bordered.residual(y - step)[:count]
                     if np.linalg.norm(there) < size:
                         break
                     damping *= 10.0
@@ -346,9 +350,8 @@ class Unfixed(Workspace):
             return False
         before = self.here
         with suppress(np.linalg.LinAlgError):
-            # What its phase held on the way to it may be one of them.
-            here = self.here = self._around(before.path, before.rows)
-            moved = [here.tr.coordinates(here.x + d) - here.Q for d in directions(self)]
+            found = directions(before, before.bordered)
+            moved = [before.tr.coordinates(before.x + d) - before.Q for d in found]
             self.along = tuple(Path(before.mesh, d.T) for d in moved)
             path = guessed(self.problem, before.path, REPRESENTED[0])
             self.here = self._around(
