@@ -388,6 +388,14 @@ class Bordered:
         return found
 
 
+def shares(tr: Transcription) -> Array:
+    """Return the part of the duration for which the node of each unknown stands, (unknowns,)."""
+    layout = tr.layout
+    weight = np.bincount(layout.node_of, tr.weight[:, 0], layout.node_count) / tr.mesh.duration
+    weight[0] += weight[-1]  # of a closed path they are one
+    return weight[layout.free // tr.problem.system.n]
+
+
 def _borders(
     asked: Problem, tr: Transcription, z: Array, moves: Sequence[Move], along: Sequence[Array]
 ) -> Borders:
@@ -400,9 +408,7 @@ def _borders(
     if not fields:
         fields = [tr.mesh.duration * at.path.velocity(tr.mesh.nodes).T]
         fields += [at.Q @ move.A.T + move.b for move in moves]
-    weight = np.bincount(layout.node_of, tr.weight[:, 0], layout.node_count) / tr.mesh.duration
-    weight[0] += weight[-1]
-    root = np.sqrt(weight[layout.free // n])
+    root = np.sqrt(shares(tr))
     xi = np.stack([f.ravel()[layout.free] / tr.x_unit for f in fields], axis=1)
     # An independent set: a body that turns uniformly is turned as it goes on.
     norm = np.linalg.norm(root[:, None] * xi, axis=0)

@@ -9,7 +9,7 @@ import numpy as np
 from actionopt.analysis.index import INDEX_TOLERANCE, Inertia
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
-from actionopt.discrete.bordered import Bordered, Borders
+from actionopt.discrete.bordered import Bordered, Borders, shares
 from actionopt.discrete.factors import Factors
 from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF, Iterate
 from actionopt.solver.workspace import Workspace
@@ -87,29 +87,30 @@ def _told(ws: Workspace, found: Inertia, error: float) -> str:
 
 
 def directions(here: Iterate, bordered: Bordered) -> list[Array]:
-    """Return variations (unknowns,) of a path in which the action hardly bends, all of them.
+    """Return variations (unknowns,) of a closed path in which the action hardly bends, all of them.
 
-    The kernel of the matrix of a closed path, those included that set no other path apart. It is
-    solved with beside as many random directions as make it regular, and one more,
+    The kernel of its matrix, shifts of time and symmetries among them. It is solved with beside
+    more random directions X than it has dimensions, in the metric W = int eta.eta dt,
 
-        [ K     M X ] [ x ]   [ 0 ]
-        [ X' M   0  ] [ a ] = [ e ],
+        [ K     W X ] [ x ]   [ 0 ]
+        [ X' W   0  ] [ a ] = [ e ],
 
     and x is of the kernel where a vanishes (W. Govaerts, *Numerical Methods for Bifurcations of
     Dynamical Equilibria* (2000), section 3.2).
     """
-    layout, count = here.tr.layout, 2 * here.problem.system.n + 1
-    first, _ = np.linalg.qr(np.random.default_rng(0).standard_normal((layout.unknowns, count)))
-    momenta = np.stack([here.momentum(x)[: layout.size] for x in first.T], axis=1)
-    around = Borders(momenta, momenta.T, np.zeros(count))
-    equations = Bordered(bordered.asked, bordered.first, around, bordered.feet)
+    cut, count = here.tr.layout.unknowns, 2 * here.problem.system.n + 1
+    first, _ = np.linalg.qr(np.random.default_rng(0).standard_normal((cut, count)))
+    beside = np.zeros((here.tr.layout.size, count))
+    beside[:cut] = shares(here.tr)[:, None] * first
+    borders = Borders(beside, beside.T, np.zeros(count))
+    equations = Bordered(bordered.asked, bordered.first, borders, bordered.feet)
     known = here.z[: here.z.size - bordered.borders.c.size]
     factors = Factors(equations.layout, equations.kkt(np.concatenate([known, np.zeros(count)])))
-    sides = np.eye(equations.layout.size)[-count:]
-    solved = np.array([factors.solve(side) for side in sides]).T
-    _, _, mix = np.linalg.svd(solved[-count:])
-    x, a = solved[: layout.unknowns] @ mix.T, solved[-count:] @ mix.T
-    grown = np.linalg.norm(x, axis=0) > NEAR_SINGULAR * np.linalg.norm(a, axis=0)
+    size = equations.layout.size
+    solved = np.array([factors.solve(e) for e in np.eye(count, size, size - count)]).T
+    _, sizes, mix = np.linalg.svd(solved[size - count :])
+    x = solved[:cut] @ mix.T
+    grown = np.linalg.norm(x, axis=0) > NEAR_SINGULAR * sizes
     return list((x / np.abs(x).max(axis=0)).T[grown])
 
 
