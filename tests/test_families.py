@@ -193,6 +193,58 @@ def test_closed_paths_of_one_energy_are_a_family_of_one_index(name, shape):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("tol", [1e-3, 1e-4, 1e-6])
+@pytest.mark.parametrize("name", list(CLOSED))
+@pytest.mark.parametrize("aside", [0.0, 0.5])
+def test_closed_paths_are_a_family_at_loose_tolerances(name, tol, aside):
+    """Also with a third coordinate of the same frequency, 2:1 with x; of two it has z = 0."""
+    system, guess, (energy, (index, nullity)) = CLOSED[name]
+    points = np.array(guess(0.45, 0.7))
+    if aside:
+        in_space = {
+            "isotropic": lambda q, v, t: (v @ v - q @ q) / 2,
+            "two to one": lambda q, v, t: (v @ v - q @ q - 3 * q[1] ** 2) / 2,
+            "Kepler": lambda q, v, t: v @ v / 2 + 1 / np.sqrt(q @ q),
+            "isochronous": lambda q, v, t: (v @ v - q @ q - 0.2 / q[0] ** 2) / 2,
+        }
+        system = ao.System(in_space[name], ["x", "y", "z"])
+        along = points[0] if name == "two to one" else points[1]
+        points = np.array([*points, aside * along])
+        index, nullity = index + 1, nullity + 2
+    problem = ao.Problem(system, ao.Event(0.0, None), ao.Periodic(None), energy=energy)
+    found = ao.solve(problem, guess=points, tol=tol, throw=False)
+    assert found.status is ao.Status.DEGENERATE and found.error <= tol
+    assert (found.inertia.index, found.inertia.nullity) == (index, nullity)
+
+
+@pytest.mark.parametrize("points", [13, pytest.param(33, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("r", [0.9, pytest.param(1.4, marks=pytest.mark.slow)])
+def test_a_rough_circle_leads_to_the_one_of_its_energy(r, points):
+    """Round a centre a shift of time is a turn, and is not on the way to it."""
+    system = ao.System(lambda q, v, t: (v @ v - q @ q) / 2 - (q @ q) ** 2 / 4, ["x", "y"])
+    problem = ao.Problem(system, ao.Event(0.0, None), ao.Periodic(None), energy=2.5)
+    turn = np.linspace(0.0, 2 * np.pi, points)
+    found = ao.solve(problem, guess=r * np.array([np.cos(turn), np.sin(turn)]), tol=1e-6)
+    square = found(np.linspace(0.0, found.duration, 7))
+    square = (square * square).sum(axis=0)
+    exact = (np.sqrt(34) - 2) / 3  # r^2 + 3 r^4 / 4 = 5 / 2
+    assert np.abs(square - exact).max() <= 1e-5
+    assert found.duration == pytest.approx(2 * np.pi / np.sqrt(1 + exact), rel=1e-6)
+    assert found.inertia.nullity == found.inertia.moves == 1
+
+
+def test_five_points_on_a_circle_lead_to_a_resolved_ellipse():
+    """Of a given period the family has all dimensions there are, its size among them."""
+    turn = np.linspace(0.0, 2 * np.pi, 5)
+    problem = ao.Problem(ISOTROPIC, ao.Event(0.0, None), ao.Periodic(2 * np.pi))
+    guess = np.array([np.cos(turn), np.sin(turn)])
+    found = ao.solve(problem, guess=guess, tol=1e-6, throw=False)
+    assert found.status is ao.Status.DEGENERATE and found.error <= 1e-6
+    assert found.inertia.nullity == 4
+    assert np.ptp(found.path.values, axis=1) == pytest.approx(2.0, abs=0.1)
+
+
+@pytest.mark.slow
 def test_an_energy_does_not_choose_one_of_many_great_circles():
     problem = ao.Problem(SPHERE, ao.Event(0.0, [0, 0, 1]), ao.Event(None, [0, 0, -1]), energy=0.5)
     guess = [[0, 0.6, 1, 0.6, 0], [0, 0, 0, 0, 0], [1, 0.8, 0, -0.8, -1]]

@@ -6,7 +6,7 @@ import systems
 
 import actionopt as ao
 from actionopt import Event, Mesh, Problem, System
-from actionopt.analysis.jacobi import _stationary, fields, finer
+from actionopt.analysis.jacobi import _stationary, fields, finer, polished
 from actionopt.analysis.second_variation import form
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.path import Path
@@ -98,6 +98,20 @@ def test_no_path_is_found_where_there_is_none(side, miss):
     tr = conjugate_ends(side, -side + miss)
     _, force = _stationary(tr, tr.pack(side * np.cos(tr.mesh.nodes[:, None])), 1)
     assert abs(miss) / 10 < force < 10 * abs(miss)
+
+
+@pytest.mark.parametrize("off", [1e-4, pytest.param(-1e-4, marks=pytest.mark.slow)])
+def test_a_path_of_a_family_is_polished_with_its_duration(off):
+    """All motions of an isotropic oscillator close in 2 pi, and none in the times beside."""
+    system = System(lambda q, v, t: (v @ v - q @ q) / 2, ["x", "y"])
+    asked = Problem(system, Event(0.0, None), ao.Periodic(None), energy=1.0)
+    mesh = Mesh.uniform(0.0, 2 * np.pi + off, 8, 4)
+    s = mesh.nodes * 2 * np.pi / mesh.duration
+    path = Path(mesh, np.array([np.cos(s), 0.9 * np.sin(s)]))
+    found = polished(DiscretePath.of(asked.found(0.0, mesh.duration), path), 1e-9, 1)
+    assert found.at.mesh.duration == pytest.approx(2 * np.pi, rel=1e-9)
+    q, v = found.at.Q.T, found.at.path.velocity(found.at.mesh.nodes)
+    assert np.abs((q * q + v * v).sum(axis=0) / 2 - 1.0).max() <= 1e-6
 
 
 @pytest.mark.parametrize("angle", [0.3, 2.0, 3.7, 5.5])

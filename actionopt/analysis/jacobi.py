@@ -29,7 +29,6 @@ from actionopt.discrete.factors import compressed
 from actionopt.discrete.mesh import MAX_DEGREE, Mesh
 from actionopt.discrete.newton import follow
 from actionopt.discrete.resolution import SHORTEST
-from actionopt.discrete.transcription import Transcription
 from actionopt.tools.lobatto import lgl
 from actionopt.tools.types import Array
 

@@ -401,12 +401,12 @@ class Unfixed(Workspace):
         """Set the phase of a pushed path about where it is; False if that does not help.
 
         Of a rough path round a centre, a shift of time and a turn are two directions; where it is
-        held by both, it can not become the circle of which they are one.
+        held by both, it cannot become the circle on which they are one.
         """
         here = self.here
-        if not self.along and self._followed_again(here.path, here.rows) and self.here.moves:
-            if self.here.pushed < here.pushed / 2:
-                return True
+        again = not self.along and self._followed_again(here.path, here.rows)
+        if again and self.here.moves and self.here.pushed < here.pushed / 2:
+            return True
         self.here = here
         return False
 
