@@ -387,3 +387,15 @@ def test_folds_of_random_branches(seed):
     assert [m.value for m in found.marks] == pytest.approx(g[turns], abs=1e-6)
     assert all(m.kind == "fold" for m in found.marks)
     check_marks_agree(found)
+
+
+@pytest.mark.parametrize(
+    "step", [lambda x: abs(x) / x, pytest.param(np.sign, marks=pytest.mark.slow)]
+)
+def test_a_branch_ends_where_its_paths_come_to_cross_a_jump(step):
+    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 - 0.4 * step(q[0] - 0.0123), ["x"])
+    problem = ao.Problem(system, ao.Event(0.0, [-1.0]), ao.Event(1.0, [-0.5]))
+    branch = ao.trace(problem, ("end", "x"), 1.0)
+    assert branch.values[-1] == pytest.approx(0.0123, abs=2e-4) and branch.values[-1] < 0.0123
+    assert "L jumps by 0.8" in branch.stopped
+    assert branch.solution(len(branch.values) - 1).success

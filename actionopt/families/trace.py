@@ -22,6 +22,7 @@ from actionopt.analysis.second_variation import check_independent, form
 from actionopt.analysis.solution import Solution, SolveError
 from actionopt.discrete.arclength import Branch, Point
 from actionopt.discrete.bordered import Bordered
+from actionopt.discrete.crossing import Jump, crossed, unbalanced
 from actionopt.discrete.path import Path
 from actionopt.families.branch import INTERRUPTED, Trace
 from actionopt.families.marks import LEVEL, STRAIGHT_STEP, Mark, Step, locate
@@ -237,6 +238,13 @@ class _Run:
                         return
                     continue
                 there = last
+            jump = self._jump(there)
+            if jump is not None:
+                length /= 2
+                if length < SHORTEST_TOLD:
+                    self.end(f"the path at {there.s:.6g} crosses a surface, on which {jump}")
+                    return
+                continue
             index = self._index(there)
             marks = self._marks(here, there, index)
             if marks is None:
@@ -316,6 +324,18 @@ class _Run:
             return inertia.index
         except ValueError as error:
             raise _Uncounted(_without(error)) from None
+
+    def _jump(self, point: Point) -> Jump | None:
+        """Return a jump of L that the path crosses, or None."""
+        problem, system = point.at.problem, point.at.problem.system
+        if system.switches is not None:
+            found = crossed(system.switches, problem, point.path)
+            if found is not None:
+                return found
+        if system.structure.jumpless:
+            return None
+        found = unbalanced(point.at, self.tol)
+        return found if isinstance(found, Jump) else None
 
     def _action(self, point: Point) -> float:
         return point.at.action

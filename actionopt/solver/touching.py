@@ -184,8 +184,8 @@ def looked_at(found: DiscretePath) -> Array:
     i, k = np.nonzero((slope[:, :-1] < 0) & (slope[:, 1:] > 0) & ~on[:, 1:-1])
     edge = on[:, 1:] != on[:, :-1]
     edge[:, [0, -1]] |= ~on[:, [0, -1]]
-    j, l = np.nonzero(edge)
-    i, begin, end = np.append(i, j), np.append(t[k], t[l]), np.append(t[k + 2], t[l + 1])
+    row, at = np.nonzero(edge)
+    i, begin, end = np.append(i, row), np.append(t[k], t[at]), np.append(t[k + 2], t[at + 1])
     times = [t]
     for _ in range(CLOSER):
         near = begin[:, None] + (end - begin)[:, None] * np.linspace(0.0, 1.0, CLOSE)
