@@ -68,9 +68,6 @@ class Clock:
 def clock(s: Symbols, *laws: ca.SX) -> Clock | None:
     """Return what switches with the time alone in these laws; None if nothing does."""
     arguments = [s.q, s.v, s.t, s.p]
-    tape = Tape(arguments, laws)
-    if CLOCKED.isdisjoint(tape.operations):
-        return None
     steps: list[ca.SX] = []
     smooth: list[ca.SX] = []
 
@@ -103,7 +100,7 @@ def clock(s: Symbols, *laws: ca.SX) -> Clock | None:
             steps.append(ca.floor((x[0] - made[0]) / x[1] + 0.5))
         return made
 
-    tape.fold(switched)
+    Tape(arguments, laws).fold(switched)
     if not steps:
         return None
     slopes = ca.densify(ca.jacobian(ca.vertcat(*smooth), s.t))

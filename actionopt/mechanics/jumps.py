@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.events import State
 from actionopt.mechanics.instants import INTERVALS, Instant, merged
-from actionopt.mechanics.switches import is_smooth
+from actionopt.mechanics.switches import KINKS
 from actionopt.mechanics.system import System
 from actionopt.tools.lobatto import lgl
 from actionopt.tools.types import Array
@@ -36,9 +36,7 @@ def jumps(
     (n, K - 1), the change is compared with the integral of the rate, and what is left over is
     followed by bisection down to neighbouring numbers.
     """
-    if not system.structure.depends_on_time:
-        return []
-    if is_smooth(system.tape) and is_smooth(system.operations(system.f)):
+    if not system.structure.depends_on_time or KINKS.isdisjoint(system.structure.operations):
         return []
     sym = system.symbols
     what = ca.vertcat(system.L, ca.gradient(system.L, sym.v), ca.jacobian(system.f, sym.t))

@@ -16,8 +16,9 @@ import casadi as ca
 import numpy as np
 
 from actionopt.mechanics.compiled import Pointwise
-from actionopt.mechanics.instants import Clock, clock
+from actionopt.mechanics.instants import CLOCKED, Clock, clock
 from actionopt.mechanics.switches import (
+    STEPPED,
     Switches,
     is_jumpless,
     is_smooth,
@@ -29,6 +30,7 @@ from actionopt.mechanics.tracing import SAMPLES, TAILED_SAMPLES, Symbols, stacke
 from actionopt.tools.tape import Tape
 
 T = TypeVar("T")
+NO_OPERATIONS = Tape((), ())
 
 
 class Once(Generic[T]):
@@ -75,6 +77,7 @@ class Structure:
     cyclic: tuple[str, ...]  # coordinates that neither L, f nor Q contain
     smooth: bool  # neither L nor Q have a kink or a jump in q or v
     jumpless: bool  # it is plain that L cannot step
+    operations: frozenset[int]  # CasADi's numbers of those in L, f and Q
     samples: int  # times over the whole duration at which the forces are sampled, at least
 
     @property
@@ -145,7 +148,7 @@ class Laws:
             self.m > 0 and self._depends("constraint_jacobian", 0, (0,)),
             any(self._depends("force_jacobian", k, (0, 1)) for k in (0, 1) if self.Q.numel()),
         )
-        L, f, Q = self.tape, self.operations(self.f), self.operations(self.Q)
+        L, f, Q = (self.operations(law) for law in (self.L, self.f, self.Q))
         narrow = localized(L)
         jumpless = narrow == 0 or (narrow == 1 and is_jumpless(L))
         # What is as wide as its periods has no kink; if all move, it does not matter.
@@ -173,17 +176,13 @@ class Laws:
             cyclic=tuple(c for i, c in enumerate(self.coordinates) if i not in seen),
             smooth=narrow < 2 or (is_smooth_in_path(L) and is_smooth_in_path(Q)),
             jumpless=jumpless,
+            operations=L.operations | f.operations | Q.operations,
             samples=SAMPLES if unseen else TAILED_SAMPLES if tailed else 0,
         )
 
-    @Once
-    def tape(self) -> Tape:
-        """Return the operations of L."""
-        return self.operations(self.L)
-
     def operations(self, law: ca.SX) -> Tape:
         """Return the operations of an expression of (q, v, t) and the parameters."""
-        return Tape(self._arguments, [law])
+        return Tape(self._arguments, [law]) if law.numel() else NO_OPERATIONS
 
     @Once
     def filled(self) -> float:
@@ -210,15 +209,16 @@ class Laws:
     @Once
     def switches(self) -> Switches | None:
         """Return the branches of L, where they depend on q or v; None where there are none."""
-        return (
-            switches(self.symbols, self.tape, self.coordinates) if self.structure.samples else None
-        )
+        if not self.structure.samples or STEPPED.isdisjoint(self.structure.operations):
+            return None
+        return switches(self.symbols, self.operations(self.L), self.coordinates)
 
     @Once
     def clock(self) -> Clock | None:
         """Return what switches with the time alone; None where nothing does."""
-        timed = self.structure.depends_on_time
-        return clock(self.symbols, self.L, self.f, self.Q) if timed else None
+        if not self.structure.depends_on_time or CLOCKED.isdisjoint(self.structure.operations):
+            return None
+        return clock(self.symbols, self.L, self.f, self.Q)
 
     def _depends(self, name: str, output: int, inputs: tuple[int, ...]) -> bool:
         """Whether an output of a compiled function depends on any of these inputs."""

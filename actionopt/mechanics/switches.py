@@ -58,8 +58,6 @@ class Switches:
 
 def switches(s: Symbols, lagrangian: Tape, coordinates: Sequence[str]) -> Switches | None:
     """Return the steps of the Lagrangian; None where it has none in q or v."""
-    if STEPPED.isdisjoint(lagrangian.operations):
-        return None
     arguments = [s.q, s.v, s.t, s.p]
     names: list[ca.SX] = []  # the symbols c
     steps: list[ca.SX] = []  # what they stand for

@@ -70,19 +70,20 @@ class Tape:
         self._found: list[tuple[list[int], int]] = []
         if not any([result.numel() for result in results]):
             return
-        work: dict[int, int] = {}
-        for code, into, of, value in instructions(ca.Function("tape", arguments, results)):
-            if code == ca.OP_OUTPUT:
-                self._found.append((into, work[of[0]]))
+        # No register is used twice: the k-th value is in register k.
+        f = ca.Function("tape", arguments, results, {"live_variables": False})
+        for k in range(f.n_instructions()):
+            code = f.instruction_id(k)
+            if code == ca.OP_CONST:
+                self.nodes.append(Node(code, (), (-1, -1), f.instruction_constant(k)))
                 continue
-            if code == ca.OP_INPUT:
-                node = Node(code, (), (of[0], of[1]))
-            elif code == ca.OP_CONST:
-                node = Node(code, (), (-1, -1), value)
+            of = f.instruction_input(k)
+            if code == ca.OP_OUTPUT:
+                self._found.append((f.instruction_output(k), of[0] + 1))
+            elif code == ca.OP_INPUT:
+                self.nodes.append(Node(code, (), (of[0], of[1])))
             else:
-                node = Node(code, tuple([work[i] for i in of]))
-            work[into[0]] = len(self.nodes)
-            self.nodes.append(node)
+                self.nodes.append(Node(code, tuple([i + 1 for i in of])))
 
     @cached_property
     def operations(self) -> frozenset[int]:
