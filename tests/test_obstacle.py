@@ -12,7 +12,7 @@ from helpers import a_quarter
 import actionopt as ao
 from actionopt import plot
 from actionopt.analysis.status import Status
-from actionopt.solver import obstacle
+from actionopt.solver import least_along
 from actionopt.solver.touching import other_sides
 from actionopt.tools.watch import OutOfTime
 
@@ -492,12 +492,12 @@ def test_a_path_that_was_found_in_time_is_kept(monkeypatch):
             raise OutOfTime
         return Status.SOLVED
 
-    monkeypatch.setattr(obstacle, "_refined", refined)
-    monkeypatch.setattr(obstacle, "_another", lambda *_: True)
-    best, status, _ = obstacle._least(ws, 1e-8, found)
+    monkeypatch.setattr(least_along, "_refined", refined)
+    monkeypatch.setattr(least_along, "_another", lambda *_: True)
+    best, status, _ = least_along._least(ws, 1e-8, found)
     assert (best.here, status) == (found[0], Status.SOLVED)
     with pytest.raises(OutOfTime):
-        obstacle._least(ws, 1e-8, found[1:])
+        least_along._least(ws, 1e-8, found[1:])
 
 
 def test_why_there_is_no_path():
@@ -521,14 +521,61 @@ def test_a_surface_without_a_normal_is_named(row, why):
         ao.solve(ao.Problem(body(row), ao.Event(0, [-2.5, 0.1]), ao.Event(1, [2.5, -0.2])))
 
 
+def thin(width, angle=0.0):
+    """Return the outside of an ellipse of the semi-axes `width` and 1, turned by an angle."""
+    c, s = float(np.cos(angle)), float(np.sin(angle))
+    return lambda q: ((c * q[0] + s * q[1]) / width) ** 2 + (c * q[1] - s * q[0]) ** 2 - 1
+
+
+def round_ellipse(A, B, width, angle):
+    """Return the lengths of strings round it on either side: two tangents and the arc between."""
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    A, B = ((turn @ x) for x in (np.array(A), np.array(B)))
+    touching = []
+    for x, sign in ((A, 1), (B, -1)):  # eccentric angles of the points where tangents touch
+        u = np.arctan2(x[1], x[0] / width)
+        reach = np.arccos(1 / np.hypot(x[0] / width, x[1]))
+        touching.append((u + sign * reach, u - sign * reach))
+    nodes, weights = np.polynomial.legendre.leggauss(400)
+    found = []
+    for (a, b), way in zip(zip(*touching, strict=True), (1, -1), strict=True):
+        span = way * (b - a) % (2 * np.pi)
+        u = a + way * span * (nodes + 1) / 2
+        arc = span / 2 * weights @ np.hypot(width * np.sin(u), np.cos(u))
+        ends = (np.array([width * np.cos(u), np.sin(u)]) for u in (a, b))
+        lines = (np.hypot(*(x - end)) for x, end in zip((A, B), ends, strict=True))
+        found.append(arc + sum(lines))
+    return found
+
+
+@pytest.mark.parametrize(
+    ("width", "angle"), a_quarter([(1e-2, 0.3), (0.1, 0.0), (0.03, 1.2), (0.015, -0.7)])
+)
+def test_a_string_round_the_edge_of_a_thin_wall(width, angle):
+    A, B = [-2.5, 0.1], [2.5, -0.2]
+    sol = ao.solve(ao.Problem(body(thin(width, angle)), ao.Event(0, A), ao.Event(1, B)))
+    length = min(round_ellipse(A, B, width, angle))
+    assert np.sqrt(2 * sol.action) == pytest.approx(length, rel=1e-9)
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("width", [1e-2, 1e-3])
-def test_a_path_through_a_thin_wall_is_not_found(width):
-    wall = body(lambda q: (q[0] / width) ** 2 + q[1] ** 2 - 1)
-    problem = ao.Problem(wall, ao.Event(0, [-2.5, 0.1]), ao.Event(1, [2.5, -0.2]))
-    with pytest.raises(ao.SolveError, match="small or sharp") as caught:
-        ao.solve(problem, tol=1e-8)
-    assert caught.value.solution.status is ao.Status.NOT_FOUND
+def test_a_fall_over_the_edge_of_a_thin_wall():
+    """Two parabolas to the edge and from it, at the time at which they take least action."""
+    A, B, edge, g, T = np.array([-1.0, 0.2]), np.array([1.2, 0.0]), np.array([0.0, 1.0]), 3.0, 1.0
+    wall = thin(0.01)
+    system = ao.System(
+        lambda q, v, t: v @ v / 2 - g * q[1], ["x", "y"], obstacle=lambda q, t: wall(q)
+    )
+    sol = ao.solve(ao.Problem(system, ao.Event(0, A), ao.Event(T, B)))
+
+    def parabola(a, b, t):
+        return (b - a) @ (b - a) / (2 * t) - g * t * (a[1] + b[1]) / 2 - g**2 * t**3 / 24
+
+    t = np.linspace(0.2, 0.8, 6001)
+    least = min(parabola(A, edge, t) + parabola(edge, B, T - t) for t in t)
+    assert sol.action == pytest.approx(least, rel=2e-4)  # the edge has the radius 1e-4
+    (arc,) = sol.contacts
+    assert arc.end - arc.begin < 1e-3
 
 
 def test_pictures():

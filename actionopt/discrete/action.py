@@ -217,6 +217,14 @@ class Action:
         np.maximum.at(sizes, layout.G_rows, largest * self.lengths[layout.G_cols])
         return unit, np.where(sizes > 0, sizes, 1.0)
 
+    def scaled(self, row_units: Array) -> Self:
+        """Return the same with other units (m,) of the constraints' rows."""
+        other = copy(self)
+        other.row_units = row_units
+        ratio = (row_units / self.row_units)[self.layout.row_constraint]
+        other.row_unit, other.mu_unit = self.row_unit * ratio, self.mu_unit / ratio
+        return other
+
     # -- vectors -----------------------------------------------------------------------------
 
     def straight(self) -> Array:

@@ -9,11 +9,16 @@ from __future__ import annotations
 import numpy as np
 
 from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.factors import Factors
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.held import Held
 from actionopt.mechanics.obstacle import Arc
 from actionopt.tools.types import Array
 
+TANGENTIAL = 1e-15  # of a typical rate of f: a rate that is zero; ad hoc
+# For derivatives by a time of contact: of the shortest part, but of the duration at least so much,
+# far above its round-off, and of the part at most. Ad hoc.
+DIFFERENCE, LEAST_DIFFERENCE, MOST_DIFFERENCE = 1e-6, 1e-11, 1e-2
 VELOCITY_STEPS = 4  # of Newton's method from the polynomial's velocity: it converges in two
 
 
@@ -32,6 +37,38 @@ def stretched(tr: Transcription, times: Array, moves: Array) -> Transcription:
     before[-1] = now[-1] = held.duration
     mesh = tr.mesh.cut(np.interp(tr.mesh.since, before, now), tr.mesh.degrees)
     return Transcription(moved, mesh, tr.lengths, like=tr)
+
+
+def tangential(
+    at: DiscretePath, times: Array, force: Array | float = 0.0
+) -> tuple[Array, Array] | None:
+    """Return Newton's step (J,) for the times of contact and that of z (size,), with it.
+
+    Both at once: between given times of contact a path that is stationary meets the obstacle at an
+    angle whose square the times determine, and may not exist at all. None if there is no step.
+    A `force` (size,) is what its residual is to be in place of zero.
+    """
+    held = at.problem
+    assert isinstance(held, Held)
+    slip, residual, duration = slips(at), at.tr.residual(at.z), held.duration
+    part = float(np.diff(np.union1d(held.fixed, times)).min())
+    delta = min(max(DIFFERENCE * part, LEAST_DIFFERENCE * duration), MOST_DIFFERENCE * part)
+    moves, slopes = np.empty((at.z.size, times.size)), np.empty((slip.size, times.size))
+    try:
+        factors = Factors(at.tr.layout, at.tr.kkt(at.z), many=True)
+        step = factors.solve(force - residual)
+        for j in range(times.size):
+            tr = stretched(at.tr, times, np.where(np.arange(times.size) == j, delta, 0.0))
+            move = -factors.solve(tr.residual(at.z) - residual)
+            slopes[:, j] = (slips(DiscretePath(tr, at.z + move)) - slip) / delta
+            moves[:, j] = move / delta
+        slip = slips(DiscretePath(at.tr, at.z + step))
+        if np.abs(slip).max() <= TANGENTIAL * float(at.tr.row_units.max()) / duration:
+            return np.zeros(times.size), step  # whatever the times are, where nothing presses
+        shifts = -np.linalg.lstsq(slopes, slip, rcond=None)[0]
+    except np.linalg.LinAlgError:
+        return None
+    return shifts, step + moves @ shifts
 
 
 def without(held: Held, a: float, b: float) -> tuple[Arc, ...]:

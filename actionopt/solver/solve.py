@@ -30,7 +30,8 @@ from actionopt.solver.arguments import Guess, asked, checked, curve
 from actionopt.solver.durations import oscillations, well
 from actionopt.solver.family import LOST, conditioned, judged, suspected
 from actionopt.solver.ladder import BRIEF, COARSE_DEGREE, IPOPT, LADDER, LINEAR, NEAR, Rung, Search
-from actionopt.solver.obstacle import Along, along
+from actionopt.solver.least_along import along
+from actionopt.solver.obstacle import Along
 from actionopt.solver.on_surface import solve_on_surface
 from actionopt.solver.signals import SIGNALS, status_of
 from actionopt.solver.unfixed import solve_unfixed

@@ -38,6 +38,17 @@ WHOLE = 0.01  # how near a whole number the order is of a row that grows as a po
 NO_ROOM = "no path outside of the obstacle was found: its rows may contradict each other somewhere"
 
 
+def sideways(problem: Problem) -> Array:
+    """Return a direction (n,) across the straight line, coordinates in units of `measures`."""
+    n, sizes = problem.system.n, 2.0 ** measures(problem.lengths)
+    mesh = Mesh.uniform(problem.start.t, problem.end.t, 1, 1)
+    Q = Transcription(problem, mesh, problem.lengths).straight()
+    along, side = (Q[-1] - Q[0]) / sizes, np.cos(np.arange(1.0, 1.0 + n))
+    if along.any():
+        side = side - (side @ along) / (along @ along) * along
+    return side
+
+
 def lines(problem: Problem, mesh: Mesh) -> list[Path | None]:
     """Return the straight line (None), and lines curved to either side of it: past the obstacle."""
     n, m = problem.system.n, problem.system.m
@@ -45,9 +56,7 @@ def lines(problem: Problem, mesh: Mesh) -> list[Path | None]:
         return [None]
     Q = Transcription(problem, mesh, problem.lengths).straight()
     sizes = 2.0 ** measures(problem.lengths)
-    along, side = (Q[-1] - Q[0]) / sizes, np.cos(np.arange(1.0, 1.0 + n))
-    if along.any():
-        side = side - (side @ along) / (along @ along) * along
+    side = sideways(problem)
     bow = np.sin(np.pi * mesh.nodes_since / mesh.duration)[:, None] * (side * sizes)
     outside = problem.system.held.pointwise("constraint")
     found: list[Path | None] = [None]
@@ -158,6 +167,26 @@ def narrow(found: DiscretePath) -> list[Array]:
         for k, l in runs(row)
         if l - k < 2
     ]
+
+
+def turns(held: Held, path: Path, a: float, b: float) -> tuple[Array, Array]:
+    """Return times (K,) from a to b, since the start, and by what angle (K,) normals turned.
+
+    Those of the rows that are in contact all the while; of the most, where there are more.
+    """
+    since = path.mesh.nodes_since
+    times = np.concatenate([[a], since[(a < since) & (since < b)], [b]])
+    turned, t = np.zeros(times.size), times + held.start.t
+    rows = np.flatnonzero(held.active(t[[0]] / 2 + t[[-1]] / 2)[held.free.system.m :, 0])
+    if rows.size:
+        G = held.system.constraint_jacobian(path(t), t, parameters=held.parameters)
+        for i in rows:
+            normal = G[held.free.system.m + i] * 2.0 ** measures(held.lengths)[:, None]
+            normal = normal / np.maximum(np.linalg.norm(normal, axis=0), EPS)
+            cosines = np.sum(normal[:, 1:] * normal[:, :-1], axis=0)
+            angles = np.append(0.0, np.cumsum(np.arccos(np.clip(cosines, -1.0, 1.0))))
+            turned = max(turned, angles, key=lambda x: x[-1])
+    return times, turned
 
 
 def rows_along(found: DiscretePath, t: Array) -> Array:

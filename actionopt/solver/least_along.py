@@ -1,0 +1,254 @@
+"""Search for paths of least action along an obstacle: where to begin, and which is the least.
+
+Ipopt's paths from lines past the obstacle tell what is in contact (`touching`). Where nodes do not
+see it, as at an edge that is sharper than they are apart, strings drawn tight round it do
+(`supports`), and finer meshes. What is in contact is held there (`obstacle`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from copy import copy
+from dataclasses import replace
+
+import numpy as np
+
+from actionopt.analysis.status import Status
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.path import Path
+from actionopt.mechanics.held import Held, measures
+from actionopt.mechanics.obstacle import Arc
+from actionopt.solver.iterate import Iterate
+from actionopt.solver.obstacle import (
+    DEPENDENT,
+    FAMILY,
+    FLAT,
+    KINKED,
+    ORDER,
+    VANISHING,
+    Along,
+    Changed,
+)
+from actionopt.solver.refine import refine
+from actionopt.solver.supports import tight
+from actionopt.solver.touching import (
+    NO_ROOM,
+    is_of_higher_order,
+    lines,
+    narrow,
+    other_sides,
+    sideways,
+    touch,
+    touched,
+    unseen,
+)
+from actionopt.tools.types import EPS, Array
+from actionopt.tools.watch import OutOfTime
+
+# Ad hoc, all of them.
+SOUGHT, SOUGHT_DEGREE = 16, 4  # elements on which contact is sought first, and their degree
+TRIES, MOST = 7, 200  # meshes on which it is sought, and elements of one
+CHANGES = 8  # of what is in contact, before it is given up
+SMALL = (
+    "round something small or sharp contact is short: below about a thousandth of the path it may "
+    "not be found; give a guess that goes round it, or make it larger or rounder"
+)
+HOPELESS = (NO_ROOM, KINKED, ORDER, DEPENDENT)  # what finer meshes do not mend
+
+
+def along(ws: Along, tol: float, curve_of: Callable[[Mesh], Path] | None) -> tuple[Along, Status]:
+    """Find the path along the obstacle that is least near a guess or, without one, near lines.
+
+    Return the search that has it, and the verdict.
+
+    That is the straight one and, against symmetries that would hold the path there, curved ones to
+    either side, and then the other side of each part that touches; of what Ipopt finds from them,
+    the least action first. Where that is lost another is kept, and contact sought more finely.
+    """
+    kept: tuple[Along, Status] | None = None
+    last = ws, Status.NOT_FOUND
+    try:
+        for found, status, least in _sought(ws, tol, curve_of):
+            last = found, status
+            if status is Status.NOT_FOUND or status is Status.UNRESOLVED:
+                continue
+            if kept is None or found.here.action < kept[0].here.action:
+                kept = last
+            if least:
+                break
+    except OutOfTime:
+        if kept is None:
+            raise
+    return kept or last
+
+
+def _sought(
+    ws: Along, tol: float, curve_of: Callable[[Mesh], Path] | None
+) -> Iterator[tuple[Along, Status, bool]]:
+    """Yield what is found on finer and finer meshes: see `_least`."""
+    problem = ws.question
+    since = np.linspace(0.0, problem.duration, SOUGHT + 1)
+    for k in range(TRIES):
+        mesh = Mesh.over(problem.start.t, problem.end.t, since, SOUGHT_DEGREE)
+        guesses = lines(problem, mesh) if curve_of is None else [curve_of(mesh)]
+        # The straight line may be a trap, in which Ipopt goes about for long.
+        principle = "patient least" if k or len(guesses) == 1 else "least"
+        first: list[Iterate] = []
+        for guess in guesses:
+            ws.restart()
+            if touch(ws, mesh, guess, principle):
+                first.append(ws.here)
+            elif ws.unbounded and guess is None:
+                yield ws, Status.UNBOUNDED, True
+        windows: list[Array] = []
+        if first:
+            if curve_of is None:
+                first = _both_sides(ws, mesh, first)
+            first.sort(key=lambda found: found.action)
+            windows = unseen(first[0])
+            if not windows:
+                windows = narrow(first[0])
+                yield _least(ws, tol, first)
+            ws.stand(first[0])
+        if k == 0 and (drawn := _drawn(ws, tol, mesh, guesses[0])):
+            yield drawn
+        since = np.unique(np.concatenate([since, *(windows or [(since[:-1] + since[1:]) / 2])]))
+        if since.size > MOST or ws.hint in HOPELESS:
+            return
+
+
+def _drawn(
+    ws: Along, tol: float, mesh: Mesh, guess: Path | None
+) -> tuple[Along, Status, bool] | None:
+    """Return what is found from strings drawn tight round the obstacle, on a guess's side or both.
+
+    Nodes see neither a wall that is thinner than they are apart nor an edge that is sharper, and
+    Ipopt's path goes through.
+    """
+    problem, best = ws.question, None
+    if problem.system.n == 1 or problem.system.m:
+        return None
+    sizes = 2.0 ** measures(problem.lengths)
+    for sign in (1.0, -1.0) if guess is None else (1.0,):
+        ws.restart()
+        ws.problem = held = Held(problem, (), sought=True)
+        ws.transcribe(mesh, None, np.zeros((mesh.nodes.size, held.system.m)))
+        ws.follow()  # the straight line will do where no path is free
+
+        def side(t: float, sign: float = sign, free: Path = ws.here.path) -> Array:
+            away = sign * sideways(problem) if guess is None else (guess(t) - free(t)) / sizes
+            return away / max(float(np.linalg.norm(away)), EPS)
+
+        string = tight(ws.here, side)
+        if string is None:
+            continue
+        status = _refined(ws, tol, string)
+        if status is not Status.NOT_FOUND and (not best or ws.here.action < best[0].here.action):
+            best = copy(ws), status, True
+    return best
+
+
+def _both_sides(ws: Along, mesh: Mesh, first: list[Iterate]) -> list[Iterate]:
+    """Return first paths, and those on the other side of each part of the least that touches."""
+    compared: list[Iterate] = []
+    while _another(least := min(first, key=lambda found: found.action), compared):
+        compared.append(least)
+        for guess in other_sides(least):
+            ws.restart()
+            if touch(ws, mesh, guess, "least"):
+                first.append(ws.here)
+    return first
+
+
+def _least(ws: Along, tol: float, first: list[Iterate]) -> tuple[Along, Status, bool]:
+    """Refine first paths, in order of their action.
+
+    Return the search that has the least, the verdict, and whether none of less action was lost.
+
+    What nodes alone hold outside costs less than what all of it does, about: one whose action there
+    is above that of a path that was refined is not the least.
+    """
+    best: Along | None = None
+    status = Status.NOT_FOUND
+    tried: list[Iterate] = []
+    least = True
+    for found in first:
+        if best and not (found.action < best.here.action and _another(found, tried)):
+            continue
+        tried.append(found)
+        ws.restart()
+        ws.stand(found)
+        try:
+            last = _refined(ws, tol)
+        except OutOfTime:
+            if best is None:
+                raise
+            break
+        if last.success or last in (Status.FLOOR, Status.DEGENERATE):
+            if best is None or ws.here.action < best.here.action:
+                best, status = copy(ws), last
+        elif best is None:
+            status, least = last, False
+    return best or ws, status, least
+
+
+def _another(found: Iterate, tried: list[Iterate]) -> bool:
+    """Whether a path is none of these, on one mesh."""
+    apart = [np.abs(found.Q - other.Q) / found.tr.lengths for other in tried]
+    return all(difference.max() > FLAT for difference in apart)
+
+
+def _refined(ws: Along, tol: float, string: tuple[Path, tuple[Arc, ...]] | None = None) -> Status:
+    """Hold what is in contact and refine the path, until all conditions are satisfied.
+
+    That is what touches the path at hand or, given a `string` and its parts in contact, these.
+    """
+    allowed, ws.freed = tol / 4, False
+    curve, arcs = (None, touched(ws.here)) if string is None else string
+    coarse = 2 * float(np.diff(ws.here.mesh.nodes).max())
+    for k in range(CHANGES):
+        if k == CHANGES - 1:  # what comes and goes is shorter than times can be told apart
+            allowed = max(tol, VANISHING[1])
+        ws.hold(arcs, curve)
+        held = ws.here
+        try:
+            reached = curve is None or ws.ease()
+            curve = None
+            if not (reached and ws.follow()):
+                ws.hint = ws.why()
+                if ws.hint == FAMILY and min(arc.end - arc.begin for arc in arcs) < coarse:
+                    ws.hint = SMALL
+                return Status.NOT_FOUND
+            ws.hint = ""
+            other = ws.changed(allowed)
+            if other is None:
+                if not ws.as_given():
+                    ws.hint = ws.why()
+                    return Status.NOT_FOUND
+                status = refine(ws, tol, least=True)
+                other = ws.changed(allowed) if status.success else None
+                if other is None:
+                    return _judged(ws, tol, status)
+            arcs = other
+        except Changed as change:
+            arcs = change.arcs
+        except np.linalg.LinAlgError:
+            ws.hint = ORDER if is_of_higher_order(held) else DEPENDENT
+            return Status.NOT_FOUND
+    if ws.inside > allowed:
+        ws.hint = SMALL
+        return Status.NOT_FOUND
+    return Status.UNRESOLVED
+
+
+def _judged(ws: Along, tol: float, status: Status) -> Status:
+    """Return the verdict on a path that may be inside of the obstacle by a part of the tolerance.
+
+    Where it is held at last it moves by as much.
+    """
+    depth = 2 * ws.inside
+    if status.success and ws.here.error + depth > tol:
+        status = refine(ws, max(tol - depth, tol / 2), least=True)
+    error = ws.here.error + depth
+    ws.here = replace(ws.here, error=error)
+    return Status.FLOOR if status.success and error > tol else status
