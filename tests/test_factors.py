@@ -6,10 +6,20 @@ import systems
 from helpers import same_bits
 
 from actionopt.discrete.blocks import Condensed
-from actionopt.discrete.factors import Factors, compressed, diagonal, negative_eigenvalues, product
+from actionopt.discrete.factors import (
+    Factors,
+    compressed,
+    diagonal,
+    full,
+    negative_eigenvalues,
+    product,
+)
+from actionopt.discrete.layout import bordered
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.problem import Event, Problem
+from actionopt.mechanics.held import Held
+from actionopt.mechanics.obstacle import Arc
+from actionopt.mechanics.problem import Event, Periodic, Problem
 from actionopt.mechanics.system import System
 
 # A backward stable solve is wrong by the condition of the matrix times rounding, some 1e2 of it.
@@ -223,3 +233,112 @@ def test_a_solution_has_the_sign_of_its_right_hand_side(kind, stored):
     found = [Factors(layout, nonzeros).solve(c * right) for c in (1.0, -1.0, 2.0**40)]
     same_bits(found[0], -found[1], because="rounding knows no sign")
     same_bits(found[0], found[2] / 2.0**40, because="powers of two round nothing")
+
+
+# -- closed paths, rows that are not in force, and borders -------------------------------------
+
+
+def alike(q, v, t):
+    x, y, z = q
+    forces = (x - y) ** 4 + (x - z) ** 4 + (y - z) ** 4 - np.cos(np.pi * t) * (x + y + z)
+    return ((1 + (x * y * z) ** 2) * (v[0] ** 2 + v[1] ** 2 + v[2] ** 2) - forces) / 2
+
+
+def contact(kind, mesh):
+    """Return the question of a path that is in contact with one surface longer than another."""
+    system = System(alike, list("xyz"), obstacle=lambda q, t: [sphere(q, t), q[1] - q[2]])
+    problem = Problem(system, Event(0, [0, 0, -1]), Event(2, [1, 1, 0.5]))
+    b = mesh.boundaries
+    return Held(problem, (Arc(0, b[2], b[-2]), Arc(1, b[1], b[-1])))
+
+
+def closing(kind, **arguments):
+    system = System(alike, list("xyz"), **KINDS[kind])
+    start = arguments.pop("start", [None] * 3)
+    return Problem(system, Event(0, start), Periodic(2, **arguments))
+
+
+SHAPES = {
+    "open": lambda kind, mesh: Problem(
+        System(alike, list("xyz"), **KINDS[kind]), Event(0, [0, None, 0]), Event(2, [1, 1, 1])
+    ),
+    "closed": lambda kind, mesh: closing(kind, advance=[0.3, 0, 0]),
+    "begun": lambda kind, mesh: closing(kind, start=[None, 0.5, None]),
+    "relabelled": lambda kind, mesh: closing(kind, relabel=list("yzx")),
+    "contact": contact,
+}
+
+
+def dense_of(layout, nonzeros):
+    dense = np.zeros((layout.size, layout.size))
+    dense[layout.kkt.row, layout.kkt.col] = compressed(layout, nonzeros)
+    return dense
+
+
+def matrix_with(monkeypatch, shape, kind, lengths=(0.7, 1.3, 2.0), border=(), elements=12):
+    """Return layout, nonzeros and the dense matrix, from parts stored in the other way."""
+    mesh = Mesh(np.linspace(0, 2, elements + 1), 2 + np.arange(elements) % 2)
+    problem, sides = SHAPES[shape](kind, mesh), []
+    for inner in (0, 60):
+        monkeypatch.setattr("actionopt.discrete.layout.BLOCK_SIZE", inner)
+        problem.system.layouts.clear()
+        tr = Transcription(problem, mesh, np.array(lengths))
+        z = np.random.default_rng(elements).uniform(-1, 1, tr.layout.size)
+        sides.append((tr.layout, tr.kkt(z)))
+    (sparse, entries), (layout, nonzeros) = sides
+    assert sparse.storage == "sparse" and layout.storage == "blocks"
+    dense = dense_of(sparse, entries)
+    for k in border:  # one beside the other
+        edges = np.random.default_rng(7).normal(size=(2, len(dense), k))
+        B, C, D = edges[0], edges[0].T if kind != "drag" else edges[1].T, np.eye(k)
+        layout, nonzeros = bordered(layout, nonzeros, B, C, D)
+        dense = np.block([[dense, B], [C, D]])
+    return layout, nonzeros, dense
+
+
+@pytest.fixture
+def in_blocks(monkeypatch):
+    """Store all matrices in blocks that may be, and make none of them full."""
+    for name, value in (("layout.FILLED", 1.0), ("layout.SLIM", 0), ("layout.FULL_SIZE", 0)):
+        monkeypatch.setattr(f"actionopt.discrete.{name}", value)
+    monkeypatch.setattr("actionopt.discrete.blocks.PLACES_AT_ONCE", 4)
+    monkeypatch.setattr("actionopt.discrete.blocks.FULL_SIZE", 12)
+    return monkeypatch
+
+
+CASES = [(shape, "plain") for shape in SHAPES]
+CASES += [(shape, kind) for shape in ("open", "closed", "begun") for kind in ("sphere", "drag")]
+
+
+@pytest.mark.parametrize(("shape", "kind"), CASES)
+def test_blocks_of_any_path_with_a_border(in_blocks, shape, kind):
+    """Nonzeros, products, solutions and inertia, against a matrix put together sparsely."""
+    for elements, border in ((2, ()), (6, (1, 2)), (9, (2,))):
+        layout, nonzeros, dense = matrix_with(
+            in_blocks, shape, kind, border=border, elements=elements
+        )
+        size = np.max(np.abs(dense))
+        assert np.max(np.abs(dense_of(layout, nonzeros) - dense)) <= 1e-13 * size
+        z = np.random.default_rng(2).normal(size=layout.size)
+        assert np.max(np.abs(product(layout, nonzeros, z) - dense @ z)) <= 1e-12 * size
+        assert np.max(np.abs(full(layout, nonzeros) - dense)) <= 1e-13 * size
+        factors = Factors(layout, nonzeros)
+        assert np.max(np.abs(dense @ factors._condensed.solve(z) - z)) <= 1e-8
+        if kind != "drag":
+            assert np.max(np.abs(dense - dense.T)) <= 1e-13 * size
+            assert factors.negative() == np.sum(np.linalg.eigvalsh(dense) < 0)
+
+
+@pytest.mark.parametrize("border", [(), (2,)], ids=str)
+@pytest.mark.parametrize("kind", ["plain", "sphere"])
+def test_a_closed_path_whose_coordinates_differ_much_in_size(in_blocks, kind, border):
+    """The digits of a coordinate that hardly moves are not lost among those of the others."""
+    layout, nonzeros, dense = matrix_with(in_blocks, "closed", kind, (1.0, 1e-9, 1e-4), border)
+    diagonal = np.abs(np.diag(dense))
+    unit = 1 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+    unit[layout.unknowns : layout.size - layout.border] *= 1e3  # rows of constraints
+    even = unit[:, None] * dense * unit
+    right = np.random.default_rng(2).normal(size=layout.size) / unit
+    known = np.linalg.solve(even, unit * right)
+    found = Factors(layout, nonzeros).solve(right) / unit
+    assert np.max(np.abs(found - known)) <= 1e-14 * np.linalg.cond(even) * np.max(np.abs(known))

@@ -224,13 +224,20 @@ def test_kkt_matrix_is_the_derivative_of_the_residual(combination, ends, mesh):
         assert mismatch(K, K.T) <= 4 * EPS
 
 
+@pytest.mark.parametrize("storage", ["blocks", "sparse"])
 @pytest.mark.parametrize("combination", COMBINATIONS, ids="-".join)
-def test_the_sparse_matrix_of_a_closed_path_is_the_derivative_of_the_residual(combination):
+def test_the_matrix_of_a_closed_path_is_the_derivative_of_the_residual(
+    monkeypatch, combination, storage
+):
     """Units of action and coordinates are not one: every part of the matrix has them."""
+    monkeypatch.setattr("actionopt.discrete.layout.BLOCK_SIZE", 60 if storage == "blocks" else 0)
+    monkeypatch.setattr("actionopt.discrete.layout.FILLED", 1.0)
+    monkeypatch.setattr("actionopt.discrete.layout.SLIM", 0)
     system = system_of(*combination)
+    system.layouts.clear()  # one that another storage made
     problem = Problem(system, Event(0.5, [None, None]), Periodic(2.0, advance=[0.3, 0.0]))
     tr = Transcription(problem, MESHES["mixed"], np.array([0.7, 3.0]))
-    assert tr.layout.storage == "sparse" and not 0.5 < tr.action_unit < 2
+    assert tr.layout.storage == storage and not 0.5 < tr.action_unit < 2
     z = point(tr)
     assert mismatch(kkt(tr, z), difference(tr.residual, z)) <= DIFFERENCE_TOLERANCE
     assert mismatch(kkt(tr, z * (1 + 1e-6)), kkt(tr, z)) > 10 * DIFFERENCE_TOLERANCE

@@ -13,6 +13,7 @@ from scipy.special import ellipj, ellipk, ellipkinc
 import actionopt as ao
 from actionopt import plot, scenes
 from actionopt.discrete.bordered import Bordered
+from actionopt.discrete.factors import full
 from actionopt.solver.first_paths import FirstPaths
 from actionopt.solver.unfixed import Unfixed
 
@@ -671,7 +672,7 @@ def test_the_matrix_with_a_duration_is_the_derivative_of_the_equations(name):
     y = y + 0.01 * np.cos(np.arange(y.size))  # the duration as well
     step = 1e-6 * np.eye(y.size)
     columns = [(bordered.residual(y + h) - bordered.residual(y - h)) / 2e-6 for h in step]
-    matrix = bordered.layout.full(bordered.kkt(y))
+    matrix = full(bordered.layout, bordered.kkt(y))
     assert np.abs(matrix - np.transpose(columns)).max() < 1e-9 * np.abs(matrix).max()
 
 

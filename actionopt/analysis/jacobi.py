@@ -12,7 +12,6 @@ fields are replaced by an orthonormal frame that spans the same Lagrangian plane
 
 from __future__ import annotations
 
-import casadi as ca
 import numpy as np
 
 from actionopt.analysis.second_variation import (
@@ -25,7 +24,8 @@ from actionopt.analysis.second_variation import (
 from actionopt.discrete.bordered import Bordered, moves_of
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.equations import Equations
-from actionopt.discrete.factors import compressed
+from actionopt.discrete.factors import Factors
+from actionopt.discrete.layout import bordered
 from actionopt.discrete.mesh import MAX_DEGREE, Mesh
 from actionopt.discrete.newton import follow
 from actionopt.discrete.resolution import SHORTEST
@@ -135,21 +135,18 @@ def _stationary(equations: Equations, z: Array, nullity: int) -> tuple[Array, fl
     if near.converged and near.travelled < POLISH_REACH:
         return near.z, 0.0
     layout, first = equations.layout, z
-    cut, size, pattern = layout.unknowns, layout.size, layout.kkt
+    cut, size = layout.unknowns, layout.size
     border = np.zeros((size, nullity))
     border[:cut] = np.random.default_rng(0).standard_normal((cut, nullity))
     with np.errstate(all="ignore"):
         for k in range(BORDERED_STEPS):
-            entries, residual = compressed(layout, equations.kkt(z)), equations.residual(z)
-            if not (np.isfinite(entries).all() and np.isfinite(residual).all()):
-                return None
-            K, B = ca.DM(pattern.sparsity, entries), ca.DM(border)
-            matrix = ca.blockcat([[K, B], [B.T, ca.DM(nullity, nullity)]])
-            right = np.eye(size + nullity, 1 + nullity, 1 - size)
-            right[:size, 0] = residual
+            edges = border, border.T, np.zeros((nullity, nullity))
+            right = np.eye(1 + nullity, size + nullity, size - 1)
+            right[0, :size] = equations.residual(z)
             try:
-                found = np.asarray(ca.solve(matrix, ca.DM(right), "csparse"))
-            except RuntimeError:  # singular all the same
+                matrix = Factors(*bordered(layout, equations.kkt(z), *edges))
+                found = np.stack([matrix.solve(column) for column in right], axis=1)
+            except np.linalg.LinAlgError:  # singular all the same
                 return None
             # The other columns span the kernel: the border for the next step.
             border[:cut] = np.linalg.qr(found[:cut, 1:])[0]

@@ -93,7 +93,11 @@ class Action:
     ) -> None:
         self.problem, self.mesh, self.lengths = problem, mesh, lengths
         self.nodal = terms(problem, mesh) if problem.has_tails else ()
-        self.layout = layout_for(problem, mesh, tuple(term.node for term in self.nodal))
+        nodal = tuple(term.node for term in self.nodal)
+        if problem.on_surface:
+            ends = (0, problem.start), (int(mesh.offsets[-1]), problem.end)
+            nodal = tuple(node for node, event in ends if event.on is not None)
+        self.layout = layout_for(problem, mesh, nodal)
         self.counts: Counter[str] = Counter()
         self.watch: Callable[[int], None] | None = None  # called with each second derivative
         layout, n = self.layout, problem.system.n

@@ -18,13 +18,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-import casadi as ca
 import numpy as np
 
 from actionopt.discrete.bordered import Bordered, moves_of
 from actionopt.discrete.boundaries import moved
 from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.factors import compressed
+from actionopt.discrete.factors import Factors
+from actionopt.discrete.layout import bordered
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
@@ -33,7 +33,6 @@ from actionopt.mechanics.problem import Problem
 from actionopt.tools.types import Array
 
 # Ad hoc, but for `DIFFERENCE`.
-DENSE = 150  # unknowns below which a dense solver costs less than entering a sparse one
 CORRECTIONS = 6  # of Newton's method: a step that takes more was too long
 CLOSE = 1e-9  # a correction of this size ends the corrector: the next one would be round-off
 # Step in s, relative to its range, for dr/ds: near EPS^(1/3), as central differences ask.
@@ -196,31 +195,8 @@ class Branch:
         column = (self.at(s + h).residual(z) - self.at(s - h).residual(z)) / (2 * h)
         cut = tr.layout.unknowns
         last = np.r_[row[:cut] / max(cut, 1), np.zeros(z.size - cut), row[-1] / self.range**2]
-        pattern, entries = tr.layout.kkt, compressed(tr.layout, tr.kkt(z))
-        if not (np.all(np.isfinite(entries)) and np.all(np.isfinite(column))):
-            return None
-        if z.size <= DENSE or (tr.layout.bordered and tr.layout.small):
-            matrix = np.zeros((y.size, y.size))
-            matrix[pattern.row, pattern.col] = entries
-            matrix[:-1, -1], matrix[-1] = column, last
-            try:
-                return np.linalg.solve(matrix, right).astype(float)
-            except np.linalg.LinAlgError:
-                return None
-        size = z.size
-        dense = ca.Sparsity.dense
-        bordered = ca.blockcat(
-            [
-                [ca.DM(pattern.sparsity, entries), ca.DM(dense(size, 1), column)],
-                [ca.DM(dense(1, size), last[:-1]), ca.DM(dense(1, 1), last[-1])],
-            ]
-        )
-        solvers = tr.layout.solvers
-        if "bordered" not in solvers:
-            solvers["bordered"] = ca.Linsol("lu", "csparse", bordered.sparsity())
-            solvers["bordered"].sfact(bordered)
+        edges = column[:, None], last[None, :-1], last[-1:, None]
         try:
-            solvers["bordered"].nfact(bordered)
-            return np.asarray(solvers["bordered"].solve(bordered, ca.DM(right))).ravel()
-        except RuntimeError:
+            return Factors(*bordered(tr.layout, tr.kkt(z), *edges)).solve(right)
+        except np.linalg.LinAlgError:
             return None

@@ -48,6 +48,8 @@ def kkt(tr: Action, z: Array) -> Array:
             if at_nodes is not None:
                 inner = np.einsum("ejajb->ejab", M)[:, 1:-1]  # each node with itself: a view
                 inner += at_nodes[g.nodes[some, 1:-1]]
+    if layout.closed:
+        _close(tr, elements)
     if at_nodes is not None:
         between += at_nodes[layout.offsets]
     for term in tr.nodal:
@@ -58,10 +60,30 @@ def kkt(tr: Action, z: Array) -> Array:
 
 
 def kinetic(tr: Action, z: Array) -> Array:
-    """Return the nonzeros of its kinetic part, for a system without constraints."""
-    stiff = [x.transpose(0, 1, 3, 2, 4).ravel() for x in _stiff(tr, tr.second(z)[2])]
-    between = np.zeros(tr.layout.offsets.size * tr.problem.system.n**2)
-    return np.concatenate([*stiff, between])
+    """Return the nonzeros of its kinetic part."""
+    layout, n = tr.layout, tr.problem.system.n
+    nonzeros = np.zeros(layout.blocks.count)
+    elements, _ = layout.blocks.split(nonzeros)
+    for whole, pairs in zip(elements, _stiff(tr, tr.second(z[: layout.unknowns])[2]), strict=True):
+        points = pairs.shape[1]
+        whole = whole.reshape(len(whole), points, layout.blocks.width, points, -1)
+        whole[:, :, :n, :, :n] = pairs.transpose(0, 1, 3, 2, 4)
+    if layout.closed:
+        _close(tr, elements)
+    return nonzeros
+
+
+def _close(tr: Action, elements: list[Array]) -> None:
+    """Measure a closed path's last node in the units of the first one's coordinates that it is."""
+    ratio = tr.lengths[list(tr.layout.closed)] / tr.lengths
+    if (ratio == 1.0).all():
+        return
+    scale = np.ones(tr.layout.blocks.width)
+    scale[: ratio.size] = ratio
+    for whole, g in zip(elements, tr.layout.groups, strict=True):
+        if g.nodes[-1, -1] == tr.layout.offsets[-1]:
+            whole[-1, -scale.size :] *= scale[:, None]
+            whole[-1, :, -scale.size :] *= scale
 
 
 def _stiff(tr: Action, C: Array) -> list[Array]:
@@ -118,6 +140,8 @@ def _constraints(tr: Action, z: Array) -> Array:
     node, row, col = layout.row_nodes[:, None], layout.G_rows + system.n, layout.G_cols
     # The units of the rows hold the nodes' weights already.
     unit = tr.lengths[col] / tr.row_units[layout.G_rows]
+    if layout.partial:
+        unit = unit * (layout.row_number[layout.row_nodes][:, layout.G_rows] >= 0)
     found[node, row, col] = found[node, col, row] = tr.normals(z[: layout.unknowns]) * unit
     curvature = tr.constraint_curvature(z)
     if curvature is not None:

@@ -6,19 +6,26 @@ tridiagonal matrix over the nodes between elements; every other node of it is el
 (cyclic reduction; Golub and Van Loan, *Matrix Computations* (4th ed. 2013), section 4.5) until the
 rest is small. Work and memory grow with the number of elements, no pattern is analysed, and every
 pivot is a block that LAPACK inverts with pivoting.
+
+The last node of a closed path is its first one: both are kept to the end, and put together there. A
+few unknowns may stand beside all nodes, with as many equations, [K B; C D]. What the columns B, the
+rows C and the corner D become is carried along, and what is left is one small full matrix: K itself
+may be singular.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from actionopt.discrete.mesh import Group
-from actionopt.tools.types import Array, NDInt
+from actionopt.tools.types import EPS, Array, NDInt
 
 # Rows up to which one full matrix is quicker than blocks, n^3 in LAPACK against calls from Python:
 # where two costs cross, never timed with care.
@@ -26,6 +33,8 @@ FULL_SIZE = 100
 # Places inside an element that are eliminated at once: of more, what is left beside them takes
 # half the work of one inverse. Measured: from 40 to 160 flat, 30 and 100 coordinates.
 PLACES_AT_ONCE = 80
+# Of the largest diagonal element of a coordinate, that of another: half of the digits. Derived.
+GRADED = math.sqrt(EPS)
 AT_HAND = 2**20  # numbers of a product, 8 MB, whose memory is used again; ad hoc
 # glibc keeps of what is freed twice the largest array it has seen (`tools.memory`): let it have
 # seen one. Measured: of ten links at 1e-9 a fifth of the time went into asking for it again.
@@ -48,8 +57,8 @@ class Blocks:
 
     Parameters
     ----------
-    width : int
-        f = n + m.
+    coordinates, rows : int
+        n and m.
     groups : list of Group
     offsets : (N + 1,) array of int
         The nodes between elements.
@@ -57,18 +66,34 @@ class Blocks:
         The node of each evaluation.
     places : (size,) array of int
         Place of each unknown and row among the K f of all nodes.
+    closed : sequence of int
+        Of a closed path, the first node's coordinate that each of the last node's is, (n,).
     """
 
     def __init__(
-        self, width: int, groups: list[Group], offsets: NDInt, node_of: NDInt, places: NDInt
+        self,
+        coordinates: int,
+        rows: int,
+        groups: list[Group],
+        offsets: NDInt,
+        node_of: NDInt,
+        places: NDInt,
+        closed: Sequence[int] = (),
     ) -> None:
-        self.width = f = width
+        self.coordinates, self.width = coordinates, coordinates + rows
+        f = self.width
         self.groups, self.offsets, self.places = groups, offsets, places
+        self.closed = np.array(closed, dtype=np.intp)
         self.nodes = int(offsets[-1]) + 1
         self.shapes = [(*g.nodes.shape, f) for g in groups]
-        used = np.zeros(self.nodes * f, dtype=bool)
-        used[places] = True
-        self.absent = ~used.reshape(-1, f)[offsets]  # (N + 1, f): pinned, or no row
+        used = np.zeros((self.nodes, f), dtype=bool)
+        used.ravel()[places] = True
+        used[-1, : self.closed.size] |= used[0, self.closed]
+        self.absent = ~used[offsets]  # (N + 1, f): pinned, or no row
+        self.incomplete = np.flatnonzero(self.absent.any(axis=1)).tolist()
+        # The same of the nodes inside elements, (E, (d - 1) f): constraints that are not in force.
+        inside = [~used[g.nodes[:, 1:-1]].reshape(len(g.nodes), -1) for g in groups]
+        self.absent_inside = [part if part.any() else None for part in inside]
         self._scatter = (node_of[:, None] * f + np.arange(f)).ravel()
 
     @cached_property
@@ -86,17 +111,68 @@ class Blocks:
             first += size
         return parts, nonzeros[first:].reshape(-1, self.width, self.width)
 
+    def add(self, nonzeros: Array, unknowns: NDInt, matrix: Array) -> None:
+        """Add a matrix (k, k) to the nonzeros for unknowns of one node between elements."""
+        node, place = np.divmod(self.places[unknowns], self.width)
+        block = self.split(nonzeros)[1][np.searchsorted(self.offsets, node[0])]
+        block[place[:, None], place] += matrix
+
+    def scale(self, nonzeros: Array) -> Array | None:
+        """Return factors (size,) that bring all coordinates' equations to one size, powers of two.
+
+        None where they are so already. A coordinate that hardly moves has small equations, whose
+        digits pivoting would lose among the others'.
+        """
+        f, n = self.width, self.coordinates
+        size = np.zeros(f)
+        elements, nodes = self.split(nonzeros)
+        for M in elements:
+            diagonal = np.abs(M[0].diagonal()).reshape(-1, f)
+            np.maximum(size, diagonal.max(axis=0), out=size)
+        for _ in self.closed:  # those that take each other's place have one unit
+            size[:n] = np.maximum(size[:n], size[self.closed])
+        least = float(size[:n].min())
+        if not 0 < least < GRADED * float(size[:n].max()):
+            return None
+        power = np.zeros(f)
+        power[:n] = -np.round(np.log2(size[:n]) / 2)
+        rows = np.abs(nodes[:, n:, :n]).max(axis=0, initial=0.0) * 2 ** power[:n]
+        power[n:] = -np.round(np.log2(np.fmax(rows.max(axis=1), np.finfo(float).tiny)))
+        return (2**power)[self.places % f]
+
+    def scaled(self, nonzeros: Array, scale: Array) -> Array:
+        """Return the nonzeros of the matrix with rows and columns times factors (size,)."""
+        scaled, full = nonzeros.copy(), self.spread(scale)
+        self.expand(full)
+        elements, nodes = self.split(scaled)
+        at = [*(full[g.nodes].reshape(len(g.nodes), -1) for g in self.groups), full[self.offsets]]
+        for M, s in zip([*elements, nodes], at, strict=True):
+            M *= s[:, :, None] * s[:, None, :]
+        return scaled
+
     def product(self, nonzeros: Array, z: Array) -> Array:
         """Return the matrix times z."""
         elements, nodes = self.split(nonzeros)
         full = self.spread(z)
+        self.expand(full)
         parts = [
             (M @ full[g.nodes].reshape(*M.shape[:2], 1)).ravel()
             for M, g in zip(elements, self.groups, strict=True)
         ]
         total = np.bincount(self._scatter, np.concatenate(parts), full.size).reshape(full.shape)
         total[self.offsets] += (nodes @ full[self.offsets][:, :, None])[:, :, 0]
+        self._fold(total)
         return total.ravel()[self.places]
+
+    def expand(self, full: Array) -> None:
+        """Let the last node (..., f) of a closed path be where the first one is."""
+        if self.closed.size:
+            full[-1, : self.closed.size] = full[0, self.closed]
+
+    def _fold(self, full: Array) -> None:
+        """Add to the first node (..., f) of a closed path what is the last one's."""
+        if self.closed.size:
+            full[0, self.closed] += full[-1, : self.closed.size]
 
     def of_ends(self, nonzeros: Array, ends: Array) -> Array:
         """Return the matrix over all places times values (2, f) at the first and the last node.
@@ -105,12 +181,15 @@ class Blocks:
         """
         elements, nodes = self.split(nonzeros)
         total = np.zeros((self.nodes, self.width))
+        ends = ends.copy()
+        self.expand(ends)
         for side, values in zip((0, -1), ends, strict=True):
             total[side] += nodes[side] @ values
             for blocks, g in zip(elements, self.groups, strict=True):
                 if g.nodes[side, side] == self.offsets[side]:
                     block = blocks[side].reshape(g.nodes.shape[1], self.width, -1, self.width)
                     total[g.nodes[side]] += block[:, :, side] @ values
+        self._fold(total)
         return total.ravel()[self.places]
 
     def full(self, nonzeros: Array) -> Array:
@@ -124,6 +203,8 @@ class Blocks:
                 matrix[part, part] += block
         if nodes.any():
             matrix.reshape(self.nodes, f, self.nodes, f)[self.offsets, :, self.offsets] += nodes
+        self._fold(matrix.reshape(self.nodes, f, -1))
+        self._fold(matrix.T.reshape(self.nodes, f, -1))
         return matrix[self._whole]
 
     @cached_property
@@ -146,10 +227,10 @@ class Blocks:
         return nonzeros
 
     def spread(self, z: Array) -> Array:
-        """Return z by node and place, (K, f), zero where there is nothing."""
-        full = np.zeros((self.nodes, self.width))
-        full.ravel()[self.places] = z
-        return full
+        """Return z (size,) or (size, c) by node and place, (K, f, ...), zero where is nothing."""
+        full = np.zeros((self.nodes * self.width, *z.shape[1:]))
+        full[self.places] = z
+        return full.reshape(self.nodes, self.width, *z.shape[1:])
 
     @cached_property
     def targets(self) -> tuple[NDInt, NDInt]:
@@ -157,6 +238,7 @@ class Blocks:
         number = np.full(self.nodes * self.width, -1)
         number[self.places] = np.arange(self.places.size)
         number = number.reshape(self.nodes, -1)
+        self.expand(number)
         rows, cols = [], []
         for nodes in (*(g.nodes for g in self.groups), self.offsets[:, None]):
             at = number[nodes].reshape(len(nodes), -1)
@@ -167,7 +249,7 @@ class Blocks:
 
 
 class Condensed:
-    """A matrix in blocks, factorized.
+    """A matrix in blocks, factorized, or one bordered by columns B, rows C and a corner D.
 
     Raises
     ------
@@ -175,69 +257,133 @@ class Condensed:
         If a pivot block is singular; if `definite` is asked for, at the first that is not.
     """
 
-    def __init__(self, blocks: Blocks, nonzeros: Array, *, definite: bool = False) -> None:
+    def __init__(
+        self,
+        blocks: Blocks,
+        nonzeros: Array,
+        border: tuple[Array, Array, Array] | None = None,
+        *,
+        definite: bool = False,
+    ) -> None:
         self.blocks = blocks
         elements, nodes = blocks.split(nonzeros)
         f = blocks.width
         D = nodes.copy()
         U, V = np.empty((2, len(D) - 1, f, f))  # to the right of D, and below it
         self.inner: list[_Inner] = []
-        for M, g in zip(elements, blocks.groups, strict=True):
-            inner = _Inner(M, f, definite)
+        for M, g, absent in zip(elements, blocks.groups, blocks.absent_inside, strict=True):
+            inner = _Inner(M, f, definite, absent)
             self.inner.append(inner)
             S = inner.condensed
             D[g.elements] += S[:, f:, f:]
             D[g.elements + 1] += S[:, :f, :f]
             U[g.elements], V[g.elements] = S[:, f:, :f], S[:, :f, f:]
-        for node in (0, -1):
+        for node in blocks.incomplete:
             pinned = blocks.absent[node]
             D[node][pinned], D[node][:, pinned] = 0.0, 0.0
             D[node][pinned, pinned] = 1.0
-            side = 0 if node == 0 else -1
-            (U if side == 0 else V)[side][pinned] = 0.0
-            (V if side == 0 else U)[side][:, pinned] = 0.0
+            if node < len(U):
+                U[node][pinned], V[node][:, pinned] = 0.0, 0.0
+            if node:
+                U[node - 1][:, pinned], V[node - 1][pinned] = 0.0, 0.0
         self.levels: list[_Level] = []
         while D.shape[0] * f > FULL_SIZE and D.shape[0] > 2:
-            level = _Level.of(D, U, V, definite)
+            level = _Level.of(D, U, V, definite, keeps_last=blocks.closed.size > 0)
             self.levels.append(level)
             D, U, V = level.rest
         self.last = _tridiagonal(D, U, V)
+        if blocks.closed.size:
+            self._fold()
+        self.carried: list[Array] = []
+        if border is not None:
+            self._carry(*border)
         if definite:
             np.linalg.cholesky(self.last)
         self.inverse = np.linalg.inv(self.last)
 
-    def solve(self, right: Array) -> Array:
-        """Return the solution for one right-hand side, (size,)."""
-        blocks, f = self.blocks, self.blocks.width
-        full = blocks.spread(right)
-        between = full[blocks.offsets]
-        inside = []
-        for inner, g in zip(self.inner, blocks.groups, strict=True):
-            local = np.zeros((*inner.W.shape[:2], 1))
-            local[:, : inner.places, 0] = full[g.nodes[:, 1:-1]].reshape(len(g.nodes), -1)
-            inner.down(local)
-            between[g.elements + 1] += local[:, -2 * f : -f, 0]
-            between[g.elements] += local[:, -f:, 0]
-            inside.append(local)
-        between[blocks.absent] = 0.0
-        between = self._between(between, 0)
-        full[blocks.offsets] = between
-        for inner, g, local in zip(self.inner, blocks.groups, inside, strict=True):
-            local[:, -2 * f : -f, 0], local[:, -f:, 0] = (
-                between[g.elements + 1],
-                between[g.elements],
-            )
-            inner.up(local)
-            full[g.nodes[:, 1:-1]] = local[:, : inner.places].reshape(len(g.nodes), -1, f)
-        return full.ravel()[blocks.places]
+    def _fold(self) -> None:
+        """Make one of the last and the first node of a closed path, in the last matrix."""
+        closed, f, matrix = self.blocks.closed, self.blocks.width, self.last
+        last = len(matrix) - f + np.flatnonzero(~self.blocks.absent[-1, : closed.size])
+        first = closed[last - (len(matrix) - f)]
+        matrix[first] += matrix[last]
+        matrix[:, first] += matrix[:, last]
+        self.last = matrix[:-f, :-f]
 
-    def _between(self, right: Array, depth: int) -> Array:
-        """Solve for the nodes (N + 1, f) that are left at this depth."""
-        if depth == len(self.levels):
-            return (self.inverse @ right.ravel()).reshape(right.shape)
-        level = self.levels[depth]
-        y, even = level.down(right)
-        return level.up(y, self._between(even, depth + 1))
+    def _carry(self, columns: Array, rows: Array, corner: Array) -> None:
+        """Put beside the last matrix what the border becomes as all other nodes are eliminated."""
+        blocks, b = self.blocks, len(corner)
+        self.across, C = self._down(blocks.spread(rows.T), rows=True)
+        for inner, y in zip(self.inner, self.across, strict=False):
+            y[:, inner.places :] = 0.0  # what is left there is no pivot's
+        self.carried, B = self._down(blocks.spread(columns))
+        B, C = self._first(B).reshape(-1, b), self._first(C).reshape(-1, b)
+        self.last = np.block([[self.last, B], [C.T, corner - self._summed(self.carried)]])
+
+    def _first(self, between: Array) -> Array:
+        """Return what is at the last nodes (s, f, c), that of a closed path's end at its start."""
+        if not self.blocks.closed.size:
+            return between
+        between[0, self.blocks.closed] += between[-1, : self.blocks.closed.size]
+        return between[:-1]
+
+    def _summed(self, eliminated: list[Array]) -> Array:
+        """Return the border's rows times what was eliminated, (b, c)."""
+        total = np.zeros((self.across[0].shape[2], eliminated[0].shape[2]))
+        for C, y in zip(self.across, eliminated, strict=True):
+            total += C.reshape(-1, C.shape[2]).T @ y.reshape(-1, y.shape[2])
+        return total
+
+    def solve(self, right: Array) -> Array:
+        """Return the solution for one right-hand side, (size + b,)."""
+        blocks, f, size = self.blocks, self.blocks.width, self.blocks.places.size
+        full = blocks.spread(right[:size])[:, :, None]
+        eliminated, between = self._down(full)
+        between = self._first(between)
+        left = between.ravel()
+        if self.carried:
+            left = np.concatenate([left, right[size:] - self._summed(eliminated)[:, 0]])
+        left = self.inverse @ left
+        beside = left[between.size :]
+        if self.carried:
+            for y, Y in zip(eliminated, self.carried, strict=True):
+                y -= Y @ beside[:, None]
+        between = left[: between.size].reshape(between.shape)
+        if blocks.closed.size:
+            between = np.concatenate([between, np.zeros((1, f, 1))])
+            blocks.expand(between)
+        for level in reversed(self.levels):
+            between = level.up(eliminated.pop(), between)
+        full[blocks.offsets] = between
+        for inner, g, local in zip(self.inner, blocks.groups, eliminated, strict=True):
+            local[:, -2 * f : -f], local[:, -f:] = between[g.elements + 1], between[g.elements]
+            inner.up(local)
+            full[g.nodes[:, 1:-1]] = local[:, : inner.places].reshape(len(g.nodes), -1, f, 1)
+        found = full.ravel()[blocks.places]
+        return np.concatenate([found, beside]) if self.carried else found
+
+    def _down(self, full: Array, *, rows: bool = False) -> tuple[list[Array], Array]:
+        """Return what is eliminated, part by part, and what is left at the last nodes, (s, f, c).
+
+        Of right sides (K, f, c), or of `rows` beside the matrix. The parts are (E, p + 2 f, c) for
+        each degree and (k, f, c) for each level.
+        """
+        blocks, f = self.blocks, self.blocks.width
+        between, eliminated = full[blocks.offsets], []
+        for inner, g in zip(self.inner, blocks.groups, strict=True):
+            local = np.zeros((*inner.W.shape[:2], full.shape[2]))
+            local[:, : inner.places] = full[g.nodes[:, 1:-1]].reshape(
+                len(g.nodes), inner.places, -1
+            )
+            inner.down(local, rows=rows)
+            between[g.elements + 1] += local[:, -2 * f : -f]
+            between[g.elements] += local[:, -f:]
+            eliminated.append(local)
+        between[blocks.absent] = 0.0
+        for level in self.levels:
+            y, between = level.down(between, rows=rows)
+            eliminated.append(y)
+        return eliminated, between
 
     def negative(self) -> int:
         """Return the number of negative eigenvalues: the sum over the pivots (Haynsworth)."""
@@ -261,11 +407,14 @@ class _Inner:
         The places of each part, and the pivot's inverse.
     """
 
-    def __init__(self, M: Array, f: int, definite: bool) -> None:
+    def __init__(self, M: Array, f: int, definite: bool, absent: NDArray[np.bool_] | None) -> None:
         W = self.W = np.empty_like(M)
         W[:, :-f, :-f], W[:, :-f, -f:] = M[:, f:, f:], M[:, f:, :f]
         W[:, -f:, :-f], W[:, -f:, -f:] = M[:, :f, f:], M[:, :f, :f]
         self.places = W.shape[1] - 2 * f
+        if absent is not None:
+            e, k = absent.nonzero()
+            W[e, k, k] = 1.0
         self.parts: list[tuple[slice, Array]] = []
         size = max(PLACES_AT_ONCE // f, 1) * f
         for first in range(0, self.places, size):
@@ -290,11 +439,18 @@ class _Inner:
         """The pivots (E, c, c) of the parts."""
         return [self.W[:, part, part] for part, _ in self.parts]
 
-    def down(self, local: Array) -> None:
-        """Put in place of the right sides (E, p + 2 f, 1) those of the ends, others zero there."""
+    def down(self, local: Array, *, rows: bool = False) -> None:
+        """Put in place of the right sides (E, p + 2 f, c) those of the ends, others zero there.
+
+        Or of `rows` beside the matrix.
+        """
         for part, inverse in self.parts:
-            local[:, part] = inverse @ local[:, part]
-            local[:, part.stop :] -= self.W[:, part.stop :, part] @ local[:, part]
+            if rows:
+                beside = self.W[:, part, part.stop :].transpose(0, 2, 1)
+            else:
+                local[:, part] = inverse @ local[:, part]
+                beside = self.W[:, part.stop :, part]
+            local[:, part.stop :] -= beside @ local[:, part]
 
     def up(self, local: Array) -> None:
         """Put the solution inside in its place, that of the ends given."""
@@ -307,7 +463,8 @@ class _Level:
     """Every other node of a block tridiagonal matrix, the k odd ones, eliminated: blocks (k, f, f).
 
     `left` and `right` are the inverse times the blocks beside the pivot, `above` and `below` the
-    blocks that the neighbours' rows have in its columns, `rest` the matrix that is left.
+    blocks that the neighbours' rows have in its columns, `rest` the matrix that is left. The last
+    node of an even number is not one of the odd ones if it is `spare`.
     """
 
     pivot: Array
@@ -317,42 +474,62 @@ class _Level:
     above: Array
     below: Array
     rest: tuple[Array, Array, Array]
+    spare: bool
 
     @classmethod
-    def of(cls, D: Array, U: Array, V: Array, definite: bool) -> _Level:
-        pivot = D[1::2]
+    def of(cls, D: Array, U: Array, V: Array, definite: bool, *, keeps_last: bool) -> _Level:
+        spare = keeps_last and len(D) % 2 == 0
+        last = U[-1:], V[-1:]
+        if spare:
+            U, V = U[:-1], V[:-1]
+        pivot = D[1:-1:2] if spare else D[1::2]
         if definite:
             np.linalg.cholesky(pivot)
         inverse = np.linalg.inv(pivot)
         above, below = U[0::2], V[1::2]
         left, right = inverse @ V[0::2], inverse[: len(U[1::2])] @ U[1::2]
         k = len(right)
-        rest = D[0::2].copy()
+        rest = _even(D, spare)
         rest[: len(left)] -= above @ left
         rest[1 : 1 + k] -= below @ right
-        return cls(
-            pivot, inverse, left, right, above, below,
-            (rest, -(above[:k] @ right), -(below @ left[:k])),
-        )  # fmt: skip
+        U, V = -(above[:k] @ right), -(below @ left[:k])
+        if spare:
+            U, V = np.concatenate([U, last[0]]), np.concatenate([V, last[1]])
+        return cls(pivot, inverse, left, right, above, below, (rest, U, V), spare)
 
-    def down(self, right: Array) -> tuple[Array, Array]:
-        """Return the eliminated nodes (k, f) with zero neighbours; the right side of the rest."""
-        y = (self.inverse @ right[1::2, :, None])[:, :, 0]
-        even = right[0::2].copy()
-        even[: len(y)] -= (self.above @ y[:, :, None])[:, :, 0]
-        k = len(self.below)
-        even[1 : 1 + k] -= (self.below @ y[:k, :, None])[:, :, 0]
+    def down(self, right: Array, *, rows: bool) -> tuple[Array, Array]:
+        """Return the eliminated nodes (k, f, c) with zero neighbours; the right side of the rest.
+
+        Or the same of `rows` beside the matrix.
+        """
+        y, before, after = right[1:-1:2] if self.spare else right[1::2], self.above, self.below
+        if rows:
+            before, after = self.left.transpose(0, 2, 1), self.right.transpose(0, 2, 1)
+        else:
+            y = self.inverse @ y
+        even = _even(right, self.spare)
+        even[: len(y)] -= before @ y
+        k = len(after)
+        even[1 : 1 + k] -= after @ y[:k]
         return y, even
 
     def up(self, y: Array, even: Array) -> Array:
         """Return all nodes, from those of the rest, `even`."""
-        whole = np.empty((len(y) + len(even), y.shape[1]))
+        whole = np.empty((len(y) + len(even), *y.shape[1:]))
+        odd = whole[1::2]
+        if self.spare:
+            odd, whole[-1], even = whole[1:-1:2], even[-1], even[:-1]
         whole[0::2] = even
-        y = y - (self.left @ even[: len(y), :, None])[:, :, 0]
+        y = y - self.left @ even[: len(y)]
         k = len(self.right)
-        y[:k] -= (self.right @ even[1 : 1 + k, :, None])[:, :, 0]
-        whole[1::2] = y
+        y[:k] -= self.right @ even[1 : 1 + k]
+        odd[:] = y
         return whole
+
+
+def _even(nodes: Array, spare: bool) -> Array:
+    """Return the nodes of a level that are left, copied."""
+    return np.concatenate([nodes[0::2], nodes[-1:]]) if spare else nodes[0::2].copy()
 
 
 def _tridiagonal(D: Array, U: Array, V: Array) -> Array:

@@ -25,7 +25,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -33,9 +32,9 @@ import numpy as np
 from actionopt.discrete.boundaries import moved
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.end_times import by_stretch, by_times
-from actionopt.discrete.factors import Factors, full
+from actionopt.discrete.factors import Factors
 from actionopt.discrete.foot import Foot, feet, reactions
-from actionopt.discrete.layout import Layout, MatrixLayout, Pattern
+from actionopt.discrete.layout import BorderedLayout
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
@@ -44,7 +43,6 @@ from actionopt.tools.types import Array
 
 STRETCH = 1e-6  # of log T, for dr/dT: near EPS^(1/3), as central differences ask
 OFF = 20.0  # |log T| against the first duration that is reckoned with; ad hoc
-FULL = 300  # unknowns up to which a full matrix costs less than a sparse one; ad hoc
 # Of the coordinates' sizes: directions in which a path moves less than this against its others
 # are none of their own, as time along a path at rest, or a turn of one that turns anyway. Ad hoc.
 DISTINCT = 1e-4
@@ -108,45 +106,6 @@ class Borders(NamedTuple):
     held: tuple[int, ...] = ()
 
 
-class BorderedLayout(MatrixLayout):
-    """The pattern of a KKT matrix with dense rows and columns beside it."""
-
-    bordered, unpivoted, storage, condensed, keeps_factors = True, False, "sparse", False, False
-
-    def __init__(self, inner: Layout, beside: int, feet: Sequence[Foot] = ()) -> None:
-        self.inner, self.system, self.feet = inner, inner.system, feet
-        self.unknowns, self.rows, self.size = inner.unknowns, inner.rows, inner.size + beside
-        self.small, self.solvers = self.size <= FULL, {}
-        self.blocks = self
-        self.probe = np.concatenate([inner.probe, np.zeros(beside)])
-
-    @cached_property
-    def kkt(self) -> Pattern:
-        """Those of the inner matrix, the rows below, the columns beside, the corners of feet."""
-        if self.small:  # full, column by column
-            every = np.arange(self.size**2)
-            col, row = np.divmod(every, self.size)
-            return Pattern((self.size, self.size), row, col, every)
-        K, size, inner = self.inner.kkt, self.size, self.inner.size
-        added = np.arange(inner, size)
-        every, above = np.arange(size), np.arange(inner)
-        row = [K.row, np.repeat(added, size), np.tile(above, added.size)]
-        col = [K.col, np.tile(every, added.size), np.repeat(added, inner)]
-        for foot in self.feet:
-            row.append(np.repeat(foot.places, foot.places.size))
-            col.append(np.tile(foot.places, foot.places.size))
-        row, col = np.concatenate(row), np.concatenate(col)
-        return Pattern.build(size, size, [(row, col)])
-
-    def full(self, nonzeros: Array) -> Array:
-        """Return the full matrix."""
-        if self.small:
-            return nonzeros.reshape(self.size, self.size).T
-        matrix = np.zeros((self.size, self.size))
-        matrix[self.kkt.row, self.kkt.col] = nonzeros
-        return matrix
-
-
 @dataclass(eq=False)
 class Bordered:
     """The equations of a path and of what is to be found beside it, as a `Transcription` has them.
@@ -159,15 +118,12 @@ class Bordered:
         Of the asked one's `loose` problem, over a first duration: it sets the units.
     borders : Borders
     feet : tuple of Foot
-    shared : BorderedLayout, optional
-        The layout of another member of a family.
     """
 
     asked: Problem
     first: Transcription
     borders: Borders
     feet: tuple[Foot, ...] = ()
-    shared: BorderedLayout | None = None
     layout: BorderedLayout = field(init=False)
 
     def __post_init__(self) -> None:
@@ -180,7 +136,7 @@ class Bordered:
         self._last: Transcription | None = self.first
         self._like: Transcription | None = self.first
         beside = self.timed + self.held + self.borders.c.size
-        self.layout = self.shared or BorderedLayout(self.first.layout, beside, self.feet)
+        self.layout = self.first.layout.bordered(beside)
 
     @classmethod
     def around(
@@ -213,7 +169,7 @@ class Bordered:
         """Return those of another member of a family, in the same unknowns."""
         values = [asked.start.q[i] / self.first.lengths[i] for i in self.borders.held]  # type: ignore[operator]
         borders = self.borders._replace(c=np.r_[values, self.borders.c[len(values) :]])
-        other = Bordered(asked, self.first, borders, self.feet, self.layout)
+        other = Bordered(asked, self.first, borders, self.feet)
         other._last, other._like, other.reach = None, None, self.reach
         return other
 
@@ -306,7 +262,11 @@ class Bordered:
         return (slope + self.asked.energy) * at.mesh.duration / at.tr.action_unit  # type: ignore[operator]
 
     def kkt(self, y: Array) -> Array:
-        """Return the nonzeros of the derivative of `residual` on `layout.kkt`."""
+        """Return the nonzeros of the derivative of `residual`, as the layout says."""
+        return self.layout.joined(*self._derivatives(y))
+
+    def _derivatives(self, y: Array) -> tuple[Array, Array, Array, Array]:
+        """Return the nonzeros of K, the columns B and rows C beside it, and the corner D."""
         at, (B, C, _, _) = self.discrete(y), self.borders
         inner, size, k = self.first.layout, self.first.layout.size, self.borders.c.size
         clocked = self._clocked
@@ -316,12 +276,12 @@ class Bordered:
         added = self.timed + self.held + k
         below, beside = np.zeros((added, self.layout.size)), np.zeros((size, added))
         beside[:, added - k :], below[added - k :, :size] = B, C
-        corners, row = [], self.timed
+        row = self.timed
         for foot, mu in zip(self.feet, self._multipliers(y), strict=True):
             by_x, rows = foot.rows(at)[1], row + np.arange(mu.size)
             below[rows[:, None], foot.places] = by_x
             beside[foot.places[:, None], rows] = by_x.T
-            corners.append(foot.curvature(at, mu))
+            inner.add(K, foot.places, foot.curvature(at, mu))
             row += mu.size
         if self.timed:
             by_time = self._by_duration(at, y) if clocked else np.zeros(self.layout.size)
@@ -331,16 +291,7 @@ class Bordered:
             beside[:, 0] = by_time[:size]
             below[0] = by_time
             below[: self.timed + self.held, size] = by_time[size : size + self.timed + self.held]
-        if self.layout.small:
-            matrix = np.zeros((self.layout.size, self.layout.size))
-            matrix[:size, :size] = full(inner, K)
-            matrix[size:], matrix[:size, size:] = below, beside
-            for foot, corner in zip(self.feet, corners, strict=True):
-                matrix[foot.places[:, None], foot.places] += corner
-            return matrix.ravel(order="F")
-        K = inner.kkt.sum(K) if inner.storage == "blocks" else K
-        parts = [K, below.ravel(), beside.T.ravel(), *(corner.ravel() for corner in corners)]
-        return self.layout.kkt.sum(np.concatenate(parts))
+        return K, beside, below[:, :size], below[:, size:]
 
     def _by_duration(self, at: DiscretePath, y: Array) -> Array:
         """Return the derivative of `residual` by log T, (size,), by differences."""
@@ -356,21 +307,16 @@ class Bordered:
 
         Raises numpy.linalg.LinAlgError where they do not follow one another.
         """
-        k = self.first.layout.size
-        nonzeros, pattern = self.kkt(y), self.layout.kkt
-        across, down = pattern.row == k, pattern.col == k
-        row, column = self.by_duration(y), np.zeros(self.layout.size)
-        column[pattern.row[down]] = nonzeros[down]
-        own, row[k], column[k] = row[k], 0.0, 0.0
-        fixed = np.where(across | down, np.where(across & down, 1.0, 0.0), nonzeros)
-        return float(own - row @ Factors(self.layout, fixed).solve(column))
+        K, B, C, D = self._derivatives(y)
+        row, column, own = np.r_[C[0], D[0]], np.r_[B[:, 0], D[:, 0]], D[0, 0]
+        B[:, 0], C[0], D[0], D[:, 0], D[0, 0] = 0.0, 0.0, 0.0, 0.0, 1.0
+        row[len(B)] = column[len(B)] = 0.0
+        return float(own - row @ Factors(self.layout, self.layout.joined(K, B, C, D)).solve(column))
 
     def by_duration(self, y: Array) -> Array:
         """Return the derivative of T (E - H) by the unknowns, log T among them, (size,)."""
-        nonzeros, pattern, row = self.kkt(y), self.layout.kkt, np.zeros(self.layout.size)
-        across = pattern.row == self.first.layout.size
-        row[pattern.col[across]] = nonzeros[across]
-        return row
+        _, _, C, D = self._derivatives(y)
+        return np.r_[C[0], D[0]]
 
     def measured(self, step: Array) -> float:
         """Return the largest change of a coordinate by a step, as a function of time."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from actionopt.discrete.layout import MatrixLayout
+from actionopt.discrete.layout import BorderedLayout, Layout
 from actionopt.discrete.transcription import Transcription
 from actionopt.tools.types import Array
 
@@ -17,7 +17,7 @@ class Equations(Protocol):
     """
 
     @property
-    def layout(self) -> MatrixLayout:
+    def layout(self) -> Layout | BorderedLayout:
         """Numbering of the unknowns, and storage of the matrix."""
         ...
 

@@ -12,13 +12,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cached_property
-from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from actionopt.discrete.blocks import Condensed
-from actionopt.discrete.layout import MatrixLayout, Pattern
+from actionopt.discrete.layout import SLIM, BorderedLayout, MatrixLayout, Pattern
 from actionopt.tools.blas import cholesky
 from actionopt.tools.memory import give_back
 from actionopt.tools.types import Array, NDInt
@@ -26,7 +25,6 @@ from actionopt.tools.types import Array, NDInt
 # The first three are where two costs cross, never timed with care. The others are ad hoc: a third
 # of each or three times as much (but `REFINEMENTS`) changes no iteration on any scene.
 TINY = 50  # unknowns and rows of a full matrix of which two solutions cost more than its inverse
-SLIM = 3  # coordinates and constraints up to which sparse factors take less time than blocks
 # Unknowns and rows from which they take less than a full matrix, if there are to be many. Measured:
 # of one coordinate and 47 unknowns 3 us against 60, of two and 94 7 against 40; the pattern 400.
 SPARSE = 30
@@ -65,6 +63,9 @@ class Factors:
         self._accurate = False  # whether a solution was accurate before it was refined
         self._definite: Callable[[Array], Array] | None = None  # what solves, if that was asked
         self._near: Callable[[Array], Array] | None = None  # what solves with a matrix near this
+        # Of a closed path, whose events do not tell how large each coordinate is: another matrix,
+        # and by what rows and columns of this one are scaled to it.
+        self._even = _evened(layout, nonzeros, many) if layout.closes else None
 
     def near(self, nonzeros: Array) -> Factors:
         """Return those of a matrix near this one: solutions are refined from this one's.
@@ -72,7 +73,7 @@ class Factors:
         Where that does not converge, the other matrix is factorized.
         """
         other = Factors(self.layout, nonzeros, many=self._many)
-        other._near = None if self.layout.small else self._direct
+        other._near = None if self.layout.small or self._even else self._direct
         return other
 
     @cached_property
@@ -88,8 +89,9 @@ class Factors:
             if layout.keeps_factors:
                 return self._kept.solve
             return lambda right: _solver(layout, "ldl")(self._regular, right)
-        elif layout.bordered:
-            return _Edged(layout, self.nonzeros).solve if _Edged.serves(layout) else self._pivoted
+        elif isinstance(layout, BorderedLayout) and _Edged.serves(layout):
+            with suppress(np.linalg.LinAlgError):
+                return _Edged(layout, self.nonzeros).solve
         return None
 
     @property
@@ -102,7 +104,7 @@ class Factors:
     @cached_property
     def _pivoted(self) -> Callable[[Array], Array]:
         """LU factors with pivoting, which dense rows do not fill as they do those of QR."""
-        layout, matrix = self.layout, _matrix(self.layout, self.nonzeros)
+        layout, matrix = self.layout, _matrix(self.layout, compressed(self.layout, self.nonzeros))
         solver = layout.solvers.get("lu")
         if solver is None:
             solver = layout.solvers["lu"] = ca.Linsol("lu", "csparse", matrix.sparsity())
@@ -126,11 +128,15 @@ class Factors:
 
     @cached_property
     def _condensed(self) -> Condensed:
-        return Condensed(self.layout.blocks, self.nonzeros)
+        layout = self.layout
+        if isinstance(layout, BorderedLayout):
+            K, *border = layout.split(self.nonzeros)
+            return Condensed(layout.blocks, K, (border[0], border[1], border[2]))
+        return Condensed(layout.blocks, self.nonzeros)
 
     @cached_property
     def _full(self) -> Array:
-        return self.layout.blocks.full(self.nonzeros)
+        return full(self.layout, self.nonzeros)
 
     @cached_property
     def _inverse(self) -> Array:
@@ -139,7 +145,7 @@ class Factors:
     @property
     def cheap(self) -> bool:
         """Whether another solution costs far less than another factorization."""
-        if self.layout.bordered:
+        if self.layout.border:
             return not self.layout.small
         return self.layout.keeps_factors or self.layout.storage == "blocks"
 
@@ -148,6 +154,9 @@ class Factors:
 
         Its residual is `enough` where it has to be refined, relative to the right-hand side.
         """
+        if self._even is not None:
+            factors, scale = self._even
+            return scale * factors.solve(scale * right, enough)
         if self._definite is not None:
             return self._definite(right)
         if self._near is not None:
@@ -167,7 +176,7 @@ class Factors:
         if self.layout.small:  # LAPACK factorizes faster than it inverts, if that is not tiny
             tiny = self.layout.size <= TINY
             return self._inverse @ right if tiny else np.linalg.solve(self._full, right)
-        if self.layout.bordered:
+        if self.layout.border:
             x = self._refined(self._pivoted, right)
             if x is None:
                 raise np.linalg.LinAlgError("the matrix is singular")
@@ -188,7 +197,7 @@ class Factors:
         if self.pairs and self._pays:
             one, other = _solver(self.layout, "ldl", 2)(self._regular, np.stack([one, other]))
             return one, other
-        if self.pairs:
+        if self.pairs and self._even is None:
             one, other = np.linalg.solve(self._full, np.stack([one, other], axis=1)).T
             return one, other
         return self.solve(one), self.solve(other)
@@ -209,6 +218,8 @@ class Factors:
     def negative(self) -> int:
         """Return the number of negative eigenvalues of a symmetric matrix (its inertia)."""
         layout = self.layout
+        if self._even is not None:
+            return self._even[0].negative()
         if layout.small:
             if not layout.rows and self.definite():
                 return 0
@@ -243,8 +254,30 @@ class Factors:
         )
 
 
+def _evened(layout: MatrixLayout, nonzeros: Array, many: bool) -> tuple[Factors, Array] | None:
+    """Return factors of the matrix with rows and columns scaled to one size, and by what, (size,).
+
+    None where they are of one size, or the matrix is sparse: then nothing mixes coordinates.
+    """
+    if layout.storage == "sparse":
+        return None
+    K, *border = layout.split(nonzeros) if isinstance(layout, BorderedLayout) else (nonzeros,)
+    scale = layout.blocks.scale(K)
+    if scale is None:
+        return None
+    K, whole = layout.blocks.scaled(K, scale), np.concatenate([scale, np.ones(layout.border)])
+    if isinstance(layout, BorderedLayout):
+        B, C, D = border
+        K = layout.joined(K, scale[:, None] * B, C * scale, D)
+    return Factors(layout, K, many=many), whole
+
+
 def product(layout: MatrixLayout, nonzeros: Array, z: Array) -> Array:
     """Return the matrix with these nonzeros times z, (size,)."""
+    if isinstance(layout, BorderedLayout):
+        K, B, C, D = layout.split(nonzeros)
+        x, beside = z[: len(B)], z[len(B) :]
+        return np.concatenate([product(layout.inner, K, x) + B @ beside, C @ x + D @ beside])
     if layout.storage == "blocks":
         return layout.blocks.product(nonzeros, z)
     pattern = layout.kkt
@@ -261,11 +294,20 @@ def diagonal(layout: MatrixLayout, values: Array) -> Array:
 
 def compressed(layout: MatrixLayout, nonzeros: Array) -> Array:
     """Return the nonzeros (nnz,) on the pattern `layout.kkt`."""
+    if isinstance(layout, BorderedLayout):
+        K, B, C, D = layout.split(nonzeros)
+        parts = compressed(layout.inner, K), B.ravel(), C.ravel(), D.ravel()
+        return layout.kkt.sum(np.concatenate(parts))
     return layout.kkt.sum(nonzeros) if layout.storage == "blocks" else nonzeros
 
 
 def full(layout: MatrixLayout, nonzeros: Array) -> Array:
     """Return the full matrix, (size, size)."""
+    if isinstance(layout, BorderedLayout):
+        size, matrix = layout.inner.size, np.empty((layout.size, layout.size))
+        K, matrix[:size, size:], matrix[size:, :size], matrix[size:, size:] = layout.split(nonzeros)
+        matrix[:size, :size] = full(layout.inner, K)
+        return matrix
     if layout.storage == "blocks":
         return layout.blocks.full(nonzeros)
     matrix = np.zeros((layout.size, layout.size))
@@ -368,22 +410,13 @@ class _Edged:
         K x + R y - s E z = r,    C x + D y = r',    E'x - z = 0.
     """
 
-    def __init__(self, layout: Any, nonzeros: Array) -> None:
-        self._size, pattern = layout.inner.size, layout.kkt
-        row, col, n = pattern.row, pattern.col, layout.inner.size
-        inside = (row < n) & (col < n)
-        edges = np.zeros((2, layout.size, layout.size - n))
-        right, below = col >= n, row >= n
-        edges[0][row[right], col[right] - n] = nonzeros[right]
-        edges[1][col[below], row[below] - n] = nonzeros[below]
-        R, C, D = edges[0][:n], edges[1][:n].T, edges[0][n:]
-        springs = _largest(R)
-        K = nonzeros[inside]
+    def __init__(self, layout: BorderedLayout, nonzeros: Array) -> None:
+        inner, (K, R, C, D) = layout.inner, layout.split(nonzeros)
+        self._size = n = inner.size
+        springs, pattern = _largest(R), inner.kkt
         size = np.abs(K).max()
-        held = np.isin(row[inside], springs) & (row[inside] == col[inside])
-        K = K + size * held
-        inner = Pattern((n, n), row[inside], col[inside], row[:0])
-        self._factors = ca.ldl(ca.DM(inner.sparsity, K))
+        held = np.isin(pattern.row, springs) & (pattern.row == pattern.col)
+        self._factors = ca.ldl(ca.DM(pattern.sparsity, K + size * held))
         E = np.zeros((n, springs.size))
         E[springs, np.arange(springs.size)] = 1.0
         self._beside = np.concatenate([R, -size * E], axis=1)
@@ -397,7 +430,7 @@ class _Edged:
             raise np.linalg.LinAlgError("the matrix is singular")
 
     @staticmethod
-    def serves(layout: Any) -> bool:
+    def serves(layout: BorderedLayout) -> bool:
         """Whether the inner matrix is symmetric, without the zeros of constraints."""
         return layout.inner.unpivoted and not layout.rows
 

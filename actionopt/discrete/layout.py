@@ -29,18 +29,52 @@ class MatrixLayout:
     system: System
     unknowns: int  # coordinates that are free
     rows: int  # multipliers
-    size: int  # all unknowns together
-    bordered: bool  # by dense rows and columns
     storage: Literal["blocks", "sparse"]
-    small: bool
-    condensed: bool
-    keeps_factors: bool
-    unpivoted: bool
-    solvers: dict[str, Any]  # what was compiled for this shape, by kind
-    probe: Array  # (size,), a smooth right-hand side of no symmetry
-    blocks: Any
+    border: int = 0  # unknowns beside these, with dense rows and columns
+    closes: bool  # whether the last node is the first one
+    blocks: Blocks
     kkt: Pattern
-    row_diagonal: NDInt  # positions of the rows' diagonal among the nonzeros of `kkt`
+    probe: Array  # (size,), a smooth right-hand side of no symmetry
+
+    def __init__(self) -> None:
+        self._own = _Solvers()
+
+    @property
+    def solvers(self) -> dict[str, Any]:
+        """What was compiled for this shape, by kind; each thread has its own, memory included."""
+        return self._own.kinds
+
+    @property
+    def size(self) -> int:
+        """All unknowns together."""
+        return self.unknowns + self.rows + self.border
+
+    @cached_property
+    def small(self) -> bool:
+        """Whether the blocks are best put together in one full matrix to solve with."""
+        return self.storage == "blocks" and self.size <= FULL_SIZE
+
+    @cached_property
+    def condensed(self) -> bool:
+        """Whether the blocks are condensed to solve with."""
+        return self.storage == "blocks" and not self.small
+
+    @property
+    def unpivoted(self) -> bool:
+        """Whether factors without pivoting serve: those of a symmetric matrix."""
+        return not (self.system.structure.forced or self.border)
+
+    @property
+    def keeps_factors(self) -> bool:
+        """Whether sparse factors are kept: solutions under constraints have to be refined."""
+        kept = self.storage == "sparse" and self.unpivoted and self.size > KEPT_SIZE
+        return kept and self.rows > 0
+
+    @cached_property
+    def row_diagonal(self) -> NDInt:
+        """Positions of the rows' diagonal entries among the nonzeros of `kkt`."""
+        pattern = self.kkt
+        return np.flatnonzero((pattern.row == pattern.col) & (pattern.row >= self.unknowns))
 
 
 class Layout(MatrixLayout):
@@ -77,8 +111,10 @@ class Layout(MatrixLayout):
         nodal: tuple[int, ...] = (),
         in_force: NDArray[np.bool_] | None = None,
     ) -> None:
+        super().__init__()
         self.system, self.closed, self.nodal = system, closed, nodal
-        self.partial = in_force is not None
+        self.closes = bool(closed)
+        self.partial = in_force is not None  # whether rows are not in force at some nodes
         if closed and shape.elements == 1:
             raise ValueError("expected at least two elements for a path that closes, found one")
         n, m = system.n, system.m
@@ -103,7 +139,13 @@ class Layout(MatrixLayout):
         self.G_rows = self.G_cols = _NONE
         if m:
             self._number_rows(in_force)
-        self._own = _Solvers()
+        self._bordered: dict[int, BorderedLayout] = {}
+
+    def bordered(self, border: int) -> BorderedLayout:
+        """Return that of such a matrix with so many unknowns and equations beside it."""
+        if border not in self._bordered:
+            self._bordered[border] = BorderedLayout(self, border)
+        return self._bordered[border]
 
     def _number_rows(self, in_force: NDArray[np.bool_] | None) -> None:
         """Give the constraint rows their numbers, node by node."""
@@ -119,16 +161,6 @@ class Layout(MatrixLayout):
         self.rows = self.row_select.size
         self.row_node, self.row_constraint = np.nonzero(keep)
         self.row_number[keep] = np.arange(self.rows)
-
-    @property
-    def solvers(self) -> dict[str, Any]:
-        """What was compiled for this shape, by kind; each thread has its own, memory included."""
-        return self._own.kinds
-
-    @property
-    def size(self) -> int:
-        """Unknowns and multipliers together."""
-        return self.unknowns + self.rows
 
     @cached_property
     def scatter(self) -> NDInt:
@@ -153,32 +185,12 @@ class Layout(MatrixLayout):
     def storage(self) -> Literal["blocks", "sparse"]:
         """How the KKT matrix is stored: many coordinates make blocks large and mostly zeros."""
         inner = (self.system.n + self.system.m) * (max(g.rule.degree for g in self.groups) - 1)
-        blocks = inner <= BLOCK_SIZE or self.system.filled > FILLED
-        # Condensed blocks have all rows inside the elements.
-        return "blocks" if blocks and not (self.closed or self.partial) else "sparse"
-
-    @cached_property
-    def small(self) -> bool:
-        """Whether the blocks are best put together in one full matrix to solve with."""
-        return self.storage == "blocks" and self.size <= FULL_SIZE
-
-    @cached_property
-    def condensed(self) -> bool:
-        """Whether the blocks are condensed to solve with."""
-        return self.storage == "blocks" and not self.small
-
-    @property
-    def keeps_factors(self) -> bool:
-        """Whether sparse factors are kept: solutions under constraints have to be refined."""
-        kept = self.storage == "sparse" and self.unpivoted and self.size > KEPT_SIZE
-        return kept and self.rows > 0
-
-    @property
-    def unpivoted(self) -> bool:
-        """Whether factors without pivoting serve: those of a symmetric matrix."""
-        return not self.system.structure.forced
-
-    bordered = False  # by dense rows and columns
+        if inner > BLOCK_SIZE and self.system.filled <= FILLED:
+            return "sparse"
+        structure = self.system.structure
+        bordered = not (self.partial or structure.depends_on_time or structure.forced)
+        slim = self.system.n + self.system.m <= SLIM
+        return "sparse" if slim and (self.closed or self.partial) and not bordered else "blocks"
 
     @cached_property
     def blocks(self) -> Blocks:
@@ -187,7 +199,16 @@ class Layout(MatrixLayout):
         node, coordinate = np.divmod(self.free, n)
         rows = self.row_node * f + n + self.row_constraint
         places = np.concatenate([node * f + coordinate, rows])
-        return Blocks(f, self.groups, self.offsets, self.node_of, places)
+        return Blocks(n, f - n, self.groups, self.offsets, self.node_of, places, self.closed)
+
+    def add(self, nonzeros: Array, places: NDInt, matrix: Array) -> None:
+        """Add a matrix (k, k) to the nonzeros of K for unknowns of one of the `nodal` nodes."""
+        if self.storage == "blocks":
+            self.blocks.add(nonzeros, places, matrix)
+        else:
+            pattern = self.kkt
+            key = pattern.col * self.size + pattern.row  # in order
+            nonzeros[np.searchsorted(key, places * self.size + places[:, None])] += matrix
 
     @cached_property
     def hessian(self) -> Pattern:
@@ -259,12 +280,6 @@ class Layout(MatrixLayout):
         self.kkt_source = self.kkt_source[order]
         return Pattern(shape, row[order], col[order], _NONE)
 
-    @cached_property
-    def row_diagonal(self) -> NDInt:
-        """Positions of the rows' diagonal entries among the nonzeros of `kkt`."""
-        pattern = self.kkt
-        return np.flatnonzero((pattern.row == pattern.col) & (pattern.row >= self.unknowns))
-
     def _diagonal(self, function: str, output: int):
         """Targets of w_k A_k: both at node k, order (evaluation, nonzero)."""
         rows, cols = self.system.pointwise(function).sparsity(output)
@@ -294,6 +309,60 @@ class Layout(MatrixLayout):
         return tuple(np.concatenate(side) for side in zip(*parts, strict=True))
 
 
+class BorderedLayout(MatrixLayout):
+    """That of [K B; C D]: a KKT matrix with a border of a few unknowns and equations.
+
+    The nonzeros are those of K, and B (size, b), C (b, size) and D (b, b), one after the other.
+
+    Parameters
+    ----------
+    inner : Layout
+    border : int
+        b.
+    """
+
+    def __init__(self, inner: Layout, border: int) -> None:
+        super().__init__()
+        self.inner, self.border, self.closes = inner, border, inner.closes
+        self.system, self.storage, self.blocks = inner.system, inner.storage, inner.blocks
+        self.unknowns, self.rows = inner.unknowns, inner.rows
+        self.probe = np.concatenate([inner.probe, np.zeros(border)])
+
+    @cached_property
+    def kkt(self) -> Pattern:
+        """That of all."""
+        inner, added = np.arange(self.inner.size), np.arange(self.inner.size, self.size)
+        sides = (inner, added), (added, inner), (added, added)
+        edges = [_pairs(rows[:, None], cols) for rows, cols in sides]
+        K = self.inner.kkt
+        return Pattern.build(self.size, self.size, [(K.row, K.col), *edges])
+
+    def joined(self, K: Array, B: Array, C: Array, D: Array) -> Array:
+        """Return the nonzeros of the whole from those of K, and B, C and D."""
+        return np.concatenate([K, B.ravel(), C.ravel(), D.ravel()])
+
+    def split(self, nonzeros: Array) -> tuple[Array, Array, Array, Array]:
+        """Return the nonzeros of K, and B, C and D, as views."""
+        size, b = self.inner.size, self.border
+        last = nonzeros.size - b * b
+        B, C = nonzeros[last - 2 * size * b : last].reshape(2, -1)
+        K, D = nonzeros[: last - 2 * size * b], nonzeros[last:]
+        return K, B.reshape(size, b), C.reshape(b, size), D.reshape(b, b)
+
+
+def bordered(
+    layout: Layout | BorderedLayout, nonzeros: Array, B: Array, C: Array, D: Array
+) -> tuple[BorderedLayout, Array]:
+    """Return the layout and the nonzeros of [K B; C D]; K may have a border of its own."""
+    if isinstance(layout, BorderedLayout):
+        nonzeros, right, below, corner = layout.split(nonzeros)
+        cut, layout = len(right), layout.inner
+        D = np.block([[corner, B[cut:]], [C[:, cut:], D]])
+        B, C = np.hstack([right, B[:cut]]), np.vstack([below, C[:, :cut]])
+    whole = layout.bordered(len(D))
+    return whole, whole.joined(nonzeros, B, C, D)
+
+
 class _Solvers(threading.local):
     def __init__(self) -> None:
         self.kinds: dict[str, Any] = {}
@@ -304,6 +373,9 @@ class _Solvers(threading.local):
 # 1 to 10 links and lattices of 4 to 32 masses, 16 elements of degree 6: sparse factors take twice
 # the time of blocks the first time and a third later, up to this size; beyond, half and a fifth.
 BLOCK_SIZE, FILLED = 60, 0.2
+# Coordinates and constraints up to which sparse factors take less time than blocks, on meshes that
+# are asked for more than once; where two costs cross, never timed with care. A border fills them.
+SLIM = 3
 # Unknowns and rows above which sparse factors are kept. Measured from 5000 to 70,000: they cost two
 # to three factorizations, a solution a twentieth of one.
 KEPT_SIZE = 2000

@@ -35,7 +35,7 @@ class Transcription(Action):
         """Return the kinetic part of the KKT matrix, D' w M D alone, stored as `kkt` is.
 
         Positive definite where the mass matrix is: the metric in which a step changes the
-        velocities least. Only for systems without forces and, in blocks, without constraints.
+        velocities least. Only for systems without forces.
         """
         return self.kept("kinetic", lambda: self._assembly.kinetic(self, z))
 

@@ -39,7 +39,7 @@ def suspected(ws: Workspace, status: Status) -> bool:
         return here.noise > NOISE
     try:
         grown = here.growth(ws.many)
-        limit = 0.0 if here.equations.layout.bordered else OUTDATED
+        limit = 0.0 if here.equations.layout.border else OUTDATED
         if not ws.linear and grown < NEAR_SINGULAR and grown * here.since > limit:
             here = ws.here = here.updated()
             grown = here.growth(ws.many)

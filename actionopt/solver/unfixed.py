@@ -17,9 +17,10 @@ import numpy as np
 
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
-from actionopt.discrete.bordered import FULL, Bordered, Move, moves_of, over
+from actionopt.discrete.bordered import Bordered, Move, moves_of, over
 from actionopt.discrete.boundaries import bounded
 from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.factors import full
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.newton import is_roundoff
 from actionopt.discrete.path import Path
@@ -57,6 +58,7 @@ ON_START = 1e-9  # of a coordinate's size, how far from that it may begin: the t
 SINGULAR, NEAR_FAMILY, MOVING = 1e-3, 1e-3, 1e-6
 UNREACHED = 1e6  # damping of steps to a family, in squares of the residual, that leads nowhere
 ROUGH = 1e-2  # what the first mesh of a family leaves out of a guess
+FULL = 300  # unknowns of a path whose matrix is looked at as a whole in a family
 NEAR_START, NEAR_GUESS = 1e-2, 0.1  # as far as a first mesh tells, or a guess
 # Force on a closed path: measured, 1e-14 on motions, 1e-5 at most on first meshes of them, and 1 or
 # more on what is none, such as a path that has shrunk to a rest, whose refinement would not end.
@@ -314,8 +316,8 @@ class Unfixed(Workspace):
         count = y.size - beside
         residual = bordered.residual(y)[:count]
         with np.errstate(all="ignore"):
-            for _ in range(APPROACHES if bordered.layout.small else APPROACHES // 4):
-                matrix = bordered.layout.full(bordered.kkt(y))[:count, :count]
+            for _ in range(APPROACHES if y.size <= FULL else APPROACHES // 4):
+                matrix = full(bordered.layout, bordered.kkt(y))[:count, :count]
                 size = np.linalg.norm(residual)
                 if not (np.isfinite(matrix).all() and np.isfinite(size)):
                     return False
