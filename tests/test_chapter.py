@@ -10,7 +10,7 @@ import actionopt as ao
 from actionopt import chapter, cli, scenes
 from actionopt.analysis.conjugate import conjugate_points
 from actionopt.chapter import ROWS, Line, Row
-from actionopt.chapter._row import other_numbers, solved
+from actionopt.chapter._row import other_numbers, solve_scene
 from actionopt.scenes._scene import system as derived
 
 TOL = 1e-11
@@ -76,7 +76,7 @@ def test_command_names_the_sections(capsys):
 @pytest.mark.parametrize("changed", [False, True])
 @pytest.mark.parametrize("name", a_quarter(scenes.SCENES, 1))
 def test_scenes_meet_their_closed_forms(name, changed):
-    scene, solution = solved(name, changed)
+    scene, solution = solve_scene(name, changed)
     t = np.linspace(scene.problem.start.t, scene.problem.end.t, 101)
     assert solution.contacts or solution.compare().agrees
     if scene.exact is not None:
@@ -254,7 +254,7 @@ def test_lambert_s_problem_of_vallado():
 
 def test_figure_eight():
     """Li and Liao (2017): v1 = (0.3471168881, 0.5327249454), T = 6.3259139829; S for T = 2 pi."""
-    scene, solution = solved("figure_eight")
+    scene, solution = solve_scene("figure_eight")
     facts = scene.facts
     v = solution.start.v.reshape(3, 2)
     ours = np.array([[0.3471168881, 0.5327249454]] * 3) * [[1], [1], [-2]]

@@ -9,8 +9,8 @@ from scipy.interpolate import CubicSpline
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.plot.data.exploration import CONJUGATE, begin, bent, lasting, restarted, solved
-from actionopt.plot.data.trial import SPANS, knots, moved, straight
+from actionopt.plot.data.exploration import CONJUGATE, begin, bend, lasting, restart, to_solution
+from actionopt.plot.data.trial import SPANS, knots, move_node, straight
 
 T, W = 2.5, 1.3  # the oscillator's duration, and its frequency
 
@@ -37,7 +37,7 @@ def quadrature(q, v, breaks, lagrangian):
 def test_a_knot_bends_the_path_along_a_natural_spline(spring):
     first = straight(spring)
     node = knots(first)[3]
-    trial = moved(first, node, {0: 1.7})
+    trial = move_node(first, node, {0: 1.7})
     times = np.linspace(0.0, T, SPANS + 1)
     rise = np.zeros(SPANS + 1)
     rise[3] = 1.7 - first.Q[node, 0]
@@ -68,7 +68,7 @@ def test_the_slope_is_the_missing_force_in_the_mean(spring):
 
 def test_no_variation_changes_the_action_faster_than_the_slope_says():
     scene = scenes.get("kepler")
-    trial = moved(straight(scene.problem), 123, {0: -0.3, 1: 0.7})
+    trial = move_node(straight(scene.problem), 123, {0: -0.3, 1: 0.7})
     tr, rng, eps = trial.tr, np.random.default_rng(3), 1e-6
     t = tr.mesh.nodes / scene.problem.duration
     fastest = 0.0
@@ -83,7 +83,7 @@ def test_no_variation_changes_the_action_faster_than_the_slope_says():
 
 def test_held_elsewhere_the_path_bends_as_a_whole(spring):
     first = straight(spring)
-    trial = moved(first, 100, {0: 2.0})
+    trial = move_node(first, 100, {0: 2.0})
     t = first.tr.mesh.nodes
     u = t[100]
     rise = (2.0 - first.Q[100, 0]) * t * (T - t) / (u * (T - u))
@@ -94,19 +94,19 @@ def test_only_coordinates_that_no_event_pins_move():
     system = scenes.get("pendulum").problem.system
     problem = ao.Problem(system, ao.Event(0.0, [0.3]), ao.Event(0.5, [None]))
     first = straight(problem)
-    assert moved(first, 0, {0: 9.0}).Q[0, 0] == 0.3
+    assert move_node(first, 0, {0: 9.0}).Q[0, 0] == 0.3
     last = knots(first)[-1]
-    assert moved(first, last, {0: 0.7}).Q[-1, 0] == pytest.approx(0.7, abs=1e-15)
-    assert solved(begin(problem)).trial.slope <= 1e-8 * first.slope  # p = 0 at the end as well
+    assert move_node(first, last, {0: 0.7}).Q[-1, 0] == pytest.approx(0.7, abs=1e-15)
+    assert to_solution(begin(problem)).trial.slope <= 1e-8 * first.slope  # p = 0 at the end as well
     behind = straight(ao.Problem(system, ao.Event(0.0, [None]), ao.Event(0.5, [0.3])))
-    assert moved(behind, 0, {0: 0.7}).Q[0, 0] == pytest.approx(0.7, abs=1e-15)
+    assert move_node(behind, 0, {0: 0.7}).Q[0, 0] == pytest.approx(0.7, abs=1e-15)
 
 
 def test_with_constraints_the_path_stays_on_their_surface():
     now = begin(scenes.get("rod_pendulum").problem)
     assert np.max(np.abs(np.hypot(*now.trial.Q.T) - 1)) <= 1e-12
     node = knots(now.trial)[4]
-    there = bent(now, now.trial, node, {0: 0.5, 1: -0.6})
+    there = bend(now, now.trial, node, {0: 0.5, 1: -0.6})
     assert np.max(np.abs(np.hypot(*there.trial.Q.T) - 1)) <= 1e-12
     assert not np.allclose(there.trial.Q[node], now.trial.Q[node])
     # Along the rod nothing is missing, across it m l theta'' + m g sin theta.
@@ -121,7 +121,7 @@ def test_with_constraints_the_path_stays_on_their_surface():
 
 def test_where_no_surface_is_near_the_path_stays_and_the_reason_is_said():
     now = begin(scenes.get("rod_pendulum").problem)
-    there = bent(now, now.trial, 3, {0: 30.0, 1: 0.0})
+    there = bend(now, now.trial, 3, {0: 30.0, 1: 0.0})
     assert there.trial is now.trial
     assert "constraint surface" in there.message
 
@@ -134,7 +134,7 @@ def test_a_drag_takes_less_than_five_milliseconds(name):
     clocks = []
     for _ in range(10):
         clock = process_time()
-        trial = bent(now, now.trial, node, to).trial
+        trial = bend(now, now.trial, node, to).trial
         assert np.isfinite([trial.action, trial.slope, trial.missing[0, 5]]).all()
         clocks.append(process_time() - clock)
     assert min(clocks) <= 5e-3
@@ -161,8 +161,8 @@ def test_solving_from_a_bent_path_brings_the_slope_to_zero(name):
     scene = scenes.get(name)
     now = begin(scene.problem, scene.guess)
     node = knots(now.trial)[4]
-    now = bent(now, now.trial, node, {0: now.trial.Q[node, 0] + 0.1})
-    there = solved(now)
+    now = bend(now, now.trial, node, {0: now.trial.Q[node, 0] + 0.1})
+    there = to_solution(now)
     assert there.message == ""
     assert there.trial.slope <= 1e-8 * now.trial.slope
     assert there.trial.action == pytest.approx(scene.action, rel=1e-9)
@@ -173,7 +173,7 @@ def test_solving_from_a_bent_path_brings_the_slope_to_zero(name):
 def test_a_trial_near_another_path_leads_to_that_one():
     now = begin(scenes.get("kepler").problem)
     middle = len(now.trial.Q) // 2 + 3
-    above, below = (solved(bent(now, now.trial, middle, {1: y})) for y in (0.6, -0.6))
+    above, below = (to_solution(bend(now, now.trial, middle, {1: y})) for y in (0.6, -0.6))
     assert above.trial.Q[middle, 1] > 0.7 and below.trial.Q[middle, 1] < -0.3
     assert above.solution.compare().agrees and below.solution.compare().agrees
 
@@ -182,14 +182,14 @@ def test_where_there_is_no_path_the_reason_is_said():
     # x(0) = 0 and x(pi) = 1: sin t, which all motions from 0 are, vanishes at pi.
     system = scenes.get("oscillator").problem.system
     now = begin(ao.Problem(system, ao.Event(0.0, [0.0]), ao.Event(np.pi, [1.0])))
-    for there in (solved(now), lasting(now, 3.0)):
+    for there in (to_solution(now), lasting(now, 3.0)):
         assert there.trial is now.trial and there.motion is None and there.verdict is None
         assert there.message == CONJUGATE
 
 
 def test_starting_over_keeps_the_path_that_is_known(spring):
-    now = solved(begin(spring))
-    again = restarted(now)
+    now = to_solution(begin(spring))
+    again = restart(now)
     assert np.array_equal(again.trial.Q, straight(spring).Q)
     assert again.solution is now.solution
 
@@ -198,7 +198,7 @@ def test_starting_over_keeps_the_path_that_is_known(spring):
 
 
 def test_sliding_the_end_through_a_conjugate_point_counts_it(spring):
-    now = solved(begin(spring))
+    now = to_solution(begin(spring))
     focus = np.pi / W
     assert now.motion.times == pytest.approx([focus, 2 * focus, 3 * focus], abs=1e-8)
     for t, verdict in (
@@ -219,12 +219,12 @@ def test_sliding_the_end_through_a_conjugate_point_counts_it(spring):
 
 def test_one_variation_raises_the_action_before_and_lowers_it_after(spring):
     # S of x + 4 A u (1 - u), u = t / T, is larger by 8 A^2 (1 / (3 T) - W^2 T / 30).
-    now = solved(begin(spring))
+    now = to_solution(begin(spring))
     K = len(now.trial.Q)
     middle = K // 2 - 1  # no knot: the path bends as a whole
     u = now.trial.tr.mesh.nodes[middle] / T
     rise = 0.3
-    now = bent(now, now.trial, middle, {0: now.trial.Q[middle, 0] + rise})
+    now = bend(now, now.trial, middle, {0: now.trial.Q[middle, 0] + rise})
     A = rise / (4 * u * (1 - u))
     for t in (1.0, 2.3, 2.5, 4.0):
         there = lasting(now, t)
@@ -235,14 +235,14 @@ def test_one_variation_raises_the_action_before_and_lowers_it_after(spring):
 
 
 def test_the_end_slides_as_far_as_the_motion_goes(spring):
-    now = solved(begin(spring))
+    now = to_solution(begin(spring))
     assert now.motion.end == pytest.approx(3 * T)
     there = lasting(now, 100.0)
     assert there.trial.tr.problem.end.t == now.motion.end
 
 
 def test_the_nearest_conjugate_time_attracts(spring):
-    motion = solved(begin(spring)).motion
+    motion = to_solution(begin(spring)).motion
     focus = np.pi / W
     assert motion.near(focus + 0.01, 0.02) == pytest.approx(focus, abs=1e-8)
     away = focus + 0.03
@@ -252,7 +252,7 @@ def test_the_nearest_conjugate_time_attracts(spring):
 
 def test_a_moving_constraint_takes_the_end_with_it():
     scene = scenes.get("turning_wire")
-    there = lasting(solved(begin(scene.problem, scene.guess)), 1.4)
+    there = lasting(to_solution(begin(scene.problem, scene.guess)), 1.4)
     assert there.message == ""
     assert there.trial.slope <= 1e-7
 

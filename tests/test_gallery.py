@@ -17,7 +17,7 @@ from actionopt.cli import main
 from actionopt.discrete.transcription import Transcription
 from actionopt.gallery import build, builder
 from actionopt.gallery.course.lessons import LESSONS
-from actionopt.gallery.facts import known, named
+from actionopt.gallery.facts import facts_of, name_of
 from actionopt.gallery.figures import fronts_caption
 from actionopt.gallery.film import film, relaxing
 from actionopt.gallery.index_page import SECTIONS, section
@@ -193,13 +193,13 @@ def test_the_numbers_on_a_page_are_those_of_the_scene(gallery):
 def test_what_was_found_is_what_is_known(name):
     scene = scenes.get(name)
     subject = Subject(scene, solve(scene.problem, tol=1e-10, guess=scene.guess))
-    rows = known(subject)
+    rows = facts_of(subject)
     assert rows or scene.exact is None
     assert all(row.difference < CLOSE for row in rows if row.difference is not None)
     assert all(row.expected == row.found for row in rows if row.what == "Morse index")
     if "conserved" in scene.facts:
         assert {row.what for row in rows} >= {
-            named(subject, what) for what in scene.facts["conserved"]
+            name_of(subject, what) for what in scene.facts["conserved"]
         }
 
 

@@ -18,7 +18,7 @@ from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.expressions import Expressions
 from actionopt.plot.live import javascript
 from actionopt.plot.live.data import MESHES, data
-from actionopt.plot.live.drawing import drawing, traced
+from actionopt.plot.live.drawing import drawing, trace_shapes
 from actionopt.plot.live.page import STATIC
 
 NODE = shutil.which("node")
@@ -241,7 +241,7 @@ def test_the_picture_is_that_of_the_path_that_is_bent(folder, chromium):
 @pytest.mark.parametrize("name", scenes.SCENES)
 def test_how_a_scene_looks_is_known_of_any_path(name):
     scene, rng = scenes.get(name), np.random.default_rng(3)
-    shapes, function = traced(scene.problem.system.n, scene.draw)
+    shapes, function = trace_shapes(scene.problem.system.n, scene.draw)
     q, t = rng.normal(size=scene.problem.system.n), 0.7
     found, at = np.array(function(q, t)).ravel(), 0
     for shape, other in zip(scene.draw(q, t), shapes, strict=True):

@@ -460,7 +460,7 @@ def test_a_sheet_of_the_plane_is_the_action_between_its_places_too():
         return m * (x**2 + y**2) / (2 * T) - m * g * T * y / 2 - m * g**2 * T**3 / 24
 
     finer, S = sheet.fine()
-    assert sheet.aligned and not sheet.triangles.mask.any()
+    assert sheet.is_aligned and not sheet.triangles.mask.any()
     assert len(finer.triangles) == 16 * len(sheet.triangles.triangles)
     np.testing.assert_allclose(sheet.action, exact(sheet.triangles), atol=1e-12)
     np.testing.assert_allclose(S, exact(finer), atol=1e-12)
@@ -470,11 +470,11 @@ def test_triangles_that_share_places_or_hang_on_by_an_edge_are_left_out():
     grid = np.array([[x, y] for y in range(4) for x in range(4)], dtype=float)
     flat = Triangulation(*grid.T)
     none = np.zeros(len(flat.triangles), dtype=bool)
-    assert not fan._turned(*grid.T, flat.triangles).any()
-    assert fan._turned(*(grid * [-1, 1]).T, flat.triangles).all()
-    assert not fan._covered(grid.T, flat.triangles, none).any()
+    assert not fan._turns_over(*grid.T, flat.triangles).any()
+    assert fan._turns_over(*(grid * [-1, 1]).T, flat.triangles).all()
+    assert not fan._overlaps(grid.T, flat.triangles, none).any()
     folded = np.abs(grid.T - [[1.6], [0.0]])  # the columns 0 and 1 lie on the columns 3 and 2
-    assert fan._covered(folded, flat.triangles, none).any()
+    assert fan._overlaps(folded, flat.triangles, none).any()
     corners = [k for k, row in enumerate(flat.neighbors) if (row < 0).sum() == 2]
     kept = fan._lone(flat.neighbors, none)
     assert kept[corners].all() and not kept.all()

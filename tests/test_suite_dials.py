@@ -101,7 +101,7 @@ def test_where_solvers_do_not_agree_is_counted_by_hand():
     ]
     apart, members = dial_report.disagreeing(records)
     assert members == 3
-    assert apart == [profile.asked(records[2]), profile.asked(records[4])]
+    assert apart == [profile.question_key(records[2]), profile.question_key(records[4])]
 
 
 @pytest.mark.slow

@@ -107,7 +107,7 @@ def test_a_solver_that_reads_nl_files(tmp_path):
     assert problem.distance(answer.x) < 1e-7
     np.testing.assert_allclose(answer.lam, problem.lam_star, atol=1e-7)  # the sign is ours
     assert (answer.said, answer.word) == ("solved", "made by hand in two lines")
-    assert answer.evaluations == {} and not solvers.counted(name)
+    assert answer.evaluations == {} and not solvers.is_counted(name)
     assert answer.seconds > 0.0
     assert run(f"asl:{program(tmp_path, 300)}", problem, problem.start()).said == "unbounded"
     bare = run(f"asl:{program(tmp_path, 502, duals=False)}", problem, problem.start())

@@ -3,15 +3,25 @@
 import numpy as np
 
 from actionopt.analysis.variation import variation
-from actionopt.chapter._row import RATE, ROUNDING, Line, path, row, solved, states, times, worst
+from actionopt.chapter._row import (
+    RATE,
+    ROUNDING,
+    Line,
+    path,
+    row,
+    solve_scene,
+    states,
+    times,
+    worst,
+)
 from actionopt.mechanics.problem import Event, Problem
 from actionopt.mechanics.system import System
 from actionopt.solver.solve import solve
 
 
 @row("12.2", "varied path q + alpha eta of an oscillator, eta = sin(pi t / T)")
-def varied():
-    scene, solution = solved("oscillator")
+def varied_path():
+    scene, solution = solve_scene("oscillator")
     T = scene.problem.duration
     m, k = (float(scene.problem.parameters[x]) for x in "mk")
     S = variation(solution, lambda t: [np.sin(np.pi * t / T)])
@@ -23,7 +33,7 @@ def varied():
 
 @row("12.2", "varied path of a pendulum on a rod, on the constraint surface")
 def varied_on_surface():
-    _, solution = solved("rod_pendulum")
+    _, solution = solve_scene("rod_pendulum")
     T, h = solution.problem.duration, 5e-3
     S = variation(solution, lambda t: np.stack([t * (T - t), t**2 * (T - t)]))
     yield Line("dS/dalpha at 0", 0.0, S.first, ROUNDING)
@@ -59,7 +69,7 @@ def cartesian():
 def drag():
     for name in ("drag_linear", "drag_quadratic", "damped_oscillator"):
         yield from path(name)
-        _, solution = solved(name)
+        _, solution = solve_scene(name)
         xi, w = np.polynomial.legendre.leggauss(60)
         T = solution.problem.duration
         t = solution.problem.start.t + T * (xi + 1) / 2

@@ -67,7 +67,7 @@ def rotating_frame():
         w, m = (float(problem.parameters[x]) for x in "wm")
         k = float(problem.parameters.get("k", 0.0))
 
-        def turned(q, t, w=w):
+        def rotate(q, t, w=w):
             c, s = np.cos(w * t), np.sin(w * t)
             return np.stack([q[0] * c - q[1] * s, q[0] * s + q[1] * c])
 
@@ -76,9 +76,9 @@ def rotating_frame():
             ["x", "y"],
             parameters={"m": m, "k": k},
         )
-        ends = [Event(e.t, turned(np.array(e.q), e.t)) for e in (problem.start, problem.end)]
+        ends = [Event(e.t, rotate(np.array(e.q), e.t)) for e in (problem.start, problem.end)]
         inertial = solve(Problem(still, *ends), tol=TOL)
-        yield worst(f"{name}: maps onto the frame at rest", inertial(t), turned(q, t))
+        yield worst(f"{name}: maps onto the frame at rest", inertial(t), rotate(q, t))
         yield Line(f"{name}: same action", inertial.action, solution.action, CLOSE)
         # m a = F - 2 m w x v - m w x (w x r)
         coriolis = 2 * m * w * np.stack([v[1], -v[0]])
@@ -107,11 +107,11 @@ def oscillating_wall():
     found = solution.acceleration(t) + k / m * q
     yield worst("B = A w^2", A * w**2 * np.cos(w * t), found[0], ROUNDING)
 
-    def dropped(q, v, t, *, m, k, A, w):
+    def without_square(q, v, t, *, m, k, A, w):
         return m * v[0] ** 2 / 2 - m * A * w * np.sin(w * t) * v[0] - k * q[0] ** 2 / 2
 
     values = {"m": m, "k": k, "A": A, "w": w}
-    other = System(dropped, ["x"], parameters=values)
+    other = System(without_square, ["x"], parameters=values)
     without = solve(Problem(other, problem.start, problem.end), tol=TOL)
     yield worst("the term dropped: same path", solution(t), without(t), 1e-11)
     T = problem.duration

@@ -8,7 +8,7 @@ from actionopt.mechanics.system import System
 from actionopt.solver.solve import solve
 
 
-def _driven() -> System:
+def _driven_oscillator() -> System:
     """Return x'' + w0^2 x = B cos wt, with w0 = 2, B = 0.7, w = 1.5."""
 
     def lagrangian(q, v, t, *, w0, B, w):
@@ -30,7 +30,7 @@ def natural():
 @row("12.2", "periodic ends: q and p return")
 def periodic():
     T = 2 * np.pi / 1.5
-    solution = solve(Problem(_driven(), Event(0.0, [None]), Periodic(T)), tol=TOL)
+    solution = solve(Problem(_driven_oscillator(), Event(0.0, [None]), Periodic(T)), tol=TOL)
     t = times(solution)
     exact = 0.7 * np.cos(1.5 * t) / (2.0**2 - 1.5**2)
     yield worst("steady oscillation B cos wt / (w0^2 - w^2)", exact, solution(t)[0])

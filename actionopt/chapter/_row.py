@@ -75,10 +75,10 @@ class Row:
 def row(section: str, system: str, *names: str) -> Callable[[Callable[[], Lines]], Row]:
     """Make the decorated function a row of the chapter, after the paths of the scenes `names`."""
 
-    def made(check: Callable[[], Lines]) -> Row:
+    def make(check: Callable[[], Lines]) -> Row:
         return Row(section, system, lambda: chain(*map(path, names), check()))
 
-    return made
+    return make
 
 
 def other_numbers(name: str) -> dict[str, Array]:
@@ -91,7 +91,7 @@ def other_numbers(name: str) -> dict[str, Array]:
 
 
 @cache
-def solved(name: str, changed: bool = False) -> tuple[Scene, Solution]:
+def solve_scene(name: str, changed: bool = False) -> tuple[Scene, Solution]:
     """Return a scene, with its own numbers or with other ones, and its solution."""
     scene = scenes.get(name, **(other_numbers(name) if changed else {}))
     return scene, solve(scene.problem, tol=TOL, guess=scene.guess)
@@ -110,7 +110,7 @@ def states(solution: Solution) -> tuple[Array, Array, Array]:
 
 def along(name: str) -> tuple[Scene, Solution, Array, Array, Array]:
     """Return a scene, its solution, and `states` along it."""
-    scene, solution = solved(name)
+    scene, solution = solve_scene(name)
     return scene, solution, *states(solution)
 
 
@@ -126,7 +126,7 @@ def worst(quantity: str, expected: ArrayLike, found: ArrayLike, tolerance: float
 def path(name: str) -> Lines:
     """Compare a scene's path, action and forward integration, for two sets of numbers."""
     for changed in (False, True):
-        scene, solution = solved(name, changed)
+        scene, solution = solve_scene(name, changed)
         mark = f"{name}, other numbers:" if changed else f"{name}:"
         t = times(solution, 101)
         if scene.exact is not None:

@@ -39,12 +39,12 @@ def run(options: argparse.Namespace) -> int:
         count += len(lines)
         missed += sum(not line.agrees for line in lines)
         print(f"\n{row.section}  {row.system}")
-        print_table([("", "expected", "found", "error"), *map(_compared, lines)])
+        print_table([("", "expected", "found", "error"), *map(_comparison, lines)])
     print(f"\n{count} comparisons, {missed} missed, {seconds(perf_counter() - clock)}")
     return 1 if missed else 0
 
 
-def _compared(line: Line) -> tuple[str, str, str, str]:
+def _comparison(line: Line) -> tuple[str, str, str, str]:
     found = (line.expected, line.found)
     expected, got = (f"{x:.12g}" if isinstance(x, float) else str(x) for x in found)
     error = "" if line.error is None else f"{line.error:.1e}"

@@ -133,7 +133,7 @@ def _print_report(found: dict[str, Any]) -> None:
     if "forward" in found:
         forward = found["forward"]
         rows += [
-            ("forward deviation", _judged(forward)),
+            ("forward deviation", _verdict(forward)),
             ("energy drift", f"{forward['energy_drift']:.1e}"),
         ]
     for arc in found.get("contacts", ()):
@@ -153,7 +153,7 @@ def _print_report(found: dict[str, Any]) -> None:
     print_table(rows)
 
 
-def _judged(forward: dict[str, Any]) -> str:
+def _verdict(forward: dict[str, Any]) -> str:
     """Return what the forward integration says of the path."""
     verdict = {True: "agrees", False: "contradicts the path", None: "cannot tell"}
     found = (

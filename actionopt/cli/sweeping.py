@@ -156,14 +156,14 @@ def _print_runs(runs: Runs, time: float) -> None:
     """Print what came of a sweep."""
     import numpy as np
 
-    def counted(values: Any) -> str:
+    def count(values: Any) -> str:
         found = zip(*np.unique(values, return_counts=True), strict=True)
         return ", ".join(f"{count} {value}" for value, count in found)
 
     solved = runs.action[runs.success]
     remedy = "" if runs.retried == "fully" else ": --retry"
     rows = [
-        ("status", counted(runs.status)),
+        ("status", count(runs.status)),
         ("action", f"{solved.min():.9g} to {solved.max():.9g}" if solved.size else "none"),
         ("largest error", f"{runs.error[runs.success].max(initial=0.0):.1e}"),
     ]

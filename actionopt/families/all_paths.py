@@ -30,7 +30,7 @@ from actionopt.solver.solve import solve_near
 from actionopt.solver.window import searched
 from actionopt.tools.blas import one_thread
 from actionopt.tools.checks import tolerance
-from actionopt.tools.shown import listed
+from actionopt.tools.shown import row_of
 from actionopt.tools.types import Array
 from actionopt.tools.watch import Progress, check_progress, time_limit
 
@@ -84,7 +84,7 @@ class Paths:
 
     def __repr__(self) -> str:
         """Show how many paths there are, their actions, and whether there may be others."""
-        actions = listed((f"{s.action:.6g}" for s in self.solutions), len(self))
+        actions = row_of((f"{s.action:.6g}" for s in self.solutions), len(self))
         more = f"; {len(self.families)} families" if self.families else ""
         ended = "; interrupted" if self.interrupted else ""
         return f"Paths({len(self)}: S = {actions or 'none'}{more}{ended})"

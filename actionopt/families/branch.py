@@ -15,7 +15,7 @@ from actionopt.families.marks import Mark
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.solve import solve
 from actionopt.tools.checks import flat_index, number
-from actionopt.tools.shown import listed
+from actionopt.tools.shown import row_of
 from actionopt.tools.types import Array
 
 INTERRUPTED = "it was interrupted"
@@ -57,7 +57,7 @@ class Trace:
         """Show how far it went and what it met, not the arrays."""
         found = f"{len(self.values)} paths from {self.values[0]:g} to {self.values[-1]:g}"
         told = (f"{mark.kind} at {mark.value:g}" for mark in self.marks)
-        marks = listed(told, len(self.marks))
+        marks = row_of(told, len(self.marks))
         return f"Trace({found}; {marks or 'no marks'}; ended: {self.stopped})"
 
     @property

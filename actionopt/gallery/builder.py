@@ -83,7 +83,7 @@ def build(
     known = [name for name in names if isinstance(name, str)]
     for name in known:
         scenes.title(name)  # raises for one that does not exist
-    own = _named([question for question in names if not isinstance(question, str)])
+    own = _by_folder([question for question in names if not isinstance(question, str)])
     if lang not in SPOKEN:
         raise ValueError(f"expected a language of {', '.join(SPOKEN)}, found {lang!r}")
     if jobs < 1:
@@ -100,14 +100,14 @@ def build(
     for file in (file for folder in SHARED for file in folder.iterdir()):
         write(target / file.name, file.read_bytes())
     done = len(wanted) - len(ahead)
-    with language(lang), closing(_made(ahead, jobs, lang)) as made:
+    with language(lang), closing(_build_pages(ahead, jobs, lang)) as made:
         for name, page in chain(((name, _own(own[name])) for name in own), made):
             files = {
                 f"{name}/{file}" if name in own else file: text for file, text in page.files.items()
             }
             without: set[str] = set()
             for file, text in files.items():
-                write(target / file, _linked(text, there, without))
+                write(target / file, _relink(text, there, without))
             before = written.get(name, {}).get("files", [])
             for file in set(before) - set(files):
                 (target / file).unlink(missing_ok=True)
@@ -130,7 +130,7 @@ def build(
     return [*ahead, *own]
 
 
-def _named(questions: Sequence[Scene | Problem]) -> dict[str, Scene | Problem]:
+def _by_folder(questions: Sequence[Scene | Problem]) -> dict[str, Scene | Problem]:
     """Return questions by the names of their folders: no scene's of the catalogue, each another."""
     found: dict[str, Scene | Problem] = {}
     for question in questions:
@@ -147,10 +147,10 @@ def _named(questions: Sequence[Scene | Problem]) -> dict[str, Scene | Problem]:
 
 def _own(question: Scene | Problem) -> Page:
     """Return the page of a scene or a problem of the user's own, without its name."""
-    from actionopt.plot.live.page import titled, whole  # matplotlib, only now
+    from actionopt.plot.live.page import heading_of, whole  # matplotlib, only now
 
     above = '<p class="crumb"><a href="../index.html">' + say("All scenes") + "</a></p>\n"
-    return Page({"index.html": whole(question, above=above)}, title=titled(question))
+    return Page({"index.html": whole(question, above=above)}, title=heading_of(question))
 
 
 def sources(folder: Path = PACKAGE) -> str:
@@ -172,13 +172,15 @@ def make(name: str) -> Page:
     return story.story() if name == STORY else scene_page.scene_page(name)
 
 
-def _spoken(name: str, lang: str) -> Page:
+def _page_in(name: str, lang: str) -> Page:
     """Return a page in a language."""
     with language(lang):
         return make(name)
 
 
-def _made(names: Sequence[str], jobs: int, lang: str) -> Generator[tuple[str, Page], None, None]:
+def _build_pages(
+    names: Sequence[str], jobs: int, lang: str
+) -> Generator[tuple[str, Page], None, None]:
     """Yield names and pages, as they are made."""
     if jobs == 1 or not names:
         yield from ((name, make(name)) for name in names)
@@ -189,7 +191,7 @@ def _made(names: Sequence[str], jobs: int, lang: str) -> Generator[tuple[str, Pa
     others = set(multiprocessing.active_children())
     with ProcessPoolExecutor(jobs, context, initializer=leave) as pool:
         with _one_thread():  # each, or they get in each other's way
-            waiting = {pool.submit(_spoken, name, lang): name for name in names}
+            waiting = {pool.submit(_page_in, name, lang): name for name in names}
         try:
             for future in as_completed(waiting):
                 yield waiting[future], future.result()
@@ -212,16 +214,16 @@ def _one_thread() -> Generator[None, None, None]:
             os.environ[THREADS] = before
 
 
-def _linked(text: str, there: set[str], without: set[str]) -> str:
+def _relink(text: str, there: set[str], without: set[str]) -> str:
     """Return a page whose links to scenes that are not there are words alone; add those names."""
 
-    def kept(link: re.Match[str]) -> str:
+    def keep(link: re.Match[str]) -> str:
         if link[1] in there or link[1] not in scenes.SCENES:
             return link[0]
         without.add(link[1])
         return link[2]
 
-    return LINK.sub(kept, text)
+    return LINK.sub(keep, text)
 
 
 def _manifest(target: Path) -> dict[str, Any]:

@@ -40,10 +40,10 @@ class Row:
     difference: float | None = None
 
 
-def known(subject: Subject) -> list[Row]:
+def facts_of(subject: Subject) -> list[Row]:
     """Return all that the scene's facts say, compared with the solution."""
     rows: list[Row] = []
-    motion = _path, _action, _energy, _index, _rates, _conserved, _start, _contact
+    motion = _path, _action, _energy, _index, _rates, _conserved_rows, _start, _contact
     for part in (*motion, _twin, _others):
         rows += part(subject)
     return rows
@@ -72,7 +72,7 @@ def _energy(s: Subject) -> Rows:
 
 def _index(s: Subject) -> Rows:
     facts, end = s.scene.facts, s.t[-1]
-    if facts.morse_index is not None and not s.forced:
+    if facts.morse_index is not None and not s.has_forces:
         yield Row("Morse index", str(facts.morse_index), str(s.solution.morse_index))
     if facts.conjugate_times is not None:
         found = [p.t for p in s.conjugate for _ in range(p.multiplicity)]
@@ -96,7 +96,7 @@ def _rates(s: Subject) -> Rows:
         yield _curve("multiplier", expected, s.solution.multipliers(s.t))
 
 
-def _conserved(s: Subject) -> Rows:
+def _conserved_rows(s: Subject) -> Rows:
     for name, quantity in (s.scene.facts.conserved or {}).items():
         values = quantity(s.q, s.v, s.t)
         with np.errstate(all="ignore"):  # where bodies would meet
@@ -105,10 +105,10 @@ def _conserved(s: Subject) -> Rows:
         size = float(np.max(known)) or 1.0
         start = float(values[0]) if abs(values[0]) > ROUNDING * size else 0.0
         drift = float(np.ptp(values)) / size
-        yield Row(named(s, name), "constant", number(start, DIGITS), drift)
+        yield Row(name_of(s, name), "constant", number(start, DIGITS), drift)
 
 
-def named(s: Subject, name: str) -> str:
+def name_of(s: Subject, name: str) -> str:
     """Return the name of what is conserved as HTML: words, or the formula if that is its name."""
     system = s.solution.problem.system
     scalars = {*system.coordinates, *system.parameters, "p1", "p2"}

@@ -102,9 +102,12 @@ def figures(subject: Subject) -> tuple[dict[str, list[Figure]], list[tuple[str, 
 
 # -- rules: what keeps a subject from having a figure, and why ---------------------------------
 
-FORCED: Rule = (lambda s: s.forced, "A force that no potential gives leaves no action to compare.")
+FORCED: Rule = (
+    lambda s: s.has_forces,
+    "A force that no potential gives leaves no action to compare.",
+)
 DRAG: Rule = (
-    lambda s: s.forced,
+    lambda s: s.has_forces,
     "A force takes energy from the motion: H falls, as the energy function shows.",
 )
 MOVING: Rule = (
@@ -154,7 +157,7 @@ def _kind(
     def add(draw: Draw) -> None:
         name = draw.__name__.strip("_")
 
-        def made(subject: Subject) -> Figure:
+        def make(subject: Subject) -> Figure:
             said: list[tuple[str, str]] = []
             cuts = plot.svgs(lambda figure: said.append(draw(subject, figure)), size, cut(size))
             ((alt, caption),) = said
@@ -162,7 +165,7 @@ def _kind(
             words = " ".join(filter(None, (own, caption)))
             return Figure(name, cuts[0], size, alt, words, say(title), cuts[1])
 
-        KINDS.append((title, part, unless, made))
+        KINDS.append((title, part, unless, make))
 
     return add
 
@@ -384,7 +387,7 @@ def _path(s: Subject, figure: Any) -> tuple[str, str]:
     law = (
         "The equations of Lagrange and d'Alembert, drag included, integrated from its start, "
         "lead to the same events: they differ by {most} of its size."
-        if s.forced
+        if s.has_forces
         else "The equations of motion, integrated from its start, lead the same way: they differ "
         "by {most} of its size."
     )

@@ -108,12 +108,12 @@ def _energies(s: Subject, t: Array) -> list[dict[str, Any]]:
     S = np.r_[0.0, np.cumsum(far)]
     S += (s.solution.action - S[-1]) * np.linspace(0, 1, t.size)  # of trapezes, which miss a little
     graph: dict[str, Any] = {"unit": "J"}
-    if s.forced or not s.energies.moving:
+    if s.has_forces or not s.energies.moving:
         T = s.scene.kinetic(q, v, t) if s.scene.kinetic else L + _potential(s, q, t)
         graph["rows"] = [{"name": "T", "values": _thin(T)}, {"name": "V", "values": _thin(T - L)}]
     else:
         graph["rows"] = [{"name": "L", "values": _thin(L)}]
-    if not s.forced:
+    if not s.has_forces:
         graph["area"] = _thin(S)
     return [graph]
 

@@ -54,7 +54,7 @@ def section(source: str) -> str:
     return max((s for s in SECTIONS if found[1].startswith(s)), key=len)
 
 
-def _numbered(number: str) -> str:
+def _with_number(number: str) -> str:
     return f'<span class="no">{number}</span> ' if number else ""
 
 
@@ -65,7 +65,7 @@ def index_page(pages: Mapping[str, Mapping[str, Any]], own: Mapping[str, str] = 
         scene, about = scenes.get(name), pages[name]
         cards[section(scene.source)].append(_card(scene, about["tags"], about["motion"]))
     body = "\n".join(
-        f"<section><h2>{_numbered(number)}{say(title)}</h2>"
+        f"<section><h2>{_with_number(number)}{say(title)}</h2>"
         f'<p class="section-note">{say(note)}</p>'
         f'<ul class="cards">{"".join(cards[number])}</ul></section>'
         for number, (title, note) in SECTIONS.items()

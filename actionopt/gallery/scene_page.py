@@ -10,7 +10,7 @@ import numpy as np
 from actionopt import scenes
 from actionopt.analysis.solution import Solution
 from actionopt.gallery import film, units
-from actionopt.gallery.facts import known
+from actionopt.gallery.facts import facts_of
 from actionopt.gallery.figures import CHECK, MOTION, PRINCIPLE, Figure, figures
 from actionopt.gallery.page import Page, escape, frame, number, prose, table, typeset
 from actionopt.gallery.subject import Subject
@@ -74,7 +74,7 @@ def scene_page(name: str) -> Page:
     program, output, solution = run(scene)
     s = Subject(scene, solution)
     drawn, without = figures(s)
-    title = said(scene.title)[0].upper() + said(scene.title)[1:]
+    title = translate(scene.title)[0].upper() + translate(scene.title)[1:]
     own = scene.words
     main = f"""<article class="scene">
 <header class="title">
@@ -84,12 +84,12 @@ def scene_page(name: str) -> Page:
 </header>
 <section class="opening" aria-label="{say("The question")}">
 <div>
-<p class="question">{typeset(said(own.question))}</p>
+<p class="question">{typeset(translate(own.question))}</p>
 <details class="answer"><summary>{say("Think first; then look here")}</summary>
-<p>{typeset(said(own.answer))}</p></details>
+<p>{typeset(translate(own.answer))}</p></details>
 <h2 class="small">{say("What to look at")}</h2>
-<p>{typeset(said(own.look))}</p>
-<p class="statement">{typeset(said(words.statement))} {typeset(said(words.remarks))}</p>
+<p>{typeset(translate(own.look))}</p>
+<p class="statement">{typeset(translate(words.statement))} {typeset(translate(words.remarks))}</p>
 <p class="source">{escape(scene.source)}</p>
 </div>
 {film.film(s)}
@@ -105,8 +105,8 @@ def scene_page(name: str) -> Page:
 {_section("The motion", "", drawn[MOTION])}
 {_without(without)}
 <section><h2>{say("How well is it known?")}</h2>
-{_known(s)}
-{_found(s)}
+{_known_part(s)}
+{_result_part(s)}
 {_pictures(drawn[CHECK])}
 <details class="program"><summary>{say("The program that found it, and what it printed")}</summary>
 {_code("Program", program)}
@@ -120,7 +120,7 @@ def scene_page(name: str) -> Page:
 {_beside(s)}
 </article>"""
     html = frame(
-        title, main, root="../", description=said(scene.title), scripts=["film.js", *SCRIPTS]
+        title, main, root="../", description=translate(scene.title), scripts=["film.js", *SCRIPTS]
     )
     files = {f"{name}/index.html": html, f"{name}/thumbnail.svg": film.thumbnail(s)}
     for picture in (picture for part in drawn.values() for picture in part):
@@ -128,7 +128,7 @@ def scene_page(name: str) -> Page:
     return Page(files, tags(s), s.motion)
 
 
-def said(text: str) -> str:
+def translate(text: str) -> str:
     """Return a scene's own words in the language of the page; nothing for none."""
     return say(" ".join(text.split())) if text else ""
 
@@ -171,7 +171,9 @@ def _principle(s: Subject, words: Texts) -> str:
         "forced": "A force Q that no potential gives stands beside the Lagrangian in the "
         "equations of Lagrange and d'Alembert. For each coordinate",
     }
-    which = "forced" if s.forced else "held" if system.m else "touching" if s.touches else "least"
+    which = (
+        "forced" if s.has_forces else "held" if system.m else "touching" if s.touches else "least"
+    )
     follow = say("From this follow the equations of motion.")
     if s.touches:
         follow = say("From this follow the equations of motion, where nothing is touched.")
@@ -197,10 +199,10 @@ def _principle(s: Subject, words: Texts) -> str:
 def _beside(s: Subject) -> str:
     """Return links to what is like it, to the story, and to the course."""
     links = [
-        f'<li><a href="../{name}/index.html">{typeset(said(scenes.title(name)))}</a></li>'
+        f'<li><a href="../{name}/index.html">{typeset(translate(scenes.title(name)))}</a></li>'
         for name in s.scene.words.beside
     ]
-    if s.forced:
+    if s.has_forces:
         story = say("Where there is an action, when is it least?")
     elif s.solution.morse_index:
         story = say("Why this action is a saddle, and not least")
@@ -235,7 +237,7 @@ def tags(s: Subject) -> tuple[str, ...]:
         found.append(say("depends on time"))
     if s.touches:
         found.append(say("touches an obstacle"))
-    return (*found, say("drag") if s.forced else s.verdict)
+    return (*found, say("drag") if s.has_forces else s.verdict)
 
 
 def _count(count: int, one: str, many: str) -> str:
@@ -249,7 +251,9 @@ def _formulas(s: Subject, words: Texts) -> str:
         scalars.add("Q")
     rows = []
     for k, given in enumerate(words.formulas, 1):
-        remark = f'<span class="remark">{typeset(said(given.remark))}</span>' * bool(given.remark)
+        remark = f'<span class="remark">{typeset(translate(given.remark))}</span>' * bool(
+            given.remark
+        )
         rows.append(
             f'<div class="formula scroll" tabindex="0" role="region" aria-label="'
             f'{say("Formula")} {k}">'
@@ -278,7 +282,7 @@ def _events(s: Subject) -> str:
     return table(say("The two events"), ("", *at, say("unit")), rows)
 
 
-def _known(s: Subject) -> str:
+def _known_part(s: Subject) -> str:
     rows = [
         (
             say(r.what),
@@ -286,7 +290,7 @@ def _known(s: Subject) -> str:
             say(r.found) if r.found else "",
             "" if r.difference is None else number(r.difference, 2),
         )
-        for r in known(s)
+        for r in facts_of(s)
     ]
     if not rows:
         return f"<p>{say('No closed form is known; forward integration is the check.')}</p>"
@@ -294,7 +298,7 @@ def _known(s: Subject) -> str:
     return table(say("Known and found"), head, rows, kind="numbers")
 
 
-def _found(s: Subject) -> str:
+def _result_part(s: Subject) -> str:
     solution = s.solution
     names, (p0, p1) = solution.problem.system.coordinates, solution.momenta
     H = solution.energy(s.t)
@@ -310,7 +314,7 @@ def _found(s: Subject) -> str:
             )
             for name, a, b in zip(names, p0, p1, strict=True)
         ),
-        *([] if s.forced else [(say("the action is"), escape(s.verdict))]),
+        *([] if s.has_forces else [(say("the action is"), escape(s.verdict))]),
         (
             say("mesh"),
             say(

@@ -55,7 +55,7 @@ def story() -> Page:
         ),
         arrows=True,
     )
-    main = PARAGRAPH.sub(_said, TEMPLATE.read_text(encoding="utf-8")).format(
+    main = PARAGRAPH.sub(_translate, TEMPLATE.read_text(encoding="utf-8")).format(
         **values,
         **pictures,
         projectile=projectile,
@@ -77,7 +77,7 @@ def story() -> Page:
     return Page(files)
 
 
-def _said(paragraph: re.Match[str]) -> str:
+def _translate(paragraph: re.Match[str]) -> str:
     """Return a paragraph of the template in the current language, its braces not yet filled."""
     return paragraph[1] + say(" ".join(paragraph[3].split()))
 

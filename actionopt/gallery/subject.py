@@ -29,7 +29,7 @@ class Subject:
     solution: Solution
 
     @property
-    def forced(self) -> bool:
+    def has_forces(self) -> bool:
         """Whether a non-conservative force acts, so that no functional is stationary."""
         return self.solution.problem.system.structure.forced
 
@@ -92,12 +92,12 @@ class Subject:
 
         Nor along an obstacle, whose neighbours lie to one side.
         """
-        return () if self.forced or self.touches else conjugate_points(self.solution)
+        return () if self.has_forces or self.touches else conjugate_points(self.solution)
 
     @property
     def verdict(self) -> str:
         """What the action is at the path: a minimum, a saddle of some index."""
-        if self.forced:
+        if self.has_forces:
             return say("no functional")
         index, kind = self.solution.morse_index, say(self.solution.kind)
         return say("{kind}, index {index}", kind=kind, index=index) if index else kind

@@ -16,7 +16,7 @@ import numpy as np
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.switches import REMAINDERS
 from actionopt.mechanics.tracing import SAMPLES, Symbols
-from actionopt.tools.tape import Node, Tape, applied
+from actionopt.tools.tape import Node, Tape, apply
 from actionopt.tools.types import EPS, Array
 
 Instant = tuple[float, float]  # the last time before it and the first one after it
@@ -85,7 +85,7 @@ def clock(s: Symbols, *laws: ca.SX) -> Clock | None:
         made = None
         if None not in operands:
             plain = [operand[0] for operand in operands if operand is not None]
-            made = applied(code, plain), any(operand[1] for operand in operands if operand)
+            made = apply(code, plain), any(operand[1] for operand in operands if operand)
         if not timed:
             return made
         if code in ZEROS or code in DIFFERENCES:

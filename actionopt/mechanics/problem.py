@@ -17,7 +17,7 @@ from actionopt.mechanics.obstacle import check_outside, check_rows
 from actionopt.mechanics.rest import Rest, rest
 from actionopt.mechanics.surface import settled, widened
 from actionopt.mechanics.system import System
-from actionopt.tools.checks import named, number
+from actionopt.tools.checks import by_name, number
 from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array
 
@@ -215,7 +215,7 @@ class Problem:
             self.system,
             start,
             end,
-            parameters={**self.parameters, **named(parameters, "parameters")},
+            parameters={**self.parameters, **by_name(parameters, "parameters")},
             energy=old.energy if energy is None and free else energy,
         )
 

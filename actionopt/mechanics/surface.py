@@ -22,7 +22,7 @@ from actionopt.mechanics.events import Event
 from actionopt.mechanics.expressions import Expressions
 from actionopt.mechanics.system import System
 from actionopt.mechanics.tracing import call, requested, surface
-from actionopt.tools.checks import named
+from actionopt.tools.checks import by_name
 from actionopt.tools.types import Array
 
 
@@ -112,7 +112,7 @@ def widened(system: System, events: tuple[Any, ...], parameters: Mapping[str, An
 
     Raises ValueError if `parameters` does not give one.
     """
-    more, given = {}, named(parameters, "parameters")
+    more, given = {}, by_name(parameters, "parameters")
     for event in events:
         on = getattr(event, "on", None)
         if on is None:

@@ -16,7 +16,7 @@ import casadi as ca
 
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.tracing import COMPARISONS, Symbols
-from actionopt.tools.tape import Node, Tape, applied
+from actionopt.tools.tape import Node, Tape, apply
 
 STEP_CODES = {ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_SIGN, ca.OP_FLOOR, ca.OP_CEIL}
 REMAINDERS = {ca.OP_FMOD, ca.OP_REMAINDER}
@@ -74,7 +74,7 @@ def switches(s: Symbols, lagrangian: Tape, coordinates: Sequence[str]) -> Switch
             x = arguments[of][row] if node.kind == "input" else ca.SX(node.value)
             return x, x, 0 <= of < 2
         plain, kept, of_path = zip(*operands, strict=True)
-        made = applied(code, plain)
+        made = apply(code, plain)
         moves = any(of_path)
         if moves and code in STEP_CODES:
             return made, step(made), True
@@ -86,7 +86,7 @@ def switches(s: Symbols, lagrangian: Tape, coordinates: Sequence[str]) -> Switch
         if moves and code in REMAINDERS:
             whole = step((plain[0] - made) / plain[1])
             return made, kept[0] - whole * kept[1], True
-        return made, applied(code, kept), moves
+        return made, apply(code, kept), moves
 
     held = lagrangian.fold(branch)[lagrangian.results[0][0]][1]
     if not names:

@@ -35,7 +35,7 @@ from actionopt.mechanics.tracing import (
     surface,
 )
 from actionopt.tools.checks import numbers
-from actionopt.tools.shown import listed
+from actionopt.tools.shown import row_of
 from actionopt.tools.types import Array
 
 # Of Newton's method in `velocity`; ad hoc.
@@ -246,7 +246,7 @@ class System(Laws):
 
     def __repr__(self) -> str:
         """Show the name and the coordinates, and where the law of a loaded one came from."""
-        found = f"{self.name or 'unnamed'}: {listed(self.coordinates, self.n)}"
+        found = f"{self.name or 'unnamed'}: {row_of(self.coordinates, self.n)}"
         return f"System({found}{f'; loaded, its law {self.source}' if self.loaded else ''})"
 
     def _repr_html_(self) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from actionopt.mechanics.expressions import Expressions, OutOfRange, Untraceable, said
-from actionopt.tools.checks import named, numbers
+from actionopt.tools.checks import by_name, numbers
 from actionopt.tools.types import Array
 
 # What arguments are called as a rule, and how the rate of one: qdot, q_dot, dq, dq_dt.
@@ -50,7 +50,7 @@ class ParameterTable:
 
     def __init__(self, defaults: Mapping[str, ArrayLike] | None) -> None:
         self.defaults: dict[str, Array] = {}
-        for name, value in named(defaults, "parameters").items():
+        for name, value in by_name(defaults, "parameters").items():
             self.defaults[name] = _finite(name, value)
         self.shapes = {name: value.shape for name, value in self.defaults.items()}
 
@@ -64,7 +64,7 @@ class ParameterTable:
             infinity.
         """
         result = dict(self.defaults)
-        for name, value in named(overrides, "parameters").items():
+        for name, value in by_name(overrides, "parameters").items():
             if name not in result:
                 raise ValueError(
                     f"unknown parameter {name!r}; the parameters are "

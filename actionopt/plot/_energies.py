@@ -12,12 +12,12 @@ from actionopt.analysis.solution import Solution
 from actionopt.plot import _style as style
 from actionopt.plot._names import NONE, Units, label, symbol
 from actionopt.plot.data.along import Kinetic, conserved_data, energies_data
-from actionopt.plot.data.arguments import checked
+from actionopt.plot.data.arguments import check_arguments
 from actionopt.tools.words import say
 
 
 @style.styled
-@checked
+@check_arguments
 def energies(
     solution: Solution,
     ax: Axes | None = None,
@@ -62,7 +62,7 @@ def energies(
 
 
 @style.styled
-@checked
+@check_arguments
 def conserved(
     solution: Solution, axes: Sequence[Axes] | None = None, *, units: Units = NONE
 ) -> tuple[Axes, Axes]:

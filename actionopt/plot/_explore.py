@@ -19,15 +19,15 @@ from actionopt.mechanics.problem import Problem
 from actionopt.plot import _style as style
 from actionopt.plot._explore_parts import ASIDE, LEFT, RIGHT, Missing, Panel, Words, fit, panels
 from actionopt.plot._names import NONE, SI, Units, label
-from actionopt.plot.data.arguments import checked
-from actionopt.plot.data.exploration import Exploration, begin, bent, lasting, restarted, solved
+from actionopt.plot.data.arguments import check_arguments
+from actionopt.plot.data.exploration import Exploration, begin, bend, lasting, restart, to_solution
 from actionopt.plot.data.trial import Trial, knots
 from actionopt.scenes import Scene
 from actionopt.solver.arguments import Guess
 
 REACH = 14  # pixels from a point at which it is taken hold of
 SHORTEST = 0.2  # of the duration
-STEPS = {"enter": solved, "0": restarted}
+STEPS = {"enter": to_solution, "0": restart}
 SNAP = 0.006  # of the slider: nearer than this to a conjugate time it is that time
 NO_WINDOW = (
     "no window can be opened: {reason}; run this on a desktop with tkinter, or after `pip install "
@@ -36,7 +36,7 @@ NO_WINDOW = (
 )
 
 
-@checked
+@check_arguments
 def explore(
     question: Scene | Problem, *, guess: Guess | None = None, units: Units | None = None
 ) -> Explorer:
@@ -84,7 +84,7 @@ class Explorer:
         problem = first.trial.tr.problem
         names, t0, t1 = problem.system.coordinates, problem.start.t, problem.end.t
         self.right = t1  # the latest end seen: the axis of time does not shrink again
-        self.figure = style.new_figure(figsize=style.scaled(10.6, 6.6), layout=None)
+        self.figure = style.new_figure(figsize=style.reader_sizes(10.6, 6.6), layout=None)
         self.figure.explorer = self  # lives as long as its figure
         forced = problem.system.structure.forced
         self.panels = panels(self.figure, names, "motion" if forced else "stationary path", units)
@@ -103,8 +103,8 @@ class Explorer:
         self.slider.on_changed(self._slide)
         self.solve = self._button(ASIDE, "Solve")
         self.again = self._button(ASIDE + 0.145, "Start over")
-        self.solve.on_clicked(lambda _: self._become(solved(self.now)))
-        self.again.on_clicked(lambda _: self._become(restarted(self.now)))
+        self.solve.on_clicked(lambda _: self._become(to_solution(self.now)))
+        self.again.on_clicked(lambda _: self._become(restart(self.now)))
         for name, react in (
             ("button_press_event", self._press),
             ("motion_notify_event", self._drag),
@@ -157,7 +157,7 @@ class Explorer:
         if self.held is not None:
             panel, node, trial = self.held
             x, y = panel.ax.transData.inverted().transform((event.x, event.y))
-            self._become(bent(self.now, trial, node, panel.target(x, y)))
+            self._become(bend(self.now, trial, node, panel.target(x, y)))
 
     def _release(self, event: Gesture) -> None:
         if self.held is not None:

@@ -147,7 +147,7 @@ class Missing:
         used = (units.generalized_force(name) for name in names)
         text = r"missing force  $dp/dt - \partial L/\partial q" + (" - Q$" if forced else "$")
         text = label(text, *used)
-        ax.set_title(text, fontsize=style.scaled(9.5)[0], color=style.GREY)
+        ax.set_title(text, fontsize=style.reader_sizes(9.5)[0], color=style.GREY)
         ax.yaxis.set_major_locator(MaxNLocator(3))
 
     def show(self, trial: Trial, held: int | None) -> None:
@@ -170,13 +170,18 @@ class Words:
 
     def __init__(self, figure: Figure, name: str, forced: bool, units: Units) -> None:
         def write(y: float, size: float, text: str = "", **look: Any) -> Any:
-            look = {"fontsize": style.scaled(size)[0], "va": "top", "linespacing": 1.4, **look}
+            look = {
+                "fontsize": style.reader_sizes(size)[0],
+                "va": "top",
+                "linespacing": 1.4,
+                **look,
+            }
             return figure.text(ASIDE, y, text, **look)
 
         self.ink = style.ink()
         self.units, self.forced, small = units, forced, {"color": style.GREY}
         aim = DALEMBERT if forced else "STATIONARY"
-        figure.text(LEFT, 0.975, name, fontsize=style.scaled(14)[0], va="top")
+        figure.text(LEFT, 0.975, name, fontsize=style.reader_sizes(14)[0], va="top")
         write(0.915, 9.5, "ACTION OF THE TRIAL", **small)
         self.action, self.rise = write(0.88, 20), write(0.805, 13)
         write(0.715, 9.5, f"DISTANCE FROM {aim}", **small)

@@ -12,7 +12,7 @@ from matplotlib.tri import Triangulation
 from actionopt.analysis.solution import Solution
 from actionopt.plot import _style as style
 from actionopt.plot._names import NONE, Units, label, planar
-from actionopt.plot.data.arguments import checked
+from actionopt.plot.data.arguments import check_arguments
 from actionopt.plot.data.fan import LEVELS, Fronts, fan_data, fronts_data, over_plane, over_time
 from actionopt.tools.types import Array
 from actionopt.tools.words import say
@@ -25,7 +25,7 @@ FOCUS: Any = {
 
 
 @style.styled
-@checked
+@check_arguments
 def fan(
     solution: Solution,
     ax: Axes | None = None,
@@ -40,7 +40,7 @@ def fan(
     Orbits for Cartesian coordinates, and dotted lines through the places of the same time: orbits
     may cross without meeting. Else one `coordinate` against time.
     """
-    at = style.shown(solution, coordinate)
+    at = style.coordinate_to_show(solution, coordinate)
     data, names = fan_data(solution, count, spread), solution.problem.system.coordinates
     ax, q = style.on(ax), data.neighbours
     look = {"color": style.PALE, "linewidth": 0.8}
@@ -52,7 +52,7 @@ def fan(
         style.draw(ax, names, data.t, q[:, :, some].transpose(2, 1, 0), None, text, **look)
     last = int(data.index[-1])
     few = last < len(style.COLOURS)
-    colours = style.COLOURS if few else style.unsigned()(np.linspace(0, 1, last + 1))
+    colours = style.COLOURS if few else style.unsigned_colours()(np.linspace(0, 1, last + 1))
     for arc in np.unique(data.index):
         part = np.flatnonzero(data.index == arc)
         part = np.r_[max(part[0] - 1, 0), part]
@@ -74,7 +74,7 @@ def fan(
 
 
 @style.styled
-@checked
+@check_arguments
 def wavefronts(
     solution: Solution,
     ax: Axes | None = None,
@@ -120,7 +120,7 @@ def _plane(ax: Axes, solution: Solution, data: Fronts, units: Units) -> None:
     some = np.unique(sheet.triangles.get_masked_triangles())[::EVERY]
     _paths(ax, data.q[some, 0].T, data.q[some, 1].T, 0.6)
     arrows = [(sheet.momentum, style.ink(), say(r"momentum $p = \partial S/\partial q$"))]
-    if not sheet.aligned:
+    if not sheet.is_aligned:
         arrows.append((sheet.velocity, style.VERMILION, say(r"velocity $\dot q$")))
     for values, colour, text in arrows:
         at = data.q[some, :, -1].T
@@ -144,6 +144,8 @@ def _fronts(ax: Axes, sheet: Triangulation, S: Array, units: Units) -> None:
     seen = np.sort(S[np.unique(sheet.get_masked_triangles())])
     levels = np.unique(np.linspace(seen[len(seen) // 50], seen[-1 - len(seen) // 50], LEVELS))
     norm = Normalize(levels[0], levels[-1])
-    ax.tricontour(sheet, S, levels, cmap=style.unsigned(), norm=norm, linewidths=1.6, zorder=2)
+    ax.tricontour(
+        sheet, S, levels, cmap=style.unsigned_colours(), norm=norm, linewidths=1.6, zorder=2
+    )
     text = label("$S$ from the start", units.action)
-    style.colour_bar(ax, levels, norm, style.unsigned(), text)
+    style.colour_bar(ax, levels, norm, style.unsigned_colours(), text)

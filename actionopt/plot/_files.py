@@ -22,7 +22,7 @@ from actionopt.families.runs import Runs
 from actionopt.plot._paths import overview, paths
 from actionopt.plot._runs import runs
 from actionopt.plot._style import IF_ROOM, styled
-from actionopt.plot.data.arguments import checked
+from actionopt.plot.data.arguments import check_arguments
 from actionopt.tools.checks import numbers
 from actionopt.tools.files import ready, whole
 from actionopt.tools.words import together
@@ -62,12 +62,12 @@ def svgs(draw: Callable[[Figure], Any], *sizes: tuple[float, float]) -> list[str
     for size in sizes:
         figure.set_size_inches(size)
         if size[0] < sizes[0][0]:
-            _broken(figure)
-        found.append(LINES.sub(lambda line: DIGITS.sub(r"\1", line[0]), _printed(figure)))
+            _break_lines(figure)
+        found.append(LINES.sub(lambda line: DIGITS.sub(r"\1", line[0]), _svg_of(figure)))
     return found
 
 
-def _printed(figure: Figure) -> str:
+def _svg_of(figure: Figure) -> str:
     """Return a figure as SVG, laid out once: `savefig` draws everything twice.
 
     One renderer lays it out and draws it, so that each word is measured once; formulas are parsed
@@ -104,7 +104,7 @@ def _printed(figure: Figure) -> str:
     return text.getvalue()
 
 
-def _broken(figure: Figure) -> None:
+def _break_lines(figure: Figure) -> None:
     """Break the words of a figure into lines that are no longer than it is wide.
 
     What explains the lines stands below the picture, which grows by as much.
@@ -141,14 +141,14 @@ def _sparse(ax: Any) -> None:
     """
     upright = (line for line in ax.lines if np.unique(line.get_xdata()).size == 1)
     lines = [line.get_window_extent().x0 for line in upright]
-    _parted((words for words in ax.texts if words.get_label() == IF_ROOM), lines)
-    _parted(ax.get_xticklabels(), ())
+    _hide_overlaps((words for words in ax.texts if words.get_label() == IF_ROOM), lines)
+    _hide_overlaps(ax.get_xticklabels(), ())
     # Of a column zero is the last to go.
     column = sorted(ax.get_yticklabels(), key=lambda words: abs(words.get_position()[1]))
-    _parted(column, (), up=True)
+    _hide_overlaps(column, (), up=True)
 
 
-def _parted(row: Iterable[Any], lines: Sequence[float], *, up: bool = False) -> None:
+def _hide_overlaps(row: Iterable[Any], lines: Sequence[float], *, up: bool = False) -> None:
     """Hide words of a row, or of a column, that touch those before, or a line."""
     taken: list[tuple[float, float]] = []
     for words in row:
@@ -169,7 +169,7 @@ def _wrap(words: Any, width: float) -> None:
 
 
 @styled
-@checked
+@check_arguments
 def save(solution: Solution, file: str | Path, *, compare: bool = True) -> None:
     """Write `overview`, or `paths` alone if `compare` is False, to a picture file.
 
@@ -188,7 +188,7 @@ def save(solution: Solution, file: str | Path, *, compare: bool = True) -> None:
 
 
 @styled
-@checked
+@check_arguments
 def save_runs(found: Runs, file: str | Path, quantity: str = "action") -> None:
     """Write the picture of a sweep, `runs`, to a file. Raises as `save` and `runs` do."""
     picture(file)

@@ -17,7 +17,7 @@ from actionopt.analysis.solution import Solution
 from actionopt.plot import _strobe as strobe
 from actionopt.plot import _style as style
 from actionopt.plot._names import NONE, Units
-from actionopt.plot.data.arguments import checked
+from actionopt.plot.data.arguments import check_arguments
 from actionopt.plot.data.motion import Draw, motion_data
 from actionopt.plot.live.film import film_page
 from actionopt.tools.files import ready, whole
@@ -37,7 +37,7 @@ FFMPEG = [
 Update = Callable[[int], None]
 
 
-@checked
+@check_arguments
 def film(
     solution: Solution,
     draw: Draw,
@@ -71,7 +71,7 @@ def film(
     write(figure, update, count, file, fps)
 
 
-@checked
+@check_arguments
 def animation(
     solution: Solution,
     draw: Draw,

@@ -17,8 +17,8 @@ from matplotlib.ticker import MaxNLocator
 from actionopt.analysis.solution import Solution, question
 from actionopt.plot import _style as style
 from actionopt.plot._names import NONE, Units, label, symbol
-from actionopt.plot.data.along import curves, family_data, followed, mesh_data, times
-from actionopt.plot.data.arguments import checked
+from actionopt.plot.data.along import curves, family_data, forward_values, mesh_data, times
+from actionopt.plot.data.arguments import check_arguments
 from actionopt.tools.types import Array
 from actionopt.tools.words import say
 
@@ -29,7 +29,7 @@ BOUND: Any = {"color": style.GREY, "linewidth": 1.2}
 
 
 @style.styled
-@checked
+@check_arguments
 def overview(
     solution: Solution, axes: Sequence[Axes] | None = None, *, units: Units = NONE
 ) -> tuple[Axes, Axes]:
@@ -46,7 +46,7 @@ def overview(
 
 
 @style.styled
-@checked
+@check_arguments
 def paths(
     solution: Solution, ax: Axes | None = None, *, compare: bool = True, units: Units = NONE
 ) -> Axes:
@@ -63,7 +63,7 @@ def paths(
         ax.plot(x, y, **style.PATH, label=what)
     touches = solution.problem.system.r and solution.contacts
     if compare and not touches:
-        forward = followed(solution, t)
+        forward = forward_values(solution, t)
         style.draw(ax, names, t, forward, None, say("forward integration"), **style.forward())
     style.frame(ax, solution, units)
     if solution.problem.system.r:
@@ -97,7 +97,7 @@ def _obstacle(ax: Axes, solution: Solution, t: Array) -> None:
 
 
 @style.styled
-@checked
+@check_arguments
 def contact(solution: Solution, ax: Axes | None = None, *, units: Units = NONE) -> Axes:
     """Draw the contact force nu of each row of an obstacle against time.
 
@@ -119,7 +119,7 @@ def contact(solution: Solution, ax: Axes | None = None, *, units: Units = NONE) 
 
 
 @style.styled
-@checked
+@check_arguments
 def deviation(solution: Solution, ax: Axes | None = None, *, units: Units = NONE) -> Axes:
     """Draw the deviation of the forward integration against time, on a logarithmic axis.
 
@@ -141,7 +141,7 @@ def deviation(solution: Solution, ax: Axes | None = None, *, units: Units = NONE
 
 
 @style.styled
-@checked
+@check_arguments
 def family(
     solutions: Iterable[Solution],
     ax: Axes | None = None,
@@ -158,11 +158,11 @@ def family(
     t, paths, actions = family_data(found)
     system = found[0].problem.system
     names, forced = system.coordinates, system.structure.forced
-    place = style.shown(found[0], coordinate)
+    place = style.coordinate_to_show(found[0], coordinate)
     norm = Normalize(actions.min(), actions.max() if np.ptp(actions) else actions.min() + 1.0)
     ax = style.on(ax)
     for k, (solution, q, S) in enumerate(zip(found, paths, actions, strict=True)):
-        style.draw(ax, names, t, q, place, color=style.unsigned()(norm(S)), linewidth=2.4)
+        style.draw(ax, names, t, q, place, color=style.unsigned_colours()(norm(S)), linewidth=2.4)
         style.frame(ax, solution, units, place)  # a path with windings has an end of its own
         if forced:
             continue
@@ -177,7 +177,7 @@ def family(
         )  # fmt: skip
     if len(found) > 1:
         text = label("action $S$", units.action)
-        style.colour_bar(ax, actions, norm, style.unsigned(), text)
+        style.colour_bar(ax, actions, norm, style.unsigned_colours(), text)
     many = say("1 path") if len(found) == 1 else say("{count} paths", count=len(found))
     numbered = "" if forced else say(", numbered by index")
     ax.set_title(f"{style.heading(found[0])}: {many}{numbered}")
@@ -185,7 +185,7 @@ def family(
 
 
 @style.styled
-@checked
+@check_arguments
 def mesh(
     solution: Solution, axes: Sequence[Axes] | None = None, *, units: Units = NONE
 ) -> tuple[Axes, Axes]:

@@ -12,7 +12,7 @@ from matplotlib.colors import Normalize
 from actionopt.analysis.solution import Solution
 from actionopt.plot import _style as style
 from actionopt.plot._names import NONE, Units, label
-from actionopt.plot.data.arguments import checked
+from actionopt.plot.data.arguments import check_arguments
 from actionopt.plot.data.phasors import WHOLE, phasors_data
 from actionopt.tools.words import say
 
@@ -20,7 +20,7 @@ SIZE = (12.6, 4.2)
 
 
 @style.styled
-@checked
+@check_arguments
 def phasors(
     solution: Solution,
     hbar: float,
@@ -38,9 +38,9 @@ def phasors(
     `phasors_data` does.
     """
     data, names = phasors_data(solution, hbar, mode=mode), solution.problem.system.coordinates
-    at = style.shown(solution, coordinate)
+    at = style.coordinate_to_show(solution, coordinate)
     if axes is None:
-        figure = style.new_figure(figsize=style.scaled(*SIZE))
+        figure = style.new_figure(figsize=style.reader_sizes(*SIZE))
         axes = list(figure.subplots(1, 3, width_ratios=(1.25, 1, 1)))
     near, along, spiral = axes
     circle = style.circle()

@@ -17,7 +17,7 @@ from actionopt.plot import _style as style
 from actionopt.plot._film import FPS, film_file, write
 from actionopt.plot._names import NONE, Units, label
 from actionopt.plot._strobe import faded
-from actionopt.plot.data.arguments import checked
+from actionopt.plot.data.arguments import check_arguments
 from actionopt.plot.data.relaxation import Relaxation, relaxation_data
 from actionopt.tools.types import Array
 from actionopt.tools.words import say
@@ -55,7 +55,7 @@ class Panels(NamedTuple):
 
 
 @style.styled
-@checked
+@check_arguments
 def relaxation(
     solution: Solution,
     start: Start = None,
@@ -70,7 +70,10 @@ def relaxation(
     Orbits for Cartesian coordinates, else one coordinate against time. Start, method and what is
     raised are explained at `relaxation_data`.
     """
-    data, at = relaxation_data(solution, start, method=method), style.shown(solution, coordinate)
+    data, at = (
+        relaxation_data(solution, start, method=method),
+        style.coordinate_to_show(solution, coordinate),
+    )
     names, last = solution.problem.system.coordinates, len(data.action) - 1
     panels = _panels(style.new_figure(figsize=SIZE)) if axes is None else Panels(*axes)
     picked = np.unique(np.rint(last * np.linspace(0, 1, SHOWN) ** 2).astype(int))[1:]
@@ -82,7 +85,7 @@ def relaxation(
     return panels
 
 
-@checked
+@check_arguments
 def relaxation_film(
     solution: Solution,
     file: str | FilePath,
@@ -98,7 +101,10 @@ def relaxation_film(
     One that runs away takes few steps, and is slowed down to `LEAST` seconds.
     """
     film_file(file)
-    data, at = relaxation_data(solution, start, method=method), style.shown(solution, coordinate)
+    data, at = (
+        relaxation_data(solution, start, method=method),
+        style.coordinate_to_show(solution, coordinate),
+    )
     figure, update = _reel(solution, data, at, units)
     steps, count = len(data.action) - 1, frame_count(data, fps)
     write(figure, lambda k: update(k * steps / max(1, count - 1)), count, file, fps, FRONT)

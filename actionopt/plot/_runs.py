@@ -10,7 +10,7 @@ from actionopt.families.runs import Runs
 from actionopt.families.vary import Name
 from actionopt.plot import _style as style
 from actionopt.plot._names import NONE, Units, label, symbol
-from actionopt.plot.data.arguments import checked
+from actionopt.plot.data.arguments import check_arguments
 from actionopt.tools.types import Array
 
 LEVELS = 15
@@ -25,7 +25,7 @@ QUANTITIES = {
 
 
 @style.styled
-@checked
+@check_arguments
 def runs(
     runs: Runs, quantity: str = "action", ax: Axes | None = None, *, units: Units = NONE
 ) -> Axes:
@@ -76,13 +76,13 @@ def runs(
             label="failed",
             linestyle="none",
         )
-    ax.set_title(f"{style.heading(runs.problem)}: {QUANTITIES[quantity]}, {_counted(runs)}")
+    ax.set_title(f"{style.heading(runs.problem)}: {QUANTITIES[quantity]}, {_count_text(runs)}")
     if ax.get_legend_handles_labels()[1]:
         style.legend(ax, beside=len(runs.shape) == 2)
     return ax
 
 
-def _counted(runs: Runs) -> str:
+def _count_text(runs: Runs) -> str:
     """Return how many members there are, and how many failed."""
     failed = int(runs.failed.sum())
     return f"{runs.grid.size} paths" + (f", {failed} of them failed" if failed else "")

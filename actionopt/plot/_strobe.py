@@ -18,7 +18,7 @@ from matplotlib.quiver import Quiver
 from actionopt.analysis.solution import Solution
 from actionopt.plot import _style as style
 from actionopt.plot._names import NONE, Units, label
-from actionopt.plot.data.arguments import checked
+from actionopt.plot.data.arguments import check_arguments
 from actionopt.plot.data.motion import STILL, Draw, Motion, motion_data
 from actionopt.tools.types import Array
 from actionopt.tools.words import say
@@ -52,7 +52,7 @@ WORDS = 0.6  # inches above and below it
 
 
 @style.styled
-@checked
+@check_arguments
 def motion(
     solution: Solution,
     draw: Draw,

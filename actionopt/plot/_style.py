@@ -118,7 +118,7 @@ def paper() -> str:
     return rcParams["axes.facecolor"]
 
 
-def unsigned() -> ListedColormap:
+def unsigned_colours() -> ListedColormap:
     """Return the colours of what has no sign."""
     return UNSIGNED_DARK if dark() else UNSIGNED
 
@@ -134,7 +134,7 @@ def circle() -> ListedColormap:
     return ListedColormap(np.clip(np.where(linear > 0.0031308, light, 12.92 * linear), 0, 1))
 
 
-def scaled(*sizes: float) -> list[float]:
+def reader_sizes(*sizes: float) -> list[float]:
     """Return sizes of this style in the reader's, whose words may be larger."""
     return [size * rcParams["font.size"] / STYLE["font.size"] for size in sizes]
 
@@ -191,7 +191,7 @@ def draw(
     return lines
 
 
-def shown(solution: Solution, coordinate: int | None) -> int | None:
+def coordinate_to_show(solution: Solution, coordinate: int | None) -> int | None:
     """Return the coordinate that tells neighbouring paths apart against time; None for orbits.
 
     Orbits do not where a constraint leaves a single curve. Raises ValueError if there is no such
@@ -242,7 +242,7 @@ def kind(solution: Solution) -> str:
     return f"{heading(solution)}: {words}"
 
 
-def signed(reach: float) -> Normalize:
+def signed_norm(reach: float) -> Normalize:
     """Return the norm of colours `SIGNED` from -reach to reach: zero is grey, and roots are even.
 
     What grows as the square of a displacement is then as strong in colour as the displacement.

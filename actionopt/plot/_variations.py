@@ -13,7 +13,7 @@ from actionopt.analysis.solution import Solution
 from actionopt.discrete.path import Path
 from actionopt.plot import _style as style
 from actionopt.plot._names import NONE, Units, label
-from actionopt.plot.data.arguments import checked
+from actionopt.plot.data.arguments import check_arguments
 from actionopt.plot.data.variations import (
     Landscape,
     bundle_data,
@@ -32,7 +32,7 @@ NARROW = 0.02  # of the duration: an arc too short for a number
 
 
 @style.styled
-@checked
+@check_arguments
 def bundle(
     solution: Solution,
     ax: Axes | None = None,
@@ -46,9 +46,9 @@ def bundle(
 
     Orbits for Cartesian coordinates, else one `coordinate` against time.
     """
-    at = style.shown(solution, coordinate)
+    at = style.coordinate_to_show(solution, coordinate)
     data, names = bundle_data(solution, count, size), solution.problem.system.coordinates
-    norm = style.signed(float(np.max(np.abs(data.rise), initial=0.0)) or 1.0)
+    norm = style.signed_norm(float(np.max(np.abs(data.rise), initial=0.0)) or 1.0)
     ax = style.on(ax)
     for k in np.argsort(-np.abs(data.rise)):  # those that differ most lie at the back
         colour = style.SIGNED(norm(data.rise[k]))
@@ -64,7 +64,7 @@ def bundle(
 
 
 @style.styled
-@checked
+@check_arguments
 def slices(
     solution: Solution,
     ax: Axes | None = None,
@@ -102,7 +102,7 @@ def slices(
 
 
 @style.styled
-@checked
+@check_arguments
 def landscape(
     solution: Solution, ax: Axes | None = None, *, reach: float = 0.5, units: Units = NONE
 ) -> Axes:
@@ -112,7 +112,7 @@ def landscape(
     middle = data.rise.shape[0] // 2
     along = np.abs(np.concatenate([data.rise[middle], data.rise[:, middle]]))
     reach = min(float(np.nanmax(np.abs(data.rise))), ABOVE * float(np.nanmax(along))) or 1.0
-    norm, even = style.signed(reach), np.linspace(-1, 1, 2 * LEVELS + 1)
+    norm, even = style.signed_norm(reach), np.linspace(-1, 1, 2 * LEVELS + 1)
     levels = reach * even * np.abs(even)
     ax.contourf(*places, levels, cmap=style.AREAS, norm=norm, extend="both")
     lines = ax.contour(*places, levels[::2], colors="white", linewidths=0.6, linestyles="-")
@@ -138,7 +138,7 @@ def level_lines(data: Landscape, level: float) -> list[Array]:
 
 
 @style.styled
-@checked
+@check_arguments
 def landscapes(
     solutions: Sequence[Solution], axes: Sequence[Axes] | None = None, *, units: Units = NONE
 ) -> list[Axes]:
@@ -153,7 +153,7 @@ def landscapes(
 
 
 @style.styled
-@checked
+@check_arguments
 def spectrum(
     solution: Solution, ax: Axes | None = None, *, count: int = 3, units: Units = NONE
 ) -> Axes:

@@ -56,7 +56,7 @@ def part(
         rows = zip(q0, q1, v0, v1, strict=True)
         return [x + (y - x) * a + T * b * ((1 - s) * p - s * r) for x, y, p, r in rows]
 
-    def turned(row, t):
+    def turn(row, t):
         a = turning * speed / length * t
         x, y = row.T.reshape(2, -1, *[1] * np.ndim(t))
         x, y = np.cos(a) * x - np.sin(a) * y, np.sin(a) * x + np.cos(a) * y
@@ -68,9 +68,9 @@ def part(
         ends=(q0, q1) if turning is None else None,
         draw=lambda q, t: [body(q[i : i + 2]) for i in range(0, 2 * count, 2)],
         guess=curve(guess) if turning is None else None,
-        exact=None if turning is None else curve(lambda t: length * turned(r, t)),
+        exact=None if turning is None else curve(lambda t: length * turn(r, t)),
         facts=Facts(
-            velocity=None if turning is None else curve(lambda t: speed * turned(v, t)),
+            velocity=None if turning is None else curve(lambda t: speed * turn(v, t)),
             start=State(0.0, q0, v0) if turning is None else None,
             action=whole / count,
             energy=-m * speed**2 * action / (3 * period),  # the virial theorem

@@ -14,7 +14,7 @@ from typing import Any
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.tracing import suggestion
 from actionopt.scenes._scene import Scene
-from actionopt.tools.checks import named
+from actionopt.tools.checks import by_name
 
 
 def from_file(file: str | Path, settings: Mapping[str, Any] | None = None) -> Problem | Scene:
@@ -29,7 +29,7 @@ def from_file(file: str | Path, settings: Mapping[str, Any] | None = None) -> Pr
     """
     if not isinstance(file, (str, PathLike)):
         raise ValueError(f"expected the name of a Python file, found {file!r}")
-    file, settings = Path(file), dict(named(settings, "parameters"))
+    file, settings = Path(file), dict(by_name(settings, "parameters"))
 
     if not file.is_file():
         raise ValueError(f"expected a Python file, found no file {str(file)!r}")
@@ -38,7 +38,7 @@ def from_file(file: str | Path, settings: Mapping[str, Any] | None = None) -> Pr
         defined = runpy.run_path(str(file))
         found = defined.get("scene", defined.get("problem"))
         if inspect.isfunction(found):
-            _known(found, settings)
+            _check_names(found, settings)
             found, settings = found(**settings), {}
     except Exception as error:
         raise ValueError(f"{_place(file, error)}: {type(error).__name__}: {error}") from error
@@ -53,7 +53,7 @@ def from_file(file: str | Path, settings: Mapping[str, Any] | None = None) -> Pr
     return asked.replace(parameters=settings) if settings else found
 
 
-def _known(made: Callable[..., Any], settings: Mapping[str, Any]) -> None:
+def _check_names(made: Callable[..., Any], settings: Mapping[str, Any]) -> None:
     """Raise ValueError if a function of the user's has no parameter of one of these names."""
     parameters = inspect.signature(made).parameters
     if any(p.kind is p.VAR_KEYWORD for p in parameters.values()):

@@ -82,18 +82,18 @@ class Facts(Mapping[str, Any]):
     __repr__ = one_line
 
     @cached_property
-    def _known(self) -> dict[str, Any]:
+    def _items(self) -> dict[str, Any]:
         named = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "numbers"}
         return {name: x for name, x in named.items() if x is not None} | dict(self.numbers)
 
     def __getitem__(self, name: str) -> Any:
-        return self._known[name]
+        return self._items[name]
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._known)
+        return iter(self._items)
 
     def __len__(self) -> int:
-        return len(self._known)
+        return len(self._items)
 
 
 @dataclass(frozen=True)

@@ -118,7 +118,7 @@ def _columns(*points: Point) -> Array:
     """Return the points as columns, (2, P) or (3, P)."""
     try:
         if any(isinstance(x, Expressions) for p in points for x in (p, *p)):
-            return _traced(points)  # type: ignore[return-value]
+            return _trace_points(points)  # type: ignore[return-value]
         rows = [np.asarray(p, dtype=float).ravel() for p in points]
         if {row.size for row in rows} not in ({2}, {3}):
             raise ValueError
@@ -130,7 +130,7 @@ def _columns(*points: Point) -> Array:
         ) from error
 
 
-def _traced(points: tuple[Point, ...]) -> Expressions:
+def _trace_points(points: tuple[Point, ...]) -> Expressions:
     """Return the points of a `draw` that is traced, as columns, (2, P) or (3, P)."""
     rows = [column(p if isinstance(p, Expressions) else list(p), "draw") for p in points]
     if {row.numel() for row in rows} not in ({2}, {3}):

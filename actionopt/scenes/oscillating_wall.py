@@ -48,7 +48,7 @@ def scene(*, m=1.0, k=4.0, A=0.3, w=3.0, start=0.5, end=-0.2, duration=1.2):
     Raises ValueError at resonance, w^2 = k / m, and at conjugate ends.
     """
     foci = conjugates(np.sqrt(k / m), duration)
-    exact, velocity = driven(k / m, A * w**2, w, start, end, duration)
+    exact, velocity = driven_motion(k / m, A * w**2, w, start, end, duration)
     return Setup(
         ["x"],
         duration,
@@ -64,7 +64,7 @@ def scene(*, m=1.0, k=4.0, A=0.3, w=3.0, start=0.5, end=-0.2, duration=1.2):
     )
 
 
-def driven(stiffness: float, B: float, w: float, start: float, end: float, T: float):
+def driven_motion(stiffness: float, B: float, w: float, start: float, end: float, T: float):
     """Return x(t) and x'(t) of x'' = -stiffness x + B cos wt from `start` to `end` in T.
 
     Raises ValueError at resonance, w^2 = stiffness.

@@ -12,7 +12,7 @@ import numpy as np
 
 from actionopt.scenes._scene import Facts, Setup, Words, conjugates
 from actionopt.scenes._shapes import body, ground, spring
-from actionopt.scenes.rotating_frame_bound import turned
+from actionopt.scenes.rotating_frame_bound import turned_curves
 
 TITLE = "two-dimensional oscillator"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.5.4, p. 646"
@@ -49,7 +49,7 @@ def scene(*, m=1.0, k=2.0, start=(1.0, 0.0), end=(-0.3, 0.6), duration=1.5):
     T, w = duration, float(np.sqrt(k / m))
     foci = conjugates(w, T, multiplicity=2)
     c, s = np.cos(w * T), np.sin(w * T)
-    exact, velocity = turned(w, 0.0, start, end, T)
+    exact, velocity = turned_curves(w, 0.0, start, end, T)
     squares, product = np.dot(start, start) + np.dot(end, end), np.dot(start, end)
     return Setup(
         ["x", "y"],

@@ -59,7 +59,7 @@ def scene(*, m=1.0, k=2.0, w=0.8, start=(1.0, 0.0), end=(0.2, 0.7), duration=1.5
     """
     w0 = float(np.sqrt(k / m))
     foci = conjugates(w0, duration, multiplicity=2)
-    exact, velocity = turned(w0, w, start, end, duration)
+    exact, velocity = turned_curves(w0, w, start, end, duration)
 
     def acceleration(q, v, t):  # m a_rot = F - 2 m w x v_rot - m w x (w x r)
         coriolis = 2 * w * np.stack([v[1], -v[0]])
@@ -94,7 +94,7 @@ def scene(*, m=1.0, k=2.0, w=0.8, start=(1.0, 0.0), end=(0.2, 0.7), duration=1.5
     )
 
 
-def turned(w0: float, w: float, start: Sequence[float], end: Sequence[float], T: float):
+def turned_curves(w0: float, w: float, start: Sequence[float], end: Sequence[float], T: float):
     """Return curves q(t), q'(t), seen from a frame turning at w, of r'' = -w0^2 r at rest.
 
     With z = x + i y at rest and Z = z exp(-i w t) in the frame; w0 may be zero.

@@ -12,7 +12,7 @@ import numpy as np
 
 from actionopt.scenes._scene import Facts, Setup, Words
 from actionopt.scenes._shapes import body
-from actionopt.scenes.rotating_frame_bound import axes, rotate, turned
+from actionopt.scenes.rotating_frame_bound import axes, rotate, turned_curves
 
 TITLE = "free particle in a rotating frame"
 SOURCE = "Competitive Physics: Mechanics and Waves (2018), section 12.3.1, pp. 631-633"
@@ -43,7 +43,7 @@ def lagrangian(q, v, t, *, m, w):
 
 def scene(*, m=1.0, w=0.8, start=(1.0, 0.0), end=(-0.5, 0.7), duration=1.5):
     """Join two points (X, Y) (m) of a frame turning at w (rad/s) in `duration` (s)."""
-    exact, velocity = turned(0.0, w, start, end, duration)
+    exact, velocity = turned_curves(0.0, w, start, end, duration)
     distance = float(np.linalg.norm(rotate(end, w * duration) - np.asarray(start)))
 
     def acceleration(q, v, t):  # a_rot = -2 w x v_rot - w x (w x r)

@@ -21,7 +21,7 @@ from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Problem
 from actionopt.scenes import Scene
 from actionopt.solver.solve import solve
-from actionopt.suite.stars import APART, FAR, Star, bent, least_multipliers, too_coarse
+from actionopt.suite.stars import APART, FAR, Star, bent_line, least_multipliers, too_coarse
 from actionopt.tools.types import Array, NDInt
 
 ROUNDS = 60  # of the active set; ad hoc: rows at the ends of contact come and go one by one
@@ -100,7 +100,7 @@ def others(
     candidates = [nearest(tr, point, NEARBY) for point in points]
     for bend in bends:
         try:
-            path = solve(scene.problem, tol=1e-10, guess=bent(tr, bend))
+            path = solve(scene.problem, tol=1e-10, guess=bent_line(tr, bend))
             candidates.append(from_path(tr, path))
         except (SolveError, ValueError):
             continue
@@ -112,7 +112,7 @@ def others(
 
 def nearest(tr: Transcription, x: Array, reach: float) -> Star | None:
     """Return the optimum within `reach` of x (unknowns,), if there is one."""
-    z = np.concatenate([x, fitted(tr, x)])
+    z = np.concatenate([x, fit_multipliers(tr, x)])
     for least in (MET, MET / 10, MET / 100):  # rows that are nearly met may not be, together
         try:
             return star(tr, z, touching(tr, z, least), reach)
@@ -131,7 +131,7 @@ def touching(tr: Transcription, z: Array, least: float) -> NDArray[np.bool_]:
     return on
 
 
-def fitted(tr: Transcription, x: Array) -> Array:
+def fit_multipliers(tr: Transcription, x: Array) -> Array:
     """Return the multipliers (rows,) of the rows that x touches, fitted to the gradient."""
     asked, layout = tr.problem, tr.layout
     assert isinstance(asked, Held)

@@ -35,7 +35,7 @@ class Answer:
     number: int
 
     @property
-    def said(self) -> str:
+    def meaning(self) -> str:
         """What the number means: "solved", "infeasible", "unbounded" or "gave up"."""
         return MEANING[min(max(self.number // 100, 0), len(MEANING) - 1)]
 

@@ -68,7 +68,9 @@ def attempt(cell: Cell) -> dict[str, Any]:
     }
 
 
-def judged(found: dict[str, Any], problem: TestProblem, start: str | None = None) -> dict[str, Any]:
+def with_verdict(
+    found: dict[str, Any], problem: TestProblem, start: str | None = None
+) -> dict[str, Any]:
     """Return what was found with what there is to know of it; a point only if it is a new one."""
     x = np.array(found.pop("x", []))
     about = {"class": problem.classification, "n": problem.n, "m": problem.m}
@@ -89,7 +91,7 @@ def judged(found: dict[str, Any], problem: TestProblem, start: str | None = None
 
 def evaluate(cell: Cell) -> dict[str, Any]:
     """Run the solver and judge its answer, here and now."""
-    return judged(attempt(cell), cell.make(), cell.start)
+    return with_verdict(attempt(cell), cell.make(), cell.start)
 
 
 def _last(error: BaseException) -> str:
@@ -116,7 +118,7 @@ def limit(memory: float, seconds: float) -> None:
     signal.alarm(int(seconds) + 5)  # should whoever started it be gone by then
 
 
-def bounded(asked: dict[str, Any], memory: float, seconds: float) -> dict[str, Any]:
+def run_within(asked: dict[str, Any], memory: float, seconds: float) -> dict[str, Any]:
     """Run a cell's solver, the cell given as plain data, within these bounds."""
     limit(memory, seconds)
     return attempt(Cell(**asked))

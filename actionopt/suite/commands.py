@@ -166,7 +166,7 @@ def _get(name: str, options: argparse.Namespace) -> suite.TestProblem:
     return suite.get(name, options.elements, options.degree, **dict(options.set))
 
 
-def _asked(options: argparse.Namespace) -> list[str]:
+def _problem_names(options: argparse.Namespace) -> list[str]:
     """Return the names of the problems there are; say which meshes and starts are refused."""
     names = _names(options)
     if not (options.elements or options.degree or options.set or options.start):
@@ -203,7 +203,7 @@ def run(options: argparse.Namespace) -> int:
             dict(options.set),
             options.repeats,
         )
-        for name in _asked(options)
+        for name in _problem_names(options)
         for solver in options.solver
     ]
     records = runner.run(
@@ -259,7 +259,7 @@ def dump(options: argparse.Namespace) -> int:
     from actionopt.suite.dump import archive
     from actionopt.suite.dump import dump as write
 
-    def skipped(problem: suite.TestProblem, error: ValueError) -> None:
+    def skip(problem: suite.TestProblem, error: ValueError) -> None:
         if options.problem:
             raise error
         print(f"  left out: {problem.name}: {error}", file=sys.stderr)
@@ -272,7 +272,7 @@ def dump(options: argparse.Namespace) -> int:
             if options.problem:
                 raise
             print(f"  left out: {name}: {error}", file=sys.stderr)
-    print(write(chosen, options.directory, skipped=skipped))
+    print(write(chosen, options.directory, skipped=skip))
     if options.zip:
         print(archive(options.directory, options.zip))
     return 0

@@ -13,7 +13,7 @@ from actionopt.suite import FAMILIES, profile
 from actionopt.suite.dials import DIALS, Dial
 from actionopt.suite.page import figure, table
 from actionopt.suite.page import write as write_page
-from actionopt.suite.solvers import counted
+from actionopt.suite.solvers import is_counted
 from actionopt.suite.verdict import UNSCORED, verdict
 
 Records = Sequence[Mapping[str, Any]]
@@ -59,7 +59,7 @@ def _dial(dial: Dial, records: Records, folder: Path) -> str:
         return ""
     solvers = list(dict.fromkeys(r["solver"] for r in mine))
     curves = {}
-    for solver in filter(counted, solvers):
+    for solver in filter(is_counted, solvers):
         own = [r for r in mine if r["solver"] == solver and r["outcome"] == "answered"]
         own.sort(key=lambda r: dial.values.index(dial.value(r)))
         if own:
@@ -105,7 +105,7 @@ def disagreeing(records: Records) -> tuple[list[tuple], int]:
     found: dict[tuple, list[str]] = {}
     for r in records:
         if r["outcome"] not in (*UNSCORED, "limit"):
-            found.setdefault(profile.asked(r), []).append(verdict(r, "minimise"))
+            found.setdefault(profile.question_key(r), []).append(verdict(r, "minimise"))
     several = {member: said for member, said in found.items() if len(said) > 1}
     return [member for member, said in several.items() if len(set(said)) > 1], len(several)
 

@@ -25,7 +25,7 @@ def nlp(problem: Program, kind: Literal["SX", "MX"] = "MX") -> dict[str, Any]:
     (3, 1)
     """
     x = ca.MX.sym("x", problem.n)
-    f, g = _mapped(problem, x)
+    f, g = _map(problem, x)
     if kind == "MX":
         return {"x": x, "f": f, "g": g}
     function = ca.Function("nlp", [x], [f, g]).expand()
@@ -34,7 +34,7 @@ def nlp(problem: Program, kind: Literal["SX", "MX"] = "MX") -> dict[str, Any]:
     return {"x": y, "f": f, "g": g}
 
 
-def _mapped(problem: Program, x: ca.MX) -> tuple[ca.MX, ca.MX]:
+def _map(problem: Program, x: ca.MX) -> tuple[ca.MX, ca.MX]:
     tr = problem.transcription
     layout, asked = tr.layout, tr.problem
     system, n, count = asked.system, asked.system.n, layout.node_count

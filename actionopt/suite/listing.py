@@ -65,7 +65,7 @@ class Listing:
         return [a for a in range(self.layout.system.n) if self.lagrangian.uses((1, a))]
 
     @cached_property
-    def pinned(self) -> Array:
+    def pinned_values(self) -> Array:
         """Coordinates that are given at the nodes, (K, n), and zeros."""
         return self.tr.ends.copy()
 
@@ -91,7 +91,7 @@ class Listing:
         A = np.asarray(self._linear.map(nodes.size)(times)).T.reshape(-1, system.n, system.m)
         mine = A[np.arange(nodes.size), :, which]  # (rows, n)
         coefficient = mine[rows, layout.free[cols] % system.n] * self.row_weights[rows]
-        constant = np.sum(mine * self.pinned[nodes], axis=1)
+        constant = np.sum(mine * self.pinned_values[nodes], axis=1)
         if self.affine:
             zero = ca.DM.zeros(system.n, nodes.size)
             rest = np.asarray(self._rest.map(nodes.size)(zero, times)).T
@@ -104,7 +104,7 @@ class Listing:
         for node, which, weight in zip(
             layout.row_node, layout.row_constraint, self.row_weights, strict=True
         ):
-            yield Row(int(which), number[node], self.pinned[node], times[node], weight)
+            yield Row(int(which), number[node], self.pinned_values[node], times[node], weight)
 
     def evaluations(self) -> Iterator[Evaluation]:
         """Yield what L is evaluated of, node by node of each element."""
@@ -114,7 +114,7 @@ class Listing:
             weights = self.tr.weight[g.span].reshape(g.nodes.shape)
             for e, nodes in enumerate(g.nodes):
                 rate = g.rule.derivative / self.tr.half[g.elements[e]]
-                columns, pinned = number[nodes], self.pinned[nodes]
+                columns, pinned = number[nodes], self.pinned_values[nodes]
                 fixed = rate @ pinned
                 for k in range(nodes.size):
                     yield Evaluation(

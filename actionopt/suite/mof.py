@@ -61,20 +61,20 @@ def text(problem: Program, x0: Array) -> Iterator[str]:
     }
     yield json.dumps(head)[:-1]
     yield ',\n"variables": ['
-    yield from _listed(
+    yield from _as_list(
         {"name": name, "primal_start": value}
         for name, value in zip(names, x0.tolist(), strict=True)
     )
     yield '],\n"objective": {"sense": "min", "function": {"type": "ScalarNonlinearFunction",\n'
     yield '"node_list": ['
     terms = _Terms(listing, names)
-    yield from _listed(terms.objective())
+    yield from _as_list(terms.objective())
     yield f'],\n"root": {json.dumps(_node(terms.count))}}}}},\n"constraints": ['
-    yield from _listed(_constraints(listing, names, first_multipliers(problem, x0)))
+    yield from _as_list(_constraints(listing, names, first_multipliers(problem, x0)))
     yield "]}\n"
 
 
-def _listed(items: Iterator[Term]) -> Iterator[str]:
+def _as_list(items: Iterator[Term]) -> Iterator[str]:
     for k, item in enumerate(items):
         yield (",\n" if k else "\n") + json.dumps(item)
 

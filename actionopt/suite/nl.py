@@ -67,21 +67,21 @@ def lines(problem: Program, x0: Array, longest: tuple[int, int] = (0, 0)) -> Ite
     `longest` are the lengths of the longest names, of rows and of columns, if there are any.
     """
     listing = Listing(problem)
-    first = problem.n + sum(len(tape.shared) for _, _, tape in _bent(listing))
+    first = problem.n + sum(len(tape.common) for _, _, tape in _row_tapes(listing))
     yield _header(problem, listing, first - problem.n, longest)
-    for names, places, tape in _bent(listing):
-        for name, k in zip(names, tape.shared, strict=True):
+    for names, places, tape in _row_tapes(listing):
+        for name, k in zip(names, tape.common, strict=True):
             yield f"V{name[1:]} 0 0\n" + _text(tape, k).format(**places)
-    for here, at, places in _placed(listing, first):
-        yield from _defined(listing, here, at, places)
+    for here, at, places in _evaluations(listing, first):
+        yield from _definitions(listing, here, at, places)
     yield from _rows(listing)
     yield from _objective(listing, first)
     lam = first_multipliers(problem, x0)
     if lam.size:
         yield f"d{lam.size}\n"
-        yield from _numbered(-lam)
+        yield from _entries(-lam)
     yield f"x{problem.n}\n"
-    yield from _numbered(x0)
+    yield from _entries(x0)
     coefficients, constants = listing.linear
     if problem.m:
         shift = constants if listing.affine else 0.0
@@ -99,7 +99,7 @@ def _header(problem: Program, listing: Listing, rows: int, longest: tuple[int, i
     lower, upper = problem.constraint_bounds
     equations = int(np.sum(lower == upper))
     ranges = int(np.sum((lower < upper) & np.isfinite(lower) & np.isfinite(upper)))
-    each = len(listing.moving) + len(listing.lagrangian.shared)
+    each = len(listing.moving) + len(listing.lagrangian.common)
     return f"""\
 g3 1 1 0  # problem {problem.name}; the multipliers of AMPL are minus those of f + lam'c
  {n} {m} 1 {ranges} {equations}  # vars, constraints, objectives, ranges, eqns
@@ -117,9 +117,9 @@ g3 1 1 0  # problem {problem.name}; the multipliers of AMPL are minus those of f
 # -- the objective ---------------------------------------------------------------------------
 
 
-def _placed(listing: Listing, first: int) -> Iterator[tuple[Evaluation, int, dict[str, Any]]]:
+def _evaluations(listing: Listing, first: int) -> Iterator[tuple[Evaluation, int, dict[str, Any]]]:
     """Yield each evaluation, its first defined variable, and what L's operands are there."""
-    moving, shared = listing.moving, len(listing.lagrangian.shared)
+    moving, shared = listing.moving, len(listing.lagrangian.common)
     place = {a: i for i, a in enumerate(moving)}
     at = first
     for here in listing.evaluations():
@@ -141,7 +141,9 @@ def _places(listing: Listing, here: Evaluation | Row) -> dict[str, Any]:
     return {"q": q, "t": f"n{_number(here.time)}"}
 
 
-def _defined(listing: Listing, here: Evaluation, at: int, places: dict[str, Any]) -> Iterator[str]:
+def _definitions(
+    listing: Listing, here: Evaluation, at: int, places: dict[str, Any]
+) -> Iterator[str]:
     """Yield the defined variables of one evaluation: the velocities, and what is shared."""
     moving, tape = listing.moving, listing.lagrangian
     for i, a in enumerate(moving):
@@ -152,7 +154,7 @@ def _defined(listing: Listing, here: Evaluation, at: int, places: dict[str, Any]
         terms = zip(columns.tolist(), rates.tolist(), strict=True)
         yield from (f"{j} {_number(rate)}\n" for j, rate in terms)
         yield f"n{_number(float(here.fixed[a]))}\n"
-    for i, k in enumerate(tape.shared):
+    for i, k in enumerate(tape.common):
         yield f"V{at + len(moving) + i} 0 0\n" + _text(tape, k).format(**places)
 
 
@@ -160,21 +162,21 @@ def _objective(listing: Listing, first: int) -> Iterator[str]:
     tape, count = listing.lagrangian, listing.layout.evaluations
     yield f"O0 0\no54\n{count}\n" if count > 2 else "O0 0\no0\n"
     template = _text(tape, tape.results[0][0], named=True)
-    for here, _, places in _placed(listing, first):
+    for here, _, places in _evaluations(listing, first):
         yield f"o2\nn{_number(here.weight)}\n" + template.format(**places)
 
 
 # -- the constraints -------------------------------------------------------------------------
 
 
-def _bent(listing: Listing) -> Iterator[tuple[list[str], dict[str, Any], Tape]]:
+def _row_tapes(listing: Listing) -> Iterator[tuple[list[str], dict[str, Any], Tape]]:
     """Yield the defined variables of each row, what its operands are, and its tape."""
     if listing.affine:
         return
     at = listing.program.n
     for here in listing.rows():
         tape = listing.constraints[here.which]
-        own = [f"v{at + i}" for i in range(len(tape.shared))]
+        own = [f"v{at + i}" for i in range(len(tape.common))]
         yield own, {**_places(listing, here), "s": own}, tape
         at += len(own)
 
@@ -185,7 +187,7 @@ def _rows(listing: Listing) -> Iterator[str]:
         return
     templates = [_text(tape, tape.results[0][0], named=True) for tape in listing.constraints]
     constants = listing.linear[1]
-    rows = zip(listing.rows(), _bent(listing), constants.tolist(), strict=True)
+    rows = zip(listing.rows(), _row_tapes(listing), constants.tolist(), strict=True)
     for r, (here, (_, places, _), constant) in enumerate(rows):
         added = f"o0\nn{_number(constant)}\n" if constant else ""
         text = templates[here.which].format(**places)
@@ -216,7 +218,7 @@ def _text(tape: Tape, root: int, named: bool = False) -> str:
 
     What is shared is only named; `named`: even the expression itself.
     """
-    names = {k: f"{{s[{i}]}}" for i, k in enumerate(tape.shared)}
+    names = {k: f"{{s[{i}]}}" for i, k in enumerate(tape.common)}
     stack: list[int | str] = [root]
     lines: list[str] = []
     while stack:
@@ -255,7 +257,7 @@ def _sum(nodes: Sequence[Node], item: int, names: Mapping[int, str]) -> list[int
     return [item, *reversed(terms)]
 
 
-def _numbered(values: Array) -> Iterator[str]:
+def _entries(values: Array) -> Iterator[str]:
     yield from (f"{i} {_number(value)}\n" for i, value in enumerate(values.tolist()))
 
 

@@ -27,7 +27,7 @@ from actionopt.suite.stars import (
     star,
     too_coarse,
 )
-from actionopt.tools.checks import named
+from actionopt.tools.checks import by_name
 from actionopt.tools.types import Array
 
 SEED = 20  # of the perturbed starting points
@@ -91,7 +91,7 @@ class TestProblem(Program):
                 f"expected a family, such as suite.FAMILIES['pendulum'], found {family!r}"
             )
         self.family = family
-        self.parameters = dict(named(parameters, "parameters"))
+        self.parameters = dict(by_name(parameters, "parameters"))
         self.scene = family.build(**self.parameters)
         asked = self.scene.problem
         elements = family.elements if elements is None else elements
@@ -217,17 +217,17 @@ class TestProblem(Program):
         return self._redundant or bool(self.family.once)
 
     @property
-    def _held(self) -> bool:
+    def _has_obstacle(self) -> bool:
         """Whether rows are inequalities of an obstacle."""
         return self.scene.problem.system.r > 0
 
     @property
     def _plain(self) -> Transcription:
         """The discrete problem with each constraint stated once: its KKT matrix is regular."""
-        if not self._stated_again and not (self._held and self.limits.coordinates):
+        if not self._stated_again and not (self._has_obstacle and self.limits.coordinates):
             return self.transcription
         asked = self.family.plain(**self.parameters).problem
-        return Transcription(Held(asked) if self._held else asked, self.mesh, asked.scales)
+        return Transcription(Held(asked) if self._has_obstacle else asked, self.mesh, asked.scales)
 
     @property
     def path(self) -> Array:
@@ -256,7 +256,7 @@ class TestProblem(Program):
 
     @cached_property
     def _nearest_the_path(self) -> Star:
-        if self._held:
+        if self._has_obstacle:
             return active_set.from_path(self._plain, self.continuous.path)
         return star(self._plain, self.continuous.path, polish=not self.scene.facts.flat)
 
@@ -313,7 +313,7 @@ class TestProblem(Program):
     def others(self) -> tuple[Stationary, ...]:
         """Other stationary points that are known; the linear ones have none."""
         points = () if self.parameters else known.points(self.name, self)
-        if self._held:
+        if self._has_obstacle:
             found = active_set.others(self._plain, self.scene, self.family.bends, points, self.star)
             return tuple(map(self._stationary, found))
         if self.scene.problem.system.structure.linear:
@@ -369,15 +369,15 @@ class TestProblem(Program):
 
         None if there is none.
         """
-        near = active_set.nearest if self._held else nearest
-        found = near(self._plain, self._scaled(x), reach)
+        near = active_set.nearest if self._has_obstacle else nearest
+        found = near(self._plain, self._scale(x), reach)
         return None if found is None else self._stationary(found)
 
     def violation(self, x: Array) -> float:
         """Return how far x or c is outside its bounds, in the coordinates' sizes."""
         tr, outside = self.transcription, [np.zeros(1)]
         if self.m:
-            c, (lower, upper) = tr.constraint(self._scaled(x)), self.constraint_bounds
+            c, (lower, upper) = tr.constraint(self._scale(x)), self.constraint_bounds
             outside += [lower / tr.row_unit - c, c - upper / tr.row_unit]
         if self.limits.coordinates:
             lower, upper = self.bounds
@@ -392,7 +392,7 @@ class TestProblem(Program):
         """
         tr = self.transcription
         with np.errstate(all="ignore"):
-            f = np.array([tr.action(self._scaled(x)) for x in visited]) * tr.action_unit
+            f = np.array([tr.action(self._scale(x)) for x in visited]) * tr.action_unit
             v = np.array([self.violation(x) for x in visited])
         usable = np.isfinite(f) & np.isfinite(v)
         end = np.min(f[usable], initial=np.inf)
@@ -411,11 +411,11 @@ class TestProblem(Program):
         The fit is in the least-squares sense, so that a solver that returns none is judged alike.
         """
         tr = self.transcription
-        scaled = self._scaled(x)
-        if self._held:
+        scaled = self._scale(x)
+        if self._has_obstacle:
             if lam is None or self.limits.coordinates:
                 tr = self._plain
-                mu = active_set.fitted(tr, scaled)
+                mu = active_set.fit_multipliers(tr, scaled)
             else:
                 mu = np.asarray(lam) / tr.mu_unit
             return active_set.residual(tr, np.concatenate([scaled, mu]))

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from actionopt.suite.solvers import counted
+from actionopt.suite.solvers import is_counted
 from actionopt.suite.verdict import UNSCORED, verdict
 from actionopt.tools.types import Array
 
@@ -52,7 +52,7 @@ def costs(records: Records, measure: str, mode: str, accuracy: float) -> dict[st
         whose evaluations are not counted have no others than seconds.
     """
     if measure != "seconds":
-        records = [r for r in records if counted(r["solver"])]
+        records = [r for r in records if is_counted(r["solver"])]
     return _table(records, lambda r: _cost(r, measure, mode, accuracy))
 
 
@@ -65,7 +65,7 @@ def _cost(record: Record, measure: str, mode: str, accuracy: float) -> float:
 
 
 def _table(records: Records, cost: Any) -> dict[str, Array]:
-    cells = {(asked(r), r["solver"]): r for r in records}
+    cells = {(question_key(r), r["solver"]): r for r in records}
     problems = list(dict.fromkeys(where for where, _ in cells))
     table = {}
     for solver in dict.fromkeys(r["solver"] for r in records):
@@ -78,7 +78,7 @@ def _table(records: Records, cost: Any) -> dict[str, Array]:
     return table
 
 
-def asked(record: Record) -> tuple:
+def question_key(record: Record) -> tuple:
     """Return what was asked of the solver: the problem, its mesh, its parameters and the start."""
     parameters = tuple(sorted(record.get("parameters", {}).items()))
     return tuple(record.get(k) for k in ("problem", "elements", "degree", "start")) + parameters
@@ -91,8 +91,10 @@ def evaluations_per_unknown(records: Records, tau: float) -> dict[str, Array]:
     is known and none was found.
     """
     least = _least(records)
-    bounded = [r for r in records if asked(r) in least and counted(r["solver"])]
-    return _table(bounded, lambda r: _reached(r, least[asked(r)], tau) / (r.get("n", 0) + 1))
+    bounded = [r for r in records if question_key(r) in least and is_counted(r["solver"])]
+    return _table(
+        bounded, lambda r: _evaluations_to(r, least[question_key(r)], tau) / (r.get("n", 0) + 1)
+    )
 
 
 def _least(records: Records) -> dict[tuple, float]:
@@ -105,11 +107,11 @@ def _least(records: Records) -> dict[tuple, float]:
         if r.get("at") and not r.get("index"):
             mine.append(r["f_there"])
         if mine:
-            found[asked(r)] = min(found.get(asked(r), np.inf), *mine)
+            found[question_key(r)] = min(found.get(question_key(r), np.inf), *mine)
     return found
 
 
-def _reached(record: Record, least: float, tau: float) -> float:
+def _evaluations_to(record: Record, least: float, tau: float) -> float:
     """Return the evaluations of f until the test holds for the first time."""
     if record["outcome"] != "answered":
         return np.inf

@@ -187,7 +187,7 @@ class Program:
         """Return f(x), the discrete action."""
         self.counts["f"] += 1
         self.note(x)
-        return self.transcription.action(self._scaled(x)) * self.transcription.action_unit
+        return self.transcription.action(self._scale(x)) * self.transcription.action_unit
 
     def note(self, x: Array) -> None:
         """Keep x among the points visited, if they are kept."""
@@ -197,7 +197,7 @@ class Program:
     def gradient(self, x: Array) -> Array:
         """Return grad f(x), (n,)."""
         self.counts["grad"] += 1
-        return self.transcription.gradient(self._scaled(x)) * (
+        return self.transcription.gradient(self._scale(x)) * (
             self.transcription.action_unit / self.unit
         )
 
@@ -206,7 +206,7 @@ class Program:
         self.counts["c"] += 1
         if not self.m:
             return np.zeros(0)
-        return self.transcription.constraint(self._scaled(x)) * self.transcription.row_unit
+        return self.transcription.constraint(self._scale(x)) * self.transcription.row_unit
 
     @property
     def jacobian_structure(self) -> tuple[NDInt, NDInt]:
@@ -222,7 +222,7 @@ class Program:
         if not self.m:
             return np.zeros(0)
         rows, cols = self.jacobian_structure
-        values = self.transcription.jacobian(self._scaled(x))
+        values = self.transcription.jacobian(self._scale(x))
         return values * self.transcription.row_unit[rows] / self.unit[cols]
 
     @property
@@ -251,7 +251,7 @@ class Program:
         tr = self.transcription
         rows, cols = self.hessian_structure
         mu = np.zeros(self.m) if lam is None else np.asarray(lam) / tr.mu_unit
-        scaled = self._scaled(x)
+        scaled = self._scale(x)
         # The transcription's Hessian is f'' + sum mu c'': affine in mu.
         values = tr.hessian(np.concatenate([scaled, mu]))
         if factor != 1.0:
@@ -259,7 +259,7 @@ class Program:
             values = values - (1.0 - factor) * bare
         return values * (tr.action_unit / (self.unit[rows] * self.unit[cols]))
 
-    def _scaled(self, x: Array) -> Array:
+    def _scale(self, x: Array) -> Array:
         return np.asarray(x, dtype=float) / self.unit
 
 

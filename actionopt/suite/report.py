@@ -14,7 +14,7 @@ from actionopt.suite.dials import DIALS
 from actionopt.suite.page import figure, table
 from actionopt.suite.page import write as write_page
 from actionopt.suite.runner import Limits, tally
-from actionopt.suite.solvers import CHANGED, counted
+from actionopt.suite.solvers import CHANGED, is_counted
 from actionopt.suite.verdict import ACCURACIES, MODES, UNSCORED, meaning, verdict
 
 PAGE = """\
@@ -77,7 +77,7 @@ def write(records: Records, directory: str | Path) -> Path:
     """
     if not records:
         raise ValueError("expected results of at least one run, found none")
-    latest = {(profile.asked(r), r["solver"]): r for r in records}
+    latest = {(profile.question_key(r), r["solver"]): r for r in records}
     records = _in_order([{**r, "solver": _short(r["solver"])} for r in latest.values()])
     folder = Path(directory)
     folder.mkdir(parents=True, exist_ok=True)
@@ -97,7 +97,7 @@ def write(records: Records, directory: str | Path) -> Path:
         dials=_dials(every, folder),
         cells=len(records),
         solvers=len({r["solver"] for r in records}),
-        problems=len({profile.asked(r) for r in records}),
+        problems=len({profile.question_key(r) for r in records}),
         dates=_span(records, "date"),
         machines=_span(records, "machine"),
         packages=_span(records, "package"),
@@ -132,12 +132,12 @@ def _in_order(records: Records) -> Records:
     """Return the records problem by problem, the solvers with most right minima first."""
     right = tally(records, MODES[0])
     place = {name: k for k, name in enumerate(FAMILIES)}
-    seen = {where: k for k, where in enumerate(dict.fromkeys(map(profile.asked, records)))}
+    seen = {where: k for k, where in enumerate(dict.fromkeys(map(profile.question_key, records)))}
     return sorted(
         records,
         key=lambda r: (
             place.get(r["problem"], len(place)),
-            seen[profile.asked(r)],
+            seen[profile.question_key(r)],
             -right[r["solver"]]["right"],
             r["solver"],
         ),
@@ -236,11 +236,13 @@ def _verdicts(records: Records, mode: str) -> str:
 
 def _classes(records: Records, mode: str) -> str:
     classes = sorted({r["class"][:2] for r in records if "class" in r})
-    letters = {profile.asked(r): r["class"][:2] for r in records if "class" in r}
+    letters = {profile.question_key(r): r["class"][:2] for r in records if "class" in r}
     rows = []
     for solver, mine in _by_solver(records).items():
         scored = [r for r in mine if r["outcome"] not in UNSCORED]
-        kinds = [(letters.get(profile.asked(r)), verdict(r, mode) == "right") for r in scored]
+        kinds = [
+            (letters.get(profile.question_key(r)), verdict(r, mode) == "right") for r in scored
+        ]
         counts = ([right for kind, right in kinds if kind == wanted] for wanted in classes)
         rows.append([solver, *(f"{sum(c)} / {len(c)}" for c in counts)])
     return table(["solver", *classes], rows)
@@ -253,7 +255,7 @@ def _evaluations(records: Records) -> str:
         cells = [""] * (len(COUNTED) + 1)
         if mine:
             counts = (median(r["evaluations"].get(name, 0) for r in mine) for name in COUNTED)
-            shown = [f"{c:.0f}" for c in counts] if counted(solver) else cells[:-1]
+            shown = [f"{c:.0f}" for c in counts] if is_counted(solver) else cells[:-1]
             cells = [*shown, f"{median(r['seconds'] for r in mine):.2g}"]
         rows.append([solver, *cells])
     return table(["solver", *COUNTED, "seconds"], rows)
@@ -276,13 +278,13 @@ def _by_solver(records: Records) -> dict[str, list[Mapping[str, Any]]]:
 
 def _matrix(records: Records, mode: str) -> str:
     names = list(dict.fromkeys(r["solver"] for r in records))
-    found = {(profile.asked(r), r["solver"]): verdict(r, mode) for r in records}
+    found = {(profile.question_key(r), r["solver"]): verdict(r, mode) for r in records}
     about: dict[tuple, Mapping[str, Any]] = {}
     for r in records:
         if "class" in r:
-            about.setdefault(profile.asked(r), r)
+            about.setdefault(profile.question_key(r), r)
     rows = []
-    for where in dict.fromkeys(profile.asked(r) for r in records):
+    for where in dict.fromkeys(profile.question_key(r) for r in records):
         r = about.get(where, {})
         family = FAMILIES.get(where[0])
         mesh = "" if where[1] is None else f"{where[1]} x {where[2]}"

@@ -24,7 +24,7 @@ from time import perf_counter
 from typing import Any
 
 from actionopt.suite import solvers
-from actionopt.suite.cell import Cell, judged
+from actionopt.suite.cell import Cell, with_verdict
 from actionopt.suite.problem import TestProblem
 from actionopt.suite.verdict import verdict
 from actionopt.tools import process
@@ -151,7 +151,7 @@ def run_one(cell: Cell, about: Mapping[str, Any], limits: Limits) -> dict[str, A
     wall = perf_counter() - clock
     with ONE_AT_A_TIME:  # what is known of a problem is found once, and takes no solver's time
         problem = _problem(json.dumps(asdict(replace(cell, solver=""))))
-        outcome = judged(outcome, problem, cell.start)
+        outcome = with_verdict(outcome, problem, cell.start)
     record = {
         **about,
         **outcome,

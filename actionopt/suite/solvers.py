@@ -46,7 +46,7 @@ from actionopt.suite.interfaces import (
     scipy_arguments,
 )
 from actionopt.suite.program import Program
-from actionopt.suite.words import SAID, said
+from actionopt.suite.words import SAID, message
 from actionopt.tools.types import Array
 
 try:
@@ -173,7 +173,7 @@ Outcome = tuple[Array, Array | None, str, str]
 Prepare = Callable[[Program, Array], Callable[[Array], Outcome]]  # what no clock measures
 
 
-def counted(name: str) -> bool:
+def is_counted(name: str) -> bool:
     """Whether what a solver of this name evaluates is counted."""
     return not name.startswith("asl:")
 
@@ -263,29 +263,29 @@ def run(name: str, problem: Program, x0: Array, repeats: int = 1) -> Answer:
     base, _, rest = name.partition(":")
     if base == "asl":
         with TemporaryDirectory() as folder:
-            return _repeated(_asl(rest, Path(folder)), problem, x0, repeats)
+            return _repeat(_asl(rest, Path(folder)), problem, x0, repeats)
     if base in PACKAGES:
         prepare = {"scipy": _scipy, "nlopt": _nlopt, "cyipopt": _cyipopt}[base](rest)
     elif base in PLUGINS:
         prepare = _plugin(base, rest)
     else:
         prepare = _function(name.rpartition(":")[0], name.rpartition(":")[2])
-    return _repeated(prepare, problem, x0, repeats)
+    return _repeat(prepare, problem, x0, repeats)
 
 
-def _repeated(prepare: Prepare, problem: Program, x0: Array, repeats: int) -> Answer:
+def _repeat(prepare: Prepare, problem: Program, x0: Array, repeats: int) -> Answer:
     first = problem.view()
     first.visited = []
-    found, best = _timed(prepare(first, x0), x0)
+    found, best = _time(prepare(first, x0), x0)
     count = 1
     while count < repeats and best < LONG:
-        best = min(best, _timed(prepare(problem.view(), x0), x0)[1])
+        best = min(best, _time(prepare(problem.view(), x0), x0)[1])
         count += 1
     x, lam, word, status = found
     return Answer(np.asarray(x), word, status, best, first, lam, count)
 
 
-def _timed(solve: Callable[[Array], Outcome], x0: Array) -> tuple[Outcome, float]:
+def _time(solve: Callable[[Array], Outcome], x0: Array) -> tuple[Outcome, float]:
     clock = _processor()
     found = solve(x0.copy())
     return found, _processor() - clock
@@ -367,7 +367,7 @@ def _plugin(plugin: str, qp: str) -> Prepare:
             found = solver(x0=x0, **bounds)
             stats = solver.stats()
             status = str(stats.get("return_status", ""))
-            word = said(plugin, status, bool(stats.get("success", False)))
+            word = message(plugin, status, bool(stats.get("success", False)))
             return np.asarray(found["x"]).ravel(), np.asarray(found["lam_g"]).ravel(), word, status
 
         return solve
@@ -390,7 +390,7 @@ def _scipy(method: str) -> Prepare:
         def solve(x0: Array) -> Outcome:
             found = minimize(x0=x0, **arguments)
             status = str(found.message)
-            return np.asarray(found.x), None, said("scipy", status, bool(found.success)), status
+            return np.asarray(found.x), None, message("scipy", status, bool(found.success)), status
 
         return solve
 
@@ -419,7 +419,7 @@ def _nlopt(algorithm: str) -> Prepare:
             except Exception as error:  # its own kinds of giving up; the last point is lost
                 return x0, None, "gave up", f"{type(error).__name__} {error}"
             status = str(optimizer.last_optimize_result())
-            return x, None, said("nlopt", status, False), status
+            return x, None, message("nlopt", status, False), status
 
         return solve
 
@@ -439,7 +439,7 @@ def _cyipopt(_: str) -> Prepare:
             problem.add_option("sb", "yes")
             x, info = problem.solve(x0)
             status = str(info["status"])
-            return x, info["mult_g"], said("cyipopt", status, False), status
+            return x, info["mult_g"], message("cyipopt", status, False), status
 
         return solve
 
@@ -457,7 +457,7 @@ def _asl(binary: str, folder: Path) -> Prepare:
             answer = asl.run(found, stub)
             if answer.x.shape != (program.n,):  # it gave up, and has none
                 return np.full(program.n, np.nan), None, "gave up", answer.message
-            return answer.x, answer.lam, answer.said, answer.message
+            return answer.x, answer.lam, answer.meaning, answer.message
 
         return solve
 

@@ -272,10 +272,10 @@ def _body(found: Tape) -> str:
             code = CODES[node.operation].format(*(words[i] for i in node.operands))
             words[k] = f"a{k}"
             lines.append(f"    a{k} = {code}")
-    return "\n".join([*lines, f"    return {_wrapped([words[k] for k in found.results[0]])}"])
+    return "\n".join([*lines, f"    return {_wrap([words[k] for k in found.results[0]])}"])
 
 
-def _wrapped(words: Sequence[str], indent: str = "        ") -> str:
+def _wrap(words: Sequence[str], indent: str = "        ") -> str:
     """Return a list of words, a few of them a line."""
     if len(words) <= WIDTH:
         return f"[{', '.join(words)}]"
@@ -284,7 +284,7 @@ def _wrapped(words: Sequence[str], indent: str = "        ") -> str:
 
 
 def _list(values: Array) -> str:
-    return _wrapped([repr(value) for value in values.tolist()], "    ")
+    return _wrap([repr(value) for value in values.tolist()], "    ")
 
 
 def _span(values: Any) -> str:

@@ -199,16 +199,16 @@ def others(
 
     for bend in bends:
         try:
-            keep(star(tr, solve(scene.problem, tol=1e-10, guess=bent(tr, bend))))
+            keep(star(tr, solve(scene.problem, tol=1e-10, guess=bent_line(tr, bend))))
         except (SolveError, ValueError):
             continue
-    for curve in (scene.guess, bent(tr, (0.0,) * scene.problem.system.n)):
+    for curve in (scene.guess, bent_line(tr, (0.0,) * scene.problem.system.n)):
         if curve is None:
             continue
         Q = sample(curve, tr.mesh.nodes, scene.problem.system.n)
         attempt = find(tr, tr.pack(Q), "patient least")
         if attempt.converged:
-            keep(_polished(tr, attempt.z))
+            keep(_polish(tr, attempt.z))
     for x in points:
         keep(nearest(tr, x, APART))
     return stars[1:]
@@ -216,20 +216,20 @@ def others(
 
 def nearest(tr: Transcription, x: Array, reach: float) -> Star | None:
     """Return the stationary point within `reach` of x, in scaled units, if Newton finds one."""
-    found = _polished(tr, np.concatenate([x, least_multipliers(tr, x)]))
+    found = _polish(tr, np.concatenate([x, least_multipliers(tr, x)]))
     if found is None or not np.max(np.abs(found.z[: x.size] - x), initial=0.0) <= reach:
         return None
     return found
 
 
-def _polished(tr: Transcription, z: Array) -> Star | None:
+def _polish(tr: Transcription, z: Array) -> Star | None:
     followed = follow(tr, z)
     if not followed.converged or not relative_residual(tr, followed.z) <= STATIONARY:
         return None
     return Star(followed.z, _index(tr, followed.z), 12)
 
 
-def bent(tr: Transcription, bend: tuple[float, ...]) -> Callable[[Array], Array]:
+def bent_line(tr: Transcription, bend: tuple[float, ...]) -> Callable[[Array], Array]:
     """Return the straight line with half a sine wave added."""
     t0, T = tr.problem.start.t, tr.problem.duration
     line = tr.straight()

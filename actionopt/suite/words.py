@@ -42,7 +42,7 @@ TABLE: dict[str, dict[str, str]] = {
 }
 
 
-def said(solver: str, status: str, success: bool) -> str:
+def message(solver: str, status: str, success: bool) -> str:
     """Return what the solver of this name says with a status of its own."""
     base = solver.partition(":")[0]
     return TABLE.get(base, {}).get(status, "solved" if success else "gave up")

@@ -123,7 +123,7 @@ def tolerance(tol: object) -> float:
     return found
 
 
-def named(values: object, what: str) -> Mapping[str, Any]:
+def by_name(values: object, what: str) -> Mapping[str, Any]:
     """Return a mapping of names to values, empty for None. Raises ValueError for anything else."""
     if values is None:
         return {}

@@ -45,7 +45,7 @@ def raised_later(raised: list[BaseException], *, stop: bool) -> Iterator[None]:
     ended = False
     raised.clear()
 
-    def kept(handler: Callable[[int, Any], Any]) -> Callable[[int, Any], None]:
+    def keep(handler: Callable[[int, Any], Any]) -> Callable[[int, Any], None]:
         def run(number: int, frame: Any) -> None:
             if ended:  # another handler has raised while they were set back
                 return handler(number, frame)
@@ -59,7 +59,7 @@ def raised_later(raised: list[BaseException], *, stop: bool) -> Iterator[None]:
 
         return run
 
-    changed = [(number, handler, kept(handler)) for number, handler in handlers]
+    changed = [(number, handler, keep(handler)) for number, handler in handlers]
     first = None
     try:
         for number, _, handler in changed:

@@ -126,13 +126,13 @@ class Rule:
     @cached_property
     def same(self) -> Sampling:
         """Sums over the nodes themselves."""
-        return self._sampled(self.nodes, self.weights)
+        return self._sample(self.nodes, self.weights)
 
     @cached_property
     def other(self) -> Sampling:
         """Sums over other points, between the nodes."""
         rule = lgl(self.degree + EXTRA_DEGREES)
-        return self._sampled(rule.nodes, rule.weights)
+        return self._sample(rule.nodes, rule.weights)
 
     def dense(self, panels: int) -> Sampling:
         """Return sums over Gauss's points, `panel` in each of so many equal parts."""
@@ -140,7 +140,7 @@ class Rule:
             x, w = np.polynomial.legendre.leggauss(self.panel)
             middles = (2 * np.arange(panels)[:, None] + 1) / panels - 1
             nodes = (middles + x / panels).ravel()
-            self._dense[panels] = self._sampled(nodes, np.tile(w / panels, panels), panels)
+            self._dense[panels] = self._sample(nodes, np.tile(w / panels, panels), panels)
         return self._dense[panels]
 
     @property
@@ -152,7 +152,7 @@ class Rule:
     def _dense(self) -> dict[int, Sampling]:
         return {}
 
-    def _sampled(self, nodes: Array, weights: Array, panels: int = 1) -> Sampling:
+    def _sample(self, nodes: Array, weights: Array, panels: int = 1) -> Sampling:
         values = self.interpolation(nodes)
         slopes = values @ self.derivative
         weighted = values.T * weights, slopes.T * weights

@@ -13,7 +13,7 @@ MOST_SHOWN = 4  # items of a sequence that are printed; ad hoc
 SCALARS = (int, float, complex, str, type(None))
 
 
-def listed(items: Iterable[object], count: int) -> str:
+def row_of(items: Iterable[object], count: int) -> str:
     """Return `count` items in a row, the first of them where they are many.
 
     >>> listed("abc", 3), listed(range(200), 200)
@@ -31,16 +31,16 @@ def brief(value: Any) -> str:
     """
     if isinstance(value, np.ndarray) and value.ndim:
         short = value.ndim == 1 and value.size <= MOST_SHOWN and value.dtype.kind in "iuf"
-        return f"[{listed(map(brief, value), value.size)}]" if short else f"array {value.shape}"
+        return f"[{row_of(map(brief, value), value.size)}]" if short else f"array {value.shape}"
     if isinstance(value, (float, np.ndarray)):
         return f"{value:.6g}"
     if isinstance(value, (tuple, list)):
         if value and not isinstance(value[0], SCALARS):
             return f"{len(value)} of {type(value[0]).__name__}"
-        return f"({listed(map(brief, value), len(value))}{',' * (len(value) == 1)})"
+        return f"({row_of(map(brief, value), len(value))}{',' * (len(value) == 1)})"
     if isinstance(value, Mapping):
         pairs = (f"{name}: {brief(x)}" for name, x in value.items())
-        return f"{{{listed(pairs, len(value))}}}"
+        return f"{{{row_of(pairs, len(value))}}}"
     name = getattr(value, "__name__", None)
     return repr(value) if name is None else str(name)
 

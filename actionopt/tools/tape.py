@@ -100,7 +100,7 @@ class Tape:
         return results
 
     @cached_property
-    def shared(self) -> list[int]:
+    def common(self) -> list[int]:
         """Operations that are used more than once."""
         uses = Counter(operand for node in self.nodes for operand in node.operands)
         uses.update(k for result in self.results for k in result)
@@ -123,7 +123,7 @@ class Tape:
         return name if name == "t" else f"{name}[{node.entry[1]}]"
 
 
-def applied(operation: int, x: Sequence[ca.SX]) -> Any:
+def apply(operation: int, x: Sequence[ca.SX]) -> Any:
     """Return an operation of one expression or of two."""
     make = ca.SX.unary if len(x) == 1 else ca.SX.binary
     return make(operation, *x)

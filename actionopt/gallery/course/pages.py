@@ -33,8 +33,8 @@ def course() -> Page:
 
 def _contents() -> str:
     rows = "".join(
-        f'<li><a href="course/{lesson.name}.html">{_said(lesson.title)}</a>'
-        f"<p>{_said(lesson.idea)}</p></li>"
+        f'<li><a href="course/{lesson.name}.html">{_translate(lesson.title)}</a>'
+        f"<p>{_translate(lesson.idea)}</p></li>"
         for lesson in LESSONS
     )
     lead = say(
@@ -61,7 +61,7 @@ def _minutes() -> str:
     """Return the teacher's sheet: the minutes of each part."""
     rows = [
         (
-            f'<a href="course/{lesson.name}.html">{_said(lesson.title)}</a>',
+            f'<a href="course/{lesson.name}.html">{_translate(lesson.title)}</a>',
             *map(str, lesson.minutes),
             str(sum(lesson.minutes)),
         )
@@ -72,7 +72,7 @@ def _minutes() -> str:
 
 
 def _traps() -> str:
-    rows = [(_said(lesson.title), _said(lesson.trap)) for lesson in LESSONS]
+    rows = [(_translate(lesson.title), _translate(lesson.trap)) for lesson in LESSONS]
     title = say("What is often thought wrongly, and what to say")
     body = "".join(f"<dt>{name}</dt><dd>{trap}</dd>" for name, trap in rows)
     return f"<h3>{title}</h3><dl>{body}</dl>"
@@ -89,8 +89,8 @@ def _lesson(k: int, drawn: Sequence[Figure]) -> str:
     main = f"""<article class="lesson">
 <header class="title"><p class="crumb"><a href="../course.html">{say("The course")}</a> &middot;
 {count} &middot; {minutes}</p>
-<h1>{_said(lesson.title)}</h1>
-<p class="lead">{_said(lesson.idea)}</p></header>
+<h1>{_translate(lesson.title)}</h1>
+<p class="lead">{_translate(lesson.idea)}</p></header>
 <section><h2>{say("Predict")}</h2>{_prose(lesson.predict)}</section>
 <section><h2>{say("Try")}</h2>{_prose(lesson.attempt)}{widget}{_links(lesson)}</section>
 <section><h2>{say("Explain")}</h2>{_prose(lesson.explain)}{shown}</section>
@@ -123,7 +123,7 @@ def _exercise(k: int, exercise: Exercise) -> str:
         )
     )
     return (
-        f'<div class="exercise"><p><b>{k}.</b> {_said(exercise.question)}</p>'
+        f'<div class="exercise"><p><b>{k}.</b> {_translate(exercise.question)}</p>'
         f'<details class="answer"><summary>{say("Answer")}</summary><p>{answer}</p>{shown}'
         "</details></div>"
     )
@@ -131,7 +131,7 @@ def _exercise(k: int, exercise: Exercise) -> str:
 
 def _links(lesson: Lesson) -> str:
     rows = [
-        f'<li><a href="../{name}/index.html">{_said(scenes.title(name))}</a></li>'
+        f'<li><a href="../{name}/index.html">{_translate(scenes.title(name))}</a></li>'
         for name in lesson.scenes
     ]
     if lesson.name in ("least", "sum"):
@@ -144,14 +144,14 @@ def _turn(k: int) -> str:
     links = []
     for at, name in ((k - 1, "Before: {title}"), (k + 1, "Next: {title}")):
         if 0 <= at < len(LESSONS):
-            text = say(name, title=_said(LESSONS[at].title))
+            text = say(name, title=_translate(LESSONS[at].title))
             links.append(f'<a href="{LESSONS[at].name}.html">{text}</a>')
     return f'<nav class="turn" aria-label="{say("Lessons")}">{"".join(links)}</nav>'
 
 
-def _said(text: str) -> str:
+def _translate(text: str) -> str:
     return typeset(say(text))
 
 
 def _prose(paragraphs: tuple[str, ...]) -> str:
-    return "".join(f"<p>{_said(text)}</p>" for text in paragraphs)
+    return "".join(f"<p>{_translate(text)}</p>" for text in paragraphs)

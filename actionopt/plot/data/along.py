@@ -10,7 +10,7 @@ import numpy as np
 from actionopt.analysis.solution import Solution, question
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.symmetry import noether
-from actionopt.plot.data.arguments import checked
+from actionopt.plot.data.arguments import check_arguments
 from actionopt.plot.data.latest import latest
 from actionopt.tools.checks import numbers
 from actionopt.tools.shown import one_line
@@ -48,17 +48,17 @@ class Curves:
     __repr__ = one_line
 
 
-@checked
+@check_arguments
 def curves(solution: Solution, count: int = COUNT) -> Curves:
     """Return the arrays behind the pictures at `count` equal times; the comparison is made."""
     t = times(solution, count)
-    q, forward = solution(t), followed(solution, t)
+    q, forward = solution(t), forward_values(solution, t)
     size = np.max(np.abs(q), axis=1, keepdims=True)
     size[size <= 1e-12 * np.max(size)] = np.max(size) or 1.0  # zero but for round-off
     return Curves(t, q, forward, np.max(np.abs(forward - q) / size, axis=0))
 
 
-def followed(solution: Solution, t: Array) -> Array:
+def forward_values(solution: Solution, t: Array) -> Array:
     """Return the forward integration at the times t (K,), NaN beyond where it ends: (n, K)."""
     path = solution.compare().path
     result = np.full((solution.problem.system.n, t.size), np.nan)
@@ -96,7 +96,7 @@ class Energies:
     __repr__ = one_line
 
 
-@checked
+@check_arguments
 def energies_data(
     solution: Solution, count: int = COUNT, *, kinetic: Kinetic | None = None
 ) -> Energies:
@@ -158,7 +158,7 @@ class Conserved:
 
 
 @latest
-@checked
+@check_arguments
 def conserved_data(solution: Solution, count: int = COUNT) -> Conserved:
     """Return H and p along the path at equal times, which of them are constant, and which must."""
     t = times(solution, count)
@@ -185,7 +185,7 @@ def _symmetric(problem: Problem, shift: Array) -> bool:
     return True
 
 
-@checked
+@check_arguments
 def family_data(solutions: Iterable[Solution], count: int = COUNT) -> tuple[Array, Array, Array]:
     """Return times (K,), paths (P, n, K) and actions (P,) of several solutions."""
     found = list(solutions)
@@ -197,7 +197,7 @@ def family_data(solutions: Iterable[Solution], count: int = COUNT) -> tuple[Arra
     return t, np.array([s(t) for s in found]), np.array([s.action for s in found])
 
 
-@checked
+@check_arguments
 def mesh_data(solution: Solution) -> tuple[Array, Array]:
     """Return the element boundaries (N + 1,) and degrees (N,) of the adaptive mesh."""
     return np.array(solution.mesh.boundaries), np.array(solution.mesh.degrees)

@@ -20,7 +20,7 @@ from actionopt.tools.checks import number, whole
 Figure = TypeVar("Figure", bound=Callable[..., Any])
 
 
-def checked(figure: Figure) -> Figure:
+def check_arguments(figure: Figure) -> Figure:
     """Let a function raise ValueError for arguments of the names below that are not what they say.
 
     What is optional may be None.

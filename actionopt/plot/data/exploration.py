@@ -18,7 +18,7 @@ from actionopt.analysis.status import Status
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Event, Problem
-from actionopt.plot.data.trial import Trial, moved, placed, straight
+from actionopt.plot.data.trial import Trial, move_node, straight, trial_at
 from actionopt.solver.arguments import Guess
 from actionopt.solver.solve import solve
 from actionopt.tools.shown import one_line
@@ -134,7 +134,7 @@ class Exploration:
             return None
         tr = self.trial.tr
         path = self.solution.path if self.solution else self.motion.path
-        return placed(tr, path(tr.mesh.nodes).T)
+        return trial_at(tr, path(tr.mesh.nodes).T)
 
     @cached_property
     def verdict(self) -> tuple[str, int] | None:
@@ -155,15 +155,15 @@ def begin(problem: Problem, guess: Guess | None = None) -> Exploration:
     return Exploration(straight(problem, guess), latest, guess)
 
 
-def bent(now: Exploration, trial: Trial, node: int, to: dict[int, float]) -> Exploration:
+def bend(now: Exploration, trial: Trial, node: int, to: dict[int, float]) -> Exploration:
     """Return the exploration with `trial`, one of its own, `moved`; if it cannot, the reason."""
     try:
-        return replace(now, trial=moved(trial, node, to), message="")
+        return replace(now, trial=move_node(trial, node, to), message="")
     except ValueError as error:
         return replace(now, message=str(error))
 
 
-def restarted(now: Exploration) -> Exploration:
+def restart(now: Exploration) -> Exploration:
     """Return the exploration with the straight line, or the guess, between the present events."""
     try:
         return replace(now, trial=straight(now.trial.tr.problem, now.guess), message="")
@@ -171,19 +171,19 @@ def restarted(now: Exploration) -> Exploration:
         return replace(now, message=str(error))
 
 
-def solved(now: Exploration) -> Exploration:
+def to_solution(now: Exploration) -> Exploration:
     """Return the exploration with the stationary path near the trial as its trial.
 
     Where none is found near, it is sought from the guess or from nothing, and that is said.
     """
-    found = _found(now)
+    found = _with_solution(now)
     if found.solution is None:
         return found
     assert found.stationary is not None
     return replace(found, trial=found.stationary)
 
 
-def _found(now: Exploration) -> Exploration:
+def _with_solution(now: Exploration) -> Exploration:
     """Return the exploration with the stationary path near the trial known."""
     problem, message = now.trial.tr.problem, ""
     guesses = (now.trial.path, None) if now.guess is None else (now.trial.path, now.guess, None)
@@ -197,7 +197,7 @@ def _found(now: Exploration) -> Exploration:
             if message:
                 message = "No solution was found near the trial; this one is elsewhere."
             known = motion(solution, now.latest)
-            return _explained(replace(now, solution=solution, motion=known, message=message))
+            return _with_note(replace(now, solution=solution, motion=known, message=message))
         message = _why(solution.status)
     return replace(now, message=message)
 
@@ -210,7 +210,7 @@ def lasting(now: Exploration, t: float) -> Exploration:
     motion is still there, though its ends do not determine it: the message says so.
     """
     if now.motion is None:
-        now = _found(now)
+        now = _with_solution(now)
     if now.motion is None or now.stationary is None:
         return now
     problem, path = now.trial.tr.problem, now.motion.path
@@ -223,7 +223,7 @@ def lasting(now: Exploration, t: float) -> Exploration:
         solution = solve(other, guess=Path(tr.mesh, path(tr.mesh.nodes)), throw=False)
         known = solution.status in FOUND
         base = (solution.path if known else path)(tr.mesh.nodes).T
-        trial = placed(tr, base + now.trial.Q - now.stationary.Q)
+        trial = trial_at(tr, base + now.trial.Q - now.stationary.Q)
     except ValueError as error:
         return replace(now, message=str(error))
     same = len(pinned) == problem.system.n or not known
@@ -234,10 +234,10 @@ def lasting(now: Exploration, t: float) -> Exploration:
         motion=now.motion if same else motion(solution, now.latest),
         message="" if known else _why(solution.status),
     )
-    return _explained(there)
+    return _with_note(there)
 
 
-def _explained(now: Exploration) -> Exploration:
+def _with_note(now: Exploration) -> Exploration:
     """Return the exploration, with a word on it where the stationary path is degenerate."""
     degenerate = now.verdict is not None and now.verdict[0] == "degenerate"
     return replace(now, message=CONJUGATE) if degenerate and not now.message else now

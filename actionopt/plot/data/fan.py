@@ -18,7 +18,7 @@ from actionopt.analysis.solution import Solution
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Event, Problem
 from actionopt.plot.data.along import COUNT, times
-from actionopt.plot.data.arguments import checked
+from actionopt.plot.data.arguments import check_arguments
 from actionopt.plot.data.latest import latest
 from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array
@@ -62,7 +62,7 @@ class Fan:
 
 
 @latest
-@checked
+@check_arguments
 def fan_data(solution: Solution, count: int = 12, spread: float = 0.15) -> Fan:
     """Return motions whose first velocities differ from the solution's by up to `spread` of it.
 
@@ -114,7 +114,7 @@ class Fronts:
     __repr__ = one_line
 
 
-@checked
+@check_arguments
 def fronts_data(
     solution: Solution, count: int = 41, spread: float = SPREAD, until: float | None = None
 ) -> Fronts:
@@ -160,7 +160,7 @@ def over_time(data: Fronts) -> tuple[Triangulation, Array]:
     keep = np.flatnonzero(data.t > data.t[0] + 0.06 * (data.t[-1] - data.t[0]))  # singular at t0
     t, v = (x.ravel() for x in np.meshgrid(data.t[keep], data.velocity[:, 0]))
     q, corners = data.q[:, 0, keep].ravel(), Triangulation(t, v).triangles
-    return Triangulation(t, q, corners, _turned(t, q, corners)), data.action[:, keep].ravel()
+    return Triangulation(t, q, corners, _turns_over(t, q, corners)), data.action[:, keep].ravel()
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,7 +185,7 @@ class Sheet:
     __repr__ = one_line
 
     @property
-    def aligned(self) -> bool:
+    def is_aligned(self) -> bool:
         """Whether p is along v everywhere."""
         return aligned(self.momentum, self.velocity)
 
@@ -231,12 +231,12 @@ def over_plane(solution: Solution, data: Fronts) -> Sheet:
     rise = np.sum((p[:, a] + p[:, b]) / 2 * (q[:, b] - q[:, a]), axis=0)
     level = np.subtract(*np.percentile(S, (98, 2))) / LEVELS
     coarse = np.max(np.abs(S[b] - S[a] - rise), axis=1) > COARSE * level
-    mask = coarse | np.any(_turned(x, y, corners)[FIRST:], axis=0)
-    mask = _lone(disc.neighbors, mask | _covered(q, corners, mask))
+    mask = coarse | np.any(_turns_over(x, y, corners)[FIRST:], axis=0)
+    mask = _lone(disc.neighbors, mask | _overlaps(q, corners, mask))
     return Sheet(Triangulation(q[0], q[1], corners, mask), S, p, v)
 
 
-def _turned(x: Array, y: Array, corners: Array) -> Array:
+def _turns_over(x: Array, y: Array, corners: Array) -> Array:
     """Return which triangles of neighbouring motions are turned over, (..., T).
 
     Such a triangle has passed a focus: there S has one value no more.
@@ -246,7 +246,7 @@ def _turned(x: Array, y: Array, corners: Array) -> Array:
     return across <= (y[..., b] - y[..., a]) * (x[..., c] - x[..., a])
 
 
-def _covered(q: Array, corners: Array, mask: Array) -> Array:
+def _overlaps(q: Array, corners: Array, mask: Array) -> Array:
     """Return which triangles share places (2, B) with another that is not masked: S is not unique.
 
     They do if one has the other's centre in it.

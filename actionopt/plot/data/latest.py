@@ -26,7 +26,7 @@ def latest(ask: Callable[P, T]) -> Callable[P, T]:
     kept: list[tuple[weakref.ref[Solution], dict[str, Any], T]] = []
 
     @wraps(ask)
-    def asked(*args: P.args, **options: P.kwargs) -> T:
+    def call_or_recall(*args: P.args, **options: P.kwargs) -> T:
         call = bound(*args, **options)
         call.apply_defaults()
         name, *others = call.arguments
@@ -41,4 +41,4 @@ def latest(ask: Callable[P, T]) -> Callable[P, T]:
         kept[:] = [(weakref.ref(solution, lambda _: kept.clear()), rest, answer)]
         return answer
 
-    return asked
+    return call_or_recall

@@ -12,7 +12,7 @@ import numpy as np
 
 from actionopt.analysis.solution import Solution
 from actionopt.plot.data.along import COUNT, times
-from actionopt.plot.data.arguments import checked
+from actionopt.plot.data.arguments import check_arguments
 from actionopt.plot.data.variations import sizes
 from actionopt.scenes import Shape, project
 from actionopt.tools.shown import one_line
@@ -123,7 +123,7 @@ class Motion:
         return list(zip(self.points, self.kinds, strict=True))
 
 
-@checked
+@check_arguments
 def motion_data(solution: Solution, draw: Draw, count: int = 9, force: bool = False) -> Motion:
     """Return the shapes at `count` equal times, and the forces of constraint if asked for.
 
@@ -155,8 +155,8 @@ def motion_data(solution: Solution, draw: Draw, count: int = 9, force: bool = Fa
     if count < 2:
         raise ValueError(f"expected at least 2 times, found {count}")
     t = times(solution, count)
-    kinds, points = _seen(solution, draw, t)
-    _, finely = _seen(solution, draw, times(solution, FINE))
+    kinds, points = _shapes_over_time(solution, draw, t)
+    _, finely = _shapes_over_time(solution, draw, times(solution, FINE))
     trails = np.array([p[:, :, 0].T for p, k in zip(finely, kinds, strict=True) if k == "body"])
     d = points[0].shape[1]
     seen = np.concatenate([_row(project(p)) for p in points + finely], axis=1)
@@ -176,7 +176,9 @@ def _row(points: Array) -> Array:
     return np.swapaxes(points, 0, 1).reshape(2, -1)
 
 
-def _seen(solution: Solution, draw: Draw, t: Array) -> tuple[tuple[str, ...], tuple[Array, ...]]:
+def _shapes_over_time(
+    solution: Solution, draw: Draw, t: Array
+) -> tuple[tuple[str, ...], tuple[Array, ...]]:
     """Return the kinds of the shapes, and the points of each at all times, (K, d, P)."""
     frames = [_shapes(draw(q, time)) for q, time in zip(solution(t).T, t, strict=True)]
     looks = [[(s.kind, s.points.shape) for s in shapes] for shapes in frames]

@@ -23,7 +23,7 @@ import numpy as np
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.variation import variation
 from actionopt.plot.data.along import COUNT, times
-from actionopt.plot.data.arguments import checked
+from actionopt.plot.data.arguments import check_arguments
 from actionopt.plot.data.variations import directions
 from actionopt.tools.checks import number
 from actionopt.tools.shown import one_line
@@ -88,7 +88,7 @@ class Phasors:
         return np.concatenate([[0.0], np.cumsum(self.arrows)])
 
 
-@checked
+@check_arguments
 def phasors_data(solution: Solution, hbar: float, *, mode: int = 0) -> Phasors:
     """Return the arrows of neighbours along a mode of d2S, by default the lowest.
 

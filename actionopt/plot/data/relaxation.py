@@ -26,7 +26,7 @@ from actionopt.discrete.factors import Factors, diagonal
 from actionopt.discrete.newton import follow
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
-from actionopt.plot.data.arguments import checked
+from actionopt.plot.data.arguments import check_arguments
 from actionopt.plot.data.trial import weights
 from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array
@@ -86,7 +86,7 @@ class Relaxation:
         return bool(self.distance[-1] < 0.01 * max(1.0, self.distance[0]))
 
 
-@checked
+@check_arguments
 def relaxation_data(
     solution: Solution,
     start: Path | Callable[[Array], ArrayLike] | None = None,
@@ -145,7 +145,7 @@ def relaxation_data(
             "expected a start that joins the solution's events, found that it misses them by "
             f"{missed:.3g} of the coordinates' size"
         )
-    return _described(tr, _visited(tr, z, goal, method, steps), goal, method)
+    return _relaxation_of(tr, _iterates(tr, z, goal, method, steps), goal, method)
 
 
 def wild(solution: Solution) -> Callable[[Array], Array]:
@@ -161,9 +161,9 @@ def wild(solution: Solution) -> Callable[[Array], Array]:
     return curve
 
 
-def _visited(tr: Transcription, z: Array, goal: Array, method: str, steps: int) -> list[Array]:
+def _iterates(tr: Transcription, z: Array, goal: Array, method: str, steps: int) -> list[Array]:
     """Return the vectors of unknowns from z on, at most `steps` more."""
-    visited, first = [z], float(np.linalg.norm(_unfulfilled(tr, z)))
+    visited, first = [z], float(np.linalg.norm(_weighted_residual(tr, z)))
     with np.errstate(all="ignore"):
         for k in range(steps):
             gradient = tr.gradient(z)
@@ -183,7 +183,7 @@ def _visited(tr: Transcription, z: Array, goal: Array, method: str, steps: int) 
             if not np.isfinite(tr.action(z)):
                 break
             visited.append(z)
-            left = float(np.linalg.norm(_unfulfilled(tr, z)))
+            left = float(np.linalg.norm(_weighted_residual(tr, z)))
             if left < SMALL * first or np.max(np.abs(z - goal)) > FAR:
                 break
     return visited
@@ -205,12 +205,12 @@ def metric(tr: Transcription, z: Array) -> Array:
     return tr.kinetic(z) + diagonal(tr.layout, W / (MEMORY * problem.duration) ** 2)
 
 
-def _unfulfilled(tr: Transcription, z: Array) -> Array:
+def _weighted_residual(tr: Transcription, z: Array) -> Array:
     """Return dL/dq - d/dt dL/dv at the unknowns, times the root of their weights."""
     return tr.gradient(z) / np.sqrt(weights(tr)[tr.layout.free // tr.problem.system.n])
 
 
-def _described(tr: Transcription, visited: list[Array], goal: Array, method: str) -> Relaxation:
+def _relaxation_of(tr: Transcription, visited: list[Array], goal: Array, method: str) -> Relaxation:
     problem, weight = tr.problem, tr.weight[:, 0]
     t = np.linspace(problem.start.t, problem.end.t, COUNT)
     paths, energies = [], []
@@ -223,7 +223,7 @@ def _described(tr: Transcription, visited: list[Array], goal: Array, method: str
         energies.append((weight @ L, weight @ (L + V), weight @ V))
         paths.append(Path(tr.mesh, Q.T)(t))
     action, kinetic, potential = np.array(energies).T
-    residual = np.array([np.linalg.norm(_unfulfilled(tr, z)) for z in visited])
+    residual = np.array([np.linalg.norm(_weighted_residual(tr, z)) for z in visited])
     return Relaxation(
         method,
         t,

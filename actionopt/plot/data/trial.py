@@ -134,7 +134,9 @@ def straight(problem: Problem, guess: Guess | None = None) -> Trial:
         )
     mesh = Mesh.uniform(problem.start.t, problem.end.t, ELEMENTS * SPANS, DEGREE)
     tr = Transcription(problem, mesh, problem.lengths)
-    return placed(tr, tr.straight() if guess is None else curve(problem, guess)(mesh)(mesh.nodes).T)
+    return trial_at(
+        tr, tr.straight() if guess is None else curve(problem, guess)(mesh)(mesh.nodes).T
+    )
 
 
 def knots(trial: Trial) -> Array:
@@ -147,7 +149,7 @@ def free(trial: Trial, node: int, coordinate: int) -> bool:
     return bool(trial.tr.layout.number[node, coordinate] >= 0)
 
 
-def moved(trial: Trial, node: int, to: dict[int, float]) -> Trial:
+def move_node(trial: Trial, node: int, to: dict[int, float]) -> Trial:
     """Return the trial bent so that at `node` the coordinates `to` have the values given.
 
     At a knot by a spline, else by a parabola that vanishes at both ends. Coordinates that an
@@ -159,10 +161,10 @@ def moved(trial: Trial, node: int, to: dict[int, float]) -> Trial:
         shift[i] = value - trial.Q[node, i] if free(trial, node, i) else 0.0
     own = np.flatnonzero(knots(trial) == node)
     bend = _cardinal(int(own[0])) if own.size else _parabola(node)
-    return placed(trial.tr, trial.Q + bend[:, None] * shift)
+    return trial_at(trial.tr, trial.Q + bend[:, None] * shift)
 
 
-def placed(tr: Transcription, Q: Array) -> Trial:
+def trial_at(tr: Transcription, Q: Array) -> Trial:
     """Return the trial at Q (K, n), its ends where the events pin, on the constraint surface."""
     Q = np.array(Q)
     for k, event in ((0, tr.problem.start), (-1, tr.problem.end)):

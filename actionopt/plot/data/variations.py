@@ -22,7 +22,7 @@ from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Event
 from actionopt.plot.data.along import COUNT, times
-from actionopt.plot.data.arguments import checked
+from actionopt.plot.data.arguments import check_arguments
 from actionopt.plot.data.latest import latest
 from actionopt.tools.blas import one_thread
 from actionopt.tools.shown import one_line
@@ -103,7 +103,7 @@ class Bundle:
 
 
 @latest
-@checked
+@check_arguments
 def bundle_data(solution: Solution, count: int = 8, size: float = 0.25) -> Bundle:
     """Return neighbours along the lowest modes of d2S, `count` a mode.
 
@@ -151,7 +151,7 @@ class Slice:
     __repr__ = one_line
 
 
-@checked
+@check_arguments
 def slice_data(solution: Solution, eta: Path, reach: float = 1.0, count: int = 61) -> Slice:
     """Return S(alpha) along `eta` for |alpha| <= reach. Raises ValueError as `variation` does."""
     S = variation(solution, eta)
@@ -197,7 +197,7 @@ class Landscape:
 
 
 @latest
-@checked
+@check_arguments
 def landscape_data(solution: Solution, reach: float = 0.5, count: int = 35) -> Landscape:
     """Return the action over the two modes that tell most.
 
@@ -258,7 +258,7 @@ class Spectrum:
 
 @latest
 @one_thread
-@checked
+@check_arguments
 def spectrum_data(solution: Solution, count: int = 3, points: int = 48) -> Spectrum:
     """Return the lowest eigenvalues of the path's first parts.
 

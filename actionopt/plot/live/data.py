@@ -33,7 +33,7 @@ def data(problem: Problem, solution: Solution, units: Units = NONE) -> dict[str,
         solution = solution.between_times
         problem = solution.problem
     system, names = problem.system, problem.system.coordinates
-    found = resolved(problem, solution)
+    found = on_small_mesh(problem, solution)
     mesh = found.mesh
     rule = lgl(mesh.degrees[0])
     continued = motion(solution, problem.start.t + LONGEST * problem.duration)
@@ -94,7 +94,7 @@ def check(problem: Problem) -> None:
     law(problem.system)
 
 
-def resolved(problem: Problem, solution: Solution) -> Solution:
+def on_small_mesh(problem: Problem, solution: Solution) -> Solution:
     """Return the solution on the first of `MESHES` whose action is that of the path."""
     size = abs(solution.action) + float(np.ptp(_running(solution)))
     found = solution

@@ -26,7 +26,7 @@ def drawing(solution: Solution, draw: Draw) -> dict[str, Any]:
     """
     seen = motion_data(solution, draw, FRAMES)
     try:
-        shapes, function = traced(solution.problem.system.n, draw)
+        shapes, function = trace_shapes(solution.problem.system.n, draw)
         code = {"body": body(function), "work": function.sz_w(), "sizes": [function.nnz_out(0)]}
     except Exception:  # whatever a function of numbers does with what is none
         plain = seen.plain()
@@ -43,7 +43,7 @@ def drawing(solution: Solution, draw: Draw) -> dict[str, Any]:
     }
 
 
-def traced(n: int, draw: Draw) -> tuple[Sequence[Shape], ca.Function]:
+def trace_shapes(n: int, draw: Draw) -> tuple[Sequence[Shape], ca.Function]:
     """Return shapes of n coordinates as expressions, and the points of those that move.
 
     The function takes (q, t) and returns them one after the other. Raises whatever `draw` does if

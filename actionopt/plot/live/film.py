@@ -122,14 +122,14 @@ def first(data: dict[str, Any]) -> str:
     size = max(right - left, top - bottom)
     space = data.get("space")
 
-    def seen(point: Sequence[float]) -> tuple[float, float]:
+    def on_screen(point: Sequence[float]) -> tuple[float, float]:
         if not space:
             return point[0], -point[1]
         x, y, z = np.subtract(point, space["middle"])
         return float(x), -float(z * np.cos(RISE) + y * np.sin(RISE))
 
     def line(points: Sequence[Sequence[float]], look: str) -> str:
-        text = " ".join(f"{x:.5g},{y:.5g}" for x, y in map(seen, points))
+        text = " ".join(f"{x:.5g},{y:.5g}" for x, y in map(on_screen, points))
         return f'<polyline class="{look}" points="{text}"/>'
 
     parts = [line(trail, "path") for trail in data["trails"]]
@@ -140,15 +140,15 @@ def first(data: dict[str, Any]) -> str:
         if kind == "body":
             look, bodies = f"body b{bodies % 5}", bodies + 1
         if len(points) == 1:
-            (x, y), r = seen(points[0]), {"body": 0.022, "event": 0.014}.get(kind, 0.01) * size
+            (x, y), r = on_screen(points[0]), {"body": 0.022, "event": 0.014}.get(kind, 0.01) * size
             parts.append(f'<circle class="{look}" cx="{x:.5g}" cy="{y:.5g}" r="{r:.4g}"/>')
         elif kind == "spring" and not space:
             parts.append(line(zigzag(points, BREADTH * size), look))
         else:
             parts.append(line(points, look))
     labels = data.get("labels_at_start", [])
-    arrows = [np.array([seen(label["from"]), seen(label["to"])]) for label in labels]
-    lines = [np.array([*map(seen, shape["points"][0])]) for shape in data["shapes"]]
+    arrows = [np.array([on_screen(label["from"]), on_screen(label["to"])]) for label in labels]
+    lines = [np.array([*map(on_screen, shape["points"][0])]) for shape in data["shapes"]]
     taken = (
         np.concatenate([_between(line) for line in [*lines, *arrows]])
         if labels

@@ -12,7 +12,7 @@ from actionopt import __version__
 from actionopt.analysis.solution import Solution
 from actionopt.mechanics.problem import Problem
 from actionopt.plot._names import NONE, SI, Units
-from actionopt.plot.data.arguments import checked
+from actionopt.plot.data.arguments import check_arguments
 from actionopt.plot.data.motion import Draw
 from actionopt.plot.live.data import check, data
 from actionopt.plot.live.drawing import drawing
@@ -70,7 +70,7 @@ def page(
     write(target, whole(question, draw=draw, guess=guess, units=units))
 
 
-@checked
+@check_arguments
 def whole(
     question: Scene | Problem,
     *,
@@ -80,7 +80,7 @@ def whole(
     above: str = "",
 ) -> str:
     """Return the page as text; `above` is HTML that leads elsewhere. Raises as `page` does."""
-    title = titled(question)
+    title = heading_of(question)
     problem = question.problem if isinstance(question, Scene) else question
     if isinstance(question, Scene):
         draw, guess = draw or question.draw, question.guess if guess is None else guess
@@ -104,7 +104,7 @@ def whole(
     return document(title, f"<style>\n{style}</style>\n", body, what)
 
 
-def titled(question: Scene | Problem) -> str:
+def heading_of(question: Scene | Problem) -> str:
     """Return the heading of a page."""
     title = say(question.title) if isinstance(question, Scene) else question.name.replace("_", " ")
     return title[:1].upper() + title[1:]
