@@ -170,6 +170,19 @@ def test_both_ways_round_a_circle():
         ao.solve_all(problem, angles=["x"])
 
 
+def test_both_ways_round_discs_that_overlap():
+    """Above the upper one, and below the lower one: each is the longer way round one disc."""
+    discs = body(disc(y=0.9), disc(y=-0.9))
+    A, B = np.array([-3, 0.3]), np.array([3, 0])
+    paths = ao.solve_all(ao.Problem(discs, ao.Event(0, A), ao.Event(1, B)), starts=1)
+    expected = []
+    for centre in ([0, 0.9], [0, -0.9]):
+        a, b = A - centre, B - centre
+        turned = np.arctan2(abs(a[0] * b[1] - a[1] * b[0]), a @ b)
+        expected.append((np.sqrt(2 * around(a, b)[1]) + 2 * (np.pi - turned)) ** 2 / 2)
+    assert [path.action for path in paths] == pytest.approx(sorted(expected), rel=1e-9)
+
+
 @pytest.mark.parametrize(
     ("g", "discs", "ends", "T"),
     [

@@ -13,6 +13,7 @@ from actionopt.discrete.transcription import Transcription
 from actionopt.families.free_times import is_new
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.solve import solve
+from actionopt.solver.touching import lines
 from actionopt.tools.watch import Progress, check_time
 
 SPREAD = np.array([0.3, 1.0, 3.0])  # of the coordinates' sizes, how far curves go to a side
@@ -28,7 +29,8 @@ def all_sides(
 ) -> tuple[list[tuple[Solution, tuple[int, ...], str]], Counter[str], bool]:
     """Return paths and how each was found, what was tried, and whether it was interrupted.
 
-    From what `solve` finds, and from `starts` random curves and their mirror images.
+    From what `solve` finds, from a line past all of the obstacle on either side, and from `starts`
+    random curves and their mirror images.
     """
     found: list[tuple[Solution, tuple[int, ...], str]] = []
     tried: Counter[str] = Counter()
@@ -38,7 +40,7 @@ def all_sides(
     drawn = np.random.default_rng(seed).standard_normal((starts, problem.system.n, WAVES))
     drawn *= np.resize(SPREAD, starts)[:, None, None] / np.arange(1, WAVES + 1)
     aside = [sign * problem.lengths[:, None] * (a @ sines) for a in drawn for sign in (1, -1)]
-    guesses = [None, *(Path(mesh, line + away) for away in aside)]
+    guesses = [*lines(problem, mesh), *(Path(mesh, line + away) for away in aside)]
     try:
         for i, guess in enumerate(guesses):
             how = "the straight line" if guess is None else "a curve to a side"
