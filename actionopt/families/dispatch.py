@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from queue import Empty, SimpleQueue
+from threading import Event
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -132,11 +133,10 @@ def _wait(begun: dict[int, Future], executor: Executor, done: Callable[[int, Any
         if processes:
             # The executor's thread fails on cancelled tasks when its processes end (until Python
             # 3.12). It drops them when it cancels: in the order of submission, so this one last.
-            from concurrent.futures import wait
-
+            dropped = Event()
             with suppress(RuntimeError):  # the processes have ended already
-                last = executor.submit(int)
+                executor.submit(int).add_done_callback(lambda _: dropped.set())
                 executor.shutdown(wait=False, cancel_futures=True)
-                wait([last], timeout=1.0)
+                dropped.wait(1.0)
         for process in processes.values():
             process.terminate()

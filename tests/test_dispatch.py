@@ -1,0 +1,80 @@
+"""Tasks given to an executor, and what is kept of them when they are interrupted."""
+
+from concurrent.futures import Future, ThreadPoolExecutor
+from threading import Timer
+from types import SimpleNamespace
+
+import pytest
+
+from actionopt.families.dispatch import dispatch
+
+
+class Pool:
+    """An executor: the first three tasks are done one after the other, the others never."""
+
+    def __init__(self):
+        self.said = []
+        self._processes = {7: SimpleNamespace(terminate=lambda: self.said.append("terminated"))}
+        self.futures = []
+
+    def submit(self, work, *given):
+        future = Future()
+        self.futures.append(future)
+        if len(self.futures) <= 3:
+            future.set_running_or_notify_cancel()
+            delay = 0.03 * len(self.futures)
+            Timer(delay, self.finish, (future, work, *given)).start()
+        return future
+
+    def finish(self, future, work, *given):
+        try:
+            future.set_result(work(*given))
+        except ArithmeticError as error:
+            future.set_exception(error)
+
+    def shutdown(self, **given):
+        self.said.append(given)
+        self.futures[-1].cancel()
+
+
+def double(number):
+    return 2 * number
+
+
+TASKS = [(k, (10 + k,)) for k in range(5)]
+
+
+@pytest.mark.parametrize("threads", [0, 1, 2])
+def test_each_task_is_done_once(threads):
+    done = []
+    pool = ThreadPoolExecutor(threads) if threads else None
+    dispatch(double, TASKS, pool, lambda *answer: done.append(answer))
+    assert sorted(done) == [(k, 20 + 2 * k) for k in range(5)]
+
+
+@pytest.mark.parametrize("times", [1, 2])
+def test_what_has_begun_is_waited_for_unless_it_is_interrupted_again(times, capsys):
+    pool, done = Pool(), []
+
+    def enter(task, answers):
+        if len(done) < times and done.count("no") < times:
+            done.append("no")
+            raise KeyboardInterrupt
+        done.append((task, answers))
+
+    with pytest.raises(KeyboardInterrupt):
+        dispatch(double, TASKS, pool, enter)
+    assert "interrupted: waiting for 2 tasks that have begun" in capsys.readouterr().err
+    assert all(future.cancelled() for future in pool.futures[3:])
+    if times == 1:  # the answer at hand arrives once more
+        assert done == ["no", (0, 20), (1, 22), (2, 24)] and not pool.said
+    else:
+        assert done == ["no", "no"]
+        assert pool.said == [{"wait": False, "cancel_futures": True}, "terminated"]
+
+
+def test_an_error_of_a_task_ends_the_others():
+    pool = Pool()
+    with pytest.raises(ZeroDivisionError):
+        dispatch(lambda k: 1 // (10 - k), TASKS, pool, lambda *_: None)
+    assert all(future.cancelled() for future in pool.futures[3:]) and not pool.said
