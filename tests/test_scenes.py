@@ -47,25 +47,29 @@ def named(row):
     return f"{row[0]}-{'changed' if row[1] else 'default'}"
 
 
-def which(holds):
-    """Return the scenes, with either numbers, of which this holds."""
-    return [row for row in ROWS if holds(made(row[0], False))]
+CHECKS = []  # each with the scenes of which it is made
 
 
-def where(holds, slow=()):
-    """Let a test take these scenes alone, slow those whose numbers are changed or not."""
-    rows = [pytest.param(x, marks=[pytest.mark.slow] * (x[1] in slow)) for x in which(holds)]
-    return pytest.mark.parametrize("scene", rows, ids=named, indirect=True)
+def solved(scene):
+    return scene.exact is not None
 
 
-@pytest.fixture(params=ROWS, ids=named)
-def scene(request):
-    return made(*request.param)
+def of_scenes(holds=lambda scene: True):
+    """Let a function check all scenes of which this holds."""
+
+    def add(check):
+        CHECKS.append((holds, check))
+        return check
+
+    return add
 
 
-@pytest.fixture(params=which(lambda scene: scene.exact is not None), ids=named)
-def solved(request):
-    return made(*request.param)
+@pytest.mark.parametrize("row", ROWS, ids=named)
+def test_what_a_scene_knows_is_so(row):
+    """Whatever is marked `of_scenes`: a test of each would take longer to be reported than run."""
+    for holds, check in CHECKS:
+        if holds(made(row[0], False)):
+            check(made(*row))
 
 
 def times(scene, count=41):
@@ -169,7 +173,8 @@ def test_other_numbers_reuse_the_derived_system():
     )
 
 
-def test_facts_are_attributes_and_a_mapping_of_what_is_known(scene):
+@of_scenes()
+def facts_are_attributes_and_a_mapping_of_what_is_known(scene):
     facts = scene.facts
     assert all(map(np.isfinite, facts.numbers.values()))
     assert (facts.velocity is None) == (scene.exact is None)
@@ -192,32 +197,37 @@ def test_names_and_defaults_are_those_of_one_signature():
         assert problem.parameters == problem.system.parameters
 
 
-def test_exact_passes_through_the_events(solved):
-    for event in (solved.problem.start, solved.problem.end):
-        q = solved.exact(event.t)
+@of_scenes(solved)
+def exact_passes_through_the_events(scene):
+    for event in (scene.problem.start, scene.problem.end):
+        q = scene.exact(event.t)
         assert np.max(np.abs(q - event.q)) <= END_TOLERANCE * max(1.0, np.max(np.abs(q)))
 
 
-def test_exact_has_the_shapes_of_a_path(solved):
-    n = solved.problem.system.n
-    for curve in (solved.exact, solved.facts["velocity"]):
-        assert curve(times(solved)).shape == (n, 41)
-        assert curve(solved.problem.end.t).shape == (n,)
-        assert curve(list(times(solved, 3))).shape == (n, 3)
+@of_scenes(solved)
+def exact_has_the_shapes_of_a_path(scene):
+    n = scene.problem.system.n
+    for curve in (scene.exact, scene.facts["velocity"]):
+        assert curve(times(scene)).shape == (n, 41)
+        assert curve(scene.problem.end.t).shape == (n,)
+        assert curve(list(times(scene, 3))).shape == (n, 3)
 
 
-def test_velocity_is_the_derivative_of_exact(solved):
-    velocity = solved.facts["velocity"](times(solved))
-    assert mismatch(velocity, derivative(solved, solved.exact)) < DERIVATIVE_TOLERANCE
+@of_scenes(solved)
+def velocity_is_the_derivative_of_exact(scene):
+    velocity = scene.facts["velocity"](times(scene))
+    assert mismatch(velocity, derivative(scene, scene.exact)) < DERIVATIVE_TOLERANCE
 
 
-def test_exact_satisfies_the_equations_of_motion(solved):
-    assert residual(solved, solved.exact, solved.facts["velocity"]) < DERIVATIVE_TOLERANCE
+@of_scenes(solved)
+def exact_satisfies_the_equations_of_motion(scene):
+    assert residual(scene, scene.exact, scene.facts["velocity"]) < DERIVATIVE_TOLERANCE
 
 
-def test_the_check_of_the_equations_of_motion_sees_a_wrong_curve(solved):
-    span, t0 = solved.problem.duration, solved.problem.start.t
-    n = solved.problem.system.n
+@of_scenes(solved)
+def the_check_of_the_equations_of_motion_sees_a_wrong_curve(scene):
+    span, t0 = scene.problem.duration, scene.problem.start.t
+    n = scene.problem.system.n
 
     def bend(t):  # a curve that no scene's equations turn into another solution
         s = (np.asarray(t) - t0) / span
@@ -227,13 +237,13 @@ def test_the_check_of_the_equations_of_motion_sees_a_wrong_curve(solved):
         s = (np.asarray(t) - t0) / span
         return 1e-6 / span * np.multiply.outer(np.ones(n), 3 * s**2 - 4 * s**3)
 
-    velocity = solved.facts["velocity"]
-    wrong = residual(solved, lambda t: solved.exact(t) + bend(t), lambda t: velocity(t) + rate(t))
+    velocity = scene.facts["velocity"]
+    wrong = residual(scene, lambda t: scene.exact(t) + bend(t), lambda t: velocity(t) + rate(t))
     assert wrong > 10 * DERIVATIVE_TOLERANCE
 
 
-@where(lambda scene: scene.problem.system.r)
-def test_exact_stays_outside_of_the_obstacle_which_presses_as_the_facts_say(scene):
+@of_scenes(lambda scene: scene.problem.system.r)
+def exact_stays_outside_of_the_obstacle_which_presses_as_the_facts_say(scene):
     problem, t = scene.problem, times(scene)
     (arc,) = touched(scene)
     # Nearer to the ends of contact f, of the second order there, is zero to its tolerance.
@@ -247,20 +257,22 @@ def test_exact_stays_outside_of_the_obstacle_which_presses_as_the_facts_say(scen
     assert mismatch(force, np.where(on, scene.facts["contact_force"], 0.0)) < FORMULA_TOLERANCE
 
 
-def test_exact_stays_on_the_constraints(solved):
-    problem, t = solved.problem, times(solved)
-    f = problem.system.constraint(solved.exact(t), t, parameters=problem.parameters)
+@of_scenes(solved)
+def exact_stays_on_the_constraints(scene):
+    problem, t = scene.problem, times(scene)
+    f = problem.system.constraint(scene.exact(t), t, parameters=problem.parameters)
     assert np.max(np.abs(f), initial=0.0) < FORMULA_TOLERANCE
 
 
-@where(lambda scene: "acceleration" in scene.facts)
-def test_equations_of_motion_are_the_book_s(scene):
+@of_scenes(lambda scene: "acceleration" in scene.facts)
+def equations_of_motion_are_the_book_s(scene):
     q, v, t = states(scene)
     derived = scene.problem.system.acceleration(q, v, t, parameters=scene.problem.parameters)
     assert mismatch(scene.facts["acceleration"](q, v, t), derived) < FORMULA_TOLERANCE
 
 
-def test_multipliers_are_the_book_s(scene):
+@of_scenes()
+def multipliers_are_the_book_s(scene):
     system = scene.problem.system
     if "multipliers" not in scene.facts:
         assert system.m == 0 or scene.exact is None
@@ -276,7 +288,8 @@ def test_multipliers_are_the_book_s(scene):
         assert mismatch(scene.facts["multipliers"](q, v, t), derived) < FORMULA_TOLERANCE
 
 
-def test_conserved_quantities_are_constant_along_a_motion(scene):
+@of_scenes()
+def conserved_quantities_are_constant_along_a_motion(scene):
     q, v, t = states(scene)
     for name, quantity in scene.facts.get("conserved", {}).items():
         values = quantity(q, v, t)
@@ -284,7 +297,8 @@ def test_conserved_quantities_are_constant_along_a_motion(scene):
         assert mismatch(values, values[:1]) < INTEGRATION_TOLERANCE, name
 
 
-def test_energy_function(scene):
+@of_scenes()
+def energy_function(scene):
     system, values = scene.problem.system, scene.problem.parameters
     q, v, t = states(scene)
     H = system.energy(q, v, t, parameters=values)
@@ -302,23 +316,32 @@ def test_energy_function(scene):
         assert mismatch(H, np.full_like(H, scene.facts["energy"])) < FORMULA_TOLERANCE
 
 
-def test_action_in_closed_form_is_the_integral_of_the_lagrangian(solved):
-    t = solved.problem.start.t + solved.problem.duration * np.linspace(0, 1, 51)
+@of_scenes(solved)
+def action_in_closed_form_is_the_integral_of_the_lagrangian(scene):
+    t = scene.problem.start.t + scene.problem.duration * np.linspace(0, 1, 51)
     xi, w = np.polynomial.legendre.leggauss(24)
     nodes = t[:-1, None] + np.diff(t)[:, None] / 2 * (xi + 1)
-    L = solved.problem.system.lagrangian(
-        solved.exact(nodes.ravel()),
-        solved.facts["velocity"](nodes.ravel()),
+    L = scene.problem.system.lagrangian(
+        scene.exact(nodes.ravel()),
+        scene.facts["velocity"](nodes.ravel()),
         nodes.ravel(),
-        parameters=solved.problem.parameters,
+        parameters=scene.problem.parameters,
     )
     S = np.sum(np.diff(t) / 2 * (L.reshape(nodes.shape) @ w))
-    assert abs(S - solved.action) < FORMULA_TOLERANCE * max(1.0, np.max(np.abs(L)))
+    assert abs(S - scene.action) < FORMULA_TOLERANCE * max(1.0, np.max(np.abs(L)))
 
 
-@where(lambda scene: "conjugate_times" in scene.facts, slow=[False])
-def test_conjugate_times_are_where_neighbouring_motions_meet(scene):
+@pytest.mark.parametrize(
+    ("name", "changed"),
+    [
+        pytest.param(name, changed, marks=[] if changed else pytest.mark.slow)
+        for name, changed in ROWS
+        if "conjugate_times" in made(name, False).facts
+    ],
+)
+def test_conjugate_times_are_where_neighbouring_motions_meet(name, changed):
     """det dq(t)/dv(0) vanishes there, changes sign where the multiplicity is odd, else nowhere."""
+    scene = made(name, changed)
     problem = scene.problem
     system, values, n = problem.system, problem.parameters, problem.system.n
     listed, multiplicity = np.unique(scene.facts["conjugate_times"], return_counts=True)
@@ -350,8 +373,8 @@ def test_conjugate_times_are_where_neighbouring_motions_meet(scene):
         assert scene.facts["morse_index"] == np.sum(inside)
 
 
-@where(lambda scene: "start" in scene.facts)
-def test_start_is_on_the_motion(scene):
+@of_scenes(lambda scene: "start" in scene.facts)
+def start_is_on_the_motion(scene):
     state, problem = scene.facts["start"], scene.problem
     system, values, n = problem.system, problem.parameters, problem.system.n
 
@@ -367,8 +390,8 @@ def test_start_is_on_the_motion(scene):
     assert abs(run.y[-1, -1] - scene.action) < INTEGRATION_TOLERANCE
 
 
-@where(lambda scene: "twin" in scene.facts)
-def test_twins_follow_one_path_and_their_actions_differ_by_the_gauge(scene):
+@of_scenes(lambda scene: "twin" in scene.facts)
+def twins_follow_one_path_and_their_actions_differ_by_the_gauge(scene):
     twin_name = scene.facts["twin"]
     changed = scene.problem.start.q != scenes.get(scene.name).problem.start.q
     twin = scenes.get(twin_name, **(other_parameters(twin_name) if changed else {}))
@@ -379,8 +402,8 @@ def test_twins_follow_one_path_and_their_actions_differ_by_the_gauge(scene):
     assert abs(scene.action - twin.action - (F[1] - F[0])) < FORMULA_TOLERANCE
 
 
-@where(lambda scene: scene.guess is not None)
-def test_guess_joins_the_events_on_the_constraints(scene):
+@of_scenes(lambda scene: scene.guess is not None)
+def guess_joins_the_events_on_the_constraints(scene):
     problem, t = scene.problem, times(scene)
     q = scene.guess(t)
     assert q.shape == (problem.system.n, 41)
@@ -389,7 +412,8 @@ def test_guess_joins_the_events_on_the_constraints(scene):
     assert np.max(np.abs(f), initial=0.0) < END_TOLERANCE
 
 
-def test_pictures_keep_their_shapes(scene):
+@of_scenes()
+def pictures_keep_their_shapes(scene):
     first = scene.draw(np.array(scene.problem.start.q), scene.problem.start.t)
     last = scene.draw(np.array(scene.problem.end.q), scene.problem.end.t)
     assert [s.kind for s in first] == [s.kind for s in last]
