@@ -117,14 +117,14 @@ def dispatch(
 def _wait(begun: dict[int, Future], executor: Executor, done: Callable[[int, Any], None]) -> None:
     """Enter what comes of tasks that have begun; leave them at another interruption."""
     waiting = sum(not future.done() for future in begun.values())
-    if waiting:
-        tasks = "a task that has" if waiting == 1 else f"{waiting} tasks that have"
-        print(
-            f"interrupted: waiting for {tasks} begun; interrupt again to leave",
-            file=sys.stderr,
-            flush=True,
-        )
     try:
+        if waiting:
+            tasks = "a task that has" if waiting == 1 else f"{waiting} tasks that have"
+            print(
+                f"interrupted: waiting for {tasks} begun; interrupt again to leave",
+                file=sys.stderr,
+                flush=True,
+            )
         for task, future in begun.items():
             if future.exception() is None:
                 done(task, future.result())
