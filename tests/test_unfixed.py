@@ -3,6 +3,7 @@
 import copy
 import pickle
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ import actionopt as ao
 from actionopt import plot, scenes
 from actionopt.discrete.bordered import Bordered
 from actionopt.discrete.factors import full
+from actionopt.families.free_times import _passes
 from actionopt.solver.first_paths import FirstPaths
 from actionopt.solver.unfixed import Unfixed
 
@@ -205,6 +207,26 @@ def test_both_throws_are_found():
     found = ao.solve_all(throw(40.0), tol=1e-10)
     assert sorted(s.duration for s in found) == pytest.approx(flights(40.0), rel=1e-10)
     assert found.indices == (1, 0)
+
+
+class Turns:
+    """Two turns of a circle, from t = 2 pi on."""
+
+    start, end = SimpleNamespace(t=2 * np.pi), SimpleNamespace(t=6 * np.pi, q=np.array([1.0, 0.0]))
+    problem, duration = SimpleNamespace(end=SimpleNamespace(pinned=(0, 1))), 4 * np.pi
+
+    def __call__(self, t):
+        return np.array([np.cos(t), np.sin(t)])
+
+    def velocity(self, t):
+        return np.array([-np.sin(t), np.cos(t)])
+
+
+@pytest.mark.parametrize(
+    ("turns", "passes"), [(1.01, False), (1.5, False), (1.98, True), (2.99, False)]
+)
+def test_a_path_passes_its_end_between_its_events(turns, passes):
+    assert _passes(Turns(), [2 * np.pi * turns], np.ones((2, 1))) == passes
 
 
 def lambert(energy, r1, r2):
