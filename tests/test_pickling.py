@@ -49,6 +49,14 @@ def test_what_is_derived_of_a_loaded_law_is_the_same_to_the_last_operation(name,
         assert ours.serialize() == theirs.serialize(), function
 
 
+def test_a_geodesic_keeps_its_length(elsewhere):
+    own = System.geodesic(lambda q, v: np.sqrt(v[0] ** 2 + q[0] ** 2 * v[1] ** 2), ["r", "phi"])
+    loaded = elsewhere(pickle.dumps(own))
+    assert loaded.F is not None and loaded.digest == own.digest
+    length = loaded.pointwise("length")([[2.0, 0.3]], [[3.0, 2.0]], [[0.0]], loaded.table.pack({}))
+    assert length[0] == pytest.approx(5.0)
+
+
 def test_it_is_made_once_in_a_process_and_derives_nothing_again(elsewhere, monkeypatch):
     own = System(lambda q, v, t, *, k: (v[0] ** 2 - k * abs(q[0])) / 2, ["x"], parameters={"k": 2})
     first = pickle.dumps(own)

@@ -299,12 +299,6 @@ def test_the_index_is_told_on_the_mesh_of_the_family_or_a_finer_one():
     assert suite.get("pendulum", own, duration=1.0)._finer.mesh.elements == 2 * own
 
 
-def test_the_optimum_of_a_coarse_mesh_is_stationary_there():
-    coarse = suite.get("pendulum", 2, 3)
-    slope = np.abs(coarse.gradient(coarse.x_star)).max()
-    assert slope < 1e-12 * np.abs(coarse.gradient(coarse.start())).max()
-
-
 def test_find_by_what_is_asked():
     assert "oscillator" in suite.find(kind="minimum", constrained=False, convex=True)
     assert suite.find(index=3, size=(1, 100)) == ["oscillator_past"]
