@@ -147,7 +147,7 @@ def test_a_guess_is_worth_no_search_of_its_own(monkeypatch):
 
 def test_parts_of_a_search_have_a_price_of_their_own_and_its_time():
     told = []
-    outer = Watch(100.0, lambda how, elements, count: told.append(how))
+    outer = Watch(100.0, lambda how, *_: told.append(how))
     inner = Watch(None, None, outer)
     inner.how = "newton"
     inner(8)

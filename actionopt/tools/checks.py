@@ -24,8 +24,8 @@ def number(value: object, what: str) -> float:
     >>> number(np.float32(0.5), "the time")
     0.5
     """
-    if isinstance(value, float) and math.isfinite(value):
-        return float(value)
+    if type(value) is float and math.isfinite(value):
+        return value
     try:
         if isinstance(value, (str, bytes, np.complexfloating)) or getattr(value, "ndim", 0):
             raise TypeError("not a real number")
