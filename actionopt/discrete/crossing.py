@@ -97,7 +97,11 @@ def unbalanced(at: DiscretePath, error: float) -> Jump | Imbalance | None:
 
     `error` is that of the path, in its own size.
     """
-    found = imbalance(at.tr, at.x, error)
+    return jump_or(at, imbalance(at.tr, at.x, error))
+
+
+def jump_or(at: DiscretePath, found: Imbalance | None) -> Jump | Imbalance | None:
+    """Return a jump of L behind an imbalance of energy, or the imbalance if there is none."""
     if found is None:
         return None
     found = narrowed(at.problem, at.path, found)

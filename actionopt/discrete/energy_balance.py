@@ -78,96 +78,122 @@ class Imbalance:
         return f"{where} the energy changes by {abs(self.off[k]):.3g} without a force that shows it"
 
 
-def imbalance(tr: Transcription, x: Array, error: float) -> Imbalance | None:
-    """Return where (1) is off by more than `error` allows, on elements or between them, or None.
+@dataclass(frozen=True, eq=False)
+class Balance:
+    """What the balance of energy along a path x (unknowns,) is drawn up of.
 
-    `error` is that of the path x (unknowns,), in its own size.
+    Attributes
+    ----------
+    tr : Transcription
+    off : list of arrays
+        How far L changes without a reason, from one end of each element over its samples to the
+        other, (E, points + 1), batch by batch; and between elements, (N - 1,).
+    unit, read : float
+        What that may be for a path of the error 1, and what else is rounded.
+    energy : (N,) array
+        The integral of v . L_v - L over each element.
+    reach : float
+        Its unit, of a displacement by the path's size.
     """
-    problem, mesh = tr.problem, tr.mesh
-    if problem.system.structure.jumpless or not np.isfinite(error):
-        return None
-    batches = tr.between_nodes
-    with np.errstate(all="ignore"):
-        q, v, force, momentum, L = second_quadrature.values(tr, x, batches)
-        t = second_quadrature.times(tr, batches)
-        explicit = _explicit(problem, q, v, t)
-        rate = _rate(force, v, explicit)
-        sizes = (np.abs(y).max(axis=0) for y in (q, v, force, momentum))
-        size, speed, most, largest = sizes
-        unit = np.nansum(most * size + largest * speed)
-        read = np.abs(explicit).max() * np.abs(t).max() + np.abs(L[np.isfinite(L)]).max(initial=0.0)
-        allowed = float((error + ROUNDOFF) * unit + ROUNDOFF * read)
-        # Of each element at its ends, on its own side of a switch.
-        speeds, momenta, outer = _at_ends(tr, x)
-        first, low, high, off = 0, [], [], []
-        for b in batches:
-            shape = b.elements.size, b.rule.nodes.size
-            here = slice(first, first := first + shape[0] * shape[1])
-            mine = [y[here].reshape(*shape, *y.shape[1:]) for y in (momentum, L, rate, v)]
-            level, whole = _level(b.rule, b.half, *mine)
-            p, v_first = mine[0], mine[-1][:, :1]
-            ends = outer[b.elements] - _product(speeds[b.elements] - v_first, _middle(p))
-            ends[:, 1] -= whole
-            level = np.concatenate([ends[:, :1], level, ends[:, 1:]], axis=1)
-            off.append((level[:, 1:] - level[:, :-1]).ravel())
+
+    tr: Transcription
+    off: list[Array]
+    unit: float
+    read: float
+    energy: Array
+    reach: float
+
+    @classmethod
+    def of(cls, tr: Transcription, x: Array) -> Balance | None:
+        """Draw it up; None where L plainly does not jump."""
+        problem = tr.problem
+        if problem.system.structure.jumpless:
+            return None
+        batches = tr.between_nodes
+        with np.errstate(all="ignore"):
+            q, v, force, momentum, L = second_quadrature.values(tr, x, batches)
+            t = second_quadrature.times(tr, batches)
+            explicit = _explicit(problem, q, v, t)
+            rate = _rate(force, v, explicit)
+            sizes = np.abs(np.concatenate([q, v, force, momentum], axis=1)).max(axis=0)
+            size, speed, most, largest = sizes.reshape(4, -1)
+            read = float(np.abs(L).max())
+            if not read < np.inf:
+                read = float(np.abs(L[np.isfinite(L)]).max(initial=0.0))
+            if explicit.size > 1:
+                read += float(np.abs(explicit).max() * np.abs(t).max())
+            H = _product(momentum, v) - L
+            # Of each element at its ends, on its own side of a switch.
+            speeds, momenta, outer = _at_ends(tr, x)
+            first, off, energy = 0, [], np.empty(tr.mesh.elements)
+            for b in batches:
+                shape = b.elements.size, b.rule.nodes.size
+                here = slice(first, first := first + shape[0] * shape[1])
+                mine = [y[here].reshape(*shape, *y.shape[1:]) for y in (momentum, L, rate, v)]
+                ends = outer[b.elements], speeds[b.elements]
+                off.append(_off_between(b.rule, b.half, *mine, *ends))
+                energy[b.elements] = H[here].reshape(shape) @ b.rule.weights * b.half[:, 0, 0]
+            # Between elements velocities differ by the error of the path.
+            means = (momenta[1:, 0] + momenta[:-1, 1]) / 2
+            between = outer[1:, 0] - outer[:-1, 1] - _product(speeds[1:, 0] - speeds[:-1, 1], means)
+            if tr.sides is not None:  # where laws switch L may jump: their momentum is continuous
+                between[tr.sides[0][1:] != tr.sides[1][:-1]] = 0.0
+            unit = float(np.nansum(most * size + largest * speed))
+            return cls(tr, [*off, between], unit, read, energy, float(np.nansum(largest * size)))
+
+    def beyond(self, error: float) -> Imbalance | None:
+        """Return where (1) is off by more than an error of the path allows, in its own size."""
+        allowed = (error + ROUNDOFF) * self.unit + ROUNDOFF * self.read
+        if all((np.abs(part) <= allowed).all() for part in self.off) or not np.isfinite(error):
+            return None
+        mesh, width = self.tr.mesh, rounded(self.tr.problem)
+        low, high = [], []
+        for b in self.tr.between_nodes:
             points = np.concatenate([[-1.0], b.rule.nodes, [1.0]])
             since = mesh.since[b.elements, None] + b.half[:, :, 0] * (1 + points)
             low.append(since[:, :-1].ravel())
             high.append(since[:, 1:].ravel())
-        # Between elements velocities differ by the error of the path.
-        step = (speeds[1:, 0] - speeds[:-1, 1]) * (momenta[1:, 0] + momenta[:-1, 1]) / 2
-        between = outer[1:, 0] - outer[:-1, 1] - step.sum(axis=1)
-        if tr.sides is not None:  # where laws switch L may jump: their momentum is continuous
-            between[tr.sides[0][1:] != tr.sides[1][:-1]] = 0.0
-    off = np.concatenate([*off, between])
-    if (np.abs(off) <= allowed).all():
-        return None
-    inner, width = mesh.since[1:-1], rounded(problem)
-    low, high = np.concatenate([*low, inner - width]), np.concatenate([*high, inner + width])
-    order = np.argsort(low)
-    order = order[~(np.abs(off[order]) <= allowed)]
-    return Imbalance(low[order], high[order], np.nan_to_num(off[order]), allowed)
+        inner, off = mesh.since[1:-1], np.concatenate([part.ravel() for part in self.off])
+        low, high = np.concatenate([*low, inner - width]), np.concatenate([*high, inner + width])
+        order = np.argsort(low)
+        order = order[~(np.abs(off[order]) <= allowed)]
+        return Imbalance(low[order], high[order], np.nan_to_num(off[order]), allowed)
+
+    def largest(self) -> Imbalance | None:
+        """Return where (1) is off most, by whatever it is above round-off; None if nowhere."""
+        found = self.beyond(0.0)
+        if found is None:
+            return None
+        most = np.abs(found.off) >= WORST_SHARE * np.abs(found.off).max()
+        return Imbalance(found.low[most], found.high[most], found.off[most], found.allowed)
+
+    def drift(self, rounding: float = 0.0) -> float:
+        """Return how far the path is carried by what its energy varies, in its own size.
+
+        But for what a `rounding` of L may do. Along a motion the energy H is constant where nothing
+        depends on time and no force does work. A change of it by dH changes the velocity by dH / p,
+        and in the time since the path by the sum:
+
+            max_t |int_0^t (H - mean H) dt| / sum (max_t |L_v| s).
+
+        That sees what no sum of forces does: a cusp, where what one sample weighs is nothing and
+        the impulse is much, or a corner of the path at a kink of L in v, where momenta agree at any
+        time. (Measured: 0.8 to 1.1 of the error at cusps; on the scenes and at kinks 0.7 of the
+        estimate at most, mostly a hundredth.)
+        """
+        structure, mesh = self.tr.problem.system.structure, self.tr.mesh
+        if structure.depends_on_time or structure.forced:
+            return 0.0
+        mean = self.energy.sum() / mesh.duration
+        carried = float(np.abs(np.cumsum(self.energy - mean * mesh.lengths)).max())
+        carried -= max(rounding, ROUNDOFF * self.read) * mesh.duration
+        return carried / self.reach if 0 < carried < np.inf else 0.0
 
 
-def drift(tr: Transcription, x: Array, rounding: float = 0.0) -> float:
-    """Return how far the path x (unknowns,) is carried by what its energy varies, in its own size.
-
-    But for what a `rounding` of L may do. Along a motion the energy H is constant where nothing
-    depends on time and no force does work. A change of it by dH changes the velocity by dH / p, and
-    in the time since the path by the sum:
-
-        max_t |int_0^t (H - mean H) dt| / sum (max_t |L_v| s).
-
-    That sees what no sum of forces does: a cusp, where what one sample weighs is nothing and the
-    impulse is much, or a corner of the path at a kink of L in v, where momenta agree at any time.
-    (Measured: 0.8 to 1.1 of the error at cusps; on the scenes and at kinks 0.7 of the estimate at
-    most, mostly a hundredth.)
-    """
-    structure, batches = tr.problem.system.structure, tr.between_nodes
-    if structure.jumpless or structure.depends_on_time or structure.forced:
-        return 0.0
-    with np.errstate(all="ignore"):
-        q, v, _, p, L = second_quadrature.values(tr, x, batches)
-        H = _product(p, v) - L
-        weight = np.concatenate([(b.half[:, 0] * b.rule.weights).ravel() for b in batches])
-        if len(batches) > 1:
-            parts = [tr.mesh.since[b.elements, None] + b.half[:, 0] * b.rule.nodes for b in batches]
-            order = np.argsort(np.concatenate([part.ravel() for part in parts]))
-            H, weight = H[order], weight[order]
-        work = weight * (H - weight @ H / tr.mesh.duration)
-        carried = np.abs(np.cumsum(work)).max()
-        carried -= max(rounding, ROUNDOFF * np.abs(L).max()) * tr.mesh.duration
-        carried /= np.nansum(np.abs(p).max(axis=0) * np.abs(q).max(axis=0))
-    return max(float(carried), 0.0) if np.isfinite(carried) else 0.0
-
-
-def largest(tr: Transcription, x: Array) -> Imbalance | None:
-    """Return where (1) is off most, by whatever it is above round-off; None if nowhere."""
-    found = imbalance(tr, x, 0.0)
-    if found is None:
-        return None
-    most = np.abs(found.off) >= WORST_SHARE * np.abs(found.off).max()
-    return Imbalance(found.low[most], found.high[most], found.off[most], found.allowed)
+def imbalance(tr: Transcription, x: Array, error: float) -> Imbalance | None:
+    """Return where (1) is off by more than `error` allows along the path x (unknowns,), or None."""
+    balance = Balance.of(tr, x)
+    return None if balance is None else balance.beyond(error)
 
 
 def narrowed(problem: Problem, path: Path, found: Imbalance) -> Imbalance | None:
@@ -244,20 +270,22 @@ def _off(problem: Problem, path: Path, low: Array, high: Array, *, timed: bool =
         Lq, p, L = (y.copy() for y in problem.system.pointwise("first")(q, v, t, problem.packed))
         rate = _rate(Lq, v, _explicit(problem, q, v, t) if timed else np.zeros(1))
         p, L, rate, v = (y.reshape(*since.shape, *y.shape[1:]) for y in (p, L[:, 0], rate, v))
-        level, _ = _level(INNER_RULE, half, p, L, rate, v)
-    return level[:, -1] - level[:, 0]
+        at = L[:, ENDS], v[:, ENDS]
+        return _off_between(INNER_RULE, half, p, L, rate, v, *at).sum(axis=1)
 
 
-def _at_ends(tr: Transcription, x: Array) -> list[Array]:
+def _at_ends(tr: Transcription, x: Array) -> tuple[Array, Array, Array]:
     """Return v and L_v (elements, 2, n), and L (elements, 2), at the ends of each element."""
     point = tr.place(x)
-    _, p, L = tr.problem.system.pointwise("first")(point.at, point.v, tr.times, tr.problem.packed)
-    found = []
-    for y in (point.v, p, L[:, 0]):
-        found.append(ends := np.empty((tr.mesh.elements, 2, *y.shape[1:])))
-        for g in tr.layout.groups:
-            ends[g.elements] = y[g.span].reshape(*g.nodes.shape, *y.shape[1:])[:, ENDS]
-    return found
+    at = np.empty((tr.mesh.elements, 2), dtype=int)
+    for g in tr.layout.groups:
+        degree = g.rule.degree
+        at[g.elements, 0] = np.arange(g.span.start, g.span.stop, degree + 1)
+        at[g.elements, 1] = at[g.elements, 0] + degree
+    at, shape = at.ravel(), (*at.shape, -1)
+    v, t = point.v[at], tr.times if tr.times.shape[0] == 1 else tr.times[at]
+    _, p, L = tr.problem.system.pointwise("first")(point.at[at], v, t, tr.problem.packed)
+    return v.reshape(shape), p.reshape(shape).copy(), L.reshape(shape[:2]).copy()
 
 
 def _explicit(problem: Problem, q: Array, v: Array, t: Array) -> Array:
@@ -275,23 +303,27 @@ def _rate(Lq: Array, v: Array, explicit: Array) -> Array:
     return rate
 
 
-def _level(
-    rule: Sampling, half: Array, p: Array, L: Array, rate: Array, v: Array
-) -> tuple[Array, Array]:
-    """Return L less what (1) lets it change from the first sample on, (E, points).
+def _off_between(
+    rule: Sampling,
+    half: Array,
+    p: Array,
+    L: Array,
+    rate: Array,
+    v: Array,
+    L_ends: Array,
+    ends: Array,
+) -> Array:
+    """Return what (1) leaves from each point to the next, (E, points + 1), `ends` (E, 2, n) of v.
 
-    And the integral of that over all of the element, (E,), but for a constant L_v. That is summed
-    apart, as v is known: where elements are short dv/dt is all round-off.
+    The integral of a constant L_v is taken apart, as v is known: where elements are short dv/dt is
+    all round-off.
     """
-    middle = _middle(p)
-    rate = rate + _product(p - middle, rule.rates(v) / half)
-    changed, whole = rule.integrals(half * rate[:, :, None])
-    return L - changed[:, :, 0] - _product(v - v[:, :1], middle), whole[:, 0]
-
-
-def _middle(p: Array) -> Array:
-    """Return L_v at a sample in the middle of each element, (E, 1, n)."""
-    return p[:, p.shape[1] // 2, None]
+    middle = p[:, p.shape[1] // 2, None]
+    work = half[:, 0] * rate + _product(p - middle, rule.rates(v))
+    level = np.empty((L.shape[0], L.shape[1] + 2))
+    level[:, 1:-1] = L - _product(v, middle)
+    level[:, :: level.shape[1] - 1] = L_ends - _product(ends, middle)
+    return level[:, 1:] - level[:, :-1] - rule.increments(work)
 
 
 def _product(a: Array, b: Array) -> Array:

@@ -9,9 +9,9 @@ from time import perf_counter
 import numpy as np
 
 from actionopt.discrete.boundaries import bounded
-from actionopt.discrete.crossing import Jump, unbalanced
+from actionopt.discrete.crossing import Jump, jump_or
 from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.energy_balance import Imbalance, drift, largest, rounding
+from actionopt.discrete.energy_balance import Balance, Imbalance, rounding
 from actionopt.discrete.factors import Factors
 from actionopt.discrete.marquardt import settle
 from actionopt.discrete.mesh import Mesh
@@ -451,15 +451,18 @@ class Workspace:
 
     def unbalanced(self) -> Jump | Imbalance | None:
         """Return where the balance of energy does not hold along the path; say so if L jumps."""
-        here = self.here
+        here, off = self.here, None
         with self.record.clock("verify"):
-            off = unbalanced(here, here.error)
-            error = max(here.error, DRIFT_SAFETY * drift(here.tr, here.x))
-            if off is None and error > max(self.tol, here.error):
-                known = rounding(here.problem, here.path)
-                error = max(here.error, DRIFT_SAFETY * drift(here.tr, here.x, known))
-                off = largest(here.tr, here.x) if error > self.tol else None
-        self.here = replace(here, error=error)
+            balance = Balance.of(here.tr, here.x)
+            if balance is not None:
+                off = jump_or(here, balance.beyond(here.error))
+                error = max(here.error, DRIFT_SAFETY * balance.drift())
+                if off is None and error > max(self.tol, here.error):
+                    known = rounding(here.problem, here.path)
+                    error = max(here.error, DRIFT_SAFETY * balance.drift(known))
+                    off = balance.largest() if error > self.tol else None
+                if error > here.error:
+                    self.here = replace(here, error=error)
         if off is not None or self.unbalance is not None:
             self.hint = str(off or "")
         self.unbalance = off

@@ -65,6 +65,26 @@ class Sampling:
             slopes[k + 1] = (slopes[k - 1] if k else 0.0) + (2 * k + 1) * P[k]
         return np.linalg.solve(P[:count], slopes).T
 
+    @cached_property
+    def _increments(self) -> Array:
+        """Integrals over a panel [-1, 1] from one of its points to the next, its ends included."""
+        whole = np.vstack([np.zeros(self._running.shape[1]), self._running])
+        return np.ascontiguousarray(np.diff(whole, axis=0).T) / self.panels
+
+    def increments(self, values: Array) -> Array:
+        """Return the integrals of values (E, m + 1) from -1 to the first point, to the next, to 1.
+
+        An array (E, m + 2).
+        """
+        E, points = values.shape
+        count = points // self.panels
+        parts = (values.reshape(-1, count) @ self._increments).reshape(E, self.panels, -1)
+        found = np.empty((E, points + 1))
+        found[:, :-1] = parts[:, :, :-1].reshape(E, -1)
+        found[:, -1] = 0.0
+        found[:, count::count] += parts[:, :, -1]
+        return found
+
     def rates(self, values: Array) -> Array:
         """Return the derivatives of values (E, m + 1, n) at the points, panel by panel."""
         E, points, n = values.shape
