@@ -342,3 +342,17 @@ def test_a_closed_path_whose_coordinates_differ_much_in_size(in_blocks, kind, bo
     known = np.linalg.solve(even, unit * right)
     found = Factors(layout, nonzeros).solve(right) / unit
     assert np.max(np.abs(found - known)) <= 1e-14 * np.linalg.cond(even) * np.max(np.abs(known))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_sparse_matrix_with_a_border(monkeypatch, kind):
+    monkeypatch.setattr("actionopt.discrete.layout.BLOCK_SIZE", 0)
+    monkeypatch.setattr("actionopt.discrete.layout.FILLED", 1.0)
+    layout, nonzeros, dense = matrix_of(kind, ("sparse", 12))
+    edges = np.random.default_rng(7).normal(size=(2, layout.size, 2))
+    layout, nonzeros = bordered(layout, nonzeros, edges[0], edges[1].T, np.eye(2))
+    dense = np.block([[dense, edges[0]], [edges[1].T, np.eye(2)]])
+    right = np.random.default_rng(3).normal(size=layout.size)
+    factors = Factors(layout, nonzeros)
+    assert np.max(np.abs(dense @ factors.solve(right) - right)) <= 1e-9 * np.max(np.abs(dense))
+    assert (factors._direct is None) == (kind == "drag")  # else nothing full was made

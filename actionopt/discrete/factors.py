@@ -89,7 +89,7 @@ class Factors:
             if layout.keeps_factors:
                 return self._kept.solve
             return lambda right: _solver(layout, "ldl")(self._regular, right)
-        elif isinstance(layout, BorderedLayout) and _Edged.serves(layout):
+        elif isinstance(layout, BorderedLayout) and layout.inner.unpivoted:
             with suppress(np.linalg.LinAlgError):
                 return _Edged(layout, self.nonzeros).solve
         return None
@@ -100,23 +100,6 @@ class Factors:
         layout, system = self.layout, self.layout.system
         slim = system.n + system.m <= SLIM and SPARSE <= layout.size <= PATTERN
         return self._many and slim and layout.unpivoted
-
-    @cached_property
-    def _pivoted(self) -> Callable[[Array], Array]:
-        """LU factors with pivoting, which dense rows do not fill as they do those of QR."""
-        layout, matrix = self.layout, _matrix(self.layout, compressed(self.layout, self.nonzeros))
-        solver = layout.solvers.get("lu")
-        if solver is None:
-            solver = layout.solvers["lu"] = ca.Linsol("lu", "csparse", matrix.sparsity())
-            solver.sfact(matrix)
-
-        def solve(right: Array) -> Array:  # it factorizes, each time
-            try:
-                return np.asarray(solver.solve(matrix, ca.DM(right))).ravel()
-            except RuntimeError as error:
-                raise np.linalg.LinAlgError("the matrix is singular") from error
-
-        return solve
 
     @cached_property
     def _regular(self) -> Array:
@@ -176,13 +159,10 @@ class Factors:
         if self.layout.small:  # LAPACK factorizes faster than it inverts, if that is not tiny
             tiny = self.layout.size <= TINY
             return self._inverse @ right if tiny else np.linalg.solve(self._full, right)
-        if self.layout.border:
-            x = self._refined(self._pivoted, right)
-            if x is None:
-                raise np.linalg.LinAlgError("the matrix is singular")
-            self._direct = self._pivoted
-            return x
-        x = _solver(self.layout, "qr")(compressed(self.layout, self.nonzeros), right)
+        if self.layout.border and self.layout.size <= PATTERN:  # it would fill sparse factors
+            x = np.linalg.solve(full(self.layout, self.nonzeros), right)
+        else:
+            x = _solver(self.layout, "qr")(compressed(self.layout, self.nonzeros), right)
         if not np.all(np.isfinite(x)):
             raise np.linalg.LinAlgError("the matrix is singular")
         return x
@@ -402,7 +382,7 @@ def _ordered(pattern: Pattern, order: NDInt) -> tuple[ca.Sparsity, NDInt]:
 
 
 class _Edged:
-    """The factors of a symmetric matrix with dense rows and columns beside it, [K R; C D].
+    """The factors of a sparse symmetric matrix K with a border, [K R; C D].
 
     K may be singular along the directions R. With as many springs E s E' on single unknowns it is
     not, and is factorized without pivoting; they are taken off again with the edges,
@@ -413,34 +393,26 @@ class _Edged:
     def __init__(self, layout: BorderedLayout, nonzeros: Array) -> None:
         inner, (K, R, C, D) = layout.inner, layout.split(nonzeros)
         self._size = n = inner.size
-        springs, pattern = _largest(R), inner.kkt
+        springs, pattern = _largest(R[: inner.unknowns]), inner.kkt
         size = np.abs(K).max()
         held = np.isin(pattern.row, springs) & (pattern.row == pattern.col)
-        self._factors = ca.ldl(ca.DM(pattern.sparsity, K + size * held))
+        self._factors = _Kept(inner, K + size * held)
         E = np.zeros((n, springs.size))
         E[springs, np.arange(springs.size)] = 1.0
-        self._beside = np.concatenate([R, -size * E], axis=1)
+        beside = np.concatenate([R, -size * E], axis=1)
         self._across = np.concatenate([C, E.T])
         corner = np.zeros((len(self._across), len(self._across)))
         corner[: len(D), : len(D)] = D
         corner[len(D) :, len(D) :] = -np.eye(springs.size)
-        self._carried = self._inner(self._beside)
+        self._carried = np.stack([self._factors.solve(column) for column in beside.T], axis=1)
         self._corner = corner - self._across @ self._carried
         if not np.isfinite(self._corner).all():
             raise np.linalg.LinAlgError("the matrix is singular")
 
-    @staticmethod
-    def serves(layout: BorderedLayout) -> bool:
-        """Whether the inner matrix is symmetric, without the zeros of constraints."""
-        return layout.inner.unpivoted and not layout.rows
-
-    def _inner(self, right: Array) -> Array:
-        return ca.ldl_solve(ca.DM(right), *self._factors).full()
-
     def solve(self, right: Array) -> Array:
         """Return the solution for one right-hand side, (size,)."""
         n, edges = self._size, right.size - self._size
-        x = self._inner(right[:n]).ravel()
+        x = self._factors.solve(right[:n])
         other = np.zeros(len(self._across))
         other[:edges] = right[n:]
         y = np.linalg.solve(self._corner, other - self._across @ x)
