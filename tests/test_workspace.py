@@ -63,7 +63,7 @@ def test_of_two_samples_of_round_off_the_larger_is_taken():
 
 
 def growth(ws):
-    return ws.here.growth(False)
+    return ws.here.with_probed(False).growth
 
 
 @pytest.mark.parametrize("told", [growth, Workspace.missed])

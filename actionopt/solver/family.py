@@ -19,8 +19,8 @@ from actionopt.tools.types import Array
 # Measured at tolerances from 1e-12 to 0.1: on the scenes 0.3 to 9, on families 1e6 and more.
 NEAR_SINGULAR = 1e4
 # Growth times the distance of the path from its matrix, from where on the matrix may hide a family,
-# whose eigenvalues are as large in it as that distance; beside a border always. Measured: of 55
-# scenes 3 are above, two thousandths at most; families 0.15 and more, 3e-3 of bordered ones.
+# whose eigenvalues are as large in it as that distance. Measured: of 55 scenes 3 are above, two
+# thousandths at most; families 0.15 and more, of closed paths 0.05 (3e-3 the least of all).
 OUTDATED = 3e-4
 NOISE = 1e-9  # of one coordinate the noise itself tells; ad hoc
 LOST = (Status.NOT_FOUND, Status.UNRESOLVED)  # where one of a family may have been near
@@ -38,11 +38,10 @@ def suspected(ws: Workspace, status: Status) -> bool:
     if not here.can_be_one_of_many:
         return here.noise > NOISE
     try:
-        grown = here.growth(ws.many)
-        limit = 0.0 if here.equations.layout.border else OUTDATED
-        if not ws.linear and grown < NEAR_SINGULAR and grown * here.since > limit:
-            here = ws.here = here.updated()
-            grown = here.growth(ws.many)
+        here = ws.here = here.with_probed(ws.many)
+        if not ws.linear and here.growth < NEAR_SINGULAR and here.growth * here.since > OUTDATED:
+            here = ws.here = here.updated().with_probed(ws.many)
+        grown = here.growth
     except np.linalg.LinAlgError:
         return True
     return not 0 < grown < NEAR_SINGULAR

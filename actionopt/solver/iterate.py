@@ -187,21 +187,25 @@ class Iterate(DiscretePath):
         shifted = problem.advance is not None and not structure.depends_on_time
         return (problem.system.n > 1 or shifted) and not structure.forced
 
-    def growth(self, many: bool) -> float:
-        """Return by how much a step of inverse iteration makes a variation grow.
+    def with_probed(self, many: bool) -> Self:
+        """Return the same with the `probe` after a step of inverse iteration; `many` as above."""
+        if self.probed is not None:
+            return self
+        here = self.factored(many)
+        assert here.factors is not None
+        return replace(here, probed=here.factors.solve(here.momentum(here.probe)))
+
+    @property
+    def growth(self) -> float:
+        """By how much that step makes the variation grow, once it has been taken.
 
         In the kinetic metric (Golub and Van Loan, *Matrix Computations* (4th ed. 2013), section
         7.6): 1 / |mu| or less, for the eigenvalue mu of the second variation that is nearest zero.
         """
-        probed = self.probed
-        if probed is None:
-            here = self.factored(many)
-            assert here.factors is not None
-            probed = here.factors.solve(here.momentum(here.probe))
-        probe = self.probe
-        return (
-            float(np.abs(probed[: probe.size]).max() / np.abs(probe).max()) if probe.size else 0.0
-        )
+        assert self.probed is not None
+        if not self.probe.size:
+            return 0.0
+        return float(np.abs(self.probed[: self.probe.size]).max() / np.abs(self.probe).max())
 
     @property
     def probe(self) -> Array:

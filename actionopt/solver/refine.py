@@ -194,7 +194,7 @@ def _failed(ws: Workspace) -> Status:
     if not ws.here.noise > ILL_CONDITIONED:
         return Status.UNRESOLVED
     try:
-        bends = ws.here.growth(ws.many) < BENDING
+        bends = ws.here.with_probed(ws.many).growth < BENDING
     except np.linalg.LinAlgError:
         bends = False
     return Status.UNRESOLVED if bends else Status.DEGENERATE
