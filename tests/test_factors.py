@@ -277,7 +277,7 @@ def dense_of(layout, nonzeros):
 
 def matrix_with(monkeypatch, shape, kind, lengths=(0.7, 1.3, 2.0), border=(), elements=12):
     """Return layout, nonzeros and the dense matrix, from parts stored in the other way."""
-    mesh = Mesh(np.linspace(0, 2, elements + 1), 2 + np.arange(elements) % 2)
+    mesh = Mesh(np.linspace(0, 2, elements + 1), 1 + np.arange(elements) % 3)
     problem, sides = SHAPES[shape](kind, mesh), []
     for inner in (0, 60):
         monkeypatch.setattr("actionopt.discrete.layout.BLOCK_SIZE", inner)

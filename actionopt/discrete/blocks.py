@@ -372,9 +372,8 @@ class Condensed:
         between, eliminated = full[blocks.offsets], []
         for inner, g in zip(self.inner, blocks.groups, strict=True):
             local = np.zeros((*inner.W.shape[:2], full.shape[2]))
-            local[:, : inner.places] = full[g.nodes[:, 1:-1]].reshape(
-                len(g.nodes), inner.places, -1
-            )
+            inside = full[g.nodes[:, 1:-1]]
+            local[:, : inner.places] = inside.reshape(len(inside), inner.places, full.shape[2])
             inner.down(local, rows=rows)
             between[g.elements + 1] += local[:, -2 * f : -f]
             between[g.elements] += local[:, -f:]
