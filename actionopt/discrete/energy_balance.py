@@ -129,9 +129,9 @@ class Balance:
             for b in batches:
                 shape = b.elements.size, b.rule.nodes.size
                 here = slice(first, first := first + shape[0] * shape[1])
-                mine = [y[here].reshape(*shape, *y.shape[1:]) for y in (momentum, L, rate, v)]
-                ends = outer[b.elements], speeds[b.elements]
-                off.append(_off_between(b.rule, b.half, *mine, *ends))
+                mine = (y[here].reshape(*shape, *y.shape[1:]) for y in (momentum, L, rate, v))
+                at = *mine, outer[b.elements], speeds[b.elements]
+                off.append(_off_between(b.rule, b.half, at))
                 energy[b.elements] = H[here].reshape(shape) @ b.rule.weights * b.half[:, 0, 0]
             # Between elements velocities differ by the error of the path.
             means = (momenta[1:, 0] + momenta[:-1, 1]) / 2
@@ -270,8 +270,8 @@ def _off(problem: Problem, path: Path, low: Array, high: Array, *, timed: bool =
         Lq, p, L = (y.copy() for y in problem.system.pointwise("first")(q, v, t, problem.packed))
         rate = _rate(Lq, v, _explicit(problem, q, v, t) if timed else np.zeros(1))
         p, L, rate, v = (y.reshape(*since.shape, *y.shape[1:]) for y in (p, L[:, 0], rate, v))
-        at = L[:, ENDS], v[:, ENDS]
-        return _off_between(INNER_RULE, half, p, L, rate, v, *at).sum(axis=1)
+        at = p, L, rate, v, L[:, ENDS], v[:, ENDS]
+        return _off_between(INNER_RULE, half, at).sum(axis=1)
 
 
 def _at_ends(tr: Transcription, x: Array) -> tuple[Array, Array, Array]:
@@ -303,26 +303,19 @@ def _rate(Lq: Array, v: Array, explicit: Array) -> Array:
     return rate
 
 
-def _off_between(
-    rule: Sampling,
-    half: Array,
-    p: Array,
-    L: Array,
-    rate: Array,
-    v: Array,
-    L_ends: Array,
-    ends: Array,
-) -> Array:
-    """Return what (1) leaves from each point to the next, (E, points + 1), `ends` (E, 2, n) of v.
+def _off_between(rule: Sampling, half: Array, at: tuple[Array, ...]) -> Array:
+    """Return what (1) leaves from each point to the next, (E, points + 1).
 
-    The integral of a constant L_v is taken apart, as v is known: where elements are short dv/dt is
-    all round-off.
+    `at` has L_v, L, the `_rate` and v there, and L and v at the ends, (E, 2) and (E, 2, n). The
+    integral of a constant L_v is taken apart, as v is known: where elements are short dv/dt is all
+    round-off.
     """
+    p, L, rate, v, L_ends, v_ends = at
     middle = p[:, p.shape[1] // 2, None]
     work = half[:, 0] * rate + _product(p - middle, rule.rates(v))
     level = np.empty((L.shape[0], L.shape[1] + 2))
     level[:, 1:-1] = L - _product(v, middle)
-    level[:, :: level.shape[1] - 1] = L_ends - _product(ends, middle)
+    level[:, :: level.shape[1] - 1] = L_ends - _product(v_ends, middle)
     return level[:, 1:] - level[:, :-1] - rule.increments(work)
 
 
