@@ -315,7 +315,7 @@ def processes(turns: int) -> list[str]:
                 passed, found = swept(pool, size)
                 run = sweeping._Run(found.grid, found, None, None, None)
                 run.begin()
-                last = [list(pool.map(spent, [run._given(0)] * workers)) for _ in range(2)][-1]
+                last = [list(pool.map(spent, [run._arguments(0)] * workers)) for _ in range(2)][-1]
             seconds[workers] = min(seconds[workers], passed)
             each[workers] = min(each[workers], float(np.mean(last)))
             runs.append(found)
@@ -353,7 +353,7 @@ def dask(turns: int) -> list[str]:
         empty = (perf_counter() - started) / EMPTY
     run, tasks = sweeping._Run(runs.grid, runs, None, None, None), runs.stats["tasks"]
     run.begin()
-    given = run._given(0)
+    given = run._arguments(0)
     there = len(pickle.dumps(given))
     back = len(pickle.dumps(work(*given)))
     arrays = [runs.action, runs.error, runs.status, runs.momenta, runs.ends]

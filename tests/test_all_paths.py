@@ -468,7 +468,7 @@ def test_between_two_shots_on_either_side_of_the_end_is_one_that_meets_it(monkey
     problem = ao.Problem(system, ao.Event(0.0, [0.2]), ao.Event(3.0, [0.5]))
     sweep, met = Sweep(problem, 1e-8, (), 0, 0, None), []
     sweep.begin()
-    monkeypatch.setattr(sweep, "_arrived", lambda classes, v0: met.extend(v0[0]))
+    monkeypatch.setattr(sweep, "_take_arrivals", lambda classes, v0: met.extend(v0[0]))
     sweep._bracket(np.linspace(-3.0, 3.0, 7))
     assert met
     for v in met:

@@ -90,6 +90,48 @@ def test_a_constant_is_defined_once():
     assert not [name for name, count in found.items() if count > 1]
 
 
+# Rooms in which functions are named by verbs and nouns, and participles that may be names there:
+# copies of an argument, as `sorted`; public names; and how an answer is.
+NAMED = ("plot", "gallery", "chapter", "cli", "suite", "scenes", "analysis", "families")
+COPIES = {"faded", "moved", "padded", "rounded", "shifted"}
+PUBLIC = {"arrived", "conserved", "failed", "interrupted", "returned", "unbounded", "closed"}
+IRREGULAR = (
+    "found told known held made kept sent led met shown taken given drawn written said seen sought "
+    "thought built begun flown gone lost spent bent worn chosen broken frozen thrown blown "
+    "stood done laid paid wound sown fed won hidden felt driven leapt dealt"
+).split()
+FEW = ("feed", "need", "seed", "speed", "exceed", "proceed")  # verbs and nouns in -ed
+
+
+def is_participle(name):
+    word = name.strip("_")
+    return word in IRREGULAR or (word.endswith("ed") and "_" not in word and word not in FEW)
+
+
+def test_functions_are_named_by_verbs_and_nouns():
+    found = set()
+    for module, file in rooms.FILES.items():
+        if rooms.room(module) in NAMED:
+            nodes = ast.walk(rooms.parsed(file))
+            names = {node.name for node in nodes if isinstance(node, ast.FunctionDef)}
+            found |= {(module, name) for name in names if is_participle(name)}
+    assert not [x for x in found if x[1].strip("_") not in COPIES | PUBLIC]
+
+
+# Classes that still share a name; no other may, and none that is not there.
+SHARED = {
+    *("Answer", "Beside", "Clock", "Condensed", "Conserved", "Followed", "Limits", "Motion"),
+    *("Point", "Row", "Shape", "Trial", "Units", "Words", "_Level", "_Run", "_Way"),
+}
+
+
+def test_class_names_have_one_meaning():
+    files = rooms.FILES.values()
+    nodes = (node for file in files for node in ast.walk(rooms.parsed(file)))
+    count = Counter(node.name for node in nodes if isinstance(node, ast.ClassDef))
+    assert {name for name, times in count.items() if times > 1} == SHARED
+
+
 def test_the_map_is_the_one_in_contributing():
     page = (TOP / "CONTRIBUTING.md").read_text(encoding="utf-8")
     printed = page.split(rooms.BEGIN)[1].split(rooms.END)[0]

@@ -327,7 +327,7 @@ def test_the_front_comes_to_everyone_and_goes_no_farther_than_it_is_let():
         assert front.near[helped] == pytest.approx(
             [np.linalg.norm(at[i] - at[front.nearest[i]]) for i in helped]
         )
-        front.told(chosen.size, helped.size)
+        front.note_solved(chosen.size, helped.size)
         front.learn(helped, at[helped], ~known)
         waves += 1
     assert waves < 40
@@ -336,5 +336,5 @@ def test_the_front_comes_to_everyone_and_goes_no_farther_than_it_is_let():
     tried = 0
     while (chosen := lost.wave(np.arange(200) > 0, np.arange(200) < 1)).size:
         tried += chosen.size
-        lost.told(chosen.size, 0)
+        lost.note_solved(chosen.size, 0)
     assert tried <= 4 * 199

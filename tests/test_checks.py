@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import actionopt as ao
-from actionopt.mechanics.tracing import requested
+from actionopt.mechanics.tracing import parameter_names
 from actionopt.scenes import circle, from_file
 from actionopt.tools.checks import items, number, numbers
 
@@ -22,7 +22,7 @@ def taking(names):
 )  # fmt: skip
 def test_arguments_in_another_order_are_refused(names):
     with pytest.raises(ValueError, match=r"expected lagrangian\(q, v, t\).*found lagrangian\("):
-        requested(taking(names), "lagrangian", STATE)
+        parameter_names(taking(names), "lagrangian", STATE)
 
 
 @pytest.mark.parametrize(
@@ -32,14 +32,14 @@ def test_arguments_in_another_order_are_refused(names):
      "v, v_t, x", "*state"],
 )  # fmt: skip
 def test_names_of_their_own_are_not(names):
-    assert requested(taking(names), "lagrangian", STATE) == []
+    assert parameter_names(taking(names), "lagrangian", STATE) == []
 
 
 @pytest.mark.parametrize("role", ["constraint", "obstacle", "on"])
 def test_places_have_an_order_too(role):
     with pytest.raises(ValueError, match=rf"expected {role}\(q, t\).*found {role}\(t, q\)"):
-        requested(taking("t, q"), role, PLACE)
-    assert requested(taking("x, time"), role, PLACE) == []
+        parameter_names(taking("t, q"), role, PLACE)
+    assert parameter_names(taking("x, time"), role, PLACE) == []
 
 
 class Labelled:

@@ -7,7 +7,7 @@ from scipy.optimize import brentq
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.newton import follow
 from actionopt.discrete.transcription import Transcription
-from actionopt.families.deflation import deflated
+from actionopt.families.deflation import deflate
 from actionopt.mechanics.problem import Event, Problem
 from actionopt.mechanics.system import System
 
@@ -39,17 +39,17 @@ def test_the_other_path_is_found_and_no_third(T):
     first = follow(tr, tr.pack(low(mesh.nodes)[:, None])).z
     assert np.max(np.abs(tr.coordinates(first)[:, 0] - low(mesh.nodes))) <= ACCURACY
     start = tr.pack((low(mesh.nodes) + 0.3 * np.sin(np.pi * mesh.nodes / T))[:, None])
-    assert deflated(tr, start, []) == pytest.approx(first, abs=1e-10)  # nothing keeps it away
-    second = deflated(tr, start, [first])
+    assert deflate(tr, start, []) == pytest.approx(first, abs=1e-10)  # nothing keeps it away
+    second = deflate(tr, start, [first])
     assert second is not None
     assert np.max(np.abs(tr.coordinates(second)[:, 0] - high(mesh.nodes))) <= ACCURACY
-    assert deflated(tr, start, [first, second]) is None
+    assert deflate(tr, start, [first, second]) is None
 
 
 def test_what_is_found_is_stationary_to_rounding():
     mesh = Mesh.uniform(0.0, 1.0, 4, 12)
     tr = Transcription(Problem(SLIDE, Event(0.0, [0.0]), Event(1.0, [0.0])), mesh, np.ones(1))
-    found = deflated(tr, tr.pack(0.3 * np.sin(np.pi * mesh.nodes)[:, None]), [])
+    found = deflate(tr, tr.pack(0.3 * np.sin(np.pi * mesh.nodes)[:, None]), [])
     assert found is not None
     assert np.max(np.abs(tr.residual(found))) < 1e-12
 
@@ -62,7 +62,7 @@ def test_steps_are_those_of_newtons_method_for_the_deflated_residual(monkeypatch
     asked = []
     residual = tr.residual
     monkeypatch.setattr(tr, "residual", lambda z: asked.append(z) or residual(z))
-    deflated(tr, first + 0.3 * np.sin(np.arange(1.0, first.size + 1)), [first])
+    deflate(tr, first + 0.3 * np.sin(np.arange(1.0, first.size + 1)), [first])
     z, then = asked[:2]
 
     def held(z):

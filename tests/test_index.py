@@ -13,7 +13,7 @@ import actionopt as ao
 import actionopt.analysis.second_variation as second_variation_module
 from actionopt import scenes
 from actionopt.analysis.index import inertia
-from actionopt.analysis.jacobi import finer, resolved
+from actionopt.analysis.jacobi import finer, resolve
 from actionopt.analysis.modes import lowest, second_variation
 from actionopt.analysis.second_variation import condense
 from actionopt.discrete.factors import compressed
@@ -195,7 +195,7 @@ def test_total_derivatives_in_the_hessian_of_the_principal_function(c, w):
     # S(a, b) = ((a^2 + b^2) cos T - 2 a b) / (2 sin T) + F(b, T) - F(a, 0)
     T = 2.5
     solution = along_the_motion(GAUGED, T, None, c=c, w=w)
-    form = resolved(solution.discrete, solution.error, 1e-8)
+    form = resolve(solution.discrete, solution.error, 1e-8)
     exact = np.array([[np.cos(T), -1], [-1, np.cos(T)]]) / np.sin(T)
     b = 0.3 * np.cos(T) + 0.5 * np.sin(T)
     exact[0, 0] += c * w * np.sin(w * 0.3)
@@ -317,7 +317,7 @@ def test_nodes_conjugate_to_the_start_are_no_bad_pivots():
     boundaries = np.r_[np.arange(9) * np.pi / W, T]
     problem = ao.Problem(OSCILLATOR, ao.Event(0.0, 1.0), ao.Event(T, 0.2))
     solution = ao.solve(problem, mesh=ao.Mesh(boundaries, 14))
-    form = resolved(solution.discrete, solution.error, 1.0)
+    form = resolve(solution.discrete, solution.error, 1.0)
     values, _ = lowest(form, 30)
     found = condense(form)
     assert found.negative == np.sum(values < 0) == 8
@@ -330,7 +330,7 @@ def test_nodes_conjugate_to_the_start_are_no_bad_pivots():
 def test_pivots_of_very_different_sizes(monkeypatch):
     """By Sylvester's law the units of the nodes change no index; nor do they make fronts grow."""
     solution = oscillation(8.3)
-    form = resolved(solution.discrete, solution.error, 1e-12)
+    form = resolve(solution.discrete, solution.error, 1e-12)
     sizes, eliminate = [], second_variation_module._eliminate
 
     def noted(M, *rest, **options):
@@ -369,7 +369,7 @@ def test_plain_solve_counts_nothing(monkeypatch):
 
     for name in (
         "actionopt.analysis.index.inertia",
-        "actionopt.analysis.jacobi.resolved",
+        "actionopt.analysis.jacobi.resolve",
         "actionopt.analysis.jacobi.fields",
     ):
         monkeypatch.setattr(name, asked)

@@ -6,7 +6,7 @@ import pytest
 import actionopt as ao
 from actionopt import scenes
 from actionopt.families.batch import solve_run
-from actionopt.families.sheets import leapt, sheets
+from actionopt.families.sheets import leaps, sheets
 
 ALL = np.ones((30, 40), dtype=bool)
 X, Y = np.meshgrid(np.linspace(-1, 1, 30), np.linspace(-1, 1, 40), indexing="ij")
@@ -130,10 +130,10 @@ def test_sheets_that_hang_together_round_a_cusp_are_two():
 
 def test_the_action_tells_a_leap_among_momenta_that_change_as_much():
     x = np.linspace(0, 4, 41)
-    assert not leapt(-np.cos(3 * x), 3 * np.sin(3 * x), x, 0).any()
+    assert not leaps(-np.cos(3 * x), 3 * np.sin(3 * x), x, 0).any()
     up = x > 1.95
     S, p = np.where(up, -np.cos(3 * x), 0.4 + x**2), np.where(up, 3 * np.sin(3 * x), 2 * x)
-    assert np.flatnonzero(leapt(S, p, x, 0)).tolist() == [19]
+    assert np.flatnonzero(leaps(S, p, x, 0)).tolist() == [19]
 
 
 @pytest.mark.parametrize(
@@ -159,6 +159,6 @@ def test_slopes_tell_a_leap_where_momenta_leap_everywhere(name, values):
     ]
     momenta = np.where(in_turn[:, None], right.momenta[..., 0], left.momenta[..., 0])
     assert not sheets(ALL[0, : values.size], None, momenta).any()
-    assert leapt(*mixed, values, 0).all()
+    assert leaps(*mixed, values, 0).all()
     for found in (right, left):
-        assert not leapt(found.action, found.slopes[:, 0], values, 0).any()
+        assert not leaps(found.action, found.slopes[:, 0], values, 0).any()

@@ -15,7 +15,7 @@ from scipy.integrate import solve_bvp
 
 import actionopt as ao
 from actionopt import Event, Mesh, Problem, SolveError, Status, System, scenes
-from actionopt.analysis.jacobi import resolved
+from actionopt.analysis.jacobi import resolve
 from actionopt.discrete.transcription import Transcription
 from actionopt.tools.lobatto import lgl
 
@@ -631,7 +631,7 @@ def test_the_index_on_a_mesh_of_low_degree_takes_no_more_than_raising_it(degree)
     mesh = ao.Mesh.uniform(0.0, 4.0, 20, degree)
     solution = ao.solve(Problem(OSCILLATOR, Event(0, [1.0]), Event(4.0, [0.5])), mesh=mesh)
     assert solution.morse_index == 1
-    assert resolved(solution.discrete, solution.error, 1e-8).tr.mesh.elements == 20
+    assert resolve(solution.discrete, solution.error, 1e-8).tr.mesh.elements == 20
 
 
 def test_a_solution_from_a_file_is_a_guess_without_its_system(tmp_path):

@@ -409,7 +409,7 @@ def holes():
     over = {"t1": [1.0, 1.5], ("end", "x"): np.linspace(-3.0, 3.0, 12)}
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(budget, "FREE", 0)
-        patched.setattr(budget.Budget, "found", lambda *_: None)
+        patched.setattr(budget.Budget, "note_found", lambda *_: None)
         runs = ao.sweep(anharmonic(), over)
         kept = ao.sweep(anharmonic(), over, keep_paths=True)
     for made in (runs, kept):

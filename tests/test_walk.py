@@ -8,7 +8,7 @@ import pytest
 import actionopt as ao
 from actionopt import scenes
 from actionopt.families import walk as module
-from actionopt.families.vary import led, moved
+from actionopt.families.vary import lead_to, moved
 from actionopt.families.walk import walk
 
 PENDULUM = scenes.get("pendulum").problem
@@ -20,7 +20,7 @@ def one_by_one(count):
     path = ao.solve(moved(PENDULUM, START)).path
     for part in np.linspace(0, 1, count + 1)[1:]:
         problem = moved(PENDULUM, {x: (1 - part) * START[x] + part * END[x] for x in END})
-        found = ao.solve(problem, guess=led(path, problem))
+        found = ao.solve(problem, guess=lead_to(path, problem))
         path = found.path
     return found
 
@@ -57,7 +57,7 @@ def test_twice_as_many_steps_come_to_the_same(monkeypatch):
 def test_a_path_is_led_to_other_ends():
     problem = moved(PENDULUM, {"t1": 2.0, ("start", "theta"): 1.0, ("end", "theta"): -3.0})
     first = ao.solve(PENDULUM).path
-    path = led(first, problem)
+    path = lead_to(first, problem)
     assert path.mesh.boundaries[-1] == 2.0
     assert path([0.0, 2.0])[0] == pytest.approx([1.0, -3.0])
     shear = path(np.array([0.6])) - first(np.array([0.3]))

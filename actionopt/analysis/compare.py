@@ -29,7 +29,7 @@ from actionopt.analysis.flow import (
     Units,
     span_within,
 )
-from actionopt.analysis.forward import LENGTH_RATIO, NARROWEST_PART, entered, follow, restarts
+from actionopt.analysis.forward import LENGTH_RATIO, NARROWEST_PART, enter, follow, restarts
 from actionopt.analysis.second_variation import tangent
 from actionopt.analysis.series import begins_singular
 from actionopt.discrete.mesh import Mesh
@@ -131,10 +131,10 @@ class Comparison:
         """
         if self.reason:
             return None
-        return self.position <= self.allowed or (self.local <= self.allowed and self._explained)
+        return self.position <= self.allowed or (self.local <= self.allowed and self._is_explained)
 
     @property
-    def _explained(self) -> bool:
+    def _is_explained(self) -> bool:
         """Whether a deviation of the whole says nothing."""
         explained = max(self.amplified, self.reference_error)
         return explained >= CERTAIN or self.position <= EXPLAINED * explained
@@ -244,10 +244,10 @@ def compare(solution: Claim, *, tol: float = 1e-12) -> Comparison:
         energy_drift=_energy_drift(problem, path, q, v, smooth, units.v),
         reference_error=again(start, LOOSER_TOL, SHORTER_STEPS),
         allowed=allowed,
-        amplified=again(_changed(problem, start, units, allowed), 1.0, 1.0) if changed else 0.0,
+        amplified=again(_perturb(problem, start, units, allowed), 1.0, 1.0) if changed else 0.0,
         path=path,
     )
-    if unknown and not found.agrees and not local > allowed and found._explained:
+    if unknown and not found.agrees and not local > allowed and found._is_explained:
         return replace(found, reason=unknown + UNTOLD)
     return found
 
@@ -280,7 +280,7 @@ def _deviation(values: Array, others: Array, size: Array) -> Array:
     return np.max(np.abs(values - others) / size[:, None], axis=0)
 
 
-def _changed(problem: Problem, state: State, units: Units, part: float) -> State:
+def _perturb(problem: Problem, state: State, units: Units, part: float) -> State:
     """Return the state with the velocity changed by `part` of its size, as constraints allow.
 
     The coordinates are changed instead where the mass vanishes: they alone are free there.
@@ -376,7 +376,7 @@ class _Parts:
                 t, q, state = self._run(self._stopping, state, before, whole)
                 times.append(t)
                 tables.append(q)
-            state = entered(self.flow, state, after)
+            state = enter(self.flow, state, after)
         return np.concatenate(times), np.concatenate(tables, axis=1)
 
     def _run(
@@ -416,7 +416,7 @@ def _piece_by_piece(
             t, there = parts.follow(state, end)
             found = _deviation(solution(t), there, units.q).max()
             if found > allowed:
-                changed = _changed(solution.problem, state, units, allowed)
+                changed = _perturb(solution.problem, state, units, allowed)
                 _, other = parts.follow(changed, end)
                 gain = _deviation(other, there, units.q).max() / allowed
                 cut = parts.cut(a, end) if gain > UNSTABLE and cuts < CUTS else None

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from actionopt.analysis.jacobi import fields, resolved
+from actionopt.analysis.jacobi import fields, resolve
 from actionopt.analysis.second_variation import Form, check_legendre, coefficients, tangent
 from actionopt.analysis.second_variation import form as form_of
 from actionopt.analysis.solution import Solution, question
@@ -62,7 +62,7 @@ def conjugate_points(solution: Solution) -> tuple[ConjugatePoint, ...]:
             "with its end, and no times conjugate to it number the index (`morse_index` counts "
             "that); pin both ends, guess=solution, for those of the motion between them"
         )
-    form = resolved(solution.discrete, solution.error, CONJUGATE_RESOLUTION, polish=True)
+    form = resolve(solution.discrete, solution.error, CONJUGATE_RESOLUTION, polish=True)
     if any(term.phase for term in form.tr.nodal):  # no part of how neighbours move
         form = form_of(form.at, phase=False)
     if not form.freedom:

@@ -78,13 +78,13 @@ def contact_loss(solution: Solution) -> tuple[Contact, ...]:
         # A sample on the root itself counts with the interval that it ends.
         positive = values > 0
         change = np.flatnonzero(positive[1:] != positive[:-1])
-        for t, lost in zip(_bisected(solution, row, times, change), positive[change], strict=True):
+        for t, lost in zip(_bisect(solution, row, times, change), positive[change], strict=True):
             state = State(t, solution(t), solution.velocity(t))
             found.append(Contact(row, t, state, bool(lost)))
     return tuple(sorted(found, key=lambda contact: contact.t))
 
 
-def _bisected(solution: Solution, row: int, times: Array, change: NDInt) -> list[float]:
+def _bisect(solution: Solution, row: int, times: Array, change: NDInt) -> list[float]:
     """Return the roots of a multiplier in the intervals `change` of the `times` (K,)."""
     low, high = times[change], times[change + 1]
     if not low.size:

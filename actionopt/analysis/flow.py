@@ -213,7 +213,7 @@ class Integrator:
             except RuntimeError as error:
                 failure = error
         if failure is not None:
-            a, b = state.t + span * self._reached(start, values)
+            a, b = state.t + span * self._last_times(start, values)
             raise IntegrationError(
                 f"the forward integration stopped between t = {a:.6g} and t = {b:.6g}: the "
                 "motion runs into a singularity there, such as a collision, is not smooth, "
@@ -228,7 +228,7 @@ class Integrator:
         """Number of steps of the last run."""
         return self.function.stats()["nsteps"]
 
-    def _reached(self, start: Array, values: Array) -> Array:
+    def _last_times(self, start: Array, values: Array) -> Array:
         """Return the scaled times of the last output before a failure and the next, shape (2,).
 
         Repeats the run in memory of our own, where what was written before the failure stays.

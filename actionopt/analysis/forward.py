@@ -23,14 +23,14 @@ from actionopt.analysis.flow import (
     Units,
     span_within,
 )
-from actionopt.analysis.series import begins_singular, begun
+from actionopt.analysis.series import begin, begins_singular
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.mechanics.events import State
 from actionopt.mechanics.instants import Instant
 from actionopt.mechanics.jumps import across, jumps
 from actionopt.mechanics.problem import SURFACE_TOLERANCE
-from actionopt.mechanics.system import System, checked
+from actionopt.mechanics.system import System, check_system
 from actionopt.tools.checks import number, tolerance
 from actionopt.tools.types import EPS, Array, NDInt
 
@@ -234,7 +234,9 @@ def follow(
     _check_on_surface(flow, state, span)
     first, last = sorted([state.t, t_end])
     elements = (
-        Mesh.uniform(first, last, 1, MOTION_DEGREE) if mesh is None else _moved(mesh, first, last)
+        Mesh.uniform(first, last, 1, MOTION_DEGREE)
+        if mesh is None
+        else _mesh_over(mesh, first, last)
     )
     seen = _look_ahead(flow, state, _legs(elements, [], span < 0), units)
     if mesh is None:
@@ -256,12 +258,12 @@ def _from_singular(
     """Return a motion that begins where the mass vanishes: a power series, then as all others."""
     span = t_end - state.t
     goal = max(LOCAL_SHARE * tol, SERIES_TAIL)
-    elements = None if mesh is None else _moved(mesh, *sorted([state.t, t_end]))
+    elements = None if mesh is None else _mesh_over(mesh, *sorted([state.t, t_end]))
     h = span / 4 if elements is None else elements.lengths[0 if span > 0 else -1] * np.sign(span)
     for _ in range(MOTION_ROUNDS):
         times, degrees = np.array([state.t, state.t + h]), np.array([MOTION_DEGREE])
         with suppress(IntegrationError):
-            q, v = begun(flow, state, times[1], MOTION_DEGREE)
+            q, v = begin(flow, state, times[1], MOTION_DEGREE)
             size = np.abs(q).max() or 1.0
             if _tails(Mesh([0.0, 1.0], degrees), q / size)[0] <= goal:
                 break
@@ -418,15 +420,15 @@ def _run(flow: Flow, state: State, leg: Leg, duration: float) -> tuple[Array, Ar
     The state is that before a jump there.
     """
     if leg.singular:
-        return begun(flow, state, float(leg.times[1]), MOTION_DEGREE)
-    start, mesh = entered(flow, state, float(leg.times[0])), leg.mesh
+        return begin(flow, state, float(leg.times[1]), MOTION_DEGREE)
+    start, mesh = enter(flow, state, float(leg.times[0])), leg.mesh
     follow = flow.integrator(mesh.nodes[1:], leg.local, leg.longest)
     # Drift off constraints has the whole time to decay; faster, it would be round-off that acts.
     q, v = follow(start, leg.span, leg.units, mesh.elements * abs(leg.span) / duration)
     return np.column_stack([start.q, q]), np.column_stack([start.v, v])
 
 
-def entered(flow: Flow, state: State, t: float) -> State:
+def enter(flow: Flow, state: State, t: float) -> State:
     """Return the state at the time t at which the next leg begins: beyond a jump, or the same."""
     if t == state.t:
         return state
@@ -502,7 +504,7 @@ def _tails(mesh: Mesh, table: Array) -> Array:
     return tails
 
 
-def _moved(mesh: Mesh, t0: float, t1: float) -> Mesh:
+def _mesh_over(mesh: Mesh, t0: float, t1: float) -> Mesh:
     """Return the mesh over the times t0 to t1, or raise ValueError if it is over others."""
     if not isinstance(mesh, Mesh):
         raise ValueError(f"expected a Mesh(boundaries, degrees) or None, found {mesh!r}")
@@ -518,7 +520,7 @@ def _check(system: System, state: State, t_end: float, tol: float) -> float:
     """Return the time span, or raise ValueError for arguments that do not fit."""
     if not isinstance(state, State):
         raise ValueError(f"expected a State(t, q, v) to begin with, found {state!r}")
-    if state.q.size != checked(system).n:
+    if state.q.size != check_system(system).n:
         raise ValueError(
             f"expected a state of {system.n} coordinates ({', '.join(system.coordinates)}), "
             f"found {state.q.size}"

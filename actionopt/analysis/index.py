@@ -20,7 +20,7 @@ from typing import Literal
 
 import numpy as np
 
-from actionopt.analysis.jacobi import polished, resolved
+from actionopt.analysis.jacobi import improve, resolve
 from actionopt.analysis.second_variation import Beside, Form, check_legendre, condense
 from actionopt.discrete.bordered import Bordered, moves_of
 from actionopt.discrete.discrete_path import DiscretePath
@@ -94,13 +94,15 @@ def inertia(
     (1963), section 15.
     """
     if isinstance(at.problem, Held):
-        return _held(at, max(float(np.fmin(ERROR_GAIN * error, LOOSEST)), INDEX_TOLERANCE))
+        return _inertia_in_contact(
+            at, max(float(np.fmin(ERROR_GAIN * error, LOOSEST)), INDEX_TOLERANCE)
+        )
     if tolerance is not None:
-        return inertia_of(resolved(at, error, INDEX_RESOLUTION), tolerance, moves)
-    return _counted(at, error, moves)[0]
+        return inertia_of(resolve(at, error, INDEX_RESOLUTION), tolerance, moves)
+    return _count(at, error, moves)[0]
 
 
-def _counted(
+def _count(
     at: DiscretePath, error: float, moves: int, asked: tuple[Bordered, Array] | None = None
 ) -> tuple[Inertia, Form]:
     """Return the inertia over a given duration, and the form on which it was counted.
@@ -109,7 +111,7 @@ def _counted(
     not: those that are near zero are counted again along a better path, which solves the equations
     `asked` where its duration was found: a family may be of one duration, and not of those beside.
     """
-    form = resolved(at, error, INDEX_RESOLUTION)
+    form = resolve(at, error, INDEX_RESOLUTION)
     error = float(np.fmin(error, 1.0))  # unknown ones are not finite
     tolerance = float(np.clip(ERROR_GAIN * error, INDEX_TOLERANCE, LOOSEST))
     found = _all_moves(form, max(tolerance, NEAR_ZERO), moves)
@@ -118,8 +120,8 @@ def _counted(
     if error > POLISHED:
         with suppress(ValueError):  # a path that is none may be resolved on no mesh
             if asked is not None:
-                found = counted(found, *asked, form)
-            better = polished(at, POLISHED, found.nullity - moves)
+                found = with_duration(found, *asked, form)
+            better = improve(at, POLISHED, found.nullity - moves)
             if better is not None:
                 form, tolerance = better, INDEX_TOLERANCE
     return _all_moves(form, tolerance, moves), form
@@ -151,8 +153,8 @@ def inertia_asked(at: DiscretePath, error: float) -> Inertia:
     if isinstance(at.problem, Held):
         found, form = inertia(there, error, moves=known), None
     else:
-        found, form = _counted(there, error, known, (bordered, y))
-    found = counted(found, bordered, y, form)
+        found, form = _count(there, error, known, (bordered, y))
+    found = with_duration(found, bordered, y, form)
     moves, held = min(found.nullity, known), len(bordered.borders.held)
     if held and form is not None and found.nullity > known:
         # What is given chooses of a family; a symmetry may well lead along what is left of that.
@@ -173,7 +175,7 @@ def _held_at_start(form: Form, pinned: tuple[int, ...]) -> Form:
     return replace(form, elements=[first, *form.elements[1:]])
 
 
-def counted(found: Inertia, bordered: Bordered, y: Array, form: Form | None) -> Inertia:
+def with_duration(found: Inertia, bordered: Bordered, y: Array, form: Form | None) -> Inertia:
     """Return the inertia with the duration varying, from that over a fixed one."""
     if not bordered.timed:
         return found
@@ -234,7 +236,7 @@ def _duration(form: Form, bordered: Bordered) -> tuple[Beside, float] | None:
     return Beside(row[layout.size] * unit, parts), kinetic
 
 
-def _held(at: DiscretePath, tolerance: float) -> Inertia:
+def _inertia_in_contact(at: DiscretePath, tolerance: float) -> Inertia:
     """Return the inertia of a path in contact: of variations that keep what is in contact there.
 
     From the inertia of the matrix of its mesh, [d2S - mu K, G'; G, 0], which has one negative

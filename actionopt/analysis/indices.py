@@ -23,11 +23,11 @@ def indices(shape: Shape, times: Array, packed: Array, Q: Array, error: float) -
     with np.errstate(all="ignore"):
         for here in shape.parts(len(Q)):
             stack = Stack(shape, times[here], packed[here])
-            found[here] = _counted(stack, shape.local(Q[here]), error)
+            found[here] = _count(stack, shape.local(Q[here]), error)
     return found
 
 
-def _counted(stack: Stack, Q: Array, error: float) -> Array:
+def _count(stack: Stack, Q: Array, error: float) -> Array:
     """Return the indices of paths Q (P, n, E, C), (C,), or -1."""
     shape = stack.shape
     second, C = stack.second(Q), len(stack.times)

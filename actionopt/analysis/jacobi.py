@@ -74,7 +74,7 @@ def fields(form: Form) -> list[Array]:
     return result
 
 
-def resolved(first: DiscretePath, error: float, tol: float, *, polish: bool = False) -> Form:
+def resolve(first: DiscretePath, error: float, tol: float, *, polish: bool = False) -> Form:
     """Return d2S on a mesh that resolves the Jacobi fields to `tol`, and the path with `polish`.
 
     `error` is that of the path, which is stationary. A mesh that resolves the path need not
@@ -94,7 +94,7 @@ def resolved(first: DiscretePath, error: float, tol: float, *, polish: bool = Fa
     return found
 
 
-def polished(first: DiscretePath, tol: float, nullity: int) -> Form | None:
+def improve(first: DiscretePath, tol: float, nullity: int) -> Form | None:
     """Return d2S along a path improved on a mesh that resolves it and its Jacobi fields to `tol`.
 
     With what was found beside it, such as its duration. Newton's method leaves the path where it is
@@ -173,7 +173,7 @@ def finer(
     if form is not None and not form.freedom:
         form = None
     jacobi = fields(form) if form is not None else []
-    tail = np.zeros(mesh.elements) if form is None else _unresolved(form)
+    tail = np.zeros(mesh.elements) if form is None else _left_out(form)
     for g in mesh.groups:
         tables = [] if Q is None else [Q[g.nodes]]
         if form is not None:
@@ -206,7 +206,7 @@ def finer(
     return mesh.cut(np.concatenate([*pieces, b[-1:]]), np.repeat(degrees, parts))
 
 
-def _unresolved(form: Form) -> Array:
+def _left_out(form: Form) -> Array:
     """Return what each element's degree leaves out of the coefficients of d2S, (N,).
 
     Relative to L_vv, with the element's length as the unit of time. They are sampled between the

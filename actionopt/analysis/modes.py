@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from actionopt.analysis.index import INDEX_RESOLUTION, Inertia
-from actionopt.analysis.jacobi import resolved
+from actionopt.analysis.jacobi import resolve
 from actionopt.analysis.second_variation import Form, are_units, condense
 from actionopt.analysis.second_variation import form as form_of
 from actionopt.analysis.solution import Solution, question
@@ -79,7 +79,7 @@ def second_variation(
     given = np.broadcast_to(asked, (n,))
     found = solution.inertia
     # A mesh for the units of the motion: in others the Jacobi fields may be lost in round-off.
-    fine = resolved(solution.discrete, solution.error, INDEX_RESOLUTION / 100)
+    fine = resolve(solution.discrete, solution.error, INDEX_RESOLUTION / 100)
     form = form_of(fine.at, given, phase=False)
     values, vectors = lowest(form, count)
     shifts = any(term.phase for term in form.tr.nodal)  # of time: they are a mode of their own
@@ -107,7 +107,7 @@ def lowest(form: Form, count: int) -> tuple[Array, Array]:
     """
     free = _free(form)
     count = min(count, free.size)
-    rows, cols, entries, mass = _assembled(form, free)
+    rows, cols, entries, mass = _assemble(form, free)
     scale = 1 / np.sqrt(mass)
     entries = entries * scale[rows] * scale[cols]
     if free.size <= DENSE_EIGENPROBLEM:
@@ -132,7 +132,7 @@ def _free(form: Form) -> NDInt:
     return np.r_[form.pinned[0] : K * r - r, K * r - r + form.pinned[1] : K * r]
 
 
-def _assembled(form: Form, free: NDInt) -> tuple[NDInt, NDInt, Array, Array]:
+def _assemble(form: Form, free: NDInt) -> tuple[NDInt, NDInt, Array, Array]:
     """Return rows, columns (by column) and entries of d2S over the free, and the masses there."""
     K, r = len(form.basis), form.freedom
     number = np.full(K * r, -1)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from actionopt.analysis.jacobi import resolved
+from actionopt.analysis.jacobi import resolve
 from actionopt.analysis.second_variation import Form
 from actionopt.analysis.solution import Solution, question
 from actionopt.discrete.bordered import Bordered, moves_of
@@ -132,7 +132,7 @@ def monodromy(solution: Solution) -> Monodromy:
     end = Event(problem.end.t, None) if problem.advance is None else problem.end.at(problem.end.t)
     free = Problem(system, start, end, parameters=problem.parameters)
     at = DiscretePath.of(free, solution.path, lengths=solution.discrete.tr.lengths)
-    found = carried(resolved(at, solution.error, MONODROMY_RESOLUTION)).view(Monodromy)
+    found = transport_matrix(resolve(at, solution.error, MONODROMY_RESOLUTION)).view(Monodromy)
     if problem.closes:
         discrete = solution.discrete
         asked = problem.asked or problem
@@ -142,7 +142,7 @@ def monodromy(solution: Solution) -> Monodromy:
     return found
 
 
-def carried(form: Form) -> Array:
+def transport_matrix(form: Form) -> Array:
     """Return the product of the elements' symplectic matrices, in the user's units.
 
     Of a path that closes in another order, in that order: once round is a power of it.

@@ -394,7 +394,7 @@ def condense(
             negative += count
             continue
         if form.closed:
-            grown = _joined(grown, more + np.arange(keep, r), np.arange(size - r + keep, size))
+            grown = _join(grown, more + np.arange(keep, r), np.arange(size - r + keep, size))
             last = np.arange(size - r, size - r + keep)
         else:
             last = np.arange(size - r, size - r + keep_end)
@@ -408,7 +408,7 @@ def condense(
     return Condensed(negative, front)
 
 
-def _joined(M: Array, to: NDInt, gone: NDInt) -> Array:
+def _join(M: Array, to: NDInt, gone: NDInt) -> Array:
     """Return the form M (k, k) with the variables `gone` equal to those at `to`, and left out."""
     joined = M.copy()
     joined[to] += joined[gone]

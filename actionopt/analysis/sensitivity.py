@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from actionopt.analysis.jacobi import resolved
+from actionopt.analysis.jacobi import resolve
 from actionopt.analysis.second_variation import Form, condense
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.end_times import by_times, explicit, jumps_of
@@ -81,7 +81,7 @@ def sensitivity(at: DiscretePath, error: float, momenta: tuple[Array, Array]) ->
     Goldstein, *Classical Mechanics* (3rd ed. 2002), sections 8.6 and 10.1; J. H. Van Vleck,
     *Proc. Natl. Acad. Sci.* 14 (1928), p. 178.
     """
-    form = resolved(at, error, SENSITIVITY_RESOLUTION)
+    form = resolve(at, error, SENSITIVITY_RESOLUTION)
     found = slopes(at, momenta)
     q0, q1 = found["q0"], found["q1"]
     problem = at.problem

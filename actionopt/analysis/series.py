@@ -40,7 +40,7 @@ def begins_singular(flow: Flow, state: State, t_end: float) -> bool:
     return bool(np.abs(here).max() <= VANISHING * np.abs(beside).max())
 
 
-def begun(flow: Flow, state: State, t_end: float, degree: int) -> tuple[Array, Array]:
+def begin(flow: Flow, state: State, t_end: float, degree: int) -> tuple[Array, Array]:
     """Return q and v (n, degree + 1) at the LGL nodes from the state to `t_end`.
 
     Raises IntegrationError where Newton's method finds no such polynomial.

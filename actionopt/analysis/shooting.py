@@ -44,10 +44,10 @@ DOPRI_ERROR = np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 
 def shoot(problem: Problem, v0: Array) -> Array:
     """Return where motions from the start event with velocities v0 (n, G, K) end, (n, G, K)."""
     q0 = np.array(problem.start.q, dtype=float)[:, None, None]
-    return flown(problem, np.broadcast_to(q0, v0.shape), v0)[0]
+    return fly(problem, np.broadcast_to(q0, v0.shape), v0)[0]
 
 
-def flown(
+def fly(
     problem: Problem, q0: Array, v0: Array, track: list | None = None, watch: Watch | None = None
 ) -> tuple[Array, Array]:
     """Return coordinates and velocities at the end of motions from q0 and v0, all (n, G, K).
@@ -154,7 +154,7 @@ def motions(
     if q0 is None:
         q0 = np.repeat(np.array(problem.start.q, dtype=float)[:, None], v0.shape[1], axis=1)
     track: list[tuple[Array, Array, Array]] = [(np.full(v0.shape[1], problem.start.t), q0, v0)]
-    ends: Array = flown(problem, q0[:, None], v0[:, None], track, watch)[0][:, 0]
+    ends: Array = fly(problem, q0[:, None], v0[:, None], track, watch)[0][:, 0]
     finite = np.isfinite(ends).min(axis=0)
     result: list[Path | None] = []
     for k in range(v0.shape[1]):
@@ -243,7 +243,7 @@ def arrive(
     def gap(x: Array, which: NDInt) -> Array:
         y = np.repeat(np.concatenate([q0, v0])[:, None, which], x.shape[1], axis=1)
         y[varied] = x * units[varied, None, None]
-        return miss(y[:n], y[n:], *flown(problem, y[:n], y[n:], watch=watch))
+        return miss(y[:n], y[n:], *fly(problem, y[:n], y[n:], watch=watch))
 
     y = np.concatenate([q0, v0])
     x, arrived = _newton(y[varied] / units[varied, None], np.eye(varied.size), gap)
@@ -316,7 +316,7 @@ def velocities(problem: Problem, far: Array, count: int, rng: np.random.Generato
         even = np.linspace(-fastest, fastest, count - 2 * speed.size)
         return np.sort(np.concatenate([speed, -speed, even]))[None, :] * units[0]
     speed = rng.choice(scales, count) * np.exp(rng.uniform(np.log(0.3), np.log(2.0), count))
-    return directed(problem, units[:, None] * speed, rng)
+    return in_directions(problem, units[:, None] * speed, rng)
 
 
 def about(problem: Problem, count: int, rng: np.random.Generator) -> Array:
@@ -344,7 +344,7 @@ def about(problem: Problem, count: int, rng: np.random.Generator) -> Array:
     return mean + width * reach * rng.standard_normal((n, count))
 
 
-def directed(problem: Problem, speed: Array, rng: np.random.Generator) -> Array:
+def in_directions(problem: Problem, speed: Array, rng: np.random.Generator) -> Array:
     """Return velocities (n, K) of given speeds (n or 1, K) in random directions.
 
     They are tangent to the constraints, and move with them.

@@ -124,7 +124,7 @@ class Solution:
         p0, p1 = (
             system.momentum(s.q, s.v, s.t, parameters=parameters) for s in (self.start, self.end)
         )
-        return _fixed(p0, p1)
+        return _read_only(p0, p1)
 
     @property
     def start(self) -> State:
@@ -168,7 +168,7 @@ class Solution:
         """
         at, surfaces = self.discrete, self.problem.surfaces
         mu = [np.zeros(0) if e is None else reactions(at, k)[0] for k, e in enumerate(surfaces)]
-        return _fixed(mu[0], mu[1])
+        return _read_only(mu[0], mu[1])
 
     @property
     def success(self) -> bool:
@@ -405,7 +405,7 @@ class Solution:
         if known is None or self.problem.system.r:
             return Solution, tuple(made)
         made[1] = None  # it is that of the unknowns
-        return _restored, (made, self.mesh, known.z, known.tr.lengths, known.tr.units)
+        return _restore, (made, self.mesh, known.z, known.tr.lengths, known.tr.units)
 
     def compare(self) -> Comparison:
         """Return the comparison with the forward integration from `start`, made once."""
@@ -443,7 +443,7 @@ class Solution:
 
     @cached_property
     def _free_momenta(self) -> tuple[Array, Array]:
-        return _fixed(*self.discrete.tr.momenta(self.discrete.z))
+        return _read_only(*self.discrete.tr.momenta(self.discrete.z))
 
     @cached_property
     def _states(self) -> tuple[State, State]:
@@ -510,14 +510,14 @@ class SolveError(RuntimeError):
         return SolveError, (str(self), self.solution)
 
 
-def _restored(made: list[Any], mesh: Mesh, z: Array, lengths: Array, units: Units) -> Solution:
+def _restore(made: list[Any], mesh: Mesh, z: Array, lengths: Array, units: Units) -> Solution:
     """Return a solution whose path is known as unknowns z, in the units of its transcription."""
     known = DiscretePath(Transcription(made[0], mesh, lengths, like=units), z)
     made[1] = known.path
     return Solution(*made, known=known)
 
 
-def _fixed(p0: Array, p1: Array) -> tuple[Array, Array]:
+def _read_only(p0: Array, p1: Array) -> tuple[Array, Array]:
     """Return the arrays, read-only: they are kept."""
     for p in (p0, p1):
         p.setflags(write=False)

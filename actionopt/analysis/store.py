@@ -62,18 +62,18 @@ def load(file: str | FilePath, system: System | str | None = None) -> Solution:
     except FileNotFoundError:
         raise
     except Exception as error:  # there is no end to the ways in which a file can be damaged
-        raise _damaged(file, error) from error
+        raise _file_error(file, error) from error
     problem = _problem(found, system)
     if problem is None:
         return found
     try:
         _check_physics(replace(found, problem=problem, ends=None), found)
     except ValueError as error:
-        raise _damaged(file, error) from error
+        raise _file_error(file, error) from error
     return replace(found, problem=problem)
 
 
-def _damaged(file: str | FilePath, error: Exception) -> ValueError:
+def _file_error(file: str | FilePath, error: Exception) -> ValueError:
     """Return what to raise for a file that is not one of these, or was cut short."""
     why = str(error) if str(error).startswith("expected") else type(error).__name__
     return ValueError(
@@ -226,7 +226,7 @@ def _ends(path: Path, velocities: Array, momenta: Array) -> Ends:
     return Ends((start, end), (p0, p1))
 
 
-def _wanted(known: Detached, event: Event, free: bool, on: list[Any] | None) -> Event:
+def _event_asked(known: Detached, event: Event, free: bool, on: list[Any] | None) -> Event:
     """Return an event as it was asked for, from the one that was found.
 
     Raises ValueError for a surface that was written with another CasADi, which this cannot read.
@@ -269,7 +269,7 @@ def _problem(found: Solution, system: System | str | None) -> Problem | None:
         else:
             free, energy, ends = known.asked["free"], known.energy, (known.start, known.end)
             surfaces = known.asked.get("on", [None, None])  # an older file has none
-            events = [_wanted(known, *x) for x in zip(ends, free, surfaces, strict=True)]
+            events = [_event_asked(known, *x) for x in zip(ends, free, surfaces, strict=True)]
             question = Problem(system, *events, parameters=known.parameters, energy=energy)
             found_at = np.array([e.q for e in ends])
             problem = question.found(known.start.t, known.end.t, found_at)

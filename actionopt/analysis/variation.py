@@ -187,7 +187,7 @@ def variation(
             f"{unit!r}"
         )
     found = form(at, np.broadcast_to(units, (problem.system.n,)))
-    return Variation(found, at.lam, Path(mesh, _allowed(found, Path.interpolate(eta, mesh)).T))
+    return Variation(found, at.lam, Path(mesh, _allowed_part(found, Path.interpolate(eta, mesh)).T))
 
 
 def resolving(mesh: Mesh, eta) -> Mesh:
@@ -204,7 +204,7 @@ def resolving(mesh: Mesh, eta) -> Mesh:
     return mesh
 
 
-def _allowed(form: Form, eta: Path) -> Array:
+def _allowed_part(form: Form, eta: Path) -> Array:
     """Return the part of eta that events and constraints allow at the nodes, (K, n)."""
     problem: Problem = form.tr.problem
     names, values = problem.system.coordinates, eta.values.T

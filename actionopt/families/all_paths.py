@@ -259,7 +259,7 @@ def solve_all(
                 _add_without_end(run, whole, candidates)
             except KeyboardInterrupt:
                 run.interrupted = True
-    return _ordered(run)
+    return _by_action(run)
 
 
 def _add_without_end(
@@ -317,7 +317,7 @@ def _paths_of(
     return Paths(solutions, turns, how, names, dict(tried), 0, False, interrupted)
 
 
-def _ordered(run: Sweep) -> Paths:
+def _by_action(run: Sweep) -> Paths:
     """Return what was found, by increasing action."""
     ordered = sorted(run.found, key=lambda item: item[0].action)
     names = run.problem.system.coordinates

@@ -32,7 +32,7 @@ from actionopt.families.budget import Budget
 from actionopt.families.even import between, denser, even
 from actionopt.families.front import NEIGHBOURS, Front, squares, weights
 from actionopt.families.members import Members, checked_columns, member, refusal
-from actionopt.families.vary import along, led, place, slope
+from actionopt.families.vary import along, lead_to, place, slope
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import checked
 from actionopt.solver.family import NOISE
@@ -234,7 +234,7 @@ class _Run:
                 except Exception:  # for one of them: each is solved alone
                     self.doubtful[block[chosen]] = True
                 new = block[chosen][self.known[block[chosen]]]
-                front.told(chosen.size, new.size)
+                front.note_solved(chosen.size, new.size)
             else:
                 i, allowed = front.alone(left, self.budget.allows), self.budget.allows
                 again = i is None and allowed and bool(lost)
@@ -248,7 +248,7 @@ class _Run:
                     if allowed and not again:
                         lost.append(i)
                     if self.status[block[i]] is not Status.DEGENERATE:  # there are on both sides
-                        front.lost(self.at[new])
+                        front.note_lost(self.at[new])
                     continue
                 front.again()
             front.learn(new, self.at[new], ~self.decided[block])
@@ -266,7 +266,7 @@ class _Run:
         self.neighbour[i] = neighbour
         try:
             problem = member(self.problem, self.columns, i)
-            guess = led(guess, problem) if isinstance(guess, Path) else guess
+            guess = lead_to(guess, problem) if isinstance(guess, Path) else guess
             found = None
             if again:
                 found = self._search(i, problem, guess)
@@ -305,12 +305,12 @@ class _Run:
         before, given = self.budget.vain, {"tol": self.tol, "guess": guess, "throw": False}
         found = moving(solve(problem, **given, progress=self.budget.count))
         if found.success:
-            self.budget.found(before)
+            self.budget.note_found(before)
         return found
 
     def _leave(self, i: int, neighbour: int, again: bool) -> None:
         """Leave a member to `solve`, from a neighbour."""
-        expected = self._predicted(np.array([i]), np.array([neighbour]))[0]
+        expected = self._predict(np.array([i]), np.array([neighbour]))[0]
         found = self._solve(i, self._path(neighbour), neighbour, again)
         if found is not None and found.success:
             self._know(i, found.path)
@@ -391,7 +391,7 @@ class _Run:
     def _wave(self, which: NDInt, nearest: NDInt) -> None:
         """Try some members together; those that are solved are known from then on."""
         self.neighbour[which], count = nearest, which.size
-        expected = self._predicted(which, nearest)
+        expected = self._predict(which, nearest)
         found = self._follow(self.levels[self.base].shape, which, expected)
         found.converged &= found.moved <= LEAP
         self.iterations[which] += found.iterations
@@ -490,7 +490,7 @@ class _Run:
             with suppress(ValueError):  # there is none
                 self.index[i] = inertia(alone, float(self.error[i])).index
 
-    def _predicted(self, which: NDInt, nearest: NDInt) -> Array:
+    def _predict(self, which: NDInt, nearest: NDInt) -> Array:
         """Return where known members lead to expect others, (C, K, n), by interpolation.
 
         Only members on the sheet of the nearest are asked.

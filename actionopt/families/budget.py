@@ -30,7 +30,7 @@ class Budget:
         """Count an iteration of a search: the `progress` of `solve`. It is in vain until found."""
         self.vain += detail["elements"]
 
-    def found(self, before: float) -> None:
+    def note_found(self, before: float) -> None:
         """Take note that a search found a path, before which `vain` was as given."""
         self.well += self.vain - before
         self.vain = before

@@ -17,7 +17,7 @@ from actionopt.tools.types import Array
 DEFLATED_STEPS, DEFLATED_REACH, DEFLATED_TOL = 60, 1.0, 1e-7
 
 
-def deflated(tr: Transcription, z: Array, known: list[Array]) -> Array | None:
+def deflate(tr: Transcription, z: Array, known: list[Array]) -> Array | None:
     """Return a stationary path other than those `known` (as vectors z), from z; None if lost."""
     cut = tr.layout.unknowns
     with np.errstate(all="ignore"):

@@ -87,18 +87,18 @@ def _feet(
     """
     size, t = sizes(problem), given_time(problem) if event.t is None else event.t
 
-    def seen(centre: Array, reach: Array, count: int) -> Array:
+    def look(centre: Array, reach: Array, count: int) -> Array:
         starts = centre + reach * random.standard_normal((count, centre.size))
         feet = (onto(problem, event, q, t, size) for q in starts)
         return np.array([q for q in feet if q is not None]).reshape(-1, centre.size)
 
     reach = max(1.0, np.abs((pair[1] - pair[0]) / size).max())
     for _ in range(ROUNDS):
-        feet = np.vstack([pair[k], seen(pair[k], reach * size, SEEN)])
+        feet = np.vstack([pair[k], look(pair[k], reach * size, SEEN)])
         low, high = feet.min(axis=0), feet.max(axis=0)
         extent = (high - low) / 2 / size
         if extent.max() < BOUNDED * reach:
             extent = np.maximum(extent, LEAST_EXTENT * extent.max())
-            return seen((low + high) / 2, extent * size, count)
+            return look((low + high) / 2, extent * size, count)
         reach = FARTHER * reach
     return np.empty((0, size.size))

@@ -65,7 +65,7 @@ class Front:
             self.near[here], self.nearest[here] = least[nearer], which[some][closest]
             self._towards[here] = points[some][closest]
 
-    def lost(self, points: Array) -> None:
+    def note_lost(self, points: Array) -> None:
         """Take note of members that were given up, at points (.., columns)."""
         self._lost = np.concatenate([self._lost, points])
 
@@ -122,7 +122,7 @@ class Front:
         self._reach = reach
         return may[:0]
 
-    def told(self, tried: int, solved: int) -> None:
+    def note_solved(self, tried: int, solved: int) -> None:
         """Take note of how many were solved of how many that were tried."""
         self._progress |= solved > 0
         enough = 2 * solved >= tried

@@ -128,9 +128,9 @@ class Grid:
 
     def text(self, i: int) -> str:
         """Return the values of a member, to be read: "g = 9.81, t1 = 2"."""
-        return ", ".join(f"{said(name)} = {x:.6g}" for name, x in self.at(i).items())
+        return ", ".join(f"{label_of(name)} = {x:.6g}" for name, x in self.at(i).items())
 
 
-def said(name: Name) -> str:
+def label_of(name: Name) -> str:
     """Return the name of what varies as one word: "end.x" for ("end", "x")."""
     return name if isinstance(name, str) else ".".join(name)

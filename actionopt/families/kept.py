@@ -52,12 +52,12 @@ class Kept:
             row([path.values.ravel() for path in paths], float),
         )
 
-    def packed(self, name: str) -> dict[str, Array]:
+    def pack(self, name: str) -> dict[str, Array]:
         """Return the arrays by names that begin with `name`."""
         return {f"{name}_{f.name}": getattr(self, f.name) for f in fields(self)}
 
     @classmethod
-    def unpacked(cls, arrays: Mapping[str, Array], name: str) -> Kept:
+    def unpack(cls, arrays: Mapping[str, Array], name: str) -> Kept:
         """Return what was packed under a name."""
         return cls(*(arrays[f"{name}_{f.name}"] for f in fields(cls)))
 

@@ -134,11 +134,11 @@ def locate(
     lead to another branch instead, farther away than `gap`.
     """
 
-    def tried(length: float) -> Trial | None:
+    def trial_at(length: float) -> Trial | None:
         taken = branch.step(here, length)
         return None if taken is None else Trial(length, taken[0], float(function(taken[0])))
 
-    low, high = Trial(0.0, here, float(function(here))), tried(length)
+    low, high = Trial(0.0, here, float(function(here))), trial_at(length)
     if high is None or low.value * high.value > 0:
         return None
     at_low, at_high, side = low.value, high.value, 0
@@ -149,9 +149,9 @@ def locate(
             break
         length = (a * at_high - b * at_low) / (at_high - at_low)
         length = length if a < length < b else (a + b) / 2
-        trial = tried(length)
+        trial = trial_at(length)
         if trial is None:
-            low, high = (_beside(tried, length, end) for end in (low, high))
+            low, high = (_beside(trial_at, length, end) for end in (low, high))
             break
         if trial.value * high.value > 0:
             at_low = at_low / 2 if side == 1 else at_low

@@ -8,7 +8,7 @@ from typing import Any
 
 import casadi as ca
 
-from actionopt.families.grid import Grid, said
+from actionopt.families.grid import Grid, label_of
 from actionopt.mechanics.problem import Problem
 
 FORMAT = "actionopt sweep 4"
@@ -20,7 +20,7 @@ def question_of(grid: Grid, tol: float, index: bool, keep_paths: bool) -> dict[s
     problem, over = grid.problem, {}
     for name, row in zip(grid.names, grid.values, strict=True):
         digest = hashlib.sha256(row.tobytes()).hexdigest()[:12]
-        over[said(name)] = f"{row.size} values from {row[0]:g} to {row[-1]:g} ({digest})"
+        over[label_of(name)] = f"{row.size} values from {row[0]:g} to {row[-1]:g} ({digest})"
     return {
         "format": FORMAT,
         "law": f"{problem.name} ({problem.system.digest[:12]})",

@@ -16,7 +16,7 @@ from actionopt.analysis.solution import Solution
 from actionopt.discrete.path import Path
 from actionopt.families.kept import Kept
 from actionopt.families.remake import SAME_PATH, remake
-from actionopt.families.task import PER_MEMBER, Answers, one_by_one, solved
+from actionopt.families.task import PER_MEMBER, Answers, one_by_one, solve_members
 from actionopt.families.vary import Name, moved
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.solve import Guess, solve_near
@@ -64,7 +64,9 @@ def work(
             near = _again(problem, int(members[j]), j, columns, beside, options[0])
             if near is not None:
                 given[j] = near
-        answers = solved(problem, members, columns, None, options, given=given, limited=False)
+        answers = solve_members(
+            problem, members, columns, None, options, given=given, limited=False
+        )
     return _without(answers, members[beside.solved])
 
 
@@ -90,10 +92,10 @@ def _without(answers: Answers, known: NDInt) -> Answers:
     mine = ~np.isin(answers["members"], known)
     left = {name: answers[name][mine] for name in PER_MEMBER if name in answers}
     if "kept_members" in answers:
-        kept = Kept.unpacked(answers, "kept")
+        kept = Kept.unpack(answers, "kept")
         numbers = answers["members"][mine].tolist()
         paths = {i: path for i in numbers if (path := kept.path(i)) is not None}
-        left |= Kept.of(np.array(list(paths), dtype=int), list(paths.values())).packed("kept")
+        left |= Kept.of(np.array(list(paths), dtype=int), list(paths.values())).pack("kept")
     return answers | left
 
 

@@ -15,12 +15,12 @@ from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
 from actionopt.discrete.path import Path
 from actionopt.families.dispatch import Intake, check_executor, dispatch
-from actionopt.families.grid import Grid, said
+from actionopt.families.grid import Grid, label_of
 from actionopt.families.kept import Kept, find
 from actionopt.families.question import question_of
 from actionopt.families.remake import SAME_PATH, remake
 from actionopt.families.retry import Beside, check_sent, retry_of, work
-from actionopt.families.sheets import leapt, sheets
+from actionopt.families.sheets import leaps, sheets
 from actionopt.families.task import REFUSED, Answers
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.solve import Guess, solve
@@ -107,7 +107,7 @@ class Runs:
     retried: Literal["no", "partly", "fully"] = "no"
 
     @classmethod
-    def begun(cls, grid: Grid, tol: float, index: bool, keep_paths: bool) -> Runs:
+    def begin(cls, grid: Grid, tol: float, index: bool, keep_paths: bool) -> Runs:
         """Return the arrays before any member is tried."""
         shape, n = grid.shape, grid.problem.system.n
         longest = max(map(len, (*Status.__members__, UNREACHED)))
@@ -139,7 +139,7 @@ class Runs:
         OSError
             If it cannot be read.
         """
-        problem, runs = grid.problem, cls.begun(grid, tol, index, False)
+        problem, runs = grid.problem, cls.begin(grid, tol, index, False)
         if problem.free_time or problem.is_infinite or problem.on_surface:
             raise ValueError(
                 "expected given times and coordinates at the events, found some to be found: only "
@@ -174,14 +174,15 @@ class Runs:
             zip(answers["refused"].tolist(), answers["messages"].tolist(), strict=True)
         )
         if self.kept is not None:
-            self.kept.append(Kept.unpacked(answers, "kept"))
+            self.kept.append(Kept.unpack(answers, "kept"))
         for name in ("iterations", "alone"):
             self.stats[name] += int(answers[name])
         self.stats["tasks"] += 1
 
     def __repr__(self) -> str:
         """Show what varies and how many were solved, not the arrays."""
-        over, sheets = ", ".join(map(said, self.grid.names)), int(self.branch.max(initial=-1)) + 1
+        over = ", ".join(map(label_of, self.grid.names))
+        sheets = int(self.branch.max(initial=-1)) + 1
         solved = f"{int(self.success.sum())} of {self.grid.size} solved"
         failed = f"; {self.failures}" if self.failures else ""
         failed += ": runs.retry()" if failed and self.retried != "fully" else ""
@@ -208,7 +209,7 @@ class Runs:
     @property
     def _names(self) -> list[str]:
         """Of what varies, in files and datasets."""
-        names = map(said, self.grid.names)
+        names = map(label_of, self.grid.names)
         return [f"parameter {name}" if name in TAKEN else name for name in names]
 
     @property
@@ -238,10 +239,10 @@ class Runs:
         for k, event in enumerate((self.problem.start, self.problem.end)):
             free = [i for i, x in enumerate(event.q) if x is None]
             told.append(self.ends[..., k, free])
-        S, leaps = np.where(self.success, self.action, np.nan), []
+        S, breaks = np.where(self.success, self.action, np.nan), []
         for axis, row in enumerate(self.grid.values if not self.grid.zipped else ()):
-            leaps.append(leapt(S, self.slopes[..., axis], row, axis))
-        return sheets(self.success, self.index, np.concatenate(told, axis=-1), leaps)
+            breaks.append(leaps(S, self.slopes[..., axis], row, axis))
+        return sheets(self.success, self.index, np.concatenate(told, axis=-1), breaks)
 
     def solution(self, *at: int) -> Solution:
         """Return the member at a place in the grid as a full solution.
@@ -321,7 +322,7 @@ class Runs:
         guess = guess.path if isinstance(guess, Solution) else guess
         if executor is not None or resume is not None:
             check_sent(guess)
-        journal, again, grid = None, self._copied(), self.grid
+        journal, again, grid = None, self._copy(), self.grid
         if resume is not None:
             about = question_of(grid, self.tol, self.index is not None, self.kept is not None)
             known = self.status.tobytes() + self.momenta.tobytes()
@@ -336,7 +337,7 @@ class Runs:
             for record in [] if journal is None else journal.records:
                 intake(int(record["task"]), record, kept=True)
             left = (k for k in range(len(tasks)) if k not in intake.entered)
-            given = ((k, (question, *self._retried(tasks[k], position, guess))) for k in left)
+            given = ((k, (question, *self._retry_task(tasks[k], position, guess))) for k in left)
             dispatch(work, given, executor, intake)
         except KeyboardInterrupt:
             retried = "partly"
@@ -345,7 +346,7 @@ class Runs:
             raise
         return replace(again, retried=retried)
 
-    def _retried(self, members: NDInt, position: NDInt, guess: Guess | None) -> tuple:
+    def _retry_task(self, members: NDInt, position: NDInt, guess: Guess | None) -> tuple:
         """Return what `work` is given to try members again, with those that are solved beside.
 
         `position` is that of each member in the order of the grid.
@@ -365,7 +366,7 @@ class Runs:
         known = Beside(success[members], ends, momenta, paths)
         return members, self.grid.columns(members), known, guess, options
 
-    def _copied(self) -> Runs:
+    def _copy(self) -> Runs:
         """Return the same in arrays of its own."""
         made = {name: copy(value) for name, value in vars(self).items()}
         return Runs(**made)

@@ -14,14 +14,14 @@ from itertools import product
 import numpy as np
 
 from actionopt.analysis.flow import IntegrationError
-from actionopt.analysis.shooting import aim, close, directed, motions, shoot, velocities
+from actionopt.analysis.shooting import aim, close, in_directions, motions, shoot, velocities
 from actionopt.analysis.solution import Solution, SolveError
 from actionopt.analysis.status import Status
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.projection import project
 from actionopt.discrete.transcription import Transcription
-from actionopt.families.deflation import deflated
+from actionopt.families.deflation import deflate
 from actionopt.families.trace import trace
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.ipopt import find
@@ -106,7 +106,7 @@ class Sweep:
         """Solve as `solve` does, from the straight line."""
         for k, c in enumerate(self.classes):
             self._tell("straight line", k, len(self.classes))
-            solution = self._solved(c)
+            solution = self._solve(c)
             self._add(c, solution, "a straight line")
             if solution is not None and not (self.problem.start.pinned or self.problem.end.pinned):
                 self._resize(c, solution)
@@ -144,7 +144,7 @@ class Sweep:
             known = [float(np.linalg.norm(s.start.v)) for s, _, _ in self.found] or [1.0]
             speed = np.linspace(0.8 * min(known), 1.2 * max(known), shots)
             speed += rng.random() * (speed[1] - speed[0])
-            self._aim(directed(self.problem, speed[None], rng))
+            self._aim(in_directions(self.problem, speed[None], rng))
             dry = dry + 1 if len(self.found) == before else 0
             if dry == FRUITLESS_BATCHES:
                 break
@@ -202,7 +202,7 @@ class Sweep:
             return
         goals = np.array([c.problem.end.q for c in targets], dtype=float).T
         v0, arrived = aim(self.problem, v0[:, usable], goals)
-        self._arrived([targets[i] for i in arrived], v0)
+        self._take_arrivals([targets[i] for i in arrived], v0)
 
     def _bracket(self, v0: Array) -> None:
         """Find all changes of sign of the miss at the end, for one coordinate."""
@@ -223,9 +223,9 @@ class Sweep:
             middle = (low + high) / 2
             left = (shoot(self.problem, middle[None, None])[0, 0] - target) * low_miss > 0
             low, high = np.where(left, middle, low), np.where(left, high, middle)
-        self._arrived(classes, ((low + high) / 2)[None])
+        self._take_arrivals(classes, ((low + high) / 2)[None])
 
-    def _arrived(self, classes: list[Winding], v0: Array) -> None:
+    def _take_arrivals(self, classes: list[Winding], v0: Array) -> None:
         """Take motions with velocities v0 (n, K) that nearly arrive for guesses."""
         size = np.max(np.abs(v0), axis=1, initial=1e-300)
         known = [(c, s.start.v) for s, turns, _ in self.found
@@ -264,7 +264,7 @@ class Sweep:
             self._tell("deflated starts", k, total)
             for _ in range(4):
                 self.tried["deflated starts"] += 1
-                away = deflated(c.tr, z, c.seen)
+                away = deflate(c.tr, z, c.seen)
                 if away is None or not self._candidate(c, away, "deflation"):
                     break
 
@@ -286,7 +286,7 @@ class Sweep:
                     guess = _coarser(solution.path)
                     branch = trace(c.problem, "t1", t0 + factor * T, guess=guess, **options)
                 except (ValueError, SolveError) as error:
-                    _known(error)
+                    _raise_defect(error)
                     continue
                 if branch.interrupted:
                     raise KeyboardInterrupt
@@ -363,14 +363,14 @@ class Sweep:
     def _polish(self, c: Winding, guess: Path, how: str) -> Solution | None:
         if self.loose:
             guess = Path(guess.mesh, self._apart(guess.values, np.zeros_like(guess.values)))
-        return self._add(c, self._solved(c, guess), how)
+        return self._add(c, self._solve(c, guess), how)
 
-    def _solved(self, c: Winding, guess: Path | None = None) -> Solution | None:
+    def _solve(self, c: Winding, guess: Path | None = None) -> Solution | None:
         """Return what `solve` finds; None where it refuses to begin from there."""
         try:
             return solve(c.problem, guess=guess, tol=self.tol, throw=False)
         except ValueError as error:  # numpy's LinAlgError is one
-            _known(error)
+            _raise_defect(error)
             if guess is None and not any(c.turns):
                 self.refused = error
             return None
@@ -386,7 +386,7 @@ class Sweep:
             apart = self._apart(other(nodes), values)
             if turns == c.turns and np.max(np.abs(apart) / size) < SAME_PATH:
                 return other
-        family = not _determined(solution)
+        family = not _is_determined(solution)
         if family:
             if (
                 not np.max(np.abs(values).T / np.maximum(c.problem.scales, c.tr.lengths))
@@ -425,7 +425,7 @@ class Sweep:
             self.progress(how, done, total, {"found": len(self.found)})
 
 
-def _determined(solution: Solution) -> bool:
+def _is_determined(solution: Solution) -> bool:
     """Whether the ends determine a path, to second order in its neighbours."""
     if solution.status is Status.DEGENERATE:
         return False
@@ -457,7 +457,7 @@ def _closes(c: Winding, solution: Solution) -> bool:
     )
 
 
-def _known(error: Exception) -> None:
+def _raise_defect(error: Exception) -> None:
     """Raise an error again that is no verdict on a path or a problem, but a defect."""
     verdict = isinstance(error, (SolveError, np.linalg.LinAlgError))
     if not verdict and not str(error).startswith("expected"):

@@ -82,7 +82,7 @@ def sheets(solved: NDInt, index: NDInt | None, told: Array, leaps: Sequence[NDIn
     return labels.reshape(solved.shape)
 
 
-def leapt(action: Array, slopes: Array, values: Array, axis: int) -> NDInt:
+def leaps(action: Array, slopes: Array, values: Array, axis: int) -> NDInt:
     """Return where the action leaps along an axis of these `values`.
 
     `slopes` are its derivatives by them. Between two members it changes by the integral of the

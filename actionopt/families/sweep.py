@@ -118,12 +118,12 @@ def sweep(
     found = problem.free_time or problem.is_infinite or problem.on_surface
     keep_paths = keep_paths or found
     grid = Grid.of(problem, over, zip)
-    index = "index" in _recorded(record)
+    index = "index" in _names_to_record(record)
     check_executor(executor)
     check_progress(progress)
     about = question_of(grid, tol, index, keep_paths)
     journal = None if resume is None else Journal(resume, about)
-    runs = Runs.begun(grid, tol, index, keep_paths)
+    runs = Runs.begin(grid, tol, index, keep_paths)
     run = _Run(grid, runs, executor, Intake("sweep", runs, grid.size, journal, progress))
     try:
         with time_limit(seconds):
@@ -138,7 +138,7 @@ def sweep(
     return runs
 
 
-def _recorded(record: str | Sequence[str] | None) -> tuple[str, ...]:
+def _names_to_record(record: str | Sequence[str] | None) -> tuple[str, ...]:
     """Return the names of what is to be recorded. Raises ValueError for an unknown one."""
     names = (record,) if isinstance(record, str) else () if record is None else record
     for name in names if isinstance(names, Sequence) else (names,):
@@ -205,7 +205,7 @@ class _Run:
             for record in records:
                 if "seed" in record:
                     i = int(record["seed"])
-                    self.walked[i] = Kept.unpacked(record, "seed").path(i)
+                    self.walked[i] = Kept.unpack(record, "seed").path(i)
             first = int(records[0]["seed"])
             self.seeds = {first: path} if (path := self.walked[first]) else {}
         else:
@@ -223,7 +223,7 @@ class _Run:
         self.walked[i] = path
         if self.intake.journal is not None:
             kept = Kept.of(np.array([i] if path else [], dtype=int), [path] if path else [])
-            self.intake.journal.append({"seed": i, **more, **kept.packed("seed")})
+            self.intake.journal.append({"seed": i, **more, **kept.pack("seed")})
 
     def _pilot(self) -> int:
         """Find a first seed; return how many unknowns it has.
@@ -284,10 +284,10 @@ class _Run:
         """Have all other tasks done, and enter what came of them."""
         for task, answers in finished.items():
             self.intake(task, answers, kept=True)
-        tasks = ((k, self._given(k)) for k in range(self.tasks) if k not in finished)
+        tasks = ((k, self._arguments(k)) for k in range(self.tasks) if k not in finished)
         dispatch(work, tasks, self.executor, self.intake)
 
-    def _given(self, task: int) -> tuple:
+    def _arguments(self, task: int) -> tuple:
         """Return the arguments of `work`."""
         self._sow(task)
         members, runs = self.members(task), self.runs

@@ -71,14 +71,14 @@ def work(
     leave_interruptions()
     problem = pickle.loads(question)
     if seed is None:
-        return solved(problem, members, columns, None, options)
+        return solve_members(problem, members, columns, None, options)
     path, values, first, distance = seed
     nearest = {name: float(row[first]) for name, row in columns.items()}
     path = walk(problem, path, values, nearest, distance, options[0]) or path
-    return solved(problem, members, columns, path, options, first)
+    return solve_members(problem, members, columns, path, options, first)
 
 
-def solved(
+def solve_members(
     problem: Problem,
     members: NDInt,
     columns: Mapping[Name, Array],
@@ -97,7 +97,7 @@ def solved(
         return one_by_one(problem, members, columns, guess, options, first)
     t0, t1 = columns.get("t0", problem.start.t), columns.get("t1", problem.end.t)
     late = np.broadcast_to(np.less(t0, t1), k)
-    answers = _refused(members, n, len(columns), alone=0)
+    answers = _no_answers(members, n, len(columns), alone=0)
     if index:
         answers["index"] = np.full(k, -1)
     messages, paths = {i: _refusal(problem, columns, i) for i in np.flatnonzero(~late).tolist()}, {}
@@ -127,11 +127,11 @@ def solved(
     answers["refused"] = members[list(messages)]
     answers["messages"] = np.array(list(messages.values()), dtype=str)
     if keep_paths:
-        answers |= Kept.of(members[list(paths)], list(paths.values())).packed("kept")
+        answers |= Kept.of(members[list(paths)], list(paths.values())).pack("kept")
     return answers
 
 
-def _refused(members: NDInt, n: int, columns: int, alone: int) -> Answers:
+def _no_answers(members: NDInt, n: int, columns: int, alone: int) -> Answers:
     """Return the answers of members of which none is solved yet."""
     k, width = len(members), max(map(len, [REFUSED, *Status.__members__]))
     return {
@@ -164,7 +164,7 @@ def one_by_one(
     """
     tol, index, _ = options
     k, n = len(members), problem.system.n
-    answers = _refused(members, n, len(columns), alone=k)
+    answers = _no_answers(members, n, len(columns), alone=k)
     if index:
         answers["index"] = np.full(k, -1)
     messages, paths, begun = {}, {}, guess
@@ -202,7 +202,7 @@ def one_by_one(
             answers["index"][j] = number
     answers["refused"] = np.array(list(messages), dtype=int)
     answers["messages"] = np.array(list(messages.values()), dtype=str)
-    return answers | Kept.of(np.array(list(paths), dtype=int), list(paths.values())).packed("kept")
+    return answers | Kept.of(np.array(list(paths), dtype=int), list(paths.values())).pack("kept")
 
 
 def _refusal(problem: Problem, columns: Mapping[Name, Array], i: int) -> str:

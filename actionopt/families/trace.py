@@ -14,10 +14,10 @@ from time import perf_counter
 
 import numpy as np
 
-from actionopt.analysis.index import counted, inertia_of
-from actionopt.analysis.jacobi import finer, resolved
+from actionopt.analysis.index import inertia_of, with_duration
+from actionopt.analysis.jacobi import finer, resolve
 from actionopt.analysis.modes import lowest
-from actionopt.analysis.monodromy import carried
+from actionopt.analysis.monodromy import transport_matrix
 from actionopt.analysis.second_variation import check_independent, form
 from actionopt.analysis.solution import Solution, SolveError
 from actionopt.discrete.arclength import Branch, Point
@@ -191,7 +191,7 @@ class _Run:
         fixed = problem.asked is None and not problem.closes
         if self.counting:
             try:
-                at = resolved(at, solution.error, TRACE_RESOLUTION, polish=fixed).at
+                at = resolve(at, solution.error, TRACE_RESOLUTION, polish=fixed).at
             except ValueError as error:
                 raise _Uncounted(_without(error)) from None
         self.sizes = at.tr.lengths
@@ -320,7 +320,7 @@ class _Run:
             check_independent(found, self.tol)
             inertia = inertia_of(found)
             if isinstance(point.tr, Bordered):
-                inertia = counted(inertia, point.tr, point.z, found)
+                inertia = with_duration(inertia, point.tr, point.z, found)
             return inertia.index
         except ValueError as error:
             raise _Uncounted(_without(error)) from None
@@ -388,8 +388,8 @@ class _Run:
 
         problem = there.at.problem
         has_multipliers = self.counting and problem.closes and not problem.system.m
-        if has_multipliers and _doubled(here) * _doubled(there) < 0:
-            found = self._locate(here, step, _doubled)
+        if has_multipliers and _doubling(here) * _doubling(there) < 0:
+            found = self._locate(here, step, _doubling)
             marks.append(self._mark("period doubling", found or there, before, after))
         return marks
 
@@ -431,9 +431,9 @@ class _Run:
         )
 
 
-def _doubled(point: Point) -> float:
+def _doubling(point: Point) -> float:
     """Return det(M + 1) of the monodromy matrix M, zero where a multiplier is -1."""
-    M = carried(form(point.at))
+    M = transport_matrix(form(point.at))
     return float(np.linalg.det(M + np.eye(len(M))))
 
 

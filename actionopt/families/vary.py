@@ -140,7 +140,7 @@ def _event(old: Event, t: float, q: list[float | None]) -> Event:
     return Event(t, q, on=old.on)
 
 
-def led(path: Path, problem: Problem) -> Path:
+def lead_to(path: Path, problem: Problem) -> Path:
     """Return the path stretched over the times of a problem, and sheared to begin and end there."""
     problem = over(problem, path.mesh.duration)
     values, last = path.values, path.values[:, -1:]

@@ -13,7 +13,7 @@ import numpy as np
 
 from actionopt.analysis.solution import Solution
 from actionopt.discrete.path import Path
-from actionopt.families.vary import Name, led, moved
+from actionopt.families.vary import Name, lead_to, moved
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.solve import moving, solve_near
 
@@ -53,7 +53,7 @@ def _steps(
         try:
             there = moved(problem, values)
             accuracy = tol if k == count else max(tol, ON_THE_WAY)
-            found = moving(solve_near(there, led(near, there), accuracy))
+            found = moving(solve_near(there, lead_to(near, there), accuracy))
         except Exception:  # no problem, an end that makes no sense, or the solver failed
             return None
         if not found.success:

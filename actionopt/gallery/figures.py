@@ -12,7 +12,7 @@ from actionopt import plot
 from actionopt.gallery.page import escape, number, rounded, typeset
 from actionopt.gallery.subject import Subject, span
 from actionopt.plot import SI
-from actionopt.plot.data.fan import aligned
+from actionopt.plot.data.fan import is_aligned
 from actionopt.tools.greek import letter
 from actionopt.tools.words import say
 
@@ -369,7 +369,7 @@ def fronts_caption(s: Subject) -> str:
     """Return what fronts are: over time, or in space, the velocity across them or askew."""
     if s.freedom == 1:
         return say(_FRONTS["time"])
-    return say(_FRONTS["along" if aligned(s.solution.momentum(s.t), s.v) else "askew"])
+    return say(_FRONTS["along" if is_aligned(s.solution.momentum(s.t), s.v) else "askew"])
 
 
 @_kind("The path, and the motion integrated forward", CHECK, ALONG, size=(6.4, 6.0))

@@ -299,7 +299,7 @@ class Expressions:
                 return Expressions(ca.SX.unary(UNARY[ufunc], self.sx), self.ndim)
             if ufunc in BINARY:
                 return _binary(BINARY[ufunc], ufunc, *inputs)
-        with _named(ufunc):
+        with _naming(ufunc):
             return _ours(getattr(ufunc, method)(*_theirs(inputs), **kwargs))
 
     def __array_function__(self, func: Any, types: Any, args: Any, kwargs: Any) -> Any:
@@ -311,12 +311,12 @@ class Expressions:
         if func.__name__ == "cross":
             func = np.cross  # np.linalg.cross is the same for vectors of three components
         named = {name: _theirs(value) for name, value in kwargs.items()}
-        with _named(func):
+        with _naming(func):
             return _ours(func(*_theirs(args), **named))
 
 
 @contextmanager
-def _named(function: Any) -> Iterator[None]:
+def _naming(function: Any) -> Iterator[None]:
     """Raise Untraceable, with the function's name and what to use, for what it raises."""
     try:
         yield
@@ -328,13 +328,13 @@ def _named(function: Any) -> Iterator[None]:
         if room == "numpy" and getattr(np, name, None) is not function:
             room = ""  # of another package
         shown = ".".join(filter(None, [room.replace("numpy", "np", 1), name]))
-        found, advice = f"failed on expressions ({said(error)})", INSTEAD.get(name)
+        found, advice = f"failed on expressions ({text_of(error)})", INSTEAD.get(name)
         if isinstance(error, TypeError) and re.search(NOT_THERE, str(error)):
             found, advice = "does not take expressions", advice or OTHERWISE
         raise Untraceable("; ".join(filter(None, [f"{shown} {found}", advice]))) from error
 
 
-def said(error: BaseException) -> str:
+def text_of(error: BaseException) -> str:
     """Return the text of an error in one line, without the place in CasADi's sources."""
     place, _, text = str(error).strip().partition("\n")
     if not text:
@@ -378,8 +378,8 @@ def _ours(x: Any) -> Any:
 def _calling(method: Callable[..., Any]) -> Callable[..., Any]:
     """Return a method of CasADi's view as one that takes and returns ours."""
 
-    def called(*args: Any, **kwargs: Any) -> Any:
+    def call(*args: Any, **kwargs: Any) -> Any:
         named = {name: _theirs(value) for name, value in kwargs.items()}
         return _ours(method(*_theirs(args), **named))
 
-    return called
+    return call

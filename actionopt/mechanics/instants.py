@@ -71,7 +71,7 @@ def clock(s: Symbols, *laws: ca.SX) -> Clock | None:
     steps: list[ca.SX] = []
     smooth: list[ca.SX] = []
 
-    def switched(node: Node, operands: list[tuple[ca.SX, bool] | None]) -> Any:
+    def switch_of(node: Node, operands: list[tuple[ca.SX, bool] | None]) -> Any:
         """Return an expression, and whether it is of the time; None for the path's."""
         code, (of, row) = node.operation, node.entry
         if node.kind == "input":
@@ -100,7 +100,7 @@ def clock(s: Symbols, *laws: ca.SX) -> Clock | None:
             steps.append(ca.floor((x[0] - made[0]) / x[1] + 0.5))
         return made
 
-    Tape(arguments, laws).fold(switched)
+    Tape(arguments, laws).fold(switch_of)
     if not steps:
         return None
     slopes = ca.densify(ca.jacobian(ca.vertcat(*smooth), s.t))
@@ -117,16 +117,16 @@ def instants(known: Clock, start: float, end: float, packed: Array) -> tuple[Ins
 
     Wherever a step or the sign of a slope changes between two times it is followed by bisection.
     """
-    found = _followed(known.steps, start, end, packed, slopes=True)
+    found = _bisect(known.steps, start, end, packed, slopes=True)
     if found is None:
-        found = _followed(known.steps, start, end, packed, slopes=False) or []
+        found = _bisect(known.steps, start, end, packed, slopes=False) or []
     least = max(SHORTEST * (end - start), 4 * EPS * max(abs(start), abs(end)))
-    found = merged(found, least)
+    found = merge(found, least)
     # More of them are something very fast, of which some are missed.
     return tuple(found) if len(found) <= SAMPLES else ()
 
 
-def merged(found: list[Instant], least: float = 0.0) -> list[Instant]:
+def merge(found: list[Instant], least: float = 0.0) -> list[Instant]:
     """Return the instants in order, those that are no more than `least` apart as one."""
     result: list[Instant] = []
     for before, after in sorted(found):
@@ -136,7 +136,7 @@ def merged(found: list[Instant], least: float = 0.0) -> list[Instant]:
     return result
 
 
-def _followed(
+def _bisect(
     switched: Pointwise, start: float, end: float, packed: Array, *, slopes: bool
 ) -> list[Instant] | None:
     """Return the instants, found by bisection of all intervals at once; None where too many differ.

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.events import State
-from actionopt.mechanics.instants import INTERVALS, Instant, merged
+from actionopt.mechanics.instants import INTERVALS, Instant, merge
 from actionopt.mechanics.switches import KINKS
 from actionopt.mechanics.system import System
 from actionopt.tools.lobatto import lgl
@@ -70,7 +70,7 @@ def jumps(
         cut = jumped & ~whole
         a, b = np.concatenate([a[cut], middle[cut]]), np.concatenate([middle[cut], b[cut]])
         state = np.tile(state[cut], 2)
-    return merged(found)
+    return merge(found)
 
 
 def across(

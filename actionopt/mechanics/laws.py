@@ -23,10 +23,10 @@ from actionopt.mechanics.switches import (
     is_jumpless,
     is_smooth,
     is_smooth_in_path,
-    localized,
+    narrowness,
     switches,
 )
-from actionopt.mechanics.tracing import SAMPLES, TAILED_SAMPLES, Symbols, stacked
+from actionopt.mechanics.tracing import SAMPLES, TAILED_SAMPLES, Symbols, stack
 from actionopt.tools.tape import Tape
 
 T = TypeVar("T")
@@ -149,7 +149,7 @@ class Laws:
             any(self._depends("force_jacobian", k, (0, 1)) for k in (0, 1) if self.Q.numel()),
         )
         L, f, Q = (self.operations(law) for law in (self.L, self.f, self.Q))
-        narrow = localized(L)
+        narrow = narrowness(L)
         jumpless = narrow == 0 or (narrow == 1 and is_jumpless(L))
         # What is as wide as its periods has no kink; if all move, it does not matter.
         smooth = not narrow or all(moved[:3]) or is_smooth_in_path(L)
@@ -162,7 +162,7 @@ class Laws:
         for name, output, q, _ in laws:
             seen.update(self.pointwise(name).function.jac_sparsity(output, q).get_col())
         timed = any(self._depends(name, k, (t,)) for name, k, _, t in laws)
-        narrow = max(narrow, localized(Q))
+        narrow = max(narrow, narrowness(Q))
         unseen, tailed = narrow == 2 or (narrow and timed), narrow or timed
         return Structure(
             depends_on_time=timed,
@@ -230,7 +230,7 @@ class Laws:
         """Symbolic first and second derivatives of L and the constraint Jacobian."""
         s = self.symbols
         n = self.n
-        H, g = ca.hessian(self.L, stacked(s.q, s.v))
+        H, g = ca.hessian(self.L, stack(s.q, s.v))
         H = ca.triu(H) if n > 1 else H
         G = ca.jacobian(self.f, s.q) if self.m else ca.SX(0, n)
         return Derivatives(g[:n], g[n:], H[:n, :n], H[:n, n:], H[n:, n:], G)
@@ -320,7 +320,7 @@ class Laws:
         twice of f less their acceleration terms.
         """
         s, d = self.symbols, self.derivatives
-        place, rate = stacked(s.q, s.t), stacked(s.v, ca.SX(1))
+        place, rate = stack(s.q, s.t), stack(s.v, ca.SX(1))
 
         def changing(of: ca.SX) -> ca.SX:
             """Return the time derivative along a motion, at constant v."""

@@ -34,7 +34,7 @@ from actionopt.mechanics.identity import (
     vanishes,
 )
 from actionopt.mechanics.problem import Problem
-from actionopt.mechanics.system import System, checked
+from actionopt.mechanics.system import System, check_system
 from actionopt.mechanics.tracing import call, column
 from actionopt.tools.checks import numbers, whole
 from actionopt.tools.types import Array
@@ -157,10 +157,10 @@ def noether(
     >>> float(momentum([1.0, 2.0], [3.0, 5.0], 0.0))  # x y' - y x'
     -1.0
     """
-    checked(system).check_free("what is conserved without it may change in contact")
+    check_system(system).check_free("what is conserved without it may change in contact")
     s, n = system.symbols, system.n
-    xi = _traced(system, generator, "generator", n)
-    tau = _traced(system, time, "time", 1)
+    xi = _trace(system, generator, "generator", n)
+    tau = _trace(system, time, "time", 1)
     if ca.depends_on(tau, ca.vertcat(s.q, s.v)):
         raise ValueError("expected a rate of time tau(t) that depends on t alone")
     packed = system.table.pack(system.table.values(parameters))
@@ -182,7 +182,7 @@ def noether(
             "position, found none; give the system in units in which coordinates are of size one"
         )
     if gauge is not None:
-        candidates = [_traced(system, gauge, "gauge", 1)]
+        candidates = [_trace(system, gauge, "gauge", 1)]
     else:
         candidates = [ca.SX(1, 1), *(_integral(system, R, base) for base in (0.0, 1.0))]
     moderate = [points[0][:GENERIC], points[1][:GENERIC], points[2][:GENERIC], packed]
@@ -226,14 +226,14 @@ def is_mechanical(system: System, kinetic: Callable[..., Any]) -> bool:
     with coordinates that move, or with magnetic fields. Checked symbolically; section 12.5.1.
     """
     s, packed = system.symbols, system.table.pack(system.parameters)
-    T = _traced(system, kinetic, "kinetic", 1)
+    T = _trace(system, kinetic, "kinetic", 1)
     points = [*points_of(system, packed), packed]
     degree = ca.horzcat(ca.jacobian(T, s.v) * s.v.T, -2 * T)
     rest = ca.horzcat(ca.gradient(T, s.v), -system.derivatives.Lv)
     return all(vanishes(terms, [s.q, s.v, s.t, s.p], points) for terms in (degree, rest))
 
 
-def _traced(system: System, given: Any, role: str, rows: int) -> ca.SX:
+def _trace(system: System, given: Any, role: str, rows: int) -> ca.SX:
     """Return a user's function (or numbers) in the system's symbols, as a column."""
     if not callable(given):
         return ca.SX(column(np.atleast_1d(numbers(given, f"the {role}")).tolist(), role, rows))

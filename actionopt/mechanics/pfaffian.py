@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 
 from actionopt.mechanics.expressions import Expressions
 from actionopt.mechanics.identity import CANCELLED, general_points
-from actionopt.mechanics.tracing import ParameterTable, call, column, requested
+from actionopt.mechanics.tracing import ParameterTable, call, column, parameter_names
 from actionopt.tools.checks import numbers
 from actionopt.tools.lobatto import lgl
 from actionopt.tools.types import Array
@@ -207,7 +207,7 @@ def _constraint(rows: Rows, n: int, make: Callable[..., ca.SX]) -> Callable[...,
         f = make(lambda at: _matrix(rows, at, values), column(q, "coordinates", n))
         return [f[i] for i in range(f.numel())]
 
-    names = [k for k in requested(rows, "pfaffian", ["q"]) if k != "**"]
+    names = [k for k in parameter_names(rows, "pfaffian", ["q"]) if k != "**"]
     plain, named = inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY
     taken = [inspect.Parameter(k, plain) for k in ("q", "t")]
     taken += [inspect.Parameter(k, named) for k in names]
@@ -299,7 +299,9 @@ def _defect(constraint, rows: Rows, start: Array, dependent: list[int], reach, p
     """Return the slope of f along allowed motions, relative to its largest, at some distance."""
     q, t = ca.SX.sym("q", start.size), ca.SX.sym("t")
     table = ParameterTable(parameters)
-    values = {k: x for k, x in table.values().items() if k in requested(constraint, "", ["q", "t"])}
+    values = {
+        k: x for k, x in table.values().items() if k in parameter_names(constraint, "", ["q", "t"])
+    }
     f = ca.vertcat(*constraint(q, t, **values))
     evaluate = ca.Function("leaf", [q], [f, ca.densify(ca.jacobian(f, q))])
     worst = 0.0

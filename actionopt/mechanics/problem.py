@@ -15,7 +15,7 @@ from actionopt.mechanics.identity import general_points
 from actionopt.mechanics.instants import Instant, instants
 from actionopt.mechanics.obstacle import check_outside, check_rows
 from actionopt.mechanics.rest import Rest, rest
-from actionopt.mechanics.surface import settled, widened
+from actionopt.mechanics.surface import with_parameters, with_surface
 from actionopt.mechanics.system import System
 from actionopt.tools.checks import by_name, number
 from actionopt.tools.shown import one_line
@@ -89,7 +89,7 @@ class Problem:
         on_surface = surfaces != (None, None)
         if on_surface:
             ends = self.start, self.end
-            object.__setattr__(self, "system", widened(self.system, ends, self.parameters))
+            object.__setattr__(self, "system", with_parameters(self.system, ends, self.parameters))
         values = self.system.table.values(self.parameters)
         object.__setattr__(self, "parameters", values)
         object.__setattr__(self, "packed", self.system.table.pack(values))
@@ -108,7 +108,7 @@ class Problem:
                     f"event, found {len(event.q)}"
                 )
             if event.on is not None:
-                object.__setattr__(self, role, settled(event, self.system))
+                object.__setattr__(self, role, with_surface(event, self.system))
         if self.free_time or self.energy is not None:
             _check_free_time(self)
         elif not self.start.t < self.end.t:
@@ -152,14 +152,14 @@ class Problem:
         """Show the system's formulas and the events, as a notebook does."""
         from actionopt.tools.notebook import table
 
-        def shown(x: float | None) -> str:
+        def show(x: float | None) -> str:
             return "free" if x is None else f"{x:.6g}"
 
         names = self.system.coordinates
         values = self.system.table.values(self.parameters)
         rows = [("t", f"{self.start.t:.6g}", f"{self.end.t:.6g}")]
         rows += [
-            (n, shown(a), shown(b))
+            (n, show(a), show(b))
             for n, a, b in zip(names, self.start.near, self.end.near, strict=True)
         ]
         given = [(name, np.array2string(np.asarray(x), precision=6)) for name, x in values.items()]

@@ -21,7 +21,7 @@ from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.events import Event
 from actionopt.mechanics.expressions import Expressions
 from actionopt.mechanics.system import System
-from actionopt.mechanics.tracing import call, requested, surface
+from actionopt.mechanics.tracing import call, parameter_names, surface
 from actionopt.tools.checks import by_name
 from actionopt.tools.types import Array
 
@@ -107,7 +107,9 @@ class Surface:
         return found[0].reshape(q.size, q.size).copy()
 
 
-def widened(system: System, events: tuple[Any, ...], parameters: Mapping[str, Any]) -> System:
+def with_parameters(
+    system: System, events: tuple[Any, ...], parameters: Mapping[str, Any]
+) -> System:
     """Return the system with those of the parameters that only the surfaces of events contain.
 
     Raises ValueError if `parameters` does not give one.
@@ -117,12 +119,12 @@ def widened(system: System, events: tuple[Any, ...], parameters: Mapping[str, An
         on = getattr(event, "on", None)
         if on is None:
             continue
-        names = on.shapes if isinstance(on, Surface) else requested(on, "on", ["q", "t"])
+        names = on.shapes if isinstance(on, Surface) else parameter_names(on, "on", ["q", "t"])
         more |= {k: given[k] for k in names if k in given and k not in system.table.shapes}
     return system.widened(more) if more else system
 
 
-def settled(event: Event, system: System) -> Event:
+def with_surface(event: Event, system: System) -> Event:
     """Return the event with its surface traced.
 
     Raises ValueError as `Surface.traced`, and for the surface of another system.

@@ -125,7 +125,7 @@ def is_smooth_in_path(law: Tape) -> bool:
     )
 
 
-def localized(law: Tape) -> int:
+def narrowness(law: Tape) -> int:
     """Return how narrow a feature a law of (q, v, t, p) can have: 0, 1 or 2.
 
     0 for polynomials, sines and cosines, whose features are as wide as their periods; 1 for
@@ -160,10 +160,10 @@ def is_jumpless(lagrangian: Tape) -> bool:
     What has a cusp, such as a power between 0 and 1/2, or a kink in v is not plain either: there
     the energy shows what forces at samples do not.
     """
-    return lagrangian.fold(_known)[lagrangian.results[0][0]][0] < OTHER
+    return lagrangian.fold(_range_of)[lagrangian.results[0][0]][0] < OTHER
 
 
-def _known(node: Node, of: list[Known]) -> Known:
+def _range_of(node: Node, of: list[Known]) -> Known:
     """Return what is known of a value by what is known of its operands."""
     if node.kind == "constant":
         return CONSTANT, (1 if node.value >= 0 else -1, frozenset()), node.value

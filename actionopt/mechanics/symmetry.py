@@ -24,7 +24,7 @@ from actionopt.mechanics.noether import (
     noether,
     points_of,
 )
-from actionopt.mechanics.system import System, checked
+from actionopt.mechanics.system import System, check_system
 from actionopt.tools.types import Array
 
 __all__ = ["Conserved", "Symmetry", "cyclic", "find_symmetries", "is_mechanical", "noether"]
@@ -101,7 +101,7 @@ def find_symmetries(
     ----------
     Olver, *Applications of Lie Groups to Differential Equations* (2nd ed. 1993), section 4.4.
     """
-    checked(system).check_free("what is conserved without it may change in contact")
+    check_system(system).check_free("what is conserved without it may change in contact")
     s, n = system.symbols, system.n
     a = ca.SX.sym("a", n)
     c = ca.SX.sym("c", n * (n + 2) + 2)

@@ -286,7 +286,7 @@ class System(Laws):
             parts = pointwise, made, kept
             known = self.coordinates, self.table.defaults, self.name, self.source
             state = pickle.dumps((*known, self._law.serialize(), parts))
-            return _loaded, (digest, sorted(name for x in parts for name in x), version, state)
+            return _load, (digest, sorted(name for x in parts for name in x), version, state)
 
     @property
     def _law(self) -> ca.Function:
@@ -391,10 +391,10 @@ class System(Laws):
     def is_homogeneous(self) -> bool:
         """Whether L(q, s v) = s L(q, v) for s > 0: a length, which knows no time."""
         with suppress(ValueError):  # finite nowhere where it is tried
-            return _doubles(*self._doubled("value"))
+            return _doubles(*self._at_twice_speed("value"))
         return False
 
-    def _doubled(self, name: str) -> tuple[Array, Array]:
+    def _at_twice_speed(self, name: str) -> tuple[Array, Array]:
         """Return F(q, v) and F(q, 2 v) of the function `name` in general position, both (K, 1)."""
         (q, v, t), packed = general_states(self.n), self.table.pack(self.table.defaults)
         F = self.pointwise(name)
@@ -402,7 +402,7 @@ class System(Laws):
 
     def _check_length(self) -> None:
         """Raise ValueError unless F is homogeneous, and somewhere finite and positive."""
-        once, twice = self._doubled("length")
+        once, twice = self._at_twice_speed("length")
         if not _doubles(once, twice):
             raise ValueError(
                 "expected a length homogeneous of degree one in v, length(q, s v) = s length(q, v) "
@@ -614,7 +614,7 @@ def _travels(made: object) -> bool:
     return made is None or (isinstance(function, ca.Function) and function.is_a("SXFunction"))
 
 
-def _loaded(digest: str, derived: list[str], version: str, state: bytes) -> System:
+def _load(digest: str, derived: list[str], version: str, state: bytes) -> System:
     """Return the system of a law, which is made once in a process.
 
     Raises ValueError if it was pickled with another CasADi, whose expressions this one cannot read.
@@ -704,7 +704,7 @@ def _as_columns(values: ArrayLike, n: int, what: str) -> tuple[Array, bool]:
     return array.reshape(n, -1), array.ndim == 1
 
 
-def checked(system: System) -> System:
+def check_system(system: System) -> System:
     """Return the system. Raises ValueError for what is none."""
     if not isinstance(system, System):
         raise ValueError(

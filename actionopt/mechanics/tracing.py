@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from actionopt.mechanics.expressions import Expressions, OutOfRange, Untraceable, said
+from actionopt.mechanics.expressions import Expressions, OutOfRange, Untraceable, text_of
 from actionopt.tools.checks import by_name, numbers
 from actionopt.tools.types import Array
 
@@ -89,7 +89,7 @@ class ParameterTable:
     def symbols(self) -> ca.SX:
         """Return the parameters packed in one column of symbols, (P, 1)."""
         columns = [ca.SX.sym(name, math.prod(shape)) for name, shape in self.shapes.items()]
-        return columns[0] if len(columns) == 1 else stacked(*columns)
+        return columns[0] if len(columns) == 1 else stack(*columns)
 
     def named(self, packed: ca.SX) -> dict[str, Expressions]:
         """Return by name what the user's callables receive, from a column packed as `symbols`."""
@@ -104,7 +104,7 @@ class ParameterTable:
         return found
 
 
-def stacked(*columns: ca.SX) -> ca.SX:
+def stack(*columns: ca.SX) -> ca.SX:
     """Return columns of expressions in one; so few cost CasADi's vertcat twice the time."""
     sizes = [column.numel() for column in columns]
     whole, first = ca.SX(sum(sizes), 1), 0
@@ -133,7 +133,9 @@ def _finite(name: str, value: ArrayLike) -> Array:
     return found
 
 
-def requested(callable_: Callable[..., Any], role: str, positional: Sequence[str]) -> list[str]:
+def parameter_names(
+    callable_: Callable[..., Any], role: str, positional: Sequence[str]
+) -> list[str]:
     """Return the keyword-only names of `callable_`; ["**"] stands for every parameter.
 
     Raises
@@ -193,7 +195,7 @@ def _check_order(role: str, positional: Sequence[str], given: Sequence[str]) -> 
     first, second, *_ = (*given, "", "")
     if tuple(given) == tuple(positional) or second.startswith(f"{first}_"):
         return
-    meant = [_meant(name) for name in given]
+    meant = [_likely_meaning(name) for name in given]
     misplaced = [k for k, (x, y) in enumerate(zip(meant, positional, strict=False)) if x and x != y]
     swapped = {"q", "v"} <= {*positional[:2]} and RATE_NAME.sub(r"\1\2", first) == second != first
     if len({meant[k] for k in misplaced}) > 1 or swapped:
@@ -203,7 +205,7 @@ def _check_order(role: str, positional: Sequence[str], given: Sequence[str]) -> 
         )
 
 
-def _meant(name: str) -> str:
+def _likely_meaning(name: str) -> str:
     """Return which argument a name stands for as a rule, q, v or t; nothing of most names."""
     return next((x for x, usual in USUAL.items() if name.lower() in usual), "")
 
@@ -221,7 +223,7 @@ def call(
     ValueError
         If a parameter it names is missing, or it uses a function CasADi cannot trace.
     """
-    names = requested(callable_, role, list(arguments))
+    names = parameter_names(callable_, role, list(arguments))
     kwargs = {}
     for name in names:
         if name == "**":
@@ -242,7 +244,7 @@ def call(
 
 def _why(error: Exception, arguments: Mapping[str, Any], parameters: Mapping[str, Any]) -> str:
     """Return why a callable cannot be traced and what to write instead, behind "traced"."""
-    text = said(error)
+    text = text_of(error)
     if isinstance(error, OutOfRange):
         return f": {_missing(error, arguments, parameters)}; indices begin at 0"
     if isinstance(error, Untraceable):

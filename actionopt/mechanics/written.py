@@ -76,7 +76,7 @@ def equations(system: Laws, table: ParameterTable) -> list[str]:
     if m:
         rest += ca.jacobian(system.f, s.q).T @ multipliers
     found = _read(system, table, ca.vertcat(rate - rest, system.f), a, multipliers)
-    rows = [_equation(row, {*_named(table)}) for row in found[:n]]
+    rows = [_equation(row, {*_entry_names(table)}) for row in found[:n]]
     return rows + [f"{_text(row)} = 0" for row in found[n:]]
 
 
@@ -103,7 +103,7 @@ def _names(x: Any) -> set[str]:
     return {name for product, _ in x[-1] for y, _ in product for name in _names(y)}
 
 
-def _named(table: ParameterTable) -> list[str]:
+def _entry_names(table: ParameterTable) -> list[str]:
     """Return the names of the entries of the parameters, in their order."""
     names = []
     for name, value in table.defaults.items():
@@ -119,23 +119,23 @@ def _read(system: Laws, table: ParameterTable, expression: ca.SX, *more: ca.SX) 
     s, names = system.symbols, list(system.coordinates)
     dots = [[name + "'" * k for name in names] for k in range(3)]
     lamda = ["lamda"] if system.m == 1 else [f"lamda{k + 1}" for k in range(system.m)]
-    known = [dots[0], dots[1], ["t"], _named(table), dots[2], lamda]
+    known = [dots[0], dots[1], ["t"], _entry_names(table), dots[2], lamda]
     places = [name for k in (5, 3, 2, 0, 1, 4) for name in known[k]]
     tape = Tape([s.q, s.v, s.t, s.p, *more], [ca.densify(expression)])
 
-    def made(node: Node, operands: list[Sum]) -> Sum:
+    def make(node: Node, operands: list[Sum]) -> Sum:
         if node.kind == "constant":
             return {ONE: _number(node.value)} if node.value else {}
         if node.kind == "input":
             name = known[node.entry[0]][node.entry[1]]
             return {((Symbol(places.index(name), name), Fraction(1)),): Fraction(1)}
-        found = _applied(node.operation, operands)
+        found = _apply(node.operation, operands)
         if len(found) > LONGEST:
             raise ValueError(f"expected formulas of at most {LONGEST} terms, found longer ones")
         return found
 
-    found = tape.fold(made)
-    return [_collected(found[k]) for k in tape.results[0]]
+    found = tape.fold(make)
+    return [_collect(found[k]) for k in tape.results[0]]
 
 
 def _number(value: float) -> float | Fraction:
@@ -143,7 +143,7 @@ def _number(value: float) -> float | Fraction:
     return near if float(near) == value else value
 
 
-def _applied(op: int, of: Sequence[Sum]) -> Sum:
+def _apply(op: int, of: Sequence[Sum]) -> Sum:
     """Return what an operation makes of sums. Raises ValueError for one without a formula."""
     a, b = of[0], of[-1]
     match op:
@@ -152,11 +152,11 @@ def _applied(op: int, of: Sequence[Sum]) -> Sum:
         case ca.OP_ADD:
             return _plus(a, b)
         case ca.OP_SUB:
-            return _plus(a, _scaled(b, -1))
+            return _plus(a, _scale(b, -1))
         case ca.OP_NEG:
-            return _scaled(a, -1)
+            return _scale(a, -1)
         case ca.OP_TWICE:
-            return _scaled(a, 2)
+            return _scale(a, 2)
         case ca.OP_MUL:
             return _times(a, b)
         case ca.OP_SQ:
@@ -172,12 +172,12 @@ def _applied(op: int, of: Sequence[Sum]) -> Sum:
         case _ if op in ELEMENTARY:
             inner, sign = a, Fraction(1)
             if a and all(c < 0 for c in a.values()) and op in (ca.OP_SIN, ca.OP_COS):
-                inner, sign = _scaled(a, -1), Fraction(-1 if op == ca.OP_SIN else 1)
-            return {(((ELEMENTARY[op], _frozen(inner)), Fraction(1)),): sign}
+                inner, sign = _scale(a, -1), Fraction(-1 if op == ca.OP_SIN else 1)
+            return {(((ELEMENTARY[op], _freeze(inner)), Fraction(1)),): sign}
     raise ValueError("expected a law of elementary functions to write, found others in it")
 
 
-def _frozen(a: Sum) -> tuple:
+def _freeze(a: Sum) -> tuple:
     return tuple(sorted(a.items(), key=repr))
 
 
@@ -190,7 +190,7 @@ def _plus(a: Sum, b: Sum) -> Sum:
     return found
 
 
-def _scaled(a: Sum, by: Any) -> Sum:
+def _scale(a: Sum, by: Any) -> Sum:
     return {product: by * c for product, c in a.items()}
 
 
@@ -214,10 +214,10 @@ def _power(a: Sum, k: Fraction) -> Sum:
             return {tuple((x, j * k) for x, j in product): c ** int(k)}
         if c == 1 and all((j * k).denominator > 1 or j * k < 0 for _, j in product):
             return {tuple((x, j * k) for x, j in product): c}
-    return {(((_frozen(a),), k),): Fraction(1)}
+    return {(((_freeze(a),), k),): Fraction(1)}
 
 
-def _collected(a: Sum) -> Sum:
+def _collect(a: Sum) -> Sum:
     """Return a sum with its whole powers of sums multiplied out and squared sines collected."""
     found: Sum = {}
     for product, c in a.items():
@@ -272,24 +272,24 @@ def _text(a: Sum) -> str:
     terms: list[tuple[bool, str]] = []
     for roots, inner in groups.items():
         if len(inner) == 1 or not roots:
-            terms += [_term(_joined(p, roots), c) for p, c in inner.items()]
+            terms += [_term(_join(p, roots), c) for p, c in inner.items()]
             continue
         common = _common(inner)
         size = min((abs(c) for c in inner.values()), key=float)
         sign = -1 if next(iter(inner.values())) < 0 else 1
         left = _times(inner, {tuple((x, -k) for x, k in common): Fraction(1) / (sign * size)})
-        whole = (((_ordered(left),), Fraction(1)),)
-        terms.append(_term(_joined(_joined(common, whole), roots), sign * size))
+        whole = (((_order(left),), Fraction(1)),)
+        terms.append(_term(_join(_join(common, whole), roots), sign * size))
     terms.sort(key=lambda term: term[0])  # one that is added first, if there is any
     (minus, first), *others = terms or [(False, "0")]
     return "-" * minus + first + "".join(f" {'-' if minus else '+'} {x}" for minus, x in others)
 
 
-def _ordered(a: Sum) -> tuple:
+def _order(a: Sum) -> tuple:
     return tuple(a.items())
 
 
-def _joined(p: Product, q: Product) -> Product:
+def _join(p: Product, q: Product) -> Product:
     return (*p, *q)
 
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from actionopt.analysis.shooting import arrive, directed, motions, velocities
+from actionopt.analysis.shooting import arrive, in_directions, motions, velocities
 from actionopt.discrete.bordered import over
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
@@ -148,7 +148,7 @@ def _passing(
     q, v, longest = [], [], 0.0
     for fixed in starts:
         line, count = straight(fixed), -(-THROWN // len(starts))
-        u = directed(fixed, np.repeat(size[:, None], count, axis=1), rng)
+        u = in_directions(fixed, np.repeat(size[:, None], count, axis=1), rng)
         u = np.array([size, -size]).T if n == 1 and conserved else u
         q0 = np.repeat(line[:1], u.shape[1], axis=0)
         rate, left = rates(fixed, q0, u.T, np.full((len(q0), 1), t))

@@ -187,7 +187,7 @@ class Sheet:
     @property
     def is_aligned(self) -> bool:
         """Whether p is along v everywhere."""
-        return aligned(self.momentum, self.velocity)
+        return is_aligned(self.momentum, self.velocity)
 
     def fine(self) -> tuple[Triangulation, Array]:
         """Return smaller triangles, and S there: its second differences are those of dS/dq = p."""
@@ -206,7 +206,7 @@ class Sheet:
         return Triangulation(places[0], places[1], corners), S
 
 
-def aligned(p: Array, v: Array) -> bool:
+def is_aligned(p: Array, v: Array) -> bool:
     """Return whether p is along v, both (2, K): not in a magnetic field or a frame that turns."""
     across = np.abs(p[0] * v[1] - p[1] * v[0])
     return bool(np.all(across <= ALIGNED * np.hypot(*p) * np.hypot(*v)))
