@@ -26,7 +26,7 @@ from actionopt.tools.lobatto import Rule, Sampling, lgl
 from actionopt.tools.types import Array, NDInt
 from actionopt.tools.watch import check_time
 
-PROGRAMS = "value", "gradient", "second", "slopes"
+PROGRAMS = "value", "gradient", "second", "slopes", "balance"
 
 # Numbers in the matrices, and in what is evaluated at once, of members that are worked on at a
 # time: so little memory, that is used again. Measured: half or twice as many take a tenth longer.
@@ -313,20 +313,19 @@ class Stack:
             half = self.half[which]
             q, v = self._sampled(Q[:, :, which], rule.values, rule.slopes, half)
             at = self._arguments(s.times_of(rule.nodes, which))
-            force, p = self._evaluated("gradient", q, v, at)
-            L, _, explicit, _ = self._evaluated("slopes", q, v, at)
-            acceleration = rule.rates(v.reshape(1, len(v), -1)).reshape(v.shape) / half
+            L, force, p, explicit = self._evaluated("balance", q, v, at)
             middle = p[len(p) // 2]
-            rate = (force * v + (p - middle) * acceleration).sum(axis=1) + explicit[:, 0]
-            changed, whole = rule.integrals((half * rate).reshape(1, len(rate), -1))
+            bent = rule.rates(v.reshape(1, len(v), -1)).reshape(v.shape)
+            rate = half * (force * v).sum(axis=1) + ((p - middle) * bent).sum(axis=1)
+            if structure.depends_on_time:
+                rate += half * explicit[:, 0]
             # From one end of an element to the other, its samples between.
-            changed = np.concatenate([0 * whole, changed[0], whole]).reshape(-1, *half.shape)
-            first, last = at_ends[:, None, which]
-            level = np.concatenate([first, L[:, 0], last]) - changed
-            first, last = ends[:, None, :, which]
-            away = np.concatenate([first, v, last]) - v[0]
-            level -= (middle * away).sum(axis=1)
-            largest = np.maximum(largest, np.abs(np.diff(level, axis=0)).max(axis=(0, 1)))
+            level = np.empty((len(L) + 2, *half.shape))
+            level[1:-1] = L[:, 0] - (middle * v).sum(axis=1)
+            level[[0, -1]] = at_ends[:, which] - (middle * ends[:, :, which]).sum(axis=1)
+            changed = rule.increments(rate.reshape(len(rate), -1).T).T.reshape(-1, *half.shape)
+            steps = np.abs(level[1:] - level[:-1] - changed)
+            largest = np.maximum(largest, steps.max(axis=(0, 1)))
             most = np.maximum(most, np.abs(force).max(axis=(0, 2)))
             momentum = np.maximum(momentum, np.abs(p).max(axis=(0, 2)))
             read = np.maximum(read, np.abs(L).max(axis=(0, 1, 2)))
@@ -486,8 +485,8 @@ class Factored:
 def program(system: System, name: str) -> Columns:
     """Return what is evaluated of a system: L, its gradient, its second derivatives, or slopes.
 
-    These are L, its momenta, and its derivatives by the time and the parameters. Raises ValueError
-    as `Columns` does.
+    These are L, its momenta, and its derivatives by the time and the parameters. Or what the
+    balance of energy needs. Raises ValueError as `Columns` does.
     """
 
     def build() -> Columns:
@@ -498,6 +497,9 @@ def program(system: System, name: str) -> Columns:
             found = [ca.densify(d.Lq), ca.densify(d.Lv)]
         elif name == "second":
             found = [d.Lqq, d.Lqv, d.Lvv]
+        elif name == "balance":
+            by_time = ca.jacobian(system.L, s.t)
+            found = [system.L, ca.densify(d.Lq), ca.densify(d.Lv), ca.densify(by_time)]
         else:
             by = [ca.densify(ca.jacobian(system.L, x).T) for x in (s.t, s.p)]
             found = [system.L, ca.densify(d.Lv), *by]
