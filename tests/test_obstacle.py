@@ -74,11 +74,13 @@ def apart(t, *ends):
 
 @pytest.mark.parametrize(
     ("ends", "tol"),
-    [
-        (((-2, 0.3), (2, 0)), 1e-3),
-        (((-2, 0.3), (2, 0)), 1e-10),
-        (((-1.2, 0.3), (1.02, -0.3)), 1e-8),
-    ],
+    a_quarter(
+        [
+            (((-2, 0.3), (2, 0)), 1e-10),
+            (((-2, 0.3), (2, 0)), 1e-3),
+            (((-1.2, 0.3), (1.02, -0.3)), 1e-8),
+        ]
+    ),
 )
 def test_shortest_way_round_a_circle(ends, tol):
     A, B = ends
@@ -466,7 +468,7 @@ def distance(R):
     return lambda q: np.sqrt(q @ q) - R
 
 
-@pytest.mark.parametrize("R", [1e-2, 1e-3])
+@pytest.mark.parametrize("R", a_quarter([1e-3, 1e-2]))
 @pytest.mark.parametrize("form", [distance, lambda R: disc(radius=R)])
 def test_round_a_peg_that_is_hardly_there(R, form):
     """In both forms alike; on the shorter side, which no first mesh tells."""

@@ -382,12 +382,7 @@ def closed_eigenvalues(A, B, C, T, n, order=40, samples=320):
 
 @pytest.mark.parametrize(
     ("T", "B", "F"),
-    [
-        pytest.param(3.0, 0.5, 1.0, marks=pytest.mark.slow),
-        (6.0, 1.1, 2.0),
-        pytest.param(7.0, 0.5, 1.0, marks=pytest.mark.slow),
-        (11.0, 1.1, 2.0),
-    ],
+    a_quarter([(11.0, 1.1, 2.0), (3.0, 0.5, 1.0), (6.0, 1.1, 2.0), (7.0, 0.5, 1.0)]),
 )
 def test_index_of_a_nonlinear_closed_path_against_fourier_sums(T, B, F):
     def lagrangian(q, v, t, *, W, B, F):

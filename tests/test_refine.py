@@ -41,7 +41,7 @@ def test_ends_that_are_conjugate_are_told():
     assert refine(ws, 1e-8, least=False) is Status.DEGENERATE
 
 
-@pytest.mark.parametrize("c", [0.25, 0.45])
+@pytest.mark.parametrize("c", a_quarter([0.45, 0.25]))
 def test_a_pole_of_the_force_in_time_leaves_no_family_of_paths(c):
     """A free body that is pushed has one path between any ends, however the push is rounded."""
     pushed = systems.particle(force=lambda q, v, t: abs(t - c) ** -0.7)

@@ -168,7 +168,10 @@ def drawn(ax, color):
     ("name", "method", "words"),
     [
         ("minimum", "descent", "oscillator: descent reaches the minimum"),
-        ("saddle", "descent", "oscillator: descent leaves the saddle below"),
+        pytest.param(
+            *("saddle", "descent", "oscillator: descent leaves the saddle below"),
+            marks=pytest.mark.slow,
+        ),
         ("saddle", "newton", "oscillator: Newton's method reaches the saddle"),
         pytest.param(
             *("projectile", "descent", "projectile: descent reaches the minimum"),

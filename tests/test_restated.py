@@ -50,7 +50,9 @@ CASES = {
     "plane": (plane, [0.3, -0.4], [-0.7, 0.9], None),
     "rim": (fall, around(T0, 0.02), around(T1, 2.9), rim),
 }
-ALL = pytest.mark.parametrize("name", CASES)
+ALL = pytest.mark.parametrize(
+    "name", ["swing", "plane", pytest.param("rim", marks=pytest.mark.slow)]
+)
 
 
 def problem_of(name, *, L=None, order=None, unit=1.0, way=1.0, scale=1.0):

@@ -29,7 +29,10 @@ def moved(problem, *, q0=0.0, q1=0.0, t0=0.0, t1=0.0, **parameters):
     return ao.Problem(problem.system, start, end, parameters=values)
 
 
-SMOOTH = ["pendulum", "kepler", "double_pendulum", "oscillating_wall", "rotating_frame_bound"]
+SMOOTH = [
+    *("pendulum", "kepler", "oscillating_wall", "rotating_frame_bound"),
+    pytest.param("double_pendulum", marks=pytest.mark.slow),
+]
 
 
 @pytest.fixture(params=SMOOTH)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from helpers import a_quarter
 
 import actionopt as ao
 from actionopt.analysis.flow import IntegrationError
@@ -37,7 +38,9 @@ def gradient_part(solution, D):
 
 @pytest.mark.parametrize(
     "D, S, phi0, wall",
-    [(3, 94.958199565145, 2.7412091182694, 8.0), (4, 1511.88294432230, 2.8607617764052, 10.0)],
+    a_quarter(
+        [(3, 94.958199565145, 2.7412091182694, 8.0), (4, 1511.88294432230, 2.8607617764052, 10.0)]
+    ),
 )
 def test_a_bounce(D, S, phi0, wall):
     """Values that two methods share; Derrick's theorem; Coleman: one direction lowers S."""

@@ -305,7 +305,7 @@ GUESSES = {
 }
 
 
-@pytest.mark.parametrize("kind", GUESSES)
+@pytest.mark.parametrize("kind", a_quarter(GUESSES, 1))
 def test_the_path_near_the_guess_is_found(kind):
     t = times(orbit())
     solution = ao.solve(orbit(), guess=GUESSES[kind], tol=1e-9)

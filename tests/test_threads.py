@@ -6,6 +6,7 @@ from threading import Barrier
 
 import numpy as np
 import pytest
+from helpers import a_quarter
 
 import actionopt as ao
 from actionopt.analysis.compare import compare
@@ -100,7 +101,7 @@ def answer(problem):
     return (*bits(solution.path.values, solution.action, solution.error), solution.status)
 
 
-@pytest.mark.parametrize("make", [rod, double, driven])
+@pytest.mark.parametrize("make", a_quarter([rod, double, driven]))
 def test_solving_problems_of_a_new_system(make):
     alone = [answer(problem) for problem in problems(make)]
     for found in at_once(answer, problems(make)):  # each derivation, too, is asked for at once

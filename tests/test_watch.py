@@ -6,7 +6,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from helpers import same_bits
+from helpers import a_quarter, same_bits
 
 import actionopt as ao
 from actionopt import scenes
@@ -50,9 +50,7 @@ def bratu(count=1):
     return ao.Problem(system, ao.Event(0.0, [0.0] * count), ao.Event(1.0, [0.01] * count))
 
 
-@pytest.mark.parametrize(
-    ("count", "most"), [(1, 550), (3, 650), pytest.param(10, 350, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize(("count", "most"), a_quarter([(3, 650), (1, 550), (10, 350)]))
 def test_where_there_is_no_path_the_search_gives_up_soon_and_says_nothing(count, most, capfd):
     """Counted: 450, 548 and 292; once they were 1125, 844 and 424."""
     solution = ao.solve(bratu(count), throw=False)
