@@ -141,7 +141,7 @@ def run_one(cell: Cell, about: Mapping[str, Any], limits: Limits) -> dict[str, A
     clock = perf_counter()
     try:
         arguments = asdict(cell), limits.memory, limits.seconds
-        outcome = process.run("actionopt.suite.cell:bounded", *arguments, limit=limits.seconds)
+        outcome = process.run("actionopt.suite.cell:run_within", *arguments, limit=limits.seconds)
     except TimeoutError as error:
         outcome = {"outcome": "limit", "word": str(error)}
     except process.Died as error:

@@ -16,7 +16,7 @@ SCALARS = (int, float, complex, str, type(None))
 def row_of(items: Iterable[object], count: int) -> str:
     """Return `count` items in a row, the first of them where they are many.
 
-    >>> listed("abc", 3), listed(range(200), 200)
+    >>> row_of("abc", 3), row_of(range(200), 200)
     ('a, b, c', '0, 1, 2, 3, ..., 200 in all')
     """
     row = ", ".join(map(str, islice(items, MOST_SHOWN)))
