@@ -18,8 +18,8 @@ import actionopt as ao
 from benchmarks.stress.case import Case, Criterion, Row, answer, every, members, mine
 
 TITLE = "Closed paths of one energy: families and single ones"
-COUNTS = {"isotropic": (4, 1), "two to one": (4, 1), "Kepler": (4, 1), "isochronous": (4, 1)}
-SINGLE = (4, 1)
+COUNTS = {name: (12, 1) for name in ("isotropic", "two to one", "Kepler", "isochronous")}
+SINGLE = (12, 1)
 INDEX = {"isotropic": 3, "two to one": 5, "Kepler": 1, "isochronous": 5}
 NULLITY = 3
 ENERGY = {"isotropic": 1.0, "two to one": 1.0, "Kepler": -0.5, "isochronous": 1.5}
