@@ -568,7 +568,7 @@ def round_ellipse(A, B, width, angle):
 )
 def test_a_string_round_the_edge_of_a_thin_wall(width, angle):
     A, B = [-2.5, 0.1], [2.5, -0.2]
-    sol = ao.solve(ao.Problem(body(thin(width, angle)), ao.Event(0, A), ao.Event(1, B)))
+    sol = ao.solve(ao.Problem(body(thin(width, angle)), ao.Event(0, A), ao.Event(1, B)), tol=1e-6)
     length = min(round_ellipse(A, B, width, angle))
     assert np.sqrt(2 * sol.action) == pytest.approx(length, rel=1e-9)
 

@@ -16,8 +16,8 @@ from actionopt.mechanics.obstacle import Arc
 from actionopt.tools.types import Array
 
 TANGENTIAL = 1e-15  # of a typical rate of f: a rate that is zero; ad hoc
-# For derivatives by a time of contact: of the shortest part, but of the duration at least so much,
-# far above its round-off, and of the part at most. Ad hoc.
+# For derivatives by a time of contact: of the part that shrinks, but of the duration at least so
+# much, far above its round-off, and of the part at most. Ad hoc.
 DIFFERENCE, LEAST_DIFFERENCE, MOST_DIFFERENCE = 1e-6, 1e-11, 1e-2
 VELOCITY_STEPS = 4  # of Newton's method from the polynomial's velocity: it converges in two
 
@@ -51,24 +51,31 @@ def tangential(
     held = at.problem
     assert isinstance(held, Held)
     slip, residual, duration = slips(at), at.tr.residual(at.z), held.duration
-    part = float(np.diff(np.union1d(held.fixed, times)).min())
-    delta = min(max(DIFFERENCE * part, LEAST_DIFFERENCE * duration), MOST_DIFFERENCE * part)
+    knots, order = np.union1d(held.fixed, times), np.arange(times.size)
+    where = np.searchsorted(held.fixed, times)  # between which of these they are
     moves, slopes = np.empty((at.z.size, times.size)), np.empty((slip.size, times.size))
+    shifted = np.zeros((times.size, times.size))
     try:
         factors = Factors(at.tr.layout, at.tr.kkt(at.z), many=True)
         step = factors.solve(force - residual)
         for j in range(times.size):
-            tr = stretched(at.tr, times, np.where(np.arange(times.size) == j, delta, 0.0))
+            # All times from here on move, so that a short part behind them keeps its length.
+            shifted[:, j] = (where == where[j]) & (order >= j)
+            last = times[where == where[j]][-1]
+            part = float(times[j] - knots[np.searchsorted(knots, times[j]) - 1])
+            part = min(part, float(held.fixed[where[j]] - last))
+            delta = min(max(DIFFERENCE * part, LEAST_DIFFERENCE * duration), MOST_DIFFERENCE * part)
+            tr = stretched(at.tr, times, delta * shifted[:, j])
             move = -factors.solve(tr.residual(at.z) - residual)
             slopes[:, j] = (slips(DiscretePath(tr, at.z + move)) - slip) / delta
             moves[:, j] = move / delta
         slip = slips(DiscretePath(at.tr, at.z + step))
         if np.abs(slip).max() <= TANGENTIAL * float(at.tr.row_units.max()) / duration:
             return np.zeros(times.size), step  # whatever the times are, where nothing presses
-        shifts = -np.linalg.lstsq(slopes, slip, rcond=None)[0]
+        parts = -np.linalg.lstsq(slopes, slip, rcond=None)[0]
     except np.linalg.LinAlgError:
         return None
-    return shifts, step + moves @ shifts
+    return shifted @ parts, step + moves @ parts
 
 
 def without(held: Held, a: float, b: float) -> tuple[Arc, ...]:
