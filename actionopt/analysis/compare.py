@@ -44,7 +44,7 @@ from actionopt.tools.checks import tolerance
 from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array
 
-# Ad hoc, each within a factor of some, where nothing else is said.
+# Ad hoc, where nothing else is said.
 PIECES = 100  # at most; more say no more
 PIECE_TOL = 1e-14  # local tolerance there
 EVEN = 17  # times at which the round-off is asked for

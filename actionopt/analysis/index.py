@@ -118,7 +118,7 @@ def _count(
     if found.nullity <= moves:
         return replace(found, tolerance=max(tolerance, INDEX_TOLERANCE)), form
     if error > POLISHED:
-        with suppress(ValueError):  # a path that is none may be resolved on no mesh
+        with suppress(ValueError):  # a spurious path may be resolved on no mesh
             if asked is not None:
                 found = with_duration(found, *asked, form)
             better = improve(at, POLISHED, found.nullity - moves)

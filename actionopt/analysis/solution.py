@@ -483,7 +483,7 @@ class Solution:
 
 
 def question(solution: Solution) -> Problem:
-    """Return the problem of a solution. Raises ValueError for what is none."""
+    """Return the problem of a solution. Raises ValueError for anything else."""
     if not isinstance(solution, Solution):
         hint = "; solve it first" if isinstance(solution, Problem) else ""
         if isinstance(solution, Sequence):

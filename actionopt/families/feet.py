@@ -37,7 +37,7 @@ def all_on_surfaces(
 ) -> tuple[list[tuple[Solution, tuple[int, ...], str]], Counter[str], bool]:
     """Return paths with their windings and how each was found, what was tried, and an interruption.
 
-    `angles` coordinates have windings, which are not varied: the surface says where a path ends.
+    Windings of `angles` coordinates are reported but not varied, since the surface fixes the end.
     """
     found: list[tuple[Solution, tuple[int, ...], str]] = []
     tried: Counter[str] = Counter()

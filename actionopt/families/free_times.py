@@ -129,7 +129,7 @@ def _passages(
 def is_new(
     solution: Solution, turns: tuple[int, ...], found: list, apart: float = SAME**0.5
 ) -> bool:
-    """Whether a path is none of those found: it is `apart` from them, of its size, somewhere."""
+    """Whether a path differs from all those found: somewhere by `apart`, relative to its size."""
     s = np.linspace(0, 1, 33)
     t0, T = solution.start.t, solution.duration
     mine = solution(t0 + s * T)

@@ -458,7 +458,7 @@ def _closes(c: Winding, solution: Solution) -> bool:
 
 
 def _raise_defect(error: Exception) -> None:
-    """Raise an error again that is no verdict on a path or a problem, but a defect."""
+    """Re-raise errors that indicate a bug rather than an unsolvable problem."""
     verdict = isinstance(error, (SolveError, np.linalg.LinAlgError))
     if not verdict and not str(error).startswith("expected"):
         raise error

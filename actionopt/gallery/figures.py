@@ -149,9 +149,9 @@ def _kind(
 ) -> Callable[[Draw], None]:
     """Make the decorated function a kind of figure, the file of its own name, in a part of pages.
 
-    It draws a subject on an empty matplotlib figure of `size` (inches), and returns what is to be
-    seen in this one, for who cannot see it, and a caption with its numbers. The scene's own words
-    on it stand before that. A subject that is what the rules `unless` say has none.
+    It draws a subject on an empty matplotlib figure of `size` (inches), and returns its alt text
+    and a caption with its numbers, which the scene's own words on it precede. Subjects to which one
+    of the rules `unless` applies have no such figure.
     """
 
     def add(draw: Draw) -> None:

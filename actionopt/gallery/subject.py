@@ -18,7 +18,7 @@ from actionopt.tools.types import Array
 from actionopt.tools.words import say
 
 TIMES = 201
-FLAT = 1e-9  # a range this small relative to the size is none
+FLAT = 1e-9  # ranges this small relative to the size count as zero
 
 
 @dataclass(frozen=True, eq=False)

@@ -197,7 +197,7 @@ class Periodic(Event):
     def after(self, start: Event, names: Sequence[str] = ()) -> Periodic:
         """Return the end of a path from `start`, with its coordinates, which may have names.
 
-        Raises ValueError for an advance of fewer or more, or an order that is none.
+        Raises ValueError for an advance of fewer or more coordinates, or an invalid order.
         """
         n = len(start.q)
         advance = (0.0,) * n if self.advance is None else self.advance

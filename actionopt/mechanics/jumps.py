@@ -24,7 +24,7 @@ from actionopt.tools.lobatto import lgl
 from actionopt.tools.types import Array
 
 RULE = lgl(6)  # sums what changes smoothly between two times; ad hoc, of order h^12
-JUMP = 1e-9  # of the largest value: a smaller jump is none; ad hoc
+JUMP = 1e-9  # of the largest value: smaller jumps are ignored; ad hoc
 
 
 def jumps(

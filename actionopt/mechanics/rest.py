@@ -23,7 +23,7 @@ from actionopt.mechanics.system import System
 from actionopt.tools.types import Array
 
 # Ad hoc, where nothing else is said.
-SLOWEST_DECAY = 1e-7  # rate of decay, in the fastest: a slower one is none
+SLOWEST_DECAY = 1e-7  # rate of decay, relative to the fastest: slower ones count as zero
 GRAPH = 1e-10  # singular values of the subspace's coordinates, at least: else it is no graph over q
 NEAR_REST = 1e-6  # of the coordinates' size: how far from an equilibrium one may be given
 REST_STEPS = 8

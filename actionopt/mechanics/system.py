@@ -705,7 +705,7 @@ def _as_columns(values: ArrayLike, n: int, what: str) -> tuple[Array, bool]:
 
 
 def check_system(system: System) -> System:
-    """Return the system. Raises ValueError for what is none."""
+    """Return the system. Raises ValueError for anything else."""
     if not isinstance(system, System):
         raise ValueError(
             f"expected a System(lagrangian, coordinates), found {system!r}; a problem has one, "

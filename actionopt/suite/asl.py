@@ -76,7 +76,7 @@ def run(binary: Path, stub: Path) -> Answer:
 
 
 def read(file: Path) -> Answer:
-    """Return what a `.sol` file in ASCII says. Raises ValueError or IndexError for what is none."""
+    """Return what an ASCII `.sol` file says. Raises ValueError or IndexError for another file."""
     lines = file.read_text(encoding="utf-8", errors="replace").splitlines()
     at = lines.index("Options")
     message = " ".join(line.strip() for line in lines[:at] if line.strip())

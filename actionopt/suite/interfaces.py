@@ -36,8 +36,8 @@ ROW = 1e-8  # NLopt's tolerance of a row; ad hoc
 def scipy_arguments(problem: Program, method: str) -> dict[str, Any]:
     """Return keywords for `scipy.optimize.minimize`, but for x0: what the method can use.
 
-    Raises ValueError for a method that is none, or takes no constraints or bounds where there are
-    some.
+    Raises ValueError for an unknown method, or one that takes no constraints or bounds where
+    there are some.
     """
     check_method(method)
     given: dict[str, Any] = {"method": method, "fun": problem.objective}
@@ -59,7 +59,7 @@ def scipy_arguments(problem: Program, method: str) -> dict[str, Any]:
 
 
 def check_method(method: str) -> None:
-    """Raise ValueError if `method` is none of `scipy.optimize.minimize`, in its spelling."""
+    """Raise ValueError unless `method` is one of `scipy.optimize.minimize`, in its spelling."""
     if method not in METHODS:
         raise ValueError(
             f"expected a method of scipy.optimize.minimize, one of {', '.join(METHODS)}, "
@@ -105,7 +105,7 @@ def _sides(lower: Array, upper: Array) -> list[tuple[str, NDInt, float, Array]]:
 def nlopt_problem(problem: Program, algorithm: str):
     """Return the `nlopt.opt` of an algorithm such as "LD_SLSQP"; criteria to stop are not set.
 
-    Raises ValueError for an algorithm that is none, or takes no such constraints.
+    Raises ValueError for an unknown algorithm, or one that takes no such constraints.
     """
     import nlopt  # pyright: ignore[reportMissingImports]
 

@@ -30,7 +30,7 @@ SIZES = (("dim", 1), ("b", 0), ("lcon", 0), ("nlcon", 0), ("con", 0))  # and the
 def actionopt_load(problem_name: str):
     """Return the `optiprofiler.Problem` of a name, "kepler" or "kepler(eccentricity=0.5)".
 
-    Parameters are those of `suite.get`. Raises ValueError for a name that is none.
+    Parameters are those of `suite.get`. Raises ValueError for an unknown name.
     """
     from optiprofiler.opclasses import Problem  # pyright: ignore[reportMissingImports]
 

@@ -1,4 +1,4 @@
-"""Numbers and mappings that a user gives: what is none is refused in a sentence."""
+"""Validation of what a user gives: numbers, tables of numbers, and mappings."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ class Formula:
 def formula(docstring: str) -> Formula:
     """Return the formula in the last paragraph of a docstring.
 
-    Raises ValueError if it is none.
+    Raises ValueError for anything but a formula.
 
     >>> ast.unparse(formula("Hold f = r - l = 0.").sides[1])
     'r - l'

@@ -29,7 +29,7 @@ BEFORE = 0.8  # of the way to the first focus, where all fronts of a plane meet 
 LEVELS = 17  # fronts drawn
 COARSE = 0.05  # of a level: dS = p dq fails by more on a triangle too large to draw fronts on
 FINER = 2  # halvings of a triangle's sides: lines across it are then smooth
-ALIGNED = 1e-6  # sine of an angle that is none
+ALIGNED = 1e-6  # sine of an angle that counts as zero
 FIRST = 6  # of 121 times: motions are too near each other before
 RAGGED = 4  # times that triangles which hang on by one edge are taken away
 GAUSS = np.polynomial.legendre.leggauss(3)

@@ -203,7 +203,7 @@ def _shapes_over_time(
 
 
 def _shapes(drawn: Any) -> list[Shape]:
-    """Return the shapes that `draw` returned. Raises ValueError if they are none."""
+    """Return the shapes that `draw` returned. Raises ValueError for anything but shapes."""
     shapes = list(drawn) if isinstance(drawn, Iterable) else None
     if shapes is None or not all(isinstance(shape, Shape) for shape in shapes):
         raise ValueError(
