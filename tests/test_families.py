@@ -197,7 +197,7 @@ def test_closed_paths_of_one_energy_are_a_family_of_one_index(name, shape):
 @pytest.mark.parametrize("name", list(CLOSED))
 @pytest.mark.parametrize("aside", [0.0, 0.5])
 def test_closed_paths_are_a_family_at_loose_tolerances(name, tol, aside):
-    """Also with a third coordinate of the same frequency, 2:1 with x; of two it has z = 0."""
+    """Also in space, aslant by an angle, with a third coordinate of the frequency of another."""
     system, guess, (energy, (index, nullity)) = CLOSED[name]
     points = np.array(guess(0.45, 0.7))
     if aside:
@@ -208,8 +208,9 @@ def test_closed_paths_are_a_family_at_loose_tolerances(name, tol, aside):
             "isochronous": lambda q, v, t: (v @ v - q @ q - 0.2 / q[0] ** 2) / 2,
         }
         system = ao.System(in_space[name], ["x", "y", "z"])
-        along = points[0] if name == "two to one" else points[1]
-        points = np.array([*points, aside * along])
+        turned = 0 if name == "two to one" else 1
+        points = np.array([*points, np.sin(aside) * points[turned]])
+        points[turned] *= np.cos(aside)
         index, nullity = index + 1, nullity + 2
     problem = ao.Problem(system, ao.Event(0.0, None), ao.Periodic(None), energy=energy)
     found = ao.solve(problem, guess=points, tol=tol, throw=False)
