@@ -4,14 +4,14 @@ Small matrices are made full, those of a few coordinates condensed block by bloc
 sparse, and factorized as L D L' without pivoting, ten times faster than with it; a tiny negative
 diagonal on the constraint rows makes that possible. The error of that is taken away by iterative
 refinement, whose residual also shows when factors fail: then a sparse QR factorization serves
-instead.
+instead. A border of a few unknowns is eliminated last, however the matrix is stored.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from functools import cached_property
+from functools import cached_property, partial
 
 import casadi as ca
 import numpy as np
@@ -89,7 +89,7 @@ class Factors:
             if layout.keeps_factors:
                 return self._kept.solve
             return lambda right: _solver(layout, "ldl")(self._regular, right)
-        elif isinstance(layout, BorderedLayout) and layout.inner.unpivoted:
+        elif isinstance(layout, BorderedLayout):
             with suppress(np.linalg.LinAlgError):
                 return _Edged(layout, self.nonzeros).solve
         return None
@@ -159,10 +159,11 @@ class Factors:
         if self.layout.small:  # LAPACK factorizes faster than it inverts, if that is not tiny
             tiny = self.layout.size <= TINY
             return self._inverse @ right if tiny else np.linalg.solve(self._full, right)
-        if self.layout.border and self.layout.size <= PATTERN:  # it would fill sparse factors
-            x = np.linalg.solve(full(self.layout, self.nonzeros), right)
-        else:
-            x = _solver(self.layout, "qr")(compressed(self.layout, self.nonzeros), right)
+        if self.layout.border:  # which would fill sparse factors
+            if self.layout.size > PATTERN:
+                raise np.linalg.LinAlgError("the matrix is singular")
+            return np.linalg.solve(full(self.layout, self.nonzeros), right)
+        x = _solver(self.layout, "qr")(compressed(self.layout, self.nonzeros), right)
         if not np.all(np.isfinite(x)):
             raise np.linalg.LinAlgError("the matrix is singular")
         return x
@@ -274,10 +275,6 @@ def diagonal(layout: MatrixLayout, values: Array) -> Array:
 
 def compressed(layout: MatrixLayout, nonzeros: Array) -> Array:
     """Return the nonzeros (nnz,) on the pattern `layout.kkt`."""
-    if isinstance(layout, BorderedLayout):
-        K, B, C, D = layout.split(nonzeros)
-        parts = compressed(layout.inner, K), B.ravel(), C.ravel(), D.ravel()
-        return layout.kkt.sum(np.concatenate(parts))
     return layout.kkt.sum(nonzeros) if layout.storage == "blocks" else nonzeros
 
 
@@ -382,10 +379,10 @@ def _ordered(pattern: Pattern, order: NDInt) -> tuple[ca.Sparsity, NDInt]:
 
 
 class _Edged:
-    """The factors of a sparse symmetric matrix K with a border, [K R; C D].
+    """The factors of a sparse matrix K with a border, [K R; C D].
 
     K may be singular along the directions R. With as many springs E s E' on single unknowns it is
-    not, and is factorized without pivoting; they are taken off again with the edges,
+    not, and is factorized; they are taken off again with the edges,
 
         K x + R y - s E z = r,    C x + D y = r',    E'x - z = 0.
     """
@@ -396,7 +393,8 @@ class _Edged:
         springs, pattern = _largest(R[: inner.unknowns]), inner.kkt
         size = np.abs(K).max()
         held = np.isin(pattern.row, springs) & (pattern.row == pattern.col)
-        self._factors = _Kept(inner, K + size * held)
+        K = K + size * held
+        self._inner = _Kept(inner, K).solve if inner.unpivoted else partial(_solver(inner, "qr"), K)
         E = np.zeros((n, springs.size))
         E[springs, np.arange(springs.size)] = 1.0
         beside = np.concatenate([R, -size * E], axis=1)
@@ -404,7 +402,7 @@ class _Edged:
         corner = np.zeros((len(self._across), len(self._across)))
         corner[: len(D), : len(D)] = D
         corner[len(D) :, len(D) :] = -np.eye(springs.size)
-        self._carried = np.stack([self._factors.solve(column) for column in beside.T], axis=1)
+        self._carried = np.stack([self._inner(column) for column in beside.T], axis=1)
         self._corner = corner - self._across @ self._carried
         if not np.isfinite(self._corner).all():
             raise np.linalg.LinAlgError("the matrix is singular")
@@ -412,7 +410,7 @@ class _Edged:
     def solve(self, right: Array) -> Array:
         """Return the solution for one right-hand side, (size,)."""
         n, edges = self._size, right.size - self._size
-        x = self._factors.solve(right[:n])
+        x = self._inner(right[:n])
         other = np.zeros(len(self._across))
         other[:edges] = right[n:]
         y = np.linalg.solve(self._corner, other - self._across @ x)
