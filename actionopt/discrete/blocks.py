@@ -299,7 +299,10 @@ class Condensed:
             self._carry(*border)
         if definite:
             np.linalg.cholesky(self.last)
-        self.inverse = np.linalg.inv(self.last)
+        # Of a family, with its border or without, the last matrix is singular but for round-off: an
+        # inverse would make its condition times as much of that as a solution does.
+        regular = border is None and not blocks.closed.size
+        self.inverse = np.linalg.inv(self.last) if regular else None
 
     def _fold(self) -> None:
         """Make one of the last and the first node of a closed path, in the last matrix."""
@@ -343,7 +346,8 @@ class Condensed:
         left = between.ravel()
         if self.carried:
             left = np.concatenate([left, right[size:] - self._summed(eliminated)[:, 0]])
-        left = self.inverse @ left
+        known = self.inverse
+        left = np.linalg.solve(self.last, left) if known is None else known @ left
         beside = left[between.size :]
         if self.carried:
             for y, Y in zip(eliminated, self.carried, strict=True):
