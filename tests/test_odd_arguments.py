@@ -147,7 +147,7 @@ def calls(folder):
 # Methods that the rooms call on each other's objects, and users do not.
 INTERNAL = {
     *("Mesh.cut", "Mesh.over", "Path.carried_on", "Periodic.after", "Problem.closed_from"),
-    *("Problem.found", "Runs.begun", "Runs.put", "Runs.read", "System.arguments"),
+    *("Problem.found", "Runs.begin", "Runs.put", "Runs.read", "System.arguments"),
     *("System.check_free", "System.dynamics", "System.forget", "System.made"),
     *("System.operations", "System.pointwise", "System.sought", "System.widened"),
     *("Variation.moved", "Variation.nodes"),

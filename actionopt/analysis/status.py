@@ -18,8 +18,9 @@ class Status(Enum):
         "loosen tol"
     )
     DEGENERATE = (
-        "the end event is (numerically) conjugate to the start event: the path is not determined "
-        "by its end points, and no number here can be trusted; move an end point or the end time"
+        "the events do not determine the path (numerically): the end is conjugate to the start, "
+        "or the path is one of a family; no number that differs within it can be trusted; move an "
+        "end point or the end time, or fix what tells the paths of the family apart"
     )
     DWELLING = (
         "both events are equilibria, at which the motion dwells for most of the time: when it "
