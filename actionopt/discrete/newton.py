@@ -25,7 +25,7 @@ from actionopt.tools.types import EPS, Array
 # times as much, take 2 % more iterations at the most.
 CONTRACTION = 0.5  # a larger ratio of successive steps is not the neighbourhood of a path
 ROUNDOFF_STEP = 1e-9  # steps that stop contracting below this size are round-off
-DISTURBED = 5  # steps that multipliers may take to come right
+DISTURBED = 5  # steps granted for the multipliers to settle
 SURELY = 0.1  # a ratio of steps that leaves no doubt of it
 DAMPED = 1e-3  # a shorter fraction of a step leads nowhere
 CHORDS = 3  # simplified steps that cost less than a factorization where that is kept

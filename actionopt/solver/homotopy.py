@@ -1,4 +1,4 @@
-"""Reach a path from one that is none, by taking away the force that would make it one.
+"""Reach a path from any curve, by removing gradually the force that makes the curve a motion.
 
 Any curve is the true motion under some applied force: the negative of its Euler-Lagrange residual
 R(z0). Scaling that force down, R(z) = (1 - s) R(z0), leads from the curve at s = 0 to a path

@@ -1,8 +1,8 @@
-"""Find a path: from the straight line by the rungs of a ladder, or from a guess.
+"""Find a path by a sequence of fallback strategies, from the straight line or from a guess.
 
-Without a guess a least path is sought where there may be one, else a stationary one; with one, the
-stationary path near it. Linear equations of motion need no finding: their discrete problem is one
-linear system.
+Without a guess the search is for a least path where there may be one, else for a stationary one;
+with a guess, for the stationary path near it. Linear equations of motion need no search: their
+discrete problem is one linear system.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ from actionopt.tools.watch import OutOfTime, Watch
 
 UNSOLVED = (Status.NOT_FOUND, Status.UNRESOLVED, Status.DEGENERATE)
 REACHED = (Status.SOLVED, Status.FLOOR)
-# What ways of a price from DEAR on may cost together, in second derivatives on one element; of
-# paths that are found by a homotopy, by motions that meet or by patience half take less than 3000
+# Total budget, in evaluations of second derivatives on one element, of the strategies that cost
+# DEAR or more. Half the paths found by a homotopy, by two-sided shooting or by patience take < 3000
 # (28 of 270 random systems and pendulums of 1 to 20 coordinates, at most 12,000; of 650 others of
 # up to 4 coordinates four took from 15,800 to 18,300, and none more of 350 that were given 60,000).
 # The motions of a meeting count MOTION each, by their time.
@@ -289,8 +289,8 @@ def plain(problem: Problem) -> bool:
 class Root(Rung):
     """Ipopt solves the stationarity conditions: no path need be near.
 
-    Nothing else answers seven of 23 random questions to a Toda lattice of 15 masses, and some under
-    forces or where kinetic energies have both signs, of which no path is least.
+    No other strategy solves seven of 23 random problems on a Toda lattice of 15 masses, and some
+    problems with forces or with kinetic energies of both signs, where no path is least.
     """
 
     price = 500
@@ -327,7 +327,7 @@ IPOPT: tuple[Rung, ...] = (
     PatientLeast("patient least", (8, 16, 32, 64)),
 )
 BRIEF = LADDER[:2]  # what takes some hundredths of a second, whatever comes of it
-NEAR: tuple[Rung, ...] = ()  # what is not near a guess is not sought
+NEAR: tuple[Rung, ...] = ()  # do not search away from the guess
 
 
 @dataclass(eq=False)

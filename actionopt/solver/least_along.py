@@ -174,8 +174,8 @@ def _least(ws: Along, tol: float, first: list[Iterate]) -> tuple[Along, Status, 
 
     Return the search that has the least, the verdict, and whether none of less action was lost.
 
-    What nodes alone hold outside costs less than what all of it does, about: one whose action there
-    is above that of a path that was refined is not the least.
+    To keep only the nodes outside the obstacle is a relaxation: a path whose action is then above
+    that of a refined path is not the least.
     """
     best: Along | None = None
     status = Status.NOT_FOUND

@@ -25,7 +25,7 @@ class Clock:
 
 @dataclass(eq=False)
 class Record:
-    """What is told of a search in `Solution.stats`; nothing is decided by it.
+    """Statistics of a search for `Solution.stats`; they are never used for decisions.
 
     Attributes
     ----------

@@ -30,8 +30,8 @@ EXPLAINED_BY_ROUNDOFF = 10.0  # times the effect of that in times and coordinate
 # oscillators near a conjugate time: one sample in a hundred is 100 times smaller than the error.
 NOTICEABLE = 1e3
 AVERAGING_SIZE = 50_000  # unknowns and multipliers with which to average it
-# Times the mesh of the last round that brought something; so many are tried in any case, as they
-# take a tenth of a second.
+# Largest growth of the mesh since the last round that reduced the error; meshes of up to FRUITLESS
+# unknowns are always tried, as they take a tenth of a second.
 FRUITLESS_GROWTH, FRUITLESS = 20, 10_000
 MAX_UNKNOWNS = 1_000_000  # and multipliers: two kB each, a few seconds a round
 CREDIBLE_CHANGE = 0.3  # from a given mesh to a finer one; a larger one says nothing of the error

@@ -42,12 +42,12 @@ from actionopt.tools.checks import COARSEST, FINEST, among, tolerance
 from actionopt.tools.watch import OutOfTime, Progress, Watch
 
 LADDERS = {"auto": LADDER, "ipopt": IPOPT}  # by method
-AT_REST = 1e-6  # of its size, the way of a closed path that is none; ad hoc
-ROUNDED = 1e-9  # of what the events tell of a coordinate's size, a path that may be zero; ad hoc
+AT_REST = 1e-6  # displacement / size below which a closed path is an equilibrium; ad hoc
+ROUNDED = 1e-9  # of the size told by the events, below which a path may be zero; ad hoc
 BEFORE_A_JUMP = 3  # rungs tried where the first path crosses a jump: seconds are lost there; ad hoc
 # By principle, after what a path is followed from a nearer end: a least one was not settled.
 MISSED = {"auto": (Status.NOT_FOUND,), "least": (Status.NOT_FOUND, Status.UNRESOLVED)}
-DWELT = (Status.NOT_FOUND, Status.UNRESOLVED, Status.DEGENERATE)  # what it may be
+DWELT = (Status.NOT_FOUND, Status.UNRESOLVED, Status.DEGENERATE)  # what DWELLING may look like
 DWELL_STEP = 1e-5  # of the way, that a motion makes at most from node to node at rest; ad hoc
 
 
@@ -379,7 +379,7 @@ def _in_windows(problem: Problem, guess: Guess | None, choices: Choices) -> tupl
 
 
 def moves(solution: Solution) -> bool:
-    """Whether a path is no rest."""
+    """Whether the path moves at all."""
     speed = np.abs(solution.velocity(solution.mesh.nodes)).max(axis=1)
     size = np.abs(solution.path.values).max(axis=1)
     size = np.maximum(size, ROUNDED * solution.problem.scales)

@@ -116,8 +116,9 @@ def touched(found: DiscretePath) -> tuple[Arc, ...]:
 def other_sides(found: DiscretePath) -> list[Path]:
     """Return curves that pass the obstacle on its other side, one for each part in contact.
 
-    From the middle of that part straight across; as far as the parts before and behind the curve is
-    moved with it. There is none across what has no other side, such as a half plane.
+    Each curve moves the middle of its part straight across, and the path with it as far as the
+    parts before and behind. Obstacles without a far side, such as a half plane,
+    have no such curve.
     """
     held, mesh, curves = _held(found), found.mesh, []
     if held.system.n == 1:

@@ -61,7 +61,7 @@ ROUGH = 1e-2  # what the first mesh of a family leaves out of a guess
 FULL = 300  # unknowns of a path whose matrix is looked at as a whole in a family
 NEAR_START, NEAR_GUESS = 1e-2, 0.1  # as far as a first mesh tells, or a guess
 # Force on a closed path: measured, 1e-14 on motions, 1e-5 at most on first meshes of them, and 1 or
-# more on what is none, such as a path that has shrunk to a rest, whose refinement would not end.
+# more on spurious paths, such as one that has shrunk to a rest, whose refinement would not end.
 PUSHED, HELD = 1e-8, 1.0
 
 
@@ -215,7 +215,7 @@ class Unfixed(Workspace):
             return True
         problem = self.problem.loose
         self.here = self._around(path, None if lam is None else np.nan_to_num(lam), problem)
-        # Of closed paths that are a family the steps do not contract, which is to be seen.
+        # Newton does not contract on a family of closed paths: the iterate must show that.
         if not (self.follow() or (damped and self.approach(APPROACHES))):
             return False
         return problem is self.problem or not self.problem.start.pinned or self._begun(NEAR_START)
@@ -413,14 +413,14 @@ class Unfixed(Workspace):
         return False
 
     def judged(self, status: Status) -> Status:
-        """Return the verdict on the path at hand: one that has to be pushed is none."""
+        """Return the verdict on the path at hand: a closed path needs no force along itself."""
         found = status.stationary
         if self.here.pushed > HELD or (found and self._is_pushed(self.here)):
             return self._held()
         return status
 
     def _is_pushed(self, here: UnfixedPath) -> bool:
-        """Whether a closed path is none; one of a family is not held by what resolves it badly."""
+        """Whether a force holds the path closed, beyond what a coarse mesh of a family needs."""
         return here.pushed > max(self.tol, 0.0 if self.along else here.error, PUSHED)
 
     def _held(self) -> Status:

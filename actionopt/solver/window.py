@@ -1,6 +1,6 @@
 """Events at infinite time: a window, at whose edges the path lies on a linear manifold.
 
-It is that of the equilibrium beyond.
+The manifold is the stable or unstable one of the equilibrium beyond.
 Where the window should end is not known before the path is. So it is solved on one, and what the
 linear manifold leaves out is measured at its edges: by how much the acceleration there differs from
 that of the linear motion, over the square of the slowest rate; and by how much the path moves if
@@ -57,8 +57,8 @@ SAME_PLACE = 1e-9  # of the coordinates' size, within which two equilibria are o
 class Edge:
     """What a window's edge leaves out, relative to q.
 
-    `left` is that of the path there, `moved` at most what it does anywhere on the path; `rest` the
-    equilibrium beyond the time `t`.
+    `left` is the truncation error at the edge, `moved` a bound on its effect anywhere on the path;
+    `rest` is the equilibrium beyond the time `t`.
     """
 
     left: float
@@ -205,7 +205,7 @@ def step(problem: Problem) -> Callable[[Array], Array] | None:
 def graded(problem: Problem, elements: int, degree: int) -> Mesh:
     """Return a mesh over a window, of so many elements or more: the longer, the nearer to rest.
 
-    They begin at the event that is none of its edges, or at zero, where something happens.
+    The mesh is graded from where something happens: the event inside the window, else zero.
     """
     start, end = problem.start, problem.end
     core = next((e.t for e in (start, end) if not isinstance(e, Tail)), 0.0)
@@ -346,7 +346,7 @@ def _reach(whole: Problem, event: Event, other: Event, folds: float, curve: Any)
 def _curve(whole: Problem, guess: Any) -> tuple[Any, Mesh | None]:
     """Return a guess as a function of any times, and its mesh if it has one; None for waypoints.
 
-    What ends somewhere stays there.
+    Outside its mesh the guess is extended by its end values.
     """
     if isinstance(guess, Solution) and guess.problem.has_tails:
         return guess, guess.mesh

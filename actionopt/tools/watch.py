@@ -99,7 +99,7 @@ class Watch:
             self.end = perf_counter() + positive_seconds(seconds)
         check_progress(progress)
         self.progress, self.how, self.iterations = progress, "", 0
-        self._raised: BaseException | None = None  # by progress: nobody on the way may take it
+        self._raised: BaseException | None = None  # by progress: no handler may swallow it
 
     @property
     def raised(self) -> BaseException | None:
