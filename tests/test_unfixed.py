@@ -76,6 +76,48 @@ def test_behind_a_wall_the_sentence_says_so():
             assert ao.solve(problem).success
 
 
+TOPS = {  # L whose potential has its top, 1, at 0, and its mass
+    "wells": (lambda q, v, t: v[0] ** 2 / 2 - (q[0] ** 2 - 1) ** 2, lambda x: 1.0),
+    "mass and gauge": (
+        lambda q, v, t: (
+            (2 + np.sin(q[0])) * v[0] ** 2 / 2 - (q[0] ** 2 - 1) ** 2 + q[0] ** 2 * v[0]
+        ),
+        lambda x: 2 + np.sin(x),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", TOPS)
+@pytest.mark.parametrize("above", [1e-6, 1e-9])
+def test_just_above_a_barrier(name, above):
+    L, mass = TOPS[name]
+    problem = ao.Problem(
+        ao.System(L, ["x"]), ao.Event(0.0, [-1.2]), ao.Event(None, [0.9]), energy=1 + above
+    )
+    found = ao.solve(problem, throw=False)
+    top = np.sqrt(above)
+
+    def slowness(u):  # dt/du where x = top sinh(u): E - V = above + x^2 (2 - x^2)
+        x = top * np.sinh(u)
+        return top * np.cosh(u) * np.sqrt(mass(x) / 2 / (above + x * x * (2 - x * x)))
+
+    u, w = np.polynomial.legendre.leggauss(200)
+    a, b = np.arcsinh(np.array([-1.2, 0.9]) / top)
+    T = (b - a) / 2 * w @ slowness((a + b) / 2 + (b - a) / 2 * u)
+    assert found.status in (ao.Status.SOLVED, ao.Status.FLOOR)
+    assert abs(found.duration / T - 1) < min(found.error, 1e-14 / above)
+
+
+def test_an_energy_below_the_potential_at_an_end_is_no_search():
+    bowl = ao.System(lambda q, v, t: v @ v / 2 - q @ q / 2 + q[0] * v[1], ["x", "y"])
+    problem = ao.Problem(bowl, ao.Event(0.0, [0.1, 0.0]), ao.Event(None, [1.0, 1.0]), energy=0.9)
+    found = ao.solve(problem, throw=False)
+    assert found.status is ao.Status.NOT_FOUND and not sum(found.stats["iterations"].values())
+    with pytest.raises(ao.SolveError, match="potential on the straight line, 1 at x = 1, y = 1"):
+        ao.solve(problem)
+    assert ao.solve(problem.replace(energy=1.5)).success
+
+
 @pytest.mark.parametrize(("energy", "a", "b"), [(12.0, 0.0, 2.0), (-3.0, -0.4, 1.1)])
 def test_pendulum_of_given_energy(energy, a, b):
     system = systems.pendulum("a", G)

@@ -22,6 +22,10 @@ REST_STEPS, AT_REST = 20, 1e-9  # of Newton's method to an equilibrium; the forc
 TURNING = 1e-7  # real part of a rate that is imaginary, of the largest
 MODE_ELEMENTS, MODE_DEGREE = 8, 6
 LEAST_RATE = 0.1  # of the largest rate: turning points are passed at a finite one
+# Of one coordinate: points with which its quadrature begins, halvings, points at most, and what one
+# more halving may change of the duration in each interval; one within BELOW of the largest energy
+# may be at a turning point, whose energy was rounded.
+COARSE, HALVINGS, MOST, CHANGED, BELOW = 41, 60, 4000, 1e-6, 1e-7
 
 
 def rates(problem: Problem, q: Array, u: Array, t: Array) -> tuple[Array, Array]:
@@ -65,6 +69,90 @@ def along(problem: Problem, q: Array, t: float) -> tuple[Array, float] | None:
     mean = (rate[1:] + rate[:-1]) / 2  # exact at a constant force, from or to rest too
     steps = 1 / np.where(mean > 0, mean, LEAST_RATE * largest) / (len(q) - 1)
     return np.concatenate([[0.0], np.cumsum(steps)]), float(left.min())
+
+
+def passage(problem: Problem) -> tuple[Array, Array, Array] | None:
+    """Return times from zero, coordinates and velocities (K,) of the motion straight to the end.
+
+    Of one coordinate, where all motions between two places take the same line: dt = dq / v by
+    quadrature, its intervals halved until that changes the duration no more. None where the energy
+    does not let it through, or does not give the velocity.
+    """
+    if problem.system.n > 1 or not (problem.start.pinned and problem.end.pinned):
+        return None
+    if not _conserved(problem) or problem.start.q == problem.end.q:
+        return None
+    a, b = float(problem.start.q[0]), float(problem.end.q[0])  # type: ignore[arg-type]
+
+    def speeds(s: Array) -> Array:
+        """ds/dt where q = a + s (b - a); zero at rest, NaN where the motion cannot be."""
+        q = (a + s * (b - a))[:, None]
+        rate, left = rates(problem, q, np.full_like(q, b - a), np.zeros_like(q))
+        return np.where(left == 0, 0.0, np.where(np.isfinite(left), rate, np.nan))
+
+    s = np.linspace(0.0, 1.0, COARSE)
+    rate = speeds(s)
+    for _ in range(HALVINGS):
+        middle = (s[1:] + s[:-1]) / 2
+        between = speeds(middle)
+        if not (np.isfinite(rate).all() and np.isfinite(between).all() and between.all()):
+            return None
+        # 2 ds / (v0 + v1) is exact at a constant force, from or to rest too.
+        h, whole = np.diff(s), rate[1:] + rate[:-1]
+        if not whole.all():
+            return None
+        halves = h / (rate[:-1] + between) + h / (between + rate[1:])
+        split = np.abs(halves - 2 * h / whole) > CHANGED * halves.sum()
+        if not split.any() or s.size > MOST:
+            break
+        at = 1 + np.flatnonzero(split)
+        s, rate = np.insert(s, at, middle[split]), np.insert(rate, at, between[split])
+    times = np.concatenate([[0.0], np.cumsum(2 * np.diff(s) / (rate[1:] + rate[:-1]))])
+    return times, a + s * (b - a), rate * (b - a)
+
+
+def barrier(problem: Problem) -> str:
+    """Return why no motion has the energy, empty if one may have.
+
+    The energy function is least at rest where L is quadratic in v with a positive mass matrix. Then
+    it must not be above the energy at rest at an end, nor on the way between of one coordinate.
+    """
+    system, ends = problem.system, (problem.start, problem.end)
+    moving = any(e.on is not None and e.on.timed for e in ends)  # its energy is another one
+    if not (problem.free_time and _conserved(problem)) or problem.closes or moving:
+        return ""
+    places = [np.array(e.q, dtype=float) for e in ends if len(e.pinned) == system.n]
+    if not places:
+        return ""
+    q = np.array(places)
+    if system.n == 1 and len(places) == 2:
+        q = q[0] + np.linspace(0.0, 1.0, COARSE)[:, None] * (q[1] - q[0])
+    t, energy = np.zeros((len(q), 1)), float(problem.energy or 0.0)
+    first, second = system.pointwise("first"), system.pointwise("second")
+    with np.errstate(all="ignore"):
+        rest = -first(q, 0 * q, t, problem.packed)[2][:, 0]
+        k = int(np.argmax(np.where(np.isfinite(rest), rest, -np.inf)))
+        if not rest[k] - energy > BELOW * max(abs(energy), abs(rest[k])):
+            return ""
+        v = np.stack([0 * q[k], *np.random.default_rng(0).normal(size=(2, system.n))])
+        at = np.repeat(q[k : k + 1], 3, axis=0), v, np.zeros((3, 1)), problem.packed
+        mass = second.full(2, second(*at)[2].copy(), symmetric=True)
+    if not (np.isfinite(mass).all() and (mass == mass[0]).all()):
+        return ""  # not quadratic in v
+    if not np.linalg.eigvalsh(mass[0])[0] > 0:
+        return ""
+    place = ", ".join(f"{name} = {x:.6g}" for name, x in zip(system.coordinates, q[k], strict=True))
+    return (
+        f"the energy {energy:.6g} is below the potential on the straight line, {rest[k]:.6g} at "
+        f"{place}, which every motion has to pass; give a larger energy"
+    )
+
+
+def _conserved(problem: Problem) -> bool:
+    """Whether motions keep their energy, and nothing but their Lagrangian says where they go."""
+    system = problem.system
+    plain = not (system.m or system.r or system.structure.forced)
+    return plain and system.structure.smooth and not system.structure.depends_on_time
 
 
 def returning(problem: Problem, q: Array, t: float) -> float:

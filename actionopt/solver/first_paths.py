@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from actionopt.analysis.shooting import motions
+from actionopt.analysis.shooting import hermite, motions
 from actionopt.analysis.solution import Solution
 from actionopt.discrete.bordered import over
 from actionopt.discrete.discrete_path import DiscretePath
@@ -25,7 +25,7 @@ from actionopt.discrete.resolution import refined, resolution
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import Guess, curve
-from actionopt.solver.durations import along, rates, returning
+from actionopt.solver.durations import along, passage, rates, returning
 from actionopt.solver.iterate import SAFETY, UNKNOWN_GAIN, measured
 from actionopt.solver.ladder import COARSE_DEGREE
 from actionopt.solver.refine import ROUNDS
@@ -99,6 +99,18 @@ class FirstPaths:
             self.hint = "no point was found on the surface of an event; give a guess"
         if self.problem.closes or self.problem.on_surface:
             return
+        through = passage(self.problem)
+        if through is not None:
+            t, q, v = through
+            known = over(self.problem, float(t[-1]))
+            curve_on = curve(known, hermite(known.start.t + t, q[None], v[None]))
+            for represented in REPRESENTED:
+                path = resolved(known, curve_on, represented)
+                yield path, None, "line"
+                # Of a path over a given duration the energy is known better than of its first.
+                at = self._over(known.duration, DiscretePath.of(known, path))
+                if at is not None:
+                    yield at.path, at.rows, "duration"
         if not (self.problem.start.pinned and self.problem.end.pinned):
             yield from ((path, None, "motion") for path in self._stopping())
         yield from ((at.path, at.rows, "duration") for at in self.near())
@@ -287,6 +299,11 @@ def guessed(problem: Problem, guess: Guess, represented: float) -> Path:
     else:
         known = over(problem, 1.0)
         curve_on = curve(known, guess)
+    return resolved(known, curve_on, represented)
+
+
+def resolved(known: Problem, curve_on: Callable[[Mesh], Path], represented: float) -> Path:
+    """Return a curve over the times of a problem on a mesh that represents it."""
     mesh = Mesh.uniform(known.start.t, known.end.t, FIRST_ELEMENTS, COARSE_DEGREE)
     found = curve_on(mesh)
     for _ in range(ROUNDS // 2):

@@ -30,6 +30,7 @@ from actionopt.solver import family
 from actionopt.solver.arguments import Guess
 from actionopt.solver.arrivals import arrivals
 from actionopt.solver.closed import passes, rolled
+from actionopt.solver.durations import barrier
 from actionopt.solver.family import directions, suspected
 from actionopt.solver.first_paths import (
     REPRESENTED,
@@ -448,9 +449,12 @@ def solve_unfixed(
     if isinstance(guess, Solution) and guess.success:
         run.gain = guess.stats.get("gain", run.gain)  # a neighbour is as sensitive
     status, known = Status.NOT_FOUND, False
+    run.hint = barrier(problem)
 
     def tries() -> Iterator[tuple[Path, Array | None, str, bool]]:
         """Yield first paths with their multipliers, whence, and whether to damp the steps."""
+        if run.hint:
+            return
         for damped in (False, True):
             for k, (path, lam, how) in enumerate(first.firsts(guess)):
                 if k and not thorough:
