@@ -130,7 +130,7 @@ def bratu():
 
 
 def test_searches_beyond_a_fold_have_a_budget(monkeypatch):
-    monkeypatch.setattr(budget, "FREE", budget.PURSE // 4)
+    monkeypatch.setattr(budget, "FREE", budget.BUDGET // 4)
     c = np.linspace(3.0, 4.1, 24)
     found = solve_run(bratu(), {"c": c}, TOL)
     exists = c < 3.5138307

@@ -11,12 +11,12 @@ import actionopt as ao
 from actionopt import Event, Path, Problem, System, scenes
 from actionopt.discrete.transcription import Transcription
 from actionopt.solver.ladder import (
+    BUDGET,
     COARSE_GUESS,
     IPOPT,
     LADDER,
     MEETING_LOST,
     NEAR_GUESS,
-    PURSE,
     Meeting,
     Root,
     Search,
@@ -164,7 +164,7 @@ def test_with_a_saddle_in_hand_each_way_has_its_own_price():
     assert not search._spent
     search._limit(4000)
     assert watch.most == 4501
-    watch.evaluated = PURSE + 1
+    watch.evaluated = BUDGET + 1
     assert search._spent
 
 

@@ -106,7 +106,7 @@ def singular():
 @pytest.mark.parametrize("first", [2, pytest.param(1, marks=pytest.mark.slow)])
 def test_singular_matrices_end_in_a_verdict(monkeypatch, name, first):
     problem = QUESTIONS[name]
-    monkeypatch.setattr(ladder, "PURSE", 1000)
+    monkeypatch.setattr(ladder, "BUDGET", 1000)
     with monkeypatch.context() as broken:
         counting(broken, first, singular)
         found = ao.solve(problem, throw=False)

@@ -279,7 +279,7 @@ def test_paths_that_do_not_exist_cost_little_wherever_the_grid_begins(monkeypatc
             return ao.solve(problem, tol=tol, guess=guess, throw=throw)
         if progress is not None:  # what takes a tenth of a second or more to find out
             tried.append(float(problem.parameters["c"]))
-            progress("patient least", 1, None, {"elements": budget.PURSE})
+            progress("patient least", 1, None, {"elements": budget.BUDGET})
         return nothing
 
     monkeypatch.setattr(module, "solve", counted)

@@ -33,11 +33,12 @@ from actionopt.tools.watch import OutOfTime, Watch
 UNSOLVED = (Status.NOT_FOUND, Status.UNRESOLVED, Status.DEGENERATE)
 REACHED = (Status.SOLVED, Status.FLOOR)
 # Total budget, in evaluations of second derivatives on one element, of the strategies that cost
-# DEAR or more. Half the paths found by a homotopy, by two-sided shooting or by patience take < 3000
-# (28 of 270 random systems and pendulums of 1 to 20 coordinates, at most 12,000; of 650 others of
-# up to 4 coordinates four took from 15,800 to 18,300, and none more of 350 that were given 60,000).
+# EXPENSIVE or more. Half the paths found by a homotopy, by two-sided shooting or by patience take
+# less than 3000 (28 of 270 random systems and pendulums of 1 to 20 coordinates, at most 12,000; of
+# 650 others of up to 4 coordinates four took from 15,800 to 18,300, and none more of 350 that were
+# given 60,000).
 # The motions of a meeting count MOTION each, by their time.
-PURSE, DEAR, MOTION = 20_000, 500, 4
+BUDGET, EXPENSIVE, MOTION = 20_000, 500, 4
 # Ad hoc, where nothing else is said.
 # Beyond which Ipopt takes far longer than a descent; up to it, it keeps nearer to the line.
 DESCENT_COORDINATES = 8
@@ -349,7 +350,7 @@ class Search:
     around: Search | None = None  # the same from a curved line, once it was begun
     lost: list[tuple[bool, Iterate]] = field(default_factory=list)  # what could not be refined
     saddle: tuple[str, Iterate] | None = None  # found while a least path was sought
-    purse: float = math.inf  # elements evaluated after which nothing dear is tried
+    budget: float = math.inf  # elements evaluated after which nothing expensive is tried
     settled: Path | None = None  # what became of a guess on a mesh that may be too coarse
     tried: list[str] = field(default_factory=list)
 
@@ -387,7 +388,7 @@ class Search:
             around = Search(self.ws.again(), *given, curved=True, lost=self.lost)
             self.around, done = around, 0
             around.may_be_least = self._may_be_least
-        around.purse, ws = self.purse, around.ws
+        around.budget, ws = self.budget, around.ws
         try:
             status = around._try(self.ladder[done:rungs])
         except OutOfTime:
@@ -417,7 +418,7 @@ class Search:
             try:
                 if not rung.applies(self):  # which may take second derivatives
                     continue
-                if rung.price >= DEAR:
+                if rung.price >= EXPENSIVE:
                     self._limit(rung.price)
                 self.begin(rung.name, rung.minimises)
                 status = rung.attempt(self)
@@ -441,18 +442,18 @@ class Search:
         return self._refine_saddle() if self.principle == "auto" else status
 
     def _limit(self, price: int) -> None:
-        """Let what is tried from now on cost no more than `PURSE`, where ways have a price.
+        """Let what is tried from now on cost no more than `BUDGET`, where ways have a price.
 
         With a saddle in hand no more than the price of the way.
         """
         watch = self.ws.watch = self.ws.watch or Watch(None, None)
         if not watch.priced or self.curved:
             return
-        if self.purse == math.inf:
-            self.purse = watch.evaluated + PURSE
-        watch.most = self.purse
+        if self.budget == math.inf:
+            self.budget = watch.evaluated + BUDGET
+        watch.most = self.budget
         if self.saddle is not None and self.principle == "auto":
-            watch.most = min(self.purse, watch.evaluated + price)
+            watch.most = min(self.budget, watch.evaluated + price)
 
     @property
     def _spent(self) -> bool:
@@ -460,19 +461,19 @@ class Search:
         watch = self.ws.watch
         if watch is None:
             return False
-        spent = watch.evaluated > self.purse
-        watch.most = math.inf if spent else self.purse
+        spent = watch.evaluated > self.budget
+        watch.most = math.inf if spent else self.budget
         return spent
 
     def _priced(self, rungs: Iterable[Rung]) -> Iterator[Rung]:
         """Yield the rungs in turn, last those that the time left does not allow for."""
-        watch, dear = self.ws.watch, []
+        watch, expensive = self.ws.watch, []
         for rung in rungs:
             if watch is None or watch.affords(rung.price):
                 yield rung
             else:
-                dear.append(rung)
-        yield from dear
+                expensive.append(rung)
+        yield from expensive
 
     def _refine_saddle(self) -> Status:
         """Refine the saddle that was found while a least path was sought, if there is one."""

@@ -88,7 +88,8 @@ def solve(
     seconds : float, optional
         The time it may take, a little more where one evaluation takes long; then the best attempt
         is what there is. Ways that take longer, at the pace so far, are tried after the others.
-        Without it, a search that finds nothing ends at a price: see `ladder.PURSE`.
+        Without it, a search that finds nothing ends at a cost that is counted, in evaluations of
+        second derivatives.
     progress : callable, optional
         `progress(stage, done, total, detail)` at every iteration: the strategy that is being
         tried, the iterations so far, None (nobody knows how many there will be), and
