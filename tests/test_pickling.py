@@ -175,3 +175,11 @@ def test_a_lambda_of_a_notebook_reaches_a_process_that_is_spawned():
     command = [sys.executable, "-c", textwrap.dedent(NOTEBOOK)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.stdout == "as here\n", done.stderr
+
+
+def test_conserved_quantities_and_variations_travel():
+    plane, pendulum = scenes.get("kepler").problem.system, solved("pendulum")
+    turn = ao.noether(plane, lambda q, t: [-q[1], q[0]])
+    assert pickle.loads(pickle.dumps(turn))([1.0, 0.5], [0.0, 2.0], 0.0) == pytest.approx(2.0)
+    wave = ao.variation(pendulum, lambda t: [np.sin(np.pi * t)])
+    assert pickle.loads(pickle.dumps(wave))(0.1) == wave(0.1)

@@ -708,3 +708,14 @@ def test_dask_finds_the_same_bits(serial, short):
             PENDULUM, OVER, executor=client.get_executor(), record="index", keep_paths=True
         )
     assert same(runs, serial)
+
+
+def test_a_sweep_out_of_time_says_how_to_go_on():
+    spring = System(
+        lambda q, v, t, *, k: v[0] ** 2 / 2 - k * q[0] ** 2 / 2, ["x"], parameters={"k": 1.0}
+    )
+    problem = Problem(spring, Event(0.0, [0.0]), Event(1.0, [1.0]))
+    runs = ao.sweep(problem, {"k": np.linspace(0.1, 5.0, 9000)}, seconds=1e-3)
+    assert runs.remainder == int(np.isnan(runs.action).sum()) > 0
+    assert "interrupted" in repr(runs) and "resume=" in repr(runs)
+    assert runs.retry().retried == "partly"

@@ -18,6 +18,7 @@ from actionopt.analysis.second_variation import Form, condense
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.end_times import by_times, explicit, jumps_of
 from actionopt.discrete.foot import reactions, surface_at
+from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Tail
 from actionopt.mechanics.system import System
 from actionopt.tools.blas import one_thread
@@ -72,15 +73,21 @@ class Sensitivity:
 def sensitivity(at: DiscretePath, error: float, momenta: tuple[Array, Array]) -> Sensitivity:
     """Return the derivatives of the action of a path by its ends and parameters.
 
-    `error` is the path's, `momenta` those at its ends, (n,) each. Raises ValueError for
-    non-conservative forces: S is then no function of the ends that the momenta would be
-    derivatives of.
+    `error` is the path's, `momenta` those at its ends, (n,) each. Raises ValueError for a path in
+    contact with an obstacle, and for non-conservative forces: S is then no function of the ends
+    that the momenta would be derivatives of.
 
     References
     ----------
     Goldstein, *Classical Mechanics* (3rd ed. 2002), sections 8.6 and 10.1; J. H. Van Vleck,
     *Proc. Natl. Acad. Sci.* 14 (1928), p. 178.
     """
+    if isinstance(at.problem, Held):
+        raise ValueError(
+            "expected a path that touches no obstacle, found one that does: its contact changes "
+            "with the events, which these derivatives do not count; solve for neighbouring events "
+            "and take differences, or see `momenta` for dS by the coordinates there"
+        )
     form = resolve(at, error, SENSITIVITY_RESOLUTION)
     found = slopes(at, momenta)
     q0, q1 = found["q0"], found["q1"]

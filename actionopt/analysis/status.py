@@ -18,9 +18,9 @@ class Status(Enum):
         "loosen tol"
     )
     DEGENERATE = (
-        "the events do not determine the path (numerically): the end is conjugate to the start, "
-        "or the path is one of a family; no number that differs within it can be trusted; move an "
-        "end point or the end time, or fix what tells the paths of the family apart"
+        "the end event is (numerically) conjugate to the start event, or the path is one of a "
+        "family of closed paths: it is not determined by its events, and no number that differs "
+        "within the family can be trusted; move an end point or the end time"
     )
     DWELLING = (
         "both events are equilibria, at which the motion dwells for most of the time: when it "

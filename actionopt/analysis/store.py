@@ -59,8 +59,11 @@ def load(file: str | FilePath, system: System | str | None = None) -> Solution:
         raise ValueError(f"expected a System or the name of a scene, found {system!r}")
     try:
         found = _read(FilePath(file))
-    except FileNotFoundError:
-        raise
+    except FileNotFoundError as error:
+        raise FileNotFoundError(
+            f"expected a file of a solution, found none at {str(file)!r}; `solution.save` writes "
+            "one"
+        ) from error
     except Exception as error:  # there is no end to the ways in which a file can be damaged
         raise _file_error(file, error) from error
     problem = _problem(found, system)

@@ -38,7 +38,8 @@ def add_to(command: argparse.ArgumentParser) -> None:
     one_of("--workers", type=int, metavar="N", help="processes (1)")
     one_of("--dask", metavar="ADDRESS", help="of the scheduler of a Dask cluster")
     what = "try again what is not found, as long as it takes; also of a sweep that --out wrote"
-    add("--retry", nargs="?", const=True, metavar="FILE.npz", help=what)
+    add("--retry", nargs="?", const=True, type=_file_of_runs, metavar="FILE.npz", help=what)
+    add("--seconds", type=float, help="time it may take; then it ends as if it were interrupted")
     add("--resume", metavar="FILE", help="keep what is finished there, and go on from it")
     add("--out", metavar="FILE", help="write the arrays (.npz, or .nc by xarray)")
     add("--plot", metavar="FILE", help="draw the action (png, pdf, svg, ...)")
@@ -58,6 +59,15 @@ def _over(text: str) -> tuple[str | tuple[str, str], Any]:
         ) from error
 
 
+def _file_of_runs(text: str) -> str:
+    if not text.endswith(".npz"):
+        raise argparse.ArgumentTypeError(
+            f"expected FILE.npz or nothing, found {text!r}; write the scene or the file first: "
+            f"actionopt sweep {text} --retry"
+        )
+    return text
+
+
 def run(options: argparse.Namespace) -> int:
     """Solve, print what came of it, and write what is asked for; 130 if interrupted."""
     import numpy as np
@@ -67,6 +77,7 @@ def run(options: argparse.Namespace) -> int:
     from actionopt.families.sweep import sweep
     from actionopt.tools.checks import tolerance
     from actionopt.tools.files import ready
+    from actionopt.tools.watch import time_limit
 
     problem, _ = question(options)
     tol = tolerance(options.tol)
@@ -93,7 +104,7 @@ def run(options: argparse.Namespace) -> int:
                 f"expected one or two axes to draw, found {len(over)}; leave --plot out"
             )
     clock = perf_counter()
-    with _executor(options) as executor:
+    with _executor(options) as executor, time_limit(options.seconds):
         if isinstance(options.retry, str):
             runs = Runs.read(options.retry, Grid.of(problem, over, False), tol, options.index)
         else:
@@ -172,6 +183,12 @@ def _print_runs(runs: Runs, time: float) -> None:
         rows.append(("index", ", ".join(f"{k} of {n}" for k, n in zip(*found, strict=True))))
     rows += [
         *([("failed", runs.failures + remedy)] if runs.failures else []),
+        *((runs.grid.text(i), runs.messages[i]) for i in sorted(runs.messages)[:1]),
+        *(
+            [("not reached", f"{runs.remainder}: --resume FILE; the same call then goes on")]
+            if runs.remainder
+            else []
+        ),
         ("branches", str(runs.branch.max(initial=-1) + 1)),
         ("time", f"{seconds(time)}, {runs.stats['tasks']} tasks"),
     ]

@@ -361,6 +361,10 @@ class _Solvers(threading.local):
     def __init__(self) -> None:
         self.kinds: dict[str, Any] = {}
 
+    def __reduce__(self) -> tuple:
+        """Leave what is compiled behind: it is made again."""
+        return _Solvers, ()
+
 
 # Unknowns and rows within an element up to which its block is worth its zeros; above, the share of
 # its work that sparse factors do as well, at a fifth of the speed of blocks. Measured on chains of

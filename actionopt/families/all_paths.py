@@ -98,8 +98,11 @@ class Paths:
         return iter(self.solutions)
 
     def __getitem__(self, k: int) -> Solution:
-        """Return path k, counted by increasing action."""
-        return self.solutions[k]
+        """Return path k, counted by increasing action. Raises IndexError if there is none."""
+        try:
+            return self.solutions[k]
+        except IndexError:
+            raise IndexError(f"expected one of {len(self)} paths, found number {k}") from None
 
     @property
     def indices(self) -> tuple[int, ...]:

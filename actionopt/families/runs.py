@@ -28,7 +28,7 @@ from actionopt.tools.checks import flat_index
 from actionopt.tools.files import ready, whole
 from actionopt.tools.journal import Journal
 from actionopt.tools.types import Array, NDInt
-from actionopt.tools.watch import Progress, check_progress
+from actionopt.tools.watch import Progress, check_progress, positive_seconds, time_limit
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -88,7 +88,8 @@ class Runs:
         Members that failed and were not searched for as `solve` would, because searches before
         them found nothing: `retry` does.
     retried : str
-        Whether `retry` tried again what had failed: "no", "partly" if it was interrupted, "fully".
+        Whether `retry` tried again what had failed: "no", "partly" if it was interrupted or the
+        sweep before it was, "fully".
     """
 
     grid: Grid
@@ -145,6 +146,11 @@ class Runs:
                 "expected given times and coordinates at the events, found some to be found: only "
                 "the paths say where; keep them by resume="
             )
+        if not FilePath(file).exists():
+            raise FileNotFoundError(
+                f"expected a file of a sweep, found none at {str(file)!r}; `runs.save`, or "
+                "`actionopt sweep --out FILE.npz`, writes one"
+            )
         with np.load(file, allow_pickle=False) as data:
             axes = dict(zip(runs._names, grid.values, strict=True))
             arrays = {name: getattr(runs, name) for name in OVER_GRID}
@@ -186,7 +192,12 @@ class Runs:
         solved = f"{int(self.success.sum())} of {self.grid.size} solved"
         failed = f"; {self.failures}" if self.failures else ""
         failed += ": runs.retry()" if failed and self.retried != "fully" else ""
-        return f"Runs({self.problem.name} over {over}: {solved}, branches {sheets}{failed})"
+        ended = "; interrupted" if self.interrupted else ""
+        if remainder := self.remainder:
+            ended += (
+                f", {remainder} not reached: sweep with resume=FILE; the same call then goes on"
+            )
+        return f"Runs({self.problem.name} over {over}: {solved}, branches {sheets}{failed}{ended})"
 
     @property
     def failures(self) -> str:
@@ -195,6 +206,11 @@ class Runs:
         unsought = int((missed & self.unsought).sum())
         part = f", {unsought} of them not searched for at length" if unsought else ""
         return f"{int(missed.sum())} not found{part}" if missed.any() else ""
+
+    @property
+    def remainder(self) -> int:
+        """How many members an interrupted sweep did not come to."""
+        return int((self.status == UNREACHED).sum())
 
     @property
     def problem(self) -> Problem:
@@ -225,7 +241,7 @@ class Runs:
     @property
     def interrupted(self) -> bool:
         """Whether the user, or the time given, ended it before all members were tried."""
-        return self.retried == "partly" or bool((self.status == UNREACHED).any())
+        return self.retried == "partly" or self.remainder > 0
 
     @property
     def branch(self) -> NDInt:
@@ -292,13 +308,15 @@ class Runs:
         guess: Guess | None = None,
         *,
         executor: Executor | None = None,
+        seconds: float | None = None,
         progress: Progress | None = None,
         resume: str | FilePath | None = None,
     ) -> Runs:
         """Return the same with the members that failed tried again, each as long as `solve` takes.
 
         Near neighbours that are solved, then from nothing as `solve` does; or near `guess`, then
-        from nothing.
+        from nothing. Members that an interrupted sweep did not come to are not tried: the same
+        `sweep` with `resume` does that.
 
         Parameters
         ----------
@@ -306,6 +324,8 @@ class Runs:
             As for `solve`, for each member. With an executor or a file one that can be pickled.
         executor : concurrent.futures.Executor, optional
             As for `sweep`: the numbers are the same, to the last bit.
+        seconds : float, optional
+            The time it may take; then it ends as if it were interrupted.
         progress : callable, optional
             As for `sweep`, of the members that are tried again, the stage "retry". An interruption
             (KeyboardInterrupt) ends it as it ends a sweep, and keeps what is found.
@@ -319,6 +339,8 @@ class Runs:
         """
         check_executor(executor)
         check_progress(progress)
+        if seconds is not None:
+            positive_seconds(seconds)
         guess = guess.path if isinstance(guess, Solution) else guess
         if executor is not None or resume is not None:
             check_sent(guess)
@@ -327,7 +349,7 @@ class Runs:
             about = question_of(grid, self.tol, self.index is not None, self.kept is not None)
             known = self.status.tobytes() + self.momenta.tobytes()
             journal = Journal(resume, retry_of(about, known, guess))
-        retried: Literal["partly", "fully"] = "fully"
+        retried: Literal["partly", "fully"] = "partly" if self.remainder else "fully"
         failed = grid.order[self.failed.ravel()[grid.order]]
         tasks = [failed[k : k + TOGETHER] for k in range(0, failed.size, TOGETHER)]
         intake = Intake("retry", again, failed.size, journal, progress)
@@ -338,7 +360,8 @@ class Runs:
                 intake(int(record["task"]), record, kept=True)
             left = (k for k in range(len(tasks)) if k not in intake.entered)
             given = ((k, (question, *self._retry_task(tasks[k], position, guess))) for k in left)
-            dispatch(work, given, executor, intake)
+            with time_limit(seconds):
+                dispatch(work, given, executor, intake)
         except KeyboardInterrupt:
             retried = "partly"
         except Exception as error:

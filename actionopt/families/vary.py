@@ -53,9 +53,9 @@ def present(problem: Problem, name: Name) -> float:
         value = event.near[coordinates.index(name[1])] if name[1] in coordinates else None
         if value is None:
             given = [c for c, x in zip(coordinates, event.near, strict=True) if x is not None]
+            known = f"one of {', '.join(given)}" if given else "but the event gives none"
             raise ValueError(
-                f"expected a coordinate that the event gives, one of {', '.join(given) or 'none'}, "
-                f"found {name[1]!r}"
+                f"expected a coordinate that the event gives, {known}, found {name[1]!r}"
             )
         return value
     known = problem.parameters

@@ -75,6 +75,10 @@ class Conserved:
         function = ca.Function("conserved", [s.q, s.v, s.t, s.p], [ca.densify(self.terms)])
         object.__setattr__(self, "_terms", Pointwise(function))
 
+    def __reduce__(self) -> tuple:
+        """Carry the expressions as a function: the system has other symbols there."""
+        return _restore, (self.system, self._terms.function)  # type: ignore[attr-defined]
+
     def __repr__(self) -> str:
         """Show of what it is, not the expressions."""
         return f"Conserved(I(q, v, t) of {self.terms.numel()} terms, {self.system})"
@@ -110,6 +114,12 @@ class Conserved:
         arguments, single = self.system.arguments(q, v, t, parameters)
         values = self._terms(*arguments)[0].copy()  # type: ignore[attr-defined]
         return values[0] if single else values
+
+
+def _restore(system: System, terms: ca.Function) -> Conserved:
+    """Return the conserved quantity whose terms a function of (q, v, t, p) gives."""
+    s = system.symbols
+    return Conserved(system, terms(s.q, s.v, s.t, s.p))
 
 
 def noether(

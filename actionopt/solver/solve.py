@@ -119,6 +119,8 @@ def solve(
     asked(problem)
     if not among(method, LADDERS):
         raise ValueError(f"expected method 'auto' or 'ipopt', found {method!r}")
+    if not isinstance(throw, (bool, np.bool_)):
+        raise ValueError(f"expected throw=True or throw=False, found {throw!r}")
     watch = None if seconds is progress is None else Watch(seconds, progress)
     choices = Choices(tol, principle, LADDERS[method], mesh, watch)
     solution, message = _answered(problem, guess, choices)

@@ -35,7 +35,10 @@ def get(
     Raises ValueError if there is no such family or parameter, or the mesh makes no sense.
     """
     if not among(name, FAMILIES):
-        raise ValueError(f"unknown test problem {name!r}{suggestion(str(name), tuple(FAMILIES))}")
+        raise ValueError(
+            f"unknown test problem {name!r}{suggestion(str(name), tuple(FAMILIES))}; "
+            "actionopt.suite.find() names all"
+        )
     return TestProblem(FAMILIES[name], elements, degree, decades, parameters)
 
 

@@ -85,7 +85,7 @@ def numbers(value: object, what: str) -> np.ndarray:
     _check_bare(value, what)
     try:
         found = np.array(value)
-        if found.dtype.kind not in "biufO":
+        if value is None or found.dtype.kind not in "biufO":
             raise TypeError(f"{found.dtype} is no real type")
         return found if found.dtype.char == "d" else found.astype(float)
     except Exception as error:  # of another package's arrays it may be any

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
+from inspect import signature
 from time import perf_counter
 
 from actionopt.tools.checks import number
@@ -16,8 +17,16 @@ Progress = Callable[[str, int, int | None, Mapping[str, float]], object]
 
 
 def check_progress(progress: Progress | None) -> None:
-    """Raise ValueError for anything but a callable or None."""
-    if progress is not None and not callable(progress):
+    """Raise ValueError for anything but None or a callable of four arguments."""
+    if progress is None:
+        return
+    try:
+        takes = callable(progress)
+        with suppress(ValueError):  # of some that are built in nobody knows
+            signature(progress).bind("", 0, None, {})
+    except TypeError:
+        takes = False
+    if not takes:
         raise ValueError(f"expected progress(stage, done, total, detail), found {progress!r}")
 
 
