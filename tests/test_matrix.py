@@ -1,0 +1,675 @@
+"""Every pair of kinds of questions: it has a known answer, or mechanics says why it has none.
+
+Answers are closed forms, written here with none of the package's own numbers.
+"""
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+import systems
+
+import actionopt as ao
+
+FEATURES = (
+    "given times",
+    "free time",
+    "infinite time",
+    "closed",
+    "surface",
+    "obstacle",
+    "constraint",
+    "clock",
+    "force",
+    "mesh",
+    "ipopt",
+    "trace",
+    "sweep",
+)
+SOLVED, REFUSED, UNBUILT = {}, {}, {}
+MESH = ao.Mesh.uniform(0, 1, 4, 8)
+INF = np.inf
+KNOWN = 1e-7  # how near an answer is to the known one
+
+
+def pair(*names):
+    assert set(names) <= set(FEATURES)
+    return frozenset(names)
+
+
+def solves(*names):
+    """Enter a function into the table that asks a question of both kinds, and checks the answer."""
+
+    def entered(function):
+        assert pair(*names) not in SOLVED
+        SOLVED[pair(*names)] = function
+        return function
+
+    return entered
+
+
+def refuses(*names, says, because=""):
+    """Enter a function that asks a question which is refused with words, `because` of mechanics.
+
+    Without a reason it is one that nobody has built yet.
+    """
+
+    def entered(function):
+        (REFUSED if because else UNBUILT)[pair(*names)] = function, says
+        return function
+
+    return entered
+
+
+def check(problem, *curves, T=1.0, action=None, **options):
+    """Solve, and compare coordinates with functions of the time, the duration and the action."""
+    sol = ao.solve(problem, **options)
+    assert sol.duration == pytest.approx(T, rel=KNOWN)
+    t = np.linspace(0, 1, 41) * sol.duration
+    for x, known in zip(sol(t + sol.problem.start.t), curves, strict=True):
+        assert x == pytest.approx(known(t), abs=KNOWN)
+    if action is not None:
+        assert sol.action == pytest.approx(action, rel=KNOWN)
+    return sol
+
+
+def ask(system, start, end, T=1.0, **more):
+    return ao.Problem(system, ao.Event(0, start), ao.Event(T, end), **more)
+
+
+# -- systems ---------------------------------------------------------------------------------------
+
+
+def ring(**more):
+    """A particle on the unit circle: angles grow evenly."""
+    return systems.particle("x y", constraint=lambda q, t: q @ q - 1, **more)
+
+
+def quarter(T=1.0, **more):
+    """From the angle 0 to a quarter of the circle."""
+    return ask(ring(**more), [1, 0], [0, 1], T)
+
+
+def falling():
+    """L = v^2 / 2 + x t: x'' = t, x = c t + t^3 / 6."""
+    return ao.System(lambda q, v, t: v @ v / 2 + q[0] * t, ["x"])
+
+
+def dragged(names="x", **more):
+    """Drag of rate one: q = u (1 - exp(-t))."""
+    return systems.particle(names, force=lambda q, v, t: -v, **more)
+
+
+def driven(drag=False):
+    """x'' = x + a cos t: x = -a cos t / 2 closes after 2 pi; with drag x'' + x' = x + a cos t."""
+    more = {"force": lambda q, v, t: -v} if drag else {}
+    return ao.System(
+        lambda q, v, t, *, a: (v @ v + q @ q) / 2 + a * q[0] * np.cos(t),
+        ["x"],
+        parameters={"a": 1.0},
+        **more,
+    )
+
+
+def returning(drag=False):
+    return ao.Problem(driven(drag), ao.Event(0, [None]), ao.Periodic(2 * np.pi))
+
+
+def double_well():
+    """L = v^2 / 2 + a^2 (x^2 - 1)^2 / 2: x = tanh a t, S = 4 a / 3."""
+    return ao.System(
+        lambda q, v, t, *, a: v @ v / 2 + a**2 * (q[0] ** 2 - 1) ** 2 / 2,
+        ["x"],
+        parameters={"a": 1.0},
+    )
+
+
+def kink(**more):
+    return ao.Problem(double_well(), ao.Event(-INF, [-1.0]), ao.Event(INF, [1.0]), **more)
+
+
+def floor(**more):
+    """A string of the weight g above a floor: parabolas end there tangentially."""
+    return ao.System(
+        lambda q, v, t, *, g: v @ v / 2 + g * q[0],
+        ["y"],
+        parameters={"g": 2.0},
+        obstacle=lambda q, t: q[0],
+        **more,
+    )
+
+
+def drop(t, g=2.0):
+    return g / 2 * (np.maximum(1 - t * np.sqrt(g / 2), 0) / np.sqrt(g / 2)) ** 2
+
+
+def over_floor(**more):
+    return ask(floor(), [1.0], [0.0], 2.0, **more)
+
+
+def disc(names="x y", **more):
+    return systems.particle(names, obstacle=lambda q, t: q[0] ** 2 + q[1] ** 2 - 1, **more)
+
+
+def round_disc():
+    """From (-2, 0.3) to (2, 0): the length of the shortest way, above."""
+    before, behind = np.sqrt(3.09), np.sqrt(3)
+    return before + behind + np.pi - np.arctan2(0.3, 2) - np.arctan(before) - np.arctan(behind)
+
+
+def line(s=1.0):
+    """Return an event's surface x + y = s."""
+    return lambda q, t: q[0] + q[1] - s
+
+
+def onto(system, on, T=1.0, start=(0.0, 0.0), **more):
+    return ao.Problem(system, ao.Event(0, start), ao.Event(T, [None, None], on=on), **more)
+
+
+def sloped(**more):
+    """A particle to x + y = s: straight across."""
+    on = lambda q, t, *, s: q[0] + q[1] - s  # noqa: E731
+    return onto(systems.particle("x y"), on, parameters={"s": 1.0}, **more)
+
+
+def half(t):
+    return t / 2
+
+
+# -- given times -----------------------------------------------------------------------------------
+
+
+@solves("given times", "mesh")
+def _():
+    check(ask(systems.oscillator(), [0], [np.sin(1)]), np.sin, mesh=MESH)
+
+
+@solves("given times", "ipopt")
+def _():
+    check(ask(systems.oscillator(), [0], [np.sin(1)]), np.sin, method="ipopt")
+
+
+@solves("given times", "constraint")
+def _():
+    check(quarter(np.pi / 2), np.cos, np.sin, T=np.pi / 2)
+
+
+@solves("given times", "clock")
+def _():
+    check(ask(falling(), [0], [1]), lambda t: 5 / 6 * t + t**3 / 6)
+
+
+@solves("given times", "force")
+def _():
+    check(ask(dragged(), [0], [1 - np.exp(-1)]), lambda t: 1 - np.exp(-t))
+
+
+@solves("given times", "surface")
+def _():
+    check(sloped(), half, half, action=0.25)
+
+
+@solves("given times", "obstacle")
+def _():
+    check(over_floor(), drop, T=2.0)
+
+
+@solves("given times", "closed")
+def _():
+    check(returning(), lambda t: -np.cos(t) / 2, T=2 * np.pi)
+
+
+@solves("given times", "infinite time")
+def _():
+    """From the equilibrium, and at 0 when it is given."""
+    sol = ao.solve(ao.Problem(double_well(), ao.Event(-INF, [-1.0]), ao.Event(0, [0.0])))
+    t = np.linspace(-5, 0, 20)
+    assert sol(t)[0] == pytest.approx(np.tanh(t), abs=KNOWN)
+
+
+@solves("given times", "free time")
+def _():
+    """One of each."""
+    check(ask(systems.particle(), [0], [1], None, energy=2.0), lambda t: 2 * t, T=0.5)
+
+
+@solves("given times", "trace")
+def _():
+    found = ao.trace(ask(systems.oscillator(), [0], [1]), ("end", "x"), 3.0)
+    assert found.actions[-1] == pytest.approx(4.5 / np.tan(1), rel=KNOWN)
+
+
+@solves("given times", "sweep")
+def _():
+    found = ao.sweep(ask(systems.oscillator(), [0], [1]), {("end", "x"): [1.0, 3.0]})
+    assert found.action == pytest.approx(np.array([0.5, 4.5]) / np.tan(1), rel=KNOWN)
+
+
+# -- free times ------------------------------------------------------------------------------------
+
+
+@refuses(
+    "free time",
+    "infinite time",
+    says="expected a finite time beside one that is free",
+    because="the duration is infinite, whatever the energy",
+)
+def _():
+    ao.Problem(double_well(), ao.Event(-INF, [-1.0]), ao.Event(None, [0.0]))
+
+
+@solves("free time", "closed")
+def _():
+    """A pendulum of amplitude 1: the period 4 K(sin^2(1/2)), by the arithmetic-geometric mean."""
+    a, b = 1.0, np.cos(0.5)
+    for _ in range(6):
+        a, b = (a + b) / 2, np.sqrt(a * b)
+    problem = ao.Problem(
+        systems.pendulum(), ao.Event(0, [0.0]), ao.Periodic(None), energy=-np.cos(1)
+    )
+    assert ao.solve(problem).duration == pytest.approx(2 * np.pi / a, rel=KNOWN)
+
+
+@solves("free time", "surface")
+def _():
+    problem = onto(systems.particle("x y"), line(3 * np.sqrt(2)), None, energy=2.0)
+    check(problem, *[lambda t: np.sqrt(2) * t] * 2, T=1.5)
+
+
+@refuses("free time", "obstacle", says="expected both times of a path along an obstacle")
+def _():
+    ask(disc(), [-2, 0.3], [2, 0], None, energy=0.5)
+
+
+@solves("free time", "constraint")
+def _():
+    check(quarter(None).replace(energy=0.5), np.cos, np.sin, T=np.pi / 2)
+
+
+@solves("free time", "clock")
+def _():
+    """H(t1) = v^2 / 2 - x t = (4/3)^2 / 2 - 1 at t1 = 1."""
+    problem = ask(falling(), [0], [1], None, energy=-1 / 9)
+    check(problem, lambda t: 5 / 6 * t + t**3 / 6, guess=ao.solve(ask(falling(), [0], [1], 1.1)))
+
+
+@refuses(
+    "free time",
+    "force",
+    says="expected a system without non-conservative forces",
+    because="no action is stationary in the time",
+)
+def _():
+    ask(dragged(), [0], [1], None)
+
+
+@refuses("free time", "mesh", says="expected no mesh where a time is free")
+def _():
+    ao.solve(ask(systems.particle(), [0], [1], None, energy=2.0), mesh=MESH)
+
+
+@refuses("free time", "ipopt", says="expected method 'auto' where a time is free")
+def _():
+    ao.solve(ask(systems.particle(), [0], [1], None, energy=2.0), method="ipopt")
+
+
+@solves("free time", "trace")
+def _():
+    found = ao.trace(ask(systems.particle(), [0], [1], None, energy=2.0), "energy", 8.0)
+    assert found.solution(-1).duration == pytest.approx(0.25, rel=KNOWN)
+
+
+@solves("free time", "sweep")
+def _():
+    found = ao.sweep(ask(systems.particle(), [0], [1], None, energy=2.0), {"energy": [2.0, 8.0]})
+    assert found.solution(1).duration == pytest.approx(0.25, rel=KNOWN)
+
+
+# -- infinite times --------------------------------------------------------------------------------
+
+
+@refuses(
+    "infinite time",
+    "closed",
+    says="expected a path that closes after a finite time",
+    because="from rest back to rest is a path between two events",
+)
+def _():
+    ao.Problem(double_well(), ao.Event(0, [-1.0]), ao.Periodic(INF))
+
+
+@refuses("infinite time", "surface", says="expected finite times where an event lies on a surface")
+def _():
+    ao.Problem(
+        double_well(), ao.Event(-INF, [-1.0]), ao.Event(0, [None], on=lambda q, t: q[0] - 0.5)
+    )
+
+
+@refuses("infinite time", "obstacle", says="expected finite times of a path along an obstacle")
+def _():
+    ask(floor(), [1.0], [0.0], INF)
+
+
+@refuses("infinite time", "constraint", says="expected")
+def _():
+    ao.solve(ask(ring(), [1, 0], [0, 1], INF))
+
+
+@solves("infinite time", "clock")
+def _():
+    """A clock that dies out: x = 1 / cosh t."""
+    stiffness = lambda t: 1 - 2 / np.cosh(t) ** 2  # noqa: E731
+    system = ao.System(lambda q, v, t: (v @ v + stiffness(t) * q @ q) / 2, ["x"])
+    sol = ao.solve(ask(system, [1], [0], INF))
+    t = np.linspace(0, 8, 20)
+    assert sol(t)[0] == pytest.approx(1 / np.cosh(t), abs=KNOWN)
+
+
+@refuses("infinite time", "force", says="expected")
+def _():
+    ao.solve(ask(dragged(), [1], [0], INF))
+
+
+@solves("infinite time", "mesh")
+def _():
+    """The mesh is over a window."""
+    sol = ao.solve(kink(), mesh=ao.Mesh.uniform(-12, 12, 24, 8), tol=1e-6)
+    assert sol.action == pytest.approx(4 / 3, rel=1e-6)
+
+
+@solves("infinite time", "ipopt")
+def _():
+    assert ao.solve(kink(), method="ipopt").action == pytest.approx(4 / 3, rel=KNOWN)
+
+
+@solves("infinite time", "trace")
+def _():
+    assert ao.trace(kink(), "a", 2.0).actions[-1] == pytest.approx(8 / 3, rel=KNOWN)
+
+
+@solves("infinite time", "sweep")
+def _():
+    assert ao.sweep(kink(), {"a": [1.0, 2.0]}).action == pytest.approx([4 / 3, 8 / 3], rel=KNOWN)
+
+
+# -- closed paths ----------------------------------------------------------------------------------
+
+
+@refuses("closed", "surface", says="expected a closed path to begin anywhere")
+def _():
+    ao.Problem(
+        systems.pendulum(), ao.Event(0, [None], on=lambda q, t: q[0] - 0.1), ao.Periodic(8.0)
+    )
+
+
+@refuses("closed", "obstacle", says="expected an Event as the end of a path along an obstacle")
+def _():
+    ao.Problem(disc(), ao.Event(0, [None, None]), ao.Periodic(1.0))
+
+
+@solves("closed", "constraint")
+def _():
+    """Once round the ring."""
+    problem = ao.Problem(ring(), ao.Event(0, [1.0, None]), ao.Periodic(2 * np.pi))
+    check(problem, np.cos, np.sin, T=2 * np.pi, guess=lambda t: [np.cos(t), 0.9 * np.sin(t)])
+
+
+@solves("closed", "clock")
+def _():
+    check(returning(), lambda t: -np.cos(t) / 2, T=2 * np.pi)
+
+
+@solves("closed", "force")
+def _():
+    """x = Re exp(i t) / (i - 2)."""
+    check(returning(drag=True), lambda t: (np.exp(1j * t) / (1j - 2)).real, T=2 * np.pi)
+
+
+@solves("closed", "mesh")
+def _():
+    mesh = ao.Mesh.uniform(0, 2 * np.pi, 12, 8)
+    check(returning(), lambda t: -np.cos(t) / 2, T=2 * np.pi, mesh=mesh)
+
+
+@solves("closed", "ipopt")
+def _():
+    check(returning(), lambda t: -np.cos(t) / 2, T=2 * np.pi, method="ipopt")
+
+
+@solves("closed", "trace")
+def _():
+    found = ao.trace(returning(), "a", 3.0)
+    assert found.solution(-1)(0.0) == pytest.approx([-1.5], rel=KNOWN)
+
+
+@solves("closed", "sweep")
+def _():
+    found = ao.sweep(returning(), {"a": [1.0, 3.0]})
+    assert found.solution(1)(0.0) == pytest.approx([-1.5], rel=KNOWN)
+
+
+# -- surfaces --------------------------------------------------------------------------------------
+
+
+@refuses("surface", "obstacle", says="expected events of given coordinates along an obstacle")
+def _():
+    onto(disc(), lambda q, t: q[0] - 2, start=(-2.0, 0.3))
+
+
+@solves("surface", "constraint")
+def _():
+    """Along the ring to the diagonal."""
+    problem = onto(ring(), lambda q, t: q[0] - q[1], np.pi / 4, start=(1.0, 0.0))
+    check(problem, np.cos, np.sin, T=np.pi / 4)
+
+
+@solves("surface", "clock")
+def _():
+    """The momentum (1/6 + 1/2, 2/3) is across x + y = 1."""
+    system = ao.System(lambda q, v, t: v @ v / 2 + q[0] * t, ["x", "y"])
+    check(onto(system, line()), lambda t: t / 6 + t**3 / 6, lambda t: 2 / 3 * t)
+
+
+@solves("surface", "force")
+def _():
+    known = [lambda t: (1 - np.exp(-t)) / (1 - np.exp(-1)) / 2] * 2
+    check(onto(dragged("x y"), line()), *known)
+
+
+@refuses("surface", "mesh", says="expected no mesh where an event lies on a surface")
+def _():
+    ao.solve(sloped(), mesh=MESH)
+
+
+@refuses("surface", "ipopt", says="expected method 'auto' where a time is free")
+def _():
+    ao.solve(sloped(), method="ipopt")
+
+
+@solves("surface", "trace")
+def _():
+    assert ao.trace(sloped(), "s", 2.0).actions[-1] == pytest.approx(1.0, rel=KNOWN)
+
+
+@solves("surface", "sweep")
+def _():
+    assert ao.sweep(sloped(), {"s": [1.0, 2.0]}).action == pytest.approx([0.25, 1.0], rel=KNOWN)
+
+
+# -- obstacles -------------------------------------------------------------------------------------
+
+
+@solves("obstacle", "constraint")
+def _():
+    """Round a cylinder, in the plane across it."""
+    system = disc("x y z", constraint=lambda q, t: q[2])
+    sol = ao.solve(ask(system, [-2, 0.3, 0], [2, 0, 0]))
+    assert sol.action == pytest.approx(round_disc() ** 2 / 2, rel=KNOWN)
+
+
+@solves("obstacle", "clock")
+def _():
+    """Tangents from the ends touch the wall x = 1 - 8 (t - 1/2)^2 at 1/2 -+ (1/2 - 1/sqrt(8))."""
+    wall = systems.particle(obstacle=lambda q, t: q[0] - 1 + 8 * (t - 0.5) ** 2)
+    sol = ao.solve(ask(wall, [0], [0]))
+    assert sol.contacts[0].begin == pytest.approx(1 / np.sqrt(8), rel=KNOWN)
+
+
+@refuses(
+    "obstacle",
+    "force",
+    says="found both",
+    because="what an obstacle holds is a path of least action, and with forces none is least",
+)
+def _():
+    systems.particle(force=lambda q, v, t: -v, obstacle=lambda q, t: q[0])
+
+
+@refuses("obstacle", "mesh", says="expected no mesh for a system with an obstacle")
+def _():
+    ao.solve(over_floor(), mesh=ao.Mesh.uniform(0, 2, 8, 4))
+
+
+@solves("obstacle", "ipopt")
+def _():
+    check(over_floor(), drop, T=2.0, method="ipopt")
+
+
+@refuses("obstacle", "trace", says="expected a system without an obstacle")
+def _():
+    ao.trace(over_floor(), "g", 4.0)
+
+
+@solves("obstacle", "sweep")
+def _():
+    found = ao.sweep(over_floor(), {"g": [2.0, 4.0]})
+    assert found.solution(1)(0.5) == pytest.approx([drop(0.5, 4.0)], abs=KNOWN)
+
+
+# -- constraints, clocks, forces -------------------------------------------------------------------
+
+
+@solves("constraint", "clock")
+def _():
+    """On a ring that grows as r = 1 + t: r^2 theta' is conserved."""
+    system = systems.particle("x y", constraint=lambda q, t: q @ q - (1 + t) ** 2)
+    known = [lambda t, f=f: (1 + t) * f(2 * t / (1 + t)) for f in (np.cos, np.sin)]
+    check(ask(system, [1, 0], [2 * np.cos(1), 2 * np.sin(1)]), *known)
+
+
+@solves("constraint", "force")
+def _():
+    """The angle is dragged as a coordinate would be."""
+    known = [
+        lambda t, f=f: f((1 - np.exp(-t)) / (1 - np.exp(-1)) * np.pi / 2) for f in (np.cos, np.sin)
+    ]
+    check(quarter(force=lambda q, v, t: -v), *known)
+
+
+@solves("constraint", "mesh")
+def _():
+    check(quarter(), *[lambda t, f=f: f(t * np.pi / 2) for f in (np.cos, np.sin)], mesh=MESH)
+
+
+@solves("constraint", "ipopt")
+def _():
+    check(quarter(), *[lambda t, f=f: f(t * np.pi / 2) for f in (np.cos, np.sin)], method="ipopt")
+
+
+@solves("constraint", "trace")
+def _():
+    assert ao.trace(quarter(), "t1", 2.0).actions[-1] == pytest.approx(np.pi**2 / 16, rel=KNOWN)
+
+
+@solves("constraint", "sweep")
+def _():
+    found = ao.sweep(quarter(), {"t1": [1.0, 2.0]})
+    assert found.action == pytest.approx([np.pi**2 / 8, np.pi**2 / 16], rel=KNOWN)
+
+
+@solves("clock", "force")
+def _():
+    """x'' + x' = t: x = t^2 / 2 - t + c (1 - exp(-t))."""
+    system = ao.System(lambda q, v, t: v @ v / 2 + q[0] * t, ["x"], force=lambda q, v, t: -v)
+    known = lambda t: t**2 / 2 - t + 2 * (1 - np.exp(-t))  # noqa: E731
+    check(ask(system, [0], [known(1)]), known)
+
+
+@solves("clock", "mesh")
+def _():
+    check(ask(falling(), [0], [1]), lambda t: 5 / 6 * t + t**3 / 6, mesh=MESH)
+
+
+@solves("clock", "ipopt")
+def _():
+    check(ask(falling(), [0], [1]), lambda t: 5 / 6 * t + t**3 / 6, method="ipopt")
+
+
+@solves("clock", "trace")
+def _():
+    found = ao.trace(ask(falling(), [0], [1]), "t1", 2.0).solution(-1)
+    assert found(1.0) == pytest.approx([(1 - 8 / 6) / 2 + 1 / 6], abs=KNOWN)
+
+
+@solves("clock", "sweep")
+def _():
+    found = ao.sweep(ask(falling(), [0], [1]), {"t1": [1.0, 2.0]}).solution(1)
+    assert found(1.0) == pytest.approx([(1 - 8 / 6) / 2 + 1 / 6], abs=KNOWN)
+
+
+@solves("force", "mesh")
+def _():
+    check(ask(dragged(), [0], [1 - np.exp(-1)]), lambda t: 1 - np.exp(-t), mesh=MESH)
+
+
+@solves("force", "ipopt")
+def _():
+    check(ask(dragged(), [0], [1 - np.exp(-1)]), lambda t: 1 - np.exp(-t), method="ipopt")
+
+
+@solves("force", "trace")
+def _():
+    found = ao.trace(ask(dragged(), [0], [1]), "t1", 2.0).solution(-1)
+    assert found(1.0) == pytest.approx([(1 - np.exp(-1)) / (1 - np.exp(-2))], rel=KNOWN)
+
+
+@solves("force", "sweep")
+def _():
+    found = ao.sweep(ask(dragged(), [0], [1]), {"t1": [1.0, 2.0]}).solution(1)
+    assert found(1.0) == pytest.approx([(1 - np.exp(-1)) / (1 - np.exp(-2))], rel=KNOWN)
+
+
+# -- ways to solve ---------------------------------------------------------------------------------
+
+
+@solves("mesh", "ipopt")
+def _():
+    check(ask(systems.oscillator(), [0], [np.sin(1)]), np.sin, mesh=MESH, method="ipopt")
+
+
+# A trace and a sweep choose meshes and ways themselves: they have no such arguments.
+NOT_ASKED = {pair(a, b) for a in ("mesh", "ipopt") for b in ("trace", "sweep")} | {
+    pair("trace", "sweep")
+}
+
+
+def named(entry):
+    return " x ".join(sorted(entry, key=FEATURES.index))
+
+
+def test_every_pair_is_in_the_table():
+    entered = [*SOLVED, *REFUSED, *UNBUILT, *NOT_ASKED]
+    assert len(entered) == len(set(entered))
+    assert set(entered) == {pair(*names) for names in combinations(FEATURES, 2)}
+
+
+@pytest.mark.parametrize("entry", SOLVED, ids=named)
+def test_a_pair_has_its_known_answer(entry):
+    SOLVED[entry]()
+
+
+@pytest.mark.parametrize("entry", {**REFUSED, **UNBUILT}, ids=named)
+def test_a_pair_is_refused_by_a_sentence(entry):
+    question, says = {**REFUSED, **UNBUILT}[entry]
+    with pytest.raises(ValueError, match=says):
+        question()
