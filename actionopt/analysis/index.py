@@ -22,7 +22,8 @@ import numpy as np
 
 from actionopt.analysis.jacobi import improve, resolve
 from actionopt.analysis.second_variation import Beside, Form, check_legendre, condense
-from actionopt.discrete.bordered import Bordered, moves_of
+from actionopt.discrete.bordered import Bordered
+from actionopt.discrete.borders import Rows, moves_of
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import Factors
 from actionopt.mechanics.held import Held
@@ -148,14 +149,14 @@ def inertia_asked(at: DiscretePath, error: float) -> Inertia:
     path, rows = at.path, at.rows if at.tr.layout.rows else None
     lam = None if rows is None else np.nan_to_num(rows)
     bordered, y = Bordered.around(asked, path, lam, at.tr.lengths, moves)
-    known = bordered.borders.c.size
+    known = bordered.phases
     there = bordered.discrete(y) if asked.closes else at
     if isinstance(at.problem, Held):
         found, form = inertia(there, error, moves=known), None
     else:
         found, form = _count(there, error, known, (bordered, y))
     found = with_duration(found, bordered, y, form)
-    moves, held = min(found.nullity, known), len(bordered.borders.held)
+    moves, held = min(found.nullity, known), len(bordered.given)
     if held and form is not None and found.nullity > known:
         # What is given chooses of a family; a symmetry may well lead along what is left of that.
         there = _held_at_start(form, asked.start.pinned)
@@ -177,9 +178,9 @@ def _held_at_start(form: Form, pinned: tuple[int, ...]) -> Form:
 
 def with_duration(found: Inertia, bordered: Bordered, y: Array, form: Form | None) -> Inertia:
     """Return the inertia with the duration varying, from that over a fixed one."""
-    if not bordered.timed:
+    if bordered.late is None:
         return found
-    if found.nullity > bordered.borders.c.size:
+    if found.nullity > bordered.phases:
         beside = None if form is None else _duration(form, bordered)
         if beside is None or form is None:  # as where fixed durations have a fold
             return replace(found, index=found.index + 1, nullity=found.nullity - 1)
@@ -211,13 +212,14 @@ def _duration(form: Form, bordered: Bordered) -> tuple[Beside, float] | None:
 
     None where that is given, or constraints move with it: variations do not keep them then.
     """
-    if not bordered.timed:
+    if bordered.late is None:
         return None
     at, tr, asked = form.at, form.at.tr, bordered.asked
     lam = np.nan_to_num(at.rows) if tr.layout.rows else None
     there, y = Bordered.around(asked, at.path, lam, tr.lengths)
     row, layout = there.by_duration(y), there.first.layout
-    if there.held or row[layout.unknowns : layout.size].any():
+    surfaces = any(isinstance(border, Rows) for border in there.borders)
+    if surfaces or row[layout.unknowns : layout.size].any():
         return None
     unit = there.first.action_unit
     across = np.zeros(tr.mesh.nodes.size * asked.system.n)
@@ -233,7 +235,8 @@ def _duration(form: Form, bordered: Bordered) -> tuple[Beside, float] | None:
     point = tr.place(at.x)
     mass = asked.system.pointwise("second").product(2, tr.second(at.x)[2], point.v, symmetric=True)
     kinetic = float(np.sum(tr.weight * point.v * mass))
-    return Beside(row[layout.size] * unit, parts), kinetic
+    assert there.late is not None
+    return Beside(float(row[there.late]) * unit, parts), kinetic
 
 
 def _inertia_in_contact(at: DiscretePath, tolerance: float) -> Inertia:

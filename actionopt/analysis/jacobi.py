@@ -21,7 +21,8 @@ from actionopt.analysis.second_variation import (
     coefficients,
     form,
 )
-from actionopt.discrete.bordered import Bordered, moves_of
+from actionopt.discrete.bordered import Bordered
+from actionopt.discrete.borders import moves_of
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.equations import Equations
 from actionopt.discrete.factors import Factors

@@ -14,7 +14,8 @@ import numpy as np
 from actionopt.analysis.jacobi import resolve
 from actionopt.analysis.second_variation import Form
 from actionopt.analysis.solution import Solution, question
-from actionopt.discrete.bordered import Bordered, moves_of
+from actionopt.discrete.bordered import Bordered
+from actionopt.discrete.borders import moves_of
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.mechanics.problem import Event, Problem
 from actionopt.tools.blas import one_thread
@@ -138,7 +139,7 @@ def monodromy(solution: Solution) -> Monodromy:
         asked = problem.asked or problem
         moves = moves_of(asked)
         bordered, _ = Bordered.around(asked, solution.path, None, discrete.tr.lengths, moves)
-        found.trivial = bordered.borders.c.size
+        found.trivial = bordered.phases
     return found
 
 

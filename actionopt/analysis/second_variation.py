@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from actionopt.discrete.discrete_path import DiscretePath, dependent
-from actionopt.discrete.foot import reactions, surface_at
+from actionopt.discrete.surfaces import reactions, surface_at
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.held import Held

@@ -17,7 +17,7 @@ from actionopt.analysis.jacobi import resolve
 from actionopt.analysis.second_variation import Form, condense
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.end_times import by_times, explicit, jumps_of
-from actionopt.discrete.foot import reactions, surface_at
+from actionopt.discrete.surfaces import reactions, surface_at
 from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Tail
 from actionopt.mechanics.system import System

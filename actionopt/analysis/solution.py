@@ -20,10 +20,10 @@ from actionopt.analysis.sensitivity import Sensitivity, sensitivity
 from actionopt.analysis.status import Status
 from actionopt.discrete.action import Units
 from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.foot import reactions
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import resolution
+from actionopt.discrete.surfaces import reactions
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.events import State, Tail
 from actionopt.mechanics.held import Held, arcs_of

@@ -18,11 +18,11 @@ from numpy.typing import ArrayLike
 
 from actionopt.analysis.second_variation import Form, are_units, form
 from actionopt.analysis.solution import Solution, question
-from actionopt.discrete.foot import onto
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.projection import project
 from actionopt.discrete.resolution import resolution
+from actionopt.discrete.surfaces import onto
 from actionopt.mechanics.problem import Problem
 from actionopt.tools.checks import number, numbers
 from actionopt.tools.shown import one_line

@@ -20,7 +20,8 @@ from functools import cached_property
 
 import numpy as np
 
-from actionopt.discrete.bordered import Bordered, moves_of
+from actionopt.discrete.bordered import Bordered
+from actionopt.discrete.borders import moves_of
 from actionopt.discrete.boundaries import moved
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import Factors

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from actionopt.analysis.solution import Solution
-from actionopt.discrete.bordered import over
+from actionopt.discrete.borders import over
 from actionopt.discrete.path import Path
 from actionopt.families.marks import Mark
 from actionopt.mechanics.problem import Problem

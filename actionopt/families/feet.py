@@ -7,7 +7,7 @@ from collections import Counter
 import numpy as np
 
 from actionopt.analysis.solution import Solution
-from actionopt.discrete.foot import onto
+from actionopt.discrete.surfaces import onto
 from actionopt.families.free_times import is_new
 from actionopt.families.searches import SAME_PATH
 from actionopt.mechanics.problem import Event, Problem

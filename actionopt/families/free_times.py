@@ -15,7 +15,7 @@ from itertools import product
 import numpy as np
 
 from actionopt.analysis.solution import Solution
-from actionopt.discrete.bordered import over
+from actionopt.discrete.borders import over
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arrivals import LOOKED_AT, PASSES, Units, passages

@@ -8,7 +8,7 @@ import numpy as np
 
 from actionopt.analysis.sensitivity import slopes
 from actionopt.analysis.solution import Solution
-from actionopt.discrete.bordered import over
+from actionopt.discrete.borders import over
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Event, Periodic, Problem, Tail
 from actionopt.mechanics.system import System

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from actionopt.analysis.shooting import arrive, in_directions, motions, velocities
-from actionopt.discrete.bordered import over
+from actionopt.discrete.borders import over
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Problem

@@ -9,7 +9,8 @@ import numpy as np
 from actionopt.analysis.index import INDEX_TOLERANCE, Inertia
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
-from actionopt.discrete.bordered import Bordered, Borders, shares
+from actionopt.discrete.bordered import Bordered
+from actionopt.discrete.borders import PhaseCondition, shares
 from actionopt.discrete.factors import Factors
 from actionopt.solver.iterate import POLYNOMIAL_ROUNDOFF, Iterate
 from actionopt.solver.workspace import Workspace
@@ -101,9 +102,9 @@ def directions(here: Iterate, bordered: Bordered) -> list[Array]:
     first, _ = np.linalg.qr(np.random.default_rng(0).standard_normal((cut, count)))
     beside = np.zeros((here.tr.layout.size, count))
     beside[:cut] = shares(here.tr)[:, None] * first
-    borders = Borders(beside, beside.T, np.zeros(count))
-    equations = Bordered(bordered.asked, bordered.first, borders, bordered.feet)
-    known = here.z[: here.z.size - bordered.borders.c.size]
+    borders = *bordered.without_phase(), PhaseCondition(beside, beside.T, np.zeros(count))
+    equations = Bordered(bordered.asked, bordered.first, borders)
+    known = here.z[: bordered.forces.start]
     factors = Factors(equations.layout, equations.kkt(np.concatenate([known, np.zeros(count)])))
     size = equations.layout.size
     solved = np.array([factors.solve(e) for e in np.eye(count, size, size - count)]).T

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from actionopt.analysis.shooting import hermite, motions
 from actionopt.analysis.solution import Solution
-from actionopt.discrete.bordered import over
+from actionopt.discrete.borders import over
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.end_times import by_times
 from actionopt.discrete.mesh import Mesh

@@ -12,12 +12,12 @@ import numpy as np
 
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
-from actionopt.discrete.bordered import over
+from actionopt.discrete.borders import over
 from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.foot import onto
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.newton import approach
 from actionopt.discrete.path import Path
+from actionopt.discrete.surfaces import onto
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Event, Problem, diagonal
 from actionopt.solver.arguments import Guess

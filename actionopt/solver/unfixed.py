@@ -17,7 +17,8 @@ import numpy as np
 
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
-from actionopt.discrete.bordered import Bordered, Move, moves_of, over
+from actionopt.discrete.bordered import Bordered
+from actionopt.discrete.borders import Move, moves_of, over
 from actionopt.discrete.boundaries import bounded
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import full
@@ -80,7 +81,7 @@ class UnfixedPath(Iterate):
     @property
     def pushed(self) -> float:
         """The forces that hold a closed path, in its units and sizes: none hold a motion."""
-        forces = self.z[self.z.size - self.bordered.borders.c.size :]
+        forces = self.z[self.bordered.forces]
         largest = np.abs(forces).max(initial=0.0)
         return float(largest / np.abs(self.x).max()) if largest else 0.0
 
@@ -313,8 +314,7 @@ class Unfixed(Workspace):
         Suppl.* 15 (2001), p. 239).
         """
         bordered, y, damping = here.bordered, here.z, 1.0
-        beside = bordered.borders.c.size  # no phase is needed, nor a force
-        count = y.size - beside
+        count, beside = bordered.forces.start, bordered.phases  # no phase is needed, nor a force
         residual = bordered.residual(y)[:count]
         with np.errstate(all="ignore"):
             for _ in range(APPROACHES if y.size <= FULL else APPROACHES // 4):

@@ -1,72 +1,18 @@
-"""Where a path begins or ends on a surface, on(q, t) = 0: what stands beside its equations.
-
-The multipliers mu of S + mu.on balance the momentum there. With holonomic constraints f the moves
-along both are left, and p1 = -mu on_q - nu f_q: the end's own part nu of the constraint's
-multiplier is a force that acts for no time.
-"""
+"""Where a path begins or ends on a surface, on(q, t) = 0, and what balances its momentum there."""
 
 from __future__ import annotations
-
-from typing import NamedTuple
 
 import numpy as np
 
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.mechanics.events import Event
 from actionopt.mechanics.problem import Problem
-from actionopt.tools.types import Array, NDInt
+from actionopt.tools.types import Array
 
 # Of Newton's method to a surface; ad hoc.
 LONGEST_WAY = 60  # steps
 FARTHEST = 10.0  # the first step, in the coordinates' sizes; each next one twice as far
 REACHED = 1e-9  # the last step: the next would be its square
-
-
-class Foot(NamedTuple):
-    """An end of a path on a surface.
-
-    Attributes
-    ----------
-    end : int
-        0 at the start, 1 at the end.
-    free : (k,) array of int
-        Coordinates that the event does not give.
-    places : (k,) array of int
-        Theirs among the unknowns.
-    units : (s,) array
-        Of the rows: what they change by as the coordinates change by their lengths.
-    """
-
-    end: int
-    free: NDInt
-    places: NDInt
-    units: Array
-
-    def rows(self, at: DiscretePath) -> tuple[Array, Array, Array]:
-        """Return on (s,) and its derivatives by x (s, k) and by t (s,), in units of the rows."""
-        on, by_q, by_t, _ = surface_at(at, self.end)
-        scaled = by_q[:, self.free] * at.tr.lengths[self.free] / self.units[:, None]
-        return on / self.units, scaled, by_t / self.units
-
-    def curvature(self, at: DiscretePath, mu: Array) -> Array:
-        """Return the second derivatives of mu.on by x, (k, k)."""
-        event, t = _there(at, self.end)
-        found = event.on.curvature(at.Q[-self.end], t, at.problem.packed, mu / self.units)
-        lengths = at.tr.lengths[self.free]
-        return found[np.ix_(self.free, self.free)] * lengths[:, None] * lengths
-
-
-def feet(at: DiscretePath) -> tuple[Foot, ...]:
-    """Return the ends of a path that lie on surfaces, and are free to move."""
-    found = []
-    for k, event in enumerate(at.problem.surfaces):
-        if event is not None:
-            free = np.array([i for i, x in enumerate(event.q) if x is None])
-            by_q = surface_at(at, k)[1]
-            sizes = np.abs(by_q[:, free] * at.tr.lengths[free]).max(axis=1)
-            units = np.where(np.isfinite(sizes) & (sizes > 0), sizes, 1.0)
-            found.append(Foot(k, free, at.tr.layout.number[-k, free], units))
-    return tuple(found)
 
 
 def surface_at(at: DiscretePath, k: int) -> tuple[Array, Array, Array, Array]:

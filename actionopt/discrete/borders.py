@@ -1,0 +1,390 @@
+"""Borders: what is to be found beside a path, with as many equations.
+
+A question is stationary in everything unknown. Edges the coordinates z of the path that is the
+logarithm of a duration, the multipliers of a surface on which an event lies, or the forces that
+hold a closed path in its place; `bordered` puts them round the KKT matrix.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.end_times import by_stretch
+from actionopt.discrete.surfaces import reactions, surface_at
+from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.problem import Problem
+from actionopt.mechanics.symmetry import find_symmetries
+from actionopt.tools.types import Array, NDInt
+
+OFF = 20.0  # |log T| against the first duration that is reckoned with; ad hoc
+# Of the coordinates' sizes: directions in which a path moves less than this against its others
+# are none of their own, as time along a path at rest, or a turn of one that turns anyway. Ad hoc.
+DISTINCT = 1e-4
+# Of its largest rate, at which a coordinate says where a path begins, or which of a family it is.
+SWIFT, SLOW = 0.1, 1e-3  # ad hoc
+
+
+@dataclass(eq=False)
+class Gradient:
+    """The derivatives of W, the sum of the action and of all borders' terms, in units of action.
+
+    Attributes
+    ----------
+    path : (size,) array
+        By the unknowns of the path: the residual of its equations.
+    times : (2,) array
+        By the times of the events, at fixed coordinates at the nodes.
+    """
+
+    path: Array
+    times: Array
+
+
+class Edges(NamedTuple):
+    """A border's parts of the matrix: columns (size, b), rows (b, size) and a corner (b, b).
+
+    `columns` are the derivatives of the path's equations by its unknowns beta, `rows` those of its
+    own equations by the path's unknowns, `corner` those by beta. A term of W has rows = columns'.
+    """
+
+    columns: Array
+    rows: Array
+    corner: Array
+
+
+class Border(Protocol):
+    """A few unknowns beta (b,) beside the path, and b equations: by default dW/dbeta = 0.
+
+    `Bordered` holds a tuple of borders, in the order of their unknowns behind those of the path. It
+    adds nothing of its own but the derivatives by a duration where laws contain the time: those are
+    differences of all equations together, so that no border has to know of another one. A border
+    whose terms contain times adds their derivatives to `Gradient.times`; one that replaces an
+    equation (tangency for [H] = 0, an arclength) returns its own in place of dW/dbeta.
+    With each multiplier among them the matrix has one negative eigenvalue more than W has
+    directions in which it falls: index = negative eigenvalues - multipliers.
+    """
+
+    @property
+    def size(self) -> int:
+        """The number b of unknowns, and of equations."""
+        ...
+
+    @property
+    def multipliers(self) -> int:
+        """How many of them are multipliers."""
+        ...
+
+    def begin(self, at: DiscretePath) -> Array:
+        """Return first values of the unknowns, (b,), for a path near the one that is sought."""
+        ...
+
+    def residual(self, at: DiscretePath, beta: Array, gradient: Gradient) -> Array:
+        """Return the border's own equations, (b,), and add its terms' derivatives to `gradient`.
+
+        What borders before it have added, is there already.
+        """
+        ...
+
+    def derivative(self, at: DiscretePath, beta: Array, K: Array) -> Edges:
+        """Return its parts of the matrix, at fixed times of others; add to the nonzeros K."""
+        ...
+
+
+# -- a duration ---------------------------------------------------------------------------------
+
+
+def over(problem: Problem, duration: float) -> Problem:
+    """Return the problem at a duration, where its own is free; the times that are given stay."""
+    if not problem.free_time:
+        return problem
+    return problem.found(*times(problem, duration))
+
+
+def times(problem: Problem, duration: float) -> tuple[float, float]:
+    """Return the times of the events at a duration, where one of them or both are free."""
+    t0, t1 = problem.start.t, problem.end.t
+    if t0 is None:
+        t0 = 0.0 if t1 is None else t1 - duration
+    return t0, t0 + duration if t1 is None else t1
+
+
+@dataclass(frozen=True, eq=False)
+class Duration:
+    """The logarithm of the duration, in units of `unit`: T (E - H) = 0.
+
+    Attributes
+    ----------
+    problem : Problem
+        With the energy E, and a time that is free.
+    unit : float
+    """
+
+    problem: Problem
+    unit: float
+    size = 1
+    multipliers = 0
+
+    def begin(self, at: DiscretePath) -> Array:
+        """Return that of the path at hand, (1,)."""
+        return np.array([math.log(at.mesh.duration / self.unit)])
+
+    def duration(self, beta: Array) -> float:
+        """Return T of beta (1,)."""
+        return self.unit * math.exp(min(max(float(beta[0]), -OFF), OFF))
+
+    @property
+    def moving(self) -> int:
+        """Which event's time moves with the duration, 0 or 1."""
+        return 0 if self.problem.end.t is not None else 1
+
+    def residual(self, at: DiscretePath, beta: Array, gradient: Gradient) -> Array:
+        """Return d(W + E T)/d log T, (1,)."""
+        slope = (-1, 1)[self.moving] * gradient.times[self.moving]
+        return np.array([(slope + self._energy(at)) * at.mesh.duration])
+
+    def _energy(self, at: DiscretePath) -> float:
+        return self.problem.energy / at.tr.action_unit  # type: ignore[operator]
+
+    def derivative(self, at: DiscretePath, beta: Array, K: Array) -> Edges:
+        """Return the derivatives by log T, of a system without a clock."""
+        layout = at.tr.layout
+        column = np.zeros((layout.size, 1))
+        column[: layout.unknowns, 0], own = by_stretch(at)
+        return Edges(column, column.T, np.array([[own + self._energy(at) * at.mesh.duration]]))
+
+
+# -- rows of a surface ----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """An event on a surface, on(q, t) = 0: W has the term mu.on, and mu are the unknowns.
+
+    They balance the momentum there. With holonomic constraints f the moves along both are left, and
+    p1 = -mu on_q - nu f_q: the end's own part nu of the constraint's multiplier is a force that
+    acts for no time.
+
+    Attributes
+    ----------
+    end : int
+        0 at the start, 1 at the end.
+    free : (k,) array of int
+        Coordinates that the event does not give.
+    places : (k,) array of int
+        Theirs among the unknowns.
+    units : (s,) array
+        Of the rows: what they change by as the coordinates change by their lengths.
+    """
+
+    end: int
+    free: NDInt
+    places: NDInt
+    units: Array
+
+    @property
+    def size(self) -> int:
+        """The number s of expressions."""
+        return self.units.size
+
+    @property
+    def multipliers(self) -> int:
+        """All of them."""
+        return self.units.size
+
+    @classmethod
+    def of(cls, at: DiscretePath) -> list[Rows]:
+        """Return those of the ends of a path that lie on surfaces, and are free to move."""
+        found = []
+        for k, event in enumerate(at.problem.surfaces):
+            if event is not None:
+                free = np.array([i for i, x in enumerate(event.q) if x is None])
+                by_q = surface_at(at, k)[1]
+                sizes = np.abs(by_q[:, free] * at.tr.lengths[free]).max(axis=1)
+                units = np.where(np.isfinite(sizes) & (sizes > 0), sizes, 1.0)
+                found.append(cls(k, free, at.tr.layout.number[-k, free], units))
+        return found
+
+    def begin(self, at: DiscretePath) -> Array:
+        """Return the multipliers that balance the momentum best, (s,)."""
+        return self.units * reactions(at, self.end)[0] / at.tr.action_unit
+
+    def residual(self, at: DiscretePath, beta: Array, gradient: Gradient) -> Array:
+        """Return on (s,), in units of the rows."""
+        on, by_q, by_t, _ = surface_at(at, self.end)
+        gradient.path[self.places] += beta @ self._scaled(at, by_q)
+        gradient.times[self.end] += float(beta @ (by_t / self.units))
+        return on / self.units
+
+    def _scaled(self, at: DiscretePath, by_q: Array) -> Array:
+        """Return the derivatives of the rows by the unknowns, (s, k), of those by q (s, n)."""
+        return by_q[:, self.free] * at.tr.lengths[self.free] / self.units[:, None]
+
+    def derivative(self, at: DiscretePath, beta: Array, K: Array) -> Edges:
+        """Return the rows' derivatives; their curvature is added to K."""
+        layout, s = at.tr.layout, self.size
+        rows = np.zeros((s, layout.size))
+        rows[:, self.places] = self._scaled(at, surface_at(at, self.end)[1])
+        event, t = at.problem.surfaces[self.end], float(at.mesh.boundaries[-self.end])
+        assert event is not None
+        bent = event.on.curvature(at.Q[-self.end], t, at.problem.packed, beta / self.units)
+        lengths = at.tr.lengths[self.free]
+        bent = bent[np.ix_(self.free, self.free)] * lengths[:, None] * lengths
+        layout.add(K, self.places, bent)
+        return Edges(rows.T, rows, np.zeros((s, s)))
+
+
+# -- where a closed path begins -------------------------------------------------------------------
+
+
+class Move(NamedTuple):
+    """A motion of configuration space xi = b + A q under which L does not change."""
+
+    A: Array
+    b: Array
+
+
+def moves_of(problem: Problem) -> tuple[Move, ...]:
+    """Return the motions of configuration space that a closed path may be subjected to."""
+    if not problem.closes or problem.system.n == 1:
+        return ()
+    system, advance = problem.system, problem.advance
+    known = system.made("moves", dict)
+    key = problem.packed.tobytes()
+    if key not in known:
+        found = find_symmetries(system, parameters=problem.parameters)
+        known[key] = [Move(s.A, s.b) for s in found if not (s.time or s.rate or s.c.any())]
+    # What is moved closes as well: xi(P q + a) = P xi(q).
+    P = np.eye(system.n)[list(problem.order)]
+    kept = [np.r_[(A @ P - P @ A).ravel(), A @ advance + b - P @ b] for A, b in known[key]]
+    if not np.any(kept):
+        return tuple(known[key])
+    _, values, right = np.linalg.svd(np.transpose(kept))
+    size = np.zeros(len(right))
+    size[: values.size] = values
+    A, b = (np.array(part) for part in zip(*known[key], strict=True))
+    return tuple(Move(np.tensordot(x, A, 1), x @ b) for x in right[size <= DISTINCT * size.max()])
+
+
+@dataclass(frozen=True, eq=False)
+class PhaseCondition:
+    """Forces a (k,) along directions B, and as many conditions C z = c that say where the path is.
+
+    They replace equations that W gives, which hold whatever the phase is. The forces vanish at a
+    path up to its discretization, as no symmetric system can be pushed along its symmetry and
+    close: they are the unfolding parameters of Munoz-Almaraz, Freire, Galan, Doedel and
+    Vanderbauwhede, *Physica D* 181 (2003), p. 1. The condition is that of least distance from the
+    first iterate,
+    int xi.(q - q_first) dt = 0 (Doedel, in *Numerical Continuation Methods for Dynamical Systems*
+    (2007), section 1.3.6), or a coordinate that the start gives.
+
+    Attributes
+    ----------
+    B, C : (size, k), (k, size) arrays
+    c : (k,) array
+    given : tuple of int
+        Coordinates that the start gives, and the first of the conditions say.
+    """
+
+    B: Array
+    C: Array
+    c: Array
+    given: tuple[int, ...] = field(default=())
+    multipliers = 0
+
+    @property
+    def size(self) -> int:
+        """The number k of directions."""
+        return self.c.size
+
+    def begin(self, at: DiscretePath) -> Array:
+        """Return no forces, (k,)."""
+        return np.zeros(self.size)
+
+    def residual(self, at: DiscretePath, beta: Array, gradient: Gradient) -> Array:
+        """Return C z - c, (k,)."""
+        gradient.path += self.B @ beta
+        return self.C @ at.z - self.c
+
+    def derivative(self, at: DiscretePath, beta: Array, K: Array) -> Edges:
+        """Return B and C."""
+        return Edges(self.B, self.C, np.zeros((self.size, self.size)))
+
+    def of(self, problem: Problem, lengths: Array) -> PhaseCondition:
+        """Return that of another member of a family, whose start gives other numbers."""
+        values = [problem.start.q[i] / lengths[i] for i in self.given]  # type: ignore[operator]
+        return PhaseCondition(self.B, self.C, np.r_[values, self.c[len(values) :]], self.given)
+
+    @classmethod
+    def near(
+        cls, asked: Problem, at: DiscretePath, moves: Sequence[Move], along: Sequence[Array]
+    ) -> PhaseCondition:
+        """Return the directions in which a closed path may be moved, and conditions for where.
+
+        `along`, (n, K) each, are these where there are more than along itself and by the `moves`.
+        """
+        tr, z, n = at.tr, at.z, asked.system.n
+        layout, size = tr.layout, tr.layout.size
+        fields = [direction.T for direction in along]
+        if not fields:
+            fields = [tr.mesh.duration * at.path.velocity(tr.mesh.nodes).T]
+            fields += [at.Q @ move.A.T + move.b for move in moves]
+        root = np.sqrt(shares(tr))
+        xi = np.stack([f.ravel()[layout.free] / tr.x_unit for f in fields], axis=1)
+        # An independent set: a body that turns uniformly is turned as it goes on.
+        norm = np.linalg.norm(root[:, None] * xi, axis=0)
+        use = norm > DISTINCT
+        left, values, _ = np.linalg.svd(root[:, None] * xi[:, use] / norm[use], full_matrices=False)
+        left = left[:, values > DISTINCT]
+        k = left.shape[1]
+        B, C, c = np.zeros((size, k)), np.zeros((k, size)), np.zeros(k)
+        directions = left / root[:, None]  # in the coordinates
+        B[: layout.unknowns] = left * root[:, None]
+        # Coordinates that the start gives are conditions as far as they can be met by moving.
+        pinned = [int(layout.number[0, i]) for i in asked.start.pinned]
+        size = np.zeros(n)
+        np.maximum.at(size, layout.free % n, np.linalg.norm(directions, axis=1))
+        size = size[list(asked.start.pinned), None]
+        swift = SLOW if along else SWIFT  # what is one of a family can be made to begin there
+        given = _independent(directions[pinned] / np.where(size > 0, size, 1.0), swift) if k else []
+        for row, j in enumerate(given):
+            i = asked.start.pinned[j]
+            C[row, pinned[j]] = 1.0
+            c[row] = asked.start.q[i] / tr.lengths[i]  # type: ignore[operator]
+        rest = np.eye(k)
+        if given:
+            _, _, right = np.linalg.svd(directions[[pinned[j] for j in given]])
+            rest = right[len(given) :].T
+        C[len(given) :] = (B @ rest).T if given else B.T
+        c[len(given) :] = C[len(given) :] @ z
+        return cls(B, C, c, tuple(asked.start.pinned[j] for j in given))
+
+
+def shares(tr: Transcription) -> Array:
+    """Return the part of the duration for which the node of each unknown stands, (unknowns,)."""
+    layout = tr.layout
+    weight = np.bincount(layout.node_of, tr.weight[:, 0], layout.node_count) / tr.mesh.duration
+    weight[0] += weight[-1]  # of a closed path they are one
+    return weight[layout.free // tr.problem.system.n]
+
+
+def _independent(rows: Array, swift: float) -> list[int]:
+    """Return which of the rows are independent, the largest first (Gram and Schmidt's way).
+
+    A coordinate that hardly moves at the start, beside elsewhere, does not say where that is.
+    """
+    left, chosen = rows.copy(), []
+    for _ in range(min(rows.shape)):
+        norms = np.linalg.norm(left, axis=1)
+        j = int(np.argmax(norms))
+        if not norms[j] > swift:
+            break
+        chosen.append(j)
+        unit = left[j] / norms[j]
+        left = left - np.outer(left @ unit, unit)
+    return chosen
