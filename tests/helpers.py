@@ -32,6 +32,14 @@ def solved(name, *, tol=1e-8, **parameters):
     return ao.solve(scene.problem, guess=scene.guess, tol=tol)
 
 
+def contrast(*colours):
+    """Return the contrast of two colours, (r, g, b) of 0 to 1 each; WCAG 2.2."""
+    share = np.array(colours)
+    linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    dark, light = sorted(linear @ [0.2126, 0.7152, 0.0722])
+    return float((light + 0.05) / (dark + 0.05))
+
+
 def same_bits(one, other, because):
     """Assert that two computations gave the same numbers, to the last bit.
 

@@ -99,26 +99,6 @@ def test_the_same_bits_again():
         same_bits(a, b, because="the same operations are done again, in the same order")
 
 
-@pytest.mark.slow
-def test_index_over_conjugate_points():
-    # The end is conjugate to the start at t1 = 1, 2 and 3: there the path is not determined.
-    def lagrangian(q, v, t, *, w):
-        return v[0] ** 2 / 2 - w**2 * q[0] ** 2 / 2 + 0.01 * q[0] ** 4
-
-    system = ao.System(lagrangian, ["x"], parameters={"w": np.pi})
-    problem = ao.Problem(system, ao.Event(0.0, [0.01]), ao.Event(0.6, [0.02]))
-    times = np.linspace(0.6, 3.45, 39)
-    found = solve_run(problem, {"t1": times}, TOL, index=True)
-    for i, t in enumerate(times):
-        if found.success[i] and not found.alone[i]:
-            alone = ao.solve(member(problem, {"t1": times}, i), guess=found.path(i), tol=1e-11)
-            assert apart(found.path(i), alone.path) <= found.error[i] + alone.error
-            assert found.index[i] == alone.morse_index
-            if np.abs(found.values[i]).max() < 0.1:  # else the potential is no parabola
-                assert found.index[i] == int(t)
-    assert (found.success | (np.abs(times - np.round(times)) < 0.05)).all()
-
-
 def bratu():
     """q'' + c e^q = 0, q(0) = q(1) = 0 (Bratu): two paths below c = 3.5138307, then none."""
 

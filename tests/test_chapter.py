@@ -72,24 +72,6 @@ def test_command_names_the_sections(capsys):
 # -- accuracy and costs ----------------------------------------------------------------------
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("changed", [False, True])
-@pytest.mark.parametrize("name", a_quarter(scenes.SCENES, 1))
-def test_scenes_meet_their_closed_forms(name, changed):
-    scene, solution = solve_scene(name, changed)
-    t = np.linspace(scene.problem.start.t, scene.problem.end.t, 101)
-    assert solution.contacts or solution.compare().agrees
-    if scene.exact is not None:
-        exact = scene.exact(t)
-        size = np.max(np.abs(exact), axis=1, keepdims=True)
-        error = np.abs(solution(t) - exact) / np.where(size > 0, size, 1.0)
-        assert np.max(error) < CLOSED_FORM
-    if scene.action is not None:
-        assert abs(solution.action - scene.action) < CLOSED_FORM * max(1.0, abs(scene.action))
-    if "start" in scene.facts and not changed:
-        assert np.max(np.abs(solution.start.v - scene.facts["start"].v)) < VELOCITY
-
-
 def test_other_numbers_are_other_numbers():
     assert other_numbers("kepler")["mu"] != scenes.parameters("kepler")["mu"]
     assert "links" not in other_numbers("chain")

@@ -266,14 +266,6 @@ def test_arguments_that_make_no_sense_exit_with_2(capsys, arguments, message):
     assert re.search(message, capsys.readouterr().err.strip())
 
 
-def test_every_option_of_solve_has_a_word_of_help(capsys):
-    with pytest.raises(SystemExit):
-        main(["solve", "--help"])
-    out = " ".join(capsys.readouterr().out.split())
-    assert "--set NAME=VALUE a parameter by name; may be repeated" in out
-    assert "what to ask of the action" in out
-
-
 def test_a_list_says_where_a_mesh_is_too_coarse(capsys):
     code, out, err = run(
         capsys,
@@ -374,13 +366,6 @@ def test_an_unknown_setting_of_a_file_names_those_it_has(capsys, tmp_path):
     code, _, err = run(capsys, "solve", str(file), "--set", "rat=2.0")
     assert code != 0
     assert "the parameters of problem are rate, duration; did you mean 'rate'?" in err
-
-
-def test_a_place_that_is_not_there_is_named_as_it_was_given(capsys, tmp_path):
-    missing = tmp_path / "nowhere" / "path.npz"
-    code, _, err = run(capsys, "solve", "projectile", "--no-compare", "--save", str(missing))
-    assert code != 0
-    assert str(missing) in err and "partial" not in err
 
 
 def test_public_names_are_all_there_and_rooms_cost_nothing_until_asked_for():

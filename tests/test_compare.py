@@ -22,8 +22,23 @@ from actionopt.analysis.forward import integrate
 ACCURATE = 3e-11  # what forward integration makes of these motions, as its own tests say
 
 
+class Exact:
+    """What is asked of the curve `exact(t) -> (q, v)` of a problem."""
+
+    def __call__(self, t):
+        return self.exact(np.asarray(t))[0]
+
+    def velocity(self, t):
+        return self.exact(np.asarray(t))[1]
+
+    @property
+    def start(self):
+        t0 = self.problem.start.t
+        return State(t0, self(t0), self.velocity(t0))
+
+
 @dataclass
-class Curve:
+class Curve(Exact):
     """A curve `exact(t) -> (q, v)` that looks like a solution of error `error`."""
 
     problem: Problem
@@ -36,17 +51,6 @@ class Curve:
     def __post_init__(self):
         ends = self.problem.start.t, self.problem.end.t
         self.mesh = Mesh.uniform(*ends, self.elements, self.degree)
-
-    def __call__(self, t):
-        return self.exact(np.asarray(t))[0]
-
-    def velocity(self, t):
-        return self.exact(np.asarray(t))[1]
-
-    @property
-    def start(self):
-        t0 = self.problem.start.t
-        return State(t0, self(t0), self.velocity(t0))
 
 
 def between(system, exact, t0, t1, **options):
@@ -113,23 +117,6 @@ def test_energy_balance_sees_work_that_is_wrong(name):
     assert compare(curve).energy_drift > 1e-4
 
 
-@pytest.mark.slow
-def test_unstable_motion_agrees_piece_by_piece():
-    """A double pendulum amplifies an error of 1e-7 so that at the end nothing is left of it."""
-    start = State(0.0, [2.5, 1.0], [0.0, 0.0])
-    rough = integrate(DOUBLE, start, 60.0, tol=1e-7)
-
-    def exact(t):
-        return rough(t), rough.velocity(t)
-
-    curve = between(DOUBLE, exact, 0.0, 60.0, error=1e-7, elements=200)
-    found = compare(curve)
-    assert found.position > 1e3 * found.allowed
-    assert found.local < found.allowed
-    assert found.agrees
-    assert found.reference_error > 1e-9  # amplified as well, and said
-
-
 def test_motion_whose_every_element_is_unstable():
     """The pendulum from its upper rest round to it: errors grow by e^20 in an element."""
     system = systems.pendulum("angle")
@@ -191,18 +178,30 @@ def test_reference_error_covers_what_forward_integration_does_wrong():
 # -- what is no motion -----------------------------------------------------------------------
 
 
-def test_wrong_start_velocity():
-    system, exact = MOTIONS["pendulum"]
+def faster(t):
+    q, v = MOTIONS["pendulum"][1](t)
+    return q, 1.001 * v
 
-    def faster(t):
-        q, v = exact(t)
-        return q, 1.001 * v
 
-    found = compare(between(system, faster, 0.3, 1.5))
-    assert found.position > 1e-4
-    assert found.local > 1e-5
-    assert found.arrival > 1e-5
+def parabola(t):
+    return (1 - t**2)[None, ...], (-2 * t)[None, ...]
+
+
+@pytest.mark.parametrize(
+    ("system", "curve", "t1", "off", "error"),
+    [
+        # how far off it is at least: locally, in place and at the end
+        (MOTIONS["pendulum"][0], faster, 1.5, (1e-5, 1e-4, 1e-5), 1e-12),
+        (OSCILLATOR, oscillation(2.02), 3.0, (1e-4, 1e-2, 0.0), 1e-12),  # another Lagrangian's
+        (OSCILLATOR, parabola, 1.0, (1e-3, 0.0, 0.0), 1e-12),  # smooth, between the right events
+        (OSCILLATOR, oscillation(2.5), 3.0, (1e-4, 1e-2, 0.0), 1.0),  # whatever error it claims
+    ],
+)
+def test_what_is_no_motion_is_contradicted(system, curve, t1, off, error):
+    found = compare(between(system, curve, 0.3, t1, error=error))
     assert not found.agrees
+    assert all(np.array([found.local, found.position, found.arrival]) > off)
+    assert found.energy_drift > 1e-3 or curve is faster
 
 
 def test_start_that_is_not_the_curve_s_own():
@@ -216,14 +215,6 @@ def test_start_that_is_not_the_curve_s_own():
     ends = Event(0.0, [1.0]), Event(3.0, [np.cos(6.0)])
     found = compare(Claim(Problem(OSCILLATOR, *ends), oscillation(2.0)))
     assert found.local > 1e-4
-    assert not found.agrees
-
-
-def test_other_lagrangian():
-    found = compare(between(OSCILLATOR, oscillation(2.02), 0.0, 3.0))
-    assert found.position > 1e-2
-    assert found.local > 1e-4
-    assert found.energy_drift > 1e-3
     assert not found.agrees
 
 
@@ -270,32 +261,6 @@ def test_kink_between_two_motions_shows_locally():
     assert not found.agrees
 
 
-def test_smooth_curve_between_the_right_events():
-    def parabola(t):
-        return (1 - t**2)[None, ...], (-2 * t)[None, ...]
-
-    found = compare(between(OSCILLATOR, parabola, 0.0, 1.0))
-    assert not found.agrees
-    assert found.local > 1e-3
-
-
-def test_no_claimed_error_excuses_a_curve_that_is_no_motion():
-    found = compare(between(OSCILLATOR, oscillation(2.5), 0.0, 3.0, error=1.0))
-    assert not found.agrees
-
-
-@pytest.mark.slow
-def test_collision_on_the_way_of_the_motion():
-    def through(t):  # straight through the centre
-        return np.stack([1 - t, 1e-30 + 0 * t]), np.stack([-1 + 0 * t, 0 * t])
-
-    found = compare(between(ORBIT, through, 0.0, 1.5, elements=4))
-    assert found.agrees is False and found.reason == ""
-    assert found.local > 0.01  # where the attraction can be followed, it is not there
-    assert np.isnan([found.position, found.velocity, found.arrival, found.reference_error]).all()
-    assert found.path is not None and 0.5 < found.path.mesh.boundaries[-1] < 1.0
-
-
 # -- what cannot be told ---------------------------------------------------------------------
 
 
@@ -321,18 +286,6 @@ def test_a_motion_through_a_singularity_cannot_be_told():
     np.testing.assert_allclose(found.path(t), fall(t)[0], rtol=0, atol=1e-7)
 
 
-@pytest.mark.slow
-def test_a_motion_that_passes_a_singularity_and_is_wrong_elsewhere_is_contradicted():
-    def late(t):
-        q, v = fall(t)
-        return q + np.stack([1e-3 * np.sin(4 * t), 0 * t]), v + np.stack(
-            [4e-3 * np.cos(4 * t), 0 * t]
-        )
-
-    found = compare(between(ORBIT, late, 0.0, 1.5))
-    assert found.agrees is False and found.reason == ""
-
-
 def test_a_motion_that_cannot_be_begun_cannot_be_told():
     """In polar coordinates from the centre the angle has no inertia."""
     system = System(lambda q, v, t: (v[0] ** 2 + (q[0] * v[1]) ** 2) / 2, ["r", "angle"])
@@ -354,7 +307,7 @@ def test_a_tolerance_that_is_none():
 
 
 @dataclass
-class Claim:
+class Claim(Exact):
     """The curve `exact` on the mesh of a solution, with its error estimate."""
 
     solution: Solution
@@ -362,17 +315,6 @@ class Claim:
 
     def __getattr__(self, name):
         return getattr(self.solution, name)
-
-    def __call__(self, t):
-        return self.exact(np.asarray(t))[0]
-
-    def velocity(self, t):
-        return self.exact(np.asarray(t))[1]
-
-    @property
-    def start(self):
-        t0 = self.problem.start.t
-        return State(t0, self(t0), self.velocity(t0))
 
 
 def solved(system, exact, t0, t1, **options):
@@ -496,30 +438,6 @@ def test_a_constraint_that_turns_faster_at_once():
     judge(system, exact, lambda t: exact(t, 1.01), 0.0, 1.0)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("tol", [1e-3, 1e-8])
-def test_a_kink_in_q(tol):
-    system = System(lambda q, v, t: v[0] ** 2 / 2 - np.abs(q[0]), ["x"])
-    solution = solve(Problem(system, Event(0.0, [1.0]), Event(6.0, [-1.0])), tol=tol)
-    found = compare(solution)
-    assert found.agrees is True
-
-    def bouncing(t, g=1.0):
-        """Parabolas from zero to zero, all of one length: |x| = s (2 b - g s) / 2."""
-        v0 = solution.start.v[0]
-        b = np.sqrt(v0**2 + 2 * g)  # speed at x = 0, by the energy
-        s = np.asarray(t) + (b - v0) / g  # since the zero before the start
-        part, s = s // (2 * b / g), s % (2 * b / g)
-        sign = 1 - 2 * (part % 2)
-        return (sign * s * (2 * b - g * s) / 2)[None, ...], (sign * (b - g * s))[None, ...]
-
-    assert found.path is not None
-    t = found.path.mesh.nodes
-    assert np.max(np.abs(found.path(t) - bouncing(t)[0])) < ACCURATE
-    heavier = 2.0 if tol == 1e-3 else 1.001
-    assert compare(Claim(solution, lambda t: bouncing(t, heavier))).agrees is False
-
-
 @pytest.mark.parametrize("width", [6e-4, 1e-5])  # the first is a thousandth wide at half its height
 def test_a_pulse_that_the_mesh_resolves(width):
     c = 0.6131
@@ -601,18 +519,6 @@ def test_rest_at_an_unstable_point(duration):
 
 
 # -- a solution ------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("end", [0.47, 0.470001, 1.2])
-def test_a_solution_with_a_kick(end):
-    system = System(
-        lambda q, v, t: v[0] ** 2 / 2 + q[0] * np.exp(-(((t - 0.53) / 0.03) ** 2) / 2) / 0.0752,
-        ["x"],
-    )
-    solution = solve(Problem(system, Event(0.0, [0.0]), Event(1.0, [end])), tol=1e-6)
-    found = solution.compare()
-    assert found.agrees
-    assert found.path.mesh.elements < 100
 
 
 def test_solution_compares_itself():

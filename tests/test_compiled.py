@@ -31,15 +31,6 @@ def states(count):
     return random.normal(size=(2, count)), random.normal(size=(2, count)), random.normal(size=count)
 
 
-@pytest.mark.slow
-def test_memory_of_large_numbers_of_times_is_not_kept():
-    system = new()
-    for count in range(400_000, 400_004):
-        q, v, t = states(count)
-        system.energy(q, v, t)
-        assert kept(system.pointwise("energy")) <= compiled.AT_ONCE
-
-
 @pytest.mark.parametrize("name", ["first", "energy", "second"])
 def test_memory_of_many_numbers_of_times_is_bounded(monkeypatch, name):
     monkeypatch.setattr(compiled, "KEPT", 40_000)

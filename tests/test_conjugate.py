@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 import systems
 from helpers import a_quarter, integrated
-from motions import ellipse
 from scipy.optimize import brentq
 
 import actionopt as ao
@@ -82,20 +81,6 @@ def test_antipodes_of_a_sphere(dimension, angle):
     assert solution.inertia.index == (dimension - 1) * exact.size
 
 
-@pytest.mark.parametrize("w", [2.0, 3.0])
-def test_charge_in_a_magnetic_field(w):
-    # All motions from a point return to one point after each cyclotron period 2 pi / w.
-    def lagrangian(q, v, t, *, w):
-        return (v[0] ** 2 + v[1] ** 2) / 2 + w / 2 * (q[0] * v[1] - q[1] * v[0])
-
-    system = ao.System(lagrangian, ["x", "y"], parameters={"w": w})
-    problem = ao.Problem(system, ao.Event(0.0, [0.2, -0.1]), ao.Event(7.0, [1.0, 0.5]))
-    found = conjugate_points(ao.solve(problem))
-    exact = np.arange(1, np.floor(7.0 * w / 2 / np.pi) + 1) * 2 * np.pi / w
-    assert [p.t for p in found] == pytest.approx(exact, abs=7.0 * TIME_TOLERANCE)
-    assert [p.multiplicity for p in found] == [2] * exact.size
-
-
 FORCES = {  # V, V', V''
     "quartic": (lambda x: x**4 / 4, lambda x: x**3, lambda x: 3 * x**2),
     "pendulum": (lambda x: -9.81 * np.cos(x), lambda x: 9.81 * np.sin(x),
@@ -128,35 +113,6 @@ def test_kinetic_foci_against_a_jacobi_field_integrated_alone(name, start):
     assert found == pytest.approx(exact, abs=TIME_TOLERANCE * T)
 
 
-@pytest.mark.parametrize("mu", [1.0, 4.0])
-@pytest.mark.parametrize(("short", "index"), [(True, 0), (False, 1)])
-def test_elliptic_arc_in_space(mu, short, index):
-    # Orbits tilted about the radius at the start meet the path again half a turn later: at 180
-    # degrees of true anomaly, by Kepler's equation.
-    a, e = 1.3, 0.4
-    n, flat = np.sqrt(mu / a**3), ellipse(a, e, mu)
-
-    def orbit(t):
-        x, y = flat(t + 0.5 / n)[0]
-        return np.stack([x, 0.8 * y, 0.6 * y])
-
-    E0 = np.arccos(orbit(0.0)[0] / a + e)
-    true = 2 * np.arctan(np.sqrt((1 + e) / (1 - e)) * np.tan(E0 / 2)) + np.pi
-    E1 = 2 * np.arctan(np.sqrt((1 - e) / (1 + e)) * np.tan(true / 2)) % (2 * np.pi)
-    exact = (E1 - e * np.sin(E1) - 0.5) / n
-    T = (0.8 if short else 1.3) * exact
-
-    def lagrangian(q, v, t, *, mu):
-        return sum(u * u for u in v) / 2 + mu / np.sqrt(sum(x * x for x in q))
-
-    system = ao.System(lagrangian, list("xyz"), parameters={"mu": mu})
-    problem = ao.Problem(system, ao.Event(0.0, orbit(0.0)), ao.Event(T, orbit(T)))
-    solution = ao.solve(problem, guess=orbit)
-    found = times_of(solution)
-    assert solution.inertia.index == index == len(found)
-    assert found == pytest.approx([exact][:index], abs=TIME_TOLERANCE * T)
-
-
 @pytest.mark.parametrize(("c", "count"), [(0.848337938094979, 0), (0.23509499023453274, 1)])
 def test_soap_film(c, count):
     # Catenoids y = c cosh(x / c) between rings of radius 1 at x = -+0.5 (Lindeloef): the field
@@ -181,27 +137,6 @@ def test_focal_points_of_a_free_start():
     system = ao.System(lambda q, v, t: (v[0] ** 2 - 4 * q[0] ** 2) / 2, ["x"])
     problem = ao.Problem(system, ao.Event(0.0, [None]), ao.Event(3.0, 1.0))
     assert times_of(ao.solve(problem)) == pytest.approx([np.pi / 4, 3 * np.pi / 4], abs=3e-8)
-
-
-@pytest.mark.parametrize("c", [1.0, 10.0, 100.0, 1000.0])
-@pytest.mark.parametrize("w", [3.0, 10.0, 50.0])
-def test_total_derivatives_move_no_conjugate_point(c, w):
-    # d/dt(c q^2 sin(w t) / 2 + c sin(w q) / w) with the oscillator.
-    def lagrangian(q, v, t, *, c, w):
-        turn = c * (q[0] * v[0] * np.sin(w * t) + w * q[0] ** 2 * np.cos(w * t) / 2)
-        return (v[0] ** 2 - q[0] ** 2) / 2 + turn + c * np.cos(w * q[0]) * v[0]
-
-    def exact(t):
-        return (0.3 * np.cos(t) + 0.5 * np.sin(t))[None]
-
-    T, mesh = 7.0, ao.Mesh.uniform(0.0, 7.0, 6, 14)
-    system = ao.System(lagrangian, ["x"], parameters={"c": c, "w": w})
-    events = ao.Event(0.0, [0.3]), ao.Event(T, exact(np.array(T)))
-    path = ao.Path.interpolate(exact, mesh)
-    lam = np.zeros((0, mesh.nodes.size))
-    problem = ao.Problem(system, *events)
-    solution = ao.Solution(problem, path, 0.0, lam, 1e-12, ao.Status.SOLVED, {})
-    assert times_of(solution) == pytest.approx([np.pi, 2 * np.pi], abs=TIME_TOLERANCE * T)
 
 
 @pytest.mark.parametrize("c", [0.0, 2.0, 100.0])

@@ -7,7 +7,7 @@ import matplotlib
 import numpy as np
 import pytest
 from matplotlib import pyplot
-from matplotlib.backend_bases import KeyEvent, MouseEvent
+from matplotlib.backend_bases import MouseEvent
 
 from actionopt import plot, scenes
 from actionopt.cli import main
@@ -73,57 +73,6 @@ def test_dragging_a_point_shows_the_action_of_the_bent_path():
 
 
 @pytest.mark.slow
-def test_orbits_are_dragged_in_the_plane():
-    window = plot.explore(scenes.get("kepler"))
-    (panel,) = window.panels
-    node = knots(window.now.trial)[2]
-    place = drag(window, panel, node, (-0.5, 0.45))
-    assert window.now.trial.Q[node] == pytest.approx(place, abs=1e-12)
-    assert panel.ax.get_aspect() == 1.0
-
-
-@pytest.mark.slow
-def test_the_line_bends_as_a_whole():
-    window = plot.explore(scenes.get("oscillator"))
-    first = window.now.trial.Q
-    node = len(first) // 2 + 20
-    t = window.now.trial.tr.mesh.nodes[node]
-    _, place = drag(window, window.panels[0], node, (t, 1.0))
-    change = (window.now.trial.Q - first)[1:-1, 0]
-    assert np.all(change > 0) and window.now.trial.Q[node, 0] == pytest.approx(place, abs=1e-12)
-
-
-@pytest.mark.slow
-def test_other_buttons_and_empty_places_move_nothing():
-    window = plot.explore(scenes.get("oscillator"))
-    first, node = window.now.trial, knots(window.now.trial)[4]
-    drag(window, window.panels[0], node, (1.25, 0.9), button=3)
-    mouse(window, "button_press", window.panels[0].ax.transData.transform((0.2, 0.6)))
-    mouse(window, "motion_notify", window.panels[0].ax.transData.transform((0.2, 0.7)))
-    assert window.now.trial is first
-
-
-@pytest.mark.slow
-def test_while_a_point_is_held_the_picture_is_as_if_drawn_anew():
-    window = plot.explore(scenes.get("double_pendulum"))
-    panel, trial, canvas = window.panels[1], window.now.trial, window.figure.canvas
-    node = knots(trial)[3]
-    here = panel.ax.transData.transform((trial.tr.mesh.nodes[node], trial.Q[node, 1]))
-    mouse(window, "button_press", here)
-    before = np.array(canvas.buffer_rgba(), dtype=int)
-    mouse(window, "motion_notify", here + [3, 25])
-    held = np.array(canvas.buffer_rgba(), dtype=int)
-    assert np.mean(np.abs(held - before) > 50) > 1e-3  # the path and its numbers moved
-    for artist in window._moving():
-        artist.set_animated(False)
-    canvas.draw()
-    anew = np.array(canvas.buffer_rgba(), dtype=int)
-    assert np.mean(np.abs(held - anew) > 50) < 1e-4  # but for what crosses an axis
-    mouse(window, "button_release", here + [3, 25])
-    assert window.behind is None and window.held is None
-
-
-@pytest.mark.slow
 def test_the_buttons_solve_and_start_over():
     scene = scenes.get("oscillator")
     window = plot.explore(scene, units=plot.SI)
@@ -142,40 +91,6 @@ def test_the_buttons_solve_and_start_over():
 
 
 @pytest.mark.slow
-def test_with_a_force_no_slope_of_the_action_is_claimed():
-    """S changes to first order on the motion; what vanishes is the missing force."""
-    window = plot.explore(scenes.get("damped_oscillator"), units=plot.SI)
-    click(window, window.solve)
-    solution = window.now.solution
-    T = solution.problem.duration
-    t = np.linspace(0.0, T, 20001)
-    bend, rate = 0.01 * np.sin(np.pi * t / T), 0.01 * np.pi / T * np.cos(np.pi * t / T)
-    x, v = solution(t)[0], solution.velocity(t)[0]
-    change = np.trapezoid(((v + rate) ** 2 - (x + bend) ** 2 - v**2 + x**2) / 2, t)
-    assert abs(change) > 1e-3
-    shown = " ".join(text.get_text() for text in window.figure.texts)
-    labels = [t.get_text() for t in window.figure.legends[0].get_texts()]
-    assert window.words.slope.get_text().startswith("$") is False
-    assert float(window.words.slope.get_text().split()[0].replace("\N{MINUS SIGN}", "-")) < 1e-9
-    assert "slope" not in shown and "S^*" not in shown and "DISTANCE FROM STATIONARY" not in shown
-    assert "STATIONARY PATH" not in shown and "stationary path" not in labels
-    assert "LAGRANGE" in shown and "motion" in labels
-    window.figure.draw_without_rendering()
-    for text in window.figure.texts:
-        assert text.get_window_extent().x1 <= window.figure.bbox.x1, text.get_text()
-
-
-@pytest.mark.slow
-def test_keys_do_the_same():
-    window = plot.explore(scenes.get("pendulum"))
-    canvas, first = window.figure.canvas, window.now.trial
-    for key, solved in (("x", False), ("enter", True), ("0", False)):
-        event = KeyEvent("key_press_event", canvas, key)
-        canvas.callbacks.process(event.name, event)
-        assert np.array_equal(window.now.trial.Q, first.Q) != solved
-
-
-@pytest.mark.slow
 def test_sliding_the_end_time_through_pi_changes_the_index():
     window = plot.explore(scenes.get("oscillator"))
     shown = []
@@ -190,42 +105,6 @@ def test_sliding_the_end_time_through_pi_changes_the_index():
     assert window.slider.val == pytest.approx(np.pi, abs=1e-9)
     assert "conjugate to the start" in window.words.message.get_text()
     assert window.marks.get_xdata() == pytest.approx([np.pi, 2 * np.pi], abs=1e-9)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "panels"), [("kepler_polar", 2), pytest.param("heavy_top", 3, marks=pytest.mark.slow)]
-)
-def test_systems_of_many_coordinates_have_panels(name, panels):
-    window = plot.explore(scenes.get(name))
-    click(window, window.solve)
-    window.figure.canvas.draw()
-    assert len(window.panels) == panels
-    assert len(window.missing.lines) == scenes.get(name).problem.system.n
-
-
-@pytest.mark.slow
-def test_a_singular_trial_is_shown_as_it_is_and_solved_from_elsewhere():
-    # At rest in the centre of attraction.
-    scene = scenes.get("kepler")
-    window = plot.explore(scene, guess=lambda t: np.zeros((2, t.size)))
-    window.figure.canvas.draw()
-    assert not np.isfinite(number(window.words.action))
-    click(window, window.solve)
-    window.figure.canvas.draw()
-    assert number(window.words.action) == pytest.approx(scene.action, abs=1e-5)
-    assert "elsewhere" in window.words.message.get_text()
-
-
-@pytest.mark.slow
-def test_nothing_is_shown_where_there_is_no_window(capsys):
-    with pytest.raises(RuntimeError, match=r"no window can be opened.*'[aA]gg'.*PyQt6.*ipympl"):
-        plot.explore(scenes.get("oscillator")).show()
-    assert main(["explore", "oscillator", "--set", "k=2"]) == 1
-    out, err = capsys.readouterr()
-    assert out == "" and err.startswith("actionopt: no window can be opened")
-    assert main(["explore", "oscilator"]) == 1
-    assert "did you mean 'oscillator'" in capsys.readouterr().err
 
 
 def test_a_backend_that_cannot_be_loaded_says_so(monkeypatch):

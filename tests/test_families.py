@@ -100,27 +100,6 @@ def test_no_index_is_asked_of_many_unknowns_that_are_no_family(monkeypatch):
     assert ao.solve(long, mesh=mesh, guess=coarse).success
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("turn", "status"), [(1.0, "DEGENERATE"), (1 / 3, "SOLVED")])
-def test_many_coordinates_on_a_sphere(turn, status):
-    """Great circles between opposite points of the sphere in n dimensions are a family of n - 2."""
-    n = 33
-    system = ao.System(
-        lambda q, v, t: v @ v / 2, [f"x{i}" for i in range(n)], constraint=lambda q, t: q @ q - 1
-    )
-
-    def circle(t):
-        q = np.zeros((n, np.size(t)))
-        q[0], q[1] = np.cos(np.pi * turn * t), np.sin(np.pi * turn * t)
-        return q
-
-    ends = (circle(t)[:, 0] for t in (0.0, 1.0))
-    problem = ao.Problem(system, *(ao.Event(t, q) for t, q in zip((0.0, 1.0), ends, strict=True)))
-    found = ao.solve(problem, guess=circle, throw=False)
-    assert found.status.name == status
-    assert found.stats.get("nullity", 0) == (n - 2 if turn == 1 else 0)
-
-
 def test_a_family_shows_to_a_loose_tolerance():
     """Half way round a centre of force in nine dimensions, in any plane through the ends."""
     system = ao.System(lambda q, v, t: v @ v / 2 + 1 / np.sqrt(q @ q + 0.1), list("abcdefghi"))

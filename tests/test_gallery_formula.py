@@ -13,10 +13,8 @@ import pytest
 from helpers import a_quarter, solved
 
 from actionopt import scenes
-from actionopt.gallery import units
 from actionopt.gallery.texts import texts
 from actionopt.mechanics import written
-from actionopt.plot import SI
 from actionopt.tools import formula as F
 from actionopt.tools.mathml import mathml
 
@@ -202,81 +200,3 @@ def test_order_of_operations():
     assert ast.dump(side) == ast.dump(
         ast.parse("(0 - (k * x**2) / 2) + (m * g * l * cos(theta1) / 3) * b", mode="eval").body
     )
-
-
-# -- units: powers of kg, m, s and A ---------------------------------------------------------
-
-BASE = {
-    "kg": (1, 0, 0, 0), "m": (0, 1, 0, 0), "s": (0, 0, 1, 0), "rad": (0, 0, 0, 0),
-    "N": (1, 1, -2, 0), "J": (1, 2, -2, 0), "C": (0, 0, 1, 1), "T": (1, 0, -2, -1),
-    "V": (1, 2, -3, -1),
-}  # fmt: skip
-NONE = np.zeros(4, dtype=int)
-
-
-def powers(unit):
-    """Return the powers in a unit written as kg m^2 or m^3/(kg s^2)."""
-    over, _, under = unit.partition("/")
-    total = NONE
-    for sign, part in ((1, over), (-1, under.strip("()"))):
-        for factor in part.split():
-            name, _, exponent = factor.partition("^")
-            total = total + sign * int(exponent or 1) * np.array(BASE[name])
-    return total
-
-
-class Powers:
-    """Powers of formulas; the terms of a sum must agree."""
-
-    def __init__(self, known):
-        self.known = known
-
-    def __call__(self, node):
-        match node:
-            case ast.Constant():
-                return NONE
-            case ast.Name() | ast.Subscript():
-                name, index, primes = parts(node)
-                rate = primes * powers("s")
-                here = self.known.get(name + index, self.known.get(name))
-                if here is None and name[0] in "rvxy":  # the place of a body, in space
-                    here, rate = powers("m"), max(primes, name == "v") * powers("s")
-                return here - rate
-            case ast.BinOp(ast.Constant(0), ast.Sub(), term):
-                return self(term)
-            case ast.BinOp(a, ast.Add() | ast.Sub(), b):
-                assert (self(a) == self(b)).all(), ast.unparse(node)
-                return self(a)
-            case ast.BinOp(a, ast.Mult(), b):
-                return self(a) + self(b)
-            case ast.BinOp(a, ast.Div(), b):
-                return self(a) - self(b)
-            case ast.BinOp(base, ast.Pow(), exponent):
-                return exponent.value * self(base)
-            case ast.Call(ast.Name("size"), [argument]) | ast.Call(ast.Name("over"), [_, argument]):
-                return self(argument)
-            case ast.Call(ast.Name("rate"), [argument]):
-                return self(argument) - powers("s")
-            case ast.Call(ast.Name("sqrt"), [argument]):
-                return self(argument) / 2
-            case ast.Call(_, [argument]):
-                assert not self(argument).any(), ast.unparse(node)
-                return NONE
-        raise AssertionError(node)
-
-
-@pytest.mark.parametrize("name", scenes.SCENES)
-def test_every_lagrangian_is_an_energy(name):
-    system = scenes.get(name).problem.system
-    known = {p: powers(units.unit(name, p)) for p in system.parameters}
-    known |= {c: powers(SI.coordinate(c)) for c in system.coordinates} | {"t": powers("s")}
-    lagrangian = texts(name).formulas[0]
-    for symbol, node in lagrangian.definitions:
-        known[ast.unparse(symbol)] = Powers(known)(node)
-    per_mass = powers("kg") if lagrangian.remark == "for unit mass" else NONE
-    np.testing.assert_array_equal(Powers(known)(lagrangian.sides[-1]), powers("J") - per_mass)
-
-
-def test_every_number_that_is_known_has_its_unit():
-    for name in scenes.SCENES:
-        assert set(scenes.get(name).facts.numbers) <= set(units.FACTS), name

@@ -148,29 +148,6 @@ def test_a_corner_with_a_mass_that_grows_exponentially(eps):
 
 
 @pytest.mark.parametrize(
-    ("which", "theta", "slope", "action", "index"),
-    [
-        ("lower", 1.5171645990507543685, 0.54935272877527081902, -1.0465167047946651444, 0),
-        ("upper", 10.9387027721221068, 10.846899019389452395, 16.440013090858122401, 1),
-    ],
-)
-def test_both_paths_of_bratu(which, theta, slope, action, index):
-    """u = -2 ln(cosh((t - 1/2) th / 2) / cosh(th / 4)), th = sqrt(2 lambda) cosh(th / 4)."""
-    system = System(lambda q, v, t: v[0] ** 2 / 2 - np.exp(q[0]), ["u"], name="Bratu")
-    guess = None if which == "lower" else lambda t: np.array([16 * t * (1 - t)])
-    problem = Problem(system, Event(0.0, [0.0]), Event(1.0, [0.0]))
-    solution = ao.solve(problem, tol=TOL, guess=guess)
-
-    def exact(t):
-        return np.array([-2 * np.log(np.cosh((t - 0.5) * theta / 2) / np.cosh(theta / 4))])
-
-    assert error(solution, exact) < TOL
-    assert solution.start.v[0] == pytest.approx(slope, rel=1e-8)
-    assert solution.action == pytest.approx(action, rel=1e-8)
-    assert solution.morse_index == index
-
-
-@pytest.mark.parametrize(
     ("n", "first", "last"),
     a_quarter(
         [
@@ -264,11 +241,6 @@ def test_a_closed_loop():
     t = np.linspace(0.0, 0.5, 101)
     expected = np.array([np.sin(angle(t)[0]), -np.cos(angle(t)[0])]) / 2
     assert np.max(np.abs(solution(t)[:2] - expected)) < 2 * TOL
-
-
-def test_a_redundant_crank_is_named():
-    with pytest.raises(ValueError, match=r"rows \[0, 2, 3\] say the same thing"):
-        ao.solve(linkage(True))
 
 
 # -- far from the straight line -------------------------------------------------------------------

@@ -57,7 +57,6 @@ def test_oscillator(half_periods, index, ends):
     solution = oscillation(half_periods, ends)
     assert solution.morse_index == index
     assert solution.kind == ("saddle" if index else "minimum")
-    assert solution.morse_index == index
 
 
 @pytest.mark.parametrize("ends", [(0.0, 0.0), (1.0, -1.0)])
@@ -75,7 +74,7 @@ def test_size_of_a_nearly_vanishing_eigenvalue():
 
 
 @pytest.mark.parametrize("half_periods", [0.7, 2.6])
-@pytest.mark.parametrize("mesh", [(3, 14), (12, 6)])
+@pytest.mark.parametrize("mesh", [(3, 14), (150, 6)])
 def test_eigenvalues_of_the_oscillator_on_any_mesh(half_periods, mesh):
     T = half_periods * np.pi / W
     solution = oscillation(half_periods, mesh=ao.Mesh.uniform(0.0, T, *mesh))
@@ -88,14 +87,6 @@ def test_eigenvalues_of_the_oscillator_on_any_mesh(half_periods, mesh):
         wave = np.sqrt(2 / T) * np.sin(j * np.pi * times / T)
         shape = mode(times)[0]
         assert min(np.max(np.abs(shape - wave)), np.max(np.abs(shape + wave))) < 1e-5
-
-
-def test_many_elements_without_a_dense_matrix():
-    T = 2.6 * np.pi / W
-    solution = oscillation(2.6, mesh=ao.Mesh.uniform(0.0, T, 150, 6))
-    found = second_variation(solution, 4)
-    exact = MASS * ((np.arange(1, 5) * np.pi / T) ** 2 - W**2)
-    assert found.eigenvalues == pytest.approx(exact, rel=EIGENVALUE_TOLERANCE)
 
 
 def test_modes_on_a_sphere_are_tangent_and_of_known_eigenvalues():
@@ -201,45 +192,6 @@ def test_total_derivatives_in_the_hessian_of_the_principal_function(c, w):
     exact[0, 0] += c * w * np.sin(w * 0.3)
     exact[1, 1] += c * np.sin(w * T) - c * w * np.sin(w * b)
     assert condense(form).hessian / form.units[0] ** 2 == pytest.approx(exact, rel=1e-9)
-
-
-@pytest.mark.parametrize(("T", "index"), [(0.5, 0), (1, 0), (2, 1), (5, 4)])
-def test_total_derivatives_along_a_constraint(T, index):
-    # The pendulum below, on a rod, with d/dt(sin(20 x y) + 5 x^2 cos 30 t).
-    def lagrangian(q, v, t):
-        turn = 20 * np.cos(20 * q[0] * q[1]) * (v[0] * q[1] + q[0] * v[1])
-        drive = 10 * q[0] * v[0] * np.cos(30 * t) - 150 * q[0] ** 2 * np.sin(30 * t)
-        return (v[0] ** 2 + v[1] ** 2) / 2 - 9.81 * q[1] + turn + drive
-
-    angle = systems.pendulum(g=9.81)
-    swing = motion(angle, [-np.pi / 2], [0.0], 0.0, float(T))
-
-    def on_the_rod(t):
-        theta = swing(t)[0]
-        return np.stack([np.sin(theta), -np.cos(theta)])
-
-    def rod(law):
-        return ao.System(law, ["x", "y"], constraint=lambda q, t: q @ q - 1)
-
-    events = ao.Event(0.0, on_the_rod(0.0)), ao.Event(float(T), on_the_rod(T))
-    plain = rod(lambda q, v, t: (v[0] ** 2 + v[1] ** 2) / 2 - 9.81 * q[1])
-    solution = ao.solve(ao.Problem(plain, *events), guess=on_the_rod, tol=1e-9)
-    same = dataclasses.replace(solution, problem=ao.Problem(rod(lagrangian), *events))
-    assert same.morse_index == index
-
-
-def test_total_derivatives_leave_the_magnetic_field():
-    # The field of A = (-y, x) as that of (0, 2 x), and a total derivative of sin(40 x y).
-    def lagrangian(q, v, t):
-        return (
-            (v[0] ** 2 + v[1] ** 2) / 2
-            + 2 * q[0] * v[1]
-            + np.cos(40 * q[0] * q[1]) * (v[0] * q[1] + q[0] * v[1])
-        )
-
-    system = ao.System(lagrangian, ["x", "y"])
-    for T, index in ((2, 0), (4, 2), (7, 4)):
-        assert solved_along(system, [0.2, -0.1], [0.3, 0.2], float(T)).morse_index == index
 
 
 def test_a_lagrangian_that_is_singular_at_rest():
@@ -413,14 +365,6 @@ def test_units_in_which_round_off_hides_the_signs_are_refused_at_once():
     assert np.sum(found < 0) == solution.morse_index == 1
 
 
-def test_bad_arguments():
-    solution = oscillation(0.7)
-    with pytest.raises(ValueError, match="count"):
-        second_variation(solution, 0)
-    with pytest.raises(ValueError, match="positive units"):
-        second_variation(solution, units=-1.0)
-
-
 @pytest.mark.parametrize("size", [1.0, 1e-3, 1e-6, 1e-9])
 def test_the_index_does_not_depend_on_how_far_a_coordinate_goes(size):
     """Two equal oscillators past their first conjugate time: both count."""
@@ -434,6 +378,8 @@ def test_the_index_does_not_depend_on_how_far_a_coordinate_goes(size):
     [
         {"count": 2.5},
         {"count": "two"},
+        {"count": 0},
+        {"units": -1.0},
         {"units": "metres"},
         {"units": [1.0, 2.0, 3.0]},
         {"units": [[1.0]]},
@@ -443,7 +389,7 @@ def test_the_index_does_not_depend_on_how_far_a_coordinate_goes(size):
 def test_choices_that_make_no_sense_are_one_sentence(choices):
     system = systems.oscillator()
     solution = ao.solve(ao.Problem(system, ao.Event(0, [1.0]), ao.Event(1, [0.5])))
-    with pytest.raises(ValueError, match=r"expected a whole count|numbers for the units"):
+    with pytest.raises(ValueError, match=r"whole count|the units|positive units"):
         second_variation(solution, **choices)
 
 

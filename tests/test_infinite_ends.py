@@ -146,17 +146,6 @@ def test_an_exit_path_leaves_the_axis_without_a_guess():
     assert np.abs(off(0.0)[1]) > 0.1
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "beta, index", [(3.9, 0), (4.1, 1), (8.8, 1), (9.2, 2), (15.5, 2), (16.5, 3)]
-)
-def test_the_index_on_the_axis_rises_at_squares(beta, index):
-    axis = lambda t: np.stack([(np.tanh(t) - 1) / 2, 0 * t])  # noqa: E731
-    path = exit_path(beta, guess=axis, principle="stationary")
-    assert abs(path.action - 0.5) < 1e-10
-    assert path.morse_index == index
-
-
 def test_a_bounce_from_the_centre_to_infinity():
     """As in test_singular_ends.py, where the end is far and finite."""
 

@@ -12,7 +12,7 @@ from actionopt import scenes
 from actionopt.discrete.boundaries import bounded, moved, sides
 from actionopt.discrete.mesh import Mesh
 
-C, W = 0.3718, 0.0031
+C = 0.3718
 
 
 def free(v):
@@ -149,36 +149,6 @@ def test_a_pendulum_that_is_pushed_for_a_while(c, tol):
     size = np.abs(solution(solution.mesh.nodes)).max()
     assert error / size <= min(tol, solution.error + 1e-12)
     assert solution.mesh.elements <= 8
-
-
-PUSHED = ao.System(
-    lambda q, v, t, *, c, w: (
-        free(v) + 9.81 * np.cos(q[0]) + np.where(abs(t - c) < w / 2, 2 / w, 0.0) * q[0]
-    ),
-    ["x"],
-    parameters={"c": 0.3, "w": 0.003},
-)
-
-
-@pytest.mark.slow
-def test_a_neighbour_whose_instants_move_takes_its_elements_along():
-    near = None
-    for k, c in enumerate(np.linspace(0.1, 0.9, 25)):
-        t1 = 1.0 + k / 100
-        given = ao.Problem(PUSHED, ao.Event(0.0, [0.0]), ao.Event(t1, [1.0]), parameters={"c": c})
-        near = ao.solve(given, guess=near, tol=1e-9)
-        alone, t = ao.solve(given, tol=1e-9), np.linspace(0, t1, 999)
-        assert np.abs(near(t) - alone(t)).max() < 1e-8
-    assert near.mesh.elements <= 12
-
-
-@pytest.mark.slow
-def test_a_branch_is_followed_as_a_window_moves():
-    given = ao.Problem(PUSHED, ao.Event(0.0, [0.0]), ao.Event(1.0, [1.0]))
-    branch = ao.trace(given, "c", 0.6)
-    assert branch.stopped == "it reached the goal"
-    alone = ao.solve(given.replace(parameters={"c": 0.6}))
-    assert branch.actions[-1] == pytest.approx(alone.action, rel=1e-8)
 
 
 def test_boundaries_at_instants():

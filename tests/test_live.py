@@ -341,29 +341,6 @@ def test_half_the_bend_is_a_quarter_of_the_rise_and_scales_stay_under_the_hand(f
     )
 
 
-def test_where_the_straight_line_is_the_motion_its_first_order_is_nothing(folder, chromium):
-    for name, stationary in (("heavy_top", True), ("oscillator", False)):
-        opened(chromium, folder, scenes.get(name))
-        press(chromium, "bend")
-        press(chromium, "half")
-        words = chromium.run("document.querySelector('.live .message').textContent")
-        assert ("not stationary" in words) != stationary
-
-
-def test_a_motion_shown_is_no_longer_said_to_be_hidden(folder, chromium):
-    opened(chromium, folder, scenes.get("oscillator"))
-    words = "document.querySelector('.live .message').textContent"
-    assert "hidden" in chromium.run(words)
-    chromium.run("document.querySelector('.live .check input').click()")
-    assert "hidden" not in chromium.run(words)
-    press(chromium, "half")
-    press(chromium, "bend")
-    press(chromium, "half")
-    assert "quarter" in chromium.run(words)
-    chromium.run("document.querySelector('.live').live.setDuration(2)")
-    assert chromium.run(words) == ""
-
-
 def test_a_path_relaxes_or_runs_away_and_the_machine_hunts(folder, chromium):
     opened(chromium, folder, scenes.get("oscillator"))
     press(chromium, "bend")
@@ -435,27 +412,6 @@ def slide(chromium, name, value):
     chromium.run(f"{slider}.value = {value}")
     for event in ("input", "change"):
         chromium.run(f"{slider}.dispatchEvent(new Event('{event}'))")
-
-
-def test_a_parameter_goes_no_farther_than_the_motion_can_be_followed(folder, chromium):
-    opened(chromium, folder, scenes.get("pendulum"))
-    press(chromium, "solve")
-    live = "document.querySelector('.live').live"
-    for asked in (0.1, 0.94):
-        slide(chromium, "l", asked)
-        assert abs(chromium.run(f"{live}.A.slope({live}.motion())")) < 1e-6  # a motion it is
-        reached = float(chromium.run("document.querySelector('[data-parameter=l]').value"))
-        assert chromium.run(f"{live}.A.p.some(x => Math.abs(x - {reached}) < 0.01)")
-    words = chromium.run("document.querySelector('.live .message').textContent")
-    assert reached == pytest.approx(0.94) or "farther" in words
-
-
-def test_where_conjugate_times_of_other_numbers_are_not_known_that_is_said(folder, chromium):
-    opened(chromium, folder, scenes.get("double_pendulum"))
-    press(chromium, "solve")
-    slide(chromium, "g", 9.0)
-    assert chromium.run("document.querySelectorAll('.live .foci i').length") == 0
-    assert "given at first" in chromium.run("document.querySelector('.live .message').textContent")
 
 
 @pytest.mark.parametrize("name", FOCUSING)

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-import actionopt as ao
 from actionopt import scenes
 from actionopt.discrete.factors import full
 from actionopt.discrete.marquardt import _Masses, settle
@@ -11,7 +10,6 @@ from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Event, Problem
 from actionopt.mechanics.system import System
-from benchmarks.stress.families import rough
 
 MESH = Mesh(np.array([0.0, 0.4, 1.0]), (3, 4))
 KINDS = {
@@ -111,19 +109,3 @@ def test_a_guess_near_a_path_takes_newton_steps_alone(monkeypatch):
     assert found.near and found.iterations <= 4
     step = np.linalg.solve(full(tr.layout, tr.kkt(found.z)), tr.residual(found.z))
     assert np.max(np.abs(step[: tr.layout.unknowns])) < 1e-3
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "seed", "kind"),
-    [
-        pytest.param("chain_cartesian", 4, "33 points 10 % off", marks=pytest.mark.slow),
-        ("chain_angles", 3, "33 points 10 % off"),
-    ],
-)
-def test_a_motion_is_found_from_rough_points_of_it(name, seed, kind):
-    """The motion is integrated with equations derived by hand."""
-    problem, guess = rough.ask(name, seed, *rough.GUESSES[kind][:2])
-    solution = ao.solve(problem, guess=guess)
-    assert solution.stats["iterations"]["marquardt"] <= 15
-    assert rough.along(solution, name, seed)

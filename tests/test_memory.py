@@ -10,35 +10,6 @@ import pytest
 
 from actionopt.tools.memory import give_back
 
-COUNTED = """
-import resource
-import numpy as np
-from actionopt.tools.memory import keep_memory
-
-def faults():
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
-    for _ in range(100):
-        np.ones(2**17)
-    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
-
-given_back = faults()
-keep_memory()
-faults()
-print(given_back, faults())
-"""
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="another library's memory")
-def test_a_worker_of_dask_maps_memory_once():
-    """A megabyte is 256 pages."""
-    environment = os.environ | {"MALLOC_TRIM_THRESHOLD_": "65536"}
-    command = [sys.executable, "-c", COUNTED]
-    done = subprocess.run(command, env=environment, check=True, capture_output=True, timeout=60)
-    given_back, kept = map(int, done.stdout.split())
-    assert given_back > 10_000 and kept < 300
-
-
 TOGETHER = """
 import resource
 import numpy as np

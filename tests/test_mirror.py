@@ -11,7 +11,7 @@ import pytest
 from helpers import a_quarter, same_bits
 
 import actionopt as ao
-from actionopt import Event, Mesh, Periodic, Problem, State, System
+from actionopt import Event, Mesh, Periodic, Problem, System
 from actionopt.analysis.conjugate import conjugate_points
 from actionopt.analysis.modes import second_variation
 from actionopt.analysis.second_variation import form
@@ -213,119 +213,6 @@ def test_an_action_of_the_other_sign_has_the_same_stationary_paths(name):
         assert [getattr(one, key) for key in NUMBERS] == [getattr(other, key) for key in NUMBERS]
 
 
-UNITS = {
-    # name: of the coordinates, L and time; powers of four for L, which change no digit of a root
-    "small": (2.0 ** np.array([-20, 13, 5]), 2.0**-40, 2.0**-30),
-    "large": (2.0 ** np.array([30, -5, 11]), 2.0**24, 2.0**20),
-}
-# What is closed has no size that its ends could tell, and a decomposition rounds as it likes.
-IN_UNITS = [name for name in EXACT if name not in ("closed", "pulse", "valley")]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("units", UNITS)
-@pytest.mark.parametrize("name", a_quarter(IN_UNITS, 2))
-def test_in_other_units_all_that_was_done_is_the_same(name, units, both):
-    side, sign, way = UNITS[units]
-    here, n = both(name)[0], CASES[name][1]
-    side = side[:n]
-    problem, options = problem_of(name, side, sign, way)
-    there = ao.solve(problem, tol=1e-8, **options)
-    assert here.status is there.status and here.mesh.degrees == there.mesh.degrees
-    same_bits(here.mesh.boundaries * way, there.mesh.boundaries, because=EXACT)
-    same_bits(here.path.values * side[:, None], there.path.values, because=EXACT)
-    known = [here.action * sign * way, here.error]
-    same_bits(known, [there.action, there.error], because=EXACT)
-    assert flat(figures(here)) == flat(figures(there))
-    one, other = here.compare(), there.compare()
-    assert [getattr(one, key) for key in NUMBERS] == [getattr(other, key) for key in NUMBERS]
-    if name not in UNFORCED:
-        return
-    assert (here.inertia.index, here.inertia.nullity) == (
-        there.inertia.index,
-        there.inertia.nullity,
-    )
-    low = second_variation(here, 3).eigenvalues
-    high = second_variation(there, 3, units=side).eigenvalues / sign
-    assert high == pytest.approx(low, rel=SAME, abs=SAME * np.max(np.abs(low)))
-    assert [c.t / way for c in conjugate_points(there)] == pytest.approx(
-        [c.t for c in conjugate_points(here)], rel=1e-9
-    )
-    first, second = here.sensitivity(), there.sensitivity()
-    action = sign * way
-    for row, unit in (("q0", side), ("q1", side), ("t0", way), ("t1", way)):
-        a, b = getattr(first, row), np.array(getattr(second, row)) * unit / action
-        assert np.allclose(a, b, rtol=SAME, atol=SAME * np.max(np.abs(a)))
-    for row in ("q0q0", "q0q1", "q1q1"):
-        a, b = getattr(first, row), getattr(second, row) * np.outer(side, side) / action
-        assert np.allclose(a, b, rtol=SAME, atol=SAME * np.max(np.abs(a)))
-
-
-@pytest.mark.parametrize("units", UNITS)
-@pytest.mark.parametrize("name", a_quarter(["step", "pendulum", "far", "drag", "sphere"]))
-def test_a_motion_is_followed_alike_in_other_units(name, units, both):
-    side, sign, way = UNITS[units]
-    solution, n = both(name)[0], CASES[name][1]
-    side = np.full(n, side[0]) if name == "sphere" else side[:n]  # its row is made of all of them
-    paths = []
-    for units in ((np.ones(n), 1.0, 1.0), (side, sign, way)):
-        system = problem_of(name, *units)[0].system
-        start = State(0.0, units[0] * solution.start.q, units[0] / units[2] * solution.start.v)
-        paths.append(ao.integrate(system, start, units[2] * solution.problem.duration, tol=1e-9))
-    one, other = paths
-    assert one.mesh.degrees == other.mesh.degrees
-    assert np.allclose(one.mesh.boundaries * way, other.mesh.boundaries, rtol=1e-14, atol=0)
-    apart = np.abs(one.values - other.values / side[:, None])
-    assert np.max(apart) <= 1e-10 * np.max(np.abs(one.values))
-
-
-def told(problem, tol=1e-8):
-    """Return all that is told of a path, of its neighbours and of the motion, as numbers."""
-    found = ao.solve(problem, tol=tol)
-    compared, sensitive = found.compare(), found.sensitivity()
-    t = np.linspace(0.0, problem.duration, 6).reshape(2, 3)
-    given = dict(problem.parameters)
-    start = State(0.0, found.start.q, found.start.v)
-    motion = ao.integrate(problem.system, start, problem.duration, parameters=given)
-    row = [found.action, found.error, found.velocity_error, found.energy(t), found.momentum(t)]
-    row += [found.acceleration(t), found.inertia.index, found.inertia.tolerance]
-    row += [compared.position, compared.velocity, compared.local, compared.energy_drift]
-    row += [compared.allowed, compared.amplified]
-    row += [second_variation(found, 2).eigenvalues, [c.t for c in conjugate_points(found)]]
-    row += [getattr(sensitive, x) for x in ("q0", "q1", "t0", "t1", "q0q1", "q1q1")]
-    row += [sensitive.parameters["g"], sensitive.parameters["m"], motion.values]
-    if problem.system.m:
-        row += [found.multipliers(t), found.multiplier_error, found.constraint_force(t)]
-    return np.concatenate([np.ravel(x) for x in row])
-
-
-@pytest.mark.parametrize("rod", a_quarter([False, True]), ids=["swing", "rod"])
-def test_parameters_of_the_problem_are_told_of_as_if_they_were_the_systems_own(rod):
-    """Where one is not handed on, the system's own value is taken."""
-
-    def swing(q, v, t, *, m, g):
-        return m * v[0] ** 2 * (1 + q[0] ** 2 / 10) / 2 + g * np.cos(q[0] + 0.1 * t)
-
-    def hung(q, v, t, *, m, g):
-        return m * (v @ v) / 2 - m * g * q[1] * (1 + 0.1 * t)
-
-    a, b = 0.3, -1.1
-    if rod:
-        laws = hung, ["x", "y"], lambda q, t, *, g: q @ q - (g / 10 + t / 9) ** 2
-        ends = [[r * np.sin(x), -r * np.cos(x)] for r, x in ((0.9, a), (0.9 + 1.5 / 9, b))]
-    else:
-        laws, ends = (swing, ["angle"], None), ([a], [b])
-
-    def problem(own, given):
-        system = System(laws[0], laws[1], parameters=own, constraint=laws[2])
-        return Problem(system, Event(0.0, ends[0]), Event(1.5, ends[1]), parameters=given)
-
-    asked = {"m": 1.7, "g": 9.0}
-    assert told(problem({"m": 1.0, "g": 4.0}, asked)) == pytest.approx(
-        told(problem(asked, {})), rel=1e-9, abs=1e-14, nan_ok=True
-    )
-
-
 # -- parts of a search and of a comparison ---------------------------------------------------
 
 
@@ -349,34 +236,6 @@ def test_a_path_under_way_is_measured_alike(name, both):
     for row in found[1:]:
         one, other = np.array(found[0], dtype=float), np.array(row, dtype=float)
         assert np.allclose(one, other, rtol=SAME, atol=1e-14, equal_nan=True)
-
-
-@pytest.mark.parametrize("name", a_quarter(CASES))
-def test_a_file_is_whole_on_either_side(name, both, tmp_path):
-    for solution in both(name):
-        solution.save(tmp_path / "one.npz")
-        for system in (None, solution.problem.system):
-            loaded = ao.load(tmp_path / "one.npz", system)
-            assert np.array_equal(loaded.path.values, solution.path.values)
-            assert np.array_equal(loaded.start.v, solution.start.v)
-
-
-@pytest.mark.parametrize("name", a_quarter((x for x in CASES if x not in ("closed", "layers")), 2))
-def test_a_motion_is_followed_alike_and_backwards_in_time(name, both):
-    """q(-t) is a motion of L(q, -v, -t)."""
-    solution, _ = both(name)
-    T, paths = solution.problem.duration, []
-    for side, way in ((1, 1), (-1, 1), (1, -1)):
-        system = problem_of(name, side, 1, way)[0].system
-        start = State(0.0, side * solution.start.q, way * side * solution.start.v)
-        path = ao.integrate(system, start, way * T, tol=1e-9)
-        order = slice(None, None, way)
-        paths.append((way * path.mesh.boundaries[order], side * path.values[:, order]))
-    for boundaries, values in paths[1:]:
-        assert np.allclose(boundaries, paths[0][0], rtol=0, atol=1e-15 * T)
-        assert values.shape == paths[0][1].shape
-        # Times and matrices are rounded otherwise; CVODES makes errors of 1e-12 a step.
-        assert np.max(np.abs(values - paths[0][1])) <= 1e-10 * np.max(np.abs(values))
 
 
 @pytest.mark.parametrize(

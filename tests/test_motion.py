@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import systems
 from matplotlib import pyplot
-from PIL import Image
 
 import actionopt as ao
 from actionopt import plot, scenes
@@ -124,16 +123,6 @@ def test_tension_is_what_mass_times_acceleration_leaves(name, m):
     assert np.max(np.abs(data.forces[0] - expected)) < FORCE * np.max(np.abs(expected))
 
 
-def test_the_circle_would_have_to_pull_at_the_end():
-    data, _ = forces("sliding_off_circle")
-    outward = np.sum(data.forces[0] * data.bodies[0], axis=0)
-    theta = np.arctan2(*data.bodies[0])
-    assert np.max(np.abs(outward - G * (3 * np.cos(theta) - 2))) < 1e-5  # energy is conserved
-    assert outward[0] > 0 > outward[-1]
-    along = data.forces[0, 0] * data.bodies[0, 1] - data.forces[0, 1] * data.bodies[0, 0]
-    assert np.max(np.abs(along)) < 1e-5
-
-
 def test_friction_pulls_the_wheel_up_the_slope_and_its_torque_is_left():
     data, scene = forces("rolling_cylinder")
     slope = np.array([np.cos(0.3), -np.sin(0.3)])[:, None]
@@ -170,12 +159,6 @@ def test_the_force_does_the_work_of_the_generalized_one():
     solution = ao.solve(ao.Problem(system, ao.Event(0.0, [0, 0]), ao.Event(1.0, [1, 0])))
     data = plot.motion_data(solution, lambda q, t: [scenes.body((q[0], 2 * q[1]))], 3, force=True)
     assert np.allclose(data.forces[0], [[0], [1.5]])  # (0, F) . (0, 2 ds) = 3 ds
-
-
-def test_without_constraints_there_are_no_forces():
-    solution, scene = solved("pendulum")
-    with pytest.raises(ValueError, match=r"with constraints.*rod_pendulum"):
-        plot.motion_data(solution, scene.draw, force=True)
 
 
 def test_forces_out_of_the_plane_are_refused():
@@ -282,37 +265,9 @@ def test_a_motion_on_a_line_is_a_strip_of_times(name, along):
     assert np.allclose(axis.get_ticklocs(), places[:, 1 - along])
 
 
-def test_given_axes_are_drawn_on():
-    solution, scene = solved("kepler")
-    _, ax = pyplot.subplots()
-    assert plot.motion(solution, scene.draw, ax) is ax
-    assert pyplot.get_fignums() == [1]
-
-
 # -- films -----------------------------------------------------------------------------------
 
 SHORT = {"seconds": 0.3, "fps": 20}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("ending", [".gif", ".png"])
-def test_a_film_has_its_frames_and_is_the_same_file_again(tmp_path, ending):
-    solution, scene = solved("rod_pendulum")
-    files = [tmp_path / f"{k}{ending}" for k in (1, 2)]
-    for file in files:
-        plot.film(solution, scene.draw, file, force=True, **SHORT)
-    assert files[0].read_bytes() == files[1].read_bytes()
-    assert pyplot.get_fignums() == []
-    with Image.open(files[0]) as film:
-        assert film.n_frames == 6
-        frames = []
-        for k in range(6):
-            film.seek(k)
-            assert film.info["duration"] == 50
-            frames.append(np.array(film.convert("RGB")))
-    assert np.array_equal(frames[0][0, 0], [255, 255, 255])
-    assert all(not np.array_equal(a, b) for a, b in pairwise(frames))
-    assert sorted(tmp_path.iterdir()) == files
 
 
 def test_frames_show_the_bodies_where_they_are():

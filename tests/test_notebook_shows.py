@@ -104,12 +104,3 @@ def test_a_relaxation_that_runs_away_lasts():
     assert frame_count(data, 25) == 75
     there = plot.relaxation_data(solved("oscillator"))
     assert there.arrived and frame_count(there, 25) == there.action.size
-
-
-@pytest.mark.slow
-def test_windows_have_the_units_of_a_scene(monkeypatch):
-    scene = scenes.get("pendulum")
-    labels = [
-        plot.explore(question).figure.axes[0].get_ylabel() for question in (scene, scene.problem)
-    ]
-    assert "rad" in labels[0] and "rad" not in labels[1]

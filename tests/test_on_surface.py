@@ -11,7 +11,6 @@ import systems
 from scipy.optimize import brentq
 
 import actionopt as ao
-from actionopt import plot
 from actionopt.analysis.status import Status
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
@@ -83,17 +82,6 @@ def test_four_normals_and_their_indices():
         focal = ao.conjugate_points(ao.solve(back, guess=guess[:, ::-1], tol=1e-10))
         assert [p.t for p in focal] == pytest.approx([at] * indices[-1], abs=1e-9)
     assert sorted(indices) == [0, 0, 1, 1]
-
-
-@pytest.mark.slow
-def test_a_branch_to_an_ellipse_loses_its_index_at_the_centre_of_curvature():
-    problem = to_ellipse([1.9, 0.0])
-    along = ao.trace(problem, ("start", "x"), 1.0, guess=[[1.9, 2.0], [0.0, 0.0]])
-    assert [m.value for m in along.marks] == pytest.approx([A - B * B / A], abs=1e-6)
-    assert (along.indices[0], along.indices[-1]) == (0, 1)
-    moved = ao.trace(to_ellipse(), "b", 1.5)
-    exact = moved.solution(-1).problem
-    assert exact.parameters["b"] == 1.5 and not np.isclose(moved.actions[-1], moved.actions[0])
 
 
 def test_derivatives_of_the_action():
@@ -376,23 +364,6 @@ def test_all_normals_of_random_ellipses_and_ellipsoids(seed):
     found = ao.solve_all(ao.Problem(free, ao.Event(0.0, p), ao.Event(1.0, None, on=on)))
     assert len(found) == count
     assert sum((-1) ** k for k in found.indices) == (0 if n == 2 else 2)  # Euler's characteristic
-
-
-@pytest.mark.slow
-def test_variations_move_along_the_surface():
-    way = ao.solve(to_ellipse(), guess=[[0.3, -1.8], [0.1, -0.1]], tol=1e-11)
-    spectrum = ao.second_variation(way, 2)
-    assert spectrum.eigenvalues[0] < 0 < spectrum.eigenvalues[1]
-    S, h = ao.variation(way, spectrum.modes[0]), 1e-4
-    assert abs(S.first) < 1e-10 * S.cancelling
-    assert (S(h) - 2 * S(0.0) + S(-h)) / h**2 == pytest.approx(S.second, rel=1e-4)
-    x, y = S.path(0.1)(1.0)
-    assert ellipse([x, y], 1.0, a=A, b=B) == pytest.approx(0.0, abs=1e-12)
-    with pytest.raises(ValueError, match="which the event pins"):
-        ao.variation(way, lambda t: [1 - t, 0 * t])
-    assert plot.landscape(way) is not None
-    with pytest.raises(ValueError, match="found one on a surface"):
-        plot.explore(to_ellipse())
 
 
 @pytest.mark.parametrize("lean", [0.0, 0.2, -0.3])

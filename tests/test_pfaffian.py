@@ -53,27 +53,6 @@ def test_a_sphere_rolling_on_a_plane_is_refused(rows, row):
         integrate_pfaffian(rows, [0.1, 0.2, 0.3, 0.4, 0.5], parameters={"R": 1.0})
 
 
-@pytest.mark.slow
-def test_a_sphere_rolling_along_one_line_is_accepted():
-    """With its axis held along y (phi = pi / 2, psi = 0), x = R theta."""
-
-    def rows(q, *, R):
-        x, y, phi, theta, psi = q
-        return [
-            *rolling_sphere(q, R=R),
-            [0, 0, 1, 0, 0],
-            [0, 0, 0, 0, 1],
-        ]
-
-    start = [0.0, 0.0, np.pi / 2, 0.3, 0.0]
-    f = integrate_pfaffian(rows, start, parameters={"R": 0.5})
-    system = systems.particle("x y phi theta psi", parameters={"R": 0.5}, constraint=f)
-    assert system.degrees_of_freedom == 1
-    q = np.array([0.4, 0.0, np.pi / 2, 0.3 + 0.4 / 0.5, 0.0])
-    assert np.max(np.abs(system.constraint(q, 0.0))) < FORMULA_TOLERANCE
-    assert np.max(np.abs(system.constraint(q + [0.1, 0, 0, 0, 0], 0.0))) > 0.05
-
-
 def test_rolling_in_differential_form_is_the_rolling_scene():
     scene = scenes.get("rolling_cylinder")
     known = scene.problem.system

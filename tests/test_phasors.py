@@ -32,14 +32,6 @@ def test_the_sum_is_turned_by_a_quarter_at_the_focus(T, turned, hbar):
     assert found.ends[-1] == pytest.approx(found.sum)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("hbar", [0.01, 0.003, 0.001])
-@pytest.mark.parametrize("name", ["pendulum", "rod_pendulum"])
-def test_an_action_that_is_no_parabola_has_the_same_limit(name, hbar):
-    found = phasors_data(solved(name), hbar)
-    assert found.sum == pytest.approx(found.expected, rel=CLOSE)
-
-
 def test_the_picture(monkeypatch):
     axes = plot.phasors(oscillator(4.4), 0.02, units=plot.SI)
     assert len(axes) == 3 and "index 1" in axes[0].get_title()

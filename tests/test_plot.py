@@ -2,12 +2,10 @@
 
 import gc
 import weakref
-from dataclasses import replace
 
 import matplotlib
 import numpy as np
 import pytest
-import systems
 from helpers import solved
 from matplotlib import pyplot
 
@@ -65,30 +63,6 @@ def test_the_deviation_is_logarithmic_with_both_bounds():
     assert levels == {solution.error, solution.compare().reference_error}
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("last", [0.5, None])
-def test_a_motion_that_cannot_be_followed_is_drawn_as_far_as_it_goes(last):
-    """To the middle of the time, or not at all."""
-    solution = replace(solved("pendulum"))
-    whole, t1 = solution.compare(), solution.problem.end.t
-    problem = solution.problem
-    path = None
-    if last is not None:
-        path = ao.integrate(
-            problem.system, solution.start, last * t1, parameters=problem.parameters
-        )
-    vars(solution)["_comparison"] = replace(
-        whole, position=np.nan, reference_error=np.nan, path=path, reason="it stops"
-    )
-    data = plot.curves(solution, 101)
-    there = np.zeros(101, dtype=bool) if last is None else data.t <= last * t1
-    assert np.array_equal(np.isfinite(data.forward[0]), there)
-    assert np.array_equal(np.isfinite(data.deviation), there)
-    above, below = plot.overview(solution)
-    above.figure.canvas.draw()
-    assert solution.error in {line.get_ydata()[0] for line in below.lines}
-
-
 def test_given_axes_are_drawn_on_and_returned():
     _, axes = pyplot.subplots(2)
     returned = plot.overview(solved("pendulum"), axes)
@@ -137,17 +111,6 @@ def test_free_coordinates_of_an_event_are_not_drawn():
     problem = ao.Problem(system, ao.Event(0.0, [0.3]), ao.Event(0.5, [None]))
     ax = plot.paths(ao.solve(problem), compare=False)
     assert np.isnan(drawn(ax, "end")[1, 0])
-
-
-@pytest.mark.slow
-def test_a_system_without_a_name_is_a_problem_in_titles():
-    system = systems.pendulum()
-    problem = ao.Problem(system, ao.Event(0.0, [0.1]), ao.Event(1.0, [0.5]))
-    solution = ao.solve(problem)
-    for draw in (plot.paths, plot.landscape, plot.spectrum):
-        assert draw(solution).get_title().startswith("problem: ")
-    words = [text.get_text() for text in plot.explore(problem).figure.texts]
-    assert "problem" in words
 
 
 @pytest.mark.parametrize("ending", ["png", pytest.param("pdf", marks=pytest.mark.slow)])

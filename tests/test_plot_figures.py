@@ -96,28 +96,11 @@ def test_every_figure_is_labelled_and_nothing_is_clipped(figure, name):
             assert extent.y0 >= -0.5 and extent.y1 <= picture.bbox.height + 0.5, text.get_text()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["oscillator_saddle", "kepler", "heavy_top"])
-def test_a_narrow_landscape_keeps_its_labels_inside_and_off_its_colour_bar(name):
+def narrow(draw):
+    """Return the axes on which `draw` drew the picture for narrow columns."""
     drawn = []
-
-    def draw(figure):
-        drawn.append(plot.landscape(solved(name), figure.subplots(), units=plot.SI))
-
-    plot.svgs(draw, (6.4, 4.4), cut((6.4, 4.4)))
-    (ax,) = drawn
-    renderer = ax.figure._get_renderer()
-    bar = ax.child_axes[0].get_window_extent(renderer)
-    words = (ax.xaxis.label, ax.yaxis.label, ax.title)
-    across, up, title = (text.get_window_extent(renderer) for text in words)
-    assert up.x0 >= 0 and across.x1 <= bar.x0
-    assert title.x0 >= 0 and title.x1 <= ax.figure.bbox.width
-    place = ax.get_window_extent(renderer)
-    assert (bar.y0, bar.y1) == pytest.approx((place.y0, place.y1), abs=1)
-    ticks = [x for x in ax.child_axes[0].get_yticklabels() if x.get_visible()]
-    boxes = [x.get_window_extent(renderer) for x in ticks]
-    assert len(boxes) >= 2 and all(a.y1 <= b.y0 for a, b in pairwise(boxes))
-    assert 0.0 in [x.get_position()[1] for x in ticks]
+    plot.svgs(lambda figure: drawn.append(draw(figure.subplots())), (6.4, 4.4), cut((6.4, 4.4)))
+    return drawn[0]
 
 
 @pytest.mark.parametrize(
@@ -129,47 +112,18 @@ def test_a_narrow_landscape_keeps_its_labels_inside_and_off_its_colour_bar(name)
 )
 def test_a_narrow_picture_has_nothing_over_its_edge(name, figure):
     """Where ticks change with the room that they leave, one layout does not settle."""
-    drawn = []
-
-    def draw(picture):
-        drawn.append(FIGURES[figure](solved(name), picture.subplots(), units=plot.SI).figure)
-
-    plot.svgs(draw, (6.4, 4.4), cut((6.4, 4.4)))
-    width, height = drawn[0].get_size_inches()
+    picture = narrow(lambda ax: FIGURES[figure](solved(name), ax, units=plot.SI)).figure
+    width, height = picture.get_size_inches()
     with styled_figures():  # sizes in words are measured in the style they were drawn in
-        box = drawn[0].get_tightbbox(drawn[0]._get_renderer())
+        box = picture.get_tightbbox(picture._get_renderer())
     assert min(box.x0, box.y0, width - box.x1, height - box.y1) > -0.02
 
 
 def test_times_beside_a_narrow_strip_do_not_touch():
-    drawn, scene = [], scenes.get("drag_quadratic")
-
-    def draw(figure):
-        drawn.append(plot.motion(solved("drag_quadratic"), scene.draw, figure.subplots()))
-
-    plot.svgs(draw, (6.4, 4.4), cut((6.4, 4.4)))
-    boxes = [x.get_window_extent() for x in drawn[0].get_xticklabels() if x.get_visible()]
+    scene = scenes.get("drag_quadratic")
+    ax = narrow(lambda ax: plot.motion(solved("drag_quadratic"), scene.draw, ax))
+    boxes = [x.get_window_extent() for x in ax.get_xticklabels() if x.get_visible()]
     assert len(boxes) >= 3 and all(a.x1 <= b.x0 for a, b in pairwise(boxes))
-
-
-@pytest.mark.slow
-def test_fronts_have_enough_motions_where_most_run_away():
-    data = plot.fronts_data(solved("kink"))
-    assert len(data.q) >= 0.75 * 41 and np.abs(data.q).max() < 1.5
-
-
-@pytest.mark.slow
-def test_numbers_of_arcs_are_left_out_where_they_would_touch():
-    drawn, long = [], ao.solve(scenes.get("oscillator", duration=40.0).problem)
-
-    def draw(figure):
-        drawn.append(plot.spectrum(long, figure.subplots(), units=plot.SI))
-
-    plot.svgs(draw, (6.4, 4.4), cut((6.4, 4.4)))
-    (ax,) = drawn
-    boxes = [text.get_window_extent() for text in ax.texts if text.get_visible()]
-    assert 1 < len(boxes) < len(ax.texts)
-    assert all(a.x1 <= b.x0 for a, b in pairwise(boxes))
 
 
 def test_energy_that_is_nothing_beside_its_parts_is_no_noise():
@@ -232,10 +186,7 @@ def contrast(colour, paper):
     """Return the contrast of a colour on paper; WCAG 2.2."""
     *rgb, alpha = matplotlib.colors.to_rgba(colour)
     paper = np.array(matplotlib.colors.to_rgb(paper))
-    shares = [alpha * np.array(rgb) + (1 - alpha) * paper, paper]
-    linear = [np.where(s <= 0.04045, s / 12.92, ((s + 0.055) / 1.055) ** 2.4) for s in shares]
-    dark, light = sorted(float(x @ [0.2126, 0.7152, 0.0722]) for x in linear)
-    return (light + 0.05) / (dark + 0.05)
+    return helpers.contrast(alpha * np.array(rgb) + (1 - alpha) * paper, paper)
 
 
 @pytest.mark.parametrize("reader", ["default", "dark_background"])
@@ -259,16 +210,6 @@ def test_every_line_is_seen_on_light_and_on_dark_paper(figure, reader):
                 if figure != "landscape":  # there on colours
                     for colour in lines.get_edgecolor():
                         assert contrast(colour, paper) >= 3
-
-
-@pytest.mark.slow
-def test_the_readers_size_of_words_is_kept():
-    with pyplot.rc_context({"font.size": 20}):
-        ax = plot.paths(solved("oscillator"))
-        window = plot.explore(solved("oscillator").problem)
-    assert ax.xaxis.label.get_fontsize() == 20
-    assert window.words.action.get_fontsize() == pytest.approx(20 * 20 / 11)
-    assert plot.paths(solved("oscillator")).xaxis.label.get_fontsize() == 11
 
 
 def test_the_readers_title_stands_in_place_of_ours():
@@ -493,56 +434,6 @@ def test_motions_of_two_coordinates_spread_where_they_meet_again():
     spread = np.ptp(data.neighbours, axis=0)
     assert spread[0].max() < 1e-4 < 0.1 < spread[1].max()
     assert spread[1, focus] < 0.03 * spread[1].max()
-
-
-@pytest.mark.slow
-def test_in_the_plane_the_momentum_is_the_gradient_of_the_action():
-    solution = solved("projectile")
-    data = plot.fronts_data(solution)
-    T, end = data.t[-1], data.q[:, :, -1].T
-    m, g = (solution.problem.parameters[k] for k in ("m", "g"))
-    x, y = end - np.array(solution.start.q)[:, None]
-    expected = m * (x**2 + y**2) / (2 * T) - m * g * T * y / 2 - m * g**2 * T**3 / 24
-    np.testing.assert_allclose(data.action[:, -1], expected, atol=1e-3)
-    ax = plot.wavefronts(solution)
-    (arrows,) = [a for a in ax.collections if hasattr(a, "U")]
-    at = np.array(arrows.XY).T - np.array(solution.start.q)[:, None]
-    np.testing.assert_allclose(arrows.U, m * at[0] / T, atol=1e-2)
-    np.testing.assert_allclose(arrows.V, m * at[1] / T - m * g * T / 2, atol=1e-2)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["kepler", "charge_planar"])
-def test_on_a_front_the_action_is_the_one_it_is_drawn_for(name):
-    """Paths solved to points of the lines, from the nearest motion that was drawn."""
-    solution = solved(name)
-    problem, data = solution.problem, plot.fronts_data(solution)
-    (lines,) = [c for c in plot.wavefronts(solution).collections if hasattr(c, "levels")]
-    span, checked = np.ptp(lines.levels), 0
-    for level, path in list(zip(lines.levels, lines.get_paths(), strict=True))[::4]:
-        for place in path.vertices[:: max(1, len(path.vertices) // 3)]:
-            nearest = np.argmin(np.hypot(*(data.q[:, :, -1] - place).T))
-            there = problem.replace(end=ao.Event(data.t[-1], place))
-
-            def guess(t, q=data.q[nearest]):
-                return np.stack([np.interp(t, data.t, row) for row in q])
-
-            S = ao.solve(there, guess=guess).action
-            assert pytest.approx(level, abs=0.01 * span) == S
-            checked += 1
-    assert checked > 10
-
-
-@pytest.mark.slow
-def test_momentum_and_velocity_are_told_apart_where_they_differ():
-    for name, differ in (
-        ("charge_planar", True),
-        ("rotating_frame_bound", True),
-        ("kepler", False),
-    ):
-        words = [t.get_text() for t in plot.wavefronts(solved(name)).get_legend().get_texts()]
-        assert any("momentum" in text for text in words)
-        assert any("velocity" in text for text in words) == differ
 
 
 def test_the_spectrum_of_an_oscillator():

@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from matplotlib.collections import QuadMesh
-from matplotlib.contour import QuadContourSet
 
 import actionopt as ao
 from actionopt import Event, Problem, System, plot
@@ -36,27 +34,6 @@ def test_one_axis_is_a_line_for_each_branch(line):
     assert drawn[-1][1].size == (T <= 0).sum()
     assert ax.get_xlabel() == "end time $t_{1}$ (s)" and ax.get_ylabel() == "action $S$ (J s)"
     assert ax.get_title() == "problem: action $S$, 25 paths, 2 of them failed"
-
-
-@pytest.mark.slow
-def test_two_axes_are_contours_on_areas_of_the_index(area):
-    ax = plot.runs(area)
-    mesh = next(x for x in ax.collections if isinstance(x, QuadMesh))
-    shades = np.ma.filled(mesh.get_array(), np.nan).T
-    assert np.array_equal(shades[T > 0], np.floor(T[T > 0] / np.pi)[:, None] * np.ones(X.size))
-    assert np.isnan(shades[T <= 0]).all()
-    contours = [x for x in ax.collections if isinstance(x, QuadContourSet)]
-    assert len(contours) == 2  # none across the change of index
-    for lines in contours:
-        for level, path in zip(lines.levels, lines.get_paths(), strict=True):
-            if len(path.vertices) > 2:
-                t, x = path.vertices.T
-                inner = (np.abs(t / np.pi - np.round(t / np.pi)) > 0.2) & (np.abs(t) > 0.5)
-                exact = 0.5 * x[inner] ** 2 / np.tan(t[inner])
-                assert exact == pytest.approx(np.full(exact.size, level), abs=0.1)
-    assert "shaded" not in ax.get_title("left")
-    labels = ax.get_legend_handles_labels()[1]
-    assert labels == ["index 0", "index 1", "failed"]
 
 
 def test_without_indices_areas_are_branches_and_other_quantities_can_be_drawn(area):

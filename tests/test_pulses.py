@@ -119,20 +119,6 @@ def test_a_wall_of_a_thousandth_is_crossed_with_the_right_energy(wall, height):
         assert abs(solution.energy(1.0) - energy) < 100 * tol  # the path's error over w, at most
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("c", "tol"), [(0.8210219, 1e-2), (0.2713, 1e-3), (0.5551, 1e-4), (0.6402, 1e-2)]
-)
-def test_a_well_that_is_crossed_is_crossed_at_the_right_speed(c, tol):
-    """On a coarse mesh a node that happens to lie in it would be given a kick, and held there."""
-    w, depth = 1e-3, 0.3
-    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 + depth / (1 + ((q[0] - c) / w) ** 2), ["x"])
-    solution = ao.solve(ao.Problem(system, ao.Event(0.0, [0.0]), ao.Event(1.0, [1.0])), tol=tol)
-    # Outside the well the body goes uniformly, all but for its tails, of area depth w pi.
-    t = np.linspace(0, 1, 501)
-    assert np.max(np.abs(solution(t)[0] - t)) < tol + 2 * depth * w * np.pi
-
-
 def test_a_step_inside_an_element_takes_the_momentum_that_it_must():
     """The sums over a coarse element agree by chance with those of a path that loses too little."""
     c, w, height, tol = 0.7760217882743019, 1e-3, 0.3, 1e-3

@@ -6,13 +6,11 @@ import helpers
 import numpy as np
 import pytest
 from helpers import same_bits
-from matplotlib import pyplot
-from PIL import Image
 
 import actionopt as ao
 from actionopt import plot
-from actionopt.plot import _film, relaxation_data
 from actionopt.plot import _relaxation as figures
+from actionopt.plot import relaxation_data
 from actionopt.plot.data.relaxation import FIRST, MEMORY
 
 T = {"minimum": 2.5, "saddle": 4.0}  # the first focus of the oscillator is at pi
@@ -203,16 +201,6 @@ def test_the_picture_says_what_is_seen(name, method, words, monkeypatch):
 
 
 @pytest.mark.slow
-def test_a_film_is_a_step_a_frame(tmp_path, monkeypatch):
-    few = relaxation_data(solved("saddle"), steps=1)
-    monkeypatch.setattr(figures, "relaxation_data", lambda *_, **__: few)
-    plot.relaxation_film(solved("saddle"), tmp_path / "film.gif")
-    with Image.open(tmp_path / "film.gif") as film:
-        assert film.n_frames == 2
-    assert pyplot.get_fignums() == []
-
-
-@pytest.mark.slow
 def test_frames_show_the_path_and_where_it_stands(monkeypatch):
     seen = {}
 
@@ -238,18 +226,3 @@ def test_frames_show_the_path_and_where_it_stands(monkeypatch):
     ]
     expected = (data.action, data.kinetic, data.potential, data.residual)
     assert dots == [(7, y[7]) for y in expected]
-
-
-@pytest.mark.slow
-def test_what_is_behind_is_drawn_once_and_changes_no_image():
-    solution = solved("saddle")
-    data = relaxation_data(solution, steps=20)
-
-    def images(front):
-        figure, update = figures._reel(solution, data, None, figures.NONE)
-        return [
-            np.array(i) for i in _film._images(figure, lambda k: update(9.5 * k), 2, False, front)
-        ]
-
-    for one, other in zip(images(None), images(figures.FRONT), strict=True):
-        assert np.array_equal(one, other)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import actionopt as ao
-from actionopt import Event, Mesh, Problem, System
+from actionopt import Event, Problem, System
 
 T0, T1 = 0.5, 2.5
 S = np.linspace(T0, T1, 7)
@@ -55,8 +55,11 @@ ALL = pytest.mark.parametrize(
 )
 
 
-def problem_of(name, *, L=None, order=None, unit=1.0, way=1.0, scale=1.0):
-    """Return a case for another L, order of coordinates, units of q and t and of the action."""
+def problem_of(name, *, L=None, order=None, unit=1.0, way=1.0, scale=1.0, own=NUMBERS):
+    """Return a case for another L, order of coordinates, units of q and t and of the action.
+
+    `own` are the parameters of the system; those of the problem stay.
+    """
     given, start, end, constraint = CASES[name]
     L, n = given if L is None else L, len(start)
     order = list(range(n)) if order is None else order
@@ -74,11 +77,11 @@ def problem_of(name, *, L=None, order=None, unit=1.0, way=1.0, scale=1.0):
 
     names = ["x", "y"][:n]
     system = System(
-        lagrangian, [names[i] for i in order], parameters=NUMBERS,
+        lagrangian, [names[i] for i in order], parameters=own,
         constraint=None if constraint is None else rows,
     )  # fmt: skip
     events = [Event(way * t, (unit * q)[order]) for t, q in ((T0, start), (T1, end))]
-    return Problem(system, *events[:: 1 if way > 0 else -1])
+    return Problem(system, *events[:: 1 if way > 0 else -1], parameters=NUMBERS)
 
 
 def told(solution, at=S, units=1.0):
@@ -164,6 +167,12 @@ def test_backwards_in_time(name):
     # A point conjugate to the other end is another point, but there are as many.
     assert found["conjugate"].shape == known["conjugate"].shape
     compare(found, wanted, skip=("conjugate",))
+
+
+@ALL
+def test_parameters_of_the_problem_instead_of_the_systems_own(name):
+    """Where one is not handed on, the system's own value is taken."""
+    compare(told(ao.solve(problem_of(name, own={"m": 1.0, "g": 4.0}), tol=1e-10)), base(name)[1])
 
 
 @pytest.mark.parametrize("name", ["plane", "rim"])
@@ -284,15 +293,3 @@ def test_a_further_coordinate_that_takes_no_part(name):
         wanted[key] = np.block([[known[key], np.zeros((n, 1))], [np.zeros((1, n)), x]])
     # On a mesh of its own, where estimates that small are round-off.
     compare(found, wanted, roundoff=1e-11)
-
-
-@pytest.mark.slow
-@ALL
-def test_on_elements_cut_once_more(name):
-    solution, known = base(name)
-    b = solution.mesh.boundaries
-    halves = np.sort([*b, *(b[1:] + b[:-1]) / 2])
-    finer = Mesh(halves, np.repeat(solution.mesh.degrees, 2))
-    other = ao.solve(solution.problem, mesh=finer, tol=1e-10)
-    assert np.array_equal(other.mesh.boundaries, halves)
-    compare(told(other), known, skip=ESTIMATES)

@@ -158,29 +158,6 @@ def test_half_an_ellipse_is_found_round_the_centre(r, tol):
     assert np.allclose([v[0], abs(v[1])], [0.0, np.sqrt(2 - 1 / a)], atol=10 * tol)
 
 
-@pytest.mark.slow
-def test_a_pendulum_gets_to_the_top_on_either_side():
-    g = 9.81
-    rod = ao.System(
-        lambda q, v, t: v @ v / 2 - g * q[1], ["x", "y"], constraint=lambda q, t: q @ q - 1
-    )
-    angle = systems.pendulum(g=g)
-    found = ao.solve(ao.Problem(rod, ao.Event(0.0, [0, -1]), ao.Event(1.0, [0, 1])))
-    known = ao.solve(ao.Problem(angle, ao.Event(0.0, [0.0]), ao.Event(1.0, [np.pi])))
-    assert found.action == pytest.approx(known.action, rel=1e-8)
-    assert abs(found.start.v[0]) == pytest.approx(known.start.v[0], rel=1e-7)
-
-
-@pytest.mark.slow
-def test_a_bent_line_that_fails_leaves_the_first_attempt():
-    """Two rings too far apart for a soap film, and a free body beside it."""
-    film = ao.System(lambda q, v, t: q[0] * np.sqrt(1 + v[0] ** 2) + v[1] ** 2 / 2, ["radius", "x"])
-    problem = ao.Problem(film, ao.Event(-1.0, [1.0, 0.0]), ao.Event(1.0, [1.0, 1.0]))
-    solution = ao.solve(problem, throw=False)
-    assert not solution.success
-    assert np.max(np.abs(solution.path.values[0] - 1.0)) < 1e-6  # the straight line
-
-
 def test_under_a_constraint_a_motion_is_followed_along_it():
     """A bead on a circle is kicked within an element: it gains J / m along the wire alone."""
     rule, half, m, rate, kick, width = lgl(6).dense(48), 0.1, 2.0, 0.5, 0.3, 3e-3

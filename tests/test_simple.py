@@ -59,29 +59,6 @@ def test_damped_oscillator(w, c):
     assert path.index is None
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("w", "length"), [(1.0, 1.0), (-1.7, 0.3)])
-def test_rod_that_turns(w, length):
-    """A mass on a rod, nothing else: q'' = lambda q with lambda = -w^2, and S = w^2 l^2 T / 2."""
-
-    def circle(t):
-        return length * np.array([np.cos(w * t), np.sin(w * t)])
-
-    path = simple.solve(
-        lambda q, v, t: v @ v / 2,
-        (0.0, circle(0.0)),
-        (2.0, circle(2.0)),
-        degree=12,
-        constraint=lambda q, t: [(q @ q - length**2) / 2],
-        guess=lambda t: circle(t) * (1 + t * (2 - t) / 10),
-    )
-    assert near(path.q, circle(path.t))
-    assert np.max(np.abs(path.lam[0, 1:-1] + w**2)) <= twice(path.t, 12)
-    assert np.isnan(path.lam[0, [0, -1]]).all()  # both ends are given
-    assert near(path.S, (w * length) ** 2)
-    assert path.index == 0
-
-
 @pytest.mark.parametrize("g", [9.81, 1.62])
 def test_projectile_is_exact_with_parabolas(g):
     path = simple.solve(

@@ -53,15 +53,6 @@ def test_a_bounce(D, S, phi0, wall):
     assert bounce.compare().agrees
 
 
-@pytest.mark.slow
-def test_a_bounce_that_cannot_be_followed_to_infinity():
-    problem = ao.Problem(radial(quartic, 3), ao.Event(0, [None]), ao.Event(np.inf, [0]))
-    found = ao.solve(problem, guess=lambda r: 1.4 * (1 - np.tanh((r - 8) / 1.5))).compare()
-    assert found.agrees is not False
-    assert found.local <= found.allowed
-    assert found.agrees or "nothing contradicts" in found.reason
-
-
 def test_a_bounce_in_a_logarithmic_potential():
     """phi = exp(2 - r^2 / 2), S = pi^2 e^4 / 2 on all r (BubbleProfiler)."""
     system = radial(lambda x: x**2 * (1 - np.log(x**2)) / 2, 4)

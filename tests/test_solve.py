@@ -1,7 +1,5 @@
 """What a solve promises: paths known in closed form or by forward integration, and verdicts."""
 
-import os
-import signal
 import subprocess
 import sys
 from functools import cache
@@ -21,7 +19,6 @@ from actionopt.tools.lobatto import lgl
 
 EPS = np.finfo(float).eps
 TOLS = (1e-3, 1e-6, 1e-9, 1e-12)
-FORWARD = 1e-9  # agreement with a forward integration that is good to 1e-11 or so
 
 
 # -- linear equations of motion -------------------------------------------------------------------
@@ -88,33 +85,6 @@ def test_round_off_that_forbids_the_tolerance_is_said():
 
 
 # -- the motions of the book ----------------------------------------------------------------------
-
-
-@pytest.mark.slow
-def test_double_pendulum_continued_forward():
-    problem = scenes.get("double_pendulum", duration=2.0).problem
-    solution = ao.solve(problem, tol=1e-11)
-    assert relative_error(solution, forward(solution), times(problem)) <= FORWARD
-    # The oracle feels a start velocity that is wrong in the eighth digit.
-    wrong = forward(solution, factor=1 + 1e-8)
-    assert relative_error(solution, wrong, times(problem)) > FORWARD
-
-
-@pytest.mark.parametrize("parameters", [{}, {"m": 2.5, "l": 0.7, "g": 1.62, "duration": 1.7}])
-def test_rod_pendulum_is_the_angle_formulation(parameters):
-    names = "rod_pendulum", "pendulum"
-    solution, angle = (solved(name, tol=1e-12, **parameters) for name in names)
-    m, l, g = (float(solution.problem.parameters[name]) for name in "mlg")
-    t = times(solution.problem)
-    theta, rate = angle(t)[0], angle.velocity(t)[0]
-    x, y = solution(t)
-    assert np.max(np.abs(x - l * np.sin(theta))) <= 1e-11 * l
-    assert np.max(np.abs(y + l * np.cos(theta))) <= 1e-11 * l
-    tension = m * l * rate**2 + m * g * np.cos(theta)
-    assert np.max(np.abs(-2 * l * solution.multipliers(t)[0] - tension)) <= 1e-8 * m * g
-    inward = -np.sum(solution.constraint_force(t) * solution(t), axis=0) / l
-    assert np.max(np.abs(inward - tension)) <= 1e-8 * m * g
-    assert np.max(np.abs(theta - scenes.get("pendulum", **parameters).exact(t)[0])) <= 1e-11
 
 
 # -- order, and what is conserved on any mesh -----------------------------------------------------
@@ -186,14 +156,6 @@ def test_another_solve_derives_nothing(monkeypatch):
     assert second.discrete.tr.layout is layout and moved.discrete.tr.layout is layout
     t = times(other)
     assert relative_error(second, forward(second), t) <= 1e-8
-
-
-def test_a_plain_system_pays_for_nothing_else():
-    system = systems.pendulum("x")
-    solution = ao.solve(Problem(system, Event(0, 0), Event(1, 1)))
-    assert not [name for name in system.derived if name.startswith(("force", "constraint"))]
-    assert solution.stats["rows"] == 0
-    assert set(solution.stats["evaluations"]) == {"first", "second"}
 
 
 def test_what_was_done_is_said():
@@ -445,21 +407,6 @@ def test_the_estimate_is_calibrated(every):
     assert np.median([estimate / max(error, EPS) for _, error, estimate, _ in rows]) <= 100
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("tol", TOLS)
-def test_random_pendulums_keep_the_tolerance(tol):
-    rng = np.random.default_rng(5)
-    missed = 0
-    for _ in range(50):
-        amplitude, since, T = rng.uniform(0.1, 3.0), rng.uniform(-1, 1), rng.uniform(0.3, 2.0)
-        scene = scenes.get("pendulum", amplitude=amplitude, since=since, duration=T)
-        solution = ao.solve(scene.problem, tol=tol, guess=scene.exact)
-        error = relative_error(solution, scene.exact, times(scene.problem))
-        missed += error > solution.error
-        assert error <= tol
-    assert missed <= 2
-
-
 # -- a mesh of one's own --------------------------------------------------------------------------
 
 
@@ -507,16 +454,6 @@ def test_a_saddle_is_not_least():
     assert relative_error(least, forward(least), times(scene.problem)) <= 1e-7
 
 
-@pytest.mark.slow
-def test_a_collision_ends_with_a_verdict():
-    # Head-on into the centre of attraction: no smooth motion.
-    system = scenes.get("kepler").problem.system
-    problem = Problem(system, Event(0, [1.0, 0.0]), Event(3.0, [-1.0, 0.0]))
-    solution = ao.solve(problem, throw=False, principle="stationary")
-    if solution.success:  # by the upper or lower half plane, and that is a motion
-        assert relative_error(solution, forward(solution), times(problem)) <= 1e-6
-
-
 # -- interrupts -----------------------------------------------------------------------------------
 
 
@@ -538,36 +475,6 @@ def test_an_interrupt_ends_the_solve(monkeypatch, principle, method):
             ao.solve(problem, principle=principle)
     assert len(calls) == 4  # nothing was computed after it
     assert ao.solve(problem, principle=principle).success
-
-
-INTERRUPTED = """
-import os, signal
-import actionopt as ao
-from actionopt import scenes
-from actionopt.discrete.transcription import Transcription
-
-signal.signal(signal.SIGINT, signal.default_int_handler)  # the parent process may ignore it
-real, calls = Transcription.gradient, []
-
-def gradient(self, x):
-    calls.append(1)
-    if len(calls) == 3:
-        os.kill(os.getpid(), signal.SIGINT)
-    return real(self, x)
-
-Transcription.gradient = gradient
-try:
-    ao.solve(scenes.get("double_pendulum").problem, principle="least")
-except KeyboardInterrupt:
-    print("interrupted after", len(calls))
-"""
-
-
-@pytest.mark.skipif(os.name != "posix" or not hasattr(signal, "SIGINT"), reason="needs signals")
-def test_a_signal_from_the_keyboard_ends_the_solve():
-    run = subprocess.run([sys.executable, "-c", INTERRUPTED], capture_output=True, text=True)
-    assert run.stdout.startswith("interrupted after"), run.stdout + run.stderr
-    assert int(run.stdout.split()[-1]) <= 5
 
 
 OSCILLATOR = systems.oscillator()

@@ -55,16 +55,6 @@ def test_a_pulse_that_is_missed_is_counted():
     assert never_wrong("any", [row(found[:1])]).met
 
 
-@pytest.mark.slow
-def test_the_motion_of_a_kicked_pendulum_is_known_without_the_package():
-    centres, tol = pulses.places(3), 1e-8
-    found = [timed(pulses.kicked("pendulum", c, WIDTH), tol) for c in centres]
-    off = [(moved(s, 10 * tol), spent) for s, spent in found]
-    for answers, wrong in ((found, False), (off, True)):
-        outcomes = pulses.beside_motions(answers, centres, WIDTH, tol)
-        assert [o.wrong for o in outcomes] == [wrong] * 3
-
-
 def test_an_answer_with_no_motion_near_it_is_wrong():
     solution, spent = timed(pulses.kicked("pendulum", 0.613, WIDTH), 1e-6)
     outcome = judged(solution, lambda s: np.nan, 1e-6, spent)

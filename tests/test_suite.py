@@ -5,7 +5,6 @@ import json
 import sys
 import tracemalloc
 from collections import Counter
-from time import process_time
 from types import SimpleNamespace
 
 import mpmath
@@ -13,7 +12,7 @@ import numpy as np
 import pytest
 from helpers import a_quarter
 
-from actionopt import scenes, suite
+from actionopt import suite
 from actionopt.suite import known, solvers, stars
 from actionopt.suite.families import redundant
 from actionopt.suite.learn import learn
@@ -82,20 +81,6 @@ def test_there_are_forty_families_and_every_kind_of_trouble():
     assert len(NAMES) >= 40
     assert {tag for family in suite.FAMILIES.values() for tag in family.tags} >= HARD
     assert sum(not family.tags for family in suite.FAMILIES.values()) >= 25
-
-
-def test_every_easy_family_has_hard_relatives():
-    easy = [f for f in suite.FAMILIES.values() if not f.tags]
-    for family in easy:
-        relatives = [f for f in suite.FAMILIES.values() if f.scene == family.scene and f.tags]
-        scene = family.build()
-        if "conjugate_times" in scene.facts and "duration" in scenes.parameters(family.scene):
-            past = [suite.get(f.name) for f in relatives if "saddle only" in f.tags]
-            assert past, family.name
-            for problem in past:
-                times = np.array(problem.scene.facts["conjugate_times"])
-                before = np.sum(times < problem.scene.problem.duration)
-                assert problem.index_star == before > 0
 
 
 @pytest.mark.parametrize("name", ["hoop_bead", "rod_pendulum"])
@@ -410,21 +395,6 @@ def test_points_that_solvers_came_to_are_learnt(tmp_path, monkeypatch):
     assert suite.get("hoop_bead_fast", elements=20).x_star.size  # another mesh has none of them
 
 
-def test_no_two_problems_are_one():
-    """Of the same size: gradients and Hessians at the same point differ."""
-    seen = {}
-    for name in NAMES:
-        if suite.FAMILIES[name].decades:
-            continue
-        problem = suite.get(name)
-        x = problem.unit * np.cos(np.arange(problem.n))
-        numbers = np.concatenate([problem.gradient(x), problem.hessian(x), problem.constraints(x)])
-        for other, theirs in seen.setdefault((problem.n, problem.m), {}).items():
-            same = theirs.shape == numbers.shape and np.allclose(theirs, numbers, 1e-9)
-            assert not same, (name, other)
-        seen[problem.n, problem.m][name] = numbers
-
-
 @pytest.mark.parametrize(
     ("name", "mesh", "found"),
     [
@@ -446,35 +416,6 @@ def test_parameters_too_are_checked_on_a_finer_mesh():
     assert suite.get("oscillator", duration=5.0).index_star == 1
     with pytest.raises(ValueError, match=r"on 16 of degree 4|away|leaves"):
         assert suite.get("oscillator", duration=40.0).star
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", [n for n in NAMES if suite.FAMILIES[n].elements <= 32])
-def test_the_index_is_the_same_on_finer_meshes(name):
-    problem = suite.get(name)
-    finer = suite.get(name, elements=2 * problem.mesh.elements)
-    assert finer.index_star == problem.index_star
-
-
-@pytest.mark.slow
-def test_what_is_unbounded_below_falls_forever():
-    found = [name for name in NAMES if suite.get(name).unbounded]
-    assert {n for n in NAMES if "unbounded below" in suite.FAMILIES[n].tags} <= set(found)
-    for name in found:
-        problem = suite.get(name)
-        if problem.classification.startswith("QU"):
-            rows = dense(problem, None, problem.x_star)[0] * np.outer(problem.unit, problem.unit)
-            down = np.linalg.eigh(rows)[1][:, 0] * problem.unit
-            far = [problem.objective(problem.x_star + s * down) for s in (0.0, 1e3, 1e6)]
-            assert far[0] > far[1] > 1e5 * far[2] < 0, name
-        else:  # through the middle, where a solver may step over it
-            x = problem.path.reshape(-1, problem.scene.problem.system.n)
-            x = x.copy()
-            f = []
-            for r in (-1e-6, -1e-9, -1e-12):
-                x[len(x) // 2, 0] = r
-                f.append(problem.objective(x.ravel()))
-            assert f[0] > f[1] > f[2] < -1e3, name
 
 
 def test_class_and_sizes():
@@ -507,23 +448,6 @@ def test_size_costs_no_more_than_its_share():
     small, large = cost(1_000), cost(8_000)  # no size twice: numberings are kept
     assert large[0] <= 1.1 * small[0]  # a collection of garbage may add some
     assert large[1] <= 8.5 * small[1]
-
-
-@pytest.mark.slow
-def test_a_million_unknowns_are_built_in_seconds():
-    """Of processor time four seconds and a quarter of one a gradient; thrice that at most."""
-    clock = process_time()
-    problem = suite.get("oscillator", elements=250_000)
-    x = problem.start()
-    problem.gradient(x)
-    assert problem.n == 999_999 and process_time() - clock < 12.0
-    times = []
-    for _ in range(3):
-        x = x + 1e-9  # what is known of the last point is kept
-        clock = process_time()
-        problem.gradient(x)
-        times.append(process_time() - clock)
-    assert min(times) < 0.75
 
 
 @pytest.mark.slow

@@ -1,6 +1,5 @@
 """Dials: their members, their runs, and the page that is made of these."""
 
-import re
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -10,7 +9,7 @@ from helpers import a_quarter
 
 from actionopt import suite
 from actionopt.cli import main
-from actionopt.suite import dial_report, profile, report, runner
+from actionopt.suite import dial_report, profile, runner
 from actionopt.suite.commands import _on_dials
 from actionopt.suite.dials import DIALS
 
@@ -102,30 +101,6 @@ def test_where_solvers_do_not_agree_is_counted_by_hand():
     apart, members = dial_report.disagreeing(records)
     assert members == 3
     assert apart == [profile.question_key(records[2]), profile.question_key(records[4])]
-
-
-@pytest.mark.slow
-def test_the_page_of_dials(tmp_path, monkeypatch):
-    monkeypatch.setattr(report, "_figure", lambda *_: "")  # of its own page
-    records = [
-        record("ipopt", "kepler", {"eccentricity": 0.2}, evaluations={"grad": 7}),
-        record("ipopt", "kepler", {"eccentricity": 0.8}, evaluations={"grad": 33}),
-        record("uno", "kepler", {"eccentricity": 0.2}, right=False),
-        record("asl:far/away/x", "kepler", {"eccentricity": 0.2}, evaluations={}),
-        record("ipopt", "heavy_top"),
-    ]
-    page = report.write(records, tmp_path)
-    text = page.read_text()
-    assert 'href="dials.html"' in text
-    assert "1 runs: 1 solvers on 1 problems" in text  # members of dials are counted there alone
-    assert "--dial &#x27;eccentricity&#x27;" in text
-    dials = (tmp_path / "dials.html").read_text()
-    assert "<h2>Eccentricity</h2>" in dials and "<h2>Links</h2>" not in dials
-    row = re.search(r"<tr><td>0.2</td>(.*?)</tr>", dials).group(1)
-    assert row == '<td>7 right</td><td class="right">right</td><td>20 wrong</td>'
-    assert "<td>heavy_top</td><td>60</td>" in dials and suite.FAMILIES["heavy_top"].why in dials
-    assert (tmp_path / "dial_eccentricity.svg").read_text().rstrip().endswith("</svg>")
-    assert "far/away" not in dials
 
 
 def test_the_published_runs_are_apart_and_hard():

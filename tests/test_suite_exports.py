@@ -192,17 +192,6 @@ def test_an_nl_file_names_its_rows_and_columns_and_starts_its_multipliers(tmp_pa
     assert f"J0 2\n{'0 0'}" in "\n".join((tmp_path / "a.nl").read_text().splitlines())
 
 
-def test_an_nl_file_is_solved_to_the_same_optimum(tmp_path):
-    problem = suite.get("rod_pendulum")
-    nl.write(problem, tmp_path / "a.nl")
-    builder, back = read(tmp_path / "a.nl")
-    quiet = {"print_time": 0, "ipopt.print_level": 0, "ipopt.sb": "yes", "ipopt.tol": 1e-12}
-    solver = ca.nlpsol("s", "ipopt", back, quiet)
-    answer = solver(x0=builder.x_init, lbg=builder.g_lb, ubg=builder.g_ub)
-    assert problem.distance(np.asarray(answer["x"]).ravel()) < 1e-9
-    np.testing.assert_allclose(np.asarray(answer["lam_g"]).ravel(), problem.lam_star, atol=1e-8)
-
-
 def test_scipy_finds_the_optimum():
     optimize = pytest.importorskip("scipy.optimize")
     for name, method in (

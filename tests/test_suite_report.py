@@ -168,16 +168,3 @@ def test_the_report_tells_meshes_starts_and_parameters_apart(tmp_path, monkeypat
     assert "that were not known" in text and "<td>0.5</td>" in text
     assert "<pre>line 7</pre>" in text
     assert "casadi 3" in text
-
-
-@pytest.mark.slow
-def test_profiles_are_drawn_as_they_are(tmp_path):
-    ax = profiles.profiles(
-        {"a": (np.array([1.0, 3.0]), np.array([0.5, 1.0])), "b": (np.empty(0),) * 2}
-    )
-    x, y = ax.lines[0].get_data()
-    np.testing.assert_array_equal(x, [1, 1, 3, 3])
-    np.testing.assert_array_equal(y, [0, 0.5, 1, 1])
-    np.testing.assert_array_equal(ax.lines[1].get_ydata(), [0, 0])
-    profiles.save(ax, tmp_path / "profiles.svg")
-    assert "<svg" in (tmp_path / "profiles.svg").read_text()

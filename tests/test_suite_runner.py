@@ -14,7 +14,6 @@ import casadi as ca
 import numpy as np
 import pytest
 
-import actionopt
 from actionopt import suite
 from actionopt.cli import main
 from actionopt.suite import runner, solvers
@@ -213,17 +212,6 @@ def test_what_has_changed_runs_again(tmp_path, monkeypatch):
     assert ran(repeats=2) == (1, "answered")
 
 
-@pytest.mark.slow
-def test_a_record_says_where_and_when(tmp_path):
-    (record,) = runner.run([Cell("ipopt", "pendulum", repeats=2)], tmp_path / "r.jsonl")
-    assert record["content"] == f"casadi {ca.CasadiMeta.version()}"
-    assert record["package"] == f"actionopt {actionopt.__version__}"
-    assert (record["elements"], record["degree"], record["start"]) == (8, 4, "straight")
-    assert re.fullmatch(r"\d{4}-\d\d-\d\d", record["date"])
-    assert "cores" in record["machine"]
-    assert record["solves"] == 2
-
-
 def answered(problem, x, said="solved"):
     evidence = asdict(examine(problem, x))
     record = {"outcome": "answered", "said": said, "unbounded": problem.unbounded, **evidence}
@@ -272,15 +260,6 @@ def test_three_digits_of_the_path_are_enough(name):
             assert found["residual"] <= STEEP * NEAR
 
 
-def test_a_small_residual_is_not_enough():
-    """On a fine mesh a smooth deviation of a hundredth leaves next to no residual."""
-    problem = suite.get("pendulum", elements=64, degree=8)
-    s = problem.mesh.nodes[1:-1] / problem.mesh.nodes[-1]
-    x = problem.x_star + 0.01 * problem.unit * np.sin(np.pi * s)
-    assert problem.residual(x) < STEEP * NEAR
-    assert judge(problem, x) == "wrong"
-
-
 def test_success_in_tiny_units_is_no_success():
     """Absolute tolerances are met at once where the action is 1e-36 J s."""
     problem = suite.get("oscillator_atomic")
@@ -321,18 +300,6 @@ def test_evaluations_are_those_the_solver_says():
     names = {"f": "f", "c": "g", "grad": "grad_f", "jac": "jac_g", "hess": "hess_l"}
     stats = plain.stats()
     assert answer.evaluations == {k: stats[f"n_call_nlp_{name}"] for k, name in names.items()}
-
-
-@pytest.mark.slow
-def test_all_functions_of_the_plugins_are_known():
-    """A new version may ask for others, which would be counted under their names."""
-    problem = suite.get("rod_pendulum", elements=2)
-    for plugin in (name for name in solvers.PLUGINS if solvers.ca.has_nlpsol(name)):
-        try:
-            answer = solvers.run(plugin, problem, problem.start())
-        except (RuntimeError, solvers.Absent):
-            continue
-        assert set(answer.evaluations) <= {"f", "grad", "c", "jac", "hess", "hprod"}, plugin
 
 
 def test_the_least_of_some_repeats_is_the_time():
@@ -429,25 +396,3 @@ def test_the_command_for_problems_of_a_tag(tmp_path, capsys, at_home):
     assert "oscillator_stiff" not in (tmp_path / "coarse.jsonl").read_text()
     assert main([*coarse, "--problem", "oscillator_stiff", "-o", str(tmp_path / "none")]) == 1
     assert "use more elements" in capsys.readouterr().err
-
-
-@pytest.mark.slow
-def test_the_whole_suite_with_ipopt(tmp_path):
-    from time import perf_counter
-
-    clock = perf_counter()
-    cells = [Cell("ipopt", name) for name in suite.FAMILIES]
-    records = runner.run(cells, tmp_path / "r.jsonl", jobs=2)
-    assert perf_counter() - clock < 300
-    found = {r["problem"]: verdict(r, "minimise") for r in records}
-    assert "limit" not in found.values()
-    assert not [r["problem"] for r in records if r.get("at") == "new"]
-    easy = [name for name, family in suite.FAMILIES.items() if not family.tags]
-    assert sum(found[name] == "right" for name in easy) >= len(easy) - 3
-    falling = [name for name in found if "unbounded below" in suite.FAMILIES[name].tags]
-    assert {found[name] for name in falling} == {"right"}
-
-
-def test_the_list_counts_what_has_no_optimum_on_the_mesh(capsys):
-    assert main(["suite", "list", "pendulum", "--elements", "1", "--degree", "2"]) == 0
-    assert "(1 of 1)" in capsys.readouterr().out

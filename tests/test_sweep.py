@@ -20,7 +20,7 @@ import systems
 
 import actionopt as ao
 from actionopt import Event, Periodic, Problem, System, scenes
-from actionopt.families import batch, budget, dispatch
+from actionopt.families import batch, budget
 from actionopt.families import sweep as module
 
 OVER = {"g": np.linspace(9.0, 10.0, 4), "t1": np.linspace(0.7, 1.2, 6)}
@@ -226,24 +226,6 @@ def test_tasks_are_on_their_way_before_all_seeds_are_found(serial, short, monkey
     with Telling(1) as pool:
         ao.sweep(PENDULUM, OVER, executor=pool)
     assert events == ["task", *["walk", "task"] * 4]
-
-
-@pytest.mark.slow
-def test_a_few_are_in_flight_at_a_time(serial, short, monkeypatch):
-    monkeypatch.setattr(dispatch, "IN_FLIGHT", 2)
-    most = 0
-
-    class Counting(ThreadPoolExecutor):
-        def submit(self, *call):
-            nonlocal most
-            most = max(most, 1 + self._work_queue.qsize())
-            return super().submit(*call)
-
-    with Counting(1) as pool:
-        assert same(
-            ao.sweep(PENDULUM, OVER, executor=pool, record="index", keep_paths=True), serial
-        )
-    assert most <= 2
 
 
 # -- failures -------------------------------------------------------------------------------------
@@ -531,39 +513,6 @@ def test_a_file_of_another_question_is_refused(short, tmp_path):
         given = {"problem": PENDULUM, "over": {"t1": [1.0, 1.1]}} | changed
         with pytest.raises(ValueError, match=f"whose {what}.*; give another file"):
             ao.sweep(**given, resume=file)
-
-
-KILLED = """
-    import sys
-    import numpy as np
-    import actionopt as ao
-    from actionopt.families import sweep as module
-    from actionopt.scenes import get
-
-    module.SECONDS, module.MEMBER_SECONDS, module.UNKNOWN_SECONDS = 5.5, 1.0, 0.0
-    over = {"g": np.linspace(9.0, 10.0, 4), "t1": np.linspace(0.7, 1.2, 6)}
-    problem = get("pendulum").problem
-    tell = lambda *said: print(said[1:3], flush=True)
-    given = {"record": "index", "keep_paths": True, "resume": sys.argv[1]}
-    ao.sweep(problem, over, progress=lambda *x: (tell(*x), sys.stdin.readline()), **given)
-"""
-
-
-def test_a_sweep_that_was_killed_goes_on(serial, short, tmp_path, monkeypatch):
-    command = [sys.executable, "-c", textwrap.dedent(KILLED), str(tmp_path / "it")]
-    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
-    with subprocess.Popen(command, **pipes) as process:
-        for _ in range(2):
-            assert process.stdout.readline().startswith("(")
-            process.stdin.write("\n")
-            process.stdin.flush()
-        assert process.stdout.readline() == "(15, 24)\n"
-        process.kill()
-    assert process.returncode == -signal.SIGKILL
-    worked, work = [], module.work
-    monkeypatch.setattr(module, "work", lambda *given: worked.append(given[1]) or work(*given))
-    runs = ao.sweep(PENDULUM, OVER, record="index", keep_paths=True, resume=tmp_path / "it")
-    assert same(runs, serial) and len(worked) == 2
 
 
 WAITS = """

@@ -1,6 +1,5 @@
 """One system, several threads: the same numbers, to the last bit, as one thread finds."""
 
-import sys
 from concurrent.futures import ThreadPoolExecutor
 from threading import Barrier
 
@@ -18,15 +17,6 @@ from actionopt.mechanics.system import System
 from actionopt.solver.ipopt import find
 
 THREADS = 3
-
-
-@pytest.fixture(autouse=True)
-def often():
-    """Let threads take turns within a call, not only between calls."""
-    before = sys.getswitchinterval()
-    sys.setswitchinterval(1e-5)
-    yield
-    sys.setswitchinterval(before)
 
 
 def at_once(function, inputs, threads=THREADS):
@@ -133,18 +123,6 @@ def test_reading_solutions_of_one_system(make):
         assert found == alone
 
 
-@pytest.mark.slow
-def test_reading_the_energy_of_two_solutions_many_times():
-    solutions = [ao.solve(problem) for problem in problems(driven)[:2]]
-    t = [np.linspace(0, s.problem.duration, 50) for s in solutions]
-    alone = [s.energy(x) for s, x in zip(solutions, t, strict=True)]
-
-    def wrong(k):
-        return sum(not np.array_equal(solutions[k].energy(t[k]), alone[k]) for _ in range(300))
-
-    assert at_once(wrong, [0, 1]) == [[0, 0]] * THREADS
-
-
 def test_one_neighbour_serves_several_threads():
     near, random = problems(double)[0], np.random.default_rng(4)
     solution = ao.solve(near)
@@ -204,18 +182,4 @@ def test_sparse_factors_in_several_threads():
 
     alone = [look(problem) for problem in closed]
     for found in at_once(look, closed):
-        assert found == alone
-
-
-@pytest.mark.slow
-def test_a_branch_in_several_threads():
-    def follow(k):
-        family = ao.trace(problems[k], "t1", 0.8, tol=1e-6)
-        return bits(family.values)
-
-    system = double()
-    ends = [([0.1, 0.2], [0.3, 0.1]), ([0.2, -0.1], [-0.2, 0.3])]
-    problems = [Problem(system, Event(0.0, a), Event(0.5, b)) for a, b in ends]
-    alone = [follow(k) for k in range(2)]
-    for found in at_once(follow, range(2), threads=2):
         assert found == alone

@@ -105,26 +105,6 @@ def test_coordinate_of_an_event_moves(which, name, to):
     assert found.actions[-1] == pytest.approx(again.action, rel=1e-9)
 
 
-@pytest.mark.slow
-def test_constrained_system():
-    system = ao.System(
-        lambda q, v, t: sum(x * x for x in v) / 2,
-        list("xyz"),
-        constraint=lambda q, t: sum(x * x for x in q) - 1,
-    )
-
-    def family(angle):
-        return ao.Problem(
-            system, ao.Event(0.0, [1, 0, 0]), ao.Event(1.0, [np.cos(angle), np.sin(angle), 0])
-        )
-
-    found = trace(family(1.0), family, 4.0, start=1.0)
-    assert found.actions == pytest.approx(found.values**2 / 2, rel=1e-7)
-    (mark,) = found.marks
-    assert (mark.kind, mark.before, mark.after) == ("index", 0, 1)
-    assert mark.value == pytest.approx(np.pi, abs=1e-7)
-
-
 def test_forced_system_has_no_index():
     scene = scenes.get("damped_oscillator")
     problem = scene.problem
@@ -157,21 +137,6 @@ def test_interrupted_trace_keeps_what_it_has():
     found = trace(bratu(), "lam", 4.0, progress=progress)
     assert "interrupted" in found.stopped
     assert found.values[1:].tolist() == seen
-
-
-@pytest.mark.slow
-def test_a_path_that_grows_without_bound_is_followed_no_further():
-    # x = cos t + B sin t with B = (1/2 - cos T) / sin T: infinite at T = pi
-    system = systems.oscillator()
-    problem = ao.Problem(system, ao.Event(0.0, 1.0), ao.Event(1.0, 0.5))
-    found = trace(problem, "t1", 4.0)
-    assert len(found.values) < 60 and 3.13 < found.values[-1] < np.pi
-    assert f"stopped at {found.values[-1]:.9g}, short of 4" in found.stopped
-    assert "without bound as it approaches 3.14159" in found.stopped
-    near = trace(problem, "t1", 3.14)  # before it, the goal is reached
-    assert near.values[-1] == 3.14 and "goal" in near.stopped
-    few = trace(problem, "t1", 3.0, steps=3)
-    assert "short of 3" in few.stopped and "3 steps were used up" in few.stopped
 
 
 def test_a_change_of_index_where_another_branch_crosses():

@@ -160,18 +160,6 @@ def test_up_and_back():
     assert s.duration == pytest.approx(8 / G, abs=1e-8)
 
 
-@pytest.mark.parametrize("E", [0.0, 1.3])
-def test_a_clock_and_a_free_end(E):
-    """L = v^2/2 + a t x: x'' = a t, so that x = x0 + c t + a t^3 / 6, and H = v^2/2 - a t x."""
-    a, x1 = 0.8, 1.5
-    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 + a * t * q[0], ["x"])
-    s = ao.solve(ao.Problem(system, ao.Event(0.0, [0.0]), free(None, [x1]), energy=E), tol=1e-12)
-    T = s.duration
-    v1 = x1 / T + a * T**2 / 3
-    assert abs(v1**2 / 2 - a * T * x1 - E) < 1e-11
-    assert abs(float(s.energy(T)) - E) < 1e-9
-
-
 def test_all_paths_to_a_free_end_of_a_clock():
     # x'' = t from (0, 0) to x = 1 at T, where H = v^2 / 2 - t x = 0.
     system = ao.System(lambda q, v, t: v[0] ** 2 / 2 + t * q[0], ["x"])
@@ -245,12 +233,6 @@ def test_a_straight_line_has_the_energy_over_one_duration():
 # -- all of them -----------------------------------------------------------------------------------
 
 
-def test_both_throws_are_found():
-    found = ao.solve_all(throw(40.0), tol=1e-10)
-    assert sorted(s.duration for s in found) == pytest.approx(flights(40.0), rel=1e-10)
-    assert found.indices == (1, 0)
-
-
 class Turns:
     """Two turns of a circle, from t = 2 pi on."""
 
@@ -284,12 +266,15 @@ def lambert(energy, r1, r2):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("energy", "end"), [(-0.4, (0.3, 0.9)), (-0.3, (-0.8, 0.9))])
+@pytest.mark.parametrize(
+    ("energy", "end"),
+    [(-0.4, (0.3, 0.9)), (-0.3, (-0.8, 0.9)), (-1 / 2.2, (0.0, 1.2, 0.0))],  # in space found once
+)
 def test_all_four_transfers_of_given_energy(energy, end):
-    system = systems.kepler()
-    problem = ao.Problem(system, free(0.0, [1.0, 0.0]), free(None, end), energy=energy)
-    found = ao.solve_all(problem)
-    exact = lambert(energy, (1.0, 0.0), end)
+    system, start = systems.kepler("x y z"[: 2 * len(end)]), [1.0, 0.0, 0.0][: len(end)]
+    problem = ao.Problem(system, free(0.0, start), free(None, end), energy=energy)
+    found = ao.solve_all(problem, shots=4 * len(end))
+    exact = lambert(energy, start, end)
     assert sorted(s.duration for s in found) == pytest.approx(exact, rel=1e-7)
     # the long way of each round passes a caustic
     assert sorted(s.morse_index for s in found) == [0, 0, 1, 1]
@@ -316,6 +301,7 @@ def test_both_throws_of_one_energy_in_space_are_found():
     paths = ao.solve_all(problem, starts=0, shots=1, continuations=0)
     squares = np.roots([g**2 / 4, g * end[2] - 2 * E, end @ end])
     assert sorted(path.duration for path in paths) == pytest.approx(sorted(np.sqrt(squares)))
+    assert paths.indices == (1, 0)
     assert [path.abbreviated_action - path.action for path in paths] == pytest.approx(
         [E * path.duration for path in paths]
     )
@@ -754,13 +740,7 @@ def test_the_fastest_oscillation_needs_no_guess(energy):
 
 def test_an_orbit_about_the_equilibrium_between_two_bodies_needs_no_guess():
     """A saddle in one plane of phase space, a centre in the other: only that one turns."""
-
-    def rotating(q, v, t, *, mu):
-        x, y = q
-        near = (1 - mu) / np.sqrt((x + mu) ** 2 + y**2) + mu / np.sqrt((x - 1 + mu) ** 2 + y**2)
-        return ((v[0] - y) ** 2 + (v[1] + x) ** 2) / 2 + near
-
-    bodies = ao.System(rotating, ["x", "y"], parameters={"mu": 0.1})
+    bodies = ao.System(partial(restricted, mu=0.1), ["x", "y"])
     start, E = ao.Event(0, [None, 0.0]), -1.7884766149399474
     orbit = ao.solve(ao.Problem(bodies, start, ao.Periodic(None), energy=E))
     assert np.abs(orbit.energy(np.linspace(0, orbit.duration, 9)) - E).max() < 1e-6

@@ -12,7 +12,7 @@ from matplotlib.text import Text
 
 import actionopt
 from actionopt import plot, scenes, solve
-from actionopt.gallery import build, figures, scene_page
+from actionopt.gallery import figures, scene_page
 from actionopt.gallery.course import pages
 from actionopt.gallery.course.lessons import LESSONS
 from actionopt.gallery.page import SITE
@@ -150,17 +150,3 @@ def test_a_live_page_speaks_one_language(name):
     assert f'<html lang="{name}">' in html
     text = re.sub(r"(?s)<script.*?</script>|<style.*?</style>|<[^>]*>", " ", html)
     assert not re.search(r"\b(the|from|which|path|motion)\b", text, re.I)
-
-
-@pytest.mark.slow
-def test_a_gallery_speaks_one_language(tmp_path):
-    build(tmp_path, ["projectile"], jobs=1, lang="de")
-    page = (tmp_path / "projectile" / "index.html").read_text(encoding="utf-8")
-    assert '<html lang="de">' in page and "Worauf zu achten ist" in page
-    shown = re.sub(r"(?s)<script.*?</script>|<pre.*?</pre>", "", page)
-    assert "What to look at" not in shown and "minimum" not in shown
-    index = (tmp_path / "index.html").read_text(encoding="utf-8")
-    assert "Stationäre Wirkung" in index and "Wurf in gleichförmiger Schwere" in index
-    assert build(tmp_path, ["projectile"], jobs=1, lang="de") == []
-    with pytest.raises(ValueError, match="expected a language"):
-        build(tmp_path, ["projectile"], lang="eo")
