@@ -203,24 +203,6 @@ def test_blocks_are_neighbours(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("columns", "words"),
-    [
-        ({"speed": [1.0]}, "name of a parameter"),
-        ({("end", "phi"): [1.0]}, "name of a parameter"),
-        ({"g": [1.0, np.nan]}, "finite values"),
-        ({"g": [9.0, 9.5], "t1": [1.0]}, "as many values"),
-        ({"t1": [1.0, -1.0]}, "for member 1"),
-        ({}, "at least one quantity"),
-        ({"g": [9.0], "tol": 0}, "tol"),
-    ],
-)
-def test_refusals(columns, words):
-    tol = columns.pop("tol", 1e-8)
-    with pytest.raises(ValueError, match=words):
-        solve_run(scenes.get("pendulum").problem, columns, tol)
-
-
-@pytest.mark.parametrize(
     "name", ["pendulum", "double_pendulum", "charge_gauge", "moving_pivot", "kepler_polar"]
 )
 def test_stacks_are_the_transcription(name):

@@ -8,9 +8,6 @@ import pytest
 import systems
 
 import actionopt as ao
-from actionopt.analysis.modes import lowest
-from actionopt.families import batch
-from actionopt.plot.data import variations
 from actionopt.tools.blas import cholesky, one_thread, thread_count
 
 OSCILLATOR = systems.oscillator()
@@ -42,32 +39,6 @@ def test_a_solve_uses_one_thread(two):
     solution = ao.solve(PROBLEM, guess=guess)
     assert set(seen) == {1} and two() == 2
     assert solution.morse_index == 0 and two() == 2
-
-
-def test_a_run_of_a_sweep_uses_one_thread(two, monkeypatch):
-    """A task is all that a worker calls."""
-    seen, go = [], batch._Run.go
-
-    def watched(*given):
-        seen.append(two())
-        return go(*given)
-
-    monkeypatch.setattr(batch._Run, "go", watched)
-    ao.sweep(PROBLEM, {("end", "x"): [0.4, 0.5, 0.6]})
-    assert set(seen) == {1} and two() == 2
-
-
-def test_a_spectrum_uses_one_thread(two, monkeypatch):
-    """Of sixty eigenproblems of some dozens of rows."""
-    seen = []
-
-    def watched(form, count):
-        seen.append(two())
-        return lowest(form, count)
-
-    monkeypatch.setattr(variations, "lowest", watched)
-    variations.spectrum_data(ao.solve(PROBLEM), points=2)
-    assert seen == [1, 1] and two() == 2
 
 
 def test_what_fails_leaves_the_threads_alone(two):

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import systems
 from helpers import a_quarter, integrated
 from scipy.optimize import brentq
 
@@ -151,19 +150,6 @@ def test_focal_points_of_a_free_start_with_a_total_derivative(c):
     first = np.arctan2(1.0, c / 2) / 2  # cos 2t = c / 2 sin 2t
     exact = [first, first + np.pi / 2]
     assert times_of(ao.solve(problem)) == pytest.approx(exact, abs=3e-8)
-
-
-@pytest.mark.parametrize("width", [0.3, 0.03, 0.003])
-def test_a_straight_path_through_a_valley(width):
-    # Poeschl and Teller's -2 / w^2 sech^2 u across the way: fields tanh u and u tanh u - 1.
-    def field(t):
-        u, u0 = (t - 0.47) / width, -0.47 / width
-        return np.tanh(u) * (u0 * np.tanh(u0) - 1) - (u * np.tanh(u) - 1) * np.tanh(u0)
-
-    system = systems.valley(0.47, parameters={"w": width})
-    problem = ao.Problem(system, ao.Event(0.0, [0.0, 0.0]), ao.Event(1.0, [1.0, 0.0]))
-    exact = brentq(field, 0.47, 1.0, xtol=1e-15)
-    assert times_of(ao.solve(problem)) == pytest.approx([exact], abs=TIME_TOLERANCE)
 
 
 def test_stiff_oscillator_beside_a_free_body():

@@ -102,16 +102,6 @@ def test_solutions_are_those_of_a_dense_solver(kind, stored):
     assert not np.allclose(dense @ (found * (1 + 1e-6)), right, rtol=1e-10, atol=1e-10)
 
 
-@pytest.mark.parametrize("many", [False, True])
-def test_two_solutions_are_those_of_one_after_the_other(stored, many):
-    layout, nonzeros, dense = matrix_of("plain", stored)
-    factors = Factors(layout, nonzeros, many=many)
-    rights = np.random.default_rng(4).normal(size=(2, layout.size))
-    factors.solve(rights[0])
-    for found, right in zip(factors.solve_both(*rights), rights, strict=True):
-        assert np.allclose(dense @ found, right, rtol=0, atol=1e-9)
-
-
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("elements", [1, 2, 3, 12, 41, 80])
 def test_condensation_alone_solves_to_rounding(monkeypatch, kind, elements):
@@ -138,11 +128,6 @@ def test_solutions_with_a_matrix_near_another_are_its_own(stored):
         assert layout.small or refactored == (far == 3.0)
 
 
-def test_a_right_hand_side_of_zero_has_the_solution_zero(stored):
-    layout, nonzeros, _ = matrix_of("sphere", stored)
-    assert np.all(Factors(layout, nonzeros).solve(np.zeros(layout.size)) == 0)
-
-
 @pytest.mark.parametrize("kind", KINDS)
 def test_products_are_those_of_the_dense_matrix(kind, stored):
     layout, nonzeros, dense = matrix_of(kind, stored)
@@ -167,17 +152,6 @@ def test_inertia_is_that_of_the_dense_eigenvalues(kind, stored, duration):
     values = np.linalg.eigvalsh(dense)
     assert np.min(np.abs(values)) > 1e-8 * np.max(np.abs(values))  # the count is determined
     assert negative_eigenvalues(layout, nonzeros) == np.sum(values < 0)
-
-
-def test_inertia_of_many_signs():
-    # Past k conjugate times of x'' = -x the Hessian has k negative eigenvalues.
-    oscillator = systems.oscillator()
-    for half_periods in (0.5, 3.5, 20.5):
-        T = half_periods * np.pi
-        problem = Problem(oscillator, Event(0, 0), Event(T, 1))
-        tr = Transcription(problem, Mesh.uniform(0, T, 50, 8), np.ones(1))
-        nonzeros = tr.kkt(np.zeros(tr.layout.size))
-        assert negative_eigenvalues(tr.layout, nonzeros) == int(half_periods)
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -222,12 +222,3 @@ def test_five_points_on_a_circle_lead_to_a_resolved_ellipse():
     assert found.status is ao.Status.DEGENERATE and found.error <= 1e-6
     assert found.inertia.nullity == 4
     assert np.ptp(found.path.values, axis=1) == pytest.approx(2.0, abs=0.1)
-
-
-@pytest.mark.slow
-def test_an_energy_does_not_choose_one_of_many_great_circles():
-    problem = ao.Problem(SPHERE, ao.Event(0.0, [0, 0, 1]), ao.Event(None, [0, 0, -1]), energy=0.5)
-    guess = [[0, 0.6, 1, 0.6, 0], [0, 0, 0, 0, 0], [1, 0.8, 0, -0.8, -1]]
-    found = ao.solve(problem, guess=guess, throw=False)
-    assert found.status is ao.Status.DEGENERATE and found.stats["nullity"] == 1
-    assert found.duration == pytest.approx(np.pi)

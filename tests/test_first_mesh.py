@@ -110,25 +110,6 @@ def test_friction_leaves_a_layer(friction):
     assert len(solution.stats["rounds"]) == 1
 
 
-@pytest.mark.parametrize("tol", [1e-3, 1e-5, 1e-6, 1e-8])
-@pytest.mark.parametrize("square", [-1.0, -16.0, 4.0])
-def test_the_first_mesh_is_hardly_finer_than_needed(square, tol):
-    T, w = 2.3, np.sqrt(abs(square))
-    f = np.sin if square < 0 else np.sinh
-    t = np.linspace(0.0, T, 301)
-    exact = (f(w * (T - t)) + 0.3 * f(w * t)) / f(w * T)
-    mesh = planned(linear(square, T), tol, 4)
-    assert mesh.elements == 4 and len(set(mesh.degrees)) == 1
-
-    def good(degree):
-        solution = ao.solve(linear(square, T), mesh=Mesh.uniform(0.0, T, 4, degree))
-        return np.max(np.abs(solution(t)[0] - exact)) <= tol * np.max(np.abs(exact))
-
-    least = next(k for k, d in enumerate(DEGREES.tolist()) if good(d))
-    # A margin of some digits is a kind of elements or two: x^k / k! falls by a digit a degree.
-    assert DEGREES[least] <= mesh.degrees[0] <= DEGREES[least + 2]
-
-
 @pytest.mark.parametrize("turned", [False, True])
 @pytest.mark.parametrize("T", [1.0, 7.0, 20.0])
 def test_small_motions_of_many_coordinates_are_shown(turned, T):

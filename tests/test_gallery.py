@@ -527,23 +527,6 @@ def test_a_handle_dragged_changes_the_action_to_the_one_computed_here(gallery, c
     assert abs(touched[0] - raised[0]) > 1e-4
 
 
-@pytest.mark.parametrize("name", ["projectile", "oscillator"])
-def test_a_handle_stays_under_the_finger_and_the_page_where_it_is(gallery, chromium, name):
-    chromium.open(gallery / "least.html", 360, 740)
-    chromium.run(f"document.querySelector('[data-live={name}]').scrollIntoView()")
-    chromium.run(
-        "window.cancelled = 0;"
-        "addEventListener('pointercancel', () => { window.cancelled += 1 }, true)"
-    )
-    top = chromium.run("scrollY")
-    for across, down in ((0, 60), (0, -50), (40, 30)):
-        x, y = middle(chromium, name, 2)
-        chromium.touch(x, y, across, down)
-        free = across * (name == "projectile")  # the time of a handle is fixed
-        assert middle(chromium, name, 2) == pytest.approx((x + free, y + down), abs=0.6)
-        assert chromium.run("[scrollY, window.cancelled]") == [top, 0]
-
-
 def test_the_keyboard_reaches_everything(gallery, chromium):
     chromium.open(gallery / "rod_pendulum" / "index.html", still=True)
     chromium.key("Tab")

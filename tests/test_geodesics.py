@@ -89,25 +89,6 @@ def test_a_geodesic_that_is_followed_from_a_nearer_end(principle):
     assert solution.morse_index == 0
 
 
-@pytest.mark.slow
-def test_a_geodesic_that_is_not_least_where_no_least_one_is():
-    """Past half way round the least curves of these coordinates lead through a pole."""
-    ball = ao.System.geodesic(sphere, ["theta", "phi"])
-    problem = ao.Problem(ball, ao.Event(0, [1.57, 0.0]), ao.Event(1, [1.5, 4.0]))
-    found = ao.solve(problem, principle="least", throw=False)
-    beeline = np.cos(1.57) * np.cos(1.5) + np.sin(1.57) * np.sin(1.5) * np.cos(4.0)
-    assert found.status.name == "NOT_LEAST" and found.morse_index == 1
-    assert abs(found.length - (2 * np.pi - np.arccos(beeline))) < 1e-8
-
-
-@pytest.mark.slow
-def test_no_film_spans_rings_so_far_apart_and_the_sentence_says_from_where_on():
-    """Two rings of radius 1: none beyond the distance 1.325486838698... (OEIS A033259)."""
-    film = ao.System(lambda q, v, t: 2 * np.pi * q[0] * np.sqrt(1 + v[0] ** 2), ["y"])
-    with pytest.raises(ao.SolveError, match=r"no stationary path .* as far as t = 1\.325, where"):
-        ao.solve(ao.Problem(film, ao.Event(0, [1.0]), ao.Event(1.6, [1.0])))
-
-
 def test_the_two_ways_around_a_sphere():
     ball = ao.System.geodesic(sphere, ["theta", "phi"])
     ends = ao.Event(0, [1.2, 0.0]), ao.Event(1, [1.9, 2.0])

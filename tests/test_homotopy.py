@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 import systems
 from helpers import applies, integrated, transcribed
-from scipy.integrate import solve_bvp
 
 import actionopt as ao
 from actionopt.discrete.newton import approach, follow
@@ -48,38 +47,6 @@ def test_a_curve_that_is_a_path_stays():
     found, count = newton_homotopy(tr, path)
     assert np.max(np.abs(found - path)) <= 1e-9
     assert count <= 60
-
-
-def test_each_of_two_solutions_is_reached():
-    # Bratu: x'' = -3 exp(x), x(0) = x(1) = 0, which has two solutions. Scaling the force of a
-    # guess down to nothing ends on one of them.
-    bratu = System(lambda q, v, t: v[0] ** 2 / 2 - 3.0 * np.exp(q[0]), ["x"])
-    tr = transcribed(bratu, ([0.0], [0.0]), 1.0, 8)
-    t = tr.mesh.nodes
-
-    def reference(height):
-        run = solve_bvp(
-            lambda s, y: np.stack([y[1], -3.0 * np.exp(y[0])]),
-            lambda a, b: np.array([a[0], b[0]]),
-            np.linspace(0, 1, 21),
-            np.stack([height * np.sin(np.pi * np.linspace(0, 1, 21)), np.zeros(21)]),
-            tol=1e-10,
-            max_nodes=100000,
-        )
-        assert run.success
-        return run.sol(t)[0]
-
-    low, high = reference(0.5), reference(2.0)
-    assert np.max(high) - np.max(low) > 0.5  # there are two
-    ends = set()
-    for height in (-1.0, 0.0, 0.3, 2.0, 3.0):
-        released = newton_homotopy(tr, tr.pack(height * np.sin(np.pi * t)[:, None]))
-        assert released is not None
-        x = tr.coordinates(follow(tr, released[0]).z)[:, 0]
-        misses = [np.max(np.abs(x - known)) for known in (low, high)]
-        assert min(misses) <= 1e-7
-        ends.add(np.argmin(misses))
-    assert ends == {0, 1}
 
 
 def test_with_a_constraint_on_the_way():

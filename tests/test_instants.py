@@ -4,8 +4,6 @@ import casadi as ca
 import numpy as np
 import pytest
 from helpers import a_quarter
-from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
 
 import actionopt as ao
 from actionopt import scenes
@@ -118,39 +116,6 @@ def test_a_mass_that_changes(t0, tol):
     assert solution.compare().agrees
 
 
-@pytest.mark.parametrize("tol", a_quarter([1e-8, 1e-4, 1e-11]))
-@pytest.mark.parametrize("c", [0.2113, 0.7])
-def test_a_pendulum_that_is_pushed_for_a_while(c, tol):
-    w, push = 0.02, 40.0
-    given = problem(
-        lambda q, v, t: free(v) + 9.81 * np.cos(q[0]) + np.where(abs(t - c) < w, push, 0.0) * q[0]
-    )
-    solution = ao.solve(given, tol=tol)
-
-    def legs(v):
-        y, parts = np.array([0.0, v]), []
-        for a, b, force in ((0.0, c - w, 0.0), (c - w, c + w, push), (c + w, 1.0, 0.0)):
-            leg = solve_ivp(
-                lambda t, y, force=force: [y[1], force - 9.81 * np.sin(y[0])],
-                (a, b),
-                y,
-                method="DOP853",
-                rtol=1e-13,
-                atol=1e-14,
-                dense_output=True,
-            )
-            parts.append((np.linspace(a, b, 99), leg.sol))
-            y = leg.y[:, -1]
-        return y[0] - 1.0, parts
-
-    near = solution.start.v[0]
-    v = brentq(lambda v: legs(v)[0], near - 0.01, near + 0.01, xtol=1e-14)
-    error = max(np.abs(solution(t)[0] - sol(t)[0]).max() for t, sol in legs(v)[1])
-    size = np.abs(solution(solution.mesh.nodes)).max()
-    assert error / size <= min(tol, solution.error + 1e-12)
-    assert solution.mesh.elements <= 8
-
-
 def test_boundaries_at_instants():
     mesh = Mesh([0.0, 0.25, 0.5, 0.75, 1.0], [4, 5, 6, 7])
     found = bounded(mesh, ((0.25, 0.25), (0.3, 0.3), (0.6, 0.6), (0.98, 0.98)))
@@ -180,32 +145,6 @@ def test_a_mesh_moves_with_its_instants():
     for old in others:
         found = moved(mesh, old, ((2.5, 2.5),), 2.0, 4.0)
         assert found.boundaries == pytest.approx([2.0, 2.2, 2.4, 3.2, 4.0])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "lagrangian",
-    [
-        lambda q, v, t, *, c: free(v) + np.where(t > c, 5.0, 0.0) * (q[0] + 0.3),
-        lambda q, v, t, *, c: np.where(t < c, 3.0, 1.0) * free(v) + 9.81 * np.cos(q[0]),
-        lambda q, v, t, *, c: free(v) + np.where(abs(t - 0.6) < c, 3.0, 1.0) * (q[0] + 1) ** 2,
-        lambda q, v, t, *, c: free(v) + np.floor(t / c + 0.5) * (q[0] + 1),
-        lambda q, v, t, *, c: free(v) + np.where(np.fmod(t, 0.4) > c / 2, 3.0, 1.0) * q[0],
-        lambda q, v, t, *, c: free(v) + abs(t - c) * q[0],
-        lambda q, v, t, *, c: free(v) + np.where(t > 0.5, c, 1.0) * q[0],
-    ],
-)
-def test_sensitivities_where_instants_move_or_stay(lagrangian):
-    def action(c=0.27, t0=0.0, t1=1.1):
-        return ao.solve(problem(lagrangian, t0, t1, parameters={"c": c}), tol=1e-12).action
-
-    h = 1e-5
-    slope = ao.solve(problem(lagrangian, 0.0, 1.1, parameters={"c": 0.27}), tol=1e-12).sensitivity()
-    by_c = (action(c=0.27 + h) - action(c=0.27 - h)) / (2 * h)
-    by_t0 = (action(t0=h) - action(t0=-h)) / (2 * h)
-    by_t1 = (action(t1=1.1 + h) - action(t1=1.1 - h)) / (2 * h)
-    assert slope.parameters["c"] == pytest.approx(by_c, rel=1e-6, abs=1e-7)
-    assert (slope.t0, slope.t1) == pytest.approx((by_t0, by_t1), rel=1e-6)
 
 
 def test_the_action_of_a_switch_without_parameters_has_its_derivatives():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import systems
-from helpers import applies, integrated, solved
+from helpers import applies, integrated
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
@@ -179,12 +179,6 @@ def test_least_first_and_a_saddle_where_there_is_none(duration, least):
     if not least:
         with pytest.raises(ao.SolveError, match="unbounded below"):
             ao.solve(problem, principle="least")
-
-
-def test_linear_equations_need_no_search():
-    solution = solved("oscillator")
-    assert solution.stats["rung"] == "linear"
-    assert solution.stats["iterations"] == {"newton": len(solution.stats["rounds"])}
 
 
 def halves(q_from, amplitude):

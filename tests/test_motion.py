@@ -139,16 +139,6 @@ def test_a_moving_constraint_pushes_across_itself():
     assert np.max(np.abs(data.forces[0] - expected)) < FORCE * np.max(np.abs(expected))
 
 
-def test_the_forces_on_a_chain_hold_it_from_its_pivot():
-    """Inner forces cancel: the sum is the pull at the pivot, along the first link."""
-    data, _ = forces("chain")
-    pull = data.forces.sum(axis=0)
-    first = data.bodies[0]
-    assert np.max(np.abs(pull[0] * first[1] - pull[1] * first[0])) < 1e-5 * np.max(np.abs(pull))
-    weight = data.forces.shape[0] * G * 1.0
-    assert np.all(np.abs(pull[1] - weight) < 0.2 * weight)
-
-
 def test_the_force_does_the_work_of_the_generalized_one():
     """The coordinate s moves the body up twice as far, so half the force does its work."""
     system = ao.System(

@@ -62,20 +62,6 @@ def test_linear_systems_take_one_step_from_anywhere(name, elements):
     assert far.travelled == pytest.approx(np.max(np.abs(far.z - 100 * start)[:cut]), rel=1e-12)
 
 
-def test_a_path_near_by_is_reached_quadratically():
-    tr, exact = swing()
-    counts = []
-    for size in (1e-2, 1e-4, 1e-8):
-        bump = size * np.sin(np.pi * tr.mesh.nodes / 0.8)[:, None]
-        result = follow(tr, tr.pack(exact + bump))
-        assert result.converged
-        assert np.max(np.abs(tr.coordinates(result.z) - exact)) <= ROUNDING
-        assert result.noise <= ROUNDING
-        counts.append(result.iterations)
-    # Each factorization is used twice, order three: 1e-2 -> 1e-6 -> 1e-14 and better.
-    assert counts[0] <= 3 and counts[1] <= 2 and counts[2] == 1
-
-
 def test_newton_contracts_quadratically():
     tr, exact = swing()
     errors = []

@@ -18,7 +18,6 @@ from actionopt.families import task
 from actionopt.solver.unfixed import Unfixed
 from actionopt.solver.verdict import solution_of
 
-G = 9.81
 A, B = 2.0, 1.0  # semi-axes
 INSIDE = [0.3, 0.1]  # the evolute: four normals
 
@@ -152,26 +151,6 @@ def test_the_action_changes_with_the_time_at_which_a_moving_wall_is_left():
     way, time = X - w - u * t0, T - t0
     assert found.t0 == pytest.approx(way**2 / (2 * time**2) - u * way / time, rel=1e-9)
     assert found.t1 == pytest.approx(-(way**2) / (2 * time**2), rel=1e-9)
-
-
-def test_a_throw_to_a_slope():
-    """It lands normally: backwards along the parabola from there."""
-    E, k, d = 60.0, 0.5, 4.0
-    system = ao.System(lambda q, v, t, *, g: v @ v / 2 - g * q[1], ["x", "y"], parameters={"g": G})
-    end = ao.Event(None, None, on=lambda q, t, *, k: q[1] - k * (q[0] - d))
-    start = ao.Event(0.0, [0.0, 0.0])
-    found = ao.solve(ao.Problem(system, start, end, energy=E, parameters={"k": k}), tol=1e-11)
-
-    def off(x):  # from (x, y) on the slope, normally and backwards to x = 0
-        y = k * (x - d)
-        v = np.sqrt(2 * (E - G * y) / (1 + k * k)) * np.array([k, -1.0])
-        T = x / v[0]
-        return y - v[1] * T - G * T * T / 2
-
-    x = brentq(off, 0.1, 4.0, xtol=1e-15)
-    assert found.end.q == pytest.approx([x, k * (x - d)], rel=1e-10)
-    assert found.energy(0.1) == pytest.approx(E, rel=1e-10)
-    assert found.compare().agrees and found.morse_index == 0
 
 
 def test_from_a_point_of_the_sphere_to_a_parallel():

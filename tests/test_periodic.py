@@ -325,50 +325,6 @@ def test_index_of_a_nonlinear_closed_path_against_fourier_sums(T, B, F):
     assert found == pytest.approx(exact[:6], rel=1e-5, abs=1e-5)
 
 
-@pytest.mark.parametrize(
-    ("w", "c", "T"), a_quarter([(2.0, 0.5, 5.0), (1.0, 0.3, 2.0), (1.0, 0.3, 9.0)])
-)
-def test_index_of_a_driven_bead_on_a_circle_in_either_coordinates(w, c, T):
-    names = {"w": w, "c": c, "W": 2 * np.pi / T}
-    angle = ao.System(
-        lambda q, v, t, *, w, c, W: (
-            v[0] ** 2 / 2 + w * w * np.cos(q[0]) + c * np.cos(W * t) * np.sin(q[0])
-        ),
-        ["a"],
-        parameters=names,
-    )
-    plane = ao.System(
-        lambda q, v, t, *, w, c, W: v @ v / 2 - w * w * q[1] + c * np.cos(W * t) * q[0],
-        ["x", "y"],
-        parameters=names,
-        constraint=lambda q, t: q @ q - 1,
-    )
-
-    def bead(t):
-        a = free(t)[0]
-        return np.stack([np.sin(a), -np.cos(a)])
-
-    free = ao.solve(ao.Problem(angle, ao.Event(0.0, [None]), Periodic(T)), guess=lambda t: [0 * t])
-    held = ao.solve(ao.Problem(plane, ao.Event(0.0, [None, None]), Periodic(T)), guess=bead)
-    exact = closed_eigenvalues(
-        lambda t: np.array(
-            [[-w * w * np.cos(free(t)[0]) - c * np.cos(names["W"] * t) * np.sin(free(t)[0])]]
-        ),
-        lambda t: np.zeros((1, 1)),
-        lambda t: np.eye(1),
-        T,
-        1,
-    )
-    for solution in (free, held):
-        assert solution.morse_index == np.sum(exact < 0)
-        found = ao.second_variation(solution, 4).eigenvalues
-        assert found == pytest.approx(exact[:4], rel=1e-7, abs=1e-7)
-    x = np.sin(free(0.0)[0])
-    pinned = ao.solve(ao.Problem(plane, ao.Event(0.0, [x, None]), Periodic(T)), guess=held)
-    fixed = ao.solve(ao.Problem(angle, ao.Event(0.0, free(0.0)), ao.Event(T, free(T))), guess=free)
-    assert pinned.morse_index == fixed.morse_index
-
-
 def test_an_orbit_without_a_clock_is_moved_along_itself():
     spring = systems.spring()
     pinned = ao.solve(

@@ -77,30 +77,6 @@ def test_rolling_in_differential_form_is_the_rolling_scene():
     assert ao.solve(other).success
 
 
-@pytest.mark.slow
-def test_a_leaf_without_integrating_factor_by_hand():
-    """exp(..) (dr - angle dangle) = 0 is no differential; its leaves are r = c + angle^2 / 2."""
-
-    def rows(q):
-        r, angle = q
-        factor = np.exp(np.sin(angle) + r)
-        return [factor, -factor * angle]
-
-    f = integrate_pfaffian(rows, [1.0, 0.0])
-
-    def lagrangian(q, v, t):
-        return (v[0] ** 2 + (q[0] * v[1]) ** 2) / 2
-
-    ends = ao.Event(0, [1.0, 0.0]), ao.Event(1, [1 + 1.2**2 / 2, 1.2])
-    paths = []
-    for constraint in (f, lambda q, t: q[0] - 1 - q[1] ** 2 / 2):
-        system = ao.System(lagrangian, ["r", "angle"], constraint=constraint)
-        paths.append(ao.solve(ao.Problem(system, *ends), tol=1e-11))
-    t = np.linspace(0, 1, 9)
-    assert np.max(np.abs(paths[0](t) - paths[1](t))) < FORMULA_TOLERANCE
-    assert np.ptp(paths[0](t)[0]) > 0.5
-
-
 def test_a_leaf_of_two_rows_that_are_integrable_together():
     def rows(q):  # q2 constant, and then q1 - q2 q3 constant
         return [[1.0, 0.0, -q[1]], [0.0, 1.0, 0.0]]

@@ -49,14 +49,6 @@ def test_what_is_derived_of_a_loaded_law_is_the_same_to_the_last_operation(name,
         assert ours.serialize() == theirs.serialize(), function
 
 
-def test_a_geodesic_keeps_its_length(elsewhere):
-    own = System.geodesic(lambda q, v: np.sqrt(v[0] ** 2 + q[0] ** 2 * v[1] ** 2), ["r", "phi"])
-    loaded = elsewhere(pickle.dumps(own))
-    assert loaded.F is not None and loaded.digest == own.digest
-    length = loaded.pointwise("length")([[2.0, 0.3]], [[3.0, 2.0]], [[0.0]], loaded.table.pack({}))
-    assert length[0] == pytest.approx(5.0)
-
-
 def test_it_is_made_once_in_a_process_and_derives_nothing_again(elsewhere, monkeypatch):
     own = System(lambda q, v, t, *, k: (v[0] ** 2 - k * abs(q[0])) / 2, ["x"], parameters={"k": 2})
     first = pickle.dumps(own)
@@ -175,11 +167,3 @@ def test_a_lambda_of_a_notebook_reaches_a_process_that_is_spawned():
     command = [sys.executable, "-c", textwrap.dedent(NOTEBOOK)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.stdout == "as here\n", done.stderr
-
-
-def test_conserved_quantities_and_variations_travel():
-    plane, pendulum = scenes.get("kepler").problem.system, solved("pendulum")
-    turn = ao.noether(plane, lambda q, t: [-q[1], q[0]])
-    assert pickle.loads(pickle.dumps(turn))([1.0, 0.5], [0.0, 2.0], 0.0) == pytest.approx(2.0)
-    wave = ao.variation(pendulum, lambda t: [np.sin(np.pi * t)])
-    assert pickle.loads(pickle.dumps(wave))(0.1) == wave(0.1)

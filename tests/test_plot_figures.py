@@ -292,18 +292,6 @@ def test_the_kinetic_energy_drawn_is_that_of_the_body_in_space(name):
     assert {"$T$", "$V$"} <= set(words)
 
 
-def test_the_kinetic_energy_on_a_turning_hoop_has_that_of_the_turning():
-    solution, scene = solved("hoop_bead"), scenes.get("hoop_bead")
-    m, R, w = (solution.problem.parameters[name] for name in "mRw")
-    data = plot.energies_data(solution, kinetic=scene.kinetic)
-    theta, u = solution(data.t)[0], solution.velocity(data.t)[0]
-    turning = m * (R * w * np.sin(theta)) ** 2 / 2
-    assert np.max(turning) > 4.4
-    np.testing.assert_allclose(data.kinetic, m * (R * u) ** 2 / 2 + turning, rtol=1e-9)
-    height = m * scene.problem.parameters["g"] * R * np.cos(theta)
-    np.testing.assert_allclose(data.potential, -height, rtol=1e-9)
-
-
 def test_what_the_lagrangian_does_not_tell_is_not_named():
     ax = plot.energies(solved("hoop_bead"))
     words = [t.get_text() for t in ax.get_legend().get_texts()]
@@ -468,19 +456,6 @@ def test_the_mesh_is_the_solutions():
     assert below.get_ylim()[1] > degrees.max()
 
 
-def test_what_differs_most_is_drawn_first():
-    """Blue or vermilion: a saddle has neighbours of either sign."""
-    solution = solved("oscillator_saddle")
-    data = plot.bundle_data(solution)
-    assert data.rise.min() < 0 < data.rise.max()
-    lines = plot.bundle(solution).lines[: len(data.rise)]
-    drawn = [
-        np.argmin([np.max(np.abs(x[0] - line.get_ydata())) for x in data.varied]) for line in lines
-    ]
-    assert np.all(np.diff(np.abs(data.rise[drawn])) <= 1e-12 * np.max(np.abs(data.rise)))
-    assert sorted(drawn) == list(range(len(data.rise)))
-
-
 @pytest.mark.parametrize("half_periods", [0.8, 1.3, 3.3, 14.4])
 def test_no_path_looks_like_a_maximum(half_periods):
     """At any index some neighbours raise S; at a saddle some lower it."""
@@ -490,13 +465,6 @@ def test_no_path_looks_like_a_maximum(half_periods):
     assert data.rise.max() > 0
     assert (data.rise.min() < 0) == (solution.morse_index > 0)
     assert len(data.rise) == 24
-
-
-def test_neighbours_that_do_not_differ_have_the_colour_of_no_difference():
-    ax = plot.bundle(solved("oscillator"), size=0.0, count=2)
-    grey = matplotlib.colors.to_rgba(plot._style.SIGNED(0.5))
-    drawn = [matplotlib.colors.to_rgba(line.get_color()) for line in ax.lines]
-    assert sum(np.allclose(colour, grey, atol=0.02) for colour in drawn) == 6
 
 
 @pytest.mark.parametrize("value", [3.0, -3.0, 0.0])

@@ -1,13 +1,11 @@
 """Features far narrower than the elements of a path: seen at any tolerance, and resolved."""
 
 import math
-from itertools import pairwise
 
 import numpy as np
 import pytest
 import systems
 from helpers import a_quarter
-from scipy.integrate import quad
 from scipy.optimize import brentq
 
 import actionopt as ao
@@ -86,37 +84,6 @@ def test_a_pulse_is_cut_out_at_once():
     assert [part.size for part in cuts] == [0, 0, 2, 0]
     assert 0.61 - 0.02 < cuts[2][0] < 0.613 - w
     assert 0.613 + w < cuts[2][1] < 0.613 + 0.02
-
-
-@pytest.mark.parametrize(
-    ("wall", "height"),
-    [
-        (lambda x, c, w: np.exp(-(((x - c) / w) ** 2)), 0.3),
-        pytest.param(lambda x, c, w: np.exp(-(((x - c) / w) ** 2)), -0.3, marks=pytest.mark.slow),
-        pytest.param(lambda x, c, w: 1 / (1 + ((x - c) / w) ** 2), -0.3, marks=pytest.mark.slow),
-        pytest.param(lambda x, c, w: (1 + np.tanh((x - c) / w)) / 2, 0.3, marks=pytest.mark.slow),
-    ],
-    ids=["gauss", "well", "lorentz", "step"],
-)
-def test_a_wall_of_a_thousandth_is_crossed_with_the_right_energy(wall, height):
-    """The energy is that for which the time of flight, an integral over x, is one."""
-    c, w = 0.4137, 1e-3
-
-    def lagrangian(q, v, t):
-        return v[0] ** 2 / 2 - height * wall(q[0], c, w)
-
-    def flight(energy):
-        parts = [0.0, c - 10 * w, c, c + 10 * w, 1.0]
-        return sum(
-            quad(lambda x: 1 / np.sqrt(2 * (energy - height * wall(x, c, w))), a, b, limit=400)[0]
-            for a, b in pairwise(parts)
-        )
-
-    energy = brentq(lambda e: flight(e) - 1, max(height, 0.0) + 1e-6, 50.0, xtol=1e-13)
-    problem = ao.Problem(ao.System(lagrangian, ["x"]), ao.Event(0.0, [0.0]), ao.Event(1.0, [1.0]))
-    for tol in (1e-6, 1e-9):
-        solution = ao.solve(problem, tol=tol)
-        assert abs(solution.energy(1.0) - energy) < 100 * tol  # the path's error over w, at most
 
 
 def test_a_step_inside_an_element_takes_the_momentum_that_it_must():

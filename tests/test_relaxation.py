@@ -198,31 +198,3 @@ def test_the_picture_says_what_is_seen(name, method, words, monkeypatch):
     row = 1 if name == "projectile" else 0
     assert low < data.paths[:, row].min() and data.paths[:, row].max() < high
     panels.paths.figure.draw_without_rendering()
-
-
-@pytest.mark.slow
-def test_frames_show_the_path_and_where_it_stands(monkeypatch):
-    seen = {}
-
-    def keep(figure, update, count, file, fps, front):
-        seen.update(figure=figure, update=update, count=count)
-
-    monkeypatch.setattr(figures, "write", keep)
-    plot.relaxation_film(solved("saddle"), "film.gif")
-    data = relaxed("saddle")
-    steps = len(data.action) - 1
-    assert seen["count"] > steps + 1  # it runs away, and is slowed down
-    seen["update"](7 * (seen["count"] - 1) / steps)
-    paths, action, parts, residual = seen["figure"].axes
-    (now,) = [line for line in paths.lines if line.get_label() == "now"]
-    assert np.array_equal(now.get_ydata(), data.paths[7, 0])
-    low, high = paths.get_ylim()
-    assert low < data.paths.min() and data.paths.max() < high  # whatever comes is within
-    dots = [
-        tuple(np.ravel(line.get_data()))
-        for ax in (action, parts, residual)
-        for line in ax.lines
-        if line.get_marker() == "o"
-    ]
-    expected = (data.action, data.kinetic, data.potential, data.residual)
-    assert dots == [(7, y[7]) for y in expected]

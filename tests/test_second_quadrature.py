@@ -5,7 +5,6 @@ import math
 import casadi as ca
 import numpy as np
 import pytest
-import systems
 from helpers import a_quarter
 
 import actionopt as ao
@@ -144,18 +143,6 @@ def test_elements_are_cut_around_what_hides_in_them(push, what):
 
 
 # -- lines that symmetry makes a trap -------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("r", "tol"), [(1.0, 1e-8), pytest.param(1.2, 1e-4, marks=pytest.mark.slow)]
-)
-def test_half_an_ellipse_is_found_round_the_centre(r, tol):
-    """From (1, 0) to the opposite side in half a period: v is that of an apsis."""
-    kepler = systems.kepler()
-    a = (1 + r) / 2
-    problem = ao.Problem(kepler, ao.Event(0.0, [1, 0]), ao.Event(np.pi * a**1.5, [-r, 0]))
-    v = ao.solve(problem, tol=tol).start.v
-    assert np.allclose([v[0], abs(v[1])], [0.0, np.sqrt(2 - 1 / a)], atol=10 * tol)
 
 
 def test_under_a_constraint_a_motion_is_followed_along_it():

@@ -137,37 +137,6 @@ def test_oscillator(m, w, T):
     assert found.van_vleck == pytest.approx(m * w / s, rel=1e-10)
 
 
-@pytest.mark.parametrize(("radius", "angle", "T"), [(1.0, 2.0, 1.0), (2.5, 0.7, 3.0)])
-def test_sphere(radius, angle, T):
-    # Geodesics: S = (radius angle)^2 / (2 T). Across the great circle the mixed derivative is
-    # that of the angle between two points, -S'(angle) / (radius^2 sin angle).
-    def lagrangian(q, v, t):
-        return sum(x * x for x in v) / 2
-
-    system = ao.System(
-        lagrangian,
-        list("xyz"),
-        constraint=lambda q, t, *, radius: sum(x * x for x in q) - radius**2,
-        parameters={"radius": radius},
-    )
-
-    def arc(s):
-        return radius * np.stack([np.cos(angle * s / T), np.sin(angle * s / T), 0 * s])
-
-    problem = ao.Problem(system, ao.Event(0.0, arc(0.0)), ao.Event(T, arc(T)))
-    found = ao.solve(problem, guess=arc, tol=1e-11).sensitivity()
-    along = np.array([[0.0, 1, 0], [-np.sin(angle), np.cos(angle), 0]])
-    speed = radius * angle / T
-    assert found.q0 @ along[0] == pytest.approx(-speed, rel=1e-9)
-    assert found.q1 @ along[1] == pytest.approx(speed, rel=1e-9)
-    assert found.t1 == pytest.approx(-(speed**2) / 2, rel=1e-9)
-    assert along[0] @ found.q0q1 @ along[1] == pytest.approx(-1 / T, rel=1e-8)
-    assert found.q0q1[2, 2] == pytest.approx(-angle / np.sin(angle) / T, rel=1e-8)
-    assert found.q1q1[2, 2] == pytest.approx(angle / np.tan(angle) / T, rel=1e-8)
-    # Nothing leads off the surface.
-    assert arc(0.0) @ found.q0q1 == pytest.approx(np.zeros(3), abs=1e-10)
-
-
 def test_moving_constraint():
     scene = scenes.get("turning_wire")
     solution = ao.solve(scene.problem, guess=scene.guess or scene.exact, tol=1e-10)
@@ -191,22 +160,6 @@ def test_free_coordinates_have_no_derivative():
     assert found.q0[0] == pytest.approx(difference(action, h), rel=1e-7)
     second = (action(h) - 2 * action(0.0) + action(-h)) / h**2
     assert found.q0q0[0, 0] == pytest.approx(second, rel=1e-5)
-
-
-def test_array_parameters_keep_their_shape():
-    K = np.array([[2.0, 0.5], [0.5, 3.0]])
-    system = ao.System(
-        lambda q, v, t, *, K: (v[0] ** 2 + v[1] ** 2) / 2 - q @ K @ q / 2,
-        ["x", "y"],
-        parameters={"K": K},
-    )
-    problem = ao.Problem(system, ao.Event(0.0, [1.0, 0.0]), ao.Event(1.0, [0.3, 0.4]))
-    solution = ao.solve(problem, tol=1e-11)
-    found = solution.sensitivity().parameters["K"]
-    xi, w = np.polynomial.legendre.leggauss(30)
-    q = solution((xi + 1) / 2)
-    expected = -np.einsum("k,ik,jk->ij", w / 2, q, q) / 2
-    assert found == pytest.approx(expected, rel=1e-9)
 
 
 def test_each_entry_of_a_matrix_has_its_own_derivative():

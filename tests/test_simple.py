@@ -41,33 +41,6 @@ def test_oscillator(w, mass, T):
     assert path.lam.shape == (0, path.t.size)
 
 
-@pytest.mark.parametrize(("w", "T"), [(1.0, 1.0), (2.3, 3.0)])
-def test_momentum_vanishes_at_a_free_end(w, T):
-    path = simple.solve(spring(w), (0.0, [0.7]), (T, [None]), degree=12)
-    assert near(path.q[0], 0.7 * np.cos(w * (T - path.t)) / np.cos(w * T))
-    assert path.index == int(w * T / np.pi + 0.5)
-
-
-@pytest.mark.parametrize(("w", "c"), [(1.0, 0.2), (2.3, 1.5)])
-def test_damped_oscillator(w, c):
-    path = simple.solve(
-        spring(w), (0.0, [0.0]), (2.0, [1.0]), degree=12, force=lambda q, v, t: [-c * v[0]]
-    )
-    turn = np.sqrt(w**2 - c**2 / 4)
-    known = np.exp(-c * (path.t - 2.0) / 2) * np.sin(turn * path.t) / np.sin(turn * 2.0)
-    assert near(path.q[0], known)
-    assert path.index is None
-
-
-@pytest.mark.parametrize("g", [9.81, 1.62])
-def test_projectile_is_exact_with_parabolas(g):
-    path = simple.solve(
-        lambda q, v, t: v @ v / 2 - g * q[1], (1.0, [0.0, 2.0]), (3.0, [5.0, 1.0]), degree=2
-    )
-    s = path.t - 1
-    assert near(path.q, np.array([2.5 * s, 2 - s / 2 + g * s * (2 - s) / 2]))
-
-
 def test_order_is_twice_the_degree_where_elements_meet():
     d, errors = 3, []
     for N in (4, 8):

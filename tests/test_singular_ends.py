@@ -53,18 +53,6 @@ def test_a_bounce(D, S, phi0, wall):
     assert bounce.compare().agrees
 
 
-def test_a_bounce_in_a_logarithmic_potential():
-    """phi = exp(2 - r^2 / 2), S = pi^2 e^4 / 2 on all r (BubbleProfiler)."""
-    system = radial(lambda x: x**2 * (1 - np.log(x**2)) / 2, 4)
-    exact = lambda r: np.exp(2 - r**2 / 2)  # noqa: E731
-    problem = ao.Problem(system, ao.Event(0, [None]), ao.Event(7, [exact(7.0)]))
-    bounce = ao.solve(problem, guess=lambda r: [0.9 * np.exp(2 - r**2 / 2.2)])
-    r = np.linspace(0, 7, 30)
-    assert np.abs(bounce(r)[0] - exact(r)).max() < 1e-8 * np.e**2
-    assert abs(bounce.action - np.pi**2 * np.e**4 / 2) < 1e-10 * bounce.action
-    assert bounce.morse_index == 1
-
-
 @pytest.mark.slow
 def test_the_bounce_is_among_all_paths():
     problem = ao.Problem(radial(quartic, 3), ao.Event(0, [None]), ao.Event(25, [0]))

@@ -11,8 +11,6 @@ import actionopt as ao
 from actionopt import Event, Mesh, Problem, plot, scenes
 from actionopt.analysis.status import Status
 
-FORMULA_TOLERANCE = 1e-10  # two ways to one number on a path that is good to 1e-12
-
 
 @pytest.fixture
 def rod():
@@ -99,16 +97,6 @@ def test_pointwise_quantities_are_those_of_the_system(rod):
     m, g = (float(parameters[name]) for name in "mg")
     assert rod.momentum(t) == pytest.approx(m * v, rel=1e-14)
     assert rod.energy(t) == pytest.approx(m * np.sum(v**2, axis=0) / 2 + m * g * q[1], rel=1e-12)
-
-
-def test_the_path_obeys_newton(rod):
-    # m a = gravity + force of constraint, a from the path itself.
-    t = np.linspace(0, 1, 41)
-    m, g = (float(rod.problem.parameters[name]) for name in "mg")
-    weight = np.array([0.0, -m * g])[:, None]
-    a = rod.path.acceleration(t)
-    assert np.max(np.abs(m * a - weight - rod.constraint_force(t))) <= 1e-7  # two derivatives
-    assert np.max(np.abs(m * a - weight)) > 1  # without the rod it does not
 
 
 @pytest.mark.parametrize("name", ["kepler", "rod_pendulum", "turning_wire", "oscillating_wall"])
@@ -268,16 +256,6 @@ def test_what_is_printed_is_short_and_says_what_matters(rod):
     assert len(shown) > 6
     for thing in shown:
         assert "array(" not in repr(thing) and "SX" not in repr(thing) and len(repr(thing)) < 350
-
-
-def test_conserved_energy_and_its_rate():
-    # dH/dt = -dL/dt along a motion; here H of the oscillating wall is not conserved.
-    quiet = solved("kepler", tol=1e-12)
-    H = quiet.energy(np.linspace(0, quiet.problem.end.t, 51))
-    assert np.ptp(H) <= 1e-8 * abs(H[0])
-    shaken = solved("oscillating_wall", tol=1e-12)
-    H = shaken.energy(np.linspace(0, shaken.problem.end.t, 51))
-    assert np.ptp(H) > 0.1
 
 
 def test_errors_of_velocities_are_relative_to_the_largest():

@@ -15,6 +15,7 @@ from helpers import a_quarter
 from actionopt import suite
 from actionopt.suite import known, solvers, stars
 from actionopt.suite.families import redundant
+from actionopt.suite.interfaces import hessian, jacobian
 from actionopt.suite.learn import learn
 from actionopt.suite.stars import STATIONARY
 
@@ -59,14 +60,7 @@ def sixth_order(function, x, direction, step):
 
 
 def dense(problem, lam, x):
-    rows, cols = problem.hessian_structure
-    H = np.zeros((problem.n, problem.n))
-    H[rows, cols] = problem.hessian(x, lam)
-    H[cols, rows] = H[rows, cols]
-    rows, cols = problem.jacobian_structure
-    J = np.zeros((problem.m, problem.n))
-    J[rows, cols] = problem.jacobian(x)
-    return H, J
+    return hessian(problem, x, lam).toarray(), jacobian(problem, x).toarray()
 
 
 def least(problem, x):

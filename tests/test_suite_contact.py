@@ -9,6 +9,7 @@ from scipy.linalg import null_space
 
 from actionopt import suite
 from actionopt.suite import active_set, known, solvers
+from actionopt.suite.interfaces import hessian, jacobian
 from actionopt.suite.verdict import examine
 
 NAMES = tuple(suite.find(tags="unilateral contact"))
@@ -18,9 +19,7 @@ STATIONARY, ACTIVE = 1e-10, 1e-9
 def gap(problem, x):
     """Return the rows that are inequalities, J (all rows) and which rows those are."""
     lower, upper = problem.constraint_bounds
-    J = np.zeros((problem.m, problem.n))
-    J[problem.jacobian_structure] = problem.jacobian(x)
-    return problem.constraints(x), J, lower < upper
+    return problem.constraints(x), jacobian(problem, x).toarray(), lower < upper
 
 
 @pytest.mark.parametrize("name", a_quarter(NAMES))
@@ -49,9 +48,7 @@ def test_stars_satisfy_the_conditions_of_karush_kuhn_and_tucker(name):
     astray = x + 1e-4 * u * np.cos(np.arange(problem.n))
     assert problem.residual(astray, lam) > 1e-6
     # The Hessian is positive on what the rows in contact allow: a strict minimum.
-    H = np.zeros((problem.n, problem.n))
-    H[problem.hessian_structure] = problem.hessian(x, lam)
-    H = np.triu(H) + np.triu(H, 1).T
+    H = hessian(problem, x, lam).toarray()
     held = J[(lam < -ACTIVE) | ~unequal] * u
     free = null_space(held) if len(held) else np.eye(problem.n)
     assert np.linalg.eigvalsh(free.T @ (H * u * u[:, None]) @ free).min() > 0

@@ -19,6 +19,7 @@ from actionopt.cli import main
 from actionopt.suite import runner, solvers
 from actionopt.suite.cell import Cell, attempt, evaluate, limit
 from actionopt.suite.expression import nlp
+from actionopt.suite.interfaces import hessian
 from actionopt.suite.runner import Limits
 from actionopt.suite.verdict import ACCURACIES, NEAR, STEEP, examine, verdict
 
@@ -246,10 +247,7 @@ def test_two_accuracies():
 def test_three_digits_of_the_path_are_enough(name):
     """Along the softest direction, where next to no residual tells."""
     problem = suite.get(name)
-    rows, cols = problem.hessian_structure
-    H = np.zeros((problem.n, problem.n))
-    H[rows, cols] = problem.hessian(problem.x_star, problem.lam_star)
-    H[cols, rows] = H[rows, cols]
+    H = hessian(problem, problem.x_star, problem.lam_star).toarray()
     values, vectors = np.linalg.eigh(H * problem.unit[:, None] * problem.unit)
     soft = vectors[:, np.argmin(np.abs(values))] * problem.unit
     soft /= problem.distance(problem.x_star + soft)

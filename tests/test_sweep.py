@@ -28,21 +28,22 @@ PENDULUM = scenes.get("pendulum").problem
 BITS = ("action", "error", "status", "momenta", "ends", "slopes", "index")
 
 
+def of_five_members(patched):
+    patched.setattr(module, "SECONDS", 5.5)
+    patched.setattr(module, "MEMBER_SECONDS", 1.0)
+    patched.setattr(module, "UNKNOWN_SECONDS", 0.0)
+
+
 @pytest.fixture
 def short(monkeypatch):
     """Tasks of five members."""
-    monkeypatch.setattr(module, "SECONDS", 5.5)
-    monkeypatch.setattr(module, "MEMBER_SECONDS", 1.0)
-    monkeypatch.setattr(module, "UNKNOWN_SECONDS", 0.0)
+    of_five_members(monkeypatch)
 
 
 @pytest.fixture(scope="module")
 def serial():
     with pytest.MonkeyPatch.context() as patched:
-        short.__wrapped__(patched) if hasattr(short, "__wrapped__") else None
-        patched.setattr(module, "SECONDS", 5.5)
-        patched.setattr(module, "MEMBER_SECONDS", 1.0)
-        patched.setattr(module, "UNKNOWN_SECONDS", 0.0)
+        of_five_members(patched)
         return ao.sweep(PENDULUM, OVER, record="index", keep_paths=True)
 
 
@@ -642,21 +643,6 @@ def test_a_dataset_has_names_units_and_what_was_asked(serial):
     assert "parameter g" not in data.attrs
     with pytest.raises(ValueError, match=r"expected units of some of action, .* one of 'nothing'"):
         serial.to_xarray({"nothing": "m"})
-
-
-@pytest.mark.slow
-def test_dask_finds_the_same_bits(serial, short):
-    distributed = pytest.importorskip("distributed")
-    with (
-        distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, dashboard_address=None
-        ) as cluster,
-        distributed.Client(cluster) as client,
-    ):
-        runs = ao.sweep(
-            PENDULUM, OVER, executor=client.get_executor(), record="index", keep_paths=True
-        )
-    assert same(runs, serial)
 
 
 def test_a_sweep_out_of_time_says_how_to_go_on():

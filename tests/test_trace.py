@@ -307,22 +307,6 @@ def test_three_motions_of_a_pendulum_a_little_longer_than_half_a_period():
     assert [s.morse_index for s in found.at(1e-4)] == [0, 1, 0]
 
 
-@pytest.mark.parametrize("imperfection", [1e-3])
-def test_an_imperfect_pitchfork_is_followed_to_its_own_side(imperfection):
-    """g q - q^3 + imperfection = 0: from one path to three, without a fold on the way."""
-    system = ao.System(
-        lambda q, v, t, *, g: (
-            v[0] ** 2 / 2 - g * q[0] ** 2 / 2 + q[0] ** 4 / 4 - imperfection * q[0]
-        ),
-        ["x"],
-        parameters={"g": -1.0},
-    )
-    problem = ao.Problem(system, ao.Event(0.0, [None]), ao.Event(0.5, [None]))
-    found = trace(problem, "g", 1.0, guess=[[imperfection, imperfection]])
-    assert not found.marks and set(found.indices.tolist()) == {0} and "goal" in found.stopped
-    assert found.paths[-1](0.2)[0] == pytest.approx(np.sign(imperfection), abs=0.02)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(50))
 def test_folds_of_random_branches(seed):

@@ -1,7 +1,5 @@
 """Paths whose duration is to be found, against closed forms; orbits, and their period."""
 
-import copy
-import pickle
 from functools import partial
 from types import SimpleNamespace
 
@@ -12,7 +10,7 @@ from helpers import a_quarter, integrated
 from scipy.special import ellipj, ellipk, ellipkinc
 
 import actionopt as ao
-from actionopt import plot, scenes
+from actionopt import scenes
 from actionopt.discrete.bordered import Bordered
 from actionopt.discrete.factors import full
 from actionopt.families.free_times import _passes
@@ -307,24 +305,6 @@ def test_both_throws_of_one_energy_in_space_are_found():
     )
 
 
-@pytest.mark.slow
-def test_transfers_in_a_plane_of_space_are_found_once():
-    kepler = systems.kepler("x y z")
-    ends = ao.Event(0.0, [1.0, 0.0, 0.0]), ao.Event(None, [0.0, 1.2, 0.0])
-    paths = ao.solve_all(ao.Problem(kepler, *ends, energy=-1 / 2.2), shots=4)
-    durations = sorted(path.duration for path in paths)
-    a, chord = 1.1, np.hypot(1.0, 1.2)  # Lagrange: on the four ellipses of that energy
-    perimeter = 2.2 + chord
-    alpha = 2 * np.arcsin(np.sqrt(perimeter / (4 * a)))
-    beta = 2 * np.arcsin(np.sqrt((perimeter - 2 * chord) / (4 * a)))
-    known = [
-        a**1.5 * (x - np.sin(x) - y + np.sin(y))
-        for x in (alpha, 2 * np.pi - alpha)
-        for y in (beta, -beta)
-    ]
-    assert durations == pytest.approx(sorted(known), abs=1e-8)
-
-
 @pytest.mark.parametrize("start", [None, 0.0, 0.7])
 @pytest.mark.parametrize("energy", [0.9, 4.0])
 def test_period_of_a_quartic_oscillator(start, energy):
@@ -479,53 +459,6 @@ def test_period_doublings_of_henon_and_heiles():
 
         columns.append(integrated(flow, [start, rate, *xi], 0.0, T, rtol=1e-12)(T)[2:])
     assert np.trace(np.transpose(columns)) == pytest.approx(-2.0, abs=1e-6)
-
-
-@pytest.mark.slow
-def test_what_else_there_is_of_a_path_of_given_energy(tmp_path):
-    s = ao.solve(throw(40.0), tol=1e-10)
-    s.save(tmp_path / "throw.npz")
-    bare, whole = ao.load(tmp_path / "throw.npz"), ao.load(tmp_path / "throw.npz", throw(1).system)
-    for again in (bare, whole, pickle.loads(pickle.dumps(s)), copy.deepcopy(s)):
-        assert again.duration == s.duration and again.abbreviated_action == s.abbreviated_action
-    assert whole.problem.asked.end.t is None and whole.problem.energy == 40.0
-    assert whole.morse_index == 0
-    again = ao.solve(s.problem.replace(energy=50.0), guess=s)
-    assert again.duration == pytest.approx(flights(50.0)[0])
-    runs = ao.sweep(s.problem, {"energy": [50.0, 45.0, 35.0]}, record="index")
-    assert runs.success.all()
-    for k, energy in enumerate([50.0, 45.0, 35.0]):
-        assert np.min(np.abs(flights(energy) - runs.solution(k).duration)) < 1e-7
-    for name in ("t1", "energy"):
-        with pytest.raises(ValueError, match="that is given"):
-            ao.trace(s.problem if name == "t1" else s.between_times.problem, name, 2.0)
-    plot.save(s, tmp_path / "throw.png")
-
-
-@pytest.mark.slow
-def test_a_quarter_of_the_figure_eight_closes_in_another_order(tmp_path):
-    """Index: 2 of all loops, 0 of choreographies (Fukuda, Fujiwara and Ozaki, arXiv:1710.04834)."""
-    a = np.array([0.3471168881189300012, 0.5327249453880287022])
-    T, S = 6.325913982926222812, 24.42704864453737307
-    system, q, v = bodies(3), [-1, 0, 1, 0, 0, 0], [*a, *a, *(-2 * a)]
-    guess = ao.integrate(system, ao.State(0.0, q, v), T / 3)
-    third = ao.Periodic(T / 3, relabel=["x1", "y1", "x2", "y2", "x0", "y0"])
-    part = ao.solve(ao.Problem(system, free(0.0, None), third), guess=guess, tol=1e-10)
-    assert abs(part.action - S / 3) < 1e-12 * S
-    assert np.max(np.abs(part.end.q - np.roll(part.start.q, -2))) < 1e-14
-    assert np.max(np.abs(part.momenta[1] - np.roll(part.momenta[0], -2))) < 1e-10
-    assert (part.kind, part.morse_index) == ("minimum", 0)
-    asked = ao.Problem(system, part.problem.start, third.at(None), energy=-1.287141995631856207)
-    found = ao.solve(asked, guess=guess, tol=1e-10)
-    assert abs(found.duration - T / 3) < 1e-12 * T and found.between_times.morse_index == 0
-    once = np.linalg.matrix_power(ao.monodromy(part), 3)
-    whole = ao.integrate(system, part.start, T)
-    loop = ao.solve(ao.Problem(system, free(0.0, None), ao.Periodic(T)), guess=whole, tol=1e-10)
-    phase = ao.State(0.0, part.start.q, part.start.v)  # the same point of the loop
-    assert np.max(np.abs(loop(0.0) - phase.q)) < 1e-8
-    assert np.max(np.abs(once - ao.monodromy(loop))) < 1e-6 * np.abs(once).max()
-    part.save(tmp_path / "third.npz")
-    assert ao.load(tmp_path / "third.npz", system).problem.order == (2, 3, 4, 5, 0, 1)
 
 
 def test_an_order_that_is_none_is_refused():

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 import systems
 from helpers import solved
-from scipy.integrate import quad
 
 import actionopt as ao
 from actionopt import scenes
@@ -81,26 +80,6 @@ def test_action_of_a_varied_oscillator_in_closed_form():
         alpha = np.array([[-0.3, 0.0], [0.2, 0.7]])
         expected = scene.action + alpha**2 / 2 * second
         assert np.max(np.abs(S(alpha) - expected)) <= 1e-10 * np.max(np.abs(expected))
-
-
-def test_action_of_a_varied_path_is_the_integral_of_the_lagrangian():
-    scene = scenes.get("kepler")
-    problem = scene.problem
-    solution, S = varied("kepler")
-    path = S.path(0.1)
-    eta = bump(problem)
-    middle = problem.start.t + 0.4 * problem.duration
-    assert np.allclose(path(middle), solution(middle) + 0.1 * eta(middle), atol=1e-10)
-
-    def L(t):
-        h = 1e-4
-        rate = 8 * (eta(t + h) - eta(t - h)) - (eta(t + 2 * h) - eta(t - 2 * h))
-        v = scene.facts["velocity"](t) + 0.1 * rate / (12 * h)
-        q = scene.exact(t) + 0.1 * eta(t)
-        return float(problem.system.lagrangian(q, v, t, parameters=problem.parameters))
-
-    integral, _ = quad(L, problem.start.t, problem.end.t, epsabs=1e-11, epsrel=1e-11)
-    assert abs(integral - S(0.1)) < 1e-9
 
 
 def test_modes_are_variations():
