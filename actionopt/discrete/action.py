@@ -400,8 +400,12 @@ class Action:
 
     def work(self, x: Array) -> list[Array]:
         """Return dS/dq (virtual work included) of the elements of each degree, (E, d + 1, n)."""
-        parts, n = self._first(x)[2], self.problem.system.n
+        parts, n = self.parts(x), self.problem.system.n
         return [parts[g.span].reshape(*g.nodes.shape, n) for g in self.layout.groups]
+
+    def parts(self, x: Array) -> Array:
+        """Return the same at the evaluations, (evaluations, n)."""
+        return self._first(x)[2]
 
     def free_part(self, whole: Array) -> Array:
         """Return the derivatives by x, in units of action, of those by all coordinates (K n)."""

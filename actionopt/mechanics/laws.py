@@ -276,6 +276,10 @@ class Laws:
     def _build_rate(self):
         return self._arguments, [_dense(ca.jacobian(self.L, self.symbols.t))]
 
+    def _build_first_rate(self):
+        d, t = self.derivatives, self.symbols.t
+        return self._arguments, [_dense(ca.jacobian(x, t)) for x in (d.Lq, d.Lv)]
+
     def _build_second(self):
         d = self.derivatives
         return self._arguments, [d.Lqq, d.Lqv, d.Lvv]
@@ -298,6 +302,19 @@ class Laws:
     def _build_constraint_rate(self):
         s = self.symbols
         return [s.q, s.t, s.p], [_dense(ca.jacobian(self.f, s.t))]
+
+    def _build_normal_rate(self):
+        s = self.symbols
+        lam = ca.SX.sym("lam", self.m)
+        return [s.q, lam, s.t, s.p], [_dense(ca.jtimes(self.derivatives.G.T @ lam, s.t, 1))]
+
+    def _build_meeting(self):
+        s = self.symbols
+        a, w, lam = (ca.SX.sym(x, k) for x, k in (("a", self.n), ("w", self.m), ("lam", self.m)))
+        G, rate = self.derivatives.G, ca.jacobian(self.f, s.t)
+        slip = ca.dot(w, G @ s.v + rate) + ca.dot(a, G.T @ lam - self.derivatives.Lv)
+        by = [_dense(ca.gradient(slip, x)) for x in (s.q, s.t)]
+        return [s.q, s.v, s.t, s.p, a, w, lam], by
 
     def _build_constraint_curvature(self):
         s = self.symbols

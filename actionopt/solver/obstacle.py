@@ -27,6 +27,7 @@ from itertools import pairwise
 import numpy as np
 
 from actionopt.analysis.second_variation import RANK
+from actionopt.discrete.contact_times import stretched, tangential, without
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
@@ -34,7 +35,6 @@ from actionopt.mechanics.held import Held, measures
 from actionopt.mechanics.obstacle import Arc
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.switches import is_smooth
-from actionopt.solver.contact_times import stretched, tangential, without
 from actionopt.solver.iterate import Iterate
 from actionopt.solver.touching import is_of_higher_order, looked_at, rows_along, runs, turns
 from actionopt.solver.workspace import Workspace
@@ -53,7 +53,7 @@ SHRINK = 0.2  # of its length, what one step leaves of a part at least
 # Of the duration, in this range the tolerance: a shorter part between times of contact is none. Of
 # the path's size, the greater one: what may be inside of the obstacle where such parts come and go.
 VANISHING = 1e-10, 1e-5
-SETTLED_TIME = 1e-13  # of the duration: a step of the times of contact that is the last
+SETTLED_TIME = 1e-13  # of the duration: a step of the times of contact that need not be taken
 STALLED_TIME = 1e-6  # of the duration: steps that stop contracting below this are round-off
 INSIDE = 10.0  # times the error of the path: what f may be below zero
 PULLING = 1e-6  # of the largest contact force: what it may be below zero
@@ -247,7 +247,7 @@ class Along(Workspace):
                 return True
             here = self.here
             with self.record.clock("solve"), np.errstate(all="ignore"):
-                found = tangential(here, times, force)
+                found = tangential(here.equations, here.z, times, force)
             if found is None:
                 return False
             step, move = found
@@ -260,7 +260,7 @@ class Along(Workspace):
             part = self._within(times, step)
             self._shift(times, part * step)
             self.here = self.here.moved(self.here.z + part * move)
-            if size < SETTLED_TIME:
+            if size * min(size / last if last < np.inf else 1.0, 1.0) < SETTLED_TIME:
                 return True
             last = size
         return False

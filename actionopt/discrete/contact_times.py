@@ -1,0 +1,219 @@
+"""Times at which contact with an obstacle begins and ends, as unknowns beside the path.
+
+A path of least action meets an obstacle tangentially: the slip
+
+    s = f_q . v + f_t = 0,    L_v(q, v) - G' mu = p,    G v = -f_t  in the rows in force,
+
+on the free side of where contact begins or ends, v from the discrete momentum p of the element
+there, which is accurate to order 2d. (The derivative of the action by such a time is the square of
+the slip: as an equation it would have a double root.) As such a time moves, so do the boundaries of
+elements between its neighbours, and the equations change with them (`by_boundaries`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.equations import Equations
+from actionopt.discrete.factors import Factors
+from actionopt.discrete.mesh import Group
+from actionopt.discrete.stretch import Stretch
+from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.held import Held
+from actionopt.mechanics.obstacle import Arc
+from actionopt.tools.types import Array
+
+# Of a typical rate of f, by which slips change with the times of contact over the duration: less is
+# round-off, as where nothing presses, whatever the times are. Ad hoc.
+PRESSING = 1e-12
+VELOCITY_STEPS = 4  # of Newton's method from the polynomial's velocity: it converges in two
+
+
+def stretched(tr: Transcription, times: Array, moves: Array) -> Transcription:
+    """Return the discrete problem whose times of contact (J,) move, and the elements with them."""
+    held = tr.problem
+    assert isinstance(held, Held) and held.arcs is not None
+    after = dict(zip(times.tolist(), (times + moves).tolist(), strict=True))
+    moved = held.holding(
+        tuple(
+            Arc(arc.row, after.get(arc.begin, arc.begin), after.get(arc.end, arc.end))
+            for arc in held.arcs
+        )
+    )
+    before, now = (np.union1d(held.fixed, t) - held.start.t for t in (times, times + moves))
+    before[-1] = now[-1] = held.duration
+    mesh = tr.mesh.cut(np.interp(tr.mesh.since, before, now), tr.mesh.degrees)
+    return Transcription(moved, mesh, tr.lengths, like=tr)
+
+
+def tangential(
+    equations: Equations, z: Array, times: Array, force: Array | float = 0.0
+) -> tuple[Array, Array] | None:
+    """Return Newton's step (J,) for the times of contact and that of z (size,), with it.
+
+    Both at once: between given times of contact a path that is stationary meets the obstacle at an
+    angle whose square the times determine, and may not exist at all. None if there is no step.
+    A `force` (size,) is what its residual is to be in place of zero.
+    """
+    tr, count = equations.at(z), times.size
+    at = DiscretePath(tr, z[: tr.layout.size])
+    held, stretch = tr.problem, Stretch(at)
+    assert isinstance(held, Held)
+    knots, where = np.union1d(held.fixed, times), np.searchsorted(held.fixed, times)
+    # All times from one on move, so that a short part behind it keeps its length.
+    shifted = (where[:, None] == where) & (np.arange(count)[:, None] >= np.arange(count))
+    rates = np.zeros((count, knots.size))
+    rates[:, np.searchsorted(knots, times)] = shifted.T
+    rates = np.array([np.interp(tr.mesh.boundaries, knots, rate) for rate in rates])
+    parts = [stretch.parts(rate) for rate in rates]
+    try:
+        factors = Factors(equations.layout, equations.kkt(z), many=True)
+        step = factors.solve(force - equations.residual(z))
+        moves = np.empty((z.size, count))
+        for j in range(count):
+            moves[:, j] = -factors.solve(stretch.residual(rates[j], parts[j]))
+        slopes = []
+        for slip in slips(at):
+            own = [slip.by_time(rate, part) for rate, part in zip(rates, parts, strict=True)]
+            slopes.append(slip.by_path(at, stretch.second) @ moves[: tr.layout.unknowns] + own)
+        there = DiscretePath(equations.at(z + step), (z + step)[: at.z.size])
+        left = np.array([slip.value for slip in slips(there)])
+        across, sizes, along = np.linalg.svd(np.array(slopes), full_matrices=False)
+        pressed = sizes > PRESSING * float(tr.row_units.max()) / held.duration**2
+        change = -along[pressed].T @ ((across.T @ left)[pressed] / sizes[pressed])
+    except np.linalg.LinAlgError:
+        return None
+    return shifted @ change, step + moves @ change
+
+
+def without(held: Held, a: float, b: float) -> tuple[Arc, ...]:
+    """Return the parts in contact when what is between two times of contact has vanished."""
+    both = a if a in held.fixed else b if b in held.fixed else (a + b) / 2
+    found: list[Arc] = []
+    for arc in sorted(held.arcs or (), key=lambda arc: (arc.row, arc.begin)):
+        begin, end = (both if t in (a, b) else t for t in (arc.begin, arc.end))
+        if begin == end and begin not in held.fixed:
+            continue
+        if found and found[-1].row == arc.row and begin <= found[-1].end:
+            begin = found.pop().begin
+        found.append(Arc(arc.row, begin, end))
+    return tuple(found)
+
+
+class Slip(NamedTuple):
+    """How fast a path comes to an obstacle, or leaves it, at one time of contact.
+
+    Attributes
+    ----------
+    value : float
+        df/dt on the free side: zero where the path meets the obstacle tangentially.
+    boundary : int
+        Of the mesh, where that is.
+    group, span, node : Group, slice and int
+        The free element's: those of its degree, its nodes among all evaluations, and which of them.
+    by_p, by_q, by_t : (n,) and (n,) arrays and float
+        Derivatives by the gradient of the element's action there, the coordinates and the time.
+    """
+
+    value: float
+    boundary: int
+    group: Group
+    span: slice
+    node: int
+    by_p: Array
+    by_q: Array
+    by_t: float
+
+    def by_time(self, rates: Array, parts: Array) -> float:
+        """Return its derivative as boundaries move at `rates`; `parts` as `Stretch` has them."""
+        by_p = float(self.by_p @ parts[self.span.start + self.node])
+        return by_p + self.by_t * float(rates[self.boundary])
+
+    def by_path(self, at: DiscretePath, second: list[Array]) -> Array:
+        """Return its derivative by x, (unknowns,), from the second derivatives of L.
+
+        The element's Hessian is symmetric: that of its gradient at one node, times `by_p`, is the
+        change of the whole gradient as that node moves along it.
+        """
+        tr, rule = at.tr, self.group.rule
+        pointwise = at.problem.system.pointwise("second")
+        A, B, C = (pointwise.full(k, x[self.span], symmetric=k != 1) for k, x in enumerate(second))
+        by_v = rule.derivative[:, self.node, None, None] * 2 / at.mesh.lengths[self.element]
+        force = by_v * B @ self.by_p
+        force[self.node] += A[self.node] @ self.by_p
+        p = by_v * C @ self.by_p
+        p[self.node] += B[self.node].T @ self.by_p
+        gradient = tr.weight[self.span] * force + rule.weighted.T @ p
+        gradient[self.node] += self.by_q
+        place = tr.layout.number[tr.layout.node_of[self.span]]
+        free, found = place >= 0, np.zeros(tr.layout.unknowns)
+        found[place[free]] = gradient[free]
+        return found * tr.x_unit
+
+    @property
+    def element(self) -> int:
+        """Its number in the mesh."""
+        return int(self.group.elements[(self.span.start - self.group.span.start) // self.size])
+
+    @property
+    def size(self) -> int:
+        """How many nodes the element has."""
+        return self.group.rule.degree + 1
+
+
+def slips(at: DiscretePath) -> Iterator[Slip]:
+    """Yield how the path meets the obstacle where contact begins and ends, on the free side."""
+    held, mesh = at.problem, at.mesh
+    assert isinstance(held, Held) and held.arcs is not None
+    for arc in held.arcs:
+        for t, first in ((arc.begin, False), (arc.end, True)):
+            if t not in held.fixed:
+                b = int(np.argmin(np.abs(mesh.boundaries - t)))
+                yield _slip(at, held.free.system.m + arc.row, b, first)
+
+
+def _slip(at: DiscretePath, row: int, boundary: int, first: bool) -> Slip:
+    """Return the slip of a row at a boundary, from the first or the last node of an element.
+
+    The velocity there satisfies the constraints in force. Newton's method from the polynomial's:
+    one step where L is quadratic in v.
+    """
+    held, tr, mesh = at.problem, at.tr, at.mesh
+    assert isinstance(held, Held)
+    element, system, packed = boundary if first else boundary - 1, held.system, held.packed
+    n, m, point = system.n, system.m, tr.place(at.x)
+    group = next(g for g in tr.layout.groups if element in g.elements)
+    size = group.rule.degree + 1
+    begin = group.span.start + size * int(np.searchsorted(group.elements, element))
+    node, sign = (0, -1.0) if first else (size - 1, 1.0)
+    i = begin + node
+    p = sign * tr.parts(at.x)[i]
+    q, v, t = point.at[i : i + 1], point.v[i].copy(), tr.times[i : i + 1]
+    jacobian = system.pointwise("constraint_jacobian")
+    normals = jacobian.full(0, jacobian(q, t, packed)[0])[0]
+    rate = system.pointwise("constraint_rate")(q, t, packed)[0][0]
+    middle = (mesh.boundaries[element] + mesh.boundaries[element + 1]) / 2
+    rows = np.flatnonzero(held.active(np.array([middle]))[:, 0])
+    G = normals[rows]
+    K = np.zeros((n + rows.size, n + rows.size))
+    K[n:, :n], K[:n, n:] = G, -G.T
+    first_of, second, lam = system.pointwise("first"), system.pointwise("second"), np.zeros(m)
+    for _ in range(1 if system.structure.constant_mass else VELOCITY_STEPS):
+        K[:n, :n] = second.full(2, second(q, v[None], t, packed)[2], symmetric=True)[0]
+        short = p - first_of(q, v[None], t, packed)[1][0]
+        found = np.linalg.solve(K, np.concatenate([short, -rate[rows] - G @ v]))
+        v, lam[rows] = v + found[:n], found[n:]
+    by = np.linalg.solve(K.T, np.concatenate([normals[row], np.zeros(rows.size)]))
+    weights = np.zeros(m)
+    weights[rows], weights[row] = -by[n:], 1.0
+    meeting = system.pointwise("meeting")
+    by_q, by_t = meeting(q, v[None], t, packed, by[None, :n], weights[None], lam[None])
+    value = float(normals[row] @ v + rate[row])
+    span = slice(begin, begin + size)
+    return Slip(
+        value, boundary, group, span, node, sign * by[:n], by_q[0].copy(), float(by_t[0, 0])
+    )
