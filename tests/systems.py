@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from actionopt import System
+from actionopt import Event, Problem, System
 
 
 def particle(names="x", **more):
@@ -57,3 +57,24 @@ def valley(at, **more):
         return (v[0] ** 2 + v[1] ** 2) / 2 - steep * q[1] ** 2 / 2
 
     return System(lagrangian, ["x", "y"], **more)
+
+
+def bratu(lam=1.0):
+    """Return u'' + lam e^u = 0 between zeros: two paths below lam = 3.5138307, then none."""
+    system = System(
+        lambda q, v, t, *, lam: v[0] ** 2 / 2 - lam * np.exp(q[0]), ["u"], parameters={"lam": lam}
+    )
+    return Problem(system, Event(0.0, [0.0]), Event(1.0, [0.0]))
+
+
+def soap_film(half_distance):
+    """Return the film between rings of radius one at -+half_distance: S is its area / 2 pi."""
+    film = System(lambda q, v, t: q[0] * np.sqrt(1 + v[0] ** 2), ["y"])
+    return Problem(film, Event(-half_distance, 1.0), Event(half_distance, 1.0))
+
+
+def henon_heiles():
+    """L = v^2 / 2 - q^2 / 2 - x^2 y + y^3 / 3."""
+    return System(
+        lambda q, v, t: v @ v / 2 - q @ q / 2 - q[0] ** 2 * q[1] + q[1] ** 3 / 3, ["x", "y"]
+    )

@@ -14,10 +14,6 @@ from actionopt.families.all_paths import detected_angles, solve_all
 from actionopt.families.searches import Sweep
 
 VELOCITY_TOLERANCE = 1e-6
-FILM = ao.System(lambda q, v, t: q[0] * np.sqrt(1 + v[0] ** 2), ["y"])
-BRATU = ao.System(
-    lambda q, v, t, *, lam: v[0] ** 2 / 2 - lam * np.exp(q[0]), ["u"], parameters={"lam": 1.0}
-)
 PENDULUM = systems.pendulum(g=9.81)
 
 
@@ -45,8 +41,7 @@ def test_projectile_has_one_path():
 )  # fmt: skip
 def test_bratu(lam, actions):
     # Two paths up to lam = 3.513830719, none beyond; actions by quadrature of the closed form.
-    problem = ao.Problem(BRATU, ao.Event(0.0, 0.0), ao.Event(1.0, 0.0), parameters={"lam": lam})
-    found = solve_all(problem, tol=1e-9, starts=2, shots=8, continuations=1)
+    found = solve_all(systems.bratu(lam), tol=1e-9, starts=2, shots=8, continuations=1)
     assert [s.action for s in found] == pytest.approx(actions, rel=1e-8)
     assert found.indices == (0, 1)[: len(actions)]
     assert not found.complete and "may be others" in str(found)
@@ -61,7 +56,7 @@ def test_bratu(lam, actions):
 )
 def test_soap_film(h, areas):
     # Catenoids between rings of radius 1 at -+h exist up to h = 0.662743419349.
-    found = solve_all(ao.Problem(FILM, ao.Event(-h, 1.0), ao.Event(h, 1.0)))
+    found = solve_all(systems.soap_film(h))
     assert [2 * np.pi * s.action for s in found] == pytest.approx(areas, rel=1e-8)
     assert found.indices == (0, 1)[: len(areas)]
 

@@ -3,6 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
+import systems
 from helpers import same_bits
 
 import actionopt as ao
@@ -99,20 +100,10 @@ def test_the_same_bits_again():
         same_bits(a, b, because="the same operations are done again, in the same order")
 
 
-def bratu():
-    """q'' + c e^q = 0, q(0) = q(1) = 0 (Bratu): two paths below c = 3.5138307, then none."""
-
-    def lagrangian(q, v, t, *, c):
-        return v[0] ** 2 / 2 - c * np.exp(q[0])
-
-    system = ao.System(lagrangian, ["q"], parameters={"c": 1.0})
-    return ao.Problem(system, ao.Event(0.0, [0.0]), ao.Event(1.0, [0.0]))
-
-
 def test_searches_beyond_a_fold_have_a_budget(monkeypatch):
     monkeypatch.setattr(budget, "FREE", budget.BUDGET // 4)
     c = np.linspace(3.0, 4.1, 24)
-    found = solve_run(bratu(), {"c": c}, TOL)
+    found = solve_run(systems.bratu(), {"lam": c}, TOL)
     exists = c < 3.5138307
     assert found.success.tolist() == exists.tolist()
     # Of those that have none a few are searched for, at the price of many, the others not.

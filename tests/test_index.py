@@ -395,10 +395,6 @@ def test_choices_that_make_no_sense_are_one_sentence(choices):
 # -- signs that the path's error leaves open, families of paths, paths that are none -------------
 
 
-def henon_heiles(q, v, t):
-    return v @ v / 2 - (q @ q) / 2 - q[0] ** 2 * q[1] + q[1] ** 3 / 3
-
-
 @pytest.mark.parametrize("miss", [3e-4, 3e-3])
 @pytest.mark.parametrize("side", [1, -1])
 def test_kind_does_not_depend_on_the_tolerance(miss, side):
@@ -413,7 +409,7 @@ def test_kind_does_not_depend_on_the_tolerance(miss, side):
 
 @pytest.mark.parametrize("seed", a_quarter(range(8)))
 def test_index_at_a_loose_tolerance(seed):
-    system = ao.System(henon_heiles, ["x", "y"])
+    system = systems.henon_heiles()
     random = np.random.default_rng(seed)
     a, b, T = 0.2 * random.normal(size=2), 0.2 * random.normal(size=2), random.uniform(3, 9)
     problem = ao.Problem(system, ao.Event(0.0, a), ao.Event(T, b))

@@ -13,33 +13,11 @@ from actionopt import scenes
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.transcription import Transcription
 from actionopt.tools.lobatto import lgl
+from benchmarks.stress.families.pulses import FWHM, closed_form, kicked, places
+from benchmarks.stress.families.pulses import systems as systems_of_pulses
 
-FWHM = 2 * math.sqrt(math.log(2))  # of exp(-(t / w)^2), in units of w
-CENTRES = np.random.default_rng(13).uniform(0.06, 0.94, 6)
-
-
-def kicked(q, v, t, *, c, w):
-    """A free body with a unit of momentum at t = c, within about w."""
-    return v[0] ** 2 / 2 + np.exp(-(((t - c) / w) ** 2)) / (w * np.sqrt(np.pi)) * q[0]
-
-
-def knocked(q, v, t, *, c, w):
-    return kicked(q, v, t, c=c, w=w) + 9.81 * np.cos(q[0])
-
-
-LINE = ao.System(kicked, ["x"], parameters={"c": 0.5, "w": 0.1})
-PENDULUM = ao.System(knocked, ["x"], parameters={"c": 0.5, "w": 0.1})
-
-
-def after_a_kick(c, w):
-    """Return x(t) from x(0) = 0 to x(1) = 1: the pulse integrated twice."""
-    erf = np.vectorize(math.erf)
-
-    def twice(t):
-        s = (t - c) / w
-        return ((t - c) * (1 + erf(s)) + w / np.sqrt(np.pi) * np.exp(-(s**2))) / 2
-
-    return lambda t: t + twice(t) - twice(0.0) * (1 - t) - twice(1.0) * t
+CENTRES = places(6)
+SYSTEMS = systems_of_pulses()
 
 
 @pytest.mark.parametrize(
@@ -49,24 +27,16 @@ def after_a_kick(c, w):
 def test_a_pulse_of_a_thousandth_is_not_missed(width, tol):
     t = np.linspace(0, 1, 4001)
     for c in CENTRES:
-        events = ao.Event(0.0, [0.0]), ao.Event(1.0, [1.0])
-        problem = ao.Problem(LINE, *events, parameters={"c": c, "w": width / FWHM})
-        solution = ao.solve(problem, tol=tol)
-        exact = after_a_kick(c, width / FWHM)(t)
-        assert np.max(np.abs(solution(t)[0] - exact)) / np.max(np.abs(exact)) <= solution.error
+        solution = ao.solve(kicked("free body", c, width / FWHM), tol=tol)
+        exact = closed_form(c, width / FWHM)(t)
+        assert np.max(np.abs(solution(t) - exact)) / np.max(np.abs(exact)) <= solution.error
 
 
 @pytest.mark.parametrize("tol", a_quarter([1e-9, 1e-3]))
 def test_a_pulse_on_a_pendulum_changes_its_momentum_by_one(tol):
     w = 0.001 / FWHM
     for c in CENTRES:
-        problem = ao.Problem(
-            PENDULUM,
-            ao.Event(0.0, [0.0]),
-            ao.Event(1.0, [1.0]),
-            parameters={"c": c, "w": w},
-        )
-        solution = ao.solve(problem, tol=tol)
+        solution = ao.solve(kicked("pendulum", c, w), tol=tol)
         before, after = c - 6 * w, c + 6 * w
         gravity = -9.81 * np.sin(solution(c)[0]) * 12 * w
         change = solution.velocity(after)[0] - solution.velocity(before)[0]
@@ -76,9 +46,7 @@ def test_a_pulse_on_a_pendulum_changes_its_momentum_by_one(tol):
 def test_a_pulse_is_cut_out_at_once():
     """The parts are about as wide as what hides in them, not halves of halves."""
     w = 0.001 / FWHM
-    problem = ao.Problem(
-        LINE, ao.Event(0.0, [0.0]), ao.Event(1.0, [1.0]), parameters={"c": 0.613, "w": w}
-    )
+    problem = kicked("free body", 0.613, w)
     tr = Transcription(problem, Mesh.uniform(0.0, 1.0, 4, 12), problem.lengths)
     cuts = tr.cuts(tr.pack(tr.straight()))
     assert [part.size for part in cuts] == [0, 0, 2, 0]
@@ -101,14 +69,10 @@ def test_a_step_inside_an_element_takes_the_momentum_that_it_must():
 
 def test_a_given_mesh_that_misses_a_pulse_has_the_error_of_it():
     w = 0.001 / FWHM
-    problem = ao.Problem(
-        LINE, ao.Event(0.0, [0.0]), ao.Event(1.0, [1.0]), parameters={"c": 0.613, "w": w}
-    )
-    mesh = Mesh.uniform(0.0, 1.0, 4, 8)
-    solution = ao.solve(problem, mesh=mesh)
+    solution = ao.solve(kicked("free body", 0.613, w), mesh=Mesh.uniform(0.0, 1.0, 4, 8))
     t = np.linspace(0, 1, 4001)
-    exact = after_a_kick(0.613, w)(t)
-    true = np.max(np.abs(solution(t)[0] - exact)) / np.max(np.abs(exact))
+    exact = closed_form(0.613, w)(t)
+    true = np.max(np.abs(solution(t) - exact)) / np.max(np.abs(exact))
     assert true > 0.1
     assert solution.error >= true
 
@@ -117,7 +81,7 @@ def test_what_a_lagrangian_may_hide_is_read_off_it():
     samples = {name: scenes.get(name).problem.system.structure.samples for name in scenes.SCENES}
     assert samples["pendulum"] == samples["double_pendulum"] == samples["rod_pendulum"] == 0
     assert samples["kepler"] == samples["driven_oscillator"] == 400
-    assert LINE.structure.samples == PENDULUM.structure.samples == 2500
+    assert {system.structure.samples for system in SYSTEMS.values()} == {2500}
     kinked = ao.System(lambda q, v, t: v[0] ** 2 / 2 - np.where(q[0] > 0, q[0], 0.0), ["x"])
     assert kinked.structure.samples == 2500
     divided = ao.System(lambda q, v, t: v[0] ** 2 / 2 + q[0] / (1.01 + np.cos(t)), ["x"])

@@ -248,20 +248,19 @@ def test_a_member_that_fails_is_data():
 
 
 def test_paths_that_do_not_exist_cost_little_wherever_the_grid_begins(monkeypatch):
-    """Bratu's problem has a fold at c = 3.5138307: the first half of the values has no path."""
-    law = System(lambda q, v, t, *, c: v[0] ** 2 / 2 - c * np.exp(q[0]), ["q"], parameters={"c": 1})
-    problem = Problem(law, Event(0.0, [0.0]), Event(1.0, [0.0]))
-    over, tried = {"c": np.linspace(4.6, 2.6, 24)}, []
-    missing = over["c"] > 3.5138307
+    """Bratu's problem has a fold at 3.5138307: the first half of the values has no path."""
+    problem = systems.bratu()
+    over, tried = {"lam": np.linspace(4.6, 2.6, 24)}, []
+    missing = over["lam"] > 3.5138307
 
     near = ao.solve(problem)
     nothing = replace(near, status=ao.Status.NOT_FOUND)
 
     def counted(problem, tol=1e-8, guess=None, throw=False, progress=None):
-        if problem.parameters["c"] < 3.52:
+        if problem.parameters["lam"] < 3.52:
             return ao.solve(problem, tol=tol, guess=guess, throw=throw)
         if progress is not None:  # what takes a tenth of a second or more to find out
-            tried.append(float(problem.parameters["c"]))
+            tried.append(float(problem.parameters["lam"]))
             progress("patient least", 1, None, {"elements": budget.BUDGET})
         return nothing
 
@@ -271,7 +270,7 @@ def test_paths_that_do_not_exist_cost_little_wherever_the_grid_begins(monkeypatc
     runs = ao.sweep(problem, over)
     assert np.array_equal(runs.failed, missing)
     # Beside the fold, then far from there, up to the budget: four searches that fail.
-    assert tried[:2] == [over["c"][missing][-1], over["c"][0]] and len(tried) == 4
+    assert tried[:2] == [over["lam"][missing][-1], over["lam"][0]] and len(tried) == 4
     assert runs.unsought.sum() == missing.sum() - 4
     counts = f"{missing.sum()} not found, {missing.sum() - 4} of them not searched for at length"
     assert f"; {counts}: runs.retry())" in repr(runs)

@@ -1,11 +1,8 @@
 """One system, several threads: the same numbers, to the last bit, as one thread finds."""
 
-from concurrent.futures import ThreadPoolExecutor
-from threading import Barrier
-
 import numpy as np
 import pytest
-from helpers import a_quarter
+import systems
 
 import actionopt as ao
 from actionopt.analysis.compare import compare
@@ -13,73 +10,20 @@ from actionopt.discrete.factors import negative_eigenvalues
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Event, Problem
-from actionopt.mechanics.system import System
 from actionopt.solver.ipopt import find
+from benchmarks.stress.families import threads as family
 
 THREADS = 3
 
 
-def at_once(function, inputs, threads=THREADS):
-    """Return the results of `function(k, x)` for all inputs, each in every thread, in its order.
-
-    The threads begin together, each at another input.
-    """
-    begin = Barrier(threads)
-
-    def run(thread):
-        results = {}
-        begin.wait()
-        for k in range(len(inputs)):
-            which = (k + thread) % len(inputs)
-            results[which] = function(inputs[which])
-        return [results[k] for k in range(len(inputs))]
-
-    with ThreadPoolExecutor(threads) as pool:
-        return list(pool.map(run, range(threads)))
-
-
-def rod():
-    """Return a pendulum in the plane: constraint, multipliers, force that depends on time."""
-    return System(
-        lambda q, v, t, *, g: (v @ v) / 2 - g * q[1],
-        ["x", "y"],
-        parameters={"g": 9.81},
-        constraint=lambda q, t: q @ q - 1,
-    )
-
-
-def double():
-    """Return a double pendulum of equal parts: two angles, and paths that Ipopt has to find."""
-    return System(
-        lambda q, v, t, *, g: (
-            v[0] ** 2 + v[1] ** 2 / 2 + v[0] * v[1] * np.cos(q[0] - q[1])
-            + g * (2 * np.cos(q[0]) + np.cos(q[1]))
-        ),
-        ["a", "b"],
-        parameters={"g": 9.81},
-    )  # fmt: skip
-
-
-def driven():
-    """Return an oscillator whose energy changes with time."""
-    return System(lambda q, v, t: (v[0] ** 2 - q[0] ** 4) / 2 + np.sin(2 * t) * q[0], ["x"])
-
-
-def on_the_circle(a):
-    return [np.sin(a), -np.cos(a)]
-
-
-def problems(make):
+def problems(name):
     """Return four problems of one new system."""
-    system, random = make(), np.random.default_rng(3)
-    result = []
-    for _ in range(4):
-        ends = random.uniform(-1.2, 1.2, (2, system.n))
-        T = random.uniform(0.4, 1.6)
-        if make is rod:
-            ends = [on_the_circle(a) for a in ends[:, 0]]
-        result.append(Problem(system, Event(0.0, ends[0]), Event(T, ends[1])))
-    return result
+    return family.problems(name, 4)
+
+
+def same_in_all_threads(work, inputs, alone):
+    """Assert that each of several threads finds what one has found alone."""
+    assert all(found == alone for found in family.at_once(work, inputs, THREADS))
 
 
 def bits(*values):
@@ -91,11 +35,10 @@ def answer(problem):
     return (*bits(solution.path.values, solution.action, solution.error), solution.status)
 
 
-@pytest.mark.parametrize("make", a_quarter([rod, double, driven]))
-def test_solving_problems_of_a_new_system(make):
-    alone = [answer(problem) for problem in problems(make)]
-    for found in at_once(answer, problems(make)):  # each derivation, too, is asked for at once
-        assert found == alone
+@pytest.mark.parametrize("name", family.SYSTEMS)
+def test_solving_problems_of_a_new_system(name):
+    alone = [answer(problem) for problem in problems(name)]
+    same_in_all_threads(answer, problems(name), alone)  # each derivation, too, is asked for at once
 
 
 def numbers(solution):
@@ -115,16 +58,15 @@ def numbers(solution):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("make", [rod, driven])
-def test_reading_solutions_of_one_system(make):
-    alone = [numbers(ao.solve(problem)) for problem in problems(make)[:3]]
-    solutions = [ao.solve(problem) for problem in problems(make)[:3]]
-    for found in at_once(numbers, solutions):
-        assert found == alone
+@pytest.mark.parametrize("name", family.SYSTEMS)
+def test_reading_solutions_of_one_system(name):
+    alone = [numbers(ao.solve(problem)) for problem in problems(name)[:3]]
+    solutions = [ao.solve(problem) for problem in problems(name)[:3]]
+    same_in_all_threads(numbers, solutions, alone)
 
 
 def test_one_neighbour_serves_several_threads():
-    near, random = problems(double)[0], np.random.default_rng(4)
+    near, random = problems("driven pendulum")[0], np.random.default_rng(4)
     solution = ao.solve(near)
     ends = np.array(near.end.q) + random.uniform(-0.1, 0.1, (5, 2))
     moved = [Problem(near.system, near.start, Event(near.end.t, q)) for q in ends]
@@ -133,12 +75,11 @@ def test_one_neighbour_serves_several_threads():
         return bits(ao.solve(problem, guess=solution, throw=False).path.values)
 
     alone = [follow(problem) for problem in moved]
-    for found in at_once(follow, moved):
-        assert found == alone
+    same_in_all_threads(follow, moved, alone)
 
 
 def test_one_transcription_at_several_points():
-    problem = problems(rod)[0]
+    problem = problems("rod")[0]
     tr = Transcription(problem, Mesh.uniform(0.0, problem.end.t, 4, 5), np.ones(2))
     random = np.random.default_rng(5)
     points = [tr.pack(tr.straight()) + random.normal(size=tr.layout.size) for _ in range(4)]
@@ -149,8 +90,7 @@ def test_one_transcription_at_several_points():
         return set(many)
 
     alone = [read(z) for z in points]
-    for found in at_once(read, points):
-        assert found == alone
+    same_in_all_threads(read, points, alone)
 
 
 @pytest.mark.parametrize("principle", ["least", "stationary"])
@@ -163,16 +103,15 @@ def test_ipopt_in_several_threads(principle):
         attempt = find(tr, tr.pack(tr.straight()), principle)
         return (*bits(attempt.z), attempt.status, attempt.iterations)
 
-    for make in (double, rod):
-        alone = [seek(problem) for problem in problems(make)]
-        for found in at_once(seek, problems(make)):
-            assert found == alone
+    for name in family.SYSTEMS:
+        alone = [seek(problem) for problem in problems(name)]
+        same_in_all_threads(seek, problems(name), alone)
 
 
 @pytest.mark.slow
 def test_sparse_factors_in_several_threads():
     """A closed path's matrix is stored sparse: factorizations by CasADi, inertia included."""
-    system = driven()
+    system = systems.spring(push=lambda t: np.sin(2 * t))
     closed = [Problem(system, Event(0.0, [None]), ao.Periodic(np.pi * k)) for k in (1, 2, 3)]
 
     def look(problem):
@@ -181,5 +120,4 @@ def test_sparse_factors_in_several_threads():
         return (*bits(K), negative_eigenvalues(tr.layout, K), *answer(problem))
 
     alone = [look(problem) for problem in closed]
-    for found in at_once(look, closed):
-        assert found == alone
+    same_in_all_threads(look, closed, alone)

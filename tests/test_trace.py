@@ -11,20 +11,6 @@ from actionopt.discrete.arclength import Point
 from actionopt.families.marks import locate
 from actionopt.families.trace import POLE_SIZE, _Run, trace
 
-
-def bratu(lam=1.0):
-    system = ao.System(
-        lambda q, v, t, *, lam: v[0] ** 2 / 2 - lam * np.exp(q[0]), ["u"], parameters={"lam": lam}
-    )
-    return ao.Problem(system, ao.Event(0.0, 0.0), ao.Event(1.0, 0.0))
-
-
-def soap_film(half_distance):
-    """Soap film between two rings of radius one at x = -+ half_distance, area / 2 pi."""
-    return ao.Problem(FILM, ao.Event(-half_distance, 1.0), ao.Event(half_distance, 1.0))
-
-
-FILM = ao.System(lambda q, v, t: q[0] * np.sqrt(1 + v[0] ** 2), ["y"])
 OSCILLATOR = ao.System(
     lambda q, v, t, *, w: (v[0] ** 2 - (w * q[0]) ** 2) / 2, ["x"], parameters={"w": 2.0}
 )
@@ -33,7 +19,7 @@ OSCILLATOR = ao.System(
 def test_bratu_turns_the_corner():
     # u'' + lam e^u = 0: theta = sqrt(2 lam) cosh(theta / 4); fold at lam = 3.513830719125161
     # where theta tanh(theta / 4) = 4, umax = 1.1868421686343891. Actions at lam = 1 by quadrature.
-    found = trace(bratu(), "lam", 4.0)
+    found = trace(systems.bratu(), "lam", 4.0)
     (fold,) = found.marks
     assert (fold.kind, fold.before, fold.after) == ("fold", 0, 1)
     assert fold.value == pytest.approx(3.5138307191251612, abs=1e-9)
@@ -49,7 +35,7 @@ def test_bratu_turns_the_corner():
 
 
 def test_every_point_of_a_trace_is_a_path():
-    found = trace(bratu(), "lam", 4.0)
+    found = trace(systems.bratu(), "lam", 4.0)
     for lam, path in zip(found.values, found.paths, strict=True):
         top = path(0.5)[0]
         theta = 4 * np.arccosh(np.exp(top / 2))
@@ -58,7 +44,7 @@ def test_every_point_of_a_trace_is_a_path():
 
 def test_soap_film_up_to_the_critical_distance():
     # Both catenoids up to half distance / radius = 0.662743419349182, none beyond.
-    found = trace(soap_film(0.5), soap_film, 0.8, start=0.5)
+    found = trace(systems.soap_film(0.5), systems.soap_film, 0.8, start=0.5)
     (fold,) = found.marks
     assert fold.value == pytest.approx(0.66274341934918158, abs=1e-9)
     assert (fold.kind, fold.before, fold.after) == ("fold", 0, 1)
@@ -114,7 +100,7 @@ def test_forced_system_has_no_index():
 
 
 def test_one_problem_is_compiled():
-    problem = bratu()
+    problem = systems.bratu()
     ao.solve(problem)
     system = problem.system
     for name in ("first", "second"):
@@ -134,7 +120,7 @@ def test_interrupted_trace_keeps_what_it_has():
         if len(seen) == 3:
             raise KeyboardInterrupt
 
-    found = trace(bratu(), "lam", 4.0, progress=progress)
+    found = trace(systems.bratu(), "lam", 4.0, progress=progress)
     assert "interrupted" in found.stopped
     assert found.values[1:].tolist() == seen
 
@@ -200,17 +186,17 @@ def test_where_no_index_can_be_counted_the_trace_says_what_to_do():
 
 def test_bad_arguments():
     with pytest.raises(ValueError, match="lam"):
-        trace(bratu(), "mu", 2.0)
+        trace(systems.bratu(), "mu", 2.0)
     with pytest.raises(ValueError, match="other than the present"):
-        trace(bratu(), "lam", 1.0)
+        trace(systems.bratu(), "lam", 1.0)
     with pytest.raises(ValueError, match="expected start"):
-        trace(soap_film(0.5), soap_film, 0.6)
+        trace(systems.soap_film(0.5), systems.soap_film, 0.6)
     with pytest.raises(ValueError, match="coordinate that the event gives"):
-        trace(bratu(), ("end", "v"), 1.0)
+        trace(systems.bratu(), ("end", "v"), 1.0)
     with pytest.raises(ValueError, match="expected a Problem"):
         trace("bratu", "lam", 2.0)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="the solution as the guess"):
-        trace(ao.solve(bratu()), "lam", 2.0)  # type: ignore[arg-type]
+        trace(ao.solve(systems.bratu()), "lam", 2.0)  # type: ignore[arg-type]
     plane = systems.particle("x y")
     half = ao.Problem(plane, ao.Event(0.0, [None, 0.0]), ao.Event(1.0, [1.0, 1.0]))
     with pytest.raises(ValueError, match="event gives, one of y, found 'x'"):

@@ -434,17 +434,11 @@ def test_families_in_energy_turn_back_where_the_throws_merge():
     assert (low.duration, high.duration) == pytest.approx(tuple(flights(31.0)))
 
 
-def henon_heiles():
-    return ao.System(
-        lambda q, v, t: v @ v / 2 - q @ q / 2 - q[0] ** 2 * q[1] + q[1] ** 3 / 3, ["x", "y"]
-    )
-
-
 @pytest.mark.slow
 def test_period_doublings_of_henon_and_heiles():
     """Along x = 0 the field across has the equation of Hill, xi'' = -(1 + 2 y) xi."""
     energy, ends = 0.1, ao.Event(0.0, [None, None])
-    system = henon_heiles()
+    system = systems.henon_heiles()
     guess = ao.integrate(system, ao.State(0.0, [0.0, 0.0], [0.0, np.sqrt(2 * energy)]), 7.1)
     problem = ao.Problem(system, ends, ao.Periodic(None), energy=energy)
     family = ao.trace(problem, "energy", 0.145, guess=guess)
