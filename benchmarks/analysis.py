@@ -49,23 +49,17 @@ def geometric_mean(values: Iterable[float]) -> float:
     return float(np.exp(np.mean(logs))) if logs.size else np.nan
 
 
-def against(rows: Rows, kind: str, target: float, peers: Iterable[str] | None = None):
-    """Return by problem (fastest other's time / ours, its name).
+def against(rows: Rows, kind: str, target: float, peers: Iterable[str]) -> list[float]:
+    """Return the time of the fastest of `peers` / ours on each problem that one of both solved.
 
-    Infinity where no other came to the target, 0 where we did not and another did; problems
-    that nobody solved are left out. `peers` restricts the others.
+    Infinity where none of them came to the target, 0 where we did not and another did.
     """
-    ratios: dict[str, tuple[float, str]] = {}
-    for case, times in table(rows, kind, target).items():
+    ratios = []
+    for times in table(rows, kind, target).values():
         ours = times.get(OURS, np.inf)
-        others = {p: t for p, t in times.items() if p != OURS and (peers is None or p in peers)}
-        if not others:
-            continue
-        best = min(others, key=others.__getitem__)
-        if np.isinf(ours) and np.isinf(others[best]):
-            continue
-        ratio = 0.0 if np.isinf(ours) else others[best] / ours
-        ratios[case] = (ratio, best if np.isfinite(others[best]) else "")
+        best = min((t for p, t in times.items() if p in peers), default=None)
+        if best is not None and np.isfinite(min(ours, best)):
+            ratios.append(best / ours)
     return ratios
 
 

@@ -9,11 +9,9 @@ The page `docs/calibration.md` is written by this command.
 from __future__ import annotations
 
 import argparse
-import datetime
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
@@ -22,12 +20,11 @@ from actionopt import scenes
 from actionopt.scenes import Known
 from actionopt.tools.files import write
 from actionopt.tools.progress import steps
-from benchmarks.results import table, versions
+from benchmarks.results import DOCS, made_by, table
 from benchmarks.stress.case import deviation
 from benchmarks.stress.families import bodies, kink, layers, turning
 
-PAGE = Path(__file__).parents[1] / "docs" / "calibration.md"
-PACKAGES = ("actionopt", "casadi", "numpy")
+PAGE = DOCS / "calibration.md"
 TOLERANCES = (1e-3, 1e-6, 1e-9, 1e-12)
 SAMPLES = 801
 MEASURABLE = 1e-15  # a smaller true error is none that could be told from rounding
@@ -111,8 +108,7 @@ def page(cells: dict[str, list[Cell]]) -> str:
     lines = [
         "# Error estimates against true errors",
         "",
-        "Made by `python -m benchmarks.calibration`, "
-        f"{datetime.date.today().isoformat()}; {versions(*PACKAGES)}.",
+        made_by("calibration", "actionopt", "casadi", "numpy"),
         "",
         "The true error is the largest over time of |q - exact|, each coordinate in units of the",
         "largest |q| it reaches: what `tol` bounds and `solution.error` estimates. Velocities are",

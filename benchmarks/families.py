@@ -12,7 +12,6 @@ taken in turn. The page `docs/families.md` is written by this command, part by p
 from __future__ import annotations
 
 import argparse
-import datetime
 import math
 import pickle
 import runpy
@@ -37,10 +36,10 @@ from actionopt.tools.progress import steps
 from benchmarks import child
 from benchmarks.peers import scipy_bvp
 from benchmarks.problems import Case, Ends, load
-from benchmarks.results import table, versions
+from benchmarks.results import DOCS, made_by, table
 
 ROOT = Path(__file__).parents[1]
-PAGE = ROOT / "docs" / "families.md"
+PAGE = DOCS / "families.md"
 PACKAGES = ("actionopt", "casadi", "numpy", "scipy")
 TOL = 1e-9
 TURNS, ALONE, OTHERS, SAMPLE = 3, 60, 6, 20  # turns, members one by one, by scipy, integrated
@@ -398,8 +397,8 @@ def main() -> None:
     given = parser.parse_args()
     for part in given.part or PARTS:
         heading, measure = PARTS[part]
-        made = f"Made by `python -m benchmarks.families {part}`, {datetime.date.today()}; "
-        body = [f"{made}{versions(*PACKAGES)}.", "", *measure(1 if given.quick else TURNS)]
+        made = made_by(f"families {part}", *PACKAGES)
+        body = [made, "", *measure(1 if given.quick else TURNS)]
         print("\n".join(body))
         if not given.quick:
             _enter(heading, "\n".join(body))

@@ -8,12 +8,10 @@ The page `docs/benchmarks/floor.md` is written by this command.
 from __future__ import annotations
 
 import argparse
-import datetime
 import gc
 import os
 import warnings
 from collections.abc import Callable
-from pathlib import Path
 from statistics import geometric_mean, median
 from time import process_time
 
@@ -27,9 +25,9 @@ from actionopt.tools.files import write
 from actionopt.tools.process import ONE_THREAD
 from benchmarks import peers, problems
 from benchmarks.problems import Case
-from benchmarks.results import table, versions
+from benchmarks.results import DOCS, made_by, table
 
-PAGE = Path(__file__).parents[1] / "docs" / "benchmarks" / "floor.md"
+PAGE = DOCS / "benchmarks" / "floor.md"
 PARTS = ("trace", "derive", "build", "evaluate", "factorize")
 PEERS = ("actionopt_", "scipy_bvp")
 EVICTED = 6 * 2**20  # numbers that are changed before each: more than a processor's caches hold
@@ -127,8 +125,7 @@ def page(error: float, rounds: int) -> str:
     lines = [
         "# The floor of a cold solve",
         "",
-        f"Made by `python -m benchmarks.floor` on {datetime.date.today().isoformat()} with "
-        f"{versions('actionopt', 'casadi', 'numpy', 'scipy')}.",
+        made_by("floor", "actionopt", "casadi", "numpy", "scipy"),
         "",
         "What no implementation on CasADi can save, in milliseconds of the processor: the calls",
         "that trace the Lagrangian, derive its gradient and second derivatives, build the",

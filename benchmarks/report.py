@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from actionopt.tools.files import write as write_file
 from benchmarks import analysis as an
 from benchmarks import figures, problems
-from benchmarks.results import Results, table
+from benchmarks.results import DOCS, Results, table
 
 TARGETS = [f"{t:.0e}" for t in an.TARGETS]
-FOLDER = Path(__file__).parents[1] / "docs" / "benchmarks"
+FOLDER = DOCS / "benchmarks"
 
 
 def write(results: Results) -> None:
@@ -95,7 +93,7 @@ def _summary(rows: an.Rows) -> list[str]:
 
 
 def _ratios(rows: an.Rows, kind: str, target: float, peers: set[str]) -> str:
-    ratios = [r for r, _ in an.against(rows, kind, target, peers).values()]
+    ratios = an.against(rows, kind, target, peers)
     both = [r for r in ratios if 0 < r < np.inf]
     only, lost = ratios.count(np.inf), ratios.count(0.0)
     cell = f"{an.geometric_mean(both):.2f} ({len(both)})" if both else "-"

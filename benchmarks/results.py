@@ -16,6 +16,7 @@ import actionopt
 from actionopt.tools.files import rounded, write
 
 COLUMNS = ("start", "setting", "kind", "time", "error", "status")
+DOCS = Path(__file__).parents[1] / "docs"
 LONGEST = 90  # characters of what a peer said
 
 
@@ -72,6 +73,16 @@ def version(package: str) -> str:
 def versions(*packages: str) -> str:
     """Return the versions of what was used."""
     return ", ".join(f"{name} {version(name)}" for name in packages)
+
+
+def stamp(*packages: str) -> str:
+    """Return when and with what something is measured."""
+    return f"{datetime.date.today().isoformat()}; {versions(*packages)}."
+
+
+def made_by(command: str, *packages: str) -> str:
+    """Return the line of a page that says how it is made."""
+    return f"Made by `python -m benchmarks.{command}`, {stamp(*packages)}"
 
 
 def brief(said: str) -> str:

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.special import ellipj, ellipk, ndtr
 
-from actionopt import System
+from actionopt import System, scenes
 
 
 def ellipse(a, e, mu):
@@ -64,39 +64,10 @@ def pendulum(theta, l, g):
     return system, exact
 
 
-def turning_wire(w):
-    system = System(
-        lambda q, v, t, *, w: (v[0] ** 2 + v[1] ** 2) / 2,
-        ["x", "y"],
-        parameters={"w": w},
-        constraint=lambda q, t, *, w: q[0] * np.sin(w * t) - q[1] * np.cos(w * t),
-    )
-
-    def exact(t):
-        along = np.stack([np.cos(w * t), np.sin(w * t)])
-        across = np.stack([-np.sin(w * t), np.cos(w * t)])
-        return np.cosh(w * t) * along, w * (np.sinh(w * t) * along + np.cosh(w * t) * across)
-
-    return system, exact
-
-
-def damped(c, drive):
-    """Oscillator of frequency 2 with friction -c v and a drive cos(drive t)."""
-    system = System(
-        lambda q, v, t: v[0] ** 2 / 2 - 2 * q[0] ** 2,
-        ["x"],
-        parameters={"c": c, "drive": drive},
-        force=lambda q, v, t, *, c, drive: [np.cos(drive * t) - c * v[0]],
-    )
-    root = -c / 2 + 1j * np.sqrt(4 - c**2 / 4)
-    steady = 1 / (4 - drive**2 + 1j * c * drive)
-
-    def exact(t):
-        own, forced = 0.5 * np.exp(root * t), steady * np.exp(1j * drive * t)
-        x, rate = own + forced, root * own + 1j * drive * forced
-        return x.real[None, ...], rate.real[None, ...]
-
-    return system, exact
+def of_scene(name):
+    """The system of a scene, and its motion."""
+    scene = scenes.get(name)
+    return scene.problem.system, lambda t: (scene.exact(t), scene.facts.velocity(t))
 
 
 def growing(gamma, w):

@@ -14,7 +14,6 @@ from actionopt.scenes._scene import system as derived
 
 TOL = 1e-11
 CLOSED_FORM = 1e-10  # of a path and its action, at tol = 1e-11
-VELOCITY = 1e-9  # at the ends, whose momenta are as good as the action
 
 
 @pytest.mark.parametrize("row", a_quarter(ROWS), ids=lambda row: f"{row.section}-{row.system[:30]}")
@@ -118,27 +117,6 @@ def test_oscillator_of_feynman_and_hibbs(duration, S, index):
     scene = scenes.get("oscillator", start=0.3, end=-0.7, duration=duration)
     solution = ao.solve(scene.problem, tol=TOL)
     assert abs(solution.action - S) < CLOSED_FORM
-    assert solution.morse_index == index
-
-
-@pytest.mark.parametrize(
-    ("duration", "v", "S", "index"),
-    [
-        (0.5, [3.911048003955552443, -1.661734607547414626], 3.551515034463093128, 0),
-        (1.0, [0.2969055159163157446, 1.774643641112655910], 10.41508996440519145, 0),
-        (2.0, [-2.102437874436126444, 2.741935393010509429], 19.68988665253231253, 1),
-        (5.0, [0.8579042568859464366, -2.414928654370487697], 43.04324769748080482, 4),
-        (10.0, [4.175598100951724423, -1.194749054560488730], 88.99427916369281077, 8),
-    ],
-)
-def test_pendulum_released_horizontally(duration, v, S, index):
-    """IFToMM multibody benchmark A01 from (-1, 0), elliptic functions with twenty digits."""
-    period = 2.36784194757623745
-    scene = scenes.get("rod_pendulum", amplitude=np.pi / 2, since=-period / 4, duration=duration)
-    solution = ao.solve(scene.problem, tol=TOL, guess=scene.exact)
-    assert np.max(np.abs(solution.end.v - v)) < 10 * VELOCITY
-    assert np.max(np.abs(solution.start.v)) < 10 * VELOCITY
-    assert abs(solution.action - S) < CLOSED_FORM * S
     assert solution.morse_index == index
 
 

@@ -354,20 +354,6 @@ def test_the_module_is_the_command():
     assert out == f"actionopt {ao.__version__}\n"
 
 
-def test_an_unknown_setting_of_a_file_names_those_it_has(capsys, tmp_path):
-    file = tmp_path / "mine.py"
-    file.write_text(
-        "import actionopt as ao\n"
-        "def problem(*, rate=1.0, duration=2.0):\n"
-        "    system = ao.System(lambda q, v, t: (v[0]**2 - rate**2 * q[0]**2) / 2, ['x'])\n"
-        "    return ao.Problem(system, ao.Event(0.0, [0.0]), ao.Event(duration, [1.0]))\n"
-    )
-    assert run(capsys, "solve", str(file), "--set", "rate=2.0")[0] == 0
-    code, _, err = run(capsys, "solve", str(file), "--set", "rat=2.0")
-    assert code != 0
-    assert "the parameters of problem are rate, duration; did you mean 'rate'?" in err
-
-
 def test_public_names_are_all_there_and_rooms_cost_nothing_until_asked_for():
     code = (
         "import sys, actionopt as ao\n"

@@ -132,12 +132,6 @@ def test_soap_film(c, count):
         assert exact[0] == pytest.approx(0.15291143859845605, rel=1e-12)
 
 
-def test_focal_points_of_a_free_start():
-    system = ao.System(lambda q, v, t: (v[0] ** 2 - 4 * q[0] ** 2) / 2, ["x"])
-    problem = ao.Problem(system, ao.Event(0.0, [None]), ao.Event(3.0, 1.0))
-    assert times_of(ao.solve(problem)) == pytest.approx([np.pi / 4, 3 * np.pi / 4], abs=3e-8)
-
-
 @pytest.mark.parametrize("c", [0.0, 2.0, 100.0])
 def test_focal_points_of_a_free_start_with_a_total_derivative(c):
     # L + d/dt(c q^2 cos(30 t) / 2): a free start has v = -c q, and so have the neighbours.
@@ -150,16 +144,6 @@ def test_focal_points_of_a_free_start_with_a_total_derivative(c):
     first = np.arctan2(1.0, c / 2) / 2  # cos 2t = c / 2 sin 2t
     exact = [first, first + np.pi / 2]
     assert times_of(ao.solve(problem)) == pytest.approx(exact, abs=3e-8)
-
-
-def test_stiff_oscillator_beside_a_free_body():
-    # Fields of very different frequencies: all conjugate times are k pi / 300.
-    system = ao.System(
-        lambda q, v, t: (v[0] ** 2 + 1e-3 * v[1] ** 2 - 90 * q[1] ** 2) / 2, ["x", "y"]
-    )
-    problem = ao.Problem(system, ao.Event(0.0, [0.0, 0.0]), ao.Event(1.0, [1.0, 0.3]))
-    exact = np.arange(1, 96) * np.pi / 300
-    assert times_of(ao.solve(problem)) == pytest.approx(exact, abs=TIME_TOLERANCE)
 
 
 # Along an obstacle there are no conjugate points.

@@ -85,22 +85,6 @@ def test_a_shifted_origin_changes_nothing(X):
     assert there.morse_index == here.morse_index
 
 
-@pytest.mark.parametrize("turns", [0, 1000, 100_000])
-def test_an_angle_of_many_turns(turns):
-    def lagrangian(q, v, t, *, offset):
-        return v @ v / 2 + 9.81 * np.cos(q[0] - offset) - q[1] ** 2 / 2
-
-    system = ao.System(lagrangian, ["theta", "y"], parameters={"offset": 0.0})
-    offset = 2 * np.pi * turns
-    problem = ao.Problem(
-        system,
-        ao.Event(0.0, [offset + 0.3, 0.2]),
-        ao.Event(1.3, [offset - 0.2, 0.5]),
-        parameters={"offset": offset},
-    )
-    assert ao.solve(problem, tol=1e-10).action == pytest.approx(9.828403084869, rel=1e-9)
-
-
 def test_the_origin_of_a_plain_problem_is_zero():
     system = systems.oscillator("x y")
     problem = ao.Problem(system, ao.Event(0.0, [1.0, 0.0]), ao.Event(1.0, [0.5, -2.0]))

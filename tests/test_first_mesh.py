@@ -8,7 +8,7 @@ import actionopt as ao
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.resolution import DEGREES
 from actionopt.discrete.transcription import Transcription
-from actionopt.solver.first_mesh import LOST_PHASE, PHASE_PER_ELEMENT, fewest, paced, planned
+from actionopt.solver.first_mesh import PHASE_PER_ELEMENT, paced, planned
 
 
 def linear(square, T=1.0, start=0.0):
@@ -108,21 +108,3 @@ def test_friction_leaves_a_layer(friction):
     exact = np.expm1(-friction * t) / np.expm1(-friction)
     assert np.max(np.abs(solution(t)[0] - exact)) <= 1e-9
     assert len(solution.stats["rounds"]) == 1
-
-
-@pytest.mark.parametrize("turned", [False, True])
-@pytest.mark.parametrize("T", [1.0, 7.0, 20.0])
-def test_small_motions_of_many_coordinates_are_shown(turned, T):
-    """A row of springs turns at 2 sin(pi n / (2 n + 2)) at most, in any coordinates."""
-    n = 5
-    basis = np.eye(n) + turned * np.diag(np.ones(n - 1), 1) / 2
-
-    def lagrangian(q, v, t):
-        q, v = basis @ q, basis @ v
-        return v @ v / 2 - np.sum((q[1:] - q[:-1]) ** 2 + q[1:] ** 4) / 2 - q[0] ** 2 - q[-1] ** 2
-
-    system = ao.System(lagrangian, list("abcde"))
-    problem = ao.Problem(system, ao.Event(0.0, np.zeros(n)), ao.Event(T, np.zeros(n)))
-    few, fastest = fewest(problem), np.sqrt(2 + np.sqrt(3)) * T
-    assert few >= fastest / LOST_PHASE
-    assert few == 1 or few < 6 * fastest / LOST_PHASE

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import systems
 from helpers import a_quarter
-from motions import damped, ellipse, growing, kicked, pendulum, turning_wire
+from motions import ellipse, growing, kicked, of_scene, pendulum
 
 from actionopt import Mesh, State, System
 from actionopt.analysis import flow, forward
@@ -78,25 +78,14 @@ def test_oscillator_forwards_and_backwards(w, t_end):
     assert np.all(rest.values == 0)
 
 
-def test_projectile_with_a_coordinate_that_stays_zero():
-    system = System(
-        lambda q, v, t, *, g: (v[0] ** 2 + v[1] ** 2 + v[2] ** 2) / 2 - g * q[2],
-        ["x", "y", "z"],
-        parameters={"g": 9.81},
-    )
-    path = integrate(system, State(0.0, [0.0, 0.0, 1.0], [3.0, 0.0, 4.0]), 2.0)
-    t = np.linspace(0, 2, 50)
-    assert np.allclose(path(t), [3 * t, 0 * t, 1 + 4 * t - 9.81 * t**2 / 2], rtol=0, atol=1e-12)
-
-
 @pytest.mark.parametrize(
     ("motion", "T"),
     [
         (growing(0.3, 2.0), 6.0),
         (growing(1.0, 3.0), 6.0),
-        (damped(0.4, 1.3), 8.0),
-        (damped(1.5, 3.0), 8.0),
-        (turning_wire(1.3), 3.0),
+        (of_scene("damped_oscillator"), 8.0),
+        (of_scene("driven_oscillator"), 8.0),
+        (of_scene("turning_wire"), 2.0),
     ],
 )
 def test_motions_that_time_forces_and_constraints_drive(motion, T):
@@ -355,16 +344,6 @@ def test_a_jump_at_an_end(c):
     path = integrate(system, State(0.0, [0.0], [1.5]), 1.0)
     assert path(1.0) == pytest.approx(1.5 if c else 0.5, rel=1e-14)
     assert path.mesh.boundaries[0] == 0.0 and path.mesh.boundaries[-1] == 1.0
-
-
-@pytest.mark.parametrize("t0", [1e6, 1e9])
-def test_times_far_from_zero(t0):
-    """Without time in the Lagrangian nothing is lost, and the times asked for are those meant."""
-    system = systems.oscillator()
-    path = integrate(system, State(t0, [1.0], [0.5]), t0 + 10.0)
-    t = np.linspace(t0, t0 + 10.0, 301)
-    s = t - t0
-    np.testing.assert_allclose(path(t)[0], np.cos(s) + 0.5 * np.sin(s), rtol=0, atol=ACCURATE)
 
 
 def test_rest_at_a_saddle_point_stays():

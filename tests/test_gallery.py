@@ -1,6 +1,5 @@
 """Pages are whole, true and made once."""
 
-import base64
 import json
 import re
 from collections import Counter
@@ -583,17 +582,6 @@ def test_no_words_are_too_small_on_a_phone(gallery, chromium):
             picture = (gallery / folder / name).read_text(encoding="utf-8")
             points = float(re.search(r'width="([\d.]+)pt"', picture)[1])
             assert 8.9 * width / points >= 11
-
-
-def test_a_scene_is_printed_on_four_pages(gallery, chromium):
-    sides = {f"margin{side}": 0.4 for side in ("Top", "Bottom", "Left", "Right")}
-    for name in NAMES:
-        chromium.open(gallery / name / "index.html", still=True)
-        chromium.run("document.querySelectorAll('img').forEach(i => { i.loading = 'eager' })")
-        chromium.until("[...document.images].every(i => i.complete)")
-        paper = {"paperWidth": 8.27, "paperHeight": 11.69, **sides}
-        printed = base64.b64decode(chromium.order("Page.printToPDF", **paper)["data"])
-        assert 1 <= len(re.findall(rb"/Type\s*/Page[^s]", printed)) <= 4
 
 
 def test_without_scripts_the_first_frame_is_there(gallery):

@@ -10,7 +10,6 @@ from actionopt.discrete.newton import approach, follow
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.system import System
 from actionopt.solver.homotopy import newton_homotopy
-from actionopt.solver.ipopt import find
 from actionopt.solver.resonances import Resonances
 
 PENDULUM = systems.pendulum(g=9.81)
@@ -39,14 +38,6 @@ def test_from_the_straight_line_to_a_motion(end, T):
     assert polished.travelled <= 1e-3  # the homotopy came near already
     assert is_motion(tr, polished.z, pendulum_flow, 1e-4)
     assert not is_motion(tr, z, pendulum_flow, 1e-2)  # the straight line is none
-
-
-def test_a_curve_that_is_a_path_stays():
-    tr = transcribed(PENDULUM, ([1.0], [0.5]), 0.5, 16)
-    path = follow(tr, find(tr, tr.pack(tr.straight()), "stationary").z).z
-    found, count = newton_homotopy(tr, path)
-    assert np.max(np.abs(found - path)) <= 1e-9
-    assert count <= 60
 
 
 def test_with_a_constraint_on_the_way():

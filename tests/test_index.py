@@ -510,17 +510,6 @@ def test_a_mechanism_that_passes_a_flat_position(N):
             ask()
 
 
-@pytest.mark.parametrize("N", [1, 2, 5])
-def test_multipliers_that_vanish_by_symmetry_are_measured_beside_the_others(N):
-    problem, curve, _ = four_bars(N, 0.5)
-    solution = ao.solve(problem, guess=curve)
-    times = solution.mesh.nodes
-    exact = np.abs(solution.multipliers(times)).max(axis=1)
-    if N == 1:
-        assert exact.min() < 1e-9 * exact.max()
-    assert solution.multiplier_error < 1e-6
-
-
 def test_the_error_of_multipliers_is_relative_to_the_largest():
     """With one row its unit cancels: eight times how far they are off, over the largest."""
     system = ao.System(

@@ -259,18 +259,6 @@ def test_elements_end_where_a_law_is_switched_by_the_clock():
     assert solution(t)[0] == pytest.approx(1.0 + v0 * t - fall, abs=solution.error + 1e-14)
 
 
-@pytest.mark.slow
-def test_a_path_through_a_pole_is_not_resolved():
-    system = ao.System(lambda q, v, t: v[0] ** 2 / 2 + 1 / np.sqrt(q[0] ** 2), ["x"])
-    energy = ao.Problem(system, ao.Event(0.0, [1.0]), ao.Event(None, [-1.0]), energy=0.5)
-    near = ao.solve(energy, throw=False)
-    end = ao.Event(near.duration, None, on=lambda q, t: q[0] + 1)
-    problem = ao.Problem(system, ao.Event(0.0, [1.0]), end)
-    # Not "expected element boundaries that increase strictly".
-    solution = ao.solve(problem, guess=near.path, throw=False)
-    assert solution.status is Status.UNRESOLVED
-
-
 def test_more_that_is_refused():
     wall = systems.particle("x y", obstacle=lambda q, t: q[1] + 1)
     start, end = ao.Event(0.0, [0.0, 0.0]), ao.Event(1.0, None, on=lambda q, t: q[0] - 1)

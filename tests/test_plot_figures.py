@@ -467,16 +467,6 @@ def test_no_path_looks_like_a_maximum(half_periods):
     assert len(data.rise) == 24
 
 
-@pytest.mark.parametrize("value", [3.0, -3.0, 0.0])
-def test_a_constant_line_lies_in_the_middle(value):
-    ax = pyplot.figure().subplots()
-    ax.plot([0.0, 1.0], [value, value * (1 + 1e-12)])
-    plot._energies._no_magnified_rounding(ax)
-    low, high = ax.get_ylim()
-    assert low < value < high
-    assert high - value == pytest.approx(value - low, rel=1e-9)
-
-
 @pytest.mark.parametrize(("ripple", "flat"), [(1e-7, True), (1e-5, False)])
 def test_a_ripple_that_nobody_would_see_is_none(ripple, flat):
     """A body under a small slow force: its energy changes by about `ripple` of itself."""

@@ -148,11 +148,3 @@ def test_a_kick_may_move_a_forced_path_far_when_it_is_seen():
     change = solution.velocity(after)[0] - solution.velocity(before)[0]
     gravity = -9.81 * np.sin(solution(c)[0]) * 2 * w
     assert change == pytest.approx(kick + gravity, abs=1e-3)
-
-
-def test_a_closed_path_with_a_window():
-    c, w = 0.3, 0.002
-    system = ao.System(lambda q, v, t: (v[0] ** 2 - q[0] ** 2) / 2 + window(t, c, w) * q[0], ["x"])
-    solution = ao.solve(ao.Problem(system, ao.Event(0.0, [None]), ao.Periodic(1.0)), tol=1e-7)
-    # The response to a kick at c, to second order in w: Green's function of period one.
-    assert solution.start.q[0] == pytest.approx(np.cos(c - 0.5) / (2 * np.sin(0.5)), rel=1e-6)

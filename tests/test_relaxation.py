@@ -98,12 +98,6 @@ def test_descent_leaves_a_saddle_below_and_newton_does_not():
     assert there.action[-1] == pytest.approx(solution.action, abs=1e-8)
 
 
-def test_newton_s_residual_falls_by_the_shares_alone():
-    data = relaxed("saddle", "newton")
-    shares = np.minimum(1.0, FIRST * 1.08 ** np.arange(len(data.residual) - 1))
-    assert data.residual[1:] == pytest.approx(np.cumprod(1 - shares), abs=1e-7)
-
-
 def hill(stiff, force, start, end):
     """Return the path of x'' = stiff x - force cos 1.5 t, always a minimum."""
     system = ao.System(

@@ -137,15 +137,6 @@ def test_oscillator(m, w, T):
     assert found.van_vleck == pytest.approx(m * w / s, rel=1e-10)
 
 
-def test_moving_constraint():
-    scene = scenes.get("turning_wire")
-    solution = ao.solve(scene.problem, guess=scene.guess or scene.exact, tol=1e-10)
-    found = solution.sensitivity()
-    end, system = solution.end, solution.problem.system
-    H = system.energy(end.q, end.v, end.t, parameters=solution.problem.parameters)
-    assert found.t1 == pytest.approx(-H, rel=1e-7)
-
-
 def test_free_coordinates_have_no_derivative():
     system = ao.System(lambda q, v, t: (v[0] ** 2 + v[1] ** 2) / 2 - q[0] * q[1] / 4, ["x", "y"])
     problem = ao.Problem(system, ao.Event(0.0, [0.0, None]), ao.Event(1.0, [1.0, 2.0]))

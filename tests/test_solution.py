@@ -65,11 +65,6 @@ def test_no_extrapolation(rod, method):
             getattr(rod, method)(t)
 
 
-def test_lists_are_times_too(kepler):
-    assert np.array_equal(kepler([0.1, 0.2]), kepler(np.array([0.1, 0.2])))
-    assert kepler(0).shape == (2,)
-
-
 # -- what belongs together ------------------------------------------------------------------------
 
 

@@ -347,16 +347,6 @@ def test_starting_points_are_what_they_say():
         problem.start("far")
 
 
-@pytest.mark.slow
-def test_nobody_starts_at_the_answer():
-    for name in NAMES:
-        problem = suite.get(name)
-        for start in problem.start_names:
-            assert problem.distance(problem.start(start)) > 5e-4, (name, start)
-    with pytest.raises(ValueError, match="among perturbed, near, found 'straight'"):
-        suite.get("heavy_top").start("straight")
-
-
 def test_near_collisions_are_met_and_are_not_the_lowest():
     """From the default start, a Newton step in the wrong direction apart."""
     for name in ("kepler_near_collision", "two_body_near_collision"):
@@ -442,16 +432,6 @@ def test_size_costs_no_more_than_its_share():
     small, large = cost(1_000), cost(8_000)  # no size twice: numberings are kept
     assert large[0] <= 1.1 * small[0]  # a collection of garbage may add some
     assert large[1] <= 8.5 * small[1]
-
-
-@pytest.mark.slow
-def test_the_optimum_of_four_hundred_thousand_unknowns():
-    problem = suite.get("oscillator", elements=100_000)
-    assert problem.n == 399_999
-    t = problem.mesh.nodes[1:-1]
-    # The discrete optimum is the path to rounding at this size; the condition is 1e11.
-    assert np.max(np.abs(problem.x_star - problem.scene.exact(t)[0])) < 1e-7
-    assert problem.residual(problem.x_star) < STATIONARY
 
 
 @pytest.mark.parametrize(

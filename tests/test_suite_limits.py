@@ -55,32 +55,6 @@ def program(tmp_path, code=0, duals=True):
     return file
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("family", [CEILING, DISC], ids=["ceiling", "disc"])
-def test_all_solvers_come_to_the_same_bounded_minimum(family, tmp_path):
-    problem = suite.TestProblem(family)
-    assert problem.inequalities
-    x0 = problem.start()
-    best = run("ipopt", problem, x0)
-    x, unbound = best.x, suite.get(family.scene, family.elements, family.degree).x_star
-    assert problem.violation(x) <= 1e-6
-    if family is CEILING:
-        assert problem.classification.startswith("QB")
-        assert problem.violation(unbound) > 0.1  # the bounds hold something
-        lower, upper = problem.bounds
-        assert np.sum(upper - x < 1e-6) >= 3 and np.all(x[::2] != upper[::2])
-    else:
-        assert np.min(best.lam) < -0.1 and np.max(best.lam) < 1e-6  # held from below
-    for name in ("scipy:SLSQP", "scipy:trust-constr", f"asl:{program(tmp_path)}"):
-        answer = run(name, problem, x0)
-        assert problem.violation(answer.x) <= 1e-5, name
-        assert problem.distance(answer.x, x) <= 2e-3, (name, answer.word)
-        f = [problem.objective(y) for y in (x, answer.x)]
-        assert f[0] == pytest.approx(f[1], abs=1e-4 * abs(f[0])), name
-        if answer.lam is not None and problem.m:
-            np.testing.assert_allclose(answer.lam, best.lam, atol=1e-4)
-
-
 def test_methods_that_know_no_bounds_are_told():
     problem = suite.TestProblem(CEILING)
     with pytest.raises(solvers.Absent, match="takes bounds"):

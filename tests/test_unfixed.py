@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import systems
 from helpers import a_quarter, integrated
-from scipy.special import ellipj, ellipk, ellipkinc
+from scipy.special import ellipk, ellipkinc
 
 import actionopt as ao
 from actionopt import scenes
@@ -114,33 +114,6 @@ def test_an_energy_below_the_potential_at_an_end_is_no_search():
     with pytest.raises(ao.SolveError, match="potential on the straight line, 1 at x = 1, y = 1"):
         ao.solve(problem)
     assert ao.solve(problem.replace(energy=1.5)).success
-
-
-@pytest.mark.parametrize(("energy", "a", "b"), [(12.0, 0.0, 2.0), (-3.0, -0.4, 1.1)])
-def test_pendulum_of_given_energy(energy, a, b):
-    system = systems.pendulum("a", G)
-    k2 = (energy + G) / (2 * G)
-
-    def clock(x):
-        if k2 > 1:
-            return ellipkinc(x / 2, 1 / k2) / np.sqrt(G * k2)
-        return ellipkinc(np.arcsin(np.sin(x / 2) / np.sqrt(k2)), k2) / np.sqrt(G)
-
-    exact = clock(b) - clock(a)
-    for tol in (1e-5, 1e-9, 1e-13):
-        s = ao.solve(
-            ao.Problem(system, ao.Event(1.0, [a]), free(None, [b]), energy=energy), tol=tol
-        )
-        off = abs(s.duration - exact) * np.abs(s.velocity(s.mesh.nodes)).max() / b
-        assert off <= s.error <= tol and s.start.t == 1.0
-    t = np.linspace(0, exact, 40)
-    u = clock(a) + t
-    if k2 > 1:
-        sn = ellipj(u * np.sqrt(G * k2), 1 / k2)[0]
-        q = 2 * np.arcsin(sn)
-    else:
-        q = 2 * np.arcsin(np.sqrt(k2) * ellipj(u * np.sqrt(G), k2)[0])
-    assert np.max(np.abs(s(np.minimum(1.0 + t, s.end.t))[0] - q)) < 1e-12 * b
 
 
 def test_a_start_whose_time_is_free():
@@ -420,21 +393,6 @@ def test_no_path_closes_near_the_guess():  # but rest, and what a force along it
 
 
 @pytest.mark.slow
-def test_families_in_energy_turn_back_where_the_throws_merge():
-    """E = g (y + d) / 2 is the least, where T^2 = 2 d / g, with d the distance."""
-    family = ao.trace(throw(40.0), "energy", 20.0)
-    d = np.hypot(4.0, 1.0)
-    (fold,) = family.marks
-    assert fold.kind == "fold" and (fold.before, fold.after) == (0, 1)
-    assert fold.value == pytest.approx(G * (1.0 + d) / 2, abs=1e-6)
-    assert fold.path.mesh.duration == pytest.approx(np.sqrt(2 * d / G), abs=1e-5)
-    assert family.returned and family.durations[-1] == pytest.approx(flights(40.0)[1])
-    assert family.solution(-1).morse_index == 1
-    (low, high) = family.at(31.0)
-    assert (low.duration, high.duration) == pytest.approx(tuple(flights(31.0)))
-
-
-@pytest.mark.slow
 def test_period_doublings_of_henon_and_heiles():
     """Along x = 0 the field across has the equation of Hill, xi'' = -(1 + 2 y) xi."""
     energy, ends = 0.1, ao.Event(0.0, [None, None])
@@ -598,23 +556,6 @@ def test_orbits_of_the_literature_close_with_the_period_of_their_energy(name):
 
 
 OSCILLATOR = systems.oscillator()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("start", [0.0, 0.5])
-def test_where_two_paths_merge_is_said(start):  # E(T) has its minimum where the end is at rest
-    least = ao.Problem(OSCILLATOR, free(0.0, [start]), free(None, [1.0]), energy=0.5)
-    T = np.arccos(start)
-    s = ao.solve(least, throw=False)
-    assert s.status in (ao.Status.DEGENERATE, ao.Status.FLOOR) and abs(s.duration - T) < 1e-3
-    with pytest.raises(ao.SolveError, match=r"potential on the straight line, 0\.5 at \w+ = 1"):
-        ao.solve(least.replace(energy=0.4))
-    E = 0.5 + 1e-6
-    a = np.sqrt(2 * E)
-    above = ao.solve(least.replace(energy=E))
-    low = np.arcsin(1 / a) - np.arcsin(start / a)
-    high = np.pi - np.arcsin(1 / a) - np.arcsin(start / a)
-    assert min(abs(above.duration - low), abs(above.duration - high)) < 1e-10
 
 
 def test_an_end_free_in_place_and_time_is_where_the_motion_stops():

@@ -7,7 +7,6 @@ from helpers import solved
 
 import actionopt as ao
 from actionopt import scenes
-from actionopt.analysis.modes import second_variation
 from actionopt.analysis.variation import variation
 
 ROUNDING = 1e-13  # of `first`, relative to the terms that cancel in it
@@ -80,13 +79,6 @@ def test_action_of_a_varied_oscillator_in_closed_form():
         alpha = np.array([[-0.3, 0.0], [0.2, 0.7]])
         expected = scene.action + alpha**2 / 2 * second
         assert np.max(np.abs(S(alpha) - expected)) <= 1e-10 * np.max(np.abs(expected))
-
-
-def test_modes_are_variations():
-    solution = ao.solve(scenes.get("pendulum").problem, tol=1e-10)
-    found = second_variation(solution, 2)
-    for value, mode in zip(found.eigenvalues, found.modes, strict=True):
-        assert abs(variation(solution, mode).second - value) < 1e-7 * abs(value)
 
 
 def test_varied_paths_stay_on_the_surface():

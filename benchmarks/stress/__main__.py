@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import datetime
 import json
-from pathlib import Path
 
 from actionopt.tools.files import write
 from actionopt.tools.progress import steps
-from benchmarks.results import packed, text, unpacked, versions
+from benchmarks.results import DOCS, packed, stamp, text, unpacked
 from benchmarks.stress import report
 from benchmarks.stress.families import FAMILIES
 
-DOCS = Path(__file__).parents[2] / "docs"
 PACKAGES = ("actionopt", "python", "casadi", "numpy", "scipy")
 
 
@@ -24,8 +21,7 @@ def main(arguments: list[str] | None = None) -> None:
     families = json.loads(file.read_text()) if file.exists() else {}
     for name in () if options.report_only else options.family or FAMILIES:
         rows = packed(measure(name, options.quick, options.limit))
-        about = f"{datetime.date.today().isoformat()}; {versions(*PACKAGES)}."
-        families[name] = {"about": about, **rows}
+        families[name] = {"about": stamp(*PACKAGES), **rows}
         write(file, text(families, 3) + "\n")
         print(report.told(name, unpacked(rows)))
     if not options.quick:

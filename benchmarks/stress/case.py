@@ -190,6 +190,13 @@ def every(what: str, good: int, count: int) -> Criterion:
     return Criterion(what, f"{count} of {count}", f"{good} of {count}", good == count)
 
 
+def beside(rows: list[Row], solver: str, wrong: float, what: str = "right") -> Criterion:
+    """Return how often another solver's answer is right, which is told and not asked for."""
+    own = [r for r in rows if r["solver"] == solver]
+    right = sum(r["error"] <= wrong for r in solved(own, solver))
+    return Criterion(f"{solver}: {what}", "told, not asked", f"{right} of {len(own)}", True)
+
+
 def within(rows: list[Row], tol: float, what: str = "true error") -> Criterion:
     """Return the criterion that all rows succeed with a true error of at most `tol`."""
     worst = max((r.get("error") or 0.0) if r.get("success") else np.inf for r in rows)
