@@ -389,26 +389,6 @@ def keyboard():
     signal.signal(signal.SIGINT, before)
 
 
-class Late(RuntimeError):
-    """What a time limit raises."""
-
-
-@pytest.mark.skipif(not hasattr(signal, "SIGALRM"), reason="needs an alarm")
-def test_a_time_limit_is_passed_on(capfd):
-    def late(number, frame):
-        raise Late
-
-    stderr, before = sys.stderr, signal.signal(signal.SIGALRM, late)
-    try:
-        signal.setitimer(signal.ITIMER_REAL, 0.2)
-        with pytest.raises(Late):
-            integrate(KEPLER, PERICENTRE, 1e5)  # some twenty seconds
-        assert signal.getsignal(signal.SIGALRM) is late and sys.stderr is stderr
-    finally:
-        signal.signal(signal.SIGALRM, before)
-    assert capfd.readouterr() == ("", "")
-
-
 @pytest.mark.usefixtures("keyboard")
 def test_other_threads_keep_standard_error(capfd):
     """Integrations in several threads, one interrupted: each may write, and all is as before."""

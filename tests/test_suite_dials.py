@@ -3,9 +3,9 @@
 from pathlib import Path
 from types import SimpleNamespace
 
+import helpers
 import numpy as np
 import pytest
-from helpers import a_quarter
 
 from actionopt import suite
 from actionopt.cli import main
@@ -18,37 +18,20 @@ ECCENTRICITY = DIALS["eccentricity"]
 
 def record(solver, problem, parameters=None, *, right=True, **more):
     """Return a record as the runner writes it; of a dial's member unless told otherwise."""
-    dial = ECCENTRICITY
-    return {
-        "solver": solver,
-        "problem": problem,
-        "elements": dial.elements,
-        "degree": dial.degree,
-        "start": dial.start,
+    mesh = {name: getattr(ECCENTRICITY, name) for name in ("elements", "degree", "start")}
+    counts = {"f": 30, "grad": 20, "hess": 60}
+    mine = mesh | {
         "parameters": parameters or {},
-        "outcome": "answered",
-        "said": "solved",
-        "unbounded": False,
-        "at": "optimum",
         "off": 0.0 if right else 1.0,
-        "residual": 0.0,
-        "index": 0,
-        "f_start": 2.0,
-        "f_there": 1.0,
-        "f_star": 1.0,
-        "f_lowest": 1.0,
-        "n": 9,
-        "class": "OUR2-MN-9-0",
-        "seconds": 0.1,
-        "history": [],
-        "evaluations": {"f": 30, "grad": 20, "hess": 60},
-        **more,
+        "evaluations": counts,
     }
+    return helpers.record(solver, problem, **(mine | more))
 
 
 @pytest.mark.parametrize(
     "dial",
-    a_quarter([*DIALS.values()][:9], 1) + [pytest.param(DIALS["pegs"], marks=pytest.mark.slow)],
+    helpers.a_quarter([*DIALS.values()][:9], 1)
+    + [pytest.param(DIALS["pegs"], marks=pytest.mark.slow)],
     ids=list(DIALS),
 )
 def test_members_of_a_dial_have_optima_and_grow_harder(dial):

@@ -4,34 +4,11 @@ import re
 
 import numpy as np
 import pytest
+from helpers import record
 
 from actionopt.plot import profiles
 from actionopt.suite import profile
 from actionopt.suite.report import write
-
-
-def record(solver, problem, at="optimum", seconds=1.0, count=1, **more):
-    """Return a record of an answer at some point; by default a minimum, found exactly."""
-    found = {} if at is None else {"at": at, "off": 0.0, "f_there": 1.0, "index": 0, "above": False}
-    return {
-        "solver": solver,
-        "problem": problem,
-        "outcome": "answered",
-        "said": "solved",
-        "unbounded": False,
-        "class": "QUR2-MN-9-0",
-        "n": 9,
-        "f_star": 1.0,
-        "f_lowest": 1.0,
-        "f_start": 11.0,
-        "residual": 0.0,
-        "seconds": seconds,
-        "evaluations": {"f": count},
-        "history": [(1, 11.0, 0.0), (count, 1.0, 0.0)],
-        **found,
-        **more,
-    }
-
 
 RECORDS = [
     record("a", "p", seconds=1.0, count=10),

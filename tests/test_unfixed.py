@@ -343,48 +343,6 @@ def test_one_coordinate_that_turns_needs_no_guess(sign):
         ao.solve(ao.Problem(pendulum, free(0.0, [0.4]), end, energy=0.5))
 
 
-def bodies(count):
-    names = [f"{c}{i}" for i in range(count) for c in "xy"]
-
-    def lagrangian(q, v, t):
-        L = v @ v / 2
-        for i in range(count):
-            for j in range(i):
-                d = q[2 * i : 2 * i + 2] - q[2 * j : 2 * j + 2]
-                L = L + 1 / np.sqrt(d @ d)
-        return L
-
-    return ao.System(lagrangian, names)
-
-
-def orbit(system, q, v, T, **options):
-    energy = float(system.energy(np.array(q), np.array(v), 0.0))
-    guess = ao.integrate(system, ao.State(0.0, q, v), T)
-    problem = ao.Problem(system, free(0.0, [None] * system.n), ao.Periodic(None), energy=energy)
-    return ao.solve(problem, guess=guess, **options)
-
-
-def test_figure_eight():
-    """Chenciner and Montgomery; data of Li and Liao (2017), Fukuda et al. (2018) for the index."""
-    a = np.array([0.3471168881189300012, 0.5327249453880287022])
-    T, S = 6.325913982926222812, 24.42704864453737307
-    s = orbit(bodies(3), [-1, 0, 1, 0, 0, 0], [*a, *a, *(-2 * a)], T, tol=1e-10)
-    assert abs(s.duration - T) < 1e-12 * T and abs(s.action - S) < 1e-12 * S
-    assert np.max(np.abs(s.end.q - s.start.q)) < 1e-12
-    assert np.max(np.abs(s.momenta[1] - s.momenta[0])) < 1e-10
-    assert s.between_times.morse_index == 2 and s.kind == "saddle"
-    M = ao.monodromy(s)
-    J = np.block([[np.zeros((6, 6)), np.eye(6)], [-np.eye(6), np.zeros((6, 6))]])
-    assert np.max(np.abs(M.T @ J @ M - J)) < 1e-14 * np.max(np.abs(M)) ** 2
-    assert M.stable and M.trivial == 4
-    z = M.eigenvalues.reshape(-1, 2)
-    assert np.max(np.abs(z[:, 0] * z[:, 1] - 1)) < 1e-8
-    raw = np.linalg.eigvals(np.asarray(M))
-    apart = [x for x in z.ravel() if abs(x - 1) > 1e-3]
-    assert len(apart) == 4
-    assert all(np.min(np.abs(raw - x)) < 1e-8 for x in apart)
-
-
 def test_no_path_closes_near_the_guess():  # but rest, and what a force along it would close
     system = systems.spring()
     problem = ao.Problem(system, ao.Event(0.0, [None]), ao.Periodic(7.0))  # too long for once round
@@ -510,7 +468,7 @@ def restricted(q, v, t, mu=0.012277471):
 
 
 EIGHT = scenes.get("four_on_an_eight")
-BUTTERFLY = 0.3068934204647686139, 0.1255065670151998250
+THREE = scenes.get("figure_eight")
 ORBITS = {  # system, start, period, action; references beside them
     # Hairer, Norsett and Wanner, Solving ODEs I, pages 130 and 186; their actions from long doubles
     "Arenstorf, four loops": (
@@ -525,34 +483,36 @@ ORBITS = {  # system, start, period, action; references beside them
         EIGHT.problem.system, EIGHT.facts.start.q, EIGHT.facts.start.v,
         EIGHT.facts["period"], EIGHT.facts["period_action"],
     ),
-    # Suvakov and Dmitrasinovic, PRL 110 (2013) 114301; digits of Li and Liao (2017) and more
-    "butterfly": (
-        bodies(3), [-1, 0, 1, 0, 0, 0], [*BUTTERFLY, *BUTTERFLY, *(-2 * np.array(BUTTERFLY))],
-        6.234674838731127866, 40.59135411849948298,
+    "figure-eight": (  # a third of it
+        THREE.problem.system, THREE.facts.start.q, THREE.facts.start.v,
+        THREE.facts["period"], 3 * THREE.action,
     ),
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param(name, marks=[pytest.mark.slow] * (name == "butterfly")) for name in ORBITS],
-)
+@pytest.mark.parametrize("name", ORBITS)
 def test_orbits_of_the_literature_close_with_the_period_of_their_energy(name):
     system, q, v, T, S = ORBITS[name]
-    loose_ = name == "butterfly"  # known to 1e-11 itself
-    s = orbit(system, q, v, T, tol=1e-10)
-    assert abs(s.duration / T - 1) < (1e-11 if loose_ else 1e-13)
-    assert abs(s.action / S - 1) < (1e-11 if loose_ else 1e-12)
+    energy, guess = system.energy(q, v, 0.0), ao.integrate(system, ao.State(0.0, q, v), T)
+    ends = free(0.0, [None] * system.n), ao.Periodic(None)
+    s = ao.solve(ao.Problem(system, *ends, energy=float(energy)), guess=guess, tol=1e-10)
+    assert abs(s.duration / T - 1) < 1e-12
+    assert abs(s.action / S - 1) < 1e-12
     assert np.max(np.abs(s.end.q - s.start.q)) < 1e-12
     assert np.max(np.abs(s.momenta[1] - s.momenta[0])) < 1e-10
     M = ao.monodromy(s)
+    J = np.kron([[0, 1], [-1, 0]], np.eye(system.n))
+    assert np.max(np.abs(M.T @ J @ M - J)) < 1e-13 * np.max(np.abs(M)) ** 2  # symplectic
     z, raw = M.eigenvalues, np.linalg.eigvals(np.asarray(M))
     assert np.max(np.abs(z[::2] * z[1::2] - 1)) < 1e-8
     # Those that are single are eigenvalues of the matrix itself.
     single = [x for x in z if np.sort(np.abs(z - x))[1] > 1e-2]
     assert len(single) >= 2 and 2 * M.trivial + len(single) <= z.size
     for x in single:
-        assert np.min(np.abs(raw - x)) < (1e-7 if loose_ else 1e-8) * max(abs(x), 1.0)
+        assert np.min(np.abs(raw - x)) < 1e-8 * max(abs(x), 1.0)
+    if name == "figure-eight":  # Fukuda, Fujiwara and Ozaki, arXiv:1710.04834
+        assert s.between_times.morse_index == 2 and s.kind == "saddle"
+        assert M.stable and M.trivial == 4
 
 
 OSCILLATOR = systems.oscillator()
