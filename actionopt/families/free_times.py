@@ -27,14 +27,12 @@ from actionopt.solver.unfixed import solve_unfixed
 from actionopt.tools.types import Array
 from actionopt.tools.watch import Progress, check_time
 
-# Ad hoc.
-LONG = (
-    6.0  # times the duration along the straight line, or up and back: how far motions are followed
-)
-NEAREST = 40  # passages from which paths are sought, of each class of windings
+# Times the duration along the straight line, or up and back, that motions are followed; ad hoc.
+LONGEST_SEARCH = 6.0
+MOST_PASSAGES = 40  # passages from which paths are sought, of each class of windings
 NEARBY_TARGET = 1e-1  # of the sizes: a sample of a path that may pass the end is no farther
 FAN = 72  # directions in the plane
-SAME = 1e-6  # of its size and duration: paths closer than that are one
+SAME_ORBIT = 1e-6  # of its size and duration: paths closer than that are one
 
 
 def all_durations(
@@ -109,7 +107,7 @@ def _passages(
     line = along(problem, straight(problem), t0)
     T = [path.mesh.duration for path, _ in known] + [returning(problem, q0, t0)]
     T += [] if line is None else [float(line[0][-1])]
-    fixed = over(problem, LONG * max(T))
+    fixed = over(problem, LONGEST_SEARCH * max(T))
     size = fixed.scales
     u = u * size  # alike in the coordinates' own sizes
     speed, left = rates(problem, np.repeat(q0[None], len(u), axis=0), u, np.full((len(u), 1), t0))
@@ -123,11 +121,11 @@ def _passages(
     units, most = Units.of(problem, unit, q, v, t0), 2 + windings if n == 1 else PASSES
     spans = fixed.duration, fixed.duration / 4
     paths = [item for T in spans for item in passages(problem, q, v, T, units, most=most)]
-    return [path for _, path in sorted(paths, key=lambda item: item[0])[:NEAREST]]
+    return [path for _, path in sorted(paths, key=lambda item: item[0])[:MOST_PASSAGES]]
 
 
 def is_new(
-    solution: Solution, turns: tuple[int, ...], found: list, apart: float = SAME**0.5
+    solution: Solution, turns: tuple[int, ...], found: list, apart: float = SAME_ORBIT**0.5
 ) -> bool:
     """Whether a path differs from all those found: somewhere by `apart`, relative to its size."""
     s = np.linspace(0, 1, 33)
@@ -135,7 +133,7 @@ def is_new(
     mine = solution(t0 + s * T)
     size = sizes(mine.T, solution.problem.scales)[:, None]
     for other, other_turns, _ in found:
-        if other_turns != turns or abs(other.duration / T - 1) > SAME:
+        if other_turns != turns or abs(other.duration / T - 1) > SAME_ORBIT:
             continue
         there = other(other.start.t + s * other.duration)
         if np.max(np.abs(there - mine) / size) < apart:
@@ -167,8 +165,8 @@ def _passes(solution: Solution, times: Array, size: Array) -> bool:
             away, v = solution(t)[pinned] - end, solution.velocity(t)[pinned]
             step = float((away / size[:, 0]) @ (v / size[:, 0]) / np.sum((v / size[:, 0]) ** 2))
             t = float(np.clip(t - step, solution.start.t, solution.end.t))
-        if np.linalg.norm((solution(t)[pinned] - end) / size[:, 0]) < np.sqrt(SAME):
+        if np.linalg.norm((solution(t)[pinned] - end) / size[:, 0]) < np.sqrt(SAME_ORBIT):
             apart = min(t - solution.start.t, solution.end.t - t)
-            if apart > SAME * solution.duration:
+            if apart > SAME_ORBIT * solution.duration:
                 return True
     return False

@@ -91,7 +91,7 @@ class ParameterTable:
         columns = [ca.SX.sym(name, math.prod(shape)) for name, shape in self.shapes.items()]
         return columns[0] if len(columns) == 1 else stack(*columns)
 
-    def named(self, packed: ca.SX) -> dict[str, Expressions]:
+    def by_name(self, packed: ca.SX) -> dict[str, Expressions]:
         """Return by name what the user's callables receive, from a column packed as `symbols`."""
         found, first, each = {}, 0, packed.elements()
         for name, shape in self.shapes.items():

@@ -106,7 +106,7 @@ def arrivals(
 
 def _is_timed(problem: Problem) -> bool:
     """Whether a surface on which an event lies moves."""
-    return any(e.on is not None and e.on.timed for e in (problem.start, problem.end))
+    return any(e.on is not None and e.on.depends_on_time for e in (problem.start, problem.end))
 
 
 def _aimed(

@@ -282,8 +282,8 @@ def _solved(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[So
         search.ws.hint = f"tried: {', '.join(dict.fromkeys(search.tried))}"
         status = status_of(signal)
     ws = search.ws
-    if watch is not None and watch.raised is not None and not isinstance(watch.raised, OutOfTime):
-        raise watch.raised
+    if watch is not None and watch.error is not None and not isinstance(watch.error, OutOfTime):
+        raise watch.error
     solution = solution_of(ws, status, search.found_by, started)
     if suspected(ws, status):
         solution = judged(ws, solution)

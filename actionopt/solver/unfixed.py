@@ -484,8 +484,8 @@ def solve_unfixed(
     except SIGNALS as signal:
         status = status_of(signal)
         run.stop()
-    if watch is not None and watch.raised is not None and not isinstance(watch.raised, OutOfTime):
-        raise watch.raised
+    if watch is not None and watch.error is not None and not isinstance(watch.error, OutOfTime):
+        raise watch.error
     if run.iterate is None:
         if first.refused is not None:
             raise first.refused
