@@ -41,7 +41,6 @@ from actionopt.mechanics.jumps import jumps
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
 from actionopt.tools.checks import tolerance
-from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array
 
 # Ad hoc, where nothing else is said.
@@ -119,7 +118,13 @@ class Comparison:
     path: Path | None
     reason: str = ""
 
-    __repr__ = one_line
+    def __repr__(self) -> str:
+        """Show the verdict, and what it depends on."""
+        verdict = {True: "agrees", False: "differs", None: "unknown"}[self.agrees]
+        return (
+            f"Comparison({verdict}: position {self.position:.1e} of {self.allowed:.1e} allowed, "
+            f"velocity {self.velocity:.1e}, piece by piece {self.local:.1e})"
+        )
 
     @property
     def agrees(self) -> bool | None:
@@ -179,7 +184,7 @@ def compare(solution: Claim, *, tol: float = 1e-12) -> Comparison:
     Raises
     ------
     ValueError
-        If the tolerance is none.
+        If the tolerance is not between 1e-14 and 0.1.
     """
     tolerance(tol)
     problem, start, mesh = solution.problem, solution.start, solution.mesh

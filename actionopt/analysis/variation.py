@@ -9,7 +9,7 @@ that the first derivative vanishes to rounding.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
@@ -25,7 +25,6 @@ from actionopt.discrete.resolution import resolution
 from actionopt.discrete.surfaces import onto
 from actionopt.mechanics.problem import Problem
 from actionopt.tools.checks import number, numbers
-from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array
 
 # Ad hoc: near round-off.
@@ -53,11 +52,13 @@ class Variation:
         The variation.
     """
 
-    form: Form = field(repr=False)
-    lam: Array = field(repr=False)
+    form: Form
+    lam: Array
     eta: Path
 
-    __repr__ = one_line
+    def __repr__(self) -> str:
+        """Show the derivatives of S by alpha, not the path."""
+        return f"Variation(S' = {self.first:.3g}, S'' = {self.second:.8g} at alpha = 0)"
 
     def __call__(self, alpha: ArrayLike) -> Array:
         """Return S(alpha), of the shape of `alpha`.

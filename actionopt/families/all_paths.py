@@ -356,7 +356,7 @@ def detected_angles(problem: Problem) -> tuple[int, ...]:
         shift[i] = 1.0
         turned = _everything(system, problem, q + 2 * np.pi * shift, v, t) - here
         moved = _everything(system, problem, q + shift, v, t) - here
-        # A turn changes nothing, and a step of one radian something that is no rounding.
+        # A whole turn changes nothing; a step of one radian changes more than rounding does.
         both = np.isfinite(turned) & np.isfinite(moved)
         change = np.max(np.abs(moved[both]), initial=0.0)
         known = change > 1e-9 * np.max(np.abs(here[both]), initial=0.0)

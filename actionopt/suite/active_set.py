@@ -26,7 +26,7 @@ from actionopt.tools.types import Array, NDInt
 
 # of the active set; ad hoc: rows at the ends of contact come and go one by one
 SET_ROUNDS = 60
-TOUCHED = 1e-9  # of a row's unit: what a path leaves of one that it touches
+ON_ROW = 1e-9  # of a row's unit: what a path leaves of one that it touches
 SAME_TO_FIVE = 1e-3  # of the coordinates' sizes: points that are known to five digits
 MET = 1e-4  # the same of an answer whose multipliers are fitted: far above solvers' tolerances
 
@@ -68,7 +68,7 @@ def star(tr: Transcription, z: Array, on: NDArray[np.bool_], reach: float = NO_P
         row = np.ones(on.shape)
         row[layout.row_node, layout.row_constraint] = tr.constraint(z[:cut])
         m = asked.free.system.m
-        new = np.where(on, push >= -TOUCHED, row < -TOUCHED)
+        new = np.where(on, push >= -ON_ROW, row < -ON_ROW)
         new[:, :m] = True
         if (new == on).all():
             break
@@ -86,7 +86,7 @@ def star(tr: Transcription, z: Array, on: NDArray[np.bool_], reach: float = NO_P
 def from_path(tr: Transcription, path: Callable[[Array], Array]) -> Star:
     """Return the discrete optimum near a continuous path."""
     Q = np.asarray(path(tr.mesh.nodes), dtype=float).reshape(tr.problem.system.n, -1).T
-    return star(tr, tr.pack(Q), touching(tr, tr.pack(Q), TOUCHED))
+    return star(tr, tr.pack(Q), touching(tr, tr.pack(Q), ON_ROW))
 
 
 def others(

@@ -26,8 +26,8 @@ minimiser (a local minimum no higher than the known optimum, or "unbounded" wher
 where it is not. The tables have the verdicts, too.</p>
 {dials}
 <h2>Where they do not agree</h2>
-<p>On {apart} of {members} members not all of {solvers}, which were run along the dials, come to the
-same verdict; to run out of time is none.</p>
+<p>The {solvers} solvers that were run along the dials come to different verdicts on {apart} of
+{members} members; to run out of time is not counted as a verdict.</p>
 {names}
 <h2>What is hard for Ipopt</h2>
 <p>With its defaults Ipopt takes more than {many} Hessians on {count} families, or fails.</p>

@@ -194,10 +194,10 @@ SCENE_MESHES = {  # elements and degree where 8 of degree 4 are too few
     **dict.fromkeys(("kepler", "kepler_polar", "kepler_spherical", "figure_eight"), (12, 6)),
     **dict.fromkeys(("two_body", "hoop_bead", "heavy_top"), (8, 6)),
 }
-STEADY = "steady motion"  # the straight line is the path: nobody may start there
+STEADY = "steady motion"  # the straight line is the path: no solver may start there
 CYCLIC = "two angles hardly enter: f is nearly flat along them, and falls in other directions"
 REASON = (
-    "so long a time has many paths, and between them minima that are none: on the way most "
+    "so long a time has many paths, and spurious minima between them: on the way most "
     "Hessians have many negative eigenvalues"
 )
 SPECIAL = {

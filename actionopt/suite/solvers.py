@@ -257,7 +257,7 @@ def run(name: str, problem: Program, x0: Array, repeats: int = 1) -> SolverResul
 
     What it evaluates is counted in the first solve, and where. The others are for the clock alone,
     and there are none if the first took a second. Raises Absent if the solver is not installed or
-    takes no such problem, Mistake if it is a file's and the file is to blame.
+    takes no such problem, Mistake if a user's solver file fails.
     """
     check(name)
     base, _, rest = name.partition(":")

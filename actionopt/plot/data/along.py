@@ -18,7 +18,7 @@ from actionopt.tools.types import Array
 
 CURVE_TIMES = 600  # times at which a curve is drawn: more than a picture has columns for
 Kinetic = Callable[[Array, Array, Array], Array]  # T of q, v (n, K) and t
-FLAT_CHANGE = 1e-6  # change relative to the size of what is drawn that is no change
+FLAT_CHANGE = 1e-6  # relative to the size of what is drawn: a smaller change is not one
 
 
 def times(solution: Solution, count: int = CURVE_TIMES) -> Array:

@@ -38,7 +38,7 @@ DECREASE = 1e-4  # share of the decrease that the gradient promises which a step
 SMALLEST_SHARE = 1e-6  # a smaller share of a step leads nowhere
 RUN_AWAY = 3.0  # a path that has left the true one by this many times its size has run away
 START_MISS = 1e-9  # of the coordinates' size, by which a start may miss the events
-RELAXED = 1e-7  # residual, in parts of the first, that is no longer relaxed
+RELAXED = 1e-7  # residual, in parts of the first, at which the relaxation ends
 START_WAVES, WILD = 8, 0.35  # waves of the start, and their size in parts of the coordinates'
 RELAXATION_TIMES = 201  # times at which paths are kept
 
