@@ -97,8 +97,8 @@ def solve_run(
     Raises
     ------
     ValueError
-        If a name is not one of these, values are not k finite numbers, or times do not increase; and
-        as `solve` does for `tol` and the guess.
+        If a name is not one of these, values are not k finite numbers, or times do not
+        increase; and as `solve` does for `tol` and the guess.
     """
     checked(problem, tol, guess, "auto", None)
     run = _Members(problem, columns, tol, index, limited)
