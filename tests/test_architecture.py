@@ -107,7 +107,7 @@ def test_a_constant_has_one_name_and_one_value():
         names.update(name for name in constants(file) if name not in beside)
         meanings.update(valued(file))
     assert names["EPS"] == 1
-    assert {name for name, count in names.items() if count > 1} == TWICE
+    assert {name for name, count in names.items() if count > 1} <= TWICE
     assert not [meaning for meaning, count in meanings.items() if count > 1]  # give it one name
 
 
