@@ -15,7 +15,7 @@ from actionopt.tools.words import say
 
 
 @dataclass(frozen=True)
-class UnitNames:
+class Units:
     """Words for the units in labels; an empty word writes none. Greek coordinates are angles.
 
     >>> SI.coordinate("theta1"), SI.coordinate("x"), SI.momentum("theta1"), SI.action
@@ -52,8 +52,8 @@ class UnitNames:
         return f"{self.force}{length}" if self.force else ""
 
 
-NO_UNITS = UnitNames()
-SI = UnitNames("s", "m", "J", "N")
+NONE = Units()
+SI = Units("s", "m", "J", "N")
 
 
 def _angle(name: str) -> bool:

@@ -20,26 +20,22 @@ from actionopt.tools.tape import Tape
 from actionopt.tools.types import Array
 
 INFIX = {"ADD": "+", "SUB": "-", "MUL": "*", "DIV": "/", "POW": "**", "CONSTPOW": "**"}
-FUNCTION_NAMES = {
-    f"A{name}": f"arc{name.lower()}" for name in ("SIN", "COS", "TAN", "SINH", "COSH", "TANH")
-}
-FUNCTION_NAMES |= {
+CALLS = {f"A{name}": f"arc{name.lower()}" for name in ("SIN", "COS", "TAN", "SINH", "COSH", "TANH")}
+CALLS |= {
     name: name.lower() for name in "SIN COS TAN SINH COSH TANH SQRT LOG EXP FABS SIGN".split()
 }
-OPERATORS = {getattr(ca, f"OP_{name}"): f"{{0}} {sign} {{1}}" for name, sign in INFIX.items()}
-OPERATORS |= {
-    getattr(ca, f"OP_{name}"): f"np.{call}({{0}})" for name, call in FUNCTION_NAMES.items()
-}
-OPERATORS |= {
+CODES = {getattr(ca, f"OP_{name}"): f"{{0}} {sign} {{1}}" for name, sign in INFIX.items()}
+CODES |= {getattr(ca, f"OP_{name}"): f"np.{call}({{0}})" for name, call in CALLS.items()}
+CODES |= {
     ca.OP_NEG: "-{0}",
     ca.OP_SQ: "{0} * {0}",
     ca.OP_TWICE: "2 * {0}",
     ca.OP_INV: "1 / {0}",
     ca.OP_ATAN2: "np.arctan2({0}, {1})",
 }
-NUMBERS_PER_LINE = 5  # numbers in a line
+WIDTH = 5  # numbers in a line
 
-MODULE_TEMPLATE = '''\
+FILE = '''\
 """{title}
 
     minimise f(x) subject to C_LOWER <= c(x) <= C_UPPER and X_LOWER <= x <= X_UPPER
@@ -206,7 +202,7 @@ def text(problem: TestProblem) -> str:
         f"x0 {problem.default_start!r}. Tags: {', '.join(problem.tags) or 'none'}.",
         f"Source: {' '.join(problem.scene.source.split())}",
     ]
-    return MODULE_TEMPLATE.format(
+    return FILE.format(
         title=f"{problem.name}, {problem.classification}: {problem.scene.title}",
         inequalities=" + z, lam and z >= 0 at upper bounds" if problem.inequalities else "",
         kind=problem.kind,
@@ -270,10 +266,10 @@ def _body(found: Tape) -> str:
             words[k] = repr(node.value) if node.value >= 0 else f"({node.value!r})"
         elif node.kind == "input":
             words[k] = found.place(node)
-        elif node.operation not in OPERATORS:
+        elif node.operation not in CODES:
             raise ValueError(f"expected an operation of numpy's, found CasADi's {node.operation}")
         else:
-            code = OPERATORS[node.operation].format(*(words[i] for i in node.operands))
+            code = CODES[node.operation].format(*(words[i] for i in node.operands))
             words[k] = f"a{k}"
             lines.append(f"    a{k} = {code}")
     return "\n".join([*lines, f"    return {_wrap([words[k] for k in found.results[0]])}"])
@@ -281,11 +277,9 @@ def _body(found: Tape) -> str:
 
 def _wrap(words: Sequence[str], indent: str = "        ") -> str:
     """Return a list of words, a few of them a line."""
-    if len(words) <= NUMBERS_PER_LINE:
+    if len(words) <= WIDTH:
         return f"[{', '.join(words)}]"
-    lines = [
-        ", ".join(words[k : k + NUMBERS_PER_LINE]) for k in range(0, len(words), NUMBERS_PER_LINE)
-    ]
+    lines = [", ".join(words[k : k + WIDTH]) for k in range(0, len(words), WIDTH)]
     return "[\n" + "".join(f"{indent}{line},\n" for line in lines) + indent[4:] + "]"
 
 

@@ -29,7 +29,7 @@ class Outcome:
         The error claimed.
     tol, time : float
     accuracy : float
-        Error of the reference: a smaller one is not counted.
+        Of the reference: a smaller error is none.
     """
 
     status: str

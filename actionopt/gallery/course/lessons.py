@@ -79,7 +79,7 @@ print("S =", action, "J s, top", top, "m")
     ),
 )
 
-FIRST_ORDER = Lesson(
+FIRST = Lesson(
     "first",
     "To first order, nothing",
     (5, 10, 10, 20),
@@ -240,7 +240,7 @@ print(missing, "N, upwards")
     ),
 )
 
-T_MINUS_V = Lesson(
+MINUS = Lesson(
     "minus",
     "Why T minus V?",
     (5, 5, 15, 20),
@@ -412,7 +412,7 @@ print(fast, "s instead of", straight, "s")
     ),
 )
 
-LEAST_OR_NOT = Lesson(
+LEAST = Lesson(
     "least",
     "Least or not?",
     (5, 15, 10, 15),
@@ -723,5 +723,5 @@ print(e, "m")
     ),
 )
 
-LESSONS = (HUNT, FIRST_ORDER, LOCAL, T_MINUS_V, LIGHT, LEAST_OR_NOT, PUSH, SYMMETRY, SUM)
+LESSONS = (HUNT, FIRST, LOCAL, MINUS, LIGHT, LEAST, PUSH, SYMMETRY, SUM)
 BY_NAME = {lesson.name: lesson for lesson in LESSONS}
