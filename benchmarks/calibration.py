@@ -27,7 +27,7 @@ from benchmarks.stress.families import bodies, kink, layers, turning
 PAGE = DOCS / "calibration.md"
 TOLERANCES = (1e-3, 1e-6, 1e-9, 1e-12)
 SAMPLES = 801
-MEASURABLE = 1e-15  # a smaller true error is none that could be told from rounding
+MEASURABLE = 1e-15  # a smaller true error cannot be told from rounding
 FAR = 10.0  # times the tolerance: never, unless the status says so
 
 

@@ -312,7 +312,7 @@ def processes(turns: int) -> list[str]:
                 for _ in pool.map(math.sqrt, range(8 * workers)):  # all are started
                     pass
                 passed, found = swept(pool, size)
-                run = sweeping._Run(found.grid, found, None, None, None)
+                run = sweeping._SweepRun(found.grid, found, None, None, None)
                 run.begin()
                 last = [list(pool.map(spent, [run._arguments(0)] * workers)) for _ in range(2)][-1]
             seconds[workers] = min(seconds[workers], passed)
@@ -350,7 +350,7 @@ def dask(turns: int) -> list[str]:
         for future in as_completed(waiting):
             future.result()
         empty = (perf_counter() - started) / EMPTY
-    run, tasks = sweeping._Run(runs.grid, runs, None, None, None), runs.stats["tasks"]
+    run, tasks = sweeping._SweepRun(runs.grid, runs, None, None, None), runs.stats["tasks"]
     run.begin()
     given = run._arguments(0)
     there = len(pickle.dumps(given))

@@ -43,7 +43,7 @@ def bare(case: Case, mesh: Mesh, iterates: int) -> list[float]:
     parameters = ParameterTable(case.parameters)
     q, v, t, p = ca.SX.sym("q", n), ca.SX.sym("v", n), ca.SX.sym("t"), parameters.symbols()
     state = Expressions(q, 1), Expressions(v, 1), Expressions(t, 0)
-    L = case.lagrangian(*state, **parameters.named(p)).sx
+    L = case.lagrangian(*state, **parameters.by_name(p)).sx
     clock.append(process_time())
     H, g = ca.hessian(L, ca.vertcat(q, v))
     clock.append(process_time())

@@ -22,7 +22,6 @@ SPEC.loader.exec_module(rooms)
 THIRD_PARTY = {"casadi": None, "numpy": None, "matplotlib": "plot", "PIL": "plot", "scipy": "suite"}
 THIRD_PARTY |= {"xarray": "families", "distributed": "cli", "nlopt": "suite", "cyipopt": "suite"}
 THIRD_PARTY |= {"optiprofiler": "suite"}
-ONE_NAME = ("tools", "mechanics", "discrete")  # where a constant's name is no other's
 SOLVERS = ("actionopt.solver.ipopt", "actionopt.suite")  # the suite compares all there are
 
 
@@ -83,16 +82,38 @@ def constants(file):
             yield from (x.id for x in names if x.id.isupper() and len(x.id) > 1)
 
 
-def test_a_constant_is_defined_once():
-    files = [f for m, f in rooms.FILES.items() if rooms.room(m) in ONE_NAME]
-    found = Counter(name for file in files for name in constants(file))
-    assert found["EPS"] == 1
-    assert not [name for name, count in found.items() if count > 1]
+def valued(file):
+    """Yield what the comment behind each constant says, and its value."""
+    lines = file.read_text(encoding="utf-8").splitlines()
+    for node in rooms.parsed(file).body:
+        said = isinstance(node, ast.Assign) and lines[node.lineno - 1].partition("  # ")[2]
+        if said and ast.unparse(node.targets[0]).isupper():
+            yield said, ast.unparse(node.value)
+
+
+SCENE = {"TITLE", "SOURCE", "WORDS"}  # what each file of the scenes has
+TWICE = {  # in the rooms solver and discrete: names with several values; no other may have any
+    *("ASIDE", "AT_REST", "BEYOND", "BISECTIONS", "CLOSE", "CUT", "DIFFERENCE", "FAR", "FARTHEST"),
+    *("FEW", "HALVINGS", "HELD", "LARGEST", "LARGE_SIZE", "LEAST", "MOST", "NEAR", "NEAR_GUESS"),
+    *("PASSES", "REST_STEPS", "ROUNDED", "SETTLED", "SHORTEST", "SLOWEST", "SMALLEST", "STALLED"),
+    *("REACHED", "SMALL", "STEPS", "TRIED", "TRIES"),
+}
+
+
+def test_a_constant_has_one_name_and_one_value():
+    names, meanings = Counter(), Counter()
+    for module, file in rooms.FILES.items():
+        beside = SCENE if rooms.room(module) == "scenes" else set()
+        names.update(name for name in constants(file) if name not in beside)
+        meanings.update(valued(file))
+    assert names["EPS"] == 1
+    assert {name for name, count in names.items() if count > 1} <= TWICE
+    assert not [meaning for meaning, count in meanings.items() if count > 1]  # give it one name
 
 
 # Rooms in which functions are named by verbs and nouns, and participles that may be names there:
 # copies of an argument, as `sorted`; public names; and how an answer is.
-NAMED = ("plot", "gallery", "chapter", "cli", "suite", "scenes", "analysis", "families")
+NAMED = ("plot", "gallery", "chapter", "cli", "suite", "scenes", "analysis", "families", "tools")
 COPIES = {"faded", "moved", "padded", "rounded", "shifted"}
 PUBLIC = {"arrived", "conserved", "failed", "interrupted", "returned", "unbounded", "closed"}
 IRREGULAR = (
@@ -119,10 +140,7 @@ def test_functions_are_named_by_verbs_and_nouns():
 
 
 # Classes that still share a name; no other may, and none that is not there.
-SHARED = {
-    *("Answer", "Beside", "Clock", "Condensed", "Conserved", "Followed", "Limits", "Motion"),
-    *("Point", "Row", "Shape", "Trial", "Units", "Words", "_Level", "_Run", "_Way"),
-}
+SHARED = {"Followed", "Point", "Shape", "Units", "_Way"}
 
 
 def test_class_names_have_one_meaning():

@@ -101,7 +101,7 @@ def test_the_same_bits_again():
 
 
 def test_searches_beyond_a_fold_have_a_budget(monkeypatch):
-    monkeypatch.setattr(budget, "FREE", budget.BUDGET // 4)
+    monkeypatch.setattr(budget, "FREE_BUDGET", budget.BUDGET // 4)
     c = np.linspace(3.0, 4.1, 24)
     found = solve_run(systems.bratu(), {"lam": c}, TOL)
     exists = c < 3.5138307

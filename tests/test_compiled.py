@@ -8,7 +8,7 @@ import pytest
 from helpers import same_bits
 
 from actionopt.mechanics import compiled
-from actionopt.mechanics.compiled import OPERATIONS, PARTED, Pointwise
+from actionopt.mechanics.compiled import PART_OPERATIONS, PARTED, Pointwise
 from actionopt.mechanics.system import System
 
 
@@ -97,7 +97,7 @@ def test_operations_written_out_for_some_times_are_the_same_to_the_last_bit(coun
 def test_long_lists_of_operations_are_not_made_longer():
     x = ca.SX.sym("x")
     y = x
-    for _ in range(OPERATIONS):
+    for _ in range(PART_OPERATIONS):
         y = ca.sin(y) + x
     function, times = Pointwise(ca.Function("f", [x], [y]))._part
-    assert times == 1 and function.n_instructions() > OPERATIONS
+    assert times == 1 and function.n_instructions() > PART_OPERATIONS

@@ -130,7 +130,7 @@ def test_a_notebook_runs(tmp_path):
 
 
 def test_the_figure_of_the_mirage_obeys_snell():
-    x = np.linspace(0, pictures.FAR, 301)
+    x = np.linspace(0, pictures.CAR_DISTANCE, 301)
     lowest = []
     for height in pictures.CAR:
         straight, dips = pictures.rays(height)

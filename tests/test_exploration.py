@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 import actionopt as ao
 from actionopt import scenes
 from actionopt.plot.data.exploration import CONJUGATE, begin, bend, lasting, to_solution
-from actionopt.plot.data.trial import SPANS, knots, move_node, straight
+from actionopt.plot.data.trial import KNOT_SPANS, knots, move_node, straight
 
 T, W = 2.5, 1.3  # the oscillator's duration, and its frequency
 
@@ -37,8 +37,8 @@ def test_a_knot_bends_the_path_along_a_natural_spline(spring):
     first = straight(spring)
     node = knots(first)[3]
     trial = move_node(first, node, {0: 1.7})
-    times = np.linspace(0.0, T, SPANS + 1)
-    rise = np.zeros(SPANS + 1)
+    times = np.linspace(0.0, T, KNOT_SPANS + 1)
+    rise = np.zeros(KNOT_SPANS + 1)
     rise[3] = 1.7 - first.Q[node, 0]
     bend = CubicSpline(times, rise, bc_type="natural")
 

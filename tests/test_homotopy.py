@@ -37,7 +37,7 @@ def test_from_the_straight_line_to_a_motion(end, T):
     assert polished.converged
     assert polished.travelled <= 1e-3  # the homotopy came near already
     assert is_motion(tr, polished.z, pendulum_flow, 1e-4)
-    assert not is_motion(tr, z, pendulum_flow, 1e-2)  # the straight line is none
+    assert not is_motion(tr, z, pendulum_flow, 1e-2)  # the straight line is not a motion
 
 
 def test_with_a_constraint_on_the_way():

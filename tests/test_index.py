@@ -392,7 +392,7 @@ def test_choices_that_make_no_sense_are_one_sentence(choices):
         second_variation(solution, **choices)
 
 
-# -- signs that the path's error leaves open, families of paths, paths that are none -------------
+# -- signs that the path's error leaves open, families of paths, spurious paths -------------
 
 
 @pytest.mark.parametrize("miss", [3e-4, 3e-3])

@@ -17,7 +17,7 @@ from actionopt.discrete.factors import compressed
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.expressions import Expressions
 from actionopt.plot.live import javascript
-from actionopt.plot.live.data import MESHES, data
+from actionopt.plot.live.data import PAGE_MESHES, data
 from actionopt.plot.live.drawing import drawing, trace_shapes
 from actionopt.plot.live.page import STATIC
 
@@ -434,4 +434,4 @@ def test_all_of_it_by_keyboard_and_on_a_phone(folder, chromium):
     chromium.run("document.querySelector('.live [data-handle=\"4\"]').focus()")
     chromium.key("ArrowUp")
     assert told(chromium, "action") != before
-    assert len(MESHES) > 1
+    assert len(PAGE_MESHES) > 1

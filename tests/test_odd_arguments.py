@@ -148,8 +148,8 @@ def calls(folder):
 INTERNAL = {
     *("Mesh.cut", "Mesh.over", "Path.carried_on", "Periodic.after", "Problem.closed_from"),
     *("Problem.found", "Runs.begin", "Runs.put", "Runs.read", "System.arguments"),
-    *("System.check_free", "System.dynamics", "System.forget", "System.made"),
-    *("System.operations", "System.pointwise", "System.sought", "System.widened"),
+    *("System.check_free", "System.dynamics", "System.forget", "System.memoize"),
+    *("System.operations", "System.pointwise", "System.sought", "System.with_parameters"),
     *("Variation.moved", "Variation.nodes"),
 }
 

@@ -218,7 +218,7 @@ def test_a_closed_four_bar_loop_is_redundant_by_one_row():
     assert np.max(np.abs(solution(np.linspace(0, 1, 9)) - at(angle))) <= 1e-7
 
 
-# -- values that are none -------------------------------------------------------------------------
+# -- values that are not finite --------------------------------------------------------------------
 
 
 def test_a_singularity_all_along_the_straight_line():

@@ -71,6 +71,7 @@ def objects():
         *(plot.slice_data(solved, variation.modes[0], 1.0), plot.spectrum_data(solved, 1, 5)),
         *(plot.fan_data(solved, 3), plot.relaxation_data(solved, steps=5)),
         plot.phasors_data(solved, 0.1),
+        *(swept.grid, swept.kept, solved.discrete, CHAIN.parameters),
         *(scene, scene.facts, scenes.Known(QUESTION), scenes.Words("What happens?")),
         *(rope, suite.FAMILIES["pendulum"], suite.get("pendulum", 2, 2)),
     ]
@@ -81,6 +82,7 @@ def test_every_public_type_is_printed_in_one_line():
     assert max(map(len, printed.values())) < 350 and not any("\n" in x for x in printed.values())
     public = [getattr(room, name) for room in (ao, plot, scenes, suite) for name in room.__all__]
     left = set(filter(inspect.isclass, public)) - set(printed)
+    assert "array(" not in "".join(printed.values())
     assert {kind.__name__ for kind in left} <= {"Explorer", "Fronts", "Panels"}  # of figures
 
 

@@ -11,7 +11,7 @@ import actionopt as ao
 from actionopt import plot
 from actionopt.plot import _relaxation as figures
 from actionopt.plot import relaxation_data
-from actionopt.plot.data.relaxation import FIRST, MEMORY
+from actionopt.plot.data.relaxation import FIRST_SHARE, MEMORY
 
 T = {"minimum": 2.5, "saddle": 4.0}  # the first focus of the oscillator is at pi
 
@@ -40,8 +40,8 @@ def test_a_sine_shrinks_or_grows_as_its_eigenvalue_says(kind, wave):
     solution, duration = solved(kind), T[kind]
     k = np.pi * wave / duration
     left = {
-        "descent": 1 - FIRST * (k**2 - 1) / (k**2 + (MEMORY * duration) ** -2),
-        "newton": 1 - FIRST,
+        "descent": 1 - FIRST_SHARE * (k**2 - 1) / (k**2 + (MEMORY * duration) ** -2),
+        "newton": 1 - FIRST_SHARE,
     }
     for method, expected in left.items():
         data = relaxation_data(solution, bent(solution, wave), method=method, steps=1)
@@ -116,7 +116,7 @@ def test_a_path_that_closes(wave):
     data = relaxation_data(solution, lambda t: solution(t) + 0.3 * np.cos(k * t))
     assert data.arrived
     assert np.max(np.abs(data.target[0] - np.cos(1.5 * data.t) / 3.25)) < 1e-9
-    left = 1 - FIRST * (k**2 + 1) / (k**2 + (MEMORY * period) ** -2)
+    left = 1 - FIRST_SHARE * (k**2 + 1) / (k**2 + (MEMORY * period) ** -2)
     first, second = (data.paths - data.target)[:2, 0]
     assert np.max(np.abs(second - left * first)) < 1e-9
     assert data.residual[1] == pytest.approx(left, abs=1e-6)

@@ -54,7 +54,7 @@ def test_changes_may_grow_towards_the_edge_but_not_leap():
 
 
 def test_paths_that_hardly_change_with_their_time_any_more_are_one_sheet():
-    """Over a barrier in little time or long: the first row is none of its own."""
+    """Over a barrier in little time or long: the first row is not a sheet by itself."""
     law = ao.System(
         lambda q, v, t, *, k: v[0] ** 2 / 2 - k * np.cos(q[0]), ["q"], parameters={"k": 1.0}
     )

@@ -151,7 +151,7 @@ def test_parts_of_a_search_have_a_price_of_their_own_and_its_time():
     inner = Watch(None, None, outer)
     inner.how = "newton"
     inner(8)
-    assert inner.priced and not outer.priced
+    assert inner.has_costs and not outer.has_costs
     assert (inner.evaluated, outer.evaluated, inner.end, told) == (8, 0, outer.end, ["newton"])
     outer.end = 0.0
     with pytest.raises(OutOfTime):

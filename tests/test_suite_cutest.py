@@ -8,7 +8,7 @@ import pytest
 from actionopt import suite
 from actionopt.suite.families import Family
 from actionopt.suite.interfaces import Cutest
-from actionopt.suite.limits import Limits
+from actionopt.suite.limits import Bounds
 
 sparse = pytest.importorskip("scipy.sparse")
 
@@ -303,7 +303,7 @@ def test_the_report_counts_in_its_units(bound, free):
 
 
 def test_bounds_and_inequalities():
-    sides = Limits(coordinates=[(-0.5, np.inf), (-np.inf, lambda t: t)], constraints=[(0, 3.0)])
+    sides = Bounds(coordinates=[(-0.5, np.inf), (-np.inf, lambda t: t)], constraints=[(0, 3.0)])
     c = Cutest(suite.TestProblem(Family("walls", "rod_pendulum", 3, limits=sides)))
     node = c.problem.mesh.nodes[1:-1]
     np.testing.assert_array_equal(c.bl[::2], -0.5)
@@ -317,6 +317,6 @@ def test_bounds_and_inequalities():
     Q = (c.x0 + 0.1).reshape(-1, 2)
     values = f(Q, node[:, None], c.problem.scene.problem.packed)[0].ravel()
     np.testing.assert_allclose(c.cons(c.x0 + 0.1) / c.cu, values / 3, rtol=1e-12)
-    mixed = Limits(constraints=[(-np.inf, 1.0)])
+    mixed = Bounds(constraints=[(-np.inf, 1.0)])
     c = Cutest(suite.TestProblem(Family("above", "polar_pendulum", 2, limits=mixed)))
     assert np.all(c.cl == -1e20) and np.all(c.cu < 1e20)

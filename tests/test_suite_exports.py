@@ -24,7 +24,7 @@ from actionopt.suite.interfaces import (
     jacobian,
     scipy_arguments,
 )
-from actionopt.suite.limits import Limits
+from actionopt.suite.limits import Bounds
 from actionopt.suite.listing import first_multipliers
 from actionopt.suite.optiprofiler import arguments
 
@@ -296,7 +296,7 @@ def test_files_for_jump_read_back(name, tmp_path):
 
 
 def test_bounds_of_files_for_jump(tmp_path):
-    both = Limits(coordinates=[(-1.0, np.inf), (-2.0, 2.0)], constraints=[(-np.inf, 0.5)])
+    both = Bounds(coordinates=[(-1.0, np.inf), (-2.0, 2.0)], constraints=[(-np.inf, 0.5)])
     problem = suite.TestProblem(Family("both", "rod_pendulum", 1, 2, limits=both))
     _, _, rows, sides = read_mof(mof.write(problem, tmp_path / "a.mof.json"))
     assert [side["set"] for side in sides] == [
@@ -373,7 +373,7 @@ def test_the_library_for_optiprofiler(monkeypatch):
     c = suite.get("turning_wire").constraints(x)
     np.testing.assert_allclose(straight.aeq @ x - straight.beq, c, atol=1e-14)
     assert straight.aub.shape == (0, x.size)
-    sides = Limits(constraints=[(-1.0, 2.0)])
+    sides = Bounds(constraints=[(-1.0, 2.0)])
     both = suite.TestProblem(Family("both", "rod_pendulum", 2, limits=sides))
     given = arguments(both)
     x = both.start()

@@ -10,7 +10,7 @@ import pytest
 from actionopt import suite
 from actionopt.suite import asl, nl, solvers
 from actionopt.suite.families import Family
-from actionopt.suite.limits import Limits
+from actionopt.suite.limits import Bounds
 from actionopt.suite.solvers import run
 
 CEILING = Family(  # a stone that may not fly higher, and the ceiling sinks
@@ -18,10 +18,10 @@ CEILING = Family(  # a stone that may not fly higher, and the ceiling sinks
     "projectile",
     4,
     3,
-    limits=Limits(coordinates=[(-np.inf, np.inf), (-1.0, lambda t: 1.0 - 0.1 * t)]),
+    limits=Bounds(coordinates=[(-np.inf, np.inf), (-1.0, lambda t: 1.0 - 0.1 * t)]),
 )
 # A body that may not come into a disc.
-DISC = Family("disc", "rod_pendulum", 4, 4, limits=Limits(constraints=[(0.0, np.inf)]))
+DISC = Family("disc", "rod_pendulum", 4, 4, limits=Bounds(constraints=[(0.0, np.inf)]))
 QUIET = {"print_time": 0, "ipopt.print_level": 0, "ipopt.sb": "yes", "ipopt.tol": 1e-11}
 
 SOLVER = """\
@@ -64,8 +64,8 @@ def test_methods_that_know_no_bounds_are_told():
 @pytest.mark.parametrize(
     ("limits", "found"),
     [
-        (Limits(coordinates=[(1.0, 1.0)]), "lower bound of coordinate 0 below the upper one"),
-        (Limits(constraints=[(1.0, lambda t: -t)]), "lower bound of constraint 0 not above"),
+        (Bounds(coordinates=[(1.0, 1.0)]), "lower bound of coordinate 0 below the upper one"),
+        (Bounds(constraints=[(1.0, lambda t: -t)]), "lower bound of constraint 0 not above"),
     ],
 )
 def test_bounds_that_cross_are_refused(limits, found):

@@ -21,7 +21,7 @@ from actionopt.suite.cell import Cell, attempt, evaluate, limit
 from actionopt.suite.expression import nlp
 from actionopt.suite.interfaces import hessian
 from actionopt.suite.runner import Limits
-from actionopt.suite.verdict import ACCURACIES, NEAR, STEEP, examine, verdict
+from actionopt.suite.verdict import ACCURACIES, SAME_POINT, STEEP, examine, verdict
 
 PLANTED = str(Path(__file__).with_name("planted.py"))
 
@@ -219,7 +219,7 @@ def answered(problem, x, said="solved"):
     return {k: v for k, v in record.items() if v is not None}
 
 
-def judge(problem, x, said="solved", mode="stationary", accuracy=NEAR):
+def judge(problem, x, said="solved", mode="stationary", accuracy=SAME_POINT):
     return verdict(answered(problem, x, said), mode, accuracy)
 
 
@@ -255,7 +255,7 @@ def test_three_digits_of_the_path_are_enough(name):
         for side in (1, -1):
             found = answered(problem, problem.x_star + side * distance * soft)
             assert verdict(found, "stationary") == expected
-            assert found["residual"] <= STEEP * NEAR
+            assert found["residual"] <= STEEP * SAME_POINT
 
 
 def test_success_in_tiny_units_is_no_success():

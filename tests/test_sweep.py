@@ -29,7 +29,7 @@ BITS = ("action", "error", "status", "momenta", "ends", "slopes", "index")
 
 
 def of_five_members(patched):
-    patched.setattr(module, "SECONDS", 5.5)
+    patched.setattr(module, "TASK_SECONDS", 5.5)
     patched.setattr(module, "MEMBER_SECONDS", 1.0)
     patched.setattr(module, "UNKNOWN_SECONDS", 0.0)
 
@@ -390,7 +390,7 @@ def holes():
     """A map that nothing was searched for in, kept with its paths or not."""
     over = {"t1": [1.0, 1.5], ("end", "x"): np.linspace(-3.0, 3.0, 12)}
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(budget, "FREE", 0)
+        patched.setattr(budget, "FREE_BUDGET", 0)
         patched.setattr(budget.Budget, "note_found", lambda *_: None)
         runs = ao.sweep(anharmonic(), over)
         kept = ao.sweep(anharmonic(), over, keep_paths=True)
@@ -417,7 +417,7 @@ def test_a_retry_finds_the_same_bits_on_any_executor(holes, pool):
 def test_an_interrupted_retry_goes_on(holes, tmp_path, monkeypatch):
     from actionopt.families import runs as module
 
-    monkeypatch.setattr(module, "TOGETHER", 1)
+    monkeypatch.setattr(module, "RETRY_MEMBERS", 1)
     runs, _ = holes
     whole, told = runs.retry(), []
     part = runs.retry(resume=tmp_path / "it", progress=Stop(1))

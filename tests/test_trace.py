@@ -9,7 +9,7 @@ import actionopt as ao
 from actionopt import scenes
 from actionopt.discrete.arclength import Point
 from actionopt.families.marks import locate
-from actionopt.families.trace import POLE_SIZE, _Run, trace
+from actionopt.families.trace import POLE_SIZE, _TraceRun, trace
 
 OSCILLATOR = ao.System(
     lambda q, v, t, *, w: (v[0] ** 2 - (w * q[0]) ** 2) / 2, ["x"], parameters={"w": 2.0}
@@ -229,10 +229,10 @@ def test_a_pole_is_noticed_from_either_side(to, side):
     ],
 )
 def test_where_a_branch_will_be_infinite(before, now, goal, pole, part, monkeypatch):
-    run = object.__new__(_Run)
+    run = object.__new__(_TraceRun)
     run.origin, run.goal, run.pole_size = part * goal, goal, POLE_SIZE
     sizes = dict([before, now])
-    monkeypatch.setattr(_Run, "_size", lambda self, point: sizes[point.s])
+    monkeypatch.setattr(_TraceRun, "_size", lambda self, point: sizes[point.s])
     here, there = (Point(None, None, s, None) for s in (before[0], now[0]))
     found = run._pole(here, there)
     assert found == (None if pole is None else pytest.approx(pole, abs=1e-7))

@@ -21,7 +21,7 @@ from actionopt.gallery.texts import texts
 from actionopt.plot._relaxation import VERDICTS
 from actionopt.plot.live import film
 from actionopt.plot.live.page import STATIC, whole
-from actionopt.plot.live.words import WORDS
+from actionopt.plot.live.words import PAGE_WORDS
 from actionopt.tools.words import SPOKEN, TABLES, language, say, table
 
 NOT_IN_PAGES = ("_runs.py", "_explore.py", "_explore_parts.py")
@@ -30,11 +30,16 @@ OTHERS = [name for name in SPOKEN if name != "en"]
 
 def said():
     """Return what pages say: the arguments of `say`, and the tables whose entries it is given."""
-    found = {title for title, *_ in figures.KINDS}
-    found |= {why for _, _, unless, _ in figures.KINDS for _, why in unless if why}
-    found |= {*film.SAID.values(), *film.SPEEDS.values(), *pages.PARTS, scene_page.LIVE}
+    found = {title for title, *_ in figures.FIGURE_KINDS}
+    found |= {why for _, _, unless, _ in figures.FIGURE_KINDS for _, why in unless if why}
+    found |= {
+        *film.CONTROL_WORDS.values(),
+        *film.SPEEDS.values(),
+        *pages.LESSON_PARTS,
+        scene_page.LIVE,
+    }
     found |= {*figures._FRONTS.values(), *(text for _, text in SITE)}
-    found |= {*WORDS.values(), *(text for said in VERDICTS.values() for text in said)}
+    found |= {*PAGE_WORDS.values(), *(text for said in VERDICTS.values() for text in said)}
     story = PARAGRAPH.finditer(TEMPLATE.read_text(encoding="utf-8"))
     found |= {" ".join(paragraph[3].split()) for paragraph in story}
     for lesson in LESSONS:
@@ -135,10 +140,10 @@ def test_the_script_of_the_live_figure_fills_its_words():
     script = (STATIC / "live.js").read_text(encoding="utf-8")
     used = set(re.findall(r"\bW\.(\w+)", script))
     buttons = {"solve", "relax", "hunt", "bend", "wave", "half", "restart"}  # W[name]
-    assert used | buttons == set(WORDS)
+    assert used | buttons == set(PAGE_WORDS)
     for key, values in re.findall(r"filled\(W\.(\w+), \{(.*?)\}\)", script):
         given = {part.split(":")[0].strip() for part in re.split(r", (?=\w+:)", values)}
-        assert given == set(re.findall(r"\{(\w+)\}", WORDS[key])), key
+        assert given == set(re.findall(r"\{(\w+)\}", PAGE_WORDS[key])), key
 
 
 @pytest.mark.parametrize("name", OTHERS)

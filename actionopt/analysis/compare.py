@@ -24,9 +24,9 @@ from actionopt.analysis.flow import (
     CVODES_LONGEST,
     ZERO_SIZE,
     Flow,
+    FlowUnits,
     IntegrationError,
     Integrator,
-    Units,
     span_within,
 )
 from actionopt.analysis.forward import LENGTH_RATIO, NARROWEST_PART, enter, follow, restarts
@@ -41,15 +41,14 @@ from actionopt.mechanics.jumps import jumps
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
 from actionopt.tools.checks import tolerance
-from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array
 
 # Ad hoc, where nothing else is said.
 PIECES = 100  # at most; more say no more
 PIECE_TOL = 1e-14  # local tolerance there
 EVEN = 17  # times at which the round-off is asked for
-CUTS = 2000  # at most, of pieces too unstable to say anything: bounds the time it takes
-CUT = 0.38  # not in halves: a kink is where elements meet, and would hide between the parts
+MOST_CUTS = 2000  # at most, of pieces too unstable to say anything: bounds the time it takes
+KINK_CUT = 0.38  # not in halves: a kink is where elements meet, and would hide between the parts
 UNSTABLE = 100.0  # amplification within a piece that is cut
 # The second run: of another tolerance, and steps in no simple ratio to the first one's.
 LOOSER_TOL, SHORTER_STEPS = 10.0, 0.6
@@ -119,7 +118,13 @@ class Comparison:
     path: Path | None
     reason: str = ""
 
-    __repr__ = one_line
+    def __repr__(self) -> str:
+        """Show the verdict, and what it depends on."""
+        verdict = {True: "agrees", False: "differs", None: "unknown"}[self.agrees]
+        return (
+            f"Comparison({verdict}: position {self.position:.1e} of {self.allowed:.1e} allowed, "
+            f"velocity {self.velocity:.1e}, piece by piece {self.local:.1e})"
+        )
 
     @property
     def agrees(self) -> bool | None:
@@ -179,7 +184,7 @@ def compare(solution: Claim, *, tol: float = 1e-12) -> Comparison:
     Raises
     ------
     ValueError
-        If the tolerance is none.
+        If the tolerance is not between 1e-14 and 0.1.
     """
     tolerance(tol)
     problem, start, mesh = solution.problem, solution.start, solution.mesh
@@ -252,11 +257,11 @@ def compare(solution: Claim, *, tol: float = 1e-12) -> Comparison:
     return found
 
 
-def _units(q: Array, v: Array, rows: Array, span: float) -> Units:
+def _units(q: Array, v: Array, rows: Array, span: float) -> FlowUnits:
     """Return the sizes of q and v (n, K), for a system at rest those of q over the duration."""
-    units = Units.of(q, v, rows)
+    units = FlowUnits.of(q, v, rows)
     slow = units.q / span
-    return Units(units.q, slow, rows) if _at_rest(v, slow) else units
+    return FlowUnits(units.q, slow, rows) if _at_rest(v, slow) else units
 
 
 def _at_rest(v: Array, speeds: Array) -> bool:
@@ -280,7 +285,7 @@ def _deviation(values: Array, others: Array, size: Array) -> Array:
     return np.max(np.abs(values - others) / size[:, None], axis=0)
 
 
-def _perturb(problem: Problem, state: State, units: Units, part: float) -> State:
+def _perturb(problem: Problem, state: State, units: FlowUnits, part: float) -> State:
     """Return the state with the velocity changed by `part` of its size, as constraints allow.
 
     The coordinates are changed instead where the mass vanishes: they alone are free there.
@@ -322,7 +327,7 @@ class _Parts:
     kinked: Array
     stops: list[Instant]
     times: Array
-    units: Units
+    units: FlowUnits
     tolerance: float
 
     @classmethod
@@ -331,7 +336,7 @@ class _Parts:
         solution: Claim,
         flow: Flow,
         instants: list[Instant],
-        accuracy: tuple[Units, float],
+        accuracy: tuple[FlowUnits, float],
     ) -> _Parts:
         """Return the parts of a solution, with units and tolerance for them."""
         mesh, span = solution.mesh, solution.problem.duration
@@ -358,7 +363,7 @@ class _Parts:
 
     def cut(self, start: float, end: float) -> float | None:
         """Return a time between the two at which a motion can begin, None if there is none."""
-        t = start + CUT * (end - start)
+        t = start + KINK_CUT * (end - start)
         if not self.smooth(np.array([t]))[0]:
             b = self.mesh.boundaries
             later = np.flatnonzero(~self.kinked & (b[:-1] > t))
@@ -400,7 +405,7 @@ class _Parts:
 
 
 def _piece_by_piece(
-    solution: Claim, parts: _Parts, units: Units, allowed: float
+    solution: Claim, parts: _Parts, units: FlowUnits, allowed: float
 ) -> tuple[float, str]:
     """Return the largest deviation of motions from the middle of a piece to that of the next.
 
@@ -419,7 +424,7 @@ def _piece_by_piece(
                 changed = _perturb(solution.problem, state, units, allowed)
                 _, other = parts.follow(changed, end)
                 gain = _deviation(other, there, units.q).max() / allowed
-                cut = parts.cut(a, end) if gain > UNSTABLE and cuts < CUTS else None
+                cut = parts.cut(a, end) if gain > UNSTABLE and cuts < MOST_CUTS else None
                 if cut is not None:
                     cuts += 1
                     pieces += [(a, cut), (cut, end)]
@@ -449,7 +454,7 @@ def _energy_drift(
         lam = np.zeros((0, t.size))
         if system.m:
             lam = system.multipliers(q, v, t, parameters=parameters)
-        power_at = system.made("power", lambda: _power(system))
+        power_at = system.memoize("power", lambda: _power(system))
         power = power_at(q.T, v.T, t[:, None], problem.packed, lam.T)[0][:, 0]
         work = np.empty(mesh.elements)
         for g in mesh.groups:

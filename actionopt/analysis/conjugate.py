@@ -22,14 +22,14 @@ from actionopt.mechanics.problem import Periodic
 from actionopt.tools.blas import one_thread
 from actionopt.tools.types import Array
 
-CONJUGATE_RESOLUTION = 1e-10  # of Jacobi fields and path; ad hoc, below `TOGETHER`
+CONJUGATE_RESOLUTION = 1e-10  # of Jacobi fields and path; ad hoc, below `SAME_ROOT`
 # Phases that move by less between two times are surely matched: derived, they are known modulo pi,
 # and one that moved by more than pi / 2 may as well have moved the other way; half of that.
-NEARER = np.pi / 4
+MATCHED_PHASE = np.pi / 4
 # Ad hoc, between round-off and the next root; in parts of the duration where it is a time.
 CLOSEST_TIMES = 1e-9  # no closer ones are compared
 BACKWARDS = 1e-6  # phases seem to pass a root backwards by rounding, and by no more
-TOGETHER = 1e-8  # roots this close are one, of higher multiplicity
+SAME_ROOT = 1e-8  # roots this close are one, of higher multiplicity
 ILLINOIS_STEPS = 100  # never reached: superlinear, ten are many
 
 
@@ -70,7 +70,7 @@ def conjugate_points(solution: Solution) -> tuple[ConjugatePoint, ...]:
     check_legendre(form)
     roots = _roots(Phases(form))
     start, end = solution.problem.start.t, solution.problem.end.t
-    close = TOGETHER * (end - start)
+    close = SAME_ROOT * (end - start)
     groups: list[list[float]] = []
     for t in sorted(roots):
         if groups and t - groups[-1][-1] <= close:
@@ -183,7 +183,7 @@ def _roots(phases: Phases) -> list[float]:
         while stack:
             a, at_a, b, at_b = stack.pop()
             lifted, move = _lift(at_a, at_b)
-            if move > NEARER and b - a > shortest:
+            if move > MATCHED_PHASE and b - a > shortest:
                 middle = (a + b) / 2
                 at_middle = phases(np.array([middle]))[0]
                 stack += [(middle, at_middle, b, at_b), (a, at_a, middle, at_middle)]
@@ -196,7 +196,7 @@ def _roots(phases: Phases) -> list[float]:
     late = np.pi - values[-1]
     before = phases(np.array([t1 - 1e-3 * (t1 - times[-2])]))[0]
     speed = (values[-1] - before) / (1e-3 * (t1 - times[-2]))
-    beyond = (late > 0) & (speed > 0) & (late < TOGETHER * (t1 - t0) * np.maximum(speed, 1e-300))
+    beyond = (late > 0) & (speed > 0) & (late < SAME_ROOT * (t1 - t0) * np.maximum(speed, 1e-300))
     return roots + [float(t1)] * int(np.sum(beyond))
 
 

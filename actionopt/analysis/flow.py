@@ -47,7 +47,7 @@ class IntegrationError(RuntimeError):
 
 
 @dataclass(frozen=True, eq=False)
-class Units:
+class FlowUnits:
     """What the integrator measures in: sizes of q and of v, shape (n,), and of the equations.
 
     `rows` (n + m,) equilibrates the matrix of the index-1 equations, whose entries have as
@@ -60,12 +60,12 @@ class Units:
     rows: Array
 
     @classmethod
-    def of(cls, q: Array, v: Array, rows: Array) -> Units:
+    def of(cls, q: Array, v: Array, rows: Array) -> FlowUnits:
         """Return the units in which the coordinates and velocities (n, K) have size one."""
         metric = rows[: len(q)]
         return cls(sizes(q, metric), sizes(v, metric), rows)
 
-    def above(self, noise: Array, step: float, tolerance: float) -> tuple[Units, float]:
+    def above(self, noise: Array, step: float, tolerance: float) -> tuple[FlowUnits, float]:
         """Return units and a tolerance that round-off allows: neither is smaller than it was.
 
         Accelerations uncertain by `noise` (n,) make velocities uncertain by noise * step and
@@ -75,9 +75,9 @@ class Units:
         noise = noise * STEP_NOISE
         tolerance = max(tolerance, float(np.max(noise * step**2 / self.q)))
         v = np.maximum(self.v, noise * step / tolerance)
-        return Units(self.q, v, self.rows), tolerance
+        return FlowUnits(self.q, v, self.rows), tolerance
 
-    def agree(self, other: Units) -> bool:
+    def agree(self, other: FlowUnits) -> bool:
         """Whether the two differ by less than a factor of two."""
         ratio = np.concatenate([self.q / other.q, self.v / other.v])
         return bool(np.all((ratio > 0.5) & (ratio < 2.0)))
@@ -131,12 +131,12 @@ class Flow:
             "show_eval_warnings": False,
         }
         with self.system.lock:
-            motion = self.system.made("flow", lambda: _derive(self.system))
+            motion = self.system.memoize("flow", lambda: _derive(self.system))
             function = ca.integrator("forward", "cvodes", motion, 0.0, s, options)
         table = self.system.table
         return Integrator(function, s, table.pack(table.values(self.parameters))[0])
 
-    def first_units(self, state: State, span: float) -> Units:
+    def first_units(self, state: State, span: float) -> FlowUnits:
         """Return sizes as far as the start tells: they err on the large side.
 
         Raises ValueError if the equations of motion cannot be solved there.
@@ -149,7 +149,7 @@ class Flow:
                 "Lagrangian and its derivatives are finite"
             )
         v = np.abs(state.v) + np.abs(a * span)
-        return Units.of((np.abs(state.q) + v * abs(span))[:, None], v[:, None], rows)
+        return FlowUnits.of((np.abs(state.q) + v * abs(span))[:, None], v[:, None], rows)
 
     def round_off(self, q: Array, v: Array, t: Array) -> Array:
         """Return what the last digits of q, v (n, K) and t (K,) do to the accelerations, (n,).
@@ -196,7 +196,7 @@ class Integrator:
     packed: Array
 
     def __call__(
-        self, state: State, span: float, units: Units, rate: float = 10.0
+        self, state: State, span: float, units: FlowUnits, rate: float = 10.0
     ) -> tuple[Array, Array]:
         """Integrate from `state` over times t0 + s span; return q and v there, each (n, K).
 

@@ -19,8 +19,8 @@ from actionopt.analysis.flow import (
     CVODES_LONGEST,
     ZERO_SIZE,
     Flow,
+    FlowUnits,
     IntegrationError,
-    Units,
     span_within,
 )
 from actionopt.analysis.series import begin, begins_singular
@@ -37,16 +37,16 @@ from actionopt.tools.types import EPS, Array, NDInt
 # Ad hoc, where nothing else is said.
 MOTION_DEGREE = 12  # of the elements of the path
 MOTION_ROUNDS = 12  # of splitting elements, or of finding units, before giving up
-ENOUGH = 8.0  # times finer than predicted: a round costs more than some elements
+REFINED_BY = 8.0  # times finer than predicted: a round costs more than some elements
 MAX_NUMBERS = 30_000_000  # coordinates and velocities at all nodes: 240 MB, a few copies of which
 NARROWEST_PART = 1e-4  # of a leg: no element given asks for steps shorter than that
 LENGTH_RATIO = 64.0  # the longest element of a leg to its shortest: as many steps cost little
-DISTINCT = 64  # times that can be told apart, in an element that is split: some for each node
+DISTINCT_TIMES = 64  # times that can be told apart, in an element that is split: some for each node
 LOCAL_SHARE = 1e-3  # of tol: CVODES bounds the error of one step; some hundred of them add up
 FINEST_LOCAL = 5e-16  # below this local tolerance CVODES gains nothing: two eps
 SIZE_SAMPLES = 65  # along the motion, to find the sizes
 SERIES_TAIL = 1e-15  # coefficients left out of a power series, relative to q
-AT_REST = 1e-6  # of the size of q over the duration: a velocity that is round-off
+ROUND_OFF_SPEED = 1e-6  # of the size of q over the duration: a velocity that is round-off
 ROUGH_LOCAL = 1e-8  # local tolerance of the run that finds the sizes
 
 
@@ -125,7 +125,7 @@ class Leg:
     times : (N + 1,) array
         Boundaries of elements in the order of integration, all up or all down.
     degrees : (N,) array of int
-    units : Units
+    units : FlowUnits
     local : float
         What it is integrated in, and the tolerance of a step.
     longest : float
@@ -136,7 +136,7 @@ class Leg:
 
     times: Array
     degrees: NDInt
-    units: Units
+    units: FlowUnits
     local: float
     longest: float
     singular: bool = False
@@ -160,7 +160,7 @@ class Leg:
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class ForwardMotion:
     """A motion followed leg by leg.
 
     Attributes
@@ -219,7 +219,7 @@ def follow(
     tol: float,
     mesh: Mesh | None = None,
     kinks: bool = False,
-) -> Motion:
+) -> ForwardMotion:
     """Return the motion from `state` to `t_end`: what `integrate` says, and what it raises.
 
     The integration begins anew after each jump of the Lagrangian in time, and where the lengths
@@ -249,12 +249,12 @@ def follow(
         legs.append(leg)
         tables.append((q, v))
     q, v = np.concatenate(tables, axis=2)
-    return Motion(flow, state, t_end, tuple(legs), q, v)
+    return ForwardMotion(flow, state, t_end, tuple(legs), q, v)
 
 
 def _from_singular(
     flow: Flow, state: State, t_end: float, tol: float, mesh: Mesh | None, kinks: bool
-) -> Motion:
+) -> ForwardMotion:
     """Return a motion that begins where the mass vanishes: a power series, then as all others."""
     span = t_end - state.t
     goal = max(LOCAL_SHARE * tol, SERIES_TAIL)
@@ -274,7 +274,7 @@ def _from_singular(
             "vanishes, is no power series there; begin a little beside it",
             state.t,
         )
-    if np.abs(state.v - v[:, 0]).max() * abs(span) > AT_REST * size:
+    if np.abs(state.v - v[:, 0]).max() * abs(span) > ROUND_OFF_SPEED * size:
         raise ValueError(
             f"expected the velocity {v[:, 0]} at t = {state.t:.6g}, where the mass matrix vanishes "
             f"and the equations of motion decide it, found {state.v}"
@@ -293,7 +293,7 @@ def _from_singular(
     )
     first = Leg(times, degrees, rest.legs[0].units, goal, 1.0, singular=True)
     tables = [np.concatenate([a, b], axis=1) for a, b in ((q, rest.q), (v, rest.v))]
-    return Motion(flow, state, t_end, (first, *rest.legs), tables[0], tables[1])
+    return ForwardMotion(flow, state, t_end, (first, *rest.legs), tables[0], tables[1])
 
 
 def restarts(mesh: Mesh, instants: list[Instant]) -> list[Instant]:
@@ -313,7 +313,7 @@ class _Rough:
 
     Attributes
     ----------
-    units : Units
+    units : FlowUnits
     steps : int
         Their number.
     ends : (N,) array
@@ -326,21 +326,23 @@ class _Rough:
         Where the Lagrangian jumps in time; the rough integrations do not heed it.
     """
 
-    units: Units
+    units: FlowUnits
     steps: int
     ends: Array
     noises: list[Array]
     lengths: list[float]
     instants: list[Instant]
 
-    def within(self, t: float, local: float) -> tuple[Units, float]:
+    def within(self, t: float, local: float) -> tuple[FlowUnits, float]:
         """Return the units and the tolerance of a step at the time t."""
         later = self.ends >= t if self.ends[-1] >= self.ends[0] else self.ends <= t
         k = int(np.argmax(later))
         return self.units.above(self.noises[k], self.lengths[k], local)
 
 
-def _look_ahead(flow: Flow, state: State, legs: list[tuple[Array, NDInt]], units: Units) -> _Rough:
+def _look_ahead(
+    flow: Flow, state: State, legs: list[tuple[Array, NDInt]], units: FlowUnits
+) -> _Rough:
     """Integrate roughly, leg by leg, until the units are those of the motion."""
     s = np.linspace(0.0, 1.0, SIZE_SAMPLES)
     spans = [span_within(times[0], times[-1]) for times, _ in legs]
@@ -365,7 +367,7 @@ def _look_ahead(flow: Flow, state: State, legs: list[tuple[Array, NDInt]], units
             noises.append(flow.round_off(q, v, t))
             lengths.append(abs(span) / max(run.steps, 1))
         q, v = np.concatenate(tables, axis=2)
-        own = units = Units.of(q, v, units.rows)
+        own = units = FlowUnits.of(q, v, units.rows)
         for noise, step in zip(noises, lengths, strict=True):
             units, _ = units.above(noise, step, ROUGH_LOCAL)
         if units.agree(last):
@@ -459,7 +461,7 @@ class _Resolve:
         )
         leg = Leg(times, degrees, units, local, _longest(times))
         short = NARROWEST_PART * self.duration if self.kinks else 0.0
-        apart = DISTINCT * np.spacing(np.max(np.abs(times)))
+        apart = DISTINCT_TIMES * np.spacing(np.max(np.abs(times)))
         goal = max(self.tol, 200 * leg.local)
         for _ in range(MOTION_ROUNDS):
             q, v = _run(self.flow, state, leg, self.duration)
@@ -469,7 +471,7 @@ class _Resolve:
             # A coefficient of degree d goes with the d-th power of the length; not yet quite so
             # where the motion is far from resolved.
             power = 1 / np.maximum(np.array(mesh.degrees) - 2, 1)
-            pieces = np.clip(np.ceil((ENOUGH * tails / goal) ** power), 1, 8).astype(int)
+            pieces = np.clip(np.ceil((REFINED_BY * tails / goal) ** power), 1, 8).astype(int)
             pieces[tails <= goal] = 1
             if np.all(pieces == 1):
                 return leg, q, v

@@ -21,7 +21,7 @@ from typing import Literal
 import numpy as np
 
 from actionopt.analysis.jacobi import improve, resolve
-from actionopt.analysis.second_variation import Beside, Form, check_legendre, condense
+from actionopt.analysis.second_variation import BorderTerm, Form, check_legendre, condense
 from actionopt.discrete.bordered import Bordered
 from actionopt.discrete.borders import Rows, moves_of
 from actionopt.discrete.discrete_path import DiscretePath
@@ -194,7 +194,7 @@ def with_duration(found: Inertia, bordered: Bordered, y: Array, form: Form | Non
 def _signs(
     form: Form,
     tolerance: float,
-    beside: tuple[Beside, float] | None,
+    beside: tuple[BorderTerm, float] | None,
     smallest: float | None = None,
 ) -> Inertia:
     """Return the inertia of a form with a variable beside its path, which has a kinetic part."""
@@ -207,7 +207,7 @@ def _signs(
     return Inertia(index, below(tolerance) - index, smallest, tolerance)
 
 
-def _duration(form: Form, bordered: Bordered) -> tuple[Beside, float] | None:
+def _duration(form: Form, bordered: Bordered) -> tuple[BorderTerm, float] | None:
     """Return log T as a variable beside the path of a form, and its kinetic part.
 
     None where that is given, or constraints move with it: variations do not keep them then.
@@ -236,7 +236,7 @@ def _duration(form: Form, bordered: Bordered) -> tuple[Beside, float] | None:
     mass = asked.system.pointwise("second").product(2, tr.second(at.x)[2], point.v, symmetric=True)
     kinetic = float(np.sum(tr.weight * point.v * mass))
     assert there.late is not None
-    return Beside(float(row[there.late]) * unit, parts), kinetic
+    return BorderTerm(float(row[there.late]) * unit, parts), kinetic
 
 
 def _inertia_in_contact(at: DiscretePath, tolerance: float) -> Inertia:

@@ -6,11 +6,10 @@ import numpy as np
 
 from actionopt.analysis.index import ERROR_GAIN, INDEX_RESOLUTION, INDEX_TOLERANCE, LOOSEST
 from actionopt.analysis.jacobi import COEFFICIENT_NOISE, COEFFICIENT_SAMPLES
-from actionopt.analysis.second_variation import RANK
 from actionopt.discrete.mesh import MAX_DEGREE
 from actionopt.discrete.stacks import Factored, Shape, Stack, pivots
 from actionopt.tools.lobatto import lgl
-from actionopt.tools.types import Array
+from actionopt.tools.types import RANK, Array
 
 
 def indices(shape: Shape, times: Array, packed: Array, Q: Array, error: float) -> Array:

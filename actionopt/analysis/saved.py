@@ -27,7 +27,7 @@ ARRAYS = (
     "velocities",
     "momenta",
 )
-FORMAT = "actionopt solution 1"
+SOLUTION_FORMAT = "actionopt solution 1"
 
 
 def save(
@@ -49,7 +49,7 @@ def save(
     # A solution that was loaded without its system knows what the file said of it.
     known = problem if isinstance(problem, Detached) else problem.system
     about = {
-        "format": FORMAT,
+        "format": SOLUTION_FORMAT,
         "system": problem.name,
         "coordinates": known.coordinates,
         "parameters": {name: value.tolist() for name, value in problem.parameters.items()},

@@ -34,7 +34,7 @@ from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
-from actionopt.tools.types import Array, NDInt
+from actionopt.tools.types import RANK, Array, NDInt
 from actionopt.tools.watch import check_time
 
 # Ad hoc, between round-off and what a path is known to.
@@ -42,7 +42,6 @@ DELAYED_PIVOT = 1e-5  # pivots below this fraction of their block's largest wait
 BALANCED = 5  # rounds, each takes units to their roots
 BLURRED = 10.0  # times the path's error: smaller singular values of G say nothing
 ASSUMED_ERROR = 1e-3  # of a path whose own is not known
-RANK = 1e-10  # singular values below this fraction of the largest are zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -249,7 +248,7 @@ def coefficients(
     """
     A, B, C = second_derivatives(problem, q, v, t)
     system = problem.system
-    coupling = system.made("coupling", lambda: _coupling(system))
+    coupling = system.memoize("coupling", lambda: _coupling(system))
     if coupling is None:
         return A, B, C, None
     # A Lagrangian that is singular at rest has none of which this S would be a part.
@@ -337,7 +336,7 @@ def check_legendre(form: Form) -> None:
         )
 
 
-class Beside(NamedTuple):
+class BorderTerm(NamedTuple):
     """A variable that varies with the path: its own second derivative, and those across, (N,)."""
 
     own: float
@@ -345,7 +344,7 @@ class Beside(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Condensed:
+class SchurComplement:
     """What is left when a path is eliminated.
 
     Attributes
@@ -361,8 +360,8 @@ class Condensed:
 
 
 def condense(
-    form: Form, elements: list[Array] | None = None, beside: Beside | None = None
-) -> Condensed:
+    form: Form, elements: list[Array] | None = None, beside: BorderTerm | None = None
+) -> SchurComplement:
     """Eliminate all variations of the path but those of its pinned ends.
 
     Parameters
@@ -370,7 +369,7 @@ def condense(
     form : Form
     elements : list of arrays, optional
         Element matrices in place of those of d2S, as `Form.shifted` returns them.
-    beside : Beside, optional
+    beside : BorderTerm, optional
         A variable that varies with the path. It is kept until the end, and eliminated there.
     """
     elements = form.elements if elements is None else elements
@@ -405,7 +404,7 @@ def condense(
         grown = grown[np.ix_(order, order)]
         front, count = _eliminate(grown, keep, len(grown) - last.size, force=True)
         negative += count
-    return Condensed(negative, front)
+    return SchurComplement(negative, front)
 
 
 def _join(M: Array, to: NDInt, gone: NDInt) -> Array:
@@ -471,7 +470,7 @@ def _kinetic(g, c: Array, half: Array) -> Array:
 
 def _rest(g, a: Array, b: Array, half: Array) -> Array:
     """Return int (eta.a eta + 2 eta.b eta') dt alike; the half lengths of b's term cancel."""
-    wD = g.rule.weighted
+    wD = g.rule.weighted_derivative
     mixed = np.einsum("ejab,jl->ejalb", b, wD)
     result = mixed + mixed.transpose(0, 3, 4, 1, 2)
     j = np.arange(len(wD))

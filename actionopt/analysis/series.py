@@ -19,11 +19,10 @@ from actionopt.mechanics.compiled import Pointwise
 from actionopt.mechanics.events import State
 from actionopt.mechanics.system import System
 from actionopt.tools.lobatto import lgl
-from actionopt.tools.types import Array
+from actionopt.tools.types import RANK, Array
 
 # Ad hoc, where nothing else is said.
-BESIDE = 1e-3  # of the duration: where the mass is compared with that at the start
-VANISHING = 1e-10  # of that mass: `second_variation.RANK`
+COMPARED_AT = 1e-3  # of the duration: where the mass is compared with that at the start
 SERIES_STEPS, SERIES_CHANGE = 30, 1e-13  # and the change that ends them, in the size of q
 
 
@@ -33,11 +32,11 @@ def begins_singular(flow: Flow, state: State, t_end: float) -> bool:
     if system.m or not system.structure.depends_on_time:
         return False
     here = system.mass_matrix(state.q, state.v, state.t, parameters=parameters)
-    if np.any(np.abs(here) > VANISHING * (1 + np.abs(here).max())):
+    if np.any(np.abs(here) > RANK * (1 + np.abs(here).max())):
         return False
-    later = state.t + BESIDE * (t_end - state.t)
+    later = state.t + COMPARED_AT * (t_end - state.t)
     beside = system.mass_matrix(state.q, state.v, later, parameters=parameters)
-    return bool(np.abs(here).max() <= VANISHING * np.abs(beside).max())
+    return bool(np.abs(here).max() <= RANK * np.abs(beside).max())
 
 
 def begin(flow: Flow, state: State, t_end: float, degree: int) -> tuple[Array, Array]:
@@ -48,7 +47,7 @@ def begin(flow: Flow, state: State, t_end: float, degree: int) -> tuple[Array, A
     system, n, rule = flow.system, flow.system.n, lgl(degree)
     table = system.table
     packed = table.pack(table.values(flow.parameters))
-    residual = system.made("collocation", lambda: _residual(system))
+    residual = system.memoize("collocation", lambda: _residual(system))
     D = rule.derivative * (2 / (t_end - state.t))
     t = state.t + (t_end - state.t) * (1 + rule.nodes) / 2
     Q = np.repeat(state.q[None], degree + 1, axis=0)

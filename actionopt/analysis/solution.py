@@ -34,7 +34,7 @@ from actionopt.tools.types import Array
 
 IN_CONTACT = ("acceleration", "multipliers", "constraint_force", "contact_force")
 
-DRAWN, SEEN = 201, 4  # points of a path in a notebook, and coordinates
+DRAWN_POINTS, DRAWN_COORDINATES = 201, 4  # points of a path in a notebook, and coordinates
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,9 +105,9 @@ class Solution:
         ]
         with suppress(ValueError, np.linalg.LinAlgError):  # forced, or too rough to be counted
             rows.insert(2, ("it is a", f"{self.kind}, Morse index {self.morse_index}"))
-        t = np.linspace(self.mesh.boundaries[0], self.mesh.boundaries[-1], DRAWN)
+        t = np.linspace(self.mesh.boundaries[0], self.mesh.boundaries[-1], DRAWN_POINTS)
         curves = list(zip(self.problem.system.coordinates, self(t), strict=True))
-        return table(self.problem.name, rows) + picture(t, curves[:SEEN])
+        return table(self.problem.name, rows) + picture(t, curves[:DRAWN_COORDINATES])
 
     @cached_property
     def momenta(self) -> tuple[Array, Array]:

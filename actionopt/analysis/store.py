@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from actionopt import scenes
-from actionopt.analysis.saved import ARRAYS, FORMAT, Detached
+from actionopt.analysis.saved import ARRAYS, SOLUTION_FORMAT, Detached
 from actionopt.analysis.solution import Ends, Solution
 from actionopt.analysis.status import Status
 from actionopt.discrete.mesh import Mesh
@@ -94,8 +94,8 @@ def _read(file: FilePath) -> Solution:
         with np.load(stream, allow_pickle=False) as arrays:
             data = {name: arrays[name] for name in (*ARRAYS, "about")}
     about = json.loads(str(data["about"]))
-    if about["format"] != FORMAT:
-        raise ValueError(f"expected the format {FORMAT!r}, found {about['format']!r}")
+    if about["format"] != SOLUTION_FORMAT:
+        raise ValueError(f"expected the format {SOLUTION_FORMAT!r}, found {about['format']!r}")
     for name in ARRAYS:
         if data[name].dtype.kind not in "fiu":
             raise ValueError(f"expected real numbers as {name}, found {data[name].dtype}")

@@ -9,7 +9,7 @@ that the first derivative vanishes to rounding.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
@@ -25,14 +25,13 @@ from actionopt.discrete.resolution import resolution
 from actionopt.discrete.surfaces import onto
 from actionopt.mechanics.problem import Problem
 from actionopt.tools.checks import number, numbers
-from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array
 
 # Ad hoc: near round-off.
 ETA_RESOLUTION = 1e-10  # omitted Legendre coefficients of eta, relative to its size
-HALVINGS = 8  # of an element; a kink of eta is then closed in on to 1/256 of it
+KINK_HALVINGS = 8  # of an element; a kink of eta is then closed in on to 1/256 of it
 PINNED_ETA = 1e-10  # |eta| at a pinned end, relative to its size
-PROJECTED = 1e-12  # |f| of a varied path, relative to its change by the coordinates' own size
+ON_CONSTRAINT = 1e-12  # |f| of a varied path, relative to its change by the coordinates' own size
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,11 +52,13 @@ class Variation:
         The variation.
     """
 
-    form: Form = field(repr=False)
-    lam: Array = field(repr=False)
+    form: Form
+    lam: Array
     eta: Path
 
-    __repr__ = one_line
+    def __repr__(self) -> str:
+        """Show the derivatives of S by alpha, not the path."""
+        return f"Variation(S' = {self.first:.3g}, S'' = {self.second:.8g} at alpha = 0)"
 
     def __call__(self, alpha: ArrayLike) -> Array:
         """Return S(alpha), of the shape of `alpha`.
@@ -108,7 +109,7 @@ class Variation:
             if not system.m:
                 return moved
             f = system.pointwise("constraint")(moved, tr.mesh.nodes[:, None], problem.packed)[0]
-        if not np.max(np.abs(f) / tr.row_units) <= PROJECTED:
+        if not np.max(np.abs(f) / tr.row_units) <= ON_CONSTRAINT:
             raise ValueError(
                 f"expected a path on the constraint surface near q + alpha eta, found none for "
                 f"alpha = {alpha}; try a smaller alpha"
@@ -192,7 +193,7 @@ def variation(
 
 def resolving(mesh: Mesh, eta) -> Mesh:
     """Return the mesh with elements halved until it resolves eta as well."""
-    for _ in range(HALVINGS):
+    for _ in range(KINK_HALVINGS):
         values = Path.interpolate(eta, mesh).values.T
         size = float(np.max(np.abs(values))) or 1.0
         coarse = resolution(mesh, values, np.full(values.shape[1], size)).omitted > ETA_RESOLUTION

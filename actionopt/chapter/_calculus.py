@@ -4,8 +4,8 @@ import numpy as np
 
 from actionopt.analysis.variation import variation
 from actionopt.chapter._row import (
-    RATE,
-    ROUNDING,
+    RATE_OFF,
+    ROUND_OFF,
     Line,
     path,
     row,
@@ -25,7 +25,7 @@ def varied_path():
     T = scene.problem.duration
     m, k = (float(scene.problem.parameters[x]) for x in "mk")
     S = variation(solution, lambda t: [np.sin(np.pi * t / T)])
-    yield Line("dS/dalpha at 0", 0.0, S.first, ROUNDING)
+    yield Line("dS/dalpha at 0", 0.0, S.first, ROUND_OFF)
     second = (m * np.pi**2 / T - k * T) / 2
     yield Line("d2S/dalpha2: second variation", second, S.second)
     yield Line("S(0.3)", solution.action + 0.3**2 / 2 * second, float(S(0.3)))
@@ -36,10 +36,10 @@ def varied_on_surface():
     _, solution = solve_scene("rod_pendulum")
     T, h = solution.problem.duration, 5e-3
     S = variation(solution, lambda t: np.stack([t * (T - t), t**2 * (T - t)]))
-    yield Line("dS/dalpha at 0", 0.0, S.first, ROUNDING)
+    yield Line("dS/dalpha at 0", 0.0, S.first, ROUND_OFF)
     w = ((1, 3 / 2), (2, -3 / 20), (3, 1 / 90))  # central differences of order six
     second = sum(c * (S(k * h) + S(-k * h)) for k, c in w) - 49 / 18 * S(0.0)
-    yield Line("d2S/dalpha2 by differences", S.second, float(second) / h**2, RATE)
+    yield Line("d2S/dalpha2 by differences", S.second, float(second) / h**2, RATE_OFF)
 
 
 @row(
@@ -60,9 +60,11 @@ def cartesian():
     force = -np.stack([
         2 * x * y + np.cos(z), x**2 + z * np.exp(y * z), y * np.exp(y * z) - x * np.sin(z)
     ])  # fmt: skip
-    yield worst("3-D: m r'' = -dV/dr", force, 1.7 * solution.path.acceleration(t), 1e3 * RATE)
-    yield worst("3-D: momentum m v", 1.7 * v, solution.momentum(t), ROUNDING)
-    yield worst("3-D: generalized force -dV/dr", force, system.generalized_force(q, v, t), ROUNDING)
+    yield worst("3-D: m r'' = -dV/dr", force, 1.7 * solution.path.acceleration(t), 1e3 * RATE_OFF)
+    yield worst("3-D: momentum m v", 1.7 * v, solution.momentum(t), ROUND_OFF)
+    yield worst(
+        "3-D: generalized force -dV/dr", force, system.generalized_force(q, v, t), ROUND_OFF
+    )
 
 
 @row("12.3", "non-conservative forces: linear and quadratic drag")
@@ -78,4 +80,4 @@ def drag():
         work = T / 2 * w @ np.sum(system.force(q, v, t, parameters=values) * v, axis=0)
         ends = times(solution, 2)
         gained = np.diff(solution.energy(ends))[0]
-        yield Line(f"{name}: energy gained = work", work, gained, RATE)
+        yield Line(f"{name}: energy gained = work", work, gained, RATE_OFF)

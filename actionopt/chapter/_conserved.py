@@ -2,7 +2,17 @@
 
 import numpy as np
 
-from actionopt.chapter._row import CLOSE, RATE, ROUNDING, Line, along, constants, path, row, worst
+from actionopt.chapter._row import (
+    PATH_OFF,
+    RATE_OFF,
+    ROUND_OFF,
+    Line,
+    along,
+    constants,
+    path,
+    row,
+    worst,
+)
 from actionopt.mechanics.symmetry import cyclic, find_symmetries, is_mechanical, noether
 
 
@@ -10,7 +20,7 @@ def _changes(name: str) -> bool:
     """Return whether H changes along a scene's path."""
     _, solution, _, _, t = along(name)
     H = solution.energy(t)
-    return bool(np.ptp(H) > RATE * max(1.0, np.max(np.abs(H))))
+    return bool(np.ptp(H) > RATE_OFF * max(1.0, np.max(np.abs(H))))
 
 
 @row("12.5.1", "energy of closed, driven and magnetic systems")
@@ -45,7 +55,7 @@ def cyclic_coordinates():
         momenta = cyclic(solution.problem.system)
         yield Line(f"{name}: cyclic", expected, ", ".join(momenta))
         for coordinate, momentum in momenta.items():
-            yield Line(f"{name}: p_{coordinate} constant", 0.0, momentum.drift(solution), RATE)
+            yield Line(f"{name}: p_{coordinate} constant", 0.0, momentum.drift(solution), RATE_OFF)
         yield from constants(name)
 
 
@@ -54,8 +64,8 @@ def two_on_a_line():
     scene, solution, q, v, t = along("two_on_a_line")
     found = noether(scene.problem.system, lambda q, t, *, a, b: [b, -a])
     book = scene.facts["conserved"]["b p1 - a p2"](q, v, t)
-    yield worst("b p1 - a p2", book, found(q, v, t), ROUNDING)
-    yield Line("its drift", 0.0, found.drift(solution), RATE)
+    yield worst("b p1 - a p2", book, found(q, v, t), ROUND_OFF)
+    yield Line("its drift", 0.0, found.drift(solution), RATE_OFF)
 
 
 @row(
@@ -67,14 +77,14 @@ def symmetries():
     scene, _, q, v, t = along("oscillator_2d")
     turn = noether(scene.problem.system, lambda q, t: [-q[1], q[0]])
     book = scene.facts["conserved"]["angular momentum"](q, v, t)
-    yield worst("oscillator_2d: m (x y' - y x')", book, turn(q, v, t), ROUNDING)
+    yield worst("oscillator_2d: m (x y' - y x')", book, turn(q, v, t), ROUND_OFF)
     scene, _, q, v, t = along("screw")
     found = noether(scene.problem.system, lambda q, t, *, c: [c, 1.0])
     book = scene.facts["conserved"]["screw momentum"](q, v, t)
-    yield worst("screw: screw momentum", book, found(q, v, t), ROUNDING)
+    yield worst("screw: screw momentum", book, found(q, v, t), ROUND_OFF)
     _, solution, q, v, t = along("pendulum")
     H = noether(solution.problem.system, [0.0], time=-1.0)
-    yield worst("pendulum: H of t -> t + d", solution.energy(t), H(q, v, t), ROUNDING)
+    yield worst("pendulum: H of t -> t + d", solution.energy(t), H(q, v, t), ROUND_OFF)
     for name in ("two_body", "figure_eight"):
         scene, solution, q, v, t = along(name)
         system, n = scene.problem.system, scene.problem.system.n
@@ -86,8 +96,8 @@ def symmetries():
         spin = noether(system, turning)
         facts = scene.facts["conserved"]
         for what, I in (("momentum, x", move), ("angular momentum", spin)):
-            yield worst(f"{name}: {what}", facts[what](q, v, t), I(q, v, t), ROUNDING)
-            yield Line(f"{name}: its drift", 0.0, I.drift(solution), RATE)
+            yield worst(f"{name}: {what}", facts[what](q, v, t), I(q, v, t), ROUND_OFF)
+            yield Line(f"{name}: its drift", 0.0, I.drift(solution), RATE_OFF)
     try:
         noether(along("kepler")[0].problem.system, [1.0, 0.0])
         verdict = "accepted"
@@ -110,7 +120,7 @@ def found_symmetries():
         found = find_symmetries(solution.problem.system, parameters=solution.problem.parameters)
         yield Line(f"{name}: d/dd of", expected, "; ".join(map(str, found)) or "none")
         for symmetry in found:
-            yield Line(f"{name}: drift", 0.0, symmetry.conserved.drift(solution), RATE)
+            yield Line(f"{name}: drift", 0.0, symmetry.conserved.drift(solution), RATE_OFF)
 
 
 @row(
@@ -141,6 +151,6 @@ def moving():
     yield Line("moving_pivot: H changes", True, _changes("moving_pivot"))
     scene, solution, q, v, t = along("turning_wire")
     radial = along("turning_wire_radial")[1]
-    yield worst("the wire in r: same motion", np.hypot(*solution(t)), radial(t)[0], CLOSE)
+    yield worst("the wire in r: same motion", np.hypot(*solution(t)), radial(t)[0], PATH_OFF)
     book = scene.facts["multipliers"](q, v, t)
-    yield worst("turning_wire: multiplier", book, solution.multipliers(t), RATE)
+    yield worst("turning_wire: multiplier", book, solution.multipliers(t), RATE_OFF)

@@ -4,7 +4,7 @@ import numpy as np
 
 from actionopt.analysis.contact import contact_loss
 from actionopt.analysis.forward import integrate
-from actionopt.chapter._row import CLOSE, RATE, ROUNDING, TOL, Line, along, row, worst
+from actionopt.chapter._row import PATH_OFF, RATE_OFF, ROUND_OFF, TOL, Line, along, row, worst
 from actionopt.mechanics.events import State
 from actionopt.mechanics.pfaffian import integrate_pfaffian
 from actionopt.mechanics.problem import Problem
@@ -18,7 +18,7 @@ def wedge():
     m, M, angle, g = (float(solution.problem.parameters[x]) for x in ("m", "M", "angle", "g"))
     s, c = np.sin(angle), np.cos(angle)
     expected = -m * g * s * c / (M + m * s**2)
-    yield worst("acceleration of the wedge", expected, solution.acceleration(t)[0], ROUNDING)
+    yield worst("acceleration of the wedge", expected, solution.acceleration(t)[0], ROUND_OFF)
 
 
 @row("12.4", "particle in an inverted cone", "inverted_cone")
@@ -36,7 +36,7 @@ def cone():
 
     h = 1e-3 * l0
     slope = (8 * (pull(l0 + h) - pull(l0 - h)) - pull(l0 + 2 * h) + pull(l0 - 2 * h)) / (12 * h)
-    yield Line("sqrt(3) sin w, linearised", expected, float(np.sqrt(-slope)), RATE)
+    yield Line("sqrt(3) sin w, linearised", expected, float(np.sqrt(-slope)), RATE_OFF)
     # A perturbed motion: a root of l'(t) after a whole oscillation; its square is even in the
     # amplitude, which two amplitudes remove.
     period = 2 * np.pi / expected
@@ -63,12 +63,12 @@ def pendulum():
     _, polar, (r, theta), (_, rate), t = along("polar_pendulum")
     m, g = (float(polar.problem.parameters[x]) for x in "mg")
     tension = -(m * r * rate**2 + m * g * np.cos(theta))
-    yield worst("tension -(m r theta'^2 + m g cos)", tension, polar.multipliers(t)[0], RATE)
-    yield worst("Q_r = lambda df/dr (12.9)", tension, polar.constraint_force(t)[0], RATE)
-    yield worst("Q_theta = 0", 0.0, polar.constraint_force(t)[1], RATE)
+    yield worst("tension -(m r theta'^2 + m g cos)", tension, polar.multipliers(t)[0], RATE_OFF)
+    yield worst("Q_r = lambda df/dr (12.9)", tension, polar.constraint_force(t)[0], RATE_OFF)
+    yield worst("Q_theta = 0", 0.0, polar.constraint_force(t)[1], RATE_OFF)
     rod = along("rod_pendulum")[1]
     radial = np.stack([np.sin(theta), -np.cos(theta)])
-    yield worst("Cartesian: the same force", tension * radial, rod.constraint_force(t), RATE)
+    yield worst("Cartesian: the same force", tension * radial, rod.constraint_force(t), RATE_OFF)
 
 
 @row("12.4", "cylinder rolling down a slope: friction, a force and a torque", "rolling_cylinder")
@@ -76,8 +76,8 @@ def rolling():
     scene, solution, _, _, t = along("rolling_cylinder")
     R = float(scene.problem.parameters["R"])
     force, torque = solution.constraint_force(t)
-    yield worst("friction", scene.facts["friction"], force, RATE)
-    yield worst("torque of the friction", -R * scene.facts["friction"], torque, RATE)
+    yield worst("friction", scene.facts["friction"], force, RATE_OFF)
+    yield worst("torque of the friction", -R * scene.facts["friction"], torque, RATE_OFF)
 
 
 @row("12.4", "mass sliding off a fixed circle", "sliding_off_circle")
@@ -85,7 +85,7 @@ def sliding():
     scene, solution, (_, theta), (_, rate), t = along("sliding_off_circle")
     m, R, g = (float(scene.problem.parameters[x]) for x in "mRg")
     normal = m * g * np.cos(theta) - m * R * rate**2
-    yield worst("normal force", normal, solution.multipliers(t)[0], RATE)
+    yield worst("normal force", normal, solution.multipliers(t)[0], RATE_OFF)
     [contact] = contact_loss(solution)
     yield Line("cos theta where it leaves", 2 / 3, float(np.cos(contact.state.q[1])), 1e-9)
     yield Line("time at which it leaves", scene.facts["contact_time"], contact.t, 1e-9)
@@ -105,7 +105,7 @@ def freedom():
 
     system = System(lagrangian, ["x", "phi"], parameters=values, constraint=f)
     found = solve(Problem(system, problem.start, problem.end), tol=TOL)
-    yield worst("x' - R phi' = 0 given: same path", solution(t), found(t), CLOSE)
+    yield worst("x' - R phi' = 0 given: same path", solution(t), found(t), PATH_OFF)
 
     def sphere(q, *, R):  # no slipping; Euler angles phi (about z), theta, psi
         _, _, phi, theta, _ = q

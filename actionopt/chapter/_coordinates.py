@@ -3,7 +3,7 @@
 import numpy as np
 
 from actionopt import scenes
-from actionopt.chapter._row import CLOSE, RATE, ROUNDING, TOL, Line, along, path, row, worst
+from actionopt.chapter._row import PATH_OFF, RATE_OFF, ROUND_OFF, TOL, Line, along, path, row, worst
 from actionopt.mechanics.problem import Event, Problem
 from actionopt.mechanics.system import System
 from actionopt.solver.solve import solve
@@ -55,7 +55,7 @@ def spherical_forces():
         "F_theta": (r * s * ph, m * (2 * u * w - r * s * np.cos(th) * z**2 + r * b)),
     }
     for name, (force, formula) in book.items():
-        yield worst(name, force, formula, ROUNDING)
+        yield worst(name, force, formula, ROUND_OFF)
 
 
 @row("12.3.1", "free and bound particle in a frame that turns at w")
@@ -79,11 +79,13 @@ def rotating_frame():
         ends = [Event(e.t, rotate(np.array(e.q), e.t)) for e in (problem.start, problem.end)]
         inertial = solve(Problem(still, *ends), tol=TOL)
         yield worst(f"{name}: maps onto the frame at rest", inertial(t), rotate(q, t))
-        yield Line(f"{name}: same action", inertial.action, solution.action, CLOSE)
+        yield Line(f"{name}: same action", inertial.action, solution.action, PATH_OFF)
         # m a = F - 2 m w x v - m w x (w x r)
         coriolis = 2 * m * w * np.stack([v[1], -v[0]])
         force = -k * q + coriolis + m * w**2 * q
-        yield worst(f"{name}: Coriolis, centrifugal", force, m * solution.acceleration(t), ROUNDING)
+        yield worst(
+            f"{name}: Coriolis, centrifugal", force, m * solution.acceleration(t), ROUND_OFF
+        )
 
 
 @row("12.3.2", "total time derivative dF(q, t)/dt added to L")
@@ -105,7 +107,7 @@ def oscillating_wall():
     problem = solution.problem
     m, k, A, w = (float(problem.parameters[x]) for x in "mkAw")
     found = solution.acceleration(t) + k / m * q
-    yield worst("B = A w^2", A * w**2 * np.cos(w * t), found[0], ROUNDING)
+    yield worst("B = A w^2", A * w**2 * np.cos(w * t), found[0], ROUND_OFF)
 
     def without_square(q, v, t, *, m, k, A, w):
         return m * v[0] ** 2 / 2 - m * A * w * np.sin(w * t) * v[0] - k * q[0] ** 2 / 2
@@ -116,4 +118,4 @@ def oscillating_wall():
     yield worst("the term dropped: same path", solution(t), without(t), 1e-11)
     T = problem.duration
     term = m * A**2 * w**2 / 2 * (T / 2 - np.sin(2 * w * T) / (4 * w))
-    yield Line("the term dropped: action", solution.action - term, without.action, RATE)
+    yield Line("the term dropped: action", solution.action - term, without.action, RATE_OFF)

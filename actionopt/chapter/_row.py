@@ -17,10 +17,10 @@ from actionopt.solver.solve import solve
 from actionopt.tools.types import Array
 
 TOL = 1e-11  # asked of every path
-CLOSE = 1e-10  # of its closed form, for what follows from the path itself
-RATE = 1e-8  # for what needs its velocity or acceleration: one order of the mesh less
-FORWARD = 1e-8  # for a forward integration from the path's start, which amplifies its error
-ROUNDING = 1e-12  # two formulas for one number
+PATH_OFF = 1e-10  # of its closed form, for what follows from the path itself
+RATE_OFF = 1e-8  # for what needs its velocity or acceleration: one order of the mesh less
+FLOW_OFF = 1e-8  # for a forward integration from the path's start, which amplifies its error
+ROUND_OFF = 1e-12  # two formulas for one number
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Line:
     quantity: str
     expected: float | str | bool
     found: float | str | bool
-    tolerance: float = CLOSE
+    tolerance: float = PATH_OFF
 
     @property
     def error(self) -> float | None:
@@ -114,7 +114,9 @@ def along(name: str) -> tuple[Scene, Solution, Array, Array, Array]:
     return scene, solution, *states(solution)
 
 
-def worst(quantity: str, expected: ArrayLike, found: ArrayLike, tolerance: float = CLOSE) -> Line:
+def worst(
+    quantity: str, expected: ArrayLike, found: ArrayLike, tolerance: float = PATH_OFF
+) -> Line:
     """Return the comparison of two tables where they differ most, relative to their size."""
     a, b = np.broadcast_arrays(np.asarray(expected, dtype=float), np.asarray(found, dtype=float))
     size = max(1.0, float(np.max(np.abs(a))))
@@ -134,7 +136,7 @@ def path(name: str) -> Lines:
         if scene.action is not None:
             yield Line(f"{mark} action", scene.action, solution.action)
         comparison = solution.compare()
-        yield Line(f"{mark} forward deviation", 0.0, comparison.position, FORWARD)
+        yield Line(f"{mark} forward deviation", 0.0, comparison.position, FLOW_OFF)
 
 
 def constants(name: str) -> Lines:
@@ -142,4 +144,4 @@ def constants(name: str) -> Lines:
     scene, _, q, v, t = along(name)
     for what, quantity in scene.facts["conserved"].items():
         values = quantity(q, v, t)
-        yield worst(f"{name}: {what} constant", values[0], values, RATE)
+        yield worst(f"{name}: {what} constant", values[0], values, RATE_OFF)

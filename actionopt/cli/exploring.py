@@ -22,6 +22,6 @@ def run(options: argparse.Namespace) -> int:
     problem, guess = question(options)
     from actionopt import plot
 
-    units = plot.Units() if options.scene.endswith(".py") else plot.SI  # as all scenes are
+    units = plot.UnitNames() if options.scene.endswith(".py") else plot.SI  # as all scenes are
     plot.explore(problem, guess=guess, units=units).show()
     return 0

@@ -24,7 +24,7 @@ physical parameters of the first two and passes keywords to the last.
   actionopt solve kepler --tol 1e-12 --json
   actionopt solve my_scene.py --set "masses=[1, 2]" --save path.npz
 """
-FORWARD = (  # of a comparison, as --json has it
+COMPARISON_KEYS = (  # of a comparison, as --json has it
     *("agrees", "position", "velocity", "arrival", "local", "allowed"),
     *("energy_drift", "reference_error", "reason"),
 )
@@ -114,7 +114,7 @@ def report(solution: Solution, *, compare: bool = True) -> dict[str, Any]:
     if compare and not solution.contacts:
         clock = perf_counter()
         comparison = solution.compare()
-        found["forward"] = {name: getattr(comparison, name) for name in FORWARD}
+        found["forward"] = {name: getattr(comparison, name) for name in COMPARISON_KEYS}
         found["time"] = found["time"] | {"compare": perf_counter() - clock}
     if solution.contacts:
         found["contacts"] = [vars(arc) for arc in solution.contacts]

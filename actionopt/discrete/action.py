@@ -360,7 +360,7 @@ class Action:
             # A constant momentum works at the element's ends only: taken out of the sum, its
             # round-off stays out of the nodes between.
             constant = local[:, 0]
-            work = by_each(g.rule.weighted.T, local - local[:, :1])
+            work = by_each(g.rule.weighted_derivative.T, local - local[:, :1])
             work[:, 0] -= constant
             work[:, -1] += constant
             contribution[g.span] += work.reshape(-1, at.shape[1])

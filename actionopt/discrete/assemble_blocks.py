@@ -38,7 +38,9 @@ def kkt(tr: Action, z: Array) -> Array:
             same = pairs.reshape(len(M), -1, n, n)[:, :: points + 1]  # a node with itself: a view
             for a, b, symmetric in slopes:
                 if b is not None:
-                    mixed = g.rule.weighted[:, :, None, None] * b[span].reshape(-1, points, 1, n, n)
+                    mixed = g.rule.weighted_derivative[:, :, None, None] * b[span].reshape(
+                        -1, points, 1, n, n
+                    )
                     pairs += mixed
                     if symmetric:
                         pairs += mixed.transpose(0, 2, 1, 4, 3)

@@ -72,7 +72,7 @@ def _mixed(tr: Action, B: Array, diagonal_twice: bool) -> list[Array]:
     parts = []
     for g in tr.layout.groups:
         local = B[g.span].reshape(*g.nodes.shape, -1)
-        block = g.rule.weighted[None, :, :, None] * local[:, :, None, :]
+        block = g.rule.weighted_derivative[None, :, :, None] * local[:, :, None, :]
         if diagonal_twice:
             rows, cols = tr.problem.system.pointwise("second").sparsity(1)
             k = np.arange(g.rule.degree + 1)

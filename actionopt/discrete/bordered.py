@@ -173,7 +173,7 @@ class Bordered:
     @property
     def _clocked(self) -> bool:
         """Whether more than the rates changes with the duration."""
-        timed = any(e is not None and e.on.timed for e in self.asked.surfaces)
+        timed = any(e is not None and e.on.depends_on_time for e in self.asked.surfaces)
         return timed or self.asked.system.structure.depends_on_time
 
     def missed(self, y: Array, *, followed: bool = True) -> tuple[Array, float]:

@@ -254,7 +254,7 @@ def moves_of(problem: Problem) -> tuple[Move, ...]:
     if not problem.closes or problem.system.n == 1:
         return ()
     system, advance = problem.system, problem.advance
-    known = system.made("moves", dict)
+    known = system.memoize("moves", dict)
     key = problem.packed.tobytes()
     if key not in known:
         found = find_symmetries(system, parameters=problem.parameters)

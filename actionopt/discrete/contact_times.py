@@ -147,7 +147,7 @@ class Slip(NamedTuple):
         force[self.node] += A[self.node] @ self.by_p
         p = by_v * C @ self.by_p
         p[self.node] += B[self.node].T @ self.by_p
-        gradient = tr.weight[self.span] * force + rule.weighted.T @ p
+        gradient = tr.weight[self.span] * force + rule.weighted_derivative.T @ p
         gradient[self.node] += self.by_q
         place = tr.layout.number[tr.layout.node_of[self.span]]
         free, found = place >= 0, np.zeros(tr.layout.unknowns)

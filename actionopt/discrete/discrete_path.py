@@ -34,6 +34,9 @@ class DiscretePath:
     tr: Transcription
     z: Array
 
+    def __repr__(self) -> str:
+        return f"DiscretePath({self.mesh!r}, {self.tr.layout.size} unknowns and multipliers)"
+
     @classmethod
     def of(
         cls, problem: Problem, path: Path, lam: Array | None = None, lengths: Array | None = None

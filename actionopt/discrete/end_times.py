@@ -59,7 +59,7 @@ def by_stretch(at: DiscretePath) -> tuple[Array, float]:
     change = tr.weight * (force - mixed)
     for g in layout.groups:
         local = mass[g.span].reshape(*g.nodes.shape, n)
-        change[g.span] -= (g.rule.weighted.T @ local).reshape(-1, n)
+        change[g.span] -= (g.rule.weighted_derivative.T @ local).reshape(-1, n)
     whole = np.bincount(layout.scatter, change.ravel(), layout.node_count * n)
     own = tr.weight * (L + np.sum(v * (mass - p), axis=1, keepdims=True))
     return tr.free_part(whole), float(np.sum(own)) / tr.action_unit
@@ -84,7 +84,7 @@ def jumps_of(at: DiscretePath) -> tuple[tuple[Instant, ...], Array]:
 
 def explicit(system: System) -> Pointwise:
     """Return the partial derivatives of L + sum lam f by the time and the packed parameters."""
-    return system.made("explicit", lambda: _explicit(system))
+    return system.memoize("explicit", lambda: _explicit(system))
 
 
 def _explicit(system: System) -> Pointwise:

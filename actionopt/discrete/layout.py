@@ -188,7 +188,7 @@ class Layout(MatrixLayout):
         Closed paths without a clock and forces have a border, which would fill sparse factors.
         """
         inner = (self.system.n + self.system.m) * (max(g.rule.degree for g in self.groups) - 1)
-        if inner > BLOCK_SIZE and self.system.filled <= FILLED:
+        if inner > BLOCK_SIZE and self.system.fill_ratio <= FILLED:
             return "sparse"
         structure = self.system.structure
         bordered = not (self.partial or structure.depends_on_time or structure.forced)

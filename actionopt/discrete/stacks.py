@@ -65,7 +65,7 @@ class Shape:
         self.order = np.r_[1 : self.P - 1, 0, self.P - 1]
         self.back = np.argsort(self.order)
         both = np.ix_(self.order, self.order)
-        self.weighted = self.rule.weighted[both]
+        self.weighted = self.rule.weighted_derivative[both]
         stiffness = self.rule.stiffness.reshape(self.P, self.P, self.P)
         self.stiffness = stiffness[both][np.triu_indices(self.P)]
         self.upper = np.cumsum(np.r_[0, np.arange(self.P, 1, -1)]).tolist()
@@ -221,7 +221,7 @@ class Stack:
         """Return the elements' parts of dS/dq, (P, n, E, C), in the user's units."""
         force, momentum = self._evaluated("gradient", Q, self.velocities(Q), self._at)
         force *= self.weight[:, None]
-        force += _work(self.shape.rule.weighted.T, momentum)
+        force += _work(self.shape.rule.weighted_derivative.T, momentum)
         return force
 
     def slopes(self, Q: Array) -> dict[str, Array]:
@@ -505,7 +505,7 @@ def program(system: System, name: str) -> Columns:
             found = [system.L, ca.densify(d.Lv), *by]
         return Columns(ca.Function(name, [s.q, s.v, s.t, s.p], ca.cse(found)))
 
-    return system.made(f"program {name}", build)
+    return system.memoize(f"program {name}", build)
 
 
 def _eliminate(M: Array, count: int) -> Array:

@@ -49,7 +49,7 @@ class Stretch:
         found = np.empty_like(p)
         for g in self.at.tr.layout.groups:
             local = p[g.span].reshape(*g.nodes.shape, -1)
-            found[g.span] = (g.rule.weighted.T @ local).reshape(-1, p.shape[1])
+            found[g.span] = (g.rule.weighted_derivative.T @ local).reshape(-1, p.shape[1])
         return found
 
     def _times(self, rates: Array) -> Array:

@@ -35,7 +35,7 @@ from actionopt.tools.types import Array
 from actionopt.tools.watch import Progress, check_progress, time_limit
 
 SAME_MOTION = 0.05  # of its size, by which a path may differ from one on a window; ad hoc
-PROBES = 16  # random points at which periodicity is checked; ad hoc: one would do, as a rule
+PERIOD_PROBES = 16  # random points at which periodicity is checked; ad hoc: one would do, as a rule
 
 
 @dataclass(frozen=True, eq=False)
@@ -344,9 +344,9 @@ def detected_angles(problem: Problem) -> tuple[int, ...]:
     rng = np.random.default_rng(0)
     known = [x for e in (problem.start, problem.end) for x in e.q if x is not None]
     size = max(1.0, *(abs(x) for x in known)) if known else 1.0
-    q, v = size * rng.standard_normal((2, system.n, PROBES))
+    q, v = size * rng.standard_normal((2, system.n, PERIOD_PROBES))
     duration = 1.0 if problem.free_time else problem.duration
-    t = (problem.start.t or 0.0) + duration * rng.random(PROBES)
+    t = (problem.start.t or 0.0) + duration * rng.random(PERIOD_PROBES)
     here = _everything(system, problem, q, v, t)
     result = []
     for i, name in enumerate(system.coordinates):
@@ -356,7 +356,7 @@ def detected_angles(problem: Problem) -> tuple[int, ...]:
         shift[i] = 1.0
         turned = _everything(system, problem, q + 2 * np.pi * shift, v, t) - here
         moved = _everything(system, problem, q + shift, v, t) - here
-        # A turn changes nothing, and a step of one radian something that is no rounding.
+        # A whole turn changes nothing; a step of one radian changes more than rounding does.
         both = np.isfinite(turned) & np.isfinite(moved)
         change = np.max(np.abs(moved[both]), initial=0.0)
         known = change > 1e-9 * np.max(np.abs(here[both]), initial=0.0)

@@ -44,19 +44,19 @@ from actionopt.tools.blas import one_thread
 from actionopt.tools.types import Array, NDInt
 
 PREDICTED = 256  # at a time; ad hoc, a size of memory
-SAME = 1e-7  # distance, of the ranges, at which members are one
+SAME_MEMBER = 1e-7  # distance, of the ranges, at which members are one
 BLOCK = 1024  # members among which neighbours are sought; ad hoc: distances of all to all
 # Ad hoc, where nothing else is said.
 COORDINATES = 8  # up to which elements' matrices are best eliminated member by member
 MESH_MARGIN = 0.1  # of `tol`, the coefficients that a mesh may leave out to begin with
 OTHERS_GAIN = 2.0  # times that of one member, of errors whose shapes differ
 MORE_DEGREES = 4  # that tell what a mesh has left out
-LEVELS = 4  # meshes that a member is tried on, each finer
+MESH_LEVELS = 4  # meshes that a member is tried on, each finer
 INDEX_MESHES = 4  # on which indices are counted together
 LEAP = 0.5  # of a path's size, from where it was expected: it may be on another sheet
 # Amplified round-off, as it is and against a mesh's first member, from where on `solve` is to count
 # whether a member is one of a family. Measured: of 400 families in all directions 2.4e-7 and more.
-SENSITIVE, FARTHER = 1e-8, 1e3
+SENSITIVE, SENSITIVE_GROWTH = 1e-8, 1e3
 REBASED = 0.25  # of a wave, on a finer mesh: the next ones begin there
 
 
@@ -97,17 +97,17 @@ def solve_run(
     Raises
     ------
     ValueError
-        If a name is none of these, values are not k finite numbers, or times do not increase; and
-        as `solve` does for `tol` and the guess.
+        If a name is not one of these, values are not k finite numbers, or times do not
+        increase; and as `solve` does for `tol` and the guess.
     """
     checked(problem, tol, guess, "auto", None)
-    run = _Run(problem, columns, tol, index, limited)
+    run = _Members(problem, columns, tol, index, limited)
     run.go(guess, first, given or {})
     return run.members()
 
 
 @dataclass(eq=False)
-class _Level:
+class _MeshLevel:
     """A mesh for members; how far errors, and round-off in the matrix, move a path there.
 
     Its number among the meshes, and finer ones on which indices are counted, itself first.
@@ -120,7 +120,7 @@ class _Level:
     finer: list[Shape]
 
 
-class _Run:
+class _Members:
     """The members as they are found."""
 
     def __init__(
@@ -169,7 +169,7 @@ class _Run:
         self.messages: dict[int, str] = {}
         self.errors: dict[int, str] = {}
         self.budget = Budget(limited)
-        self.levels: list[_Level] = []
+        self.levels: list[_MeshLevel] = []
         self.base = 0
         self.seeds = np.zeros((k, 0, n))  # of known members, on the mesh of the level `base`
 
@@ -368,7 +368,7 @@ class _Run:
         change = float((np.abs(exact - at.Q[0]) / size).max())
         left = float(at.omitted[0])
         gain = max(change / left, 1.0) * OTHERS_GAIN if left > MEASURABLE else UNKNOWN_GAIN
-        self.levels.append(_Level(shape, gain, float(at.probed[0]), len(self.meshes), [shape]))
+        self.levels.append(_MeshLevel(shape, gain, float(at.probed[0]), len(self.meshes), [shape]))
         self.meshes.append(mesh)
         return True
 
@@ -403,7 +403,7 @@ class _Run:
         arrived, level = which[found.converged], self.base
         wanted = finer.size
         which, Q, omitted = which[finer], found.Q[finer], found.omitted[finer]
-        while which.size and level < self.base + LEVELS:
+        while which.size and level < self.base + MESH_LEVELS:
             if level + 1 == len(self.levels) and not self._finer(level, which, Q, omitted):
                 break
             first = self._to(level + 1, Q, level)
@@ -442,7 +442,7 @@ class _Run:
         within = error <= self.tol
         error = np.maximum(error, SAFETY * found.missed)
         several = found.Q.shape[2] > 1
-        sensitive = min(SENSITIVE, FARTHER * at.probed)
+        sensitive = min(SENSITIVE, SENSITIVE_GROWTH * at.probed)
         one_of_many = found.probed > sensitive if several else found.noise > NOISE
         sound = found.converged & np.isfinite(found.omitted) & ~one_of_many
         sound &= found.imbalance <= error + ROUNDOFF  # else L may jump
@@ -473,7 +473,7 @@ class _Run:
             known |= {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
         return np.stack([slope(self.problem, known, name) for name in self.columns], axis=1)
 
-    def _count(self, at: _Level, which: NDInt, Q: Array) -> None:
+    def _count(self, at: _MeshLevel, which: NDInt, Q: Array) -> None:
         """Count the indices of members, on finer meshes where neighbours of their paths need it."""
         mesh = at.shape.mesh
         for k in range(INDEX_MESHES):
@@ -513,7 +513,7 @@ class _Run:
             if other.any():  # the nearest once more: all of them weigh as one
                 chosen = np.where(other, np.searchsorted(known, mine), chosen)
             radius = np.sqrt(apart[rows, chosen].max(axis=1))
-            radius = np.where(radius > SAME, radius, 1.0)[:, None, None]
+            radius = np.where(radius > SAME_MEMBER, radius, 1.0)[:, None, None]
             x = (self.at[known[chosen]] - self.at[some][:, None]) / radius
             values = self.seeds[known[chosen]].reshape(*chosen.shape, -1)
             found = weights(x)[:, None] @ values

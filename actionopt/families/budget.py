@@ -16,14 +16,14 @@ from actionopt.solver.ladder import BUDGET
 # that succeeds 1,200 to 2,800 where Newton's method from the line does not. Measured on 60 small
 # maps of random systems: with twice as much as one way may cost all but 3 of 2276 members are found
 # that `solve` finds; with 3 times as much, on 52 of these maps, all are.
-FREE = 3 * BUDGET
+FREE_BUDGET = 3 * BUDGET
 
 
 class Budget:
     """What was spent on paths that were found, and on searches in vain; `limited` or not."""
 
     def __init__(self, limited: bool) -> None:
-        self.limit = FREE if limited else math.inf
+        self.limit = FREE_BUDGET if limited else math.inf
         self.well, self.vain = 0.0, 0.0
 
     def count(self, stage: str, done: int, total: int | None, detail: Mapping[str, float]) -> None:

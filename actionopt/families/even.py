@@ -14,7 +14,7 @@ from actionopt.tools.types import Array
 # Ad hoc, where nothing else is said.
 MESH_DEGREES = (10, 14, 17)
 ROW_PRICE = 35.0  # of a row of a matrix, in rows: measured, for one to three coordinates
-HALVINGS = 12  # of elements
+ELEMENT_HALVINGS = 12  # of elements
 
 
 def between(a: Mesh, b: Mesh) -> Array:
@@ -40,7 +40,7 @@ def even(path: Path, size: Array, target: float) -> Mesh:
     best, cost = None, np.inf
     for degree in MESH_DEGREES:
         rule, edges, done = lgl(degree), np.array([0.0, 1.0]), np.zeros(1, dtype=bool)
-        for _ in range(HALVINGS):
+        for _ in range(ELEMENT_HALVINGS):
             open_ = np.flatnonzero(~done)
             if not open_.size:
                 break

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from functools import partial
 
 import numpy as np
 
@@ -14,16 +13,16 @@ from actionopt.families.searches import SAME_PATH
 from actionopt.mechanics.problem import Event, Problem
 from actionopt.solver.first_paths import given_time
 from actionopt.solver.on_surface import firsts, near, sizes, solve_on_surface
-from actionopt.solver.solve import solve_on_the_way
+from actionopt.solver.solve import solve
 from actionopt.tools.types import Array
 from actionopt.tools.watch import Progress, check_time
 
 # Ad hoc.
-SPREAD = np.array([0.3, 1.0, 3.0])  # of the way to a surface, from where it is looked for
+SURFACE_SPREAD = np.array([0.3, 1.0, 3.0])  # of the way to a surface, from where it is looked for
 EACH = 6  # points a start
 # How far a surface reaches is told by so many points on it, looked for from ever farther; it is
 # bounded if it reaches no farther than this part of where they were looked for.
-SEEN, FARTHER, ROUNDS, BOUNDED = 12, 4.0, 8, 0.4
+REACH_POINTS, REACH_GROWTH, REACH_ROUNDS, BOUNDED_WITHIN = 12, 4.0, 8, 0.4
 SURE = 10.0  # times `tol`, that two paths are apart: on a small surface they are close
 LEAST_EXTENT = 0.1  # of the largest one, in the units of the coordinates
 
@@ -45,12 +44,11 @@ def all_on_surfaces(
     n, count, none = problem.system.n, EACH * starts, (0,) * angles
     random = np.random.default_rng(seed)
     axes = np.concatenate([np.zeros((1, n)), np.eye(n), -np.eye(n)])
-    away = random.standard_normal((count, n)) * np.resize(SPREAD, count)[:, None]
+    away = random.standard_normal((count, n)) * np.resize(SURFACE_SPREAD, count)[:, None]
     try:
         pairs = near(problem, axes)
         over = _all_over(problem, pairs, count, random)
         pairs += over if over else near(problem, away)
-        solve = partial(solve_on_the_way, None)
         for i, first in enumerate(firsts(problem, solve, tol, pairs)):
             tried["points on surfaces"] += 1
             check_time()
@@ -95,12 +93,12 @@ def _feet(
         return np.array([q for q in feet if q is not None]).reshape(-1, centre.size)
 
     reach = max(1.0, np.abs((pair[1] - pair[0]) / size).max())
-    for _ in range(ROUNDS):
-        feet = np.vstack([pair[k], look(pair[k], reach * size, SEEN)])
+    for _ in range(REACH_ROUNDS):
+        feet = np.vstack([pair[k], look(pair[k], reach * size, REACH_POINTS)])
         low, high = feet.min(axis=0), feet.max(axis=0)
         extent = (high - low) / 2 / size
-        if extent.max() < BOUNDED * reach:
+        if extent.max() < BOUNDED_WITHIN * reach:
             extent = np.maximum(extent, LEAST_EXTENT * extent.max())
             return look((low + high) / 2, extent * size, count)
-        reach = FARTHER * reach
+        reach = REACH_GROWTH * reach
     return np.empty((0, size.size))

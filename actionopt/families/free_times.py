@@ -10,8 +10,7 @@ from __future__ import annotations
 
 from collections import Counter
 from contextlib import suppress
-from functools import partial
-from itertools import chain, product
+from itertools import product
 
 import numpy as np
 
@@ -23,19 +22,17 @@ from actionopt.solver.arrivals import LOOKED_AT, PASSES, Units, passages
 from actionopt.solver.durations import along, rates, returning
 from actionopt.solver.first_paths import FirstPaths, straight
 from actionopt.solver.iterate import sizes
-from actionopt.solver.solve import solve_on_the_way
+from actionopt.solver.solve import solve
 from actionopt.solver.unfixed import solve_unfixed
 from actionopt.tools.types import Array
 from actionopt.tools.watch import Progress, check_time
 
-# Ad hoc.
-LONG = (
-    6.0  # times the duration along the straight line, or up and back: how far motions are followed
-)
-NEAREST = 40  # passages from which paths are sought, of each class of windings
+# Times the duration along the straight line, or up and back, that motions are followed; ad hoc.
+LONGEST_SEARCH = 6.0
+MOST_PASSAGES = 40  # passages from which paths are sought, of each class of windings
 NEARBY_TARGET = 1e-1  # of the sizes: a sample of a path that may pass the end is no farther
 FAN = 72  # directions in the plane
-SAME = 1e-6  # of its size and duration: paths closer than that are one
+SAME_ORBIT = 1e-6  # of its size and duration: paths closer than that are one
 
 
 def all_durations(
@@ -54,15 +51,14 @@ def all_durations(
     """
     found: list[tuple[Solution, tuple[int, ...], str]] = []
     tried: Counter[str] = Counter()
-    turns, first = range(-windings, windings + 1), partial(solve_on_the_way, None)
+    turns = range(-windings, windings + 1)
     try:
         for k in sorted(product(turns, repeat=len(turning)), key=lambda k: np.abs(k).sum()):
             by = np.zeros(problem.system.n)
             by[list(turning)] = 2 * np.pi * np.array(k)
             mine = problem.replace(end=problem.end.shifted(by))
-            paths = FirstPaths(mine, tol, first)
-            near = chain(paths.near(), paths.longer_sought())
-            known = [(at.path, "durations") for at in near]
+            paths = FirstPaths(mine, tol, solve)
+            known = [(at.path, "durations") for at in paths.near()]
             passing = _passages(mine, known, shots, windings, np.random.default_rng(seed))
             guesses = known + [(path, "forward shots") for path in passing]
             if not guesses and paths.refused is not None:
@@ -72,7 +68,7 @@ def all_durations(
                 check_time()
                 if progress is not None:
                     progress(how, i, len(guesses), {"found": len(found)})
-                solution = solve_unfixed(mine, first, tol, path, "auto", None, thorough=False)[0]
+                solution = solve_unfixed(mine, solve, tol, path, "auto", None, thorough=False)[0]
                 if solution.success and is_new(solution, k, found) and _first(solution, windings):
                     found.append((solution, k, how))
     except KeyboardInterrupt:
@@ -111,7 +107,7 @@ def _passages(
     line = along(problem, straight(problem), t0)
     T = [path.mesh.duration for path, _ in known] + [returning(problem, q0, t0)]
     T += [] if line is None else [float(line[0][-1])]
-    fixed = over(problem, LONG * max(T))
+    fixed = over(problem, LONGEST_SEARCH * max(T))
     size = fixed.scales
     u = u * size  # alike in the coordinates' own sizes
     speed, left = rates(problem, np.repeat(q0[None], len(u), axis=0), u, np.full((len(u), 1), t0))
@@ -123,13 +119,13 @@ def _passages(
     unit = np.maximum(size, np.abs(straight(problem)[-1] - q0))
     q, v = np.repeat(q0[:, None], len(u), axis=1), (speed[:, None] * u).T
     units, most = Units.of(problem, unit, q, v, t0), 2 + windings if n == 1 else PASSES
-    spans = fixed.duration / 4, fixed.duration
-    paths = [item for found in passages(problem, q, v, spans, units, most=most) for item in found]
-    return [path for _, path in sorted(paths, key=lambda item: item[0])[:NEAREST]]
+    spans = fixed.duration, fixed.duration / 4
+    paths = [item for T in spans for item in passages(problem, q, v, T, units, most=most)]
+    return [path for _, path in sorted(paths, key=lambda item: item[0])[:MOST_PASSAGES]]
 
 
 def is_new(
-    solution: Solution, turns: tuple[int, ...], found: list, apart: float = SAME**0.5
+    solution: Solution, turns: tuple[int, ...], found: list, apart: float = SAME_ORBIT**0.5
 ) -> bool:
     """Whether a path differs from all those found: somewhere by `apart`, relative to its size."""
     s = np.linspace(0, 1, 33)
@@ -137,7 +133,7 @@ def is_new(
     mine = solution(t0 + s * T)
     size = sizes(mine.T, solution.problem.scales)[:, None]
     for other, other_turns, _ in found:
-        if other_turns != turns or abs(other.duration / T - 1) > SAME:
+        if other_turns != turns or abs(other.duration / T - 1) > SAME_ORBIT:
             continue
         there = other(other.start.t + s * other.duration)
         if np.max(np.abs(there - mine) / size) < apart:
@@ -169,8 +165,8 @@ def _passes(solution: Solution, times: Array, size: Array) -> bool:
             away, v = solution(t)[pinned] - end, solution.velocity(t)[pinned]
             step = float((away / size[:, 0]) @ (v / size[:, 0]) / np.sum((v / size[:, 0]) ** 2))
             t = float(np.clip(t - step, solution.start.t, solution.end.t))
-        if np.linalg.norm((solution(t)[pinned] - end) / size[:, 0]) < np.sqrt(SAME):
+        if np.linalg.norm((solution(t)[pinned] - end) / size[:, 0]) < np.sqrt(SAME_ORBIT):
             apart = min(t - solution.start.t, solution.end.t - t)
-            if apart > SAME * solution.duration:
+            if apart > SAME_ORBIT * solution.duration:
                 return True
     return False

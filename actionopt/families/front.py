@@ -13,14 +13,14 @@ from actionopt.tools.types import Array, NDInt
 
 # Ad hoc, where nothing else is said.
 FIRST_REACH = 0.5  # of the ranges, into which the first wave goes
-CLOSER = 0.75  # of its distance from a neighbour, at which a member is tried again
-TRIES = 4  # of a member, before it is left alone
+RETRY_DISTANCE = 0.75  # of its distance from a neighbour, at which a member is tried again
+MEMBER_TRIES = 4  # of a member, before it is left alone
 STRICTLY = 1 - 1e-9  # less than a square: rounding
-TOGETHER = 64  # points whose distances from all others are taken at once
+DISTANCE_BATCH = 64  # points whose distances from all others are taken at once
 # Of `weights`: neighbours for so many quantities, the kernel's width in units of the farthest
 # one's distance, and what is added to its diagonal, so that it can be inverted: in the rows of the
 # kernel, of the constant, which comes first where neighbours are few, and of the linear terms.
-NEIGHBOURS, WIDTH, NUGGETS = (1, 6, 10, 16, 22), 1.5, (1e-11, -1e-12, -1e-7)
+NEIGHBOURS, KERNEL_WIDTH, NUGGETS = (1, 6, 10, 16, 22), 1.5, (1e-11, -1e-12, -1e-7)
 
 
 class Front:
@@ -55,8 +55,8 @@ class Front:
         For those who are `left`, (k,) of bool: nobody else asks who is near.
         """
         to = np.flatnonzero(left)
-        for first in range(0, which.size if to.size else 0, TOGETHER):
-            some = slice(first, first + TOGETHER)
+        for first in range(0, which.size if to.size else 0, DISTANCE_BATCH):
+            some = slice(first, first + DISTANCE_BATCH)
             apart = squares(self.at[to], points[some])
             closest = np.argmin(apart, axis=1)
             least = np.sqrt(apart[np.arange(len(apart)), closest])
@@ -99,7 +99,9 @@ class Front:
         Of those who are `left`; `known` are the members that are, both (k,) of bool.
         """
         near, reach = self.near, self._reach
-        may = np.flatnonzero(left & (near < CLOSER * self._tried) & (self._tries < TRIES))
+        may = np.flatnonzero(
+            left & (near < RETRY_DISTANCE * self._tried) & (self._tries < MEMBER_TRIES)
+        )
         while may.size:
             if reach < self._smallest:  # everyone that is left, the nearest first
                 chosen = may[near[may] <= self._around * near[may].min()]
@@ -155,14 +157,14 @@ def weights(x: Array) -> Array:
     size = near + 1 + columns
     apart = ((x[:, :, None] - x[:, None]) ** 2).sum(axis=3)
     K = np.zeros((count, size, size))
-    K[:, :near, :near] = np.exp(-apart / (2 * WIDTH**2))
+    K[:, :near, :near] = np.exp(-apart / (2 * KERNEL_WIDTH**2))
     K[:, :near, near] = K[:, near, :near] = 1.0
     K[:, :near, near + 1 :] = x
     K[:, near + 1 :, :near] = x.swapaxes(1, 2)
     at = np.arange(size)
     K[:, at, at] += np.repeat(NUGGETS, [near, 1, columns])
     right = np.zeros((count, size, 1))
-    right[:, :near, 0] = np.exp(-(x**2).sum(axis=2) / (2 * WIDTH**2))
+    right[:, :near, 0] = np.exp(-(x**2).sum(axis=2) / (2 * KERNEL_WIDTH**2))
     right[:, near] = 1.0
     found = np.linalg.solve(K, right)[:, :near, 0]
     return found / found.sum(axis=1, keepdims=True)

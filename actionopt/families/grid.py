@@ -36,6 +36,11 @@ class Grid:
     values: tuple[Array, ...]
     zipped: bool
 
+    def __repr__(self) -> str:
+        rows = zip(map(label_of, self.names), self.values, strict=True)
+        axes = (f"{name}: {row.size} from {row[0]:.6g} to {row[-1]:.6g}" for name, row in rows)
+        return f"Grid({'; '.join(axes)}{', zipped' if self.zipped else ''})"
+
     @classmethod
     def of(cls, problem: Problem, over: Mapping[Name, ArrayLike], zipped: bool) -> Grid:
         """Return the grid. Raises ValueError for a name that names nothing, or for bad values."""

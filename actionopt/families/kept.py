@@ -35,6 +35,9 @@ class Kept:
     degrees: NDInt
     values: Array
 
+    def __repr__(self) -> str:
+        return f"Kept({self.members.size} paths)"
+
     @classmethod
     def of(cls, members: NDInt, paths: Sequence[Path]) -> Kept:
         """Pack paths, one of each member."""

@@ -21,7 +21,7 @@ from actionopt.tools.shown import one_line
 LOCATED = 1e-12  # change of arclength that ends the search for a point
 LOCATE_STEPS = 60
 # From where a step fails to where it does not: how near it is tried first, and halvings; ad hoc.
-STEP_ASIDE, HALVINGS = 1e-3, 10
+STEP_ASIDE, STEP_HALVINGS = 1e-3, 10
 # Of two folds, in the range of s: what lies nearer together is no pair. Ad hoc, far above what
 # `arclength.CLOSE` leaves in s, and at a cusp, where ds/dsigma touches zero, met in ten steps.
 FOLDS_APART = 1e-6
@@ -29,7 +29,8 @@ FOLDS_APART = 1e-6
 # far from where the cubic turns s may turn. Ad hoc.
 UNSURE_SLOPE, UNSURE_FOLD = 0.5, 0.1
 STRAIGHT_STEP = 0.95  # cosine of the angle between directions (18 degrees): short enough
-LEVEL = 1e-6  # ds/dsigma, of the range of s, that is zero at a point located to LOCATED; ad hoc
+# ds/dsigma, of the range of s, that is zero at a point located to LOCATED; ad hoc
+FOLD_SLOPE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +118,7 @@ class Step:
         return self.first + rise * part + 4 * self.bend * part * (1 - part)
 
 
-class Trial(NamedTuple):
+class StepTrial(NamedTuple):
     """A point so far along a step, and the value of what vanishes somewhere on it."""
 
     length: float
@@ -134,11 +135,11 @@ def locate(
     lead to another branch instead, farther away than `gap`.
     """
 
-    def trial_at(length: float) -> Trial | None:
+    def trial_at(length: float) -> StepTrial | None:
         taken = branch.step(here, length)
-        return None if taken is None else Trial(length, taken[0], float(function(taken[0])))
+        return None if taken is None else StepTrial(length, taken[0], float(function(taken[0])))
 
-    low, high = Trial(0.0, here, float(function(here))), trial_at(length)
+    low, high = StepTrial(0.0, here, float(function(here))), trial_at(length)
     if high is None or low.value * high.value > 0:
         return None
     at_low, at_high, side = low.value, high.value, 0
@@ -168,13 +169,13 @@ def locate(
     return Point(branch.at(s), z, s, low.point.direction)
 
 
-def _beside(tried: Callable[[float], Trial | None], lost: float, end: Trial) -> Trial:
+def _beside(tried: Callable[[float], StepTrial | None], lost: float, end: StepTrial) -> StepTrial:
     """Return the nearest point, on the side of `end`, to where no step leads.
 
     Right beside a branch point as a rule, else by bisection.
     """
     length = lost + STEP_ASIDE * (end.length - lost)
-    for k in range(HALVINGS):
+    for k in range(STEP_HALVINGS):
         found = tried(length)
         if found is None or found.value * end.value <= 0:
             lost = length

@@ -11,7 +11,7 @@ import casadi as ca
 from actionopt.families.grid import Grid, label_of
 from actionopt.mechanics.problem import Problem
 
-FORMAT = "actionopt sweep 4"
+SWEEP_FORMAT = "actionopt sweep 4"
 
 
 def question_of(grid: Grid, tol: float, index: bool, keep_paths: bool) -> dict[str, Any]:
@@ -22,7 +22,7 @@ def question_of(grid: Grid, tol: float, index: bool, keep_paths: bool) -> dict[s
         digest = hashlib.sha256(row.tobytes()).hexdigest()[:12]
         over[label_of(name)] = f"{row.size} values from {row[0]:g} to {row[-1]:g} ({digest})"
     return {
-        "format": FORMAT,
+        "format": SWEEP_FORMAT,
         "law": f"{problem.name} ({problem.system.digest[:12]})",
         "parameters": {name: x.tolist() for name, x in problem.parameters.items()},
         "start": [problem.start.t, problem.start.q],

@@ -13,8 +13,8 @@ from actionopt.tools.types import Array
 
 # How far the momenta of a path that is made again may be from those kept, in their own size, and
 # the action in its range: beyond that it is another path. Ad hoc.
-SAME_PATH = 1e-5
-HALVES = 1e-10  # tol of the motions from both ends: a guess needs no more; ad hoc
+SAME_MOMENTA = 1e-5
+HALVES_TOL = 1e-10  # tol of the motions from both ends: a guess needs no more; ad hoc
 
 
 def remake(problem: Problem, ends: Array, momenta: Array) -> Callable[[Array], Array] | None:
@@ -32,7 +32,7 @@ def remake(problem: Problem, ends: Array, momenta: Array) -> Callable[[Array], A
     try:
         for t, q, p in zip((t0, t1), ends, momenta, strict=True):
             state = State(t, q, system.velocity(q, p, t, straight, parameters=parameters))
-            halves.append(integrate(system, state, middle, tol=HALVES, parameters=parameters))
+            halves.append(integrate(system, state, middle, tol=HALVES_TOL, parameters=parameters))
     except (ValueError, IntegrationError, np.linalg.LinAlgError):
         return None
     before, after = halves

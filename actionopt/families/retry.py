@@ -15,7 +15,7 @@ import numpy as np
 from actionopt.analysis.solution import Solution
 from actionopt.discrete.path import Path
 from actionopt.families.kept import Kept
-from actionopt.families.remake import SAME_PATH, remake
+from actionopt.families.remake import SAME_MOMENTA, remake
 from actionopt.families.task import PER_MEMBER, Answers, one_by_one, solve_members
 from actionopt.families.vary import Name, moved
 from actionopt.mechanics.problem import Problem
@@ -24,10 +24,10 @@ from actionopt.tools.interrupts import leave_interruptions
 from actionopt.tools.memory import keep_memory
 from actionopt.tools.types import Array, NDInt
 
-FORMAT = "actionopt retry 1"
+RETRY_FORMAT = "actionopt retry 1"
 
 
-class Beside(NamedTuple):
+class SolvedNeighbours(NamedTuple):
     """Which members of a task are solved already, and what is known of them.
 
     Coordinates and momenta at the ends of all, (k, 2, n), or paths.
@@ -43,7 +43,7 @@ def work(
     question: bytes,
     members: NDInt,
     columns: Mapping[Name, Array],
-    beside: Beside,
+    beside: SolvedNeighbours,
     guess: Guess | None,
     options: tuple[float, bool, bool],
 ) -> Answers:
@@ -71,7 +71,12 @@ def work(
 
 
 def _again(
-    problem: Problem, i: int, j: int, columns: Mapping[Name, Array], beside: Beside, tol: float
+    problem: Problem,
+    i: int,
+    j: int,
+    columns: Mapping[Name, Array],
+    beside: SolvedNeighbours,
+    tol: float,
 ) -> Solution | None:
     """Return the path of a member that was solved, the j-th of the task; None if it is lost."""
     problem = moved(problem, {name: float(row[j]) for name, row in columns.items()})
@@ -83,7 +88,7 @@ def _again(
         return None
     found, momenta = solve_near(problem, guess, tol), beside.momenta[j]
     off = np.abs(np.stack(found.momenta) - momenta).max()
-    same = off <= SAME_PATH * (np.abs(momenta).max() or 1.0)
+    same = off <= SAME_MOMENTA * (np.abs(momenta).max() or 1.0)
     return found if found.success and same else None
 
 
@@ -119,4 +124,4 @@ def retry_of(question: dict[str, Any], known: bytes, guess: Guess | None) -> dic
         guess = np.concatenate([guess.mesh.boundaries, guess.mesh.degrees, guess.values.ravel()])
     digests = {"known": known, "guess": pickle.dumps(guess)}
     found = {name: hashlib.sha256(data).hexdigest()[:12] for name, data in digests.items()}
-    return question | {"format": FORMAT} | found
+    return question | {"format": RETRY_FORMAT} | found

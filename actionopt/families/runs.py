@@ -18,8 +18,8 @@ from actionopt.families.dispatch import Intake, check_executor, dispatch
 from actionopt.families.grid import Grid, label_of
 from actionopt.families.kept import Kept, find
 from actionopt.families.question import question_of
-from actionopt.families.remake import SAME_PATH, remake
-from actionopt.families.retry import Beside, check_sent, retry_of, work
+from actionopt.families.remake import SAME_MOMENTA, remake
+from actionopt.families.retry import SolvedNeighbours, check_sent, retry_of, work
 from actionopt.families.sheets import leaps, sheets
 from actionopt.families.task import REFUSED, Answers
 from actionopt.mechanics.problem import Problem
@@ -33,8 +33,8 @@ from actionopt.tools.watch import Progress, check_progress, positive_seconds, ti
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-TOGETHER = 16  # members of a task of `retry`, of a tenth to half a second each; ad hoc
-UNREACHED = "UNREACHED"  # beside the names of `Status`, and REFUSED
+RETRY_MEMBERS = 16  # members of a task of `retry`, of a tenth to half a second each; ad hoc
+UNREACHED_NAME = "UNREACHED"  # beside the names of `Status`, and REFUSED
 OVER_GRID = ("action", "error", "status", "momenta", "ends", "slopes", "index")
 LONG_NAMES = {
     "action": "action along the stationary path",
@@ -111,13 +111,13 @@ class Runs:
     def begin(cls, grid: Grid, tol: float, index: bool, keep_paths: bool) -> Runs:
         """Return the arrays before any member is tried."""
         shape, n = grid.shape, grid.problem.system.n
-        longest = max(map(len, (*Status.__members__, UNREACHED)))
+        longest = max(map(len, (*Status.__members__, UNREACHED_NAME)))
         return cls(
             grid=grid,
             tol=tol,
             action=np.full(shape, np.nan),
             error=np.full(shape, np.inf),
-            status=np.full(shape, UNREACHED, dtype=f"<U{longest}"),
+            status=np.full(shape, UNREACHED_NAME, dtype=f"<U{longest}"),
             momenta=np.full((*shape, 2, n), np.nan),
             ends=np.full((*shape, 2, n), np.nan),
             slopes=np.full((*shape, len(grid.names)), np.nan),
@@ -210,7 +210,7 @@ class Runs:
     @property
     def remainder(self) -> int:
         """How many members an interrupted sweep did not come to."""
-        return int((self.status == UNREACHED).sum())
+        return int((self.status == UNREACHED_NAME).sum())
 
     @property
     def problem(self) -> Problem:
@@ -236,7 +236,7 @@ class Runs:
     @property
     def failed(self) -> NDInt:
         """Which members were tried in vain: an array of bool."""
-        return ~self.success & (self.status != UNREACHED)
+        return ~self.success & (self.status != UNREACHED_NAME)
 
     @property
     def interrupted(self) -> bool:
@@ -288,7 +288,7 @@ class Runs:
         off = np.max(np.abs(np.stack(found.momenta) - known)) / (np.max(np.abs(known)) or 1.0)
         off = 0.0 if problem.is_infinite else off  # they are those of the window's edges
         unit = max(abs(S), float(np.ptp(self.action[self.success]))) or 1.0
-        if not (found.success and max(off, abs(found.action - S) / unit) <= SAME_PATH):
+        if not (found.success and max(off, abs(found.action - S) / unit) <= SAME_MOMENTA):
             raise ValueError(
                 f"expected the path of {self.grid.text(i)}, whose action is {S:.9g}, found one of "
                 f"{found.action:.9g} ({found.status.name}): motions are too sensitive to what they "
@@ -351,7 +351,7 @@ class Runs:
             journal = Journal(resume, retry_of(about, known, guess))
         retried: Literal["partly", "fully"] = "partly" if self.remainder else "fully"
         failed = grid.order[self.failed.ravel()[grid.order]]
-        tasks = [failed[k : k + TOGETHER] for k in range(0, failed.size, TOGETHER)]
+        tasks = [failed[k : k + RETRY_MEMBERS] for k in range(0, failed.size, RETRY_MEMBERS)]
         intake = Intake("retry", again, failed.size, journal, progress)
         position = np.argsort(grid.order)
         question = pickle.dumps(self.problem)
@@ -386,7 +386,7 @@ class Runs:
             kept = {j: path for j in beside.tolist() if (path := find(self.kept, j)) is not None}
             paths = Kept.of(np.array(list(kept), dtype=int), list(kept.values()))
         options = self.tol, self.index is not None, self.kept is not None
-        known = Beside(success[members], ends, momenta, paths)
+        known = SolvedNeighbours(success[members], ends, momenta, paths)
         return members, self.grid.columns(members), known, guess, options
 
     def _copy(self) -> Runs:

@@ -21,8 +21,8 @@ TORN = 8.0  # the same, of a change inside what hangs together otherwise; ad hoc
 TEARS = 16  # that are followed in one map; ad hoc
 # Of the range over the grid: smaller changes tell nothing, nor does a smaller range of a quantity's
 # own size; ad hoc, above their error.
-UNSEEN = 1e-6
-AROUND = (-2, -1, 1, 2)
+SMALLEST_CHANGE = 1e-6
+CELL_OFFSETS = (-2, -1, 1, 2)
 
 
 def sheets(solved: NDInt, index: NDInt | None, told: Array, leaps: Sequence[NDInt] = ()) -> NDInt:
@@ -52,7 +52,7 @@ def sheets(solved: NDInt, index: NDInt | None, told: Array, leaps: Sequence[NDIn
     # Towards a pole, as at a conjugate point, numbers grow without bound; these do not.
     bounded = told / np.where(usual > 0, np.abs(told) + usual, 1.0)
     spread = np.ptp(bounded[solved], axis=0)
-    units = np.where(spread > UNSEEN, spread, np.inf)  # they are of order one
+    units = np.where(spread > SMALLEST_CHANGE, spread, np.inf)  # they are of order one
     told = np.where(solved[..., None], bounded, np.nan)
     numbers = np.arange(solved.size).reshape(solved.shape)
     pairs, tears, torn = [], [], []
@@ -97,7 +97,9 @@ def leaps(action: Array, slopes: Array, values: Array, axis: int) -> NDInt:
     allowed = np.abs(h) * (turn / 2 + beside)  # NaN: few members tell nothing
     off = np.abs(np.diff(S) - h * (p[..., 1:] + p[..., :-1]) / 2)
     known = S[np.isfinite(S)]
-    return np.moveaxis(off > allowed + UNSEEN * (np.ptp(known) if known.size else 0.0), -1, axis)
+    return np.moveaxis(
+        off > allowed + SMALLEST_CHANGE * (np.ptp(known) if known.size else 0.0), -1, axis
+    )
 
 
 def _halves(values: Array, axis: int) -> tuple[Array, Array]:
@@ -117,19 +119,19 @@ def _times(changes: Array, axis: int) -> Array:
     trend = _trend(around)
     around.sort(axis=0)  # NaN comes last
     known = np.isfinite(around).sum(axis=0)
-    middle = np.maximum(known - 1, 0) // 2, np.minimum(known // 2, len(AROUND) - 1)
+    middle = np.maximum(known - 1, 0) // 2, np.minimum(known // 2, len(CELL_OFFSETS) - 1)
     low, high = (np.take_along_axis(around, i[None], 0)[0] for i in middle)
     with np.errstate(invalid="ignore", divide="ignore"):
         found = rows / np.fmax((low + high) / 2, trend)
-        found = np.where((known >= 2) & (rows > UNSEEN), found, 0.0)
+        found = np.where((known >= 2) & (rows > SMALLEST_CHANGE), found, 0.0)
     return np.moveaxis(found, -1, axis)
 
 
 def _around(rows: Array) -> Array:
-    """Return the changes (4, ...) next to each along the last axis, as `AROUND`; NaN for none."""
+    """Return the changes (4, ...) at `CELL_OFFSETS` along the last axis; NaN beyond the ends."""
     count = rows.shape[-1]
-    around = np.full((len(AROUND), *rows.shape), np.nan)
-    for k, step in enumerate(AROUND):
+    around = np.full((len(CELL_OFFSETS), *rows.shape), np.nan)
+    for k, step in enumerate(CELL_OFFSETS):
         here = slice(max(-step, 0), count - max(step, 0))
         there = slice(max(step, 0), count - max(-step, 0))
         around[k][..., here] = rows[..., there]

@@ -16,8 +16,8 @@ from actionopt.solver.solve import solve
 from actionopt.solver.touching import lines
 from actionopt.tools.watch import Progress, check_time
 
-SPREAD = np.array([0.3, 1.0, 3.0])  # of the coordinates' sizes, how far curves go to a side
-WAVES, POINTS = 3, 64  # sines of a curve, and its elements; ad hoc
+SIDE_SPREAD = np.array([0.3, 1.0, 3.0])  # of the coordinates' sizes, how far curves go to a side
+CURVE_WAVES, CURVE_ELEMENTS = 3, 64  # sines of a curve, and its elements; ad hoc
 
 
 def all_sides(
@@ -34,11 +34,13 @@ def all_sides(
     """
     found: list[tuple[Solution, tuple[int, ...], str]] = []
     tried: Counter[str] = Counter()
-    mesh = Mesh.uniform(problem.start.t, problem.end.t, POINTS, 1)
+    mesh = Mesh.uniform(problem.start.t, problem.end.t, CURVE_ELEMENTS, 1)
     line = Transcription(problem, mesh, problem.lengths).straight().T
-    sines = np.sin(np.pi * np.outer(np.arange(1, WAVES + 1), mesh.nodes_since / mesh.duration))
-    drawn = np.random.default_rng(seed).standard_normal((starts, problem.system.n, WAVES))
-    drawn *= np.resize(SPREAD, starts)[:, None, None] / np.arange(1, WAVES + 1)
+    sines = np.sin(
+        np.pi * np.outer(np.arange(1, CURVE_WAVES + 1), mesh.nodes_since / mesh.duration)
+    )
+    drawn = np.random.default_rng(seed).standard_normal((starts, problem.system.n, CURVE_WAVES))
+    drawn *= np.resize(SIDE_SPREAD, starts)[:, None, None] / np.arange(1, CURVE_WAVES + 1)
     aside = [sign * problem.lengths[:, None] * (a @ sines) for a in drawn for sign in (1, -1)]
     guesses = [*lines(problem, mesh), *(Path(mesh, line + away) for away in aside)]
     try:

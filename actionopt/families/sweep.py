@@ -27,7 +27,7 @@ from actionopt.families.question import question_of
 from actionopt.families.runs import Runs
 from actionopt.families.task import Answers, Seed, work
 from actionopt.families.vary import Name, present
-from actionopt.families.walk import STEPS, walk
+from actionopt.families.walk import WALK_STEPS, walk
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import asked
 from actionopt.solver.solve import moving, solve
@@ -39,7 +39,8 @@ from actionopt.tools.watch import Progress, check_progress, time_limit
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-SECONDS = 1.0  # of a task, about: what is lost with a worker, and much beside what sending it takes
+# of a task, about: what is lost with a worker, and much beside what sending it takes
+TASK_SECONDS = 1.0
 # Of a member, and of its unknowns times its coordinates. Measured, with 117 to 542 unknowns, to a
 # factor of two; those with constraints or forces, solved one by one, take some ten times as long.
 MEMBER_SECONDS, UNKNOWN_SECONDS, ONE_BY_ONE = 1e-4, 8e-7, 10
@@ -124,7 +125,7 @@ def sweep(
     about = question_of(grid, tol, index, keep_paths)
     journal = None if resume is None else Journal(resume, about)
     runs = Runs.begin(grid, tol, index, keep_paths)
-    run = _Run(grid, runs, executor, Intake("sweep", runs, grid.size, journal, progress))
+    run = _SweepRun(grid, runs, executor, Intake("sweep", runs, grid.size, journal, progress))
     try:
         with time_limit(seconds):
             run.go(run.begin())
@@ -173,7 +174,7 @@ def _none_solved(runs: Runs) -> None:
 
 
 @dataclass(eq=False)
-class _Run:
+class _SweepRun:
     """A sweep under way."""
 
     grid: Grid
@@ -212,7 +213,7 @@ class _Run:
             problem, unknowns = self.grid.problem, self._pilot()
             seconds = MEMBER_SECONDS + UNKNOWN_SECONDS * unknowns * problem.system.n
             seconds *= ONE_BY_ONE if _alone(problem) else 1
-            self.length = int(np.clip(SECONDS / seconds, 1, MOST_MEMBERS))
+            self.length = int(np.clip(TASK_SECONDS / seconds, 1, MOST_MEMBERS))
             first, path = next(iter(self.seeds.items()), (-1, None))
             self._keep(first, path, length=self.length)
         self.question = pickle.dumps(self.grid.problem)
@@ -243,7 +244,7 @@ class _Run:
                 if i is None and path is not None:
                     own = {name: present(grid.problem, name) for name in grid.names}
                     i = grid.nearest(own)
-                    path = walk(grid.problem, path, own, grid.at(i), STEPS[-1], tol)
+                    path = walk(grid.problem, path, own, grid.at(i), WALK_STEPS[-1], tol)
                 if i is not None and path is not None:
                     self.seeds[i] = path
                     break

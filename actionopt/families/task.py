@@ -206,7 +206,7 @@ def one_by_one(
 
 
 def _refusal(problem: Problem, columns: Mapping[Name, Array], i: int) -> str:
-    """Return what is said of a member that is no problem."""
+    """Return the message for a member whose values make no valid problem."""
     try:
         moved(problem, {name: float(row[i]) for name, row in columns.items()})
     except ValueError as error:

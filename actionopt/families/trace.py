@@ -25,7 +25,7 @@ from actionopt.discrete.bordered import Bordered
 from actionopt.discrete.crossing import Jump, crossed, unbalanced
 from actionopt.discrete.path import Path
 from actionopt.families.branch import INTERRUPTED, Trace
-from actionopt.families.marks import LEVEL, STRAIGHT_STEP, Mark, Step, locate
+from actionopt.families.marks import FOLD_SLOPE, STRAIGHT_STEP, Mark, Step, locate
 from actionopt.families.vary import Name, moved, present
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import asked
@@ -118,7 +118,7 @@ def trace(
     if first.problem.has_tails:
         family = partial(_within, family, first.problem)
     counting = count and not problem.system.structure.forced
-    run = _Run(family, value, to, tol, counting)
+    run = _TraceRun(family, value, to, tol, counting)
     try:
         with time_limit(left):
             run.begin(first)
@@ -167,7 +167,7 @@ def _within(family: Callable[[float], Problem], like: Problem, value: float) -> 
 
 
 @dataclass(eq=False)
-class _Run:
+class _TraceRun:
     """A trace under way."""
 
     family: Callable[[float], Problem]
@@ -405,7 +405,7 @@ class _Run:
 
     def _is_fold(self, point: Point, changes: int) -> bool:
         """Whether one of several changes of the index is at a fold."""
-        return changes > 1 and abs(point.direction[-1]) < LEVEL * self.branch.range
+        return changes > 1 and abs(point.direction[-1]) < FOLD_SLOPE * self.branch.range
 
     def _locate(self, here: Point, step: Step, function) -> Point | None:
         """Return the point of the step at which `function` vanishes; None if there is none."""

@@ -18,7 +18,7 @@ from actionopt.mechanics.problem import Problem
 from actionopt.solver.solve import moving, solve_near
 
 # Ad hoc, all three: the numbers of steps, the accuracy on the way, and what is the same at the end.
-STEPS, ON_THE_WAY, ALIKE = (4, 8, 16, 32), 1e-4, 1e-3
+WALK_STEPS, WALK_TOL, SAME_END = (4, 8, 16, 32), 1e-4, 1e-3
 
 Values = Mapping[Name, float]
 
@@ -33,8 +33,8 @@ def walk(
     """
     if distance == 0:
         return path
-    before, few = None, [count for count in STEPS if count < distance]
-    for count in [*few, distance] if distance <= STEPS[-1] else few:
+    before, few = None, [count for count in WALK_STEPS if count < distance]
+    for count in [*few, distance] if distance <= WALK_STEPS[-1] else few:
         found = _steps(problem, path, start, end, count, tol)
         if found is not None and before is not None and _alike(found, before):
             break
@@ -52,7 +52,7 @@ def _steps(
         values = end if k == count else {x: (1 - part) * start[x] + part * end[x] for x in end}
         try:
             there = moved(problem, values)
-            accuracy = tol if k == count else max(tol, ON_THE_WAY)
+            accuracy = tol if k == count else max(tol, WALK_TOL)
             found = moving(solve_near(there, lead_to(near, there), accuracy))
         except Exception:  # no problem, an end that makes no sense, or the solver failed
             return None
@@ -64,4 +64,4 @@ def _steps(
 def _alike(a: Solution, b: Solution) -> bool:
     """Whether two paths between the same ends set out and arrive alike."""
     p, q = np.stack(a.momenta), np.stack(b.momenta)
-    return bool(np.max(np.abs(p - q)) <= ALIKE * np.max(np.abs(p)))
+    return bool(np.max(np.abs(p - q)) <= SAME_END * np.max(np.abs(p)))

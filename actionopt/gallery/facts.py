@@ -17,13 +17,13 @@ from actionopt.tools.mathml import inline
 from actionopt.tools.types import Array
 from actionopt.tools.words import say
 
-DIGITS = 10
-CONTACT = "contact_begin", "contact_end", "contact_force"  # numbers that are compared
-ROUNDING = 1e-9  # what is smaller than this part of a size is zero
+FACT_DIGITS = 10
+CONTACT_NUMBERS = "contact_begin", "contact_end", "contact_force"  # numbers that are compared
+ZERO_WITHIN = 1e-9  # what is smaller than this part of a size is zero
 
 
 @dataclass(frozen=True)
-class Row:
+class TableRow:
     """A row of the table.
 
     Attributes
@@ -40,16 +40,16 @@ class Row:
     difference: float | None = None
 
 
-def facts_of(subject: Subject) -> list[Row]:
+def facts_of(subject: Subject) -> list[TableRow]:
     """Return all that the scene's facts say, compared with the solution."""
-    rows: list[Row] = []
+    rows: list[TableRow] = []
     motion = _path, _action, _energy, _index, _rates, _conserved_rows, _start, _contact
     for part in (*motion, _twin, _others):
         rows += part(subject)
     return rows
 
 
-Rows = Iterator[Row]
+Rows = Iterator[TableRow]
 
 
 def _path(s: Subject) -> Rows:
@@ -73,7 +73,7 @@ def _energy(s: Subject) -> Rows:
 def _index(s: Subject) -> Rows:
     facts, end = s.scene.facts, s.t[-1]
     if facts.morse_index is not None and not s.has_forces:
-        yield Row("Morse index", str(facts.morse_index), str(s.solution.morse_index))
+        yield TableRow("Morse index", str(facts.morse_index), str(s.solution.morse_index))
     if facts.conjugate_times is not None:
         found = [p.t for p in s.conjugate for _ in range(p.multiplicity)]
         times = facts.conjugate_times
@@ -81,7 +81,9 @@ def _index(s: Subject) -> Rows:
             yield _numbers(say("conjugate time {k}", k=k + 1), float(a), b, "s")
         later = times[times > end]
         if not found and later.size:
-            yield Row("first conjugate time", f"{number(later[0], DIGITS)} s", "after the end")
+            yield TableRow(
+                "first conjugate time", f"{number(later[0], FACT_DIGITS)} s", "after the end"
+            )
 
 
 def _rates(s: Subject) -> Rows:
@@ -103,9 +105,9 @@ def _conserved_rows(s: Subject) -> Rows:
             terms = quantity(np.abs(s.q), np.abs(s.v), s.t)  # they may cancel in what is conserved
         known = np.abs(np.concatenate([values, terms[np.isfinite(terms)]]))
         size = float(np.max(known)) or 1.0
-        start = float(values[0]) if abs(values[0]) > ROUNDING * size else 0.0
+        start = float(values[0]) if abs(values[0]) > ZERO_WITHIN * size else 0.0
         drift = float(np.ptp(values)) / size
-        yield Row(name_of(s, name), "constant", number(start, DIGITS), drift)
+        yield TableRow(name_of(s, name), "constant", number(start, FACT_DIGITS), drift)
 
 
 def name_of(s: Subject, name: str) -> str:
@@ -126,7 +128,7 @@ def _contact(s: Subject) -> Rows:
         return
     numbers, (arc, *_) = s.scene.facts.numbers, s.solution.contacts
     force = s.solution.contact_force((arc.begin + arc.end) / 2)[arc.row]
-    for name, found in zip(CONTACT, (arc.begin, arc.end, float(force)), strict=True):
+    for name, found in zip(CONTACT_NUMBERS, (arc.begin, arc.end, float(force)), strict=True):
         if name in numbers:
             what, unit = name.replace("_", " "), units.html(units.FACTS[name])
             yield _numbers(what, numbers[name], found, unit)
@@ -152,21 +154,23 @@ def _twin(s: Subject) -> Rows:
 
 def _others(s: Subject) -> Rows:
     for name, value in s.scene.facts.numbers.items():
-        if name in CONTACT:
+        if name in CONTACT_NUMBERS:
             continue
         unit = units.html(units.FACTS.get(name, ""))
-        yield Row(say(name.replace("_", " ")), f"{number(float(value), DIGITS)} {unit}", "")
+        yield TableRow(
+            say(name.replace("_", " ")), f"{number(float(value), FACT_DIGITS)} {unit}", ""
+        )
 
 
-def _numbers(what: str, expected: float, found: float, unit: str) -> Row:
+def _numbers(what: str, expected: float, found: float, unit: str) -> TableRow:
     """Return the row of a number; the difference is relative to the number if that is large."""
     difference = abs(found - expected) / max(1.0, abs(expected))
-    if expected == 0 and difference < ROUNDING:
+    if expected == 0 and difference < ZERO_WITHIN:
         found = 0.0
-    return Row(
+    return TableRow(
         what,
-        f"{number(expected, DIGITS)} {unit}",
-        f"{number(found, DIGITS)} {unit}",
+        f"{number(expected, FACT_DIGITS)} {unit}",
+        f"{number(found, FACT_DIGITS)} {unit}",
         difference,
     )
 
@@ -177,15 +181,15 @@ def _curve(
     found: Array,
     words: str = "closed form",
     least: Array | float = 0.0,
-) -> Row:
+) -> TableRow:
     """Return the row of a curve; the difference is relative to the size of each coordinate.
 
     That is the largest value it has, or `least` if that is larger.
     """
     a, b = (np.asarray(x, dtype=float).reshape(len(found), -1) for x in (expected, found))
     size = np.maximum(np.max(np.abs(a), axis=1), least)
-    size = np.where(size > ROUNDING * np.max(size), size, np.max(size) or 1.0)[:, None]
-    return Row(what, words, "", float(np.max(np.abs(a - b) / size)))
+    size = np.where(size > ZERO_WITHIN * np.max(size), size, np.max(size) or 1.0)[:, None]
+    return TableRow(what, words, "", float(np.max(np.abs(a - b) / size)))
 
 
 def _sizes(s: Subject) -> Array:

@@ -19,13 +19,13 @@ from actionopt.tools.words import say
 Rule = tuple[Callable[[Subject], bool], str | None]  # None for a figure nobody misses
 
 
-ONE, BOTH = (6.4, 4.4), (10.4, 4.4)  # inches: of one figure, and of two side by side
-NARROW = 3.3  # inches: where a phone shows it, 11 points of letters are 15 pixels
+ONE_SIZE, BOTH_SIZE = (6.4, 4.4), (10.4, 4.4)  # inches: of one figure, and of two side by side
+NARROW_WIDTH = 3.3  # inches: where a phone shows it, 11 points of letters are 15 pixels
 
 
 def cut(size: tuple[float, float]) -> tuple[float, float]:
     """Return the size of a figure's cut for narrow screens (inches)."""
-    return NARROW, NARROW * max(0.85, min(1.5, 1.35 * size[1] / size[0]))
+    return NARROW_WIDTH, NARROW_WIDTH * max(0.85, min(1.5, 1.35 * size[1] / size[0]))
 
 
 @dataclass(frozen=True)
@@ -61,8 +61,8 @@ class Figure:
 
 def one(name: str, draw: Callable[[Any], Any], alt: str, caption: str) -> Figure:
     """Return what `draw` puts on axes, with its narrow cut."""
-    wide, narrow = plot.svgs(lambda f: draw(f.subplots()), ONE, cut(ONE))
-    return Figure(name, wide, ONE, alt, caption, narrow=narrow)
+    wide, narrow = plot.svgs(lambda f: draw(f.subplots()), ONE_SIZE, cut(ONE_SIZE))
+    return Figure(name, wide, ONE_SIZE, alt, caption, narrow=narrow)
 
 
 def pair(
@@ -70,12 +70,14 @@ def pair(
     draw: Callable[[Sequence[Any]], Any],
     alt: str,
     caption: str,
-    size: tuple[float, float] = BOTH,
+    size: tuple[float, float] = BOTH_SIZE,
 ) -> Figure:
     """Return what `draw` puts on two axes side by side; its narrow cut has the second below."""
     wide = plot.svg(lambda f: draw(list(f.subplots(1, 2))), size)
-    high = (ONE[0], 2 * ONE[1])
-    below = plot.svgs(lambda f: draw(list(f.subplots(2, 1))), high, (NARROW, 1.7 * NARROW))
+    high = (ONE_SIZE[0], 2 * ONE_SIZE[1])
+    below = plot.svgs(
+        lambda f: draw(list(f.subplots(2, 1))), high, (NARROW_WIDTH, 1.7 * NARROW_WIDTH)
+    )
     return Figure(name, wide, size, alt, caption, narrow=below[1])
 
 
@@ -84,9 +86,9 @@ def figures(subject: Subject) -> tuple[dict[str, list[Figure]], list[tuple[str, 
 
     And the titles of those it has not, each with the reason.
     """
-    drawn: dict[str, list[Figure]] = {part: [] for part in (PRINCIPLE, MOTION, CHECK)}
+    drawn: dict[str, list[Figure]] = {part: [] for part in (IN_PRINCIPLE, IN_MOTION, IN_CHECK)}
     without = []
-    for title, part, unless, made in KINDS:
+    for title, part, unless, made in FIGURE_KINDS:
         reason = next((why for holds, why in unless if holds(subject)), "")
         if reason is None:
             continue
@@ -102,50 +104,50 @@ def figures(subject: Subject) -> tuple[dict[str, list[Figure]], list[tuple[str, 
 
 # -- rules: what keeps a subject from having a figure, and why ---------------------------------
 
-FORCED: Rule = (
+IF_FORCED: Rule = (
     lambda s: s.has_forces,
     "A force that no potential gives leaves no action to compare.",
 )
-DRAG: Rule = (
+IF_DRAGGED: Rule = (
     lambda s: s.has_forces,
     "A force takes energy from the motion: H falls, as the energy function shows.",
 )
-MOVING: Rule = (
+IF_MOVING: Rule = (
     lambda s: s.energies.moving,
     "What is taken from T here depends on the velocities, and so is no potential energy.",
 )
-SEVERAL: Rule = (
+IF_SEVERAL: Rule = (
     lambda s: s.freedom > 1,
     "With several degrees of freedom the landscape tells more.",
 )
-CROWDED: Rule = (
+IF_NOT_PLANE: Rule = (
     lambda s: not s.plane,
     "Neighbouring paths of several coordinates do not fit in one plane.",
 )
-HELD: Rule = (
+IF_CONSTRAINED: Rule = (
     lambda s: bool(s.solution.problem.system.m),
     "Fronts need places all around the path, and a constraint leaves only a surface.",
 )
-TOUCHING: Rule = (
+IF_IN_CONTACT: Rule = (
     lambda s: s.touches,
     "Where a path touches an obstacle, there are neighbours on one side of it only.",
 )
-ALONG: Rule = (
+IF_TOUCHING: Rule = (
     lambda s: s.touches,
     "A motion from its start knows of no obstacle, and leaves the path where they meet.",
 )
-NOTHING: Rule = (lambda s: not s.touches, None)
+UNLESS_TOUCHING: Rule = (lambda s: not s.touches, None)
 
 
 # -- figures ---------------------------------------------------------------------------------
 
 Draw = Callable[[Subject, Any], tuple[str, str]]
-KINDS: list[tuple[str, str, tuple[Rule, ...], Callable[[Subject], Figure]]] = []
-PRINCIPLE, MOTION, CHECK = "principle", "motion", "check"  # where a figure stands
+FIGURE_KINDS: list[tuple[str, str, tuple[Rule, ...], Callable[[Subject], Figure]]] = []
+IN_PRINCIPLE, IN_MOTION, IN_CHECK = "principle", "motion", "check"  # where a figure stands
 
 
 def _kind(
-    title: str, part: str, *unless: Rule, size: tuple[float, float] = ONE
+    title: str, part: str, *unless: Rule, size: tuple[float, float] = ONE_SIZE
 ) -> Callable[[Draw], None]:
     """Make the decorated function a kind of figure, the file of its own name, in a part of pages.
 
@@ -165,12 +167,12 @@ def _kind(
             words = " ".join(filter(None, (own, caption)))
             return Figure(name, cuts[0], size, alt, words, say(title), cuts[1])
 
-        KINDS.append((title, part, unless, make))
+        FIGURE_KINDS.append((title, part, unless, make))
 
     return add
 
 
-@_kind("The path among its neighbours", PRINCIPLE, FORCED, TOUCHING, CROWDED)
+@_kind("The path among its neighbours", IN_PRINCIPLE, IF_FORCED, IF_IN_CONTACT, IF_NOT_PLANE)
 def _bundle(s: Subject, figure: Any) -> tuple[str, str]:
     plot.bundle(s.solution, figure.subplots(), units=SI)
     rise = plot.bundle_data(s.solution).rise
@@ -197,7 +199,7 @@ def _bundle(s: Subject, figure: Any) -> tuple[str, str]:
     )
 
 
-@_kind("The action along two variations", PRINCIPLE, FORCED, TOUCHING, SEVERAL)
+@_kind("The action along two variations", IN_PRINCIPLE, IF_FORCED, IF_IN_CONTACT, IF_SEVERAL)
 def _slices(s: Subject, figure: Any) -> tuple[str, str]:
     plot.slices(s.solution, figure.subplots(), units=SI)
     least = s.solution.kind == "minimum"
@@ -215,7 +217,7 @@ def _slices(s: Subject, figure: Any) -> tuple[str, str]:
     )  # fmt: skip
 
 
-@_kind("The action as a landscape", PRINCIPLE, FORCED, TOUCHING)
+@_kind("The action as a landscape", IN_PRINCIPLE, IF_FORCED, IF_IN_CONTACT)
 def _landscape(s: Subject, figure: Any) -> tuple[str, str]:
     plot.landscape(s.solution, figure.subplots(), units=SI)
     rise = plot.landscape_data(s.solution).rise
@@ -237,7 +239,7 @@ def _index(s: Subject) -> str:
     return say("The path is a {kind} of Morse index {index}.", kind=kind, index=index)
 
 
-@_kind("Paths from one event", PRINCIPLE, FORCED, TOUCHING, CROWDED)
+@_kind("Paths from one event", IN_PRINCIPLE, IF_FORCED, IF_IN_CONTACT, IF_NOT_PLANE)
 def _fan(s: Subject, figure: Any) -> tuple[str, str]:
     plot.fan(s.solution, figure.subplots(), units=SI)
     data = plot.fan_data(s.solution)
@@ -258,7 +260,7 @@ def _fan(s: Subject, figure: Any) -> tuple[str, str]:
     )
 
 
-@_kind("The second variation as the path grows", PRINCIPLE, FORCED, TOUCHING)
+@_kind("The second variation as the path grows", IN_PRINCIPLE, IF_FORCED, IF_IN_CONTACT)
 def _spectrum(s: Subject, figure: Any) -> tuple[str, str]:
     plot.spectrum(s.solution, figure.subplots(), units=SI)
     index = s.solution.morse_index
@@ -276,7 +278,7 @@ def _spectrum(s: Subject, figure: Any) -> tuple[str, str]:
     return alt, say(saddle if index else least, index=index, last=number(last, 3))
 
 
-@_kind("The motion, as a strobe would show it", MOTION)
+@_kind("The motion, as a strobe would show it", IN_MOTION)
 def _motion(s: Subject, figure: Any) -> tuple[str, str]:
     plot.motion(s.solution, s.scene.draw, figure.subplots(), force=s.arrows, units=SI)
     alt = say("{title}, at nine equal times {motion}.", title=say(s.scene.title), motion=s.motion)
@@ -284,7 +286,7 @@ def _motion(s: Subject, figure: Any) -> tuple[str, str]:
     return alt, say("{step} s from each picture to the next.", step=step)
 
 
-@_kind("The obstacle, and what it presses with", MOTION, NOTHING, size=(6.4, 6.0))
+@_kind("The obstacle, and what it presses with", IN_MOTION, UNLESS_TOUCHING, size=(6.4, 6.0))
 def _contact(s: Subject, figure: Any) -> tuple[str, str]:
     plot.overview(s.solution, figure.subplots(2, height_ratios=(3, 2)), units=SI)
     parts = ", ".join(
@@ -300,7 +302,7 @@ def _contact(s: Subject, figure: Any) -> tuple[str, str]:
     return alt, say("Contact {parts}; elsewhere the force is zero.", parts=parts)
 
 
-@_kind("Kinetic and potential energy", MOTION, DRAG, MOVING)
+@_kind("Kinetic and potential energy", IN_MOTION, IF_DRAGGED, IF_MOVING)
 def _energies(s: Subject, figure: Any) -> tuple[str, str]:
     plot.energies(s.solution, figure.subplots(), kinetic=s.scene.kinetic, units=SI)
     T, V, t = s.energies.kinetic, s.energies.potential, s.energies.t
@@ -323,7 +325,7 @@ def _energies(s: Subject, figure: Any) -> tuple[str, str]:
     )  # fmt: skip
 
 
-@_kind("Energy function and momenta", MOTION, size=(6.4, 5.4))
+@_kind("Energy function and momenta", IN_MOTION, size=(6.4, 5.4))
 def _conserved(s: Subject, figure: Any) -> tuple[str, str]:
     plot.conserved(s.solution, figure.subplots(2, sharex=True), units=SI)
     data = plot.conserved_data(s.solution)
@@ -340,7 +342,7 @@ def _conserved(s: Subject, figure: Any) -> tuple[str, str]:
     return alt, say("H {span}.", span=H)
 
 
-@_kind("Fronts of equal action", MOTION, FORCED, TOUCHING, CROWDED, HELD)
+@_kind("Fronts of equal action", IN_MOTION, IF_FORCED, IF_IN_CONTACT, IF_NOT_PLANE, IF_CONSTRAINED)
 def _fronts(s: Subject, figure: Any) -> tuple[str, str]:
     plot.wavefronts(s.solution, figure.subplots(), units=SI)
     alt = say(
@@ -372,7 +374,7 @@ def fronts_caption(s: Subject) -> str:
     return say(_FRONTS["along" if is_aligned(s.solution.momentum(s.t), s.v) else "askew"])
 
 
-@_kind("The path, and the motion integrated forward", CHECK, ALONG, size=(6.4, 6.0))
+@_kind("The path, and the motion integrated forward", IN_CHECK, IF_TOUCHING, size=(6.4, 6.0))
 def _path(s: Subject, figure: Any) -> tuple[str, str]:
     plot.overview(s.solution, figure.subplots(2, height_ratios=(3, 2)), units=SI)
     found = s.solution.compare()
@@ -395,7 +397,7 @@ def _path(s: Subject, figure: Any) -> tuple[str, str]:
     return alt, say(law, most=escape(found.reason) or difference)
 
 
-@_kind("How it was computed", CHECK, size=(6.4, 5.2))
+@_kind("How it was computed", IN_CHECK, size=(6.4, 5.2))
 def _mesh(s: Subject, figure: Any) -> tuple[str, str]:
     plot.mesh(s.solution, figure.subplots(2, sharex=True, height_ratios=(3, 2)), units=SI)
     mesh = s.solution.mesh

@@ -14,23 +14,23 @@ from actionopt.plot import SI, Motion, landscape_data, motion, motion_data, svg
 from actionopt.plot._variations import level_lines
 from actionopt.plot.data.relaxation import relaxation_data
 from actionopt.plot.data.variations import over_modes, telling
+from actionopt.plot.live.drawing import FRAMES
 from actionopt.plot.live.film import frames, player
 from actionopt.tools.greek import letter
 from actionopt.tools.types import Array
 from actionopt.tools.words import say, together
 
-FRAMES = 121
-WIDE = 1.5  # of the height, for one coordinate against time
+FILM_WIDTH = 1.5  # of the height, for one coordinate against time
 GHOSTS = 6  # times in the small picture
-APART = 0.3  # between films on one clock
+FILM_GAP = 0.3  # between films on one clock
 START = (0.12, 1.2)  # of the modes: where a path on a map begins
 MAPPED = 1.5  # of the modes, to either side on their maps
-LEVELS = 8  # lines of a map, on either side of the motion's
-ARROW, SHORT = 0.16, 0.1  # of the picture's size: one that shows which way a coordinate grows;
-# of many coordinates
-STEP = 1e-5  # of a coordinate's size, to see which way that is
+MAP_LINES = 8  # lines of a map, on either side of the motion's
+# Of the picture's size: an arrow that shows which way a coordinate grows; where there are many.
+ARROW, SHORT_ARROW = 0.16, 0.1
+ARROW_STEP = 1e-5  # of a coordinate's size, to see which way that is
 CURVES = 4  # coordinates in a graph
-SHARE = 1e-3  # of the picture's size: a coordinate that moves nothing by more has no arrow
+SMALLEST_MOVE = 1e-3  # of the picture's size: a coordinate that moves nothing by more has no arrow
 
 
 def film(subject: Subject) -> str:
@@ -60,9 +60,9 @@ def growing(s: Subject, motion: Motion) -> list[dict[str, Any]]:
     """
     q, t, names = s.solution.start.q, motion.t[0], s.solution.problem.system.coordinates
     size, found = motion.size, []
-    reach = (ARROW if len(names) <= CURVES else SHORT) * size
+    reach = (ARROW if len(names) <= CURVES else SHORT_ARROW) * size
     for k, name in enumerate(names[: 2 * CURVES]):
-        h = STEP * max(1.0, abs(float(q[k])))
+        h = ARROW_STEP * max(1.0, abs(float(q[k])))
         step = h * np.eye(len(names))[k]
         ahead, behind = s.scene.draw(q + step, t), s.scene.draw(q - step, t)
         points = [
@@ -74,7 +74,7 @@ def growing(s: Subject, motion: Motion) -> list[dict[str, Any]]:
                     for j in range(p.shape[1])]  # fmt: skip
             way, place = max(rows, key=lambda row: float(np.linalg.norm(row[0])))
             long = float(np.linalg.norm(way))
-            if long > SHARE * size:
+            if long > SMALLEST_MOVE * size:
                 tip = place + reach / long * way
                 found.append({"name": letter(name), "from": _row(place), "to": _row(tip)})
                 break
@@ -141,7 +141,7 @@ def relaxing(subject: Subject) -> str:
     t, paths = found.t[every], [q[:, every] for q in (found.target, *found.paths)]
     if solution.problem.system.n == 1:  # against time, in a picture of a fixed shape
         low, high = np.min(paths), np.max(paths)
-        across = WIDE * (t - t[0]) / (t[-1] - t[0])
+        across = FILM_WIDTH * (t - t[0]) / (t[-1] - t[0])
         paths = [np.stack([across, (q[0] - low) / (high - low)]) for q in paths]
     rows = [np.round(q.T, 4).tolist() for q in paths]
     points = np.concatenate(paths, axis=1)
@@ -205,18 +205,18 @@ def beside(*subjects: Subject) -> str:
     shapes: list[dict[str, Any]] = []
     trails, labels = [], []
     for k, (s, f) in enumerate(zip(subjects, found, strict=True)):
-        still, places = k * (WIDE + APART), np.minimum(np.arange(steps), len(f.action) - 1)
+        still, places = k * (FILM_WIDTH + FILM_GAP), np.minimum(np.arange(steps), len(f.action) - 1)
         low, high = np.min([f.target, *f.paths]), np.max([f.target, *f.paths])
-        across = still + WIDE * (f.t - f.t[0]) / (f.t[-1] - f.t[0])
-        up = 1 + APART / 2 + (np.stack([f.target, *f.paths])[:, 0] - low) / (high - low)
+        across = still + FILM_WIDTH * (f.t - f.t[0]) / (f.t[-1] - f.t[0])
+        up = 1 + FILM_GAP / 2 + (np.stack([f.target, *f.paths])[:, 0] - low) / (high - low)
         rows = [np.round(np.stack([across, y], axis=1)[::4], 4).tolist() for y in up]
         # The map, two units of the modes to either side of the path.
         map_, half = landscape_data(s.solution, MAPPED), 0.5 / MAPPED
-        middle = np.array([still + WIDE / 2, 0.5])
+        middle = np.array([still + FILM_WIDTH / 2, 0.5])
         dots = np.clip(over_modes(s.solution, f.t, f.paths), -MAPPED, MAPPED)
         dots = np.round(middle + half * dots, 4)
         largest = float(np.max(np.abs(map_.rise)))
-        for level in largest * np.linspace(-1, 1, 2 * LEVELS + 1):
+        for level in largest * np.linspace(-1, 1, 2 * MAP_LINES + 1):
             kind = "higher" if level > 0 else "lower" if level < 0 else "level"
             for line in level_lines(map_, level * abs(level) / largest):
                 points = np.round(middle + half * line, 4).tolist()
@@ -231,10 +231,10 @@ def beside(*subjects: Subject) -> str:
         trails.append(dots[places].tolist())
         said = (f"{say(s.solution.kind)}: S = {f.action[i]:.3f} J s" for i in places)
         labels.append([*map(together, said)])
-    wide = len(subjects) * (WIDE + APART) - APART
+    wide = len(subjects) * (FILM_WIDTH + FILM_GAP) - FILM_GAP
     data = {
         "labels": [" \u00b7 ".join(words) for words in zip(*labels, strict=True)],
-        "box": [0.0, wide, 0.0, 2 + APART / 2],
+        "box": [0.0, wide, 0.0, 2 + FILM_GAP / 2],
         "shapes": shapes,
         "trails": trails,
         "points": 0.6,

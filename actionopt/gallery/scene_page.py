@@ -11,7 +11,7 @@ from actionopt import scenes
 from actionopt.analysis.solution import Solution
 from actionopt.gallery import film, units
 from actionopt.gallery.facts import facts_of
-from actionopt.gallery.figures import CHECK, MOTION, PRINCIPLE, Figure, figures
+from actionopt.gallery.figures import IN_CHECK, IN_MOTION, IN_PRINCIPLE, Figure, figures
 from actionopt.gallery.page import Page, escape, frame, number, prose, table, typeset
 from actionopt.gallery.subject import Subject
 from actionopt.gallery.texts import Texts, texts
@@ -60,7 +60,7 @@ LAWS = {  # as MathML, what each equation of motion is an instance of
         ("forced", "d/dt dL/dq' = dL/dq + Q", "<mo>+</mo><mi>Q</mi>"),
     )
 }
-SHOWN = 4  # equations; the others are folded away
+EQUATIONS_SHOWN = 4  # equations; the others are folded away
 LIVE = (
     "Arrow keys move a handle as well, with Shift in small steps. Triangles on the duration are "
     "times conjugate to the start, at which the index changes."
@@ -101,13 +101,13 @@ def scene_page(name: str) -> Page:
 {_events(s)}
 </div>
 </section>
-{_section("Is it stationary? Is it least?", _relaxing(s), drawn[PRINCIPLE])}
-{_section("The motion", "", drawn[MOTION])}
+{_section("Is it stationary? Is it least?", _relaxing(s), drawn[IN_PRINCIPLE])}
+{_section("The motion", "", drawn[IN_MOTION])}
 {_without(without)}
 <section><h2>{say("How well is it known?")}</h2>
 {_known_part(s)}
 {_result_part(s)}
-{_pictures(drawn[CHECK])}
+{_pictures(drawn[IN_CHECK])}
 <details class="program"><summary>{say("The program that found it, and what it printed")}</summary>
 {_code("Program", program)}
 {_code("Output", output)}
@@ -184,10 +184,10 @@ def _principle(s: Subject, words: Texts) -> str:
         f'{say("Equation of motion")} {k}">{mathml(formula(row), scalars)}</div>'
         for k, row in enumerate(rows, 1)
     ]
-    if len(rows) > SHOWN:
-        rest = "".join(written[SHOWN:])
-        others = say("The other {count} equations", count=len(rows) - SHOWN)
-        written[SHOWN:] = [f"<details><summary>{others}</summary>{rest}</details>"]
+    if len(rows) > EQUATIONS_SHOWN:
+        rest = "".join(written[EQUATIONS_SHOWN:])
+        others = say("The other {count} equations", count=len(rows) - EQUATIONS_SHOWN)
+        written[EQUATIONS_SHOWN:] = [f"<details><summary>{others}</summary>{rest}</details>"]
     return (
         f'<div class="columns principle"><div>{_formulas(s, words)}<p>{say(text[which])}</p>'
         f'<div class="formula">{LAWS[which]}</div>'

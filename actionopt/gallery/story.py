@@ -20,19 +20,19 @@ from actionopt.plot.live.page import SCRIPTS, figure
 from actionopt.solver.solve import solve
 from actionopt.tools.words import say
 
-SHORT, LONG = 0.7, 1.4  # durations of the two oscillators, in half periods
+SHORT_DURATION, LONG_DURATION = 0.7, 1.4  # durations of the two oscillators, in half periods
 TEMPLATE = Path(__file__).parent / "templates" / "least.html"
 PARAGRAPH = re.compile(r"(?s)(<(h1|h2|p)\b[^>]*>)(.*?)(?=</\2>)")
 
 
 def story() -> Page:
     """Return the page."""
-    short, long = (_oscillator(share) for share in (SHORT, LONG))
+    short, long = (_oscillator(share) for share in (SHORT_DURATION, LONG_DURATION))
     found = [_landscapes(short, long), _slices(short, long), _fan(long), _spectrum(long)]
     values = {
         "half": f"{np.pi:.4g}",  # of the scene's mass and spring
-        "short": f"{SHORT:g}",
-        "long": f"{LONG:g}",
+        "short": f"{SHORT_DURATION:g}",
+        "long": f"{LONG_DURATION:g}",
     }
     pictures = {f.name: f'<figure class="wide">{f.html("least/")}' for f in found}
     projectile = _live(

@@ -17,8 +17,8 @@ from actionopt.tools.greek import letter
 from actionopt.tools.types import Array
 from actionopt.tools.words import say
 
-TIMES = 201
-FLAT = 1e-9  # ranges this small relative to the size count as zero
+SUBJECT_TIMES = 201
+ZERO_RANGE = 1e-9  # ranges this small relative to the size count as zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +74,7 @@ class Subject:
     def t(self) -> Array:
         """Equal times, both events' included."""
         problem = self.solution.problem
-        return np.linspace(problem.start.t, problem.end.t, TIMES)
+        return np.linspace(problem.start.t, problem.end.t, SUBJECT_TIMES)
 
     @cached_property
     def q(self) -> Array:
@@ -129,7 +129,7 @@ class Subject:
 def span(values: Array, unit: str, size: float = 0.0) -> str:
     """Return the range of values in words; `size` is one beside which rounding is nothing."""
     low, high = float(np.min(values)), float(np.max(values))
-    least = FLAT * max(abs(low), abs(high), size, 1e-300)
+    least = ZERO_RANGE * max(abs(low), abs(high), size, 1e-300)
     if high - low <= least:
         x = rounded(high if abs(high) > least else 0.0)
         return say("constant, {x} {unit}", x=x, unit=unit)

@@ -6,13 +6,13 @@ every Lagrangian comes out in joules is a test.
 
 from __future__ import annotations
 
-UNITS = {
+PARAMETER_UNITS = {
     "m": "kg", "m1": "kg", "m2": "kg", "M": "kg", "l": "m", "l1": "m", "l2": "m", "R": "m",
     "A": "m", "g": "m/s^2", "a": "m/s^2", "k": "N/m", "b": "kg/s", "w": "rad/s", "angle": "rad",
     "e": "C", "B": "T", "E": "V/m", "Ex": "V/m", "Ez": "V/m", "mu": "m^3/s^2",
     "G": "m^3/(kg s^2)", "spare": "J", "I1": "kg m^2", "I3": "kg m^2", "inertia": "",
 }  # fmt: skip
-OWN = {
+SCENE_UNITS = {
     "drag_quadratic": {"c": "kg/m"},
     "oscillator_gauge": {"c": "kg/s^2"},
     "chain_on_floor": {"c": "m"},
@@ -44,7 +44,7 @@ FACTS = {
 
 def unit(scene: str, parameter: str) -> str:
     """Return the unit of a scene's parameter, as text; nothing for a pure number."""
-    return OWN.get(scene, {}).get(parameter, UNITS.get(parameter, ""))
+    return SCENE_UNITS.get(scene, {}).get(parameter, PARAMETER_UNITS.get(parameter, ""))
 
 
 def html(unit: str) -> str:

@@ -16,7 +16,7 @@ from actionopt.tools.tape import instructions
 from actionopt.tools.types import Array
 
 # Times of one call; measured: half or twice as many take up to a tenth longer.
-TOGETHER = 4096
+TIMES_PER_CALL = 4096
 
 
 def _if_else_zero(condition: Array, value: Array, *, out: Array) -> None:
@@ -76,7 +76,7 @@ class Columns:
         Inputs are (points, rows, members), or have length one where they are the same for all.
         """
         found = [np.zeros((points, width, members)) for width in self.widths]
-        step = min(max(TOGETHER // members, 1), points)
+        step = min(max(TIMES_PER_CALL // members, 1), points)
         memory = np.empty((self._registers, step, members))
         with np.errstate(all="ignore"):
             for first in range(0, points, step):

@@ -17,7 +17,7 @@ OVERHEAD = 2**11  # that the smallest memory counts for: its CasADi function tak
 # Measured: of how many times or more the operations of some are written out, how many, and how many
 # operations at most. A call of CasADi's for each time takes as long as a hundred operations; eight
 # times at once save most of that, and what is written out pays even where it is evaluated once.
-PARTED, PART, OPERATIONS = 256, 8, 2**9
+PARTED, PART, PART_OPERATIONS = 256, 8, 2**9
 
 
 class Pointwise:
@@ -119,7 +119,7 @@ class Pointwise:
         f = self.function
         if not f.is_a("SXFunction"):
             return f, 1
-        part = min(PART, max(OPERATIONS // max(f.n_instructions(), 1), 1))
+        part = min(PART, max(PART_OPERATIONS // max(f.n_instructions(), 1), 1))
         return (f.map(part).expand(), part) if part > 1 else (f, 1)
 
     def _in_parts(self, count: int, arguments: tuple[Array, ...]) -> list[Array]:

@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 
 NUMBERS = (int, float, np.integer)
-BINARY = {
+BINARY_CODES = {
     np.add: ca.OP_ADD,
     np.subtract: ca.OP_SUB,
     np.multiply: ca.OP_MUL,
@@ -26,7 +26,7 @@ BINARY = {
     np.power: ca.OP_POW,
     np.arctan2: ca.OP_ATAN2,
 }
-UNARY = {
+UNARY_CODES = {
     np.negative: ca.OP_NEG,
     np.absolute: ca.OP_FABS,
     np.square: ca.OP_SQ,
@@ -295,10 +295,10 @@ class Expressions:
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **kwargs: Any) -> Any:
         """Return what one of numpy's elementwise functions gives."""
         if method == "__call__" and not kwargs:
-            if ufunc in UNARY:
-                return Expressions(ca.SX.unary(UNARY[ufunc], self.sx), self.ndim)
-            if ufunc in BINARY:
-                return _binary(BINARY[ufunc], ufunc, *inputs)
+            if ufunc in UNARY_CODES:
+                return Expressions(ca.SX.unary(UNARY_CODES[ufunc], self.sx), self.ndim)
+            if ufunc in BINARY_CODES:
+                return _binary(BINARY_CODES[ufunc], ufunc, *inputs)
         with _naming(ufunc):
             return _ours(getattr(ufunc, method)(*_theirs(inputs), **kwargs))
 

@@ -40,7 +40,7 @@ CLOCKED = {*ZEROS, *DIFFERENCES, *ROUNDING_CODES, *REMAINDERS}
 
 
 @dataclass(frozen=True, eq=False)
-class Clock:
+class ClockSwitches:
     """What switches with the time alone.
 
     Attributes
@@ -65,7 +65,7 @@ class Clock:
         return -by_parameters[each, :, first] / by_time[each, first][:, None]
 
 
-def clock(s: Symbols, *laws: ca.SX) -> Clock | None:
+def clock(s: Symbols, *laws: ca.SX) -> ClockSwitches | None:
     """Return what switches with the time alone in these laws; None if nothing does."""
     arguments = [s.q, s.v, s.t, s.p]
     steps: list[ca.SX] = []
@@ -106,13 +106,13 @@ def clock(s: Symbols, *laws: ca.SX) -> Clock | None:
     slopes = ca.densify(ca.jacobian(ca.vertcat(*smooth), s.t))
     by_parameters = ca.densify(ca.jacobian(ca.vertcat(*smooth), s.p))
     steps = [ca.densify(ca.vertcat(*steps)), ca.sign(slopes)]
-    return Clock(
+    return ClockSwitches(
         Pointwise(ca.Function("clock", [s.t, s.p], steps)),
         Pointwise(ca.Function("rates", [s.t, s.p], [slopes, by_parameters])),
     )
 
 
-def instants(known: Clock, start: float, end: float, packed: Array) -> tuple[Instant, ...]:
+def instants(known: ClockSwitches, start: float, end: float, packed: Array) -> tuple[Instant, ...]:
     """Return the instants from `start` to `end`, in order, found to neighbouring numbers.
 
     Wherever a step or the sign of a slope changes between two times it is followed by bisection.

@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from actionopt.mechanics.compiled import Pointwise
-from actionopt.mechanics.instants import CLOCKED, Clock, clock
+from actionopt.mechanics.instants import CLOCKED, ClockSwitches, clock
 from actionopt.mechanics.switches import (
     STEPPED,
     Switches,
@@ -185,7 +185,7 @@ class Laws:
         return Tape(self._arguments, [law]) if law.numel() else NO_OPERATIONS
 
     @Once
-    def filled(self) -> float:
+    def fill_ratio(self) -> float:
         """Return what eliminating one node's coordinates and multipliers costs, 1 if all couple.
 
         Coordinates couple as second derivatives of L have them, multipliers as their constraints.
@@ -214,7 +214,7 @@ class Laws:
         return switches(self.symbols, self.operations(self.L), self.coordinates)
 
     @Once
-    def clock(self) -> Clock | None:
+    def clock(self) -> ClockSwitches | None:
         """Return what switches with the time alone; None where nothing does."""
         if not self.structure.depends_on_time or CLOCKED.isdisjoint(self.structure.operations):
             return None
@@ -251,7 +251,7 @@ class Laws:
         for function in list(self._pointwise.values()):
             function.forget()
 
-    def made(self, name: str, build: Callable[[], T]) -> T:
+    def memoize(self, name: str, build: Callable[[], T]) -> T:
         """Return what `build` makes of these laws, made once and kept as long as they are."""
         with self.lock:
             if name not in self._made:

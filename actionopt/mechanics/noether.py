@@ -47,7 +47,7 @@ SURFACE_STEPS = 60  # Newton's method onto the constraints, from far away; ad ho
 FINITE = 4  # points at which an expression must be finite to be judged; ad hoc
 
 
-class Motion(Protocol):
+class HasMotion(Protocol):
     """What `Conserved.drift` asks of a solution."""
 
     @property
@@ -94,7 +94,7 @@ class Conserved:
         """Return I, shape (K,) for q, v of shape (n, K), a 0-d array for (n,)."""
         return np.sum(self._each(q, v, t, parameters), axis=-1)
 
-    def drift(self, solution: Motion, count: int = 201) -> float:
+    def drift(self, solution: HasMotion, count: int = 201) -> float:
         """Return max over time of |I(t) - I(t0)| along a solution, over the size of I's terms.
 
         As large as the velocity's error; more means that I is not conserved with the
@@ -249,7 +249,7 @@ def _trace(system: System, given: Any, role: str, rows: int) -> ca.SX:
         return ca.SX(column(np.atleast_1d(numbers(given, f"the {role}")).tolist(), role, rows))
     s = system.symbols
     fresh = system.table.symbols()
-    named = system.table.named(fresh)
+    named = system.table.by_name(fresh)
     arguments = {
         "q": Expressions(s.q, 1),
         "v": Expressions(s.v, 1),

@@ -26,12 +26,11 @@ from actionopt.mechanics.identity import CANCELLED, general_points
 from actionopt.mechanics.tracing import ParameterTable, call, column, parameter_names
 from actionopt.tools.checks import numbers
 from actionopt.tools.lobatto import lgl
-from actionopt.tools.types import Array
+from actionopt.tools.types import RANK, Array
 
 Rows = Callable[..., Any]
 
 # Ad hoc, all of them; what a leaf's error comes to is checked (`_defect`).
-RANK = 1e-10  # of the largest singular value or entry: less is zero
 LINE_POINTS = 24  # Gauss-Legendre points of a line integral: exact for coefficients up to q^47
 LEAF_PANELS = (1, 2, 4)  # of the integration of a leaf: as many as it takes
 LEAF_DEGREE, PICARD_SWEEPS = 10, 12  # on each panel: a sweep gains an order, and two to be sure
@@ -219,7 +218,7 @@ def _symbols(rows: Rows, n: int, parameters) -> tuple[ca.SX, ca.SX, ca.SX, Array
     """Return q, the packed parameters, A(q) as (m, n) and the parameters' values."""
     table = ParameterTable(parameters)
     p = table.symbols()
-    named = table.named(p)
+    named = table.by_name(p)
     q = ca.SX.sym("q", n)
     return q, p, _matrix(rows, q, named), table.pack(table.values())
 

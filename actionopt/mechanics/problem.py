@@ -569,7 +569,7 @@ def _check_surfaces(problem: Problem) -> None:
                 f"expected each expression of on at the {role} to contain a coordinate that is "
                 f"free there, found that number {i} contains none; a time is given as t"
             )
-        if both and on.timed:
+        if both and on.depends_on_time:
             raise ValueError(
                 f"expected one time that is given, where on at the {role} depends on the time, "
                 "found both free"

@@ -87,7 +87,7 @@ def rest(system: System, packed: Array, q: Array, t: float, side: int) -> Rest:
 
     The last ones are kept. Raises ValueError if there is no equilibrium, or it is no saddle.
     """
-    kept: dict[tuple, Rest] = system.made("rests", dict)
+    kept: dict[tuple, Rest] = system.memoize("rests", dict)
     key = packed.tobytes(), q.tobytes(), t if system.structure.depends_on_time else 0.0, side
     found = kept.pop(key, None) or _rest(system, packed, q, t, side)
     kept[key] = found

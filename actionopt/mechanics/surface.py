@@ -46,14 +46,14 @@ class Surface:
         return self.law(q, t, p)
 
     @classmethod
-    def traced(cls, on: Callable[..., Any], system: System) -> Surface:
+    def trace(cls, on: Callable[..., Any], system: System) -> Surface:
         """Return the surface that a user wrote, in the parameters of a system.
 
         Raises ValueError if it cannot be traced, or returns nothing.
         """
         s = system.symbols
         state = {"q": Expressions(s.q, 1), "t": Expressions(s.t, 0)}
-        rows = surface(call(on, "on", state, system.table.named(s.p))[0], "on")
+        rows = surface(call(on, "on", state, system.table.by_name(s.p))[0], "on")
         if not rows.numel():
             raise ValueError("expected on to return an expression or a sequence of them, found []")
         return cls(ca.Function("on", [s.q, s.t, s.p], [rows]), dict(system.table.shapes))
@@ -68,7 +68,7 @@ class Surface:
         return self.law.numel_out(0)
 
     @property
-    def timed(self) -> bool:
+    def depends_on_time(self) -> bool:
         """Whether it depends on the time."""
         return bool(self.law.jac_sparsity(0, 1).nnz())
 
@@ -121,17 +121,17 @@ def with_parameters(
             continue
         names = on.shapes if isinstance(on, Surface) else parameter_names(on, "on", ["q", "t"])
         more |= {k: given[k] for k in names if k in given and k not in system.table.shapes}
-    return system.widened(more) if more else system
+    return system.with_parameters(more) if more else system
 
 
 def with_surface(event: Event, system: System) -> Event:
     """Return the event with its surface traced.
 
-    Raises ValueError as `Surface.traced`, and for the surface of another system.
+    Raises ValueError as `Surface.trace`, and for the surface of another system.
     """
     on = event.on
     if not isinstance(on, Surface):
-        return Event(event.t, event.q, on=Surface.traced(on, system))
+        return Event(event.t, event.q, on=Surface.trace(on, system))
     if on.shapes != system.table.shapes or on.law.numel_in(0) != system.n:
         raise ValueError(
             "expected the surface of an event of the same system, found one in the parameters "

@@ -21,10 +21,17 @@ from actionopt.tools.tape import Node, Tape, apply
 STEP_CODES = {ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_SIGN, ca.OP_FLOOR, ca.OP_CEIL}
 REMAINDERS = {ca.OP_FMOD, ca.OP_REMAINDER}
 STEPPED = STEP_CODES | REMAINDERS | {ca.OP_COPYSIGN, ca.OP_ATAN2}
-CUT = {*STEP_CODES, *REMAINDERS, *COMPARISONS, ca.OP_COPYSIGN, ca.OP_FMIN, ca.OP_FMAX}
-CUT |= {ca.OP_IF_ELSE_ZERO}
-KINKS = CUT | {ca.OP_FABS}
-LOCALIZED = CUT | {ca.OP_EXP, ca.OP_EXPM1, ca.OP_SINH, ca.OP_COSH, ca.OP_TANH, ca.OP_ERF}
+SWITCHING_CODES = {*STEP_CODES, *REMAINDERS, *COMPARISONS, ca.OP_COPYSIGN, ca.OP_FMIN, ca.OP_FMAX}
+SWITCHING_CODES |= {ca.OP_IF_ELSE_ZERO}
+KINKS = SWITCHING_CODES | {ca.OP_FABS}
+LOCALIZED = SWITCHING_CODES | {
+    ca.OP_EXP,
+    ca.OP_EXPM1,
+    ca.OP_SINH,
+    ca.OP_COSH,
+    ca.OP_TANH,
+    ca.OP_ERF,
+}
 TAILED = {
     ca.OP_FABS, ca.OP_SQRT, ca.OP_TAN, ca.OP_POW, ca.OP_CONSTPOW, ca.OP_LOG, ca.OP_LOG1P,
     ca.OP_HYPOT, ca.OP_ASIN, ca.OP_ACOS, ca.OP_ATAN, ca.OP_ATAN2, ca.OP_ASINH, ca.OP_ACOSH,
@@ -143,7 +150,7 @@ def narrowness(law: Tape) -> int:
 
 # What `is_jumpless` knows of a value: one of these, its sign where that is plain, and the number
 # that it is. A sign is 1 or -1 and the constants of unknown sign of which it is the product.
-CONSTANT, ENTIRE, MOVING, ROOT, QUOTIENT, OTHER = range(6)
+CONSTANT, ENTIRE, VARYING, ROOT, QUOTIENT, OTHER = range(6)
 Sign = tuple[int, frozenset[tuple[int, int]]] | None
 Known = tuple[int, Sign, float]
 POSITIVE: Sign = (1, frozenset())
@@ -169,11 +176,11 @@ def _range_of(node: Node, of: list[Known]) -> Known:
         return CONSTANT, (1 if node.value >= 0 else -1, frozenset()), node.value
     if node.kind == "input":
         if node.entry[0] < 2:
-            return (ENTIRE, MOVING)[node.entry[0]], None, math.nan
+            return (ENTIRE, VARYING)[node.entry[0]], None, math.nan
         return CONSTANT, (1, frozenset([node.entry])), math.nan
     kinds, signs, numbers = zip(*of, strict=True)
     code = node.operation
-    if code in SUMS and max(kinds) == QUOTIENT and min(kinds) <= MOVING:  # where it is infinite
+    if code in SUMS and max(kinds) == QUOTIENT and min(kinds) <= VARYING:  # where it is infinite
         signs = tuple(s for k, s in zip(kinds, signs, strict=True) if k == QUOTIENT)
         code = ca.OP_NEG if code == ca.OP_SUB and kinds[1] == QUOTIENT else ca.OP_TWICE
     sign = _sign(code, signs)
@@ -185,10 +192,10 @@ def _kind(code: int, of: tuple[int, ...], exponent: float, sign: Sign) -> int:
     if high == CONSTANT:
         return CONSTANT
     if code in SUMS:  # of two that are not entire the large parts may cancel
-        return high if len(of) == 1 or low <= MOVING or sign else OTHER
+        return high if len(of) == 1 or low <= VARYING or sign else OTHER
     if code == ca.OP_MUL:
-        return high if low == CONSTANT or (low <= MOVING and high <= ROOT) else OTHER
-    if code in ENTIRE_CODES and high <= MOVING:
+        return high if low == CONSTANT or (low <= VARYING and high <= ROOT) else OTHER
+    if code in ENTIRE_CODES and high <= VARYING:
         return high
     if code == ca.OP_DIV and of[1] == CONSTANT:
         return of[0]

@@ -30,7 +30,7 @@ from actionopt.tools.types import Array
 __all__ = ["Conserved", "Symmetry", "cyclic", "find_symmetries", "is_mechanical", "noether"]
 
 # Confessed. What is found is verified by `noether`: a wrong guess loses a symmetry, and makes none.
-SINGULAR = 1e-11  # singular values below this fraction of the largest are zero
+SYMMETRY_RANK = 1e-11  # singular values below this fraction of the largest are zero
 PIVOT = 1e-6  # entries below this are zero in vectors of size one
 INTEGER = 1e-9  # entries this near to an integer are that integer
 
@@ -149,7 +149,7 @@ def find_symmetries(
 def _null_space(equations: Array) -> Array:
     """Return an orthonormal basis of the null space, one row a vector."""
     _, values, right = np.linalg.svd(equations)
-    rank = int(np.sum(values > SINGULAR * max(values[0], np.finfo(float).tiny)))
+    rank = int(np.sum(values > SYMMETRY_RANK * max(values[0], np.finfo(float).tiny)))
     return right[rank:]
 
 

@@ -49,7 +49,7 @@ STALLED_STEP = 1e-10  # in the velocity's own unit: one that stops contracting i
 TRAVELLING = ("structure", "switches", "clock", "energy_is_mechanical")
 # Sizes of a motion that an obstacle counts as far away at most, and inside of it; ad hoc. What a
 # slope's square may be without being zero.
-DISTANT, LEVEL = 100.0, 1e-300
+DISTANT, LEAST_SLOPE = 100.0, 1e-300
 KEPT_SYSTEMS = 8  # that were loaded, whether or not they are in use: a worker's, ad hoc
 
 
@@ -192,7 +192,7 @@ class System(Laws):
         names_of, table = _names(coordinates), ParameterTable(parameters)
         n, symbols = len(names_of), _symbols(len(names_of), table)
         Q, V, T = Expressions(symbols.q, 1), Expressions(symbols.v, 1), Expressions(symbols.t, 0)
-        named = table.named(symbols.p)
+        named = table.by_name(symbols.p)
         state = {"q": Q, "v": V} if role == "length" else {"q": Q, "v": V, "t": T}
         given, used = call(law, role, state, named)
         L = scalar(given, role)
@@ -319,13 +319,13 @@ class System(Laws):
             for f in ca.vertsplit(self.outside):
                 slope = ca.gradient(f, q) * units
                 steep = ca.sumsqr(slope)
-                bent = ca.dot(slope, ca.jtimes(slope, q, slope * units)) / (steep + LEVEL)
+                bent = ca.dot(slope, ca.jtimes(slope, q, slope * units)) / (steep + LEAST_SLOPE)
                 inside = ca.fmax(-2 * f * bent, 0)
                 level = ca.sqrt(steep + inside + (f / DISTANT) ** 2)  # never zero
                 rows.append(f / level if ca.depends_on(slope, q) else f)
             return self._holding(ca.vertcat(*rows))
 
-        return self.made(f"sought in {sizes}", build)
+        return self.memoize(f"sought in {sizes}", build)
 
     def _holding(self, outside: ca.SX) -> System:
         """Return the system whose constraints are these and the rows of an obstacle."""
@@ -335,7 +335,7 @@ class System(Laws):
         held._pointwise.update({name: self.pointwise(name) for name in ("first", "second")})
         return held
 
-    def widened(self, more: Mapping[str, ArrayLike]) -> System:
+    def with_parameters(self, more: Mapping[str, ArrayLike]) -> System:
         """Return the system with further parameters, which its laws do not contain.
 
         It is the same one for the same names and shapes, and the default values those of the first.
@@ -351,7 +351,7 @@ class System(Laws):
             system._set(symbols, *known, self.loaded, F=laws[4] if len(laws) > 4 else None)
             return system
 
-        return self.made(f"with {table.shapes}", build)
+        return self.memoize(f"with {table.shapes}", build)
 
     @Once
     def digest(self) -> str:

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from actionopt.mechanics.expressions import Expressions, OutOfRange, Untraceable, text_of
 from actionopt.tools.checks import by_name, numbers
+from actionopt.tools.shown import brief
 from actionopt.tools.types import Array
 
 # What arguments are called as a rule, and how the rate of one: qdot, q_dot, dq, dq_dt.
@@ -45,6 +46,13 @@ class Symbols:
     p: ca.SX
 
 
+class Values(dict[str, Array]):
+    """Parameters by name; printed in one line."""
+
+    def __repr__(self) -> str:
+        return brief(self)
+
+
 class ParameterTable:
     """Names, shapes and default values of a system's parameters, packed in a fixed order."""
 
@@ -63,7 +71,7 @@ class ParameterTable:
             For an unknown name (the nearest known one is suggested), a wrong shape, NaN or
             infinity.
         """
-        result = dict(self.defaults)
+        result = Values(self.defaults)
         for name, value in by_name(overrides, "parameters").items():
             if name not in result:
                 raise ValueError(
@@ -91,7 +99,7 @@ class ParameterTable:
         columns = [ca.SX.sym(name, math.prod(shape)) for name, shape in self.shapes.items()]
         return columns[0] if len(columns) == 1 else stack(*columns)
 
-    def named(self, packed: ca.SX) -> dict[str, Expressions]:
+    def by_name(self, packed: ca.SX) -> dict[str, Expressions]:
         """Return by name what the user's callables receive, from a column packed as `symbols`."""
         found, first, each = {}, 0, packed.elements()
         for name, shape in self.shapes.items():

@@ -21,7 +21,7 @@ from actionopt.mechanics.laws import Laws
 from actionopt.mechanics.tracing import ParameterTable
 from actionopt.tools.tape import Node, Tape
 
-LONGEST = 60  # terms; more are no formula to be read (ad hoc)
+MOST_TERMS = 60  # terms; more are no formula to be read (ad hoc)
 ELEMENTARY = {
     ca.OP_SIN: "sin", ca.OP_COS: "cos", ca.OP_TAN: "tan", ca.OP_EXP: "exp", ca.OP_LOG: "log",
     ca.OP_FABS: "abs", ca.OP_SINH: "sinh", ca.OP_COSH: "cosh", ca.OP_TANH: "tanh",
@@ -40,7 +40,7 @@ class Symbol:
 # An atom is a Symbol, (function, sum) or (sum,); a product a sorted tuple of (atom, power).
 Product = tuple[tuple[Any, Fraction], ...]
 Sum = dict[Product, float | Fraction]
-ONE: Product = ()
+UNIT_PRODUCT: Product = ()
 
 
 def lagrangian(system: Laws, table: ParameterTable) -> str:
@@ -125,13 +125,13 @@ def _read(system: Laws, table: ParameterTable, expression: ca.SX, *more: ca.SX) 
 
     def make(node: Node, operands: list[Sum]) -> Sum:
         if node.kind == "constant":
-            return {ONE: _number(node.value)} if node.value else {}
+            return {UNIT_PRODUCT: _number(node.value)} if node.value else {}
         if node.kind == "input":
             name = known[node.entry[0]][node.entry[1]]
             return {((Symbol(places.index(name), name), Fraction(1)),): Fraction(1)}
         found = _apply(node.operation, operands)
-        if len(found) > LONGEST:
-            raise ValueError(f"expected formulas of at most {LONGEST} terms, found longer ones")
+        if len(found) > MOST_TERMS:
+            raise ValueError(f"expected formulas of at most {MOST_TERMS} terms, found longer ones")
         return found
 
     found = tape.fold(make)
@@ -167,8 +167,8 @@ def _apply(op: int, of: Sequence[Sum]) -> Sum:
             return _times(a, _power(b, Fraction(-1)))
         case ca.OP_SQRT:
             return _power(a, Fraction(1, 2))
-        case ca.OP_POW | ca.OP_CONSTPOW if set(b) <= {ONE}:
-            return _power(a, Fraction(b.get(ONE, 0)).limit_denominator(100))
+        case ca.OP_POW | ca.OP_CONSTPOW if set(b) <= {UNIT_PRODUCT}:
+            return _power(a, Fraction(b.get(UNIT_PRODUCT, 0)).limit_denominator(100))
         case _ if op in ELEMENTARY:
             inner, sign = a, Fraction(1)
             if a and all(c < 0 for c in a.values()) and op in (ca.OP_SIN, ca.OP_COS):
@@ -221,7 +221,7 @@ def _collect(a: Sum) -> Sum:
     """Return a sum with its whole powers of sums multiplied out and squared sines collected."""
     found: Sum = {}
     for product, c in a.items():
-        part: Sum = {ONE: c}
+        part: Sum = {UNIT_PRODUCT: c}
         for x, k in product:
             whole = isinstance(x, tuple) and len(x) == 1 and k.denominator == 1 and k > 0
             for _ in range(int(k) if whole else 1):
@@ -256,7 +256,7 @@ def _pythagoras(p: Product, q: Product) -> Product | None:
 def _common(a: Sum) -> Product:
     """Return the factors that all products of a sum have."""
     if not a:
-        return ONE
+        return UNIT_PRODUCT
     first, *others = (dict(product) for product in a)
     least = {x: min([k] + [o.get(x, Fraction(0)) for o in others]) for x, k in first.items()}
     return tuple((x, k) for x, k in least.items() if k > 0)

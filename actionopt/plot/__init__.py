@@ -9,7 +9,7 @@ from actionopt.plot._explore import Explorer, explore
 from actionopt.plot._fan import fan, wavefronts
 from actionopt.plot._files import save, save_runs, svg, svgs
 from actionopt.plot._film import animation, film
-from actionopt.plot._names import SI, Units, planar, symbol
+from actionopt.plot._names import SI, UnitNames, planar, symbol
 from actionopt.plot._paths import contact, deviation, family, mesh, overview, paths
 from actionopt.plot._phasors import phasors
 from actionopt.plot._relaxation import Panels, relaxation, relaxation_film
@@ -18,7 +18,7 @@ from actionopt.plot._strobe import motion
 from actionopt.plot._style import STYLE
 from actionopt.plot._variations import bundle, landscape, landscapes, slices, spectrum
 from actionopt.plot.data.along import (
-    Conserved,
+    ConservedCurves,
     Curves,
     Energies,
     conserved_data,
@@ -47,7 +47,7 @@ __all__ = [
     "SI",
     "STYLE",
     "Bundle",
-    "Conserved",
+    "ConservedCurves",
     "Curves",
     "Energies",
     "Explorer",
@@ -60,7 +60,7 @@ __all__ = [
     "Relaxation",
     "Slice",
     "Spectrum",
-    "Units",
+    "UnitNames",
     "animation",
     "bundle",
     "bundle_data",

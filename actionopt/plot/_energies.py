@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 
 from actionopt.analysis.solution import Solution
 from actionopt.plot import _style as style
-from actionopt.plot._names import NONE, Units, label, symbol
+from actionopt.plot._names import NO_UNITS, UnitNames, label, symbol
 from actionopt.plot.data.along import Kinetic, conserved_data, energies_data
 from actionopt.plot.data.arguments import check_arguments
 from actionopt.tools.words import say
@@ -23,7 +23,7 @@ def energies(
     ax: Axes | None = None,
     *,
     kinetic: Kinetic | None = None,
-    units: Units = NONE,
+    units: UnitNames = NO_UNITS,
 ) -> Axes:
     """Draw T and V, and between them the areas whose difference is S.
 
@@ -64,7 +64,7 @@ def energies(
 @style.styled
 @check_arguments
 def conserved(
-    solution: Solution, axes: Sequence[Axes] | None = None, *, units: Units = NONE
+    solution: Solution, axes: Sequence[Axes] | None = None, *, units: UnitNames = NO_UNITS
 ) -> tuple[Axes, Axes]:
     """Draw the energy above the momenta; what stays the same is a broad straight line.
 

@@ -17,8 +17,17 @@ from matplotlib.widgets import Button, Slider
 
 from actionopt.mechanics.problem import Problem
 from actionopt.plot import _style as style
-from actionopt.plot._explore_parts import ASIDE, LEFT, RIGHT, Missing, Panel, Words, fit, panels
-from actionopt.plot._names import NONE, SI, Units, label
+from actionopt.plot._explore_parts import (
+    LEFT,
+    RIGHT,
+    WORDS_AT,
+    Missing,
+    Panel,
+    Readout,
+    fit,
+    panels,
+)
+from actionopt.plot._names import NO_UNITS, SI, UnitNames, label
 from actionopt.plot.data.arguments import check_arguments
 from actionopt.plot.data.exploration import Exploration, begin, bend, lasting, restart, to_solution
 from actionopt.plot.data.trial import Trial, knots
@@ -26,8 +35,8 @@ from actionopt.scenes import Scene
 from actionopt.solver.arguments import Guess
 
 REACH = 14  # pixels from a point at which it is taken hold of
-SHORTEST = 0.2  # of the duration
-STEPS = {"enter": to_solution, "0": restart}
+SHORTEST_TIME = 0.2  # of the duration
+KEYS = {"enter": to_solution, "0": restart}
 SNAP = 0.006  # of the slider: nearer than this to a conjugate time it is that time
 NO_WINDOW = (
     "no window can be opened: {reason}; run this on a desktop with tkinter, or after `pip install "
@@ -38,7 +47,7 @@ NO_WINDOW = (
 
 @check_arguments
 def explore(
-    question: Scene | Problem, *, guess: Guess | None = None, units: Units | None = None
+    question: Scene | Problem, *, guess: Guess | None = None, units: UnitNames | None = None
 ) -> Explorer:
     """Open a window on a trial path between the events of a scene or a problem; nothing is shown.
 
@@ -53,7 +62,7 @@ def explore(
     question : Scene or Problem
     guess : Path, callable or array, optional
         The first trial, in place of a scene's guess or the straight line.
-    units : Units, optional
+    units : UnitNames, optional
         Words for the labels; SI for a scene, none for a problem.
 
     Raises
@@ -68,7 +77,7 @@ def explore(
         question, units = question.problem, SI if units is None else units
     first = begin(question, guess)
     try:
-        return Explorer(first, NONE if units is None else units)
+        return Explorer(first, NO_UNITS if units is None else units)
     except ImportError as error:
         raise RuntimeError(NO_WINDOW.format(reason=error)) from error
 
@@ -77,7 +86,7 @@ class Explorer:
     """A window; `now` is the `Exploration` that it shows, `figure` what it is drawn on."""
 
     @style.styled
-    def __init__(self, first: Exploration, units: Units) -> None:
+    def __init__(self, first: Exploration, units: UnitNames) -> None:
         self.now = first
         self.held: tuple[Panel, int, Trial] | None = None
         self.behind: Any = None  # the picture without what moves, while a point is held
@@ -89,10 +98,10 @@ class Explorer:
         forced = problem.system.structure.forced
         self.panels = panels(self.figure, names, "motion" if forced else "stationary path", units)
         self.missing = Missing(self.figure, names, forced, units)
-        self.words = Words(self.figure, style.heading(problem), forced, units)
+        self.words = Readout(self.figure, style.heading(problem), forced, units)
         self.slider = Slider(
             self.figure.add_axes((LEFT + 0.075, 0.03, RIGHT - LEFT - 0.145, 0.03)),
-            label("end time", units.time), t0 + SHORTEST * (t1 - t0), first.latest, valinit=t1,
+            label("end time", units.time), t0 + SHORTEST_TIME * (t1 - t0), first.latest, valinit=t1,
             valfmt="%.4g", color=style.BLUE, initcolor="none",
             track_color=matplotlib.rcParams["grid.color"],
         )  # fmt: skip
@@ -101,8 +110,8 @@ class Explorer:
             transform=self.slider.ax.get_xaxis_transform(),
         )  # fmt: skip
         self.slider.on_changed(self._slide)
-        self.solve = self._button(ASIDE, "Solve")
-        self.again = self._button(ASIDE + 0.145, "Start over")
+        self.solve = self._button(WORDS_AT, "Solve")
+        self.again = self._button(WORDS_AT + 0.145, "Start over")
         self.solve.on_clicked(lambda _: self._become(to_solution(self.now)))
         self.again.on_clicked(lambda _: self._become(restart(self.now)))
         for name, react in (
@@ -165,8 +174,8 @@ class Explorer:
 
     def _key(self, event: Gesture) -> None:
         assert isinstance(event, KeyEvent)
-        if event.key in STEPS:
-            self._become(STEPS[event.key](self.now))
+        if event.key in KEYS:
+            self._become(KEYS[event.key](self.now))
 
     def _slide(self, t: float) -> None:
         if self.now.motion is not None:

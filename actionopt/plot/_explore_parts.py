@@ -14,14 +14,14 @@ from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import Bbox
 
 from actionopt.plot import _style as style
-from actionopt.plot._names import Units, label, planar, symbol
+from actionopt.plot._names import UnitNames, label, planar, symbol
 from actionopt.plot.data.exploration import Exploration
 from actionopt.plot.data.trial import Trial, free, knots
 from actionopt.tools.types import Array
 
-LEFT, RIGHT, ASIDE = 0.085, 0.655, 0.705  # of the figure: the panels, and the words beside them
-MOST = 3  # coordinates against time, one panel each
-LEAST = 0.05  # of a coordinate's size, that its panel shows
+LEFT, RIGHT, WORDS_AT = 0.085, 0.655, 0.705  # of the figure: the panels, and the words beside them
+MOST_PANELS = 3  # coordinates against time, one panel each
+LEAST_SPAN = 0.05  # of a coordinate's size, that its panel shows
 ROOM = 0.3  # of what is drawn, around it, to drag into
 DALEMBERT = "LAGRANGE-D\N{RIGHT SINGLE QUOTATION MARK}ALEMBERT"  # their equations
 SIGNS = {"minimum": style.GREEN, "saddle": style.BLUE, "degenerate": style.VERMILION}
@@ -81,7 +81,9 @@ class Panel:
             self.foci.set_data(*self.project(foci, motion.path(foci)))
 
 
-def panels(figure: Figure, names: tuple[str, ...], found_path: str, units: Units) -> list[Panel]:
+def panels(
+    figure: Figure, names: tuple[str, ...], found_path: str, units: UnitNames
+) -> list[Panel]:
     """Return one panel of orbits for Cartesian coordinates, else the first ones against time.
 
     `found_path` is what the path that is solved for is called.
@@ -94,7 +96,7 @@ def panels(figure: Figure, names: tuple[str, ...], found_path: str, units: Units
         found = [Panel(ax, i, j, style.colour(k)) for k, (i, j) in enumerate(pairs)]
     else:
         found = []
-        shown = names[:MOST]
+        shown = names[:MOST_PANELS]
         height = (high - low + 0.03) / len(shown)
         for k, name in enumerate(shown):
             box = (LEFT, high - (k + 1) * height + 0.03, RIGHT - LEFT, height - 0.03)
@@ -122,7 +124,7 @@ def fit(found: list[Panel], sizes: Array, times: tuple[float, float]) -> None:
         ax.dataLim.set_points(Bbox.null().get_points())
         if len(shown):
             # Round-off about a constant is not magnified.
-            middle, least = np.mean(shown, axis=0), np.array([0.0, LEAST * sizes[mine[0].y]])
+            middle, least = np.mean(shown, axis=0), np.array([0.0, LEAST_SPAN * sizes[mine[0].y]])
             ax.update_datalim([*shown, middle - least, middle + least])
         ax.margins(ROOM)
         ax.autoscale_view()
@@ -133,7 +135,9 @@ def fit(found: list[Panel], sizes: Array, times: tuple[float, float]) -> None:
 class Missing:
     """The missing force of each coordinate against time."""
 
-    def __init__(self, figure: Figure, names: tuple[str, ...], forced: bool, units: Units) -> None:
+    def __init__(
+        self, figure: Figure, names: tuple[str, ...], forced: bool, units: UnitNames
+    ) -> None:
         self.ax = ax = figure.add_axes((LEFT, 0.165, RIGHT - LEFT, 0.13))
         self.reach = 0.0
         ax.axhline(0, color=style.ink(), linewidth=0.8)
@@ -165,10 +169,10 @@ class Missing:
         self.ax.set_ylim(-1.15 * (self.reach or 1.0), 1.15 * (self.reach or 1.0))
 
 
-class Words:
+class Readout:
     """The numbers beside the panels, and what they mean."""
 
-    def __init__(self, figure: Figure, name: str, forced: bool, units: Units) -> None:
+    def __init__(self, figure: Figure, name: str, forced: bool, units: UnitNames) -> None:
         def write(y: float, size: float, text: str = "", **look: Any) -> Any:
             look = {
                 "fontsize": style.reader_sizes(size)[0],
@@ -176,7 +180,7 @@ class Words:
                 "linespacing": 1.4,
                 **look,
             }
-            return figure.text(ASIDE, y, text, **look)
+            return figure.text(WORDS_AT, y, text, **look)
 
         self.ink = style.ink()
         self.units, self.forced, small = units, forced, {"color": style.GREY}

@@ -11,9 +11,9 @@ from matplotlib.tri import Triangulation
 
 from actionopt.analysis.solution import Solution
 from actionopt.plot import _style as style
-from actionopt.plot._names import NONE, Units, label, planar
+from actionopt.plot._names import NO_UNITS, UnitNames, label, planar
 from actionopt.plot.data.arguments import check_arguments
-from actionopt.plot.data.fan import LEVELS, Fronts, fan_data, fronts_data, over_plane, over_time
+from actionopt.plot.data.fan import FRONTS, Fronts, fan_data, fronts_data, over_plane, over_time
 from actionopt.tools.types import Array
 from actionopt.tools.words import say
 
@@ -31,7 +31,7 @@ def fan(
     ax: Axes | None = None,
     *,
     coordinate: int | None = None,
-    units: Units = NONE,
+    units: UnitNames = NO_UNITS,
     count: int = 12,
     spread: float = 0.15,
 ) -> Axes:
@@ -79,7 +79,7 @@ def wavefronts(
     solution: Solution,
     ax: Axes | None = None,
     *,
-    units: Units = NONE,
+    units: UnitNames = NO_UNITS,
     until: float | None = None,
 ) -> Axes:
     """Draw the fronts of S(q, t) from the start event, and paths from there.
@@ -113,7 +113,7 @@ def wavefronts(
     return ax
 
 
-def _plane(ax: Axes, solution: Solution, data: Fronts, units: Units) -> None:
+def _plane(ax: Axes, solution: Solution, data: Fronts, units: UnitNames) -> None:
     """Draw fronts over the places reached at the last time, the paths there, and momenta."""
     sheet = over_plane(solution, data)
     _fronts(ax, *sheet.fine(), units)
@@ -139,10 +139,10 @@ def _paths(ax: Axes, x: Array, y: Array, width: float) -> None:
     lines[0].set_label(say("paths from the event"))
 
 
-def _fronts(ax: Axes, sheet: Triangulation, S: Array, units: Units) -> None:
+def _fronts(ax: Axes, sheet: Triangulation, S: Array, units: UnitNames) -> None:
     """Draw lines of equal S over the triangles that are not masked."""
     seen = np.sort(S[np.unique(sheet.get_masked_triangles())])
-    levels = np.unique(np.linspace(seen[len(seen) // 50], seen[-1 - len(seen) // 50], LEVELS))
+    levels = np.unique(np.linspace(seen[len(seen) // 50], seen[-1 - len(seen) // 50], FRONTS))
     norm = Normalize(levels[0], levels[-1])
     ax.tricontour(
         sheet, S, levels, cmap=style.unsigned_colours(), norm=norm, linewidths=1.6, zorder=2

@@ -28,13 +28,14 @@ from actionopt.tools.files import ready, whole
 from actionopt.tools.words import together
 
 LINES = re.compile(r' d="[^"]*"')
-TOGETHER = re.compile(r"\$[^$]*\$|\s\([^()]{1,8}\)")  # mathematics; a unit after its quantity
+UNBROKEN = re.compile(r"\$[^$]*\$|\s\([^()]{1,8}\)")  # mathematics; a unit after its quantity
 SPARE = 0.75  # of the width: what is left beside labels, ad hoc
-SHORT, LONG = 16, 40  # letters of a legend's entry that leaves room for another, and of a line
-LINE = 0.18  # inches of one
+# letters of a legend's entry that leaves room for another, and of a line
+SHORT_ENTRY, LONG_LINE = 16, 40
+LINE_HEIGHT = 0.18  # inches of one
 LETTER = 0.58  # measured: width of one, in parts of its size
 LAYOUTS, EDGE = 4, 0.02  # at most; inches over the edge that are not seen
-DIGITS = re.compile(r"(\.\d\d)\d+")  # beyond a hundredth of a point
+LONG_DECIMALS = re.compile(r"(\.\d\d)\d+")  # beyond a hundredth of a point
 
 
 def svg(draw: Callable[[Figure], Any], size: tuple[float, float] = (6.4, 4.4)) -> str:
@@ -63,7 +64,7 @@ def svgs(draw: Callable[[Figure], Any], *sizes: tuple[float, float]) -> list[str
         figure.set_size_inches(size)
         if size[0] < sizes[0][0]:
             _break_lines(figure)
-        found.append(LINES.sub(lambda line: DIGITS.sub(r"\1", line[0]), _svg_of(figure)))
+        found.append(LINES.sub(lambda line: LONG_DECIMALS.sub(r"\1", line[0]), _svg_of(figure)))
     return found
 
 
@@ -121,17 +122,17 @@ def _break_lines(figure: Figure) -> None:
         legend = ax.get_legend()
         if legend is not None:
             texts = [words.get_text() for words in legend.get_texts()]
-            texts = [fill(text, LONG) if "$" not in text else text for text in texts]
+            texts = [fill(text, LONG_LINE) if "$" not in text else text for text in texts]
             named |= dict(zip(texts, legend.legend_handles, strict=True))
             legend.remove()
     if not named:
         return
-    columns = 2 if max(map(len, named)) < SHORT else 1
+    columns = 2 if max(map(len, named)) < SHORT_ENTRY else 1
     figure.legend(
         list(named.values()), list(named), loc="outside lower left", ncols=columns, frameon=False
     )
     lines = sum(1 + text.count("\n") for text in named) / columns
-    figure.set_size_inches(width, height + LINE * (lines + 1))
+    figure.set_size_inches(width, height + LINE_HEIGHT * (lines + 1))
 
 
 def _sparse(ax: Any) -> None:
@@ -164,7 +165,7 @@ def _hide_overlaps(row: Iterable[Any], lines: Sequence[float], *, up: bool = Fal
 
 def _wrap(words: Any, width: float) -> None:
     letters = int(width / (LETTER * words.get_fontsize()))
-    whole = TOGETHER.sub(lambda m: m[0].replace(" ", "\xa0"), together(words.get_text()))
+    whole = UNBROKEN.sub(lambda m: m[0].replace(" ", "\xa0"), together(words.get_text()))
     words.set_text(fill(whole, letters, break_long_words=False).replace("\xa0", " "))
 
 

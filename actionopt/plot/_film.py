@@ -16,20 +16,20 @@ from PIL import Image
 from actionopt.analysis.solution import Solution
 from actionopt.plot import _strobe as strobe
 from actionopt.plot import _style as style
-from actionopt.plot._names import NONE, Units
+from actionopt.plot._names import NO_UNITS, UnitNames
 from actionopt.plot.data.arguments import check_arguments
 from actionopt.plot.data.motion import Draw, motion_data
 from actionopt.plot.live.film import film_page
 from actionopt.tools.files import ready, whole
 from actionopt.tools.files import write as write_file
 
-SECONDS, FPS = 5.0, 25
+FILM_SECONDS, FPS = 5.0, 25
 DPI, FINE_DPI = 100, 200  # of a film of images, and of one by ffmpeg, which presses it
 NEAR_WHITE = 243
-AHEAD = 0.25  # strength of a trail that is still to come
+AHEAD_STRENGTH = 0.25  # strength of a trail that is still to come
 CODECS = {".mp4": "h264", ".webm": "libvpx-vp9"}
 IMAGES = (".gif", ".png")
-PAGE = ".html"
+PAGE_SUFFIX = ".html"
 FFMPEG = [
     *("-pix_fmt", "yuv420p", "-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2:color=white"),  # for any player
     *("-fflags", "+bitexact", "-flags:v", "+bitexact"),  # no date, no version
@@ -43,10 +43,10 @@ def film(
     draw: Draw,
     file: str | Path,
     *,
-    seconds: float = SECONDS,
+    seconds: float = FILM_SECONDS,
     fps: int = FPS,
     force: bool = False,
-    units: Units = NONE,
+    units: UnitNames = NO_UNITS,
 ) -> None:
     """Write the motion to a film that lasts `seconds`, whatever the motion's own duration.
 
@@ -61,9 +61,9 @@ def film(
     OSError
         If the file cannot be written.
     """
-    target = film_file(file, PAGE)
+    target = film_file(file, PAGE_SUFFIX)
     count = frames(seconds, fps)
-    if target.suffix.lower() == PAGE:
+    if target.suffix.lower() == PAGE_SUFFIX:
         data = motion_data(solution, draw, count, force)
         write_file(target, film_page(data, style.heading(solution), units.time))
         return
@@ -76,10 +76,10 @@ def animation(
     solution: Solution,
     draw: Draw,
     *,
-    seconds: float = SECONDS,
+    seconds: float = FILM_SECONDS,
     fps: int = FPS,
     force: bool = False,
-    units: Units = NONE,
+    units: UnitNames = NO_UNITS,
 ) -> FuncAnimation:
     """Return the film as matplotlib's animation, which a notebook shows as a player."""
     count = frames(seconds, fps)
@@ -194,7 +194,7 @@ def _images(
 
 @style.styled
 def _reel(
-    solution: Solution, draw: Draw, count: int, force: bool, units: Units
+    solution: Solution, draw: Draw, count: int, force: bool, units: UnitNames
 ) -> tuple[Figure, Update]:
     """Return a figure, and the function that turns it to the k-th of `count` times."""
     data = motion_data(solution, draw, count, force).flat
@@ -207,7 +207,7 @@ def _reel(
     trails = []
     for b, trail in enumerate(data.trails):
         colour = strobe.body_colour(b)
-        ax.plot(*trail, color=strobe.faded(colour, AHEAD), **strobe.TRAIL)
+        ax.plot(*trail, color=strobe.faded(colour, AHEAD_STRENGTH), **strobe.TRAIL)
         trails += ax.plot([], [], color=colour, **strobe.TRAIL)
     lines = [strobe.shape(ax, data, s, 0) for s in range(len(data.kinds))]
     pulls = strobe.arrows(ax, data, 0) if force else None

@@ -15,7 +15,7 @@ from actionopt.tools.words import say
 
 
 @dataclass(frozen=True)
-class Units:
+class UnitNames:
     """Words for the units in labels; an empty word writes none. Greek coordinates are angles.
 
     >>> SI.coordinate("theta1"), SI.coordinate("x"), SI.momentum("theta1"), SI.action
@@ -52,8 +52,8 @@ class Units:
         return f"{self.force}{length}" if self.force else ""
 
 
-NONE = Units()
-SI = Units("s", "m", "J", "N")
+NO_UNITS = UnitNames()
+SI = UnitNames("s", "m", "J", "N")
 
 
 def _angle(name: str) -> bool:

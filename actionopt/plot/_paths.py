@@ -16,14 +16,14 @@ from matplotlib.ticker import MaxNLocator
 
 from actionopt.analysis.solution import Solution, question
 from actionopt.plot import _style as style
-from actionopt.plot._names import NONE, Units, label, symbol
+from actionopt.plot._names import NO_UNITS, UnitNames, label, symbol
 from actionopt.plot.data.along import curves, family_data, forward_values, mesh_data, times
 from actionopt.plot.data.arguments import check_arguments
 from actionopt.tools.types import Array
 from actionopt.tools.words import say
 
 BADGE: Any = {"boxstyle": "circle,pad=0.2", "edgecolor": style.GREY}
-HALVES = np.array([-0.5, 0.5])
+HALF_SHIFTS = np.array([-0.5, 0.5])
 OBSTACLE = 200  # points along each axis where an obstacle is asked: half a line's width apart
 BOUND: Any = {"color": style.GREY, "linewidth": 1.2}
 
@@ -31,7 +31,7 @@ BOUND: Any = {"color": style.GREY, "linewidth": 1.2}
 @style.styled
 @check_arguments
 def overview(
-    solution: Solution, axes: Sequence[Axes] | None = None, *, units: Units = NONE
+    solution: Solution, axes: Sequence[Axes] | None = None, *, units: UnitNames = NO_UNITS
 ) -> tuple[Axes, Axes]:
     """Draw `paths` above `deviation`, on two axes or in a figure of their own.
 
@@ -48,7 +48,7 @@ def overview(
 @style.styled
 @check_arguments
 def paths(
-    solution: Solution, ax: Axes | None = None, *, compare: bool = True, units: Units = NONE
+    solution: Solution, ax: Axes | None = None, *, compare: bool = True, units: UnitNames = NO_UNITS
 ) -> Axes:
     """Draw the path, and unless `compare` is False the forward integration over it.
 
@@ -83,7 +83,7 @@ def _obstacle(ax: Axes, solution: Solution, t: Array) -> None:
     limits = np.array([ax.get_xlim(), ax.get_ylim()])
     reach = limits
     if n == 2:  # of equal scales, an axis may reach farther than its limits say yet
-        reach = limits.mean(axis=1, keepdims=True) + np.ptp(limits, axis=1).max() * HALVES
+        reach = limits.mean(axis=1, keepdims=True) + np.ptp(limits, axis=1).max() * HALF_SHIFTS
     (left, right), (low, high) = reach
     x, y = np.meshgrid(np.linspace(left, right, OBSTACLE), np.linspace(low, high, OBSTACLE))
     q, time = (y.reshape(1, -1), x.ravel()) if n == 1 else (np.stack([x.ravel(), y.ravel()]), t[0])
@@ -98,7 +98,7 @@ def _obstacle(ax: Axes, solution: Solution, t: Array) -> None:
 
 @style.styled
 @check_arguments
-def contact(solution: Solution, ax: Axes | None = None, *, units: Units = NONE) -> Axes:
+def contact(solution: Solution, ax: Axes | None = None, *, units: UnitNames = NO_UNITS) -> Axes:
     """Draw the contact force nu of each row of an obstacle against time.
 
     Raises ValueError for a system without an obstacle.
@@ -120,7 +120,7 @@ def contact(solution: Solution, ax: Axes | None = None, *, units: Units = NONE) 
 
 @style.styled
 @check_arguments
-def deviation(solution: Solution, ax: Axes | None = None, *, units: Units = NONE) -> Axes:
+def deviation(solution: Solution, ax: Axes | None = None, *, units: UnitNames = NO_UNITS) -> Axes:
     """Draw the deviation of the forward integration against time, on a logarithmic axis.
 
     With it the solution's error estimate and the uncertainty of the integration itself: below
@@ -147,7 +147,7 @@ def family(
     ax: Axes | None = None,
     *,
     coordinate: int | None = None,
-    units: Units = NONE,
+    units: UnitNames = NO_UNITS,
 ) -> Axes:
     """Draw all the paths between two events, coloured by action and labelled by index.
 
@@ -187,7 +187,7 @@ def family(
 @style.styled
 @check_arguments
 def mesh(
-    solution: Solution, axes: Sequence[Axes] | None = None, *, units: Units = NONE
+    solution: Solution, axes: Sequence[Axes] | None = None, *, units: UnitNames = NO_UNITS
 ) -> tuple[Axes, Axes]:
     """Draw the path with its nodes, and below it the degree of each element."""
     boundaries, degrees = mesh_data(solution)

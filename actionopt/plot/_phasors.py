@@ -11,12 +11,12 @@ from matplotlib.colors import Normalize
 
 from actionopt.analysis.solution import Solution
 from actionopt.plot import _style as style
-from actionopt.plot._names import NONE, Units, label
+from actionopt.plot._names import NO_UNITS, UnitNames, label
 from actionopt.plot.data.arguments import check_arguments
-from actionopt.plot.data.phasors import WHOLE, phasors_data
+from actionopt.plot.data.phasors import WHOLE_ARROWS, phasors_data
 from actionopt.tools.words import say
 
-SIZE = (12.6, 4.2)
+PHASOR_SIZE = (12.6, 4.2)
 
 
 @style.styled
@@ -28,7 +28,7 @@ def phasors(
     *,
     mode: int = 0,
     coordinate: int | None = None,
-    units: Units = NONE,
+    units: UnitNames = NO_UNITS,
 ) -> list[Axes]:
     """Draw the sum over neighbouring paths, an arrow exp(i S / hbar) for each, in three panels.
 
@@ -40,7 +40,7 @@ def phasors(
     data, names = phasors_data(solution, hbar, mode=mode), solution.problem.system.coordinates
     at = style.coordinate_to_show(solution, coordinate)
     if axes is None:
-        figure = style.new_figure(figsize=style.reader_sizes(*SIZE))
+        figure = style.new_figure(figsize=style.reader_sizes(*PHASOR_SIZE))
         axes = list(figure.subplots(1, 3, width_ratios=(1.25, 1, 1)))
     near, along, spiral = axes
     circle = style.circle()
@@ -60,7 +60,7 @@ def phasors(
     along.set_xlabel(label(r"variation $\alpha$ (of the path's size)"))
     along.set_ylabel(label(r"$\cos((S - S^*)/\hbar)$, shorter at the ends"))
     along.set_title(say("near the stationary path\nthey agree"))
-    along.set_xlim(*(1.6 * WHOLE * data.alpha[[0, -1]]))
+    along.set_xlim(*(1.6 * WHOLE_ARROWS * data.alpha[[0, -1]]))
 
     spiral.plot(np.real(data.ends), np.imag(data.ends), color=style.BLUE, linewidth=1.1)
     for value, look in ((data.sum, style.VERMILION), (data.expected, style.ink())):

@@ -15,17 +15,18 @@ from actionopt.analysis.solution import Solution
 from actionopt.discrete.path import Path
 from actionopt.plot import _style as style
 from actionopt.plot._film import FPS, film_file, write
-from actionopt.plot._names import NONE, Units, label
+from actionopt.plot._names import NO_UNITS, UnitNames, label
 from actionopt.plot._strobe import faded
 from actionopt.plot.data.arguments import check_arguments
 from actionopt.plot.data.relaxation import Relaxation, relaxation_data
 from actionopt.tools.types import Array
 from actionopt.tools.words import say
 
-SIZE = (9.6, 5.4)  # inches
-LEAST = 3.0  # seconds of a film, ad hoc
-SHOWN, FAINTEST = 14, 0.15  # paths shown together, and how strong the first of them is
-FIRST: Any = {"color": style.PALE, "linewidth": 1.4}
+RELAXATION_SIZE = (9.6, 5.4)  # inches
+SHORTEST_FILM = 3.0  # seconds of a film, ad hoc
+# paths shown together, and how strong the first of them is
+PATHS_SHOWN, FIRST_PATH_STRENGTH = 14, 0.15
+FIRST_STYLE: Any = {"color": style.PALE, "linewidth": 1.4}
 NOW: Any = {"color": style.BLUE, "linewidth": 4.0, "zorder": 3.5}  # the true path shows upon it
 DOT: Any = {"marker": "o", "markersize": 7, "linestyle": "none", "zorder": 6}
 FRONT = NOW["zorder"]  # nothing that moves is further back
@@ -63,7 +64,7 @@ def relaxation(
     *,
     method: str = "descent",
     coordinate: int | None = None,
-    units: Units = NONE,
+    units: UnitNames = NO_UNITS,
 ) -> Panels:
     """Draw the paths from `start` to where they lead, later ones stronger, and S beside them.
 
@@ -75,9 +76,9 @@ def relaxation(
         style.coordinate_to_show(solution, coordinate),
     )
     names, last = solution.problem.system.coordinates, len(data.action) - 1
-    panels = _panels(style.new_figure(figsize=SIZE)) if axes is None else Panels(*axes)
-    picked = np.unique(np.rint(last * np.linspace(0, 1, SHOWN) ** 2).astype(int))[1:]
-    for k, strength in zip(picked, np.linspace(FAINTEST, 1, picked.size), strict=True):
+    panels = _panels(style.new_figure(figsize=RELAXATION_SIZE)) if axes is None else Panels(*axes)
+    picked = np.unique(np.rint(last * np.linspace(0, 1, PATHS_SHOWN) ** 2).astype(int))[1:]
+    for k, strength in zip(picked, np.linspace(FIRST_PATH_STRENGTH, 1, picked.size), strict=True):
         look = {**NOW, "linewidth": 1.4, "color": faded(style.BLUE, strength)}
         text = say("last path") if k == last else None
         style.draw(panels.paths, names, data.t, data.paths[k], at, text, **look)
@@ -94,11 +95,11 @@ def relaxation_film(
     method: str = "descent",
     coordinate: int | None = None,
     fps: int = FPS,
-    units: Units = NONE,
+    units: UnitNames = NO_UNITS,
 ) -> None:
     """Write the relaxation to a film, one step a frame; files and what is raised as in `film`.
 
-    One that runs away takes few steps, and is slowed down to `LEAST` seconds.
+    One that runs away takes few steps, and is slowed down to `SHORTEST_FILM` seconds.
     """
     film_file(file)
     data, at = (
@@ -114,16 +115,16 @@ def frame_count(data: Relaxation, fps: int) -> int:
     """Return the number of frames: of steps, but for a path that runs away not too few."""
     steps = len(data.action)
     away = not data.arrived and data.action[-1] < data.target_action
-    return max(steps, round(LEAST * fps)) if away else steps
+    return max(steps, round(SHORTEST_FILM * fps)) if away else steps
 
 
 @style.styled
 def _reel(
-    solution: Solution, data: Relaxation, at: int | None, units: Units
+    solution: Solution, data: Relaxation, at: int | None, units: UnitNames
 ) -> tuple[Figure, Callable[[float], None]]:
     """Return a figure, and the function that turns it to a step, or between two."""
     names = solution.problem.system.coordinates
-    figure = Figure(SIZE, layout="constrained")
+    figure = Figure(RELAXATION_SIZE, layout="constrained")
     panels = _panels(figure)
     lines = style.draw(panels.paths, names, data.t, data.paths[0], at, say("now"), **NOW)
     curves = (data.action, data.kinetic, data.potential, data.residual)
@@ -159,12 +160,12 @@ def _panels(figure: Figure) -> Panels:
 
 
 def _prepare(
-    panels: Panels, solution: Solution, data: Relaxation, at: int | None, units: Units
+    panels: Panels, solution: Solution, data: Relaxation, at: int | None, units: UnitNames
 ) -> None:
     """Draw what all frames share: the start and the true path, the curves, labels."""
     names, steps = solution.problem.system.coordinates, np.arange(len(data.action))
     paths, action, parts, residual = panels
-    style.draw(paths, names, data.t, data.paths[0], at, say("start"), **FIRST)
+    style.draw(paths, names, data.t, data.paths[0], at, say("start"), **FIRST_STYLE)
     style.draw(paths, names, data.t, data.target, at, say("true path"), **style.true())
     for q in data.paths:  # room for all, also in a film
         for x, y, _ in style.traces(names, data.t, q, at):

@@ -9,11 +9,11 @@ from matplotlib.colors import ListedColormap, Normalize, to_rgb
 from actionopt.families.runs import Runs
 from actionopt.families.vary import Name
 from actionopt.plot import _style as style
-from actionopt.plot._names import NONE, Units, label, symbol
+from actionopt.plot._names import NO_UNITS, UnitNames, label, symbol
 from actionopt.plot.data.arguments import check_arguments
 from actionopt.tools.types import Array
 
-LEVELS = 15
+RUNS_CONTOURS = 15
 TINT = 0.35  # of the colours of areas, the rest is white
 FACES = (style.SKY, style.ORANGE, style.GREEN, style.PURPLE, style.BLUE, style.VERMILION)
 QUANTITIES = {
@@ -27,7 +27,7 @@ QUANTITIES = {
 @style.styled
 @check_arguments
 def runs(
-    runs: Runs, quantity: str = "action", ax: Axes | None = None, *, units: Units = NONE
+    runs: Runs, quantity: str = "action", ax: Axes | None = None, *, units: UnitNames = NO_UNITS
 ) -> Axes:
     """Draw a quantity of a sweep over one or two axes: "action", "error", "index" or "branch".
 
@@ -88,7 +88,7 @@ def _count_text(runs: Runs) -> str:
     return f"{runs.grid.size} paths" + (f", {failed} of them failed" if failed else "")
 
 
-def _axis(name: Name, units: Units) -> str:
+def _axis(name: Name, units: UnitNames) -> str:
     """Return the label of the axis of what varies."""
     if isinstance(name, tuple):
         return label(f"{symbol(name[1])} at the {name[0]}", units.coordinate(name[1]))
@@ -133,7 +133,7 @@ def _contours(ax: Axes, runs: Runs, values: Array, branch: Array, text: str) -> 
     if not finite.size or not np.ptp(finite):
         return
     low, high = np.quantile(finite, [0.01, 0.99])  # one member beside a pole is not to decide
-    levels = np.linspace(low, high, LEVELS) if low < high else np.array([low])
+    levels = np.linspace(low, high, RUNS_CONTOURS) if low < high else np.array([low])
     norm = Normalize(levels[0], levels[-1])
     for b in range(branch.max(initial=-1) + 1):
         here = branch == b

@@ -17,9 +17,16 @@ from matplotlib.quiver import Quiver
 
 from actionopt.analysis.solution import Solution
 from actionopt.plot import _style as style
-from actionopt.plot._names import NONE, Units, label
+from actionopt.plot._names import NO_UNITS, UnitNames, label
 from actionopt.plot.data.arguments import check_arguments
-from actionopt.plot.data.motion import STILL, Draw, Motion, motion_data
+from actionopt.plot.data.motion import (
+    SPRING_BREADTH,
+    SPRING_TURNS,
+    STILL,
+    Draw,
+    Motion,
+    motion_data,
+)
 from actionopt.tools.types import Array
 from actionopt.tools.words import say
 
@@ -36,19 +43,18 @@ ARROWS: Any = {
     "angles": "xy", "scale_units": "xy", "width": 0.006, "minlength": 0, "zorder": 3.5,
 }  # fmt: skip
 TRAIL: Any = {"linewidth": 1.5, "zorder": 3.2}
-MOVING = 1.4  # a line of scenery that moves
-FAINTEST = 0.25  # how strong the first time is drawn, in parts of the last
-PALE = 0.45  # and how strong a trail is
-TURNS, BREADTH = 8, 0.03  # of a spring; its breadth in parts of the picture's size
-MARGIN = 0.06  # of the picture's size, on all sides, and between the scales
-NARROWEST = 0.7  # a view's width in parts of its height
+MOVING_WIDTH = 1.4  # a line of scenery that moves
+FIRST_TIME_STRENGTH = 0.25  # how strong the first time is drawn, in parts of the last
+TRAIL_STRENGTH = 0.45  # and how strong a trail is
+VIEW_MARGIN = 0.06  # of the picture's size, on all sides, and between the scales
+NARROWEST_VIEW = 0.7  # a view's width in parts of its height
 STRIP = 0.09  # of the picture's size: least distance of a strip's pictures
-CROWDED = 6  # more times than these are not all written beside a strip
-ROW = 0.06  # of the view's height: where the row of scales is
+MOST_TIMES = 6  # more times than these are not all written beside a strip
+SCALES_ROW = 0.06  # of the view's height: where the row of scales is
 SCALE = 0.17  # of the picture's width: the longest scale
 BEGIN = (0.04, 0.4)  # of its width: where the scales of length and force begin
 INCHES = 6.4  # the longer side of a picture of its own
-WORDS = 0.6  # inches above and below it
+WORDS_HEIGHT = 0.6  # inches above and below it
 
 
 @style.styled
@@ -60,7 +66,7 @@ def motion(
     *,
     count: int = 9,
     force: bool = False,
-    units: Units = NONE,
+    units: UnitNames = NO_UNITS,
 ) -> Axes:
     """Draw the motion at `count` equal times, earlier ones fainter, the bodies open at the start.
 
@@ -75,9 +81,9 @@ def motion(
     prepare(ax, data, view, units)
     along = np.outer(strip, np.linspace(0.0, 1.0, data.trails.shape[2]))
     for b, trail in enumerate(data.trails):
-        ax.plot(*(trail + along), color=faded(body_colour(b), PALE), **TRAIL)
+        ax.plot(*(trail + along), color=faded(body_colour(b), TRAIL_STRENGTH), **TRAIL)
     for k, share in enumerate(shares):
-        strength = FAINTEST + (1 - FAINTEST) * share
+        strength = FIRST_TIME_STRENGTH + (1 - FIRST_TIME_STRENGTH) * share
         for s, still in enumerate(data.still):
             if not still or strip.any() or k == count - 1:  # what stays is drawn once
                 shape(ax, data, s, k, share * strip, strength, hollow=k == 0)
@@ -103,8 +109,8 @@ def stage(data: Motion, strip: Array | float = 0.0) -> Array:
     across, down = np.broadcast_to(strip, 2)
     left, right, bottom, top = data.box
     right, bottom = right + across, bottom + down
-    margin = MARGIN * float(np.hypot(right - left, top - bottom))
-    spare = max(0.0, NARROWEST * (top - bottom) - (right - left)) / 2
+    margin = VIEW_MARGIN * float(np.hypot(right - left, top - bottom))
+    spare = max(0.0, NARROWEST_VIEW * (top - bottom) - (right - left)) / 2
     left, right = left - spare - margin, right + spare + margin
     return np.array([left, right, bottom - 3 * margin, top + margin])
 
@@ -113,10 +119,10 @@ def inches(view: Array) -> tuple[float, float]:
     """Return the size of a figure for it."""
     width, height = view[1] - view[0], view[3] - view[2]
     inch = INCHES / max(width, height)
-    return inch * width, inch * height + WORDS
+    return inch * width, inch * height + WORDS_HEIGHT
 
 
-def prepare(ax: Axes, data: Motion, view: Array, units: Units) -> None:
+def prepare(ax: Axes, data: Motion, view: Array, units: UnitNames) -> None:
     """Make lengths true in both directions, and draw the scales."""
     left, right, bottom, top = view
     ax.set(xlim=(left, right), ylim=(bottom, top), xticks=[], yticks=[])
@@ -149,14 +155,14 @@ def shape(
     x, y = outline(data, s, k) + np.reshape(shift, (-1, 1))
     if kind == "body":
         colour = body_colour(data.kinds[:s].count("body"))
-        edge = faded(colour, max(strength, PALE)) if hollow else style.paper()
+        edge = faded(colour, max(strength, TRAIL_STRENGTH)) if hollow else style.paper()
         face = style.paper() if hollow else faded(colour, strength)
         return ax.plot(x, y, markerfacecolor=face, markeredgecolor=edge, zorder=4, **LOOKS[kind])[0]
     look = LOOKS["point" if x.size == 1 else kind]
     colour = SCENERY if kind == "ground" else style.ink()
     line = ax.plot(x, y, color=faded(colour, strength), zorder=3, **look)[0]
     if not data.still[s] and kind == "ground":
-        line.set_linewidth(MOVING)
+        line.set_linewidth(MOVING_WIDTH)
     return line
 
 
@@ -169,9 +175,9 @@ def outline(data: Motion, s: int, k: int) -> Array:
     length = float(np.hypot(*along))
     if not length:
         return points
-    across = np.array([-along[1], along[0]]) / length * BREADTH * data.size
-    at = np.r_[0.0, np.linspace(0.12, 0.88, 2 * TURNS + 1), 1.0]
-    side = np.r_[0.0, 0.0, np.tile([1.0, -1.0], TURNS)[:-1] / 2, 0.0, 0.0]
+    across = np.array([-along[1], along[0]]) / length * SPRING_BREADTH * data.size
+    at = np.r_[0.0, np.linspace(0.12, 0.88, 2 * SPRING_TURNS + 1), 1.0]
+    side = np.r_[0.0, 0.0, np.tile([1.0, -1.0], SPRING_TURNS)[:-1] / 2, 0.0, 0.0]
     return a[:, None] + np.outer(along, at) + np.outer(across, side)
 
 
@@ -207,7 +213,7 @@ def nice(most: float) -> float:
 
 def _row(view: Array) -> float:
     """Return the height of the row of scales."""
-    return float(view[2] + ROW * (view[3] - view[2]))
+    return float(view[2] + SCALES_ROW * (view[3] - view[2]))
 
 
 def body_colour(b: int) -> str:
@@ -234,12 +240,12 @@ def _strip(data: Motion) -> Array:
     return np.zeros(2)
 
 
-def _times(ax: Axes, data: Motion, strip: Array, units: Units) -> None:
+def _times(ax: Axes, data: Motion, strip: Array, units: UnitNames) -> None:
     """Write the times beside the pictures of a strip."""
     down = bool(strip[1])
     at = data.bodies[0, int(down), 0] + np.linspace(0.0, 1.0, data.t.size) * strip[int(down)]
     axis = ax.yaxis if down else ax.xaxis
-    every = slice(None, None, 2 if at.size > CROWDED else 1)
+    every = slice(None, None, 2 if at.size > MOST_TIMES else 1)
     axis.set_ticks(at[every], [f"{t:.3g}" for t in data.t[every]])
     axis.set_tick_params(length=0)
     axis.set_label_text(label("time $t$", units.time))

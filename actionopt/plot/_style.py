@@ -37,7 +37,7 @@ from matplotlib.ticker import MaxNLocator
 
 from actionopt.analysis.solution import Solution
 from actionopt.mechanics.problem import Problem
-from actionopt.plot._names import NONE, Units, label, planar, symbol
+from actionopt.plot._names import NO_UNITS, UnitNames, label, planar, symbol
 from actionopt.tools.types import Array
 from actionopt.tools.words import say
 
@@ -98,9 +98,9 @@ MIDDLE, SWING = 0.19, 0.08
 WEIGHTS = np.array([0.2126, 0.7152, 0.0722])  # of red, green and blue in luminance
 PATH: Any = {"linewidth": 4.5}  # broad: the forward integration lies within it
 POTENTIAL: Any = {"color": VERMILION, "linewidth": 2.2, "linestyle": (0, (6, 2))}
-SHORT = 0.06  # of a bar of colours
+SHORT_BAR = 0.06  # of a bar of colours
 IF_ROOM = "_if there is room"  # the label of words that a small picture can do without
-MANY = 5  # entries of a legend: more stand beside the picture
+MOST_ENTRIES = 5  # entries of a legend: more stand beside the picture
 
 
 def dark() -> bool:
@@ -205,7 +205,9 @@ def coordinate_to_show(solution: Solution, coordinate: int | None) -> int | None
     return coordinate
 
 
-def frame(ax: Axes, solution: Solution, units: Units = NONE, coordinate: int | None = None) -> None:
+def frame(
+    ax: Axes, solution: Solution, units: UnitNames = NO_UNITS, coordinate: int | None = None
+) -> None:
     """Label the axes of `traces` and mark the two events."""
     problem = solution.problem
     names = problem.system.coordinates
@@ -223,7 +225,7 @@ def frame(ax: Axes, solution: Solution, units: Units = NONE, coordinate: int | N
     ax.set(xlabel=label("time $t$", units.time), ylabel=words)
 
 
-def plane(ax: Axes, names: Sequence[str], units: Units) -> None:
+def plane(ax: Axes, names: Sequence[str], units: UnitNames) -> None:
     """Label the axes of orbits, lengths the same in both directions."""
     x, y = (label(f"${names[i][0]}$", units.length) for i in planar(names)[0])
     ax.set(xlabel=x, ylabel=y)
@@ -266,7 +268,7 @@ def colour_bar(
     if isinstance(norm, FuncNorm) and low < 0 < top:
         # Either side has ticks of its own, unless it is short.
         sides = [(low, 0.0), (0.0, top)]
-        long = [s for s in sides if norm(s[1]) - norm(s[0]) > SHORT]
+        long = [s for s in sides if norm(s[1]) - norm(s[0]) > SHORT_BAR]
         ticks = np.unique(np.concatenate([MaxNLocator(3).tick_values(*s) for s in long]))
         bar.set_ticks(ticks[(low <= ticks) & (ticks <= top)].tolist())
     bar.set_label(text)
@@ -284,7 +286,7 @@ def strand(i: int) -> dict[str, Any]:
 
 def legend(ax: Axes, *, beside: bool = False) -> None:
     """Explain the lines where there is room: in the picture if they are few, else beside it."""
-    if beside or len(ax.get_legend_handles_labels()[1]) > MANY:
+    if beside or len(ax.get_legend_handles_labels()[1]) > MOST_ENTRIES:
         ax.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0)
     else:
         ax.legend()

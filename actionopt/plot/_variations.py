@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from actionopt.analysis.solution import Solution
 from actionopt.discrete.path import Path
 from actionopt.plot import _style as style
-from actionopt.plot._names import NONE, Units, label
+from actionopt.plot._names import NO_UNITS, UnitNames, label
 from actionopt.plot.data.arguments import check_arguments
 from actionopt.plot.data.variations import (
     Landscape,
@@ -25,10 +25,10 @@ from actionopt.plot.data.variations import (
 from actionopt.tools.types import Array
 from actionopt.tools.words import say
 
-LEVELS = 14  # contours from 0 to the largest
+VARIATION_CONTOURS = 14  # contours from 0 to the largest
 ABOVE = 2.5  # times the most along either mode: higher is no part of the bowl, but a singularity
-SIZE = (5.8, 4.2)  # of one map
-NARROW = 0.02  # of the duration: an arc too short for a number
+MAP_SIZE = (5.8, 4.2)  # of one map
+NARROW_ARC = 0.02  # of the duration: an arc too short for a number
 
 
 @style.styled
@@ -38,7 +38,7 @@ def bundle(
     ax: Axes | None = None,
     *,
     coordinate: int | None = None,
-    units: Units = NONE,
+    units: UnitNames = NO_UNITS,
     count: int = 8,
     size: float = 0.25,
 ) -> Axes:
@@ -71,7 +71,7 @@ def slices(
     *,
     etas: Sequence[Path] | None = None,
     reach: float = 0.5,
-    units: Units = NONE,
+    units: UnitNames = NO_UNITS,
 ) -> Axes:
     """Draw S - S* along variations, each with the parabola of its second variation.
 
@@ -104,15 +104,15 @@ def slices(
 @style.styled
 @check_arguments
 def landscape(
-    solution: Solution, ax: Axes | None = None, *, reach: float = 0.5, units: Units = NONE
+    solution: Solution, ax: Axes | None = None, *, reach: float = 0.5, units: UnitNames = NO_UNITS
 ) -> Axes:
     """Draw S - S* over two modes as a contour map, the stationary path in its middle."""
     data = landscape_data(solution, reach)
-    ax, places = style.on(ax, figsize=SIZE), (data.a, data.b, data.rise)
+    ax, places = style.on(ax, figsize=MAP_SIZE), (data.a, data.b, data.rise)
     middle = data.rise.shape[0] // 2
     along = np.abs(np.concatenate([data.rise[middle], data.rise[:, middle]]))
     reach = min(float(np.nanmax(np.abs(data.rise))), ABOVE * float(np.nanmax(along))) or 1.0
-    norm, even = style.signed_norm(reach), np.linspace(-1, 1, 2 * LEVELS + 1)
+    norm, even = style.signed_norm(reach), np.linspace(-1, 1, 2 * VARIATION_CONTOURS + 1)
     levels = reach * even * np.abs(even)
     ax.contourf(*places, levels, cmap=style.AREAS, norm=norm, extend="both")
     lines = ax.contour(*places, levels[::2], colors="white", linewidths=0.6, linestyles="-")
@@ -140,14 +140,17 @@ def level_lines(data: Landscape, level: float) -> list[Array]:
 @style.styled
 @check_arguments
 def landscapes(
-    solutions: Sequence[Solution], axes: Sequence[Axes] | None = None, *, units: Units = NONE
+    solutions: Sequence[Solution],
+    axes: Sequence[Axes] | None = None,
+    *,
+    units: UnitNames = NO_UNITS,
 ) -> list[Axes]:
     """Draw the landscapes of several solutions side by side."""
     count = len(solutions)
     if not count:
         raise ValueError("expected at least one solution, found none")
     if axes is None:
-        figure = style.new_figure(figsize=(SIZE[0] * count, SIZE[1]))
+        figure = style.new_figure(figsize=(MAP_SIZE[0] * count, MAP_SIZE[1]))
         axes = list(figure.subplots(1, count, squeeze=False).ravel())
     return [landscape(s, ax, units=units) for s, ax in zip(solutions, axes, strict=True)]
 
@@ -155,7 +158,7 @@ def landscapes(
 @style.styled
 @check_arguments
 def spectrum(
-    solution: Solution, ax: Axes | None = None, *, count: int = 3, units: Units = NONE
+    solution: Solution, ax: Axes | None = None, *, count: int = 3, units: UnitNames = NO_UNITS
 ) -> Axes:
     """Draw the lowest eigenvalues against duration; dotted lines are the conjugate times.
 
@@ -175,7 +178,7 @@ def spectrum(
     ax.set_ylim(low - 0.04 * (high - low), high + 0.1 * (high - low))
     ends = [data.durations[0], *foci, data.durations[-1]]
     for k, (begin, end) in enumerate(pairwise(ends)):  # number the arcs
-        if end - begin >= NARROW * ends[-1]:
+        if end - begin >= NARROW_ARC * ends[-1]:
             index = int(np.sum(data.conjugate <= begin))
             text = f"{index}" if k else say("index {k}", k=index)
             ax.text(

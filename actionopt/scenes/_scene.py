@@ -25,7 +25,7 @@ from actionopt.scenes._shapes import Shape
 from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array
 
-PANELS, POINTS = 64, 20  # Gauss-Legendre rule for `Scene.action`: exact to rounding here
+PANELS, GAUSS_POINTS = 64, 20  # Gauss-Legendre rule for `Scene.action`: exact to rounding here
 
 Curve = Callable[[Any], Array]  # of t: (n, K) for K times, (n,) for one time
 Along = Callable[[Array, Array, Any], Array]  # of q, v (n, K) and t
@@ -158,7 +158,7 @@ class Known:
         if self.exact is None:
             return None
         problem = self.problem
-        xi, w = np.polynomial.legendre.leggauss(POINTS)
+        xi, w = np.polynomial.legendre.leggauss(GAUSS_POINTS)
         h = problem.duration / PANELS
         t = problem.start.t + h * (np.arange(PANELS)[:, None] + (xi + 1) / 2).ravel()
         L = problem.system.lagrangian(

@@ -20,7 +20,7 @@ from actionopt.tools.types import Array
 
 Point = Sequence[float] | Array
 BACK = 0.35  # height at which a point at unit depth is seen
-KINDS = ("body", "rod", "spring", "ground")
+SHAPE_KINDS = ("body", "rod", "spring", "ground")
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,12 +51,14 @@ class Shape:
         traced = isinstance(self.points, Expressions)
         points = self.points if traced else numbers(self.points, "the points of a shape")
         if not isinstance(self.kind, str):
-            raise ValueError(f"expected a shape of kind {', '.join(KINDS)}, found {self.kind!r}")
-        count = {"body": 1, "spring": 2}.get(self.kind, points.shape[-1] if points.ndim else 0)
-        if self.kind not in KINDS or points.shape not in ((2, count), (3, count)):
             raise ValueError(
-                f"expected a shape of kind {', '.join(KINDS)} with points of shape (2, P), or "
-                f"(3, P) in space, one for a body, two for a spring; found {self.kind!r} with "
+                f"expected a shape of kind {', '.join(SHAPE_KINDS)}, found {self.kind!r}"
+            )
+        count = {"body": 1, "spring": 2}.get(self.kind, points.shape[-1] if points.ndim else 0)
+        if self.kind not in SHAPE_KINDS or points.shape not in ((2, count), (3, count)):
+            raise ValueError(
+                f"expected a shape of kind {', '.join(SHAPE_KINDS)} with points of shape (2, P), "
+                f"or (3, P) in space, one for a body, two for a spring; found {self.kind!r} with "
                 f"{points.shape}"
             )
         object.__setattr__(self, "points", points)

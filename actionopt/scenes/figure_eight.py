@@ -39,7 +39,7 @@ WORDS = Words(
 
 # At unit masses and G, with the bodies at (-1, 0), (1, 0) and the origin; S over the period.
 VELOCITY = np.array([0.3471168881189300, 0.5327249453880287])  # of the outer two
-PERIOD, ACTION = 6.325913982926223, 24.42704864453737
+EIGHT_PERIOD, EIGHT_ACTION = 6.325913982926223, 24.42704864453737
 
 
 def lagrangian(q, v, t, *, m, G):
@@ -57,4 +57,4 @@ def scene(*, m=1.0, G=1.0, length=1.0) -> Setup:
     r = np.array([[-1.0, 0.0], [1.0, 0.0], [0.0, 0.0]])
     v = np.array([VELOCITY, VELOCITY, -2 * VELOCITY])
     # index: 2 over a whole period (Fukuda, Fujiwara and Ozaki, arXiv:1710.04834)
-    return part(r, v, PERIOD, ACTION, m, G, length, index=0)
+    return part(r, v, EIGHT_PERIOD, EIGHT_ACTION, m, G, length, index=0)

@@ -46,7 +46,7 @@ VELOCITIES = np.array(
         [-0.3986108353188244, 0.6694252459007946],
     ]
 )
-PERIOD, ACTION = 2 * np.pi, 44.43788585155287
+UNEVEN_PERIOD, UNEVEN_ACTION = 2 * np.pi, 44.43788585155287
 
 
 def lagrangian(q, v, t, *, m, G):
@@ -60,4 +60,4 @@ def scene(*, m=1.0, G=1.0, length=1.0) -> Setup:
     The guess is the cubic with the right velocities at both ends. The facts have the `period` (s)
     and `period_action`, S over one.
     """
-    return part(PLACES, VELOCITIES, PERIOD, ACTION, m, G, length)
+    return part(PLACES, VELOCITIES, UNEVEN_PERIOD, UNEVEN_ACTION, m, G, length)

@@ -32,8 +32,8 @@ WORDS = Words(
 )
 
 # At unit m, k and a: the distances of both ends from the middle, the loop's period and S over it.
-NEAR, FAR = 0.3026668174698301, 0.372312783526470
-PERIOD, ACTION, ENERGY = 6.075615784322892, 0.012023082185968, 1 / 8
+LOOP_NEAR, LOOP_FAR = 0.3026668174698301, 0.372312783526470
+LOOP_PERIOD, LOOP_ACTION, LOOP_ENERGY = 6.075615784322892, 0.012023082185968, 1 / 8
 
 
 def lagrangian(q, v, t, *, m, k, a):
@@ -48,10 +48,10 @@ def scene(*, m=1.0, k=1.0, a=1.0):
     The facts have the `period` (s) of the whole loop and `period_action`, S over it.
     """
     w = np.sqrt(k / m)
-    q0, q1 = a * NEAR * np.array([0.0, 1.0]), a * FAR * np.array([0.75**0.5, 0.5])
-    u = a * w * np.sqrt(2 * ENERGY - NEAR**2 + 2 * NEAR**3 / 3)
+    q0, q1 = a * LOOP_NEAR * np.array([0.0, 1.0]), a * LOOP_FAR * np.array([0.75**0.5, 0.5])
+    u = a * w * np.sqrt(2 * LOOP_ENERGY - LOOP_NEAR**2 + 2 * LOOP_NEAR**3 / 3)
     corners = a * np.array([[0.0, 1.0], [0.75**0.5, -0.5], [-(0.75**0.5), -0.5], [0.0, 1.0]])
-    whole = ACTION * m * w * a**2
+    whole = LOOP_ACTION * m * w * a**2
 
     def energy(q, v, t):
         x, y = q
@@ -60,15 +60,15 @@ def scene(*, m=1.0, k=1.0, a=1.0):
 
     return Setup(
         ["x", "y"],
-        PERIOD / 6 / w,
+        LOOP_PERIOD / 6 / w,
         ends=(q0, q1),
         draw=lambda q, t: [ground(*corners), body(q)],
-        energy=ENERGY * k * a**2,
+        energy=LOOP_ENERGY * k * a**2,
         facts=Facts(
             start=State(0.0, q0, np.array([u, 0.0])),
             action=whole / 6,
-            energy=ENERGY * k * a**2,
+            energy=LOOP_ENERGY * k * a**2,
             conserved={"energy": energy},
-            numbers={"period": PERIOD / w, "period_action": whole},
+            numbers={"period": LOOP_PERIOD / w, "period_action": whole},
         ),
     )

@@ -28,8 +28,8 @@ WORDS = Words(
 )
 
 # At unit distance and mu: how far it crosses the axes from the middle, the period, S over it.
-NEAR, FAR = 0.039940550658995384, 0.17159161129259726
-PERIOD, ACTION, ENERGY = 2.3112249200870445, 4.615694735459387, -1.9
+ORBIT_NEAR, ORBIT_FAR = 0.039940550658995384, 0.17159161129259726
+ORBIT_PERIOD, ORBIT_ACTION, ORBIT_ENERGY = 2.3112249200870445, 4.615694735459387, -1.9
 
 
 def lagrangian(q, v, t, *, mu, D):
@@ -55,9 +55,9 @@ def scene(*, mu=1.0, D=1.0):
     The facts have the `period` (s) of the whole orbit and `period_action`, S over it.
     """
     w = np.sqrt(mu / D**3)
-    q0, q1 = D * np.array([-NEAR, 0.0]), D * np.array([0.0, FAR])
-    u = D * w * np.sqrt(2 * (ENERGY - potential(NEAR, 0.0, 1.0, 1.0)) + NEAR**2)
-    whole = ACTION * w * D**2
+    q0, q1 = D * np.array([-ORBIT_NEAR, 0.0]), D * np.array([0.0, ORBIT_FAR])
+    u = D * w * np.sqrt(2 * (ORBIT_ENERGY - potential(ORBIT_NEAR, 0.0, 1.0, 1.0)) + ORBIT_NEAR**2)
+    whole = ORBIT_ACTION * w * D**2
 
     def energy(q, v, t):
         rest = potential(q[0], q[1], mu, D) - w**2 * np.sum(q**2, axis=0) / 2
@@ -65,14 +65,14 @@ def scene(*, mu=1.0, D=1.0):
 
     return Setup(
         ["x", "y"],
-        PERIOD / 4 / w,
+        ORBIT_PERIOD / 4 / w,
         ends=(q0, q1),
         draw=lambda q, t: [ground((-D / 2, 0.0), (D / 2, 0.0)), body(q)],
         facts=Facts(
             start=State(0.0, q0, np.array([0.0, u])),
             action=whole / 4,
-            energy=ENERGY * mu / D,
+            energy=ORBIT_ENERGY * mu / D,
             conserved={"Jacobi integral": energy},
-            numbers={"period": PERIOD / w, "period_action": whole},
+            numbers={"period": ORBIT_PERIOD / w, "period_action": whole},
         ),
     )

@@ -28,7 +28,7 @@ WORDS = Words(
     beside=("figure_eight", "four_on_an_eight"),
 )
 
-RATE = 3**-0.25  # at unit masses, G and radius
+CIRCLE_RATE = 3**-0.25  # at unit masses, G and radius
 
 
 def lagrangian(q, v, t, *, m, G):
@@ -43,7 +43,7 @@ def scene(*, m=1.0, G=1.0, radius=1.0) -> Setup:
     """
     angle = 2 * np.pi * np.arange(3) / 3
     r = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    v = RATE * np.stack([-np.sin(angle), np.cos(angle)], axis=1)
-    period = 2 * np.pi / RATE
+    v = CIRCLE_RATE * np.stack([-np.sin(angle), np.cos(angle)], axis=1)
+    period = 2 * np.pi / CIRCLE_RATE
     # T = 3 RATE^2 / 2 and V = -sqrt(3) = -2 T
-    return part(r, v, period, 9 / 2 * RATE**2 * period, m, G, radius, turning=RATE)
+    return part(r, v, period, 9 / 2 * CIRCLE_RATE**2 * period, m, G, radius, turning=CIRCLE_RATE)

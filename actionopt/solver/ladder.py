@@ -447,7 +447,7 @@ class Search:
         With a saddle in hand no more than the price of the way.
         """
         watch = self.ws.watch = self.ws.watch or Watch(None, None)
-        if not watch.priced or self.curved:
+        if not watch.has_costs or self.curved:
             return
         if self.budget == math.inf:
             self.budget = watch.evaluated + BUDGET

@@ -96,7 +96,7 @@ def _sought(
     for k in range(TRIES):
         if k == 1:
             ws.watch = ws.watch or Watch(None, None)
-            if ws.watch.priced:
+            if ws.watch.has_costs:
                 ws.watch.most = ws.watch.evaluated + FINER
         mesh = Mesh.over(problem.start.t, problem.end.t, since, SOUGHT_DEGREE)
         guesses = lines(problem, mesh) if curve_of is None else [curve_of(mesh)]

@@ -26,7 +26,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from actionopt.analysis.second_variation import RANK
 from actionopt.discrete.contact_times import stretched, tangential, without
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.mesh import Mesh
@@ -38,7 +37,7 @@ from actionopt.mechanics.switches import is_smooth
 from actionopt.solver.iterate import Iterate
 from actionopt.solver.touching import is_of_higher_order, looked_at, rows_along, runs, turns
 from actionopt.solver.workspace import Workspace
-from actionopt.tools.types import EPS, Array
+from actionopt.tools.types import EPS, RANK, Array
 
 # Ad hoc, all of them, where nothing else is said.
 FLAT = 1e-3  # in units of the rows' typical gradients: a row has none

@@ -118,7 +118,7 @@ def _thorough(problem: Problem, solve: Callable[..., Solution]) -> Iterator[Path
     if problem.free_time:
         return
     for fixed, _ in points(problem)[:WITH_PAINS]:
-        found = solve(fixed, tol=FIRST_TOL)
+        found = solve(fixed, tol=FIRST_TOL, throw=False)
         if found.success:
             yield found.path
 
@@ -218,7 +218,7 @@ def _pair(problem: Problem, away: Array, size: Array) -> Array | None:
     q, times = np.array(known), [e.t for e in ends]
     t = given_time(problem)
     q[[k for k in (0, 1) if ends[k].on is not None]] += away
-    timed = any(e.on is not None and e.on.timed for e in ends)
+    timed = any(e.on is not None and e.on.depends_on_time for e in ends)
     both = all(e.on is not None for e in ends)
     for again in range(AGAIN if both or (timed and problem.free_time) else 1):
         for k in (1, 0):

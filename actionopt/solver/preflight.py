@@ -8,10 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from actionopt.analysis.second_variation import RANK
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.system import System
-from actionopt.tools.types import Array
+from actionopt.tools.types import RANK, Array
 
 # Ad hoc.
 CHECKED_POINTS = 3  # of the path; a defect shows at all of them

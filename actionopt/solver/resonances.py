@@ -24,6 +24,7 @@ import numpy as np
 from actionopt.discrete.factors import Factors
 from actionopt.discrete.newton import CONTRACTION
 from actionopt.discrete.transcription import Transcription
+from actionopt.solver.places import SETTLED
 from actionopt.tools.types import Array
 
 # Measured on pendulums of 30 to 100 links: what is found takes 5 to 60 factorizations, and holds up
@@ -32,7 +33,6 @@ FACTORIZATIONS, HELD = 100, 12
 # Ad hoc, lengths in units of the coordinates' sizes.
 FARTHEST = 1.0  # step, beyond which a mode runs away
 SETTLING = 2  # steps until most modes have settled
-SETTLED = 1e-3  # step after which Newton's method contracts
 STEPS, FOLLOWING = 20, 4  # until all other modes have settled, at first and as an amplitude grows
 AMPLITUDE, LARGEST = 0.25, 1.0  # by which it grows, at first and at most
 SMALLEST = 1e-2  # of the first growth: the way ends

@@ -21,12 +21,13 @@ from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Problem
 from actionopt.scenes import Scene
 from actionopt.solver.solve import solve
-from actionopt.suite.stars import APART, FAR, Star, bent_line, least_multipliers, too_coarse
+from actionopt.suite.stars import NO_PATH, SAME_STAR, Star, bent_line, least_multipliers, too_coarse
 from actionopt.tools.types import Array, NDInt
 
-ROUNDS = 60  # of the active set; ad hoc: rows at the ends of contact come and go one by one
-TOUCHING = 1e-9  # of a row's unit: what a path leaves of one that it touches
-NEARBY = 1e-3  # of the coordinates' sizes: points that are known to five digits
+# of the active set; ad hoc: rows at the ends of contact come and go one by one
+SET_ROUNDS = 60
+ON_ROW = 1e-9  # of a row's unit: what a path leaves of one that it touches
+SAME_TO_FIVE = 1e-3  # of the coordinates' sizes: points that are known to five digits
 MET = 1e-4  # the same of an answer whose multipliers are fitted: far above solvers' tolerances
 
 
@@ -44,7 +45,7 @@ class Pressed(Held):
         return self.on
 
 
-def star(tr: Transcription, z: Array, on: NDArray[np.bool_], reach: float = FAR) -> Star:
+def star(tr: Transcription, z: Array, on: NDArray[np.bool_], reach: float = NO_PATH) -> Star:
     """Return the discrete optimum near z, (size,) of all rows, from the rows in force `on`.
 
     Raises ValueError if there is none within `reach`.
@@ -53,7 +54,7 @@ def star(tr: Transcription, z: Array, on: NDArray[np.bool_], reach: float = FAR)
     assert isinstance(asked, Held)
     first, layout, seen = z[:cut], tr.layout, []
     _, lam = tr.unpack(z)
-    while len(seen) < ROUNDS and not any((on == other).all() for other in seen):
+    while len(seen) < SET_ROUNDS and not any((on == other).all() for other in seen):
         seen.append(on)
         part = Transcription(Pressed(asked.free, on), tr.mesh, tr.lengths, like=tr)
         found = follow(part, part.pack(tr.coordinates(z), np.nan_to_num(lam)), steps=30)
@@ -67,7 +68,7 @@ def star(tr: Transcription, z: Array, on: NDArray[np.bool_], reach: float = FAR)
         row = np.ones(on.shape)
         row[layout.row_node, layout.row_constraint] = tr.constraint(z[:cut])
         m = asked.free.system.m
-        new = np.where(on, push >= -TOUCHING, row < -TOUCHING)
+        new = np.where(on, push >= -ON_ROW, row < -ON_ROW)
         new[:, :m] = True
         if (new == on).all():
             break
@@ -85,7 +86,7 @@ def star(tr: Transcription, z: Array, on: NDArray[np.bool_], reach: float = FAR)
 def from_path(tr: Transcription, path: Callable[[Array], Array]) -> Star:
     """Return the discrete optimum near a continuous path."""
     Q = np.asarray(path(tr.mesh.nodes), dtype=float).reshape(tr.problem.system.n, -1).T
-    return star(tr, tr.pack(Q), touching(tr, tr.pack(Q), TOUCHING))
+    return star(tr, tr.pack(Q), touching(tr, tr.pack(Q), ON_ROW))
 
 
 def others(
@@ -97,7 +98,7 @@ def others(
 ) -> list[Star]:
     """Return other optima: near paths round other sides of the obstacle, and near `points`."""
     cut, stars = tr.layout.unknowns, [known]
-    candidates = [nearest(tr, point, NEARBY) for point in points]
+    candidates = [nearest(tr, point, SAME_TO_FIVE) for point in points]
     for bend in bends:
         try:
             path = solve(scene.problem, tol=1e-10, guess=bent_line(tr, bend))
@@ -105,7 +106,7 @@ def others(
         except (SolveError, ValueError):
             continue
     for found in candidates:
-        if found and all(np.max(np.abs(found.z[:cut] - s.z[:cut])) > APART for s in stars):
+        if found and all(np.max(np.abs(found.z[:cut] - s.z[:cut])) > SAME_STAR for s in stars):
             stars.append(found)
     return stars[1:]
 

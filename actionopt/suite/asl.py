@@ -19,11 +19,11 @@ import numpy as np
 from actionopt.tools.types import Array
 
 # AMPL's solve_result_num by its hundreds.
-MEANING = ("solved", "solved", "infeasible", "unbounded", "gave up", "gave up")
+SOLVE_RESULTS = ("solved", "solved", "infeasible", "unbounded", "gave up", "gave up")
 
 
 @dataclass(frozen=True, eq=False)
-class Answer:
+class AmplResult:
     """What a `.sol` file says: x (n,), lam (m,) or None, a message and AMPL's number of the result.
 
     `lam` are those of f + lam'c.
@@ -37,7 +37,7 @@ class Answer:
     @property
     def meaning(self) -> str:
         """What the number means: "solved", "infeasible", "unbounded" or "gave up"."""
-        return MEANING[min(max(self.number // 100, 0), len(MEANING) - 1)]
+        return SOLVE_RESULTS[min(max(self.number // 100, 0), len(SOLVE_RESULTS) - 1)]
 
 
 def find(binary: str) -> Path:
@@ -51,7 +51,7 @@ def find(binary: str) -> Path:
     return Path(found).resolve()
 
 
-def run(binary: Path, stub: Path) -> Answer:
+def run(binary: Path, stub: Path) -> AmplResult:
     """Return the answer of a solver on STUB.nl.
 
     Raises RuntimeError if it leaves no STUB.sol that can be read.
@@ -75,7 +75,7 @@ def run(binary: Path, stub: Path) -> Answer:
         ) from error
 
 
-def read(file: Path) -> Answer:
+def read(file: Path) -> AmplResult:
     """Return what an ASCII `.sol` file says. Raises ValueError or IndexError for another file."""
     lines = file.read_text(encoding="utf-8", errors="replace").splitlines()
     at = lines.index("Options")
@@ -87,4 +87,4 @@ def read(file: Path) -> Answer:
         raise ValueError(f"expected {duals + primals} values, found {numbers.size}")
     result = lines[at + 4 + duals + primals].split()  # objno 0 CODE
     lam = -numbers[:duals] if duals else None
-    return Answer(numbers[duals:], lam, message, int(result[2]))
+    return AmplResult(numbers[duals:], lam, message, int(result[2]))

@@ -11,7 +11,7 @@ from actionopt import suite
 from actionopt.suite import runner, solvers
 from actionopt.suite.cell import Cell
 from actionopt.suite.dials import DIALS
-from actionopt.suite.verdict import MODES, meaning, verdict
+from actionopt.suite.verdict import VERDICT_MODES, meaning, verdict
 from actionopt.tools.progress import Bar
 from actionopt.tools.table import print_table
 
@@ -29,7 +29,7 @@ problem's numbers are others, or what was too short is longer now.
 
 The dials are {", ".join(DIALS)}: a parameter of a family from easy to hard.
 
-{solvers.OWN}
+{solvers.OWN_SOLVER_HELP}
 """
 
 
@@ -214,7 +214,7 @@ def run(options: argparse.Namespace) -> int:
         again=options.again,
         show=partial(show_record, Bar()),
     )
-    for mode in MODES:
+    for mode in VERDICT_MODES:
         counts, names = runner.tally(records, mode), meaning(mode)
         print(f"{mode}:")
         print_table(
@@ -251,7 +251,7 @@ def _on_dials(options: argparse.Namespace) -> list[Cell]:
 
 def show_record(bar: Bar, done: int, total: int, record: dict[str, Any]) -> None:
     """Write a progress bar to the standard error."""
-    bar(done, total, f"{record['solver']} {record['problem']}: {verdict(record, MODES[0])}")
+    bar(done, total, f"{record['solver']} {record['problem']}: {verdict(record, VERDICT_MODES[0])}")
 
 
 def dump(options: argparse.Namespace) -> int:

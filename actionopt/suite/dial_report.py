@@ -17,17 +17,17 @@ from actionopt.suite.solvers import is_counted
 from actionopt.suite.verdict import UNSCORED, verdict
 
 Records = Sequence[Mapping[str, Any]]
-MANY = 50  # Hessians that make a problem hard
+HARD_HESSIANS = 50  # Hessians that make a problem hard
 FALLS = "f is unbounded below, and Ipopt does not stop before x is beyond 1e20"
-PAGE = """\
+DIAL_PAGE = """\
 <p>One parameter of a family is turned from easy to hard; mesh and starting point stay. Counted are
 the gradients that a solver evaluates, which are about its iterations; filled where it is right as a
 minimiser (a local minimum no higher than the known optimum, or "unbounded" where f is), hollow
 where it is not. The tables have the verdicts, too.</p>
 {dials}
 <h2>Where they do not agree</h2>
-<p>On {apart} of {members} members not all of {solvers}, which were run along the dials, come to the
-same verdict; to run out of time is none.</p>
+<p>The {solvers} solvers that were run along the dials come to different verdicts on {apart} of
+{members} members; to run out of time is not counted as a verdict.</p>
 {names}
 <h2>What is hard for Ipopt</h2>
 <p>With its defaults Ipopt takes more than {many} Hessians on {count} families, or fails.</p>
@@ -43,10 +43,10 @@ def on_a_dial(record: Mapping[str, Any]) -> bool:
 def write(records: Records, folder: Path) -> Path:
     """Write `dials.html` and its figures on the last records of each cell; return the page."""
     rows = hard(records)
-    body = PAGE.format(
+    body = DIAL_PAGE.format(
         dials="\n".join(_dial(dial, records, folder) for dial in DIALS.values()),
         hard=table(["family", "Hessians", "verdict", "why"], rows),
-        many=MANY,
+        many=HARD_HESSIANS,
         count=len(rows),
         **_disagreement(records),
     )
@@ -131,6 +131,6 @@ def hard(records: Records) -> list[list[str]]:
             continue
         why = family.why or FALLS * ("unbounded below" in family.tags)
         count, said = r.get("evaluations", {}).get("hess", 0), verdict(r, "minimise")
-        if why and (count > MANY or said in ("wrong", "failed")):
+        if why and (count > HARD_HESSIANS or said in ("wrong", "failed")):
             rows.append([family.name, str(count or ""), said, why])
     return rows

@@ -21,7 +21,7 @@ from actionopt.suite import mof, nl, standalone
 from actionopt.suite.problem import TestProblem
 from actionopt.tools.files import whole, write
 
-MANIFEST, OPTIMA = "manifest.json", "known_optima.csv"
+SUITE_MANIFEST, OPTIMA_FILE = "manifest.json", "known_optima.csv"
 COLUMNS = (
     "file name class kind unbounded_below elements degree parameters decades start n m "
     "f_star index_star f_lowest_known"
@@ -46,7 +46,7 @@ def dump(
     """
     folder = Path(directory)
     folder.mkdir(parents=True, exist_ok=True)
-    manifest = folder / MANIFEST
+    manifest = folder / SUITE_MANIFEST
     there = json.loads(manifest.read_text(encoding="utf-8")) if manifest.is_file() else []
     entries = {entry["file"]: entry for entry in there}
     for problem in problems:
@@ -68,7 +68,7 @@ def dump(
         entries[stem] = {**summary(problem), **optima, "files": digests}
     ordered = [entries[stem] for stem in sorted(entries)]
     write(manifest, json.dumps(ordered, indent=1) + "\n")
-    write(folder / OPTIMA, _table(ordered))
+    write(folder / OPTIMA_FILE, _table(ordered))
     return manifest
 
 
@@ -101,8 +101,10 @@ def _table(entries: Iterable[dict[str, Any]]) -> str:
 def archive(directory: str | Path, file: str | Path) -> Path:
     """Pack what `dump` wrote into a zip file; the same files make the same bytes."""
     folder = Path(directory)
-    entries = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
-    names = sorted({MANIFEST, OPTIMA, *(name for entry in entries for name in entry["files"])})
+    entries = json.loads((folder / SUITE_MANIFEST).read_text(encoding="utf-8"))
+    names = sorted(
+        {SUITE_MANIFEST, OPTIMA_FILE, *(name for entry in entries for name in entry["files"])}
+    )
     with whole(file) as part, zipfile.ZipFile(part, "w", zipfile.ZIP_DEFLATED) as pack:
         for name in names:
             about = zipfile.ZipInfo(name, EPOCH)

@@ -36,7 +36,7 @@ from actionopt.mechanics.system import System
 from actionopt.mechanics.tracing import suggestion
 from actionopt.scenes import Facts, Scene
 from actionopt.suite import obstacles
-from actionopt.suite.limits import UNLIMITED, Limits
+from actionopt.suite.limits import UNLIMITED, Bounds
 from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array
 
@@ -68,7 +68,7 @@ class Family:
         last; 0 for those the scene is written in.
     start : str
         The default starting point, where it is not the scene's guess or the straight line.
-    limits : Limits
+    limits : Bounds
         Bounds of coordinates and constraint functions.
     why : str
         Why Ipopt with its defaults takes more than fifty iterations, or fails, where it does so.
@@ -89,7 +89,7 @@ class Family:
     bends: tuple[tuple[float, ...], ...] = ()
     decades: float = 0.0
     start: str = ""
-    limits: Limits = UNLIMITED
+    limits: Bounds = UNLIMITED
     why: str = ""
     made: Callable[..., Scene] | None = None
     once: Mapping[str, Any] = field(default_factory=dict)
@@ -183,50 +183,53 @@ OVER_THE_TOP = (
 # fmt: on
 
 # Scenes as they are.
-PLAIN = (
+PLAIN_SCENES = (
     "oscillator oscillator_2d oscillator_gauge oscillating_wall driven_oscillator two_on_a_line "
     "projectile pendulum rod_pendulum polar_pendulum kepler kepler_polar kepler_spherical "
     "two_body figure_eight charge_planar charge_spatial hoop_bead inverted_cone "
     "heavy_top moving_pivot rotating_frame_bound rotating_frame_free screw sliding_wedge "
     "sliding_off_circle rolling_cylinder turning_wire turning_wire_radial"
 ).split()
-MESHES = {  # elements and degree where 8 of degree 4 are too few
+SCENE_MESHES = {  # elements and degree where 8 of degree 4 are too few
     **dict.fromkeys(("kepler", "kepler_polar", "kepler_spherical", "figure_eight"), (12, 6)),
     **dict.fromkeys(("two_body", "hoop_bead", "heavy_top"), (8, 6)),
 }
-STEADY = "steady motion"  # the straight line is the path: nobody may start there
+STEADY = "steady motion"  # the straight line is the path: no solver may start there
 CYCLIC = "two angles hardly enter: f is nearly flat along them, and falls in other directions"
-TURNS = (
-    "so long a time has many paths, and between them minima that are none: on the way most "
+REASON = (
+    "so long a time has many paths, and spurious minima between them: on the way most "
     "Hessians have many negative eigenvalues"
 )
-OWN = {
+SPECIAL = {
     "inverted_cone": {"tags": (STEADY,), "start": "perturbed"},
     "heavy_top": {"tags": (STEADY, "several optima"), "start": "perturbed", "why": CYCLIC},
     "hoop_bead": {"tags": ("several optima",), "bends": ((1.5,), (-1.5,))},
 }
-EASY = tuple(Family(name, name, *MESHES.get(name, ()), **OWN.get(name, {})) for name in PLAIN)
+EASY = tuple(
+    Family(name, name, *SCENE_MESHES.get(name, ()), **SPECIAL.get(name, {}))
+    for name in PLAIN_SCENES
+)
 
-SEVERAL = ("several optima",)
-MANY = ("many turns",)
-PAST = ("unbounded below", "saddle only")
-UNITS = ("badly scaled units",)
-DECADES = 8.0
+OPTIMA = ("several optima",)
+TURNS = ("many turns",)
+SADDLE = ("unbounded below", "saddle only")
+SCALING = ("badly scaled units",)
+SCALE_DECADES = 8.0
 SCALED = tuple(
-    replace(family, name=f"{family.name}_scaled", tags=UNITS, decades=DECADES)
+    replace(family, name=f"{family.name}_scaled", tags=SCALING, decades=SCALE_DECADES)
     for family in EASY
     if family.name in ("pendulum", "kepler", "rod_pendulum")
 )
 HARD = (
-    Family("oscillator_past", "oscillator", 8, 6, {"duration": 10.0}, PAST),
-    Family("oscillator_2d_past", "oscillator_2d", 8, 6, {"duration": 3.0}, PAST),
-    Family("wall_past", "oscillating_wall", 8, 6, {"duration": 4.0}, PAST),
-    Family("frame_past", "rotating_frame_bound", 8, 6, {"duration": 5.0}, PAST),
-    Family("oscillator_gauge_past", "oscillator_gauge", 8, 6, {"duration": 4.0}, PAST),
-    Family("driven_oscillator_past", "driven_oscillator", 8, 6, {"duration": 2.5}, PAST),
-    Family("two_on_a_line_past", "two_on_a_line", 8, 6, {"duration": 4.0}, PAST),
-    Family("charge_planar_past", "charge_planar", 8, 6, {"duration": 4.0}, PAST),
-    Family("charge_spatial_past", "charge_spatial", 8, 6, {"duration": 4.0}, PAST),
+    Family("oscillator_past", "oscillator", 8, 6, {"duration": 10.0}, SADDLE),
+    Family("oscillator_2d_past", "oscillator_2d", 8, 6, {"duration": 3.0}, SADDLE),
+    Family("wall_past", "oscillating_wall", 8, 6, {"duration": 4.0}, SADDLE),
+    Family("frame_past", "rotating_frame_bound", 8, 6, {"duration": 5.0}, SADDLE),
+    Family("oscillator_gauge_past", "oscillator_gauge", 8, 6, {"duration": 4.0}, SADDLE),
+    Family("driven_oscillator_past", "driven_oscillator", 8, 6, {"duration": 2.5}, SADDLE),
+    Family("two_on_a_line_past", "two_on_a_line", 8, 6, {"duration": 4.0}, SADDLE),
+    Family("charge_planar_past", "charge_planar", 8, 6, {"duration": 4.0}, SADDLE),
+    Family("charge_spatial_past", "charge_spatial", 8, 6, {"duration": 4.0}, SADDLE),
     Family(
         "oscillator_conjugate",
         "oscillator",
@@ -244,22 +247,15 @@ HARD = (
         {"duration": np.pi * (1 - 1e-6), "end": -1.0},
         ("nearly conjugate end", "ill-conditioned"),
     ),
-    Family(
-        "oscillator_stiff",
-        "oscillator",
-        64,
-        8,
-        {"k": 1e4},
-        (*PAST, "stiff potential"),
-    ),
-    Family("charge_strong", "charge_planar", 32, 8, {"B": 40.0}, (*PAST, "stiff potential")),
+    Family("oscillator_stiff", "oscillator", 64, 8, {"k": 1e4}, (*SADDLE, "stiff potential")),
+    Family("charge_strong", "charge_planar", 32, 8, {"B": 40.0}, (*SADDLE, "stiff potential")),
     Family(
         "oscillator_atomic",
         "oscillator",
         8,
         4,
         {"m": 1.67e-27, "k": 500.0, "start": 1e-11, "end": 5e-12, "duration": 4e-15},
-        (*UNITS, "absolute tolerances"),
+        (*SCALING, "absolute tolerances"),
         why="all derivatives are below its absolute tolerances at the start already",
     ),
     Family(
@@ -268,7 +264,7 @@ HARD = (
         12,
         6,
         {"mu": 1.32712440018e20, "a": 1.495978707e11, "eccentricity": 0.2},
-        UNITS,
+        SCALING,
     ),
     Family(
         "wire_layer",
@@ -353,7 +349,7 @@ HARD = (
         16,
         8,
         {"eccentricity": 0.3},
-        SEVERAL,
+        OPTIMA,
         bends=((0.0, -2.0), (0.0, 2.0)),
     ),
     Family(
@@ -370,33 +366,33 @@ HARD = (
         "double_pendulum",
         24,
         8,
-        tags=SEVERAL,
+        tags=OPTIMA,
         waypoints=OVER_THE_TOP,
         bends=((0.0, 0.0), (4.0, 0.0), (-4.0, 0.0)),
     ),
-    Family("chain", "chain", 8, 6, tags=SEVERAL),
+    Family("chain", "chain", 8, 6, tags=OPTIMA),
     Family(
         "chain_long",
         "chain",
         6,
         6,
         {"links": 20},
-        (*SEVERAL, "many constraints"),
+        (*OPTIMA, "many constraints"),
         why="minima far from the path, along which the Hessian has 129 negative eigenvalues",
     ),
-    Family("pendulum_turns", "pendulum", 48, 8, {"duration": 18.0}, MANY, why=TURNS),
-    Family("rod_pendulum_turns", "rod_pendulum", 24, 8, {"duration": 8.0}, MANY, why=TURNS),
-    Family("polar_pendulum_turns", "polar_pendulum", 32, 8, {"duration": 12.0}, MANY, why=TURNS),
-    Family("moving_pivot_turns", "moving_pivot", 24, 8, {"duration": 12.0}, MANY, why=TURNS),
+    Family("pendulum_turns", "pendulum", 48, 8, {"duration": 18.0}, TURNS, why=REASON),
+    Family("rod_pendulum_turns", "rod_pendulum", 24, 8, {"duration": 8.0}, TURNS, why=REASON),
+    Family("polar_pendulum_turns", "polar_pendulum", 32, 8, {"duration": 12.0}, TURNS, why=REASON),
+    Family("moving_pivot_turns", "moving_pivot", 24, 8, {"duration": 12.0}, TURNS, why=REASON),
     Family(
         "inverted_cone_turns",
         "inverted_cone",
         24,
         8,
         {"duration": 8.0},
-        (*MANY, STEADY),
+        (*TURNS, STEADY),
         start="perturbed",
-        why=TURNS,
+        why=REASON,
     ),
     Family(
         "heavy_top_turns",
@@ -404,18 +400,18 @@ HARD = (
         16,
         6,
         {"duration": 0.8},
-        (*MANY, STEADY),
+        (*TURNS, STEADY),
         start="perturbed",
-        why=f"{CYCLIC}; {TURNS}",
+        why=f"{CYCLIC}; {REASON}",
     ),
 )
 
 # With inequalities: unilateral contact, whose times and multipliers the scenes have in closed form
 # or from a solve that is accurate to round-off.
-UNILATERAL, WEAK = ("unilateral contact",), ("unilateral contact", "weak complementarity")
+UNILATERAL, WEAKLY = ("unilateral contact",), ("unilateral contact", "weak complementarity")
 GRAZING = {"extra": 0.0, "lower": 1.0}  # at a node, in the middle
-FLOOR = Limits(coordinates=[(0.0, np.inf)])
-CONTACT = tuple(
+FLOOR = Bounds(coordinates=[(0.0, np.inf)])
+CONTACTS = tuple(
     Family(
         name,
         name,
@@ -439,7 +435,7 @@ CONTACT = tuple(
             (*UNILATERAL, "bounds on coordinates"),
             {},
         ),
-        ("string_grazing", obstacles.string_on_floor, 12, GRAZING, WEAK, {}),
+        ("string_grazing", obstacles.string_on_floor, 12, GRAZING, WEAKLY, {}),
         (
             "string_floor_twice",
             obstacles.string_on_floor,
@@ -450,13 +446,13 @@ CONTACT = tuple(
         ),
         ("string_bump", obstacles.string_over_bump, 12, {}, UNILATERAL, {}),
         ("string_waves", obstacles.oscillating_floor, 24, {}, UNILATERAL, {}),
-        ("wall_straight", obstacles.along_wall, 8, {}, (*WEAK, STEADY), {}),
+        ("wall_straight", obstacles.along_wall, 8, {}, (*WEAKLY, STEADY), {}),
         (
             "wall_both_sides",
             obstacles.along_wall,
             8,
             {"both": True},
-            (*WEAK, "MFCQ fails", STEADY),
+            (*WEAKLY, "MFCQ fails", STEADY),
             {"both": False},
         ),
         ("disc", obstacles.round_discs, 16, {}, UNILATERAL, {}),
@@ -469,13 +465,13 @@ CONTACT = tuple(
             {},
         ),
         ("ball", obstacles.round_ball, 16, {}, UNILATERAL, {}),
-        ("pegs", obstacles.round_pegs, 24, {}, (*UNILATERAL, *SEVERAL), {}),
+        ("pegs", obstacles.round_pegs, 24, {}, (*UNILATERAL, *OPTIMA), {}),
         ("rod_floor", obstacles.links_on_floor, 16, {}, UNILATERAL, {}),
-        ("chain_floor", obstacles.links_on_floor, 24, {"links": 3}, (*UNILATERAL, *SEVERAL), {}),
+        ("chain_floor", obstacles.links_on_floor, 24, {"links": 3}, (*UNILATERAL, *OPTIMA), {}),
     )
 )
 
-FAMILIES: dict[str, Family] = {family.name: family for family in (*EASY, *SCALED, *HARD, *CONTACT)}
+FAMILIES: dict[str, Family] = {family.name: family for family in (*EASY, *SCALED, *HARD, *CONTACTS)}
 
 
 def sample(curve: Callable[[Array], Any], t: Array, n: int) -> Array:

@@ -25,12 +25,12 @@ __all__ = [
 ]
 
 # SciPy's methods: those that use no derivatives, and those that take bounds.
-FREE = ("Nelder-Mead", "Powell", "COBYLA", "COBYQA")
-BOUNDED = (*FREE, "L-BFGS-B", "TNC", "SLSQP", "trust-constr")
+DERIVATIVE_FREE = ("Nelder-Mead", "Powell", "COBYLA", "COBYQA")
+BOUNDED = (*DERIVATIVE_FREE, "L-BFGS-B", "TNC", "SLSQP", "trust-constr")
 PRODUCTS = ("Newton-CG", "trust-ncg", "trust-krylov")  # of the Hessian with a vector
 DENSE = ("trust-exact", "dogleg")  # the Hessian itself
-METHODS = (*BOUNDED, "CG", "BFGS", *PRODUCTS, *DENSE)
-ROW = 1e-8  # NLopt's tolerance of a row; ad hoc
+SCIPY_METHODS = (*BOUNDED, "CG", "BFGS", *PRODUCTS, *DENSE)
+NLOPT_ROW_TOL = 1e-8  # NLopt's tolerance of a row; ad hoc
 
 
 def scipy_arguments(problem: Program, method: str) -> dict[str, Any]:
@@ -41,7 +41,7 @@ def scipy_arguments(problem: Program, method: str) -> dict[str, Any]:
     """
     check_method(method)
     given: dict[str, Any] = {"method": method, "fun": problem.objective}
-    if method not in FREE:
+    if method not in DERIVATIVE_FREE:
         given["jac"] = problem.gradient
     if method == "trust-constr":
         given["hess"] = lambda x: hessian(problem, x)
@@ -60,9 +60,9 @@ def scipy_arguments(problem: Program, method: str) -> dict[str, Any]:
 
 def check_method(method: str) -> None:
     """Raise ValueError unless `method` is one of `scipy.optimize.minimize`, in its spelling."""
-    if method not in METHODS:
+    if method not in SCIPY_METHODS:
         raise ValueError(
-            f"expected a method of scipy.optimize.minimize, one of {', '.join(METHODS)}, "
+            f"expected a method of scipy.optimize.minimize, one of {', '.join(SCIPY_METHODS)}, "
             f"found {method!r}"
         )
 
@@ -77,7 +77,9 @@ def _scipy_constraints(problem: Program, method: str) -> Any:
             "jac": lambda x: jacobian(problem, x),
             "hess": lambda x, lam: hessian(problem, x, lam, 0.0),
         }
-        return build(problem.constraints, lower, upper, **({} if method in FREE else derivatives))
+        return build(
+            problem.constraints, lower, upper, **({} if method in DERIVATIVE_FREE else derivatives)
+        )
     if method != "SLSQP":
         raise ValueError(f"expected a method that takes constraints, found {method!r}")
     sides = _sides(lower, upper)
@@ -137,7 +139,7 @@ def nlopt_problem(problem: Program, algorithm: str):
             else optimizer.add_inequality_mconstraint
         )
         try:
-            add(constraint, np.full(rows.size, ROW))
+            add(constraint, np.full(rows.size, NLOPT_ROW_TOL))
         except Exception as error:  # its own; ValueError before NLopt 2.10
             raise ValueError(
                 f"expected an algorithm with constraints, found {algorithm}"

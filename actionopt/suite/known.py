@@ -15,7 +15,7 @@ import numpy as np
 from actionopt.suite.program import Program
 from actionopt.tools.types import Array
 
-FILE = Path(__file__).with_name("known.json")
+KNOWN_FILE = Path(__file__).with_name("known.json")
 
 
 def points(name: str, program: Program) -> list[Array]:
@@ -31,4 +31,4 @@ def key(name: str, program: Program) -> str:
 @cache
 def table() -> dict[str, list[list[float]]]:
     """Return the points of each problem."""
-    return json.loads(FILE.read_text(encoding="utf-8")) if FILE.is_file() else {}
+    return json.loads(KNOWN_FILE.read_text(encoding="utf-8")) if KNOWN_FILE.is_file() else {}

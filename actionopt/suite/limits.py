@@ -11,12 +11,12 @@ from actionopt.tools.types import Array
 
 Bound = float | Callable[[Array], Array]  # of times (K,) where it moves
 Sides = tuple[Bound, Bound]
-NONE: Sides = (-np.inf, np.inf)
+NO_LIMITS: Sides = (-np.inf, np.inf)
 EQUAL: Sides = (0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
-class Limits:
+class Bounds:
     """Lower and upper bounds, in the units of the scene, of as many as are given.
 
     Of the others, a coordinate has none, and a constraint function f is to vanish.
@@ -36,7 +36,7 @@ class Limits:
 
         Raises ValueError if a lower one is not less than the upper one.
         """
-        lower, upper = _sides(self.coordinates, NONE, which, times)
+        lower, upper = _sides(self.coordinates, NO_LIMITS, which, times)
         if not np.all(lower < upper):
             k = int(np.argmin(lower < upper))
             raise ValueError(
@@ -61,7 +61,7 @@ class Limits:
         return lower, upper
 
 
-UNLIMITED = Limits()
+UNLIMITED = Bounds()
 
 
 def _sides(

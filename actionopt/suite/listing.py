@@ -98,13 +98,15 @@ class Listing:
             constant = constant + rest[np.arange(nodes.size), which]
         return coefficient / self.program.stretch[cols], constant * self.row_weights
 
-    def rows(self) -> Iterator[Row]:
+    def rows(self) -> Iterator[ConstraintRow]:
         """Yield what f is evaluated of, row by row."""
         layout, times, number = self.layout, self.tr.mesh.nodes, self.layout.number
         for node, which, weight in zip(
             layout.row_node, layout.row_constraint, self.row_weights, strict=True
         ):
-            yield Row(int(which), number[node], self.pinned_values[node], times[node], weight)
+            yield ConstraintRow(
+                int(which), number[node], self.pinned_values[node], times[node], weight
+            )
 
     def evaluations(self) -> Iterator[Evaluation]:
         """Yield what L is evaluated of, node by node of each element."""
@@ -157,7 +159,7 @@ class Evaluation:
 
 
 @dataclass(frozen=True, eq=False)
-class Row:
+class ConstraintRow:
     """One row of c: function `which`, at a node.
 
     `columns` and `given`, each (n,), `time` and `weight` are as in `Evaluation`.

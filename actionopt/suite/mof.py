@@ -29,8 +29,8 @@ NAMES |= {"FABS": "abs"} | {
     name: name.lower()
     for name in "TANH TAN SQRT SINH SIN LOG EXP COSH COS ATANH ATAN ASINH ASIN ACOSH ACOS".split()
 }
-OPERATIONS = {getattr(ca, f"OP_{name}"): (text, "{}") for name, text in NAMES.items()}
-OPERATIONS |= {ca.OP_SQ: ("^", "{}2"), ca.OP_TWICE: ("*", "{}2"), ca.OP_INV: ("/", "1{}")}
+MOF_OPERATIONS = {getattr(ca, f"OP_{name}"): (text, "{}") for name, text in NAMES.items()}
+MOF_OPERATIONS |= {ca.OP_SQ: ("^", "{}2"), ca.OP_TWICE: ("*", "{}2"), ca.OP_INV: ("/", "1{}")}
 # What a constraint's set is, by whether it has a lower and an upper bound.
 SETS = {(True, False): "GreaterThan", (False, True): "LessThan", (True, True): "Interval"}
 
@@ -147,12 +147,12 @@ class _Terms:
                 place[k] = _real(node.value)
             elif node.kind == "input":
                 place[k] = inputs[tape.names[node.entry[0]]][node.entry[1]]
-            elif node.operation not in OPERATIONS:
+            elif node.operation not in MOF_OPERATIONS:
                 raise ValueError(
                     f"expected an operation of MathOptFormat, found CasADi's {node.operation}"
                 )
             else:
-                kind, more = OPERATIONS[node.operation]
+                kind, more = MOF_OPERATIONS[node.operation]
                 args = [place[i] for i in node.operands]
                 if more.startswith("1"):
                     args = [_real(1.0), *args]

@@ -17,7 +17,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from actionopt.suite.listing import Evaluation, Listing, Row, first_multipliers
+from actionopt.suite.listing import ConstraintRow, Evaluation, Listing, first_multipliers
 from actionopt.suite.problem import TestProblem
 from actionopt.suite.program import Program
 from actionopt.tools.files import whole
@@ -26,12 +26,12 @@ from actionopt.tools.types import Array
 
 # CasADi's operation: its opcode, and where the format has none of its own, more lines about the
 # operands: before them, and after.
-CODES = {"ADD": 0, "SUB": 1, "MUL": 2, "DIV": 3, "POW": 5, "CONSTPOW": 5, "NEG": 16, "FABS": 15}
-CODES |= {"TANH": 37, "TAN": 38, "SQRT": 39, "SINH": 40, "SIN": 41, "LOG": 43, "EXP": 44}
-CODES |= {"COSH": 45, "COS": 46, "ATANH": 47, "ATAN2": 48, "ATAN": 49, "ASINH": 50, "ASIN": 51}
-CODES |= {"ACOSH": 52, "ACOS": 53}
-OPERATIONS = {
-    **{getattr(ca, f"OP_{name}"): (f"o{code}", "") for name, code in CODES.items()},
+NL_CODES = {"ADD": 0, "SUB": 1, "MUL": 2, "DIV": 3, "POW": 5, "CONSTPOW": 5, "NEG": 16, "FABS": 15}
+NL_CODES |= {"TANH": 37, "TAN": 38, "SQRT": 39, "SINH": 40, "SIN": 41, "LOG": 43, "EXP": 44}
+NL_CODES |= {"COSH": 45, "COS": 46, "ATANH": 47, "ATAN2": 48, "ATAN": 49, "ASINH": 50, "ASIN": 51}
+NL_CODES |= {"ACOSH": 52, "ACOS": 53}
+NL_OPERATIONS = {
+    **{getattr(ca, f"OP_{name}"): (f"o{code}", "") for name, code in NL_CODES.items()},
     ca.OP_SQ: ("o5", "n2"),
     ca.OP_TWICE: ("o2\nn2", ""),
     ca.OP_INV: ("o3\nn1", ""),
@@ -129,7 +129,7 @@ def _evaluations(listing: Listing, first: int) -> Iterator[tuple[Evaluation, int
         at += len(moving) + shared
 
 
-def _places(listing: Listing, here: Evaluation | Row) -> dict[str, Any]:
+def _places(listing: Listing, here: Evaluation | ConstraintRow) -> dict[str, Any]:
     """Return how the coordinates there, in the scene's units, and the time are written."""
     stretch, plain = listing.program.stretch, not listing.program.decades
     q = [
@@ -237,11 +237,11 @@ def _text(tape: Tape, root: int, named: bool = False) -> str:
             lines += ["o54", str(len(terms))]
             stack.extend(reversed(terms))
         else:
-            if node.operation not in OPERATIONS:
+            if node.operation not in NL_OPERATIONS:
                 raise ValueError(
                     f"expected an operation of the .nl format, found CasADi's {node.operation}"
                 )
-            before, after = OPERATIONS[node.operation]
+            before, after = NL_OPERATIONS[node.operation]
             lines.append(before)
             stack.extend([after] if after else [])
             stack.extend(reversed(node.operands))

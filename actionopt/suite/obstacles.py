@@ -21,7 +21,7 @@ from actionopt.scenes import Facts, Scene
 from actionopt.scenes._shapes import body
 from actionopt.tools.types import Array
 
-SOURCE = "elementary: straight lines and parabolas that end tangentially"
+ELEMENTARY_SOURCE = "elementary: straight lines and parabolas that end tangentially"
 KKT = "A. E. Bryson and Y.-C. Ho, Applied Optimal Control (1975), section 3.11"
 
 
@@ -67,7 +67,9 @@ def string_on_floor(
     action = 4 / 3 * (1 + lower**1.5)  # of a parabola over a time s: 4 s^3 / 3
     numbers = {"begin": begin, "end": end, "force": 2.0, "action": action}
     ends = [(0.0, [1.0]), (T, [lower])]
-    return _scene(name, "string above a floor", _string(name, rows), ends, SOURCE, exact, **numbers)
+    return _scene(
+        name, "string above a floor", _string(name, rows), ends, ELEMENTARY_SOURCE, exact, **numbers
+    )
 
 
 def string_over_bump(name: str) -> Scene:
@@ -87,7 +89,9 @@ def string_over_bump(name: str) -> Scene:
     action = slope**2 * begin + 256 / 3 * (0.5 - begin) ** 3
     numbers = {"begin": begin, "end": 1 - begin, "force": 16.0, "action": action}
     ends = [(0.0, [0.0]), (1.0, [0.0])]
-    return _scene(name, "taut string over a bump", system, ends, SOURCE, exact, **numbers)
+    return _scene(
+        name, "taut string over a bump", system, ends, ELEMENTARY_SOURCE, exact, **numbers
+    )
 
 
 def oscillating_floor(name: str, *, waves: float = 3.0) -> Scene:
@@ -111,7 +115,7 @@ def along_wall(name: str, *, both: bool = False) -> Scene:
 
     ends = [(0.0, [0.0, 0.0]), (1.0, [1.0, 0.0])]
     numbers = {"force": 0.0, "action": 0.5}
-    return _scene(name, "straight along a wall", system, ends, SOURCE, exact, **numbers)
+    return _scene(name, "straight along a wall", system, ends, ELEMENTARY_SOURCE, exact, **numbers)
 
 
 def round_discs(name: str, *, centres=((0.0, 0.0),), ends=((-2, 0.3), (2, 0))) -> Scene:

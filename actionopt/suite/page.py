@@ -10,7 +10,7 @@ from typing import Any
 from actionopt.tools.document import document
 from actionopt.tools.files import write as write_file
 
-STYLE = """
+PAGE_STYLE = """
 :root { color-scheme: light }
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto }
 div { overflow-x: auto }
@@ -26,7 +26,7 @@ img { max-width: 100% }
 def write(file: Path, title: str, body: str) -> Path:
     """Write a page whose heading is its title; return the file."""
     heading = f"<h1>{escape(title)}</h1>\n"
-    write_file(file, document(title, f"<style>{STYLE}</style>\n", heading + body))
+    write_file(file, document(title, f"<style>{PAGE_STYLE}</style>\n", heading + body))
     return file
 
 

@@ -14,7 +14,7 @@ from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.held import Held
 from actionopt.suite import active_set, known
 from actionopt.suite.families import STEADY, Family, sample
-from actionopt.suite.limits import EQUAL, UNLIMITED, Limits
+from actionopt.suite.limits import EQUAL, UNLIMITED, Bounds
 from actionopt.suite.program import Program
 from actionopt.suite.stars import (
     Continuous,
@@ -31,7 +31,7 @@ from actionopt.tools.checks import by_name
 from actionopt.tools.types import Array
 
 SEED = 20  # of the perturbed starting points
-PERTURBATION, NEAR = 0.1, 1e-3  # in units of the coordinates' sizes
+PERTURBATION, PERTURBED_NEAR = 0.1, 1e-3  # in units of the coordinates' sizes
 WAYPOINTS = 3  # of the coarse starting point, between the ends
 FALLING = ("kepler_polar", "kepler_spherical")  # scenes: 1/r of an r that a solver takes below 0
 MOST_DECADES = 100
@@ -107,7 +107,7 @@ class TestProblem(Program):
         mesh = Mesh.uniform(asked.start.t, asked.end.t, int(elements), degree)
         limits, r = family.limits, asked.system.r
         if r and limits is UNLIMITED:
-            limits = Limits(constraints=[EQUAL] * asked.system.m + [(0.0, np.inf)] * r)
+            limits = Bounds(constraints=[EQUAL] * asked.system.m + [(0.0, np.inf)] * r)
         rows = r and not limits.coordinates  # else they are bounds
         tr = Transcription(Held(asked) if rows else asked, mesh, asked.scales)
         super().__init__(tr, float(decades), limits)
@@ -186,7 +186,7 @@ class TestProblem(Program):
         nodes, n = self.mesh.nodes, scene.problem.system.n
         noise = np.random.default_rng(SEED).uniform(-1, 1, self.n)
         if name == "near":
-            return self.x_star + NEAR * noise * self.unit
+            return self.x_star + PERTURBED_NEAR * noise * self.unit
         if name == "perturbed":
             return self._start(self._base) + PERTURBATION * noise * self.unit
         if name == "straight":

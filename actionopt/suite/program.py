@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.system import System
-from actionopt.suite.limits import UNLIMITED, Limits
+from actionopt.suite.limits import UNLIMITED, Bounds
 from actionopt.tools.types import Array, NDInt
 
 
@@ -39,7 +39,7 @@ class Program:
     decades : float
         Powers of ten over which the units of the unknowns range, evenly from the first to the
         last; 0 for those the scene is written in.
-    limits : Limits
+    limits : Bounds
         Bounds; none, and equations f = 0, by default.
 
     Attributes
@@ -54,7 +54,7 @@ class Program:
         self,
         transcription: Transcription,
         decades: float = 0.0,
-        limits: Limits = UNLIMITED,
+        limits: Bounds = UNLIMITED,
     ) -> None:
         self.transcription = transcription
         self.decades = decades

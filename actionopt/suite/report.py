@@ -14,10 +14,10 @@ from actionopt.suite.dials import DIALS
 from actionopt.suite.page import figure, table
 from actionopt.suite.page import write as write_page
 from actionopt.suite.runner import Limits, tally
-from actionopt.suite.solvers import CHANGED, is_counted
-from actionopt.suite.verdict import ACCURACIES, MODES, UNSCORED, meaning, verdict
+from actionopt.suite.solvers import CHANGED_DEFAULTS, is_counted
+from actionopt.suite.verdict import ACCURACIES, UNSCORED, VERDICT_MODES, meaning, verdict
 
-PAGE = """\
+RUNS_PAGE = """\
 <p>{cells} runs: {solvers} solvers on {problems} problems, {dates}, {machines}; {packages}. Every
 solver has its own default options{changed}. Two questions are put to each answer: whether it is
 what a <em>minimiser</em> should say, and whether it is the <em>stationary</em> point that is known,
@@ -93,7 +93,7 @@ def write(records: Records, directory: str | Path) -> Path:
         )
         for tau, table in tables.items()
     ]
-    body = PAGE.format(
+    body = RUNS_PAGE.format(
         dials=_dials(every, folder),
         cells=len(records),
         solvers=len({r["solver"] for r in records}),
@@ -103,16 +103,18 @@ def write(records: Records, directory: str | Path) -> Path:
         packages=_span(records, "package"),
         changed="".join(
             f" (but {escape(name)}: {escape(how)})"
-            for name, how in CHANGED.items()
+            for name, how in CHANGED_DEFAULTS.items()
             if any(r["solver"].partition(":")[0] == name for r in records)
         ),
-        modes="\n".join(_section(mode, records, ran, folder) for mode in MODES),
+        modes="\n".join(_section(mode, records, ran, folder) for mode in VERDICT_MODES),
         bounded=max(len(row) for row in next(iter(tables.values())).values()) if ran else 0,
         data="\n".join(data),
         repeats=_span(records, "repeats"),
         evaluations=_evaluations(ran),
         versions=_versions(records),
-        matrices="\n".join(f"<h3>{VERBS[mode]}</h3>{_matrix(records, mode)}" for mode in MODES),
+        matrices="\n".join(
+            f"<h3>{VERBS[mode]}</h3>{_matrix(records, mode)}" for mode in VERDICT_MODES
+        ),
         unknown=_unknown(records),
         mistakes=_mistakes(records),
         commands=_commands(every),
@@ -130,7 +132,7 @@ def _dials(records: Records, folder: Path) -> str:
 
 def _in_order(records: Records) -> Records:
     """Return the records problem by problem, the solvers with most right minima first."""
-    right = tally(records, MODES[0])
+    right = tally(records, VERDICT_MODES[0])
     place = {name: k for k, name in enumerate(FAMILIES)}
     seen = {where: k for k, where in enumerate(dict.fromkeys(map(profile.question_key, records)))}
     return sorted(

@@ -30,8 +30,8 @@ from actionopt.suite.verdict import verdict
 from actionopt.tools import process
 from actionopt.tools.files import rounded
 
-DIGITS = 4  # of times and distances: they differ in the second
-ROUNDED = ("distance", "residual", "violation", "off", "seconds", "wall")
+RECORD_DIGITS = 4  # of times and distances: they differ in the second
+ROUNDED_COLUMNS = ("distance", "residual", "violation", "off", "seconds", "wall")
 ONE_AT_A_TIME = Lock()
 KEY = ("solver", "problem", "elements", "degree", "start", "parameters", "repeats")
 CONTENT = ("content", "numbers", "package", "machine")  # what makes answers differ beside these
@@ -160,7 +160,7 @@ def run_one(cell: Cell, about: Mapping[str, Any], limits: Limits) -> dict[str, A
         "memory": limits.memory,
         "date": datetime.date.today().isoformat(),
     }
-    short = rounded({k: record[k] for k in ROUNDED if k in record}, DIGITS)
+    short = rounded({k: record[k] for k in ROUNDED_COLUMNS if k in record}, RECORD_DIGITS)
     return {k: v for k, v in (record | short).items() if v not in (None, "")}
 
 

@@ -8,11 +8,11 @@ A name is one of these:
 `nlopt:LD_LBFGS`       an algorithm of NLopt
 `cyipopt`              Ipopt by its callbacks
 `asl:ipopt`            a program that reads AMPL's `.nl` files: a path, or a name on the search path
-`my_solver.py:solve`   a function of yours, in a file or a module: `OWN` has its protocol
+`my_solver.py:solve`   a function of yours, in a file or a module: see `OWN_SOLVER_HELP`
 ====================  ==========================================================================
 
 Solvers run with their own defaults, but for being silent: what their authors chose is compared.
-What is not so is in `CHANGED`. None is given the answer: a solver sees a `Program`.
+What is not so is in `CHANGED_DEFAULTS`. None is given the answer: a solver sees a `Program`.
 
 Evaluations are counted in the functions that a solver is given, whichever it is: CasADi's plugins
 ask for several at once, and a call that returns f and c is one of each. Programs that read a file
@@ -46,7 +46,7 @@ from actionopt.suite.interfaces import (
     scipy_arguments,
 )
 from actionopt.suite.program import Program
-from actionopt.suite.words import SAID, message
+from actionopt.suite.words import OUTCOME_WORDS, message
 from actionopt.tools.types import Array
 
 try:
@@ -79,10 +79,10 @@ PLUGINS: dict[str, dict[str, Any]] = {
 }
 WITH_QP = ("sqpmethod", "feasiblesqpmethod")
 PACKAGES = {"scipy": "scipy", "nlopt": "nlopt", "cyipopt": "cyipopt"}
-FLAT = 1e-12  # relative change of f at which NLopt's algorithms stop; ad hoc
-CHANGED = {
+NLOPT_STOP = 1e-12  # relative change of f at which NLopt's algorithms stop; ad hoc
+CHANGED_DEFAULTS = {
     "blocksqp": "linear solver ldl, as its own default is not shipped with CasADi",
-    "nlopt": f"ftol_rel {FLAT:g}, as it has no stopping criterion of its own",
+    "nlopt": f"ftol_rel {NLOPT_STOP:g}, as it has no stopping criterion of its own",
 }
 # What each of the plugins' functions evaluates. Gradients of the Lagrangian are one of f and one of
 # c; `nlp_grad`, which CasADi asks for itself when all is done, is none of the solver's.
@@ -106,9 +106,9 @@ CALLS = {
     "fwd1_nlp_grad_l": "hprod",
     "nlp_grad": "",
 }
-LONG = 1.0  # seconds of a solve that a clock measures well enough at once; ad hoc
+LONG_SOLVE = 1.0  # seconds of a solve that a clock measures well enough at once; ad hoc
 
-OWN = """\
+OWN_SOLVER_HELP = """\
 A solver of yours is FILE.py:FUNCTION. It is called with a problem and x0 (n,), to minimise f(x)
 subject to c(x) = 0, and returns x (n,), or (x, lam, word): lam (m,) or None, word True for success,
 False for giving up, or "unbounded". With inequalities, constraint_bounds and bounds are those of
@@ -135,7 +135,7 @@ class Mistake(RuntimeError):
 
 
 @dataclass(frozen=True, eq=False)
-class Answer:
+class SolverResult:
     """What a solver returned.
 
     Attributes
@@ -252,12 +252,12 @@ def content(name: str) -> str:
     return f"sha256 {hashlib.sha256(file.read_bytes()).hexdigest()[:12]}"
 
 
-def run(name: str, problem: Program, x0: Array, repeats: int = 1) -> Answer:
+def run(name: str, problem: Program, x0: Array, repeats: int = 1) -> SolverResult:
     """Return the answer of the solver `name` from x0 (n,).
 
     What it evaluates is counted in the first solve, and where. The others are for the clock alone,
     and there are none if the first took a second. Raises Absent if the solver is not installed or
-    takes no such problem, Mistake if it is a file's and the file is to blame.
+    takes no such problem, Mistake if a user's solver file fails.
     """
     check(name)
     base, _, rest = name.partition(":")
@@ -273,16 +273,16 @@ def run(name: str, problem: Program, x0: Array, repeats: int = 1) -> Answer:
     return _repeat(prepare, problem, x0, repeats)
 
 
-def _repeat(prepare: Prepare, problem: Program, x0: Array, repeats: int) -> Answer:
+def _repeat(prepare: Prepare, problem: Program, x0: Array, repeats: int) -> SolverResult:
     first = problem.view()
     first.visited = []
     found, best = _time(prepare(first, x0), x0)
     count = 1
-    while count < repeats and best < LONG:
+    while count < repeats and best < LONG_SOLVE:
         best = min(best, _time(prepare(problem.view(), x0), x0)[1])
         count += 1
     x, lam, word, status = found
-    return Answer(np.asarray(x), word, status, best, first, lam, count)
+    return SolverResult(np.asarray(x), word, status, best, first, lam, count)
 
 
 def _time(solve: Callable[[Array], Outcome], x0: Array) -> tuple[Outcome, float]:
@@ -408,7 +408,7 @@ def _nlopt(algorithm: str) -> Prepare:
             optimizer = nlopt_problem(program, algorithm)
         except ValueError as error:
             raise Absent(str(error)) from None
-        optimizer.set_ftol_rel(FLAT)
+        optimizer.set_ftol_rel(NLOPT_STOP)
 
         def solve(x0: Array) -> Outcome:
             lower, upper = program.bounds
@@ -481,10 +481,10 @@ def _function(place: str, name: str) -> Prepare:
                 if not isinstance(word, str):
                     word = "solved" if word else "gave up"
                 x = np.asarray(x, dtype=float)
-                if x.shape != (program.n,) or word not in SAID:
+                if x.shape != (program.n,) or word not in OUTCOME_WORDS:
                     raise ValueError(
                         f"expected x of shape ({program.n},) and one of True, False, "
-                        f"{', '.join(map(repr, SAID))}, found shape {x.shape} and {word!r}"
+                        f"{', '.join(map(repr, OUTCOME_WORDS))}, found shape {x.shape} and {word!r}"
                     )
             except MemoryError:
                 raise

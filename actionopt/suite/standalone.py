@@ -20,22 +20,26 @@ from actionopt.tools.tape import Tape
 from actionopt.tools.types import Array
 
 INFIX = {"ADD": "+", "SUB": "-", "MUL": "*", "DIV": "/", "POW": "**", "CONSTPOW": "**"}
-CALLS = {f"A{name}": f"arc{name.lower()}" for name in ("SIN", "COS", "TAN", "SINH", "COSH", "TANH")}
-CALLS |= {
+FUNCTION_NAMES = {
+    f"A{name}": f"arc{name.lower()}" for name in ("SIN", "COS", "TAN", "SINH", "COSH", "TANH")
+}
+FUNCTION_NAMES |= {
     name: name.lower() for name in "SIN COS TAN SINH COSH TANH SQRT LOG EXP FABS SIGN".split()
 }
-CODES = {getattr(ca, f"OP_{name}"): f"{{0}} {sign} {{1}}" for name, sign in INFIX.items()}
-CODES |= {getattr(ca, f"OP_{name}"): f"np.{call}({{0}})" for name, call in CALLS.items()}
-CODES |= {
+OPERATORS = {getattr(ca, f"OP_{name}"): f"{{0}} {sign} {{1}}" for name, sign in INFIX.items()}
+OPERATORS |= {
+    getattr(ca, f"OP_{name}"): f"np.{call}({{0}})" for name, call in FUNCTION_NAMES.items()
+}
+OPERATORS |= {
     ca.OP_NEG: "-{0}",
     ca.OP_SQ: "{0} * {0}",
     ca.OP_TWICE: "2 * {0}",
     ca.OP_INV: "1 / {0}",
     ca.OP_ATAN2: "np.arctan2({0}, {1})",
 }
-WIDTH = 5  # numbers in a line
+NUMBERS_PER_LINE = 5  # numbers in a line
 
-FILE = '''\
+MODULE_TEMPLATE = '''\
 """{title}
 
     minimise f(x) subject to C_LOWER <= c(x) <= C_UPPER and X_LOWER <= x <= X_UPPER
@@ -202,7 +206,7 @@ def text(problem: TestProblem) -> str:
         f"x0 {problem.default_start!r}. Tags: {', '.join(problem.tags) or 'none'}.",
         f"Source: {' '.join(problem.scene.source.split())}",
     ]
-    return FILE.format(
+    return MODULE_TEMPLATE.format(
         title=f"{problem.name}, {problem.classification}: {problem.scene.title}",
         inequalities=" + z, lam and z >= 0 at upper bounds" if problem.inequalities else "",
         kind=problem.kind,
@@ -266,10 +270,10 @@ def _body(found: Tape) -> str:
             words[k] = repr(node.value) if node.value >= 0 else f"({node.value!r})"
         elif node.kind == "input":
             words[k] = found.place(node)
-        elif node.operation not in CODES:
+        elif node.operation not in OPERATORS:
             raise ValueError(f"expected an operation of numpy's, found CasADi's {node.operation}")
         else:
-            code = CODES[node.operation].format(*(words[i] for i in node.operands))
+            code = OPERATORS[node.operation].format(*(words[i] for i in node.operands))
             words[k] = f"a{k}"
             lines.append(f"    a{k} = {code}")
     return "\n".join([*lines, f"    return {_wrap([words[k] for k in found.results[0]])}"])
@@ -277,9 +281,11 @@ def _body(found: Tape) -> str:
 
 def _wrap(words: Sequence[str], indent: str = "        ") -> str:
     """Return a list of words, a few of them a line."""
-    if len(words) <= WIDTH:
+    if len(words) <= NUMBERS_PER_LINE:
         return f"[{', '.join(words)}]"
-    lines = [", ".join(words[k : k + WIDTH]) for k in range(0, len(words), WIDTH)]
+    lines = [
+        ", ".join(words[k : k + NUMBERS_PER_LINE]) for k in range(0, len(words), NUMBERS_PER_LINE)
+    ]
     return "[\n" + "".join(f"{indent}{line},\n" for line in lines) + indent[4:] + "]"
 
 

@@ -26,8 +26,9 @@ from actionopt.tools.types import Array
 TIGHT = 1e-12  # tolerance of the solve, where there is no closed form
 STATIONARY = 1e-12  # relative KKT residual of what is called a star
 SHIFT = 1e-9  # of the normal matrix of the rows, whose gradients are of size one
-FAR = 0.1  # from the path, in the coordinates' sizes: what a mesh makes of it is no path; ad hoc
-APART = 1e-3  # paths nearer than this, in the coordinates' sizes, are the same
+# from the path, in the coordinates' sizes: what a mesh makes of it is no path; ad hoc
+NO_PATH = 0.1
+SAME_STAR = 1e-3  # paths nearer than this, in the coordinates' sizes, are the same
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +114,7 @@ def star(tr: Transcription, path: Callable[[Array], Array], *, polish: bool = Tr
     z = followed.z
     if not (followed.converged or relative_residual(tr, z) <= STATIONARY):
         raise too_coarse(tr, "Newton's method leaves it")
-    if not followed.travelled <= FAR:
+    if not followed.travelled <= NO_PATH:
         raise too_coarse(tr, f"it is {followed.travelled:.2g} of the coordinates' sizes away")
     for _ in range(2):  # to the floor of round-off: what is called a star should shine
         again = follow(tr, z, linear=True, steps=1)
@@ -193,7 +194,7 @@ def others(
 
     def keep(other: Star | None) -> None:
         if other is not None and all(
-            np.max(np.abs(other.z[:cut] - s.z[:cut])) > APART for s in stars
+            np.max(np.abs(other.z[:cut] - s.z[:cut])) > SAME_STAR for s in stars
         ):
             stars.append(other)
 
@@ -210,7 +211,7 @@ def others(
         if attempt.converged:
             keep(_polish(tr, attempt.z))
     for x in points:
-        keep(nearest(tr, x, APART))
+        keep(nearest(tr, x, SAME_STAR))
     return stars[1:]
 
 

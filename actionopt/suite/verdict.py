@@ -16,8 +16,8 @@ import numpy as np
 from actionopt.suite.problem import TestProblem
 from actionopt.tools.types import Array
 
-MODES = ("minimise", "stationary")
-MEANING = {
+VERDICT_MODES = ("minimise", "stationary")
+VERDICT_MEANING = {
     "minimise": {
         "right": "a local minimum, with f not above that of the known optimum; or 'unbounded', "
         "where f is",
@@ -40,10 +40,10 @@ UNJUDGED = {
 }
 UNSCORED = ("error", "absent")
 # Solvers stop at tolerances of their own, some at 1e-6 in the action: three digits of the path.
-NEAR = 1e-3  # in units of the coordinates: the same point
-ACCURACIES = (NEAR, 1e-6)
+SAME_POINT = 1e-3  # in units of the coordinates: the same point
+ACCURACIES = (SAME_POINT, 1e-6)
 STEEP = 0.1  # relative KKT residual allowed, multipliers fitted, over the distance allowed
-LEVEL = 1e-9  # relative: values of f that differ less are the same
+SAME_VALUE = 1e-9  # relative: values of f that differ less are the same
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Evidence:
     f, violation : float or None
         Objective there, and the largest constraint.
     at : {"optimum", "other", "new"} or None
-        Which stationary point is within `NEAR`.
+        Which stationary point is within `SAME_POINT`.
     off : float or None
         How far that is.
     f_there, index : float, int or None
@@ -91,17 +91,17 @@ def examine(problem: TestProblem, x: Array) -> Evidence:
         "violation": _finite(problem.violation(x)),
     }
     at, off, point = None, None, None
-    if distance <= NEAR:
+    if distance <= SAME_POINT:
         at, off, point = "optimum", distance, problem.optimum
-    elif residual <= STEEP * NEAR:
+    elif residual <= STEEP * SAME_POINT:
         for other in problem.others:
-            if (away := problem.distance(x, other.x)) <= NEAR:
+            if (away := problem.distance(x, other.x)) <= SAME_POINT:
                 at, off, point = "other", away, other
-        if at is None and (point := problem.nearest(x, NEAR)) is not None:
+        if at is None and (point := problem.nearest(x, SAME_POINT)) is not None:
             at, off = "new", problem.distance(x, point.x)
     if point is None:
         return Evidence(**facts)
-    level = LEVEL * max(abs(problem.f_star), abs(problem.transcription.action_unit))
+    level = SAME_VALUE * max(abs(problem.f_star), abs(problem.transcription.action_unit))
     above = point.f > problem.f_star + level
     return Evidence(**facts, at=at, off=off, f_there=point.f, index=point.index, above=above)
 
@@ -110,7 +110,7 @@ def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def verdict(record: Mapping[str, Any], mode: str, accuracy: float = NEAR) -> str:
+def verdict(record: Mapping[str, Any], mode: str, accuracy: float = SAME_POINT) -> str:
     """Return the verdict on a record, as the runner writes it, for one mode and accuracy.
 
     A solver's word counts in three cases: "unbounded" may be right; to claim what is not so is
@@ -140,4 +140,4 @@ def _of_point(record: Mapping[str, Any]) -> str:
 
 def meaning(mode: str) -> dict[str, str]:
     """Return the verdicts of a mode, in their order, and what they mean."""
-    return MEANING[mode] | UNJUDGED
+    return VERDICT_MEANING[mode] | UNJUDGED

@@ -6,7 +6,7 @@ in the table, whether the solver calls it a success decides.
 
 from __future__ import annotations
 
-SAID = ("solved", "unbounded", "infeasible", "gave up")
+OUTCOME_WORDS = ("solved", "unbounded", "infeasible", "gave up")
 
 _IPOPT = {
     "Solve_Succeeded": "solved",

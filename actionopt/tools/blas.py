@@ -19,9 +19,9 @@ from actionopt.tools.types import Array
 
 # Measured: numpy takes 0.1 us for each matrix of a stack, however small; one product of all takes a
 # twentieth of that for one column each, and as long for nine. Fewer matrices cost nothing.
-MANY, NARROW = 1000, 4
+MANY_MATRICES, NARROW_MATRIX = 1000, 4
 # Before and after what it is called in numpy's wheels, and in OpenBLAS itself.
-NAMES = ("scipy_openblas", "64_"), ("openblas", "64_"), ("openblas", "")
+LIBRARY_NAMES = ("scipy_openblas", "64_"), ("openblas", "64_"), ("openblas", "")
 
 
 @cache
@@ -37,7 +37,7 @@ def _library() -> ctypes.CDLL | None:
 def thread_count() -> tuple[Callable[[], int], Callable[[int], None]] | None:
     """Return what gets and sets the number of OpenBLAS's threads, or None of other libraries."""
     library = _library()
-    for before, after in NAMES:
+    for before, after in LIBRARY_NAMES:
         names = [f"{before}_{what}_num_threads{after}" for what in ("get", "set")]
         if all(hasattr(library, name) for name in names):
             return getattr(library, names[0]), getattr(library, names[1])
@@ -77,7 +77,7 @@ one_thread = _OneThread()
 def by_each(matrix: Array, stack: Array) -> Array:
     """Return a matrix (r, p) times each of a stack, (E, p, k): (E, r, k)."""
     count, _, columns = stack.shape
-    if count < MANY or columns > NARROW:
+    if count < MANY_MATRICES or columns > NARROW_MATRIX:
         return matrix @ stack
     wide = np.kron(matrix.T, np.eye(columns))
     return (stack.reshape(count, -1) @ wide).reshape(count, -1, columns)

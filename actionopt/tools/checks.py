@@ -12,7 +12,7 @@ import numpy as np
 # Tolerances: below 1e-14 is the round-off of S itself, some 50 spacings of floats; above 0.1 (ad
 # hoc) an answer has not one digit.
 FINEST, COARSEST = 1e-14, 0.1
-PLAIN = (float, int, list, tuple, np.ndarray, np.generic)  # numbers that say nothing else
+PLAIN_TYPES = (float, int, list, tuple, np.ndarray, np.generic)  # numbers that say nothing else
 TOLERANCE = f"tol between {FINEST:g} (round-off) and {COARSEST:g}"
 
 
@@ -96,7 +96,7 @@ def numbers(value: object, what: str) -> np.ndarray:
 
 def _check_bare(value: Any, what: str) -> None:
     """Raise ValueError for what says more than numbers: units, or labels (pandas, xarray, pint)."""
-    if isinstance(value, PLAIN):
+    if isinstance(value, PLAIN_TYPES):
         return
     if hasattr(value, "magnitude") or hasattr(value, "unit"):
         raise ValueError(

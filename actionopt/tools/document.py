@@ -7,7 +7,7 @@ from html import escape
 
 from actionopt.tools.words import current, together
 
-PARTS = re.compile(r"<(script|style|pre|code)\b.*?</\1>|<[^>]*>|[^<]+", re.DOTALL)
+HTML_PARTS = re.compile(r"<(script|style|pre|code)\b.*?</\1>|<[^>]*>|[^<]+", re.DOTALL)
 
 
 def document(title: str, head: str, body: str, description: str = "") -> str:
@@ -23,7 +23,7 @@ def document(title: str, head: str, body: str, description: str = "") -> str:
 <link rel="icon" href="data:,">
 {head}</head>
 <body>
-{PARTS.sub(lambda m: m[0] if m[0][0] == "<" else together(m[0]), body)}
+{HTML_PARTS.sub(lambda m: m[0] if m[0][0] == "<" else together(m[0]), body)}
 </body>
 </html>
 """

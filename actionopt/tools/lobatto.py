@@ -133,14 +133,14 @@ class Rule:
     to_legendre: Array
 
     @cached_property
-    def weighted(self) -> Array:
+    def weighted_derivative(self) -> Array:
         """The matrix w_k D_kj, (d + 1, d + 1)."""
         return self.weights[:, None] * self.derivative
 
     @cached_property
     def stiffness(self) -> Array:
         """The matrices w_k D_kj D_kl, ((d + 1)^2, d + 1): row (j, l), column k."""
-        products = np.einsum("kj,kl->jlk", self.weighted, self.derivative)
+        products = np.einsum("kj,kl->jlk", self.weighted_derivative, self.derivative)
         return products.reshape(-1, self.degree + 1)
 
     @cached_property

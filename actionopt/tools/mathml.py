@@ -13,10 +13,14 @@ from actionopt.tools.greek import GREEK
 LETTERS = {"w": "omega", "lamda": "lambda"}  # how a name of the code is written in a book
 FUNCTIONS = "sin cos tan arcsin arccos arctan sinh cosh tanh log".split()
 VECTORS = ("r", "v", "Q")
-TIMES, APPLY = "<mo>&#x2062;</mo>", "<mo>&#x2061;</mo>"
-PLUS, MINUS, BAR = "<mo>+</mo>", "<mo>&#x2212;</mo>", '<mo stretchy="false" fence="true">|</mo>'
-RATE = "<mfrac><mi>d</mi><mrow><mi>d</mi><mi>t</mi></mrow></mfrac>"
-LINE = 38  # letters of a line, about
+TIMES_ML, APPLY_ML = "<mo>&#x2062;</mo>", "<mo>&#x2061;</mo>"
+PLUS_ML, MINUS_ML, BAR_ML = (
+    "<mo>+</mo>",
+    "<mo>&#x2212;</mo>",
+    '<mo stretchy="false" fence="true">|</mo>',
+)
+TIME_DERIVATIVE = "<mfrac><mi>d</mi><mrow><mi>d</mi><mi>t</mi></mrow></mfrac>"
+LINE_LETTERS = 38  # letters of a line, about
 THIN = '<mspace width="0.17em"/>'
 
 
@@ -53,7 +57,7 @@ class _Writer:
                 return _script(*self.parts(node), exponent)
             case ast.Call(ast.Name(name), [argument]) if name in FUNCTIONS:
                 name = _script(f"<mi>{name}</mi>", "", exponent)
-                return f"<mrow>{name}{APPLY}{THIN}{self.factor(argument)}</mrow>"
+                return f"<mrow>{name}{APPLY_ML}{THIN}{self.factor(argument)}</mrow>"
             case _ if exponent:
                 plain = isinstance(node, (ast.Constant, ast.Call))
                 return _script(self(node) if plain else _bracket(self(node)), "", exponent)
@@ -65,7 +69,7 @@ class _Writer:
                 return f"<mfrac><mn>{top}</mn><mn>{bottom}</mn></mfrac>"
             case ast.BinOp(top, ast.Div(), ast.Constant() as number):  # half of it, as in books
                 share = f"<mfrac><mn>1</mn>{self(number)}</mfrac>"
-                return f"<mrow>{share}{TIMES}{self.factor(top)}</mrow>"
+                return f"<mrow>{share}{TIMES_ML}{self.factor(top)}</mrow>"
             case ast.BinOp(top, ast.Div(), bottom):
                 return f"<mfrac>{self(top)}{self(bottom)}</mfrac>"
             case ast.BinOp(_, ast.Mult(), _):
@@ -79,9 +83,9 @@ class _Writer:
             case ast.Call(ast.Name("sqrt"), [argument]):
                 return f"<msqrt>{self(argument)}</msqrt>"
             case ast.Call(ast.Name("size"), [argument]):
-                return f"<mrow>{BAR}{self(argument)}{BAR}</mrow>"
+                return f"<mrow>{BAR_ML}{self(argument)}{BAR_ML}</mrow>"
             case ast.Call(ast.Name("rate"), [argument]):
-                return f"{RATE}{THIN}{_bracket(self(argument))}"
+                return f"{TIME_DERIVATIVE}{THIN}{_bracket(self(argument))}"
             case ast.Call(ast.Name("over"), [over, term]):
                 sign = f"<munder><mo>&#x2211;</mo><mrow>{self(over)}</mrow></munder>"
                 return f"{sign}{self.factor(term)}"
@@ -93,7 +97,7 @@ class _Writer:
         for side in sides:
             for k, term in enumerate(self.terms(side)):
                 part = "<mo>=</mo>" * (k == 0 and side is not sides[0]) + term
-                if text and _width(text) + _width(part) > LINE:
+                if text and _width(text) + _width(part) > LINE_LETTERS:
                     found.append(text)
                     text = '<mspace width="1.6em"/>'
                 text += part
@@ -120,9 +124,9 @@ class _Writer:
         """Return the terms of a sum with their signs."""
         match node:
             case ast.BinOp(ast.Constant(0), ast.Sub(), term):
-                return [MINUS + self.factor(term)]
+                return [MINUS_ML + self.factor(term)]
             case ast.BinOp(before, ast.Add() | ast.Sub() as sign, term):
-                sign = PLUS if isinstance(sign, ast.Add) else MINUS
+                sign = PLUS_ML if isinstance(sign, ast.Add) else MINUS_ML
                 return [*self.terms(before), sign + self.factor(term)]
         return [self.factor(node)]
 
@@ -132,7 +136,7 @@ class _Writer:
         if isinstance(before, ast.BinOp) and isinstance(before.op, ast.Mult):
             before, written = before.right, self.product(before)
         air = THIN * (_wide(before) or _wide(node.right))
-        return written + TIMES + air + self.factor(node.right)
+        return written + TIMES_ML + air + self.factor(node.right)
 
     def factor(self, node: ast.expr) -> str:
         """Write a node that stands beside others: a sum in brackets."""

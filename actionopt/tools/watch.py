@@ -111,12 +111,12 @@ class Watch:
         self._raised: BaseException | None = None  # by progress: no handler may swallow it
 
     @property
-    def raised(self) -> BaseException | None:
+    def error(self) -> BaseException | None:
         """What `progress` raised."""
-        return self._raised if self.outer is None else self.outer.raised
+        return self._raised if self.outer is None else self.outer.error
 
     @property
-    def priced(self) -> bool:
+    def has_costs(self) -> bool:
         """Whether ways have a price: those of a search whose time is given have that."""
         return self.end is None or self.outer is not None
 

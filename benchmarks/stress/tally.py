@@ -29,7 +29,7 @@ class Outcome:
         The error claimed.
     tol, time : float
     accuracy : float
-        Of the reference: a smaller error is none.
+        Error of the reference: a smaller one is not counted.
     """
 
     status: str

@@ -79,7 +79,7 @@ print("S =", action, "J s, top", top, "m")
     ),
 )
 
-FIRST = Lesson(
+FIRST_ORDER = Lesson(
     "first",
     "To first order, nothing",
     (5, 10, 10, 20),
@@ -240,7 +240,7 @@ print(missing, "N, upwards")
     ),
 )
 
-MINUS = Lesson(
+T_MINUS_V = Lesson(
     "minus",
     "Why T minus V?",
     (5, 5, 15, 20),
@@ -412,7 +412,7 @@ print(fast, "s instead of", straight, "s")
     ),
 )
 
-LEAST = Lesson(
+LEAST_OR_NOT = Lesson(
     "least",
     "Least or not?",
     (5, 15, 10, 15),
@@ -723,5 +723,5 @@ print(e, "m")
     ),
 )
 
-LESSONS = (HUNT, FIRST, LOCAL, MINUS, LIGHT, LEAST, PUSH, SYMMETRY, SUM)
+LESSONS = (HUNT, FIRST_ORDER, LOCAL, T_MINUS_V, LIGHT, LEAST_OR_NOT, PUSH, SYMMETRY, SUM)
 BY_NAME = {lesson.name: lesson for lesson in LESSONS}

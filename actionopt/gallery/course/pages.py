@@ -17,7 +17,7 @@ from actionopt.plot.live.page import SCRIPTS, figure
 from actionopt.solver.solve import solve
 from actionopt.tools.words import say
 
-PARTS = ("Predict", "Try", "Explain", "Exercises")
+LESSON_PARTS = ("Predict", "Try", "Explain", "Exercises")
 
 
 def course() -> Page:
@@ -67,7 +67,7 @@ def _minutes() -> str:
         )
         for lesson in LESSONS
     ]
-    head = ("", *map(say, PARTS), say("together"))
+    head = ("", *map(say, LESSON_PARTS), say("together"))
     return table(say("Minutes"), head, rows, kind="numbers")
 
 

@@ -18,12 +18,12 @@ from actionopt.solver.solve import solve
 from actionopt.tools.types import Array
 from actionopt.tools.words import say
 
-SIZE = (6.8, 4.4)  # inches, of two side by side in a narrow column
-EYE, FAR = 1.5, 700.0  # m: its height, and how far away the car is
+PICTURE_SIZE = (6.8, 4.4)  # inches, of two side by side in a narrow column
+EYE, CAR_DISTANCE = 1.5, 700.0  # m: its height, and how far away the car is
 CAR = (1.0, 1.5)  # m: from its bonnet to its roof
-LAYER, COOL, HOT = 0.3, 300.0, 25.0  # m and K: of the hot air, 325 K at the road
+AIR_LAYER, COOL, HOT = 0.3, 300.0, 25.0  # m and K: of the hot air, 325 K at the road
 REFRACTION = 0.0798  # K: (n - 1) times the temperature, of air at the sea's pressure
-RADIUS = 1.0  # m, of two rings as far apart
+RING_RADIUS = 1.0  # m, of two rings as far apart
 GOLDSCHMIDT, LAST = 1.0554, 1.3255  # radii apart: from where discs have less area; no film beyond
 
 
@@ -34,23 +34,28 @@ def pictures(name: str) -> list[Figure]:
 
 def index(y: Any) -> Any:
     """Return the refractive index at the height y (m) above the road."""
-    return 1 + REFRACTION / (COOL + HOT * np.exp(-y / LAYER))
+    return 1 + REFRACTION / (COOL + HOT * np.exp(-y / AIR_LAYER))
 
 
 def rays(height: float) -> tuple[Solution, Solution]:
     """Return the two rays from the eye to a point of the car: nearly straight, and dipping."""
     air = System(lambda q, v, t: index(q[0]) * np.sqrt(1 + v[0] ** 2), ["y"], name="mirage")
-    problem = Problem(air, Event(0.0, [EYE]), Event(FAR, [height]))
-    low = FAR * EYE / (EYE + height)  # where it would be reflected
-    dips = solve(problem, guess=lambda t: [np.interp(t, [0, low, FAR], [EYE, LAYER / 2, height])])
+    problem = Problem(air, Event(0.0, [EYE]), Event(CAR_DISTANCE, [height]))
+    low = CAR_DISTANCE * EYE / (EYE + height)  # where it would be reflected
+    dips = solve(
+        problem,
+        guess=lambda t: [np.interp(t, [0, low, CAR_DISTANCE], [EYE, AIR_LAYER / 2, height])],
+    )
     return solve(problem), dips
 
 
 def films() -> tuple[Solution, Solution]:
     """Return the wide film between two rings, and the narrow one."""
     soap = System(lambda q, v, x: 2 * np.pi * q[0] * np.sqrt(1 + v[0] ** 2), ["y"], name="soap")
-    problem = Problem(soap, Event(0.0, [RADIUS]), Event(RADIUS, [RADIUS]))
-    narrow = solve(problem, guess=lambda x: [RADIUS * (1 - 0.75 * np.sin(np.pi * x / RADIUS))])
+    problem = Problem(soap, Event(0.0, [RING_RADIUS]), Event(RING_RADIUS, [RING_RADIUS]))
+    narrow = solve(
+        problem, guess=lambda x: [RING_RADIUS * (1 - 0.75 * np.sin(np.pi * x / RING_RADIUS))]
+    )
     return solve(problem), narrow
 
 
@@ -64,7 +69,7 @@ def areas(u: Array) -> tuple[Array, Array]:
 
 def _mirage() -> Figure:
     found = {height: rays(height) for height in CAR}
-    x = np.linspace(0, FAR, 201)
+    x = np.linspace(0, CAR_DISTANCE, 201)
 
     def draw(ax: Any) -> None:
         looks = (style.BLUE, say("straight on")), (style.VERMILION, say("by the hot air"))
@@ -75,12 +80,12 @@ def _mirage() -> Figure:
             seen = EYE + both[1].velocity(0.0)[0] * x
             named = say("where it seems to come from") if height == CAR[0] else None
             ax.plot(x, seen, color=style.VERMILION, linestyle=":", linewidth=1.2, label=named)
-        seems = [EYE + both[1].velocity(0.0)[0] * FAR for both in found.values()]
+        seems = [EYE + both[1].velocity(0.0)[0] * CAR_DISTANCE for both in found.values()]
         thick = {"solid_capstyle": "butt", "linewidth": 7}
-        ax.plot([FAR, FAR], CAR, color=style.ink(), **thick)
-        ax.plot([FAR, FAR], seems, color=style.PALE, **thick)
-        ax.plot([FAR], CAR[1:], "^", color=style.ink(), markersize=9)
-        ax.plot([FAR], seems[1:], "v", color=style.PALE, markersize=9)
+        ax.plot([CAR_DISTANCE, CAR_DISTANCE], CAR, color=style.ink(), **thick)
+        ax.plot([CAR_DISTANCE, CAR_DISTANCE], seems, color=style.PALE, **thick)
+        ax.plot([CAR_DISTANCE], CAR[1:], "^", color=style.ink(), markersize=9)
+        ax.plot([CAR_DISTANCE], seems[1:], "v", color=style.PALE, markersize=9)
         ax.plot([0], [EYE], **style.start())
         ax.axhspan(-2.6, 0, color=style.PALE, alpha=0.2, linewidth=0)
         ax.axhline(0, color=style.GREY, linewidth=1.4)
@@ -116,7 +121,7 @@ def _mirage() -> Figure:
 
 def _soap() -> Figure:
     wide, narrow = films()
-    x, u = np.linspace(0, RADIUS, 201), np.linspace(0.02, 5.0, 400)
+    x, u = np.linspace(0, RING_RADIUS, 201), np.linspace(0.02, 5.0, 400)
 
     def draw(axes: Sequence[Any]) -> None:
         left, right = axes
@@ -130,8 +135,8 @@ def _soap() -> Figure:
             left.plot(x, y, **look, label=text)
             left.plot(x, -y, **look)
             left.fill_between(x, -y, y, color=colour, alpha=0.1, linewidth=0)
-        for at in (0, RADIUS):
-            left.plot([at, at], [-RADIUS, RADIUS], color=style.ink(), linewidth=3)
+        for at in (0, RING_RADIUS):
+            left.plot([at, at], [-RING_RADIUS, RING_RADIUS], color=style.ink(), linewidth=3)
         left.set(xlabel=label("axis $x$", "m"), ylabel=label("radius $y$", "m"), aspect="equal")
         left.set(xticks=(0, 0.5, 1), title=say("two films, one pair of rings"))
         distance, area = areas(u)
@@ -142,7 +147,7 @@ def _soap() -> Figure:
         )
         right.axhline(2 * np.pi, color=style.GREY, linestyle=":", label=say("two discs"))
         for film, colour in ((wide, style.BLUE), (narrow, style.VERMILION)):
-            right.plot([1.0], [film.action / RADIUS**2], **{**style.event(), "color": colour})
+            right.plot([1.0], [film.action / RING_RADIUS**2], **{**style.event(), "color": colour})
         right.set(xlabel=label("distance over $R$"), ylabel=label("area over $R^2$"))
         right.set(title=say("they meet, and end"))
         for ax in (left, right):
@@ -165,7 +170,7 @@ def _soap() -> Figure:
             wide=number(wide.action, 4), narrow=number(narrow.action, 4),
             index=narrow.morse_index, last=number(LAST, 5), discs=number(GOLDSCHMIDT, 5),
         ),
-        SIZE,
+        PICTURE_SIZE,
     )  # fmt: skip
 
 

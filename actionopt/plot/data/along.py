@@ -16,12 +16,12 @@ from actionopt.tools.checks import numbers
 from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array
 
-COUNT = 600  # times at which a curve is drawn: more than a picture has columns for
+CURVE_TIMES = 600  # times at which a curve is drawn: more than a picture has columns for
 Kinetic = Callable[[Array, Array, Array], Array]  # T of q, v (n, K) and t
-FLAT = 1e-6  # change relative to the size of what is drawn that is no change
+FLAT_CHANGE = 1e-6  # relative to the size of what is drawn: a smaller change is not one
 
 
-def times(solution: Solution, count: int = COUNT) -> Array:
+def times(solution: Solution, count: int = CURVE_TIMES) -> Array:
     """Return equal times over the solution, both events' included."""
     return np.linspace(solution.problem.start.t, solution.problem.end.t, count)
 
@@ -49,7 +49,7 @@ class Curves:
 
 
 @check_arguments
-def curves(solution: Solution, count: int = COUNT) -> Curves:
+def curves(solution: Solution, count: int = CURVE_TIMES) -> Curves:
     """Return the arrays behind the pictures at `count` equal times; the comparison is made."""
     t = times(solution, count)
     q, forward = solution(t), forward_values(solution, t)
@@ -98,7 +98,7 @@ class Energies:
 
 @check_arguments
 def energies_data(
-    solution: Solution, count: int = COUNT, *, kinetic: Kinetic | None = None
+    solution: Solution, count: int = CURVE_TIMES, *, kinetic: Kinetic | None = None
 ) -> Energies:
     """Return T and V along the path, each (count,), at equal times.
 
@@ -122,7 +122,7 @@ def energies_data(
     if not here.shape == rest.shape == twice.shape == t.shape:
         raise ValueError(f"expected {what}, found the shape {here.shape} at {t.size} times")
     V, V_rest = here - lagrangian(v), rest - lagrangian(0 * v)
-    size = FLAT * max(np.max(np.abs(here)), np.max(np.abs(V)))
+    size = FLAT_CHANGE * max(np.max(np.abs(here)), np.max(np.abs(V)))
     return Energies(
         t,
         here,
@@ -134,7 +134,7 @@ def energies_data(
 
 
 @dataclass(frozen=True, eq=False)
-class Conserved:
+class ConservedCurves:
     """Energy function and momenta at K times.
 
     Attributes
@@ -159,7 +159,7 @@ class Conserved:
 
 @latest
 @check_arguments
-def conserved_data(solution: Solution, count: int = COUNT) -> Conserved:
+def conserved_data(solution: Solution, count: int = CURVE_TIMES) -> ConservedCurves:
     """Return H and p along the path at equal times, which of them are constant, and which must."""
     t = times(solution, count)
     H, p, v = solution.energy(t), solution.momentum(t), solution.velocity(t)
@@ -167,10 +167,10 @@ def conserved_data(solution: Solution, count: int = COUNT) -> Conserved:
     speeds = np.maximum(np.max(np.abs(v), axis=1), 1e-300)
     sizes = [max(work, np.max(np.abs(H))), *np.maximum(work / speeds, np.max(np.abs(p), axis=1))]
     rows = [H, *p]
-    flat = [bool(np.ptp(x) <= FLAT * size) for x, size in zip(rows, sizes, strict=True)]
+    flat = [bool(np.ptp(x) <= FLAT_CHANGE * size) for x, size in zip(rows, sizes, strict=True)]
     shifts = np.eye(len(rows))  # in time, and of each coordinate
     kept = [same and _symmetric(solution.problem, e) for same, e in zip(flat, shifts, strict=True)]
-    return Conserved(t, H, p, tuple(flat), tuple(kept))
+    return ConservedCurves(t, H, p, tuple(flat), tuple(kept))
 
 
 def _symmetric(problem: Problem, shift: Array) -> bool:
@@ -186,7 +186,9 @@ def _symmetric(problem: Problem, shift: Array) -> bool:
 
 
 @check_arguments
-def family_data(solutions: Iterable[Solution], count: int = COUNT) -> tuple[Array, Array, Array]:
+def family_data(
+    solutions: Iterable[Solution], count: int = CURVE_TIMES
+) -> tuple[Array, Array, Array]:
     """Return times (K,), paths (P, n, K) and actions (P,) of several solutions."""
     found = list(solutions)
     if not found:

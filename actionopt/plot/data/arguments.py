@@ -13,7 +13,7 @@ import numpy as np
 from actionopt.analysis.solution import question
 from actionopt.families.runs import Runs
 from actionopt.mechanics.problem import Problem
-from actionopt.plot._names import Units
+from actionopt.plot._names import UnitNames
 from actionopt.scenes import Scene
 from actionopt.tools.checks import number, whole
 
@@ -89,7 +89,7 @@ def _question(value: object) -> None:
 
 
 def _units(value: object) -> None:
-    if not isinstance(value, Units):
+    if not isinstance(value, UnitNames):
         raise ValueError(f"expected plot.Units(time='s', ...), found {value!r}")
 
 

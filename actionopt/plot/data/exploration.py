@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from actionopt.analysis.conjugate import TOGETHER, ConjugatePoint, conjugate_points
+from actionopt.analysis.conjugate import SAME_ROOT, ConjugatePoint, conjugate_points
 from actionopt.analysis.forward import IntegrationError, integrate
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
@@ -20,12 +20,12 @@ from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Event, Problem
 from actionopt.plot.data.trial import Trial, move_node, straight, trial_at
 from actionopt.solver.arguments import Guess
+from actionopt.solver.ladder import REACHED
 from actionopt.solver.solve import solve
 from actionopt.tools.shown import one_line
 
-LONGEST = 3.0  # durations of the first problem, to which its motion is continued
-PARTS = (1.0, 0.5, 0.2)  # of the way there, where it cannot be
-FOUND = (Status.SOLVED, Status.FLOOR)
+LONGEST_CONTINUED = 3.0  # durations of the first problem, to which its motion is continued
+CONTINUED_PARTS = (1.0, 0.5, 0.2)  # of the way there, where it cannot be
 CONJUGATE = (
     "the end is conjugate to the start: to second order the action is the same for neighbours of "
     "this motion between the same events, which do not determine the path; move the end time on"
@@ -33,7 +33,7 @@ CONJUGATE = (
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class Continuation:
     """A stationary path continued forward beyond its end.
 
     Attributes
@@ -65,22 +65,22 @@ class Motion:
 
     def before(self, t: float) -> list[float]:
         """Return the conjugate times before t: their number is the index of the path to t."""
-        close = TOGETHER * (t - float(self.path.mesh.boundaries[0]))
+        close = SAME_ROOT * (t - float(self.path.mesh.boundaries[0]))
         return [c for c in self.times if c < t - close]
 
 
-def motion(solution: Solution, latest: float) -> Motion:
+def motion(solution: Solution, latest: float) -> Continuation:
     """Return the motion that a solution is the first part of, continued to `latest` if it can."""
     problem, start, t = solution.problem, solution.start, solution.problem.end.t
-    for part in PARTS:
+    for part in CONTINUED_PARTS:
         end = t + part * (latest - t)
         try:
             path = integrate(problem.system, start, end, parameters=problem.parameters)
             whole = solve(_until(problem, path, end), guess=path, throw=False)
-            return Motion(path, _conjugate(whole if whole.status in FOUND else solution))
+            return Continuation(path, _conjugate(whole if whole.status in REACHED else solution))
         except (IntegrationError, ValueError):
             continue
-    return Motion(solution.path, _conjugate(solution))
+    return Continuation(solution.path, _conjugate(solution))
 
 
 def _until(problem: Problem, path: Path, t: float) -> Problem:
@@ -112,7 +112,7 @@ class Exploration:
     solution : Solution or None
         The stationary path between the trial's events; None before it was sought, or where the
         events do not determine it.
-    motion : Motion or None
+    motion : Continuation or None
         What it is the first part of.
     message : str
         What came of the last step, a sentence; empty if there is nothing to say.
@@ -122,7 +122,7 @@ class Exploration:
     latest: float
     guess: Guess | None = None
     solution: Solution | None = None
-    motion: Motion | None = None
+    motion: Continuation | None = None
     message: str = ""
 
     __repr__ = one_line
@@ -151,7 +151,7 @@ class Exploration:
 
 def begin(problem: Problem, guess: Guess | None = None) -> Exploration:
     """Return an exploration with its first trial. Raises ValueError as `straight` does."""
-    latest = problem.start.t + LONGEST * problem.duration
+    latest = problem.start.t + LONGEST_CONTINUED * problem.duration
     return Exploration(straight(problem, guess), latest, guess)
 
 
@@ -193,7 +193,7 @@ def _with_solution(now: Exploration) -> Exploration:
         except (ValueError, ArithmeticError) as error:
             message = str(error)
             continue
-        if solution.status in FOUND:
+        if solution.status in REACHED:
             if message:
                 message = "No solution was found near the trial; this one is elsewhere."
             known = motion(solution, now.latest)
@@ -221,7 +221,7 @@ def lasting(now: Exploration, t: float) -> Exploration:
         other = problem.replace(end=Event(t, q))
         tr = Transcription(other, now.trial.tr.mesh.moved(problem.start.t, t), now.trial.tr.lengths)
         solution = solve(other, guess=Path(tr.mesh, path(tr.mesh.nodes)), throw=False)
-        known = solution.status in FOUND
+        known = solution.status in REACHED
         base = (solution.path if known else path)(tr.mesh.nodes).T
         trial = trial_at(tr, base + now.trial.Q - now.stationary.Q)
     except ValueError as error:

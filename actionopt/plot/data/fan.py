@@ -17,20 +17,22 @@ from actionopt.analysis.shooting import motions
 from actionopt.analysis.solution import Solution
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Event, Problem
-from actionopt.plot.data.along import COUNT, times
+from actionopt.plot.data.along import CURVE_TIMES, times
 from actionopt.plot.data.arguments import check_arguments
 from actionopt.plot.data.latest import latest
 from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array
 
-SPREAD = 0.8  # of the largest speed: how far velocities of fronts differ
-ENOUGH, HALVINGS = 0.75, 8  # of the motions: where more run away, fronts have gaps; ad hoc
+SPEED_SPREAD = 0.8  # of the largest speed: how far velocities of fronts differ
+# of the motions: where more run away, fronts have gaps; ad hoc
+ENOUGH_MOTIONS, SPREAD_HALVINGS = 0.75, 8
 BEFORE = 0.8  # of the way to the first focus, where all fronts of a plane meet in a point
-LEVELS = 17  # fronts drawn
-COARSE = 0.05  # of a level: dS = p dq fails by more on a triangle too large to draw fronts on
-FINER = 2  # halvings of a triangle's sides: lines across it are then smooth
+FRONTS = 17  # fronts drawn
+# of a level: dS = p dq fails by more on a triangle too large to draw fronts on
+COARSE_TRIANGLE = 0.05
+SIDE_HALVINGS = 2  # halvings of a triangle's sides: lines across it are then smooth
 ALIGNED = 1e-6  # sine of an angle that counts as zero
-FIRST = 6  # of 121 times: motions are too near each other before
+FIRST_FRONT = 6  # of 121 times: motions are too near each other before
 RAGGED = 4  # times that triangles which hang on by one edge are taken away
 GAUSS = np.polynomial.legendre.leggauss(3)
 
@@ -71,7 +73,7 @@ def fan_data(solution: Solution, count: int = 12, spread: float = 0.15) -> Fan:
     """
     points = conjugate_points(solution)
     problem, start = solution.problem, solution.start
-    t = times(solution, COUNT // 2)
+    t = times(solution, CURVE_TIMES // 2)
     speed = float(np.linalg.norm(start.v)) or float(np.linalg.norm(problem.scales))
     if len(start.q) == 1:
         # Velocities of one coordinate: relative to the largest, as the first may be small.
@@ -116,7 +118,7 @@ class Fronts:
 
 @check_arguments
 def fronts_data(
-    solution: Solution, count: int = 41, spread: float = SPREAD, until: float | None = None
+    solution: Solution, count: int = 41, spread: float = SPEED_SPREAD, until: float | None = None
 ) -> Fronts:
     """Return motions from the start event in all directions, and S along them.
 
@@ -145,7 +147,7 @@ def fronts_data(
         offsets = np.zeros((len(start.q), k.size))
         offsets[:2] = radius * np.cos(turn), radius * np.sin(turn)
     found, halvings = [], 0
-    while len(found) < ENOUGH * offsets.shape[1] and halvings < HALVINGS:
+    while len(found) < ENOUGH_MOTIONS * offsets.shape[1] and halvings < SPREAD_HALVINGS:
         v0 = start.v[:, None] + speed / 2**halvings * offsets
         both = zip(motions(_until(solution, end), v0), v0.T, strict=True)
         found = [(p, v) for p, v in both if p is not None]
@@ -193,7 +195,7 @@ class Sheet:
         """Return smaller triangles, and S there: its second differences are those of dS/dq = p."""
         places, S, p = np.array([self.triangles.x, self.triangles.y]), self.action, self.momentum
         corners = self.triangles.get_masked_triangles()
-        for _ in range(FINER):
+        for _ in range(SIDE_HALVINGS):
             sides = np.concatenate([corners[:, pair] for pair in ([1, 2], [2, 0], [0, 1])])
             (a, b), number = _distinct(np.sort(sides))
             bend = np.sum((p[:, b] - p[:, a]) * (places[:, b] - places[:, a]), axis=0) / 8
@@ -229,9 +231,9 @@ def over_plane(solution: Solution, data: Fronts) -> Sheet:
     corners = disc.triangles
     a, b = corners, np.roll(corners, 1, axis=1)
     rise = np.sum((p[:, a] + p[:, b]) / 2 * (q[:, b] - q[:, a]), axis=0)
-    level = np.subtract(*np.percentile(S, (98, 2))) / LEVELS
-    coarse = np.max(np.abs(S[b] - S[a] - rise), axis=1) > COARSE * level
-    mask = coarse | np.any(_turns_over(x, y, corners)[FIRST:], axis=0)
+    level = np.subtract(*np.percentile(S, (98, 2))) / FRONTS
+    coarse = np.max(np.abs(S[b] - S[a] - rise), axis=1) > COARSE_TRIANGLE * level
+    mask = coarse | np.any(_turns_over(x, y, corners)[FIRST_FRONT:], axis=0)
     mask = _lone(disc.neighbors, mask | _overlaps(q, corners, mask))
     return Sheet(Triangulation(q[0], q[1], corners, mask), S, p, v)
 

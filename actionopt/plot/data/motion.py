@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from actionopt.analysis.solution import Solution
-from actionopt.plot.data.along import COUNT, times
+from actionopt.plot.data.along import CURVE_TIMES, times
 from actionopt.plot.data.arguments import check_arguments
 from actionopt.plot.data.variations import sizes
 from actionopt.scenes import Shape, project
@@ -20,12 +20,14 @@ from actionopt.tools.types import Array
 
 Draw = Callable[[Array, float], Sequence[Shape]]
 
-FINE = COUNT // 2  # times of a trail
-STEP = 1e-4  # of a coordinate's size, to differentiate bodies' places by
+TRAIL_TIMES = CURVE_TIMES // 2  # times of a trail
+PLACE_STEP = 1e-4  # of a coordinate's size, to differentiate bodies' places by
 STILL = 1e-9  # of the picture's size: what moves less does not move
 UNEXPLAINED = 1e-6  # share of the generalized forces that forces on bodies may leave over
-LONGEST = 0.25  # of the picture's size: the longest arrow
-FINEST = 2000  # a picture's size in the units to which plain data are rounded
+# Of a spring that is drawn: its turns, and its breadth in parts of the picture's size.
+SPRING_TURNS, SPRING_BREADTH = 8, 0.03
+LONGEST_ARROW = 0.25  # of the picture's size: the longest arrow
+DATA_UNITS = 2000  # a picture's size in the units to which plain data are rounded
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +101,7 @@ class Motion:
         there are forces, `arrows`: for each body a [x, y] to draw from it at each time.
         Lengths are rounded to half a thousandth of the picture's size.
         """
-        digits = max(0, int(np.ceil(np.log10(FINEST / self.size))))
+        digits = max(0, int(np.ceil(np.log10(DATA_UNITS / self.size))))
 
         def rows(points: Array) -> Any:  # (..., d, P) to P rows of d, without -0.0
             return (np.round(np.swapaxes(points, -1, -2), digits) + 0.0).tolist()
@@ -156,16 +158,16 @@ def motion_data(solution: Solution, draw: Draw, count: int = 9, force: bool = Fa
         raise ValueError(f"expected at least 2 times, found {count}")
     t = times(solution, count)
     kinds, points = _shapes_over_time(solution, draw, t)
-    _, finely = _shapes_over_time(solution, draw, times(solution, FINE))
+    _, finely = _shapes_over_time(solution, draw, times(solution, TRAIL_TIMES))
     trails = np.array([p[:, :, 0].T for p, k in zip(finely, kinds, strict=True) if k == "body"])
     d = points[0].shape[1]
     seen = np.concatenate([_row(project(p)) for p in points + finely], axis=1)
-    data = Motion(t, kinds, points, trails.reshape(-1, d, FINE), _box(seen))
+    data = Motion(t, kinds, points, trails.reshape(-1, d, TRAIL_TIMES), _box(seen))
     if not force:
         return data
     forces = _forces(solution, draw, t)
     strongest = float(np.max(np.linalg.norm(forces, axis=1), initial=0.0))
-    arrow = LONGEST * data.size / strongest if strongest else 0.0
+    arrow = LONGEST_ARROW * data.size / strongest if strongest else 0.0
     tips = _row(project(data.bodies + arrow * forces))
     box = _box(np.concatenate([seen, tips], axis=1))
     return Motion(t, kinds, points, data.trails, box, forces, arrow)
@@ -230,8 +232,8 @@ def _forces(solution: Solution, draw: Draw, t: Array) -> Array:
     for k, (time, q) in enumerate(zip(t, solution(t).T, strict=True)):
         J = np.array(
             [
-                (_places(draw, q + h, time) - _places(draw, q - h, time)) / (2 * STEP)
-                for h in np.diag(STEP * units)
+                (_places(draw, q + h, time) - _places(draw, q - h, time)) / (2 * PLACE_STEP)
+                for h in np.diag(PLACE_STEP * units)
             ]
         )  # (n, d B), each coordinate in units of its size
         if not J.size:

@@ -22,7 +22,7 @@ import numpy as np
 
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.variation import variation
-from actionopt.plot.data.along import COUNT, times
+from actionopt.plot.data.along import CURVE_TIMES, times
 from actionopt.plot.data.arguments import check_arguments
 from actionopt.plot.data.variations import directions
 from actionopt.tools.checks import number
@@ -31,10 +31,10 @@ from actionopt.tools.types import Array
 
 # Ad hoc: the sum for a quadratic S is then sqrt(2 pi i hbar / S'') to 4e-3. More turns come nearer,
 # but reach farther, where other actions are no parabolas: the pendulum's is seen at hbar = 0.03.
-TURNS = 6.0  # of the arrow at either end of the range
-WHOLE = 0.3  # of the range, in which arrows have their whole length
+END_TURNS = 6.0  # of the arrow at either end of the range
+WHOLE_ARROWS = 0.3  # of the range, in which arrows have their whole length
 COUNT_ARROWS = 481  # twenty a turn where they turn fastest
-NEIGHBOURS = 41
+ARROWS_DRAWN = 41
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +109,7 @@ def phasors_data(solution: Solution, hbar: float, *, mode: int = 0) -> Phasors:
             "expected an end that is not conjugate to the start, found that S does not change to "
             "second order; move the end time"
         )
-    reach = float(np.sqrt(4 * np.pi * TURNS * h / abs(second)))
+    reach = float(np.sqrt(4 * np.pi * END_TURNS * h / abs(second)))
     alpha = np.linspace(-reach, reach, COUNT_ARROWS)
     rise = S(alpha) - float(S(0.0))
     if not np.all(np.isfinite(rise)):
@@ -118,7 +118,8 @@ def phasors_data(solution: Solution, hbar: float, *, mode: int = 0) -> Phasors:
             "none; try a smaller hbar"
         )
     arrows = np.exp(1j * rise / h) * _whole(alpha / reach) * (alpha[1] - alpha[0])
-    t, near = times(solution, COUNT // 2), reach * WHOLE * np.linspace(-1, 1, NEIGHBOURS)
+    t = times(solution, CURVE_TIMES // 2)
+    near = reach * WHOLE_ARROWS * np.linspace(-1, 1, ARROWS_DRAWN)
     varied = np.array([S.path(a)(t) for a in near])
     expected = complex(np.sqrt(2j * np.pi * h / second))
     phase = (S(near) - float(S(0.0))) / h
@@ -127,6 +128,6 @@ def phasors_data(solution: Solution, hbar: float, *, mode: int = 0) -> Phasors:
 
 def _whole(x: Array) -> Array:
     """Return 1 for |x| <= WHOLE, falling smoothly to 0 at 1: with all derivatives."""
-    s = np.clip((np.abs(x) - WHOLE) / (1 - WHOLE), 0.0, 1.0)
+    s = np.clip((np.abs(x) - WHOLE_ARROWS) / (1 - WHOLE_ARROWS), 0.0, 1.0)
     with np.errstate(divide="ignore", over="ignore"):
         return 1 / (1 + np.exp(1 / (1 - s) - 1 / s)) * (s < 1)

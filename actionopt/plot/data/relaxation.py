@@ -32,15 +32,15 @@ from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array
 
 METHODS = ("descent", "newton")
-FIRST, GROWTH = 0.08, 1.08  # the first share, and what each next one is larger by, up to 1
+FIRST_SHARE, GROWTH = 0.08, 1.08  # the first share, and what each next one is larger by, up to 1
 MEMORY = 0.2  # tau in parts of the duration: slower wiggles relax more slowly than fast ones
 DECREASE = 1e-4  # share of the decrease that the gradient promises which a step must bring
-SHORTEST = 1e-6  # a smaller share of a step leads nowhere
-FAR = 3.0  # a path that has left the true one by this many times its size has run away
-MISSED = 1e-9  # of the coordinates' size, by which a start may miss the events
-SMALL = 1e-7  # residual, in parts of the first, that is no longer relaxed
-WAVES, WILD = 8, 0.35  # waves of the start, and their size in parts of the coordinates'
-COUNT = 201  # times at which paths are kept
+SMALLEST_SHARE = 1e-6  # a smaller share of a step leads nowhere
+RUN_AWAY = 3.0  # a path that has left the true one by this many times its size has run away
+START_MISS = 1e-9  # of the coordinates' size, by which a start may miss the events
+RELAXED = 1e-7  # residual, in parts of the first, at which the relaxation ends
+START_WAVES, WILD = 8, 0.35  # waves of the start, and their size in parts of the coordinates'
+RELAXATION_TIMES = 201  # times at which paths are kept
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +140,7 @@ def relaxation_data(
     first = Path.interpolate(start, mesh).values.T
     goal, z = follow(tr, tr.pack(solution(mesh.nodes).T)).z, tr.pack(first)
     missed = float(np.max(np.abs(tr.coordinates(z) - first) / tr.lengths))
-    if not missed <= MISSED:
+    if not missed <= START_MISS:
         raise ValueError(
             "expected a start that joins the solution's events, found that it misses them by "
             f"{missed:.3g} of the coordinates' size"
@@ -151,7 +151,7 @@ def relaxation_data(
 def wild(solution: Solution) -> Callable[[Array], Array]:
     """Return a path with waves on it, the same ones always, between the solution's events."""
     lengths, t0 = solution.discrete.tr.lengths, solution.problem.start.t
-    i, k = np.arange(lengths.size)[:, None], np.arange(1, WAVES + 1)
+    i, k = np.arange(lengths.size)[:, None], np.arange(1, START_WAVES + 1)
     shares = WILD * lengths[:, None] * np.cos(2.4 * k + 1.9 * i) / k**0.25
 
     def curve(t: Array) -> Array:
@@ -172,19 +172,19 @@ def _iterates(tr: Transcription, z: Array, goal: Array, method: str, steps: int)
                 step = -Factors(tr.layout, B).solve(gradient)
             except np.linalg.LinAlgError:
                 break
-            share = min(1.0, FIRST * GROWTH**k)  # short first, for the eye to follow
+            share = min(1.0, FIRST_SHARE * GROWTH**k)  # short first, for the eye to follow
             if method == "descent":
                 slope, action = float(gradient @ step), tr.action(z)
                 while not tr.action(z + share * step) <= action + DECREASE * share * slope:
                     share /= 2
-                    if share < SHORTEST:
+                    if share < SMALLEST_SHARE:
                         return visited
             z = z + share * step
             if not np.isfinite(tr.action(z)):
                 break
             visited.append(z)
             left = float(np.linalg.norm(_weighted_residual(tr, z)))
-            if left < SMALL * first or np.max(np.abs(z - goal)) > FAR:
+            if left < RELAXED * first or np.max(np.abs(z - goal)) > RUN_AWAY:
                 break
     return visited
 
@@ -212,7 +212,7 @@ def _weighted_residual(tr: Transcription, z: Array) -> Array:
 
 def _relaxation_of(tr: Transcription, visited: list[Array], goal: Array, method: str) -> Relaxation:
     problem, weight = tr.problem, tr.weight[:, 0]
-    t = np.linspace(problem.start.t, problem.end.t, COUNT)
+    t = np.linspace(problem.start.t, problem.end.t, RELAXATION_TIMES)
     paths, energies = [], []
     for z in visited:
         Q = tr.coordinates(z)

@@ -34,8 +34,8 @@ from actionopt.solver.arguments import Guess, curve
 from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array
 
-SPANS = 8  # between the knots
-ELEMENTS, DEGREE = 4, 10  # of each span
+KNOT_SPANS = 8  # between the knots
+SPAN_ELEMENTS, SPAN_DEGREE = 4, 10  # of each span
 ON_SURFACE = 1e-9  # |f| of a trial, relative to its change by the coordinates' own size
 
 
@@ -132,7 +132,7 @@ def straight(problem: Problem, guess: Guess | None = None) -> Trial:
             "expected events that pin the ends or leave them free, found a path that closes: its "
             "end follows its start; give the end event of one turn"
         )
-    mesh = Mesh.uniform(problem.start.t, problem.end.t, ELEMENTS * SPANS, DEGREE)
+    mesh = Mesh.uniform(problem.start.t, problem.end.t, SPAN_ELEMENTS * KNOT_SPANS, SPAN_DEGREE)
     tr = Transcription(problem, mesh, problem.lengths)
     return trial_at(
         tr, tr.straight() if guess is None else curve(problem, guess)(mesh)(mesh.nodes).T
@@ -141,7 +141,7 @@ def straight(problem: Problem, guess: Guess | None = None) -> Trial:
 
 def knots(trial: Trial) -> Array:
     """Return which nodes are the knots, both ends included, (SPANS + 1,)."""
-    return trial.tr.mesh.offsets[::ELEMENTS]
+    return trial.tr.mesh.offsets[::SPAN_ELEMENTS]
 
 
 def free(trial: Trial, node: int, coordinate: int) -> bool:
@@ -197,13 +197,13 @@ def _cardinal(knot: int) -> Array:
 
     Its second derivatives M at the knots solve M_(j-1) + 4 M_j + M_(j+1) = 6 (second difference).
     """
-    y = np.zeros(SPANS + 1)
+    y = np.zeros(KNOT_SPANS + 1)
     y[knot] = 1.0
-    M = np.zeros(SPANS + 1)
-    inner = 4 * np.eye(SPANS - 1) + np.eye(SPANS - 1, k=1) + np.eye(SPANS - 1, k=-1)
+    M = np.zeros(KNOT_SPANS + 1)
+    inner = 4 * np.eye(KNOT_SPANS - 1) + np.eye(KNOT_SPANS - 1, k=1) + np.eye(KNOT_SPANS - 1, k=-1)
     M[1:-1] = np.linalg.solve(inner, 6 * np.diff(y, 2))
-    u = SPANS * _fractions()
-    j = np.minimum(u.astype(int), SPANS - 1)
+    u = KNOT_SPANS * _fractions()
+    j = np.minimum(u.astype(int), KNOT_SPANS - 1)
     b = u - j
     a = 1 - b
     return a * y[j] + b * y[j + 1] + ((a**3 - a) * M[j] + (b**3 - b) * M[j + 1]) / 6
@@ -217,4 +217,4 @@ def _parabola(node: int) -> Array:
 
 def _fractions() -> Array:
     """Return the nodes of every trial as fractions of the duration, (K,)."""
-    return Mesh.uniform(0.0, 1.0, ELEMENTS * SPANS, DEGREE).nodes
+    return Mesh.uniform(0.0, 1.0, SPAN_ELEMENTS * KNOT_SPANS, SPAN_DEGREE).nodes

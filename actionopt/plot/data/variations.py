@@ -21,17 +21,17 @@ from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Event
-from actionopt.plot.data.along import COUNT, times
+from actionopt.plot.data.along import CURVE_TIMES, times
 from actionopt.plot.data.arguments import check_arguments
 from actionopt.plot.data.latest import latest
 from actionopt.tools.blas import one_thread
 from actionopt.tools.shown import one_line
 from actionopt.tools.types import Array
 
-MODES = 3  # of a bundle
-CLOSER = 1.5  # power by which the points of the map crowd in the middle, where S is flat
-DEGREE, ELEMENTS = 8, 12  # of the meshes of a spectrum
-SHORTEST = 0.12  # of the duration: the kinetic part alone tells below
+BUNDLE_MODES = 3  # of a bundle
+CROWDING_POWER = 1.5  # power by which the points of the map crowd in the middle, where S is flat
+SPECTRUM_DEGREE, SPECTRUM_ELEMENTS = 8, 12  # of the meshes of a spectrum
+SHORTEST_SPAN = 0.12  # of the duration: the kinetic part alone tells below
 
 
 def sizes(solution: Solution) -> Array:
@@ -112,8 +112,8 @@ def bundle_data(solution: Solution, count: int = 8, size: float = 0.25) -> Bundl
     coordinates range. Raises ValueError for non-conservative forces, which leave no functional
     to compare.
     """
-    chosen, modes = telling(solution, MODES)
-    t = times(solution, COUNT // 2)
+    chosen, modes = telling(solution, BUNDLE_MODES)
+    t = times(solution, CURVE_TIMES // 2)
     varied, rise = [], []
     for mode in (modes[k] for k in chosen):
         S = variation(solution, mode)
@@ -210,7 +210,7 @@ def landscape_data(solution: Solution, reach: float = 0.5, count: int = 35) -> L
     tr, Q = S.form.tr, S.form.at.Q
     first, second = (modes[k](tr.mesh.nodes).T for k in chosen)
     even = np.linspace(-1, 1, count)
-    steps = reach * np.sign(even) * np.abs(even) ** CLOSER
+    steps = reach * np.sign(even) * np.abs(even) ** CROWDING_POWER
     rise = np.empty((count, count))
     for i, b in enumerate(steps):
         for j, a in enumerate(steps):
@@ -269,10 +269,10 @@ def spectrum_data(solution: Solution, count: int = 3, points: int = 48) -> Spect
     if len(problem.start.pinned) + len(problem.end.pinned) < 2 * problem.system.n:
         raise ValueError("expected events that pin all coordinates, found a free one; try `slices`")
     units = sizes(solution)
-    durations = np.linspace(SHORTEST, 1.0, points) * problem.duration
+    durations = np.linspace(SHORTEST_SPAN, 1.0, points) * problem.duration
     values, index = np.full((count, points), np.nan), np.zeros(points, dtype=int)
     for k, T in enumerate(durations):
-        mesh = Mesh.uniform(t0, t0 + T, ELEMENTS, DEGREE)
+        mesh = Mesh.uniform(t0, t0 + T, SPECTRUM_ELEMENTS, SPECTRUM_DEGREE)
         Q = solution(mesh.nodes).T
         part = problem.replace(start=Event(t0, Q[0]), end=Event(t0 + T, Q[-1]))
         lam = solution.multipliers(mesh.nodes).T if problem.system.m else None

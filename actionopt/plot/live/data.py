@@ -9,21 +9,21 @@ import numpy as np
 from actionopt.analysis.solution import Solution
 from actionopt.discrete.mesh import Mesh
 from actionopt.mechanics.problem import Periodic, Problem
-from actionopt.plot._names import NONE, Units, planar
-from actionopt.plot.data.exploration import LONGEST, motion
+from actionopt.plot._names import NO_UNITS, UnitNames, planar
+from actionopt.plot.data.exploration import LONGEST_CONTINUED, motion
 from actionopt.plot.live.law import law
 from actionopt.solver.solve import solve
 from actionopt.tools.greek import letter
 from actionopt.tools.lobatto import lgl
 from actionopt.tools.types import Array
 
-SPANS = 8  # between the handles
+HANDLE_SPANS = 8  # between the handles
 # Elements and degrees, from what costs a page least: the first that has S is taken.
-MESHES = ((8, 6), (8, 8), (8, 10), (8, 14), (16, 10), (16, 14), (32, 12), (64, 12))
-CLOSE = 1e-10  # of S, and of how far S ranges on the way, where it cancels
+PAGE_MESHES = ((8, 6), (8, 8), (8, 10), (8, 14), (16, 10), (16, 14), (32, 12), (64, 12))
+SAME_S = 1e-10  # of S, and of how far S ranges on the way, where it cancels
 
 
-def data(problem: Problem, solution: Solution, units: Units = NONE) -> dict[str, Any]:
+def data(problem: Problem, solution: Solution, units: UnitNames = NO_UNITS) -> dict[str, Any]:
     """Return what the page needs to compute, for JSON.
 
     Raises ValueError as `check` does.
@@ -36,7 +36,7 @@ def data(problem: Problem, solution: Solution, units: Units = NONE) -> dict[str,
     found = on_small_mesh(problem, solution)
     mesh = found.mesh
     rule = lgl(mesh.degrees[0])
-    continued = motion(solution, problem.start.t + LONGEST * problem.duration)
+    continued = motion(solution, problem.start.t + LONGEST_CONTINUED * problem.duration)
     return {
         "law": law(system),
         "rule": {
@@ -46,7 +46,7 @@ def data(problem: Problem, solution: Solution, units: Units = NONE) -> dict[str,
             "barycentric": rule.barycentric.tolist(),
         },
         "elements": mesh.elements,
-        "spans": SPANS,
+        "spans": HANDLE_SPANS,
         "start": problem.start.t,
         "duration": problem.duration,
         "longest": continued.end - problem.start.t,
@@ -95,13 +95,13 @@ def check(problem: Problem) -> None:
 
 
 def on_small_mesh(problem: Problem, solution: Solution) -> Solution:
-    """Return the solution on the first of `MESHES` whose action is that of the path."""
+    """Return the solution on the first of `PAGE_MESHES` whose action is that of the path."""
     size = abs(solution.action) + float(np.ptp(_running(solution)))
     found = solution
-    for elements, degree in MESHES:
+    for elements, degree in PAGE_MESHES:
         mesh = Mesh.uniform(problem.start.t, problem.end.t, elements, degree)
         found = solve(problem, guess=solution, mesh=mesh, throw=False)
-        if abs(found.action - solution.action) <= CLOSE * size:
+        if abs(found.action - solution.action) <= SAME_S * size:
             return found
     return found
 

@@ -28,7 +28,7 @@ def drawing(solution: Solution, draw: Draw) -> dict[str, Any]:
     try:
         shapes, function = trace_shapes(solution.problem.system.n, draw)
         code = {"body": body(function), "work": function.sz_w(), "sizes": [function.nnz_out(0)]}
-    except Exception:  # whatever a function of numbers does with what is none
+    except Exception:  # whatever a function of numbers raises for symbols
         plain = seen.plain()
         return {"box": plain["box"], "frames": plain["shapes"], "shapes": []}
     return {

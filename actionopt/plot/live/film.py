@@ -11,18 +11,17 @@ from typing import Any
 
 import numpy as np
 
-from actionopt.plot.data.motion import Motion
+from actionopt.plot.data.motion import SPRING_BREADTH, SPRING_TURNS, Motion
 from actionopt.tools.document import document
 from actionopt.tools.types import Array
 from actionopt.tools.words import say
 
 STATIC = Path(__file__).parent / "static"
 RISE = 0.36  # radians that space is seen from above, the sine about that of `scenes.project`
-TURNS, BREADTH = 9, 0.03  # of a spring; its breadth in parts of the picture's size
-MARGIN = 0.14  # of the longer side, ad hoc
+BOX_MARGIN = 0.14  # of the longer side, ad hoc
 LEAST_SHAPE = 0.42  # of the longer side: a motion along a line gets some air
 NAME, NAMED = 0.045, 1.45  # of the size, from an arrow's tip to its name; of the arrow, to its end
-BETWEEN = np.linspace(0, 1, 9)[:, None]
+LIMB_POINTS = np.linspace(0, 1, 9)[:, None]
 
 
 def player(data: dict[str, Any], what: str, caption: str, *, clock: bool = False) -> str:
@@ -34,7 +33,7 @@ def player(data: dict[str, Any], what: str, caption: str, *, clock: bool = False
     text = json.dumps(data, separators=(",", ":")).replace("</", "<\\/")
     count = len(data.get("labels") or data["t"])
     words = f"\n<figcaption>{caption}</figcaption>" if caption else ""
-    said = {key: say(word) for key, word in SAID.items()}
+    said = {key: say(word) for key, word in CONTROL_WORDS.items()}
     graphs = "".join('<svg class="graph" aria-hidden="true"></svg>' for _ in data.get("graphs", []))
     speeds = "".join(
         f'<option value="{x}"{" selected" if x == "fit" else ""}>{say(name)}</option>'
@@ -66,7 +65,7 @@ aria-label="{say("Place in the film")}">
 </figure>"""
 
 
-SAID = {
+CONTROL_WORDS = {
     "play": "Play",
     "pause": "Pause",
     "slower": "{x} times slower than life",
@@ -143,7 +142,7 @@ def first(data: dict[str, Any]) -> str:
             (x, y), r = on_screen(points[0]), {"body": 0.022, "event": 0.014}.get(kind, 0.01) * size
             parts.append(f'<circle class="{look}" cx="{x:.5g}" cy="{y:.5g}" r="{r:.4g}"/>')
         elif kind == "spring" and not space:
-            parts.append(line(zigzag(points, BREADTH * size), look))
+            parts.append(line(zigzag(points, SPRING_BREADTH * size), look))
         else:
             parts.append(line(points, look))
     labels = data.get("labels_at_start", [])
@@ -176,7 +175,7 @@ def _between(points: Array) -> Array:
     """Return the points of a line, some of them between the given ones, (K, 2)."""
     if len(points) == 1:
         return points
-    return np.concatenate([a + BETWEEN * (b - a) for a, b in pairwise(points)])
+    return np.concatenate([a + LIMB_POINTS * (b - a) for a, b in pairwise(points)])
 
 
 def _holding(
@@ -196,8 +195,8 @@ def zigzag(ends: Sequence[Sequence[float]], width: float) -> list[list[float]]:
     (x, y), (u, v) = ends
     side = width / (float(np.hypot(u - x, v - y)) or 1.0)
     rows = [[x, y]]
-    for k in range(2 * TURNS):
-        along, way = 0.1 + 0.8 * (k + 0.5) / (2 * TURNS), side * (-1) ** k
+    for k in range(2 * SPRING_TURNS):
+        along, way = 0.1 + 0.8 * (k + 0.5) / (2 * SPRING_TURNS), side * (-1) ** k
         rows.append([x + along * (u - x) + way * (y - v), y + along * (v - y) + way * (u - x)])
     return [*rows, [u, v]]
 
@@ -208,7 +207,7 @@ def padded(box: Sequence[float]) -> list[float]:
     longer = max(right - left, top - bottom) or 1.0
     result = []
     for low, high in ((left, right), (bottom, top)):
-        side = max(high - low, LEAST_SHAPE * longer) + MARGIN * longer
+        side = max(high - low, LEAST_SHAPE * longer) + BOX_MARGIN * longer
         middle = (low + high) / 2
         result += [middle - side / 2, middle + side / 2]
     return [round(x, 6) for x in result]

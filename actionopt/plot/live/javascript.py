@@ -6,7 +6,7 @@ import casadi as ca
 
 from actionopt.tools.tape import instructions
 
-UNARY = {
+UNARY_JS = {
     ca.OP_ASSIGN: "{0}", ca.OP_NEG: "-{0}", ca.OP_SQ: "{0}*{0}", ca.OP_TWICE: "2*{0}",
     ca.OP_INV: "1/{0}", ca.OP_NOT: "+!{0}", ca.OP_ERF: "erf({0})",
     **{
@@ -18,7 +18,7 @@ UNARY = {
         }.items()
     },
 }  # fmt: skip
-BINARY = {
+BINARY_JS = {
     ca.OP_ADD: "{0}+{1}", ca.OP_SUB: "{0}-{1}", ca.OP_MUL: "{0}*{1}", ca.OP_DIV: "{0}/{1}",
     ca.OP_POW: "Math.pow({0},{1})", ca.OP_CONSTPOW: "Math.pow({0},{1})",
     ca.OP_ATAN2: "Math.atan2({0},{1})", ca.OP_HYPOT: "Math.hypot({0},{1})",
@@ -48,10 +48,10 @@ def body(function: ca.Function) -> str:
             right = f"x[{of[0]}][{of[1]}]"
         elif what == ca.OP_CONST:
             right = number(value)
-        elif what in UNARY:
-            right = UNARY[what].format(f"w[{of[0]}]")
-        elif what in BINARY:
-            right = BINARY[what].format(*(f"w[{i}]" for i in of))
+        elif what in UNARY_JS:
+            right = UNARY_JS[what].format(f"w[{of[0]}]")
+        elif what in BINARY_JS:
+            right = BINARY_JS[what].format(*(f"w[{i}]" for i in of))
         else:
             raise ValueError(
                 "expected a law of arithmetic, powers, exponentials, trigonometric functions and "

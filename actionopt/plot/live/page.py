@@ -11,11 +11,12 @@ from typing import Any
 from actionopt import __version__
 from actionopt.analysis.solution import Solution
 from actionopt.mechanics.problem import Problem
-from actionopt.plot._names import NONE, SI, Units
+from actionopt.plot._names import NO_UNITS, SI, UnitNames
 from actionopt.plot.data.arguments import check_arguments
 from actionopt.plot.data.motion import Draw
 from actionopt.plot.live.data import check, data
 from actionopt.plot.live.drawing import drawing
+from actionopt.plot.live.film import STATIC
 from actionopt.plot.live.words import words as spoken
 from actionopt.scenes import Scene
 from actionopt.solver.arguments import Guess
@@ -25,10 +26,9 @@ from actionopt.tools.files import ready, write
 from actionopt.tools.greek import letter
 from actionopt.tools.words import say
 
-STATIC = Path(__file__).parent / "static"
 SCRIPTS = ("action.js", "live.js")
-MINUS = "\N{MINUS SIGN}"
-TOL = 1e-10  # of the path that the page has as its answer
+MINUS_SIGN = "\N{MINUS SIGN}"
+PAGE_TOL = 1e-10  # of the path that the page has as its answer
 
 
 def page(
@@ -37,7 +37,7 @@ def page(
     *,
     draw: Draw | None = None,
     guess: Guess | None = None,
-    units: Units | None = None,
+    units: UnitNames | None = None,
 ) -> None:
     """Write a page on which the path of a problem is bent, solved and relaxed by its reader.
 
@@ -53,7 +53,7 @@ def page(
         `draw(q, t)`, the shapes of the system, in place of a scene's.
     guess : Path, callable or array, optional
         In place of a scene's guess.
-    units : Units, optional
+    units : UnitNames, optional
         Words for the labels; SI for a scene, none for a problem.
 
     Raises
@@ -76,7 +76,7 @@ def whole(
     *,
     draw: Draw | None = None,
     guess: Guess | None = None,
-    units: Units | None = None,
+    units: UnitNames | None = None,
     above: str = "",
 ) -> str:
     """Return the page as text; `above` is HTML that leads elsewhere. Raises as `page` does."""
@@ -85,9 +85,9 @@ def whole(
     if isinstance(question, Scene):
         draw, guess = draw or question.draw, question.guess if guess is None else guess
         units = SI if units is None else units
-    units = NONE if units is None else units
+    units = NO_UNITS if units is None else units
     check(problem)
-    solution = solve(problem, tol=TOL, guess=guess)
+    solution = solve(problem, tol=PAGE_TOL, guess=guess)
     what = say("{title}: bend the path, and see its action", title=title)
     made = say("Made by actionopt {version}.", version=escape(__version__))
     style, *scripts = (
@@ -114,7 +114,7 @@ def figure(
     problem: Problem,
     solution: Solution,
     *,
-    units: Units = NONE,
+    units: UnitNames = NO_UNITS,
     draw: Draw | None = None,
     caption: str = "",
     name: str = "",
@@ -139,12 +139,12 @@ def figure(
 </figure>"""
 
 
-def _sentence(problem: Problem, units: Units) -> str:
+def _sentence(problem: Problem, units: UnitNames) -> str:
     """Return what is asked, in words."""
 
     def at(q: Sequence[float | None]) -> str:
         known = [
-            f"{letter(name)} = {x:.4g} {units.coordinate(name)}".rstrip().replace("-", MINUS)
+            f"{letter(name)} = {x:.4g} {units.coordinate(name)}".rstrip().replace("-", MINUS_SIGN)
             for name, x in zip(problem.system.coordinates, q, strict=True)
             if x is not None
         ]

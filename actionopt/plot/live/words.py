@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from actionopt.tools.words import say
 
-WORDS = {
+PAGE_WORDS = {
     "path": "The path",
     "lagrangian": "L along the path",
     "alpha": "S along the present bend",
@@ -68,4 +68,4 @@ WORDS = {
 
 def words() -> dict[str, str]:
     """Return the words of the live figure in the current language."""
-    return {key: say(text) for key, text in WORDS.items()}
+    return {key: say(text) for key, text in PAGE_WORDS.items()}

@@ -2,10 +2,10 @@
 
 A unit mass goes from random x0 to x1 in a unit of time, under V(x) = h step(x - c) + k x^2 / 2 with
 random h, c and k. Without a motion across the step that the equations of either side tell, a path
-that crosses it is none: energy jumps by h. Called solved it is *wrong*. A step that is smooth, of a
-width of 1e-3 to 1e-7 of the way, has motions: a path that is called solved is wrong if its energy
-differs by more than the claim lets it. The controls (kinks, walls of some width, cusps, jumps in
-time) are to be solved, with the same energy.
+that crosses it is not stationary: its energy jumps by h. Called solved it is *wrong*. A step that
+is smooth, of a width of 1e-3 to 1e-7 of the way, has motions: a path that is called solved is wrong
+if its energy differs by more than the claim lets it. The controls (kinks, walls of some width,
+cusps, jumps in time) are to be solved, with the same energy.
 """
 
 from __future__ import annotations

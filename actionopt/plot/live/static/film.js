@@ -22,7 +22,7 @@
   const mix = (a, b, s) => a.map((row, i) => row.map((x, j) => x + s * (b[i][j] - x)));
 
   function zigzag([a, b], width) {
-    const turns = 9, dx = b[0] - a[0], dy = b[1] - a[1];
+    const turns = 8, dx = b[0] - a[0], dy = b[1] - a[1];
     const side = width / (Math.hypot(dx, dy) || 1), rows = [a];
     for (let k = 0; k < 2 * turns; k++) {
       const along = 0.1 + (0.8 * (k + 0.5)) / (2 * turns), way = k % 2 ? -side : side;

@@ -169,7 +169,7 @@
   }
 
   const coil = ([a, b], width) => {
-    const turns = 9, dx = b[0] - a[0], dy = b[1] - a[1], side = width / (Math.hypot(dx, dy) || 1), rows = [a];
+    const turns = 8, dx = b[0] - a[0], dy = b[1] - a[1], side = width / (Math.hypot(dx, dy) || 1), rows = [a];
     for (let k = 0; k < 2 * turns; k++) {
       const along = 0.1 + (0.8 * (k + 0.5)) / (2 * turns), way = k % 2 ? -side : side;
       rows.push([a[0] + along * dx - way * dy, a[1] + along * dy + way * dx]);
