@@ -5,7 +5,9 @@ import pytest
 import systems
 
 import actionopt as ao
-from actionopt.solver.arrivals import Units, misses
+from actionopt.analysis import shooting
+from actionopt.analysis.shooting import integrate
+from actionopt.solver.arrivals import SPANS, Units, arrivals, misses
 
 SPRING = systems.oscillator()
 
@@ -33,6 +35,46 @@ def test_a_longer_transfer_of_given_energy_is_found_as_a_motion():
     again = ao.integrate(system, start, solution.duration)(solution.duration)
     np.testing.assert_allclose(again, end, atol=1e-4)
     assert start.v @ start.v / 2 + potential(start.q) == pytest.approx(energy, rel=1e-6)
+
+
+def test_motions_that_a_potential_turns_back_are_given_up(monkeypatch):
+    spans = []
+
+    def integrated(problem, start, span, **options):
+        spans.append(float(span.max()))
+        return integrate(problem, start, span, **options)
+
+    monkeypatch.setattr(shooting, "integrate", integrated)
+    system = ao.System(lambda q, v, t: v @ v / 2 - 2 * np.exp(-10 * q[0] ** 2), ["x", "y"])
+    problem = ao.Problem(system, ao.Event(0.0, [-1.0, 0.0]), ao.Event(None, [1.0, 0.3]), energy=1.0)
+    assert not list(arrivals(problem, [problem], np.ones(2), None))
+    assert len(spans) == 2 < len(SPANS)
+
+
+def test_a_motion_that_is_carried_on_is_the_same_as_at_once():
+    problem = ao.Problem(SPRING, ao.Event(0.0, [0.5]), ao.Event(6.0, [0.0]))
+    q0, v0 = np.array([[0.5, 0.5]]), np.array([[1.0, -0.3]])
+    last = 0.0
+    for T, found in zip((2.0, 6.0), shooting.flights(problem, q0, v0, (2.0, 6.0)), strict=True):
+        for flight, v in zip(found, v0[0], strict=True):
+            assert flight.times[0] == 0.0 and flight.times[-1] == T > last
+            assert np.all(np.diff(flight.times) > 0)
+            t = np.linspace(last, T, 31)
+            exact = np.stack([0.5 * np.cos(t) + v * np.sin(t), v * np.cos(t) - 0.5 * np.sin(t)])
+            q, slope = (shooting.hermite(*flight, slope=s)(t)[0] for s in (False, True))
+            np.testing.assert_allclose(q, exact[0], atol=2e-3)
+            np.testing.assert_allclose(slope, exact[1], atol=2e-2)
+        last = T
+
+
+def test_a_motion_that_runs_into_a_singularity_is_known_until_then():
+    falling = ao.System(lambda q, v, t: v[0] ** 2 / 2 + 1 / q[0] ** 2, ["r"])
+    problem = ao.Problem(falling, ao.Event(0.0, [1.0]), ao.Event(2.0, [1.0]))
+    # From rest at r = 1, r^2 = 1 - 2 t^2: at the centre at 1 / sqrt(2).
+    first, last = shooting.flights(problem, np.array([[1.0]]), np.array([[0.0]]), (0.5, 2.0))
+    assert last[0].times[-1] == pytest.approx(np.sqrt(0.5), abs=1e-3)
+    np.testing.assert_allclose(last[0].q[0, 1:9] ** 2, 1 - 2 * last[0].times[1:9] ** 2, atol=1e-3)
+    assert first[0].times[-1] == 0.5
 
 
 @pytest.mark.slow

@@ -7,7 +7,8 @@ velocities. What arrives is a guess for a path between the two events.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
+from typing import NamedTuple
 
 import numpy as np
 
@@ -87,6 +88,7 @@ def integrate(
     h, T, way = np.abs(span) / 50, np.abs(span), np.sign(span)
     live, done, patience = np.arange(count), 0, steps
     with np.errstate(all="ignore"):
+        pull = _acceleration(problem, q, v, begin)  # what a step ends with, the next begins with
         while live.size and done < patience:
             done += 1
             check_time()
@@ -97,12 +99,14 @@ def integrate(
                 patience = min(steps, 3 * done + 20)
             y, forth = np.stack([q[:, :, live], v[:, :, live]]), way[live]
             step = np.minimum(h[live], T[live] - t[live])
-            rates = []
-            for at, row in zip(DOPRI_TIMES, DOPRI_STAGES, strict=True):
-                here = y + step * np.tensordot(row, np.array(rates), 1) if rates else y
-                times = begin[live] + forth * (t[live] + at * step)
-                rates.append(forth * np.stack([here[1], _acceleration(problem, here, times)]))
-            error = step * np.tensordot(DOPRI_ERROR, np.array(rates), 1)
+            rates = np.empty((len(DOPRI_TIMES), *y.shape))
+            rates[0] = forth * y[1], forth * pull[:, :, live]
+            for k in range(1, len(DOPRI_TIMES)):
+                known = rates[:k].reshape(k, -1)
+                here = y + step * (DOPRI_STAGES[k] @ known).reshape(y.shape)
+                times = begin[live] + forth * (t[live] + DOPRI_TIMES[k] * step)
+                rates[k] = forth * here[1], forth * _acceleration(problem, here[0], here[1], times)
+            error = step * (DOPRI_ERROR @ rates.reshape(len(rates), -1)).reshape(y.shape)
             scale = accuracy * np.stack(
                 [
                     np.maximum(np.abs(y[0] - q0[:, :, live]), 1e-2 * unit),
@@ -115,6 +119,7 @@ def integrate(
             good = size <= 1
             kept = live[good]
             q[:, :, kept], v[:, :, kept] = here[0][..., good], here[1][..., good]
+            pull[:, :, kept] = (forth * rates[-1, 1])[..., good]
             t[kept] += step[good]
             h[live] = step * np.clip(0.9 * (size + 1e-12) ** -0.2, 0.1, 5.0)
             if track is not None:
@@ -125,11 +130,11 @@ def integrate(
     return q, v
 
 
-def _acceleration(problem: Problem, y: Array, t: Array) -> Array:
-    """Return the accelerations (n, G, K) at y = (q, v), each (n, G, K), and times t (K,)."""
-    system, n = problem.system, y.shape[1]
-    times = np.broadcast_to(t, y.shape[2:]).reshape(-1)
-    q, v = y[0].reshape(n, -1), y[1].reshape(n, -1)
+def _acceleration(problem: Problem, q: Array, v: Array, t: Array) -> Array:
+    """Return the accelerations (n, G, K) at q and v, each (n, G, K), and times t (K,)."""
+    system, shape, n = problem.system, q.shape, len(q)
+    times = np.broadcast_to(t, shape[1:]).reshape(-1)
+    q, v = q.reshape(n, -1), v.reshape(n, -1)
     try:
         if system.m:
             a = system.acceleration(q, v, times, parameters=problem.parameters)
@@ -139,8 +144,8 @@ def _acceleration(problem: Problem, y: Array, t: Array) -> Array:
             a = bias.T / M.T if n == 1 else np.linalg.solve(M.reshape(-1, n, n), bias[..., None])
             a = a if n == 1 else a[..., 0].T
     except np.linalg.LinAlgError:  # one singular motion spoils the batch
-        return np.full(y.shape[1:], np.nan)
-    return np.asarray(a, dtype=float).reshape(y.shape[1:])
+        return np.full(shape, np.nan)
+    return np.array(a, dtype=float).reshape(shape)
 
 
 def motions(
@@ -153,35 +158,81 @@ def motions(
     """
     if q0 is None:
         q0 = np.repeat(np.array(problem.start.q, dtype=float)[:, None], v0.shape[1], axis=1)
-    track: list[tuple[Array, Array, Array]] = [(np.full(v0.shape[1], problem.start.t), q0, v0)]
-    ends: Array = fly(problem, q0[:, None], v0[:, None], track, watch)[0][:, 0]
-    finite = np.isfinite(ends).min(axis=0)
-    result: list[Path | None] = []
-    for k in range(v0.shape[1]):
-        if not bool(finite[k]):
-            result.append(None)
-            continue
-        times = np.array([row[0][k] for row in track])
-        keep = np.r_[True, np.diff(times) > 0]
-        times = times[keep]
-        q = np.array([row[1][:, k] for row in track])[keep].T
-        v = np.array([row[2][:, k] for row in track])[keep].T
-        times[-1] = problem.end.t
-        corners = times[np.unique(np.r_[0 : times.size - 1 : 3, times.size - 1])]
-        result.append(Path.interpolate(hermite(times, q, v), Mesh(corners, GUESS_DEGREE)))
-    return result
+    (found,) = flights(problem, q0, v0, (problem.duration,), watch)
+    t0, t1 = problem.start.t, problem.end.t
+    return [each.path(t0, t1) if each.times[-1] == t1 else None for each in found]
 
 
-def hermite(times: Array, q: Array, v: Array):
-    """Return the cubic spline with the values q and slopes v (n, K) at the times (K,)."""
+class Flight(NamedTuple):
+    """A motion as it was integrated: times (K,), coordinates and velocities (n, K) after steps."""
+
+    times: Array
+    q: Array
+    v: Array
+
+    def path(self, start: float, end: float) -> Path:
+        """Return it up to a time, on elements of three steps each."""
+        inside = self.times - start < (end - start) * (1 - 1e-9)
+        since = np.append((self.times[inside] - start)[::3], end - start)
+        return Path.interpolate(hermite(*self), Mesh.over(start, end, since, GUESS_DEGREE))
+
+    def after(self, later: Flight) -> Flight:
+        """Return the motion with what comes of it later."""
+        return Flight(*(np.concatenate(pair, axis=-1) for pair in zip(self, later, strict=True)))
+
+
+def flights(
+    problem: Problem,
+    q0: Array,
+    v0: Array,
+    spans: Iterable[float],
+    watch: Watch | None = None,
+    accuracy: float = STEP_ERROR,
+) -> Iterator[list[Flight]]:
+    """Yield motions from q0 and v0 (n, K) at the start, carried on to each of the times `spans`.
+
+    Times since the start, which increase. A motion ends earlier if it does not stay finite, or when
+    they have made `MOTION_STEPS` steps in all.
+    """
+    t0, left = float(problem.start.t), MOTION_STEPS
+    found = [Flight(np.array([t0]), *(x[:, [k]] for x in (q0, v0))) for k in range(v0.shape[1])]
+    going = range(len(found))
+    for T in spans:
+        track: list[tuple[Array, Array, Array]] = []
+        if going and left:
+            t, q, v = (np.stack([found[k][i][..., -1] for k in going], -1) for i in range(3))
+            most, look = {"accuracy": accuracy, "steps": left}, watch and watch.look
+            state = t, q[:, None], v[:, None]
+            ends = integrate(problem, state, t0 + T - t, **most, track=track, watch=look)[0]
+            left -= len(track)
+        if track:
+            times, q, v = (np.array(rows) for rows in zip(*track, strict=True))
+            whole: Array = np.isfinite(ends).min(axis=(0, 1))
+            for i, k in enumerate(going):
+                new: Array = np.diff(times[:, i], prepend=t[i]) > 0  # no step was refused
+                kept = times[new, i]
+                if whole[i]:
+                    kept[-1] = t0 + T
+                found[k] = found[k].after(Flight(kept, q[new, :, i].T, v[new, :, i].T))
+            going = [k for i, k in enumerate(going) if whole[i]]
+        yield list(found)
+
+
+def hermite(times: Array, q: Array, v: Array, *, slope: bool = False):
+    """Return the cubic spline with the values q and slopes v (n, K) at the times (K,).
+
+    As a function of times, or its `slope`.
+    """
 
     def curve(t: Array) -> Array:
         i = np.clip(np.searchsorted(times, t, side="right") - 1, 0, times.size - 2)
         h = times[i + 1] - times[i]
         s = (t - times[i]) / h
-        a, b = q[:, i], q[:, i + 1]
-        rise = s * s * (3 - 2 * s)
-        return a + (b - a) * rise + h * s * (1 - s) * ((1 - s) * v[:, i] - s * v[:, i + 1])
+        rise, forth, back = s * s * (3 - 2 * s), h * s * (1 - s) ** 2, h * s * s * (1 - s)
+        if slope:
+            rise, forth, back = 6 * s * (1 - s) / h, (1 - s) * (1 - 3 * s), s * (2 - 3 * s)
+        a = 0 if slope else q[:, i]
+        return a + (q[:, i + 1] - q[:, i]) * rise + forth * v[:, i] - back * v[:, i + 1]
 
     return curve
 
@@ -299,7 +350,7 @@ def speeds(problem: Problem, far: Array) -> tuple[Array, Array]:
     q = q + 0.3 * units[:, None] * rng.standard_normal(q.shape)
     times = np.full(q.shape[1], problem.start.t)
     with np.errstate(all="ignore"):
-        a = _acceleration(problem, np.stack([q, 0 * q])[:, :, None], times)[:, 0]
+        a = _acceleration(problem, q, 0 * q, times)
     a = np.abs(a) / units[:, None]
     force = float(np.median(a[np.isfinite(a)])) if np.isfinite(a).any() else 0.0
     T = problem.duration
@@ -336,7 +387,7 @@ def about(problem: Problem, count: int, rng: np.random.Generator) -> Array:
     times = problem.start.t + T * s
     with np.errstate(all="ignore"):
         v = np.repeat(mean, sample, axis=1)
-        a = np.abs(_acceleration(problem, np.stack([q, v])[:, :, None], times)[:, 0])
+        a = np.abs(_acceleration(problem, q, v, times))
     good = np.isfinite(a).all(axis=0)
     force = np.median(a[:, good], axis=1) if good.any() else np.zeros(n)
     width = force[:, None] * T / 2 + 0.3 * np.abs(mean)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from functools import partial
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from actionopt.families.searches import SAME_PATH
 from actionopt.mechanics.problem import Event, Problem
 from actionopt.solver.first_paths import given_time
 from actionopt.solver.on_surface import firsts, near, sizes, solve_on_surface
-from actionopt.solver.solve import solve
+from actionopt.solver.solve import solve_on_the_way
 from actionopt.tools.types import Array
 from actionopt.tools.watch import Progress, check_time
 
@@ -49,6 +50,7 @@ def all_on_surfaces(
         pairs = near(problem, axes)
         over = _all_over(problem, pairs, count, random)
         pairs += over if over else near(problem, away)
+        solve = partial(solve_on_the_way, None)
         for i, first in enumerate(firsts(problem, solve, tol, pairs)):
             tried["points on surfaces"] += 1
             check_time()

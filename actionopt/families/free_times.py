@@ -10,7 +10,8 @@ from __future__ import annotations
 
 from collections import Counter
 from contextlib import suppress
-from itertools import product
+from functools import partial
+from itertools import chain, product
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from actionopt.solver.arrivals import LOOKED_AT, PASSES, Units, passages
 from actionopt.solver.durations import along, rates, returning
 from actionopt.solver.first_paths import FirstPaths, straight
 from actionopt.solver.iterate import sizes
-from actionopt.solver.solve import solve
+from actionopt.solver.solve import solve_on_the_way
 from actionopt.solver.unfixed import solve_unfixed
 from actionopt.tools.types import Array
 from actionopt.tools.watch import Progress, check_time
@@ -51,14 +52,15 @@ def all_durations(
     """
     found: list[tuple[Solution, tuple[int, ...], str]] = []
     tried: Counter[str] = Counter()
-    turns = range(-windings, windings + 1)
+    turns, first = range(-windings, windings + 1), partial(solve_on_the_way, None)
     try:
         for k in sorted(product(turns, repeat=len(turning)), key=lambda k: np.abs(k).sum()):
             by = np.zeros(problem.system.n)
             by[list(turning)] = 2 * np.pi * np.array(k)
             mine = problem.replace(end=problem.end.shifted(by))
-            paths = FirstPaths(mine, tol, solve)
-            known = [(at.path, "durations") for at in paths.near()]
+            paths = FirstPaths(mine, tol, first)
+            near = chain(paths.near(), paths.longer_sought())
+            known = [(at.path, "durations") for at in near]
             passing = _passages(mine, known, shots, windings, np.random.default_rng(seed))
             guesses = known + [(path, "forward shots") for path in passing]
             if not guesses and paths.refused is not None:
@@ -68,7 +70,7 @@ def all_durations(
                 check_time()
                 if progress is not None:
                     progress(how, i, len(guesses), {"found": len(found)})
-                solution = solve_unfixed(mine, solve, tol, path, "auto", None, thorough=False)[0]
+                solution = solve_unfixed(mine, first, tol, path, "auto", None, thorough=False)[0]
                 if solution.success and is_new(solution, k, found) and _first(solution, windings):
                     found.append((solution, k, how))
     except KeyboardInterrupt:
@@ -119,8 +121,8 @@ def _passages(
     unit = np.maximum(size, np.abs(straight(problem)[-1] - q0))
     q, v = np.repeat(q0[:, None], len(u), axis=1), (speed[:, None] * u).T
     units, most = Units.of(problem, unit, q, v, t0), 2 + windings if n == 1 else PASSES
-    spans = fixed.duration, fixed.duration / 4
-    paths = [item for T in spans for item in passages(problem, q, v, T, units, most=most)]
+    spans = fixed.duration / 4, fixed.duration
+    paths = [item for found in passages(problem, q, v, spans, units, most=most) for item in found]
     return [path for _, path in sorted(paths, key=lambda item: item[0])[:MOST_PASSAGES]]
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -59,7 +59,7 @@ class FirstPaths:
     problem : Problem
     tol : float
     solve : callable
-        `actionopt.solve`, for paths over given durations.
+        `solve_on_the_way`, for paths over given durations.
     watch : Watch or None
         Of the search for which they are.
     hint : str
@@ -70,6 +70,8 @@ class FirstPaths:
         Why the first question over a given duration was no question, if one was not.
     blocked : str
         That the energy is below the potential on the straight line, if it is.
+    lost : list of float
+        Durations over which no path was found by quick ways.
     """
 
     problem: Problem
@@ -80,6 +82,7 @@ class FirstPaths:
     merged: bool = False
     refused: ValueError | None = None
     blocked: str = ""
+    lost: list[float] = field(default_factory=list)
 
     def firsts(self, guess: Guess | None) -> Iterator[tuple[Path, Array | None, str]]:
         """Yield paths, with multipliers (K, m) or none, from which to set out, and whence."""
@@ -137,7 +140,17 @@ class FirstPaths:
             first = self._over(T)
             if first is not None:
                 yield first
+            else:
+                self.lost.append(T)
             if k == len(durations) - 1:
+                yield from self._scanned(T, first)
+
+    def longer_sought(self) -> Iterator[DiscretePath]:
+        """Yield paths over the durations over which quick ways found none."""
+        for T in self.lost:
+            first = self._over(T, brief=False)
+            if first is not None:
+                yield first
                 yield from self._scanned(T, first)
 
     def _crossed(self) -> list[float]:
@@ -201,7 +214,7 @@ class FirstPaths:
 
     def _sharp(self, at: DiscretePath) -> DiscretePath:
         """Return a path over a given duration to the tolerance, if that succeeds."""
-        found = self.solve(at.problem, tol=self.tol, guess=at.path, throw=False)
+        found = self.solve(at.problem, tol=self.tol, guess=at.path, brief=True)
         return found.discrete if found.success else at
 
     def _lowest(self, seen: list[DiscretePath], low: DiscretePath) -> DiscretePath:
@@ -261,10 +274,13 @@ class FirstPaths:
         slope = -t0 if self.problem.end.t is not None else t1
         return slope + float(self.problem.energy or 0.0)
 
-    def _over(self, duration: float, near: DiscretePath | None = None) -> DiscretePath | None:
+    def _over(
+        self, duration: float, near: DiscretePath | None = None, *, brief: bool = True
+    ) -> DiscretePath | None:
         """Return a path of the problem over a duration, near another one if that is given; or None.
 
-        That is one on the same mesh, stretched: it tells the energy well enough.
+        That is one on the same mesh, stretched: it tells the energy well enough. Else one that is
+        sought, with `brief` by quick ways.
         """
         known = over(self.problem, duration)
         values = self.problem.parameters
@@ -280,7 +296,7 @@ class FirstPaths:
             sizes = measured(fixed, at.Q)[0]
             return at if resolution(mesh, at.Q, sizes).worst < ROUGHLY else None
         try:
-            found = self.solve(fixed, tol=FIRST_TOL, throw=False)
+            found = self.solve(fixed, tol=FIRST_TOL, brief=brief)
         except ValueError as error:
             self.refused = self.refused or error
             return None

@@ -118,7 +118,7 @@ def _thorough(problem: Problem, solve: Callable[..., Solution]) -> Iterator[Path
     if problem.free_time:
         return
     for fixed, _ in points(problem)[:WITH_PAINS]:
-        found = solve(fixed, tol=FIRST_TOL, throw=False)
+        found = solve(fixed, tol=FIRST_TOL)
         if found.success:
             yield found.path
 

@@ -29,7 +29,17 @@ from actionopt.solver import nearer, window
 from actionopt.solver.arguments import Guess, asked, checked, curve
 from actionopt.solver.durations import oscillations, well
 from actionopt.solver.family import LOST, conditioned, judged, suspected
-from actionopt.solver.ladder import BRIEF, COARSE_DEGREE, IPOPT, LADDER, LINEAR, NEAR, Rung, Search
+from actionopt.solver.ladder import (
+    BRIEF,
+    COARSE_DEGREE,
+    CURVED_RUNGS,
+    IPOPT,
+    LADDER,
+    LINEAR,
+    NEAR,
+    Rung,
+    Search,
+)
 from actionopt.solver.least_along import along
 from actionopt.solver.obstacle import Along
 from actionopt.solver.on_surface import solve_on_surface
@@ -162,20 +172,22 @@ def _answered(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[
     return solution, message
 
 
-def _on_the_way(
+def solve_on_the_way(
     outer: Watch | None,
     problem: Problem,
     *,
     tol: float,
     guess: Guess | None = None,
-    throw: Literal[False],
+    brief: bool = False,
 ) -> Solution:
-    """Return what `solve` does, in the time that is left for a search that needs it on its way.
+    """Return a path, or an attempt, in the time that is left for a search that needs it on its way.
 
-    Raises OutOfTime if none is.
+    Whether it is one of a family is not asked. With `brief` no long ways are tried. Raises
+    OutOfTime if no time is left.
     """
     watch = None if outer is None else Watch(None, None, outer)
-    found, _ = _answered(problem, guess, Choices(tol, "auto", LADDER, None, watch))
+    ladder = LADDER[:CURVED_RUNGS] if brief else LADDER
+    found, _ = _solved(problem, guess, Choices(tol, "auto", ladder, None, watch), verdict=False)
     if found.status is Status.OUT_OF_TIME:
         raise OutOfTime
     return found
@@ -252,8 +264,13 @@ def _outwards(
     return solution, message
 
 
-def _solved(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[Solution, str]:
-    """Return the path of a problem of finite times, and the verdict with its figures."""
+def _solved(
+    problem: Problem, guess: Guess | None, choices: Choices, *, verdict: bool = True
+) -> tuple[Solution, str]:
+    """Return the path of a problem of finite times, and the verdict with its figures.
+
+    Without `verdict`, whether it is one of a family is not asked.
+    """
     started = perf_counter()
     tol, principle, mesh, watch = choices.tol, choices.principle, choices.mesh, choices.watch
     curve_of = checked(problem, tol, guess, principle, mesh)
@@ -285,7 +302,7 @@ def _solved(problem: Problem, guess: Guess | None, choices: Choices) -> tuple[So
     if watch is not None and watch.error is not None and not isinstance(watch.error, OutOfTime):
         raise watch.error
     solution = solution_of(ws, status, search.found_by, started)
-    if suspected(ws, status):
+    if verdict and suspected(ws, status):
         solution = judged(ws, solution)
     return solution, "" if solution.success else message_of(solution, tol, ws.hint)
 
@@ -423,7 +440,7 @@ def _unfixed(
     tol, principle, watch = choices.tol, choices.principle, choices.watch
     thorough = choices.ladder is not NEAR
     way = solve_on_surface if problem.on_surface else solve_unfixed
-    first = partial(_on_the_way, watch)
+    first = partial(solve_on_the_way, watch)
     solution, hint = way(problem, first, tol, guess, principle, watch, thorough=thorough)
     return solution, message_of(solution, tol, hint)
 

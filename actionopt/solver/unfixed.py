@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from time import perf_counter
 from typing import Literal
 
@@ -29,7 +30,7 @@ from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
 from actionopt.solver import family
 from actionopt.solver.arguments import Guess
-from actionopt.solver.arrivals import arrivals
+from actionopt.solver.arrivals import arrivals, departs
 from actionopt.solver.closed import passes, rolled
 from actionopt.solver.durations import barrier
 from actionopt.solver.family import directions, suspected
@@ -455,20 +456,27 @@ def solve_unfixed(
         """Yield first paths with their multipliers, whence, and whether to damp the steps."""
         if run.hint:
             return
-        for damped in (False, True):
-            for k, (path, lam, how) in enumerate(first.firsts(guess)):
-                if k and not thorough:
-                    break
-                yield path, lam, how, damped
-            if known:
-                return
+        firsts = []
+        for path, lam, how in islice(first.firsts(guess), None if thorough else 1):
+            firsts.append((path, lam, how))
+            yield path, lam, how, False
+        if not known:
+            yield from ((*each, True) for each in firsts)
+        if known:
+            return
         # Of one coordinate every motion takes the straight line.
         shut = bool(first.blocked) and problem.system.n == 1
-        if guess is None and not (problem.on_surface or first.merged or shut):
-            way = np.abs(np.diff(straight(problem)[[0, -1]], axis=0)[0])
-            size = np.maximum(over(problem, 1.0).scales, way)
-            for path in arrivals(problem, [problem], size, watch):
-                yield path, None, "motion", False
+        if guess is not None or problem.on_surface or first.merged or shut:
+            return
+        way = np.abs(np.diff(straight(problem)[[0, -1]], axis=0)[0])
+        size, near = np.maximum(over(problem, 1.0).scales, way), not departs(problem)
+        for path in arrivals(problem, [problem], size, watch):
+            near = True
+            yield path, None, "motion", False
+        if near:  # where no motion of the energy comes near the end, hardly any arrives
+            for at in first.longer_sought():
+                yield at.path, at.rows, "duration", False
+                yield at.path, at.rows, "duration", True
 
     try:
         for path, lam, how, damped in tries():
