@@ -44,6 +44,8 @@ def test_the_picture(monkeypatch):
 def test_what_has_no_sum():
     with pytest.raises(ValueError, match="hbar > 0"):
         plot.phasors(oscillator(2.2), 0.0)
+    with pytest.raises(ValueError, match="modes, counted from 0, found 999"):
+        phasors_data(oscillator(2.2), 0.1, mode=999)
     with pytest.raises(ValueError, match="force"):
         plot.phasors(solved("damped_oscillator"), 0.1)
     with pytest.raises(ValueError, match="conjugate"):

@@ -119,6 +119,12 @@ def test_a_narrow_picture_has_nothing_over_its_edge(name, figure):
     assert min(box.x0, box.y0, width - box.x1, height - box.y1) > -0.02
 
 
+def test_the_colour_bar_of_a_saddle_has_ticks_on_either_side_of_zero():
+    bar = plot.landscape(solved("oscillator_saddle")).child_axes[0]
+    ticks, (low, high) = bar.get_yticks(), bar.get_ylim()
+    assert low <= ticks.min() < 0 < ticks.max() <= high and 0.0 in ticks
+
+
 def test_times_beside_a_narrow_strip_do_not_touch():
     scene = scenes.get("drag_quadratic")
     ax = narrow(lambda ax: plot.motion(solved("drag_quadratic"), scene.draw, ax))
