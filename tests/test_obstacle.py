@@ -172,6 +172,7 @@ def test_both_ways_round_a_circle():
         ao.solve_all(problem, angles=["x"])
 
 
+@pytest.mark.slow
 def test_both_ways_round_discs_that_overlap():
     """Above the upper one, and below the lower one: each is the longer way round one disc."""
     discs = body(disc(y=0.9), disc(y=-0.9))
