@@ -242,9 +242,11 @@ def form(at: DiscretePath, units: Array | None = None, *, phase: bool = True) ->
 def coefficients(
     problem: Problem, q: Array, v: Array, t: Array
 ) -> tuple[Array, Array, Array, Array | None]:
-    """Return L_qq - dS/dt, L_qv - S, L_vv and S, each (K, n, n), for q, v (K, n) and t (K, 1).
+    """Return the coefficients of d2S without its total derivative, for q, v (K, n) and t (K, 1).
 
-    S is None where L has no terms linear in the velocities.
+    With S(q, t) the symmetric part of L_qv at v = 0, the variation eta has 2 eta.S eta' +
+    eta.(dS/dt) eta = d(eta.S eta)/dt, which only the ends feel: L_qq - dS/dt, L_qv - S, L_vv and S,
+    each (K, n, n). S is None where L has no terms linear in the velocities.
     """
     A, B, C = second_derivatives(problem, q, v, t)
     system = problem.system

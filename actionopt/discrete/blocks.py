@@ -209,7 +209,7 @@ class Blocks:
 
     @cached_property
     def _whole(self) -> tuple[Any, ...]:
-        """What to take of the matrix over all places: a part of it where that does."""
+        """Index of the rows and columns at `places`: slices where the places are consecutive."""
         first, size = self.places[:1].sum(), self.places.size
         if (self.places == first + np.arange(size)).all():
             return slice(first, first + size), slice(first, first + size)
@@ -367,10 +367,10 @@ class Condensed:
         return np.concatenate([found, beside]) if self.carried else found
 
     def _down(self, full: Array, *, rows: bool = False) -> tuple[list[Array], Array]:
-        """Return what is eliminated, part by part, and what is left at the last nodes, (s, f, c).
+        """Eliminate from right sides (K, f, c), or from `rows` beside the matrix: forward.
 
-        Of right sides (K, f, c), or of `rows` beside the matrix. The parts are (E, p + 2 f, c) for
-        each degree and (k, f, c) for each level.
+        Return what was eliminated, (E, p + 2 f, c) for each degree and then (k, f, c) for each
+        level of the reduction, and what is left at the last nodes, (s, f, c).
         """
         blocks, f = self.blocks, self.blocks.width
         between, eliminated = full[blocks.offsets], []

@@ -14,9 +14,9 @@ SNAPPED = 0.25  # of an element: a boundary that is nearer to an instant is move
 def moved(
     mesh: Mesh, old: tuple[Instant, ...], new: tuple[Instant, ...], start: float, end: float
 ) -> Mesh:
-    """Return the mesh stretched onto [start, end], its boundaries at the instants taken along.
+    """Return the mesh on [start, end], its boundaries at the `old` instants moved to the `new` ones.
 
-    Affinely between them; altogether where there are more or fewer of them than there were.
+    The map of times is affine between instants, and one affine map where their numbers differ.
     """
     b, reach = mesh.since, _slack(mesh)
     at = _inside(old, mesh.boundaries[0], mesh.duration, reach)

@@ -205,10 +205,12 @@ def aside(
     inverse: Array,
     tangent: Array | None = None,
 ) -> tuple[Array, Array]:
-    """Return how far a motion under these forces is from the path, in q and v, (E, points, n).
+    """Return by how much a motion under these forces departs from the path, in q and v.
 
-    Zero at the ends of the elements, of `inverse` inertias (E, n, n), or (1, n, n) where all are
-    the same. Constraints leave of a force what `tangent` (E, points, n, n) makes of it.
+    Both are (E, points, n). The velocity departs by M^-1 (int force dt - momentum), and the
+    coordinates by its integral, less the straight line that lets them vanish at the ends of each
+    element. `inverse` are the M^-1, (E, n, n), or (1, n, n) where all are the same; constraints
+    leave of a force what `tangent` (E, points, n, n) projects it on.
     """
     if tangent is None:
         gained, _ = rule.integrals(half * force)

@@ -398,7 +398,10 @@ class Stack:
 
 
 class Factored:
-    """Matrices of C members, factorized in place.
+    """Matrices of C members, factorized in place: their elements are eliminated from the inside.
+
+    What is left of an element is a matrix of its two end nodes, and all of them are block
+    tridiagonal: the nodes between elements are eliminated one after the other, without pivoting.
 
     Parameters
     ----------

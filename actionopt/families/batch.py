@@ -389,7 +389,11 @@ class _Members:
         return follow(shape, self.times[which], self.packed[which], Q, self.tol)
 
     def _wave(self, which: NDInt, nearest: NDInt) -> None:
-        """Try some members together; those that are solved are known from then on."""
+        """Follow paths to some members from their `nearest` solved ones, all at once.
+
+        Those whose error is too large go on to finer meshes; those that are solved are known from
+        then on, and the others are tried again when they have a nearer neighbour.
+        """
         self.neighbour[which], count = nearest, which.size
         expected = self._predict(which, nearest)
         found = self._follow(self.levels[self.base].shape, which, expected)

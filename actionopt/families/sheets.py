@@ -139,7 +139,10 @@ def _around(rows: Array) -> Array:
 
 
 def _trend(around: Array) -> Array:
-    """Return to what changes on one side lead where none is known on the other; NaN elsewhere."""
+    """Return the change expected beside an edge of what is known, (...); NaN elsewhere.
+
+    Where no change is known on one side, it is that of the other side, grown as it grows there.
+    """
     found = []
     for before, after, beyond in (around[[1, 2, 3]], around[[2, 1, 0]]):
         with np.errstate(invalid="ignore", divide="ignore"):

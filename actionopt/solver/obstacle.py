@@ -140,7 +140,7 @@ class Along(Workspace):
             self.here = replace(here, tr=tr, z=z)
 
     def stand(self, found: Iterate) -> None:
-        """Go back to a path that Ipopt found."""
+        """Take up a path that Ipopt found, with the contacts it had there."""
         self.problem, self.here = found.problem, found
 
     def hold(self, arcs: tuple[Arc, ...], curve: Path | None = None) -> None:

@@ -98,9 +98,10 @@ class Body:
         return found
 
     def string(self, chain: list[tuple[Array, Array]], ways: Ways) -> tuple[Array, Array] | None:
-        """Return when (K,) and where (K, n) a string lies on a `chain` of normals and points.
+        """Return the times (K,) and points (K, n) at which a taut string lies on the body.
 
-        None if it does nowhere.
+        `chain` are normals and points of support around the body. The string lies on it from where
+        a tangent leads to its one end to where a tangent leads to the other; None if nowhere.
         """
         found = []
         for way, first in ((chain, True), (chain[::-1], False)):

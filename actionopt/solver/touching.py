@@ -279,9 +279,10 @@ def _window(found: DiscretePath, a: float, b: float) -> Array:
 
 
 def _where_zero(t: Array, distance: Array) -> float:
-    """Return where contact begins, behind the first of the times t (K,), which go away from it.
+    """Return the time at which contact begins, from nodes outside of it, the nearest one first.
 
-    There f grows with the square of the time, so that its root `distance` (K,) is extrapolated.
+    Near contact f grows as the square of the time from it: its square root `distance` (K,) at the
+    times t (K,) is extrapolated to zero by the line through the second and the third.
     """
     if t.size < 3:
         return float(t[-1] if t.size == 1 else t.mean())
