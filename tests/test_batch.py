@@ -14,7 +14,7 @@ from actionopt.discrete.stacks import Factored, Shape, Stack
 from actionopt.discrete.transcription import Transcription
 from actionopt.families import batch, budget
 from actionopt.families.batch import member, solve_run
-from actionopt.families.front import Front, weights
+from actionopt.families.scheduling import Front, weights
 from actionopt.mechanics.columns import Columns
 
 TOL = 1e-9

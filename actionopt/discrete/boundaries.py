@@ -16,7 +16,7 @@ def moved(
 ) -> Mesh:
     """Return the mesh on [start, end], its boundaries at the `old` instants moved to the `new` ones.
 
-    The map of times is affine between instants, and one affine map where their numbers differ.
+    Times are mapped affinely between instants, or all at once where the numbers of these differ.
     """
     b, reach = mesh.since, _slack(mesh)
     at = _inside(old, mesh.boundaries[0], mesh.duration, reach)

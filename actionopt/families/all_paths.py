@@ -19,10 +19,10 @@ import numpy as np
 
 from actionopt.analysis.solution import Solution
 from actionopt.families.centres import guesses
-from actionopt.families.feet import all_on_surfaces
 from actionopt.families.free_times import all_durations
+from actionopt.families.obstacle_search import all_sides
 from actionopt.families.searches import SAME_PATH, Sweep
-from actionopt.families.sides import all_sides
+from actionopt.families.surface_search import all_on_surfaces
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
 from actionopt.solver.arguments import asked

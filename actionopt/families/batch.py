@@ -29,9 +29,9 @@ from actionopt.discrete.mesh import MAX_DEGREE, Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.stacks import PROGRAMS, Shape, Stack, program
 from actionopt.families.budget import Budget
-from actionopt.families.even import between, denser, even
-from actionopt.families.front import NEIGHBOURS, Front, squares, weights
+from actionopt.families.common_mesh import between, denser, even
 from actionopt.families.members import Members, checked_columns, member, refusal
+from actionopt.families.scheduling import NEIGHBOURS, Front, squares, weights
 from actionopt.families.vary import along, lead_to, place, slope
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import checked

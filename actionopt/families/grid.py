@@ -68,7 +68,7 @@ class Grid:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Of the arrays over the grid."""
+        """Shape of the arrays over the grid."""
         return self.values[0].shape if self.zipped else tuple(row.size for row in self.values)
 
     @property

@@ -14,7 +14,7 @@ import numpy as np
 
 from actionopt.analysis.solution import Solution
 from actionopt.discrete.path import Path
-from actionopt.families.kept import Kept
+from actionopt.families.path_store import PackedPaths
 from actionopt.families.remake import SAME_MOMENTA, remake
 from actionopt.families.task import PER_MEMBER, Answers, one_by_one, solve_members
 from actionopt.families.vary import Name, moved
@@ -36,7 +36,7 @@ class SolvedNeighbours(NamedTuple):
     solved: NDInt
     ends: Array
     momenta: Array
-    paths: Kept | None
+    paths: PackedPaths | None
 
 
 def work(
@@ -97,10 +97,10 @@ def _without(answers: Answers, known: NDInt) -> Answers:
     mine = ~np.isin(answers["members"], known)
     left = {name: answers[name][mine] for name in PER_MEMBER if name in answers}
     if "kept_members" in answers:
-        kept = Kept.unpack(answers, "kept")
+        kept = PackedPaths.unpack(answers, "kept")
         numbers = answers["members"][mine].tolist()
         paths = {i: path for i in numbers if (path := kept.path(i)) is not None}
-        left |= Kept.of(np.array(list(paths), dtype=int), list(paths.values())).pack("kept")
+        left |= PackedPaths.of(np.array(list(paths), dtype=int), list(paths.values())).pack("kept")
     return answers | left
 
 

@@ -16,7 +16,7 @@ from actionopt.analysis.status import Status
 from actionopt.discrete.path import Path
 from actionopt.families.dispatch import Intake, check_executor, dispatch
 from actionopt.families.grid import Grid, label_of
-from actionopt.families.kept import Kept, find
+from actionopt.families.path_store import PackedPaths, find
 from actionopt.families.question import question_of
 from actionopt.families.remake import SAME_MOMENTA, remake
 from actionopt.families.retry import SolvedNeighbours, check_sent, retry_of, work
@@ -80,7 +80,7 @@ class Runs:
     messages : dict of int to str
         Why members were refused, or how the solver ended unexpectedly, by their numbers in the
         order of the grid.
-    kept : list of Kept or None
+    kept : list of PackedPaths or None
         The paths, if they were to be kept.
     stats : dict of str to int
         Iterations, members that were solved alone, and tasks.
@@ -102,7 +102,7 @@ class Runs:
     slopes: Array
     index: NDInt | None
     messages: dict[int, str]
-    kept: list[Kept] | None = field(repr=False)
+    kept: list[PackedPaths] | None = field(repr=False)
     stats: dict[str, int]
     unsought: NDInt
     retried: Literal["no", "partly", "fully"] = "no"
@@ -180,7 +180,7 @@ class Runs:
             zip(answers["refused"].tolist(), answers["messages"].tolist(), strict=True)
         )
         if self.kept is not None:
-            self.kept.append(Kept.unpack(answers, "kept"))
+            self.kept.append(PackedPaths.unpack(answers, "kept"))
         for name in ("iterations", "alone"):
             self.stats[name] += int(answers[name])
         self.stats["tasks"] += 1
@@ -219,12 +219,12 @@ class Runs:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Of the grid."""
+        """Shape of the grid."""
         return self.grid.shape
 
     @property
     def _names(self) -> list[str]:
-        """Of what varies, in files and datasets."""
+        """Names of what varies, in files and datasets."""
         names = map(label_of, self.grid.names)
         return [f"parameter {name}" if name in TAKEN else name for name in names]
 
@@ -384,7 +384,7 @@ class Runs:
         paths = None
         if self.kept is not None:
             kept = {j: path for j in beside.tolist() if (path := find(self.kept, j)) is not None}
-            paths = Kept.of(np.array(list(kept), dtype=int), list(kept.values()))
+            paths = PackedPaths.of(np.array(list(kept), dtype=int), list(kept.values()))
         options = self.tol, self.index is not None, self.kept is not None
         known = SolvedNeighbours(success[members], ends, momenta, paths)
         return members, self.grid.columns(members), known, guess, options

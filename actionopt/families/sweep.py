@@ -22,7 +22,7 @@ from actionopt.analysis.solution import SolveError
 from actionopt.discrete.path import Path
 from actionopt.families.dispatch import Intake, check_executor, dispatch
 from actionopt.families.grid import Grid
-from actionopt.families.kept import Kept
+from actionopt.families.path_store import PackedPaths
 from actionopt.families.question import question_of
 from actionopt.families.runs import Runs
 from actionopt.families.task import Answers, Seed, work
@@ -206,7 +206,7 @@ class _SweepRun:
             for record in records:
                 if "seed" in record:
                     i = int(record["seed"])
-                    self.walked[i] = Kept.unpack(record, "seed").path(i)
+                    self.walked[i] = PackedPaths.unpack(record, "seed").path(i)
             first = int(records[0]["seed"])
             self.seeds = {first: path} if (path := self.walked[first]) else {}
         else:
@@ -223,7 +223,7 @@ class _SweepRun:
         """Keep what came of the search for a seed."""
         self.walked[i] = path
         if self.intake.journal is not None:
-            kept = Kept.of(np.array([i] if path else [], dtype=int), [path] if path else [])
+            kept = PackedPaths.of(np.array([i] if path else [], dtype=int), [path] if path else [])
             self.intake.journal.append({"seed": i, **more, **kept.pack("seed")})
 
     def _pilot(self) -> int:

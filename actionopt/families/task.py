@@ -13,8 +13,8 @@ from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
 from actionopt.discrete.path import Path
 from actionopt.families.batch import solve_run
-from actionopt.families.kept import Kept
 from actionopt.families.members import refusal
+from actionopt.families.path_store import PackedPaths
 from actionopt.families.vary import Name, along, moved
 from actionopt.families.walk import walk
 from actionopt.mechanics.problem import Problem
@@ -127,7 +127,7 @@ def solve_members(
     answers["refused"] = members[list(messages)]
     answers["messages"] = np.array(list(messages.values()), dtype=str)
     if keep_paths:
-        answers |= Kept.of(members[list(paths)], list(paths.values())).pack("kept")
+        answers |= PackedPaths.of(members[list(paths)], list(paths.values())).pack("kept")
     return answers
 
 
@@ -202,7 +202,9 @@ def one_by_one(
             answers["index"][j] = number
     answers["refused"] = np.array(list(messages), dtype=int)
     answers["messages"] = np.array(list(messages.values()), dtype=str)
-    return answers | Kept.of(np.array(list(paths), dtype=int), list(paths.values())).pack("kept")
+    return answers | PackedPaths.of(np.array(list(paths), dtype=int), list(paths.values())).pack(
+        "kept"
+    )
 
 
 def _refusal(problem: Problem, columns: Mapping[Name, Array], i: int) -> str:

@@ -123,7 +123,7 @@ def _start(s: Subject) -> Rows:
 
 
 def _contact(s: Subject) -> Rows:
-    """Of one part in contact, as long as the force is one number."""
+    """Yield the rows of one part in contact, as long as the force is one number."""
     if not s.touches:
         return
     numbers, (arc, *_) = s.scene.facts.numbers, s.solution.contacts

@@ -50,7 +50,7 @@ SLOWEST, FASTEST = 0.2, 2.0
 
 
 class Units(NamedTuple):
-    """Of what motions miss: coordinates (n,), their momenta times these, and the energy."""
+    """Units of what motions miss: coordinates (n,), momenta times these, and the energy."""
 
     q: Array
     action: float

@@ -14,7 +14,7 @@ from actionopt.tools.types import Array, NDInt
 
 
 @dataclass(frozen=True, eq=False)
-class Kept:
+class PackedPaths:
     """Paths of k members.
 
     Attributes
@@ -36,10 +36,10 @@ class Kept:
     values: Array
 
     def __repr__(self) -> str:
-        return f"Kept({self.members.size} paths)"
+        return f"PackedPaths({self.members.size} paths)"
 
     @classmethod
-    def of(cls, members: NDInt, paths: Sequence[Path]) -> Kept:
+    def of(cls, members: NDInt, paths: Sequence[Path]) -> PackedPaths:
         """Pack paths, one of each member."""
 
         def row(parts: list[Array], kind: type) -> Array:
@@ -60,7 +60,7 @@ class Kept:
         return {f"{name}_{f.name}": getattr(self, f.name) for f in fields(self)}
 
     @classmethod
-    def unpack(cls, arrays: Mapping[str, Array], name: str) -> Kept:
+    def unpack(cls, arrays: Mapping[str, Array], name: str) -> PackedPaths:
         """Return what was packed under a name."""
         return cls(*(arrays[f"{name}_{f.name}"] for f in fields(cls)))
 
@@ -86,6 +86,6 @@ class Kept:
         return Path(mesh, self.values[n * nodes[k] : n * nodes[k + 1]].reshape(n, -1))
 
 
-def find(kept: Sequence[Kept], member: int) -> Path | None:
+def find(kept: Sequence[PackedPaths], member: int) -> Path | None:
     """Return the path of a member, the latest of several, or None."""
     return next((p for x in reversed(kept) if (p := x.path(member)) is not None), None)
