@@ -14,7 +14,7 @@ SNAPPED = 0.25  # of an element: a boundary that is nearer to an instant is move
 def moved(
     mesh: Mesh, old: tuple[Instant, ...], new: tuple[Instant, ...], start: float, end: float
 ) -> Mesh:
-    """Return the mesh on [start, end], its boundaries at the `old` instants moved to the `new` ones.
+    """Return the mesh on [start, end]; boundaries at the `old` instants move to the `new` ones.
 
     Times are mapped affinely between instants, or all at once where the numbers of these differ.
     """

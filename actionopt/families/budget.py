@@ -12,10 +12,10 @@ from collections.abc import Mapping
 
 from actionopt.solver.ladder import BUDGET
 
-# Budget of searches in vain, whatever was solved. One takes 7,000 to 12,000 with one coordinate, and one
-# that succeeds 1,200 to 2,800 where Newton's method from the line does not. Measured on 60 small
-# maps of random systems: with twice as much as one way may cost all but 3 of 2276 members are found
-# that `solve` finds; with 3 times as much, on 52 of these maps, all are.
+# Budget of searches in vain, whatever was solved. One takes 7,000 to 12,000 with one coordinate,
+# and one that succeeds 1,200 to 2,800 where Newton's method from the line does not. Measured on
+# 60 small maps of random systems: with twice as much as one way may cost all but 3 of 2276
+# members are found that `solve` finds; with 3 times as much, on 52 of these maps, all are.
 FREE_BUDGET = 3 * BUDGET
 
 
