@@ -9,8 +9,9 @@ from helpers import integrated
 
 import actionopt as ao
 from actionopt import scenes
+from actionopt.families import searches
 from actionopt.families.all_paths import detected_angles, solve_all
-from actionopt.families.searches import Sweep
+from actionopt.families.searches import Answers
 
 PENDULUM = systems.pendulum(g=9.81)
 
@@ -105,9 +106,9 @@ def test_all_transfers_of_lamberts_problem(T, revolutions, options):
 def test_shots_that_turn_more_often_than_asked_aim_at_no_end():
     free = systems.particle("angle x")
     problem = ao.Problem(free, ao.Event(0.0, [0.0, 0.0]), ao.Event(1.0, [1.0, 1.0]))
-    run = Sweep(problem, 1e-8, (0,), 0, 1, None)
-    run.begin()
-    run._aim(np.array([[0.9, 20.0], [1.1, 1.0]]))
+    run = Answers(problem, 1e-8, (0,), 0, 1, None)
+    for start in run._aim(np.array([[0.9, 20.0], [1.1, 1.0]])):
+        run.answer(start)
     assert run.tried["forward shots"] == 1 and len(run.found) == 1
 
 
@@ -142,7 +143,7 @@ def test_defects_are_not_swallowed(monkeypatch, error):
     def broken(*_, **__):
         raise error
 
-    monkeypatch.setattr("actionopt.families.searches.solve", broken)
+    monkeypatch.setattr("actionopt.families.searches.first", broken)
     with pytest.raises(type(error), match=str(error)):
         solve_all(ao.Problem(PENDULUM, ao.Event(0.0, 0.5), ao.Event(2.0, -0.3)))
 
@@ -152,14 +153,14 @@ def test_defects_are_not_swallowed(monkeypatch, error):
     "error", [np.linalg.LinAlgError("Singular matrix"), ValueError("expected")]
 )
 def test_a_solve_that_fails_is_left_out(monkeypatch, error):
-    whole = ao.solve
+    whole = searches.first
 
-    def fails_from_a_guess(problem, guess=None, **options):
+    def fails_from_a_guess(problem, guess, choices):
         if guess is not None:
             raise error
-        return whole(problem, **options)
+        return whole(problem, guess, choices)
 
-    monkeypatch.setattr("actionopt.families.searches.solve", fails_from_a_guess)
+    monkeypatch.setattr("actionopt.families.searches.first", fails_from_a_guess)
     problem = ao.Problem(PENDULUM, ao.Event(0.0, 0.5), ao.Event(2.0, -0.3))
     found = solve_all(problem, windings=0, starts=2, continuations=0)
     assert set(found.found_by) == {"a straight line"}
@@ -229,10 +230,9 @@ def test_bad_arguments():
 def test_between_two_shots_on_either_side_of_the_end_is_one_that_meets_it(monkeypatch):
     system = systems.pendulum("angle")
     problem = ao.Problem(system, ao.Event(0.0, [0.2]), ao.Event(3.0, [0.5]))
-    sweep, met = Sweep(problem, 1e-8, (), 0, 0, None), []
-    sweep.begin()
-    monkeypatch.setattr(sweep, "_take_arrivals", lambda classes, v0: met.extend(v0[0]))
-    sweep._bracket(np.linspace(-3.0, 3.0, 7))
+    run, met = Answers(problem, 1e-8, (), 0, 0, None), []
+    monkeypatch.setattr(run, "_arrivals", lambda classes, v0: met.extend(v0[0]) or ())
+    assert list(run._bracket(np.linspace(-3.0, 3.0, 7))) == []
     assert met
     for v in met:
         angle, _ = integrated(lambda t, y: [y[1], -np.sin(y[0])], [0.2, v], 0.0, 3.0)(3.0)

@@ -9,7 +9,6 @@ start. No search of this kind proves that nothing is left.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -19,10 +18,7 @@ import numpy as np
 
 from actionopt.analysis.solution import Solution
 from actionopt.families.centres import guesses
-from actionopt.families.free_times import all_durations
-from actionopt.families.obstacle_search import all_sides
-from actionopt.families.searches import SAME_PATH, Sweep
-from actionopt.families.surface_search import all_on_surfaces
+from actionopt.families.searches import SAME_PATH, Answers
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
 from actionopt.solver.arguments import asked
@@ -233,25 +229,13 @@ def solve_all(
             "expected no angles for a system with an obstacle, found some: give events that "
             "differ by the turns"
         )
+    fixed = problem.system.r or problem.on_surface
+    turning = () if problem.system.r else turning
+    run = Answers(problem, tol, turning, 0 if fixed else windings, seed, progress)
     with time_limit(seconds):
-        if problem.system.r:
-            sided = all_sides(problem, tol, starts, seed, progress)
-            return _paths_of(problem, (), *sided)
-        if problem.on_surface:
-            placed = all_on_surfaces(problem, tol, len(turning), starts, seed, progress)
-            return _paths_of(problem, turning, *placed)
-        if problem.free_time:
-            timed = all_durations(problem, tol, turning, windings, shots, seed, progress)
-            return _paths_of(problem, turning, *timed)
-        run = Sweep(problem, tol, turning, windings, seed, progress)
         try:
-            run.begin()
-            run.straight()
-            if not run.linear:
-                run.least(starts)
-                run.forward_shots(shots)
-                run.deflate(starts)
-                run.folds(continuations)
+            for start in run.starts(starts, shots, continuations):
+                run.answer(start)
         except KeyboardInterrupt:
             run.interrupted = True
         if run.refused is not None and not (run.found or run.families or run.interrupted):
@@ -266,7 +250,7 @@ def solve_all(
 
 
 def _add_without_end(
-    run: Sweep, whole: Problem, candidates: list[tuple[Solution, tuple[int, ...], str]]
+    run: Answers, whole: Problem, candidates: list[tuple[Solution, tuple[int, ...], str]]
 ) -> None:
     """Add to a search the paths of infinite times near `candidates`, which are on a window."""
     found, candidates = run.found, list(candidates)
@@ -306,21 +290,7 @@ def _check_clock(problem: Problem) -> None:
         )
 
 
-def _paths_of(
-    problem: Problem,
-    turning: tuple[int, ...],
-    found: list[tuple[Solution, tuple[int, ...], str]],
-    tried: Counter[str],
-    interrupted: bool,
-) -> Paths:
-    """Return the paths of a given energy, or to surfaces, by increasing action."""
-    found = sorted(found, key=lambda item: item[0].action)
-    names = tuple(problem.system.coordinates[i] for i in turning)
-    solutions, turns, how = zip(*found, strict=True) if found else ((), (), ())
-    return Paths(solutions, turns, how, names, dict(tried), 0, False, interrupted)
-
-
-def _by_action(run: Sweep) -> Paths:
+def _by_action(run: Answers) -> Paths:
     """Return what was found, by increasing action."""
     ordered = sorted(run.found, key=lambda item: item[0].action)
     names = run.problem.system.coordinates

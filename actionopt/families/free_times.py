@@ -1,4 +1,4 @@
-"""All the paths of a given energy between two events, as far as they can be found.
+"""First paths of a given energy between two events, for a search for all of them.
 
 The energy leaves a motion from the start nothing but its direction. Motions in all directions are
 followed past the end, and from where each is nearest to it a path is sought, over the time that
@@ -8,10 +8,8 @@ asked.
 
 from __future__ import annotations
 
-from collections import Counter
 from contextlib import suppress
-from functools import partial
-from itertools import chain, product
+from itertools import chain
 
 import numpy as np
 
@@ -23,59 +21,24 @@ from actionopt.solver.arrivals import LOOKED_AT, PASSES, Units, passages
 from actionopt.solver.durations import along, rates, returning
 from actionopt.solver.first_paths import FirstPaths, straight
 from actionopt.solver.iterate import sizes
-from actionopt.solver.solve import solve_on_the_way
-from actionopt.solver.unfixed import solve_unfixed
 from actionopt.tools.types import Array
-from actionopt.tools.watch import Progress, check_time
 
 # Times the duration along the straight line, or up and back, that motions are followed; ad hoc.
 LONGEST_SEARCH = 6.0
 MOST_PASSAGES = 40  # passages from which paths are sought, of each class of windings
 NEARBY_TARGET = 1e-1  # of the sizes: a sample of a path that may pass the end is no farther
 FAN = 72  # directions in the plane
-SAME_ORBIT = 1e-6  # of its size and duration: paths closer than that are one
+SAME_ORBIT = 1e-6  # of its size and duration: a path closer than that is at its end
 
 
-def all_durations(
-    problem: Problem,
-    tol: float,
-    turning: tuple[int, ...],
-    windings: int,
-    shots: int,
-    seed: int,
-    progress: Progress | None,
-) -> tuple[list[tuple[Solution, tuple[int, ...], str]], Counter[str], bool]:
-    """Return paths with their windings and how each was found, what was tried, and an interruption.
-
-    A path that passes the end on its way is another one with a period or a turn more, and left
-    out; in one dimension it turns back, and `windings` says how often.
-    """
-    found: list[tuple[Solution, tuple[int, ...], str]] = []
-    tried: Counter[str] = Counter()
-    turns, first = range(-windings, windings + 1), partial(solve_on_the_way, None)
-    try:
-        for k in sorted(product(turns, repeat=len(turning)), key=lambda k: np.abs(k).sum()):
-            by = np.zeros(problem.system.n)
-            by[list(turning)] = 2 * np.pi * np.array(k)
-            mine = problem.replace(end=problem.end.shifted(by))
-            paths = FirstPaths(mine, tol, first)
-            near = chain(paths.near(), paths.longer_sought())
-            known = [(at.path, "durations") for at in near]
-            passing = _passages(mine, known, shots, windings, np.random.default_rng(seed))
-            guesses = known + [(path, "forward shots") for path in passing]
-            if not guesses and paths.refused is not None:
-                raise paths.refused
-            for i, (path, how) in enumerate(guesses):
-                tried[how] += 1
-                check_time()
-                if progress is not None:
-                    progress(how, i, len(guesses), {"found": len(found)})
-                solution = solve_unfixed(mine, first, tol, path, "auto", None, thorough=False)[0]
-                if solution.success and is_new(solution, k, found) and _first(solution, windings):
-                    found.append((solution, k, how))
-    except KeyboardInterrupt:
-        return found, tried, True
-    return found, tried, False
+def first_paths(
+    problem: Problem, tol: float, windings: int, shots: int, seed: int
+) -> tuple[list[tuple[Path, str]], ValueError | None]:
+    """Return first paths and how each was found, and why none was asked for, if that is so."""
+    paths = FirstPaths(problem, tol)
+    known = [(at.path, "durations") for at in chain(paths.near(), paths.longer_sought())]
+    passing = _passages(problem, known, shots, windings, np.random.default_rng(seed))
+    return known + [(path, "forward shots") for path in passing], paths.refused
 
 
 def _passages(
@@ -126,25 +89,11 @@ def _passages(
     return [path for _, path in sorted(paths, key=lambda item: item[0])[:MOST_PASSAGES]]
 
 
-def is_new(
-    solution: Solution, turns: tuple[int, ...], found: list, apart: float = SAME_ORBIT**0.5
-) -> bool:
-    """Whether a path differs from all those found: somewhere by `apart`, relative to its size."""
-    s = np.linspace(0, 1, 33)
-    t0, T = solution.start.t, solution.duration
-    mine = solution(t0 + s * T)
-    size = sizes(mine.T, solution.problem.scales)[:, None]
-    for other, other_turns, _ in found:
-        if other_turns != turns or abs(other.duration / T - 1) > SAME_ORBIT:
-            continue
-        there = other(other.start.t + s * other.duration)
-        if np.max(np.abs(there - mine) / size) < apart:
-            return False
-    return True
+def is_first(solution: Solution, windings: int) -> bool:
+    """Whether a path does not pass its end before: it is another one with a period or turn more.
 
-
-def _first(solution: Solution, windings: int) -> bool:
-    """Whether the path does not pass its end before, in one dimension no more than it may."""
+    In one dimension it turns back, and `windings` says how often it may.
+    """
     pinned = list(solution.problem.end.pinned)
     t0, T = solution.start.t, solution.duration
     t = t0 + T * np.linspace(0, 1, LOOKED_AT + 1)

@@ -1,15 +1,19 @@
-"""Every way at hand to a stationary path between two events, and what came of each.
+"""Searches for all paths: starts of every kind between two events, and the distinct answers.
 
-Least paths from several coarse starts, forward motions in all directions aimed at the second event,
-Newton's method that keeps away from what is known, and continuation of every path found through
-folds in the end time, where paths appear in pairs.
+Between given events: least paths from several coarse starts, forward motions in all directions
+aimed at the second event, Newton's method that keeps away from what is known, and continuation of
+every path found through folds in the end time, where paths appear in pairs. What a start leads to
+is compared with what is known and with the forward motion from its own start, once.
 """
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,17 +26,26 @@ from actionopt.discrete.path import Path
 from actionopt.discrete.projection import project
 from actionopt.discrete.transcription import Transcription
 from actionopt.families.deflation import deflate
+from actionopt.families.free_times import first_paths, is_first
+from actionopt.families.obstacle_search import curves
+from actionopt.families.surface_search import points
 from actionopt.families.trace import trace
 from actionopt.mechanics.problem import Problem
+from actionopt.solver.between import Choices
 from actionopt.solver.ipopt import find
-from actionopt.solver.solve import solve
+from actionopt.solver.ladder import LADDER, NEAR
+from actionopt.solver.on_surface import firsts
+from actionopt.solver.pursue import first
 from actionopt.tools.types import Array
 from actionopt.tools.watch import Progress, check_time
 
 # Ad hoc: how much is enough to find all paths cannot be derived, and what is found more, costs
 # more. Lengths are in units of the coordinates' sizes, velocities and momenta in the largest's.
 SEARCH_ELEMENTS, SEARCH_DEGREE = 24, 6  # of the mesh on which paths are sought
-SAME_PATH = 1e-6  # distance of two paths below which they are one: far above the default `tol`
+# Distance of two paths below which they are one, and so many times `tol`: on a small surface paths
+# are close.
+SAME_PATH, SURE = 1e-6, 10.0
+PARTS = Mesh.uniform(0.0, 1.0, SEARCH_ELEMENTS, SEARCH_DEGREE).nodes  # of the time
 SAME_COARSE_PATH = 1e-3
 SAME_VELOCITY = 1e-3
 SAME_ACTION = 1e-6  # relative difference of the actions of one family, all the same
@@ -49,17 +62,31 @@ LATEST_FOLD, EARLIEST_FOLD = 2.0, 0.2  # end times, relative to the duration
 
 @dataclass(eq=False)
 class Winding:
-    """The paths with the same windings."""
+    """The paths with the same windings; those between given events have a mesh to search on."""
 
     turns: tuple[int, ...]
     problem: Problem
-    tr: Transcription
     seen: list[Array] = field(default_factory=list)  # coarse z already dealt with
+
+    @cached_property
+    def tr(self) -> Transcription:
+        """The discrete problem on which they are searched for."""
+        start, end = self.problem.start.t, self.problem.end.t
+        mesh = Mesh.uniform(start, end, SEARCH_ELEMENTS, SEARCH_DEGREE)
+        return Transcription(self.problem, mesh, self.problem.lengths)
+
+
+class Start(NamedTuple):
+    """Where a path is sought from, a guess or the straight line, and how that was found."""
+
+    winding: Winding
+    guess: Path | None
+    how: str
 
 
 @dataclass(eq=False)
-class Sweep:
-    """A search for all paths under way: what was found, and the ways to find more."""
+class Answers:
+    """A search for all paths under way: what was found, and starts to find more."""
 
     problem: Problem
     tol: float
@@ -74,60 +101,102 @@ class Sweep:
     tried: Counter[str] = field(default_factory=Counter)
     rejected: int = 0
     interrupted: bool = False
+    last: Solution | None = None  # what the last start led to, or what that repeats
 
     def __post_init__(self) -> None:
         problem = self.problem
         self.linear = problem.system.structure.linear
         self.closed = problem.advance is not None
-        # One more turn is another path where both events say where it is, or it has to close; where
-        # neither says, the whole path may be a turn farther, and is the same one.
-        start, end = set(problem.start.pinned), set(problem.end.pinned)
-        self.loose = tuple(i for i in self.turning if i not in start | end)
-        self.turning = tuple(i for i in self.turning if self.closed or i in start & end)
-        self.far = np.zeros(problem.system.n)
+        self.given = not (problem.free_time or problem.on_surface or problem.system.r)
+        self.loose: tuple[int, ...] = ()
+        if self.given:
+            # One more turn is another path where both events say where it is, or it has to close;
+            # where neither says, the whole path may be a turn farther, and is the same one.
+            known = set(problem.start.pinned) | set(problem.end.pinned)
+            self.loose = tuple(i for i in self.turning if i not in known)
+            self.turning = tuple(i for i in self.turning if self.closed or i in known)
+        self.choices = Choices(self.tol, "auto", LADDER, None, None)
+        if problem.free_time or problem.on_surface:
+            self.choices = Choices(self.tol, "auto", NEAR, None, None)
+        turns = range(-self.windings, self.windings + 1)
         self.classes: list[Winding] = []
-
-    def begin(self) -> None:
-        """Lay out the classes of windings, each with a mesh to search on."""
-        problem, turns = self.problem, range(-self.windings, self.windings + 1)
-        mesh = Mesh.uniform(problem.start.t, problem.end.t, SEARCH_ELEMENTS, SEARCH_DEGREE)
         for k in sorted(product(turns, repeat=len(self.turning)), key=lambda k: np.abs(k).sum()):
             by = np.zeros(problem.system.n)
             by[list(self.turning)] = 2 * np.pi * np.array(k)
-            mine = problem.replace(end=problem.end.shifted(by))
-            tr = Transcription(mine, mesh, mine.lengths)
-            Q = tr.straight()
-            self.far = np.maximum(self.far, np.abs(Q[-1] - Q[0]))
-            self.classes.append(Winding(k, mine, tr))
+            mine = problem.replace(end=problem.end.shifted(by)) if any(k) else problem
+            self.classes.append(Winding(k, mine))
 
-    # -- ways of searching -----------------------------------------------------------------------
+    @cached_property
+    def far(self) -> Array:
+        """How far the ends of the straight lines are apart at most, (n,)."""
+        lines = [c.tr.straight() for c in self.classes]
+        return np.max([np.abs(Q[-1] - Q[0]) for Q in lines], axis=0)
 
-    def straight(self) -> None:
-        """Solve as `solve` does, from the straight line."""
+    def starts(self, starts: int, shots: int, continuations: int) -> Iterator[Start]:
+        """Yield all starts of the question's kind; what they lead to is known when one goes on."""
+        if self.problem.system.r:
+            yield from self._to_all_sides(starts)
+        elif self.problem.on_surface:
+            yield from self._on_surfaces(starts)
+        elif self.problem.free_time:
+            yield from self._of_the_energy(shots)
+        else:
+            yield from self._straight()
+            if not self.linear:
+                yield from self._least(starts)
+                yield from self._forward_shots(shots)
+                yield from self._deflate(starts)
+                yield from self._folds(continuations)
+
+    def _to_all_sides(self, starts: int) -> Iterator[Start]:
+        guesses = curves(self.problem, starts, self.seed)
+        for i, guess in enumerate(guesses):
+            how = "the straight line" if guess is None else "a curve to a side"
+            self.tell("curves to all sides", i, len(guesses), how)
+            yield Start(self.classes[0], guess, how)
+
+    def _on_surfaces(self, starts: int) -> Iterator[Start]:
+        pairs = points(self.problem, starts, self.seed)
+        for i, guess in enumerate(firsts(self.problem, self.tol, None, pairs)):
+            self.tell("points on surfaces", i, len(pairs), "points on surfaces")
+            yield Start(self.classes[0], guess, "a point on a surface")
+
+    def _of_the_energy(self, shots: int) -> Iterator[Start]:
+        for c in self.classes:
+            found, refused = first_paths(c.problem, self.tol, self.windings, shots, self.seed)
+            self.refused = self.refused or refused
+            for i, (guess, how) in enumerate(found):
+                self.tell(how, i, len(found), how)
+                yield Start(c, guess, how)
+
+    # -- between given events ----------------------------------------------------------------------
+
+    def _straight(self) -> Iterator[Start]:
+        """Yield the straight lines: what `solve` begins with."""
         for k, c in enumerate(self.classes):
-            self._tell("straight line", k, len(self.classes))
-            solution = self._solve(c)
-            self._add(c, solution, "a straight line")
-            if solution is not None and not (self.problem.start.pinned or self.problem.end.pinned):
-                self._resize(c, solution)
+            self.tell("straight line", k, len(self.classes), "straight lines")
+            yield Start(c, None, "a straight line")
+            if self.last and not (self.problem.start.pinned or self.problem.end.pinned):
+                self._resize(c, self.last)
 
-    def least(self, starts: int) -> None:
-        """Minimise from curves that wave about the straight line."""
+    def _least(self, starts: int) -> Iterator[Start]:
+        """Yield what minimising leads to from curves that wave about the straight line."""
         if self.problem.system.structure.forced:
             return
         for k, (c, z) in enumerate(self._curves(starts)):
-            self._tell("least starts", k, starts * len(self.classes))
+            self.tell("least starts", k, starts * len(self.classes), "least starts")
             attempt = find(c.tr, z, "least")
-            if attempt.converged:
-                self._candidate(c, attempt.z, "a least start")
+            path = self._unseen(c, attempt.z) if attempt.converged else None
+            if path is not None:
+                yield self._start(c, path, "a least start")
 
-    def forward_shots(self, shots: int) -> None:
-        """Aim forward motions at the second event, with any windings."""
+    def _forward_shots(self, shots: int) -> Iterator[Start]:
+        """Yield forward motions that arrive at the second event, with any windings."""
         n, events = self.problem.system.n, (self.problem.start, self.problem.end)
         if shots < 4:
             return
         if self.closed:
-            self._close(shots)
+            yield from self._close(shots)
             return
         if any(len(e.pinned) < n for e in events):
             return
@@ -135,37 +204,35 @@ class Sweep:
             return
         rng = np.random.default_rng(self.seed)
         if n == 1:
-            self._bracket(velocities(self.problem, self.far, 4 * shots, rng)[0])
+            yield from self._bracket(velocities(self.problem, self.far, 4 * shots, rng)[0])
             return
-        self._aim(velocities(self.problem, self.far, shots, rng))
+        yield from self._aim(velocities(self.problem, self.far, shots, rng))
         dry = 0
         for _ in range(SHOT_BATCHES):  # with speeds like those of the paths that are known by now
             before = len(self.found)
             known = [float(np.linalg.norm(s.start.v)) for s, _, _ in self.found] or [1.0]
             speed = np.linspace(0.8 * min(known), 1.2 * max(known), shots)
             speed += rng.random() * (speed[1] - speed[0])
-            self._aim(in_directions(self.problem, speed[None], rng))
+            yield from self._aim(in_directions(self.problem, speed[None], rng))
             dry = dry + 1 if len(self.found) == before else 0
             if dry == FRUITLESS_BATCHES:
                 break
 
-    def _close(self, shots: int) -> None:
-        """Change forward motions until they close."""
+    def _close(self, shots: int) -> Iterator[Start]:
+        """Yield forward motions, changed until they close."""
         if self.problem.system.m:  # they would leave the constraints
             return
         rng = np.random.default_rng(self.seed)
         for done, c in enumerate(self.classes):
-            for _ in range(
-                CLOSED_BATCHES
-            ):  # as large and as fast as the paths that are known by now
-                self._tell("shots", done, len(self.classes))
+            for _ in range(CLOSED_BATCHES):  # as large and as fast as what is known by now
+                self.tell("shots", done, len(self.classes), "forward shots", shots)
                 before = len(self.found)
-                self._closing(c, shots, rng)
+                yield from self._closing(c, shots, rng)
                 if len(self.found) == before:
                     break
 
-    def _closing(self, c: Winding, shots: int, rng: np.random.Generator) -> None:
-        """Try some motions from anywhere, slow and fast."""
+    def _closing(self, c: Winding, shots: int, rng: np.random.Generator) -> Iterator[Start]:
+        """Yield some motions from anywhere, slow and fast."""
         n, T, advance = self.problem.system.n, c.problem.duration, c.problem.advance
         assert advance is not None
         rates = 2 * np.pi * (c.tr.lengths + np.abs(advance)) / T
@@ -179,7 +246,6 @@ class Sweep:
         y[n:] += advance[:, None] / T
         for i in c.problem.start.pinned:
             y[i] = c.problem.start.q[i]
-        self.tried["forward shots"] += shots
         q0, v0, closed = close(c.problem, y[:n], y[n:], units)
         for path in motions(c.problem, v0, q0) if closed.size else []:
             if path is None:
@@ -187,11 +253,12 @@ class Sweep:
             s = (path.mesh.nodes - c.problem.start.t) / T
             miss = c.problem.closed_from(path.values[:, 0]) - path.values[:, -1]
             guess = Path(path.mesh, path.values + miss[:, None] * s)
-            self._candidate(c, c.tr.pack(guess(c.tr.mesh.nodes).T), "a forward shot", guess)
+            if self._unseen(c, c.tr.pack(guess(c.tr.mesh.nodes).T)):
+                yield self._start(c, guess, "a forward shot")
 
-    def _aim(self, v0: Array) -> None:
-        """Aim motions at the ends that they come near."""
-        self._tell("shots", 0, v0.shape[1])
+    def _aim(self, v0: Array) -> Iterator[Start]:
+        """Aim motions at the ends that they come near, and yield those that arrive."""
+        self.tell("shots", 0, v0.shape[1])
         ends = shoot(self.problem, v0[:, None])[:, 0]
         usable = np.flatnonzero(np.isfinite(ends).all(axis=0))
         targets = [self._nearest(ends[:, k]) for k in usable]
@@ -202,12 +269,11 @@ class Sweep:
             return
         goals = np.array([c.problem.end.q for c in targets], dtype=float).T
         v0, arrived = aim(self.problem, v0[:, usable], goals)
-        self._take_arrivals([targets[i] for i in arrived], v0)
+        yield from self._arrivals([targets[i] for i in arrived], v0)
 
-    def _bracket(self, v0: Array) -> None:
-        """Find all changes of sign of the miss at the end, for one coordinate."""
-        self.tried["forward shots"] += v0.size
-        self._tell("shots", 0, v0.size)
+    def _bracket(self, v0: Array) -> Iterator[Start]:
+        """Yield motions at all changes of sign of the miss at the end, for one coordinate."""
+        self.tell("shots", 0, v0.size, "forward shots", v0.size)
         ends = shoot(self.problem, v0[None, None])[0, 0]
         classes, rows = [], []
         for c in self.classes:
@@ -223,10 +289,10 @@ class Sweep:
             middle = (low + high) / 2
             left = (shoot(self.problem, middle[None, None])[0, 0] - target) * low_miss > 0
             low, high = np.where(left, middle, low), np.where(left, high, middle)
-        self._take_arrivals(classes, ((low + high) / 2)[None])
+        yield from self._arrivals(classes, ((low + high) / 2)[None])
 
-    def _take_arrivals(self, classes: list[Winding], v0: Array) -> None:
-        """Take motions with velocities v0 (n, K) that nearly arrive for guesses."""
+    def _arrivals(self, classes: list[Winding], v0: Array) -> Iterator[Start]:
+        """Yield motions with velocities v0 (n, K) that nearly arrive."""
         size = np.max(np.abs(v0), axis=1, initial=1e-300)
         known = [(c, s.start.v) for s, turns, _ in self.found
                  for c in self.classes if c.turns == turns]  # fmt: skip
@@ -241,13 +307,13 @@ class Sweep:
         for done, (i, path) in enumerate(
             zip(chosen, motions(self.problem, v0[:, chosen]), strict=True)
         ):
-            self._tell("shots", done, len(chosen))
+            self.tell("shots", done, len(chosen))
             if path is None:
                 continue
             c, T = classes[i], self.problem.duration
             s = (path.mesh.nodes - self.problem.start.t) / T
             miss = np.array(c.problem.end.q, dtype=float) - path.values[:, -1]
-            self._polish(c, Path(path.mesh, path.values + miss[:, None] * s), "a forward shot")
+            yield self._start(c, Path(path.mesh, path.values + miss[:, None] * s), "a forward shot")
 
     def _nearest(self, q: Array) -> Winding | None:
         """Return the class whose end is nearest to q, if any is near in its angles."""
@@ -257,19 +323,20 @@ class Sweep:
         )
         return next((c for c in self.classes if c.turns == turns), None)
 
-    def deflate(self, starts: int) -> None:
-        """Run Newton's method away from every path known, until it finds no more."""
+    def _deflate(self, starts: int) -> Iterator[Start]:
+        """Yield where Newton's method leads away from every path known, until it finds no more."""
         total = starts * len(self.classes)
         for k, (c, z) in enumerate(self._curves(starts)):
-            self._tell("deflated starts", k, total)
             for _ in range(4):
-                self.tried["deflated starts"] += 1
+                self.tell("deflated starts", k, total, "deflated starts")
                 away = deflate(c.tr, z, c.seen)
-                if away is None or not self._candidate(c, away, "deflation"):
+                path = None if away is None else self._unseen(c, away)
+                if path is None:
                     break
+                yield self._start(c, path, "deflation")
 
-    def folds(self, most: int) -> None:
-        """Follow each path as the end time moves; behind a fold waits another one."""
+    def _folds(self, most: int) -> Iterator[Start]:
+        """Yield where each path leads as the end time moves; behind a fold waits another one."""
         t0, T = self.problem.start.t, self.problem.duration
         followed: set[tuple[int, float]] = set()
         for done, (solution, turns, _) in enumerate(self.found):  # grows on the way
@@ -279,20 +346,19 @@ class Sweep:
             for factor in (EARLIEST_FOLD, LATEST_FOLD):
                 if (id(solution), factor) in followed:
                     continue
-                self._tell("continuations", done, min(most, len(self.found)))
-                self.tried["continuations"] += 1
+                self.tell("continuations", done, min(most, len(self.found)), "continuations")
                 options = {"tol": CONTINUATION_TOL, "steps": CONTINUATION_STEPS, "count": False}
                 try:
                     guess = _coarser(solution.path)
                     branch = trace(c.problem, "t1", t0 + factor * T, guess=guess, **options)
                 except (ValueError, SolveError) as error:
-                    _raise_defect(error)
+                    raise_defect(error)
                     continue
                 if branch.interrupted:
                     raise KeyboardInterrupt
                 if branch.returned:
-                    partner = self._polish(c, branch.paths[-1], "continuation")
-                    followed.add((id(partner), factor))  # it would only lead back
+                    yield self._start(c, branch.paths[-1], "continuation")
+                    followed.add((id(self.last), factor))  # it would only lead back
 
     # -- what was found ----------------------------------------------------------------------------
 
@@ -337,21 +403,23 @@ class Sweep:
         c.tr = Transcription(c.problem, mesh, size)
         c.seen = [c.tr.pack(s(mesh.nodes).T) for s, turns, _ in self.found if turns == c.turns]
 
-    def _candidate(self, c: Winding, z: Array, how: str, guess: Path | None = None) -> bool:
-        """Deal with a coarse solution; return whether it is a new one.
+    def _start(self, c: Winding, guess: Path, how: str) -> Start:
+        """Return a start, whole turns of angles that no event gives left out."""
+        if self.loose:
+            guess = Path(guess.mesh, self._apart(guess.values, np.zeros_like(guess.values)))
+        return Start(c, guess, how)
 
-        A `guess` is the same path, better resolved.
-        """
+    def _unseen(self, c: Winding, z: Array) -> Path | None:
+        """Return a coarse path, None if it was seen before; it is from now on."""
         if not np.isfinite(z).all():
-            return False
+            return None
         Q = c.tr.coordinates(z).T
         for other in c.seen:
             apart = self._apart(Q, c.tr.coordinates(other).T)
             if np.max(np.abs(apart) / c.tr.lengths[:, None]) < SAME_COARSE_PATH:
-                return False
+                return None
         c.seen.append(z)
-        self._polish(c, Path(c.tr.mesh, Q) if guess is None else guess, how)
-        return True
+        return Path(c.tr.mesh, Q)
 
     def _apart(self, q: Array, other: Array) -> Array:
         """Return q - other, both (n, K), whole turns of angles that no event gives left out."""
@@ -360,69 +428,75 @@ class Sweep:
             apart[i] -= 2 * np.pi * np.round(apart[i, 0] / (2 * np.pi))
         return apart
 
-    def _polish(self, c: Winding, guess: Path, how: str) -> Solution | None:
-        if self.loose:
-            guess = Path(guess.mesh, self._apart(guess.values, np.zeros_like(guess.values)))
-        return self._add(c, self._solve(c, guess), how)
+    # -- what becomes of them ----------------------------------------------------------------------
 
-    def _solve(self, c: Winding, guess: Path | None = None) -> Solution | None:
-        """Return what `solve` finds; None where it refuses to begin from there."""
+    def tell(self, stage: str, done: int, total: int, counted: str = "", by: int = 1) -> None:
+        """Report how far the search is, and count what is tried. Raises as `check_time` does."""
+        if counted:
+            self.tried[counted] += by
+        check_time()
+        if self.progress is not None:
+            self.progress(stage, done, total, {"found": len(self.found)})
+
+    def answer(self, start: Start) -> None:
+        """Solve from a start; keep a path that is new, closed and a motion."""
+        self.last, (c, guess, how) = None, start
         try:
-            return solve(c.problem, guess=guess, tol=self.tol, throw=False)
+            solution, _ = first(c.problem, guess, self.choices)
         except ValueError as error:  # numpy's LinAlgError is one
-            _raise_defect(error)
+            raise_defect(error)
             if guess is None and not any(c.turns):
                 self.refused = error
-            return None
-
-    def _add(self, c: Winding, solution: Solution | None, how: str) -> Solution | None:
-        """Keep a solution that is new, closed and a motion; return it, or what it repeats."""
-        if solution is None or not (solution.success or solution.status is Status.DEGENERATE):
-            return None
-        nodes = c.tr.mesh.nodes
-        values = solution(nodes)
-        size = np.maximum(np.max(np.abs(values), axis=1), c.tr.lengths * 1e-3)[:, None]
+            return
+        if not (solution.success or solution.status is Status.DEGENERATE):
+            return
+        if self.problem.free_time and not is_first(solution, self.windings):
+            return
+        values = self._samples(solution)
+        lengths = c.tr.lengths if self.given else solution.problem.lengths
+        size = np.maximum(np.max(np.abs(values), axis=1), lengths * 1e-3)[:, None]
+        near = max(SAME_PATH, SURE * self.tol)
         for other, turns in [(s, turns) for s, turns, _ in self.found] + self.kinked:
-            apart = self._apart(other(nodes), values)
-            if turns == c.turns and np.max(np.abs(apart) / size) < SAME_PATH:
-                return other
+            if turns != c.turns or abs(other.duration / solution.duration - 1) > near:
+                continue
+            if np.max(np.abs(self._apart(self._samples(other), values)) / size) < near:
+                self.last = other
+                return
         family = not _is_determined(solution)
         if family:
-            if (
-                not np.max(np.abs(values).T / np.maximum(c.problem.scales, c.tr.lengths))
-                < FAMILY_REACH
-            ):
-                return None
+            largest = np.abs(values).max(axis=1) / np.maximum(solution.problem.scales, lengths)
+            if not largest.max() < FAMILY_REACH:
+                return
             for other, turns in self.families:
-                if turns == c.turns and self._same_action(c, other, solution):
-                    return other
-        if not _moves(solution):
+                if turns == c.turns and self._same_action(other, solution):
+                    self.last = other
+                    return
+        if not (self.problem.system.r or _is_motion(solution)):
             self.rejected += 1
-            return None
+            return
         if self.closed and not _closes(c, solution):
             self.kinked.append((solution, c.turns))
-            return None
+            return
         if family:
             self.families.append((solution, c.turns))
         else:
             self.found.append((solution, c.turns, how))
-        z = c.tr.pack(values.T, solution.multipliers(nodes).T if solution.lam.size else None)
-        c.seen.append(z)
-        return solution
+        if self.given:
+            nodes = c.tr.mesh.nodes
+            lam = solution.multipliers(nodes).T if solution.lam.size else None
+            c.seen.append(c.tr.pack(solution(nodes).T, lam))
+        self.last = solution
 
-    def _same_action(self, c: Winding, one: Solution, other: Solution) -> bool:
+    def _samples(self, solution: Solution) -> Array:
+        """Return the coordinates (n, K) at the same parts of the time of any path."""
+        return solution(solution.start.t + PARTS * solution.duration)
+
+    def _same_action(self, one: Solution, other: Solution) -> bool:
         """Whether two paths may be of one family: along it S is the same, but under forces."""
         if self.problem.system.structure.forced:
             return True
-        size = max(abs(one.action), abs(other.action), c.tr.action_unit)
+        size = max(abs(one.action), abs(other.action), other.discrete.tr.action_unit)
         return abs(one.action - other.action) < SAME_ACTION * size
-
-    def _tell(self, how: str, done: int, total: int) -> None:
-        if how in ("straight line", "least starts"):
-            self.tried[how + "s" * (how[-1] != "s")] += 1
-        check_time()
-        if self.progress is not None:
-            self.progress(how, done, total, {"found": len(self.found)})
 
 
 def _is_determined(solution: Solution) -> bool:
@@ -435,7 +509,7 @@ def _is_determined(solution: Solution) -> bool:
         return True
 
 
-def _moves(solution: Solution) -> bool:
+def _is_motion(solution: Solution) -> bool:
     """Whether forward motion does not contradict a solution."""
     try:
         agrees = solution.compare().agrees
@@ -457,7 +531,7 @@ def _closes(c: Winding, solution: Solution) -> bool:
     )
 
 
-def _raise_defect(error: Exception) -> None:
+def raise_defect(error: Exception) -> None:
     """Re-raise errors that indicate a bug rather than an unsolvable problem."""
     verdict = isinstance(error, (SolveError, np.linalg.LinAlgError))
     if not verdict and not str(error).startswith("expected"):

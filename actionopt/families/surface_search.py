@@ -1,22 +1,14 @@
-"""All the paths to events on surfaces, as far as they can be found: from points all over these."""
+"""Points all over the surfaces of events, to which paths are sought."""
 
 from __future__ import annotations
 
-from collections import Counter
-from functools import partial
-
 import numpy as np
 
-from actionopt.analysis.solution import Solution
 from actionopt.discrete.surfaces import onto
-from actionopt.families.free_times import is_new
-from actionopt.families.searches import SAME_PATH
 from actionopt.mechanics.problem import Event, Problem
 from actionopt.solver.first_paths import given_time
-from actionopt.solver.on_surface import firsts, near, sizes, solve_on_surface
-from actionopt.solver.solve import solve_on_the_way
+from actionopt.solver.on_surface import near, sizes
 from actionopt.tools.types import Array
-from actionopt.tools.watch import Progress, check_time
 
 # Ad hoc.
 SURFACE_SPREAD = np.array([0.3, 1.0, 3.0])  # of the way to a surface, from where it is looked for
@@ -24,44 +16,17 @@ EACH = 6  # points a start
 # How far a surface reaches is told by so many points on it, looked for from ever farther; it is
 # bounded if it reaches no farther than this part of where they were looked for.
 REACH_POINTS, REACH_GROWTH, REACH_ROUNDS, BOUNDED_WITHIN = 12, 4.0, 8, 0.4
-SURE = 10.0  # times `tol`, that two paths are apart: on a small surface they are close
 LEAST_EXTENT = 0.1  # of the largest one, in the units of the coordinates
 
 
-def all_on_surfaces(
-    problem: Problem,
-    tol: float,
-    angles: int,
-    starts: int,
-    seed: int,
-    progress: Progress | None,
-) -> tuple[list[tuple[Solution, tuple[int, ...], str]], Counter[str], bool]:
-    """Return paths with their windings and how each was found, what was tried, and an interruption.
-
-    Windings of `angles` coordinates are reported but not varied, since the surface fixes the end.
-    """
-    found: list[tuple[Solution, tuple[int, ...], str]] = []
-    tried: Counter[str] = Counter()
-    n, count, none = problem.system.n, EACH * starts, (0,) * angles
+def points(problem: Problem, starts: int, seed: int) -> list[Array]:
+    """Return pairs (2, n) of points near each other and, so many a start, all over the surfaces."""
+    n, count = problem.system.n, EACH * starts
     random = np.random.default_rng(seed)
     axes = np.concatenate([np.zeros((1, n)), np.eye(n), -np.eye(n)])
     away = random.standard_normal((count, n)) * np.resize(SURFACE_SPREAD, count)[:, None]
-    try:
-        pairs = near(problem, axes)
-        over = _all_over(problem, pairs, count, random)
-        pairs += over if over else near(problem, away)
-        solve = partial(solve_on_the_way, None)
-        for i, first in enumerate(firsts(problem, solve, tol, pairs)):
-            tried["points on surfaces"] += 1
-            check_time()
-            if progress is not None:
-                progress("points on surfaces", i, len(pairs), {"found": len(found)})
-            path, _ = solve_on_surface(problem, solve, tol, first, "auto", None, thorough=False)
-            if path.success and is_new(path, none, found, max(SAME_PATH, SURE * tol)):
-                found.append((path, none, "a point on a surface"))
-    except KeyboardInterrupt:
-        return found, tried, True
-    return found, tried, False
+    pairs = near(problem, axes)
+    return pairs + (_all_over(problem, pairs, count, random) or near(problem, away))
 
 
 def _all_over(

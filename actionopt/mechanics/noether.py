@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Protocol
 
 import casadi as ca
@@ -70,14 +71,15 @@ class Conserved:
     system: System
     terms: ca.SX
 
-    def __post_init__(self) -> None:
+    @cached_property
+    def _sum(self) -> Pointwise:
+        """The terms as a function of q, v, t and the parameters."""
         s = self.system.symbols
-        function = ca.Function("conserved", [s.q, s.v, s.t, s.p], [ca.densify(self.terms)])
-        object.__setattr__(self, "_terms", Pointwise(function))
+        return Pointwise(ca.Function("conserved", [s.q, s.v, s.t, s.p], [ca.densify(self.terms)]))
 
     def __reduce__(self) -> tuple:
         """Carry the expressions as a function: the system has other symbols there."""
-        return _restore, (self.system, self._terms.function)  # type: ignore[attr-defined]
+        return _restore, (self.system, self._sum.function)
 
     def __repr__(self) -> str:
         """Show of what it is, not the expressions."""
@@ -112,7 +114,7 @@ class Conserved:
     def _each(self, q: ArrayLike, v: ArrayLike, t: ArrayLike, parameters) -> Array:
         """Return the terms of I, (K, terms) or (terms,)."""
         arguments, single = self.system.arguments(q, v, t, parameters)
-        values = self._terms(*arguments)[0].copy()  # type: ignore[attr-defined]
+        values = self._sum(*arguments)[0].copy()
         return values[0] if single else values
 
 

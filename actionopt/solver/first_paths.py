@@ -25,6 +25,7 @@ from actionopt.discrete.resolution import refined, resolution
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import Guess, curve
+from actionopt.solver.between import on_the_way
 from actionopt.solver.durations import along, passage, rates, returning
 from actionopt.solver.iterate import SAFETY, UNKNOWN_GAIN, measured
 from actionopt.solver.ladder import COARSE_DEGREE
@@ -58,8 +59,6 @@ class FirstPaths:
     ----------
     problem : Problem
     tol : float
-    solve : callable
-        `solve_on_the_way`, for paths over given durations.
     watch : Watch or None
         Of the search for which they are.
     hint : str
@@ -76,7 +75,6 @@ class FirstPaths:
 
     problem: Problem
     tol: float
-    solve: Callable[..., Solution]
     watch: Watch | None = None
     hint: str = ""
     merged: bool = False
@@ -214,7 +212,7 @@ class FirstPaths:
 
     def _sharp(self, at: DiscretePath) -> DiscretePath:
         """Return a path over a given duration to the tolerance, if that succeeds."""
-        found = self.solve(at.problem, tol=self.tol, guess=at.path, brief=True)
+        found = on_the_way(at.problem, self.tol, self.watch, at.path, brief=True)
         return found.discrete if found.success else at
 
     def _lowest(self, seen: list[DiscretePath], low: DiscretePath) -> DiscretePath:
@@ -296,7 +294,7 @@ class FirstPaths:
             sizes = measured(fixed, at.Q)[0]
             return at if resolution(mesh, at.Q, sizes).worst < ROUGHLY else None
         try:
-            found = self.solve(fixed, tol=FIRST_TOL, brief=brief)
+            found = on_the_way(fixed, FIRST_TOL, self.watch, brief=brief)
         except ValueError as error:
             self.refused = self.refused or error
             return None

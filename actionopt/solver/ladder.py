@@ -90,6 +90,10 @@ class Rung:
         Whether it takes hundreds of factorizations: the last resort where each costs much.
     persistent : bool
         Whether it may succeed on a finer mesh where it fails on a coarse one.
+    curves : bool
+        Whether curved lines are tried before what costs more, where its path cannot be refined.
+    reliable : bool
+        Whether a rough path on the last of its meshes is worth refining.
     price : int
         Second derivatives on one element, in the time of which it succeeds as a rule; measured on
         lattices and pendulums of 1 to 5 coordinates.
@@ -101,6 +105,8 @@ class Rung:
     steep: ClassVar[bool] = False
     lengthy: ClassVar[bool] = False
     persistent: ClassVar[bool] = True
+    curves: ClassVar[bool] = False
+    reliable: ClassVar[bool] = True
     price: ClassVar[int] = 20
 
     def applies(self, search: Search) -> bool:
@@ -144,7 +150,7 @@ class Descent(Rung):
     """
 
     many: bool = False
-    minimises, persistent, price = True, False, 100
+    minimises, persistent, curves, price = True, False, True, 100
 
     def applies(self, search: Search) -> bool:
         ws, n = search.ws, search.ws.problem.system.n
@@ -186,7 +192,7 @@ class Homotopy(Rung):
     nothing in what it finds.
     """
 
-    lengthy, price = True, 1500
+    lengthy, reliable, price = True, False, 1500
 
     def seek(self, ws: Workspace) -> bool:
         return ws.homotopy()
@@ -426,7 +432,7 @@ class Search:
                 status = Status.NOT_FOUND
                 if self._spent:
                     break
-            if isinstance(rung, Descent) and status is Status.UNRESOLVED:
+            if rung.curves and status is Status.UNRESOLVED:
                 around = self._from_curve(CURVED_FIRST)  # before what costs more
                 status = around if around in REACHED else status
             if status is Status.UNBOUNDED:
@@ -514,8 +520,7 @@ class Search:
                     return Status.NOT_FOUND
                 known = None
                 continue
-            leave = elements != meshes[-1] or isinstance(rung, Homotopy)
-            if ws.here.rough > ROUGHLY and leave:
+            if ws.here.rough > ROUGHLY and (elements != meshes[-1] or not rung.reliable):
                 known = ws.here.path if rung.minimises else None
                 continue
             if not rung.minimises and self.may_be_least and ws.here.index > 0:

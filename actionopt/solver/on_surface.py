@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
-from dataclasses import replace
 from itertools import islice
-from typing import Any, Literal
 
 import numpy as np
 
-from actionopt.analysis.solution import Solution
-from actionopt.analysis.status import Status
 from actionopt.discrete.borders import over
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.mesh import Mesh
@@ -20,8 +16,8 @@ from actionopt.discrete.path import Path
 from actionopt.discrete.surfaces import onto
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Event, Problem, diagonal
-from actionopt.solver.arguments import Guess
 from actionopt.solver.arrivals import arrivals
+from actionopt.solver.between import on_the_way
 from actionopt.solver.durations import along
 from actionopt.solver.first_paths import (
     FIRST_ELEMENTS,
@@ -32,79 +28,26 @@ from actionopt.solver.first_paths import (
     straight,
 )
 from actionopt.solver.ladder import COARSE_DEGREE
-from actionopt.solver.unfixed import APPROACHES, solve_unfixed
+from actionopt.solver.unfixed import APPROACHES
 from actionopt.tools.types import Array
-from actionopt.tools.watch import OutOfTime, Watch
+from actionopt.tools.watch import Watch
 
 # Ad hoc.
 APART = 1e-6  # of the coordinates' sizes: points nearer to one another are one
-TRIED = 6  # points to which a least path is sought
+NEAREST_POINTS = 6  # points to which a least path is sought
 FEW = 6  # coordinates whose axes are tried one by one; of more, as many directions by chance
 ALL_DURATIONS = 2  # points to which several durations are tried
 WITH_PAINS = 2  # points to which a path is sought in every way, where none was found
 AGAIN = 4  # times that the other surface, and one that moves, is asked anew
 
 
-def solve_on_surface(
-    problem: Problem,
-    solve: Callable[..., Solution],
-    tol: float,
-    guess: Guess | None,
-    principle: Literal["auto", "least", "stationary"],
-    watch: Watch | None,
-    *,
-    thorough: bool = True,
-) -> tuple[Solution, str]:
-    """Return a path between events of which some lie on surfaces, and a hint.
-
-    Near a guess; without one a least one if one of those tried is least, else one of the least
-    index.
-    """
-    options: Any = (principle, watch)
-    if guess is not None:
-        return solve_unfixed(problem, solve, tol, guess, *options, thorough=thorough)
-    best = None
-    try:
-        quick = islice(firsts(problem, solve, tol, watch=watch), TRIED)
-        motions = _motions(problem, watch)  # many: one path is enough
-        for starts in (quick, _thorough(problem, solve), motions):
-            for first in starts:
-                path, hint = solve_unfixed(problem, solve, tol, first, *options, thorough=thorough)
-                found = replace(path, stats=path.stats | {"rung": "surface"}), hint
-                rank = np.inf
-                if found[0].success:
-                    rank = 0 if principle == "stationary" else _index(found)
-                if best is None or rank < best[0]:
-                    best = rank, found
-                if not best[0] or (starts is motions and best[0] < np.inf):
-                    return best[1]
-            if best is not None and best[0] < np.inf:
-                return best[1]
-    except OutOfTime:  # on the way to a first path
-        if best is None or best[0] == np.inf:
-            path, _ = best[1] if best else solve_unfixed(problem, solve, tol, None, *options)
-            return replace(path, status=Status.OUT_OF_TIME), ""
-    return best[1] if best else solve_unfixed(problem, solve, tol, None, *options)
-
-
-def _index(found: tuple[Solution, str]) -> int:
-    """Return the index of a path; 0 where there is none to count."""
-    with suppress(ValueError, np.linalg.LinAlgError):
-        return found[0].morse_index
-    return 0
-
-
 def firsts(
-    problem: Problem,
-    solve: Callable[..., Solution],
-    tol: float,
-    pairs: Iterable[Array] | None = None,
-    watch: Watch | None = None,
+    problem: Problem, tol: float, watch: Watch | None, pairs: Iterable[Array] | None = None
 ) -> Iterator[Path]:
     """Yield paths to points on the surfaces, that of the least straight line first: `points`."""
     for k, (fixed, first) in enumerate(points(problem, pairs)):
         if fixed.free_time:
-            timed = FirstPaths(fixed, tol, solve, watch).near()
+            timed = FirstPaths(fixed, tol, watch).near()
             yield from (at.path for at in islice(timed, None if k < ALL_DURATIONS else 1))
             continue
         tr = Transcription(fixed, first.mesh, fixed.lengths)
@@ -113,17 +56,17 @@ def firsts(
         yield first if found is None else DiscretePath(tr, found[0]).polished().path
 
 
-def _thorough(problem: Problem, solve: Callable[..., Solution]) -> Iterator[Path]:
+def thorough(problem: Problem, watch: Watch | None) -> Iterator[Path]:
     """Yield paths between given times to the nearest points, for which every way is tried."""
     if problem.free_time:
         return
     for fixed, _ in points(problem)[:WITH_PAINS]:
-        found = solve(fixed, tol=FIRST_TOL)
+        found = on_the_way(fixed, FIRST_TOL, watch)
         if found.success:
             yield found.path
 
 
-def _motions(problem: Problem, watch: Watch | None) -> Iterator[Path]:
+def motions(problem: Problem, watch: Watch | None) -> Iterator[Path]:
     """Yield motions from the start, or from points of its surface, that arrive at the end."""
     starts = [fixed for fixed, _ in points(problem)]
     if not starts and problem.free_time and len(problem.start.pinned) == problem.system.n:

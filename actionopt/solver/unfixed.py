@@ -7,12 +7,11 @@ given times (`refine`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from time import perf_counter
-from typing import Literal
 
 import numpy as np
 
@@ -31,6 +30,7 @@ from actionopt.mechanics.problem import Problem
 from actionopt.solver import family
 from actionopt.solver.arguments import Guess
 from actionopt.solver.arrivals import arrivals, departs
+from actionopt.solver.between import Choices, Found
 from actionopt.solver.closed import passes, rolled
 from actionopt.solver.durations import barrier
 from actionopt.solver.family import directions, suspected
@@ -43,14 +43,14 @@ from actionopt.solver.first_paths import (
     stretched,
 )
 from actionopt.solver.iterate import SAFETY, UNKNOWN_GAIN, Iterate, measured
-from actionopt.solver.ladder import COARSE_DEGREE
+from actionopt.solver.ladder import COARSE_DEGREE, NEAR
 from actionopt.solver.preflight import check
 from actionopt.solver.refine import refine
 from actionopt.solver.signals import SIGNALS, status_of
-from actionopt.solver.verdict import solution_of
+from actionopt.solver.verdict import message_of, solution_of
 from actionopt.solver.workspace import VERDICT_MESH, Workspace, alike
 from actionopt.tools.types import Array
-from actionopt.tools.watch import OutOfTime, Watch
+from actionopt.tools.watch import OutOfTime
 
 STOPS = "an end free in place and time is where a motion of the energy comes to rest"
 # Ad hoc.
@@ -431,22 +431,15 @@ class Unfixed(Workspace):
         return Status.NOT_FOUND
 
 
-def solve_unfixed(
-    problem: Problem,
-    solve: Callable[..., Solution],
-    tol: float,
-    guess: Guess | None,
-    principle: Literal["auto", "least", "stationary"],
-    watch: Watch | None,
-    *,
-    thorough: bool = True,
-) -> tuple[Solution, str]:
-    """Return the solution of a problem whose duration is free or whose paths close, and a hint.
+def unfixed(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
+    """Return the path of a problem whose duration is free or whose paths close, and the verdict.
 
-    With `thorough`, also on a mesh that represents the guess better, and by damped steps.
+    Unless what is near the guess is all that is asked for, also on a mesh that represents the guess
+    better, and by damped steps.
     """
-    started = perf_counter()
-    run, first = Unfixed(problem, tol=tol, watch=watch), FirstPaths(problem, tol, solve, watch)
+    started, tol, watch = perf_counter(), choices.tol, choices.watch
+    thorough = choices.ladder is not NEAR
+    run, first = Unfixed(problem, tol=tol, watch=watch), FirstPaths(problem, tol, watch)
     if isinstance(guess, Solution) and guess.success:
         run.gain = guess.stats.get("gain", run.gain)  # a neighbour is as sensitive
     status, known = Status.NOT_FOUND, False
@@ -508,11 +501,11 @@ def solve_unfixed(
     if not merged and (run.along or suspected(run, status)):
         solution = family.judged(run, solution)
         status = solution.status
-    if principle == "least" and status.success and solution.morse_index > 0:
+    if choices.principle == "least" and status.success and solution.morse_index > 0:
         solution = replace(solution, status=Status.NOT_LEAST)
     events = () if problem.closes else (problem.start, problem.end)
     anywhere = any(e.t is None and e.on is None and not e.pinned for e in events)
     hint = run.hint or first.hint
     if anywhere and not status.success:
         hint = f"{STOPS}; {hint}" if hint else STOPS
-    return solution, hint
+    return solution, message_of(solution, tol, hint)

@@ -37,7 +37,7 @@ from actionopt.tools.watch import Watch
 
 # Ad hoc, where nothing else is said.
 CORE = 4.0  # e-foldings of a window besides those of its tail: the path is somewhere, too
-FEW = 8  # coordinates up to which a descent costs little: `ladder.DESCENT_COORDINATES`
+
 SHARE = 0.25  # of the tolerance for what the windows' edges leave out
 WINDOW_GROWTH = 3.0  # times as long the next window may be
 # Measured on the kinks of phi^4 and sine-Gordon: where elements end that resolve them best, as a

@@ -101,6 +101,7 @@ def answer(solution: ao.Solution, spent: float, error: float | None = None) -> R
     return {
         "solver": "actionopt",
         "status": solution.status.name,
+        "rung": solution.stats["rung"],
         "success": solution.success,
         "error": error,
         "estimate": float(solution.error),
@@ -114,7 +115,6 @@ def told(question: Question, solution: ao.Solution, spent: float) -> Row:
     error = deviation(solution, question.exact, question.problem, solution.mesh.nodes)
     return {
         **answer(solution, spent, error),
-        "rung": stats["rung"],
         "iterations": sum(stats["iterations"].values()),
         "rounds": len(stats["rounds"]),
         "unknowns": stats["unknowns"],

@@ -30,6 +30,8 @@ class Outcome:
     tol, time : float
     accuracy : float
         Error of the reference: a smaller one is not counted.
+    rung : str
+        What found it.
     """
 
     status: str
@@ -39,6 +41,7 @@ class Outcome:
     tol: float
     time: float
     accuracy: float = 0.0
+    rung: str = ""
 
     @property
     def wrong(self) -> bool:
@@ -61,14 +64,16 @@ def judged(
     """Return the outcome; `error` gives the true error of what is called solved."""
     true = float(error(solution)) if solution.success else np.nan
     claimed = float(solution.error)
-    return Outcome(solution.status.name, solution.success, true, claimed, tol, time, accuracy)
+    status, rung = solution.status.name, solution.stats["rung"]
+    return Outcome(status, solution.success, true, claimed, tol, time, accuracy, rung)
 
 
 def row(outcomes: Sequence[Outcome]) -> Row:
-    """Return the row; errors are the worst of those called solved."""
+    """Return the row; errors are the worst of those called solved, and `rungs` what found them."""
     solved = [o for o in outcomes if o.success]
     return {
         **counted([o.status for o in outcomes], [o.time for o in outcomes]),
+        "rungs": dict(Counter(o.rung for o in solved)),
         "wrong": sum(o.wrong for o in outcomes),
         "of_tol": max((o.beyond / o.tol for o in solved), default=None),
         "of_estimate": max((o.beyond / o.estimate for o in solved), default=None),

@@ -80,7 +80,8 @@ def outcome(problem: ao.Problem, tol: float, crossed: Callable[[ao.Solution], fl
     spent = process_time() - clock
     error = crossed(solution) if solution.success else np.nan
     estimate = float(solution.error)
-    return Outcome(solution.status.name, solution.success, error, estimate, tol, spent)
+    status, rung = solution.status.name, solution.stats["rung"]
+    return Outcome(status, solution.success, error, estimate, tol, spent, rung=rung)
 
 
 def jumps(step: Callable, count: int) -> list[Row]:

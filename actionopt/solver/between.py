@@ -1,0 +1,176 @@
+"""Paths between events at given times: find one on a coarse mesh, then follow it to the tolerance.
+
+Finding (`ladder`) and following (`refine`) are different work, on the same path (`iterate`).
+*Finding* starts from the straight line, or from a guess. *Following* is Newton's: each refinement
+round interpolates the path on a better mesh and polishes it there, always the same path.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from time import perf_counter
+from typing import Literal
+
+import numpy as np
+
+from actionopt.analysis.solution import Solution
+from actionopt.analysis.status import Status
+from actionopt.discrete.crossing import Jump, crossed, unbalanced
+from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.path import Path
+from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.held import Held
+from actionopt.mechanics.problem import Problem
+from actionopt.solver.arguments import Guess, checked
+from actionopt.solver.family import judged, suspected
+from actionopt.solver.ladder import (
+    COARSE_DEGREE,
+    CURVED_RUNGS,
+    IPOPT,
+    LADDER,
+    LINEAR,
+    Rung,
+    Search,
+)
+from actionopt.solver.least_along import along
+from actionopt.solver.obstacle import Along
+from actionopt.solver.signals import SIGNALS, status_of
+from actionopt.solver.verdict import message_of, solution_of
+from actionopt.solver.workspace import Workspace
+from actionopt.tools.checks import COARSEST
+from actionopt.tools.watch import OutOfTime, Watch
+
+Found = tuple[Solution, str]  # a path, or the best attempt, and the verdict with its figures
+BEFORE_A_JUMP = 3  # rungs tried where the first path crosses a jump: seconds are lost there; ad hoc
+
+
+@dataclass(frozen=True)
+class Choices:
+    """How a problem is solved: the arguments of `solve`, its method as a ladder."""
+
+    tol: float
+    principle: Literal["auto", "least", "stationary"]
+    ladder: tuple[Rung, ...]
+    mesh: Mesh | None
+    watch: Watch | None
+
+
+def between(
+    problem: Problem, guess: Guess | None, choices: Choices, *, verdict: bool = True
+) -> Found:
+    """Return the path of a problem of finite times, and the verdict with its figures.
+
+    Without `verdict`, whether it is one of a family is not asked.
+    """
+    started = perf_counter()
+    tol, principle, mesh, watch = choices.tol, choices.principle, choices.mesh, choices.watch
+    curve_of = checked(problem, tol, guess, principle, mesh)
+    system = problem.system
+    # Far from zero a path to `tol` may be none: its motion is to be resolved as well.
+    tol = min(tol, COARSEST * float((problem.lengths / problem.scales).min()))
+    if system.r:
+        ws: Workspace = Along(Held(problem), tol=tol, watch=watch)
+    else:
+        ws = Workspace(problem, system.structure.linear, tol, refines=mesh is None, watch=watch)
+    for name in ("first", "second"):
+        system.pointwise(name)
+    ws.record.time["derive"] += perf_counter() - started
+    search = Search(ws, tol, principle, mesh, choices.ladder)
+    try:
+        if isinstance(ws, Along):
+            search.begin("obstacle", least=True)
+            search.ws, status = along(ws, tol, curve_of)
+        else:
+            status = _found(search, guess, curve_of)
+        search.ws.here.tr.watch = None  # a verdict is not left half done
+        if (principle == "least" or system.r) and status.success and search.ws.here.index > 0:
+            status = Status.UNBOUNDED if search.ws.linear else Status.NOT_LEAST
+    except SIGNALS as signal:
+        search.ws.stop()
+        search.ws.hint = f"tried: {', '.join(dict.fromkeys(search.tried))}"
+        status = status_of(signal)
+    ws = search.ws
+    if watch is not None and watch.error is not None and not isinstance(watch.error, OutOfTime):
+        raise watch.error
+    solution = solution_of(ws, status, search.found_by, started)
+    if verdict and suspected(ws, status):
+        solution = judged(ws, solution)
+    return solution, "" if solution.success else message_of(solution, tol, ws.hint)
+
+
+def on_the_way(
+    problem: Problem,
+    tol: float,
+    outer: Watch | None,
+    guess: Guess | None = None,
+    *,
+    brief: bool = False,
+) -> Solution:
+    """Return a path, or an attempt, in the time that is left for a search that needs it on its way.
+
+    Whether it is one of a family is not asked. With `brief` no long ways are tried. Raises
+    OutOfTime if no time is left.
+    """
+    watch = None if outer is None else Watch(None, None, outer)
+    ladder = LADDER[:CURVED_RUNGS] if brief else LADDER
+    found, _ = between(problem, guess, Choices(tol, "auto", ladder, None, watch), verdict=False)
+    if found.status is Status.OUT_OF_TIME:
+        raise OutOfTime
+    return found
+
+
+def _found(search: Search, guess: Guess | None, curve_of: Callable[[Mesh], Path] | None) -> Status:
+    """Find a path that crosses no jump of L."""
+    ws, problem = search.ws, search.ws.problem
+    steps, jump = problem.system.switches, None
+    if steps is not None:
+        first = _first(problem, curve_of)
+        jump = crossed(steps, problem, first.path)
+    if jump is not None and jump.inevitable:
+        ws.transcribe(first.mesh, first.path)
+        search.found_by = "none"
+    else:
+        if jump is not None:
+            search.ladder = search.ladder[:BEFORE_A_JUMP]
+        status = _sought(search, guess, curve_of)
+        # What was lost on the way may have been lost at a jump that the first path crosses.
+        lost = status in (Status.NOT_FOUND, Status.UNRESOLVED)
+        if steps is not None:
+            before = None if status.success else jump
+            jump = crossed(steps, problem, search.ws.here.path) or before
+        if jump is None and lost and not problem.system.structure.jumpless:
+            tried = filter(None, (search.ws.iterate, _first(problem, curve_of)))
+            found = (unbalanced(at, search.ws.tol) for at in tried)
+            jump = next((off for off in found if isinstance(off, Jump)), None)
+        if jump is None:
+            return status
+    ws = search.ws
+    ws.hint, ws.here = str(jump), replace(ws.here, error=np.inf)
+    return Status.JUMP
+
+
+def _first(problem: Problem, curve_of: Callable[[Mesh], Path] | None) -> DiscretePath:
+    """Return the straight line between the events, or the guess."""
+    mesh = Mesh.uniform(problem.start.t, problem.end.t, LINEAR, COARSE_DEGREE)
+    tr = Transcription(problem, mesh, problem.lengths)
+    path = Path(mesh, tr.straight().T) if curve_of is None else curve_of(mesh)
+    return DiscretePath.of(problem, path)
+
+
+def _sought(search: Search, guess: Guess | None, curve_of: Callable[[Mesh], Path] | None) -> Status:
+    """Find a path, from a neighbour that is solved, from another guess, or from nothing."""
+    ws, problem, status = search.ws, search.ws.problem, Status.NOT_FOUND
+    if isinstance(guess, Solution) and isinstance(guess.problem, Problem) and guess.success:
+        ws.gain = guess.stats.get("gain", ws.gain)  # a neighbour is as sensitive
+        if guess.problem.system is problem.system:
+            ws.many = search.given is None or search.given is guess.mesh
+            if (problem.packed == guess.problem.packed).all():
+                ws.units, ws.checked = guess.discrete.tr, True
+                status = search.from_neighbour(guess)
+    if status not in (Status.NOT_FOUND, Status.UNRESOLVED):
+        return status
+    if ws.linear and search.ladder is not IPOPT:
+        return search.solve_linear(curve_of)
+    return search.from_nothing() if curve_of is None else search.from_guess(curve_of)

@@ -1,0 +1,175 @@
+"""From a question to its answers: where to begin, how a path is reached from there, what to revise.
+
+A question is asked from one start after the other, the cheapest first (`starts`). From each a path
+is sought between given times (`between`, by the moves of `ladder`), or with what is to be found
+beside it (`unfixed`); then it is asked whether the structure of the question was right, and which
+other one answers it if not (`revisions`). `solve` takes the first acceptable answer, a search for
+all paths all that are distinct.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from dataclasses import replace
+from itertools import islice
+
+import numpy as np
+
+from actionopt.analysis.solution import Solution
+from actionopt.analysis.status import Status
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.path import Path
+from actionopt.mechanics.problem import Problem
+from actionopt.solver.arguments import Guess, checked, curve
+from actionopt.solver.between import Choices, Found, between
+from actionopt.solver.durations import oscillations, well
+from actionopt.solver.ladder import COARSE_DEGREE, IPOPT, LINEAR
+from actionopt.solver.on_surface import NEAREST_POINTS, firsts, motions, thorough
+from actionopt.solver.revisions import infinite, revised
+from actionopt.solver.unfixed import unfixed
+from actionopt.solver.verdict import message_of
+from actionopt.tools.checks import tolerance
+from actionopt.tools.watch import OutOfTime
+
+# Ad hoc.
+AT_REST = 1e-6  # displacement / size below which a closed path is an equilibrium
+ROUNDED = 1e-9  # of the size told by the events, below which a path may be zero
+
+
+def first(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
+    """Return the first acceptable answer; else the one of the least index, or the first attempt."""
+    best, least = None, np.inf
+    for found in pursue(problem, guess, choices):
+        rank = np.inf
+        if found[0].success:
+            several = problem.on_surface and choices.principle != "stationary"
+            rank = _index(found[0]) if several else 0
+        if best is None or rank < least:
+            best, least = found, rank
+        if rank == 0:
+            break
+    assert best is not None
+    solution, message = best
+    if problem.system.F is not None and solution.success:
+        try:
+            _ = solution.length
+        except ValueError as error:  # a negative length is no geodesic's
+            message = f"{problem.name}: {Status.NOT_FOUND.value}; {error}"
+            solution = replace(solution, status=Status.NOT_FOUND, error=np.inf)
+    return solution, message
+
+
+def pursue(problem: Problem, guess: Guess | None, choices: Choices) -> Iterator[Found]:
+    """Yield what is found of a question of any kind from each start, and the verdict on it.
+
+    A path is best where it is least, of those to the nearest points of a surface; from other starts
+    one is enough.
+    """
+    if not problem.unfixed:
+        if problem.is_infinite or problem.has_tails:
+            yield from infinite(problem, guess, choices)
+        else:
+            yield revised(problem, guess, choices)
+        return
+    if problem.asked is not None:
+        if callable(guess) and not isinstance(guess, (Path, Solution)):
+            b = problem.start.t, problem.end.t  # a curve over the times that are known
+            guess = curve(problem, guess)(Mesh.uniform(*b, 4 * LINEAR, COARSE_DEGREE))
+        problem = problem.asked
+    _check(problem, choices)
+    if not (problem.on_surface or problem.free_time) and (guess is None or choices.mesh):
+        found = between(problem, guess, choices)
+        if choices.mesh is None and moves(found[0]):  # it may be kinked at the start
+            found = unfixed(problem, found[0], choices)
+        yield found
+        return
+    led = False
+    last = None
+    try:
+        for k, group in enumerate(starts(problem, guess, choices)):
+            for start in group:
+                last = unfixed(problem, start, choices)
+                if problem.on_surface and guess is None:
+                    last = replace(last[0], stats=last[0].stats | {"rung": "surface"}), last[1]
+                yield last
+                led = led or last[0].success
+                if led and k:
+                    return
+            if led:
+                return
+    except OutOfTime:  # on the way to a start
+        if not led:
+            path, _ = last or unfixed(problem, None, choices)
+            path = replace(path, status=Status.OUT_OF_TIME)
+            yield path, message_of(path, choices.tol)
+        return
+    if last is None:
+        yield unfixed(problem, None, choices)
+
+
+def starts(
+    problem: Problem, guess: Guess | None, choices: Choices
+) -> Iterable[Iterable[Guess | None]]:
+    """Return groups of guesses; one is asked for only if none before led to a path."""
+    if guess is not None:
+        return ([guess],)
+    if problem.on_surface:
+        watch = choices.watch
+        quick = islice(firsts(problem, choices.tol, watch), NEAREST_POINTS)
+        return quick, thorough(problem, watch), motions(problem, watch)
+    if not problem.closes:
+        return ([None],)
+    path = well(problem)
+    return (_oscillations(problem) if path is None else [path],)
+
+
+def _oscillations(problem: Problem) -> list[Path]:
+    """Return small oscillations about the equilibrium near the start. Raises ValueError if none."""
+    found = oscillations(problem)
+    if not found:
+        raise ValueError(
+            "expected a guess for a closed path whose period is to be found: a Path or a "
+            "solution near it, or waypoints round it; none is needed for one coordinate that "
+            f"is bound at that energy, {problem.energy:g}, near where it starts, or turns "
+            "with the advance that is given, nor where a stable equilibrium is near the start"
+        )
+    return found
+
+
+def _check(problem: Problem, choices: Choices) -> None:
+    """Raise ValueError for choices that do not fit a path with something to be found beside it."""
+    tolerance(choices.tol)
+    if choices.ladder is IPOPT:
+        raise ValueError(
+            "expected method 'auto' where a time is free, an event lies on a surface, or a path "
+            "closes that may begin anywhere along itself, found 'ipopt': it knows given events"
+        )
+    if problem.on_surface:
+        checked(problem, choices.tol, None, choices.principle, None)
+    if choices.mesh is None:
+        return
+    if problem.on_surface:
+        raise ValueError(
+            "expected no mesh where an event lies on a surface, found one: where it ends is "
+            "found on meshes of their own; leave it out, and give tol"
+        )
+    if problem.free_time:
+        raise ValueError(
+            "expected no mesh where a time is free, found one: it would be over given times"
+        )
+
+
+def _index(solution: Solution) -> int:
+    """Return the index of a path; 0 where there is none to count."""
+    with suppress(ValueError, np.linalg.LinAlgError):
+        return solution.morse_index
+    return 0
+
+
+def moves(solution: Solution) -> bool:
+    """Whether the path moves at all."""
+    speed = np.abs(solution.velocity(solution.mesh.nodes)).max(axis=1)
+    size = np.abs(solution.path.values).max(axis=1)
+    size = np.maximum(size, ROUNDED * solution.problem.scales)
+    return bool((speed * solution.duration > AT_REST * size).any())

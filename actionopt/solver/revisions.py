@@ -1,0 +1,245 @@
+"""Paths between given times, revised: a longer window, a nearer end, a rest to dwell at.
+
+What is found on a window may ask for a longer one, or for a path that the action leads down to.
+Where nothing was found, a nearer question may have an answer that can be followed to the one asked;
+and between two equilibria the path of infinite time shows where one of finite time dwells.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import replace
+from time import perf_counter
+
+import numpy as np
+
+from actionopt.analysis.solution import Solution
+from actionopt.analysis.status import Status
+from actionopt.discrete.path import Path
+from actionopt.mechanics.events import Event
+from actionopt.mechanics.problem import Problem
+from actionopt.solver import window
+from actionopt.solver.arguments import Guess
+from actionopt.solver.between import Choices, Found, between
+from actionopt.solver.family import LOST, conditioned
+from actionopt.solver.ladder import BRIEF, DESCENT_COORDINATES, IPOPT, LADDER, NEAR, Search
+from actionopt.solver.verdict import message_of, solution_of
+from actionopt.solver.workspace import Workspace
+from actionopt.tools.checks import FINEST, tolerance
+from actionopt.tools.watch import OutOfTime, Watch
+
+# By principle, after what a path is followed from a nearer end: a least one was not settled.
+MISSED = {"auto": (Status.NOT_FOUND,), "least": (Status.NOT_FOUND, Status.UNRESOLVED)}
+# Ad hoc.
+# The nearest end that is tried, in parts of the way or of the time; the longest and the shortest
+# step, as factors of it; tries in all; how much longer the next step is; and the accuracy on the
+# way.
+NEAREST, LONGEST, SHORTEST, TRIES, LONGER, ON_THE_WAY = 2.0**-24, 2.0, 1.0002, 120, 1.5, 1e-4
+DWELT = (*LOST, Status.DEGENERATE)  # what DWELLING may look like
+DWELL_STEP = 1e-5  # of the way, that a motion makes at most from node to node at rest
+
+
+def revised(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
+    """Return the path between events at given times, and the verdict with its figures."""
+    found = between(problem, guess, choices)
+    for revise in REVISIONS:
+        found = revise(problem, guess, choices, found)
+    return found
+
+
+# -- events at infinite times --------------------------------------------------------------------
+
+
+def windows(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
+    """Return the path of a problem with events at infinite times, on a window that is long enough.
+
+    A saddle that nothing asked for, or where nothing was found, is left for the path below.
+    """
+    tolerance(choices.tol)
+    here = window.first(problem.whole, guess, choices.tol, choices.mesh)
+    inner = replace(choices, tol=max(choices.tol * (1 - window.SHARE), FINEST))
+    if here.guess is None and choices.ladder is NEAR:  # the guess was the straight line
+        inner = replace(inner, ladder=BRIEF)
+    left = np.inf
+    while True:
+        solution, message = between(here.problem, here.guess, inner)
+        factors, below = window.factored(solution), None
+        try:
+            if solution.status in LOST and problem.system.n <= DESCENT_COORDINATES:
+                below = window.down(here, choices.watch)
+            elif here.guess is None and factors is not None and inner.principle != "stationary":
+                below = window.lower(solution, factors, choices.watch)
+        except OutOfTime:
+            solution = replace(solution, status=Status.OUT_OF_TIME)
+            message = f"{problem.name}: {solution.status.value} (tol = {choices.tol:g})"
+        if below is not None:
+            solution, message = between(here.problem, below, inner)
+            factors = window.factored(solution)
+        edges = here.edges(solution, factors)
+        later = window.longer(here, solution, edges, choices.tol)
+        if not solution.success or later is None or choices.mesh is not None:
+            break
+        left, before = max(edge.left for edge in edges), left
+        if not left <= before / 2:
+            message = window.unmet(choices.tol, max(edge.moved for edge in edges))
+            solution = replace(solution, status=Status.UNRESOLVED)
+            break
+        here = later
+    return window.centred(window.judged(solution, edges)), message
+
+
+def infinite(problem: Problem, guess: Guess | None, choices: Choices) -> Iterator[Found]:
+    """Yield what is found from a guess or from the straight line, and from a step at rest."""
+    found = windows(problem, guess, choices)
+    yield found
+    lost = not found[0].success and found[0].status is not Status.OUT_OF_TIME
+    if guess is None and lost and choices.mesh is None and choices.principle == "auto":
+        step = window.step(found[0].problem)
+        if step is not None:
+            yield windows(problem, step, choices)
+
+
+# -- from a nearer end ---------------------------------------------------------------------------
+
+
+def outwards(problem: Problem, guess: Guess | None, choices: Choices, found: Found) -> Found:
+    """Return a path that is followed from a nearer end where none was found, or how far one goes.
+
+    A geodesic is followed as its end moves away from its start along the straight line, a path of
+    one coordinate without a clock over longer and longer times. Where it ends, it has as a rule
+    merged with another path, and no path of its kind is there beyond.
+    """
+    solution, message = found
+    plain = guess is None and choices.mesh is None and choices.ladder is LADDER
+    if not (plain and solution.status in MISSED.get(choices.principle, ()) and _extends(problem)):
+        return found
+    with suppress(OutOfTime, ValueError):
+        far, part = _followed(problem, choices)
+        if far is not None and choices.principle == "least" and far.inertia.index:
+            far = replace(far, status=Status.NOT_LEAST)
+            return far, message_of(far, choices.tol)
+        if far is not None:
+            return far, ""
+        if part > 0:
+            way = f"t = {problem.start.t + part * problem.duration:.4g}"
+            if problem.system.F is not None:
+                way = f"{part:.4g} of the way"
+            message += (
+                f"; a path that ends earlier was followed as its end moved on, as far as {way}, "
+                "where it was lost, as a rule because it merges with another there and both end"
+            )
+    return solution, message
+
+
+def _extends(problem: Problem) -> bool:
+    """Whether a nearer question is another one of the kind."""
+    system = problem.system
+    free = not (system.m or system.r or system.structure.forced or problem.advance is not None)
+    whole = len(problem.start.pinned) == system.n == len(problem.end.pinned)
+    timed = system.n == 1 and not system.structure.depends_on_time
+    return free and whole and (system.F is not None or timed)
+
+
+def _nearer(problem: Problem, part: float) -> Problem:
+    """Return the question with its end at a part of the way, for geodesics, or of the time."""
+    start, end = problem.start, problem.end
+    if problem.system.F is None:
+        return problem.replace(end=end.at(start.t + part * problem.duration))
+    a, b = (np.array(e.q, dtype=float) for e in (start, end))
+    return problem.replace(end=Event(end.t, a + part * (b - a)))
+
+
+def _followed(problem: Problem, choices: Choices) -> tuple[Solution | None, float]:
+    """Return the path that was followed to the end asked, or None; and how far it was followed."""
+    here, part = None, 1.0
+    quick = replace(choices, tol=ON_THE_WAY, ladder=BRIEF, principle="auto")
+    while here is None and part > NEAREST:
+        part /= LONGEST
+        found, _ = between(_nearer(problem, part), None, quick)
+        here = found if found.success else None
+    if here is None:
+        return None, 0.0
+    step = LONGEST
+    for _ in range(TRIES):
+        to = min(1.0, part * step)
+        there, tol = _nearer(problem, to), choices.tol if to == 1 else ON_THE_WAY
+        found = _led(there, stretched(here, there, to / part), tol, choices.watch)
+        if found.success and to == 1:
+            return found, 1.0
+        if found.success:
+            here, part, step = found, to, min(step**LONGER, LONGEST)
+        else:
+            step = np.sqrt(step)
+            if step < SHORTEST:
+                break
+    return None, part
+
+
+def _led(problem: Problem, guess: Path, tol: float, watch: Watch | None) -> Solution:
+    """Return the path near a guess, on its own mesh, by Newton's method: most are too far away."""
+    ws, started = Workspace(problem, tol=tol, watch=watch), perf_counter()
+    search = Search(ws, tol, "auto", None, NEAR)
+    search.begin("guess")
+    ws.transcribe(guess.mesh, guess, like=guess)
+    found = ws.follow() or ws.approach()
+    return solution_of(ws, search.refine() if found else Status.NOT_FOUND, "guess", started)
+
+
+def stretched(path: Solution, problem: Problem, factor: float) -> Path:
+    """Return a path stretched to another end; of a geodesic what leaves the straight line grows."""
+    mesh = path.mesh.moved(problem.start.t, problem.end.t)
+    values = path.path.values
+    if problem.system.F is None:
+        return Path(mesh, values)
+    s = mesh.nodes_since / mesh.duration
+    a, b = (np.array(e.q, dtype=float)[:, None] for e in (problem.start, problem.end))
+    line = values[:, :1] + s * (values[:, -1:] - values[:, :1])
+    return Path(mesh, a + s * (b - a) + factor * (values - line))
+
+
+# -- between two equilibria ----------------------------------------------------------------------
+
+
+def dwelling(problem: Problem, guess: Guess | None, choices: Choices, found: Found) -> Found:
+    """Return what can be said of a path that was not found between two equilibria, or rests there.
+
+    That of infinite time shows the way, if there is one. Of a path that was found, only whether its
+    place in time is determined.
+    """
+    solution, _ = found
+    if choices.mesh is not None or choices.ladder not in (LADDER, IPOPT) or problem.system.r:
+        return found
+    if not (solution.status in DWELT or _is_at_rest(solution)):
+        return found
+    whole = window.between(problem)
+    if whole is None or (solution.success and not solution.inertia.nullity):
+        return found
+    if guess is None:
+        with suppress(OutOfTime, ValueError):
+            known = next((s for s, _ in infinite(whole, None, choices) if s.success), None)
+            if known is not None:
+                near = between(problem, window.within(known, problem), choices)
+                # What a symmetry holds in its place shows no round-off.
+                if near[0].success and not near[0].inertia.nullity:
+                    return near
+                if near[0].success or near[0].status is Status.DEGENERATE:
+                    solution = near[0]
+    stats = solution.stats
+    if solution.success:
+        stats = stats | {"condition": max(stats["condition"], conditioned(solution.inertia))}
+    solution = replace(solution, status=Status.DWELLING, stats=stats)
+    return solution, f"{problem.name}: {Status.DWELLING.value} (tol = {choices.tol:g})"
+
+
+def _is_at_rest(solution: Solution) -> bool:
+    """Whether a path that moves hardly leaves its first node, nor comes to its last."""
+    values = solution.path.values
+    first, last = values[:, 1] - values[:, 0], values[:, -1] - values[:, -2]
+    ends = max(np.abs(first).max(), np.abs(last).max())
+    return bool(ends < DWELL_STEP * (values.max(axis=1) - values.min(axis=1)).max())
+
+
+# What may be asked in place of a question, given what was found of it.
+REVISIONS: tuple[Callable[[Problem, Guess | None, Choices, Found], Found], ...]
+REVISIONS = (outwards, dwelling)
