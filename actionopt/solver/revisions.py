@@ -240,6 +240,5 @@ def _is_at_rest(solution: Solution) -> bool:
     return bool(ends < DWELL_STEP * (values.max(axis=1) - values.min(axis=1)).max())
 
 
-# What may be asked in place of a question, given what was found of it.
-REVISIONS: tuple[Callable[[Problem, Guess | None, Choices, Found], Found], ...]
-REVISIONS = (outwards, dwelling)
+Revision = Callable[[Problem, Guess | None, Choices, Found], Found]
+REVISIONS: tuple[Revision, ...] = (outwards, dwelling)  # what is asked of an answer, in turn
