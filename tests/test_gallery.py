@@ -370,10 +370,14 @@ def test_the_same_page_comes_out_the_same_of_another_process(gallery):
     assert files(gallery) == before
 
 
-def test_the_command(gallery, quick, capsys):
-    assert main(["gallery", str(gallery), *NAMES]) == 0
-    assert capsys.readouterr().out.strip() == str(gallery / "index.html")
-    assert main(["gallery", str(gallery), "pendulm"]) == 1
+def test_the_command(tmp_path, quick, capsys, monkeypatch):
+    opened = []
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    build(tmp_path, NAMES, jobs=1)
+    assert main(["gallery", str(tmp_path), *NAMES, "--open"]) == 0
+    assert capsys.readouterr().out.strip() == str(tmp_path / "index.html")
+    assert opened == [(tmp_path / "index.html").as_uri()]
+    assert main(["gallery", str(tmp_path), "pendulm"]) == 1
     assert "pendulum" in capsys.readouterr().err
 
 

@@ -10,6 +10,7 @@ from helpers import solved
 import actionopt as ao
 from actionopt import plot, scenes
 from actionopt.plot._relaxation import frame_count
+from actionopt.tools.notebook import PICTURE_WIDTH
 
 
 def whole(html):
@@ -49,6 +50,8 @@ def test_a_solution_shows_numbers_and_path():
     points = np.array([p.split(",") for p in lines[1].get("points").split()], dtype=float)
     y = solved("rod_pendulum")(np.linspace(0, 1, len(points)))[1]
     assert np.corrcoef(points[:, 1], y)[0, 1] < -0.9999  # y is drawn downward
+    first, last = points[[0, -1], 0]  # in the middle across
+    assert first + last == pytest.approx(PICTURE_WIDTH, abs=0.1) and last - first > first
     assert "Morse" not in words(solved("drag_linear")._repr_html_())
 
 

@@ -92,6 +92,7 @@ def test_descent_leaves_a_saddle_below_and_newton_does_not():
     assert np.all(np.diff(down.action) < 0)
     assert down.action[0] > solution.action > down.action[-1] + 1
     assert not down.arrived and down.distance[-1] > 3
+    assert figures.verdict(down, "saddle") == "descent leaves the saddle below"
     assert len(down.action) < 60  # and it is not followed for ever
     there = relaxed("saddle", "newton")
     assert there.arrived and there.residual[-1] < 1e-6

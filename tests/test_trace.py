@@ -294,6 +294,39 @@ def test_three_motions_of_a_pendulum_a_little_longer_than_half_a_period():
 
 
 @pytest.mark.parametrize(
+    "seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, 50))]
+)
+def test_folds_of_random_branches(seed):
+    """Rest where a sum of sines has the slope g: its turning points, in order."""
+    rng = np.random.default_rng(seed)
+    rise, first, k = rng.uniform(0.3, 1.5), rng.normal(), int(rng.integers(2, 6))
+    a, w, phase = (
+        rng.normal(size=k) * rng.choice([0.3, 1.0]),
+        rng.uniform(0.5, 4, k),
+        6 * rng.random(k),
+    )
+
+    def slope(q):
+        return rise * q + sum(a[i] * np.sin(w[i] * q + phase[i]) for i in range(k))
+
+    def potential(q):
+        return rise * q**2 / 2 - sum(a[i] / w[i] * np.cos(w[i] * q + phase[i]) for i in range(k))
+
+    problem, near = at_rest(slope, potential, first)
+    start = slope(first)
+    way = np.sign(slope(first + 1e-4) - start)
+    q = first + way * np.linspace(1e-4, 40.0, 400001)
+    over = (slope(q) >= start + 4.0) | (slope(q) < start)
+    q = q[: int(np.argmax(over))]
+    g = slope(q)
+    turns = np.flatnonzero(np.diff(np.sign(np.diff(g)))) + 1
+    found = trace(problem, "g", start + 4.0, **near)
+    assert [m.value for m in found.marks] == pytest.approx(g[turns], abs=1e-6)
+    assert all(m.kind == "fold" for m in found.marks)
+    check_marks_agree(found)
+
+
+@pytest.mark.parametrize(
     "step", [lambda x: abs(x) / x, pytest.param(np.sign, marks=pytest.mark.slow)]
 )
 def test_a_branch_ends_where_its_paths_come_to_cross_a_jump(step):
