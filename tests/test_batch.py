@@ -14,6 +14,7 @@ from actionopt.discrete.stacks import Factored, Shape, Stack
 from actionopt.discrete.transcription import Transcription
 from actionopt.families import batch, budget
 from actionopt.families.batch import member, solve_run
+from actionopt.families.common_mesh import denser
 from actionopt.families.scheduling import Front, weights
 from actionopt.mechanics.columns import Columns
 
@@ -150,6 +151,17 @@ def test_members_that_want_a_finer_mesh_get_it():
     for i in range(0, 30, 5):
         alone = ao.solve(member(problem, columns, i), tol=1e-11, guess=found.path(i))
         assert apart(found.path(i), alone.path) <= found.error[i] + alone.error
+
+
+@pytest.mark.parametrize(
+    ("degree", "elements", "degrees"), [(8, 3, {12}), (16, 3, {20}), (18, 6, {18})]
+)
+def test_a_denser_mesh_has_four_degrees_more_or_elements_of_half_the_length(
+    degree, elements, degrees
+):
+    mesh = denser(ao.Mesh.uniform(0.5, 2.0, 3, degree))
+    assert (mesh.elements, set(mesh.degrees)) == (elements, degrees)
+    assert np.allclose(mesh.lengths, 1.5 / elements) and mesh.boundaries[0] == 0.5
 
 
 def test_members_may_be_one_and_the_same():
