@@ -22,7 +22,7 @@ class UnitNames:
     ('rad', 'm', 'J s', 'J s')
     >>> SI.generalized_force("theta1"), SI.generalized_force("x")
     ('N m', 'N')
-    >>> Units().action
+    >>> UnitNames().action
     ''
     """
 
