@@ -43,6 +43,8 @@ from actionopt.plot.data.variations import (
 )
 from actionopt.plot.live import page
 
+Units = UnitNames  # by which scripts ask for them
+
 __all__ = [
     "SI",
     "STYLE",

@@ -1,7 +1,7 @@
 """What the names of coordinates tell, and nothing else does: symbols, units, pairs x and y.
 
 A Greek name is an angle's, x and y with the same ending are Cartesian. Any other picture of
-coordinates so named is one `coordinate=` or `Units()` away.
+coordinates so named is one `coordinate=` or `UnitNames()` away.
 """
 
 from __future__ import annotations

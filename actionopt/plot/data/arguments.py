@@ -90,7 +90,7 @@ def _question(value: object) -> None:
 
 def _units(value: object) -> None:
     if not isinstance(value, UnitNames):
-        raise ValueError(f"expected plot.Units(time='s', ...), found {value!r}")
+        raise ValueError(f"expected plot.UnitNames(time='s', ...), found {value!r}")
 
 
 def _text(value: object) -> None:
