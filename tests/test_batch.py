@@ -219,10 +219,11 @@ def test_stacks_are_the_transcription(name):
     stack = Stack(shape, times, np.tile(problem.packed, (4, 1)))
     Q = shape.local(np.array([tr.coordinates(x) for x in z]))
     S, part, second = stack.action(Q), stack.gradient(Q), stack.second(Q)
+    between = stack.samples(Q)
     factored = Factored(shape, stack.coefficients(second))
     steps, missed, followed = (
         shape.whole(stack.step(factored.solve(stack.rows(right))))
-        for right in (part, stack.missed(Q, part), stack.missed(Q, part, second))
+        for right in (part, stack.missed(between, part), stack.missed(between, part, second))
     )
     for i, x in enumerate(z):
         factors = Factors(tr.layout, tr.kkt(x))

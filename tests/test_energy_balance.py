@@ -8,7 +8,9 @@ import pytest
 import actionopt as ao
 from actionopt.discrete.crossing import Jump, unbalanced
 from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.energy_balance import imbalance
+from actionopt.discrete.energy_balance import Balance, imbalance
+from actionopt.discrete.stacks import Shape, Stack
+from actionopt.discrete.transcription import Transcription
 
 
 def free(V):
@@ -71,6 +73,58 @@ def test_a_corner_of_the_path_has_its_time(tol):
         problem = ao.Problem(system, ao.Event(0.0, [0.0]), ao.Event(1.0, [end]))
         path = ao.solve(problem, tol=tol, throw=False)
         assert path.success == (end == 4.0) or path.start.v[0] == pytest.approx(1.88333, rel=tol)
+
+
+@pytest.mark.parametrize("lost", ["friction", "time"])
+def test_the_work_done_is_no_drift_and_hides_none(lost):
+    """With friction v' = -3 - c v, else v' = -3 (1 + 0.1 t), and v jumps from 0.3 to -0.3."""
+    c = 0.02 if lost == "friction" else 0.0
+    force = (lambda q, v, t: [-c * v[0]]) if c else None
+    rate = 0.0 if c else 0.1
+    corner = ao.System(
+        lambda q, v, t: v[0] ** 2 / 2 - 3 * (1 + rate * t) * q[0] - 0.3 * abs(v[0]),
+        ["x"],
+        force=force,
+    )
+
+    def moved(v, first, last):
+        """Return how far one moves from one time to another without a corner, and the velocity."""
+        h, gone = last - first, -np.expm1(-c * (last - first))
+        if c:
+            return (v + 3 / c) * gone / c - 3 * h / c, v - (v + 3 / c) * gone
+        pull = 3 * (1 + rate * first)
+        return v * h - pull * h**2 / 2 - rate * h**3 / 2, v - pull * h - 1.5 * rate * h**2
+
+    for end in (0.1, 4.0):
+        problem = ao.Problem(corner, ao.Event(0.0, [0.0]), ao.Event(1.0, [end]))
+        path = ao.solve(problem, tol=1e-6, throw=False)
+        assert path.success or end == 0.1
+        v, t = path.start.v[0], 0.0
+        for _ in range(9):  # until the corner
+            t += (moved(v, 0.0, t)[1] - 0.3) / 3
+        there = moved(v, 0.0, min(t, 1.0))[0] + (moved(-0.3, t, 1.0)[0] if t < 1 else 0.0)
+        assert not path.success or there == pytest.approx(end, abs=1e-5)
+
+
+@pytest.mark.parametrize("timed", [0.0, 0.5])
+def test_the_balance_of_stacked_members_is_that_of_each(timed):
+    system = ao.System(
+        lambda q, v, t: v @ v / 2 - np.tanh(q[0]) * (1 + timed * np.sin(2 * t)), ["x"]
+    )
+    problem = ao.Problem(system, ao.Event(0.0, [-0.83]), ao.Event(1.0, [1.07]))
+    mesh = ao.Mesh.uniform(0.0, 1.0, 3, 5)
+    tr = Transcription(problem, mesh, problem.lengths)
+    curve = ao.Path.interpolate(lambda t: [1.9 * t - 0.83 + t * (1 - t) * np.cos(9 * t)], mesh)
+    stack = Stack(
+        Shape(system, mesh, ((), ()), tr.lengths, tr.action_unit),
+        np.array([[0.0, 1.0]]),
+        problem.packed,
+    )
+    Q = stack.shape.local(curve(mesh.nodes).T[None])
+    balance = Balance.of(tr, tr.pack(curve(mesh.nodes).T))
+    assert balance is not None
+    assert stack.imbalance(Q, stack.samples(Q))[1] == pytest.approx(balance.drift(), rel=1e-3)
+    assert balance.drift() > 1e-3
 
 
 @pytest.mark.slow

@@ -90,8 +90,11 @@ class Balance:
         other, (E, points + 1), batch by batch; and between elements, (N - 1,).
     unit, read : float
         What that may be for a path of the error 1, and what else is rounded.
-    energy : (N,) array
-        The integral of v . L_v - L over each element.
+    samples : list of arrays
+        v . L_v - L at the samples, and Q . v and dL/dt there if they enter, batch by batch:
+        (1 to 3, E, points).
+    speeds, momenta, outer : arrays
+        v and L_v (N, 2, n), and L (N, 2), at both ends of each element.
     reach : float
         Its unit, of a displacement by the path's size.
     """
@@ -100,7 +103,10 @@ class Balance:
     off: list[Array]
     unit: float
     read: float
-    energy: Array
+    samples: list[Array]
+    speeds: Array
+    momenta: Array
+    outer: Array
     reach: float
 
     @classmethod
@@ -122,24 +128,30 @@ class Balance:
                 read = float(np.abs(L[np.isfinite(L)]).max(initial=0.0))
             if explicit.size > 1:
                 read += float(np.abs(explicit).max() * np.abs(t).max())
-            H = _product(momentum, v) - L
+            rates = [_product(momentum, v) - L]
+            if problem.system.structure.forced:
+                pushed = problem.system.pointwise("force")(q, v, t, problem.packed)[0]
+                rates.append(_product(pushed, v))
+            if explicit.size > 1:
+                rates.append(explicit)
             # Of each element at its ends, on its own side of a switch.
             speeds, momenta, outer = _at_ends(tr, x)
-            first, off, energy = 0, [], np.empty(tr.mesh.elements)
+            first, off, samples = 0, [], []
             for b in batches:
                 shape = b.elements.size, b.rule.nodes.size
                 here = slice(first, first := first + shape[0] * shape[1])
                 mine = (y[here].reshape(*shape, *y.shape[1:]) for y in (momentum, L, rate, v))
                 at = *mine, outer[b.elements], speeds[b.elements]
                 off.append(_off_between(b.rule, b.half, at))
-                energy[b.elements] = H[here].reshape(shape) @ b.rule.weights * b.half[:, 0, 0]
+                samples.append(np.array([y[here].reshape(shape) for y in rates]))
             # Between elements velocities differ by the error of the path.
             means = (momenta[1:, 0] + momenta[:-1, 1]) / 2
             between = outer[1:, 0] - outer[:-1, 1] - _product(speeds[1:, 0] - speeds[:-1, 1], means)
             if tr.sides is not None:  # where laws switch L may jump: their momentum is continuous
                 between[tr.sides[0][1:] != tr.sides[1][:-1]] = 0.0
             unit = float(np.nansum(most * size + largest * speed))
-            return cls(tr, [*off, between], unit, read, energy, float(np.nansum(largest * size)))
+            at_ends, reach = (speeds, momenta, outer), float(np.nansum(largest * size))
+            return cls(tr, [*off, between], unit, read, samples, *at_ends, reach)
 
     def beyond(self, error: float) -> Imbalance | None:
         """Return where (1) is off by more than an error of the path allows, in its own size."""
@@ -147,14 +159,9 @@ class Balance:
         if all((np.abs(part) <= allowed).all() for part in self.off) or not np.isfinite(error):
             return None
         mesh, width = self.tr.mesh, rounded(self.tr.problem)
-        low, high = [], []
-        for b in self.tr.between_nodes:
-            points = np.concatenate([[-1.0], b.rule.nodes, [1.0]])
-            since = mesh.since[b.elements, None] + b.half[:, :, 0] * (1 + points)
-            low.append(since[:, :-1].ravel())
-            high.append(since[:, 1:].ravel())
         inner, off = mesh.since[1:-1], np.concatenate([part.ravel() for part in self.off])
-        low, high = np.concatenate([*low, inner - width]), np.concatenate([*high, inner + width])
+        low, high = self._intervals()
+        low, high = np.append(low, inner - width), np.append(high, inner + width)
         order = np.argsort(low)
         order = order[~(np.abs(off[order]) <= allowed)]
         return Imbalance(low[order], high[order], np.nan_to_num(off[order]), allowed)
@@ -167,27 +174,90 @@ class Balance:
         most = np.abs(found.off) >= WORST_SHARE * np.abs(found.off).max()
         return Imbalance(found.low[most], found.high[most], found.off[most], found.allowed)
 
-    def drift(self, rounding: float = 0.0) -> float:
+    def drift(self, rounding: float = 0.0, path: Path | None = None) -> float:
         """Return how far the path is carried by what its energy varies, in its own size.
 
-        But for what a `rounding` of L may do. Along a motion the energy H is constant where nothing
-        depends on time and no force does work. A change of it by dH changes the velocity by dH / p,
-        and in the time since the path by the sum:
+        But for what a `rounding` of L may do, and where L steps in the time alone, if that is
+        looked for along the `path`. Along a motion E = H - int (Q . v - dL/dt) dt is constant. A
+        change of it by dE changes the velocity by dE / p, and in the time since the path by the
+        sum:
 
-            max_t |int_0^t (H - mean H) dt| / sum (max_t |L_v| s).
+            max_t |int_0^t (E - mean E) dt| / sum (max_t |L_v| s).
 
         That sees what no sum of forces does: a cusp, where what one sample weighs is nothing and
         the impulse is much, or a corner of the path at a kink of L in v, where momenta agree at any
         time. (Measured: 0.8 to 1.1 of the error at cusps; on the scenes and at kinks 0.7 of the
         estimate at most, mostly a hundredth.)
         """
-        structure, mesh = self.tr.problem.system.structure, self.tr.mesh
-        if structure.depends_on_time or structure.forced:
-            return 0.0
-        mean = self.energy.sum() / mesh.duration
-        carried = float(np.abs(np.cumsum(self.energy - mean * mesh.lengths)).max())
+        system, mesh = self.tr.problem.system, self.tr.mesh
+        if system.m and system.structure.depends_on_time:
+            return 0.0  # constraints that move do work, which is not known
+        energy = np.empty(mesh.elements)
+        with np.errstate(all="ignore"):
+            known = [rates[0] for rates in self.samples]
+            if len(self.samples[0]) > 1:
+                known = [H - W for H, W in zip(known, self._works(path), strict=True)]
+            for b, E in zip(self.tr.between_nodes, known, strict=True):
+                energy[b.elements] = E @ b.rule.weights * b.half[:, 0, 0]
+            mean = energy.sum() / mesh.duration
+            carried = float(np.abs(np.cumsum(energy - mean * mesh.lengths)).max())
         carried -= max(rounding, ROUNDOFF * self.read) * mesh.duration
         return carried / self.reach if 0 < carried < np.inf else 0.0
+
+    def _works(self, path: Path | None) -> list[Array]:
+        """Return int_0^t (Q . v - dL/dt) dt at the samples, (E, points), batch by batch."""
+        tr, structure = self.tr, self.tr.problem.system.structure
+        low, high = self._intervals()
+        first, done, cuts = 0, np.zeros(low.size), []
+        by_time = np.zeros(low.size)
+        for b, rates in zip(tr.between_nodes, self.samples, strict=True):
+            here = slice(first, first := first + rates[0].size + len(rates[0]))
+            parts = [b.rule.increments(b.half[:, 0] * rate).ravel() for rate in rates[1:]]
+            if structure.forced:
+                done[here] = parts[0]
+            if structure.depends_on_time:
+                by_time[here] = parts[-1]
+            if tr.sides is not None:  # where laws switch the energy jumps
+                ends = _product(self.speeds, self.momenta) - self.outer
+                jumps = np.append(0.0, ends[1:, 0] - ends[:-1, 1])
+                jumps *= np.append(False, tr.sides[0][1:] != tr.sides[1][:-1])
+                done[here].reshape(len(b.elements), -1)[:, 0] += jumps[b.elements]
+            cuts.append(first)
+        if path is not None and structure.depends_on_time:
+            by_time += self._stepped(path, low, high, by_time)
+        done, order = np.nan_to_num(done - by_time), np.argsort(low, kind="stable")
+        done[order] = done[order].cumsum()
+        parts = zip(np.split(done, cuts[:-1]), self.samples, strict=True)
+        return [part.reshape(len(rates[0]), -1)[:, :-1] for part, rates in parts]
+
+    def _stepped(self, path: Path, low: Array, high: Array, known: Array) -> Array:
+        """Return by how much L steps between times since the start, (K,), in the time alone.
+
+        That is what it changes by there without a reason, if it is also what it changes by from
+        one time to the other at the same q and v, less what is `known` of that.
+        """
+        problem = self.tr.problem
+        off = np.concatenate([part.ravel() for part in self.off])[: low.size]
+        at = np.flatnonzero(np.abs(off) > ROUNDOFF * (self.unit + self.read))
+        steps = np.zeros(low.size)
+        q, v = (part.T for part in path.carried_on(np.concatenate([low[at], high[at]]), 1.0))
+        L = [
+            problem.system.pointwise("first")(q, v, t[:, None], problem.packed)[2][:, 0].copy()
+            for t in (problem.start.t + np.tile(since[at], 2) for since in (low, high))
+        ]
+        change = (L[1] - L[0]).reshape(2, -1).mean(axis=0) - known[at]
+        steps[at] = np.where(np.abs(change - off[at]) < np.abs(off[at]) / 2, off[at], 0.0)
+        return steps
+
+    def _intervals(self) -> tuple[Array, Array]:
+        """Return times since the start from sample to sample, (K,), as `off` has them."""
+        low, high = [], []
+        for b in self.tr.between_nodes:
+            points = np.concatenate([[-1.0], b.rule.nodes, [1.0]])
+            since = self.tr.mesh.since[b.elements, None] + b.half[:, :, 0] * (1 + points)
+            low.append(since[:, :-1].ravel())
+            high.append(since[:, 1:].ravel())
+        return np.concatenate(low), np.concatenate(high)
 
 
 def imbalance(tr: Transcription, x: Array, error: float) -> Imbalance | None:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -173,6 +174,31 @@ class Shape:
         return found
 
 
+class Samples(NamedTuple):
+    """What is known of paths at the points of another quadrature, on elements of one kind.
+
+    Attributes
+    ----------
+    which : (E,) array of int, or a slice
+    rule : Sampling
+    half : (E, C) array
+        Half the elements' durations.
+    q, v : (points, n, E, C) arrays
+    at : tuple of arrays
+        Times and parameters, as functions take them.
+    values : list of (points, rows, E, C) arrays
+        L_q and L_v; also L and dL/dt where L may jump.
+    """
+
+    which: NDInt | slice
+    rule: Sampling
+    half: Array
+    q: Array
+    v: Array
+    at: tuple[Array, Array]
+    values: list[Array]
+
+
 @dataclass(eq=False)
 class Stack:
     """The discrete actions of C members.
@@ -265,26 +291,35 @@ class Stack:
         q = (values @ Q.reshape(len(Q), -1)).reshape(shape)
         return q, (slopes @ (Q - Q[:1]).reshape(len(Q), -1)).reshape(shape) / half
 
-    def missed(self, Q: Array, part: Array, second: list[Array] | None = None) -> Array:
+    def samples(self, Q: Array) -> list[Samples]:
+        """Return what is known at the points of another quadrature, by kinds of elements."""
+        s, found = self.shape, []
+        name = "gradient" if s.system.structure.jumpless else "balance"
+        for which, rule in s.sampled:
+            half = self.half[which]
+            q, v = self._sampled(Q[:, :, which], rule.values, rule.slopes, half)
+            at = self._arguments(s.times_of(rule.nodes, which))
+            found.append(Samples(which, rule, half, q, v, at, self._evaluated(name, q, v, at)))
+        return found
+
+    def missed(
+        self, samples: list[Samples], part: Array, second: list[Array] | None = None
+    ) -> Array:
         """Return what another quadrature finds of dS/dq less the `part` of this one.
 
         Where the forces lead between the nodes if `second` are given: see `second_quadrature`.
         """
         s, found = self.shape, -part
-        for which, rule in s.sampled:
-            local, half = Q[:, :, which], self.half[which]
-            q, v = self._sampled(local, rule.values, rule.slopes, half)
-            at = self._arguments(s.times_of(rule.nodes, which))
-            force, momentum = self._evaluated("gradient", q, v, at)
+        for which, rule, half, q, v, at, (force, momentum, *_) in samples:
             if second is not None:
                 inertia = self._inertia(second[2][(s.P - 1) // 2][:, which])
                 force, momentum = self._followed(rule, half, (q, v), at, (force, momentum), inertia)
             work = rule.weighted_values @ force.reshape(len(q), -1)
-            work = work.reshape(local.shape) * half + _work(rule.weighted_slopes, momentum)
-            found[:, :, which] += work
+            work = work.reshape(s.P, *force.shape[1:]) * half
+            found[:, :, which] += work + _work(rule.weighted_slopes, momentum)
         return found
 
-    def imbalance(self, Q: Array) -> tuple[Array, Array]:
+    def imbalance(self, Q: Array, samples: list[Samples]) -> tuple[Array, Array]:
         """Return how far L changes along paths without a reason, (C,), infinite if not known.
 
         From sample to sample and element to element, in the unit of `energy_balance`; and their
@@ -301,25 +336,20 @@ class Stack:
         largest = np.abs(between).max(axis=0, initial=0.0)
         read = np.abs(L).max(axis=(0, 1, 2))
         size, speed, momentum = (np.abs(y).max(axis=(0, 2)) for y in (Q, v, p))
-        drift = none
-        if not (structure.depends_on_time or structure.forced):
-            H = (v * p).sum(axis=1) - L[:, 0]
-            H -= (self.weight * H).sum(axis=(0, 1)) / self.duration
-            carried = (self.weight * H).swapaxes(0, 1).reshape(-1, none.size).cumsum(axis=0)
-            carried = np.abs(carried).max(axis=0) - ROUNDOFF * read * self.duration
-            drift = np.nan_to_num(np.maximum(carried, 0) / (momentum * size).sum(axis=0))
         most = np.zeros_like(size)
-        for which, rule in s.sampled:
-            half = self.half[which]
-            q, v = self._sampled(Q[:, :, which], rule.values, rule.slopes, half)
-            at = self._arguments(s.times_of(rule.nodes, which))
-            L, force, p, explicit = self._evaluated("balance", q, v, at)
+        energy, work = np.zeros((2, s.E, none.size))
+        for which, rule, half, _, v, _, (force, p, L, explicit) in samples:
+            # From one end of an element to the other, its samples between.
             middle = p[len(p) // 2]
             bent = rule.rates(v.reshape(1, len(v), -1)).reshape(v.shape)
             rate = half * (force * v).sum(axis=1) + ((p - middle) * bent).sum(axis=1)
+            H = (v * p).sum(axis=1) - L[:, 0]
             if structure.depends_on_time:
-                rate += half * explicit[:, 0]
-            # From one end of an element to the other, its samples between.
+                by_time = half * explicit[:, 0]
+                rate += by_time
+                done, work[which] = rule.integrals(by_time.swapaxes(0, 1))
+                H += done.swapaxes(0, 1)
+            energy[which] = (rule.weights @ H.reshape(len(H), -1)).reshape(half.shape) * half
             level = np.empty((len(L) + 2, *half.shape))
             level[1:-1] = L[:, 0] - (middle * v).sum(axis=1)
             level[[0, -1]] = at_ends[:, which] - (middle * ends[:, :, which]).sum(axis=1)
@@ -331,6 +361,10 @@ class Stack:
             read = np.maximum(read, np.abs(L).max(axis=(0, 1, 2)))
         largest = np.maximum(largest - ROUNDOFF * read, 0)
         off = largest / (most * size + momentum * speed).sum(axis=0)
+        energy[1:] += 2 * self.half[1:] * work[:-1].cumsum(axis=0)
+        energy -= 2 * self.half * (energy.sum(axis=0) / self.duration)
+        carried = np.abs(energy.cumsum(axis=0)).max(axis=0) - ROUNDOFF * read * self.duration
+        drift = np.nan_to_num(np.maximum(carried, 0) / (momentum * size).sum(axis=0))
         return np.where(np.isfinite(off), off, np.inf), drift
 
     def _inertia(self, nonzeros: Array) -> Array:
@@ -488,8 +522,8 @@ class Factored:
 def program(system: System, name: str) -> Columns:
     """Return what is evaluated of a system: L, its gradient, its second derivatives, or slopes.
 
-    These are L, its momenta, and its derivatives by the time and the parameters. Or what the
-    balance of energy needs. Raises ValueError as `Columns` does.
+    These are L, its momenta, and its derivatives by the time and the parameters. Or its gradient
+    with what the balance of energy needs. Raises ValueError as `Columns` does.
     """
 
     def build() -> Columns:
@@ -502,7 +536,7 @@ def program(system: System, name: str) -> Columns:
             found = [d.Lqq, d.Lqv, d.Lvv]
         elif name == "balance":
             by_time = ca.jacobian(system.L, s.t)
-            found = [system.L, ca.densify(d.Lq), ca.densify(d.Lv), ca.densify(by_time)]
+            found = [ca.densify(d.Lq), ca.densify(d.Lv), system.L, ca.densify(by_time)]
         else:
             by = [ca.densify(ca.jacobian(system.L, x).T) for x in (s.t, s.p)]
             found = [system.L, ca.densify(d.Lv), *by]

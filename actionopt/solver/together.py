@@ -9,12 +9,13 @@ of which any of this raises doubt, is not judged here: `solve` takes it alone.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from actionopt.discrete.newton import CHORDS, CONTRACTION, ROUNDOFF_STEP
 from actionopt.discrete.resolution import left_out
-from actionopt.discrete.stacks import Factored, Shape, Stack
+from actionopt.discrete.stacks import Factored, Samples, Shape, Stack
 from actionopt.mechanics.problem import MOTIONLESS, NEGLIGIBLE, SHORT_MOTION
 from actionopt.solver.iterate import (
     DRIFT_SAFETY,
@@ -138,7 +139,7 @@ def _round(
         ready = _Arrived(stack, factored, Q, part, second, sizes)
         omitted = ready.omitted()
         missed, probed = ready.moved(tol, omitted)
-        off, drift = stack.imbalance(Q)
+        off, drift = stack.imbalance(Q, ready.samples)
         values = {
             "converged": converged,
             "noise": noise,
@@ -164,6 +165,11 @@ class _Arrived:
     part: Array
     second: list[Array]
     sizes: Array
+
+    @cached_property
+    def samples(self) -> list[Samples]:
+        """What is known between the nodes."""
+        return self.stack.samples(self.Q)
 
     def omitted(self) -> Array:
         """Return the largest coefficient left out, (C,).
@@ -198,7 +204,7 @@ class _Arrived:
             step = stack.step(self.factored.solve(self._probe()))
             return np.zeros(len(stack.times)), _largest(step, self.sizes)
         followed = not structure.linear and hidden(structure, omitted, tol).any()
-        miss = stack.missed(self.Q, self.part, self.second if followed else None)
+        miss = stack.missed(self.samples, self.part, self.second if followed else None)
         both = np.stack([stack.rows(miss), self._probe()], axis=1)
         both = self.factored.solve(both)
         found = [_largest(stack.step(both[:, k]), self.sizes) for k in (0, 1)]

@@ -459,7 +459,7 @@ class Workspace:
                 error = max(here.error, DRIFT_SAFETY * balance.drift())
                 if off is None and error > max(self.tol, here.error):
                     known = rounding(here.problem, here.path)
-                    error = max(here.error, DRIFT_SAFETY * balance.drift(known))
+                    error = max(here.error, DRIFT_SAFETY * balance.drift(known, here.path))
                     off = balance.largest() if error > self.tol else None
                 if error > here.error:
                     self.here = replace(here, error=error)
