@@ -97,13 +97,13 @@ def test_the_work_done_is_no_drift_and_hides_none(lost):
 
     for end in (0.1, 4.0):
         problem = ao.Problem(corner, ao.Event(0.0, [0.0]), ao.Event(1.0, [end]))
-        path = ao.solve(problem, tol=1e-6, throw=False)
+        path = ao.solve(problem, tol=1e-4, throw=False)
         assert path.success or end == 0.1
         v, t = path.start.v[0], 0.0
         for _ in range(9):  # until the corner
             t += (moved(v, 0.0, t)[1] - 0.3) / 3
         there = moved(v, 0.0, min(t, 1.0))[0] + (moved(-0.3, t, 1.0)[0] if t < 1 else 0.0)
-        assert not path.success or there == pytest.approx(end, abs=1e-5)
+        assert not path.success or there == pytest.approx(end, abs=2e-4)
 
 
 @pytest.mark.parametrize("timed", [0.0, 0.5])

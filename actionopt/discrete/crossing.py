@@ -83,13 +83,13 @@ def crossed(found: Switches, problem: Problem, path: Path) -> Jump | None:
         low, high = np.where(same, middle, low), np.where(same, high, middle)
         after = np.where(same[:, None], after, there)
     heights = np.abs(L(high, after) - L(high, before))
-    for k in np.flatnonzero(~(heights <= CONTINUOUS * size)):
-        jump = _jump(problem, path, low[k], high[k])
-        if jump is not None:
-            inevitable = bool((c[0] != c[-1]).any())
-            changed = " and ".join(found.texts[i] for i in np.flatnonzero(before[k] != after[k]))
-            return replace(jump, inevitable=inevitable, surface=changed)
-    return None
+    apart = np.flatnonzero(~(heights <= CONTINUOUS * size))
+    first = _first_jump(problem, path, low[apart], high[apart])
+    if first is None:
+        return None
+    jump, k = first[0], apart[first[1]]
+    changed = " and ".join(found.texts[i] for i in np.flatnonzero(before[k] != after[k]))
+    return replace(jump, inevitable=bool((c[0] != c[-1]).any()), surface=changed)
 
 
 def unbalanced(at: DiscretePath, error: float) -> Jump | Imbalance | None:
@@ -108,45 +108,57 @@ def jump_or(at: DiscretePath, found: Imbalance | None) -> Jump | Imbalance | Non
     if found is None:
         return None
     close = found.high - found.low <= INNER_PARTS * rounded(at.problem)
-    for low, high in zip(found.low[close], found.high[close], strict=True):
-        jump = _jump(at.problem, at.path, low, high)
-        if jump is not None:
-            return jump
+    first = _first_jump(at.problem, at.path, found.low[close], found.high[close])
+    if first is not None:
+        return first[0]
     return None if close.all() else found  # what is no jump so close is a cusp, or round-off
 
 
-def _jump(problem: Problem, path: Path, low: float, high: float) -> Jump | None:
-    """Return the jump of L between two close times since the start, or None if it is none.
+def _first_jump(problem: Problem, path: Path, low: Array, high: Array) -> tuple[Jump, int] | None:
+    """Return the first jump of L between close times since the start, (K,), and which, or None.
 
     On either side of a jump L has a value of its own: half the samples there agree much better than
     those of the two sides do. (Nearest to it round-off may put them on the wrong side.)
     """
-    apart = max(high - low, rounded(problem))
-    since = np.concatenate([low - apart * WIDER, high + apart * WIDER])
+    if not low.size:
+        return None
+    apart = np.maximum(high - low, rounded(problem))[:, None]
+    since = np.hstack([low[:, None] - apart * WIDER, high[:, None] + apart * WIDER])
     since = np.clip(since, 0.0, problem.duration)
-    q, v = (part.T for part in path.carried_on(since, 1.0))
-    t = np.full((since.size, 1), problem.start.t + (low + high) / 2)  # a jump in t alone is none
+    q, v = (part.T for part in path.carried_on(since.ravel(), 1.0))
+    t = problem.start.t + (low + high) / 2  # a jump in t alone is none
+    t = np.repeat(t, since.shape[1])[:, None]
     first = problem.system.pointwise("first")
     _, p, L = (part.copy() for part in first(q, v, t, problem.packed))
     energy = np.einsum("kn,kn->k", p, v) - L[:, 0]
-    if any(_height(component) for component in v.T):  # with which L changes, jump or not
-        L = first(q, np.broadcast_to(v[0], v.shape), t, problem.packed)[2]
-    height = _height(L[:, 0])
-    if not height:
+    # L changes with a velocity that jumps, whether it jumps itself or not.
+    kept = v.reshape(*since.shape, -1).copy()
+    jumps = _heights(kept.transpose(0, 2, 1)).any(axis=1)
+    kept[jumps] = kept[jumps, :1]
+    L = first(q, kept.reshape(v.shape), t, problem.packed)[2]
+    heights = _heights(L.reshape(since.shape))
+    if not heights.any():
         return None
-    before, after = (np.nanmedian(side) for side in np.split(energy, 2))
-    q, v = (part[:, 0] for part in path.carried_on(np.array([high]), 1.0))
-    return Jump(float(problem.start.t + high), q, v, height, float(abs(after - before)))
+    k = int(np.argmax(heights > 0))
+    before, after = (np.nanmedian(side) for side in np.split(energy.reshape(since.shape)[k], 2))
+    q, v = (part[:, 0] for part in path.carried_on(high[k : k + 1], 1.0))
+    height, change = float(heights[k]), float(abs(after - before))
+    return Jump(float(problem.start.t + high[k]), q, v, height, change), k
 
 
-def _height(values: Array) -> float:
-    """Return by how much the halves of values (K,) differ, those of two sides; zero if no jump.
+def _heights(values: Array) -> Array:
+    """Return by how much the halves of values (..., K) differ, those of two sides; zero if no jump.
 
     Half the samples of each side agree much better than those of the two do.
     """
-    sides = np.split(np.where(np.isfinite(values), values, np.nan), 2)
-    if any(np.isnan(side).all() for side in sides):
-        return 0.0
-    (l0, l1, l2), (r0, r1, r2) = (np.nanquantile(side, (0.25, 0.5, 0.75)) for side in sides)
-    height = float(abs(r1 - l1))
-    return height if (l2 - l0) + (r2 - r0) <= height / 2 else 0.0
+    sides = np.stack(np.split(values, 2, axis=-1))
+    sides = np.sort(np.where(np.isfinite(sides), sides, np.nan), axis=-1)  # those last
+    last = np.isfinite(sides).sum(axis=-1, keepdims=True) - 1
+    at = np.maximum(last, 0) * np.array([0.25, 0.5, 0.75])
+    below = at.astype(int)
+    lower = np.take_along_axis(sides, below, -1)
+    upper = np.take_along_axis(sides, np.minimum(below + 1, np.maximum(last, 0)), -1)
+    quartiles = lower + (at - below) * (upper - lower)
+    height = np.abs(quartiles[1, ..., 1] - quartiles[0, ..., 1])
+    spread = (quartiles[..., 2] - quartiles[..., 0]).sum(axis=0)
+    return np.where(spread <= height / 2, height, 0.0)  # neither if a side is not known

@@ -88,8 +88,9 @@ class Balance:
     off : list of arrays
         How far L changes without a reason, from one end of each element over its samples to the
         other, (E, points + 1), batch by batch; and between elements, (N - 1,).
-    unit, read : float
-        What that may be for a path of the error 1, and what else is rounded.
+    unit, read, kinetic : float
+        What that may be for a path of the error 1; what else is rounded; sum |L_v| s^2 / u, as it
+        is rounded in velocities.
     samples : list of arrays
         v . L_v - L at the samples, and Q . v and dL/dt there if they enter, batch by batch:
         (1 to 3, E, points).
@@ -103,6 +104,7 @@ class Balance:
     off: list[Array]
     unit: float
     read: float
+    kinetic: float
     samples: list[Array]
     speeds: Array
     momenta: Array
@@ -151,7 +153,8 @@ class Balance:
                 between[tr.sides[0][1:] != tr.sides[1][:-1]] = 0.0
             unit = float(np.nansum(most * size + largest * speed))
             at_ends, reach = (speeds, momenta, outer), float(np.nansum(largest * size))
-            return cls(tr, [*off, between], unit, read, samples, *at_ends, reach)
+            kinetic = float(np.nansum(largest * size**2 / speed))
+            return cls(tr, [*off, between], unit, read, kinetic, samples, *at_ends, reach)
 
     def beyond(self, error: float) -> Imbalance | None:
         """Return where (1) is off by more than an error of the path allows, in its own size."""
@@ -163,7 +166,9 @@ class Balance:
         low, high = self._intervals()
         low, high = np.append(low, inner - width), np.append(high, inner + width)
         order = np.argsort(low)
-        order = order[~(np.abs(off[order]) <= allowed)]
+        order = order[~(np.abs(off) <= allowed + self._rounded())[order]]
+        if not order.size:
+            return None
         return Imbalance(low[order], high[order], np.nan_to_num(off[order]), allowed)
 
     def largest(self) -> Imbalance | None:
@@ -248,6 +253,21 @@ class Balance:
         change = (L[1] - L[0]).reshape(2, -1).mean(axis=0) - known[at]
         steps[at] = np.where(np.abs(change - off[at]) < np.abs(off[at]) / 2, off[at], 0.0)
         return steps
+
+    def _rounded(self) -> Array:
+        """Return how far velocities that are rounded change what is `off`, in one array.
+
+        On an element of the length h and of degree d velocities are known to EPS s d^2 / h. L_v dv
+        of that is balanced, and L_vv dv^2 is left. (Measured at h = 1e-9 to 1e-13 of the time:
+        0.07 of that at most.)
+        """
+        degree = np.array(self.tr.mesh.degrees)
+        here = self.kinetic * (EPS * degree**2 / self.tr.mesh.lengths) ** 2
+        parts = [
+            np.repeat(here[b.elements], part.shape[1])
+            for b, part in zip(self.tr.between_nodes, self.off, strict=False)
+        ]
+        return np.concatenate([*parts, here[1:] + here[:-1]])
 
     def _intervals(self) -> tuple[Array, Array]:
         """Return times since the start from sample to sample, (K,), as `off` has them."""
