@@ -201,7 +201,7 @@ def method_calls(folder):
     for name in ("constraint", "constraint_jacobian", "obstacle"):
         calls[f"System.{name}"] = ([0.5], 0.5), values
     for name in ("coordinate", "generalized_force", "momentum"):
-        calls[f"Units.{name}"] = ("theta",), {}
+        calls[f"UnitNames.{name}"] = ("theta",), {}
     return calls | {
         "Conserved.__call__": (([0.0, 0.0], [1.0, 0.0], 0.0), values),
         "Conserved.drift": ((solution, 5), {}),
