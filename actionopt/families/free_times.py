@@ -17,7 +17,8 @@ from actionopt.analysis.solution import Solution
 from actionopt.discrete.borders import over
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Problem
-from actionopt.solver.arrivals import LOOKED_AT, PASSES, Units, passages
+from actionopt.solver.arrivals import PASSES, Units, passages
+from actionopt.solver.closed import LOOKED_AT
 from actionopt.solver.durations import along, rates, returning
 from actionopt.solver.first_paths import FirstPaths, straight
 from actionopt.solver.iterate import sizes

@@ -24,6 +24,7 @@ from actionopt.analysis.shooting import (
 from actionopt.discrete.borders import over
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Problem
+from actionopt.solver.closed import LOOKED_AT
 from actionopt.solver.durations import along, rates, returning
 from actionopt.solver.first_paths import given_time, straight, stretched
 from actionopt.tools.types import Array
@@ -36,7 +37,6 @@ SPANS = (1.5, 6.0, 24.0)
 # in the way. Measured: of 25 paths so found at random, over systems of 2 and 3 coordinates, none
 # had been missed by all motions until then.
 TURNED_BACK = 6.0
-LOOKED_AT = 600  # times at which a motion is compared with the end
 PASSING_ERROR = 1e-4  # of a step of such motions
 PASSED_BY = 0.5  # of the units: motions that miss more lead nowhere
 PASSAGES, PASSES = 16, 3  # passages from which paths are sought; of one motion

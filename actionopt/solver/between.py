@@ -25,12 +25,11 @@ from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import Guess, checked
 from actionopt.solver.family import judged, suspected
+from actionopt.solver.first_mesh import COARSE_DEGREE, LINEAR
 from actionopt.solver.ladder import (
-    COARSE_DEGREE,
     CURVED_RUNGS,
     IPOPT,
     LADDER,
-    LINEAR,
     Rung,
     Search,
 )

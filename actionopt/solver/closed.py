@@ -9,14 +9,15 @@ import numpy as np
 
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Problem
+from actionopt.solver.iterate import ROUNDED
 from actionopt.tools.types import EPS, Array
 
 # Ad hoc.
-PASSED = 400  # times a period at which a closed path is looked for what its start gives
+LOOKED_AT = 600  # times at which a motion is looked at for where it passes or rests
 CLOSED_IN = 30  # steps, each half of the last one at a turning point: to the root of EPS
 CLOSE = EPS**0.5  # of a period, a last step: elsewhere what is left is its square
 SLIVER = 0.1  # of an element
-FEW, ROUNDED = 3, 1e-9  # elements that stay as they are; of their lengths, where these are one
+FEW = 3  # elements that stay as they are
 
 
 def passes(
@@ -33,7 +34,7 @@ def passes(
         return (q[pinned] - wanted[:, None]) / unit[:, None], v[pinned] / unit[:, None]
 
     again = _is_same(problem)  # what is passed in a period was in the one before
-    t, step = np.linspace(0.0 if again else -T, T, (2 - again) * PASSED + 1)[:-1], T / PASSED
+    t, step = np.linspace(0.0 if again else -T, T, (2 - again) * LOOKED_AT + 1)[:-1], T / LOOKED_AT
     apart, rates = away(t)
     far = np.sqrt(np.einsum("ik,ik->k", apart, apart))
     nearest = (far <= np.roll(far, 1)) & (far <= np.roll(far, -1))

@@ -12,20 +12,25 @@ import numpy as np
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.mechanics.problem import Problem, diagonal
+from actionopt.solver.first_mesh import COARSE_DEGREE, COARSE_ELEMENTS
+from actionopt.solver.iterate import ROUNDED
 from actionopt.tools.types import Array
 
 # Ad hoc: what comes of it is a guess.
 STEPS = 40  # of the fixed point for the rate: one where L is quadratic in v
 SEEN = np.logspace(-4, 4, 65)  # of a coordinate's size: how far from its start a well is looked for
-BISECTIONS, ROUND = 50, 81  # of a turning point; waypoints of a guess
-REST_STEPS, AT_REST = 20, 1e-9  # of Newton's method to an equilibrium; the force left, of its size
+ROUND = 81  # waypoints of a guess
+REST_STEPS = 20  # of Newton's method to an equilibrium
 TURNING = 1e-7  # real part of a rate that is imaginary, of the largest
-MODE_ELEMENTS, MODE_DEGREE = 8, 6
 LEAST_RATE = 0.1  # of the largest rate: turning points are passed at a finite one
-# Of one coordinate: points with which its quadrature begins, halvings, points at most, and what one
-# more halving may change of the duration in each interval; one within BELOW of the largest energy
-# may be at a turning point, whose energy was rounded.
-COARSE, HALVINGS, MOST, CHANGED, BELOW = 41, 60, 4000, 1e-6, 1e-7
+LINE = 41  # points on the straight line
+HALVED = 60  # times: derived, an interval has the length of its round-off after 53 halvings
+# Of one coordinate: points of its quadrature at most, and what one more halving may change of the
+# duration in each interval.
+MOST, CHANGED = 4000, 1e-6
+# Part of an energy within which a point may be a turning point, and two paths one; derived: half
+# the digits.
+MERGED = 1e-7
 
 
 def rates(problem: Problem, q: Array, u: Array, t: Array) -> tuple[Array, Array]:
@@ -90,9 +95,9 @@ def passage(problem: Problem) -> tuple[Array, Array, Array] | None:
         rate, left = rates(problem, q, np.full_like(q, b - a), np.zeros_like(q))
         return np.where(left == 0, 0.0, np.where(np.isfinite(left), rate, np.nan))
 
-    s = np.linspace(0.0, 1.0, COARSE)
+    s = np.linspace(0.0, 1.0, LINE)
     rate = speeds(s)
-    for _ in range(HALVINGS):
+    for _ in range(HALVED):
         middle = (s[1:] + s[:-1]) / 2
         between = speeds(middle)
         if not (np.isfinite(rate).all() and np.isfinite(between).all() and between.all()):
@@ -126,13 +131,13 @@ def barrier(problem: Problem) -> str:
         return ""
     q = np.array(places)
     if system.n == 1 and len(places) == 2:
-        q = q[0] + np.linspace(0.0, 1.0, COARSE)[:, None] * (q[1] - q[0])
+        q = q[0] + np.linspace(0.0, 1.0, LINE)[:, None] * (q[1] - q[0])
     t, energy = np.zeros((len(q), 1)), float(problem.energy or 0.0)
     first, second = system.pointwise("first"), system.pointwise("second")
     with np.errstate(all="ignore"):
         rest = -first(q, 0 * q, t, problem.packed)[2][:, 0]
         k = int(np.argmax(np.where(np.isfinite(rest), rest, -np.inf)))
-        if not rest[k] - energy > BELOW * max(abs(energy), abs(rest[k])):
+        if not rest[k] - energy > MERGED * max(abs(energy), abs(rest[k])):
             return ""
         v = np.stack([0 * q[k], *np.random.default_rng(0).normal(size=(2, system.n))])
         at = np.repeat(q[k : k + 1], 3, axis=0), v, np.zeros((3, 1)), problem.packed
@@ -202,7 +207,7 @@ def well(problem: Problem) -> Array | None:
     ends = []
     for wall, step in ((walls[walls < k][-1], 1), (walls[walls > k][0], -1)):
         within, beyond = x[wall + step], x[wall]
-        for _ in range(BISECTIONS):
+        for _ in range(HALVED):
             middle = (within + beyond) / 2
             within, beyond = (
                 (middle, beyond) if left(np.array([middle]))[0] > 0 else (within, middle)
@@ -236,7 +241,7 @@ def oscillations(problem: Problem) -> list[Path]:
             A, B, C = (second.full(i, values[i], symmetric=i != 1)[0] for i in range(3))
             if not all(np.isfinite(x).all() for x in (force, A, B, C)):
                 return []
-            if np.abs(force).max() <= AT_REST * np.abs(A).max() * problem.scales.max():
+            if np.abs(force).max() <= ROUNDED * np.abs(A).max() * problem.scales.max():
                 break
             q = q - np.linalg.lstsq(A, force, rcond=None)[0]
         else:
@@ -258,7 +263,7 @@ def oscillations(problem: Problem) -> list[Path]:
         energy = (speed @ C @ speed - u @ A @ u) / 2
         if not left / energy > 0:
             continue
-        mesh = Mesh.uniform(t, t + 2 * np.pi / w, MODE_ELEMENTS, MODE_DEGREE)
+        mesh = Mesh.uniform(t, t + 2 * np.pi / w, COARSE_ELEMENTS, COARSE_DEGREE)
         angle = w * mesh.nodes_since
         moved = np.outer(np.real(eta), np.cos(angle)) - np.outer(np.imag(eta), np.sin(angle))
         found.append(Path(mesh, q[:, None] + np.sqrt(left / energy) * moved))

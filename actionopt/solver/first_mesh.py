@@ -18,6 +18,11 @@ from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
 from actionopt.tools.types import Array
 
+LINEAR = 4  # elements to begin with where nothing has to be sought
+# Measured over the scenes and 40 stress cases: degrees 4, 5, 8 and 10 take from 3 % fewer to 10 %
+# more evaluations in the geometric mean, 1.1 to 2.6 times as many in the sum, and all but 5 lose an
+# extreme case.
+COARSE_DEGREE, COARSE_ELEMENTS = 6, 8
 # Radians, or e-foldings, on an element: by the formula in `planned` twelve digits at degree 13.
 # Derived so far; that few elements of this degree are better than many of another is ad hoc.
 PHASE_PER_ELEMENT = 2.5

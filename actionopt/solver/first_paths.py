@@ -26,29 +26,26 @@ from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import Guess, curve
 from actionopt.solver.between import on_the_way
-from actionopt.solver.durations import along, passage, rates, returning
+from actionopt.solver.closed import LOOKED_AT
+from actionopt.solver.durations import LINE, MERGED, along, passage, rates, returning
+from actionopt.solver.first_mesh import COARSE_DEGREE, LINEAR
 from actionopt.solver.iterate import SAFETY, UNKNOWN_GAIN, measured
-from actionopt.solver.ladder import COARSE_DEGREE
 from actionopt.solver.refine import ROUNDS
 from actionopt.solver.workspace import ROUGHLY
 from actionopt.tools.types import Array
 from actionopt.tools.watch import Watch
 
 # Ad hoc.
-FIRST_ELEMENTS = 4
 FIRST_TOL = 1e-3  # of paths that are to be followed to the energy
 REPRESENTED = 1e-4, 1e-7  # of a guess: what its first mesh leaves out, and the next one tried
 SCANNED = 9  # durations either way, each the root of two times the next, that are looked at
 TRIED = np.logspace(-8, 8, 65)  # durations at which a straight line is looked at
 PARABOLAS = 12  # steps to the least energy of paths over given durations
 ASIDE = 0.9  # of the duration of the lowest path
-MERGED = 1e-7  # of it, within which two paths are one: half the digits
 # Half lengths of its first and last element, from their middles, that a motion is carried on; parts
 # of its duration that are cut off at most; steps to where it passes a place, and such parts within
 # which it passes there.
 AHEAD, CUT, NEARER, NEAR = 3.0, 0.4, 6, 0.02
-LINE = 41  # points on the straight line
-LOOKED = 400  # times at which a motion is looked at for where it comes to rest
 
 
 @dataclass
@@ -256,7 +253,7 @@ class FirstPaths:
             for path in motions(known, np.array([[speed[0], -speed[0]]])):
                 if path is None:
                     continue
-                t = np.linspace(t0, t0 + T * factor, LOOKED + 1)
+                t = np.linspace(t0, t0 + T * factor, LOOKED_AT + 1)
                 turned = np.flatnonzero(np.diff(np.sign(path.velocity(t)[0])))
                 if turned.size:
                     k = turned[0]
@@ -318,7 +315,7 @@ def guessed(problem: Problem, guess: Guess, represented: float) -> Path:
 
 def resolved(known: Problem, curve_on: Callable[[Mesh], Path], represented: float) -> Path:
     """Return a curve over the times of a problem on a mesh that represents it."""
-    mesh = Mesh.uniform(known.start.t, known.end.t, FIRST_ELEMENTS, COARSE_DEGREE)
+    mesh = Mesh.uniform(known.start.t, known.end.t, LINEAR, COARSE_DEGREE)
     found = curve_on(mesh)
     for _ in range(ROUNDS // 2):
         size = np.abs(found.values).max(axis=1)
@@ -413,7 +410,7 @@ def timed(problem: Problem, guess: ArrayLike | Callable[[Array], ArrayLike]) -> 
     start = given_time(problem)
     s = np.linspace(0.0, 1.0, 10 * LINE)
     known = over(problem, 1.0)
-    unit = Mesh.uniform(known.start.t, known.end.t, 10 * FIRST_ELEMENTS, COARSE_DEGREE)
+    unit = Mesh.uniform(known.start.t, known.end.t, 10 * LINEAR, COARSE_DEGREE)
     q = shape(unit)(known.start.t + s).T
     found = along(problem, q, start)
     if found is None:
@@ -424,6 +421,6 @@ def timed(problem: Problem, guess: ArrayLike | Callable[[Array], ArrayLike]) -> 
     times = found[0]
     ends = over(problem, float(times[-1]))
     t0 = ends.start.t
-    mesh = Mesh.uniform(t0, ends.end.t, 10 * FIRST_ELEMENTS, COARSE_DEGREE)
+    mesh = Mesh.uniform(t0, ends.end.t, 10 * LINEAR, COARSE_DEGREE)
     rows = lambda t: np.stack([np.interp(t - t0, times, row) for row in q.T])  # noqa: E731
     return Path.interpolate(rows, mesh)

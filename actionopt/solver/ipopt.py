@@ -31,7 +31,7 @@ DIVERGING_ITERATES = 1e4  # coordinates this many times their own size: minimisi
 # Ad hoc: a saddle is reached in tens of iterations or not at all; a minimum may lie in a long
 # valley. Above so many unknowns half of that has to do.
 IPOPT_ITERATIONS = {"least": 40, "patient least": 300, "stationary": 60}
-HALVED_SIZE = 1500
+IPOPT_SIZE = 1500
 OPTIONS: dict[str, Any] = {
     "print_time": 0,
     "calc_lam_p": False,
@@ -156,7 +156,7 @@ class _Solver:
         ]
         options: dict[str, Any] = {
             **OPTIONS,
-            "ipopt.max_iter": IPOPT_ITERATIONS[principle] // (1 if size <= HALVED_SIZE else 2),
+            "ipopt.max_iter": IPOPT_ITERATIONS[principle] // (1 if size <= IPOPT_SIZE else 2),
             "grad_f": self.functions[1],
             "jac_g": self.functions[2],
             "hess_lag": self.functions[3],

@@ -27,6 +27,7 @@ from actionopt.tools.types import Array
 
 # Ad hoc, in parts of the time: elements that only singularities need, and that they need first.
 TINY_ELEMENT, SHORT_ELEMENT = 1e-6, 1e-2
+ROUNDED = 1e-9  # of a size, what may be its round-off along a path; ad hoc
 LATE_TIME = 1e3  # durations from zero, where the round-off of times counts: three digits; ad hoc
 VELOCITY_ERROR = 10.0  # relative, of spurious paths; on the scenes 0.08 at most
 # From the measured error of the last round to the estimate for the next. Measured: it puts 99.1 %

@@ -21,13 +21,21 @@ from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import DEGREES, Resolution, refined, resolution
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
-from actionopt.solver.first_mesh import fewest, paced, planned
+from actionopt.solver.first_mesh import (
+    COARSE_DEGREE,
+    COARSE_ELEMENTS,
+    LINEAR,
+    fewest,
+    paced,
+    planned,
+)
+from actionopt.solver.ipopt import IPOPT_SIZE
 from actionopt.solver.iterate import Iterate, sizes
 from actionopt.solver.meeting import meetings
 from actionopt.solver.refine import refine, solve_on
 from actionopt.solver.signals import LEADS_NOWHERE
 from actionopt.solver.window import graded, step
-from actionopt.solver.workspace import LARGE_SIZE, ROUGHLY, Workspace
+from actionopt.solver.workspace import FEW_COORDINATES, ROUGHLY, Workspace
 from actionopt.tools.watch import OutOfTime, Watch
 
 UNSOLVED = (Status.NOT_FOUND, Status.UNRESOLVED, Status.DEGENERATE)
@@ -40,7 +48,8 @@ REACHED = (Status.SOLVED, Status.FLOOR)
 # The motions of a meeting count MOTION each, by their time.
 BUDGET, EXPENSIVE, MOTION = 20_000, 500, 4
 # Ad hoc, where nothing else is said.
-# Beyond which Ipopt takes far longer than a descent; up to it, it keeps nearer to the line.
+# Beyond which Ipopt takes far longer than a descent; up to it, it keeps nearer to the line, and a
+# few hundred motions are many.
 DESCENT_COORDINATES = 8
 # Up to which other ways are shorter. Measured on pendulums of n links: at 30 the path beside the
 # line is found by nothing else, at 50 in half the time; three bodies would take thrice as long.
@@ -48,13 +57,11 @@ RESONANT_COORDINATES = 20
 # Of a curved line, in the motion's sizes ("flat" here is as in `workspace`: this is).
 CURVED_HEIGHT = 0.4
 LOST_ALIKE = 1e-3  # of a path's size, what leads to the same meshes again
-# Motions that meet: the coordinates up to which a few hundred are many; pairs that are tried, and
-# unknowns of as many paths, which they may have together; elements of one that takes too long.
-MEETING_COORDINATES, MEETING_PAIRS, MEETING_UNKNOWNS, MEETING_ELEMENTS = 8, 32, 1500, 48
+# Motions that meet: pairs that are tried, and elements of one that takes too long.
+MEETING_PAIRS, MEETING_ELEMENTS = 32, 48
 # Paths so found that cannot be refined, after which others are not tried: measured, over random
 # systems and pendulums, it is the first that can be, or none.
 MEETING_LOST = 3
-HIGH_DEGREE_COORDINATES = 3  # up to which a higher degree costs less than a second mesh
 PATIENT = 30  # damped steps towards a path near a guess: whatever else there is costs more
 NEAR_GUESS = (16, 32, 64)  # elements: a guess has features that coarser meshes would miss
 # Elements tried before where coordinates are many, of a guess and of Newton's method. Measured on
@@ -63,11 +70,6 @@ COARSE_GUESS, FEW = (4, 8), 2
 # Unknowns and rows from which a rough path settles on its surface before Newton's method is tried,
 # which takes three factorizations to fail; ad hoc: from there one takes a seventh of a second.
 SETTLED_FIRST = 20_000
-LINEAR = 4  # elements to begin with where nothing has to be sought
-# Measured over the scenes and 40 stress cases: degrees 4, 5, 8 and 10 take from 3 % fewer to 10 %
-# more evaluations in the geometric mean, 1.1 to 2.6 times as many in the sum, and all but 5 lose an
-# extreme case.
-COARSE_DEGREE, COARSE_ELEMENTS = 6, 8
 # Omitted coefficients of a guess that a mesh resolves, flat; refinements of one that does not.
 GUESS_RESOLUTION, GUESS_ROUNDS = 1e-3, 4
 
@@ -239,7 +241,7 @@ class Meeting(Rung):
 
     def applies(self, search: Search) -> bool:
         problem = search.ws.problem
-        few = problem.system.n <= MEETING_COORDINATES
+        few = problem.system.n <= DESCENT_COORDINATES
         return super().applies(search) and few and plain(problem) and not search.curved
 
     def attempt(self, search: Search) -> Status:
@@ -260,13 +262,13 @@ class Meeting(Rung):
         for seed, count in enumerate(self.meshes):
             if ws.watch is not None:
                 ws.watch.evaluated += MOTION * count
-            left, elements = MEETING_PAIRS * MEETING_UNKNOWNS, MEETING_ELEMENTS + 1
+            left, elements = MEETING_PAIRS * IPOPT_SIZE, MEETING_ELEMENTS + 1
             for guess in meetings(problem, count, MEETING_PAIRS, seed, ws.watch and ws.watch.look):
                 ws.restart()
                 ws.record.rounds.clear()
                 ws.transcribe(guess.mesh, guess, like=guess)
                 elements = min(elements, guess.mesh.elements)
-                left -= max(ws.here.tr.layout.size, MEETING_UNKNOWNS)
+                left -= max(ws.here.tr.layout.size, IPOPT_SIZE)
                 if ws.approach(PATIENT):
                     saddle = search.may_be_least and ws.here.index > 0
                     status = search.refine()
@@ -415,7 +417,7 @@ class Search:
     @property
     def _large(self) -> bool:
         """Whether even the coarsest mesh has many unknowns."""
-        return self.ws.problem.system.n * COARSE_DEGREE * COARSE_ELEMENTS > LARGE_SIZE
+        return self.ws.problem.system.n * COARSE_DEGREE * COARSE_ELEMENTS > IPOPT_SIZE
 
     def _try(self, ladder: tuple[Rung, ...]) -> Status:
         """Try the rungs in turn until one leads to a path that can be refined."""
@@ -712,7 +714,7 @@ class Search:
 
         About one degree a digit. A second mesh costs more where the coordinates are few.
         """
-        if self.ws.problem.system.n > HIGH_DEGREE_COORDINATES:
+        if self.ws.problem.system.n > FEW_COORDINATES:
             return COARSE_DEGREE
         wanted = max(COARSE_DEGREE, -np.log10(self.tol) + 3)
         return int(DEGREES[min(np.searchsorted(DEGREES, wanted), DEGREES.size - 1)])

@@ -34,6 +34,8 @@ from actionopt.mechanics.held import Held, measures
 from actionopt.mechanics.obstacle import Arc
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.switches import is_smooth
+from actionopt.solver.first_mesh import COARSE_DEGREE, COARSE_ELEMENTS
+from actionopt.solver.ipopt import IPOPT_TOLERANCE
 from actionopt.solver.iterate import Iterate
 from actionopt.solver.touching import is_of_higher_order, looked_at, rows_along, runs, turns
 from actionopt.solver.workspace import Workspace
@@ -42,8 +44,6 @@ from actionopt.tools.types import EPS, RANK, Array
 # Ad hoc, all of them, where nothing else is said.
 FLAT = 1e-3  # in units of the rows' typical gradients: a row has none
 FLATTEST = 1e-6  # of its gradient on the straight line: a row that still has a unit of its own
-BARRIER = 1e-6  # in units of the motion: Ipopt's tolerance
-HELD_ELEMENTS, HELD_DEGREE = 8, 6  # with which a path is followed first, once contact is known
 TURN = np.pi / 4  # of the obstacle's normal along one of these
 JOINS = 25  # steps to the times of contact
 LEAST_PART = 1 / 64  # of a force that is taken away
@@ -109,20 +109,12 @@ class Along(Workspace):
 
     # -- the path and its times of contact -------------------------------------------------------
 
-    def transcribe(
-        self,
-        mesh: Mesh,
-        path: Path | None,
-        lam: Array | None = None,
-        *,
-        like: Path | None = None,
-    ) -> None:
-        """Transcribe as other searches do, rows in contact in units of their least slopes.
+    def _at(self, mesh: Mesh, path: Path | None, lam: Array | None, like: Path | None) -> Iterate:
+        """Return the iterate as other searches do, rows in contact in units of their least slopes.
 
         Those of a thin obstacle are less at its edge, by orders, than on the straight line.
         """
-        super().transcribe(mesh, path, lam, like=like)
-        here, held = self.here, self.held
+        here, held = super()._at(mesh, path, lam, like), self.held
         old, layout = here.tr, here.tr.layout
         if held.arcs and layout.rows:
             t = here.mesh.nodes
@@ -137,7 +129,8 @@ class Along(Workspace):
             self._attach(tr)
             z = here.z.copy()
             z[here.x.size :] *= old.mu_unit / tr.mu_unit
-            self.here = replace(here, tr=tr, z=z)
+            here = replace(here, tr=tr, z=z)
+        return here
 
     def stand(self, found: Iterate) -> None:
         """Take up a path that Ipopt found, with the contacts it had there."""
@@ -151,12 +144,12 @@ class Along(Workspace):
         old, free = self.here.bare(), self.question
         self.problem = held = self.held.holding(arcs)
         # What Ipopt's barrier leaves of a coordinate that is zero is no size of it.
-        values = np.where(np.abs(old.Q) < BARRIER * free.lengths, 0.0, old.Q).T
+        values = np.where(np.abs(old.Q) < IPOPT_TOLERANCE * free.lengths, 0.0, old.Q).T
         path = curve or Path(old.mesh, values)
         T = free.duration
         parts = [np.zeros(1)]
         for a, b in pairwise(np.union1d(held.fixed, held.joints) - free.start.t):
-            count = max(int(np.ceil(HELD_ELEMENTS * (b - a) / T)), 1)
+            count = max(int(np.ceil(COARSE_ELEMENTS * (b - a) / T)), 1)
             cuts = np.linspace(a, b, count + 1)
             times, turned = turns(held, path, a, b)
             if turned[-1] > TURN * count:  # half of them by the angle, half by the time
@@ -164,7 +157,7 @@ class Along(Workspace):
                 both = (times - a) / (b - a) + turned / turned[-1]
                 cuts = np.interp(np.linspace(0.0, 2.0, count + 1), both, times)
             parts.append(np.append(cuts[1:-1], b))
-        mesh = Mesh.over(free.start.t, free.end.t, np.concatenate(parts), HELD_DEGREE)
+        mesh = Mesh.over(free.start.t, free.end.t, np.concatenate(parts), COARSE_DEGREE)
         lam = self._pressed(path.on(mesh)) if curve else self._passed(old, path.on(mesh))
         self.transcribe(mesh, path, lam, like=path)
 

@@ -19,15 +19,14 @@ from actionopt.mechanics.problem import Event, Problem, diagonal
 from actionopt.solver.arrivals import arrivals
 from actionopt.solver.between import on_the_way
 from actionopt.solver.durations import along
+from actionopt.solver.first_mesh import COARSE_DEGREE, LINEAR
 from actionopt.solver.first_paths import (
-    FIRST_ELEMENTS,
     FIRST_TOL,
     FirstPaths,
     given_time,
     line,
     straight,
 )
-from actionopt.solver.ladder import COARSE_DEGREE
 from actionopt.solver.unfixed import APPROACHES
 from actionopt.tools.types import Array
 from actionopt.tools.watch import Watch
@@ -36,7 +35,6 @@ from actionopt.tools.watch import Watch
 APART = 1e-6  # of the coordinates' sizes: points nearer to one another are one
 NEAREST_POINTS = 6  # points to which a least path is sought
 FEW = 6  # coordinates whose axes are tried one by one; of more, as many directions by chance
-ALL_DURATIONS = 2  # points to which several durations are tried
 WITH_PAINS = 2  # points to which a path is sought in every way, where none was found
 AGAIN = 4  # times that the other surface, and one that moves, is asked anew
 
@@ -48,7 +46,7 @@ def firsts(
     for k, (fixed, first) in enumerate(points(problem, pairs)):
         if fixed.free_time:
             timed = FirstPaths(fixed, tol, watch).near()
-            yield from (at.path for at in islice(timed, None if k < ALL_DURATIONS else 1))
+            yield from (at.path for at in islice(timed, None if k < WITH_PAINS else 1))
             continue
         tr = Transcription(fixed, first.mesh, fixed.lengths)
         tr.watch = watch
@@ -135,7 +133,7 @@ def _line(problem: Problem) -> tuple[float, Path]:
     t = given_time(problem)
     T = _lasting(problem, q, t)
     fixed = over(problem, T)
-    mesh = Mesh.uniform(fixed.start.t, fixed.end.t, FIRST_ELEMENTS, COARSE_DEGREE)
+    mesh = Mesh.uniform(fixed.start.t, fixed.end.t, LINEAR, COARSE_DEGREE)
     path = Path(mesh, line(problem, mesh))
     with np.errstate(all="ignore"):
         S = DiscretePath.of(fixed, path).action + (problem.energy or 0.0) * T

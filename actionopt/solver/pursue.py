@@ -24,17 +24,15 @@ from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import Guess, checked, curve
 from actionopt.solver.between import Choices, Found, between
 from actionopt.solver.durations import oscillations, well
-from actionopt.solver.ladder import COARSE_DEGREE, IPOPT, LINEAR
+from actionopt.solver.first_mesh import COARSE_DEGREE, LINEAR
+from actionopt.solver.iterate import ROUNDED
+from actionopt.solver.ladder import IPOPT
 from actionopt.solver.on_surface import NEAREST_POINTS, firsts, motions, thorough
 from actionopt.solver.revisions import infinite, revised
-from actionopt.solver.unfixed import unfixed
+from actionopt.solver.unfixed import AT_REST, unfixed
 from actionopt.solver.verdict import message_of
 from actionopt.tools.checks import tolerance
 from actionopt.tools.watch import OutOfTime
-
-# Ad hoc.
-AT_REST = 1e-6  # displacement / size below which a closed path is an equilibrium
-ROUNDED = 1e-9  # of the size told by the events, below which a path may be zero
 
 
 def first(problem: Problem, guess: Guess | None, choices: Choices) -> Found:

@@ -34,6 +34,7 @@ from actionopt.solver.between import Choices, Found
 from actionopt.solver.closed import passes, rolled
 from actionopt.solver.durations import barrier
 from actionopt.solver.family import directions, suspected
+from actionopt.solver.first_mesh import COARSE_DEGREE, LINEAR
 from actionopt.solver.first_paths import (
     REPRESENTED,
     FirstPaths,
@@ -42,27 +43,27 @@ from actionopt.solver.first_paths import (
     straight,
     stretched,
 )
-from actionopt.solver.iterate import SAFETY, UNKNOWN_GAIN, Iterate, measured
-from actionopt.solver.ladder import COARSE_DEGREE, NEAR
+from actionopt.solver.iterate import ROUNDED, SAFETY, UNKNOWN_GAIN, Iterate, measured
+from actionopt.solver.ladder import NEAR
 from actionopt.solver.preflight import check
 from actionopt.solver.refine import refine
 from actionopt.solver.signals import SIGNALS, status_of
 from actionopt.solver.verdict import message_of, solution_of
-from actionopt.solver.workspace import VERDICT_MESH, Workspace, alike
+from actionopt.solver.workspace import Workspace, alike
 from actionopt.tools.types import Array
 from actionopt.tools.watch import OutOfTime
 
 STOPS = "an end free in place and time is where a motion of the energy comes to rest"
 # Ad hoc.
 APPROACHES = 40  # damped steps of Newton's method
-ON_START = 1e-9  # of a coordinate's size, how far from that it may begin: the tolerance if larger
 # Along a family on a coarse mesh, singular values of Newton's matrix, of which others are of order
-# one; the step to it from where on a path is held along it; and how far one moves that is no rest.
-SINGULAR, NEAR_FAMILY, MOVING = 1e-3, 1e-3, 1e-6
+# one, and the step to it from where on a path is held along it; and how far, in its size, a path
+# moves at least that does not rest.
+SINGULAR, AT_REST = 1e-3, 1e-6
 UNREACHED = 1e6  # damping of steps to a family, in squares of the residual, that leads nowhere
-ROUGH = 1e-2  # what the first mesh of a family leaves out of a guess
+ROUGH = 1e-2  # what the first mesh of a family leaves out of a guess, and how far it tells a place
 FULL = 300  # unknowns of a path whose matrix is looked at as a whole in a family
-NEAR_START, NEAR_GUESS = 1e-2, 0.1  # as far as a first mesh tells, or a guess
+NEAR_GUESS = 0.1  # how far a guess tells a place
 # Force on a closed path: measured, 1e-14 on motions, 1e-5 at most on first meshes of them, and 1 or
 # more on spurious paths, such as one that has shrunk to a rest, whose refinement would not end.
 PUSHED, HELD = 1e-8, 1.0
@@ -89,7 +90,7 @@ class UnfixedPath(Iterate):
     @property
     def moves(self) -> bool:
         """Whether it is no rest."""
-        return bool(np.ptp(self.Q, axis=0).max() > MOVING * np.abs(self.Q).max())
+        return bool(np.ptp(self.Q, axis=0).max() > AT_REST * np.abs(self.Q).max())
 
 
 @dataclass(eq=False)
@@ -126,17 +127,10 @@ class Unfixed(Workspace):
     def here(self, there: UnfixedPath) -> None:
         self.iterate = there
 
-    def transcribe(
-        self,
-        mesh: Mesh,
-        path: Path | None,
-        lam: Array | None = None,
-        *,
-        like: Path | None = None,
-    ) -> None:
-        """Transcribe on `mesh`, starting from `path` there."""
+    def _at(self, mesh: Mesh, path: Path | None, lam: Array | None, like: Path | None) -> Iterate:
+        """Return the iterate on `mesh`, starting from `path` there."""
         assert path is not None
-        self.here = self._around(path.on(mesh), lam)
+        return self._around(path.on(mesh), lam)
 
     def _around(self, path: Path, lam: Array | None, problem: Problem | None = None) -> UnfixedPath:
         """Return a path on its own mesh, with the equations whose phases are set near it."""
@@ -157,7 +151,7 @@ class Unfixed(Workspace):
         """Transcribe along the straight line where there is no path at hand: for a verdict."""
         if self.iterate is None:
             problem = over(self.problem, 1.0)
-            mesh = Mesh.uniform(problem.start.t, problem.end.t, *VERDICT_MESH)
+            mesh = Mesh.uniform(problem.start.t, problem.end.t, LINEAR, COARSE_DEGREE)
             self.transcribe(mesh, Path(mesh, line(problem, mesh)))
 
     def _bounded(self, mesh: Mesh) -> Mesh:
@@ -221,7 +215,7 @@ class Unfixed(Workspace):
         # Newton does not contract on a family of closed paths: the iterate must show that.
         if not (self.follow() or (damped and self.approach(APPROACHES))):
             return False
-        return problem is self.problem or not self.problem.start.pinned or self._begun(NEAR_START)
+        return problem is self.problem or not self.problem.start.pinned or self._begun(ROUGH)
 
     def _begun_near(self, path: Path) -> bool:
         """Go to the closed path near a rough one that begins where that passes what is given."""
@@ -264,7 +258,7 @@ class Unfixed(Workspace):
             return True
         wanted = np.array([self.problem.start.q[i] for i in pinned], dtype=float)
         off = np.abs(here.Q[0, pinned] - wanted) / here.tr.lengths[pinned]
-        return bool(off.max() <= ON_START)
+        return bool(off.max() <= ROUNDED)
 
     def _followed_again(self, path: Path, lam: Array | None) -> bool:
         """Follow the path at hand, begun elsewhere or its phase set anew; False if it is lost."""
@@ -327,7 +321,7 @@ class Unfixed(Workspace):
                 right = np.pad(right, ((0, 0), (0, beside)))
                 across, rank = left.T @ residual, int((values > SINGULAR).sum())
                 step = right[:rank].T @ (across[:rank] / values[:rank])
-                if rank < count and bordered.measured(step) < NEAR_FAMILY:
+                if rank < count and bordered.measured(step) < SINGULAR:
                     here = here.moved(y)
                     moved = [here.tr.coordinates(y + d) - here.Q for d in right[rank:]]
                     self.along = tuple(Path(here.mesh, d.T) for d in moved)
@@ -373,7 +367,7 @@ class Unfixed(Workspace):
         status = self._refined()
         if not status.success or self._is_begun():
             return status
-        near = max(self.tol, ON_START)
+        near = max(self.tol, ROUNDED)
         return self._refined() if self._begun(near) else Status.NOT_FOUND
 
     def verdict(self) -> Status:

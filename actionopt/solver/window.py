@@ -30,7 +30,9 @@ from actionopt.mechanics.events import Event, Phase, Tail
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.rest import Rest, rest
 from actionopt.solver.descent import descend
-from actionopt.solver.iterate import sizes
+from actionopt.solver.durations import HALVED
+from actionopt.solver.first_mesh import COARSE_DEGREE
+from actionopt.solver.iterate import ROUNDED, sizes
 from actionopt.tools.checks import COARSEST, numbers
 from actionopt.tools.types import Array
 from actionopt.tools.watch import Watch
@@ -44,13 +46,12 @@ WINDOW_GROWTH = 3.0  # times as long the next window may be
 # power of their number; and e-foldings on each of them, with degrees as the ladder has them.
 GRADING, FOLDS_EACH = 1.7, 4.0
 ASIDE = (0.1, -0.1, 0.3, -0.3)  # of its size, how far a saddle is left along its lowest mode
-DOWN_ELEMENTS, DOWN_DEGREE = 24, 6  # of the mesh on which a guess is left
+DOWN_ELEMENTS = 24  # of the mesh on which a guess is left
 FARTHEST = 100.0  # times the first window, in which a guess is looked at
 CORE_SIZE = 0.1  # of how far a guess is from rest, beyond which something happens
 CUT = 0.25  # of its shortest element, where a mesh is cut
 GUESS_SAMPLES = 512  # of a guess, where its phase is sought
 SAME_ENERGY = 1e-8  # of what moving between two equilibria takes
-SAME_PLACE = 1e-9  # of the coordinates' size, within which two equilibria are one
 
 
 @dataclass(frozen=True)
@@ -159,7 +160,7 @@ def _is_straight(whole: Problem, curve: Callable[[Array], Any], t0: float, t1: f
     t = np.linspace(t0, t1, GUESS_SAMPLES)
     values = curve(t)
     line = start[:, None] + (t - t0) / (t1 - t0) * (end - start)[:, None]
-    size = SAME_PLACE * np.abs(line).max()
+    size = ROUNDED * np.abs(line).max()
     return bool(np.abs(values - line).max() <= size)
 
 
@@ -244,7 +245,8 @@ def down(window: Window, watch: Watch | None) -> Path | None:
     """Return a least path that the action leads down to from the guess, or from the line."""
     problem = window.problem
     mesh = bounded(
-        Mesh.uniform(problem.start.t, problem.end.t, DOWN_ELEMENTS, DOWN_DEGREE), problem.boundaries
+        Mesh.uniform(problem.start.t, problem.end.t, DOWN_ELEMENTS, COARSE_DEGREE),
+        problem.boundaries,
     )
     tr = Transcription(problem, mesh, problem.lengths)
     tr.watch = watch
@@ -304,7 +306,7 @@ def centred(solution: Solution) -> Solution:
     eta = solution.path(t) - after.q[:, None]
     k = int(np.argmax(np.einsum("nk,nm,mk->k", eta, metric, eta)))
     low, high = t[max(k - 1, 0)], t[min(k + 1, t.size - 1)]
-    for _ in range(60):  # bisection
+    for _ in range(HALVED):  # bisection
         middle = (low + high) / 2
         low, high = (middle, high) if rate(np.array([middle]))[0] > 0 else (low, middle)
     by = -(low + high) / 2
@@ -391,7 +393,7 @@ def _carried(curve: Callable[[Array], Array], own: Mesh, problem: Problem) -> Pa
     inner = (b > t0 + shortest) & (b < t1 - shortest)
     inside = b[inner]
     if not inside.size:
-        return Path.interpolate(curve, Mesh.uniform(t0, t1, DOWN_ELEMENTS, DOWN_DEGREE))
+        return Path.interpolate(curve, Mesh.uniform(t0, t1, DOWN_ELEMENTS, COARSE_DEGREE))
     longest = own.lengths.max()
     before = np.linspace(t0, inside[0], 1 + max(1, int(np.ceil((inside[0] - t0) / longest))))
     after = np.linspace(inside[-1], t1, 1 + max(1, int(np.ceil((t1 - inside[-1]) / longest))))
@@ -456,7 +458,7 @@ def _place(event: Event) -> Array:
 def _same(a: Array, b: Array) -> bool:
     """Whether two equilibria are one."""
     size = max(np.abs(a).max(), np.abs(b).max())
-    return bool(np.abs(a - b).max() <= SAME_PLACE * size)
+    return bool(np.abs(a - b).max() <= ROUNDED * size)
 
 
 def between(problem: Problem) -> Problem | None:

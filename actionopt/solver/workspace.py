@@ -23,8 +23,9 @@ from actionopt.discrete.shifted import shifted
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.descent import descend
+from actionopt.solver.first_mesh import COARSE_DEGREE, LINEAR
 from actionopt.solver.homotopy import newton_homotopy
-from actionopt.solver.ipopt import Principle, find
+from actionopt.solver.ipopt import IPOPT_SIZE, Principle, find
 from actionopt.solver.iterate import (
     DRIFT_SAFETY,
     ORDINARY,
@@ -50,7 +51,6 @@ from actionopt.tools.watch import Watch
 FEW_COORDINATES = 3  # up to which descending costs next to nothing; flat
 UNITS_RATIO = 4.0  # of coordinates' sizes, within which the units of action are kept
 DENSE_MOTION = 400  # coordinates and constraints up to which the equations are solved as they are
-LARGE_SIZE = 1500  # unknowns above which Ipopt takes too long over a square system
 DESCENTS = 3  # one after the other
 QUICK_STEPS = 12  # damped, before something else is tried; flat
 # Of the coefficients a mesh leaves out, what Newton's method may leave there. Flat, and up to ten
@@ -62,7 +62,6 @@ EXPECTED = 2.0  # times what is missed, to first order, that a path may move whe
 # kink of a fiftieth of the path, which is not solved in either case.
 ROUGHLY = 2e-2
 MEASURABLE = 1e-12  # coefficients below this are too near to rounding to measure a gain
-VERDICT_MESH = 4, 6  # elements and degree of a path of which only a verdict is said; ad hoc
 UNLIKELY = 100.0  # ratio of global to local error that has another reason as a rule; flat
 
 
@@ -143,7 +142,7 @@ class Workspace:
     @property
     def large(self) -> bool:
         """Whether the problem on the mesh at hand is too large for what takes long."""
-        return self.here.equations.layout.size > LARGE_SIZE
+        return self.here.equations.layout.size > IPOPT_SIZE
 
     @property
     def sparse(self) -> bool:
@@ -207,6 +206,10 @@ class Workspace:
         Sizes are those of the path `like`, or as the events tell. Multipliers (K, m) that are not
         given are those that the motion along the path would need.
         """
+        self.here = self._at(mesh, path, lam, like)
+
+    def _at(self, mesh: Mesh, path: Path | None, lam: Array | None, like: Path | None) -> Iterate:
+        """Return the iterate of `transcribe`."""
         with self.record.clock("assemble"):
             system, mesh = self.problem.system, self._bounded(mesh)
             size, lengths = measured(self.problem, None if like is None else like.values.T)
@@ -224,12 +227,12 @@ class Workspace:
                 self.checked = True
             if system.m and lam is None and system.n + system.m <= DENSE_MOTION:
                 lam = self._motion_multipliers(mesh, Q)
-            self.here = Iterate(tr, tr.pack(Q, lam), size, lengths, self.gain)
+            return Iterate(tr, tr.pack(Q, lam), size, lengths, self.gain)
 
     def ensure_iterate(self) -> None:
         """Transcribe along the straight line where no way of searching applied: for a verdict."""
         if self.iterate is None:
-            mesh = Mesh.uniform(self.problem.start.t, self.problem.end.t, *VERDICT_MESH)
+            mesh = Mesh.uniform(self.problem.start.t, self.problem.end.t, LINEAR, COARSE_DEGREE)
             self.transcribe(mesh, None)
 
     def continue_from(self, neighbour: DiscretePath) -> bool:

@@ -50,10 +50,29 @@ def page(families: dict) -> str:
                 for c in FAMILIES[name].criteria(families[name][1])
             ],
         ),
+        "",
+        "What found the paths that are called solved, as far as it was kept:",
+        "",
+        *table(["found by", "paths", "families"], _rungs(families)),
     ]
     for name in known:
         lines += ["", *_section(name, *families[name])]
     return "\n".join(lines)
+
+
+def _rungs(families: dict) -> list[list[str]]:
+    """Return how many paths each rung or start found, and in which families."""
+    found: dict[str, Counter] = {}
+    for name, (_, rows) in families.items():
+        for r in rows:
+            rungs = r.get("rungs") or ({r["rung"]: 1} if r.get("rung") and r["success"] else {})
+            for rung, count in rungs.items():
+                found.setdefault(rung, Counter())[name] += count
+    ordered = sorted(found.items(), key=lambda item: -item[1].total())
+    return [
+        [rung, str(c.total()), ", ".join(name for name, _ in c.most_common())]
+        for rung, c in ordered
+    ]
 
 
 def _section(name: str, about: str, rows: list[dict]) -> list[str]:
@@ -96,7 +115,7 @@ def _solvers(rows: list[dict]):
         longest = {"time": max(r.get("longest", r["time"]) for r in timed)} if timed else {}
         how: Counter = Counter()
         for r in own:
-            how.update(r.get("endings") or {r.get("rung", r["status"][:SENTENCE]): 1})
+            how.update(r.get("endings") or {r["status"][:SENTENCE]: 1})
         endings = ", ".join(f"{k} {n}" for k, n in how.most_common(4))
         count = sum(r.get("count", 1) for r in own)
         solved = sum(r.get("solved", bool(r.get("success"))) for r in own)
