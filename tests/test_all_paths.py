@@ -1,6 +1,7 @@
 """All the paths against independent searches: Lambert's problem, dense shooting, closed forms."""
 
 from dataclasses import replace
+from itertools import islice, product
 
 import numpy as np
 import pytest
@@ -245,3 +246,20 @@ def test_every_passage_of_an_oscillator_through_a_point():
     found = solve_all(problem, windings=4)
     times = 6 / np.pi * np.sort([s.duration for s in found])  # in twelfths of a turn
     assert times[:9] == pytest.approx([1, 5, 7, 11, 13, 17, 19, 23, 25])
+
+
+def test_turns_come_in_order_of_their_sum_however_many_there_are():
+    every = sorted(product(range(-2, 3), repeat=3), key=lambda k: sum(map(abs, k)))
+    assert list(searches.whole_turns(3, 2)) == every
+    first = list(islice(searches.whole_turns(30, 1), 61))
+    assert first[0] == (0,) * 30 and {sum(map(abs, k)) for k in first[1:]} == {1}
+
+
+def test_paths_of_some_turns_left_out_are_not_said_to_be_all(monkeypatch):
+    rotor = systems.particle("a")
+    problem = ao.Problem(rotor, ao.Event(0.0, [0.0]), ao.Event(1.0, [0.3]))
+    every = ao.solve_all(problem, angles=["a"])
+    assert len(every) == 3 and every.complete
+    monkeypatch.setattr(searches, "MOST_CLASSES", 2)
+    some = ao.solve_all(problem, angles=["a"])
+    assert len(some) == 2 and not some.complete

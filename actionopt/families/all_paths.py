@@ -176,7 +176,8 @@ def solve_all(
         periodic in; an azimuth that they do not contain looks like any other coordinate and
         must be named.
     windings : int
-        Most additional turns of each angle, either way; of a closed path, in its advance.
+        Most additional turns of each angle, either way; of a closed path, in its advance. Of more
+        than 1000 combinations, as one turn of 7 angles has, the 1000 of fewest turns are tried.
     starts : int
         Curves, in each class of windings, from which least and deflated solves start.
     shots : int
@@ -293,7 +294,7 @@ def _check_clock(problem: Problem) -> None:
 def _by_action(run: Answers) -> Paths:
     """Return what was found, by increasing action."""
     ordered = sorted(run.found, key=lambda item: item[0].action)
-    names = run.problem.system.coordinates
+    names, all_turns = run.problem.system.coordinates, (2 * run.windings + 1) ** len(run.turning)
     return Paths(
         tuple(s for s, _, _ in ordered),
         tuple(k for _, k, _ in ordered),
@@ -301,7 +302,7 @@ def _by_action(run: Answers) -> Paths:
         tuple(names[i] for i in run.turning),
         dict(run.tried),
         run.rejected,
-        run.linear and len(run.found) == len(run.classes) and not run.interrupted,
+        run.linear and len(run.found) == all_turns and not run.interrupted,
         run.interrupted,
         tuple(sorted((s for s, _ in run.families), key=lambda s: s.action)),
         len(run.kinked),

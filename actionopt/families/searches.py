@@ -12,7 +12,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import product
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -57,7 +57,26 @@ CONTINUATION_STEPS = 160
 SHOT_BATCHES, FRUITLESS_BATCHES = 20, 4  # most, and how many in a row that find nothing end them
 CLOSED_BATCHES = 3  # most for closed paths: there may be larger and larger ones without end
 CLOSED_REACH = 4.0  # largest motions tried for closed paths, in the size of those that are known
+# Classes of turns in which paths are sought, those of fewest turns: w turns of n angles have
+# (2 w + 1)^n, more than can be counted from n = 30 on. Ad hoc: all for w = 1 up to n = 6.
+MOST_CLASSES = 1000
 LATEST_FOLD, EARLIEST_FOLD = 2.0, 0.2  # end times, relative to the duration
+
+
+def whole_turns(count: int, most: int) -> Iterator[tuple[int, ...]]:
+    """Yield all numbers of turns of `count` angles, each `most` at most, in order of their sum."""
+    for total in range(most * count + 1):
+        yield from _turns(count, most, total)
+
+
+def _turns(count: int, most: int, total: int) -> Iterator[tuple[int, ...]]:
+    """Yield those whose absolute values add up to `total`."""
+    if not count:
+        yield ()
+        return
+    for k in range(-min(most, total), min(most, total) + 1):
+        if total - abs(k) <= most * (count - 1):
+            yield from ((k, *others) for others in _turns(count - 1, most, total - abs(k)))
 
 
 @dataclass(eq=False)
@@ -118,9 +137,8 @@ class Answers:
         self.choices = Choices(self.tol, "auto", LADDER, None, None)
         if problem.free_time or problem.on_surface:
             self.choices = Choices(self.tol, "auto", NEAR, None, None)
-        turns = range(-self.windings, self.windings + 1)
         self.classes: list[Winding] = []
-        for k in sorted(product(turns, repeat=len(self.turning)), key=lambda k: np.abs(k).sum()):
+        for k in islice(whole_turns(len(self.turning), self.windings), MOST_CLASSES):
             by = np.zeros(problem.system.n)
             by[list(self.turning)] = 2 * np.pi * np.array(k)
             mine = problem.replace(end=problem.end.shifted(by)) if any(k) else problem
