@@ -106,6 +106,15 @@ def test_just_above_a_barrier(name, above):
     assert abs(found.duration / T - 1) < min(found.error, 1e-14 / above)
 
 
+@pytest.mark.slow
+def test_a_path_that_is_not_reached_is_not_called_one_of_a_family():
+    """Near the top of a barrier Newton's method arrives nowhere, and its matrix tells nothing."""
+    wells = ao.System(TOPS["wells"][0], ["x"])
+    start, end = ao.Event(0.0, [-1.3]), ao.Event(None, [0.9])
+    found = ao.solve(ao.Problem(wells, start, end, energy=1 + 1e-10), throw=False)
+    assert found.status is not ao.Status.DEGENERATE
+
+
 def test_an_energy_below_the_potential_at_an_end_is_no_search():
     bowl = ao.System(lambda q, v, t: v @ v / 2 - q @ q / 2 + q[0] * v[1], ["x", "y"])
     problem = ao.Problem(bowl, ao.Event(0.0, [0.1, 0.0]), ao.Event(None, [1.0, 1.0]), energy=0.9)

@@ -80,9 +80,12 @@ def _told(ws: Workspace, found: Inertia, error: float) -> str:
     where = "that begin there"
     if not problem.start.pinned:
         where, count = "besides where each begins", count - 1
+    known = f"stationary, and resolved to {error:.2g}"
+    if not np.isfinite(error):
+        known = "near them, and was lost when it was refined"
     return (
         f"closed paths near this one {where} are a family of dimension {count}, of one action; "
-        f"the one returned is stationary, and resolved to {error:.2g}"
+        f"the one returned is {known}"
     )
 
 

@@ -189,9 +189,11 @@ def _failed(ws: Workspace) -> Status:
     """Say why a path cannot be refined: it is not determined, or it was none.
 
     It is not determined where round-off is amplified since the action hardly bends in a direction.
-    Otherwise the forces are rounded coarsely, as near a pole in time.
+    Otherwise the forces are rounded coarsely, as near a pole in time. Of a path at which Newton's
+    method has not been its matrix tells nothing, unless the equations are linear.
     """
-    if not ws.here.noise > ILL_CONDITIONED:
+    known = ws.linear or np.isfinite(ws.here.error)
+    if not (known and ws.here.noise > ILL_CONDITIONED):
         return Status.UNRESOLVED
     try:
         bends = ws.here.with_probed(ws.many).growth < BENDING
