@@ -23,7 +23,7 @@ from actionopt.families.marks import Mark
 from actionopt.families.runs import Runs
 from actionopt.families.sweep import sweep
 from actionopt.families.trace import trace
-from actionopt.mechanics.events import Event, Periodic, State
+from actionopt.mechanics.events import Bounce, Event, Periodic, State
 from actionopt.mechanics.obstacle import Arc
 from actionopt.mechanics.pfaffian import integrate_pfaffian
 from actionopt.mechanics.problem import Problem
@@ -33,6 +33,7 @@ from actionopt.solver.solve import solve
 
 __all__ = [
     "Arc",
+    "Bounce",
     "Comparison",
     "ConjugatePoint",
     "Conserved",

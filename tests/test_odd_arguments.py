@@ -146,6 +146,7 @@ def calls(folder):
 
 # Methods that the rooms call on each other's objects, and users do not.
 INTERNAL = {
+    *("Problem.found_at", "System.assembled", "System.lagrangian_of"),
     *("Mesh.cut", "Mesh.over", "Path.carried_on", "Periodic.after", "Problem.closed_from"),
     *("Problem.found", "Runs.begin", "Runs.put", "Runs.read", "System.arguments"),
     *("System.check_free", "System.dynamics", "System.forget", "System.memoize"),

@@ -55,7 +55,15 @@ def objects():
     over = ao.solve(ao.Problem(disc, ao.Event(0.0, [-2.0, 0.1]), ao.Event(1.0, [2.0, 0.1])))
     shapes = plot.motion_data(solved, lambda q, t: [scenes.body((q[0], 0.0))], 30)
     return [
-        *(CHAIN, CHAIN.system, CHAIN.start, ao.Periodic(1.0, row), ao.State(0.0, row, row), path),
+        *(
+            CHAIN,
+            CHAIN.system,
+            CHAIN.start,
+            ao.Periodic(1.0, row),
+            ao.Bounce(len),
+            ao.State(0.0, row, row),
+            path,
+        ),
         *(path.mesh, solved, solved.compare(), solved.inertia, solved.status, variation),
         ao.Sensitivity(row, row, 1.0, 1.0, {"m": row}, *(np.outer(row, row),) * 3),
         ao.SecondVariation(row, variation.modes * 50, variation.inertia, row),

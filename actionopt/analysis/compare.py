@@ -10,6 +10,7 @@ through a collision, neither contradicts a solution nor confirms it.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -255,6 +256,43 @@ def compare(solution: Claim, *, tol: float = 1e-12) -> Comparison:
     if unknown and not found.agrees and not local > allowed and found._is_explained:
         return replace(found, reason=unknown + UNTOLD)
     return found
+
+
+def join(legs: Sequence[Comparison]) -> Comparison:
+    """Return the comparison of a path through events: of each leg from its own start, the worst."""
+    numbers = {
+        name: float(np.max([getattr(leg, name) for leg in legs]))
+        for name in (
+            *("position", "velocity", "arrival", "local", "energy_drift"),
+            *("reference_error", "allowed", "amplified"),
+        )
+    }
+    paths = [leg.path for leg in legs if leg.path is not None]
+    reason = next((leg.reason for leg in legs if leg.reason), "")
+    return Comparison(**numbers, path=_join_paths(paths), reason=reason)
+
+
+def _join_paths(paths: Sequence[Path]) -> Path | None:
+    """Return motions that follow one another in one path, up to where the first one ends early."""
+    if not paths:
+        return None
+    kept = [paths[0]]
+    for path in paths[1:]:
+        if path.mesh.boundaries[0] != kept[-1].mesh.boundaries[-1]:
+            break
+        kept.append(path)
+    boundaries = np.concatenate(
+        [kept[0].mesh.boundaries, *(p.mesh.boundaries[1:] for p in kept[1:])]
+    )
+    degrees = np.concatenate([p.mesh.degrees for p in kept])
+    values = [kept[0].values, *(p.values[:, 1:] for p in kept[1:])]
+    rates = [
+        p.velocities if k == 0 else p.velocities[:, 1:]
+        for k, p in enumerate(kept)
+        if p.velocities is not None
+    ]
+    velocities = np.concatenate(rates, axis=1) if len(rates) == len(kept) else None
+    return Path(Mesh(boundaries, degrees), np.concatenate(values, axis=1), velocities=velocities)
 
 
 def _units(q: Array, v: Array, rows: Array, span: float) -> FlowUnits:

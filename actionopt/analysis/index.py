@@ -21,9 +21,16 @@ from typing import Literal
 import numpy as np
 
 from actionopt.analysis.jacobi import improve, resolve
-from actionopt.analysis.second_variation import BorderTerm, Form, check_legendre, condense
+from actionopt.analysis.second_variation import (
+    BorderTerm,
+    Form,
+    check_legendre,
+    condense,
+    form,
+    second_derivatives,
+)
 from actionopt.discrete.bordered import Bordered
-from actionopt.discrete.borders import Rows, moves_of
+from actionopt.discrete.borders import Rows, moves_of, times_of
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import Factors
 from actionopt.mechanics.held import Held
@@ -163,6 +170,43 @@ def inertia_asked(at: DiscretePath, error: float) -> Inertia:
         left = _signs(there, found.tolerance, _duration(form, bordered))
         return replace(found, nullity=left.nullity, moves=0)
     return replace(found, nullity=found.nullity - min(held, moves), moves=max(moves - held, 0))
+
+
+def inertia_through(at: DiscretePath, error: float) -> Inertia:
+    """Return the index and nullity of a path through events, of all its legs together.
+
+    Places and times that were to be found are varied with the path: index = negative eigenvalues of
+    the second derivative of W in everything unknown - multipliers (Haynsworth; J. Nocedal and S. J.
+    Wright, *Numerical Optimization* (2nd ed. 2006), theorem 16.3), on the mesh of the path. Raises
+    ValueError as `inertia` does.
+    """
+    problem, tr = at.problem, at.tr
+    if problem.system.structure.forced:
+        form(at)  # raises
+    mass = second_derivatives(problem, tr.place(at.x).at, tr.place(at.x).v, tr.times)[2]
+    if not (np.linalg.eigvalsh(mass).min(axis=1) > 0).all():
+        raise ValueError(
+            "expected a Lagrangian that is convex in the velocities (Legendre's strengthened "
+            "condition), found one that is not along the path: infinitely many variations lower "
+            "the action, and no index counts them"
+        )
+    asked, layout, z, kinetic = problem.asked or problem, tr.layout, at.z, tr.kinetic(at.z)
+    matrix, multipliers = None, 0
+    if asked.is_joined:
+        path, times = at.path, times_of(problem)
+        equations, z = Bordered.around(asked, path, None, tr.lengths, times=times)
+        layout, matrix = equations.layout, equations.kkt(z)
+        kinetic = equations.kinetic(z)
+        multipliers = sum(border.multipliers for border in equations.borders)
+    else:
+        matrix = tr.kkt(z)
+    tolerance = float(np.clip(ERROR_GAIN * np.fmin(error, 1.0), INDEX_TOLERANCE, LOOSEST))
+
+    def below(mu: float) -> int:
+        return Factors(layout, matrix - mu * kinetic).negative() - layout.rows - multipliers
+
+    index = below(-tolerance)
+    return Inertia(index, below(tolerance) - index, None, tolerance)
 
 
 def _held_at_start(form: Form, pinned: tuple[int, ...]) -> Form:

@@ -17,6 +17,7 @@ from actionopt.analysis.solution import Solution, question
 from actionopt.discrete.bordered import Bordered
 from actionopt.discrete.borders import moves_of
 from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.mechanics.course import check_whole
 from actionopt.mechanics.problem import Event, Problem
 from actionopt.tools.blas import one_thread
 from actionopt.tools.types import Array
@@ -118,6 +119,7 @@ def monodromy(solution: Solution) -> Monodromy:
     Meyer, Hall and Offin, *Introduction to Hamiltonian Dynamical Systems* (2009), chapters 2 and 8.
     """
     problem = question(solution)
+    check_whole(problem, "the motion of neighbours")
     system = problem.system
     if system.m:
         raise ValueError(

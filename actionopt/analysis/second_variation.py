@@ -31,6 +31,7 @@ from actionopt.discrete.discrete_path import DiscretePath, dependent
 from actionopt.discrete.surfaces import reactions, surface_at
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.compiled import Pointwise
+from actionopt.mechanics.course import check_whole
 from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
@@ -142,6 +143,7 @@ def form(at: DiscretePath, units: Array | None = None, *, phase: bool = True) ->
     """
     tr, Q, problem, layout = at.tr, at.Q, at.problem, at.tr.layout
     system = problem.system
+    check_whole(problem, "the second variation")
     if isinstance(problem, Held):
         raise ValueError(
             "expected a path that touches no obstacle, found one that does: its second variation "
@@ -180,7 +182,7 @@ def form(at: DiscretePath, units: Array | None = None, *, phase: bool = True) ->
     sides = []
     for k, event in enumerate((problem.start, problem.end)):
         asked = problem.surfaces[k]
-        normals = None if asked is None else surface_at(at, k)[1] * units
+        normals = None if asked is None else surface_at(at, -k)[1] * units
         basis[-k], count = _pinned_first(basis[-k], (asked or event).pinned, normals)
         sides.append(count)
     if layout.closed:
@@ -513,7 +515,7 @@ def _bend(at: DiscretePath, k: int) -> Array:
     How the surface bends away from its tangent plane changes the action to second order, too.
     """
     problem, q, t = at.problem, at.Q[-k], at.mesh.boundaries[[-k]]
-    event, (mu, nu) = problem.surfaces[k], reactions(at, k)
+    event, (mu, nu) = problem.surfaces[k], reactions(at, -k)
     assert event is not None
     found = event.on.curvature(q, t[0], problem.packed, mu)
     if nu.size:

@@ -118,8 +118,8 @@ def slopes(at: DiscretePath, momenta: tuple[Array, Array]) -> dict[str, Array]:
     q0, q1 = -momenta[0], momenta[1].copy()
     for k, row in enumerate((q0, q1)):
         if problem.surfaces[k] is not None:  # S + mu.on is what is stationary
-            mu, _ = reactions(at, k)
-            _, by_q, by_t, by_p = surface_at(at, k)
+            mu, _ = reactions(at, -k)
+            _, by_q, by_t, by_p = surface_at(at, -k)
             row += mu @ by_q
             t0, t1 = (t0, t1 + float(mu @ by_t)) if k else (t0 + float(mu @ by_t), t1)
             packed = packed + mu @ by_p
@@ -150,7 +150,7 @@ def _second(form: Form) -> tuple[Array, Array, Array]:
         basis = (form.units[:, None] * form.basis[-k])[:, :count]
         directions = basis[pinned]
         if asked is not None:
-            directions = np.concatenate([directions, surface_at(form.at, k)[1] @ basis])
+            directions = np.concatenate([directions, surface_at(form.at, -k)[1] @ basis])
         to_directions = np.zeros((hessian.shape[0], n))
         inverse = np.linalg.pinv(directions)
         to_directions[first : first + count, pinned] = inverse[:, : len(pinned)]

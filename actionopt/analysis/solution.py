@@ -7,25 +7,28 @@ from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from actionopt.analysis.compare import Comparison, compare
-from actionopt.analysis.index import Inertia, inertia, inertia_asked
+from actionopt.analysis.compare import Comparison, compare, join
+from actionopt.analysis.index import Inertia, inertia, inertia_asked, inertia_through
 from actionopt.analysis.saved import save
 from actionopt.analysis.sensitivity import Sensitivity, sensitivity
 from actionopt.analysis.status import Status
 from actionopt.discrete.action import Units
 from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.end_times import by_joint_times
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
 from actionopt.discrete.resolution import resolution
 from actionopt.discrete.surfaces import reactions
 from actionopt.discrete.transcription import Transcription
-from actionopt.mechanics.events import State, Tail
+from actionopt.mechanics.course import check_whole
+from actionopt.mechanics.events import Event, State, Tail
 from actionopt.mechanics.held import Held, arcs_of
 from actionopt.mechanics.obstacle import Arc
 from actionopt.mechanics.problem import NEGLIGIBLE, Problem
@@ -167,13 +170,64 @@ class Solution:
         The momenta are p0 = mu on_q and p1 = -mu on_q, in the coordinates that are free there.
         """
         at, surfaces = self.discrete, self.problem.surfaces
-        mu = [np.zeros(0) if e is None else reactions(at, k)[0] for k, e in enumerate(surfaces)]
+        mu = [np.zeros(0) if e is None else reactions(at, -k)[0] for k, e in enumerate(surfaces)]
         return _read_only(mu[0], mu[1])
 
     @property
     def success(self) -> bool:
         """Whether the path can be used as it is."""
         return self.status.success
+
+    @cached_property
+    def legs(self) -> tuple[Path, ...]:
+        """The parts of the path between the events that it passes, k + 1 of them."""
+        mesh, tr = self.mesh, self.discrete.tr
+        at = np.searchsorted(mesh.offsets, tr.joints)
+        degrees = np.array(mesh.degrees)
+        found = []
+        for a, b in pairwise(at.tolist()):
+            part = Mesh(mesh.boundaries[a : b + 1], degrees[a:b])
+            nodes = slice(mesh.offsets[a], mesh.offsets[b] + 1)
+            found.append(Path(part, self.path.values[:, nodes]))
+        return tuple(found)
+
+    @cached_property
+    def parts(self) -> tuple[Solution, ...]:
+        """The legs as answers of their own, each between the two events as they were found."""
+        problem, mesh, tr = self.problem, self.mesh, self.discrete.tr
+        if not problem.through:
+            return (self.between_times,)
+        nodes, found = tr.joints.tolist(), []
+        systems = problem.laws or (problem.system,) * len(self.legs)
+        for system, leg, (a, b) in zip(systems, self.legs, pairwise(nodes), strict=True):
+            ends = [
+                Event(t, q) for t, q in zip(mesh.nodes[[a, b]], leg.values.T[[0, -1]], strict=True)
+            ]
+            given = {k: x for k, x in problem.parameters.items() if k in system.table.shapes}
+            part = Problem(system, *ends, parameters=given)
+            known = DiscretePath.of(part, leg)
+            found.append(
+                replace(
+                    self,
+                    problem=part,
+                    path=leg,
+                    action=known.action,
+                    lam=self.lam[:, a : b + 1],
+                    ends=None,
+                    known=None,
+                )
+            )
+        return tuple(found)
+
+    @cached_property
+    def impulses(self) -> Array:
+        """The jumps of the momentum at the events between the ends, after minus before: (k, n)."""
+        return -self.discrete.tr.pulls(self.discrete.z)[1:-1]
+
+    @cached_property
+    def energy_jumps(self) -> Array:
+        """The jumps of the energy H there, after minus before: (k,), dS by the events' times."""
+        return by_joint_times(self.discrete)[1:-1]
 
     @property
     def duration(self) -> float:
@@ -305,6 +359,8 @@ class Solution:
         Of a path whose duration was to be found it is that of S + E T, the duration varying;
         `between_times` has the other.
         """
+        if self.problem.through:
+            return inertia_through(self.discrete, self.error)
         if self.problem.asked is not None or self.problem.closes:
             return inertia_asked(self.discrete, self.error)
         return inertia(self.discrete, self.error)
@@ -413,10 +469,12 @@ class Solution:
 
     def sensitivity(self) -> Sensitivity:
         """Return the derivatives of the action by the events and the parameters."""
+        check_whole(self.problem, "how the action changes with its ends")
         return sensitivity(self.discrete, self.error, self.momenta)
 
     def save(self, file: str | FilePath) -> None:
         """Write the numbers to an .npz file, whole or not at all; `actionopt.load` reads it."""
+        check_whole(self.problem, "what is kept in a file")
         save(
             file,
             self.problem,
@@ -433,6 +491,8 @@ class Solution:
 
     @cached_property
     def _comparison(self) -> Comparison:
+        if self.problem.through:
+            return join([part.compare() for part in self.parts])
         if self.problem.system.r and self.contacts:
             raise ValueError(
                 "expected a path that touches no obstacle, found contact from t = "

@@ -27,7 +27,7 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from actionopt.discrete.boundaries import sides
+from actionopt.discrete.boundaries import find_boundaries, sides
 from actionopt.discrete.layout import layout_for
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.nodal import Term, level, terms
@@ -94,9 +94,9 @@ class Action:
         self.problem, self.mesh, self.lengths = problem, mesh, lengths
         self.nodal = terms(problem, mesh) if problem.has_tails else ()
         nodal = tuple(term.node for term in self.nodal)
-        if problem.on_surface:
-            ends = (0, problem.start), (int(mesh.offsets[-1]), problem.end)
-            nodal = tuple(node for node, event in ends if event.on is not None)
+        if problem.on_surface or problem.through:
+            at = zip(self.joints.tolist(), problem.joints_found, strict=True)
+            nodal = tuple(node for node, event in at if event.on is not None)
         self.layout = layout_for(problem, mesh, nodal)
         self.counts: Counter[str] = Counter()
         self.watch: Callable[[int], None] | None = None  # called with each second derivative
@@ -140,9 +140,16 @@ class Action:
     def _ends(self) -> Array:
         """Return the coordinates that are given, (K, n), and zeros."""
         ends = np.zeros((self.layout.node_count, self.problem.system.n))
-        for k, event in ((0, self.problem.start), (-1, self.problem.end)):
+        for k, event in zip(self.joints, self.problem.joints_found, strict=True):
             ends[k] = [0.0 if x is None else x for x in event.q]
         return ends
+
+    @cached_property
+    def joints(self) -> NDInt:
+        """Nodes at the events of the problem, (k + 2,)."""
+        through = self.problem.through
+        inner = find_boundaries(self.mesh, np.array([e.t for e in through])) if through else []
+        return self.mesh.offsets[[0, *inner, -1]]
 
     @property
     def units(self) -> Units:
@@ -232,7 +239,9 @@ class Action:
     # -- vectors -----------------------------------------------------------------------------
 
     def straight(self) -> Array:
-        """Return the straight line between the events, (K, n); a free end keeps the other's."""
+        """Return straight lines between the events, (K, n); a free end keeps the other's."""
+        if self.problem.through:
+            return self._straight_through()
         pairs = zip(self.problem.start.near, self.problem.end.near, strict=True)
         known = [(b if a is None else a, a if b is None else b) for a, b in pairs]
         start, end = np.array([[x or 0.0 for x in pair] for pair in known]).T
@@ -240,6 +249,16 @@ class Action:
             end = self.problem.closed_from(start)
         s = self.mesh.nodes_since / self.mesh.duration
         return start + s[:, None] * (end - start)
+
+    def _straight_through(self) -> Array:
+        """Return the straight lines through what is given of each coordinate, (K, n)."""
+        near = [e.near for e in self.problem.joints_found]
+        Q, t = np.zeros((self.layout.node_count, self.problem.system.n)), self.mesh.nodes_since
+        for i, row in enumerate(zip(*near, strict=True)):
+            given = [k for k, x in zip(self.joints, row, strict=True) if x is not None]
+            if given:
+                Q[:, i] = np.interp(t, t[given], [x for x in row if x is not None])
+        return Q
 
     def pack(self, Q: Array, lam: Array | None = None) -> Array:
         """Return z for node coordinates Q (K, n) and multipliers lam (K, m) (zero if None)."""

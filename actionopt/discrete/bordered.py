@@ -22,17 +22,20 @@ from itertools import pairwise
 import numpy as np
 
 from actionopt.discrete.borders import (
+    Bend,
     Border,
     Duration,
     Gradient,
     Move,
     PhaseCondition,
     Rows,
+    Times,
     over,
+    times_of,
 )
-from actionopt.discrete.boundaries import moved
+from actionopt.discrete.boundaries import moved, stretch_legs
 from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.end_times import by_times
+from actionopt.discrete.end_times import by_joint_times, by_times
 from actionopt.discrete.factors import Factors
 from actionopt.discrete.layout import BorderedLayout
 from actionopt.discrete.path import Path
@@ -83,18 +86,27 @@ class Bordered:
         moves: Sequence[Move] = (),
         along: Sequence[Array] = (),
         like: Transcription | None = None,
+        times: Array | None = None,
     ) -> tuple[Bordered, Array]:
         """Return the equations on the mesh of a path, with a phase near it, and their unknowns.
 
         `along`, (n, K) each, are the directions in which it may be moved where there are more than
         along itself and by the `moves`; the units of action and of constraints are those of `like`,
-        if that is given.
+        if that is given. `times` (k + 2,) are those of the events of a course, at the path.
         """
-        problem = over(asked.loose, path.mesh.duration)
+        if asked.is_joined:
+            assert times is not None
+            problem = asked.found_at(times)
+        else:
+            problem = over(asked.loose, path.mesh.duration)
         tr = Transcription(problem, path.mesh, lengths, like=like)
         at = DiscretePath(tr, tr.pack(path.values.T, lam))
-        borders: list[Border] = [*Rows.of(at)] if asked.on_surface else []
-        if asked.free_time:
+        borders: list[Border] = [*Rows.of(at)] if asked.on_surface or asked.through else []
+        if times is not None:
+            given = times_of(asked)
+            if not np.isfinite(given).all():
+                borders.append(Times(given, np.diff(times), asked.energy or 0.0))
+        elif asked.free_time:
             borders.append(Duration(asked, tr.mesh.duration))
         if asked.closes:
             borders.append(PhaseCondition.near(asked, at, moves, along))
@@ -153,9 +165,27 @@ class Bordered:
         found = (b.duration(y[part]) for b, part in pairs if isinstance(b, Duration))
         return next(found, self.unit)
 
+    @property
+    def timed(self) -> tuple[Times, slice] | None:
+        """The border of the events' times, and where its unknowns are; None if there is none."""
+        pairs = zip(self.borders, self.parts, strict=True)
+        return next(((b, part) for b, part in pairs if isinstance(b, Times)), None)
+
     def at(self, y: Array) -> Transcription:
-        """Return the discrete action over the duration that belongs to y."""
-        return self._over(self.duration(y))
+        """Return the discrete action over the times that belong to y."""
+        if self.timed is None:
+            return self._over(self.duration(y))
+        border, part = self.timed
+        return self._at_times(border.times(y[part]))
+
+    def _at_times(self, times: Array) -> Transcription:
+        last, first = self._last, self.first
+        if last is None or (times != times_of(last.problem)).any():
+            problem = self.asked.found_at(times)
+            mesh = stretch_legs(first.mesh, times_of(first.problem), times)
+            self._last = last = Transcription(problem, mesh, first.lengths, like=first)
+            last.counts, last.watch = first.counts, first.watch
+        return last
 
     def _over(self, duration: float) -> Transcription:
         if self._last is None or duration != self._last.mesh.duration:
@@ -199,29 +229,65 @@ class Bordered:
 
     def _equations(self, at: DiscretePath, y: Array) -> Array:
         """Return the residual of unknowns y over the duration of a path `at` of theirs, (size,)."""
-        times = np.zeros(2) if self.late is None else np.array(by_times(at)) / at.tr.action_unit
-        gradient = Gradient(at.tr.residual(at.z).copy(), times)
+        gradient = self._gradient(at)
         pairs = zip(self.borders, self.parts, strict=True)
         own = [border.residual(at, y[part], gradient) for border, part in pairs]
         return np.concatenate([gradient.path, *own])
+
+    def _gradient(self, at: DiscretePath) -> Gradient:
+        """Return the derivatives of the action, by the times only if they are unknown."""
+        if self.timed is not None:
+            times = by_joint_times(at) / at.tr.action_unit
+        elif self.late is not None:
+            times = np.array(by_times(at)) / at.tr.action_unit
+        else:
+            times = np.zeros(len(at.tr.joints))
+        return Gradient(at.tr.residual(at.z).copy(), times)
 
     def kkt(self, y: Array) -> Array:
         """Return the nonzeros of the derivative of `residual`, as the layout says."""
         return self.layout.joined(*self._derivatives(y))
 
+    def kinetic(self, y: Array) -> Array:
+        """Return the kinetic part of the path's matrix, stored as `kkt` is; of times that of rates.
+
+        A time has that of the path which is run through faster, int v.L_vv v dt.
+        """
+        at, size = self.discrete(y), self.first.layout.size
+        b = self.layout.border
+        D = np.zeros((b, b))
+        if self.timed is not None:
+            second, point = at.problem.system.pointwise("second"), at.tr.place(at.x)
+            mass = second.product(2, at.tr.second(at.x)[2], point.v, symmetric=True)
+            part = self.timed[1]
+            own = np.arange(part.start - size, part.stop - size)
+            D[own, own] = float(np.sum(at.tr.weight * point.v * mass)) / at.tr.action_unit
+        edge = np.zeros((size, b))
+        return self.layout.joined(at.tr.kinetic(at.z), edge, edge.T, D)
+
     def _derivatives(self, y: Array) -> tuple[Array, Array, Array, Array]:
         """Return the nonzeros of K, the columns B and rows C beside it, and the corner D."""
         at, size, late = self.discrete(y), self.first.layout.size, self.late
-        clocked = self._clocked
-        if late is not None and not clocked:  # they are asked for twice
+        clocked, timed = self._clocked, self.timed
+        if timed is not None or (late is not None and not clocked):  # they are asked for twice
             at.tr.place(at.x).second = [x.copy() for x in at.tr.second(at.x)]
         K, added = at.tr.kkt(at.z), self.layout.border
         B, C, D = np.zeros((size, added)), np.zeros((added, size)), np.zeros((added, added))
+        events = len(at.tr.joints)
+        bend = Bend(K)
+        if timed is not None:
+            bend.path, bend.times = np.zeros((size, events)), np.zeros((events, events))
+        of_times = np.zeros((added, events))
         for border, part in zip(self.borders, self.parts, strict=True):
             if clocked and isinstance(border, Duration):
                 continue
             own = slice(part.start - size, part.stop - size)
-            B[:, own], C[own], D[own, own] = border.derivative(at, y[part], K)
+            edges = border.derivative(at, y[part], bend)
+            B[:, own], C[own], D[own, own] = edges[:3]
+            if edges.times is not None:
+                of_times[own] = edges.times
+        if timed is not None:
+            self._by_times(at, y, bend, of_times, (B, C, D))
         if late is not None and clocked:
             by_time, k = self._by_duration(at, y), late - size
             B[:, k] = C[k] = by_time[:size]
@@ -230,6 +296,22 @@ class Bordered:
             )  # the conditions of a phase are no terms of W
             D[k, symmetric] = D[symmetric, k] = by_time[size : self.forces.start]
         return K, B, C, D
+
+    def _by_times(
+        self, at: DiscretePath, y: Array, bend: Bend, of_times: Array, edges: tuple[Array, ...]
+    ) -> None:
+        """Make of derivatives by times those by the unknowns of `Times`."""
+        assert self.timed is not None and bend.path is not None
+        (border, part), size, (B, C, D) = self.timed, len(bend.path), edges
+        own, gradient = slice(part.start - size, part.stop - size), self._gradient(at)
+        for other, where in zip(self.borders, self.parts, strict=True):
+            other.residual(at, y[where], gradient)
+        dt = border.jacobian(y[part])
+        B[:, own] = bend.path @ dt
+        C[own] = B[:, own].T
+        D[:, own] = of_times @ dt
+        D[own] = D[:, own].T
+        D[own, own] = dt.T @ bend.times @ dt + border.twice(y[part], border.slopes(at, gradient))
 
     def _by_duration(self, at: DiscretePath, y: Array) -> Array:
         """Return the derivative of `residual` by log T, (size,), by differences."""
@@ -263,6 +345,8 @@ class Bordered:
     def measured(self, step: Array) -> float:
         """Return the largest change of a coordinate by a step, as a function of time."""
         found = self.first.measured(step)
+        if self.timed is not None:
+            return max(found, self.reach * float(np.abs(step[self.timed[1]]).max()))
         if self.late is None:
             return found
         return max(found, self.reach * abs(float(step[self.late])))

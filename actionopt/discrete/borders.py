@@ -10,19 +10,23 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.end_times import by_stretch
-from actionopt.discrete.surfaces import reactions, surface_at
+from actionopt.discrete.end_times import by_joint_times_twice, by_stretch
+from actionopt.discrete.surfaces import event_at, reactions, surface_at
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.symmetry import find_symmetries
 from actionopt.tools.types import Array, NDInt
 
 OFF = 20.0  # |log T| against the first duration that is reckoned with; ad hoc
+# The same of a leg beside others, whose times have to be told apart: exp(-24) is 4e-11. Ad hoc.
+FAR_OFF = 12.0
 # Of the coordinates' sizes: directions in which a path moves less than this against its others
 # are none of their own, as time along a path at rest, or a turn of one that turns anyway. Ad hoc.
 DISTINCT = 1e-4
@@ -38,7 +42,7 @@ class Gradient:
     ----------
     path : (size,) array
         By the unknowns of the path: the residual of its equations.
-    times : (2,) array
+    times : (k + 2,) array
         By the times of the events, at fixed coordinates at the nodes.
     """
 
@@ -46,26 +50,48 @@ class Gradient:
     times: Array
 
 
+@dataclass(eq=False)
+class Bend:
+    """The second derivatives of W by the path and by the times, which borders add their own to.
+
+    Attributes
+    ----------
+    K : array
+        The nonzeros of the path's own matrix.
+    path : (size, k + 2) array or None
+        Of the residual of the path's equations by the times of the events, if they are unknown.
+    times : (k + 2, k + 2) array
+        By the times twice.
+    """
+
+    K: Array
+    path: Array | None = None
+    times: Array = field(default_factory=lambda: np.zeros((0, 0)))
+
+
 class Edges(NamedTuple):
     """A border's parts of the matrix: columns (size, b), rows (b, size) and a corner (b, b).
 
     `columns` are the derivatives of the path's equations by its unknowns beta, `rows` those of its
     own equations by the path's unknowns, `corner` those by beta. A term of W has rows = columns'.
+    `times` (b, k + 2), if there are any, are those of its own equations by the times of the events.
     """
 
     columns: Array
     rows: Array
     corner: Array
+    times: Array | None = None
 
 
 class Border(Protocol):
     """A few unknowns beta (b,) beside the path, and b equations: by default dW/dbeta = 0.
 
-    `Bordered` holds a tuple of borders, in the order of their unknowns behind those of the path. It
-    adds nothing of its own but the derivatives by a duration where laws contain the time: those are
-    differences of all equations together, so that no border has to know of another one. A border
-    whose terms contain times adds their derivatives to `Gradient.times`; one that replaces an
-    equation (tangency for [H] = 0, an arclength) returns its own in place of dW/dbeta.
+    `Bordered` holds a tuple of borders, in the order of their unknowns behind those of the path. No
+    border knows of another one: one whose terms contain times of events adds their derivatives to
+    `Gradient.times` and `Bend`, as if each time were a variable of its own, and `Bordered` makes of
+    them derivatives by the unknowns of `Times`. (Of a `Duration` where laws contain the time it
+    takes differences of all equations together.) A border that replaces an equation (tangency for
+    [H] = 0, an arclength) returns its own in place of dW/dbeta.
     With each multiplier among them the matrix has one negative eigenvalue more than W has
     directions in which it falls: index = negative eigenvalues - multipliers.
     """
@@ -91,8 +117,8 @@ class Border(Protocol):
         """
         ...
 
-    def derivative(self, at: DiscretePath, beta: Array, K: Array) -> Edges:
-        """Return its parts of the matrix, at fixed times of others; add to the nonzeros K."""
+    def derivative(self, at: DiscretePath, beta: Array, bend: Bend) -> Edges:
+        """Return its parts of the matrix, at fixed times; add second derivatives to `bend`."""
         ...
 
 
@@ -112,6 +138,11 @@ def times(problem: Problem, duration: float) -> tuple[float, float]:
     if t0 is None:
         t0 = 0.0 if t1 is None else t1 - duration
     return t0, t0 + duration if t1 is None else t1
+
+
+def times_of(problem: Problem) -> Array:
+    """Return the times of a problem's events, (k + 2,); NaN where one is to be found."""
+    return np.array([np.nan if e.t is None else e.t for e in problem.joints_found])
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,12 +182,157 @@ class Duration:
     def _energy(self, at: DiscretePath) -> float:
         return self.problem.energy / at.tr.action_unit  # type: ignore[operator]
 
-    def derivative(self, at: DiscretePath, beta: Array, K: Array) -> Edges:
+    def derivative(self, at: DiscretePath, beta: Array, bend: Bend) -> Edges:
         """Return the derivatives by log T, of a system without a clock."""
         layout = at.tr.layout
         column = np.zeros((layout.size, 1))
         column[: layout.unknowns, 0], own = by_stretch(at)
         return Edges(column, column.T, np.array([[own + self._energy(at) * at.mesh.duration]]))
+
+
+# -- the times of several events ------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Times:
+    """The times of the events of a course: [H] = 0 at each that is free, H = E at an end.
+
+    Unknowns are the logarithms of the legs' durations in units of `first`, so that times cannot
+    cross. Between two times that are given the durations share what there is,
+
+        h_j = T exp(beta_j) first_j / sum exp(beta) first,
+
+    and the last of these legs has no unknown of its own.
+
+    Attributes
+    ----------
+    given : (k + 2,) array
+        The times that are given; NaN for the others.
+    first : (k + 1,) array
+    energy : float
+        E.
+    """
+
+    given: Array
+    first: Array
+    energy: float
+    multipliers = 0
+
+    @cached_property
+    def runs(self) -> list[tuple[slice, float | None]]:
+        """The legs between events of given times, and what time they share; None if they do not.
+
+        Only runs of which something is unknown.
+        """
+        fixed = np.flatnonzero(np.isfinite(self.given)).tolist()
+        if not fixed:  # the first time may be chosen
+            return [(slice(0, self.first.size), None)]
+        found: list[tuple[slice, float | None]] = []
+        if fixed[0]:
+            found.append((slice(0, fixed[0]), None))
+        for a, b in pairwise(fixed):
+            if b > a + 1:
+                found.append((slice(a, b), float(self.given[b] - self.given[a])))
+        if fixed[-1] < self.first.size:
+            found.append((slice(fixed[-1], self.first.size), None))
+        return found
+
+    @property
+    def size(self) -> int:
+        """The number of unknown durations."""
+        return sum(run.stop - run.start - (T is not None) for run, T in self.runs)
+
+    def begin(self, at: DiscretePath) -> Array:
+        """Return those of the path at hand, (b,)."""
+        times = at.mesh.nodes_since[at.tr.joints]
+        ratio, found = np.log(np.diff(times) / self.first), []
+        for run, T in self.runs:
+            part = ratio[run]
+            found.append(part if T is None else part[:-1] - part[-1])
+        return np.concatenate(found)
+
+    def times(self, beta: Array) -> Array:
+        """Return the times of the events, (k + 2,)."""
+        return self._times(beta)[0]
+
+    def _times(self, beta: Array) -> tuple[Array, list[tuple[slice, slice, Array, bool]]]:
+        """Return the times; and each run's legs, unknowns, durations, and if these are shared."""
+        h = np.array(self.first)
+        known = np.diff(self.given)
+        h[np.isfinite(known)] = known[np.isfinite(known)]
+        parts, place = [], 0
+        for run, T in self.runs:
+            count = run.stop - run.start - (T is not None)
+            own = np.clip(beta[place : place + count], -FAR_OFF, FAR_OFF)
+            part = self.first[run] * np.exp(own if T is None else np.append(own, 0.0))
+            h[run] = part if T is None else part * (T / part.sum())
+            parts.append((run, slice(place, place + count), h[run], T is not None))
+            place += count
+        times = np.array(self.given)
+        fixed = np.flatnonzero(np.isfinite(times))
+        if not fixed.size:
+            times[0], fixed = 0.0, np.array([0])
+        for k in range(int(fixed[0]) - 1, -1, -1):
+            times[k] = times[k + 1] - h[k]
+        for k in range(int(fixed[0]) + 1, times.size):
+            if not np.isfinite(times[k]):
+                times[k] = times[k - 1] + h[k - 1]
+        return times, parts
+
+    def residual(self, at: DiscretePath, beta: Array, gradient: Gradient) -> Array:
+        """Return d(W + E T)/dbeta, (b,)."""
+        return self.jacobian(beta).T @ self.slopes(at, gradient)
+
+    def slopes(self, at: DiscretePath, gradient: Gradient) -> Array:
+        """Return d(W + E T)/dt, (k + 2,)."""
+        found = gradient.times.copy()
+        found[[0, -1]] += np.array([-1.0, 1.0]) * self.energy / at.tr.action_unit
+        return found
+
+    def jacobian(self, beta: Array) -> Array:
+        """Return dt/dbeta, (k + 2, b)."""
+        by_h = np.zeros((self.first.size, beta.size))
+        for run, own, h, shared in self._times(beta)[1]:
+            part = np.diag(h)
+            if shared:
+                part = (part - np.outer(h, h) / h.sum())[:, :-1]
+            by_h[run, own] = part
+        return self._summed(by_h)
+
+    def _summed(self, by_h: Array) -> Array:
+        """Return the change of the times (k + 2, ...) that belongs to that of the durations."""
+        found = np.concatenate([np.zeros((1, *by_h.shape[1:])), np.cumsum(by_h, axis=0)])
+        fixed = np.flatnonzero(np.isfinite(self.given))
+        return found - found[fixed[0]] if fixed.size else found
+
+    def twice(self, beta: Array, slopes: Array) -> Array:
+        """Return sum slopes d2t/dbeta2, (b, b), for slopes (k + 2,)."""
+        by_h = np.zeros(self.first.size)  # by the durations
+        fixed = np.flatnonzero(np.isfinite(self.given))
+        start = int(fixed[0]) if fixed.size else 0
+        by_h[:] = np.cumsum(slopes[:0:-1])[::-1]
+        by_h[:start] -= slopes.sum()
+        found = np.zeros((beta.size, beta.size))
+        for run, own, h, shared in self._times(beta)[1]:
+            g = by_h[run]
+            if not shared:
+                found[own, own] = np.diag(g * h)
+                continue
+            T, mean = h.sum(), float(g @ h / h.sum())
+            part = np.diag(h * (g - mean))
+            part -= (np.outer(h * (g - mean), h) + np.outer(h, h * (g - mean))) / T
+            found[own, own] = part[:-1, :-1]
+        return found
+
+    def derivative(self, at: DiscretePath, beta: Array, bend: Bend) -> Edges:
+        """Add the derivatives by the times; `Bordered` makes those by beta of them."""
+        assert bend.path is not None
+        path, times = by_joint_times_twice(at)
+        bend.path[: len(path)] += path
+        bend.times += times / at.tr.action_unit
+        b = self.size
+        empty = np.zeros((at.tr.layout.size, b))
+        return Edges(empty, empty.T, np.zeros((b, b)))
 
 
 # -- rows of a surface ----------------------------------------------------------------------------
@@ -172,8 +348,8 @@ class Rows:
 
     Attributes
     ----------
-    end : int
-        0 at the start, 1 at the end.
+    event : int
+        Its number, the start being 0.
     free : (k,) array of int
         Coordinates that the event does not give.
     places : (k,) array of int
@@ -182,7 +358,7 @@ class Rows:
         Of the rows: what they change by as the coordinates change by their lengths.
     """
 
-    end: int
+    event: int
     free: NDInt
     places: NDInt
     units: Array
@@ -199,44 +375,52 @@ class Rows:
 
     @classmethod
     def of(cls, at: DiscretePath) -> list[Rows]:
-        """Return those of the ends of a path that lie on surfaces, and are free to move."""
+        """Return those of the events of a path that lie on surfaces, and are free to move."""
         found = []
-        for k, event in enumerate(at.problem.surfaces):
-            if event is not None:
+        for k, event in enumerate(at.problem.joints):
+            if event.on is not None:
                 free = np.array([i for i, x in enumerate(event.q) if x is None])
                 by_q = surface_at(at, k)[1]
                 sizes = np.abs(by_q[:, free] * at.tr.lengths[free]).max(axis=1)
                 units = np.where(np.isfinite(sizes) & (sizes > 0), sizes, 1.0)
-                found.append(cls(k, free, at.tr.layout.number[-k, free], units))
+                found.append(cls(k, free, at.tr.layout.number[at.tr.joints[k], free], units))
         return found
 
     def begin(self, at: DiscretePath) -> Array:
         """Return the multipliers that balance the momentum best, (s,)."""
-        return self.units * reactions(at, self.end)[0] / at.tr.action_unit
+        return self.units * reactions(at, self.event)[0] / at.tr.action_unit
 
     def residual(self, at: DiscretePath, beta: Array, gradient: Gradient) -> Array:
         """Return on (s,), in units of the rows."""
-        on, by_q, by_t, _ = surface_at(at, self.end)
+        on, by_q, by_t, _ = surface_at(at, self.event)
         gradient.path[self.places] += beta @ self._scaled(at, by_q)
-        gradient.times[self.end] += float(beta @ (by_t / self.units))
+        gradient.times[self.event] += float(beta @ (by_t / self.units))
         return on / self.units
 
     def _scaled(self, at: DiscretePath, by_q: Array) -> Array:
         """Return the derivatives of the rows by the unknowns, (s, k), of those by q (s, n)."""
         return by_q[:, self.free] * at.tr.lengths[self.free] / self.units[:, None]
 
-    def derivative(self, at: DiscretePath, beta: Array, K: Array) -> Edges:
-        """Return the rows' derivatives; their curvature is added to K."""
-        layout, s = at.tr.layout, self.size
+    def derivative(self, at: DiscretePath, beta: Array, bend: Bend) -> Edges:
+        """Return the rows' derivatives; their curvature is added to the path's."""
+        layout, s, k = at.tr.layout, self.size, self.event
         rows = np.zeros((s, layout.size))
-        rows[:, self.places] = self._scaled(at, surface_at(at, self.end)[1])
-        event, t = at.problem.surfaces[self.end], float(at.mesh.boundaries[-self.end])
-        assert event is not None
-        bent = event.on.curvature(at.Q[-self.end], t, at.problem.packed, beta / self.units)
+        _, by_q, by_t, _ = surface_at(at, k)
+        rows[:, self.places] = self._scaled(at, by_q)
+        event, t = event_at(at, k)
+        q = at.Q[at.tr.joints[k]]
+        bent = event.on.bending(q, t, at.problem.packed, beta / self.units)
         lengths = at.tr.lengths[self.free]
-        bent = bent[np.ix_(self.free, self.free)] * lengths[:, None] * lengths
-        layout.add(K, self.places, bent)
-        return Edges(rows.T, rows, np.zeros((s, s)))
+        curved = bent[np.ix_(self.free, self.free)] * lengths[:, None] * lengths
+        layout.add(bend.K, self.places, curved)
+        edges = Edges(rows.T, rows, np.zeros((s, s)))
+        if bend.path is None:
+            return edges
+        bend.path[self.places, k] += bent[self.free, -1] * lengths
+        bend.times[k, k] += bent[-1, -1]
+        times = np.zeros((s, len(bend.times)))
+        times[:, k] = by_t / self.units
+        return edges._replace(times=times)
 
 
 # -- where a closed path begins -------------------------------------------------------------------
@@ -311,7 +495,7 @@ class PhaseCondition:
         gradient.path += self.B @ beta
         return self.C @ at.z - self.c
 
-    def derivative(self, at: DiscretePath, beta: Array, K: Array) -> Edges:
+    def derivative(self, at: DiscretePath, beta: Array, bend: Bend) -> Edges:
         """Return B and C."""
         return Edges(self.B, self.C, np.zeros((self.size, self.size)))
 

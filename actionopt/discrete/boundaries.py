@@ -6,7 +6,7 @@ import numpy as np
 
 from actionopt.discrete.mesh import Mesh
 from actionopt.mechanics.instants import Instant
-from actionopt.tools.types import EPS, Array
+from actionopt.tools.types import EPS, Array, NDInt
 
 SNAPPED = 0.25  # of an element: a boundary that is nearer to an instant is moved there; ad hoc
 
@@ -42,6 +42,25 @@ def bounded(mesh: Mesh, known: tuple[Instant, ...]) -> Mesh:
     since = np.sort(np.concatenate([b[:1], b[1:-1][inner], new, b[-1:]]))
     middle = (since[:-1] + since[1:]) / 2
     return mesh.cut(since, np.array(mesh.degrees)[np.searchsorted(b, middle) - 1])
+
+
+def find_boundaries(mesh: Mesh, times: Array) -> NDInt:
+    """Return the boundaries (k,) of elements at times (k,). Raises ValueError if there is none."""
+    b, slack = mesh.boundaries, 2 * _slack(mesh)
+    k = np.clip(np.searchsorted(b, times - slack), 0, b.size - 1)
+    off = np.abs(b[k] - times) > slack
+    if off.any():
+        raise ValueError(
+            "expected a mesh whose elements end where the path passes an event, found none that "
+            f"ends at t = {times[np.argmax(off)]:.6g}; put a boundary there"
+        )
+    return k
+
+
+def stretch_legs(mesh: Mesh, old: Array, new: Array) -> Mesh:
+    """Return the mesh with the legs between times `old` (k + 2,) stretched onto those of `new`."""
+    since = np.interp(mesh.since, mesh.since[find_boundaries(mesh, old)], new - new[0])
+    return Mesh.over(float(new[0]), float(new[-1]), since, mesh.degrees)
 
 
 def sides(mesh: Mesh, known: tuple[Instant, ...]) -> tuple[Array, Array]:

@@ -151,6 +151,9 @@ class Balance:
             between = outer[1:, 0] - outer[:-1, 1] - _product(speeds[1:, 0] - speeds[:-1, 1], means)
             if tr.sides is not None:  # where laws switch L may jump: their momentum is continuous
                 between[tr.sides[0][1:] != tr.sides[1][:-1]] = 0.0
+            if problem.through:  # momenta jump there
+                inner = np.searchsorted(tr.mesh.offsets, tr.joints[1:-1])
+                between[inner - 1] = 0.0
             unit = float(np.nansum(most * size + largest * speed))
             at_ends, reach = (speeds, momenta, outer), float(np.nansum(largest * size))
             kinetic = float(np.nansum(largest * size**2 / speed))
@@ -197,6 +200,8 @@ class Balance:
         system, mesh = self.tr.problem.system, self.tr.mesh
         if system.m and system.structure.depends_on_time:
             return 0.0  # constraints that move do work, which is not known
+        if self.tr.problem.through:
+            return 0.0  # the energy may jump at events
         energy = np.empty(mesh.elements)
         with np.errstate(all="ignore"):
             known = [rates[0] for rates in self.samples]

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from actionopt.discrete.blocks import FULL_SIZE, Blocks
+from actionopt.discrete.boundaries import find_boundaries
 from actionopt.discrete.mesh import Mesh
 from actionopt.mechanics.held import Held
 from actionopt.mechanics.problem import Problem
@@ -94,6 +95,8 @@ class Layout(MatrixLayout):
         Nodes whose coordinates are coupled by a term of their own (`nodal`).
     in_force : (K, m) array of bool, optional
         Which constraints are so at each node; all of them if None.
+    inner : tuple of (int, tuple of int)
+        Boundaries between elements at which a path passes events, and the coordinates given there.
 
     Raises
     ------
@@ -110,6 +113,7 @@ class Layout(MatrixLayout):
         closed: tuple[int, ...] = (),
         nodal: tuple[int, ...] = (),
         in_force: NDArray[np.bool_] | None = None,
+        inner: tuple[tuple[int, tuple[int, ...]], ...] = (),
     ) -> None:
         super().__init__()
         self.system, self.closed, self.nodal = system, closed, nodal
@@ -127,6 +131,8 @@ class Layout(MatrixLayout):
         number = np.zeros((self.node_count, n), dtype=np.intp)
         number[0, list(start)] = -1
         number[-1, slice(None) if closed else list(end)] = -1
+        for boundary, pinned in inner:
+            number[shape.offsets[boundary], list(pinned)] = -1
         self.free = (number.ravel() == 0).nonzero()[0]
         self.unknowns = self.free.size
         number.ravel()[self.free] = np.arange(self.unknowns)
@@ -447,8 +453,14 @@ def layout_for(problem: Problem, mesh: Mesh, nodal: tuple[int, ...] = ()) -> Lay
     if isinstance(problem, Held):
         partial = problem.in_force(mesh.boundaries, mesh.offsets)
         key = (*key, b"" if partial is None else partial.tobytes())
+    inner: tuple[tuple[int, tuple[int, ...]], ...] = ()
+    if problem.through:
+        at = find_boundaries(mesh, np.array([e.t for e in problem.through])).tolist()
+        inner = tuple((k, e.pinned) for k, e in zip(at, problem.through, strict=True))
+        key = (*key, inner)
     with problem.system.lock:
-        layout = known.pop(key, None) or Layout(problem.system, mesh, *key[1:5], partial)
+        parts = *ends, problem.order, nodal, partial, inner
+        layout = known.pop(key, None) or Layout(problem.system, mesh, *parts)
         known[key] = layout
         while len(known) > LAYOUTS_KEPT:
             del known[next(iter(known))]

@@ -1,4 +1,4 @@
-"""Where a path begins or ends on a surface, on(q, t) = 0, and what balances its momentum there."""
+"""Where a path meets a surface, on(q, t) = 0, and what balances its momentum there."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ REACHED = 1e-9  # the last step: the next would be its square
 
 
 def surface_at(at: DiscretePath, k: int) -> tuple[Array, Array, Array, Array]:
-    """Return on at the start (k = 0) or the end (1) of a path, and its derivatives: `Surface`."""
-    event, t = _there(at, k)
-    return event.on.at(at.Q[-k], t, at.problem.packed)
+    """Return on at event k of a path, the start being 0, and its derivatives: `Surface`."""
+    event, t = event_at(at, k)
+    return event.on.at(at.Q[at.tr.joints[k]], t, at.problem.packed)
 
 
 def reactions(at: DiscretePath, k: int) -> tuple[Array, Array]:
-    """Return the multipliers mu (s,) of on and nu (m,) of f that balance the momentum at an end.
+    """Return the multipliers mu (s,) of on and nu (m,) of f that balance the momenta at event k.
 
     Those of least squares where the path is not stationary.
     """
     problem, system = at.problem, at.problem.system
-    event, t = _there(at, k)
+    event, t = event_at(at, k)
     free = [i for i, x in enumerate(event.q) if x is None]
     rows = surface_at(at, k)[1]
     if system.m:
-        G = system.constraint_jacobian(at.Q[-k], t, parameters=problem.parameters)
+        q = at.Q[at.tr.joints[k]]
+        G = system.constraint_jacobian(q, t, parameters=problem.parameters)
         rows = np.concatenate([rows, G])
-    p0, p1 = at.tr.momenta(at.z)
-    pull = (p1 if k else -p0)[free] * at.tr.lengths[free]
+    pull = at.tr.pulls(at.z)[k][free] * at.tr.lengths[free]
     normals = (rows[:, free] * at.tr.lengths[free]).T
     if not (np.isfinite(normals).all() and np.isfinite(pull).all()):
         return np.zeros(len(rows) - system.m), np.zeros(system.m)
@@ -42,11 +42,9 @@ def reactions(at: DiscretePath, k: int) -> tuple[Array, Array]:
     return found[: found.size - system.m], found[found.size - system.m :]
 
 
-def _there(at: DiscretePath, k: int) -> tuple[Event, float]:
-    """Return the event that was asked for, and the time there."""
-    event = at.problem.surfaces[k]
-    assert event is not None
-    return event, float(at.mesh.boundaries[-k])
+def event_at(at: DiscretePath, k: int) -> tuple[Event, float]:
+    """Return event k as it was asked for, the start being 0, and the time there."""
+    return at.problem.joints[k], float(at.mesh.nodes[at.tr.joints[k]])
 
 
 def onto(problem: Problem, event: Event, q: Array, t: float, size: Array) -> Array | None:

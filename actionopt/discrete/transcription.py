@@ -116,7 +116,7 @@ class Transcription(Action):
             square = median(diagonal(system, 0, A) / diagonal(system, 2, C), self.weight[:, 0])
         return self.mesh.duration * math.sqrt(square[np.isfinite(square)].max(initial=0.0))
 
-    # -- what follows at the ends ---------------------------------------------------------------
+    # -- what follows at the events ---------------------------------------------------------------
 
     def momenta(self, z: Array) -> tuple[Array, Array]:
         """Return p(t0) = -dS/dq0 and p(t1) = +dS/dq1, each (n,): Hamilton and Jacobi's identities.
@@ -125,3 +125,8 @@ class Transcription(Action):
         """
         gradient = self._first(z[: self.layout.unknowns])[1].reshape(self.layout.node_count, -1)
         return -gradient[0], gradient[-1].copy()
+
+    def pulls(self, z: Array) -> Array:
+        """Return dS/dq at all events, (k + 2, n): between the ends p before them minus p after."""
+        gradient = self._first(z[: self.layout.unknowns])[1].reshape(self.layout.node_count, -1)
+        return gradient[self.joints]

@@ -19,6 +19,7 @@ import numpy as np
 from actionopt.analysis.solution import Solution
 from actionopt.families.centres import guesses
 from actionopt.families.searches import SAME_PATH, Answers
+from actionopt.mechanics.course import check_whole
 from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.system import System
 from actionopt.solver.arguments import asked
@@ -225,13 +226,15 @@ def solve_all(
                 "expected whole numbers >= 0 of windings, starts, shots and continuations, "
                 f"found {count!r}"
             )
+    if not problem.is_joined:
+        check_whole(problem, "the search for all paths between given events")
     if problem.system.r and angles:
         raise ValueError(
             "expected no angles for a system with an obstacle, found some: give events that "
             "differ by the turns"
         )
-    fixed = problem.system.r or problem.on_surface
-    turning = () if problem.system.r else turning
+    fixed = problem.system.r or problem.on_surface or problem.is_joined
+    turning = () if problem.system.r or problem.is_joined else turning
     run = Answers(problem, tol, turning, 0 if fixed else windings, seed, progress)
     with time_limit(seconds):
         try:

@@ -36,6 +36,7 @@ from actionopt.solver.ipopt import find
 from actionopt.solver.ladder import LADDER, NEAR
 from actionopt.solver.on_surface import firsts
 from actionopt.solver.pursue import first
+from actionopt.solver.through import starts as first_legs
 from actionopt.tools.types import Array
 from actionopt.tools.watch import Progress, check_time
 
@@ -55,6 +56,7 @@ VELOCITY_BISECTIONS = 25  # to a guess as good as single precision
 CONTINUATION_TOL = 1e-5  # of paths on the way to another
 CONTINUATION_STEPS = 160
 SHOT_BATCHES, FRUITLESS_BATCHES = 20, 4  # most, and how many in a row that find nothing end them
+FOR_EACH_EVENT = 20  # first paths a start and event; ad hoc
 CLOSED_BATCHES = 3  # most for closed paths: there may be larger and larger ones without end
 CLOSED_REACH = 4.0  # largest motions tried for closed paths, in the size of those that are known
 # Classes of turns in which paths are sought, those of fewest turns: w turns of n angles have
@@ -126,7 +128,8 @@ class Answers:
         problem = self.problem
         self.linear = problem.system.structure.linear
         self.closed = problem.advance is not None
-        self.given = not (problem.free_time or problem.on_surface or problem.system.r)
+        found = problem.free_time or problem.on_surface or problem.is_joined
+        self.given = not (found or problem.system.r)
         self.loose: tuple[int, ...] = ()
         if self.given:
             # One more turn is another path where both events say where it is, or it has to close;
@@ -135,7 +138,7 @@ class Answers:
             self.loose = tuple(i for i in self.turning if i not in known)
             self.turning = tuple(i for i in self.turning if self.closed or i in known)
         self.choices = Choices(self.tol, "auto", LADDER, None, None)
-        if problem.free_time or problem.on_surface:
+        if found:
             self.choices = Choices(self.tol, "auto", NEAR, None, None)
         self.classes: list[Winding] = []
         for k in islice(whole_turns(len(self.turning), self.windings), MOST_CLASSES):
@@ -154,6 +157,8 @@ class Answers:
         """Yield all starts of the question's kind; what they lead to is known when one goes on."""
         if self.problem.system.r:
             yield from self._to_all_sides(starts)
+        elif self.problem.is_joined:
+            yield from self._through_events(starts)
         elif self.problem.on_surface:
             yield from self._on_surfaces(starts)
         elif self.problem.free_time:
@@ -178,6 +183,12 @@ class Answers:
         for i, guess in enumerate(firsts(self.problem, self.tol, None, pairs)):
             self.tell("points on surfaces", i, len(pairs), "points on surfaces")
             yield Start(self.classes[0], guess, "a point on a surface")
+
+    def _through_events(self, starts: int) -> Iterator[Start]:
+        count = FOR_EACH_EVENT * starts * len(self.problem.through)
+        for i, (guess, _) in enumerate(first_legs(self.problem, None, count, self.seed)):
+            self.tell("places at events", i, count, "places at events")
+            yield Start(self.classes[0], guess, "places at events")
 
     def _of_the_energy(self, shots: int) -> Iterator[Start]:
         for c in self.classes:
@@ -468,7 +479,8 @@ class Answers:
             return
         if not (solution.success or solution.status is Status.DEGENERATE):
             return
-        if self.problem.free_time and not is_first(solution, self.windings):
+        timed = self.problem.free_time and not self.problem.is_joined
+        if timed and not is_first(solution, self.windings):
             return
         values = self._samples(solution)
         lengths = c.tr.lengths if self.given else solution.problem.lengths

@@ -28,6 +28,7 @@ from actionopt.families.runs import Runs
 from actionopt.families.task import Answers, Seed, work
 from actionopt.families.vary import Name, present
 from actionopt.families.walk import WALK_STEPS, walk
+from actionopt.mechanics.course import check_whole
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import asked
 from actionopt.solver.solve import moving, solve
@@ -107,6 +108,8 @@ def sweep(
     SolveError
         If all members failed.
     """
+    if isinstance(problem, Problem):
+        check_whole(problem, "a family over a grid of values")
     asked(problem)
     tolerance(tol)
     problem = problem.asked or problem

@@ -27,6 +27,7 @@ from actionopt.discrete.path import Path
 from actionopt.families.branch import INTERRUPTED, Trace
 from actionopt.families.marks import FOLD_SLOPE, STRAIGHT_STEP, Mark, Step, locate
 from actionopt.families.vary import Name, moved, present
+from actionopt.mechanics.course import check_whole
 from actionopt.mechanics.problem import Problem
 from actionopt.solver.arguments import asked
 from actionopt.solver.solve import Guess, solve
@@ -105,6 +106,8 @@ def trace(
     SolveError
         If there is no first path.
     """
+    if isinstance(problem, Problem):
+        check_whole(problem, "a family followed along one quantity")
     asked(problem)
     check_progress(progress)
     family, value = _family(problem.asked or problem, vary, start)

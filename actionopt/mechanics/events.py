@@ -118,16 +118,21 @@ class Event:
         """Indices of the coordinates that are given."""
         return tuple(i for i, x in enumerate(self.q or ()) if x is not None)
 
+    def _replace(self, **changes: Any) -> Event:
+        """Return the same event with another t, q or on."""
+        known = {"t": self.t, "q": self.q, "on": self.on} | changes
+        return Event(known["t"], known["q"], on=known["on"])
+
     def at(self, t: float | None) -> Event:
         """Return the same event at another time."""
-        return Event(t, self.q, on=self.on)
+        return self._replace(t=t)
 
     def shifted(self, by: Sequence[float] | ArrayLike) -> Event:
         """Return the same event with its coordinates farther by `by` (n,); free ones stay so."""
         if self.q is None:
             return self
         pairs = zip(self.q, _shift(by, len(self.q)), strict=True)
-        return Event(self.t, [None if x is None else x + d for x, d in pairs], on=self.on)
+        return self._replace(q=[None if x is None else x + d for x, d in pairs])
 
 
 def _shift(by: Sequence[float] | ArrayLike, n: int | None) -> Array:
@@ -136,6 +141,51 @@ def _shift(by: Sequence[float] | ArrayLike, n: int | None) -> Array:
     if row.ndim != 1 or n not in (None, row.size):
         raise ValueError(f"expected a shift of {n or 'all'} coordinates, found {by!r}")
     return row
+
+
+@dataclass(frozen=True, eq=False)
+class Bounce(Event):
+    """An elastic reflection off the surface on(q, t) = 0, between the ends of a path.
+
+    The path stays where on > 0. Its momentum jumps along the normal of the surface, and H is
+    continuous where the surface does not move.
+
+    Parameters
+    ----------
+    on : callable
+        `on(q, t, *, ...)`, as that of an `Event`; positive where the path is.
+    t : float, optional
+        The time of the reflection; to be found if None.
+    q : sequence of n numbers or None, optional
+        Coordinates that are given; all of them are to be found if None.
+
+    Raises
+    ------
+    ValueError, TypeError
+        As an `Event` does.
+    """
+
+    def __init__(
+        self,
+        on: Callable[..., Any],
+        t: float | None = None,
+        q: Sequence[float | None] | ArrayLike | None = None,
+    ) -> None:
+        if on is None:
+            raise ValueError("expected a callable on(q, t) to bounce off, found None")
+        super().__init__(t, q, on=on)
+
+    def _replace(self, **changes: Any) -> Event:
+        """Return the same reflection with another t, q or on; an event of given place if it is."""
+        known = {"t": self.t, "q": self.q, "on": self.on} | changes
+        if known["on"] is None:
+            return Event(known["t"], known["q"])
+        return Bounce(known["on"], known["t"], known["q"])
+
+    def __repr__(self) -> str:
+        """Show what was given."""
+        q = self.q if self.q is None or len(self.q) <= MOST_SHOWN else brief(self.q)
+        return f"Bounce(on=..., t={self.t}, q={q})"
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from actionopt.mechanics.course import SWITCHES, check_course, take_turns
 from actionopt.mechanics.events import Event, Periodic, Tail
 from actionopt.mechanics.identity import general_points
 from actionopt.mechanics.instants import Instant, instants
@@ -19,7 +20,7 @@ from actionopt.mechanics.surface import with_parameters, with_surface
 from actionopt.mechanics.system import System
 from actionopt.tools.checks import by_name, number
 from actionopt.tools.shown import one_line
-from actionopt.tools.types import Array
+from actionopt.tools.types import EPS, Array
 
 # What the solver measures coordinates in. Ad hoc: a unit need not be right but in its order of
 # magnitude. `NEARBY`, `SHORT_MOTION`, `AMPLITUDES` and `ACCIDENTAL` a third or three times as
@@ -44,8 +45,9 @@ class Problem:
 
     Parameters
     ----------
-    system : System
-        The physics.
+    system : System or sequence of System
+        The physics; of k + 1 systems of the same coordinates each is the law of one leg, between
+        two of the events.
     start, end : Event
         Where the path begins and ends; `start.t < end.t`. The end may be `Periodic`.
     parameters : mapping, optional
@@ -54,6 +56,11 @@ class Problem:
     energy : float, optional
         Where a time is free: S + energy (t1 - t0) is stationary, so that the energy function H is
         `energy` at the events whose times are free. 0 if None.
+    through : sequence of k Event or Bounce, optional
+        What the path passes between its ends, in order. It goes through the coordinates that are
+        given, where its momentum may jump; in those that are free, None, the momentum is
+        continuous, and so is the energy where t is None. `on` is a surface on which the place is
+        found; a `Bounce` is a reflection off one.
 
     Attributes
     ----------
@@ -75,11 +82,16 @@ class Problem:
     end: Event
     parameters: Mapping[str, Any] = field(default=None, kw_only=True)  # type: ignore[assignment]
     energy: float | None = field(default=None, kw_only=True)
+    through: Sequence[Event] = field(default=(), kw_only=True)
+    laws: tuple[System, ...] = field(default=(), init=False, repr=False)  # of legs that differ
     asked: Problem | None = field(default=None, init=False, repr=False)
 
     __repr__ = one_line
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "through", tuple(self.through))
+        if isinstance(self.system, Sequence):
+            self._set_laws(self.system)
         if not isinstance(self.system, System):
             raise ValueError(
                 f"expected a System(lagrangian, coordinates), found {self.system!r}; a Lagrangian "
@@ -87,10 +99,13 @@ class Problem:
             )
         surfaces = getattr(self.start, "on", None), getattr(self.end, "on", None)
         on_surface = surfaces != (None, None)
-        if on_surface:
-            ends = self.start, self.end
-            object.__setattr__(self, "system", with_parameters(self.system, ends, self.parameters))
+        if on_surface or self.through:
+            events = self.start, *self.through, self.end
+            system = with_parameters(self.system, events, self.parameters)
+            object.__setattr__(self, "system", system)
         values = self.system.table.values(self.parameters)
+        if self.laws:
+            values[SWITCHES] = np.array([_time(e) for e in self.through])
         object.__setattr__(self, "parameters", values)
         object.__setattr__(self, "packed", self.system.table.pack(values))
         names = self.system.coordinates
@@ -138,15 +153,48 @@ class Problem:
             self._check_obstacle()
         if isinstance(self.end, Periodic) and self.end.relabel is not None:
             _check_alike(self)
+        if self.through:
+            object.__setattr__(self, "through", check_course(self))
 
     packed: Array = field(init=False, repr=False)
+
+    def _set_laws(self, laws: Sequence[Any]) -> None:
+        """Put one system, whose laws take turns, in the place of one for each leg."""
+        if len(laws) != len(self.through) + 1:
+            raise ValueError(
+                f"expected one system, or one for each of {len(self.through) + 1} legs, found "
+                f"{len(laws)}; legs meet at the events of through="
+            )
+        system = take_turns(laws)
+        if system is not laws[0]:
+            object.__setattr__(self, "laws", tuple(laws))
+        object.__setattr__(self, "system", system)
 
     def __reduce__(self) -> tuple:
         """Ask it anew: what follows from it is made where it is needed."""
         if self.asked is not None:
+            if self.through:
+                q = [e.q for e in self.joints_found]
+                return _found_at, (self.asked, [e.t for e in self.joints_found], q)
             q = np.array([self.start.q, self.end.q]) if self.asked.on_surface else None
             return _found, (self.asked, self.start.t, self.end.t, q)
-        return _asked, (self.system, self.start, self.end, self.parameters, self.energy)
+        known = self.question, self.start, self.end, self.parameters, self.energy, self.through
+        return _asked, known
+
+    @property
+    def question(self) -> System | tuple[System, ...]:
+        """The system, or those of the legs, as they were given."""
+        return self.laws or self.system
+
+    @property
+    def joints_found(self) -> tuple[Event, ...]:
+        """The start, the events between and the end, as far as they have been found."""
+        return (self.start, *self.through, self.end)
+
+    @property
+    def joints(self) -> tuple[Event, ...]:
+        """The same as they were asked for, with their surfaces."""
+        return (self.asked or self).joints_found
 
     def _repr_html_(self) -> str:
         """Show the system's formulas and the events, as a notebook does."""
@@ -193,8 +241,9 @@ class Problem:
         end: Event | None = None,
         parameters: Mapping[str, Any] | None = None,
         energy: float | None = None,
+        through: Sequence[Event] | None = None,
     ) -> Problem:
-        """Return the problem with another start or end, some other parameters or another energy.
+        """Return the problem with other events, some other parameters or another energy.
 
         Times that were free are so again, if no event says otherwise. All else is kept: parameters
         that are not named, coordinates that are free, and an end that is `Periodic`, which follows
@@ -212,12 +261,18 @@ class Problem:
         start, end = old.start if start is None else start, old.end if end is None else end
         free = getattr(start, "t", 0.0) is None or getattr(end, "t", 0.0) is None
         return Problem(
-            self.system,
+            old.question,  # type: ignore[arg-type]
             start,
             end,
-            parameters={**self.parameters, **by_name(parameters, "parameters")},
+            parameters={**self._given, **by_name(parameters, "parameters")},
             energy=old.energy if energy is None and free else energy,
+            through=old.through if through is None else through,
         )
+
+    @property
+    def _given(self) -> dict[str, Any]:
+        """The parameters but for the times at which laws take turns."""
+        return {name: x for name, x in self.parameters.items() if name != SWITCHES}
 
     @property
     def free_time(self) -> bool:
@@ -252,10 +307,40 @@ class Problem:
         object.__setattr__(problem, "energy", self.energy)
         return problem
 
+    def found_at(self, times: Sequence[float] | Array, q: Any = None) -> Problem:
+        """Return the problem with times (k + 2,) at its events, one that was `asked` as this.
+
+        Where these lie on surfaces, at coordinates q (k + 2, n), if given.
+
+        Raises ValueError as a `Problem` does.
+        """
+        events = [e.at(float(t)) for e, t in zip(self.joints_found, times, strict=True)]
+        if q is not None:
+            pairs = zip(events, q, strict=True)
+            events = [e if e.on is None else e._replace(q=row, on=None) for e, row in pairs]
+        start, *through, end = events
+        problem = Problem(
+            self.question,  # type: ignore[arg-type]
+            start,
+            end,
+            parameters=self._given,
+            through=through,
+        )
+        object.__setattr__(problem, "asked", self)
+        object.__setattr__(problem, "energy", self.energy)
+        return problem
+
+    @property
+    def is_joined(self) -> bool:
+        """Whether times or places of events between the ends are to be found, or other ones."""
+        inner = any(e.t is None or e.on is not None for e in self.through)
+        return inner or bool(self.through and (self.free_time or self.on_surface))
+
     @property
     def unfixed(self) -> bool:
         """Whether more than the path is to be found, or was: a duration, where it begins."""
-        return self.asked is not None or self.free_time or self.on_surface or self.closes
+        found = self.asked is not None or self.free_time or self.on_surface or self.closes
+        return found or self.is_joined
 
     @property
     def closes(self) -> bool:
@@ -335,6 +420,11 @@ class Problem:
     @cached_property
     def boundaries(self) -> tuple[Instant, ...]:
         """Where elements end: the `instants`, and where a phase is set."""
+        if self.through:
+            apart = 8 * EPS * max(abs(self.start.t), abs(self.end.t), self.duration)
+            known = np.array([after for _, after in self.instants])
+            more = [(e.t, e.t) for e in self.through if not (abs(known - e.t) <= apart).any()]
+            return tuple(sorted([*self.instants, *more]))
         phase = self.start.phase if isinstance(self.start, Tail) else None
         if phase is None:
             return self.instants
@@ -369,7 +459,7 @@ class Problem:
         A coordinate that is zero or free at both events is given the size of the largest; so is
         one that may be rounding of another, small beside it in whatever they are measured.
         """
-        known = [[abs(x) if x is not None else 0.0 for x in e.near] for e in (self.start, self.end)]
+        known = [[abs(x) if x is not None else 0.0 for x in e.near] for e in self.joints_found]
         size = np.array(known).max(axis=0)
         largest = float(size.max())
         if not largest > 0:
@@ -403,6 +493,8 @@ class Problem:
     def _motion(self) -> tuple[Array, Array | None]:
         """`lengths` and `origin`."""
         scales = self.scales
+        if self.through:
+            return scales, None
         pairs = list(zip(self.start.near, self.end.near, strict=True))
         near = [_close(a, b) for a, b in pairs]
         if not any(near) and (len(near) == 1 or scales.min() >= ACCIDENTAL * scales.max()):
@@ -454,8 +546,20 @@ def _asked(
     end: Event,
     parameters: dict[str, Array],
     energy: float | None,
+    through: tuple[Event, ...] = (),
 ) -> Problem:
-    return Problem(system, start, end, parameters=parameters, energy=energy)
+    given = {name: x for name, x in parameters.items() if name != SWITCHES}
+    return Problem(system, start, end, parameters=given, energy=energy, through=through)
+
+
+def _found_at(asked: Problem, times: list[float], q: list[Any]) -> Problem:
+    return asked.found_at(times, q)
+
+
+def _time(event: Any) -> float:
+    """Return the time of an event; NaN where it is to be found."""
+    t = getattr(event, "t", None)
+    return np.nan if t is None else t
 
 
 def _found(asked: Problem, t0: float, t1: float, q: Array | None) -> Problem:

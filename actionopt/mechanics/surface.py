@@ -86,7 +86,7 @@ class Surface:
     @cached_property
     def _second(self) -> Pointwise:
         symbols, mu = self._symbols, ca.SX.sym("mu", self.count)
-        curvature, _ = ca.hessian(ca.dot(mu, self(*symbols)), symbols[0])
+        curvature, _ = ca.hessian(ca.dot(mu, self(*symbols)), ca.vertcat(*symbols[:2]))
         return Pointwise(ca.Function("on_second", [*symbols, mu], [ca.densify(curvature)]))
 
     def at(self, q: Array, t: float, packed: Array) -> tuple[Array, Array, Array, Array]:
@@ -103,8 +103,12 @@ class Surface:
 
     def curvature(self, q: Array, t: float, packed: Array, mu: Array) -> Array:
         """Return the second derivatives of mu.on by q, (n, n)."""
+        return self.bending(q, t, packed, mu)[:-1, :-1]
+
+    def bending(self, q: Array, t: float, packed: Array, mu: Array) -> Array:
+        """Return the second derivatives of mu.on by q and t, (n + 1, n + 1)."""
         found = self._second(q[None], np.array([[t]]), packed, mu[None])[0]
-        return found[0].reshape(q.size, q.size).copy()
+        return found[0].reshape(q.size + 1, q.size + 1).copy()
 
 
 def with_parameters(
@@ -131,7 +135,7 @@ def with_surface(event: Event, system: System) -> Event:
     """
     on = event.on
     if not isinstance(on, Surface):
-        return Event(event.t, event.q, on=Surface.trace(on, system))
+        return event._replace(on=Surface.trace(on, system))
     if on.shapes != system.table.shapes or on.law.numel_in(0) != system.n:
         raise ValueError(
             "expected the surface of an event of the same system, found one in the parameters "

@@ -7,6 +7,7 @@ Every quantity of Lagrangian mechanics is a short formula in L(q, v, t) and its 
 from __future__ import annotations
 
 import hashlib
+import math
 import pickle
 import threading
 from collections import deque
@@ -14,6 +15,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import cached_property
 from html import escape
+from itertools import pairwise
 from typing import Any, Literal
 from weakref import WeakValueDictionary
 
@@ -352,6 +354,36 @@ class System(Laws):
             return system
 
         return self.memoize(f"with {table.shapes}", build)
+
+    def lagrangian_of(self, q: ca.SX, v: ca.SX, t: ca.SX, packed: ca.SX) -> ca.SX:
+        """Return L of expressions, the parameters packed in one column."""
+        return ca.densify(self._law.call([q, v, t, packed])[0])
+
+    @classmethod
+    def assembled(
+        cls,
+        systems: Sequence[System],
+        law: Callable[..., ca.SX],
+        parameters: Mapping[str, ArrayLike],
+    ) -> System:
+        """Return a system of the same coordinates with L = law(q, v, t, named, last).
+
+        `named` holds the parameters' columns by name but for that of the last one, `last`.
+        """
+        first, table = systems[0], ParameterTable(parameters)
+
+        def build() -> System:
+            symbols, system = _symbols(first.n, table), object.__new__(System)
+            sizes = np.cumsum([0, *(math.prod(shape) for shape in table.shapes.values())])
+            columns = [symbols.p[a:b] for a, b in pairwise(sizes.tolist())]
+            named = dict(zip(table.shapes, columns, strict=True))
+            L = law(symbols.q, symbols.v, symbols.t, named, columns[-1])
+            laws = L, ca.SX(0, 1), ca.SX(*first.Q.shape)
+            system._set(symbols, laws, first.coordinates, table, first.name, first.source)
+            return system
+
+        key = tuple(id(system) for system in systems)
+        return first.memoize(f"in turn {key}", lambda: (build(), systems))[0]
 
     @Once
     def digest(self) -> str:

@@ -29,6 +29,7 @@ from actionopt.solver.iterate import ROUNDED
 from actionopt.solver.ladder import IPOPT
 from actionopt.solver.on_surface import NEAREST_POINTS, firsts, motions, thorough
 from actionopt.solver.revisions import infinite, revised
+from actionopt.solver.through import solve_through
 from actionopt.solver.unfixed import AT_REST, unfixed
 from actionopt.solver.verdict import message_of
 from actionopt.tools.checks import tolerance
@@ -64,6 +65,9 @@ def pursue(problem: Problem, guess: Guess | None, choices: Choices) -> Iterator[
     A path is best where it is least, of those to the nearest points of a surface; from other starts
     one is enough.
     """
+    if (problem.asked or problem).is_joined:
+        yield _through(problem.asked or problem, guess, choices)
+        return
     if not problem.unfixed:
         if problem.is_infinite or problem.has_tails:
             yield from infinite(problem, guess, choices)
@@ -104,6 +108,19 @@ def pursue(problem: Problem, guess: Guess | None, choices: Choices) -> Iterator[
         return
     if last is None:
         yield unfixed(problem, None, choices)
+
+
+def _through(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
+    """Return the path through events whose times or places are to be found, and the verdict."""
+    checked(problem, choices.tol, None, choices.principle, None)
+    if choices.mesh is not None or choices.ladder is IPOPT:
+        raise ValueError(
+            "expected neither a mesh nor method 'ipopt' where times or places of events between "
+            "the ends are to be found: both know given events; leave them out, and give tol"
+        )
+    known = choices.tol, guess, choices.principle, choices.watch
+    solution, hint = solve_through(problem, *known)
+    return solution, message_of(solution, choices.tol, hint)
 
 
 def starts(

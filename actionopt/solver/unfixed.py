@@ -18,7 +18,7 @@ import numpy as np
 from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
 from actionopt.discrete.bordered import Bordered
-from actionopt.discrete.borders import Move, moves_of, over
+from actionopt.discrete.borders import Move, moves_of, over, times_of
 from actionopt.discrete.boundaries import bounded
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.factors import full
@@ -103,6 +103,8 @@ class Unfixed(Workspace):
         The way that led to the path at hand.
     along : tuple of Path
         Directions of the family of closed paths that it is held along, all of them.
+    times : (k + 2,) array or None
+        Those of the events of a course where its first path passes them.
     moves : tuple of Move
         Motions of configuration space that a closed path may be subjected to.
     """
@@ -110,6 +112,7 @@ class Unfixed(Workspace):
     iterate: UnfixedPath | None = None
     found_by: str = "none"
     along: tuple[Path, ...] = ()
+    times: Array | None = None
     moves: tuple[Move, ...] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -136,16 +139,30 @@ class Unfixed(Workspace):
         """Return a path on its own mesh, with the equations whose phases are set near it."""
         problem = problem or self.problem
         with self.record.clock("assemble"):
-            size, lengths = measured(over(problem, path.mesh.duration), path.values.T)
+            size, lengths = measured(self._timed(problem, path), path.values.T)
             like = self.units if self.units is not None and alike(lengths, self.units) else None
             along = [stretched(problem, d).on(path.mesh).values for d in self.along]
-            bordered, y = Bordered.around(problem, path, lam, lengths, self.moves, along, like)
+            bordered, y = Bordered.around(
+                problem, path, lam, lengths, self.moves, along, like, self._times
+            )
             tr = self.units = bordered.first
             self._attach(tr)
             if not self.checked:
                 check(tr, path.values.T)
                 self.checked = True
         return UnfixedPath(tr, y, size, lengths, self.gain, bordered=bordered)
+
+    @property
+    def _times(self) -> Array | None:
+        """The times of a course's events, those of the path at hand if there is one."""
+        if not self.problem.is_joined:
+            return None
+        return self.times if self.iterate is None else times_of(self.iterate.problem)
+
+    def _timed(self, problem: Problem, path: Path) -> Problem:
+        """Return the problem with the times of a path."""
+        times = self._times
+        return over(problem, path.mesh.duration) if times is None else problem.found_at(times)
 
     def ensure_iterate(self) -> None:
         """Transcribe along the straight line where there is no path at hand: for a verdict."""
@@ -156,6 +173,8 @@ class Unfixed(Workspace):
 
     def _bounded(self, mesh: Mesh) -> Mesh:
         """Return the mesh with boundaries where laws switch over its times."""
+        if self.problem.is_joined:
+            return bounded(mesh, self.here.problem.boundaries)
         if self.problem.system.clock is None:
             return mesh
         return bounded(mesh, over(self.problem.loose, mesh.duration).boundaries)
@@ -185,7 +204,8 @@ class Unfixed(Workspace):
 
     def _change(self, first: Iterate, old: Iterate) -> float:
         """Return by how much a path changed, and its duration."""
-        longer = abs(self.here.mesh.duration / old.mesh.duration - 1)
+        durations = [np.diff(times_of(at.problem)) for at in (self.here, old)]
+        longer = float(np.abs(durations[0] / durations[1] - 1).max())
         return super()._change(first, old) + self.here.bordered.reach * longer
 
     def _recover(self, least: bool) -> bool:
@@ -195,6 +215,10 @@ class Unfixed(Workspace):
     def answer(self) -> tuple[Problem, DiscretePath]:
         """Return what was asked, its times and ends found, and the path in the units at hand."""
         here = self.here
+        if self.problem.is_joined:
+            Q = here.Q[here.tr.joints] if here.error < 1 else None
+            problem = self.problem.found_at(times_of(here.problem), Q)
+            return problem, DiscretePath.of(problem, here.path, here.rows)
         problem = over(self.problem, here.mesh.duration)
         if not self.problem.on_surface:
             tr = Transcription(problem, here.mesh, here.tr.lengths, like=here.tr)

@@ -10,6 +10,7 @@ from typing import Any
 
 from actionopt import __version__
 from actionopt.analysis.solution import Solution
+from actionopt.mechanics.course import check_whole
 from actionopt.mechanics.problem import Problem
 from actionopt.plot._names import NO_UNITS, SI, UnitNames
 from actionopt.plot.data.arguments import check_arguments
@@ -86,6 +87,7 @@ def whole(
         draw, guess = draw or question.draw, question.guess if guess is None else guess
         units = SI if units is None else units
     units = NO_UNITS if units is None else units
+    check_whole(problem, "a page that solves")
     check(problem)
     solution = solve(problem, tol=PAGE_TOL, guess=guess)
     what = say("{title}: bend the path, and see its action", title=title)

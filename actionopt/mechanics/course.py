@@ -1,0 +1,195 @@
+"""The course of a path: the events at which its legs meet, and the law of each leg.
+
+A path begins at one event, ends at another one and may pass events between them, the joints of its
+legs. q is continuous there; what else is follows from the action,
+
+    W = sum S_leg(q; t_j, t_j+1) + sum mu_j.on_j(q_j, t_j) + E (t_N - t_0),
+
+stationary in everything unknown: the momentum p jumps in the coordinates that are given and along
+the normal of a surface, and is continuous in the free ones; the energy H is continuous where the
+time is free, up to -mu.on_t (the conditions of Weierstrass and Erdmann; Gelfand and Fomin,
+*Calculus of Variations* (1963), section 15). Reflection and refraction are such joints.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from actionopt.mechanics.events import Bounce, Event, Periodic
+from actionopt.mechanics.surface import with_surface
+from actionopt.mechanics.system import System
+from actionopt.tools.types import Array
+
+SWITCHES = "leg_times"  # the parameter that holds the times at which laws of legs take turns
+
+
+def take_turns(systems: Sequence[Any]) -> System:
+    """Return the system whose law is that of each leg in turn, by the times `SWITCHES`.
+
+    Parameters of one name and one default value are one; of others each leg keeps its own value.
+    Raises ValueError where the systems have not the same coordinates, or more than a Lagrangian.
+    """
+    for system in systems:
+        if not isinstance(system, System):
+            raise ValueError(
+                f"expected a System, or a sequence of them, one for each leg, found {system!r}"
+            )
+        if system.coordinates != systems[0].coordinates:
+            raise ValueError(
+                "expected systems of the same coordinates on all legs, found "
+                f"{', '.join(systems[0].coordinates)} and {', '.join(system.coordinates)}"
+            )
+        if len(set(systems)) > 1 and (system.m or system.r or system.structure.forced):
+            raise ValueError(
+                "expected a Lagrangian alone where the legs have laws of their own, found a "
+                "constraint, an obstacle or a force: these are not known to take turns; use one "
+                "system for all legs"
+            )
+    if len(set(systems)) == 1:
+        return systems[0]
+    shared: dict[str, Array] = {}
+    own: set[str] = set()
+    for system in systems:
+        for name, value in system.table.defaults.items():
+            if name in shared and (
+                shared[name].shape != value.shape or (shared[name] != value).any()
+            ):
+                own.add(name)
+            shared.setdefault(name, value)
+    kept = {name: value for name, value in shared.items() if name not in own}
+
+    def build(q: ca.SX, v: ca.SX, t: ca.SX, named: dict[str, ca.SX], ends: ca.SX) -> ca.SX:
+        def law(system: System) -> ca.SX:
+            values = [
+                named[name] if name in kept else ca.SX(ca.DM(value.reshape(-1)))
+                for name, value in system.table.defaults.items()
+            ]
+            return system.lagrangian_of(q, v, t, ca.vertcat(*values))
+
+        found = law(systems[-1])
+        for k, system in reversed(list(enumerate(systems[:-1]))):
+            found = ca.if_else(t < ends[k], law(system), found)
+        return found
+
+    return System.assembled(systems, build, {**kept, SWITCHES: np.zeros(len(systems) - 1)})
+
+
+def check_course(problem: Any) -> tuple[Event, ...]:
+    """Return the events between the ends, with their surfaces traced.
+
+    Raises ValueError where they do not fit the rest of the question.
+    """
+    system, n = problem.system, problem.system.n
+    found: list[Event] = []
+    for k, event in enumerate(problem.through):
+        if isinstance(event, Periodic) or not isinstance(event, Event):
+            raise ValueError(
+                f"expected Events or Bounces in through, found {event!r} as number {k}"
+            )
+        if event.t is not None and not np.isfinite(event.t):
+            raise ValueError(f"expected finite times in through, found {event.t}")
+        if event.q is None:
+            event = event._replace(q=[None] * n)
+        if len(event.q) != n:
+            raise ValueError(
+                f"expected {n} coordinates ({', '.join(system.coordinates)}) at event {k} of "
+                f"through, found {len(event.q)}"
+            )
+        if event.on is None and event.t is None and not event.pinned:
+            raise ValueError(
+                f"expected a time, a coordinate or a surface at event {k} of through, found "
+                "nothing given: the path would not have to do anything there; leave it out"
+            )
+        if event.on is not None:
+            event = with_surface(event, system)
+            free = n - len(event.pinned)
+            if event.on.count > free:
+                raise ValueError(
+                    f"expected on at event {k} of through to return at most {free} expressions, "
+                    f"one for each free coordinate, found {event.on.count}"
+                )
+        found.append(event)
+    known = [(e.t, i) for i, e in enumerate((problem.start, *found, problem.end))]
+    times = [x for x in known if x[0] is not None]
+    for (a, _), (b, i) in pairwise(times):
+        if not a < b:
+            raise ValueError(
+                f"expected events in the order of their times, found t = {b} after t = {a} as "
+                f"number {i} of all; sort them"
+            )
+    unknown = any(e.t is None or e.on is not None for e in found)
+    _refuse(problem, unknown or problem.free_time or problem.on_surface)
+    return tuple(found)
+
+
+def _refuse(problem: Any, unknown: bool) -> None:
+    """Raise ValueError for what does not go with events between the ends."""
+    system = problem.system
+    if isinstance(problem.end, Periodic):
+        raise ValueError(
+            "expected an Event as the end of a path through events, found a Periodic end: closed "
+            "paths through events are not known; give the end a time and coordinates"
+        )
+    if problem.is_infinite:
+        raise ValueError(
+            "expected finite times of a path through events, found an infinite one; give both ends "
+            "finite times"
+        )
+    if system.r:
+        raise ValueError(
+            "expected no obstacle for a path through events, found one: contact is not known "
+            "together with them; give the surface as on= of an event, or a Bounce"
+        )
+    if unknown and system.structure.forced:
+        raise ValueError(
+            "expected a system without non-conservative forces where times or places of events are "
+            "to be found, found one with: no action is stationary in them; give both"
+        )
+    if unknown and system.m:
+        raise ValueError(
+            "expected a system without constraints where times or places of events between the "
+            "ends are to be found, found one with: where these surfaces cross is not known; use "
+            "coordinates that need no constraint, or give times and coordinates"
+        )
+    if unknown and system.clock is not None and not problem.laws:
+        raise ValueError(
+            "expected a Lagrangian without branches in the time where times or places of events "
+            "are to be found, found one with; give one system for each leg instead"
+        )
+
+
+def check_whole(problem: Any, what: str) -> None:
+    """Raise ValueError for a path through events where `what` is not known of one."""
+    if problem.through:
+        raise ValueError(
+            f"expected a path without events between its ends, found one through "
+            f"{len(problem.through)}: {what} is known of its parts alone; ask each of them, "
+            "solution.parts, or a problem between two of the events"
+        )
+
+
+def sides(problem: Any) -> list[tuple[int, int, int]]:
+    """Return what is to be checked of legs: joint, leg, and the sign that `on` has along it.
+
+    A path that bounces stays where on > 0, on all legs of one law around the joint. Where laws of
+    legs take turns at a surface it is crossed: the sign after is that before, reversed (a sign of
+    zero says that: the one before is whatever it is).
+    """
+    found = []
+    laws = problem.laws or (problem.system,) * (len(problem.through) + 1)
+    for j, event in enumerate(problem.joints[1:-1]):
+        if isinstance(event, Bounce):
+            low, high = j, j + 1
+            while low and laws[low - 1] is laws[j]:
+                low -= 1
+            while high + 1 < len(laws) and laws[high + 1] is laws[j + 1]:
+                high += 1
+            found += [(j + 1, leg, 1) for leg in range(low, high + 1)]
+        elif event.on is not None and laws[j] is not laws[j + 1]:
+            found += [(j + 1, j, 0), (j + 1, j + 1, 0)]
+    return found

@@ -1,0 +1,358 @@
+"""Paths through events whose times or places are to be found: first paths, and which are answers.
+
+A first path is straight between points on the surfaces of the events. Newton's method takes it to a
+stationary one, times and multipliers included; from there it is followed from mesh to mesh. Many of
+them are no answers: at a surface reflection and transmission satisfy the same equations, and a leg
+may cross what it is to be reflected from.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import replace
+from time import perf_counter
+from typing import Literal
+
+import numpy as np
+
+from actionopt.analysis.solution import Solution
+from actionopt.analysis.status import Status
+from actionopt.discrete.borders import times_of
+from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.newton import approach
+from actionopt.discrete.path import Path
+from actionopt.discrete.surfaces import onto
+from actionopt.mechanics.course import SWITCHES, sides
+from actionopt.mechanics.events import Bounce, Event
+from actionopt.mechanics.problem import Problem, diagonal
+from actionopt.solver.arguments import Guess
+from actionopt.solver.signals import SIGNALS, status_of
+from actionopt.solver.unfixed import APPROACHES, Unfixed
+from actionopt.solver.verdict import solution_of
+from actionopt.tools.checks import numbers
+from actionopt.tools.types import Array
+from actionopt.tools.watch import OutOfTime, Watch
+
+# Ad hoc.
+LEG_ELEMENTS, LEG_DEGREE = 2, 6  # of a leg of a first path
+FIRST_POLYGONS = 24  # first paths that are tried
+PLACE_SPREAD = 0.5  # of points on surfaces, in the coordinates' sizes, and of logarithms of times
+CURVE_SAMPLES = 400  # times at which a guess is compared with what the events ask
+NEXT_TO_EVENT = 1e-3  # of a leg: nearer to its ends its side of a surface is not asked
+GRAZING_SPEED = 1e-6  # of the speed, that across a surface which is touched only
+
+
+def solve_through(
+    problem: Problem,
+    tol: float,
+    guess: Guess | None,
+    principle: Literal["auto", "least", "stationary"],
+    watch: Watch | None,
+) -> tuple[Solution, str]:
+    """Return a path through events of which times or places are to be found, and a hint."""
+    hint, best = "", None
+    for solution, why in attempts(problem, tol, guess, watch):
+        if solution.success and principle == "least" and solution.morse_index > 0:
+            solution = replace(solution, status=Status.NOT_LEAST)
+        if solution.success or solution.status is Status.OUT_OF_TIME:
+            return solution, why
+        if best is None or (why and not hint):
+            best, hint = solution, why
+    if best is None:
+        raise ValueError(
+            "expected surfaces on which points are found near the events, found none; give a "
+            "guess, waypoints of shape (n, k + 2): places at all events"
+        )
+    return best, hint
+
+
+def attempts(
+    problem: Problem,
+    tol: float,
+    guess: Guess | None,
+    watch: Watch | None,
+    count: int = FIRST_POLYGONS,
+    seed: int = 0,
+) -> Iterator[tuple[Solution, str]]:
+    """Yield what came of each first path, and why it is no answer."""
+    for path, times in starts(problem, guess, count, seed):
+        started = perf_counter()
+        run = Unfixed(problem, tol=tol, watch=watch, times=times)
+        status, found = Status.NOT_FOUND, False
+        try:
+            found = run.reach(path, None, damped=True)
+            if found:
+                status = run.verdict()
+        except SIGNALS as signal:
+            status = status_of(signal)
+            run.stop()
+        if watch is not None and watch.error is not None:
+            if not isinstance(watch.error, OutOfTime):
+                raise watch.error
+            status = Status.OUT_OF_TIME
+        run.here.tr.watch = run.here.bordered.first.watch = None
+        if not status.stationary:
+            run.here = replace(run.here, error=np.inf)
+        solution = solution_of(run, status, "guess" if guess is not None else "surface", started)
+        why = objection(solution) if solution.success else ""
+        if why:
+            solution = replace(solution, status=Status.NOT_FOUND, error=np.inf)
+        yield solution, why or run.hint
+        if status is Status.OUT_OF_TIME:
+            return
+
+
+def objection(solution: Solution) -> str:
+    """Return why a stationary path is no answer, in a sentence; empty if it is one."""
+    problem, legs = solution.problem, solution.legs
+    joints, packed = problem.joints, problem.packed
+    for k, event in enumerate(joints):
+        if not isinstance(event, Bounce):
+            continue
+        q, t = solution(event_time(problem, k)), event_time(problem, k)
+        _, by_q, by_t, _ = event.on.at(q, t, packed)
+        before, after = legs[k - 1].velocity(t), legs[k].velocity(t)
+        into, out = float(by_q[0] @ before + by_t[0]), float(by_q[0] @ after + by_t[0])
+        speed = float(np.linalg.norm(by_q[0]) * max(np.linalg.norm(before), np.linalg.norm(after)))
+        if max(abs(into), abs(out)) <= GRAZING_SPEED * speed:
+            return f"the path found grazes the surface at event {k}, and is not reflected there"
+        if into > 0 or out < 0:
+            return f"the path found passes through the surface at event {k}, where it should bounce"
+    signs: dict[int, list[float]] = {}
+    for k, leg, sign in sides(problem):
+        t = _inside(legs[leg], problem.joints[k] in (joints[leg], joints[leg + 1]))
+        on = joints[k].on.along(legs[leg](t).T, t, packed)[0]
+        size = np.abs(on).max(axis=0)
+        for i in range(on.shape[1] if not sign else 1):
+            if sign and not (on[:, i] > -(NEXT_TO_EVENT**2) * size[i]).all():
+                return f"the path found crosses the surface of the bounce at event {k} elsewhere"
+            if not sign:
+                one = np.sign(on[np.argmax(np.abs(on[:, i])), i])
+                if not (one * on[:, i] > -(NEXT_TO_EVENT**2) * size[i]).all():
+                    return f"the path found crosses the surface of event {k} elsewhere"
+                signs.setdefault(k, []).append(one)
+    for k, found in signs.items():
+        half = len(found) // 2
+        if any(a == b for a, b in zip(found[:half], found[half:], strict=True)):
+            return (
+                f"the path found is reflected at event {k}, where it should pass from one law to "
+                "the next, as beyond the angle of total reflection or below a step of potential"
+            )
+    return ""
+
+
+def event_time(problem: Problem, k: int) -> float:
+    """Return the time of event k, the start being 0."""
+    return float(times_of(problem)[k])
+
+
+def _inside(leg: Path, ends_there: bool) -> Array:
+    """Return times along a leg, but for those next to its ends if the surface is met there."""
+    b, s = leg.mesh.boundaries, np.linspace(0, 1, CURVE_SAMPLES)
+    if ends_there:
+        s = s[(s > NEXT_TO_EVENT) & (s < 1 - NEXT_TO_EVENT)]
+    return b[0] + s * (b[-1] - b[0])
+
+
+# -- where to begin -------------------------------------------------------------------------------
+
+
+def starts(
+    problem: Problem, guess: Guess | None, count: int = FIRST_POLYGONS, seed: int = 0
+) -> Iterator[tuple[Path, Array]]:
+    """Yield first paths and the times of the events on them."""
+    if guess is not None:
+        path, times = read_guess(problem, guess)
+        yield path, times
+        yield relax_legs(problem, path, times), times
+        return
+    random = np.random.default_rng(seed)
+    base = _points(problem)
+    size = _sizes(problem, base)
+    for k in range(count):
+        away = PLACE_SPREAD * (1 + k // 10) * size * random.standard_normal(base.shape)
+        shift = PLACE_SPREAD * random.standard_normal(len(base) - 1)
+        q = base if not k else base + away
+        found = _begin(problem, q, size, np.ones(shift.size) if k < 2 else np.exp(shift))
+        if found is not None:
+            yield relax_legs(problem, *found), found[1]
+
+
+def relax_legs(problem: Problem, path: Path, times: Array) -> Path:
+    """Return the path of stationary legs between the places at the events, if it is near this one.
+
+    Then only the conditions at the events are not met: Newton's method on these contracts from
+    farther away than on legs and events at once.
+    """
+    places = path(times).T
+    start, *through, end = (Event(t, q) for t, q in zip(times, places, strict=True))
+    at = problem.found_at(times)
+    given = {name: x for name, x in at.parameters.items() if name != SWITCHES}
+    fixed = Problem(at.question, start, end, parameters=given, through=through)  # type: ignore[arg-type]
+    first = DiscretePath.of(fixed, path)
+    found = approach(first.tr, first.z, APPROACHES)
+    return path if found is None else DiscretePath(first.tr, found[0]).polished().path
+
+
+def _points(problem: Problem) -> Array:
+    """Return coordinates at the events, (k + 2, n): given ones, and interpolated between them."""
+    rows = np.array([[np.nan if x is None else x for x in e.near] for e in problem.joints_found])
+    k = np.arange(len(rows))
+    for i, column in enumerate(rows.T):
+        known = np.isfinite(column)
+        rows[:, i] = np.interp(k, k[known], column[known]) if known.any() else 0.0
+    return rows
+
+
+def _sizes(problem: Problem, points: Array) -> Array:
+    """Return how far coordinates may be from what is interpolated, (n,)."""
+    size = np.maximum(np.ptp(points, axis=0), np.abs(points).max(axis=0))
+    largest = size.max()
+    return np.where(size > 0, size, largest if largest > 0 else 1.0)
+
+
+def _begin(problem: Problem, q: Array, size: Array, share: Array) -> tuple[Path, Array] | None:
+    """Return the path straight between points near q (k + 2, n), on the surfaces; None if none is.
+
+    The legs take times in proportion to their lengths, in the metric of the kinetic energy, times
+    `share` (k + 1,).
+    """
+    q = q.copy()
+    times = _fill(times_of(problem), np.ones(len(q) - 1))
+    for _ in range(2):  # surfaces may move, and times depend on places
+        for k, event in enumerate(problem.joints_found):
+            if event.on is not None:
+                found = onto(problem, event, q[k], float(times[k]), size)
+                if found is None:
+                    return None
+                q[k] = found
+        times = _fill(times_of(problem), share * _durations(problem, q))
+    if not (np.isfinite(times).all() and (np.diff(times) > 0).all()):
+        return None
+    return polygon(q, times), times
+
+
+def polygon(q: Array, times: Array) -> Path:
+    """Return the path straight between points q (k + 2, n) at times (k + 2,)."""
+    b = np.interp(
+        np.arange(LEG_ELEMENTS * (len(times) - 1) + 1) / LEG_ELEMENTS, np.arange(len(times)), times
+    )
+    b[::LEG_ELEMENTS] = times
+    mesh = Mesh(b, LEG_DEGREE)
+    return Path(mesh, np.stack([np.interp(mesh.nodes, times, row) for row in q.T]))
+
+
+def _durations(problem: Problem, q: Array) -> Array:
+    """Return how long legs between points q (k + 2, n) take at the energy, or in proportion."""
+    way, middle = np.diff(q, axis=0), (q[1:] + q[:-1]) / 2
+    at = problem.found_at(_fill(times_of(problem), np.ones(len(way))))
+    t = np.array(
+        [(a.t + b.t) / 2 for a, b in zip(at.joints_found[:-1], at.joints_found[1:], strict=True)]
+    )
+    arguments = middle, way, t[:, None], at.packed
+    with np.errstate(all="ignore"):
+        second = at.system.pointwise("second")(*arguments)[2]
+        length = np.sqrt(np.sum(diagonal(at.system, 2, second) * way**2, axis=1))
+        speed = np.ones(length.size)
+        if problem.energy is not None:
+            still = at.system.pointwise("value")(middle, 0 * way, t[:, None], at.packed)[0][:, 0]
+            speed = np.sqrt(2 * np.abs(problem.energy + still))
+        found = length / speed
+    typical = found[np.isfinite(found) & (found > 0)]
+    least = 0.05 * typical.mean() if typical.size else 1.0
+    return np.where(np.isfinite(found), np.maximum(found, least), least)
+
+
+def _fill(given: Array, durations: Array) -> Array:
+    """Return times (k + 2,) with those that are NaN in proportion to durations (k + 1,)."""
+    since = np.concatenate([[0.0], np.cumsum(durations)])
+    known = np.flatnonzero(np.isfinite(given))
+    if not known.size:
+        return since
+    found = np.interp(since, since[known], given[known])
+    for end in (slice(0, known[0]), slice(known[-1] + 1, None)):
+        k = known[0] if end.start == 0 else known[-1]
+        found[end] = given[k] + since[end] - since[k]
+    return found
+
+
+def read_guess(problem: Problem, guess: Guess) -> tuple[Path, Array]:
+    """Return the first path that a guess says, and the times of the events on it.
+
+    Waypoints (n, k + 2) are places at the events. On a curve these are passed at the times at which
+    it is nearest to what they ask, one after the other.
+
+    Raises ValueError if its shape does not fit the problem, or it is not finite.
+    """
+    n, given = problem.system.n, times_of(problem)
+    if isinstance(guess, Solution):
+        guess = guess.path if not guess.problem.through else _of_solution(guess)
+    if not isinstance(guess, Path) and not callable(guess):
+        points = np.atleast_2d(numbers(guess, "the guess, a callable or waypoints"))
+        if points.shape != (n, len(given)) or not np.isfinite(points).all():
+            raise ValueError(
+                f"expected finite waypoints of shape ({n}, {len(given)}), one column for each "
+                f"event, found shape {points.shape}"
+            )
+        q = points.T
+        times = _fill(given, _durations(problem, q))
+        return polygon(q, times), times
+    curve = guess
+    b = curve.mesh.boundaries[[0, -1]] if isinstance(curve, Path) else given[[0, -1]]
+    if not np.isfinite(b).all():
+        raise ValueError(
+            "expected a Path, or waypoints at the events, as the guess where a time of an end is "
+            "to be found, found a callable: over which times it goes is not known"
+        )
+    t = np.linspace(b[0], b[1], CURVE_SAMPLES)
+    q = np.asarray(curve(t), dtype=float).reshape(n, -1)
+    on_curve = np.concatenate([b[:1], _pass_times(problem, t, q), b[1:]])
+    times = np.where(np.isfinite(given), given, on_curve)
+    if not np.isfinite(given).any():
+        times = on_curve
+    elif not np.isfinite(given[[0, -1]]).all() or not (np.diff(times) > 0).all():
+        times = _fill(given, np.diff(on_curve))
+    path = polygon(np.zeros((len(times), n)), times)
+    s = np.interp(path.mesh.nodes, times, on_curve)
+    return Path(path.mesh, np.asarray(curve(s), dtype=float).reshape(n, -1)), times
+
+
+def _of_solution(known: Solution) -> Path:
+    return known.path
+
+
+def _pass_times(problem: Problem, t: Array, q: Array) -> Array:
+    """Return when a curve q (n, K) over t (K,) is nearest to the inner events, in their order."""
+    size = np.ptp(q, axis=1)
+    size = np.where(size > 0, size, size.max() or 1.0)[:, None]
+    packed = problem.found_at(
+        _fill(times_of(problem), np.ones(len(problem.joints_found) - 1))
+    ).packed
+    costs = []
+    for event in problem.through:
+        off = np.zeros(t.size)
+        for i in event.pinned:
+            off += ((q[i] - event.q[i]) / size[i, 0]) ** 2
+        if event.on is not None:
+            on, by_q, _ = event.on.along(q.T, t, packed)
+            slope = np.linalg.norm(by_q * size[:, 0], axis=2)
+            with suppress(FloatingPointError):
+                off += np.sum((on / np.maximum(slope, slope.max(axis=0) * 1e-3)) ** 2, axis=1)
+        if event.t is not None:
+            off += 1e6 * ((t - event.t) / (t[-1] - t[0])) ** 2
+        costs.append(off)
+    total, choice = np.full(t.size, np.inf), []
+    total[0] = 0.0
+    for off in costs:  # the least sum, at times that increase
+        best = np.minimum.accumulate(total)
+        from_where = np.array([int(np.argmin(total[: k + 1])) for k in range(t.size)])
+        choice.append(np.concatenate([[0], from_where[:-1]]))
+        total = np.concatenate([[np.inf], best[:-1]]) + off
+    k = int(np.argmin(total[:-1]))
+    found = [k]
+    for back in reversed(choice[1:]):
+        k = int(back[k])
+        found.append(k)
+    return t[found[::-1]]

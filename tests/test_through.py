@@ -1,0 +1,233 @@
+"""Paths through events: waypoints, surfaces between the ends, reflections and refractions."""
+
+from __future__ import annotations
+
+import pickle
+from itertools import pairwise
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import actionopt as ao
+
+FREE = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
+OSCILLATOR = ao.System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2, ["x"])
+
+
+def oscillation(a, b, T):
+    """Return S, p(0) and p(T) of x'' = -x from a to b in the time T."""
+    S = ((a * a + b * b) * np.cos(T) - 2 * a * b) / (2 * np.sin(T))
+    return S, (b - a * np.cos(T)) / np.sin(T), (b * np.cos(T) - a) / np.sin(T)
+
+
+@pytest.mark.parametrize(("a", "b"), [(0.5, -1.0), (-0.2, 0.7)])
+def test_waypoints_are_passed_with_impulses(a, b):
+    events = [ao.Event(1.0, [a]), ao.Event(2.2, [b])]
+    found = ao.solve(ao.Problem(OSCILLATOR, ao.Event(0, [0.0]), ao.Event(3, [1.0]), through=events))
+    legs = [oscillation(0.0, a, 1.0), oscillation(a, b, 1.2), oscillation(b, 1.0, 0.8)]
+    assert found.action == pytest.approx(sum(leg[0] for leg in legs), abs=1e-10)
+    jumps = [legs[1][1] - legs[0][2], legs[2][1] - legs[1][2]]  # p after minus before
+    assert found.impulses[:, 0] == pytest.approx(jumps, abs=1e-9)
+    assert found([1.0, 2.2])[0] == pytest.approx([a, b], abs=1e-14)
+    assert found.morse_index == 0  # no leg is as long as pi
+    assert found.compare().agrees
+    assert [leg.mesh.boundaries[-1] for leg in found.legs] == [1.0, 2.2, 3.0]
+    again = pickle.loads(pickle.dumps(found))
+    assert again.impulses == pytest.approx(found.impulses, abs=1e-12)
+
+
+def test_a_coordinate_that_is_free_at_a_waypoint_is_smooth():
+    problem = ao.Problem(
+        FREE, ao.Event(0, [0, 0]), ao.Event(2, [1, 3]), through=[ao.Event(1.5, [2, None])]
+    )
+    found = ao.solve(problem)
+    assert found(1.5)[1] == pytest.approx(2.25, abs=1e-12)  # y goes straight on
+    assert found.impulses[0] == pytest.approx([-2 - 4 / 3, 0], abs=1e-11)
+
+
+def test_a_free_time_keeps_the_energy():
+    """Thrown back at x = 1.5 at a time that is found: p -> -p, H continuous."""
+    problem = ao.Problem(
+        OSCILLATOR, ao.Event(0, [0.0]), ao.Event(3, [0.4]), through=[ao.Event(None, [1.5])]
+    )
+    found = ao.solve(problem, tol=1e-11, guess=[[0.0, 1.5, 0.4]])
+
+    def kept(t):
+        return oscillation(0.0, 1.5, t)[2] ** 2 - oscillation(1.5, 0.4, 3 - t)[1] ** 2
+
+    t = brentq(kept, 1.6, 1.66)  # another root is the oscillation itself, which passes smoothly
+    assert found.problem.through[0].t == pytest.approx(t, abs=1e-10)
+    assert found.energy_jumps == pytest.approx([0], abs=1e-12)
+    assert found.morse_index == 1
+
+
+def test_heron_and_snell():
+    mirror = ao.Event(None, None, on=lambda q, t: q[1])
+    start = ao.Event(0, [0, 1])
+    heron = ao.solve(ao.Problem(FREE, start, ao.Event(1, [3, 2]), through=[mirror]), tol=1e-11)
+    assert heron.action == pytest.approx((3**2 + 3**2) / 2, abs=1e-10)  # the image at (3, -2)
+    assert heron.problem.through[0].q == pytest.approx((1.0, 0.0), abs=1e-10)
+    glass = ao.System(lambda q, v, t, *, n: n**2 * (v @ v) / 2, ["x", "y"], parameters={"n": 1.5})
+    air = ao.System(lambda q, v, t, *, n: n**2 * (v @ v) / 2, ["x", "y"], parameters={"n": 1.0})
+    media: Any = [air, glass]
+    problem = ao.Problem(media, start, ao.Event(1, [2, -1]), through=[mirror])
+    ray = ao.solve(problem, tol=1e-11)
+
+    def bent(x):
+        return x / np.hypot(x, 1) - 1.5 * (2 - x) / np.hypot(2 - x, 1)
+
+    x: Any = brentq(bent, 0, 2)
+    assert ray.problem.through[0].q == pytest.approx((x, 0.0), abs=1e-10)
+    optical = np.hypot(x, 1) + 1.5 * np.hypot(2 - x, 1)
+    assert ray.action == pytest.approx(optical**2 / 2, abs=1e-9)
+    assert ray.impulses[0, 0] == pytest.approx(0, abs=1e-11)
+    assert ray.energy_jumps == pytest.approx([0], abs=1e-10)
+    assert ray.morse_index == 0
+    assert ray.compare().agrees
+
+
+def test_bounces_stay_inside():
+    """Three reflections in an ellipse: Joachimsthal's number is that of each leg."""
+    wall = ao.Bounce(lambda q, t: 1 - (q[0] / 2) ** 2 - q[1] ** 2)
+    ends = ao.Event(0, [-1, -0.2]), ao.Event(1, [1.2, 0.1])
+    points = np.array([[-1.0, -0.2], [-1.2, 0.8], [0.3, -0.98], [1.5, 0.66], [1.2, 0.1]]).T
+    found = ao.solve(ao.Problem(FREE, *ends, through=[wall] * 3), guess=points, tol=1e-11)
+    numbers = []
+    for leg in found.legs:
+        q, v = leg.values[:, 0], leg.values[:, -1] - leg.values[:, 0]
+        v = v / np.linalg.norm(v)
+        numbers.append(v[0] ** 2 / 4 + v[1] ** 2 - (q[0] * v[1] - q[1] * v[0]) ** 2 / 4)
+    assert np.ptp(numbers) < 1e-10
+    assert found.energy_jumps == pytest.approx(np.zeros(3), abs=1e-10)
+    inside = found(np.linspace(0, 1, 500))
+    assert (1 - (inside[0] / 2) ** 2 - inside[1] ** 2).min() > -1e-12
+
+
+def test_a_wall_that_moves_changes_the_energy():
+    """A ball on a table that rises: v+ - w' = -(v- - w')."""
+    ball = ao.System(lambda q, v, t: v[0] ** 2 / 2 - q[0], ["y"])
+    table = ao.Bounce(lambda q, t: q[0] - 0.1 * t)
+    problem = ao.Problem(ball, ao.Event(0, [1.0]), ao.Event(3, [0.8]), through=[table])
+    found = ao.solve(problem, tol=1e-11)
+    t = found.problem.through[0].t
+    before, after = (part.end.v[0] for part in found.parts[:1]), found.parts[1].start.v[0]
+    before = next(iter(before))
+    assert after - 0.1 == pytest.approx(0.1 - before, abs=1e-9)
+    # The first leg falls from 1 to 0.1 t in the time t.
+    assert before == pytest.approx((0.1 * t - 1) / t - t / 2, abs=1e-9)
+    assert found.energy_jumps[0] == pytest.approx((after**2 - before**2) / 2, abs=1e-9)
+
+
+def test_what_passes_through_a_wall_is_no_bounce():
+    """Both points on one side of a line, the path straight across it and back is none."""
+    line = ao.Bounce(lambda q, t: q[1])
+    below = ao.Problem(FREE, ao.Event(0, [0, 1]), ao.Event(1, [2, -1]), through=[line])
+    found = ao.solve(below, guess=[[0, 0.9, 2], [1, 0, -1]], throw=False)
+    assert found.status is ao.Status.NOT_FOUND
+
+
+def test_a_step_that_is_too_high_is_not_passed():
+    plain = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
+    high = ao.System(lambda q, v, t: v @ v / 2 - 1.5, ["x", "y"])
+    step = [ao.Event(None, None, on=lambda q, t: q[0])]
+    ends = ao.Event(0, [-1, 1]), ao.Event(None, [1, -0.5])
+    laws: Any = [plain, high]
+    problem = ao.Problem(laws, *ends, through=step, energy=1.0)
+    assert not ao.solve(problem, guess=[[-1, 0, 1], [1, 0, -0.5]], throw=False).success
+    deep = ao.System(lambda q, v, t: v @ v / 2 + 1.5, ["x", "y"])
+    found = ao.solve(
+        ao.Problem(cast(Any, [plain, deep]), *ends, through=step, energy=1.0), tol=1e-11
+    )
+    assert found.problem.through[0].t == pytest.approx(1.0, abs=1e-9)  # at (0, 0), by Snell's law
+    assert found.duration == pytest.approx(1.5, abs=1e-9)
+
+
+def test_index_counts_places_and_times():
+    """A negative direction at two resolutions: the far reflection in a circle is a saddle."""
+    wall = ao.Bounce(lambda q, t: 1 - q[0] ** 2 - q[1] ** 2)
+    ends = ao.Event(0, [-0.5, 0]), ao.Event(1, [0.5, 0])
+    near = ao.solve(ao.Problem(FREE, *ends, through=[wall]), guess=[[-0.5, 0.1, 0.5], [0, 1, 0]])
+    angles = np.linspace(0.3, 0.7, 2001) * np.pi  # of the point on the circle
+
+    def length(s):
+        q = np.array([np.cos(s), np.sin(s)])
+        return np.hypot(*(q.T - [-0.5, 0]).T) + np.hypot(*(q.T - [0.5, 0]).T)
+
+    bend = np.diff(length(angles), 2)[1000]
+    assert near.morse_index == int(bend < 0) == 1
+
+
+@pytest.mark.slow
+def test_all_reflections_in_a_circle_are_found():
+    """Alhazen's problem has four answers, by a quartic equation."""
+    wall = ao.Bounce(lambda q, t: 1 - q[0] ** 2 - q[1] ** 2)
+    a, b = np.array([0.5, 0.1]), np.array([-0.3, 0.4])
+    problem = ao.Problem(FREE, ao.Event(0, a), ao.Event(1, b), through=[wall])
+    angles = np.linspace(0, 2 * np.pi, 4001)
+    q = np.array([np.cos(angles), np.sin(angles)])
+    lengths = np.hypot(*(q.T - a).T) + np.hypot(*(q.T - b).T)
+    slopes = np.diff(np.append(lengths[:-1], lengths[:2]))
+    extremal = int(np.sum(slopes[1:] * slopes[:-1] < 0))
+    found = ao.solve_all(problem, starts=2)
+    assert len(found.solutions) == extremal
+
+
+@pytest.mark.parametrize("tol", [1e-6, 1e-10])
+def test_the_error_is_below_the_estimate(tol):
+    ball = ao.System(lambda q, v, t: v[0] ** 2 / 2 - np.cosh(q[0]), ["y"])
+    events = [ao.Event(0.7, [0.5]), ao.Event(1.9, [-0.8])]
+    problem = ao.Problem(ball, ao.Event(0, [0.0]), ao.Event(2.5, [0.3]), through=events)
+    found, exact = ao.solve(problem, tol=tol), ao.solve(problem, tol=1e-13)
+    t = np.linspace(0, 2.5, 400)
+    assert np.abs(found(t) - exact(t)).max() / np.abs(exact(t)).max() <= max(found.error, 1e-13)
+    assert found.error <= tol
+
+
+def test_many_waypoints_cost_so_many_times_one():
+    t = np.linspace(0, 10, 202)
+    q = np.sin(3 * t)
+    events = [ao.Event(*pair) for pair in zip(t, q[:, None], strict=True)]
+    problem = ao.Problem(OSCILLATOR, events[0], events[-1], through=events[1:-1])
+    found = ao.solve(problem)
+    legs = [oscillation(a, b, t[1]) for a, b in pairwise(q)]
+    assert found.action == pytest.approx(sum(leg[0] for leg in legs), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("events", "message"),
+    [
+        ([ao.Event(2, [1, 1])], "order of their times"),
+        ([ao.Event(0.5, [1])], "expected 2 coordinates"),
+        ([ao.Event(None, None)], "nothing given"),
+        ([ao.Periodic(0.5)], "Events or Bounces"),
+        ([ao.Event(None, [1, None], on=lambda q, t: [q[0], q[1]])], "at most 1"),
+    ],
+)
+def test_events_that_do_not_fit_are_refused(events, message):
+    with pytest.raises(ValueError, match=message):
+        ao.Problem(FREE, ao.Event(0, [0, 0]), ao.Event(1, [1, 0]), through=events)
+
+
+def test_what_is_not_known_of_paths_through_events_is_refused():
+    between = [ao.Event(0.5, [1, None])]
+    ends = ao.Event(0, [0, 0]), ao.Event(1, [1, 0])
+    with pytest.raises(ValueError, match="Periodic"):
+        ao.Problem(FREE, ends[0], ao.Periodic(1), through=between)
+    with pytest.raises(ValueError, match="one for each of 2 legs"):
+        ao.Problem(cast(Any, [FREE] * 3), *ends, through=between)
+    found = ao.solve(ao.Problem(FREE, *ends, through=between))
+    for ask in (
+        found.sensitivity,
+        lambda: ao.second_variation(found),
+        lambda: ao.conjugate_points(found),
+        lambda: ao.monodromy(found),
+        lambda: found.save("path.npz"),
+        lambda: ao.trace(found.problem, "t1", 2.0),
+        lambda: ao.sweep(found.problem, {"t1": [1.0, 2.0]}),
+        lambda: ao.solve_all(found.problem),
+    ):
+        with pytest.raises(ValueError, match="without events between its ends"):
+            ask()
+    assert found.parts[0].sensitivity().q1 == pytest.approx(found.parts[0].momenta[1])
