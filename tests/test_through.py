@@ -11,6 +11,8 @@ import pytest
 from scipy.optimize import brentq
 
 import actionopt as ao
+from actionopt.discrete.bordered import Bordered
+from actionopt.discrete.factors import full
 
 FREE = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
 OSCILLATOR = ao.System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2, ["x"])
@@ -124,8 +126,8 @@ def test_what_passes_through_a_wall_is_no_bounce():
     """Both points on one side of a line, the path straight across it and back is none."""
     line = ao.Bounce(lambda q, t: q[1])
     below = ao.Problem(FREE, ao.Event(0, [0, 1]), ao.Event(1, [2, -1]), through=[line])
-    found = ao.solve(below, guess=[[0, 0.9, 2], [1, 0, -1]], throw=False)
-    assert found.status is ao.Status.NOT_FOUND
+    with pytest.raises(ao.SolveError, match="passes through the surface at event 1"):
+        ao.solve(below, guess=[[0, 0.9, 2], [1, 0, -1]])
 
 
 def test_a_step_that_is_too_high_is_not_passed():
@@ -231,3 +233,24 @@ def test_what_is_not_known_of_paths_through_events_is_refused():
         with pytest.raises(ValueError, match="without events between its ends"):
             ask()
     assert found.parts[0].sensitivity().q1 == pytest.approx(found.parts[0].momenta[1])
+
+
+def test_the_matrix_is_the_derivative_of_the_equations():
+    """A clock, a moving surface, unknown times: against central differences."""
+
+    def lagrangian(q, v, t):
+        return v @ v / 2 * (1 + q[0] ** 2) + np.sin(t) * q[0] * v[1]
+
+    system = ao.System(lagrangian, ["x", "y"])
+    moving = ao.Bounce(lambda q, t: q[1] - 0.2 * q[0] ** 2 + np.sin(t) * q[0])
+    events = [ao.Event(None, [None, 0.3]), moving, ao.Event(0.8, [0.2, None])]
+    ends = ao.Event(0, [0, 1]), ao.Event(None, [2, -1])
+    problem = ao.Problem(system, *ends, through=events, energy=1.3)
+    random, times = np.random.default_rng(0), np.array([0, 0.2, 0.5, 0.8, 1.0])
+    path = ao.Path(ao.Mesh(times, 4), random.standard_normal((2, 17)))
+    equations, y = Bordered.around(problem, path, None, np.ones(2), times=times)
+    y = y + 0.1 * random.standard_normal(y.size)
+    steps = 1e-6 * np.eye(y.size)
+    columns = [(equations.residual(y + e) - equations.residual(y - e)) / 2e-6 for e in steps]
+    matrix = full(equations.layout, equations.kkt(y))
+    assert matrix == pytest.approx(np.stack(columns, axis=1), abs=1e-6)
