@@ -176,10 +176,10 @@ class Layout(MatrixLayout):
 
     @cached_property
     def probe(self) -> Array:
-        """A variation (size,), as smooth as the lowest modes are, of no symmetry.
+        """A variation (size,) to begin inverse iteration with: smooth, and of no symmetry.
 
-        Not along the side to which first paths are curved: what turns such a path about the line
-        between its ends is normal to it.
+        It has a part in every low mode, so also in the turn about the line between the ends, which
+        is normal to the side to which first paths are curved.
         """
         node, coordinate = np.divmod(self.free, self.system.n)
         found = np.zeros(self.size)

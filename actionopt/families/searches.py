@@ -540,7 +540,7 @@ def _is_determined(solution: Solution) -> bool:
 
 
 def _is_motion(solution: Solution) -> bool:
-    """Whether forward motion does not contradict a solution."""
+    """Whether forward integration from the start of a solution does not contradict it."""
     try:
         agrees = solution.compare().agrees
     except (IntegrationError, ValueError):  # no motion leaves from its start, or none gets far

@@ -135,7 +135,7 @@ class _Writer:
         before, written = node.left, self.factor(node.left)
         if isinstance(before, ast.BinOp) and isinstance(before.op, ast.Mult):
             before, written = before.right, self.product(before)
-        air = THIN * (_wide(before) or _wide(node.right))
+        air = THIN * (_is_spaced(before) or _is_spaced(node.right))
         return written + TIMES_ML + air + self.factor(node.right)
 
     def factor(self, node: ast.expr) -> str:
@@ -154,8 +154,8 @@ def _width(written: str) -> int:
     return len(re.sub(r"<[^>]*>|&#x206[12];", "", html.unescape(written)))
 
 
-def _wide(node: ast.expr) -> bool:
-    """Return whether a node is one that needs air beside it."""
+def _is_spaced(node: ast.expr) -> bool:
+    """Return whether a node is set with space beside it."""
     if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow):
         node = node.left
     name = re.sub(rf"[\d{PRIME}]", "", node.id) if isinstance(node, ast.Name) else ""
