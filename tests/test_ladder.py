@@ -13,10 +13,10 @@ from actionopt.discrete.transcription import Transcription
 from actionopt.solver.ladder import (
     BUDGET,
     COARSE_GUESS,
+    GUESS_MESHES,
     IPOPT,
     LADDER,
     MEETING_LOST,
-    NEAR_GUESS,
     Meeting,
     Root,
     Search,
@@ -119,12 +119,12 @@ def test_a_guess_is_tried_on_meshes_that_show_it():
     def tried(curve_of):
         return tuple(mesh.elements for mesh in search._fine_enough(curve_of))
 
-    assert tried(turning(1)) == NEAR_GUESS
-    assert tried(turning(10)) == NEAR_GUESS[1:]
-    assert tried(turning(20)) == NEAR_GUESS[2:]
+    assert tried(turning(1)) == GUESS_MESHES
+    assert tried(turning(10)) == GUESS_MESHES[1:]
+    assert tried(turning(20)) == GUESS_MESHES[2:]
     # What no mesh shows, kinks inside elements, is tried on all of them.
     kinks = lambda t: np.abs((np.array([t, t]) * 0.37) % 2 - 1)  # noqa: E731
-    assert tried(lambda mesh: Path.interpolate(kinks, mesh)) == NEAR_GUESS
+    assert tried(lambda mesh: Path.interpolate(kinks, mesh)) == GUESS_MESHES
 
 
 def test_a_guess_in_many_coordinates_is_followed_on_few_elements_that_show_it():

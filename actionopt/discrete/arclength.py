@@ -35,10 +35,12 @@ from actionopt.tools.types import Array
 
 # Ad hoc, but for `DIFFERENCE`.
 CORRECTIONS = 6  # of Newton's method: a step that takes more was too long
-CLOSE = 1e-9  # a correction of this size ends the corrector: the next one would be round-off
+LAST_CORRECTION = (
+    1e-9  # a correction of this size ends the corrector: the next one would be round-off
+)
 # Step in s, relative to its range, for dr/ds: near EPS^(1/3), as central differences ask.
 DIFFERENCE = 1e-6
-FAR = 1e4  # coordinates this many times their size are no path worth following
+RUNAWAY_SIZE = 1e4  # coordinates this many times their size are no path worth following
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,14 +133,14 @@ class Branch:
                 if change is None:
                     return None
                 size = self.norm(tr, change)
-                if not np.isfinite(size) or size > max(0.5 * last, CLOSE):
+                if not np.isfinite(size) or size > max(0.5 * last, LAST_CORRECTION):
                     return None
                 y, last = y - change, size
-                if size < CLOSE:
+                if size < LAST_CORRECTION:
                     found = Point(tr, y[:-1], float(y[-1]), point.direction)
                     # The transcription belongs to the s before the last, tiny correction.
                     found = replace(found, tr=self.at(found.s))
-                    if not np.max(np.abs(found.z[: tr.layout.unknowns])) < FAR:
+                    if not np.max(np.abs(found.z[: tr.layout.unknowns])) < RUNAWAY_SIZE:
                         return None
                     return replace(found, direction=self._direction(found)), k
         return None
@@ -156,10 +158,10 @@ class Branch:
                 if change is None:
                     return None
                 size = self.norm(tr, change)
-                if not np.isfinite(size) or size > max(0.5 * last, CLOSE):
+                if not np.isfinite(size) or size > max(0.5 * last, LAST_CORRECTION):
                     return None
                 z, last = z - change[:-1], size
-                if size < CLOSE:
+                if size < LAST_CORRECTION:
                     found = Point(tr, z, s, point.direction)
                     return replace(found, direction=self._direction(found))
         return None

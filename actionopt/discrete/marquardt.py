@@ -39,17 +39,17 @@ from actionopt.discrete.transcription import Transcription
 from actionopt.tools.types import Array
 
 # Ad hoc, where nothing else is said.
-STEPS = 40
+MARQUARDT_STEPS = 40
 # Root mean square of a step in units of the coordinates' sizes: at first, and where it is given up.
 RADIUS, NARROWEST = 0.1, 1e-3
 NARROWER = 0.25  # of the radius, where a step does not help
-STALLED = 0.9  # one that leads nowhere: to a mesh too coarse for the path, as a rule
+STALLING = 0.9  # one that leads nowhere: to a mesh too coarse for the path, as a rule
 # Least of s, where the fastest rate on the mesh is one: below it a square of A over s has no digit
 # left of s. Derived.
 LEAST_SHIFT = math.sqrt(np.finfo(float).eps)
 # A step, in units of the coordinates' sizes, after which Newton's method follows. Measured on
 # chains from rough guesses: a tenth of it takes a sixth more time, and as many are found.
-NEAR = 1e-2
+NEAR_STEP = 1e-2
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +73,7 @@ def settle(tr: Transcription, z: Array) -> Settled:
             first, norm = at.balanced(z[:cut])
             z = first if math.isfinite(norm) else z
             plain = True  # as long as it is known at once to lead there
-            while 0 < norm < math.inf and count < STEPS and radius > NARROWEST:
+            while 0 < norm < math.inf and count < MARQUARDT_STEPS and radius > NARROWEST:
                 count += 1
                 step = _plain(tr, z) if plain else None
                 if step is None:
@@ -82,7 +82,7 @@ def settle(tr: Transcription, z: Array) -> Settled:
                 Q = project(tr, tr.coordinates(z + step))
                 trial, left = at.balanced(tr.pack(Q)[:cut])
                 ratio, size = left / norm, tr.measured(trial - z)
-                if ratio < CONTRACTION and size < NEAR:
+                if ratio < CONTRACTION and size < NEAR_STEP:
                     return Settled(trial, True, count)
                 if plain and not ratio < SURELY:
                     plain = False
@@ -91,7 +91,7 @@ def settle(tr: Transcription, z: Array) -> Settled:
                     radius *= NARROWER
                     continue
                 z, norm = trial, left
-                if ratio > STALLED:
+                if ratio > STALLING:
                     break
         except np.linalg.LinAlgError:
             pass

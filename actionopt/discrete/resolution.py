@@ -28,7 +28,7 @@ SPLITS = np.array([1, 2, 3, 4, 6, 8])
 LAYER = 0.6  # share of an element's movement between two nodes that makes it a layer
 TOO_FINE = 1e-3  # coefficients this far below their target need not be there
 DECAYING = 0.2  # a slower rate says nothing but that the element is far too long
-SLOWEST = 0.05  # rate that is reckoned with, so that predictions are finite
+FINITE_RATE = 0.05  # rate that is reckoned with, so that predictions are finite
 UNKNOWN_DEGREES, UNKNOWN_PARTS = (6, 12), 4  # of an element in which nothing decays
 # Degree at which sparse factors of many coordinates take twice as long for the same nodes as those
 # of low degree. Measured on chains, 4 to 24: nothing at 100 links, twice the nonzeros at 20.
@@ -172,7 +172,7 @@ def _cheapest(
 
     No parts at all stand for an element in which nothing decays: it is cut where it is steepest.
     """
-    rate = np.maximum(found.rate, SLOWEST)[:, None]
+    rate = np.maximum(found.rate, FINITE_RATE)[:, None]
     # Splitting in s parts brings the nearest singularity s times as far away, in units of the
     # part's length; for a singularity beside the element that is rho_s = s b + sqrt((s b)^2 + 1)
     # with b = (rho - 1 / rho) / 2.

@@ -32,7 +32,7 @@ PROGRAMS = "value", "gradient", "second", "slopes", "balance"
 # Numbers in the matrices, and in what is evaluated at once, of members that are worked on at a
 # time: so little memory, that is used again. Measured: half or twice as many take a tenth longer.
 MATRICES, VALUES = 2**20, 2**17
-MOST, LEAST = 256, 8  # members
+MOST_AT_ONCE, LEAST_AT_ONCE = 256, 8  # members
 
 
 class Shape:
@@ -151,8 +151,10 @@ class Shape:
 
     def parts(self, count: int) -> list[NDInt]:
         """Return so many members in parts that are worked on at a time."""
-        most = min(MATRICES // (self.E * self.places**2), VALUES // (self.points * self.n), MOST)
-        return np.array_split(np.arange(count), -(-count // max(most, LEAST)))
+        most = min(
+            MATRICES // (self.E * self.places**2), VALUES // (self.points * self.n), MOST_AT_ONCE
+        )
+        return np.array_split(np.arange(count), -(-count // max(most, LEAST_AT_ONCE)))
 
     def matrix(self, count: int) -> Array:
         """Return memory for so many matrices, (places, places, count): the same every time."""

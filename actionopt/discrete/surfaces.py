@@ -11,8 +11,8 @@ from actionopt.tools.types import Array
 
 # Of Newton's method to a surface; ad hoc.
 LONGEST_WAY = 60  # steps
-FARTHEST = 10.0  # the first step, in the coordinates' sizes; each next one twice as far
-REACHED = 1e-9  # the last step: the next would be its square
+FIRST_SURFACE_STEP = 10.0  # the first step, in the coordinates' sizes; each next one twice as far
+LAST_SURFACE_STEP = 1e-9  # the last step: the next would be its square
 
 
 def surface_at(at: DiscretePath, k: int) -> tuple[Array, Array, Array, Array]:
@@ -67,8 +67,8 @@ def onto(problem: Problem, event: Event, q: Array, t: float, size: Array) -> Arr
             return None
         step = -np.linalg.pinv(by_q) @ rows
         largest = np.abs(step).max()
-        farthest = FARTHEST * 2.0**k
+        farthest = FIRST_SURFACE_STEP * 2.0**k
         q[free] += step * (farthest / largest if largest > farthest else 1.0) * size[free]
-        if largest < REACHED:
+        if largest < LAST_SURFACE_STEP:
             return q
     return None

@@ -39,7 +39,7 @@ SPANS = (1.5, 6.0, 24.0)
 TURNED_BACK = 6.0
 PASSING_ERROR = 1e-4  # of a step of such motions
 PASSED_BY = 0.5  # of the units: motions that miss more lead nowhere
-PASSAGES, PASSES = 16, 3  # passages from which paths are sought; of one motion
+PASSAGES, PASSES_EACH = 16, 3  # passages from which paths are sought; of one motion
 THROWN = 72  # motions that set out
 # Their speeds between given times, in those that the forces and the way to the nearest point
 # suggest. Measured on 14 random systems of 2 and 3 coordinates, at one speed: 1 leads to paths of 5
@@ -204,7 +204,7 @@ def passages(
     spans: Sequence[float],
     unit: Units,
     *,
-    most: int = PASSES,
+    most: int = PASSES_EACH,
     watch: Watch | None = None,
 ) -> Iterator[list[tuple[float, Path]]]:
     """Yield motions from q0 and v0 (n, K) up to where they miss least of the end, and by how much.

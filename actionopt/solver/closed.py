@@ -15,9 +15,9 @@ from actionopt.tools.types import EPS, Array
 # Ad hoc.
 LOOKED_AT = 600  # times at which a motion is looked at for where it passes or rests
 CLOSED_IN = 30  # steps, each half of the last one at a turning point: to the root of EPS
-CLOSE = EPS**0.5  # of a period, a last step: elsewhere what is left is its square
+LAST_PHASE_STEP = EPS**0.5  # of a period, a last step: elsewhere what is left is its square
 SLIVER = 0.1  # of an element
-FEW = 3  # elements that stay as they are
+KEPT_ELEMENTS = 3  # elements that stay as they are
 
 
 def passes(
@@ -47,7 +47,7 @@ def passes(
         next_at = np.clip(at - np.divide(down, square, 0 * at, where=square > 0), low, high)
         moved, at = np.abs(next_at - at).max(), next_at
         apart, rates = away(at)
-        if moved <= CLOSE * T:
+        if moved <= LAST_PHASE_STEP * T:
             break
     off = np.abs(apart).max(axis=0)
     at = np.concatenate([at - T, at]) if again else at
@@ -89,7 +89,7 @@ def rolled(path: Path, shift: float, problem: Problem) -> Path:
     # Where it began before, two elements become one again, no longer than one beside them.
     seam, lengths = mesh.elements - cut, np.diff(b)
     beside = max(lengths[seam - 2], lengths[(seam + 1) % lengths.size])
-    if mesh.elements > FEW and b[seam + 1] - b[seam - 1] <= (1 + ROUNDED) * beside:
+    if mesh.elements > KEPT_ELEMENTS and b[seam + 1] - b[seam - 1] <= (1 + ROUNDED) * beside:
         degrees[seam - 1] = degrees[seam - 1 : seam + 1].max()
         b, degrees = np.delete(b, seam), np.delete(degrees, seam)
     # The element that is cut in two: a sliver of it goes with its neighbour.

@@ -17,17 +17,17 @@ from actionopt.solver.iterate import ROUNDED
 from actionopt.tools.types import Array
 
 # Ad hoc: what comes of it is a guess.
-STEPS = 40  # of the fixed point for the rate: one where L is quadratic in v
+RATE_STEPS = 40  # of the fixed point for the rate: one where L is quadratic in v
 SEEN = np.logspace(-4, 4, 65)  # of a coordinate's size: how far from its start a well is looked for
 ROUND = 81  # waypoints of a guess
-REST_STEPS = 20  # of Newton's method to an equilibrium
+EQUILIBRIUM_STEPS = 20  # of Newton's method to an equilibrium
 TURNING = 1e-7  # real part of a rate that is imaginary, of the largest
 LEAST_RATE = 0.1  # of the largest rate: turning points are passed at a finite one
 LINE = 41  # points on the straight line
 HALVED = 60  # times: derived, an interval has the length of its round-off after 53 halvings
 # Of one coordinate: points of its quadrature at most, and what one more halving may change of the
 # duration in each interval.
-MOST, CHANGED = 4000, 1e-6
+QUADRATURE_POINTS, QUADRATURE_CHANGE = 4000, 1e-6
 # Part of an energy within which a point may be a turning point, and two paths one; derived: half
 # the digits.
 MERGED = 1e-7
@@ -49,7 +49,7 @@ def rates(problem: Problem, q: Array, u: Array, t: Array) -> tuple[Array, Array]
         rest = H(0 * u)
         left, rate = energy - rest, np.ones(len(q))
         # The unit of rates is unknown: kinetic energies that are not finite are too large.
-        for _ in range(STEPS):
+        for _ in range(RATE_STEPS):
             T = H(rate[:, None] * u) - rest
             factor = np.sqrt(np.abs(left / T))
             factor = np.where(np.isfinite(factor) & (factor > 0), np.clip(factor, 1e-6, 1e6), 0.5)
@@ -107,8 +107,8 @@ def passage(problem: Problem) -> tuple[Array, Array, Array] | None:
         if not whole.all():
             return None
         halves = h / (rate[:-1] + between) + h / (between + rate[1:])
-        split = np.abs(halves - 2 * h / whole) > CHANGED * halves.sum()
-        if not split.any() or s.size > MOST:
+        split = np.abs(halves - 2 * h / whole) > QUADRATURE_CHANGE * halves.sum()
+        if not split.any() or s.size > QUADRATURE_POINTS:
             break
         at = 1 + np.flatnonzero(split)
         s, rate = np.insert(s, at, middle[split]), np.insert(rate, at, between[split])
@@ -235,7 +235,7 @@ def oscillations(problem: Problem) -> list[Path]:
     q, v, now = np.array([x or 0.0 for x in problem.start.q]), np.zeros((1, system.n)), [[t]]
     state = v, np.array(now, dtype=float), problem.packed
     with np.errstate(all="ignore"):
-        for _ in range(REST_STEPS):
+        for _ in range(EQUILIBRIUM_STEPS):
             force = first(q[None], *state)[0][0].copy()
             values = [x.copy() for x in second(q[None], *state)]
             A, B, C = (second.full(i, values[i], symmetric=i != 1)[0] for i in range(3))

@@ -35,7 +35,7 @@ MOST_ELEMENTS = 64  # for turns; ad hoc: more are left to refinement
 LOST_PHASE = 5.5
 MOST_FIRST = 32  # elements of a first mesh: beyond, the rate may be that of a singularity; ad hoc
 TAIL_MARGIN = 5.0  # between a coefficient and the tolerance it has to meet: `SAFETY`, and a little
-SLOWEST = 1e-6  # rate over the whole time, in place of none: of that the first degree is enough
+STEADY_RATE = 1e-6  # rate over the whole time, in place of none: of that the first degree is enough
 LOG_FACTORIALS = np.array([math.lgamma(d) for d in DEGREES])  # of d - 1
 THINNEST_ELEMENT = 1e3 * np.finfo(float).eps  # in parts of the time; ad hoc: its nodes are distinct
 
@@ -52,7 +52,7 @@ def planned(problem: Problem, tol: float, elements: int) -> Mesh:
     if parts is None:
         parts, fastest = np.linspace(0.0, 1.0, elements + 1), max(turns, folds) / elements
     # The Legendre coefficient k of exp(x t) is about (x / 2)^k / k!; the last two tell the error.
-    logarithms = (DEGREES - 1) * np.log(max(fastest, SLOWEST) / 4) - LOG_FACTORIALS
+    logarithms = (DEGREES - 1) * np.log(max(fastest, STEADY_RATE) / 4) - LOG_FACTORIALS
     good = logarithms < np.log(tol / TAIL_MARGIN)
     degree = DEGREES[np.argmax(good)] if good.any() else DEGREES[-1]
     since = problem.duration * parts

@@ -39,13 +39,13 @@ from actionopt.tools.watch import Watch
 FIRST_TOL = 1e-3  # of paths that are to be followed to the energy
 REPRESENTED = 1e-4, 1e-7  # of a guess: what its first mesh leaves out, and the next one tried
 SCANNED = 9  # durations either way, each the root of two times the next, that are looked at
-TRIED = np.logspace(-8, 8, 65)  # durations at which a straight line is looked at
+TRIED_DURATIONS = np.logspace(-8, 8, 65)  # durations at which a straight line is looked at
 PARABOLAS = 12  # steps to the least energy of paths over given durations
-ASIDE = 0.9  # of the duration of the lowest path
+BELOW_LOWEST = 0.9  # of the duration of the lowest path
 # Half lengths of its first and last element, from their middles, that a motion is carried on; parts
 # of its duration that are cut off at most; steps to where it passes a place, and such parts within
 # which it passes there.
-AHEAD, CUT, NEARER, NEAR = 3.0, 0.4, 6, 0.02
+AHEAD, DURATION_CUT, DURATION_CUTS, DURATION_NEAR = 3.0, 0.4, 6, 0.02
 
 
 @dataclass
@@ -151,7 +151,7 @@ class FirstPaths:
     def _crossed(self) -> list[float]:
         """Return the durations over which the straight line has the energy, on the average."""
         found, last = [], None
-        for T in TRIED:
+        for T in TRIED_DURATIONS:
             known = over(self.problem, float(T))
             mesh = Mesh.uniform(known.start.t, known.end.t, 2, COARSE_DEGREE)
             at = DiscretePath.of(known, Path(mesh, line(self.problem, mesh)))
@@ -190,7 +190,7 @@ class FirstPaths:
         if not crossed:
             low = self._lowest(seen, low)
             # Two paths between two of the durations, or one where they merge: seen from a side.
-            aside = self._over(ASIDE * low.mesh.duration, low)
+            aside = self._over(BELOW_LOWEST * low.mesh.duration, low)
             if aside is not None:
                 yield aside
         excess, T = self.excess(self._sharp(low)), low.mesh.duration
@@ -337,7 +337,7 @@ def passing(problem: Problem, path: Path) -> Path:
         return path
     mesh, n = path.mesh, problem.system.n
     longest, ends = (AHEAD - 1) / 2 * mesh.lengths[[0, -1]], np.array([0.0, mesh.duration])
-    cut = CUT * ends[1]
+    cut = DURATION_CUT * ends[1]
     low, high = ends - [longest[0], cut], ends + [cut, longest[1]]
     unit, wanted = np.abs(path.values).max(axis=1)[:, None], np.zeros((n, 2))
     unit, given = np.where(unit > 0, unit, 1.0), np.zeros((n, 2), dtype=bool)
@@ -345,15 +345,15 @@ def passing(problem: Problem, path: Path) -> Path:
         for i in event.pinned:
             wanted[i, k], given[i, k] = event.q[i], True
     at = ends
-    for _ in range(NEARER):  # Gauss and Newton's method
+    for _ in range(DURATION_CUTS):  # Gauss and Newton's method
         q, v = path.carried_on(at, AHEAD)
         away, rates = (np.where(given, x / unit, 0.0) for x in (q - wanted, v))
         square = (rates * rates).sum(axis=0)
         by = np.divide((away * rates).sum(axis=0), square, out=np.zeros(2), where=square > 0)
         at = (at - by).clip(low, high)
-        if np.abs(by).max() <= NEAR * ends[1]:
+        if np.abs(by).max() <= DURATION_NEAR * ends[1]:
             break
-    if not np.abs(at - ends).max() > NEAR * ends[1]:
+    if not np.abs(at - ends).max() > DURATION_NEAR * ends[1]:
         return path
     T = at[1] - at[0]
     values = path.carried_on(at[0] + mesh.nodes_since * (T / ends[1]), AHEAD)[0]

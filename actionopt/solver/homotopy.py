@@ -25,13 +25,13 @@ HOMOTOPY_STEPS, FEWEST_STEPS, ALL_STEPS_SIZE = 240, 20, 200
 # sizes. Measured on 50 systems of 1 to 4 coordinates: those that are reached come to 2.8 and 25, to
 # 20 where a force is a sharp pulse; others, beyond a fold where no path is left, get farther and
 # farther, in steps that get no longer.
-FORCED, FAR = 100.0, 50.0
+RUNAWAY_FORCE, RUNAWAY_CURVE = 100.0, 50.0
 # Ad hoc.
 # Of arclength in s and the root mean square of the coordinates; halved where the corrector fails.
 FIRST_ARC, LONGEST_ARC, SHORTEST_ARC = 0.05, 0.5, 1e-6
 CORRECTOR_STEPS = 5
 CORRECTOR_TOL = 1e-6  # correction, in units of the coordinates' sizes, that ends a corrector
-BEYOND = 1.5  # an s at which the curve is not near the path any more
+CURVE_END = 1.5  # an s at which the curve is not near the path any more
 
 
 def newton_homotopy(tr: Transcription, z: Array) -> tuple[Array, int] | None:
@@ -107,13 +107,16 @@ class _Way:
                 self.length = step / 2
                 continue
             z, s, slope, steps = trial
-            if s > BEYOND:
+            if s > CURVE_END:
                 self.length = float(step * (1.0 - self.s) / (s - self.s))
                 continue
             self.z, self.s = z, float(s)
             if steps <= 2:
                 self.length = min(2 * self.length, LONGEST_ARC)
-            near = bool(np.max(np.abs(z[: self.tr.layout.unknowns])) < FAR) and 1.0 - s < FORCED
+            near = (
+                bool(np.max(np.abs(z[: self.tr.layout.unknowns])) < RUNAWAY_CURVE)
+                and 1.0 - s < RUNAWAY_FORCE
+            )
             return self._turned(slope) and near
         return False
 

@@ -63,10 +63,10 @@ MEETING_PAIRS, MEETING_ELEMENTS = 32, 48
 # systems and pendulums, it is the first that can be, or none.
 MEETING_LOST = 3
 PATIENT = 30  # damped steps towards a path near a guess: whatever else there is costs more
-NEAR_GUESS = (16, 32, 64)  # elements: a guess has features that coarser meshes would miss
+GUESS_MESHES = (16, 32, 64)  # elements: a guess has features that coarser meshes would miss
 # Elements tried before where coordinates are many, of a guess and of Newton's method. Measured on
 # chains, bodies and lattices: half the time and a third of it less, at any tolerance.
-COARSE_GUESS, FEW = (4, 8), 2
+COARSE_GUESS, FIRST_FEW = (4, 8), 2
 # Unknowns and rows from which a rough path settles on its surface before Newton's method is tried,
 # which takes three factorizations to fail; ad hoc: from there one takes a seventh of a second.
 SETTLED_FIRST = 20_000
@@ -509,7 +509,7 @@ class Search:
         ws.record.rounds.clear()
         # Motions of many coordinates may be too fast for the coarsest meshes.
         many = ws.many_coordinates and not ws.problem.system.m
-        few, first = fewest(ws.problem) if many else 0, (FEW,) if many and rung.steep else ()
+        few, first = fewest(ws.problem) if many else 0, (FIRST_FEW,) if many and rung.steep else ()
         meshes = sorted({max(elements, few) for elements in (*first, *rung.meshes)})
         for elements in meshes:
             ws.restart()
@@ -577,7 +577,7 @@ class Search:
             return status
         for coarse in self._fine_enough(curve_of):
             curve = self.settled or curve_of(coarse)
-            own = curve.mesh is not coarse and coarse.elements == NEAR_GUESS[0]
+            own = curve.mesh is not coarse and coarse.elements == GUESS_MESHES[0]
             mesh = self.given or (curve.mesh if own else coarse)
             self.ws.transcribe(mesh, curve, like=curve)
             if self._near():
@@ -591,7 +591,7 @@ class Search:
         ws = self.ws
         if self.given is not None or self.ladder is IPOPT or not ws.many_coordinates:
             return Status.NOT_FOUND
-        fine = self._uniform(NEAR_GUESS[0], COARSE_DEGREE)
+        fine = self._uniform(GUESS_MESHES[0], COARSE_DEGREE)
         curve = curve_of(fine)
         if curve.mesh is not fine:
             return Status.NOT_FOUND
@@ -642,7 +642,7 @@ class Search:
 
         A motion of many turns is lost on a mesh that misses them; a kink is resolved by none.
         """
-        meshes = [self._uniform(elements, COARSE_DEGREE) for elements in NEAR_GUESS]
+        meshes = [self._uniform(elements, COARSE_DEGREE) for elements in GUESS_MESHES]
         for k, mesh in enumerate(meshes):
             curve = curve_of(mesh)
             shown = self._shown(curve)

@@ -47,12 +47,12 @@ from actionopt.tools.watch import OutOfTime, Spent, Watch
 
 # Ad hoc, all of them.
 SOUGHT, SOUGHT_DEGREE = 16, 4  # elements on which contact is sought first, and their degree
-TRIES, MOST = 7, 200  # meshes on which it is sought, and elements of one
+CONTACT_MESHES, CONTACT_ELEMENTS = 7, 200  # meshes on which it is sought, and elements of one
 # What finer meshes may cost that find no path, in second derivatives on one element: those that did
 # took 2,500 to 24,000 (four of 120 random obstacles), one round two thin walls 245,000 for nothing.
 FINER = 40_000
 CHANGES = 8  # of what is in contact, before it is given up
-SMALL = (
+SMALL_OBSTACLE = (
     "round something small or sharp contact is short: below about a thousandth of the path it may "
     "not be found; give a guess that goes round it, or make it larger or rounder"
 )
@@ -93,7 +93,7 @@ def _sought(
     """Yield what is found on finer and finer meshes: see `_least`."""
     problem = ws.question
     since = np.linspace(0.0, problem.duration, SOUGHT + 1)
-    for k in range(TRIES):
+    for k in range(CONTACT_MESHES):
         if k == 1:
             ws.watch = ws.watch or Watch(None, None)
             if ws.watch.has_costs:
@@ -122,7 +122,7 @@ def _sought(
         if k == 0 and (drawn := _drawn(ws, tol, mesh, guesses[0])):
             yield drawn
         since = np.unique(np.concatenate([since, *(windows or [(since[:-1] + since[1:]) / 2])]))
-        if since.size > MOST or ws.hint in HOPELESS:
+        if since.size > CONTACT_ELEMENTS or ws.hint in HOPELESS:
             return
 
 
@@ -226,7 +226,7 @@ def _refined(ws: Along, tol: float, string: tuple[Path, tuple[Arc, ...]] | None 
             if not (reached and ws.follow()):
                 ws.hint = ws.why()
                 if ws.hint == FAMILY and min(arc.end - arc.begin for arc in arcs) < coarse:
-                    ws.hint = SMALL
+                    ws.hint = SMALL_OBSTACLE
                 return Status.NOT_FOUND
             ws.hint = ""
             other = ws.changed(allowed)
@@ -245,7 +245,7 @@ def _refined(ws: Along, tol: float, string: tuple[Path, tuple[Arc, ...]] | None 
             ws.hint = ORDER if is_of_higher_order(held) else DEPENDENT
             return Status.NOT_FOUND
     if ws.inside > allowed:
-        ws.hint = SMALL
+        ws.hint = SMALL_OBSTACLE
         return Status.NOT_FOUND
     return Status.UNRESOLVED
 

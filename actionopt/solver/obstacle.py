@@ -47,7 +47,7 @@ FLATTEST = 1e-6  # of its gradient on the straight line: a row that still has a 
 TURN = np.pi / 4  # of the obstacle's normal along one of these
 JOINS = 25  # steps to the times of contact
 LEAST_PART = 1 / 64  # of a force that is taken away
-FAR = 10.0  # in units of the motion: a longer step leads nowhere
+RUNAWAY_STEP = 10.0  # in units of the motion: a longer step leads nowhere
 SHRINK = 0.2  # of its length, what one step leaves of a part at least
 # Of the duration, in this range the tolerance: a shorter part between times of contact is none. Of
 # the path's size, the greater one: what may be inside of the obstacle where such parts come and go.
@@ -245,7 +245,7 @@ class Along(Workspace):
             step, move = found
             size = float(np.abs(step).max()) / duration
             size = max(size, float(np.abs(move[: here.x.size]).max(initial=0.0)))
-            if not size < FAR:
+            if not size < RUNAWAY_STEP:
                 return False
             if last < STALLED_TIME and size > last / 2:
                 return True

@@ -19,9 +19,9 @@ from actionopt.tools.types import Array
 # Measured on nine questions to 128 masses of an FPUT lattice: seven are reached in 13 to 410 steps.
 # Limits from 0.1 on, or up to 2, or ways that begin anew never or at the same place, reach fewer.
 # Of 512 masses there are four times as many places, and a step costs four times as much.
-STEPS, MASS_STEPS, RUN, BESIDE = 700, 90_000, 60, 0.1
-SMALLEST, LARGEST = 0.3, 1.0  # limits, in units of the coordinates' sizes
-FARTHEST = 3.0  # where a coordinate is put back
+COMPONENT_STEPS, MASS_STEPS, RUN, BESIDE = 700, 90_000, 60, 0.1
+SMALLEST_LIMIT, LARGEST_LIMIT = 0.3, 1.0  # limits, in units of the coordinates' sizes
+PUT_BACK = 3.0  # where a coordinate is put back
 SETTLED = 1e-3  # step after which Newton's method contracts
 
 
@@ -31,7 +31,7 @@ def settled(tr: Transcription, z: Array, seed: int = 0) -> tuple[Array | None, i
     `tr` is without constraints, and all coordinates are given at both of its ends.
     """
     rng, n = np.random.default_rng(seed), tr.problem.system.n
-    steps = min(STEPS, MASS_STEPS // n)
+    steps = min(COMPONENT_STEPS, MASS_STEPS // n)
     first, at = z.reshape(-1, n), z.reshape(-1, n)
     s = np.arange(1.0, 1.0 + len(first)) / (1 + len(first))
     bump = np.sin(np.pi * s)[:, None]
@@ -47,8 +47,8 @@ def settled(tr: Transcription, z: Array, seed: int = 0) -> tuple[Array | None, i
             size = np.abs(step).max(axis=0)
             if size.max() < SETTLED:
                 return x + step.ravel(), k + 1
-            limits = rng.uniform(SMALLEST, LARGEST, n)
+            limits = rng.uniform(SMALLEST_LIMIT, LARGEST_LIMIT, n)
             at = at + step * np.minimum(1.0, limits / size)
-            away = ~(np.abs(at - first).max(axis=0) < FARTHEST)
+            away = ~(np.abs(at - first).max(axis=0) < PUT_BACK)
             at[:, away] = first[:, away]
     return None, steps

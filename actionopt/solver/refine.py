@@ -23,7 +23,7 @@ from actionopt.solver.workspace import MEASURABLE, Workspace
 ROUNDS = 20
 # Times the square of what a mesh leaves out, for the next one; measured on pendulums of 30 to 100
 # links: a tenth takes a third more time, and the tolerance at once twice as much.
-SETTLED = 10.0
+NEXT_OMITTED = 10.0
 STALLED = 8  # rounds that bring nothing: a layer of 1e-6 is closed in on in six
 EXPLAINED_BY_ROUNDOFF = 10.0  # times the effect of that in times and coordinates: it may be all
 # Times the round-off that one sample shows: tolerances that it may still forbid. Measured on
@@ -92,7 +92,7 @@ def _refined(ws: Workspace, tol: float, *, least: bool) -> Status:
         else:
             target = tol / (2 * SAFETY * ws.here.gain)
             if ws.many_coordinates:  # the path settles on a cheaper mesh first
-                target = max(target, SETTLED * before.worst**2)
+                target = max(target, NEXT_OMITTED * before.worst**2)
             mesh = refined(before, target, sparse=ws.many_coordinates and ws.sparse)
         if stalled == 0:
             most = min(max(FRUITLESS_GROWTH * _size(ws, mesh), FRUITLESS), MAX_UNKNOWNS)

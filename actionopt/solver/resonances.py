@@ -29,15 +29,18 @@ from actionopt.tools.types import Array
 
 # Measured on pendulums of 30 to 100 links: what is found takes 5 to 60 factorizations, and holds up
 # to two modes at a time.
-FACTORIZATIONS, HELD = 100, 12
+FACTORIZATIONS, MOST_HELD = 100, 12
 # Ad hoc, lengths in units of the coordinates' sizes.
-FARTHEST = 1.0  # step, beyond which a mode runs away
+RUNAWAY_MODE = 1.0  # step, beyond which a mode runs away
 SETTLING = 2  # steps until most modes have settled
-STEPS, FOLLOWING = 20, 4  # until all other modes have settled, at first and as an amplitude grows
-AMPLITUDE, LARGEST = 0.25, 1.0  # by which it grows, at first and at most
-SMALLEST = 1e-2  # of the first growth: the way ends
+SETTLE_STEPS, FOLLOWING = (
+    20,
+    4,
+)  # until all other modes have settled, at first and as an amplitude grows
+FIRST_AMPLITUDE, LARGEST_AMPLITUDE = 0.25, 1.0  # by which it grows, at first and at most
+SMALLEST_AMPLITUDE = 1e-2  # of the first growth: the way ends
 PAST = 1.5  # of the way to where the force would vanish if it were linear
-BEYOND = 4.0  # a path that is not beside the line any more
+FAR_FROM_LINE = 4.0  # a path that is not beside the line any more
 INVERSE_STEPS = 2  # to a mode from a step that is most of it already
 
 
@@ -84,14 +87,14 @@ class Resonances:
         """Return a point (size,) near a stationary path, from z; None if that fails."""
         with np.errstate(all="ignore"):
             none = np.zeros((z.size, 0))
-            at = self._settled(z, none, STEPS, hold=False)
-            at, kept = at or self._settled(z, none, STEPS, hold=True), 0
+            at = self._settled(z, none, SETTLE_STEPS, hold=False)
+            at, kept = at or self._settled(z, none, SETTLE_STEPS, hold=True), 0
             while at is not None and kept < at.forces.size:
                 free = self._released(at)
                 if free is None:  # another may have to go first
                     at, kept = at.next(), kept + 1
                 else:
-                    at, kept = self._settled(*free, STEPS, hold=True), 0
+                    at, kept = self._settled(*free, SETTLE_STEPS, hold=True), 0
         return None if at is None or at.forces.size else at.z
 
     def _settled(
@@ -120,12 +123,12 @@ class Resonances:
                     slow = k >= SETTLING and size > max(CONTRACTION * last, SETTLED)
                     if not math.isfinite(size):
                         return None
-                    if size <= FARTHEST and not slow:
+                    if size <= RUNAWAY_MODE and not slow:
                         break
                     if not hold and not wanted.size and not slow:
-                        step *= FARTHEST / size
+                        step *= RUNAWAY_MODE / size
                         break
-                    if not hold or wanted.size == HELD:
+                    if not hold or wanted.size == MOST_HELD:
                         return None
                     for _ in range(INVERSE_STEPS):
                         mode = factors.solve(step / np.linalg.norm(step))
@@ -145,7 +148,7 @@ class Resonances:
     def _released(self, at: _Held) -> tuple[Array, Array] | None:
         """Return where the force along the first mode vanishes, and the modes still held."""
         unit = 1.0 / float(np.abs(at.modes[:, 0]).max())
-        first = min(AMPLITUDE * unit, PAST * abs(at.root))
+        first = min(FIRST_AMPLITUDE * unit, PAST * abs(at.root))
         ways = [_Way(at, sign * np.sign(at.root), first) for sign in (1.0, -1.0)]
         while ways:
             for way in tuple(ways):
@@ -154,15 +157,15 @@ class Resonances:
                 there = self._settled(
                     here.z, at.modes, FOLLOWING, hold=False, grown=way.sign * growth
                 )
-                if there is None or not np.abs(there.z).max() < BEYOND:
+                if there is None or not np.abs(there.z).max() < FAR_FROM_LINE:
                     way.growth = growth / 3
-                    if way.growth < SMALLEST * first or self.count == FACTORIZATIONS:
+                    if way.growth < SMALLEST_AMPLITUDE * first or self.count == FACTORIZATIONS:
                         ways.remove(way)
                 elif there.forces[0] * here.forces[0] <= 0:
                     part = here.forces[0] / (here.forces[0] - there.forces[0])
                     return here.z + part * (there.z - here.z), at.modes[:, 1:]
                 else:
-                    way.at, way.growth = there, min(2 * growth, LARGEST * unit)
+                    way.at, way.growth = there, min(2 * growth, LARGEST_AMPLITUDE * unit)
         return None
 
 

@@ -35,7 +35,14 @@ MISSED = {"auto": (Status.NOT_FOUND,), "least": (Status.NOT_FOUND, Status.UNRESO
 # The nearest end that is tried, in parts of the way or of the time; the longest and the shortest
 # step, as factors of it; tries in all; how much longer the next step is; and the accuracy on the
 # way.
-NEAREST, LONGEST, SHORTEST, TRIES, LONGER, ON_THE_WAY = 2.0**-24, 2.0, 1.0002, 120, 1.5, 1e-4
+NEAREST, LONGEST_ADVANCE, SHORTEST_ADVANCE, ADVANCES, LONGER, ON_THE_WAY = (
+    2.0**-24,
+    2.0,
+    1.0002,
+    120,
+    1.5,
+    1e-4,
+)
 DWELT = (*LOST, Status.DEGENERATE)  # what DWELLING may look like
 DWELL_STEP = 1e-5  # of the way, that a motion makes at most from node to node at rest
 
@@ -155,23 +162,23 @@ def _followed(problem: Problem, choices: Choices) -> tuple[Solution | None, floa
     here, part = None, 1.0
     quick = replace(choices, tol=ON_THE_WAY, ladder=BRIEF, principle="auto")
     while here is None and part > NEAREST:
-        part /= LONGEST
+        part /= LONGEST_ADVANCE
         found, _ = between(_nearer(problem, part), None, quick)
         here = found if found.success else None
     if here is None:
         return None, 0.0
-    step = LONGEST
-    for _ in range(TRIES):
+    step = LONGEST_ADVANCE
+    for _ in range(ADVANCES):
         to = min(1.0, part * step)
         there, tol = _nearer(problem, to), choices.tol if to == 1 else ON_THE_WAY
         found = _led(there, stretched(here, there, to / part), tol, choices.watch)
         if found.success and to == 1:
             return found, 1.0
         if found.success:
-            here, part, step = found, to, min(step**LONGER, LONGEST)
+            here, part, step = found, to, min(step**LONGER, LONGEST_ADVANCE)
         else:
             step = np.sqrt(step)
-            if step < SHORTEST:
+            if step < SHORTEST_ADVANCE:
                 break
     return None, part
 

@@ -28,11 +28,14 @@ from actionopt.solver.touching import looked_at, rows_along, runs
 from actionopt.tools.types import EPS, Array
 
 ANGLE = np.pi / 24  # by which a normal is turned at once; ad hoc
-STEPS, SETTLED = 12, 1e-10  # of Newton's method to a point, and a step that is the last
-HALVINGS = 12  # of such an angle, to where a string comes to a body
+SUPPORT_STEPS, LAST_SUPPORT_STEP = (
+    12,
+    1e-10,
+)  # of Newton's method to a point, and a step that is the last
+ANGLE_HALVINGS = 12  # of such an angle, to where a string comes to a body
 PASSES = 5  # over all bodies, where there are several
 FINE = 129  # times at which a path is known, to compare speeds along it
-LEAST = 1e-4  # of an angle, that a normal is turned by at least
+LEAST_TURN = 1e-4  # of an angle, that a normal is turned by at least
 
 
 class Body:
@@ -64,7 +67,7 @@ class Body:
         n = x.size
         mu = float(self.at(x)[1] @ normal)
         K = np.zeros((n + 1, n + 1))
-        for _ in range(STEPS):
+        for _ in range(SUPPORT_STEPS):
             f, G, H = self.at(x)
             K[:n, :n], K[:n, n], K[n, :n] = H, -normal, G
             try:
@@ -74,7 +77,7 @@ class Body:
             x, mu = x + step[:n], mu + step[n]
             if not np.isfinite(x).all() or mu <= 0:
                 return None
-            if np.abs(step[:n]).max() < SETTLED:
+            if np.abs(step[:n]).max() < LAST_SUPPORT_STEP:
                 return x
         return None
 
@@ -89,7 +92,7 @@ class Body:
                 point = self.touched(found[-1][1], normal)
                 if point is None:
                     part /= 2
-                    if part < LEAST:
+                    if part < LEAST_TURN:
                         return None
                     continue
                 done += part
@@ -110,7 +113,7 @@ class Body:
             if k == 0:
                 return None
             (low, x), high = way[k - 1], way[k][0]
-            for _ in range(HALVINGS):
+            for _ in range(ANGLE_HALVINGS):
                 normal = between(low, high, 0.5)
                 point = self.touched(x, normal)
                 if point is None:
@@ -136,7 +139,7 @@ def angle_of(a: Array, b: Array) -> float:
 def between(a: Array, b: Array, part: float) -> Array:
     """Return the unit vector that is a part of the way from a to b, both unit vectors (n,)."""
     angle = angle_of(a, b)
-    if angle < SETTLED:
+    if angle < LAST_SUPPORT_STEP:
         return b
     return (np.sin((1 - part) * angle) * a + np.sin(part * angle) * b) / np.sin(angle)
 

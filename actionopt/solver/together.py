@@ -30,7 +30,7 @@ from actionopt.solver.iterate import (
 from actionopt.tools.median import median
 from actionopt.tools.types import Array, NDInt
 
-STEPS = 4  # factorizations: a path that takes more was not near; ad hoc
+TOGETHER_STEPS = 4  # factorizations: a path that takes more was not near; ad hoc
 STRAGGLERS = 0.05  # of a part, that are not worth calls of their own: they begin nearer next time
 
 
@@ -86,7 +86,7 @@ def follow(shape: Shape, times: Array, packed: Array, Q: Array, tol: float) -> F
     with np.errstate(all="ignore"):
         for here in shape.parts(len(Q)):
             left = here
-            for _ in range(STEPS):
+            for _ in range(TOGETHER_STEPS):
                 left = _round(shape, times, packed, found, left, tol)
                 if left.size <= STRAGGLERS * here.size:
                     break

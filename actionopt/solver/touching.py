@@ -32,7 +32,10 @@ ACROSS = np.linspace(0.0, 6.4, 129)  # in the motion's sizes, where the other si
 WEAK = 1e-3  # impulse in its own unit: a weaker one may be the barrier's
 WINDOW = 8  # elements where a path passes through what no node sees, such as a peg
 UNSEEN = 1e-9  # in units of the rows: what f is below zero there
-CLOSE, CLOSER = 10, 8  # points of each interval in which f is least, and how often it shrinks
+CLOSEST_POINTS, CLOSEST_ROUNDS = (
+    10,
+    8,
+)  # points of each interval in which f is least, and how often it shrinks
 BETWEEN = 8  # degree of the points in an element where contact is looked at between nodes
 WHOLE = 0.01  # how near a whole number the order is of a row that grows as a power of the distance
 NO_ROOM = "no path outside of the obstacle was found: its rows may contradict each other somewhere"
@@ -217,12 +220,12 @@ def looked_at(found: DiscretePath) -> Array:
     row, at = np.nonzero(edge)
     i, begin, end = np.append(i, row), np.append(t[k], t[at]), np.append(t[k + 2], t[at + 1])
     times = [t]
-    for _ in range(CLOSER):
-        near = begin[:, None] + (end - begin)[:, None] * np.linspace(0.0, 1.0, CLOSE)
+    for _ in range(CLOSEST_ROUNDS):
+        near = begin[:, None] + (end - begin)[:, None] * np.linspace(0.0, 1.0, CLOSEST_POINTS)
         each, at = np.arange(i.size), near.ravel()
         f = rows_along(found, at)
         f = f.reshape(len(f), *near.shape)[i, each]
-        least = np.clip(np.argmin(f, axis=1), 1, CLOSE - 2)
+        least = np.clip(np.argmin(f, axis=1), 1, CLOSEST_POINTS - 2)
         begin, end = near[each, least - 1], near[each, least + 1]
         times.append(at)
     return np.unique(np.concatenate(times))

@@ -66,7 +66,7 @@ FULL = 300  # unknowns of a path whose matrix is looked at as a whole in a famil
 NEAR_GUESS = 0.1  # how far a guess tells a place
 # Force on a closed path: measured, 1e-14 on motions, 1e-5 at most on first meshes of them, and 1 or
 # more on spurious paths, such as one that has shrunk to a rest, whose refinement would not end.
-PUSHED, HELD = 1e-8, 1.0
+PUSHED, HELD_FORCE = 1e-8, 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,7 +200,7 @@ class Unfixed(Workspace):
         if not super().transfer(mesh, least=least, missed=missed):
             self.here = old
             return False
-        return self.here.pushed <= HELD and bool(np.isfinite(self.here.noise))
+        return self.here.pushed <= HELD_FORCE and bool(np.isfinite(self.here.noise))
 
     def _change(self, first: Iterate, old: Iterate) -> float:
         """Return by how much a path changed, and its duration."""
@@ -411,7 +411,7 @@ class Unfixed(Workspace):
 
     def _refined(self) -> Status:
         """Refine; a closed path that is pushed also with its phase set about where it is now."""
-        while self.here.pushed > HELD:
+        while self.here.pushed > HELD_FORCE:
             if not self._pushed_less():
                 return self._held()
         status = refine(self, self.tol, least=False)
@@ -435,7 +435,7 @@ class Unfixed(Workspace):
     def judged(self, status: Status) -> Status:
         """Return the verdict on the path at hand: a closed path needs no force along itself."""
         found = status.stationary
-        if self.here.pushed > HELD or (found and self._is_pushed(self.here)):
+        if self.here.pushed > HELD_FORCE or (found and self._is_pushed(self.here)):
             return self._held()
         return status
 

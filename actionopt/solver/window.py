@@ -45,11 +45,16 @@ WINDOW_GROWTH = 3.0  # times as long the next window may be
 # Measured on the kinks of phi^4 and sine-Gordon: where elements end that resolve them best, as a
 # power of their number; and e-foldings on each of them, with degrees as the ladder has them.
 GRADING, FOLDS_EACH = 1.7, 4.0
-ASIDE = (0.1, -0.1, 0.3, -0.3)  # of its size, how far a saddle is left along its lowest mode
+SADDLE_OFFSETS = (
+    0.1,
+    -0.1,
+    0.3,
+    -0.3,
+)  # of its size, how far a saddle is left along its lowest mode
 DOWN_ELEMENTS = 24  # of the mesh on which a guess is left
-FARTHEST = 100.0  # times the first window, in which a guess is looked at
+LONGEST_WINDOW = 100.0  # times the first window, in which a guess is looked at
 CORE_SIZE = 0.1  # of how far a guess is from rest, beyond which something happens
-CUT = 0.25  # of its shortest element, where a mesh is cut
+ELEMENT_CUT = 0.25  # of its shortest element, where a mesh is cut
 GUESS_SAMPLES = 512  # of a guess, where its phase is sought
 SAME_ENERGY = 1e-8  # of what moving between two equilibria takes
 
@@ -280,7 +285,7 @@ def lower(solution: Solution, factors: Factors, watch: Watch | None) -> Path | N
         size = np.max(np.abs(values)) / np.max(np.abs(away))
         tr = at.tr.between(solution.problem)  # a solution's own is not watched
         tr.watch = watch
-        for part in ASIDE:
+        for part in SADDLE_OFFSETS:
             found = descend(tr, tr.pack((values + part * size * away).T))
             if found.found:
                 return DiscretePath(tr, found.z).path
@@ -335,7 +340,8 @@ def _reach(whole: Problem, event: Event, other: Event, folds: float, curve: Any)
     if curve is None:
         return t
     seen = np.append(
-        origin, origin + (t - origin) * np.geomspace(1 / FARTHEST, FARTHEST, GUESS_SAMPLES)
+        origin,
+        origin + (t - origin) * np.geomspace(1 / LONGEST_WINDOW, LONGEST_WINDOW, GUESS_SAMPLES),
     )
     with np.errstate(all="ignore"):  # so late a guess may be anything
         away = np.abs(curve(seen) - q[:, None])
@@ -389,7 +395,7 @@ def _carried(curve: Callable[[Array], Array], own: Mesh, problem: Problem) -> Pa
     """Return a curve on its own elements over another window, with more where that is longer."""
     t0, t1 = problem.start.t, problem.end.t
     b, degrees = own.boundaries, np.array(own.degrees)
-    shortest = CUT * own.lengths.min()
+    shortest = ELEMENT_CUT * own.lengths.min()
     inner = (b > t0 + shortest) & (b < t1 - shortest)
     inside = b[inner]
     if not inside.size:
