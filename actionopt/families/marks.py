@@ -23,7 +23,7 @@ LOCATE_STEPS = 60
 # From where a step fails to where it does not: how near it is tried first, and halvings; ad hoc.
 STEP_ASIDE, STEP_HALVINGS = 1e-3, 10
 # Of two folds, in the range of s: what lies nearer together is no pair. Ad hoc, far above what
-# `arclength.LAST_CORRECTION` leaves in s; at a cusp, where ds/dsigma touches zero, met in ten steps.
+# `arclength.LAST_CORRECTION` leaves in s; at a cusp, where ds/dsigma touches 0, met in ten steps.
 FOLDS_APART = 1e-6
 # Of how far ds/dsigma bends within a step, the part that its cubic may be off; and of a step, how
 # far from where the cubic turns s may turn. Ad hoc.
