@@ -193,8 +193,9 @@ def inertia_through(at: DiscretePath, error: float) -> Inertia:
     asked, layout, z, kinetic = problem.asked or problem, tr.layout, at.z, tr.kinetic(at.z)
     matrix, multipliers = None, 0
     if asked.is_joined:
-        path, times = at.path, times_of(problem)
-        equations, z = Bordered.around(asked, path, None, tr.lengths, times=times)
+        path, times, kappa = at.path, times_of(problem), problem.kappa
+        known = {"times": times, "kappa": kappa if kappa.size else None}
+        equations, z = Bordered.around(asked, path, None, tr.lengths, **known)
         layout, matrix = equations.layout, equations.kkt(z)
         kinetic = equations.kinetic(z)
         multipliers = sum(border.multipliers for border in equations.borders)

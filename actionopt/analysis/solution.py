@@ -203,6 +203,8 @@ class Solution:
             ends = [
                 Event(t, q) for t, q in zip(mesh.nodes[[a, b]], leg.values.T[[0, -1]], strict=True)
             ]
+            if problem.integral is not None:
+                system = problem.system
             given = {k: x for k, x in problem.parameters.items() if k in system.table.shapes}
             part = Problem(system, *ends, parameters=given)
             known = DiscretePath.of(part, leg)
@@ -223,6 +225,11 @@ class Solution:
     def impulses(self) -> Array:
         """The jumps of the momentum at the events between the ends, after minus before: (k, n)."""
         return -self.discrete.tr.pulls(self.discrete.z)[1:-1]
+
+    @property
+    def integral_multipliers(self) -> Array:
+        """The multipliers kappa (c,) of S + kappa.(int g dt - value): dS/dvalue = -kappa."""
+        return self.problem.kappa
 
     @cached_property
     def energy_jumps(self) -> Array:
@@ -359,7 +366,7 @@ class Solution:
         Of a path whose duration was to be found it is that of S + E T, the duration varying;
         `between_times` has the other.
         """
-        if self.problem.through:
+        if self.problem.through or self.problem.integral is not None:
             return inertia_through(self.discrete, self.error)
         if self.problem.asked is not None or self.problem.closes:
             return inertia_asked(self.discrete, self.error)

@@ -26,6 +26,7 @@ from actionopt.discrete.borders import (
     Border,
     Duration,
     Gradient,
+    Integral,
     Move,
     PhaseCondition,
     Rows,
@@ -37,6 +38,7 @@ from actionopt.discrete.boundaries import moved, stretch_legs
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.end_times import by_joint_times, by_times
 from actionopt.discrete.factors import Factors
+from actionopt.discrete.integrals import integrals
 from actionopt.discrete.layout import BorderedLayout
 from actionopt.discrete.path import Path
 from actionopt.discrete.transcription import Transcription
@@ -87,16 +89,20 @@ class Bordered:
         along: Sequence[Array] = (),
         like: Transcription | None = None,
         times: Array | None = None,
+        kappa: Array | None = None,
     ) -> tuple[Bordered, Array]:
         """Return the equations on the mesh of a path, with a phase near it, and their unknowns.
 
         `along`, (n, K) each, are the directions in which it may be moved where there are more than
         along itself and by the `moves`; the units of action and of constraints are those of `like`,
-        if that is given. `times` (k + 2,) are those of the events of a course, at the path.
+        if that is given. `times` (k + 2,) are those of the events of a course, at the path, and
+        `kappa` (c,) the multipliers of integrals; those that balance the forces best if None.
         """
         if asked.is_joined:
             assert times is not None
-            problem = asked.found_at(times)
+            if asked.integral is not None and kappa is None:
+                kappa = _fit_multipliers(asked.found_at(times), path, lengths)
+            problem = asked.found_at(times, kappa=kappa)
         else:
             problem = over(asked.loose, path.mesh.duration)
         tr = Transcription(problem, path.mesh, lengths, like=like)
@@ -108,6 +114,8 @@ class Bordered:
                 borders.append(Times(given, np.diff(times), asked.energy or 0.0))
         elif asked.free_time:
             borders.append(Duration(asked, tr.mesh.duration))
+        if asked.integral is not None:
+            borders.append(Integral.of(at))
         if asked.closes:
             borders.append(PhaseCondition.near(asked, at, moves, along))
         found = cls(asked, tr, tuple(borders))
@@ -172,16 +180,26 @@ class Bordered:
         return next(((b, part) for b, part in pairs if isinstance(b, Times)), None)
 
     def at(self, y: Array) -> Transcription:
-        """Return the discrete action over the times that belong to y."""
-        if self.timed is None:
+        """Return the discrete action over the times, and of the multipliers, that belong to y."""
+        kappa = None
+        for border, part in zip(self.borders, self.parts, strict=True):
+            if isinstance(border, Integral):
+                kappa = border.kappa(y[part])
+        if self.timed is None and kappa is None:
             return self._over(self.duration(y))
+        if self.timed is None:
+            return self._of_course(times_of(self.first.problem), kappa)
         border, part = self.timed
-        return self._at_times(border.times(y[part]))
+        return self._of_course(border.times(y[part]), kappa)
 
-    def _at_times(self, times: Array) -> Transcription:
+    def _of_course(self, times: Array, kappa: Array | None) -> Transcription:
         last, first = self._last, self.first
-        if last is None or (times != times_of(last.problem)).any():
-            problem = self.asked.found_at(times)
+        if (
+            last is None
+            or (times != times_of(last.problem)).any()
+            or (kappa is not None and (kappa != last.problem.kappa).any())
+        ):
+            problem = self.asked.found_at(times, kappa=kappa)
             mesh = stretch_legs(first.mesh, times_of(first.problem), times)
             self._last = last = Transcription(problem, mesh, first.lengths, like=first)
             last.counts, last.watch = first.counts, first.watch
@@ -358,3 +376,13 @@ class Bordered:
         found = np.concatenate([self.first.magnitudes, np.ones(beside)])
         found[self.forces] = 0.0  # they vanish
         return found
+
+
+def _fit_multipliers(problem: Problem, path: Path, lengths: Array) -> Array:
+    """Return multipliers of integrals with which a path is nearest to a stationary one, (c,)."""
+    tr = Transcription(problem, path.mesh, lengths)
+    at = DiscretePath(tr, tr.pack(path.values.T))
+    slopes, force = integrals(at)[1], tr.gradient(at.x) * tr.action_unit
+    if not (np.isfinite(slopes).all() and np.isfinite(force).all()):
+        return np.zeros(len(slopes))
+    return -np.linalg.lstsq(slopes.T, force, rcond=None)[0]

@@ -18,6 +18,7 @@ import numpy as np
 
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.end_times import by_joint_times_twice, by_stretch
+from actionopt.discrete.integrals import integrals, integrals_by_times
 from actionopt.discrete.surfaces import event_at, reactions, surface_at
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
@@ -421,6 +422,69 @@ class Rows:
         times = np.zeros((s, len(bend.times)))
         times[:, k] = by_t / self.units
         return edges._replace(times=times)
+
+
+# -- the value of an integral --------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Integral:
+    """Integrals along the path that are given, int g dt = G: W has the term kappa.(int g dt - G).
+
+    The unknowns are kappa (c,). kappa.g is part of the Lagrangian of the problem's system, so that
+    all but the rows themselves follows from that (Gelfand and Fomin, *Calculus of Variations*
+    (1963), section 12).
+
+    Attributes
+    ----------
+    values : (c,) array
+        G.
+    units : (c,) array
+        Of the rows: what they change by as all coordinates change by their lengths.
+    unit : float
+        Of the action.
+    """
+
+    values: Array
+    units: Array
+    unit: float
+
+    @property
+    def size(self) -> int:
+        """The number c of integrals."""
+        return self.values.size
+
+    @property
+    def multipliers(self) -> int:
+        """All of them."""
+        return self.values.size
+
+    @classmethod
+    def of(cls, at: DiscretePath) -> Integral:
+        """Return those that the problem of a path gives."""
+        values, change = np.array(at.problem.integral), np.abs(integrals(at)[1]).sum(axis=1)
+        units = np.where(np.isfinite(change) & (change > 0), change, 1.0)
+        return cls(values, units, at.tr.action_unit)
+
+    def kappa(self, beta: Array) -> Array:
+        """Return the multipliers in the user's units, (c,)."""
+        return beta * self.unit / self.units
+
+    def begin(self, at: DiscretePath) -> Array:
+        """Return those of the path at hand, (c,)."""
+        return at.problem.kappa * self.units / self.unit
+
+    def residual(self, at: DiscretePath, beta: Array, gradient: Gradient) -> Array:
+        """Return int g dt - G, (c,), in units of the rows."""
+        return (integrals(at)[0] - self.values) / self.units
+
+    def derivative(self, at: DiscretePath, beta: Array, bend: Bend) -> Edges:
+        """Return the derivatives of the rows."""
+        layout, c = at.tr.layout, self.size
+        rows = np.zeros((c, layout.size))
+        rows[:, : layout.unknowns] = integrals(at)[1] / self.units[:, None]
+        times = None if bend.path is None else integrals_by_times(at) / self.units[:, None]
+        return Edges(rows.T, rows, np.zeros((c, c)), times)
 
 
 # -- where a closed path begins -------------------------------------------------------------------

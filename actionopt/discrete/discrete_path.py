@@ -78,8 +78,11 @@ class DiscretePath:
 
     @property
     def action(self) -> float:
-        """S, in the user's units."""
-        return self.tr.action(self.x) * self.tr.action_unit
+        """S, in the user's units; of L alone, without the terms of integrals that are given."""
+        found, problem = self.tr.action(self.x) * self.tr.action_unit, self.problem
+        if problem.integral is None:
+            return found
+        return found - float(problem.kappa @ np.array(problem.integral))
 
     @cached_property
     def rows(self) -> Array:

@@ -106,7 +106,7 @@ def by_joint_times(at: DiscretePath) -> Array:
     A leg over [a, a + T] has S_a = sum w L_t and S_T = (1/T) sum w (L - v.p) + sum w s L_t at times
     a + s T. Switches of laws stand at the events and move with them.
     """
-    leg, s, T, first = _legs(at)
+    leg, s, T, first = measure_legs(at)
     q, v, parts = first
     _, p, L = parts
     own = at.tr.weight[:, 0] * (L[:, 0] - np.sum(v * p, axis=1)) / T[leg]
@@ -116,10 +116,10 @@ def by_joint_times(at: DiscretePath) -> Array:
         rate = system.pointwise("rate")(q, v, at.tr.times, at.problem.packed)[0][:, 0]
         rate = rate * at.tr.weight[:, 0]
         own, by_a = own + s * rate, np.bincount(leg, rate, T.size)
-    return _by_events(by_a, np.bincount(leg, own, T.size))
+    return by_events(by_a, np.bincount(leg, own, T.size))
 
 
-def _by_events(by_a: Array, by_T: Array) -> Array:
+def by_events(by_a: Array, by_T: Array) -> Array:
     """Return derivatives by the times of events from those by the legs' starts and durations."""
     found = np.zeros(by_T.size + 1)
     found[:-1] += by_a - by_T
@@ -127,7 +127,7 @@ def _by_events(by_a: Array, by_T: Array) -> Array:
     return found
 
 
-def _legs(at: DiscretePath) -> tuple[NDInt, Array, Array, tuple[Array, Array, list[Array]]]:
+def measure_legs(at: DiscretePath) -> tuple[NDInt, Array, Array, tuple[Array, Array, list[Array]]]:
     """Return each evaluation's leg and its part s of that, the durations of legs, and q, v, L."""
     tr, problem, point = at.tr, at.problem, at.tr.place(at.x)
     offsets, nodes = tr.mesh.offsets, tr.joints
@@ -156,7 +156,7 @@ def by_joint_times_twice(at: DiscretePath) -> tuple[Array, Array]:
     """
     tr, problem, n = at.tr, at.problem, at.problem.system.n
     system, layout = problem.system, tr.layout
-    leg, s, T, (q, v, (force, _, _)) = _legs(at)
+    leg, s, T, (q, v, (force, _, _)) = measure_legs(at)
     second, w, count = system.pointwise("second"), tr.weight, T.size
     _, B, C = tr.second(at.x)
     mixed = second.product(1, B, v).copy()

@@ -185,7 +185,7 @@ class Answers:
             yield Start(self.classes[0], guess, "a point on a surface")
 
     def _through_events(self, starts: int) -> Iterator[Start]:
-        count = FOR_EACH_EVENT * starts * len(self.problem.through)
+        count = FOR_EACH_EVENT * starts * max(1, len(self.problem.through))
         for i, (guess, _) in enumerate(first_legs(self.problem, None, count, self.seed)):
             self.tell("places at events", i, count, "places at events")
             yield Start(self.classes[0], guess, "places at events")

@@ -171,6 +171,11 @@ def check_whole(problem: Any, what: str) -> None:
             f"{len(problem.through)}: {what} is known of its parts alone; ask each of them, "
             "solution.parts, or a problem between two of the events"
         )
+    if problem.integral is not None:
+        raise ValueError(
+            f"expected a path of which no integral is given, found one: {what} is not known with "
+            "multipliers that change; by a value S changes by -solution.integral_multipliers"
+        )
 
 
 def sides(problem: Any) -> list[tuple[int, int, int]]:

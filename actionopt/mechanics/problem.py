@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from actionopt.mechanics.course import SWITCHES, check_course, take_turns
 from actionopt.mechanics.events import Event, Periodic, Tail
@@ -17,8 +18,8 @@ from actionopt.mechanics.instants import Instant, instants
 from actionopt.mechanics.obstacle import check_outside, check_rows
 from actionopt.mechanics.rest import Rest, rest
 from actionopt.mechanics.surface import with_parameters, with_surface
-from actionopt.mechanics.system import System
-from actionopt.tools.checks import by_name, number
+from actionopt.mechanics.system import MULTIPLIERS, System
+from actionopt.tools.checks import by_name, number, numbers
 from actionopt.tools.shown import one_line
 from actionopt.tools.types import EPS, Array
 
@@ -61,6 +62,10 @@ class Problem:
         given, where its momentum may jump; in those that are free, None, the momentum is
         continuous, and so is the energy where t is None. `on` is a surface on which the place is
         found; a `Bounce` is a reflection off one.
+    integral : number or sequence of c numbers, optional
+        What the integrals of `system.integral` along the path are to be. S + kappa.(int g dt -
+        integral) is stationary, with multipliers kappa (c,) that are found: the problem's `system`
+        is that of L + kappa.g, its momenta and its energy are those of this.
 
     Attributes
     ----------
@@ -83,7 +88,9 @@ class Problem:
     parameters: Mapping[str, Any] = field(default=None, kw_only=True)  # type: ignore[assignment]
     energy: float | None = field(default=None, kw_only=True)
     through: Sequence[Event] = field(default=(), kw_only=True)
+    integral: Sequence[float] | ArrayLike | None = field(default=None, kw_only=True)
     laws: tuple[System, ...] = field(default=(), init=False, repr=False)  # of legs that differ
+    plain: System | None = field(default=None, init=False, repr=False)  # without its integrals
     asked: Problem | None = field(default=None, init=False, repr=False)
 
     __repr__ = one_line
@@ -92,6 +99,8 @@ class Problem:
         object.__setattr__(self, "through", tuple(self.through))
         if isinstance(self.system, Sequence):
             self._set_laws(self.system)
+        if self.integral is not None:
+            self._set_integral()
         if not isinstance(self.system, System):
             raise ValueError(
                 f"expected a System(lagrangian, coordinates), found {self.system!r}; a Lagrangian "
@@ -170,21 +179,46 @@ class Problem:
             object.__setattr__(self, "laws", tuple(laws))
         object.__setattr__(self, "system", system)
 
+    def _set_integral(self) -> None:
+        """Put the system of L + kappa.g in the place of the one whose integrals are given."""
+        system = self.system
+        if not isinstance(system, System) or not system.g.numel() or self.laws:
+            raise ValueError(
+                "expected one System(..., integral=g) for all legs where integrals are given, "
+                f"found {'several' if self.laws else 'one without an integral'}"
+            )
+        values = numbers(self.integral, "the values of the integrals")
+        values = np.atleast_1d(values)
+        if values.shape != (system.g.numel(),) or not np.isfinite(values).all():
+            raise ValueError(
+                f"expected {system.g.numel()} finite values of integrals, one for each expression "
+                f"of the system's, found {self.integral!r}"
+            )
+        if system.m or isinstance(self.end, Periodic) or self.is_infinite:
+            kind = "a constraint" if system.m else "a Periodic end or an infinite time"
+            raise ValueError(
+                f"expected an unconstrained path between finite events where integrals are given, "
+                f"found {kind}: both together are not known; leave one out"
+            )
+        object.__setattr__(self, "integral", tuple(values.tolist()))
+        object.__setattr__(self, "plain", system)
+        object.__setattr__(self, "system", system.with_multipliers)
+
     def __reduce__(self) -> tuple:
         """Ask it anew: what follows from it is made where it is needed."""
         if self.asked is not None:
-            if self.through:
+            if self.through or self.integral is not None:
                 q = [e.q for e in self.joints_found]
-                return _found_at, (self.asked, [e.t for e in self.joints_found], q)
+                return _found_at, (self.asked, [e.t for e in self.joints_found], q, self.kappa)
             q = np.array([self.start.q, self.end.q]) if self.asked.on_surface else None
             return _found, (self.asked, self.start.t, self.end.t, q)
-        known = self.question, self.start, self.end, self.parameters, self.energy, self.through
-        return _asked, known
+        known = self.start, self.end, self._given, self.energy, self.through, self.integral
+        return _asked, (self.question, *known)
 
     @property
     def question(self) -> System | tuple[System, ...]:
         """The system, or those of the legs, as they were given."""
-        return self.laws or self.system
+        return self.plain or self.laws or self.system
 
     @property
     def joints_found(self) -> tuple[Event, ...]:
@@ -242,8 +276,9 @@ class Problem:
         parameters: Mapping[str, Any] | None = None,
         energy: float | None = None,
         through: Sequence[Event] | None = None,
+        integral: Sequence[float] | ArrayLike | None = None,
     ) -> Problem:
-        """Return the problem with other events, some other parameters or another energy.
+        """Return the problem with other events, parameters, energy or values of integrals.
 
         Times that were free are so again, if no event says otherwise. All else is kept: parameters
         that are not named, coordinates that are free, and an end that is `Periodic`, which follows
@@ -267,12 +302,18 @@ class Problem:
             parameters={**self._given, **by_name(parameters, "parameters")},
             energy=old.energy if energy is None and free else energy,
             through=old.through if through is None else through,
+            integral=old.integral if integral is None else integral,
         )
 
     @property
     def _given(self) -> dict[str, Any]:
-        """The parameters but for the times at which laws take turns."""
-        return {name: x for name, x in self.parameters.items() if name != SWITCHES}
+        """The parameters but for those that are found with the path."""
+        return {k: x for k, x in self.parameters.items() if k not in (SWITCHES, MULTIPLIERS)}
+
+    @property
+    def kappa(self) -> Array:
+        """The multipliers of the integrals that are given, (c,); of none if there are none."""
+        return self.parameters.get(MULTIPLIERS, np.zeros(0))
 
     @property
     def free_time(self) -> bool:
@@ -307,10 +348,13 @@ class Problem:
         object.__setattr__(problem, "energy", self.energy)
         return problem
 
-    def found_at(self, times: Sequence[float] | Array, q: Any = None) -> Problem:
+    def found_at(
+        self, times: Sequence[float] | Array, q: Any = None, kappa: Array | None = None
+    ) -> Problem:
         """Return the problem with times (k + 2,) at its events, one that was `asked` as this.
 
-        Where these lie on surfaces, at coordinates q (k + 2, n), if given.
+        Where these lie on surfaces, at coordinates q (k + 2, n), if given; `kappa` (c,) are the
+        multipliers of integrals.
 
         Raises ValueError as a `Problem` does.
         """
@@ -323,8 +367,9 @@ class Problem:
             self.question,  # type: ignore[arg-type]
             start,
             end,
-            parameters=self._given,
+            parameters=self._given if kappa is None else {**self._given, MULTIPLIERS: kappa},
             through=through,
+            integral=self.integral,
         )
         object.__setattr__(problem, "asked", self)
         object.__setattr__(problem, "energy", self.energy)
@@ -332,9 +377,10 @@ class Problem:
 
     @property
     def is_joined(self) -> bool:
-        """Whether times or places of events between the ends are to be found, or other ones."""
+        """Whether times or places of events of a course are to be found, or multipliers."""
         inner = any(e.t is None or e.on is not None for e in self.through)
-        return inner or bool(self.through and (self.free_time or self.on_surface))
+        outer = bool(self.through and (self.free_time or self.on_surface))
+        return inner or outer or (self.integral is not None and self.asked is None)
 
     @property
     def unfixed(self) -> bool:
@@ -547,13 +593,14 @@ def _asked(
     parameters: dict[str, Array],
     energy: float | None,
     through: tuple[Event, ...] = (),
+    integral: tuple[float, ...] | None = None,
 ) -> Problem:
-    given = {name: x for name, x in parameters.items() if name != SWITCHES}
-    return Problem(system, start, end, parameters=given, energy=energy, through=through)
+    known = {"energy": energy, "through": through, "integral": integral}
+    return Problem(system, start, end, parameters=parameters, **known)
 
 
-def _found_at(asked: Problem, times: list[float], q: list[Any]) -> Problem:
-    return asked.found_at(times, q)
+def _found_at(asked: Problem, times: list[float], q: list[Any], kappa: Array) -> Problem:
+    return asked.found_at(times, q, kappa if kappa.size else None)
 
 
 def _time(event: Any) -> float:

@@ -54,6 +54,8 @@ TRAVELLING = ("structure", "switches", "clock", "energy_is_mechanical")
 DISTANT, LEAST_SLOPE = 100.0, 1e-300
 KEPT_SYSTEMS = 8  # that were loaded, whether or not they are in use: a worker's, ad hoc
 
+MULTIPLIERS = "integral_multipliers"  # the parameter kappa (c,) of L + kappa.g
+
 
 class System(Laws):
     """A mechanical system given by its Lagrangian L(q, v, t).
@@ -75,6 +77,9 @@ class System(Laws):
     obstacle : callable, optional
         `obstacle(q, t, *, ...)`: one expression f or a sequence of r of them; f(q, t) >= 0 along
         the path, whose action is least among those that satisfy it. Not with `force`.
+    integral : callable, optional
+        `integral(q, v, t, *, ...)`: one expression g or a sequence of c of them, whose integrals
+        along the path a `Problem` may give. Not with `force` or `obstacle`.
     name : str, optional
         Shown in messages and files.
 
@@ -118,9 +123,10 @@ class System(Laws):
         constraint: Callable[..., Any] | None = None,
         force: Callable[..., Any] | None = None,
         obstacle: Callable[..., Any] | None = None,
+        integral: Callable[..., Any] | None = None,
         name: str = "",
     ) -> None:
-        others = constraint, force, obstacle
+        others = constraint, force, obstacle, integral
         self._trace("lagrangian", lagrangian, others, coordinates, parameters, name)
 
     @classmethod
@@ -132,6 +138,7 @@ class System(Laws):
         parameters: Mapping[str, ArrayLike] | None = None,
         constraint: Callable[..., Any] | None = None,
         obstacle: Callable[..., Any] | None = None,
+        integral: Callable[..., Any] | None = None,
         name: str = "",
     ) -> System:
         """Return the system whose paths make the length between their events stationary.
@@ -144,7 +151,7 @@ class System(Laws):
             in a medium (Fermat's principle; in a static spacetime, of which light takes the
             null geodesics, that of the optical metric, the coordinate time); the travel time in a
             wind; any Finsler metric.
-        coordinates, parameters, constraint, obstacle, name
+        coordinates, parameters, constraint, obstacle, integral, name
             As for the class.
 
         Returns
@@ -174,7 +181,7 @@ class System(Laws):
         12.5
         """
         system = object.__new__(cls)
-        others = constraint, None, obstacle
+        others = constraint, None, obstacle, integral
         system._trace("length", length, others, coordinates, parameters, name)
         return system
 
@@ -188,7 +195,7 @@ class System(Laws):
         name: str,
     ) -> None:
         """Call what the user wrote, with symbols. Raises ValueError as the class does."""
-        constraint, force, obstacle = others
+        constraint, force, obstacle, integral = others
         if not isinstance(name, str):
             raise ValueError(f"expected the name of a system as text, found {name!r}")
         names_of, table = _names(coordinates), ParameterTable(parameters)
@@ -214,6 +221,17 @@ class System(Laws):
                 )
             given, names = call(obstacle, "obstacle", {"q": Q, "t": T}, named)
             outside, used = surface(given, "obstacle"), used | names
+        integrands = ca.SX(0, 1)
+        if integral is not None:
+            if force is not None or obstacle is not None:
+                raise ValueError(
+                    "expected an integral without non-conservative forces and obstacles, found "
+                    f"{'forces' if force is not None else 'an obstacle'} beside it: "
+                    "with forces no functional is stationary, and what contact does to given "
+                    "integrals is not known; leave one of both out"
+                )
+            given, names = call(integral, "integral", {"q": Q, "v": V, "t": T}, named)
+            integrands, used = column(given, "integral"), used | names
         unused = [key for key in table.defaults if key not in used]
         if unused:
             raise ValueError(
@@ -221,7 +239,7 @@ class System(Laws):
                 f"{', '.join(sorted(used)) or 'no parameters'}{suggestion(unused[0], sorted(used))}"
             )
         F = L if role == "length" else None
-        laws = L if F is None else _square(F) / 2, constraints, forces, outside
+        laws = L if F is None else _square(F) / 2, constraints, forces, outside, integrands
         self._set(symbols, laws, names_of, table, name, _place(law), F=F)
         if F is not None:
             self._check_length()
@@ -238,9 +256,10 @@ class System(Laws):
         F: ca.SX | None = None,
     ) -> None:
         """Set what is known of a law that is traced."""
-        L, f, Q, *obstacle = laws
-        self.outside = obstacle[0] if obstacle else ca.SX(0, 1)
+        L, f, Q, *more = laws
+        self.outside = more[0] if more else ca.SX(0, 1)
         self.r = self.outside.numel()  # rows of the obstacle
+        self.g = more[1] if len(more) > 1 else ca.SX(0, 1)  # what a problem may give integrals of
         super().__init__(symbols, L, f, Q, coordinates)
         self.F = F
         self.table, self.name, self.source, self.loaded = table, name, source, loaded
@@ -294,9 +313,10 @@ class System(Laws):
     def _law(self) -> ca.Function:
         """The law as a function of (q, v, t, p), which can be written to a file."""
         laws = [self.L, self.f, self.Q]
-        if self.r or self.F is not None:
-            laws.append(self.outside)
-        return ca.Function("law", self._arguments, laws if self.F is None else [*laws, self.F])
+        more = [self.outside, self.g, ca.SX(0, 1) if self.F is None else self.F]
+        while more and not more[-1].numel():
+            more.pop()
+        return ca.Function("law", self._arguments, [*laws, *more])
 
     @Once
     def held(self) -> System:
@@ -349,11 +369,28 @@ class System(Laws):
             symbols, system = _symbols(self.n, table), object.__new__(System)
             packed = symbols.p[: self.symbols.p.numel()]  # they come behind
             laws = self._law.call([symbols.q, symbols.v, symbols.t, packed])
-            known = tuple(laws[:4]), self.coordinates, table, self.name, self.source
-            system._set(symbols, *known, self.loaded, F=laws[4] if len(laws) > 4 else None)
+            known = tuple(laws[:5]), self.coordinates, table, self.name, self.source
+            system._set(symbols, *known, self.loaded, F=laws[5] if len(laws) > 5 else None)
             return system
 
         return self.memoize(f"with {table.shapes}", build)
+
+    @Once
+    def with_multipliers(self) -> System:
+        """Return the system of L + kappa.g, whose last parameter is kappa (c,), zero by default.
+
+        Without an integral it is the system itself.
+        """
+        if not self.g.numel():
+            return self
+        table = ParameterTable({**self.table.defaults, MULTIPLIERS: np.zeros(self.g.numel())})
+        symbols, system = _symbols(self.n, table), object.__new__(System)
+        packed = symbols.p[: self.symbols.p.numel()]
+        L, f, Q, outside, g = self._law.call([symbols.q, symbols.v, symbols.t, packed])[:5]
+        kappa = symbols.p[self.symbols.p.numel() :]
+        laws = L + ca.dot(kappa, g), f, Q, outside, g
+        system._set(symbols, laws, self.coordinates, table, self.name, self.source, self.loaded)
+        return system
 
     def lagrangian_of(self, q: ca.SX, v: ca.SX, t: ca.SX, packed: ca.SX) -> ca.SX:
         """Return L of expressions, the parameters packed in one column."""
@@ -667,8 +704,8 @@ def _load(digest: str, derived: list[str], version: str, state: bytes) -> System
             symbols = _symbols(len(coordinates), table)
             arguments = [symbols.q, symbols.v, symbols.t, symbols.p]
             laws = ca.Function.deserialize(law).call(arguments)
-            known = tuple(laws[:4]), coordinates, table, name, source
-            system._set(symbols, *known, loaded=True, F=laws[4] if len(laws) > 4 else None)
+            known = tuple(laws[:5]), coordinates, table, name, source
+            system._set(symbols, *known, loaded=True, F=laws[5] if len(laws) > 5 else None)
             _KNOWN[digest] = system
             _RECENT.append(system)
         with system.lock:

@@ -31,6 +31,7 @@ from actionopt.solver.arguments import Guess
 from actionopt.solver.signals import SIGNALS, status_of
 from actionopt.solver.unfixed import APPROACHES, Unfixed
 from actionopt.solver.verdict import solution_of
+from actionopt.solver.waves import first_waves, wave_mesh
 from actionopt.tools.checks import numbers
 from actionopt.tools.types import Array
 from actionopt.tools.watch import OutOfTime, Watch
@@ -42,6 +43,7 @@ PLACE_SPREAD = 0.5  # of points on surfaces, in the coordinates' sizes, and of l
 CURVE_SAMPLES = 400  # times at which a guess is compared with what the events ask
 NEXT_TO_EVENT = 1e-3  # of a leg: nearer to its ends its side of a surface is not asked
 GRAZING_SPEED = 1e-6  # of the speed, that across a surface which is touched only
+SEVERAL = 8  # paths with given integrals of which the least is taken, if none is a minimum
 
 
 def solve_through(
@@ -52,20 +54,41 @@ def solve_through(
     watch: Watch | None,
 ) -> tuple[Solution, str]:
     """Return a path through events of which times or places are to be found, and a hint."""
-    hint, best = "", None
+    hint, best, others = "", None, 0
     for solution, why in attempts(problem, tol, guess, watch):
-        if solution.success and principle == "least" and solution.morse_index > 0:
+        if solution.success and problem.integral is not None and guess is None:
+            # One of many, states above the lowest one or ropes that stand: the least is asked for.
+            others += 1
+            if best is None or not best.success or solution.action < best.action:
+                best, hint = solution, why
+            if others < SEVERAL and not _is_minimum(solution):
+                continue
+            solution = best
+        if solution.success and principle == "least" and not _is_minimum(solution):
             solution = replace(solution, status=Status.NOT_LEAST)
         if solution.success or solution.status is Status.OUT_OF_TIME:
             return solution, why
-        if best is None or (why and not hint):
+        if best is None or (why and not hint and not best.success):
             best, hint = solution, why
+    if best is None and problem.integral is not None:
+        raise ValueError(
+            f"expected values of the integrals that a path between the events reaches, found "
+            f"{problem.integral} and no such path; change them, or give a guess"
+        )
     if best is None:
         raise ValueError(
             "expected surfaces on which points are found near the events, found none; give a "
             "guess, waypoints of shape (n, k + 2): places at all events"
         )
     return best, hint
+
+
+def _is_minimum(solution: Solution) -> bool:
+    """Return whether no variation lowers the action; not where L is not convex in the rates."""
+    try:
+        return solution.morse_index == 0
+    except ValueError:
+        return False
 
 
 def attempts(
@@ -166,11 +189,18 @@ def starts(
     if guess is not None:
         path, times = read_guess(problem, guess)
         yield path, times
-        yield relax_legs(problem, path, times), times
+        if problem.integral is None:
+            yield relax_legs(problem, path, times), times
         return
     random = np.random.default_rng(seed)
     base = _points(problem)
     size = _sizes(problem, base)
+    if problem.integral is not None:
+        first = _begin(problem, base, size, np.ones(len(base) - 1))
+        if first is not None:
+            waves = first_waves(problem, *first, size, count, random)
+            yield from ((path, first[1]) for path in waves)
+        return
     for k in range(count):
         away = PLACE_SPREAD * (1 + k // 10) * size * random.standard_normal(base.shape)
         shift = PLACE_SPREAD * random.standard_normal(len(base) - 1)
@@ -314,9 +344,11 @@ def read_guess(problem: Problem, guess: Guess) -> tuple[Path, Array]:
         times = on_curve
     elif not np.isfinite(given[[0, -1]]).all() or not (np.diff(times) > 0).all():
         times = _fill(given, np.diff(on_curve))
-    path = polygon(np.zeros((len(times), n)), times)
-    s = np.interp(path.mesh.nodes, times, on_curve)
-    return Path(path.mesh, np.asarray(curve(s), dtype=float).reshape(n, -1)), times
+    mesh = polygon(np.zeros((len(times), n)), times).mesh
+    if problem.integral is not None:
+        mesh = wave_mesh(times)
+    s = np.interp(mesh.nodes, times, on_curve)
+    return Path(mesh, np.asarray(curve(s), dtype=float).reshape(n, -1)), times
 
 
 def _of_solution(known: Solution) -> Path:
@@ -325,6 +357,8 @@ def _of_solution(known: Solution) -> Path:
 
 def _pass_times(problem: Problem, t: Array, q: Array) -> Array:
     """Return when a curve q (n, K) over t (K,) is nearest to the inner events, in their order."""
+    if not problem.through:
+        return np.zeros(0)
     size = np.ptp(q, axis=1)
     size = np.where(size > 0, size, size.max() or 1.0)[:, None]
     packed = problem.found_at(

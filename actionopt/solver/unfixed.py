@@ -142,9 +142,8 @@ class Unfixed(Workspace):
             size, lengths = measured(self._timed(problem, path), path.values.T)
             like = self.units if self.units is not None and alike(lengths, self.units) else None
             along = [stretched(problem, d).on(path.mesh).values for d in self.along]
-            bordered, y = Bordered.around(
-                problem, path, lam, lengths, self.moves, along, like, self._times
-            )
+            known = self.moves, along, like, self._times, self._kappa
+            bordered, y = Bordered.around(problem, path, lam, lengths, *known)
             tr = self.units = bordered.first
             self._attach(tr)
             if not self.checked:
@@ -159,10 +158,19 @@ class Unfixed(Workspace):
             return None
         return self.times if self.iterate is None else times_of(self.iterate.problem)
 
+    @property
+    def _kappa(self) -> Array | None:
+        """The multipliers of integrals that the path at hand has, if there are such."""
+        if self.problem.integral is None or self.iterate is None:
+            return None
+        return self.iterate.problem.kappa
+
     def _timed(self, problem: Problem, path: Path) -> Problem:
         """Return the problem with the times of a path."""
         times = self._times
-        return over(problem, path.mesh.duration) if times is None else problem.found_at(times)
+        if times is None:
+            return over(problem, path.mesh.duration)
+        return problem.found_at(times, kappa=self._kappa)
 
     def ensure_iterate(self) -> None:
         """Transcribe along the straight line where there is no path at hand: for a verdict."""
@@ -217,7 +225,7 @@ class Unfixed(Workspace):
         here = self.here
         if self.problem.is_joined:
             Q = here.Q[here.tr.joints] if here.error < 1 else None
-            problem = self.problem.found_at(times_of(here.problem), Q)
+            problem = self.problem.found_at(times_of(here.problem), Q, self._kappa)
             return problem, DiscretePath.of(problem, here.path, here.rows)
         problem = over(self.problem, here.mesh.duration)
         if not self.problem.on_surface:

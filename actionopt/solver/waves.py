@@ -1,0 +1,138 @@
+"""First paths along which integrals have given values: straight ones that are bent by waves.
+
+Newton's method finds from them a stationary path and its multipliers, not always the nearest one.
+Where the values are far from those of the straight line it finds none from a sine, and the values
+are led there step by step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from actionopt.discrete.bordered import Bordered
+from actionopt.discrete.discrete_path import DiscretePath
+from actionopt.discrete.integrals import integrals
+from actionopt.discrete.mesh import Mesh
+from actionopt.discrete.newton import approach
+from actionopt.discrete.path import Path
+from actionopt.discrete.transcription import Transcription
+from actionopt.mechanics.problem import Problem
+from actionopt.solver.unfixed import APPROACHES
+from actionopt.tools.types import Array
+
+# Ad hoc. Of a first path: elements and their degree, half waves, and the power of a sine that keeps
+# them in the middle.
+WAVE_ELEMENTS, WAVE_DEGREE, WAVES, NARROW = 8, 6, 6, 8
+# Steps to the values of integrals; slopes that are none; the last step, and what may be left.
+PROJECTION_STEPS, SMALL_SLOPE, LAST_PROJECTION, REACHED_VALUE = 50, 1e-10, 1e-6, 1e-3
+# First paths before a continuation in the values; its first part of the way, and steps.
+BEFORE_CONTINUATION, FIRST_PART, VALUE_STEPS = 4, 0.1, 40
+
+
+def first_waves(
+    problem: Problem,
+    straight: Path,
+    times: Array,
+    size: Array,
+    count: int,
+    random: np.random.Generator,
+) -> Iterator[Path]:
+    """Yield at most `count` first paths along which the integrals have the values that are given.
+
+    One sine each in turn, up and down, then random sums of them, in units of `size` (n,).
+    """
+    mesh, legs = wave_mesh(times), np.diff(times)
+    values, n = straight(mesh.nodes), problem.system.n
+    at = problem.found_at(times)
+    tr = Transcription(at, mesh, size)
+    s = (mesh.nodes - times[0]) / (times[-1] - times[0])
+    waves = np.sin(np.pi * np.arange(1, WAVES + 1)[:, None] * s)
+    for joint in times[1:-1]:  # places that are given stay
+        waves = waves * np.tanh(WAVES * np.abs(mesh.nodes - joint) / legs.min())
+    waves = np.concatenate([waves[:1], waves * np.sin(np.pi * s) ** NARROW, waves[1:]])
+    shapes = np.einsum("kt,ij->kijt", waves, np.diag(size)).reshape(-1, n, mesh.nodes.size)
+    variations = np.array([tr.pack((values + shape).T) - tr.pack(values.T) for shape in shapes])
+    origin, asked = tr.pack(values.T), np.array(problem.integral)
+    for k in range(count):
+        if k == BEFORE_CONTINUATION:
+            yield from _continue(problem, tr, origin, variations, times)
+        which, sign = divmod(k, 2)
+        amplitudes = np.zeros(len(shapes))
+        if which < len(shapes):
+            amplitudes[which] = 1.0 - 2.0 * sign
+        else:
+            decay = np.exp(-random.uniform(0, 1) * np.arange(len(shapes)) / n)
+            amplitudes = random.standard_normal(len(shapes)) * decay * np.exp(random.normal())
+        found = _project(tr, origin, variations, amplitudes, asked)
+        if found is not None:
+            yield DiscretePath(tr, found).path
+
+
+def wave_mesh(times: Array) -> Mesh:
+    """Return a mesh for waves between events at times (k + 2,)."""
+    legs = np.diff(times)
+    parts = np.maximum(1, np.ceil(WAVE_ELEMENTS * legs / legs.sum()).astype(int))
+    ends = zip(times[:-1], times[1:], parts, strict=True)
+    b = [np.linspace(a, e, k, endpoint=False) for a, e, k in ends]
+    return Mesh(np.append(np.concatenate(b), times[-1]), WAVE_DEGREE)
+
+
+def _continue(
+    problem: Problem, tr: Transcription, origin: Array, variations: Array, times: Array
+) -> Iterator[Path]:
+    """Yield paths that a continuation in the values of the integrals leads to.
+
+    Where they are far from those of the straight line, a path bent by a sine is far from a
+    stationary one: a rope much longer than its span is no sine.
+    """
+    first, last = integrals(DiscretePath(tr, origin))[0], np.array(problem.integral)
+    for sign in (1.0, -1.0):
+        share, step, path, kappa = 0.0, FIRST_PART, None, None
+        for _ in range(VALUE_STEPS):
+            now = min(share + step, 1.0)
+            values = first + now * (last - first)
+            if path is None:
+                amplitudes = np.zeros(len(variations))
+                amplitudes[0] = sign
+                z = _project(tr, origin, variations, amplitudes, values)
+                if z is None:
+                    break
+                start = DiscretePath(tr, z).path
+            else:
+                start = path
+            near = problem.replace(integral=values)
+            equations, y = Bordered.around(near, start, None, tr.lengths, times=times, kappa=kappa)
+            reached = approach(equations, y, APPROACHES)
+            if reached is None:
+                step /= 2
+                continue
+            at = equations.discrete(reached[0])
+            share, path, kappa, step = now, at.path, at.problem.kappa, step * 2
+            if share == 1.0:
+                yield path
+                break
+
+
+def _project(
+    tr: Transcription, origin: Array, variations: Array, a: Array, values: Array
+) -> Array | None:
+    """Return unknowns origin + a.variations with these integrals (c,); None if none is found.
+
+    By Gauss and Newton's method: steps of least length in the amplitudes a.
+    """
+    for _ in range(PROJECTION_STEPS):
+        z = origin + a @ variations
+        reached, slopes = integrals(DiscretePath(tr, z))
+        off, J = reached - values, slopes @ variations[:, : slopes.shape[1]].T
+        if not (np.isfinite(off).all() and np.isfinite(J).all()):
+            return None
+        step = -np.linalg.pinv(J, rcond=SMALL_SLOPE) @ off
+        if np.abs(step).max() <= LAST_PROJECTION * max(1.0, np.abs(a).max()):
+            return (
+                z if np.abs(off).max() <= REACHED_VALUE * max(1.0, np.abs(values).max()) else None
+            )
+        longest = max(1.0, float(np.abs(a).max()))
+        a = a + step * min(1.0, longest / float(np.abs(step).max()))
+    return None

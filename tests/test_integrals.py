@@ -1,0 +1,185 @@
+"""Paths along which the values of integrals are given: ropes, areas, eigenvalues."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.optimize import brentq, fsolve
+
+import actionopt as ao
+
+STRAIGHT = ao.System(lambda q, v, t: v[0] ** 2 / 2, ["x"], integral=lambda q, v, t: q[0])
+ROPE = ao.System(
+    lambda q, v, t: q[0] * np.sqrt(1 + v[0] ** 2),
+    ["y"],
+    integral=lambda q, v, t: np.sqrt(1 + v[0] ** 2),
+)
+
+
+def states():
+    """A bound particle: stationary int (y'^2 + x^2 y^2) / 2 at int y^2 = 1, S = k + 1/2."""
+    system = ao.System(
+        lambda q, v, t: (v[0] ** 2 + t**2 * q[0] ** 2) / 2,
+        ["y"],
+        integral=lambda q, v, t: q[0] ** 2,
+    )
+    return ao.Problem(system, ao.Event(-8, [0]), ao.Event(8, [0]), integral=1)
+
+
+@pytest.mark.parametrize("length", [2.1, 3.0, 6.0])
+def test_a_rope_hangs_as_a_catenary(length):
+    problem = ao.Problem(ROPE, ao.Event(0, [0]), ao.Event(2, [0]), integral=length)
+    found = ao.solve(problem, tol=1e-10)
+    a = brentq(lambda a: 2 * a * np.sinh(1 / a) - length, 0.1, 10)
+    t = np.linspace(0, 2, 50)
+    assert found(t)[0] == pytest.approx(a * (np.cosh((t - 1) / a) - np.cosh(1 / a)), abs=1e-9)
+    assert found.integral_multipliers == pytest.approx([a * np.cosh(1 / a)], abs=1e-9)
+    known = quad(lambda s: a * (np.cosh(s / a) - np.cosh(1 / a)) * np.cosh(s / a), -1, 1)[0]
+    assert found.action == pytest.approx(known, abs=1e-9)
+    assert found.morse_index == 0
+    assert found.compare().agrees
+
+
+def test_dido_ends_at_right_angles_to_the_shore():
+    """The largest area between a line and a string: as S = length^2 / 2 at the area one."""
+    string = ao.System(
+        lambda q, v, t: v @ v / 2,
+        ["x", "y"],
+        integral=lambda q, v, t: (q[1] * v[0] - q[0] * v[1]) / 2,
+    )
+    shore = ao.Event(1, None, on=lambda q, t: q[1])
+    found = ao.solve(ao.Problem(string, ao.Event(0, [0, 0]), shore, integral=1.0), tol=1e-10)
+    assert found.action == pytest.approx(np.pi, abs=1e-9)  # half a circle of radius sqrt(2 / pi)
+    assert abs(found.end.v[0]) < 1e-8
+    again = pickle.loads(pickle.dumps(found))
+    assert again.integral_multipliers == pytest.approx(found.integral_multipliers, abs=1e-14)
+    assert again.action == found.action
+
+
+def test_states_are_saddles():
+    ground = ao.solve(states(), tol=1e-10)
+    assert ground.action == pytest.approx(0.5, abs=1e-10)
+    assert ground.integral_multipliers == pytest.approx([-0.5], abs=1e-9)
+    assert ground.morse_index == 0
+
+
+@pytest.mark.slow
+def test_all_states_of_an_oscillator():
+    found = ao.solve_all(states(), tol=1e-10)
+    levels = {round(path.action - 0.5): path for path in found}
+    assert {0, 1, 2, 3} <= set(levels)
+    for k, path in levels.items():
+        assert path.action == pytest.approx(k + 0.5, abs=1e-8)
+        assert path.morse_index == k
+
+
+def test_the_action_changes_with_the_value_by_the_multiplier():
+    at = [
+        ao.solve(
+            ao.Problem(ROPE, ao.Event(0, [0]), ao.Event(2, [0.4]), integral=2.6 + h), tol=1e-11
+        )
+        for h in (-1e-4, 0.0, 1e-4)
+    ]
+    slope = (at[2].action - at[0].action) / 2e-4
+    assert slope == pytest.approx(-at[1].integral_multipliers[0], rel=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_several_integrals_and_a_waypoint(seed):
+    """x'' = kappa.(1, cos 2t) on both legs: linear equations."""
+    random = np.random.default_rng(seed)
+    ends, middle, values = random.normal(size=2), random.normal(), random.normal(size=2)
+    system = ao.System(
+        lambda q, v, t: v[0] ** 2 / 2,
+        ["x"],
+        integral=lambda q, v, t: [q[0], q[0] * np.cos(2 * t)],
+    )
+    problem = ao.Problem(
+        system,
+        ao.Event(0, [ends[0]]),
+        ao.Event(2, [ends[1]]),
+        through=[ao.Event(0.7, [middle])],
+        integral=values,
+    )
+    found = ao.solve(problem, tol=1e-11)
+
+    def curve(x, t):
+        a, b, c, d, k0, k1 = x
+        forced = k0 * t**2 / 2 - k1 * np.cos(2 * t) / 4
+        return forced + np.where(t < 0.7, a + b * t, c + d * t)
+
+    def equations(x):
+        left, right = np.array([0.0, 0.7 - 1e-15]), np.array([0.7, 2.0])
+        rows = [*(curve(x, left) - [ends[0], middle]), *(curve(x, right) - [middle, ends[1]])]
+        for weight, value in zip((lambda t: 1.0, lambda t: np.cos(2 * t)), values, strict=True):
+            rows.append(quad(lambda t, w=weight: curve(x, t) * w(t), 0, 2, points=[0.7])[0] - value)
+        return rows
+
+    rest = np.array(equations(np.zeros(6)))
+    matrix = np.transpose([np.array(equations(unit)) - rest for unit in np.eye(6)])
+    x = np.linalg.solve(matrix, -rest)
+    t = np.linspace(0, 1.99, 40)
+    assert found(t)[0] == pytest.approx(curve(x, t), abs=1e-8)
+    assert found.integral_multipliers == pytest.approx(x[4:], abs=1e-8)
+    jump = x[3] - x[1]
+    assert found.impulses == pytest.approx(np.array([[jump]]), abs=1e-8)
+    assert found.morse_index == 0
+
+
+def test_a_free_time_with_an_integral():
+    """x'' = kappa; H of L + kappa x is the energy at the end."""
+    problem = ao.Problem(STRAIGHT, ao.Event(0, [0]), ao.Event(None, [1]), energy=2.0, integral=0.6)
+    found = ao.solve(problem, tol=1e-11)
+
+    def equations(x):
+        b, kappa, T = x
+        end, area = b * T + kappa * T**2 / 2, b * T**2 / 2 + kappa * T**3 / 6
+        return end - 1, area - 0.6, (b + kappa * T) ** 2 / 2 - kappa - 2.0
+
+    x = fsolve(equations, [1.0, 0.5, found.duration], xtol=1e-14)
+    assert found.duration == pytest.approx(x[2], abs=1e-9)
+    assert found.integral_multipliers == pytest.approx([x[1]], abs=1e-8)
+
+
+def test_values_that_no_path_has_are_refused():
+    short = ao.Problem(ROPE, ao.Event(0, [1]), ao.Event(1, [3]), integral=2.0)
+    with pytest.raises(ValueError, match="no such path"):
+        ao.solve(short)
+
+
+@pytest.mark.parametrize(
+    ("system", "more", "message"),
+    [
+        (ao.System(lambda q, v, t: v @ v / 2, ["x"]), {"integral": 1}, "integral=g"),
+        (STRAIGHT, {"integral": [1, 2]}, "expected 1 finite values"),
+        (STRAIGHT, {"integral": np.nan}, "expected 1 finite values"),
+        (STRAIGHT, {"integral": "long"}, "values of the integrals"),
+    ],
+)
+def test_what_does_not_fit_is_refused(system, more, message):
+    with pytest.raises((ValueError, TypeError), match=message):
+        ao.Problem(system, ao.Event(0, [0]), ao.Event(1, [1]), **more)
+
+
+def test_closed_paths_with_integrals_are_refused():
+    with pytest.raises(ValueError, match="Periodic"):
+        ao.Problem(STRAIGHT, ao.Event(0, [0]), ao.Periodic(1), integral=1)
+    with pytest.raises(ValueError, match="without non-conservative forces"):
+        ao.System(
+            lambda q, v, t: v @ v / 2,
+            ["x"],
+            force=lambda q, v, t: -v,
+            integral=lambda q, v, t: q[0],
+        )
+    problem = ao.Problem(STRAIGHT, ao.Event(0, [0]), ao.Event(1, [1]), integral=1)
+    for ask in (
+        lambda: ao.trace(problem, ("end", "x"), 2.0),
+        lambda: ao.sweep(problem, {("end", "x"): [1.0, 2.0]}),
+        lambda: ao.solve(problem).sensitivity(),
+        lambda: ao.solve(problem, method="ipopt"),
+    ):
+        with pytest.raises(ValueError, match=r"integral|ipopt"):
+            ask()
