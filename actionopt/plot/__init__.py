@@ -43,13 +43,14 @@ from actionopt.plot.data.variations import (
 )
 from actionopt.plot.live import page
 
-Units = UnitNames  # by which scripts ask for them
+# Their public names; each class has one name in the package.
+Conserved, Units = ConservedCurves, UnitNames
 
 __all__ = [
     "SI",
     "STYLE",
     "Bundle",
-    "ConservedCurves",
+    "Conserved",
     "Curves",
     "Energies",
     "Explorer",
@@ -62,7 +63,7 @@ __all__ = [
     "Relaxation",
     "Slice",
     "Spectrum",
-    "UnitNames",
+    "Units",
     "animation",
     "bundle",
     "bundle_data",
