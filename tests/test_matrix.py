@@ -276,9 +276,10 @@ def _():
     check(problem, *[lambda t: np.sqrt(2) * t] * 2, T=1.5)
 
 
-@refuses("free time", "obstacle", says="expected both times of a path along an obstacle")
+@solves("free time", "obstacle")
 def _():
-    ask(disc(), [-2, 0.3], [2, 0], None, energy=0.5)
+    sol = ao.solve(ask(disc(), [-2, 0.3], [2, 0], None, energy=0.5))
+    assert sol.duration == pytest.approx(round_disc(), rel=KNOWN)
 
 
 @solves("free time", "constraint")
@@ -451,9 +452,11 @@ def _():
 # -- surfaces --------------------------------------------------------------------------------------
 
 
-@refuses("surface", "obstacle", says="expected events of given coordinates along an obstacle")
+@solves("surface", "obstacle")
 def _():
-    onto(disc(), lambda q, t: q[0] - 2, start=(-2.0, 0.3))
+    """Over the top of the disc, and straight across the line."""
+    sol = ao.solve(onto(disc(), lambda q, t: q[0] - 2, start=(-2.0, 0.3)))
+    assert sol.end.q == pytest.approx([2, 1], abs=KNOWN)
 
 
 @solves("surface", "constraint")

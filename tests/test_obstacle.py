@@ -230,6 +230,42 @@ def test_geodesic_round_a_sphere():
     assert np.cross(A, B) @ sol(0.5) == pytest.approx(0, abs=1e-9)  # in the plane of the centre
 
 
+def test_the_fastest_path_round_a_disc():
+    """At a given energy: the shortest one, at the speed sqrt(2 E)."""
+    A, B, energy = (-2, 0.3), (2, 0), 0.8
+    problem = ao.Problem(body(disc()), ao.Event(0, A), ao.Event(None, B), energy=energy)
+    sol = ao.solve(problem, tol=1e-10)
+    length = np.sqrt(2 * around(A, B)[1])
+    assert sol.duration == pytest.approx(length / np.sqrt(2 * energy), rel=1e-12)
+    path, _, times = around(A, B, sol.duration)
+    t = np.linspace(0, sol.duration, 50)
+    assert np.abs(sol(t) - path(t)).max() <= 2 * max(sol.error, 1e-14)
+    (arc,) = sol.contacts
+    assert (arc.begin, arc.end) == pytest.approx(times, abs=1e-12)
+    assert (sol.kind, sol.morse_index) == ("minimum", 0)
+    later = ao.Problem(body(disc()), ao.Event(None, A), ao.Event(5, B), energy=energy)
+    assert ao.solve(later).duration == pytest.approx(sol.duration, rel=1e-12)
+
+
+@pytest.mark.parametrize("end", [1.0, None])
+def test_a_string_over_a_disc_and_on_to_a_line(end):
+    """From the top of the disc it goes straight across the line x = 2."""
+    A, energy = (-2, 0.3), 2.0
+    length = np.sqrt(3.09) + np.arctan2(0.3, -2) - np.arctan(np.sqrt(3.09)) - np.pi / 2 + 2
+    E = {} if end is not None else {"energy": energy}
+    goal = ao.Event(end, None, on=lambda q, t: q[0] - 2)
+    sol = ao.solve(ao.Problem(body(disc()), ao.Event(0, A), goal, **E), tol=1e-10)
+    T = length / np.sqrt(2 * energy) if end is None else end
+    assert sol.duration == pytest.approx(T, rel=1e-12)
+    assert sol.action == pytest.approx(length**2 / T / 2, rel=1e-12)
+    assert sol.end.q == pytest.approx([2, 1], abs=1e-12)
+    assert sol.momenta[1] == pytest.approx([length / T, 0], abs=1e-9)
+    assert sol.contacts[0].end == pytest.approx(T * (1 - 2 / length), abs=1e-12)
+    assert sol.morse_index == 0
+    outside = sol(np.linspace(0, T, 60))
+    assert np.hypot(*outside).min() >= 1 - 1e-9
+
+
 def test_two_discs_in_order():
     """The shorter of four ways is below one and above the other, or on one side of both."""
     discs = body(disc(-1.5, 0.3), disc(1.5, -0.2))
@@ -398,9 +434,13 @@ def test_bad_questions():
         ao.Problem(body(disc(), lambda q: 1.0), ao.Event(0, [2, 2]), ao.Event(1, [2, 3]))
     with pytest.raises(ValueError, match="Periodic"):
         ao.Problem(body(disc()), ao.Event(0, [2, 2]), ao.Periodic(1))
-    for t in (None, np.inf):
-        with pytest.raises(ValueError, match="times of a path along"):
-            ao.Problem(string(), ao.Event(0, [1.0]), ao.Event(t, [0.5]))
+    with pytest.raises(ValueError, match="times of a path along"):
+        ao.Problem(string(), ao.Event(0, [1.0]), ao.Event(np.inf, [0.5]))
+    with pytest.raises(ValueError, match="start event outside of the obstacle"):
+        ao.Problem(string(), ao.Event(0, [-1.0]), ao.Event(None, [0.5]))
+    rising = ao.System(lambda q, v, t: v @ v / 2, ["h"], obstacle=lambda q, t: q[0] - t)
+    with pytest.raises(ValueError, match="obstacle depends on time, found one that is free"):
+        ao.Problem(rising, ao.Event(0, [1.0]), ao.Event(None, [9.0]), energy=1.0)
     plain = systems.particle()
     with pytest.raises(ValueError, match="expected a system with an obstacle"):
         ao.solve(ao.Problem(plain, ao.Event(0, [0]), ao.Event(1, [1]))).contact_force(0.5)
@@ -503,13 +543,14 @@ def test_a_path_that_was_found_in_time_is_kept(monkeypatch):
     found = [SimpleNamespace(action=action) for action in (1.0, 0.5)]
     ws = SimpleNamespace(restart=lambda: None, stand=lambda path: setattr(ws, "here", path))
 
-    def refined(ws, tol):
+    def refined(ws, tol, arcs):
         if ws.here is not found[0]:
             raise OutOfTime
         return Status.SOLVED
 
     monkeypatch.setattr(least_along, "_refined", refined)
     monkeypatch.setattr(least_along, "_another", lambda *_: True)
+    monkeypatch.setattr(least_along, "touched", lambda _: ())
     best, status, _ = least_along._least(ws, 1e-8, found)
     assert (best.here, status) == (found[0], Status.SOLVED)
     with pytest.raises(OutOfTime):

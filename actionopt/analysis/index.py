@@ -32,7 +32,7 @@ from actionopt.analysis.second_variation import (
 from actionopt.discrete.bordered import Bordered
 from actionopt.discrete.borders import Rows, moves_of, times_of
 from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.factors import Factors
+from actionopt.discrete.factors import Factors, full
 from actionopt.mechanics.held import Held
 from actionopt.tools.blas import one_thread
 from actionopt.tools.types import Array
@@ -102,9 +102,7 @@ def inertia(
     (1963), section 15.
     """
     if isinstance(at.problem, Held):
-        return _inertia_in_contact(
-            at, max(float(np.fmin(ERROR_GAIN * error, LOOSEST)), INDEX_TOLERANCE)
-        )
+        return _inertia_in_contact(at, _tolerance(error))
     if tolerance is not None:
         return inertia_of(resolve(at, error, INDEX_RESOLUTION), tolerance, moves)
     return _count(at, error, moves)[0]
@@ -156,12 +154,11 @@ def inertia_asked(at: DiscretePath, error: float) -> Inertia:
     path, rows = at.path, at.rows if at.tr.layout.rows else None
     lam = None if rows is None else np.nan_to_num(rows)
     bordered, y = Bordered.around(asked, path, lam, at.tr.lengths, moves)
+    if isinstance(at.problem, Held):
+        return _inertia_in_contact(bordered.discrete(y), _tolerance(error), (bordered, y))
     known = bordered.phases
     there = bordered.discrete(y) if asked.closes else at
-    if isinstance(at.problem, Held):
-        found, form = inertia(there, error, moves=known), None
-    else:
-        found, form = _count(there, error, known, (bordered, y))
+    found, form = _count(there, error, known, (bordered, y))
     found = with_duration(found, bordered, y, form)
     moves, held = min(found.nullity, known), len(bordered.given)
     if held and form is not None and found.nullity > known:
@@ -284,18 +281,36 @@ def _duration(form: Form, bordered: Bordered) -> tuple[BorderTerm, float] | None
     return BorderTerm(float(row[there.late]) * unit, parts), kinetic
 
 
-def _inertia_in_contact(at: DiscretePath, tolerance: float) -> Inertia:
+def _tolerance(error: float) -> float:
+    """Return below which eigenvalues have no sign along a path in contact, known to `error`."""
+    return max(float(np.fmin(ERROR_GAIN * error, LOOSEST)), INDEX_TOLERANCE)
+
+
+def _inertia_in_contact(
+    at: DiscretePath, tolerance: float, asked: tuple[Bordered, Array] | None = None
+) -> Inertia:
     """Return the inertia of a path in contact: of variations that keep what is in contact there.
 
     From the inertia of the matrix of its mesh, [d2S - mu K, G'; G, 0], which has one negative
     eigenvalue for each row besides (J. Nocedal and S. J. Wright, *Numerical Optimization* (2nd ed.
-    2006), theorem 16.3).
+    2006), theorem 16.3), and with the borders of what was `asked` beside the path one for each
+    multiplier of theirs. To second order S does not depend on the times of contact.
     """
     tr = at.tr
-    matrix, kinetic = tr.kkt(at.z), tr.kinetic(at.z)
+    matrix, kinetic, multipliers = tr.kkt(at.z), tr.kinetic(at.z), tr.layout.rows
+    if asked is not None:
+        bordered, y = asked
+        multipliers += sum(border.multipliers for border in bordered.borders)
+        whole, inner = full(bordered.layout, bordered.kkt(y)), full(tr.layout, kinetic)
+        moving = np.zeros_like(whole)
+        moving[: len(inner), : len(inner)] = inner
 
-    def below(mu: float) -> int:
-        return Factors(tr.layout, matrix - mu * kinetic).negative() - tr.layout.rows
+        def below(mu: float) -> int:
+            return int(np.sum(np.linalg.eigvalsh(whole - mu * moving) < 0)) - multipliers
+    else:
+
+        def below(mu: float) -> int:
+            return Factors(tr.layout, matrix - mu * kinetic).negative() - multipliers
 
     index = below(-tolerance)
     return Inertia(index, below(tolerance) - index, None, tolerance)

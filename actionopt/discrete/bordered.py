@@ -107,6 +107,19 @@ class Bordered:
             problem = over(asked.loose, path.mesh.duration)
         tr = Transcription(problem, path.mesh, lengths, like=like)
         at = DiscretePath(tr, tr.pack(path.values.T, lam))
+        return cls.beside(asked, at, moves, along, times)
+
+    @classmethod
+    def beside(
+        cls,
+        asked: Problem,
+        at: DiscretePath,
+        moves: Sequence[Move] = (),
+        along: Sequence[Array] = (),
+        times: Array | None = None,
+    ) -> tuple[Bordered, Array]:
+        """Return the same round a path over some duration, or over `times` of events."""
+        tr, path = at.tr, at.path
         borders: list[Border] = [*Rows.of(at)] if asked.on_surface or asked.through else []
         if times is not None:
             given = times_of(asked)
@@ -120,7 +133,7 @@ class Bordered:
             borders.append(PhaseCondition.near(asked, at, moves, along))
         found = cls(asked, tr, tuple(borders))
         speeds = np.abs(path.velocity(path.mesh.nodes)).max(axis=1)
-        found.reach = max(1.0, float((speeds * path.mesh.duration / lengths).max()))
+        found.reach = max(1.0, float((speeds * path.mesh.duration / tr.lengths).max()))
         return found, np.concatenate([at.z, *(border.begin(at) for border in borders)])
 
     def of(self, asked: Problem) -> Bordered:
@@ -134,6 +147,13 @@ class Bordered:
             borders.append(border)
         other = Bordered(asked, self.first, tuple(borders))
         other._last, other._like, other.reach = None, None, self.reach
+        return other
+
+    def around_another(self, tr: Transcription) -> Bordered:
+        """Return those of the same unknowns round another discrete action of the same shape."""
+        problem = tr.problem
+        other = Bordered(problem.asked or problem, tr, self.borders)
+        other.reach = self.reach
         return other
 
     def without_phase(self) -> tuple[Border, ...]:
@@ -150,6 +170,11 @@ class Bordered:
         """The number of log T among the unknowns, None where the duration is given."""
         pairs = zip(self.borders, self.parts, strict=True)
         return next((part.start for b, part in pairs if isinstance(b, Duration)), None)
+
+    @property
+    def resting(self) -> int:
+        """Which event's time does not move with the duration: 0 for the start, -1 for the end."""
+        return 0 if self.asked.end.t is None else -1
 
     @property
     def forces(self) -> slice:

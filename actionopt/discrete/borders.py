@@ -17,8 +17,9 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from actionopt.discrete.discrete_path import DiscretePath
-from actionopt.discrete.end_times import by_joint_times_twice, by_stretch
+from actionopt.discrete.end_times import by_joint_times_twice
 from actionopt.discrete.integrals import integrals, integrals_by_times
+from actionopt.discrete.stretch import Stretch
 from actionopt.discrete.surfaces import event_at, reactions, surface_at
 from actionopt.discrete.transcription import Transcription
 from actionopt.mechanics.problem import Problem
@@ -185,10 +186,10 @@ class Duration:
 
     def derivative(self, at: DiscretePath, beta: Array, bend: Bend) -> Edges:
         """Return the derivatives by log T, of a system without a clock."""
-        layout = at.tr.layout
-        column = np.zeros((layout.size, 1))
-        column[: layout.unknowns, 0], own = by_stretch(at)
-        return Edges(column, column.T, np.array([[own + self._energy(at) * at.mesh.duration]]))
+        stretch, since = Stretch(at), at.mesh.since
+        column = stretch.residual(since, stretch.parts(since))[:, None]
+        own = stretch.longer_by_time(since) + self._energy(at) * at.mesh.duration
+        return Edges(column, column.T, np.array([[own]]))
 
 
 # -- the times of several events ------------------------------------------------------------------

@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from actionopt.discrete.bordered import Bordered
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.equations import Equations
 from actionopt.discrete.factors import Factors
@@ -70,16 +71,26 @@ def tangential(
     rates[:, np.searchsorted(knots, times)] = shifted.T
     rates = np.array([np.interp(tr.mesh.boundaries, knots, rate) for rate in rates])
     parts = [stretch.parts(rate) for rate in rates]
+    longer = None  # the number of log T, and what it changes
+    if isinstance(equations, Bordered) and equations.late is not None:
+        since = tr.mesh.boundaries - tr.mesh.boundaries[equations.resting]
+        longer = equations.late, since, stretch.parts(since)
     try:
         factors = Factors(equations.layout, equations.kkt(z), many=True)
         step = factors.solve(force - equations.residual(z))
-        moves = np.empty((z.size, count))
-        for j in range(count):
-            moves[:, j] = -factors.solve(stretch.residual(rates[j], parts[j]))
+        moves = np.zeros((z.size, count))
+        for j, (rate, part) in enumerate(zip(rates, parts, strict=True)):
+            moves[: tr.layout.size, j] = stretch.residual(rate, part)
+            if longer is not None:
+                moves[longer[0], j] = stretch.longer_by_time(rate)
+            moves[:, j] = -factors.solve(moves[:, j])
         slopes = []
         for slip in slips(at):
             own = [slip.by_time(rate, part) for rate, part in zip(rates, parts, strict=True)]
-            slopes.append(slip.by_path(at, stretch.second) @ moves[: tr.layout.unknowns] + own)
+            slope = slip.by_path(at, stretch.second) @ moves[: tr.layout.unknowns] + own
+            if longer is not None:
+                slope += slip.by_time(*longer[1:]) * moves[longer[0]]
+            slopes.append(slope)
         there = DiscretePath(equations.at(z + step), (z + step)[: at.z.size])
         left = np.array([slip.value for slip in slips(there)])
         across, sizes, along = np.linalg.svd(np.array(slopes), full_matrices=False)

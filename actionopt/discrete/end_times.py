@@ -43,28 +43,6 @@ def by_times(at: DiscretePath) -> tuple[float, float]:
     return t0, t1
 
 
-def by_stretch(at: DiscretePath) -> tuple[Array, float]:
-    """Return how dS/dx, (unknowns,), and T dS/dT change with log T, in units of action.
-
-    At fixed coordinates at the nodes, of a system without a clock: rates fall as 1 / T, so that
-
-        d(dL/dq) = L_q - L_qv v,    d(dL/dv) = -L_vv v,    d(L - v.p) = L - v.p + v.L_vv v.
-    """
-    tr, system, n = at.tr, at.problem.system, at.problem.system.n
-    point, layout = tr.place(at.x), tr.layout
-    v, second = point.v, system.pointwise("second")
-    _, B, C = tr.second(at.x)
-    mixed, mass = second.product(1, B, v), second.product(2, C, v, symmetric=True)
-    force, p, L = system.pointwise("first")(point.at, v, tr.times, at.problem.packed)
-    change = tr.weight * (force - mixed)
-    for g in layout.groups:
-        local = mass[g.span].reshape(*g.nodes.shape, n)
-        change[g.span] -= (g.rule.weighted_derivative.T @ local).reshape(-1, n)
-    whole = np.bincount(layout.scatter, change.ravel(), layout.node_count * n)
-    own = tr.weight * (L + np.sum(v * (mass - p), axis=1, keepdims=True))
-    return tr.free_part(whole), float(np.sum(own)) / tr.action_unit
-
-
 def jumps_of(at: DiscretePath) -> tuple[tuple[Instant, ...], Array]:
     """Return the instants between the events at which L switches, and dS/dt of each, (K,).
 

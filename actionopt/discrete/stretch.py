@@ -36,8 +36,9 @@ class Stretch:
         pointwise = system.pointwise("second")
         mixed = pointwise.product(1, self.second[1], v)
         mass = pointwise.product(2, self.second[2], v, symmetric=True)
-        self.longer = tr.weight * (system.pointwise("first")(*state)[0] - mixed)
-        self.longer -= self._worked(mass)
+        force, p, L = system.pointwise("first")(*state)
+        self.own = tr.weight * (L + np.sum(v * (mass - p), axis=1, keepdims=True))
+        self.longer = tr.weight * (force - mixed) - self._worked(mass)
         self.longer /= tr.mesh.lengths[self.element, None]
         if self.timed:
             self.later = [x.copy() for x in system.pointwise("first_rate")(*state)]
@@ -64,6 +65,15 @@ class Stretch:
             t, (force, momentum) = self._times(rates), self.later
             found += self.at.tr.weight * t * force + self._worked(t * momentum)
         return found
+
+    def longer_by_time(self, rates: Array) -> float:
+        """Return d2S/d(log T) of a direction in which boundaries (N + 1,) move, without a clock.
+
+        In units of action: the sum of w (L - v.p + v.L_vv v) h' / h.
+        """
+        tr = self.at.tr
+        part = (np.diff(rates) / tr.mesh.lengths)[self.element]
+        return float(part @ self.own[:, 0]) / tr.action_unit
 
     def residual(self, rates: Array, parts: Array) -> Array:
         """Return how the residual changes, (size,); `parts` are those of the rates."""

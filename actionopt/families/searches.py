@@ -172,7 +172,10 @@ class Answers:
                 yield from self._folds(continuations)
 
     def _to_all_sides(self, starts: int) -> Iterator[Start]:
-        guesses = curves(self.problem, starts, self.seed)
+        given = self.problem
+        if given.unfixed:  # curves are drawn over times and between points that were found once
+            given = first(given, None, self.choices)[0].between_times.problem
+        guesses = curves(given, starts, self.seed)
         for i, guess in enumerate(guesses):
             how = "the straight line" if guess is None else "a curve to a side"
             self.tell("curves to all sides", i, len(guesses), how)

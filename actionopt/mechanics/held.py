@@ -30,23 +30,43 @@ class Held(Problem):
     sought : bool
         Whether the obstacle's rows are those that tell the distance, to first order: `sought` of
         the system. They are zero where its own are.
+    span : (float, float), optional
+        The times of the events for which those of the arcs are; the question's own, if it has them.
     """
 
     free: Problem
     arcs: tuple[Arc, ...] | None
     sought: bool
+    span: tuple[float, float]
 
     def __init__(
-        self, free: Problem, arcs: tuple[Arc, ...] | None = None, *, sought: bool = False
+        self,
+        free: Problem,
+        arcs: tuple[Arc, ...] | None = None,
+        *,
+        sought: bool = False,
+        span: tuple[float, float] | None = None,
     ) -> None:
-        for name in ("start", "end", "parameters", "packed"):
+        for name in ("start", "end", "parameters", "packed", "energy"):
             object.__setattr__(self, name, getattr(free, name))
-        system = free.system.held
+        system, span = free.system.held, span or (free.start.t, free.end.t)
         if sought:
             system = free.system.sought(tuple(measures(free.lengths).tolist()))
-        known = {"system": system, "free": free, "arcs": arcs, "sought": sought}
-        for name, value in known.items():
+        asked = free.asked and Held(free.asked, arcs, sought=False, span=span)
+        known = {"system": system, "free": free, "arcs": arcs, "sought": sought, "span": span}
+        for name, value in (known | {"asked": asked}).items():
             object.__setattr__(self, name, value)
+
+    def found(self, t0: float, t1: float, q: Array | None = None) -> Held:
+        """Return the same over the times t0 and t1, and the arcs at the same parts of them."""
+        (a, b), arcs = self.span, self.arcs
+
+        def later(t: float) -> float:
+            return t0 if t == a else t1 if t == b else t0 + (t - a) * ((t1 - t0) / (b - a))
+
+        if arcs is not None and (a, b) != (t0, t1):
+            arcs = tuple(Arc(x.row, later(x.begin), later(x.end)) for x in arcs)
+        return Held(self.free.found(t0, t1, q), arcs, sought=self.sought)
 
     def holding(self, arcs: tuple[Arc, ...]) -> Held:
         """Return the same with other parts in force."""
@@ -61,14 +81,14 @@ class Held(Problem):
         return np.array([t0, *(t for _, t in self.instants if t0 < t < t1), t1])
 
     @cached_property
-    def joints(self) -> Array:
+    def contact_times(self) -> Array:
         """The times at which contact begins or ends but for the `fixed` ones, in order."""
         times = [t for arc in self.arcs or () for t in (arc.begin, arc.end)]
         return np.setdiff1d(times, self.fixed)
 
     def __reduce__(self) -> tuple:
         """Make it anew of the question."""
-        return partial(Held, sought=self.sought), (self.free, self.arcs)
+        return partial(Held, sought=self.sought, span=self.span), (self.free, self.arcs)
 
     def in_force(self, boundaries: Array, offsets: NDInt) -> NDArray[np.bool_] | None:
         """Return which rows are in force at the nodes of a mesh, (K, m + r); None for all.

@@ -265,6 +265,15 @@ class Problem:
                 "closed paths do not know contact; give the end a time and coordinates"
             )
         check_rows(self.system)
+        if self.free_time:
+            if self.system.held.structure.depends_on_time:
+                raise ValueError(
+                    "expected both times of a path along an obstacle where the Lagrangian or the "
+                    "obstacle depends on time, found one that is free; give it"
+                )
+            t0 = 0.0 if self.start.t is None else self.start.t
+            self.found(t0, t0 + 1.0)  # any times will do
+            return
         ends = [(role, e.t, e.q) for role, e in (("start", self.start), ("end", self.end))]
         check_outside(self.system, self.packed, ends, self.scales, self.duration)
 
@@ -622,10 +631,6 @@ def _check_free_time(problem: Problem) -> None:
             f"expected an energy where the time of an event is free, found energy = "
             f"{problem.energy} and both times given; make one of them None"
         )
-    if system.r:
-        raise ValueError(
-            "expected both times of a path along an obstacle, found one that is free; give it"
-        )
     if np.inf in (abs(e.t or 0.0) for e in (problem.start, problem.end)):
         raise ValueError(
             "expected a finite time beside one that is free, found an infinite one: the duration "
@@ -692,11 +697,6 @@ def _check_surfaces(problem: Problem) -> None:
         raise ValueError(
             "expected a closed path to begin anywhere, or at a coordinate that is given, found a "
             "start on a surface; give a coordinate (Event(t, [None, 0.0])), or an end of its own"
-        )
-    if problem.system.r:
-        raise ValueError(
-            "expected events of given coordinates along an obstacle, found one on a surface: "
-            "contact with both at once is not known; leave one of them out"
         )
     if problem.is_infinite or problem.has_tails:
         raise ValueError(

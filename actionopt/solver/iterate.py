@@ -11,11 +11,12 @@ the last step of Newton's method shows, amplified alike, and that of the polynom
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Self, TypeVar
 
 import numpy as np
 
+from actionopt.discrete.bordered import Bordered
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.equations import Equations
 from actionopt.discrete.factors import Factors
@@ -44,6 +45,7 @@ ORDINARY = 100.0  # amplification of round-off on a mesh where nothing is sensit
 # docs/calibration.md and 100 pendulums and lattices: 96 to 100 % of the errors are below their
 # estimates at any tolerance. Three times more changes iterations by 1 %.
 UNKNOWN_GAIN = 5.0
+AT_REST = 1e-6  # of its coordinates' sizes, how far a closed path moves that is no rest; ad hoc
 
 
 Number = TypeVar("Number", float, Array)
@@ -263,6 +265,30 @@ class Iterate(DiscretePath):
         rates = self.resolution.omitted * k * (k + 1) / mesh.lengths
         limit = VELOCITY_ERROR if shortest > TINY_ELEMENT else 1.0
         return bool(rates.max() * (self.sizes / speeds).max() > limit)
+
+
+@dataclass(frozen=True, eq=False)
+class UnfixedPath(Iterate):
+    """A path under way with what is found beside it: z are the unknowns of `bordered`."""
+
+    bordered: Bordered = field(kw_only=True)
+
+    @property
+    def equations(self) -> Bordered:
+        """What it is to solve: the equations of the path, and of what is beside it."""
+        return self.bordered
+
+    @property
+    def pushed(self) -> float:
+        """The forces that hold a closed path, in its units and sizes: none hold a motion."""
+        forces = self.z[self.bordered.forces]
+        largest = np.abs(forces).max(initial=0.0)
+        return float(largest / np.abs(self.x).max()) if largest else 0.0
+
+    @property
+    def moves(self) -> bool:
+        """Whether it is no rest."""
+        return bool(np.ptp(self.Q, axis=0).max() > AT_REST * np.abs(self.Q).max())
 
 
 def _estimated(gain: float, noise: float, unit: float, shown: Resolution) -> dict[str, float]:

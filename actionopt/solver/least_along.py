@@ -13,6 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from actionopt.analysis.solution import Solution
 from actionopt.analysis.status import Status
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
@@ -151,7 +152,7 @@ def _drawn(
         string = tight(ws.here, side)
         if string is None:
             continue
-        status = _refined(ws, tol, string)
+        status = _refined(ws, tol, string[1], string[0])
         if status is not Status.NOT_FOUND and (not best or ws.here.action < best[0].here.action):
             best = copy(ws), status, True
     return best
@@ -188,7 +189,7 @@ def _least(ws: Along, tol: float, first: list[Iterate]) -> tuple[Along, Status, 
         ws.restart()
         ws.stand(found)
         try:
-            last = _refined(ws, tol)
+            last = _refined(ws, tol, touched(ws.here))
         except (OutOfTime, Spent):
             if best is None:
                 raise
@@ -207,13 +208,28 @@ def _another(found: Iterate, tried: list[Iterate]) -> bool:
     return all(difference.max() > FLAT for difference in apart)
 
 
-def _refined(ws: Along, tol: float, string: tuple[Path, tuple[Arc, ...]] | None = None) -> Status:
+def released(ws: Along, tol: float, near: Solution) -> Status:
+    """Go from a path between given events to one whose ends or duration are to be found.
+
+    With its parts in contact or, where that fails, with none at first: they may be about to vanish.
+    """
+    question, status = ws.question, Status.NOT_FOUND
+    for arcs in dict.fromkeys((near.contacts, ())):
+        ws.restart()
+        ws.problem = Held(question, arcs)
+        ws.transcribe(near.mesh, near.path, near.lam.T if arcs else None, like=near.path)
+        status = _refined(ws, tol, arcs)
+        if status.success:
+            break
+    return status
+
+
+def _refined(ws: Along, tol: float, arcs: tuple[Arc, ...], curve: Path | None = None) -> Status:
     """Hold what is in contact and refine the path, until all conditions are satisfied.
 
-    That is what touches the path at hand or, given a `string` and its parts in contact, these.
+    That are the `arcs` along the path at hand or, if that is given, a `curve`.
     """
     allowed, ws.freed = tol / 4, False
-    curve, arcs = (None, touched(ws.here)) if string is None else string
     coarse = 2 * float(np.diff(ws.here.mesh.nodes).max())
     for k in range(CHANGES):
         if k == CHANGES - 1:  # what comes and goes is shorter than times can be told apart
@@ -225,7 +241,10 @@ def _refined(ws: Along, tol: float, string: tuple[Path, tuple[Arc, ...]] | None 
             curve = None
             if not (reached and ws.follow()):
                 ws.hint = ws.why()
-                if ws.hint == FAMILY and min(arc.end - arc.begin for arc in arcs) < coarse:
+                if (
+                    ws.hint == FAMILY
+                    and min((x.end - x.begin for x in arcs), default=coarse) < coarse
+                ):
                     ws.hint = SMALL_OBSTACLE
                 return Status.NOT_FOUND
             ws.hint = ""

@@ -26,6 +26,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from actionopt.discrete.bordered import Bordered
 from actionopt.discrete.contact_times import stretched, tangential, without
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.mesh import Mesh
@@ -36,7 +37,7 @@ from actionopt.mechanics.problem import Problem
 from actionopt.mechanics.switches import is_smooth
 from actionopt.solver.first_mesh import COARSE_DEGREE, COARSE_ELEMENTS
 from actionopt.solver.ipopt import IPOPT_TOLERANCE
-from actionopt.solver.iterate import Iterate
+from actionopt.solver.iterate import Iterate, UnfixedPath
 from actionopt.solver.touching import is_of_higher_order, looked_at, rows_along, runs, turns
 from actionopt.solver.workspace import Workspace
 from actionopt.tools.types import EPS, RANK, Array
@@ -104,8 +105,28 @@ class Along(Workspace):
 
     @property
     def question(self) -> Problem:
-        """What was asked."""
+        """What was asked; at the duration at hand, where that is to be found."""
         return self.held.free
+
+    @property
+    def here(self) -> Iterate:
+        """The iterate at hand."""
+        assert self.iterate is not None
+        return self.iterate
+
+    @here.setter
+    def here(self, there: Iterate) -> None:
+        self.iterate, self.problem = there, there.problem  # its duration may be another
+
+    def answer(self) -> tuple[Problem, DiscretePath]:
+        """Return what was asked, its times and ends found, and the path at hand."""
+        question, here = self.question, self.here
+        if not isinstance(here, UnfixedPath):
+            return super().answer()
+        if question.on_surface:
+            question = (question.asked or question).found(*self.held.span, here.Q[[0, -1]])
+        held = Held(question, self.held.arcs)
+        return question, DiscretePath.of(held, here.path, here.rows)
 
     # -- the path and its times of contact -------------------------------------------------------
 
@@ -130,6 +151,10 @@ class Along(Workspace):
             z = here.z.copy()
             z[here.x.size :] *= old.mu_unit / tr.mu_unit
             here = replace(here, tr=tr, z=z)
+        if held.unfixed:
+            bordered, y = Bordered.beside(held.asked or held, here)
+            known = here.sizes, here.lengths, here.gain
+            here = UnfixedPath(here.tr, y, *known, bordered=bordered)
         return here
 
     def stand(self, found: Iterate) -> None:
@@ -148,7 +173,7 @@ class Along(Workspace):
         path = curve or Path(old.mesh, values)
         T = free.duration
         parts = [np.zeros(1)]
-        for a, b in pairwise(np.union1d(held.fixed, held.joints) - free.start.t):
+        for a, b in pairwise(np.union1d(held.fixed, held.contact_times) - free.start.t):
             count = max(int(np.ceil(COARSE_ELEMENTS * (b - a) / T)), 1)
             cuts = np.linspace(a, b, count + 1)
             times, turned = turns(held, path, a, b)
@@ -209,14 +234,19 @@ class Along(Workspace):
 
     def _change(self, first: Iterate, old: Iterate) -> float:
         """Return by how much the path changed: its nodes have moved with the mesh."""
-        return float(np.max(np.abs(self.here.Q - old.path.on(self.here.mesh).values.T) / old.sizes))
+        here, longer = self.here, 0.0
+        mesh = old.mesh.moved(*here.mesh.boundaries[[0, -1]])
+        if isinstance(here, UnfixedPath):
+            longer = here.bordered.reach * abs(mesh.duration / old.mesh.duration - 1)
+        path = Path(mesh, old.Q.T).on(here.mesh)
+        return float(np.max(np.abs(here.Q - path.values.T) / old.sizes)) + longer
 
     def _recover(self, least: bool) -> bool:
         return False
 
     def ease(self) -> bool:
         """Take away, part by part, the force under which the path at hand would be one."""
-        force, done, part = self.here.tr.residual(self.here.z), 0.0, 1.0
+        force, done, part = self.here.equations.residual(self.here.z), 0.0, 1.0
         while done < 1.0:
             problem, here, units = self.problem, self.here, self.units
             with suppress(Changed):
@@ -232,9 +262,9 @@ class Along(Workspace):
 
     def _join(self, force: Array | float = 0.0) -> bool:
         """Move path and times of contact to where it is tangential; False if that fails."""
-        last, duration = np.inf, self.question.duration
+        last = np.inf
         for _ in range(JOINS):
-            times = self.held.joints
+            times = self.held.contact_times
             if not times.size:
                 return True
             here = self.here
@@ -243,15 +273,15 @@ class Along(Workspace):
             if found is None:
                 return False
             step, move = found
-            size = float(np.abs(step).max()) / duration
-            size = max(size, float(np.abs(move[: here.x.size]).max(initial=0.0)))
+            size = float(np.abs(step).max()) / self.question.duration
+            size = max(size, here.equations.measured(move))
             if not size < RUNAWAY_STEP:
                 return False
             if last < STALLED_TIME and size > last / 2:
                 return True
             part = self._within(times, step)
             self._shift(times, part * step)
-            self.here = self.here.moved(self.here.z + part * move)
+            self.here = self.here.moved(here.z + part * move)
             if size * min(size / last if last < np.inf else 1.0, 1.0) < SETTLED_TIME:
                 return True
             last = size
@@ -276,9 +306,11 @@ class Along(Workspace):
         here = self.here
         here.tr.forget()
         self.units = tr = stretched(here.tr, times, step)
-        self.problem = tr.problem
         self._attach(tr)
-        self.here = replace(here.moved(here.z), tr=tr)
+        here = replace(here.moved(here.z), tr=tr)
+        if isinstance(here, UnfixedPath):
+            here = replace(here, bordered=here.bordered.around_another(tr))
+        self.here = here
 
     def why(self) -> str:
         """Return why a path may not be found by Newton's method."""

@@ -25,12 +25,13 @@ from actionopt.solver.arguments import Guess, checked, curve
 from actionopt.solver.between import Choices, Found, between
 from actionopt.solver.durations import oscillations, well
 from actionopt.solver.first_mesh import COARSE_DEGREE, LINEAR
-from actionopt.solver.iterate import ROUNDED
+from actionopt.solver.free_contact import free_contact
+from actionopt.solver.iterate import AT_REST, ROUNDED
 from actionopt.solver.ladder import IPOPT
 from actionopt.solver.on_surface import NEAREST_POINTS, firsts, motions, thorough
 from actionopt.solver.revisions import infinite, revised
 from actionopt.solver.through import solve_through
-from actionopt.solver.unfixed import AT_REST, unfixed
+from actionopt.solver.unfixed import unfixed
 from actionopt.solver.verdict import message_of
 from actionopt.tools.checks import tolerance
 from actionopt.tools.watch import OutOfTime
@@ -80,6 +81,9 @@ def pursue(problem: Problem, guess: Guess | None, choices: Choices) -> Iterator[
             guess = curve(problem, guess)(Mesh.uniform(*b, 4 * LINEAR, COARSE_DEGREE))
         problem = problem.asked
     _check(problem, choices)
+    if problem.system.r:
+        yield free_contact(problem, guess, choices)
+        return
     if not (problem.on_surface or problem.free_time) and (guess is None or choices.mesh):
         found = between(problem, guess, choices)
         if choices.mesh is None and moves(found[0]):  # it may be kinked at the start

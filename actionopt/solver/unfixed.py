@@ -43,7 +43,7 @@ from actionopt.solver.first_paths import (
     straight,
     stretched,
 )
-from actionopt.solver.iterate import ROUNDED, SAFETY, UNKNOWN_GAIN, Iterate, measured
+from actionopt.solver.iterate import ROUNDED, SAFETY, UNKNOWN_GAIN, Iterate, UnfixedPath, measured
 from actionopt.solver.ladder import NEAR
 from actionopt.solver.preflight import check
 from actionopt.solver.refine import refine
@@ -57,9 +57,8 @@ STOPS = "an end free in place and time is where a motion of the energy comes to 
 # Ad hoc.
 APPROACHES = 40  # damped steps of Newton's method
 # Along a family on a coarse mesh, singular values of Newton's matrix, of which others are of order
-# one, and the step to it from where on a path is held along it; and how far, in its size, a path
-# moves at least that does not rest.
-SINGULAR, AT_REST = 1e-3, 1e-6
+# one, and the step to it from where on a path is held along it.
+SINGULAR = 1e-3
 UNREACHED = 1e6  # damping of steps to a family, in squares of the residual, that leads nowhere
 ROUGH = 1e-2  # what the first mesh of a family leaves out of a guess, and how far it tells a place
 FULL = 300  # unknowns of a path whose matrix is looked at as a whole in a family
@@ -67,30 +66,6 @@ NEAR_GUESS = 0.1  # how far a guess tells a place
 # Force on a closed path: measured, 1e-14 on motions, 1e-5 at most on first meshes of them, and 1 or
 # more on spurious paths, such as one that has shrunk to a rest, whose refinement would not end.
 PUSHED, HELD_FORCE = 1e-8, 1.0
-
-
-@dataclass(frozen=True, eq=False)
-class UnfixedPath(Iterate):
-    """A path under way with what is found beside it: z are the unknowns of `bordered`."""
-
-    bordered: Bordered = field(kw_only=True)
-
-    @property
-    def equations(self) -> Bordered:
-        """What it is to solve: the equations of the path, and of what is beside it."""
-        return self.bordered
-
-    @property
-    def pushed(self) -> float:
-        """The forces that hold a closed path, in its units and sizes: none hold a motion."""
-        forces = self.z[self.bordered.forces]
-        largest = np.abs(forces).max(initial=0.0)
-        return float(largest / np.abs(self.x).max()) if largest else 0.0
-
-    @property
-    def moves(self) -> bool:
-        """Whether it is no rest."""
-        return bool(np.ptp(self.Q, axis=0).max() > AT_REST * np.abs(self.Q).max())
 
 
 @dataclass(eq=False)

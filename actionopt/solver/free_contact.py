@@ -1,0 +1,120 @@
+"""Paths along an obstacle whose duration is to be found, or which end on surfaces.
+
+A path between given events comes first, at a duration and to points that are near: it tells what is
+in contact. From there the times of contact, the duration and the multipliers of the surfaces are
+unknowns beside the path, and found at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from time import perf_counter
+
+from actionopt.analysis.solution import Solution
+from actionopt.analysis.status import Status
+from actionopt.discrete.borders import over
+from actionopt.discrete.path import Path
+from actionopt.discrete.surfaces import onto
+from actionopt.mechanics.held import Held
+from actionopt.mechanics.problem import Problem
+from actionopt.solver.arguments import Guess
+from actionopt.solver.between import Choices, Found, on_the_way
+from actionopt.solver.durations import along
+from actionopt.solver.first_paths import FIRST_TOL, REPRESENTED, given_time, guessed, straight
+from actionopt.solver.least_along import released
+from actionopt.solver.obstacle import Along
+from actionopt.solver.on_surface import points, sizes
+from actionopt.solver.signals import SIGNALS, status_of
+from actionopt.solver.verdict import message_of, solution_of
+from actionopt.tools.types import Array
+from actionopt.tools.watch import OutOfTime, Watch
+
+# Ad hoc.
+TRIED = 3  # pairs of points on surfaces
+DURATIONS, LASTING = 4, 0.03  # durations tried, until one is so near that of the energy
+NOWHERE = "no path between given events near these was found"
+
+
+def free_contact(problem: Problem, guess: Guess | None, choices: Choices) -> Found:
+    """Return the path along an obstacle that is least, near a guess if there is one, and a verdict.
+
+    Its duration is to be found, or its events lie on surfaces.
+    """
+    tol, watch = choices.tol, choices.watch
+    started, best, hint = perf_counter(), None, NOWHERE
+    try:
+        for near in _between_given(problem, guess, watch):
+            if not near.success:
+                continue
+            ws = Along(Held(over(problem, near.duration)), tol=tol, watch=watch)
+            try:
+                status = released(ws, tol, near)
+            except SIGNALS as signal:
+                status = status_of(signal)
+                ws.stop()
+            found = solution_of(ws, status, "obstacle", started)
+            if status.success and found.morse_index:
+                found = replace(found, status=Status.NOT_LEAST)
+            if best is None or _rank(found) < _rank(best):
+                best, hint = found, ws.hint
+    except OutOfTime:  # on the way to a path between given events
+        hint = ""
+    if best is None:
+        ws = Along(Held(over(problem, 1.0)), tol=tol, checked=True)
+        ws.ensure_iterate()
+        status = Status.NOT_FOUND if hint else Status.OUT_OF_TIME
+        best = solution_of(ws, status, "obstacle", started)
+    return best, "" if best.success else message_of(best, tol, hint)
+
+
+def _rank(solution: Solution) -> tuple[bool, float]:
+    """Return what is the less the better a path is: it was found, and S + E T."""
+    E = solution.problem.energy
+    return not solution.success, solution.action + (E or 0.0) * solution.duration
+
+
+def _between_given(
+    problem: Problem, guess: Guess | None, watch: Watch | None
+) -> Iterator[Solution]:
+    """Yield paths between given events near what is asked."""
+    path = None if guess is None else guessed(problem, guess, REPRESENTED[0])
+    asked = [problem]
+    if problem.on_surface:
+        pairs = None if path is None else [_ends(problem, path)]
+        asked = [fixed for fixed, _ in points(problem, pairs)[:TRIED]]
+    for fixed in asked:
+        near, T = path, 0.0
+        if fixed.free_time:
+            T = _duration(fixed, straight(fixed)) if path is None else path.mesh.duration
+        for _ in range(DURATIONS):
+            found = on_the_way(_given(fixed, T), FIRST_TOL, watch, near)
+            if not (fixed.free_time and found.success):
+                break
+            last, T = T, _duration(fixed, found.path.values.T)
+            if abs(T / last - 1) < LASTING:
+                break
+            near = found
+        yield found
+
+
+def _given(problem: Problem, duration: float) -> Problem:
+    """Return the question with events at given times."""
+    there = over(problem, duration)
+    return Problem(there.system, there.start, there.end, parameters=there.parameters)
+
+
+def _duration(problem: Problem, q: Array) -> float:
+    """Return how long a motion of the energy takes along the points q (K, n)."""
+    known = along(problem, q, given_time(problem))
+    return 1.0 if known is None else float(known[0][-1])
+
+
+def _ends(problem: Problem, path: Path) -> Array:
+    """Return the ends (2, n) of a guess, on the surfaces."""
+    size, found = sizes(problem), path.values.T[[0, -1]].copy()
+    for k, event in enumerate((problem.start, problem.end)):
+        if event.on is not None:
+            point = onto(problem, event, found[k], float(path.mesh.boundaries[-k]), size)
+            found[k] = found[k] if point is None else point
+    return found
