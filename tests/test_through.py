@@ -13,6 +13,7 @@ from scipy.optimize import brentq
 import actionopt as ao
 from actionopt.discrete.bordered import Bordered
 from actionopt.discrete.factors import full
+from actionopt.plot import spectrum_data
 
 FREE = ao.System(lambda q, v, t: v @ v / 2, ["x", "y"])
 OSCILLATOR = ao.System(lambda q, v, t: v[0] ** 2 / 2 - q[0] ** 2 / 2, ["x"])
@@ -176,6 +177,28 @@ def test_all_reflections_in_a_circle_are_found():
     assert len(found.solutions) == extremal
 
 
+def test_a_curve_is_a_guess_of_several_bounces_at_one_wall():
+    """A ray followed through three reflections in a circle, and given as a curve over its time."""
+    corners: Any = [np.array([0.3, 0.2])]
+    v = np.array([np.cos(0.4), np.sin(0.4)])
+    for _ in range(3):
+        q = corners[-1]
+        q = q + v * (-q @ v + np.sqrt((q @ v) ** 2 + 1 - q @ q))  # on the circle
+        v = v - 2 * (q @ v) * q
+        corners.append(q)
+    corners.append(corners[-1] + 0.7 * v)
+    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1))])
+    rough = np.diag([1, 0.97, 0.99, 0.95, 1]) @ np.array(corners)
+    wall = ao.Bounce(lambda q, t: 1 - q[0] ** 2 - q[1] ** 2)
+    ends = ao.Event(0, corners[0]), ao.Event(way[-1], corners[-1])
+    found = ao.solve(
+        ao.Problem(FREE, *ends, through=[wall] * 3),
+        guess=lambda t: np.stack([np.interp(t, way, c) for c in rough.T]),
+    )
+    assert [event.t for event in found.problem.through] == pytest.approx(way[1:-1], abs=1e-9)
+    assert found.action == pytest.approx(way[-1] / 2, abs=1e-10)
+
+
 @pytest.mark.parametrize("tol", [1e-6, 1e-10])
 def test_the_error_is_below_the_estimate(tol):
     ball = ao.System(lambda q, v, t: v[0] ** 2 / 2 - np.cosh(q[0]), ["y"])
@@ -223,6 +246,7 @@ def test_what_is_not_known_of_paths_through_events_is_refused():
     for ask in (
         found.sensitivity,
         lambda: ao.second_variation(found),
+        lambda: spectrum_data(found),
         lambda: ao.conjugate_points(found),
         lambda: ao.monodromy(found),
         lambda: found.save("path.npz"),
@@ -233,6 +257,37 @@ def test_what_is_not_known_of_paths_through_events_is_refused():
         with pytest.raises(ValueError, match="without events between its ends"):
             ask()
     assert found.parts[0].sensitivity().q1 == pytest.approx(found.parts[0].momenta[1])
+
+
+@pytest.mark.parametrize("through", [None, ao.Event(0.5, [0, 0])])
+def test_what_is_no_list_of_events_is_refused(through):
+    with pytest.raises(ValueError, match="expected a list of Events"):
+        ao.Problem(FREE, ao.Event(0, [0, 0]), ao.Event(1, [1, 0]), through=through)
+
+
+def test_a_bounce_where_two_surfaces_meet_is_refused():
+    corner = ao.Bounce(lambda q, t: [q[0] - 1, q[1] - 1])
+    with pytest.raises(ValueError, match="returns 2 expressions at event 0"):
+        ao.Problem(FREE, ao.Event(0, [0, 0]), ao.Event(1, [0, 0.3]), through=[corner])
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+@pytest.mark.parametrize("rows", [2, 3])
+def test_a_curve_that_does_not_fit_is_refused(value, rows):
+    wall = ao.Bounce(lambda q, t: 1 - q @ q)
+    problem = ao.Problem(FREE, ao.Event(0, [0, 0]), ao.Event(1, [0, 0.3]), through=[wall])
+    with pytest.raises(ValueError, match=r"finite coordinates of shape \(2, 400\)"):
+        ao.solve(problem, guess=lambda t: np.full((rows, t.size), value))
+
+
+def test_rays_from_the_centre_and_back_are_a_family():
+    wall = ao.Bounce(lambda q, t: 1 - q @ q)
+    problem = ao.Problem(FREE, ao.Event(0, [0, 0]), ao.Event(1, [0, 0]), through=[wall])
+    found = ao.solve(problem, throw=False)
+    assert found.status is ao.Status.DEGENERATE
+    assert found.action == pytest.approx(2.0, abs=1e-6)
+    with pytest.raises(ao.SolveError, match="a family of dimension 1"):
+        ao.solve(problem)
 
 
 def test_the_matrix_is_the_derivative_of_the_equations():

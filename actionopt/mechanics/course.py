@@ -107,6 +107,12 @@ def check_course(problem: Any) -> tuple[Event, ...]:
             )
         if event.on is not None:
             event = with_surface(event, system)
+            if isinstance(event, Bounce) and event.on.count > 1:
+                raise ValueError(
+                    "expected a Bounce off one surface, found that on returns "
+                    f"{event.on.count} expressions at event {k} of through: no law says how a "
+                    "path is reflected where they meet; give one of them"
+                )
             free = n - len(event.pinned)
             if event.on.count > free:
                 raise ValueError(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -96,6 +96,10 @@ class Problem:
     __repr__ = one_line
 
     def __post_init__(self) -> None:
+        if not isinstance(self.through, Iterable):
+            raise ValueError(
+                f"expected a list of Events or Bounces as through, found {self.through!r}"
+            )
         object.__setattr__(self, "through", tuple(self.through))
         if isinstance(self.system, Sequence):
             self._set_laws(self.system)

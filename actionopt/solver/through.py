@@ -28,6 +28,7 @@ from actionopt.mechanics.course import SWITCHES, sides
 from actionopt.mechanics.events import Bounce, Event
 from actionopt.mechanics.problem import Problem, diagonal
 from actionopt.solver.arguments import Guess
+from actionopt.solver.family import suspected
 from actionopt.solver.signals import SIGNALS, status_of
 from actionopt.solver.unfixed import APPROACHES, Unfixed
 from actionopt.solver.verdict import solution_of
@@ -68,7 +69,10 @@ def solve_through(
             solution = replace(solution, status=Status.NOT_LEAST)
         if solution.success or solution.status is Status.OUT_OF_TIME:
             return solution, why
-        if best is None or (why and not hint and not best.success):
+        # One of a family is stationary.
+        if best is None or (
+            not best.status.stationary and (solution.status.stationary or (why and not hint))
+        ):
             best, hint = solution, why
     if best is None and problem.integral is not None:
         raise ValueError(
@@ -122,6 +126,9 @@ def attempts(
         why = objection(solution) if solution.success else ""
         if why:
             solution = replace(solution, status=Status.NOT_FOUND, error=np.inf)
+        elif solution.success and suspected(run, status) and solution.inertia.nullity:
+            why = f"the paths between the ends are a family of dimension {solution.inertia.nullity}"
+            solution = replace(solution, status=Status.DEGENERATE)
         yield solution, why or run.hint
         if status is Status.OUT_OF_TIME:
             return
@@ -337,7 +344,12 @@ def read_guess(problem: Problem, guess: Guess) -> tuple[Path, Array]:
             "to be found, found a callable: over which times it goes is not known"
         )
     t = np.linspace(b[0], b[1], CURVE_SAMPLES)
-    q = np.asarray(curve(t), dtype=float).reshape(n, -1)
+    q = np.atleast_2d(numbers(curve(t), "what the guess returns"))
+    if q.shape != (n, t.size) or not np.isfinite(q).all():
+        raise ValueError(
+            f"expected a guess that returns finite coordinates of shape ({n}, {t.size}) for "
+            f"{t.size} times, found shape {q.shape}"
+        )
     on_curve = np.concatenate([b[:1], _pass_times(problem, t, q), b[1:]])
     times = np.where(np.isfinite(given), given, on_curve)
     if not np.isfinite(given).any():
@@ -376,7 +388,9 @@ def _pass_times(problem: Problem, t: Array, q: Array) -> Array:
                 off += np.sum((on / np.maximum(slope, slope.max(axis=0) * 1e-3)) ** 2, axis=1)
         if event.t is not None:
             off += 1e6 * ((t - event.t) / (t[-1] - t[0])) ** 2
-        costs.append(off)
+        # Where it comes nearest, lest two events on one surface are passed at one touch of it.
+        least = np.r_[False, (off[1:-1] <= off[:-2]) & (off[1:-1] < off[2:]), False]
+        costs.append(np.where(least, off, off + off.max()))
     total, choice = np.full(t.size, np.inf), []
     total[0] = 0.0
     for off in costs:  # the least sum, at times that increase

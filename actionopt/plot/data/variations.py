@@ -20,6 +20,7 @@ from actionopt.analysis.variation import variation
 from actionopt.discrete.discrete_path import DiscretePath
 from actionopt.discrete.mesh import Mesh
 from actionopt.discrete.path import Path
+from actionopt.mechanics.course import check_whole
 from actionopt.mechanics.problem import Event
 from actionopt.plot.data.along import CURVE_TIMES, times
 from actionopt.plot.data.arguments import check_arguments
@@ -266,6 +267,7 @@ def spectrum_data(solution: Solution, count: int = 3, points: int = 48) -> Spect
     non-conservative forces or events with free coordinates.
     """
     problem, t0 = solution.problem, solution.problem.start.t
+    check_whole(problem, "the spectrum of its first parts")
     if len(problem.start.pinned) + len(problem.end.pinned) < 2 * problem.system.n:
         raise ValueError("expected events that pin all coordinates, found a free one; try `slices`")
     units = sizes(solution)
