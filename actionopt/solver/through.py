@@ -126,12 +126,20 @@ def attempts(
         why = objection(solution) if solution.success else ""
         if why:
             solution = replace(solution, status=Status.NOT_FOUND, error=np.inf)
-        elif solution.success and suspected(run, status) and solution.inertia.nullity:
-            why = f"the paths between the ends are a family of dimension {solution.inertia.nullity}"
+        elif solution.success and (dimension := _family(run, solution)):
+            why = f"the paths between the ends are a family of dimension {dimension}"
             solution = replace(solution, status=Status.DEGENERATE)
         yield solution, why or run.hint
         if status is Status.OUT_OF_TIME:
             return
+
+
+def _family(run: Unfixed, solution: Solution) -> int:
+    """Return the dimension of the family that a path is one of; 0 where none is known."""
+    try:
+        return solution.inertia.nullity if suspected(run, solution.status) else 0
+    except (ValueError, np.linalg.LinAlgError):  # as where L is not convex in the rates
+        return 0
 
 
 def objection(solution: Solution) -> str:
